@@ -1,0 +1,154 @@
+use super::kernel::Kernel;
+use super::{BootstrapError, Scored};
+use crate::outcome::Undefined;
+
+/// Whose score it is, in a difference first less second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Side {
+    First,
+    Second,
+}
+
+/// The mean of the first side's scores less that of the second's, for any resample.
+pub(super) struct Plan<'a> {
+    columns: Vec<PlannedColumn<'a>>,
+    /// How many surfaces there are to draw from: those that have a sample in any column.
+    pub(super) surfaces: u32,
+    /// The value for the samples as they are.
+    pub(super) estimate: f64,
+}
+
+struct PlannedColumn<'a> {
+    kernel: Kernel<'a>,
+    /// Position of each sample's surface among the drawn; `None` where that is the sample's own.
+    surface_of: Option<Vec<u32>>,
+    side: Side,
+}
+
+/// Room for one resample.
+pub(super) struct Scratch {
+    /// How often each surface was drawn.
+    pub(super) counts: Vec<u32>,
+    weights: Vec<u32>,
+}
+
+impl<'a> Plan<'a> {
+    pub(super) fn new(
+        columns: impl Iterator<Item = (Side, Scored<'a>)>,
+    ) -> Result<Self, BootstrapError> {
+        let columns: Vec<(Side, Scored<'a>)> = columns.collect();
+        let mut means = Means::default();
+        for (side, scored) in &columns {
+            means.add(*side, scored.metric.score(scored.samples)?.value);
+        }
+        let numbers = surface_numbers(&columns)?;
+        let surfaces = match u32::try_from(numbers.len()) {
+            Ok(surfaces) if surfaces >= 2 => surfaces,
+            Ok(_) if columns.is_empty() => return Err(Undefined::Empty.into()),
+            Ok(_) => {
+                return Err(BootstrapError::TooFewSurfaces {
+                    found: numbers.len(),
+                });
+            }
+            Err(_) => {
+                return Err(BootstrapError::TooManySurfaces {
+                    found: numbers.len(),
+                });
+            }
+        };
+        let planned = columns
+            .into_iter()
+            .map(|(side, scored)| PlannedColumn::new(side, scored, &numbers));
+        Ok(Self {
+            columns: planned.collect::<Result<_, Undefined>>()?,
+            surfaces,
+            estimate: means.difference(),
+        })
+    }
+
+    pub(super) fn scratch(&self) -> Scratch {
+        Scratch {
+            counts: vec![0; self.surfaces as usize],
+            weights: Vec::new(),
+        }
+    }
+
+    /// The value for the resample whose counts are in `scratch`.
+    pub(super) fn value(&self, scratch: &mut Scratch) -> Result<f64, Undefined> {
+        let mut means = Means::default();
+        for column in &self.columns {
+            let weights = match &column.surface_of {
+                None => &scratch.counts,
+                Some(surface_of) => {
+                    let count = |&surface: &u32| scratch.counts[surface as usize];
+                    scratch.weights.clear();
+                    scratch.weights.extend(surface_of.iter().map(count));
+                    &scratch.weights
+                }
+            };
+            means.add(column.side, column.kernel.value(weights)?);
+        }
+        Ok(means.difference())
+    }
+}
+
+impl<'a> PlannedColumn<'a> {
+    fn new(side: Side, scored: Scored<'a>, numbers: &[usize]) -> Result<Self, Undefined> {
+        let position = |number: &usize| numbers.partition_point(|known| known < number) as u32;
+        let samples = scored.samples.truth.len();
+        let surface_of = match scored.surfaces {
+            Some(surfaces) => Some(surfaces.iter().map(position).collect()),
+            None if numbers.len() == samples => None,
+            None => Some((0..samples).map(|sample| position(&sample)).collect()),
+        };
+        Ok(Self {
+            kernel: Kernel::new(scored.metric, scored.samples)?,
+            surface_of,
+            side,
+        })
+    }
+}
+
+/// The numbers of all surfaces that have a sample, ascending.
+fn surface_numbers(columns: &[(Side, Scored<'_>)]) -> Result<Vec<usize>, BootstrapError> {
+    let mut numbers = Vec::new();
+    for (_, scored) in columns {
+        let samples = scored.samples.truth.len();
+        match scored.surfaces {
+            Some(surfaces) if surfaces.len() != samples => {
+                return Err(BootstrapError::SurfaceMismatch {
+                    samples,
+                    surfaces: surfaces.len(),
+                });
+            }
+            Some(surfaces) => numbers.extend_from_slice(surfaces),
+            None => numbers.extend(0..samples),
+        }
+        numbers.sort_unstable();
+        numbers.dedup();
+    }
+    Ok(numbers)
+}
+
+/// Running means of the two sides.
+#[derive(Default)]
+struct Means {
+    first: (f64, usize),
+    second: (f64, usize),
+}
+
+impl Means {
+    fn add(&mut self, side: Side, value: f64) {
+        let (sum, count) = match side {
+            Side::First => &mut self.first,
+            Side::Second => &mut self.second,
+        };
+        *sum += value;
+        *count += 1;
+    }
+
+    fn difference(&self) -> f64 {
+        let mean = |(sum, count): (f64, usize)| if count == 0 { 0.0 } else { sum / count as f64 };
+        mean(self.first) - mean(self.second)
+    }
+}

@@ -1,0 +1,55 @@
+use crate::moments::Moments;
+use crate::outcome::Undefined;
+
+/// One score over reruns of one experiment.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct RerunSummary {
+    /// The mean over the reruns that have a score, in the unit of the score.
+    pub mean: Result<f64, Undefined>,
+    /// The sample standard deviation (n - 1) over the same; [`Undefined::TooFewSamples`] for one.
+    pub std: Result<f64, Undefined>,
+    /// How many reruns have a score.
+    pub reruns: usize,
+    /// Which reruns have none, counted from 0, and why.
+    pub left_out: Vec<(usize, Undefined)>,
+}
+
+/// Mean and sample standard deviation of a score over reruns.
+///
+/// Reruns without a score are left out and reported; where none has one, both results are
+/// [`Undefined::NothingDefined`]. A value that is not finite makes both [`Undefined::NonFinite`].
+///
+/// ```
+/// use sps_metrics::{Undefined, over_reruns};
+///
+/// let summary = over_reruns([Ok(0.50), Ok(0.54), Err(Undefined::Empty)]);
+/// assert_eq!(summary.mean, Ok(0.52));
+/// assert_eq!(summary.reruns, 2);
+/// assert_eq!(summary.left_out, [(2, Undefined::Empty)]);
+/// ```
+pub fn over_reruns(values: impl IntoIterator<Item = Result<f64, Undefined>>) -> RerunSummary {
+    let mut moments = Moments::new();
+    let mut left_out = Vec::new();
+    let mut reruns = 0;
+    for (index, value) in values.into_iter().enumerate() {
+        match value {
+            Ok(value) => {
+                moments.push(value);
+                reruns += 1;
+            }
+            Err(reason) => left_out.push((index, reason)),
+        }
+    }
+    let of = left_out.len();
+    let nothing = |reason| match reason {
+        Undefined::Empty if of > 0 => Undefined::NothingDefined { of },
+        reason => reason,
+    };
+    RerunSummary {
+        mean: moments.mean().map_err(nothing),
+        std: moments.sample_std().map_err(nothing),
+        reruns,
+        left_out,
+    }
+}

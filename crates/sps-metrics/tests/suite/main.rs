@@ -1,0 +1,13 @@
+//! Every test of the crate's public face, in one binary.
+
+mod bootstrap;
+mod conformal;
+mod golden;
+mod hard_cases;
+mod laws;
+mod paper;
+mod properties;
+mod reasons;
+#[cfg(feature = "serde")]
+mod serde;
+mod support;

@@ -1,0 +1,122 @@
+//! Reference arithmetic that shares nothing with the crate.
+
+use sps_metrics::{Outcome, Pair, TrainingMean};
+
+/// Numbers in [-1, 1) by the rule of `fixtures/golden/make_golden.py`: FNV-1a of a name seeds
+/// SplitMix64, whose top 24 bits are taken.
+pub(crate) fn uniform(name: &str) -> impl Iterator<Item = f64> {
+    let mut state = name.bytes().fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3)
+    });
+    std::iter::repeat_with(move || {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^= z >> 31;
+        (z >> 40) as f64 / f64::from(1 << 23) - 1.0
+    })
+}
+
+/// A sample in units of 2^-26, the last place of an `f64` near 1e8. In these units sums of squares
+/// are exact integers, of more than 53 bits.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Units {
+    pub(crate) truth: i64,
+    pub(crate) estimate: i64,
+}
+
+pub(crate) const UNIT: f64 = 1.0 / 67_108_864.0;
+/// 1e8.
+pub(crate) const AT_1E8: i64 = 100_000_000 << 26;
+
+impl Units {
+    /// Exact: both have fewer than 53 bits.
+    pub(crate) fn pair(self) -> Pair {
+        Pair {
+            truth: self.truth as f64 * UNIT,
+            estimate: self.estimate as f64 * UNIT,
+        }
+    }
+}
+
+/// Sums of samples as integers about the first truth (so that they fit), and the scores that
+/// follow, rounded once or twice at the end.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Exact {
+    origin: i128,
+    count: i128,
+    sum: i128,
+    squares: i128,
+    absolute: i128,
+    squared: i128,
+}
+
+impl FromIterator<Units> for Exact {
+    fn from_iter<I: IntoIterator<Item = Units>>(samples: I) -> Self {
+        let mut exact = Self::default();
+        for Units { truth, estimate } in samples {
+            let (truth, estimate) = (i128::from(truth), i128::from(estimate));
+            if exact.count == 0 {
+                exact.origin = truth;
+            }
+            exact.count += 1;
+            exact.sum += truth - exact.origin;
+            exact.squares += (truth - exact.origin).pow(2);
+            exact.absolute += (truth - estimate).abs();
+            exact.squared += (truth - estimate).pow(2);
+        }
+        exact
+    }
+}
+
+impl Exact {
+    pub(crate) fn r2_own_mean(self) -> f64 {
+        let total = self.count * self.squares - self.sum * self.sum;
+        (total - self.count * self.squared) as f64 / total as f64
+    }
+
+    pub(crate) fn r2(self, mean_units: i64) -> f64 {
+        let mean = i128::from(mean_units) - self.origin;
+        let total = self.squares - 2 * mean * self.sum + self.count * mean * mean;
+        (total - self.squared) as f64 / total as f64
+    }
+
+    pub(crate) fn mae(self) -> f64 {
+        self.absolute as f64 / self.count as f64 * UNIT
+    }
+
+    pub(crate) fn rmse(self) -> f64 {
+        (self.squared as f64 / self.count as f64).sqrt() * UNIT
+    }
+
+    pub(crate) fn variance(self) -> f64 {
+        let total = self.count * self.squares - self.sum * self.sum;
+        total as f64 / (self.count * (self.count - 1)) as f64 * UNIT * UNIT
+    }
+}
+
+pub(crate) fn training_mean(mean: f64) -> TrainingMean {
+    TrainingMean::new(mean).expect("a finite mean")
+}
+
+pub(crate) fn value(outcome: &Outcome) -> f64 {
+    outcome.as_ref().expect("a defined score").value
+}
+
+pub(crate) fn relative_error(found: f64, expected: f64) -> f64 {
+    if found == expected {
+        0.0
+    } else {
+        (found - expected).abs() / expected.abs()
+    }
+}
+
+#[track_caller]
+pub(crate) fn assert_close(found: f64, expected: f64, bound: f64) {
+    let error = relative_error(found, expected);
+    assert!(
+        error <= bound,
+        "{found:e} against {expected:e}: relative error {error:e}, allowed {bound:e}"
+    );
+}

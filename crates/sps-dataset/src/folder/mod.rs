@@ -1,0 +1,202 @@
+//! A dataset in a folder.
+
+mod angles;
+mod atomic;
+mod manifest;
+mod surfaces;
+mod tables;
+mod write;
+
+use std::path::{Path, PathBuf};
+
+use crate::files::{read_file, text};
+use crate::image::read_frame_file;
+use crate::table::{TactileRead, read_table};
+use crate::{
+    DatasetError, DatasetErrorKind, DecodeSettings, Decoded, Frame, FrameError, FrameErrorKind,
+    FrameKey, OutOfRange, Property, ReadSettings, RollAngle, Source, Surface, TactileTable,
+    decode_image,
+};
+
+pub use angles::{InvalidAngles, ViewAngles};
+pub use manifest::Manifest;
+use surfaces::read_surfaces;
+pub use write::{WriteError, WriteErrorKind, WriteOptions, Written, write_dataset};
+
+/// What a frame's file may end in.
+const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
+
+/// A change of how files become frames must change every frame's key.
+const FRAME_KEY_CONTEXT: &str = "sps-dataset 0.1 frame key";
+
+/// A dataset on disk: `dataset.toml`, `surfaces.csv`, a tactile table and one file per frame.
+///
+/// Opening it reads all but the frames, which are read one by one when they are asked for.
+/// `docs/dataset-format.md` has the format.
+#[derive(Clone, Debug)]
+pub struct DatasetFolder {
+    folder: PathBuf,
+    manifest: Manifest,
+    surfaces: Vec<Surface>,
+    tactile: TactileTable,
+    out_of_range: Vec<(Property, OutOfRange)>,
+    images: DecodeSettings,
+    image_key: blake3::Hash,
+}
+
+impl DatasetFolder {
+    /// Opens the dataset in `folder`.
+    ///
+    /// # Errors
+    /// Where the folder is no dataset, or `dataset.toml`, `surfaces.csv` or the tactile table
+    /// breaks its format, speaks of a surface or property that does not exist, or has a value that
+    /// `settings` reject.
+    pub fn open(folder: &Path, settings: &ReadSettings) -> Result<Self, DatasetError> {
+        let limit = settings.table_bytes;
+        let path = folder.join("dataset.toml");
+        if !folder.is_dir() {
+            let kind = DatasetErrorKind::NotADataset("there is no such folder");
+            return Err(DatasetError::file(folder, kind));
+        }
+        if !path.exists() {
+            let kind = DatasetErrorKind::NotADataset("it has no `dataset.toml`");
+            return Err(DatasetError::file(folder, kind));
+        }
+        let bytes = read_file(&path, limit)?;
+        let manifest = Manifest::parse(&path, text(&path, "TOML", &bytes)?)?;
+
+        let path = folder.join("surfaces.csv");
+        let surfaces = read_surfaces(&path, &read_file(&path, limit)?)?;
+        let TactileRead {
+            table,
+            out_of_range,
+        } = read_table(
+            folder,
+            settings.table.as_ref().unwrap_or(&manifest.tactile),
+            &surfaces,
+            &manifest.properties,
+            settings.tactile.out_of_range,
+            limit,
+        )?;
+        let images = settings.images.clone();
+        Ok(Self {
+            folder: folder.to_owned(),
+            manifest,
+            surfaces,
+            tactile: table,
+            out_of_range,
+            image_key: blake3::hash(&images.key()),
+            images,
+        })
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// What `dataset.toml` says.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// How many values of each property lay outside 0 to 100, before any were clamped.
+    pub fn out_of_range(&self) -> &[(Property, OutOfRange)] {
+        &self.out_of_range
+    }
+
+    /// The file of a frame.
+    ///
+    /// # Errors
+    /// Where an index is out of range, or there is no file or more than one for that view.
+    pub fn frame_path(&self, surface: usize, view: usize) -> Result<PathBuf, FrameError> {
+        let error = |kind| FrameError::new(&self.folder, kind);
+        let views = self.view_angles().len();
+        let found = self.surfaces.get(surface).ok_or_else(|| {
+            let count = self.surfaces.len();
+            error(FrameErrorKind::NoSuchIndex {
+                what: "surface",
+                index: surface,
+                count,
+            })
+        })?;
+        if view >= views {
+            let kind = FrameErrorKind::NoSuchIndex {
+                what: "view",
+                index: view,
+                count: views,
+            };
+            return Err(error(kind));
+        }
+        let folder = self.folder.join("frames").join(&found.id);
+        let name = |extension: &&str| format!("{view:03}.{extension}");
+        let mut files = EXTENSIONS
+            .iter()
+            .map(name)
+            .filter(|name| folder.join(name).is_file());
+        match (files.next(), files.next()) {
+            (Some(file), None) => Ok(folder.join(file)),
+            (Some(first), Some(second)) => {
+                let kind = FrameErrorKind::Ambiguous {
+                    view,
+                    first,
+                    second,
+                };
+                Err(FrameError::new(&folder, kind))
+            }
+            (None, _) => {
+                let tried = EXTENSIONS.iter().map(name).collect::<Vec<_>>().join(", ");
+                Err(FrameError::new(
+                    &folder,
+                    FrameErrorKind::Missing { view, tried },
+                ))
+            }
+        }
+    }
+
+    /// Decodes one frame and says what had to be done to its light.
+    ///
+    /// # Errors
+    /// As [`Source::frame`].
+    pub fn decode(&self, surface: usize, view: usize) -> Result<Decoded, FrameError> {
+        let path = self.frame_path(surface, view)?;
+        read_frame_file(&path, &self.images)
+            .and_then(|bytes| decode_image(&bytes, &self.images))
+            .map_err(|kind| FrameError::new(&path, kind))
+    }
+}
+
+impl Source for DatasetFolder {
+    type Error = FrameError;
+
+    fn name(&self) -> &str {
+        &self.manifest.name
+    }
+
+    fn surfaces(&self) -> &[Surface] {
+        &self.surfaces
+    }
+
+    fn view_angles(&self) -> &[RollAngle] {
+        self.manifest.view_angles_deg.as_slice()
+    }
+
+    fn tactile(&self) -> &TactileTable {
+        &self.tactile
+    }
+
+    fn frame(&self, surface: usize, view: usize) -> Result<Frame, FrameError> {
+        self.decode(surface, view).map(|decoded| decoded.frame)
+    }
+
+    /// BLAKE3 of the file's bytes and of every setting that changes pixels.
+    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, FrameError> {
+        let path = self.frame_path(surface, view)?;
+        let bytes =
+            read_frame_file(&path, &self.images).map_err(|kind| FrameError::new(&path, kind))?;
+        let mut hasher = blake3::Hasher::new_derive_key(FRAME_KEY_CONTEXT);
+        hasher.update(self.image_key.as_bytes());
+        hasher.update(&bytes);
+        Ok(hasher.finalize().into())
+    }
+}

@@ -1,0 +1,335 @@
+use std::collections::HashSet;
+use std::fs::{self, File, TryLockError};
+use std::io::{self, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use super::atomic::{write_file, write_folder, write_new};
+use super::surfaces::check_id;
+use super::tables::{surfaces_csv, tactile_csv};
+use crate::{EncodeError, FrameFormat, Manifest, PropertyOrder, Source, TableFormat, ViewAngles};
+
+/// Holds what is being written, and is locked while it is.
+const PLAN: &str = ".write-plan";
+
+/// What a dataset that is written says about itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WriteOptions {
+    /// What each frame's file is.
+    pub format: FrameFormat,
+    /// For `dataset.toml`: one line about the dataset.
+    pub description: String,
+    /// For `dataset.toml`: where it comes from and under which licence.
+    pub source: String,
+}
+
+/// What was done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Written {
+    /// Surfaces whose frames were written.
+    pub written: usize,
+    /// Surfaces that an earlier run had finished.
+    pub already_there: usize,
+}
+
+/// A dataset that cannot be written: at which path, and why.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {kind}", path.display())]
+pub struct WriteError {
+    path: PathBuf,
+    kind: WriteErrorKind,
+}
+
+/// Why a dataset cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum WriteErrorKind {
+    /// No space is left. What was finished stays; the same call goes on from there.
+    #[error("no space is left to write it; the surfaces finished so far stay")]
+    StorageFull,
+    /// The file or folder cannot be written.
+    #[error("cannot be written: {0}")]
+    Io(io::Error),
+    /// Another process is writing there.
+    #[error("another process is writing a dataset there")]
+    InUse,
+    /// The folder has something else than an unfinished run of the same dataset.
+    #[error("holds {0}; choose an empty folder")]
+    Occupied(&'static str),
+    /// The source has something that the format cannot hold.
+    #[error("{what}: found {found}, expected {expected}")]
+    Unsuitable {
+        /// What it is.
+        what: &'static str,
+        /// What was found.
+        found: String,
+        /// What was expected.
+        expected: String,
+    },
+    /// The source could not give a frame.
+    #[error("view {view} of surface `{surface}` cannot be had: {error}")]
+    Frame {
+        /// The surface.
+        surface: String,
+        /// The view.
+        view: usize,
+        /// Why.
+        error: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// A frame could not be encoded.
+    #[error(transparent)]
+    Encode(EncodeError),
+}
+
+impl WriteError {
+    fn new(path: &Path, kind: WriteErrorKind) -> Self {
+        Self {
+            path: path.to_owned(),
+            kind,
+        }
+    }
+
+    /// The file or folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Why.
+    pub fn kind(&self) -> &WriteErrorKind {
+        &self.kind
+    }
+}
+
+impl From<io::Error> for WriteErrorKind {
+    fn from(error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::StorageFull,
+            _ => Self::Io(error),
+        }
+    }
+}
+
+/// Writes any source as a dataset in `folder`, in parallel; `progress` is called with the surfaces
+/// done and their total after each.
+///
+/// The frames of a surface take their name together, once all of them are on disk, and
+/// `dataset.toml` comes last, so nothing that is half there can be taken for whole. Called again
+/// with the same source and options after it was stopped, it leaves finished surfaces alone. A
+/// hidden file `.write-plan` keeps two processes, or two different datasets, out of one folder.
+///
+/// # Errors
+/// Where the source fails, has no view, or has a surface whose id is no file name; where the
+/// folder has another dataset, is being written to, or cannot be; and where no space is left.
+pub fn write_dataset<S: Source>(
+    source: &S,
+    folder: &Path,
+    options: &WriteOptions,
+    progress: impl Fn(usize, usize) + Sync,
+) -> Result<Written, WriteError> {
+    let writer = Writer {
+        source,
+        folder,
+        options,
+    };
+    let files = writer.files()?;
+    let _lock = writer.claim(&files)?;
+    let (done, skipped) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let total = source.surfaces().len();
+    (0..total).into_par_iter().try_for_each(|surface| {
+        if writer.is_complete(surface) {
+            skipped.fetch_add(1, Ordering::Relaxed);
+        } else {
+            writer.surface(surface)?;
+        }
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
+        Ok(())
+    })?;
+    for (name, content) in &files {
+        let path = folder.join(name);
+        write_file(&path, content.as_bytes())
+            .map_err(|error| WriteError::new(&path, error.into()))?;
+    }
+    let already_there = skipped.into_inner();
+    Ok(Written {
+        written: total - already_there,
+        already_there,
+    })
+}
+
+struct Writer<'a, S> {
+    source: &'a S,
+    folder: &'a Path,
+    options: &'a WriteOptions,
+}
+
+impl<S: Source> Writer<'_, S> {
+    /// Everything but the frames, in the order of writing.
+    fn files(&self) -> Result<[(&'static str, String); 3], WriteError> {
+        let unsuitable = |what, found: String, expected: &str| {
+            let expected = expected.to_owned();
+            let kind = WriteErrorKind::Unsuitable {
+                what,
+                found,
+                expected,
+            };
+            WriteError::new(self.folder, kind)
+        };
+        if self.source.surfaces().is_empty() {
+            return Err(unsuitable(
+                "the surfaces",
+                "none".to_owned(),
+                "at least one",
+            ));
+        }
+        let mut ids = HashSet::new();
+        for surface in self.source.surfaces() {
+            check_id(&surface.id)
+                .map_err(|(found, expected)| unsuitable("the id of a surface", found, &expected))?;
+            if !ids.insert(&surface.id) {
+                let found = format!("`{}` twice", surface.id);
+                return Err(unsuitable("the ids of the surfaces", found, "each once"));
+            }
+        }
+        let degrees = self
+            .source
+            .view_angles()
+            .iter()
+            .map(|angle| angle.0)
+            .collect();
+        let view_angles_deg = ViewAngles::list(degrees)
+            .map_err(|error| unsuitable("the views", error.to_string(), "finite angles"))?;
+        let properties = PropertyOrder::try_from(self.source.tactile().properties.clone())
+            .map_err(|error| unsuitable("the properties", error.to_string(), "each once"))?;
+        let manifest = Manifest {
+            name: self.source.name().to_owned(),
+            description: self.options.description.clone(),
+            source: self.options.source.clone(),
+            properties,
+            view_angles_deg,
+            tactile: TableFormat::default(),
+        };
+        let encode = |error: String| {
+            WriteError::new(self.folder, WriteErrorKind::Io(io::Error::other(error)))
+        };
+        Ok([
+            (
+                "surfaces.csv",
+                surfaces_csv(self.source.surfaces()).map_err(encode)?,
+            ),
+            ("tactile.csv", tactile_csv(self.source).map_err(encode)?),
+            (
+                "dataset.toml",
+                toml::to_string(&manifest).map_err(|e| encode(e.to_string()))?,
+            ),
+        ])
+    }
+
+    /// Makes the folder this dataset's own, or finds that it is; locked as long as the file lives.
+    fn claim(&self, files: &[(&'static str, String)]) -> Result<File, WriteError> {
+        let frames = self.folder.join("frames");
+        let path = self.folder.join(PLAN);
+        let error = |error: io::Error| WriteError::new(&path, error.into());
+        let occupied = |by| WriteError::new(self.folder, WriteErrorKind::Occupied(by));
+        let dataset = frames.exists() || self.folder.join("dataset.toml").exists();
+        if dataset && !path.exists() {
+            return Err(occupied("a dataset that was not written by this program"));
+        }
+        fs::create_dir_all(&frames).map_err(error)?;
+        let mut file = File::options();
+        let file = file
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(&path);
+        let mut file = file.map_err(error)?;
+        file.try_lock().map_err(|refused| match refused {
+            TryLockError::WouldBlock => WriteError::new(self.folder, WriteErrorKind::InUse),
+            TryLockError::Error(refused) => error(refused),
+        })?;
+        let plan = self.plan(files)?;
+        let mut found = Vec::new();
+        file.read_to_end(&mut found).map_err(error)?;
+        if found == plan.as_bytes() {
+            return Ok(file);
+        }
+        // A program that was stopped may have left only the beginning.
+        if !plan.as_bytes().starts_with(&found) {
+            return Err(occupied(
+                "another dataset, or the same of another version or settings",
+            ));
+        }
+        file.rewind()
+            .and_then(|()| file.write_all(plan.as_bytes()))
+            .map_err(error)?;
+        file.sync_all().map_err(error)?;
+        Ok(file)
+    }
+
+    /// Differs whenever anything that is to be written does.
+    fn plan(&self, files: &[(&'static str, String)]) -> Result<String, WriteError> {
+        let key = self.source.frame_key(0, 0);
+        let key = key.map_err(|error| self.no_frame(0, 0, Box::new(error)))?;
+        let mut hasher = blake3::Hasher::new_derive_key("sps-dataset 0.1 write plan");
+        hasher.update(&key);
+        hasher.update(self.options.format.extension().as_bytes());
+        for (_, content) in files {
+            hasher.update(content.as_bytes());
+        }
+        Ok(format!("{}\n", hasher.finalize()))
+    }
+
+    fn surface_folder(&self, surface: usize) -> PathBuf {
+        self.folder
+            .join("frames")
+            .join(&self.source.surfaces()[surface].id)
+    }
+
+    fn frame_name(&self, view: usize) -> String {
+        format!("{view:03}.{}", self.options.format.extension())
+    }
+
+    fn is_complete(&self, surface: usize) -> bool {
+        let folder = self.surface_folder(surface);
+        let mut views = 0..self.source.view_angles().len();
+        views.all(|view| folder.join(self.frame_name(view)).is_file())
+    }
+
+    /// Writes every frame of a surface, or none.
+    fn surface(&self, surface: usize) -> Result<(), WriteError> {
+        let folder = self.surface_folder(surface);
+        let views = self.source.view_angles().len();
+        let write = |partial: &Path| {
+            (0..views).into_par_iter().try_for_each(|view| {
+                let frame = self.source.frame(surface, view);
+                let frame = frame.map_err(|error| self.no_frame(surface, view, Box::new(error)))?;
+                let path = partial.join(self.frame_name(view));
+                let bytes = self.options.format.encode(&frame);
+                let bytes = bytes.map_err(|e| WriteError::new(&path, WriteErrorKind::Encode(e)))?;
+                write_new(&path, &bytes).map_err(|error| WriteError::new(&path, error.into()))
+            })
+        };
+        write_folder(&folder, write, |error| {
+            WriteError::new(&folder, error.into())
+        })
+    }
+
+    fn no_frame(
+        &self,
+        surface: usize,
+        view: usize,
+        error: Box<dyn std::error::Error + Send + Sync>,
+    ) -> WriteError {
+        let surface = self.source.surfaces()[surface].id.clone();
+        WriteError::new(
+            self.folder,
+            WriteErrorKind::Frame {
+                surface,
+                view,
+                error,
+            },
+        )
+    }
+}

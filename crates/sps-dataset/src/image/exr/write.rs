@@ -1,0 +1,33 @@
+use std::io::Cursor;
+
+use exr::prelude::{
+    Blocks, Compression, Encoding, Image, LineOrder, SpecificChannels, Vec2, WritableImage, f16,
+};
+
+use super::display::srgb_decode;
+use crate::Frame;
+
+/// The frame as linear light: a scan-line EXR with half R, G and B under lossless ZIP.
+pub(crate) fn encode_half(frame: &Frame) -> Result<Vec<u8>, exr::error::Error> {
+    let light = |Vec2(x, y): Vec2<usize>| {
+        let pixel = (y * frame.width + x) * 3;
+        let half = |channel: usize| {
+            let value = frame.data.get(pixel + channel).copied().unwrap_or_default();
+            f16::from_f32(srgb_decode(value))
+        };
+        (half(0), half(1), half(2))
+    };
+    let encoding = Encoding {
+        compression: Compression::ZIP16,
+        blocks: Blocks::ScanLines,
+        line_order: LineOrder::Increasing,
+    };
+    let image = Image::from_encoded_channels(
+        (frame.width, frame.height),
+        encoding,
+        SpecificChannels::rgb(light),
+    );
+    let mut bytes = Cursor::new(Vec::new());
+    image.write().non_parallel().to_buffered(&mut bytes)?;
+    Ok(bytes.into_inner())
+}

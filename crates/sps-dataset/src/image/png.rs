@@ -1,0 +1,67 @@
+use std::io::Cursor;
+
+use png::{BitDepth, ColorType, Decoder, DecodingError, Transformations};
+
+use super::exif::Orientation;
+use super::samples::{Depth, Samples};
+use super::{DecodeSettings, Decoded, FrameErrorKind, ImageFormat, LightCounts, check_size};
+
+pub(super) fn decode(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded, FrameErrorKind> {
+    let limits = &settings.limits;
+    // Four channels of 16 bits.
+    let buffer_limit = usize::try_from(limits.pixels.saturating_mul(8)).unwrap_or(usize::MAX);
+    let mut decoder = Decoder::new_with_limits(
+        Cursor::new(bytes),
+        png::Limits {
+            bytes: buffer_limit,
+        },
+    );
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_ignore_iccp_chunk(true);
+    decoder.ignore_checksums(false);
+    decoder.set_transformations(Transformations::EXPAND);
+    let header = decoder.read_header_info().map_err(refused)?;
+    check_size(
+        ImageFormat::Png,
+        header.width.into(),
+        header.height.into(),
+        limits,
+    )?;
+
+    let mut reader = decoder.read_info().map_err(refused)?;
+    let size = reader
+        .output_buffer_size()
+        .filter(|&size| size <= buffer_limit);
+    let size = size.ok_or_else(|| refused(DecodingError::LimitsExceeded))?;
+    let mut pixels = vec![0; size];
+    let output = reader.next_frame(&mut pixels).map_err(refused)?;
+    // To the end mark, so that a file that is cut after its last row is not taken for whole.
+    reader.finish().map_err(refused)?;
+
+    let samples = Samples {
+        width: output.width as usize,
+        height: output.height as usize,
+        channels: match output.color_type {
+            ColorType::Grayscale => 1,
+            ColorType::GrayscaleAlpha => 2,
+            ColorType::Rgb | ColorType::Indexed => 3,
+            ColorType::Rgba => 4,
+        },
+        depth: if output.bit_depth == BitDepth::Sixteen {
+            Depth::Sixteen
+        } else {
+            Depth::Eight
+        },
+        bytes: &pixels,
+    };
+    let frame = samples.to_frame(settings.background);
+    let orientation = Orientation::from_exif(reader.info().exif_metadata.as_deref());
+    Ok(Decoded {
+        frame: orientation.apply(frame),
+        light: LightCounts::default(),
+    })
+}
+
+fn refused(error: DecodingError) -> FrameErrorKind {
+    FrameErrorKind::damaged(ImageFormat::Png, error)
+}

@@ -1,0 +1,210 @@
+use std::collections::{BTreeMap, BTreeSet};
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::{
+    DatasetFolder, FrameIndex, LightCounts, OutOfRange, Property, Source, TactileSettings,
+};
+
+/// What a dataset holds, and what is wrong with it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Inspection {
+    /// What it is called.
+    pub name: String,
+    /// How many surfaces it has.
+    pub surfaces: usize,
+    /// How many views of each.
+    pub views: usize,
+    /// How many groups its surfaces are in.
+    pub groups: usize,
+    /// Surfaces per material, the most frequent first.
+    pub materials: Vec<(String, usize)>,
+    /// How many touches its table has.
+    pub readings: usize,
+    /// The surfaces that were never touched.
+    pub untouched: Vec<String>,
+    /// One summary per property, in the order of the table.
+    pub properties: Vec<PropertySummary>,
+    /// What the frames are, where they were checked.
+    pub frames: Option<FrameSummary>,
+}
+
+/// One property over all surfaces.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct PropertySummary {
+    /// The property.
+    pub property: Property,
+    /// Surfaces with a value.
+    pub measured: usize,
+    /// Cells of the table that are empty.
+    pub missing_cells: usize,
+    /// Values outside 0 to 100, before any were clamped.
+    pub out_of_range: OutOfRange,
+    /// Minimum, first quartile, median, third quartile and maximum over the surfaces' values, by
+    /// linear interpolation (type 7 of Hyndman and Fan, NumPy's default).
+    pub quantiles: Option<[f64; 5]>,
+    /// Median over the surfaces of the standard deviation of repeats.
+    pub repeat_std: Option<f64>,
+}
+
+/// What decoding every frame showed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct FrameSummary {
+    /// How many there should be: surfaces times views.
+    pub expected: usize,
+    /// Frames per size, as `(width, height, frames)`.
+    pub sizes: Vec<(usize, usize, usize)>,
+    /// What had to be done to the light of EXR frames, summed.
+    pub light: LightCounts,
+    /// Those that cannot be had, and why.
+    pub broken: Vec<BrokenFrame>,
+    /// Folders in `frames` that are no surface's.
+    pub unknown_folders: Vec<String>,
+}
+
+/// A frame that cannot be had.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct BrokenFrame {
+    /// The surface.
+    pub surface: String,
+    /// The view.
+    pub view: usize,
+    /// Why; names the file.
+    pub error: String,
+}
+
+impl DatasetFolder {
+    /// Summarises everything but the frames.
+    pub fn inspect(&self, settings: &TactileSettings) -> Inspection {
+        let surfaces = self.surfaces();
+        let mut materials: BTreeMap<&str, usize> = BTreeMap::new();
+        for surface in surfaces {
+            *materials.entry(&surface.material).or_default() += 1;
+        }
+        let mut materials: Vec<(String, usize)> = materials
+            .into_iter()
+            .map(|(name, count)| (name.to_owned(), count))
+            .collect();
+        materials.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+        let groups: BTreeSet<&str> = surfaces.iter().map(|s| s.group.as_str()).collect();
+        let touched: BTreeSet<usize> = self
+            .tactile()
+            .readings
+            .iter()
+            .map(|reading| reading.surface)
+            .collect();
+        let untouched = surfaces
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| !touched.contains(i));
+        Inspection {
+            name: self.name().to_owned(),
+            surfaces: surfaces.len(),
+            views: self.view_angles().len(),
+            groups: groups.len(),
+            materials,
+            readings: self.tactile().readings.len(),
+            untouched: untouched.map(|(_, surface)| surface.id.clone()).collect(),
+            properties: self.property_summaries(*settings),
+            frames: None,
+        }
+    }
+
+    fn property_summaries(&self, settings: TactileSettings) -> Vec<PropertySummary> {
+        let averages = self.tactile().averages(&settings, self.surfaces().len());
+        let summary = |(column, &(property, out_of_range)): (usize, &(Property, OutOfRange))| {
+            let cells = (0..self.surfaces().len()).filter_map(|s| averages.cell(s, property));
+            let values: Vec<f64> = cells.clone().map(|cell| cell.value).collect();
+            let spreads: Vec<f64> = cells.filter_map(|cell| cell.repeat_std).collect();
+            let readings = &self.tactile().readings;
+            PropertySummary {
+                property,
+                measured: values.len(),
+                missing_cells: readings
+                    .iter()
+                    .filter(|r| r.values[column].is_none())
+                    .count(),
+                out_of_range,
+                quantiles: quantiles(values),
+                repeat_std: quantiles(spreads).map(|[_, _, median, _, _]| median),
+            }
+        };
+        self.out_of_range()
+            .iter()
+            .enumerate()
+            .map(summary)
+            .collect()
+    }
+
+    /// Decodes every frame in parallel; `progress` is called after each.
+    pub fn inspect_frames(&self, progress: impl Fn() + Sync) -> FrameSummary {
+        let views = self.view_angles().len();
+        let index = |i: usize| FrameIndex {
+            surface: i / views,
+            view: i % views,
+        };
+        let expected = self.surfaces().len() * views;
+        let check = |i: usize| {
+            let FrameIndex { surface, view } = index(i);
+            let decoded = self.decode(surface, view);
+            progress();
+            decoded
+                .map(|one| (one.frame.width, one.frame.height, one.light))
+                .map_err(|error| {
+                    let surface = self.surfaces()[surface].id.clone();
+                    BrokenFrame {
+                        surface,
+                        view,
+                        error: error.to_string(),
+                    }
+                })
+        };
+        let checked: Vec<_> = (0..expected).into_par_iter().map(check).collect();
+        let mut summary = FrameSummary {
+            expected,
+            unknown_folders: self.unknown_folders(),
+            ..FrameSummary::default()
+        };
+        let mut sizes: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+        for frame in checked {
+            match frame {
+                Ok((width, height, light)) => {
+                    *sizes.entry((width, height)).or_default() += 1;
+                    summary.light.add(&light);
+                }
+                Err(broken) => summary.broken.push(broken),
+            }
+        }
+        summary.sizes = sizes
+            .into_iter()
+            .map(|((w, h), count)| (w, h, count))
+            .collect();
+        summary
+    }
+
+    fn unknown_folders(&self) -> Vec<String> {
+        let known: BTreeSet<&str> = self.surfaces().iter().map(|s| s.id.as_str()).collect();
+        let entries = std::fs::read_dir(self.folder().join("frames"))
+            .into_iter()
+            .flatten();
+        let folders = entries.flatten().filter(|entry| entry.path().is_dir());
+        let names = folders.map(|entry| entry.file_name().to_string_lossy().into_owned());
+        let unknown = names.filter(|name| !known.contains(name.as_str()) && !name.starts_with('.'));
+        unknown.collect::<BTreeSet<_>>().into_iter().collect()
+    }
+}
+
+fn quantiles(mut values: Vec<f64>) -> Option<[f64; 5]> {
+    values.sort_by(f64::total_cmp);
+    let last = values.len().checked_sub(1)?;
+    Some([0.0, 0.25, 0.5, 0.75, 1.0].map(|share| {
+        let at = share * last as f64;
+        let (low, high) = (values[at.floor() as usize], values[at.ceil() as usize]);
+        low + (high - low) * at.fract()
+    }))
+}

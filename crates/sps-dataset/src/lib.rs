@@ -1,0 +1,106 @@
+//! Photographs of surfaces from many angles and what a touch sensor measured on them, as in
+//! "Teaching Cameras to Feel" (Purri and Dana, ECCV 2020): image sequences of a gonioreflectometer
+//! and tables of the SynTouch Toccare.
+//!
+//! Take this crate to read such a dataset from a folder, frame by frame as frames are asked for, to
+//! bring tactile tables of several forms into one, to split surfaces and label their materials, or
+//! to write a dataset. What reads the same from a folder and from a simulator is a [`Source`].
+//!
+//! ```
+//! use sps_dataset::{
+//!     DatasetFolder, FrameIndex, Property, ReadSettings, RollAngle, Source, SplitPlan,
+//!     TactileSettings, decode_frames,
+//! };
+//!
+//! # let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/tiny-dataset").as_ref();
+//! let dataset = DatasetFolder::open(folder, &ReadSettings::default())?;
+//!
+//! // The view that looks straight down, of every surface that is kept aside.
+//! let nadir = dataset.nearest_view(RollAngle::NADIR).ok_or("no view")?;
+//! let split = SplitPlan::default().splits(dataset.surfaces(), 1, 0)?.remove(0);
+//! let wanted: Vec<_> =
+//!     split.validation.iter().map(|&surface| FrameIndex { surface, view: nadir }).collect();
+//! let frames = decode_frames(&dataset, &wanted)?;
+//!
+//! // What was felt on them.
+//! let averages = dataset.tactile().averages(&TactileSettings::default(), dataset.surfaces().len());
+//! for (index, frame) in wanted.iter().zip(&frames) {
+//!     let friction = averages.value(index.surface, Property::FRS);
+//!     println!("{} x {}: {friction:?}", frame.width, frame.height);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # What is where
+//!
+//! - **Datasets.** [`DatasetFolder`] opens a folder as [`ReadSettings`] say; [`Manifest`] is its
+//!   `dataset.toml`. [`DatasetFolder::inspect`] summarises it, [`DatasetFolder::inspect_frames`]
+//!   finds broken frames, and [`write_dataset`] writes any [`Source`] as one.
+//! - **Frames.** A [`Frame`] comes from a PNG, JPEG or EXR by [`decode_image`] or [`read_image`],
+//!   as [`DecodeSettings`] say; many come in parallel by [`decode_frames`] or [`map_frames`].
+//! - **Touches.** A [`TactileTable`] has every [`Reading`]; [`TactileTable::averages`] makes one
+//!   value per surface and [`Property`] of them. [`TableFormat`] says how a file is laid out,
+//!   [`TactileSettings`] what is made of its values.
+//! - **Surfaces.** [`SplitPlan`] divides them, [`MaterialLabels`] labels them.
+//! - **Configs.** Every settings type reads from TOML with serde, denies unknown keys and has
+//!   kebab-case names; [`parse_toml`] makes errors that name the line and the nearest valid key.
+//!
+//! Results do not depend on the number of threads, random ones are fixed by a seed, and no input
+//! makes a function panic. The format on disk is in `docs/dataset-format.md` of the repository.
+//!
+//! # Features
+//!
+//! `exr` (default) reads and writes OpenEXR frames; `npz` reads tactile tables from NumPy archives;
+//! `simulate` adds the simulator.
+
+mod error;
+mod files;
+mod folder;
+mod frame;
+mod image;
+mod inspect;
+mod material;
+mod nearest;
+mod property;
+mod settings;
+#[cfg(feature = "simulate")]
+pub mod simulate;
+mod source;
+mod split;
+mod stream;
+mod table;
+mod tactile;
+mod toml_text;
+
+pub use error::{DatasetError, DatasetErrorKind, Place};
+pub use folder::{
+    DatasetFolder, InvalidAngles, Manifest, ViewAngles, WriteError, WriteErrorKind, WriteOptions,
+    Written, write_dataset,
+};
+pub use frame::Frame;
+pub use image::{
+    DecodeSettings, Decoded, EncodeError, FrameError, FrameErrorKind, FrameFormat, ImageFormat,
+    LightCounts, Limits, NonFinite, decode_image, read_image,
+};
+pub use inspect::{BrokenFrame, FrameSummary, Inspection, PropertySummary};
+pub use material::{FEWEST_PER_MATERIAL, MaterialLabels, OTHER};
+pub use property::{Category, Property, UnknownProperty};
+pub use settings::ReadSettings;
+pub use source::{
+    FrameIndex, FrameKey, RollAngle, Source, Surface, decode_frames, map_frames, nearest_view,
+};
+pub use split::{KFold, RandomSplit, Split, SplitError, SplitPlan};
+pub use table::{
+    Header, InvalidOrder, Json, JsonLayout, LongCsv, Npz, NpzLayout, PropertyOrder, Stacked,
+    Statistics, TableFormat, WideCsv,
+};
+pub use tactile::{
+    Average, Cell, NOMINAL_RANGE, OutOfRange, RangePolicy, Reading, SurfaceAverages,
+    TactileSettings, TactileTable,
+};
+pub use toml_text::parse_toml;
+
+/// Runs the examples of the README as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

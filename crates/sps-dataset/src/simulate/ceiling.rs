@@ -1,0 +1,127 @@
+//! The known limit: how well a perfect reader of images could do.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::Property;
+
+use super::latent::{Latent, Scores};
+use super::parameters::Specimen;
+use super::stream::{Purpose, Stream};
+use super::touch::{self, Values};
+
+/// The limit of one property.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Ceiling {
+    /// Coefficient of determination of the best estimate from one view at nadir.
+    pub nadir: f64,
+    /// Its standard error.
+    pub nadir_error: f64,
+    /// Coefficient of determination of the best estimate from all views.
+    pub all: f64,
+    /// Its standard error.
+    pub all_error: f64,
+}
+
+/// The limits of all fifteen properties.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Ceilings {
+    /// Simulated surfaces that they were measured on.
+    pub surfaces: usize,
+    /// Places at which each surface was touched.
+    pub locations: u32,
+    /// The limit of each property, by the paper's acronym.
+    pub properties: BTreeMap<String, Ceiling>,
+}
+
+/// Measures the limits by Monte Carlo on `surfaces` surfaces, each touched at `locations` places.
+///
+/// With `x` all that images show of a surface and `t` a value of touch, no estimate from images
+/// does better than `E[t | x]`, whose coefficient of determination is `Var(E[t | x]) / Var(t)`.
+/// For two draws `t`, `t'` that share `x` and are otherwise independent, `Cov(t, t')` is
+/// `Var(E[t | x])` (Sobol, Math. Comput. Simul. 55, 2001). What `x` holds is
+/// [`Latent::visibility`] and the material. Errors are from the spread over 20 batches.
+pub fn ceilings(seed: u64, surfaces: usize, locations: u32) -> Ceilings {
+    const BATCHES: usize = 20;
+    let per_batch = surfaces.div_ceil(BATCHES).max(2);
+    let batches: Vec<[[f64; 15]; 2]> = (0..BATCHES)
+        .into_par_iter()
+        .map(|batch| {
+            let first = batch * per_batch;
+            batch_ratios(seed, first..first + per_batch, locations.max(1))
+        })
+        .collect();
+    let properties = Property::ALL
+        .into_iter()
+        .enumerate()
+        .map(|(i, property)| {
+            let (nadir, nadir_error) = mean_and_error(batches.iter().map(|b| b[0][i]));
+            let (all, all_error) = mean_and_error(batches.iter().map(|b| b[1][i]));
+            let ceiling = Ceiling {
+                nadir,
+                nadir_error,
+                all,
+                all_error,
+            };
+            (property.code().to_owned(), ceiling)
+        })
+        .collect();
+    Ceilings {
+        surfaces: per_batch * BATCHES,
+        locations,
+        properties,
+    }
+}
+
+/// `Cov(t, t') / Var(t)` for one view and for all views.
+fn batch_ratios(seed: u64, range: std::ops::Range<usize>, locations: u32) -> [[f64; 15]; 2] {
+    let triples: Vec<[Values; 3]> = range
+        .map(|index| {
+            let specimen = Specimen::draw(seed, index);
+            let redrawn = |which: u64, seen: fn(Latent) -> f64| {
+                let key = [specimen.index, which];
+                let other = Scores::draw_own(&mut Stream::new(seed, Purpose::Redraw, &key));
+                specimen.own.redrawn(&other, seen)
+            };
+            let nadir = redrawn(0, |latent| latent.visibility().nadir);
+            let all = redrawn(1, |latent| latent.visibility().all);
+            // Each is touched at places of its own.
+            let touched = |own, which: u64| {
+                let places = u64::from(locations);
+                touch::mean_values(&specimen, own, which * places..(which + 1) * places)
+            };
+            [
+                touched(&specimen.own, 0),
+                touched(&nadir, 1),
+                touched(&all, 2),
+            ]
+        })
+        .collect();
+    [1, 2].map(|which| {
+        std::array::from_fn(|i| {
+            let pairs = triples.iter().map(|t| (t[0][i], t[which][i]));
+            covariance_ratio(pairs)
+        })
+    })
+}
+
+fn covariance_ratio(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
+    let count = pairs.clone().count() as f64;
+    let mean = pairs.clone().map(|(a, b)| 0.5 * (a + b)).sum::<f64>() / count;
+    let covariance: f64 = pairs.clone().map(|(a, b)| (a - mean) * (b - mean)).sum();
+    let variance: f64 = pairs
+        .map(|(a, b)| 0.5 * ((a - mean) * (a - mean) + (b - mean) * (b - mean)))
+        .sum();
+    covariance / variance
+}
+
+fn mean_and_error(values: impl ExactSizeIterator<Item = f64> + Clone) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.clone().sum::<f64>() / count;
+    let variance = values.map(|v| (v - mean) * (v - mean)).sum::<f64>() / (count - 1.0);
+    (mean, (variance / count).sqrt())
+}

@@ -1,0 +1,119 @@
+//! The physical parameters of one surface.
+
+use serde::Serialize;
+
+use super::latent::{Latent, Scores};
+use super::material::{Material, Profile, material_of};
+use super::numeric;
+use super::stream::{Purpose, Stream};
+
+/// Everything physical about one surface, in the units of [`Profile`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Parameters {
+    /// The ranges that they were drawn from.
+    #[serde(skip)]
+    pub profile: &'static Profile,
+    /// Pitch of the structure, in mm.
+    pub period_mm: f64,
+    /// Root mean square height of the structure, in mm.
+    pub relief_mm: f64,
+    /// 0 is disordered, 1 is a perfect lattice.
+    pub regularity: f64,
+    /// Root mean square of the microrelief, in micrometres.
+    pub micro_um: f64,
+    /// Correlation length of the microrelief, in mm.
+    pub micro_length_mm: f64,
+    /// GGX roughness (alpha).
+    pub alpha: f64,
+    /// Strength of the fuzz lobe.
+    pub sheen: f64,
+    /// Indentation modulus, in kPa.
+    pub modulus_kpa: f64,
+    /// Loss tangent.
+    pub loss: f64,
+    /// Share of the stress that relaxes.
+    pub relaxation: f64,
+    /// Creep strain over elastic strain.
+    pub creep: f64,
+    /// Thickness, in mm.
+    pub thickness_mm: f64,
+    /// Thermal effusivity, in J m^-2 K^-1 s^-1/2.
+    pub effusivity: f64,
+    /// Work of adhesion, in mJ/m^2.
+    pub adhesion: f64,
+    /// Tackiness relative to a clean surface.
+    pub tack: f64,
+    /// Factor on adhesion of what lies on the surface, log-normal with a deviation of 0.9.
+    pub deposit: f64,
+    /// Thermal resistance of the contact, in m^2 K/W, log-normal with a deviation of 1.
+    pub seating: f64,
+}
+
+impl Parameters {
+    /// The parameters at the given scores.
+    pub fn at(profile: &'static Profile, scores: &Scores) -> Self {
+        let p = profile;
+        let at = |latent: Latent, range: super::material::Range| range.at(scores.of(latent));
+        Self {
+            profile,
+            period_mm: at(Latent::Period, p.period_mm),
+            relief_mm: at(Latent::Relief, p.relief_mm),
+            regularity: at(Latent::Regularity, p.regularity),
+            micro_um: at(Latent::Microrelief, p.micro_um),
+            micro_length_mm: at(Latent::Microlength, p.micro_length_mm),
+            alpha: at(Latent::Gloss, p.alpha),
+            sheen: at(Latent::Fuzz, p.sheen),
+            modulus_kpa: at(Latent::Stiffness, p.modulus_kpa),
+            loss: at(Latent::Damping, p.loss),
+            relaxation: at(Latent::Relaxation, p.relaxation),
+            creep: at(Latent::Creep, p.creep),
+            thickness_mm: at(Latent::Thickness, p.thickness_mm),
+            effusivity: at(Latent::Effusivity, p.effusivity),
+            adhesion: at(Latent::Adhesion, p.adhesion),
+            tack: at(Latent::Tack, p.tack),
+            deposit: numeric::exp(0.9 * scores.of(Latent::Deposit)),
+            seating: 6e-4 * numeric::exp(scores.of(Latent::Seating)),
+        }
+    }
+}
+
+/// One simulated surface, as drawn; independent of every other surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Specimen {
+    pub(crate) seed: u64,
+    pub(crate) index: u64,
+    pub(crate) material: Material,
+    pub(crate) profile: &'static Profile,
+    /// The causes' own parts.
+    pub(crate) own: Scores,
+}
+
+impl Specimen {
+    pub(crate) fn draw(seed: u64, index: usize) -> Self {
+        Self::of_material(seed, index, material_of(seed, index))
+    }
+
+    /// The surface that `index` would be, were it of this material.
+    pub(crate) fn of_material(seed: u64, index: usize, material: Material) -> Self {
+        let index = index as u64;
+        let variants = material.variants();
+        let mut stream = Stream::new(seed, Purpose::Variant, &[index]);
+        let variant = stream.weighted(variants.iter().map(|v| v.0));
+        Self {
+            seed,
+            index,
+            material,
+            profile: &variants[variant].1,
+            own: Scores::draw_own(&mut Stream::new(seed, Purpose::Latents, &[index])),
+        }
+    }
+
+    pub(crate) fn parameters(&self) -> Parameters {
+        Parameters::at(self.profile, &self.own.linked())
+    }
+
+    pub(crate) fn stream(&self, purpose: Purpose) -> Stream {
+        Stream::new(self.seed, purpose, &[self.index])
+    }
+}

@@ -1,0 +1,173 @@
+//! Random fields with a chosen power spectrum.
+
+use super::super::grid::Grid;
+use super::super::numeric;
+use super::super::stream::Stream;
+use super::fourier::Fourier;
+
+/// A von Karman spectrum, `S(k) ~ (1 + (l k)^2)^-(h + 1)`: flat above the correlation length `l`,
+/// self-affine with Hurst exponent `h` below it (Persson et al., J. Phys. Condens. Matter 17, 2005).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Fractal {
+    /// Correlation length in units of the period.
+    pub(crate) length: f64,
+    /// Hurst exponent, 0 to 1: near 1 is smooth, near 0 is jagged.
+    pub(crate) hurst: f64,
+    /// How many times longer the features are along `direction` than across.
+    pub(crate) stretch: f64,
+    /// Radians from the x axis.
+    pub(crate) direction: f64,
+}
+
+impl Fractal {
+    pub(crate) const fn isotropic(length: f64, hurst: f64) -> Self {
+        Self {
+            length,
+            hurst,
+            stretch: 1.0,
+            direction: 0.0,
+        }
+    }
+}
+
+/// Rings of wave vectors that the variance is counted over, whatever the size of the map, so that
+/// a finer map of the same surface only adds detail.
+const REFERENCE_RINGS: usize = 127;
+
+/// Two independent fields of mean zero and, up to 127 cycles per period, unit deviation.
+///
+/// The wave vectors are visited in rings of growing frequency, so a map of another size has the
+/// same draws in the rings that both hold.
+pub(crate) fn pair(n: usize, fractal: Fractal, stream: &mut Stream) -> (Grid, Grid) {
+    let amplitude = Amplitude::new(fractal, n);
+    let scale = 1.0 / amplitude.reference_deviation();
+    let mut re = vec![0.0; n * n];
+    let mut im = vec![0.0; n * n];
+    let phases = phases();
+    for ring in 1..n as i32 / 2 {
+        for_each_on_ring(ring, |kx, ky| {
+            let size = amplitude.at(kx, ky) * scale;
+            let (c, s) = phases[(stream.bits() >> 22) as usize];
+            let at = ky.rem_euclid(n as i32) as usize * n + kx.rem_euclid(n as i32) as usize;
+            re[at] = size * c;
+            im[at] = size * s;
+        });
+    }
+    Fourier::new(n).inverse_2d(&mut re, &mut im);
+    (Grid::from_data(n, re), Grid::from_data(n, im))
+}
+
+/// One field of mean zero and unit deviation.
+pub(crate) fn field(n: usize, fractal: Fractal, stream: &mut Stream) -> Grid {
+    pair(n, fractal, stream).0
+}
+
+fn for_each_on_ring(ring: i32, mut f: impl FnMut(i32, i32)) {
+    for kx in -ring..=ring {
+        f(kx, -ring);
+        f(kx, ring);
+    }
+    for ky in 1 - ring..ring {
+        f(-ring, ky);
+        f(ring, ky);
+    }
+}
+
+/// 1024 unit vectors around the circle.
+fn phases() -> Vec<(f32, f32)> {
+    (0..1024)
+        .map(|i| {
+            let angle = std::f64::consts::TAU * f64::from(i) / 1024.0;
+            (numeric::cos(angle) as f32, numeric::sin(angle) as f32)
+        })
+        .collect()
+}
+
+/// The root of the spectrum, tabulated over the stretched wave number.
+struct Amplitude {
+    table: Vec<f32>,
+    per_cycle: f32,
+    along: (f32, f32),
+    stretch: f32,
+}
+
+impl Amplitude {
+    fn new(fractal: Fractal, n: usize) -> Self {
+        let per_cycle = 4.0;
+        let highest = (n / 2).max(REFERENCE_RINGS + 1) as f64 * 1.5 * fractal.stretch.max(1.0);
+        let entries = (highest * per_cycle) as usize + 2;
+        let exponent = -0.5 * (fractal.hurst + 1.0);
+        let table = (0..entries)
+            .map(|i| {
+                let k = std::f64::consts::TAU * i as f64 / per_cycle * fractal.length;
+                numeric::pow(1.0 + k * k, exponent) as f32
+            })
+            .collect();
+        Self {
+            table,
+            per_cycle: per_cycle as f32,
+            along: (
+                numeric::cos(fractal.direction) as f32,
+                numeric::sin(fractal.direction) as f32,
+            ),
+            stretch: fractal.stretch as f32,
+        }
+    }
+
+    fn at(&self, kx: i32, ky: i32) -> f32 {
+        let (x, y) = (kx as f32, ky as f32);
+        let along = (x * self.along.0 + y * self.along.1) * self.stretch;
+        let across = y * self.along.0 - x * self.along.1;
+        let place = (along * along + across * across).sqrt() * self.per_cycle;
+        let i = (place as usize).min(self.table.len() - 2);
+        let t = (place - i as f32).min(1.0);
+        numeric::mix(self.table[i], self.table[i + 1], t)
+    }
+
+    /// Each of the two fields takes half the power of every coefficient and of its mirror image.
+    fn reference_deviation(&self) -> f32 {
+        let mut power = 0.0f64;
+        for ring in 1..=REFERENCE_RINGS as i32 {
+            for_each_on_ring(ring, |kx, ky| {
+                let a = f64::from(self.at(kx, ky));
+                power += 0.5 * a * a;
+            });
+        }
+        power.sqrt() as f32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::stream::Purpose;
+    use super::*;
+
+    #[test]
+    fn has_unit_deviation_and_no_mean() {
+        let mut stream = Stream::new(3, Purpose::Relief, &[0]);
+        let (a, b) = pair(256, Fractal::isotropic(0.05, 0.7), &mut stream);
+        for grid in [a, b] {
+            assert!(grid.mean().abs() < 1e-4);
+            assert!(
+                (grid.deviation() - 1.0).abs() < 0.15,
+                "{}",
+                grid.deviation()
+            );
+        }
+    }
+
+    #[test]
+    fn a_finer_map_only_adds_detail() {
+        let draw = |n| {
+            let mut stream = Stream::new(3, Purpose::Relief, &[1]);
+            field(n, Fractal::isotropic(0.2, 0.9), &mut stream)
+        };
+        let (coarse, fine) = (draw(64), draw(128));
+        let mut worst = 0.0f32;
+        for i in 0..50 {
+            let (u, v) = (0.02 * i as f32, 0.013 * i as f32);
+            worst = worst.max((coarse.sample(u, v) - fine.sample(u, v)).abs());
+        }
+        assert!(worst < 0.2, "{worst}");
+    }
+}

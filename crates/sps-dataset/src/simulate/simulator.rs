@@ -1,0 +1,212 @@
+//! The simulator as a source of frames and readings.
+
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use crate::{Frame, FrameKey, RollAngle, Source, Surface, TactileTable};
+
+use super::fingerprint;
+use super::material::Material;
+use super::parameters::{Parameters, Specimen};
+use super::render::{self, Linear, Pose, Texels};
+use super::spec::{SimulateError, SimulatorSpec};
+use super::touch;
+
+/// A simulated gonioreflectometer and tactile sensor.
+///
+/// Construction draws the surfaces and touches them; a view is rendered when it is asked for. The
+/// last surfaces seen are kept built, so views of one surface are best asked for together.
+///
+/// ```
+/// use sps_dataset::Source;
+/// use sps_dataset::simulate::{Simulator, SimulatorSpec};
+///
+/// let spec = SimulatorSpec { surfaces: 3, size: 32, views: 3, ..SimulatorSpec::default() };
+/// let simulator = Simulator::new(spec)?;
+/// let frame = simulator.frame(2, 1)?;
+/// assert_eq!((frame.width, frame.height), (32, 32));
+/// # Ok::<(), sps_dataset::simulate::SimulateError>(())
+/// ```
+#[derive(Debug)]
+pub struct Simulator {
+    spec: SimulatorSpec,
+    name: String,
+    specimens: Vec<Specimen>,
+    surfaces: Vec<Surface>,
+    angles: Vec<RollAngle>,
+    tactile: TactileTable,
+    built: Mutex<Vec<(usize, Arc<OnceLock<Texels>>)>>,
+}
+
+/// A view in scene-linear light, with the sensor's noise: RGB, interleaved, row-major, f32, 1 for
+/// the display's white; highlights reach 4.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearFrame {
+    /// Columns and rows.
+    pub size: usize,
+    /// `size * size * 3` values.
+    pub data: Vec<f32>,
+}
+
+/// Built surfaces that are kept.
+const KEPT: usize = 8;
+
+impl Simulator {
+    /// Draws and touches the surfaces of `spec`.
+    ///
+    /// # Errors
+    /// [`SimulateError::Spec`] where a field is out of range.
+    pub fn new(spec: SimulatorSpec) -> Result<Self, SimulateError> {
+        let angles = spec.check()?;
+        let specimens: Vec<Specimen> = (0..spec.surfaces)
+            .map(|index| Specimen::draw(spec.seed, index))
+            .collect();
+        let surfaces = specimens
+            .iter()
+            .map(|specimen| {
+                let id = format!("s{:05}", specimen.index);
+                Surface {
+                    group: id.clone(),
+                    id,
+                    material: specimen.material.label().to_owned(),
+                }
+            })
+            .collect();
+        let tactile = touch::readings(&specimens, spec.locations, spec.repeats);
+        Ok(Self {
+            name: format!("simulated, seed {}", spec.seed),
+            specimens,
+            surfaces,
+            angles,
+            tactile,
+            built: Mutex::new(Vec::new()),
+            spec,
+        })
+    }
+
+    /// What is simulated.
+    pub fn spec(&self) -> &SimulatorSpec {
+        &self.spec
+    }
+
+    /// The material of one surface.
+    ///
+    /// # Errors
+    /// [`SimulateError::Surface`] where there is no such surface.
+    pub fn material(&self, surface: usize) -> Result<Material, SimulateError> {
+        Ok(self.specimen(surface)?.material)
+    }
+
+    /// The physical parameters of one surface: what no dataset of photographs knows.
+    ///
+    /// # Errors
+    /// [`SimulateError::Surface`] where there is no such surface.
+    pub fn parameters(&self, surface: usize) -> Result<Parameters, SimulateError> {
+        Ok(self.specimen(surface)?.parameters())
+    }
+
+    /// Renders one view in linear light, for high dynamic range files.
+    ///
+    /// # Errors
+    /// [`SimulateError::Surface`] or [`SimulateError::View`] where an index is out of range.
+    pub fn linear_frame(&self, surface: usize, view: usize) -> Result<LinearFrame, SimulateError> {
+        let image = self.photograph(surface, view)?;
+        Ok(LinearFrame {
+            size: image.size,
+            data: image.data,
+        })
+    }
+
+    /// Renders one view as display-referred bytes: RGB, interleaved, row-major, what an 8-bit file
+    /// holds and what [`Source::frame`] divides by 255.
+    ///
+    /// # Errors
+    /// [`SimulateError::Surface`] or [`SimulateError::View`] where an index is out of range.
+    pub fn frame_bytes(&self, surface: usize, view: usize) -> Result<Vec<u8>, SimulateError> {
+        Ok(render::encode(&self.photograph(surface, view)?))
+    }
+
+    fn photograph(&self, surface: usize, view: usize) -> Result<Linear, SimulateError> {
+        let specimen = self.specimen(surface)?;
+        let degrees = self.angle(view)?.0;
+        let built = self.built(surface);
+        let texels = built.get_or_init(|| render::prepare(specimen, self.spec.size));
+        Ok(photograph(specimen, texels, degrees, self.spec.size))
+    }
+
+    fn specimen(&self, surface: usize) -> Result<&Specimen, SimulateError> {
+        self.specimens.get(surface).ok_or(SimulateError::Surface {
+            found: surface,
+            count: self.specimens.len(),
+        })
+    }
+
+    fn angle(&self, view: usize) -> Result<RollAngle, SimulateError> {
+        self.angles.get(view).copied().ok_or(SimulateError::View {
+            found: view,
+            count: self.angles.len(),
+        })
+    }
+
+    /// The place of a built surface, most recently used last; building happens outside the lock.
+    fn built(&self, surface: usize) -> Arc<OnceLock<Texels>> {
+        let mut built = self.built.lock().unwrap_or_else(PoisonError::into_inner);
+        let entry = match built.iter().position(|(kept, _)| *kept == surface) {
+            Some(place) => built.remove(place),
+            None => (surface, Arc::default()),
+        };
+        if built.len() >= KEPT.max(2 * rayon::current_num_threads()) {
+            built.remove(0);
+        }
+        let texels = Arc::clone(&entry.1);
+        built.push(entry);
+        texels
+    }
+}
+
+/// One photograph of a built surface.
+pub(crate) fn photograph(
+    specimen: &Specimen,
+    texels: &Texels,
+    degrees: f64,
+    size: usize,
+) -> Linear {
+    let pose = Pose::draw(specimen, degrees);
+    render::expose(render::render(texels, &pose, size), specimen, degrees)
+}
+
+impl Source for Simulator {
+    type Error = SimulateError;
+
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn surfaces(&self) -> &[Surface] {
+        &self.surfaces
+    }
+
+    fn view_angles(&self) -> &[RollAngle] {
+        &self.angles
+    }
+
+    fn tactile(&self) -> &TactileTable {
+        &self.tactile
+    }
+
+    /// Rounded to 8 bits as a PNG is, so that a simulated set and its written copy are the same to
+    /// the last bit.
+    fn frame(&self, surface: usize, view: usize) -> Result<Frame, SimulateError> {
+        let bytes = self.frame_bytes(surface, view)?;
+        Ok(Frame {
+            width: self.spec.size,
+            height: self.spec.size,
+            data: bytes.iter().map(|&b| f32::from(b) / 255.0).collect(),
+        })
+    }
+
+    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, SimulateError> {
+        let specimen = self.specimen(surface)?;
+        let angle = self.angle(view)?;
+        Ok(fingerprint::frame_key(specimen, angle, self.spec.size))
+    }
+}

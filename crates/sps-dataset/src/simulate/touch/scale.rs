@@ -1,0 +1,144 @@
+//! From a response to the Toccare's scale: a fixed monotone map for each property.
+//!
+//! The published figure gives five quantiles of each property. Between the quartiles the map is
+//! linear in probability; beyond them it is exponential, with the rate at which the density of the
+//! values is continuous at the quartile. The response's own quantiles are the constants of
+//! [`super::calibration`]: they are the same for every simulated set, so a surface's values do not
+//! depend on which others there are.
+
+use super::super::numeric;
+use super::Values;
+use super::calibration::RESPONSES;
+
+/// Probabilities at which the responses are tabulated.
+pub(super) const PROBABILITIES: [f64; 29] = [
+    0.0, 0.002, 0.005, 0.01, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6,
+    0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.93, 0.96, 0.98, 0.99, 0.995, 0.998, 1.0,
+];
+
+/// Minimum, quartiles and maximum of each property, as published.
+pub(super) const PUBLISHED: [[f64; 5]; 15] = [
+    [13.3, 30.0, 34.5, 46.6, 100.0],
+    [6.8, 22.7, 27.6, 35.8, 64.0],
+    [2.0, 22.8, 34.8, 46.2, 61.6],
+    [2.6, 37.8, 47.2, 55.5, 90.5],
+    [0.0, 26.4, 36.2, 46.0, 86.0],
+    [0.0, 0.5, 2.0, 5.9, 69.8],
+    [0.0, 26.3, 34.3, 43.4, 98.8],
+    [0.0, 10.3, 14.9, 20.6, 36.5],
+    [0.0, 6.3, 12.3, 18.6, 36.2],
+    [0.0, 0.4, 2.6, 5.8, 79.6],
+    [0.0, 0.8, 4.3, 8.9, 100.0],
+    [0.0, 0.3, 3.8, 8.1, 63.4],
+    [0.0, 1.4, 7.2, 10.6, 75.8],
+    [0.0, 0.4, 2.9, 7.3, 70.2],
+    [4.0, 5.8, 6.6, 7.5, 100.0],
+];
+
+/// Reads all responses on the scale.
+pub(super) fn read(responses: &Values) -> Values {
+    std::array::from_fn(|i| {
+        let p = probability(&RESPONSES[i], responses[i]);
+        quantile(&PUBLISHED[i], p)
+    })
+}
+
+/// The share of surfaces with a lower response, linear between the tabulated ones.
+fn probability(table: &[f64; 29], response: f64) -> f64 {
+    let above = table.partition_point(|&knot| knot <= response);
+    if above == 0 {
+        return 0.0;
+    }
+    if above == table.len() {
+        return 1.0;
+    }
+    let (lo, hi) = (table[above - 1], table[above]);
+    let (p, q) = (PROBABILITIES[above - 1], PROBABILITIES[above]);
+    p + (q - p) * (response - lo) / (hi - lo)
+}
+
+/// The value below which a share `p` of the published surfaces lies.
+fn quantile(&[min, q1, median, q3, max]: &[f64; 5], p: f64) -> f64 {
+    let inner = |lo: f64, hi: f64, from: f64| lo + (hi - lo) * (p - from) / 0.25;
+    match p {
+        p if p < 0.25 => q1 - tail(q1 - min, median - q1, 1.0 - p / 0.25),
+        p if p < 0.5 => inner(q1, median, 0.25),
+        p if p < 0.75 => inner(median, q3, 0.5),
+        _ => q3 + tail(max - q3, q3 - median, (p - 0.75) / 0.25),
+    }
+}
+
+/// From 0 at `t = 0` to `reach` at `t = 1`, leaving with slope `slope` and then growing or falling
+/// off exponentially: `reach (e^(k t) - 1) / (e^k - 1)`.
+fn tail(reach: f64, slope: f64, t: f64) -> f64 {
+    let k = rate(reach, slope);
+    if k.abs() < 1e-6 {
+        return reach * t;
+    }
+    reach * (numeric::exp(k * t) - 1.0) / (numeric::exp(k) - 1.0)
+}
+
+/// The `k` with `reach k / (e^k - 1) = slope`, by bisection.
+fn rate(reach: f64, slope: f64) -> f64 {
+    let (mut lo, mut hi) = (-20.0f64, 20.0f64);
+    for _ in 0..60 {
+        let k = 0.5 * (lo + hi);
+        let start = if k.abs() < 1e-9 {
+            1.0
+        } else {
+            k / (numeric::exp(k) - 1.0)
+        };
+        if reach * start > slope {
+            lo = k;
+        } else {
+            hi = k;
+        }
+    }
+    0.5 * (lo + hi)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use crate::Property;
+
+    use super::*;
+
+    #[test]
+    fn the_quantiles_are_the_published_ones() {
+        #[derive(serde::Deserialize)]
+        struct Published {
+            quantiles: BTreeMap<String, [f64; 5]>,
+        }
+        let text = include_str!("../../../../../fixtures/paper/dataset-statistics.toml");
+        let published: Published = toml::from_str(text).unwrap();
+        for (property, ours) in Property::ALL.into_iter().zip(PUBLISHED) {
+            assert_eq!(ours, published.quantiles[property.code()], "{property}");
+            for (p, value) in [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().zip(ours) {
+                assert!(
+                    (quantile(&ours, p) - value).abs() < 1e-9,
+                    "{property} at {p}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn values_rise_with_probability_and_density_is_continuous_at_the_quartiles() {
+        for published in PUBLISHED {
+            let mut last = -1.0;
+            for i in 0..=1000 {
+                let value = quantile(&published, f64::from(i) / 1000.0);
+                assert!(value >= last, "{published:?} at {i}");
+                last = value;
+            }
+            for p in [0.25, 0.75] {
+                let step = 1e-6;
+                let before = quantile(&published, p) - quantile(&published, p - step);
+                let after = quantile(&published, p + step) - quantile(&published, p);
+                assert!((before / after - 1.0).abs() < 1e-3, "{published:?} at {p}");
+            }
+        }
+    }
+}

@@ -1,0 +1,130 @@
+use rayon::prelude::*;
+
+use crate::{Frame, TactileTable};
+
+/// A physical surface: what was imaged and touched.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Surface {
+    /// Its name, unique within a source.
+    pub id: String,
+    /// Its material label as the source writes it, for example `denim`.
+    pub material: String,
+    /// Surfaces of one group must not be split apart.
+    pub group: String,
+}
+
+/// A rotation about the roll axis in degrees; 0 looks straight down (nadir).
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub struct RollAngle(
+    /// Degrees.
+    pub f64,
+);
+
+impl RollAngle {
+    /// Straight down: the view that single-image experiments use (section 5).
+    pub const NADIR: Self = Self(0.0);
+}
+
+/// Identifies the content of a frame: equal keys mean equal pixels.
+pub type FrameKey = [u8; 32];
+
+/// Names one frame of a source.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct FrameIndex {
+    /// Index of the surface.
+    pub surface: usize,
+    /// Index of the view.
+    pub view: usize,
+}
+
+/// Surfaces with an image sequence each and a tactile table: a dataset on disk or a simulator.
+///
+/// Nothing is decoded or rendered before [`Source::frame`] asks for it.
+pub trait Source: Send + Sync {
+    /// The error of reading or rendering a frame.
+    type Error: std::error::Error + Send + Sync + 'static;
+
+    /// What the source is called in reports.
+    fn name(&self) -> &str;
+
+    /// The surfaces, in the order that every index refers to.
+    fn surfaces(&self) -> &[Surface];
+
+    /// The roll angle of each view, the same for all surfaces.
+    fn view_angles(&self) -> &[RollAngle];
+
+    /// Every tactile reading of every surface.
+    fn tactile(&self) -> &TactileTable;
+
+    /// Decodes or renders one view of one surface.
+    ///
+    /// # Errors
+    /// Where the frame is missing or damaged, or an index is out of range.
+    fn frame(&self, surface: usize, view: usize) -> Result<Frame, Self::Error>;
+
+    /// A key that changes whenever the pixels of [`Source::frame`] would change; cheaper than the
+    /// frame itself.
+    ///
+    /// # Errors
+    /// As [`Source::frame`].
+    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, Self::Error>;
+
+    /// The view nearest to an angle; see [`nearest_view`].
+    fn nearest_view(&self, angle: RollAngle) -> Option<usize> {
+        nearest_view(self.view_angles(), angle)
+    }
+}
+
+/// Angles closer than this, in degrees, are equally near: far below any mechanism's error, far
+/// above that of their computation.
+const SAME_ANGLE: f64 = 1e-9;
+
+/// The index of the angle nearest to the one asked for, the lower where two are equally near.
+///
+/// `None` where there is no view, or no distance to it.
+///
+/// ```
+/// use sps_dataset::{RollAngle, ViewAngles, nearest_view};
+///
+/// let views = ViewAngles::evenly_spaced(-45.0, 45.0, 100)?;
+/// assert_eq!(nearest_view(views.as_slice(), RollAngle::NADIR), Some(49));
+/// # Ok::<(), sps_dataset::InvalidAngles>(())
+/// ```
+pub fn nearest_view(views: &[RollAngle], angle: RollAngle) -> Option<usize> {
+    let distance = |view: &RollAngle| (view.0 - angle.0).abs();
+    let least = views.iter().map(distance).fold(f64::INFINITY, f64::min);
+    views
+        .iter()
+        .position(|view| distance(view) <= least + SAME_ANGLE && least.is_finite())
+}
+
+/// Decodes or renders the given frames in parallel; the result is in the order asked for.
+///
+/// All of them are held at once; [`map_frames`] makes something smaller of each as it comes.
+///
+/// # Errors
+/// That of the first frame, in the order asked for, that failed.
+pub fn decode_frames<S: Source>(source: &S, frames: &[FrameIndex]) -> Result<Vec<Frame>, S::Error> {
+    map_frames(source, frames, |_, frame| frame)
+}
+
+/// Decodes or renders the given frames in parallel and hands each to `make` on the same thread;
+/// the result is in the order asked for, whatever the number of threads.
+///
+/// # Errors
+/// That of the first frame, in the order asked for, that failed.
+pub fn map_frames<S: Source, T: Send>(
+    source: &S,
+    frames: &[FrameIndex],
+    make: impl Fn(FrameIndex, Frame) -> T + Sync,
+) -> Result<Vec<T>, S::Error> {
+    let made: Vec<Result<T, S::Error>> = frames
+        .par_iter()
+        .map(|&index| {
+            source
+                .frame(index.surface, index.view)
+                .map(|frame| make(index, frame))
+        })
+        .collect();
+    made.into_iter().collect()
+}

@@ -1,0 +1,149 @@
+use super::PropertyOrder;
+use super::json_node::Node;
+use super::keyed::{Touch, Values};
+use crate::tactile::is_plausible;
+use crate::{DatasetErrorKind, Property};
+
+/// What the values of a row are: the order that was given, or else the properties that the
+/// objects of the document name.
+pub(super) struct Columns<'a> {
+    order: Option<&'a PropertyOrder>,
+    named: Vec<Property>,
+}
+
+impl<'a> Columns<'a> {
+    pub(super) fn new(order: Option<&'a PropertyOrder>) -> Self {
+        Self {
+            order,
+            named: Vec::new(),
+        }
+    }
+
+    /// Takes note of the properties that an object names.
+    pub(super) fn note<'b>(
+        &mut self,
+        names: impl IntoIterator<Item = &'b str>,
+    ) -> Result<(), DatasetErrorKind> {
+        for name in names {
+            let property = name.parse().map_err(DatasetErrorKind::UnknownProperty)?;
+            match self.order {
+                Some(order) if order.position(property).is_none() => {
+                    let expected = "only properties of `property-order`";
+                    return Err(DatasetErrorKind::unexpected("its keys", name, expected));
+                }
+                Some(_) => {}
+                None if self.named.contains(&property) => {}
+                None => self.named.push(property),
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn properties(&self) -> &[Property] {
+        self.order.map_or(&self.named, |order| order)
+    }
+
+    /// The values of an object; a property that it does not have was not measured.
+    pub(super) fn of_object<'b>(
+        &self,
+        entries: impl IntoIterator<Item = (&'b str, &'b Node)>,
+    ) -> Result<Values, DatasetErrorKind> {
+        let mut values: Vec<Option<&Node>> = vec![None; self.properties().len()];
+        for (name, node) in entries {
+            let column = self
+                .properties()
+                .iter()
+                .position(|property| property.code() == name);
+            let value = column.and_then(|column| values.get_mut(column));
+            if value.is_some_and(|value| value.replace(node).is_some()) {
+                let found = format!("`{name}` twice");
+                return Err(DatasetErrorKind::unexpected("its keys", found, "it once"));
+            }
+        }
+        let named = self.properties().iter().zip(values);
+        named
+            .map(|(property, node)| node.map_or(Ok(None), |node| measured(*property, node)))
+            .collect()
+    }
+
+    /// The touches of one entry: an object or a list of values is one, a list of those the repeats
+    /// at one location, and a list of such lists the locations.
+    pub(super) fn touches(&self, node: &Node) -> Result<Vec<Touch>, DatasetErrorKind> {
+        match node {
+            Node::Object(entries) => {
+                let entries = entries.iter().map(|(name, node)| (name.as_str(), node));
+                Ok(vec![(0, 0, self.of_object(entries)?)])
+            }
+            Node::List(list) => match depth(list) {
+                1 => Ok(vec![(0, 0, self.of_list(list)?)]),
+                2 => self.repeats(0, list),
+                _ => {
+                    let locations = (0..).zip(list);
+                    let touches = locations.map(|(at, node)| self.repeats(at, node.as_list()?));
+                    Ok(touches.collect::<Result<Vec<_>, _>>()?.concat())
+                }
+            },
+            other => Err(DatasetErrorKind::unexpected(
+                "an entry",
+                other.describe(),
+                "an object or a list of values, of repeats or of locations",
+            )),
+        }
+    }
+
+    fn repeats(&self, location: u32, list: &[Node]) -> Result<Vec<Touch>, DatasetErrorKind> {
+        let repeats = (0..).zip(list);
+        repeats
+            .map(|(at, node)| Ok((location, at, self.of_list(node.as_list()?)?)))
+            .collect()
+    }
+
+    fn of_list(&self, list: &[Node]) -> Result<Values, DatasetErrorKind> {
+        let order = self.order.ok_or(DatasetErrorKind::NoPropertyOrder)?;
+        if list.len() != order.len() {
+            return Err(DatasetErrorKind::unexpected(
+                "the length of a list",
+                list.len().to_string(),
+                format!("{}, one per entry of `property-order`", order.len()),
+            ));
+        }
+        order
+            .iter()
+            .zip(list)
+            .map(|(&property, node)| measured(property, node))
+            .collect()
+    }
+}
+
+impl Node {
+    fn as_list(&self) -> Result<&[Self], DatasetErrorKind> {
+        match self {
+            Self::List(list) => Ok(list),
+            other => Err(DatasetErrorKind::unexpected(
+                "an entry",
+                other.describe(),
+                "a list",
+            )),
+        }
+    }
+}
+
+/// How many lists are inside one another, judged by the first item of each.
+fn depth(list: &[Node]) -> usize {
+    match list.first() {
+        Some(Node::List(inner)) => 1 + depth(inner),
+        _ => 1,
+    }
+}
+
+fn measured(property: Property, node: &Node) -> Result<Option<f64>, DatasetErrorKind> {
+    match node {
+        Node::Null => Ok(None),
+        Node::Number(value) if is_plausible(*value) => Ok(Some(*value)),
+        other => Err(DatasetErrorKind::NotANumber {
+            column: property.code().to_owned(),
+            found: other.describe(),
+            expected: "a number within 1e9 of 0, or null",
+        }),
+    }
+}

@@ -1,0 +1,234 @@
+//! One array of NumPy's format (NEP 1): numbers of any real dtype, or texts.
+//!
+//! The crates that read it take ndarray 0.17 or a whole parser generator for the few words of its
+//! header.
+
+/// An array in C order.
+#[derive(Debug, PartialEq)]
+pub(super) struct Array {
+    pub(super) shape: Vec<usize>,
+    pub(super) items: Items,
+}
+
+#[derive(Debug, PartialEq)]
+pub(super) enum Items {
+    Numbers(Vec<f64>),
+    Texts(Vec<String>),
+}
+
+struct Header {
+    descr: String,
+    fortran_order: bool,
+    shape: Vec<usize>,
+}
+
+/// Reads an array of at most `most` items; an error says what is wrong.
+pub(super) fn read(bytes: &[u8], most: u64) -> Result<Array, String> {
+    let (header, data) = split(bytes).ok_or("it has no whole NumPy header")?;
+    let header = std::str::from_utf8(header).map_err(|_| "its header is no text")?;
+    let Header {
+        descr,
+        fortran_order,
+        shape,
+    } = parse_header(header)?;
+    let item = Item::of(&descr)?;
+    let count = shape
+        .iter()
+        .try_fold(1_usize, |all, &axis| all.checked_mul(axis));
+    let size = count.and_then(|count| count.checked_mul(item.size()));
+    let data = size.and_then(|size| data.get(..size)).ok_or_else(|| {
+        format!(
+            "its header says shape {shape:?} of `{descr}`, but it has {} bytes",
+            data.len()
+        )
+    })?;
+    if count.is_none_or(|count| count as u64 > most) {
+        return Err(format!(
+            "its header says shape {shape:?}, more than the limit of {most} items"
+        ));
+    }
+    let items = item.decode(data);
+    Ok(Array {
+        items: if fortran_order {
+            items.into_c_order(&shape)
+        } else {
+            items
+        },
+        shape,
+    })
+}
+
+/// The text of the header, and the bytes after it.
+fn split(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let rest = bytes.strip_prefix(b"\x93NUMPY")?;
+    let (version, rest) = rest.split_at_checked(2)?;
+    let wide = version[0] > 1;
+    let (length, rest) = rest.split_at_checked(if wide { 4 } else { 2 })?;
+    let length = length
+        .iter()
+        .rev()
+        .fold(0, |all, &byte| all << 8 | usize::from(byte));
+    rest.split_at_checked(length)
+}
+
+/// `{'descr': '<f8', 'fortran_order': False, 'shape': (3, 15), }`
+fn parse_header(text: &str) -> Result<Header, String> {
+    let wrong = || format!("its header is not one of NumPy's: {}", text.trim_end());
+    let after = |key: &str| {
+        let (_, rest) = text.split_once(&format!("'{key}':")).ok_or_else(wrong)?;
+        Ok::<&str, String>(rest.trim_start())
+    };
+    let descr = after("descr")?;
+    let descr = descr
+        .strip_prefix('\'')
+        .and_then(|rest| rest.split_once('\''));
+    let Some((descr, _)) = descr else {
+        return Err("its items are records of several fields, expected numbers or texts".into());
+    };
+    let order = after("fortran_order")?;
+    let fortran_order = order.starts_with("True");
+    if !fortran_order && !order.starts_with("False") {
+        return Err(wrong());
+    }
+    let shape = after("shape")?
+        .strip_prefix('(')
+        .and_then(|rest| rest.split_once(')'));
+    let (shape, _) = shape.ok_or_else(wrong)?;
+    let axes = shape
+        .split(',')
+        .map(str::trim)
+        .filter(|axis| !axis.is_empty());
+    let shape = axes
+        .map(|axis| axis.parse().map_err(|_| wrong()))
+        .collect::<Result<_, _>>()?;
+    Ok(Header {
+        descr: descr.to_owned(),
+        fortran_order,
+        shape,
+    })
+}
+
+/// What an item is and how it is stored.
+struct Item {
+    kind: u8,
+    /// Bytes, or for `U` code points.
+    width: usize,
+    big_endian: bool,
+}
+
+impl Item {
+    fn of(descr: &str) -> Result<Self, String> {
+        let unknown = || match descr.strip_prefix(['|', '<', '>', '=']).unwrap_or(descr) {
+            "O" => "its items are pickled Python objects, expected plain numbers: save it again \
+                    as an array of floats"
+                .to_owned(),
+            _ => format!(
+                "its items are of dtype `{descr}`, expected i1 to i8, u1 to u8, f4 or f8, or U or S"
+            ),
+        };
+        let (order, kind, width) = match descr.as_bytes() {
+            [order @ (b'<' | b'>' | b'|' | b'='), kind, width @ ..] => (*order, *kind, width),
+            _ => return Err(unknown()),
+        };
+        let width: usize = std::str::from_utf8(width)
+            .ok()
+            .and_then(|w| w.parse().ok())
+            .ok_or_else(unknown)?;
+        let known = match kind {
+            b'i' | b'u' => matches!(width, 1 | 2 | 4 | 8),
+            b'f' => matches!(width, 4 | 8),
+            b'U' | b'S' => (1..=4096).contains(&width),
+            _ => false,
+        };
+        let native_big = order == b'=' && cfg!(target_endian = "big");
+        let big_endian = order == b'>' || native_big;
+        if known {
+            Ok(Self {
+                kind,
+                width,
+                big_endian,
+            })
+        } else {
+            Err(unknown())
+        }
+    }
+
+    fn size(&self) -> usize {
+        if self.kind == b'U' {
+            self.width * 4
+        } else {
+            self.width
+        }
+    }
+
+    fn decode(&self, data: &[u8]) -> Items {
+        let items = data.chunks_exact(self.size());
+        match self.kind {
+            b'U' => Items::Texts(items.map(|item| self.wide_text(item)).collect()),
+            b'S' => Items::Texts(items.map(text).collect()),
+            _ => Items::Numbers(items.map(|item| self.number(item)).collect()),
+        }
+    }
+
+    /// The bytes of an item as one integer.
+    fn bits(&self, item: &[u8]) -> u64 {
+        let join = |all: u64, &byte: &u8| all << 8 | u64::from(byte);
+        if self.big_endian {
+            item.iter().fold(0, join)
+        } else {
+            item.iter().rev().fold(0, join)
+        }
+    }
+
+    fn number(&self, item: &[u8]) -> f64 {
+        let bits = self.bits(item);
+        let unused = 64 - 8 * item.len() as u32;
+        match (self.kind, item.len()) {
+            (b'f', 4) => f64::from(f32::from_bits(bits as u32)),
+            (b'f', _) => f64::from_bits(bits),
+            (b'i', _) => ((bits << unused) as i64 >> unused) as f64,
+            _ => bits as f64,
+        }
+    }
+
+    fn wide_text(&self, item: &[u8]) -> String {
+        let points = item.chunks_exact(4).map(|point| self.bits(point) as u32);
+        points
+            .take_while(|&point| point != 0)
+            .map(|point| char::from_u32(point).unwrap_or(char::REPLACEMENT_CHARACTER))
+            .collect()
+    }
+}
+
+fn text(item: &[u8]) -> String {
+    let end = item
+        .iter()
+        .position(|&byte| byte == 0)
+        .unwrap_or(item.len());
+    String::from_utf8_lossy(&item[..end]).into_owned()
+}
+
+impl Items {
+    /// From the order in which the first axis moves fastest.
+    fn into_c_order(self, shape: &[usize]) -> Self {
+        match self {
+            Self::Numbers(items) => Self::Numbers(c_order(&items, shape)),
+            Self::Texts(items) => Self::Texts(c_order(&items, shape)),
+        }
+    }
+}
+
+fn c_order<T: Clone>(items: &[T], shape: &[usize]) -> Vec<T> {
+    let from = |mut index: usize| {
+        // Digits of the C-order index, last axis first, put together the other way round.
+        let mut at = 0;
+        let mut stride = items.len();
+        for &axis in shape.iter().rev() {
+            stride /= axis;
+            at += index % axis * stride;
+            index /= axis;
+        }
+        items[at].clone()
+    };
+    (0..items.len()).map(from).collect()
+}

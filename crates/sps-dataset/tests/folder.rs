@@ -1,0 +1,398 @@
+//! A dataset in a folder: what is read of it, and what is refused with which words.
+
+#[path = "common/folder.rs"]
+mod folder;
+
+use std::path::{Path, PathBuf};
+
+use folder::{MANIFEST, Made, SURFACES};
+use sps_dataset::{
+    DatasetErrorKind, DatasetFolder, DecodeSettings, FrameErrorKind, FrameIndex, JsonLayout,
+    NonFinite, Property, ReadSettings, RollAngle, Source, TableFormat, TactileSettings,
+    decode_frames,
+};
+
+fn tiny_path() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/tiny-dataset")
+}
+
+fn tiny() -> DatasetFolder {
+    DatasetFolder::open(&tiny_path(), &ReadSettings::default()).unwrap()
+}
+
+const TABLE: &str = "surface,location,repeat,fRS,cDF\na,0,0,1,2\n";
+
+#[test]
+fn the_tiny_dataset_is_what_its_readme_says() {
+    let dataset = tiny();
+    assert_eq!((dataset.name(), dataset.surfaces().len()), ("tiny", 6));
+    let angles: Vec<_> = dataset.view_angles().iter().map(|angle| angle.0).collect();
+    assert_eq!(angles, [-45.0, -22.5, 0.0, 22.5, 45.0]);
+    assert_eq!(dataset.nearest_view(RollAngle::NADIR), Some(2));
+    assert_eq!(dataset.nearest_view(RollAngle(-40.0)), Some(0));
+    let surface = &dataset.surfaces()[1];
+    assert_eq!(
+        (
+            surface.id.as_str(),
+            surface.material.as_str(),
+            surface.group.as_str()
+        ),
+        ("denim-02", "denim", "denim-bolt")
+    );
+    let inspection = dataset.inspect(&TactileSettings::default());
+    assert_eq!((inspection.readings, inspection.groups), (60, 5));
+    assert_eq!(
+        inspection.materials[..2],
+        [("denim".to_owned(), 2), ("wood".to_owned(), 2)]
+    );
+    let summary = |property| {
+        inspection
+            .properties
+            .iter()
+            .find(|s| s.property == property)
+            .unwrap()
+    };
+    assert_eq!(summary(Property::TCO).missing_cells, 1);
+    let tack = summary(Property::ATK);
+    assert_eq!((tack.missing_cells, tack.measured), (10, 5));
+    assert_eq!(summary(Property::CDF).out_of_range.above, 1);
+    assert_eq!(summary(Property::MCO).out_of_range.below, 1);
+    assert!(inspection.untouched.is_empty());
+}
+
+#[test]
+fn the_four_forms_of_its_table_agree() {
+    let read = |table: &str| {
+        #[derive(serde::Deserialize)]
+        struct Config {
+            table: TableFormat,
+        }
+        let config: Config = sps_dataset::parse_toml("test".as_ref(), table).unwrap();
+        let settings = ReadSettings {
+            table: Some(config.table),
+            ..ReadSettings::default()
+        };
+        let dataset = DatasetFolder::open(&tiny_path(), &settings).unwrap();
+        dataset.tactile().averages(&TactileSettings::default(), 6)
+    };
+    let order = Property::ALL
+        .map(|property| format!("\"{property}\""))
+        .join(", ");
+    let forms = [
+        "[table.wide-csv]\nfile = \"wide.csv\"".to_owned(),
+        format!("[table.json]\nproperty-order = [{order}]"),
+        #[cfg(feature = "npz")]
+        format!("[table.npz]\nproperty-order = [{order}]\nstatistics.restore = true"),
+    ];
+    let long = read("[table.long-csv]");
+    for form in forms {
+        let other = read(&form);
+        for property in Property::ALL {
+            for surface in 0..6 {
+                // NumPy's averages, and values standardised and restored in double precision.
+                match (
+                    long.value(surface, property),
+                    other.value(surface, property),
+                ) {
+                    (Some(a), Some(b)) => assert!((a - b).abs() < 1e-12, "{form}: {a} {b}"),
+                    (a, b) => assert_eq!(a, b, "{form}: {property} of {surface}"),
+                }
+            }
+        }
+    }
+}
+
+#[cfg(feature = "exr")]
+#[test]
+fn frames_of_three_formats_come_in_the_order_asked_for() {
+    let dataset = tiny();
+    let all: Vec<_> = (0..6)
+        .flat_map(|surface| (0..5).rev().map(move |view| FrameIndex { surface, view }))
+        .collect();
+    let frames = decode_frames(&dataset, &all).unwrap();
+    for (index, frame) in all.iter().zip(&frames) {
+        assert_eq!(
+            (frame.width, frame.height, frame.data.len()),
+            (32, 32, 32 * 32 * 3)
+        );
+        assert_eq!(frame, &dataset.frame(index.surface, index.view).unwrap());
+    }
+    let indices = sps_dataset::map_frames(&dataset, &all, |index, _| index).unwrap();
+    assert_eq!(indices, all);
+    // The glazed tile, seen straight down, is brighter than white all over.
+    let tile = dataset.decode(5, 2).unwrap();
+    assert_eq!(tile.light.clipped, 32 * 32 * 3);
+    assert!(
+        tile.frame
+            .data
+            .iter()
+            .all(|&value| (value - 1.0).abs() < 1e-6)
+    );
+}
+
+#[test]
+fn the_first_frame_that_fails_is_the_one_reported() {
+    let made = Made::new("", "tactile.csv", TABLE);
+    let dataset = made.open().unwrap();
+    let frames = [2, 0, 1].map(|surface| FrameIndex { surface, view: 0 });
+    let refused = decode_frames(&dataset, &frames).unwrap_err();
+    assert!(refused.path().ends_with("frames/c"), "{refused}");
+}
+
+#[test]
+fn frame_keys_follow_the_content_and_what_changes_pixels() {
+    let dataset = tiny();
+    let mut keys: Vec<_> = (0..30)
+        .map(|i| dataset.frame_key(i / 5, i % 5).unwrap())
+        .collect();
+    assert_eq!(keys[7], tiny().frame_key(1, 2).unwrap());
+    keys.sort_unstable();
+    keys.dedup();
+    assert_eq!(keys.len(), 30);
+
+    let key_with = |images: DecodeSettings| {
+        let settings = ReadSettings {
+            images,
+            ..ReadSettings::default()
+        };
+        DatasetFolder::open(&tiny_path(), &settings)
+            .unwrap()
+            .frame_key(0, 0)
+            .unwrap()
+    };
+    let default = DecodeSettings::default;
+    let same = key_with(default());
+    assert_eq!(same, tiny().frame_key(0, 0).unwrap());
+    let others = [
+        DecodeSettings {
+            exposure_stops: 1.0,
+            ..default()
+        },
+        DecodeSettings {
+            background: [0.0; 3],
+            ..default()
+        },
+        DecodeSettings {
+            exr_layer: Some(String::new()),
+            ..default()
+        },
+        DecodeSettings {
+            non_finite: NonFinite::Reject,
+            ..default()
+        },
+    ];
+    for other in others {
+        assert_ne!(key_with(other), same);
+    }
+    // How much a file may ask for changes no pixel.
+    let mut limited = default();
+    limited.limits.pixels = 1 << 20;
+    assert_eq!(key_with(limited), same);
+}
+
+#[test]
+fn a_missing_folder_or_file_is_named() {
+    let nowhere = DatasetFolder::open(Path::new("/nowhere/at all"), &ReadSettings::default());
+    assert_eq!(
+        nowhere.unwrap_err().to_string(),
+        "/nowhere/at all: not a dataset: there is no such folder"
+    );
+    let made = Made::new("", "tactile.csv", TABLE);
+    std::fs::remove_file(made.path().join("tactile.csv")).unwrap();
+    let refused = made.open().unwrap_err();
+    assert!(refused.path().ends_with("tactile.csv"));
+    assert!(
+        matches!(refused.kind(), DatasetErrorKind::Io(_)),
+        "{refused}"
+    );
+    std::fs::remove_file(made.path().join("dataset.toml")).unwrap();
+    assert!(
+        made.refusal()
+            .ends_with("not a dataset: it has no `dataset.toml`")
+    );
+    std::fs::create_dir(made.path().join("dataset.toml")).unwrap();
+    assert!(made.refusal().starts_with("dataset.toml: cannot be read"));
+}
+
+#[test]
+fn manifest_errors_name_the_line_and_the_nearest_key() {
+    let cases = [
+        (
+            MANIFEST.replace("properties", "propertys"),
+            "dataset.toml, line 2: unknown key `propertys`, did you mean `properties`? Expected one of \
+          `name`, `description`, `source`, `properties`, `view-angles-deg`, `tactile`",
+        ),
+        (
+            MANIFEST.replace("fRS", "frs"),
+            "dataset.toml, line 2: is not valid TOML: unknown tactile property `frs`, did you mean \
+          `fRS`? The fifteen are fRS, fST, uCO, uRO, mRG, mCO, mTX, tCO, tPR, cCM, cDF, cDP, cRX, \
+          cYD, aTK",
+        ),
+        (
+            MANIFEST.replace("cDF", "fRS"),
+            "dataset.toml, line 2: is not valid TOML: property `fRS` is listed twice",
+        ),
+        (
+            MANIFEST.replace("[0.0]", "[]"),
+            "dataset.toml, line 3: is not valid TOML: a dataset has at least one view",
+        ),
+        (
+            MANIFEST.replace("[0.0]", "[0.0, nan]"),
+            "dataset.toml, line 3: is not valid TOML: a view angle is a finite number of degrees",
+        ),
+        (
+            MANIFEST.replace("[0.0]", "\"level\""),
+            "dataset.toml, line 3: is not valid TOML: invalid type: string \"level\", expected a list of \
+          degrees or { from = DEGREES, to = DEGREES, count = VIEWS }",
+        ),
+        (
+            MANIFEST.replace("[0.0]", "{ from = -45, to = 45, cuont = 3 }"),
+            "dataset.toml, line 3: unknown key `cuont`, did you mean `count`? Expected one of `from`, \
+          `to`, `count`",
+        ),
+        (
+            MANIFEST.replace("[0.0]", "{ from = -45, to = 45, count = 1000000000000 }"),
+            "dataset.toml, line 3: is not valid TOML: a sequence has at most 1000000 views",
+        ),
+        (
+            format!("{MANIFEST}[tactile.wide-cvs]\n"),
+            "dataset.toml, line 4: unknown value `wide-cvs`, did you mean `wide-csv`? Expected one of \
+          `long-csv`, `wide-csv`, `npz`, `json`",
+        ),
+        (
+            format!("{MANIFEST}[tactile.json]\nlayout = \"record\"\n"),
+            "dataset.toml, line 5: unknown value `record`, did you mean `records`? Expected one of \
+          `keyed`, `records`",
+        ),
+    ];
+    for (manifest, expected) in cases {
+        let made = Made::new("", "tactile.csv", TABLE);
+        made.write("dataset.toml", manifest);
+        assert_eq!(made.refusal(), expected);
+    }
+    let made = Made::new("", "tactile.csv", TABLE);
+    made.write("dataset.toml", "name = ");
+    assert!(
+        made.refusal()
+            .starts_with("dataset.toml, line 1: is not valid TOML: ")
+    );
+    assert_eq!(JsonLayout::default(), JsonLayout::Keyed);
+}
+
+#[test]
+fn surface_errors_name_the_line() {
+    let cases = [
+        (
+            format!("{SURFACES}a,silk,x\n"),
+            "surfaces.csv, line 5: surface `a` is listed twice, first at line 2",
+        ),
+        (
+            format!("{SURFACES}../up,silk,x\n"),
+            "surfaces.csv, line 5: a surface's id: found `../up`, expected a name that does not begin \
+          with a dot",
+        ),
+        (
+            format!("{SURFACES}up/../../there,silk,x\n"),
+            "surfaces.csv, line 5: a surface's id: found `up/../../there`, expected a name without \
+          slashes, colons and control characters",
+        ),
+        (
+            format!("{SURFACES},silk,x\n"),
+            "surfaces.csv, line 5: a surface's id: found ``, expected a name",
+        ),
+        (
+            format!("{SURFACES}d,silk\n"),
+            "surfaces.csv, line 5: the cells of the line: found 2, expected 3",
+        ),
+        (
+            "surface,group,material\n".to_owned(),
+            "surfaces.csv, line 1: the header: found surface,group,material, expected \
+          surface,material,group",
+        ),
+        (
+            "surface,material,group\n".to_owned(),
+            "surfaces.csv: its rows: found none, expected at least one surface",
+        ),
+        (
+            String::new(),
+            "surfaces.csv, line 1: the header: found nothing, expected surface,material,group",
+        ),
+    ];
+    for (surfaces, expected) in cases {
+        let made = Made::new("", "tactile.csv", TABLE);
+        made.write("surfaces.csv", surfaces);
+        assert_eq!(made.refusal(), expected);
+    }
+}
+
+#[test]
+fn frame_errors_name_the_file() {
+    let made = Made::new("", "tactile.csv", TABLE);
+    let frames = made.path().join("frames/a");
+    std::fs::create_dir_all(&frames).unwrap();
+    let dataset = made.open().unwrap();
+    let refusal = |surface, view| dataset.frame(surface, view).unwrap_err().to_string();
+    assert!(refusal(0, 0).ends_with(
+        "frames/a: has no frame for view 0: looked for 000.png, 000.jpg, 000.jpeg, 000.exr"
+    ));
+    assert!(refusal(3, 0).ends_with(": there is no surface 3: the dataset has 3, counted from 0"));
+    assert!(refusal(0, 1).ends_with(": there is no view 1: the dataset has 1, counted from 0"));
+
+    let png = std::fs::read(tiny_path().join("frames/oak-02/000.png")).unwrap();
+    std::fs::write(frames.join("000.png"), &png[..png.len() / 2]).unwrap();
+    assert!(refusal(0, 0).contains("frames/a/000.png: is not a whole PNG image: "));
+    std::fs::write(frames.join("000.jpeg"), &png).unwrap();
+    assert!(
+        refusal(0, 0).ends_with("frames/a: has two frames for view 0: `000.png` and `000.jpeg`")
+    );
+    std::fs::remove_file(frames.join("000.png")).unwrap();
+    // Told by its content, not by its name.
+    assert_eq!(dataset.frame(0, 0).unwrap(), tiny().frame(3, 0).unwrap());
+
+    let mut settings = ReadSettings::default();
+    settings.images.limits.file_bytes = 100;
+    let limited = DatasetFolder::open(made.path(), &settings).unwrap();
+    let refused = limited.frame(0, 0).unwrap_err();
+    assert!(matches!(
+        refused.kind(),
+        FrameErrorKind::FileTooLarge { limit: 100, .. }
+    ));
+}
+
+#[cfg(feature = "exr")]
+#[test]
+fn inspection_finds_broken_and_unknown_frames() {
+    let made = Made::new("", "tactile.csv", TABLE);
+    for (surface, frame) in [
+        ("a", "oak-02/000.png"),
+        ("b", "tile-01/002.exr"),
+        ("x", "oak-01/001.jpg"),
+    ] {
+        let folder = made.path().join("frames").join(surface);
+        std::fs::create_dir_all(&folder).unwrap();
+        let ending = frame.rsplit('.').next().unwrap();
+        std::fs::copy(
+            tiny_path().join("frames").join(frame),
+            folder.join(format!("000.{ending}")),
+        )
+        .unwrap();
+    }
+    let dataset = made.open().unwrap();
+    let seen = std::sync::atomic::AtomicUsize::new(0);
+    let frames = dataset.inspect_frames(|| {
+        seen.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    });
+    assert_eq!((frames.expected, seen.into_inner()), (3, 3));
+    assert_eq!(frames.sizes, [(32, 32, 2)]);
+    assert_eq!(frames.light.clipped, 32 * 32 * 3);
+    assert_eq!(frames.broken.len(), 1);
+    assert_eq!(
+        (frames.broken[0].surface.as_str(), frames.broken[0].view),
+        ("c", 0)
+    );
+    assert_eq!(frames.unknown_folders, ["x"]);
+    let inspection = dataset.inspect(&TactileSettings::default());
+    assert_eq!(inspection.untouched, ["b", "c"]);
+    assert_eq!(inspection.properties[0].quantiles, Some([1.0; 5]));
+    assert_eq!(inspection.properties[0].repeat_std, None);
+}

@@ -1,0 +1,57 @@
+//! The real dataset that this crate was made for, where it is at hand.
+
+use std::path::PathBuf;
+
+use sps_dataset::{
+    DatasetFolder, FrameIndex, Property, ReadSettings, RollAngle, Source, TactileSettings,
+    decode_frames,
+};
+
+/// The dataset, or nothing and a line that says so.
+fn friction_photos() -> Option<DatasetFolder> {
+    let folder =
+        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/friction-photos");
+    if !folder.is_dir() {
+        println!("skipped: {} is not there", folder.display());
+        return None;
+    }
+    Some(DatasetFolder::open(&folder, &ReadSettings::default()).unwrap())
+}
+
+#[test]
+fn every_photograph_decodes_to_its_size() {
+    let Some(dataset) = friction_photos() else {
+        return;
+    };
+    assert_eq!(dataset.surfaces().len(), 323);
+    assert_eq!(dataset.nearest_view(RollAngle::NADIR), Some(0));
+    let all: Vec<_> = (0..323)
+        .map(|surface| FrameIndex { surface, view: 0 })
+        .collect();
+    let frames = decode_frames(&dataset, &all).unwrap();
+    assert!(
+        frames
+            .iter()
+            .all(|frame| (frame.width, frame.height) == (128, 128))
+    );
+    assert!(
+        frames
+            .iter()
+            .flat_map(|frame| &frame.data)
+            .all(|v| (0.0..=1.0).contains(v))
+    );
+}
+
+#[test]
+fn each_photograph_has_one_measured_property() {
+    let Some(dataset) = friction_photos() else {
+        return;
+    };
+    let averages = dataset.tactile().averages(&TactileSettings::default(), 323);
+    assert_eq!(averages.properties(), [Property::FRS]);
+    // The first rows of its table.
+    assert_eq!(averages.value(0, Property::FRS), Some(16.0273));
+    assert_eq!(averages.value(1, Property::FRS), Some(16.4166));
+    assert!(averages.column(Property::FRS).iter().all(Option::is_some));
+    assert_eq!(averages.value(0, Property::CDF), None);
+}

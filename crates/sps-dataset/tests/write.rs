@@ -1,0 +1,383 @@
+//! Writing a dataset: what reads back, what is resumed and what is refused. The source is the tiny
+//! dataset, part of which is EXR.
+#![cfg(feature = "exr")]
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use sps_dataset::{
+    DatasetFolder, Frame, FrameFormat, FrameKey, ReadSettings, RollAngle, Source, Surface,
+    TactileTable, WriteErrorKind, WriteOptions, Written, write_dataset,
+};
+use tempfile::TempDir;
+
+/// The tiny dataset, counting the frames asked of it and failing from one of them on.
+struct Counted {
+    inner: DatasetFolder,
+    frames: AtomicUsize,
+    fail_from: usize,
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("the lamp went out")]
+struct LampOut;
+
+impl Counted {
+    fn new(fail_from: usize) -> Self {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/tiny-dataset");
+        let inner = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
+        Self {
+            inner,
+            frames: AtomicUsize::new(0),
+            fail_from,
+        }
+    }
+}
+
+impl Source for Counted {
+    type Error = LampOut;
+
+    fn name(&self) -> &str {
+        self.inner.name()
+    }
+
+    fn surfaces(&self) -> &[Surface] {
+        self.inner.surfaces()
+    }
+
+    fn view_angles(&self) -> &[RollAngle] {
+        self.inner.view_angles()
+    }
+
+    fn tactile(&self) -> &TactileTable {
+        self.inner.tactile()
+    }
+
+    fn frame(&self, surface: usize, view: usize) -> Result<Frame, LampOut> {
+        if self.frames.fetch_add(1, Ordering::Relaxed) >= self.fail_from {
+            return Err(LampOut);
+        }
+        self.inner.frame(surface, view).map_err(|_| LampOut)
+    }
+
+    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, LampOut> {
+        self.inner.frame_key(surface, view).map_err(|_| LampOut)
+    }
+}
+
+fn options(format: FrameFormat) -> WriteOptions {
+    let description = "A \"copy\",\nin two lines".to_owned();
+    WriteOptions {
+        format,
+        description,
+        source: "the fixture".to_owned(),
+    }
+}
+
+fn open(folder: &Path) -> DatasetFolder {
+    DatasetFolder::open(folder, &ReadSettings::default()).unwrap()
+}
+
+fn check_copy(folder: &Path, bound: f32) {
+    let (original, copy) = (Counted::new(usize::MAX), open(folder));
+    assert_eq!(copy.name(), original.name());
+    assert_eq!(copy.surfaces(), original.surfaces());
+    assert_eq!(copy.view_angles(), original.view_angles());
+    assert_eq!(copy.tactile(), original.tactile());
+    assert_eq!(copy.manifest().description, "A \"copy\",\nin two lines");
+    for index in 0..30 {
+        let [a, b] =
+            [&original.inner, &copy].map(|source| source.frame(index / 5, index % 5).unwrap());
+        assert_eq!((a.width, a.height), (b.width, b.height));
+        let worst = a
+            .data
+            .iter()
+            .zip(&b.data)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f32::max);
+        assert!(worst <= bound, "frame {index} is {worst} off");
+    }
+}
+
+#[test]
+fn png_reads_back_within_half_a_level() {
+    let folder = TempDir::new().unwrap();
+    let written = write_dataset(
+        &Counted::new(usize::MAX),
+        folder.path(),
+        &options(FrameFormat::Png),
+        |_, _| {},
+    );
+    assert_eq!(
+        written.unwrap(),
+        Written {
+            written: 6,
+            already_there: 0
+        }
+    );
+    check_copy(folder.path(), 0.5 / 255.0 + 1e-6);
+}
+
+#[test]
+fn exr_reads_back_within_the_documented_bound() {
+    let folder = TempDir::new().unwrap();
+    write_dataset(
+        &Counted::new(usize::MAX),
+        folder.path(),
+        &options(FrameFormat::Exr),
+        |_, _| {},
+    )
+    .unwrap();
+    check_copy(folder.path(), 3e-4);
+    // Every display value there can be, not only those of a picture.
+    let data: Vec<f32> = (0..30_000).map(|i| i as f32 / 29_999.0).collect();
+    let ramp = Frame {
+        width: 100,
+        height: 100,
+        data,
+    };
+    let bytes = FrameFormat::Exr.encode(&ramp).unwrap();
+    let back = sps_dataset::decode_image(&bytes, &sps_dataset::DecodeSettings::default()).unwrap();
+    let worst = ramp
+        .data
+        .iter()
+        .zip(&back.frame.data)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f32::max);
+    assert!(worst <= 3e-4, "{worst}");
+}
+
+#[test]
+fn stopped_and_started_again_it_goes_on_from_finished_surfaces() {
+    let folder = TempDir::new().unwrap();
+    let stopped = write_dataset(
+        &Counted::new(14),
+        folder.path(),
+        &options(FrameFormat::Png),
+        |_, _| {},
+    );
+    let stopped = stopped.unwrap_err();
+    assert!(
+        matches!(stopped.kind(), WriteErrorKind::Frame { .. }),
+        "{stopped}"
+    );
+    assert!(
+        stopped.to_string().ends_with("the lamp went out"),
+        "{stopped}"
+    );
+    assert!(!folder.path().join("dataset.toml").exists());
+    let frames = folder.path().join("frames");
+    let finished: Vec<PathBuf> = std::fs::read_dir(&frames)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    for surface in &finished {
+        assert_eq!(
+            std::fs::read_dir(surface).unwrap().count(),
+            5,
+            "{}",
+            surface.display()
+        );
+    }
+
+    let rest = Counted::new(usize::MAX);
+    let calls = AtomicUsize::new(0);
+    let count = |_, total| {
+        assert_eq!(total, 6);
+        calls.fetch_add(1, Ordering::Relaxed);
+    };
+    let written = write_dataset(&rest, folder.path(), &options(FrameFormat::Png), count).unwrap();
+    let expected = Written {
+        written: 6 - finished.len(),
+        already_there: finished.len(),
+    };
+    assert_eq!((written, calls.into_inner()), (expected, 6));
+    assert_eq!(rest.frames.into_inner(), 5 * (6 - finished.len()));
+    check_copy(folder.path(), 0.5 / 255.0 + 1e-6);
+
+    // Once more does nothing, and a frame that was lost is made again.
+    std::fs::remove_file(folder.path().join("frames/oak-01/003.png")).unwrap();
+    let again = Counted::new(usize::MAX);
+    let written =
+        write_dataset(&again, folder.path(), &options(FrameFormat::Png), |_, _| {}).unwrap();
+    assert_eq!((written.written, again.frames.into_inner()), (1, 5));
+    check_copy(folder.path(), 0.5 / 255.0 + 1e-6);
+}
+
+#[test]
+fn two_datasets_do_not_mix() {
+    let folder = TempDir::new().unwrap();
+    let source = Counted::new(usize::MAX);
+    write_dataset(
+        &source,
+        folder.path(),
+        &options(FrameFormat::Png),
+        |_, _| {},
+    )
+    .unwrap();
+    let other = WriteOptions {
+        source: "another".to_owned(),
+        ..options(FrameFormat::Png)
+    };
+    let refused = write_dataset(&source, folder.path(), &other, |_, _| {}).unwrap_err();
+    assert!(
+        matches!(refused.kind(), WriteErrorKind::Occupied(_)),
+        "{refused}"
+    );
+
+    let foreign = TempDir::new().unwrap();
+    std::fs::write(foreign.path().join("dataset.toml"), "name = \"theirs\"").unwrap();
+    let refused = write_dataset(
+        &source,
+        foreign.path(),
+        &options(FrameFormat::Png),
+        |_, _| {},
+    );
+    assert!(matches!(
+        refused.unwrap_err().kind(),
+        WriteErrorKind::Occupied(_)
+    ));
+}
+
+#[test]
+fn two_processes_do_not_write_into_one_folder() {
+    let folder = TempDir::new().unwrap();
+    let source = Counted::new(usize::MAX);
+    write_dataset(
+        &source,
+        folder.path(),
+        &options(FrameFormat::Png),
+        |_, _| {},
+    )
+    .unwrap();
+    let lock = std::fs::File::open(folder.path().join(".write-plan")).unwrap();
+    lock.lock().unwrap();
+    let refused = write_dataset(
+        &source,
+        folder.path(),
+        &options(FrameFormat::Png),
+        |_, _| {},
+    );
+    assert!(matches!(refused.unwrap_err().kind(), WriteErrorKind::InUse));
+}
+
+#[test]
+fn a_plan_that_was_cut_short_is_written_again() {
+    let folder = TempDir::new().unwrap();
+    let source = Counted::new(usize::MAX);
+    write_dataset(
+        &source,
+        folder.path(),
+        &options(FrameFormat::Png),
+        |_, _| {},
+    )
+    .unwrap();
+    let plan = folder.path().join(".write-plan");
+    let whole = std::fs::read(&plan).unwrap();
+    std::fs::write(&plan, &whole[..whole.len() / 2]).unwrap();
+    write_dataset(
+        &source,
+        folder.path(),
+        &options(FrameFormat::Png),
+        |_, _| {},
+    )
+    .unwrap();
+    assert_eq!(std::fs::read(&plan).unwrap(), whole);
+}
+
+#[test]
+fn a_file_where_a_folder_belongs_is_an_error() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("taken");
+    std::fs::write(&file, "").unwrap();
+    let refused = write_dataset(
+        &Counted::new(0),
+        &file,
+        &options(FrameFormat::Png),
+        |_, _| {},
+    );
+    assert!(matches!(refused.unwrap_err().kind(), WriteErrorKind::Io(_)));
+}
+
+#[test]
+fn a_frame_without_pixels_is_refused() {
+    let empty = Frame {
+        width: 0,
+        height: 3,
+        data: Vec::new(),
+    };
+    let refused = FrameFormat::Png.encode(&empty).unwrap_err();
+    assert_eq!(
+        refused.to_string(),
+        "the frame cannot be encoded: it has 0 values for 0 x 3 pixels"
+    );
+    let short = Frame {
+        width: 2,
+        height: 2,
+        data: vec![0.0; 11],
+    };
+    assert!(FrameFormat::Png.encode(&short).is_err());
+}
+
+/// A file system of 48 KiB, less than half of what the dataset needs; unmounted when dropped.
+#[cfg(target_os = "linux")]
+struct TinyDisk(TempDir);
+
+#[cfg(target_os = "linux")]
+impl TinyDisk {
+    fn mount() -> Option<Self> {
+        let folder = TempDir::new().unwrap();
+        let mut mount = std::process::Command::new("mount");
+        mount
+            .args(["-t", "tmpfs", "-o", "size=48k", "tmpfs"])
+            .arg(folder.path());
+        let mounted = mount.stderr(std::process::Stdio::null()).status();
+        mounted
+            .is_ok_and(|status| status.success())
+            .then_some(Self(folder))
+    }
+}
+
+#[cfg(target_os = "linux")]
+impl Drop for TinyDisk {
+    fn drop(&mut self) {
+        let _ = std::process::Command::new("umount")
+            .arg(self.0.path())
+            .status();
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_leaves_whole_surfaces_only() {
+    let Some(disk) = TinyDisk::mount() else {
+        println!("skipped: no right to mount a tmpfs here");
+        return;
+    };
+    let source = Counted::new(usize::MAX);
+    let refused = write_dataset(
+        &source,
+        disk.0.path(),
+        &options(FrameFormat::Png),
+        |_, _| {},
+    );
+    let refused = refused.unwrap_err();
+    assert!(
+        matches!(refused.kind(), WriteErrorKind::StorageFull),
+        "{refused}"
+    );
+    assert!(!disk.0.path().join("dataset.toml").exists());
+    let names = |folder: &Path| -> Vec<PathBuf> {
+        std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .collect()
+    };
+    for surface in names(&disk.0.path().join("frames")) {
+        let frames = names(&surface);
+        assert_eq!(frames.len(), 5, "{}", surface.display());
+        for frame in frames {
+            sps_dataset::read_image(&frame, &sps_dataset::DecodeSettings::default()).unwrap();
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! What the heads learn from: embeddings of photographs, and tactile readings.
+
+use candle_core::{DType, Tensor};
+
+use crate::error::{Error, Result};
+
+/// Image embeddings of surfaces, `(surfaces, views, width)`, f32, every value finite.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Embeddings {
+    values: Vec<f32>,
+    surfaces: usize,
+    views: usize,
+    width: usize,
+}
+
+impl Embeddings {
+    /// Takes `(surfaces, width)` for one view of each surface, or `(surfaces, views, width)`.
+    ///
+    /// # Errors
+    ///
+    /// Another rank, no views, no width, a type that is not floating point, or a value that is
+    /// not finite (the message names the surface).
+    pub fn new(tensor: &Tensor) -> Result<Self> {
+        let (surfaces, views, width) = match *tensor.dims() {
+            [surfaces, width] => (surfaces, 1, width),
+            [surfaces, views, width] => (surfaces, views, width),
+            _ => {
+                return Err(Error::input(
+                    "embeddings",
+                    format_args!("shape {:?}", tensor.dims()),
+                    "(surfaces, width) or (surfaces, views, width)",
+                ));
+            }
+        };
+        if views == 0 || width == 0 {
+            return Err(Error::input(
+                "embeddings",
+                format_args!("shape {:?}", tensor.dims()),
+                "at least one view and one feature",
+            ));
+        }
+        if !tensor.dtype().is_float() {
+            return Err(Error::input(
+                "embeddings",
+                format_args!("type {}", tensor.dtype().as_str()),
+                "floating point",
+            ));
+        }
+        let values = tensor
+            .to_dtype(DType::F32)?
+            .flatten_all()?
+            .to_vec1::<f32>()?;
+        if let Some(at) = values.iter().position(|value| !value.is_finite()) {
+            return Err(Error::input(
+                "embeddings",
+                format_args!("{} in surface {}", values[at], at / (views * width)),
+                "finite values",
+            ));
+        }
+        Ok(Self {
+            values,
+            surfaces,
+            views,
+            width,
+        })
+    }
+
+    /// How many surfaces.
+    pub fn surfaces(&self) -> usize {
+        self.surfaces
+    }
+
+    /// How many views of each surface.
+    pub fn views(&self) -> usize {
+        self.views
+    }
+
+    /// Features of one view.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// The embedding of one view of one surface, `width` values.
+    pub fn get(&self, surface: usize, view: usize) -> Option<&[f32]> {
+        (surface < self.surfaces && view < self.views).then(|| self.view(surface, view))
+    }
+
+    /// The given views of the given surfaces, in the order given.
+    ///
+    /// # Errors
+    ///
+    /// A surface or view that is not there, or no view at all.
+    pub fn select(&self, surfaces: &[usize], views: &[usize]) -> Result<Self> {
+        check_indices("surface", surfaces, self.surfaces)?;
+        check_indices("view", views, self.views)?;
+        if views.is_empty() {
+            return Err(Error::input("views", "none", "at least one"));
+        }
+        let mut values = Vec::with_capacity(surfaces.len() * views.len() * self.width);
+        for &surface in surfaces {
+            for &view in views {
+                values.extend_from_slice(self.view(surface, view));
+            }
+        }
+        Ok(Self {
+            values,
+            surfaces: surfaces.len(),
+            views: views.len(),
+            width: self.width,
+        })
+    }
+
+    /// All views of one surface, `views x width` values; `surface` must have been checked.
+    pub(crate) fn surface(&self, surface: usize) -> &[f32] {
+        let length = self.views * self.width;
+        &self.values[surface * length..(surface + 1) * length]
+    }
+
+    /// One view; both indices must have been checked.
+    pub(crate) fn view(&self, surface: usize, view: usize) -> &[f32] {
+        &self.surface(surface)[view * self.width..(view + 1) * self.width]
+    }
+}
+
+/// Tactile readings of surfaces, in measured units; a cell that was not measured is `None`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Readings {
+    properties: Vec<String>,
+    cells: Vec<Option<f64>>,
+    surfaces: usize,
+}
+
+impl Readings {
+    /// Takes one row per surface, each with one cell per property, in the order of `properties`.
+    ///
+    /// # Errors
+    ///
+    /// No property, a property named twice, a row of another length, or a value that is not
+    /// finite (the message names the surface and the property).
+    pub fn new(properties: Vec<String>, rows: &[Vec<Option<f64>>]) -> Result<Self> {
+        if properties.is_empty() {
+            return Err(Error::input("readings", "no property", "at least one"));
+        }
+        for (at, name) in properties.iter().enumerate() {
+            if properties[..at].contains(name) {
+                return Err(Error::input(
+                    "readings",
+                    format_args!("property {name:?} twice"),
+                    "each property once",
+                ));
+            }
+        }
+        let mut cells = Vec::with_capacity(rows.len() * properties.len());
+        for (surface, row) in rows.iter().enumerate() {
+            if row.len() != properties.len() {
+                return Err(Error::input(
+                    "readings",
+                    format_args!("{} cells for surface {surface}", row.len()),
+                    format_args!("{}", properties.len()),
+                ));
+            }
+            for (property, cell) in properties.iter().zip(row) {
+                if let Some(value) = cell.filter(|value| !value.is_finite()) {
+                    return Err(Error::input(
+                        "readings",
+                        format_args!("{value} for {property} of surface {surface}"),
+                        "a finite value, or none",
+                    ));
+                }
+            }
+            cells.extend_from_slice(row);
+        }
+        Ok(Self {
+            properties,
+            cells,
+            surfaces: rows.len(),
+        })
+    }
+
+    /// How many surfaces.
+    pub fn surfaces(&self) -> usize {
+        self.surfaces
+    }
+
+    /// The properties, in the order of the cells.
+    pub fn properties(&self) -> &[String] {
+        &self.properties
+    }
+
+    /// The column of a property.
+    pub fn column(&self, property: &str) -> Option<usize> {
+        self.properties.iter().position(|name| name == property)
+    }
+
+    /// The reading of one surface, `None` where it was not measured or is not in the table.
+    pub fn get(&self, surface: usize, column: usize) -> Option<f64> {
+        self.row(surface)?.get(column).copied().flatten()
+    }
+
+    /// The cells of one surface, in the order of the properties.
+    pub fn row(&self, surface: usize) -> Option<&[Option<f64>]> {
+        let width = self.properties.len();
+        (surface < self.surfaces).then(|| &self.cells[surface * width..(surface + 1) * width])
+    }
+}
+
+/// Refuses the first index that is not below `count`.
+pub(crate) fn check_indices(what: &'static str, indices: &[usize], count: usize) -> Result<()> {
+    match indices.iter().find(|&&index| index >= count) {
+        None => Ok(()),
+        Some(index) => Err(Error::input(
+            what,
+            format_args!("index {index}"),
+            format_args!("below {count}"),
+        )),
+    }
+}

@@ -1,0 +1,123 @@
+//! How a batch of images is shared among threads.
+
+use std::sync::{Mutex, PoisonError};
+
+use rayon::prelude::*;
+
+use super::images::Normalisation;
+use crate::ops::bands::Threads;
+use crate::ops::grid::Size;
+
+/// A network on the CPU kernels.
+pub(super) trait Network: Sync {
+    /// Memory that a thread's passes reuse.
+    type Workspace: Default + Send + std::fmt::Debug;
+
+    /// The length of an embedding.
+    fn width(&self) -> usize;
+
+    /// Embeds images `(frames, 3, ..size)` to `(frames, width)`.
+    fn embed(
+        &self,
+        threads: Threads,
+        images: &Images<'_>,
+        workspace: &mut Self::Workspace,
+        embeddings: &mut [f32],
+    );
+}
+
+/// Images, channels first, and what is taken out of them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Images<'a> {
+    /// `(frames, 3, ..size)`
+    pub(super) values: &'a [f32],
+    pub(super) size: Size,
+    pub(super) normalisation: &'a Normalisation,
+}
+
+impl<'a> Images<'a> {
+    /// Elements of one image.
+    fn len(&self) -> usize {
+        3 * self.size.iter().product::<usize>()
+    }
+
+    pub(super) fn frames(&self) -> usize {
+        self.values.len() / self.len()
+    }
+
+    /// The images one by one.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &'a [f32]> {
+        self.values.chunks_exact(self.len())
+    }
+
+    fn split_at(self, frames: usize) -> (Self, Self) {
+        let (left, right) = self.values.split_at(frames * self.len());
+        let with = |values| Self { values, ..self };
+        (with(left), with(right))
+    }
+
+    fn chunks(self, frames: usize) -> impl Iterator<Item = Self> {
+        let len = frames * self.len();
+        self.values
+            .chunks(len)
+            .map(move |values| Self { values, ..self })
+    }
+}
+
+/// Frames that go through the network together: enough that a layer's weights, read once, serve
+/// several frames; few enough that their feature maps stay in the cache.
+const GROUP: usize = 4;
+
+/// A network and the workspaces that are not in use.
+#[derive(Debug)]
+pub(super) struct Pooled<N: Network> {
+    network: N,
+    workspaces: Mutex<Vec<N::Workspace>>,
+}
+
+impl<N: Network> Pooled<N> {
+    pub(super) fn new(network: N) -> Self {
+        Self {
+            network,
+            workspaces: Mutex::new(Vec::new()),
+        }
+    }
+
+    /// Embeds a batch, `(frames, width)`.
+    ///
+    /// As many frames as the threads can share evenly are each embedded by one thread; the
+    /// threads then work together on those that are left.
+    pub(super) fn embed(&self, images: Images<'_>) -> Vec<f32> {
+        let width = self.network.width();
+        let mut embeddings = vec![0.0; images.frames() * width];
+        let threads = rayon::current_num_threads();
+        let share = images.frames() / threads;
+        let (even, left) = images.split_at(share * threads);
+        let (even_out, left_out) = embeddings.split_at_mut(share * threads * width);
+        if share > 0 {
+            let outs = even_out.chunks_mut(share * width);
+            let shares: Vec<_> = even.chunks(share).zip(outs).collect();
+            shares
+                .into_par_iter()
+                .for_each(|(images, out)| self.embed_groups(Threads::One, images, out));
+        }
+        if left.frames() > 0 {
+            self.embed_groups(Threads::All, left, left_out);
+        }
+        embeddings
+    }
+
+    fn embed_groups(&self, threads: Threads, images: Images<'_>, embeddings: &mut [f32]) {
+        let lock = || {
+            self.workspaces
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+        };
+        let mut workspace = lock().pop().unwrap_or_default();
+        let outs = embeddings.chunks_mut(GROUP * self.network.width());
+        for (images, out) in images.chunks(GROUP).zip(outs) {
+            self.network.embed(threads, &images, &mut workspace, out);
+        }
+        lock().push(workspace);
+    }
+}

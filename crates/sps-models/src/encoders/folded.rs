@@ -1,0 +1,139 @@
+//! Convolutions as inference needs them: what follows them linearly is part of them.
+
+use crate::error::Result;
+use crate::ops::bands::Threads;
+use crate::ops::conv::{Conv, ConvShape};
+use crate::ops::grid::Grid;
+use crate::ops::panels::Panels;
+use crate::ops::product::{Columns, Epilogue, Product};
+use crate::ops::simd::Level;
+use crate::weights::Weights;
+
+/// The weights of a convolution and what it adds to each channel.
+#[derive(Debug)]
+pub(super) struct Folded {
+    shape: ConvShape,
+    /// `(outputs, inputs / groups, time, height, width)`
+    weights: Vec<f32>,
+    shift: Vec<f32>,
+}
+
+impl Folded {
+    /// A convolution without bias and the batch norm after it, which becomes part of it.
+    pub(super) fn batch_norm(
+        shape: ConvShape,
+        weights: &Weights,
+        conv: &str,
+        norm: &str,
+        eps: f64,
+    ) -> Result<Self> {
+        let read = |leaf: &str| values(weights, &format!("{norm}.{leaf}"));
+        let (gamma, beta) = (read("weight")?, read("bias")?);
+        let (mean, variance) = (read("running_mean")?, read("running_var")?);
+        let mut folded = values(weights, &format!("{conv}.weight"))?;
+        let mut shift = Vec::with_capacity(shape.outputs);
+        let per_output = folded.len() / shape.outputs;
+        for (channel, weights) in folded.chunks_exact_mut(per_output).enumerate() {
+            let at = |values: &[f32]| f64::from(values[channel]);
+            let scale = at(&gamma) / (at(&variance) + eps).sqrt();
+            for weight in weights {
+                *weight = (f64::from(*weight) * scale) as f32;
+            }
+            shift.push((at(&beta) - at(&mean) * scale) as f32);
+        }
+        Ok(Self {
+            shape,
+            weights: folded,
+            shift,
+        })
+    }
+
+    /// A convolution with a bias.
+    pub(super) fn bias(shape: ConvShape, weights: &Weights, layer: &str) -> Result<Self> {
+        Ok(Self {
+            shape,
+            weights: values(weights, &format!("{layer}.weight"))?,
+            shift: values(weights, &format!("{layer}.bias"))?,
+        })
+    }
+
+    /// This 1x1 convolution of what `inner`, another, makes of its input: one convolution again.
+    pub(super) fn after(&self, inner: &Self, level: Level) -> Self {
+        let (outputs, middle) = (self.shape.outputs, self.shape.inputs);
+        let inputs = inner.shape.inputs;
+        let product = |n: usize, right: &[f32]| {
+            let panels = Panels::pack(level, middle, n, |row, column| right[row * n + column]);
+            let rows: Vec<u32> = (0..outputs).map(|row| (row * middle) as u32).collect();
+            let places: Vec<u32> = (0..outputs).map(|row| (row * n) as u32).collect();
+            let mut out = vec![0.0; outputs * n];
+            let product = Product {
+                source: &self.weights,
+                rows: &rows,
+                frame_rows: outputs,
+                taps: &[0],
+                run: middle,
+                panels: &panels,
+                epilogue: Epilogue::default(),
+            };
+            product.write(&mut out, &places, 0);
+            out
+        };
+        let weights = product(inputs, &inner.weights);
+        let mut shift = product(1, &inner.shift);
+        for (shift, own) in shift.iter_mut().zip(&self.shift) {
+            *shift += own;
+        }
+        Self {
+            shape: ConvShape {
+                inputs,
+                ..self.shape
+            },
+            weights,
+            shift,
+        }
+    }
+
+    /// Lays it out for the kernels.
+    pub(super) fn pack(self, level: Level) -> Layer {
+        Layer {
+            conv: Conv::pack(level, self.shape, &self.weights),
+            shift: self.shift,
+        }
+    }
+}
+
+fn values(weights: &Weights, name: &str) -> Result<Vec<f32>> {
+    Ok(weights.get(name)?.flatten_all()?.to_vec1()?)
+}
+
+/// A convolution laid out for the kernels, and what it adds to each channel.
+#[derive(Debug)]
+pub(super) struct Layer {
+    pub(super) conv: Conv,
+    pub(super) shift: Vec<f32>,
+}
+
+impl Layer {
+    /// The feature map that comes of one, without a border.
+    pub(super) fn output(&self, from: &Grid) -> Grid {
+        let shape = self.conv.shape();
+        let size = shape.window.output(from.size).unwrap_or_default();
+        Grid::tight(from.frames, size, shape.outputs)
+    }
+
+    /// Convolves, and makes negative values 0 where `relu` says so.
+    pub(super) fn apply(
+        &self,
+        threads: Threads,
+        source: (&[f32], &Grid),
+        target: (&mut [f32], &Grid),
+        relu: bool,
+    ) {
+        let epilogue = Epilogue {
+            shift: Some(Columns::shared(&self.shift)),
+            relu,
+            ..Epilogue::default()
+        };
+        self.conv.apply(threads, source, target, epilogue);
+    }
+}

@@ -1,0 +1,51 @@
+//! Images as the kernels take them.
+
+use crate::ops::grid::Grid;
+
+/// What a network takes out of its input: `(value - mean) / std` of each channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Normalisation {
+    pub(super) mean: [f32; 3],
+    pub(super) std: [f32; 3],
+}
+
+impl Normalisation {
+    /// ImageNet's, which torchvision's and timm's networks expect.
+    pub(super) const IMAGENET: Self = Self {
+        mean: [0.485, 0.456, 0.406],
+        std: [0.229, 0.224, 0.225],
+    };
+    /// Of values that are normalised already.
+    pub(super) const NONE: Self = Self {
+        mean: [0.0; 3],
+        std: [1.0; 3],
+    };
+}
+
+/// Lays one image `(3, time, height, width)` out channels last inside the first frame of `grid`.
+pub(super) fn interleave(
+    image: &[f32],
+    normalisation: &Normalisation,
+    grid: &Grid,
+    out: &mut [f32],
+) {
+    let [time, height, width] = grid.size;
+    let plane = time * height * width;
+    for row in 0..time * height {
+        let place = [
+            grid.before[0] + row / height,
+            grid.before[1] + row % height,
+            grid.before[2],
+        ];
+        let start = grid.index(0, place);
+        let out = &mut out[start..start + width * 3];
+        for channel in 0..3 {
+            let (mean, std) = (normalisation.mean[channel], normalisation.std[channel]);
+            let from = channel * plane + row * width;
+            let values = &image[from..from + width];
+            for (pixel, value) in out.chunks_exact_mut(3).zip(values) {
+                pixel[channel] = (value - mean) / std;
+            }
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Starting weights, drawn from a seed.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{RngCore, SeedableRng};
+
+use crate::error::Result;
+use crate::weights::{RawTensor, TensorSpec, Weights};
+
+/// Weights of a network that nothing has trained.
+///
+/// A convolution is uniform with the variance of He et al. (2015), 2 / fan-in; a bias and a
+/// running mean are 0, batch norm's weight and running variance 1. Each tensor has its own
+/// stream, keyed by seed and name.
+pub(super) fn seeded(specs: &[TensorSpec], seed: u64) -> Result<Weights> {
+    let tensors = specs.iter().map(|spec| {
+        let len = spec.shape.iter().product();
+        let values = match spec.name.rsplit('.').next() {
+            Some("bias" | "running_mean") => vec![0.0; len],
+            _ if spec.shape.len() == 1 => vec![1.0; len],
+            _ => he_uniform(spec, len, seed),
+        };
+        let shape = spec.shape.clone();
+        (spec.name.clone(), RawTensor { shape, values })
+    });
+    Ok(Weights::from_raw(&format!("seed {seed}"), tensors)?)
+}
+
+fn he_uniform(spec: &TensorSpec, len: usize, seed: u64) -> Vec<f32> {
+    let fan_in: usize = spec.shape.iter().skip(1).product();
+    let bound = (6.0 / fan_in as f64).sqrt();
+    let mut rng = stream(seed, &spec.name);
+    let unit = |bits: u32| f64::from(bits >> 8) / f64::from(1 << 23) - 1.0;
+    (0..len)
+        .map(|_| (unit(rng.next_u32()) * bound) as f32)
+        .collect()
+}
+
+fn stream(seed: u64, tensor: &str) -> ChaCha8Rng {
+    let mut key = blake3::Hasher::new_derive_key("sps-models encoder initialisation");
+    key.update(&seed.to_le_bytes());
+    key.update(tensor.as_bytes());
+    ChaCha8Rng::from_seed(*key.finalize().as_bytes())
+}

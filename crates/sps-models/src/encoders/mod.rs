@@ -1,0 +1,245 @@
+//! Networks that turn an image into an embedding.
+//!
+//! An embedding is the mean over space of the network's last feature map.
+
+mod batch;
+mod folded;
+mod images;
+mod init;
+mod kind;
+mod plain;
+mod se_resnext;
+mod squeezenet;
+mod trainable;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use candle_core::{DType, Device, Tensor};
+
+pub use kind::EncoderKind;
+pub use se_resnext::SeResNextConfig;
+pub use trainable::TrainableEncoder;
+
+use crate::error::{Error, Result};
+use crate::ops::simd::Level;
+use crate::weights::Weights;
+use batch::{Images, Pooled};
+use images::Normalisation;
+use plain::Plain;
+
+/// A network with its weights, ready to embed images.
+///
+/// ```
+/// use candle_core::{DType, Device, Tensor};
+/// use sps_models::encoders::{Encoder, EncoderKind};
+///
+/// let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
+/// let images = Tensor::zeros((2, 3, 64, 48), DType::F32, &Device::Cpu)?;
+/// assert_eq!(encoder.embed(&images)?.dims(), [2, encoder.width()]);
+/// # Ok::<(), sps_models::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Encoder {
+    kind: EncoderKind,
+    weights: Weights,
+    device: Device,
+    hash: blake3::Hash,
+    engine: Engine,
+}
+
+/// What carries out the network.
+#[derive(Debug, Clone)]
+enum Engine {
+    /// Candle's own operators, on any device.
+    Plain,
+    /// The kernels of this crate, on the CPU.
+    SeResNext(Arc<Pooled<se_resnext::fused::Fused>>),
+    /// The kernels of this crate, on the CPU.
+    SqueezeNet(Arc<Pooled<squeezenet::fused::Fused>>),
+}
+
+impl Encoder {
+    /// Reads the network's weights from a file; see [`Weights::read`] for the formats.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be read or does not fit: a missing, extra or misshapen tensor, a
+    /// value that is not finite. A classifier's last layer may be in the file and is not used.
+    pub fn load(kind: EncoderKind, weights: impl AsRef<Path>, device: &Device) -> Result<Self> {
+        Self::new(kind, Weights::read(weights)?, device)
+    }
+
+    /// A network with untrained weights, the same for the same seed everywhere.
+    ///
+    /// # Errors
+    ///
+    /// When the device has no room for the weights.
+    pub fn seeded(kind: EncoderKind, seed: u64, device: &Device) -> Result<Self> {
+        Self::new(kind, init::seeded(&kind.specs(), seed)?, device)
+    }
+
+    /// A network with the given weights.
+    ///
+    /// # Errors
+    ///
+    /// When the weights do not fit the network.
+    pub fn new(kind: EncoderKind, weights: Weights, device: &Device) -> Result<Self> {
+        let weights = weights.fit(kind.name(), &kind.specs(), |name| kind.passes(name))?;
+        let hash = content_hash(kind, &weights)?;
+        let engine = Engine::new(kind, &weights, device)?;
+        Ok(Self {
+            kind,
+            engine,
+            weights: weights.to_device(device)?,
+            device: device.clone(),
+            hash,
+        })
+    }
+
+    /// Which network this is.
+    pub fn kind(&self) -> EncoderKind {
+        self.kind
+    }
+
+    /// The length of an embedding.
+    pub fn width(&self) -> usize {
+        self.kind.width()
+    }
+
+    /// The network's weights.
+    pub fn weights(&self) -> &Weights {
+        &self.weights
+    }
+
+    /// The device that images must be on.
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+
+    /// A hash of the network's name and of every weight, for cache keys: two encoders with one
+    /// hash give the same embeddings.
+    pub fn content_hash(&self) -> [u8; 32] {
+        *self.hash.as_bytes()
+    }
+
+    /// Embeds images, `(n, 3, height, width)`, f32 in 0..=1, display-referred RGB, to
+    /// `(n, width)`. The network's own input normalisation is applied.
+    ///
+    /// The embedding of an image is the same to the last bit whatever else is in the batch and
+    /// however many threads there are.
+    ///
+    /// # Errors
+    ///
+    /// When the tensor is of another shape or type, or smaller than
+    /// [`EncoderKind::min_size`].
+    pub fn embed(&self, images: &Tensor) -> Result<Tensor> {
+        check(self.kind, images)?;
+        self.run(images, &Normalisation::IMAGENET)
+    }
+
+    /// Embeds images that are normalised already, as the network's layers take them.
+    ///
+    /// # Errors
+    ///
+    /// As [`Encoder::embed`].
+    pub fn embed_normalised(&self, images: &Tensor) -> Result<Tensor> {
+        check(self.kind, images)?;
+        self.run(images, &Normalisation::NONE)
+    }
+
+    /// Embeds images as [`Encoder::embed`] does, by candle's own operators: what the kernels are
+    /// measured against, and what runs on devices other than the CPU.
+    ///
+    /// # Errors
+    ///
+    /// As [`Encoder::embed`].
+    pub fn embed_plain(&self, images: &Tensor) -> Result<Tensor> {
+        check(self.kind, images)?;
+        self.run_plain(images, &Normalisation::IMAGENET)
+    }
+
+    fn run(&self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
+        if let Engine::Plain = self.engine {
+            return self.run_plain(images, normalisation);
+        }
+        let (n, _, height, width) = images.dims4()?;
+        let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
+        let images = Images {
+            values: &values,
+            size: [1, height, width],
+            normalisation,
+        };
+        let embeddings = match &self.engine {
+            Engine::Plain => Vec::new(),
+            Engine::SeResNext(network) => network.embed(images),
+            Engine::SqueezeNet(network) => network.embed(images),
+        };
+        Ok(Tensor::from_vec(
+            embeddings,
+            (n, self.width()),
+            &self.device,
+        )?)
+    }
+
+    fn run_plain(&self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
+        let images = normalise(images, normalisation)?;
+        let net = Plain::new(&self.weights);
+        match self.kind.se_resnext() {
+            Some(config) => se_resnext::plain::embed(&config, &net, &images),
+            None => squeezenet::plain::embed(&net, &images),
+        }
+    }
+}
+
+fn check(kind: EncoderKind, images: &Tensor) -> Result<()> {
+    let min = kind.min_size();
+    let fits = matches!(*images.dims(), [n, 3, h, w] if n > 0 && h >= min && w >= min);
+    if fits && images.dtype() == DType::F32 {
+        return Ok(());
+    }
+    Err(Error::input(
+        "images",
+        format_args!("{:?} of {:?}", images.dims(), images.dtype()),
+        format_args!("(n, 3, height, width) of F32, n > 0, sides of at least {min}"),
+    ))
+}
+
+fn normalise(images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
+    let device = images.device();
+    let row = |values: &[f32; 3]| Tensor::new(values, device)?.reshape((1, 3, 1, 1));
+    let centred = images.broadcast_sub(&row(&normalisation.mean)?)?;
+    Ok(centred.broadcast_div(&row(&normalisation.std)?)?)
+}
+
+impl Engine {
+    fn new(kind: EncoderKind, weights: &Weights, device: &Device) -> Result<Self> {
+        if !device.is_cpu() {
+            return Ok(Self::Plain);
+        }
+        let level = Level::detect();
+        Ok(match kind.se_resnext() {
+            Some(config) => {
+                let network = se_resnext::fused::Fused::new(&config, weights, level)?;
+                Self::SeResNext(Arc::new(Pooled::new(network)))
+            }
+            None => {
+                let network = squeezenet::fused::Fused::new(weights, level)?;
+                Self::SqueezeNet(Arc::new(Pooled::new(network)))
+            }
+        })
+    }
+}
+
+fn content_hash(kind: EncoderKind, weights: &Weights) -> Result<blake3::Hash> {
+    let mut hasher = blake3::Hasher::new_derive_key("sps-models encoder");
+    hasher.update(kind.name().as_bytes());
+    for (name, tensor) in weights.iter() {
+        hasher.update(&(name.len() as u64).to_le_bytes());
+        hasher.update(name.as_bytes());
+        let values: Vec<f32> = tensor.flatten_all()?.to_vec1()?;
+        let bytes: Vec<u8> = values.into_iter().flat_map(f32::to_le_bytes).collect();
+        hasher.update(&bytes);
+    }
+    Ok(hasher.finalize())
+}

@@ -1,0 +1,163 @@
+//! The network in inference, on the CPU kernels.
+
+use super::{STEM, STEPS, Step, WIDTH};
+use crate::encoders::batch::{Images, Network};
+use crate::encoders::folded::{Folded, Layer};
+use crate::encoders::images::interleave;
+use crate::error::Result;
+use crate::ops::bands::Threads;
+use crate::ops::buffer::Buffer;
+use crate::ops::conv::ConvShape;
+use crate::ops::grid::{Grid, Window};
+use crate::ops::mean::frame_means;
+use crate::ops::pool::max_pool;
+use crate::ops::simd::Level;
+use crate::weights::Weights;
+
+/// The network with its weights laid out for the kernels.
+#[derive(Debug)]
+pub(in crate::encoders) struct Fused {
+    level: Level,
+    stem: Layer,
+    steps: Vec<FusedStep>,
+}
+
+/// Memory of one thread's passes through the network.
+#[derive(Debug, Default)]
+pub(in crate::encoders) struct Workspace {
+    image: Buffer,
+    /// What enters a step, and what leaves it.
+    features: Buffer,
+    next: Buffer,
+    squeezed: Buffer,
+}
+
+#[derive(Debug)]
+enum FusedStep {
+    Pool,
+    Fire {
+        squeeze: Layer,
+        point: Layer,
+        square: Layer,
+    },
+}
+
+const POOL: Window = Window::square(3, 2, 0);
+const SQUARE: Window = Window::square(3, 1, 1);
+
+impl Fused {
+    pub(in crate::encoders) fn new(weights: &Weights, level: Level) -> Result<Self> {
+        let layer = |name: &str, window, inputs, outputs| {
+            let shape = ConvShape {
+                window,
+                inputs,
+                outputs,
+                groups: 1,
+            };
+            Folded::bias(shape, weights, name).map(|folded| folded.pack(level))
+        };
+        let step = |step: &Step| {
+            let Step::Fire {
+                index,
+                input,
+                squeeze,
+                expand,
+            } = *step
+            else {
+                return Ok(FusedStep::Pool);
+            };
+            let name = |leaf: &str| format!("features.{index}.{leaf}");
+            let point = Window::square(1, 1, 0);
+            Ok(FusedStep::Fire {
+                squeeze: layer(&name("squeeze"), point, input, squeeze)?,
+                point: layer(&name("expand1x1"), point, squeeze, expand)?,
+                square: layer(&name("expand3x3"), SQUARE, squeeze, expand)?,
+            })
+        };
+        Ok(Self {
+            level,
+            stem: layer("features.0", Window::square(7, 2, 0), 3, STEM)?,
+            steps: STEPS.iter().map(step).collect::<Result<_>>()?,
+        })
+    }
+
+    /// One step from `workspace.features`, laid out as `from`, to the same.
+    fn step(
+        &self,
+        threads: Threads,
+        step: &FusedStep,
+        from: Grid,
+        workspace: &mut Workspace,
+    ) -> Grid {
+        let Workspace {
+            features,
+            next,
+            squeezed,
+            ..
+        } = workspace;
+        let to = match step {
+            FusedStep::Pool => {
+                let to = Grid {
+                    size: POOL.output_ceil(from.size),
+                    ..from
+                };
+                next.resize(to.len());
+                max_pool(threads, self.level, &POOL, (features, &from), (next, &to));
+                to
+            }
+            FusedStep::Fire {
+                squeeze,
+                point,
+                square,
+            } => {
+                let middle = squeeze.output(&from).padded(&SQUARE);
+                squeezed.resize(middle.len());
+                middle.clear_border(squeezed);
+                squeeze.apply(threads, (features, &from), (squeezed, &middle), true);
+                let half = point.output(&middle);
+                let to = Grid {
+                    channels: 2 * half.channels,
+                    ..half
+                };
+                next.resize(to.len());
+                point.apply(threads, (squeezed, &middle), (next, &to), true);
+                let right = &mut next[half.channels..];
+                square.apply(threads, (squeezed, &middle), (right, &to), true);
+                to
+            }
+        };
+        std::mem::swap(features, next);
+        to
+    }
+}
+
+impl Network for Fused {
+    type Workspace = Workspace;
+
+    fn width(&self) -> usize {
+        WIDTH
+    }
+
+    fn embed(
+        &self,
+        threads: Threads,
+        images: &Images<'_>,
+        workspace: &mut Workspace,
+        embeddings: &mut [f32],
+    ) {
+        for (image, embedding) in images.iter().zip(embeddings.chunks_exact_mut(WIDTH)) {
+            let from = Grid::tight(1, images.size, 3);
+            workspace.image.resize(from.len());
+            interleave(image, images.normalisation, &from, &mut workspace.image);
+            let mut grid = self.stem.output(&from);
+            workspace.features.resize(grid.len());
+            let target = (&mut workspace.features[..], &grid);
+            self.stem
+                .apply(threads, (&workspace.image, &from), target, true);
+            for step in &self.steps {
+                grid = self.step(threads, step, grid, workspace);
+            }
+            frame_means(threads, self.level, &workspace.features, &grid, embedding);
+        }
+    }
+}

@@ -1,0 +1,58 @@
+use std::fmt;
+
+use crate::heads::HeadError;
+use crate::labels::LabelError;
+use crate::weights::WeightsError;
+
+/// The result of everything in this crate that can fail.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// What can go wrong in this crate.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A weights file could not be read, or does not fit the network.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    /// A head could not be configured, trained, stored or used.
+    #[error(transparent)]
+    Head(#[from] HeadError),
+    /// Labels could not be formed.
+    #[error(transparent)]
+    Label(#[from] LabelError),
+    /// A tensor or table handed in has the wrong shape, type or values.
+    #[error("{what}: found {found}, expected {expected}")]
+    Input {
+        /// The argument.
+        what: &'static str,
+        /// What it was.
+        found: String,
+        /// What it must be.
+        expected: String,
+    },
+    /// No encoder has this name.
+    #[error("unknown encoder {found:?}, expected one of {expected}")]
+    UnknownEncoder {
+        /// The name asked for.
+        found: String,
+        /// The names there are.
+        expected: String,
+    },
+    /// The tensor library failed.
+    #[error("tensor operation: {0}")]
+    Tensor(#[from] candle_core::Error),
+}
+
+impl Error {
+    pub(crate) fn input(
+        what: &'static str,
+        found: impl fmt::Display,
+        expected: impl fmt::Display,
+    ) -> Self {
+        Self::Input {
+            what,
+            found: found.to_string(),
+            expected: expected.to_string(),
+        }
+    }
+}

@@ -1,0 +1,266 @@
+use serde::{Deserialize, Serialize};
+
+use super::HeadError;
+use crate::error::Result;
+use crate::labels::LabelSource;
+use crate::optim::AdamConfig;
+
+/// What a head is and how it is trained; [`Head::new`](super::Head::new) checks it.
+///
+/// The comment on each field says where its default comes from. "Measured" points to
+/// `docs/heads.md`; the paper's supplement, which holds its further settings, was not at hand.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct HeadConfig {
+    /// How the views of a surface enter. Default: one view (paper, section 4.2).
+    pub input: Input,
+    /// How embeddings are scaled. Default: one common scale. Measured.
+    pub scale: Scale,
+    /// What stands between embedding and value. Default: the cross-modal network.
+    pub model: Model,
+    /// Passes over the training surfaces. Paper, section 4.2: 30.
+    pub epochs: usize,
+    /// Surfaces per step. Not printed in the paper. Measured.
+    pub batch_size: usize,
+    /// The optimiser. The paper prints the learning rate, not the optimiser.
+    pub adam: AdamConfig,
+    /// Largest norm of a trial's gradient, generator and discriminator side each on its own.
+    /// Default: none, as the paper mentions none; Adam's step does not grow with the gradient.
+    pub clip_norm: Option<f64>,
+}
+
+impl Default for HeadConfig {
+    fn default() -> Self {
+        Self {
+            input: Input::Single {},
+            scale: Scale::Common,
+            model: Model::CrossModal(CrossModal::default()),
+            epochs: 30,
+            batch_size: 8,
+            adam: AdamConfig::default(),
+            clip_norm: None,
+        }
+    }
+}
+
+/// How the views of a surface become the network's visual input.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Input {
+    /// One view.
+    Single {},
+    /// The embeddings of some views side by side, through one linear layer (paper, section 4.2,
+    /// "late feature fusion"). The layer is a sum of one term per slot.
+    LateFusion {
+        /// Slots: how many views enter.
+        views: usize,
+    },
+    /// The largest value of each feature over all views (Su et al. 2015).
+    ViewPooling {},
+}
+
+/// How embeddings are scaled before they enter a head, by statistics of the training surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Scale {
+    /// Each feature is centred; all are divided by one number, the root mean square of their
+    /// standard deviations. Features keep their relative size, so a channel that is almost
+    /// always zero stays small.
+    Common,
+    /// Each feature is centred and divided by its own standard deviation, or by a tenth of the
+    /// common scale where its own is smaller: a feature that was silent in training must not
+    /// be blown up when it speaks.
+    PerFeature,
+    /// As they come.
+    None,
+}
+
+/// What stands between embedding and value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Model {
+    /// A linear layer from embedding to value, without a latent space (paper, section 4.1,
+    /// "Regression Baseline").
+    Regression {},
+    /// Vision to latent space to value, with touch encoded into the same space (paper, section
+    /// 4.1, "Cross-Modal Network").
+    CrossModal(CrossModal),
+}
+
+/// The cross-modal network and its losses,
+/// `L = L_est + l1 L_emb + l2 L_adv + l3 L_class (+ l4 L_rec)`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct CrossModal {
+    /// Size of the latent space. Paper, section 4.2: 50 for one image, 100 for several.
+    pub latent: usize,
+    /// Units of the hidden layer of generator and tactile encoder. Not printed in the paper; as
+    /// many as the latent space of the single-image network.
+    pub hidden: usize,
+    /// `l1`, weight of `L_emb`. Not printed in the paper. Measured. With neither this nor a
+    /// reconstruction there is no tactile encoder.
+    pub embedding_weight: f64,
+    /// Weight of `(G(E_t(t)) - t)²`, which trains the tactile encoder to keep the value. The
+    /// paper does not name such a term, so the default is 0. Measured.
+    pub reconstruction_weight: f64,
+    /// `l2` and the discriminator; none leaves `L_adv` out.
+    pub adversarial: Option<Adversarial>,
+    /// `l3` and the labels; none leaves `L_class` out.
+    pub classification: Option<Classification>,
+}
+
+impl Default for CrossModal {
+    fn default() -> Self {
+        Self {
+            latent: 50,
+            hidden: 50,
+            embedding_weight: 0.01,
+            reconstruction_weight: 0.0,
+            adversarial: None,
+            classification: None,
+        }
+    }
+}
+
+/// The adversarial objective.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct Adversarial {
+    /// `l2`. Not printed in the paper. Measured.
+    pub weight: f64,
+    /// What the generator minimises. Default: the paper's equation.
+    pub generator: GeneratorLoss,
+    /// Units of the discriminator's hidden layer. Not printed in the paper; as in the generator.
+    pub hidden: usize,
+}
+
+impl Default for Adversarial {
+    fn default() -> Self {
+        Self {
+            weight: 1.0,
+            generator: GeneratorLoss::Minimax,
+            hidden: 50,
+        }
+    }
+}
+
+/// The generator's side of the adversarial game.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GeneratorLoss {
+    /// `log(1 - D(v, G(e_v)))`, as the paper prints it. Its gradient fades when the discriminator
+    /// is sure.
+    Minimax,
+    /// `-log D(v, G(e_v))` (Goodfellow et al. 2014, section 3): the same fixed point, and a
+    /// gradient that does not fade.
+    NonSaturating,
+}
+
+/// The auxiliary classification objective.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Classification {
+    /// `l3`. Not printed in the paper. Measured.
+    #[serde(default = "default_classification_weight")]
+    pub weight: f64,
+    /// The labels.
+    pub labels: LabelSource,
+}
+
+impl Classification {
+    /// The labels, with the default weight.
+    pub fn new(labels: LabelSource) -> Self {
+        Self {
+            weight: default_classification_weight(),
+            labels,
+        }
+    }
+}
+
+fn default_classification_weight() -> f64 {
+    0.3
+}
+
+impl HeadConfig {
+    /// Refuses the first value that is out of its range.
+    pub(super) fn check(&self) -> Result<()> {
+        at_least_one("epochs", self.epochs)?;
+        at_least_one("batch-size", self.batch_size)?;
+        positive("adam.learning-rate", self.adam.learning_rate)?;
+        positive("adam.epsilon", self.adam.epsilon)?;
+        decay("adam.beta1", self.adam.beta1)?;
+        decay("adam.beta2", self.adam.beta2)?;
+        if let Some(norm) = self.clip_norm {
+            positive("clip-norm", norm)?;
+        }
+        if let Input::LateFusion { views } = self.input {
+            at_least_one("input.views", views)?;
+        }
+        match &self.model {
+            Model::Regression {} => Ok(()),
+            Model::CrossModal(model) => model.check(),
+        }
+    }
+}
+
+impl CrossModal {
+    /// Whether any loss needs the tactile encoder.
+    pub(super) fn encodes_touch(&self) -> bool {
+        self.embedding_weight > 0.0 || self.reconstruction_weight > 0.0
+    }
+
+    fn check(&self) -> Result<()> {
+        at_least_one("model.latent", self.latent)?;
+        at_least_one("model.hidden", self.hidden)?;
+        weight("model.embedding-weight", self.embedding_weight)?;
+        weight("model.reconstruction-weight", self.reconstruction_weight)?;
+        if let Some(adversarial) = &self.adversarial {
+            at_least_one("model.adversarial.hidden", adversarial.hidden)?;
+            positive("model.adversarial.weight", adversarial.weight)?;
+        }
+        if let Some(classification) = &self.classification {
+            positive("model.classification.weight", classification.weight)?;
+            classification.labels.check()?;
+        }
+        Ok(())
+    }
+}
+
+fn at_least_one(key: &'static str, value: usize) -> Result<()> {
+    require(value >= 1, key, value, "at least 1")
+}
+
+fn positive(key: &'static str, value: f64) -> Result<()> {
+    require(value.is_finite() && value > 0.0, key, value, "above 0")
+}
+
+fn weight(key: &'static str, value: f64) -> Result<()> {
+    require(value.is_finite() && value >= 0.0, key, value, "0 or more")
+}
+
+fn decay(key: &'static str, value: f64) -> Result<()> {
+    require(
+        (0.0..1.0).contains(&value),
+        key,
+        value,
+        "0 or more, below 1",
+    )
+}
+
+fn require(
+    holds: bool,
+    key: &'static str,
+    found: impl std::fmt::Display,
+    expected: &'static str,
+) -> Result<()> {
+    if holds {
+        return Ok(());
+    }
+    let found = found.to_string();
+    Err(HeadError::Config {
+        key,
+        found,
+        expected,
+    }
+    .into())
+}

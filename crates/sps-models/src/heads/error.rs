@@ -1,0 +1,79 @@
+/// Why a head could not be configured, trained, stored or used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum HeadError {
+    /// A value of the configuration is out of its range.
+    #[error("head configuration: {key} is {found}, expected {expected}")]
+    Config {
+        /// The key.
+        key: &'static str,
+        /// Its value.
+        found: String,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// The plan names something that the data does not have, or contradicts itself.
+    #[error("training plan: {what}: found {found}, expected {expected}")]
+    Plan {
+        /// The part of the plan.
+        what: String,
+        /// What it says.
+        found: String,
+        /// What it may say.
+        expected: String,
+    },
+    /// None of a rerun's training surfaces has a reading of the property.
+    #[error("no training surface of rerun {rerun} has a reading of {property}")]
+    NotMeasured {
+        /// The property.
+        property: String,
+        /// The rerun's number.
+        rerun: u64,
+    },
+    /// The losses of a trial are no longer finite.
+    #[error("training {property}, rerun {rerun}: the loss is {loss} in epoch {epoch}")]
+    Diverged {
+        /// The property.
+        property: String,
+        /// The rerun's number.
+        rerun: u64,
+        /// The epoch, from 1.
+        epoch: usize,
+        /// The loss.
+        loss: f64,
+    },
+    /// A parameter received no gradient: the model and its losses do not fit together.
+    #[error("parameter {name} has no gradient")]
+    NoGradient {
+        /// The parameter.
+        name: String,
+    },
+    /// Embeddings that the heads were not trained for.
+    #[error("embeddings for prediction: found {found}, expected {expected}")]
+    Embeddings {
+        /// What they are.
+        found: String,
+        /// What the heads take.
+        expected: String,
+    },
+    /// A file of trained heads could not be read or written.
+    #[error("{path}: {source}")]
+    File {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A file that does not hold trained heads.
+    #[error("{file}: {what}: found {found}, expected {expected}")]
+    Format {
+        /// The file.
+        file: String,
+        /// The part of the file: a tensor's name, or the metadata.
+        what: String,
+        /// What it is.
+        found: String,
+        /// What it must be.
+        expected: String,
+    },
+}

@@ -1,0 +1,169 @@
+//! From the embeddings of a surface's views to the network's visual input.
+
+use rand::seq::index;
+use rand_chacha::ChaCha8Rng;
+
+use super::config::{Input, Scale};
+use super::plan::Views;
+use crate::data::Embeddings;
+
+/// Centre and scale of each feature of one slot.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct InputStatistics {
+    pub(super) mean: Vec<f32>,
+    /// One over the scale; zero for features that never vary in training, which thereby drop out.
+    pub(super) factor: Vec<f32>,
+}
+
+impl InputStatistics {
+    /// Over the given surfaces; over the fixed views, or all where they are drawn.
+    pub(super) fn new(
+        scale: Scale,
+        input: &Input,
+        embeddings: &Embeddings,
+        surfaces: &[usize],
+        views: &Views,
+    ) -> Self {
+        let width = embeddings.width();
+        if scale == Scale::None {
+            return Self {
+                mean: vec![0.0; width],
+                factor: vec![1.0; width],
+            };
+        }
+        let all: Vec<usize> = (0..embeddings.views()).collect();
+        let views = match views {
+            Views::Fixed(views) => views,
+            Views::Random => &all,
+        };
+        let rows = surfaces
+            .iter()
+            .flat_map(|&surface| rows(input, embeddings, surface, views));
+        Moments::of(width, rows).statistics(scale)
+    }
+
+    /// Appends `features`, scaled.
+    fn push(&self, features: &[f32], out: &mut Vec<f32>) {
+        let parameters = self.mean.iter().zip(&self.factor);
+        out.extend(
+            features
+                .iter()
+                .zip(parameters)
+                .map(|(x, (mean, factor))| (x - mean) * factor),
+        );
+    }
+}
+
+/// What the network sees of a surface: one row per slot.
+fn rows<'a>(
+    input: &Input,
+    embeddings: &'a Embeddings,
+    surface: usize,
+    views: &[usize],
+) -> Vec<std::borrow::Cow<'a, [f32]>> {
+    let one = |&view: &usize| embeddings.view(surface, view);
+    match input {
+        Input::Single {} | Input::LateFusion { .. } => {
+            views.iter().map(|view| one(view).into()).collect()
+        }
+        Input::ViewPooling {} => {
+            let mut largest = vec![f32::NEG_INFINITY; embeddings.width()];
+            for features in views.iter().map(one) {
+                for (max, &x) in largest.iter_mut().zip(features) {
+                    *max = max.max(x);
+                }
+            }
+            vec![largest.into()]
+        }
+    }
+}
+
+/// Running mean and sum of squared deviations of each feature (Welford).
+struct Moments {
+    count: f64,
+    mean: Vec<f64>,
+    squares: Vec<f64>,
+    largest: f64,
+}
+
+impl Moments {
+    fn of<R: AsRef<[f32]>>(width: usize, rows: impl Iterator<Item = R>) -> Self {
+        let mut moments = Self {
+            count: 0.0,
+            mean: vec![0.0; width],
+            squares: vec![0.0; width],
+            largest: 0.0,
+        };
+        for row in rows {
+            moments.count += 1.0;
+            let parameters = moments.mean.iter_mut().zip(&mut moments.squares);
+            for (&x, (mean, squares)) in row.as_ref().iter().zip(parameters) {
+                let x = f64::from(x);
+                let before = x - *mean;
+                *mean += before / moments.count;
+                *squares += before * (x - *mean);
+                moments.largest = moments.largest.max(x.abs());
+            }
+        }
+        moments
+    }
+
+    fn statistics(&self, scale: Scale) -> InputStatistics {
+        let std = |squares: &f64| (squares / self.count.max(1.0)).sqrt();
+        let width = self.mean.len().max(1) as f64;
+        let common = (self.squares.iter().sum::<f64>() / self.count.max(1.0) / width).sqrt();
+        let rounding = self.count * f64::EPSILON * self.largest;
+        let factor = |squares: &f64| {
+            if common <= rounding {
+                return 0.0;
+            }
+            let scale = match scale {
+                Scale::PerFeature => std(squares).max(0.1 * common),
+                Scale::Common | Scale::None => common,
+            };
+            (1.0 / scale) as f32
+        };
+        InputStatistics {
+            mean: self.mean.iter().map(|&mean| mean as f32).collect(),
+            factor: self.squares.iter().map(factor).collect(),
+        }
+    }
+}
+
+/// Appends the visual input of one surface, `slots x width` values.
+pub(super) fn push(
+    input: &Input,
+    statistics: &InputStatistics,
+    embeddings: &Embeddings,
+    surface: usize,
+    views: &[usize],
+    out: &mut Vec<f32>,
+) {
+    for row in rows(input, embeddings, surface, views) {
+        statistics.push(&row, out);
+    }
+}
+
+impl Input {
+    /// How many slots the network has.
+    pub(super) fn slots(&self) -> usize {
+        match self {
+            Self::Single {} | Self::ViewPooling {} => 1,
+            Self::LateFusion { views } => *views,
+        }
+    }
+
+    /// How many views fill the slots; `None` for any number.
+    pub(super) fn views(&self) -> Option<usize> {
+        match self {
+            Self::Single {} => Some(1),
+            Self::LateFusion { views } => Some(*views),
+            Self::ViewPooling {} => None,
+        }
+    }
+
+    /// Distinct views drawn at random, as many as there are slots, in random order.
+    pub(super) fn draw(&self, views: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
+        index::sample(rng, views, self.slots().min(views)).into_vec()
+    }
+}

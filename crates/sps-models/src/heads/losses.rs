@@ -1,0 +1,179 @@
+//! The losses, each `(trials)`: a weighted sum over the rows of a batch.
+//!
+//! `weight`, `(trials, rows)`, is one over the number of rows that count, and zero in the others
+//! (not measured): so each loss is a mean, and no trial's loss contains another's rows.
+
+use candle_core::{Result, Tensor};
+
+use super::config::{GeneratorLoss, Model};
+use super::network::{CrossModalNetwork, Network};
+use crate::stacked::{cross_entropy, row_norm, softplus};
+
+/// A batch of each trial of a stack.
+pub(super) struct Batch {
+    /// `(trials, rows, slots x width)`, scaled.
+    pub(super) visual: Tensor,
+    /// Features of one slot.
+    pub(super) width: usize,
+    /// Standardised readings, `(trials, rows, 1)`; any number where the weight is zero.
+    pub(super) tactile: Tensor,
+    /// `(trials, rows)`.
+    pub(super) weight: Tensor,
+    /// Classes, by trial and row.
+    pub(super) labels: Vec<Option<u32>>,
+    /// `(trials, rows)`, over the rows that have a class.
+    pub(super) label_weight: Tensor,
+}
+
+/// Each loss of each trial, `(trials)`, before its weight.
+pub(super) struct Losses {
+    /// `L_est`.
+    pub(super) estimation: Tensor,
+    /// `L_emb`.
+    pub(super) embedding: Option<Tensor>,
+    /// `(G(E_t(t)) - t)²`.
+    pub(super) reconstruction: Option<Tensor>,
+    /// The generator's part of `L_adv`: the second and third term.
+    pub(super) generator: Option<Tensor>,
+    /// The discriminator's part of `L_adv`, to be minimised: the first and second term, negated.
+    pub(super) discriminator: Option<Tensor>,
+    /// `L_class`.
+    pub(super) classification: Option<Tensor>,
+}
+
+impl Losses {
+    pub(super) fn of(model: &Model, network: &Network, batch: &Batch) -> Result<Self> {
+        match (model, network) {
+            (Model::CrossModal(model), Network::CrossModal(network)) => {
+                Self::cross_modal(model, network, batch)
+            }
+            _ => Ok(Self {
+                estimation: squared_error(
+                    &network.estimate(&batch.visual)?,
+                    &batch.tactile,
+                    &batch.weight,
+                )?,
+                embedding: None,
+                reconstruction: None,
+                generator: None,
+                discriminator: None,
+                classification: None,
+            }),
+        }
+    }
+
+    fn cross_modal(
+        model: &super::config::CrossModal,
+        network: &CrossModalNetwork,
+        batch: &Batch,
+    ) -> Result<Self> {
+        let Batch {
+            tactile, weight, ..
+        } = batch;
+        let seen = network.latent(&batch.visual)?;
+        let touched = network.touch(tactile)?;
+        let estimate = network.generator.forward(&seen)?;
+        let (mut embedding, mut reconstruction) = (None, None);
+        if let Some(touched) = touched {
+            embedding = Some(embedding_distance(&seen, &touched, weight)?);
+            if model.reconstruction_weight > 0.0 {
+                let again = network.generator.forward(&touched)?;
+                reconstruction = Some(squared_error(&again, tactile, weight)?);
+            }
+        }
+        let (generator, discriminator) = match (&model.adversarial, &network.discriminator) {
+            (Some(game), Some(discriminator)) => {
+                let image = batch.visual.narrow(2, 0, batch.width)?;
+                let term = discriminator.visual_term(&image)?;
+                let real = discriminator.logit(&term, tactile)?;
+                let fake = discriminator.logit(&term, &estimate.detach())?;
+                // The generator plays against the discriminator as it is: same logit, but the
+                // gradient passes through the estimate alone.
+                let faced = discriminator.frozen().logit(&term.detach(), &estimate)?;
+                (
+                    Some(generator_loss(
+                        game.generator,
+                        &faced,
+                        &(&estimate - tactile)?,
+                        weight,
+                    )?),
+                    Some(discriminator_loss(&real, &fake, weight)?),
+                )
+            }
+            _ => (None, None),
+        };
+        let classification = match network.classify(&seen)? {
+            Some(logits) => Some(weighted(
+                &cross_entropy(&logits, batch.labels.clone())?,
+                &batch.label_weight,
+            )?),
+            None => None,
+        };
+        Ok(Self {
+            estimation: squared_error(&estimate, tactile, weight)?,
+            embedding,
+            reconstruction,
+            generator,
+            discriminator,
+            classification,
+        })
+    }
+
+    /// The sum over the trials of each trial's objective; the discriminator's own loss is added,
+    /// for the two sides share no parameter.
+    pub(super) fn total(&self, model: &Model) -> Result<Tensor> {
+        let mut total = self.estimation.clone();
+        if let Model::CrossModal(model) = model {
+            let game = model.adversarial.as_ref();
+            let classes = model.classification.as_ref();
+            let terms = [
+                (&self.embedding, model.embedding_weight),
+                (&self.reconstruction, model.reconstruction_weight),
+                (&self.generator, game.map_or(0.0, |game| game.weight)),
+                (&self.discriminator, 1.0),
+                (&self.classification, classes.map_or(0.0, |c| c.weight)),
+            ];
+            for (term, weight) in terms {
+                if let Some(term) = term {
+                    total = (total + (term * weight)?)?;
+                }
+            }
+        }
+        total.sum_all()
+    }
+}
+
+/// `sum_i w_i x_i` of each trial.
+fn weighted(values: &Tensor, weight: &Tensor) -> Result<Tensor> {
+    (values * weight)?.sum(1)
+}
+
+/// `L_est = E[(t_est - t)²]`; estimate and truth are `(trials, rows, 1)` and may be swapped.
+pub(super) fn squared_error(one: &Tensor, other: &Tensor, weight: &Tensor) -> Result<Tensor> {
+    weighted(&(one - other)?.sqr()?.squeeze(2)?, weight)
+}
+
+/// `L_emb = E[|e_t - e_v|²]`; the embeddings are `(trials, rows, latent)` and may be swapped.
+pub(super) fn embedding_distance(one: &Tensor, other: &Tensor, weight: &Tensor) -> Result<Tensor> {
+    weighted(&(one - other)?.sqr()?.sum(2)?, weight)
+}
+
+/// The generator's part of `L_adv`: `E[log(1 - D(v, G))] + E[|G - t|]`, or `-log D` in place of
+/// the first; `faced` are the logits, `(trials, rows)`, `error` is `G - t`.
+pub(super) fn generator_loss(
+    kind: GeneratorLoss,
+    faced: &Tensor,
+    error: &Tensor,
+    weight: &Tensor,
+) -> Result<Tensor> {
+    let game = match kind {
+        GeneratorLoss::Minimax => softplus(faced)?.neg()?,
+        GeneratorLoss::NonSaturating => softplus(&faced.neg()?)?,
+    };
+    weighted(&(game + row_norm(error)?)?, weight)
+}
+
+/// `-E[log D(v, t)] - E[log(1 - D(v, G))]` from the logits, `(trials, rows)`.
+pub(super) fn discriminator_loss(real: &Tensor, fake: &Tensor, weight: &Tensor) -> Result<Tensor> {
+    weighted(&(softplus(&real.neg()?)? + softplus(fake)?)?, weight)
+}

@@ -1,0 +1,111 @@
+//! From an embedding to a tactile value: the regression baseline and the cross-modal network of
+//! the paper's section 4.1.
+//!
+//! There is one network per property and rerun. All networks of a plan are trained together, a
+//! stack at a time, and each has the bits that it would have alone, on any number of threads.
+
+mod config;
+mod error;
+mod input;
+mod job;
+mod losses;
+mod network;
+mod plan;
+mod store;
+#[cfg(test)]
+mod tests;
+mod train;
+mod trained;
+
+pub use config::{
+    Adversarial, Classification, CrossModal, GeneratorLoss, HeadConfig, Input, Model, Scale,
+};
+pub use error::HeadError;
+pub use plan::{Plan, Rerun, TrainingData, Trial, Views};
+pub use trained::{EpochLosses, Estimates, TrainedHead, TrainedHeads};
+
+use rayon::prelude::*;
+
+use crate::error::Result;
+
+/// A checked configuration, ready to train.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Head(HeadConfig);
+
+/// Hears of the progress of a training; calls come from several threads.
+pub trait Observer: Sync {
+    /// `trials` trials have ended epoch `epoch` of `epochs`, from 1.
+    fn epoch(&self, trials: usize, epoch: usize, epochs: usize) {
+        let _ = (trials, epoch, epochs);
+    }
+
+    /// Some of the plan's trials are trained, in no particular order; those that never come here
+    /// are what is missing after a run was stopped.
+    fn finished(&self, heads: &TrainedHeads) {
+        let _ = heads;
+    }
+}
+
+/// Hears nothing.
+impl Observer for () {}
+
+impl Head {
+    /// Checks a configuration.
+    ///
+    /// # Errors
+    ///
+    /// The first value that is out of its range, with its key.
+    pub fn new(config: HeadConfig) -> Result<Self> {
+        config.check()?;
+        Ok(Self(config))
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &HeadConfig {
+        &self.0
+    }
+
+    /// Trains every trial of the plan, on the threads of the current rayon pool.
+    ///
+    /// A trial depends on the configuration, the data, the seed, its own property, rerun and
+    /// views, and on nothing else: training a part of a plan gives the same bits.
+    ///
+    /// # Errors
+    ///
+    /// A plan that does not fit the data, labels that cannot be formed, a property without a
+    /// training reading, a loss that is no longer finite.
+    pub fn train(
+        &self,
+        data: &TrainingData<'_>,
+        plan: &Plan,
+        observer: &dyn Observer,
+    ) -> Result<TrainedHeads> {
+        plan.check(self.0.input.views(), data)?;
+        let jobs = job::prepare(&self.0, data, plan)?;
+        let size = |job: &_| train::parameter_count(&self.0, data, job);
+        let stacks = job::stacks(&jobs, size, rayon::current_num_threads());
+        let trained: Vec<Result<Vec<_>>> = stacks
+            .par_iter()
+            .map(|stack| {
+                let jobs: Vec<_> = stack.iter().map(|&index| &jobs[index]).collect();
+                let heads = train::train_stack(&self.0, data, plan.seed, &jobs, observer)?;
+                let finished = self.trained(heads);
+                observer.finished(&finished);
+                Ok(stack.iter().copied().zip(finished.heads).collect())
+            })
+            .collect();
+        let mut heads = Vec::with_capacity(jobs.len());
+        for stack in trained {
+            heads.extend(stack?);
+        }
+        heads.sort_by_key(|&(index, _)| index);
+        Ok(self.trained(heads.into_iter().map(|(_, head)| head).collect()))
+    }
+
+    fn trained(&self, heads: Vec<TrainedHead>) -> TrainedHeads {
+        TrainedHeads {
+            head: self.clone(),
+            heads,
+        }
+    }
+}

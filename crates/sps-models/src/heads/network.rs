@@ -1,0 +1,213 @@
+//! The networks, each a stack of equal ones with weights of their own.
+
+use candle_core::{Result, Tensor};
+
+use super::config::{CrossModal, Model};
+use crate::stacked::{Parameter, leaky_relu, linear, matmul};
+
+/// Sizes that the data decide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Dims {
+    /// Slots of the visual input.
+    pub(super) slots: usize,
+    /// Features of one slot.
+    pub(super) width: usize,
+    /// Classes of the auxiliary classifier.
+    pub(super) classes: usize,
+}
+
+/// A parameter of one trial, before it is filled.
+pub(super) struct Spec<'a> {
+    pub(super) name: &'a str,
+    /// `(inputs, outputs)` of a weight, `(outputs)` of a bias.
+    pub(super) shape: &'a [usize],
+    /// Inputs of the layer.
+    pub(super) fan_in: usize,
+}
+
+/// Gives the stacked tensor `(trials, ..shape)` for each parameter asked for.
+pub(super) trait Fill {
+    fn fill(&mut self, spec: &Spec<'_>) -> crate::Result<Parameter>;
+}
+
+/// A linear layer, `(inputs, outputs)`.
+pub(super) struct Linear {
+    weight: Parameter,
+    bias: Parameter,
+}
+
+impl Linear {
+    fn new(fill: &mut dyn Fill, name: &str, inputs: usize, outputs: usize) -> crate::Result<Self> {
+        Ok(Self {
+            weight: fill.fill(&Spec {
+                name: &format!("{name}.weight"),
+                shape: &[inputs, outputs],
+                fan_in: inputs,
+            })?,
+            bias: fill.fill(&Spec {
+                name: &format!("{name}.bias"),
+                shape: &[outputs],
+                fan_in: inputs,
+            })?,
+        })
+    }
+
+    fn forward(&self, x: &Tensor) -> Result<Tensor> {
+        linear(x, &self.weight, &self.bias)
+    }
+}
+
+/// Two linear layers with a rectifier between them.
+pub(super) struct TwoLayers {
+    hidden: Linear,
+    output: Linear,
+}
+
+impl TwoLayers {
+    fn new(fill: &mut dyn Fill, name: &str, sizes: [usize; 3]) -> crate::Result<Self> {
+        let [inputs, hidden, outputs] = sizes;
+        Ok(Self {
+            hidden: Linear::new(fill, &format!("{name}.hidden"), inputs, hidden)?,
+            output: Linear::new(fill, &format!("{name}.output"), hidden, outputs)?,
+        })
+    }
+
+    pub(super) fn forward(&self, x: &Tensor) -> Result<Tensor> {
+        self.output.forward(&self.hidden.forward(x)?.relu()?)
+    }
+}
+
+/// `D(v, t)` as a logit: one hidden layer over the image embedding and the tactile value.
+///
+/// The hidden layer is kept as two terms, `v W_v + b` and `t W_t`, because the first is the same
+/// for the measured and the generated value.
+pub(super) struct Discriminator {
+    visual: Linear,
+    tactile: Parameter,
+    logit: Linear,
+}
+
+impl Discriminator {
+    fn new(fill: &mut dyn Fill, width: usize, hidden: usize) -> crate::Result<Self> {
+        Ok(Self {
+            visual: Linear::new(fill, "discriminator.visual", width, hidden)?,
+            tactile: fill.fill(&Spec {
+                name: "discriminator.tactile.weight",
+                shape: &[1, hidden],
+                // The value enters the layer beside the embedding.
+                fan_in: width + 1,
+            })?,
+            logit: Linear::new(fill, "discriminator.logit", hidden, 1)?,
+        })
+    }
+
+    /// The same discriminator as a constant, for the generator's side of the game.
+    pub(super) fn frozen(&self) -> Self {
+        let constant = |layer: &Linear| Linear {
+            weight: layer.weight.frozen(),
+            bias: layer.bias.frozen(),
+        };
+        Self {
+            visual: constant(&self.visual),
+            tactile: self.tactile.frozen(),
+            logit: constant(&self.logit),
+        }
+    }
+
+    /// The embedding's term of the hidden layer.
+    pub(super) fn visual_term(&self, embedding: &Tensor) -> Result<Tensor> {
+        self.visual.forward(embedding)
+    }
+
+    /// The logit for values `(trials, rows, 1)` beside the embeddings' term.
+    pub(super) fn logit(&self, visual_term: &Tensor, value: &Tensor) -> Result<Tensor> {
+        let hidden = (visual_term + matmul(value, &self.tactile)?)?;
+        self.logit.forward(&leaky_relu(&hidden)?)?.squeeze(2)
+    }
+}
+
+/// The parts of the paper's figure 3 behind the image encoder.
+pub(super) struct CrossModalNetwork {
+    visual: Linear,
+    pub(super) generator: TwoLayers,
+    tactile: Option<TwoLayers>,
+    pub(super) discriminator: Option<Discriminator>,
+    classifier: Option<Linear>,
+}
+
+impl CrossModalNetwork {
+    fn new(fill: &mut dyn Fill, model: &CrossModal, dims: Dims) -> crate::Result<Self> {
+        let CrossModal { latent, hidden, .. } = *model;
+        Ok(Self {
+            visual: Linear::new(fill, "visual", dims.slots * dims.width, latent)?,
+            generator: TwoLayers::new(fill, "generator", [latent, hidden, 1])?,
+            tactile: if model.encodes_touch() {
+                Some(TwoLayers::new(fill, "tactile", [1, hidden, latent])?)
+            } else {
+                None
+            },
+            discriminator: match &model.adversarial {
+                Some(game) => Some(Discriminator::new(fill, dims.width, game.hidden)?),
+                None => None,
+            },
+            classifier: match &model.classification {
+                Some(_) => Some(Linear::new(fill, "classifier", latent, dims.classes)?),
+                None => None,
+            },
+        })
+    }
+
+    /// `e_v`, `(trials, rows, latent)`.
+    pub(super) fn latent(&self, visual: &Tensor) -> Result<Tensor> {
+        self.visual.forward(visual)
+    }
+
+    /// `e_t`, `(trials, rows, latent)`, for values `(trials, rows, 1)`.
+    pub(super) fn touch(&self, value: &Tensor) -> Result<Option<Tensor>> {
+        self.tactile
+            .as_ref()
+            .map(|encoder| encoder.forward(value))
+            .transpose()
+    }
+
+    /// The auxiliary classifier's logits, `(trials, rows, classes)`.
+    pub(super) fn classify(&self, latent: &Tensor) -> Result<Option<Tensor>> {
+        self.classifier
+            .as_ref()
+            .map(|classifier| classifier.forward(latent))
+            .transpose()
+    }
+}
+
+/// A stack of networks.
+pub(super) enum Network {
+    Regression(Linear),
+    CrossModal(Box<CrossModalNetwork>),
+}
+
+impl Network {
+    pub(super) fn new(fill: &mut dyn Fill, model: &Model, dims: Dims) -> crate::Result<Self> {
+        Ok(match model {
+            Model::Regression {} => {
+                Self::Regression(Linear::new(fill, "value", dims.slots * dims.width, 1)?)
+            }
+            Model::CrossModal(model) => {
+                Self::CrossModal(Box::new(CrossModalNetwork::new(fill, model, dims)?))
+            }
+        })
+    }
+
+    /// Standardised estimates `(trials, rows, 1)` for the visual input
+    /// `(trials, rows, slots x width)`.
+    pub(super) fn estimate(&self, visual: &Tensor) -> Result<Tensor> {
+        match self {
+            Self::Regression(value) => value.forward(visual),
+            Self::CrossModal(network) => network.generator.forward(&network.latent(visual)?),
+        }
+    }
+}
+
+/// Whether a parameter is trained against the others.
+pub(super) fn is_discriminator(name: &str) -> bool {
+    name.starts_with("discriminator.")
+}

@@ -1,0 +1,251 @@
+use std::collections::BTreeSet;
+
+use serde::{Deserialize, Serialize};
+
+use super::HeadError;
+use super::config::Model;
+use crate::data::{Embeddings, Readings};
+use crate::error::Result;
+use crate::labels::LabelTables;
+
+/// The tables that heads are trained on; one row per surface of the data set in each.
+#[derive(Clone, Copy, Debug)]
+pub struct TrainingData<'a> {
+    /// Embeddings of the surfaces' views.
+    pub embeddings: &'a Embeddings,
+    /// Tactile readings, in measured units.
+    pub readings: &'a Readings,
+    /// The material of each surface; needed for labels from materials alone.
+    pub materials: Option<&'a [String]>,
+    /// Features from a network trained on ImageNet, for visuo-tactile labels; `embeddings` where
+    /// none are given.
+    pub label_features: Option<&'a Embeddings>,
+}
+
+impl<'a> TrainingData<'a> {
+    pub(super) fn label_tables(&self) -> LabelTables<'a> {
+        LabelTables {
+            readings: self.readings,
+            visual: self.label_features.unwrap_or(self.embeddings),
+            materials: self.materials,
+        }
+    }
+}
+
+/// What to train.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Plan {
+    /// Keys every random draw, together with the names of trial and purpose.
+    pub seed: u64,
+    /// The splits.
+    pub reruns: Vec<Rerun>,
+    /// The networks; each belongs to a property and a rerun.
+    pub trials: Vec<Trial>,
+}
+
+/// One split of the surfaces.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rerun {
+    /// Its number, which keys its random streams.
+    pub number: u64,
+    /// The training surfaces, as indices into the tables; their order does not matter.
+    pub training: Vec<usize>,
+}
+
+/// One network: it depends on the configuration, the data, the seed, its property, its rerun and
+/// its views, and on nothing else in the plan.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Trial {
+    /// The property to estimate.
+    pub property: String,
+    /// The number of its rerun.
+    pub rerun: u64,
+    /// The views of each surface to train on.
+    pub views: Views,
+}
+
+/// Which views of a surface enter the slots of the visual input.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Views {
+    /// These, in the order of the slots.
+    Fixed(Vec<usize>),
+    /// Distinct ones, drawn anew for each surface in each epoch.
+    Random,
+}
+
+impl Plan {
+    /// One trial for each of the properties in each rerun, all on view 0.
+    pub fn each(seed: u64, properties: &[String], reruns: Vec<Rerun>) -> Self {
+        let trials = reruns
+            .iter()
+            .flat_map(|rerun| {
+                properties.iter().map(|property| Trial {
+                    property: property.clone(),
+                    rerun: rerun.number,
+                    views: Views::Fixed(vec![0]),
+                })
+            })
+            .collect();
+        Self {
+            seed,
+            reruns,
+            trials,
+        }
+    }
+
+    /// Refuses a plan that does not fit the data, or a model that takes `views` views; `None` is
+    /// a model that takes any number of fixed ones.
+    pub(crate) fn check(&self, views: Option<usize>, data: &TrainingData<'_>) -> Result<()> {
+        check_tables(data)?;
+        for (at, rerun) in self.reruns.iter().enumerate() {
+            if self.reruns[..at].iter().any(|r| r.number == rerun.number) {
+                let number = rerun.number;
+                return wrong(
+                    "reruns",
+                    format!("number {number} twice"),
+                    "each number once",
+                );
+            }
+            rerun.check(data)?;
+        }
+        for (at, trial) in self.trials.iter().enumerate() {
+            if self.trials[..at].contains(trial) {
+                let found = format!("{} of rerun {} twice", trial.property, trial.rerun);
+                return wrong("trials", found, "each trial once");
+            }
+            trial.check(self, views, data)?;
+        }
+        Ok(())
+    }
+
+    /// The training surfaces of a checked plan's trial that have a reading, with it; ascending.
+    pub(crate) fn readings(&self, data: &TrainingData<'_>, trial: &Trial) -> Vec<(usize, f64)> {
+        let column = data.readings.column(&trial.property);
+        let training = self.rerun(trial.rerun).map(|rerun| &rerun.training);
+        let of = |&surface: &usize| Some((surface, data.readings.get(surface, column?)?));
+        let mut readings: Vec<_> = training.into_iter().flatten().filter_map(of).collect();
+        readings.sort_unstable_by_key(|(surface, _)| *surface);
+        readings
+    }
+
+    pub(super) fn rerun(&self, number: u64) -> Option<&Rerun> {
+        self.reruns.iter().find(|rerun| rerun.number == number)
+    }
+}
+
+fn check_tables(data: &TrainingData<'_>) -> Result<()> {
+    let surfaces = data.embeddings.surfaces();
+    let others = [
+        ("readings", Some(data.readings.surfaces())),
+        ("materials", data.materials.map(<[_]>::len)),
+        (
+            "label features",
+            data.label_features.map(Embeddings::surfaces),
+        ),
+    ];
+    match others
+        .iter()
+        .find(|(_, n)| n.is_some_and(|n| n != surfaces))
+    {
+        None => Ok(()),
+        Some((what, found)) => wrong(
+            what,
+            format!("{} surfaces", found.unwrap_or_default()),
+            format!("{surfaces}, as there are embeddings"),
+        ),
+    }
+}
+
+impl Rerun {
+    fn check(&self, data: &TrainingData<'_>) -> Result<()> {
+        let what = || format!("training surfaces of rerun {}", self.number);
+        let surfaces = data.embeddings.surfaces();
+        if self.training.is_empty() {
+            return wrong(what(), "none", "at least one");
+        }
+        let mut seen = BTreeSet::new();
+        for &surface in &self.training {
+            if surface >= surfaces {
+                return wrong(
+                    what(),
+                    format!("index {surface}"),
+                    format!("below {surfaces}"),
+                );
+            }
+            if !seen.insert(surface) {
+                return wrong(what(), format!("index {surface} twice"), "each once");
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Trial {
+    fn check(&self, plan: &Plan, views: Option<usize>, data: &TrainingData<'_>) -> Result<()> {
+        let what = || format!("trial {} of rerun {}", self.property, self.rerun);
+        let Some(column) = data.readings.column(&self.property) else {
+            let known = data.readings.properties().join(", ");
+            return wrong(what(), "unknown property", format!("one of {known}"));
+        };
+        let Some(rerun) = plan.rerun(self.rerun) else {
+            return wrong(what(), "no such rerun", "a rerun of the plan");
+        };
+        let mut readings = rerun.training.iter().map(|&s| data.readings.get(s, column));
+        if !readings.any(|reading| reading.is_some()) {
+            return Err(HeadError::NotMeasured {
+                property: self.property.clone(),
+                rerun: self.rerun,
+            }
+            .into());
+        }
+        self.check_views(views, data.embeddings.views())
+            .or_else(|(found, expected)| wrong(what(), found, expected))
+    }
+
+    fn check_views(&self, wanted: Option<usize>, views: usize) -> Result<(), (String, String)> {
+        match &self.views {
+            Views::Fixed(picked) => {
+                if picked.is_empty() || wanted.is_some_and(|wanted| wanted != picked.len()) {
+                    let wanted = wanted.map_or("at least one".into(), |n| n.to_string());
+                    return Err((format!("{} views", picked.len()), wanted));
+                }
+                match picked.iter().find(|&&view| view >= views) {
+                    Some(view) => Err((format!("view {view}"), format!("below {views}"))),
+                    None => Ok(()),
+                }
+            }
+            Views::Random => match wanted {
+                Some(wanted) if wanted > views => Err((
+                    format!("{wanted} random views"),
+                    format!("at most the {views} that there are"),
+                )),
+                Some(_) => Ok(()),
+                None => Err(("random views for view pooling".into(), "fixed views".into())),
+            },
+        }
+    }
+}
+
+impl Model {
+    pub(super) fn labels(&self) -> Option<&crate::labels::LabelSource> {
+        match self {
+            Self::Regression {} => None,
+            Self::CrossModal(model) => Some(&model.classification.as_ref()?.labels),
+        }
+    }
+}
+
+fn wrong(
+    what: impl std::fmt::Display,
+    found: impl std::fmt::Display,
+    expected: impl std::fmt::Display,
+) -> Result<()> {
+    Err(HeadError::Plan {
+        what: what.to_string(),
+        found: found.to_string(),
+        expected: expected.to_string(),
+    }
+    .into())
+}

@@ -1,0 +1,110 @@
+use super::*;
+
+#[test]
+fn the_papers_settings_are_the_defaults() {
+    let config = HeadConfig::default();
+    assert_eq!(config.epochs, 30);
+    assert_eq!(config.adam.learning_rate, 1e-4);
+    let Model::CrossModal(model) = config.model else {
+        panic!("not the cross-modal network")
+    };
+    assert_eq!(model.latent, 50);
+}
+
+#[test]
+fn a_configuration_reads_and_writes_as_toml() {
+    let text = r#"
+        batch-size = 4
+        clip-norm = 1.0
+        scale = "per-feature"
+        input = { kind = "late-fusion", views = 3 }
+
+        [model]
+        kind = "cross-modal"
+        latent = 100
+        adversarial = { generator = "non-saturating" }
+        classification = { labels = { source = "tactile-cluster", clusters = 8 } }
+
+        [adam]
+        learning-rate = 1e-3
+    "#;
+    let config: HeadConfig = toml::from_str(text).unwrap();
+    assert_eq!(config.batch_size, 4);
+    assert_eq!(config.epochs, 30);
+    assert_eq!(config.input, Input::LateFusion { views: 3 });
+    let again = toml::to_string(&config).unwrap();
+    assert_eq!(toml::from_str::<HeadConfig>(&again).unwrap(), config);
+    let regression = "model = { kind = \"regression\" }";
+    let config: HeadConfig = toml::from_str(regression).unwrap();
+    assert_eq!(config.model, Model::Regression {});
+}
+
+#[test]
+fn a_misspelt_key_is_refused_at_every_level() {
+    for text in [
+        "epoch = 3",
+        "adam = { learning_rate = 1e-3 }",
+        "input = { kind = \"single\", views = 1 }",
+        "model = { kind = \"regression\", latent = 50 }",
+        "model = { kind = \"cross-modal\", latents = 50 }",
+        "model = { kind = \"cross-modal\", adversarial = { weights = 1.0 } }",
+        "model = { kind = \"cross-modal\", classification = { weight = 1.0 } }",
+    ] {
+        assert!(toml::from_str::<HeadConfig>(text).is_err(), "{text}");
+    }
+}
+
+#[test]
+fn each_value_out_of_range_is_named() {
+    for (text, key) in [
+        ("epochs = 0", "epochs"),
+        ("batch-size = 0", "batch-size"),
+        ("clip-norm = 0.0", "clip-norm"),
+        ("clip-norm = nan", "clip-norm"),
+        ("adam = { learning-rate = -1.0 }", "adam.learning-rate"),
+        ("adam = { learning-rate = inf }", "adam.learning-rate"),
+        ("adam = { epsilon = 0.0 }", "adam.epsilon"),
+        ("adam = { beta1 = 1.0 }", "adam.beta1"),
+        ("adam = { beta2 = -0.1 }", "adam.beta2"),
+        (
+            "input = { kind = \"late-fusion\", views = 0 }",
+            "input.views",
+        ),
+        (
+            "model = { kind = \"cross-modal\", latent = 0 }",
+            "model.latent",
+        ),
+        (
+            "model = { kind = \"cross-modal\", hidden = 0 }",
+            "model.hidden",
+        ),
+        (
+            "model = { kind = \"cross-modal\", embedding-weight = -1.0 }",
+            "model.embedding-weight",
+        ),
+        (
+            "model = { kind = \"cross-modal\", reconstruction-weight = nan }",
+            "model.reconstruction-weight",
+        ),
+        (
+            "model = { kind = \"cross-modal\", adversarial = { weight = 0.0 } }",
+            "model.adversarial.weight",
+        ),
+        (
+            "model = { kind = \"cross-modal\", adversarial = { hidden = 0 } }",
+            "model.adversarial.hidden",
+        ),
+        (
+            "model = { kind = \"cross-modal\", classification = { weight = 0.0, labels = { source = \"material\" } } }",
+            "model.classification.weight",
+        ),
+        (
+            "model = { kind = \"cross-modal\", classification = { labels = { source = \"tactile-cluster\", clusters = 0 } } }",
+            "clusters",
+        ),
+    ] {
+        let config: HeadConfig = toml::from_str(text).unwrap();
+        let message = Head::new(config).unwrap_err().to_string();
+        assert!(message.contains(&format!("{key} is ")), "{text}: {message}");
+    }
+}

@@ -1,0 +1,150 @@
+//! A trial has the same bits in any stack, on any number of threads, in any part of a plan.
+
+use super::*;
+
+fn assert_same(one: &TrainedHeads, other: &TrainedHeads) {
+    assert_eq!(one.heads().len(), other.heads().len());
+    for (one, other) in one.heads().iter().zip(other.heads()) {
+        assert_eq!(one.trial(), other.trial());
+        assert_eq!(bits(one), bits(other), "{:?}", one.trial());
+    }
+}
+
+/// All configurations whose operators differ.
+fn configs() -> Vec<HeadConfig> {
+    let mut regression = full();
+    regression.model = Model::Regression {};
+    let mut clipped = full();
+    clipped.clip_norm = Some(0.5);
+    cross_modal(&mut clipped).reconstruction_weight = 0.3;
+    // Widths that fill several registers of the product's kernels and leave a rest.
+    let mut wide = full();
+    cross_modal(&mut wide).latent = 50;
+    cross_modal(&mut wide).hidden = 33;
+    vec![full(), regression, clipped, wide]
+}
+
+#[test]
+fn stacked_training_is_one_by_one_to_the_bit() {
+    let set = Set::new(43, 1, 130, 5);
+    for config in configs() {
+        let plan = set.plan(3);
+        // One thread puts all fifteen into as few stacks as possible.
+        let together = on_threads(1, || set.train(&config, &plan));
+        let mut alone = Vec::new();
+        for trial in &plan.trials {
+            let plan = Plan {
+                trials: vec![trial.clone()],
+                ..plan.clone()
+            };
+            alone.extend(set.train(&config, &plan).heads);
+        }
+        let alone = TrainedHeads {
+            heads: alone,
+            ..together.clone()
+        };
+        assert_same(&together, &alone);
+    }
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let set = Set::new(43, 1, 130, 5);
+    for config in configs() {
+        let plan = set.plan(3);
+        let one = on_threads(1, || set.train(&config, &plan));
+        for threads in [2, 3, 8] {
+            assert_same(&one, &on_threads(threads, || set.train(&config, &plan)));
+        }
+    }
+}
+
+#[test]
+fn what_is_missing_of_a_plan_can_be_trained_later() {
+    let set = Set::new(41, 1, 20, 4);
+    // 41 surfaces: the first rerun trains on 36, the others on 37.
+    let plan = set.plan(3);
+    let sizes: Vec<_> = plan
+        .reruns
+        .iter()
+        .map(|rerun| rerun.training.len())
+        .collect();
+    assert_eq!(sizes, [36, 37, 37]);
+    let whole = set.train(&full(), &plan);
+    let mut rest = plan.clone();
+    rest.trials = rest.trials.into_iter().rev().step_by(3).collect();
+    rest.reruns.reverse();
+    for rerun in &mut rest.reruns {
+        rerun.training.reverse();
+    }
+    let rest = set.train(&full(), &rest);
+    assert_eq!(rest.heads().len(), 4);
+    for head in rest.heads() {
+        let same = whole.filter(|trial| trial == head.trial());
+        assert_eq!(bits(head), bits(&same.heads()[0]));
+    }
+}
+
+#[test]
+fn seed_property_rerun_and_views_each_change_the_result() {
+    let mut set = Set::new(30, 2, 10, 2);
+    // The two properties and the two reruns are equal in their data.
+    let rows: Vec<_> = (0..30).map(|s| vec![set.readings.get(s, 0); 2]).collect();
+    set.readings = Readings::new(set.readings.properties().to_vec(), &rows).unwrap();
+    let mut plan = set.plan(2);
+    plan.reruns[1].training = plan.reruns[0].training.clone();
+    let first = set.train(&full(), &plan);
+    let mut all: Vec<_> = first.heads().iter().map(bits).collect();
+    plan.seed += 1;
+    all.extend(set.train(&full(), &plan).heads().iter().map(bits));
+    for trial in &mut plan.trials {
+        trial.views = Views::Fixed(vec![1]);
+    }
+    all.extend(set.train(&full(), &plan).heads().iter().map(bits));
+    for trial in &mut plan.trials {
+        trial.views = Views::Random;
+    }
+    all.extend(set.train(&full(), &plan).heads().iter().map(bits));
+    let distinct: std::collections::HashSet<_> = all.iter().collect();
+    assert_eq!((all.len(), distinct.len()), (16, 16));
+}
+
+#[test]
+fn a_surface_is_estimated_alike_whichever_surfaces_stand_beside_it() {
+    let set = Set::new(71, 1, 130, 2);
+    let trained = set.train(&full(), &set.plan(1));
+    let all = trained.predict(&set.embeddings).unwrap();
+    for surface in [0, 1, 31, 32, 70] {
+        let alone = set.embeddings.select(&[surface], &[0]).unwrap();
+        for (alone, all) in trained.predict(&alone).unwrap().iter().zip(&all) {
+            assert_eq!(alone.values[0].to_bits(), all.values[surface].to_bits());
+        }
+    }
+}
+
+#[test]
+fn finished_trials_are_reported_once_each() {
+    struct Record(std::sync::Mutex<(usize, Vec<Trial>)>);
+    impl Observer for Record {
+        fn epoch(&self, trials: usize, epoch: usize, epochs: usize) {
+            assert!((1..=epochs).contains(&epoch));
+            self.0.lock().unwrap().0 += trials;
+        }
+        fn finished(&self, heads: &TrainedHeads) {
+            let trials = heads.heads().iter().map(|head| head.trial().clone());
+            self.0.lock().unwrap().1.extend(trials);
+        }
+    }
+    let set = Set::new(20, 1, 5, 5);
+    let plan = set.plan(4);
+    let record = Record(std::sync::Mutex::default());
+    let head = Head::new(full()).unwrap();
+    head.train(&set.data(), &plan, &record).unwrap();
+    let (epochs, mut finished) = record.0.into_inner().unwrap();
+    assert_eq!(epochs, plan.trials.len() * full().epochs);
+    let mut planned = plan.trials.clone();
+    let key = |trial: &Trial| (trial.rerun, trial.property.clone());
+    finished.sort_by_key(key);
+    planned.sort_by_key(key);
+    assert_eq!(finished, planned);
+}

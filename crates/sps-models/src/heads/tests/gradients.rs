@@ -1,0 +1,159 @@
+//! Losses and gradients against PyTorch's autograd, and that none is missing.
+
+use candle_core::Var;
+
+use super::super::losses::{Batch, Losses};
+use super::super::network::{Dims, Fill, Network, Spec};
+use super::*;
+use crate::golden;
+use crate::stacked::{Parameter, tests::gradient};
+
+const TRIALS: usize = 3;
+const ROWS: usize = 5;
+const WIDTH: usize = 7;
+
+/// Fills every parameter by the rule of the golden files, and remembers it.
+#[derive(Default)]
+struct Golden(Vec<(String, Parameter)>);
+
+impl Fill for Golden {
+    fn fill(&mut self, spec: &Spec<'_>) -> crate::Result<Parameter> {
+        let shape = [&[TRIALS], spec.shape].concat();
+        let values = golden::tensor(&format!("golden/heads.{}", spec.name), &shape);
+        let parameter = Parameter::variable(&Var::from_tensor(&values)?);
+        self.0.push((spec.name.to_owned(), parameter.clone()));
+        Ok(parameter)
+    }
+}
+
+fn model(generator: GeneratorLoss) -> Model {
+    Model::CrossModal(CrossModal {
+        latent: 4,
+        hidden: 6,
+        embedding_weight: 0.3,
+        reconstruction_weight: 0.7,
+        adversarial: Some(Adversarial {
+            weight: 0.2,
+            generator,
+            hidden: 6,
+        }),
+        classification: Some(Classification {
+            weight: 0.4,
+            labels: LabelSource::Material {},
+        }),
+    })
+}
+
+/// The batch of `make_heads_golden.py`.
+fn batch() -> Batch {
+    let weights = |counts: &dyn Fn(usize, usize) -> bool| {
+        let mut weights = Vec::new();
+        for trial in 0..TRIALS {
+            let number = (0..ROWS).filter(|&row| counts(trial, row)).count() as f64;
+            let of = |row| {
+                if counts(trial, row) {
+                    1.0 / number
+                } else {
+                    0.0
+                }
+            };
+            weights.extend((0..ROWS).map(of));
+        }
+        Tensor::from_vec(weights, (TRIALS, ROWS), &Device::Cpu).unwrap()
+    };
+    let labelled = |trial: usize, row: usize| (trial + 2 * row) % 5 != 1;
+    let label = |i: usize| {
+        let (trial, row) = (i / ROWS, i % ROWS);
+        labelled(trial, row).then_some(((trial + row) % 3) as u32)
+    };
+    Batch {
+        visual: golden::tensor("golden/heads.visual", &[TRIALS, ROWS, 2 * WIDTH]),
+        width: WIDTH,
+        tactile: golden::tensor("golden/heads.tactile", &[TRIALS, ROWS, 1]),
+        weight: weights(&|trial, row| (trial + row) % 4 != 0),
+        labels: (0..TRIALS * ROWS).map(label).collect(),
+        label_weight: weights(&labelled),
+    }
+}
+
+#[test]
+fn losses_and_gradients_are_pytorchs() {
+    let expected = golden::load("heads.safetensors");
+    for (kind, generator) in [
+        ("minimax", GeneratorLoss::Minimax),
+        ("non-saturating", GeneratorLoss::NonSaturating),
+    ] {
+        let model = model(generator);
+        let dims = Dims {
+            slots: 2,
+            width: WIDTH,
+            classes: 3,
+        };
+        let mut parameters = Golden::default();
+        let network = Network::new(&mut parameters, &model, dims).unwrap();
+        let losses = Losses::of(&model, &network, &batch()).unwrap();
+        for (name, loss) in [
+            ("estimation", Some(&losses.estimation)),
+            ("embedding", losses.embedding.as_ref()),
+            ("reconstruction", losses.reconstruction.as_ref()),
+            ("generator", losses.generator.as_ref()),
+            ("discriminator", losses.discriminator.as_ref()),
+            ("classification", losses.classification.as_ref()),
+        ] {
+            let key = format!("{kind}.loss.{name}");
+            let error = golden::error(
+                &golden::values(loss.unwrap()),
+                &golden::values(&expected[&key]),
+            );
+            assert!(error < 1e-14, "{key}: {error:e}");
+        }
+        losses.total(&model).unwrap().backward().unwrap();
+        assert_eq!(parameters.0.len(), 17);
+        for (name, parameter) in &parameters.0 {
+            let key = format!("{kind}.gradient.{name}");
+            let error = golden::error(&gradient(parameter), &golden::values(&expected[&key]));
+            assert!(error < 1e-13, "{key}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn every_parameter_of_every_model_receives_a_gradient_and_moves() {
+    let set = Set::new(30, 3, 8, 1);
+    let mut configs = vec![full(), full(), full(), full(), full(), full()];
+    configs[0].model = Model::Regression {};
+    cross_modal(&mut configs[1]).adversarial = None;
+    cross_modal(&mut configs[2]).classification = None;
+    cross_modal(&mut configs[3]).reconstruction_weight = 1.0;
+    cross_modal(&mut configs[4]).embedding_weight = 0.0;
+    configs[5].input = Input::LateFusion { views: 3 };
+    for mut config in configs {
+        config.epochs = 1;
+        let mut plan = set.plan(1);
+        if let Input::LateFusion { .. } = config.input {
+            plan.trials[0].views = Views::Fixed(vec![0, 1, 2]);
+        }
+        let once = set.train(&config, &plan);
+        config.epochs = 2;
+        let twice = set.train(&config, &plan);
+        for (name, before) in &once.heads()[0].parameters {
+            let before = golden::values(before);
+            let after = golden::values(&twice.heads()[0].parameters[name]);
+            // A unit of a rectifier may be silent; a whole parameter may not.
+            assert_ne!(before, after, "{name} of {config:?}");
+        }
+    }
+}
+
+#[test]
+fn a_model_without_the_embedding_constraint_has_no_tactile_encoder() {
+    let set = Set::new(20, 1, 4, 1);
+    let mut config = full();
+    cross_modal(&mut config).embedding_weight = 0.0;
+    let trained = set.train(&config, &set.plan(1));
+    let names: Vec<_> = trained.heads()[0].parameters.keys().collect();
+    assert!(
+        !names.iter().any(|name| name.starts_with("tactile")),
+        "{names:?}"
+    );
+}

@@ -1,0 +1,223 @@
+//! The losses' hard cases; those of single operators are beside the operators.
+
+use candle_core::{DType, Var};
+
+use super::super::losses::{discriminator_loss, embedding_distance, generator_loss};
+use super::*;
+use crate::golden::{error, values};
+use crate::optim::{Adam, AdamConfig};
+
+fn tensor(value: &[f64], shape: &[usize]) -> Tensor {
+    Tensor::from_slice(value, shape, &Device::Cpu).unwrap()
+}
+
+/// Both sides of the game on one pair at each logit: values and slopes by hand. By way of the
+/// probability, `log(1 - D)` at 1e4 is `log(0)`.
+#[test]
+fn adversarial_losses_at_logits_of_ten_thousand() {
+    let weight = tensor(&[1.0], &[1, 1]);
+    let zero = tensor(&[0.0], &[1, 1, 1]);
+    for (z, minimax, non_saturating, real, fake) in [
+        (1e4, (-1e4, -1.0), (0.0, 0.0), (0.0, 0.0), (1e4, 1.0)),
+        (-1e4, (0.0, 0.0), (1e4, -1.0), (1e4, -1.0), (0.0, 0.0)),
+    ] {
+        let at = |loss: &dyn Fn(&Tensor) -> Tensor| {
+            let z = Var::from_tensor(&tensor(&[z], &[1, 1])).unwrap();
+            let loss = loss(z.as_tensor());
+            let gradients = loss.sum_all().unwrap().backward().unwrap();
+            (values(&loss)[0], values(gradients.get(&z).unwrap())[0])
+        };
+        let middle = tensor(&[0.0], &[1, 1]);
+        let ln2 = std::f64::consts::LN_2;
+        let generator = |kind| at(&|z| generator_loss(kind, z, &zero, &weight).unwrap());
+        assert_eq!(generator(GeneratorLoss::Minimax), minimax);
+        assert_eq!(generator(GeneratorLoss::NonSaturating), non_saturating);
+        let (value, slope) = at(&|z| discriminator_loss(z, &middle, &weight).unwrap());
+        assert_eq!((value, slope), (real.0 + ln2, real.1));
+        let (value, slope) = at(&|z| discriminator_loss(&middle, z, &weight).unwrap());
+        assert_eq!((value, slope), (fake.0 + ln2, fake.1));
+    }
+    let naive = (1.0 - 1.0 / (1.0 + (-1e4_f64).exp())).ln();
+    assert!(naive.is_infinite(), "the naive form");
+}
+
+/// A generator that faces a discriminator stuck at a logit of -+1e4 for a hundred steps of Adam.
+/// With the loss that does not saturate and the discriminator sure that all is false, the slope is
+/// -1 in every step, so the logit's input moves by the learning rate each time; sure that all is
+/// real, nothing is left to learn, and the generator stays with the norm alone.
+#[test]
+fn a_discriminator_saturated_either_way_for_a_hundred_steps() {
+    let weight = tensor(&[1.0], &[1, 1]);
+    for (bias, minimax, non_saturating) in [(-1e4, 0.0, 1.0), (1e4, 1.0, 0.0)] {
+        for (kind, moves) in [
+            (GeneratorLoss::Minimax, minimax),
+            (GeneratorLoss::NonSaturating, non_saturating),
+        ] {
+            let x = Var::from_tensor(&tensor(&[0.5], &[1, 1, 1])).unwrap();
+            let config = AdamConfig::default();
+            let rate = config.learning_rate;
+            let mut adam = Adam::new(config, [x.clone()]).unwrap();
+            for _ in 0..100 {
+                let faced = (x.as_tensor().squeeze(2).unwrap() + bias).unwrap();
+                // The estimate is exact: the norm's gradient is zero, not 0 / 0.
+                let error = (x.as_tensor() - &x.as_detached_tensor()).unwrap();
+                let loss = generator_loss(kind, &faced, &error, &weight).unwrap();
+                let gradients = loss.sum_all().unwrap().backward().unwrap();
+                adam.step(&[gradients.get(&x).unwrap().clone()], &[])
+                    .unwrap();
+            }
+            let expected = 0.5 + 100.0 * rate * moves;
+            assert!((values(&x)[0] - expected).abs() < 1e-9, "{kind:?} {bias}");
+        }
+    }
+}
+
+/// Coinciding embeddings: no distance and no gradient, in f32, at any magnitude.
+#[test]
+fn embedding_pairs_that_coincide() {
+    let weight = tensor(&[0.5, 0.5], &[1, 2]).to_dtype(DType::F32).unwrap();
+    for scale in [1.0, 1e-30, 1e15] {
+        let pair = tensor(&[scale, -scale, 0.0, 2.0 * scale], &[1, 2, 2]);
+        let pair = Var::from_tensor(&pair.to_dtype(DType::F32).unwrap()).unwrap();
+        let loss = embedding_distance(&pair, &pair.as_detached_tensor(), &weight).unwrap();
+        let gradients = loss.sum_all().unwrap().backward().unwrap();
+        assert_eq!(values(&loss), [0.0]);
+        assert_eq!(values(gradients.get(&pair).unwrap()), [0.0; 4]);
+    }
+}
+
+/// Readings that are all equal: every estimate is that reading, to the bit. Divided by their
+/// spread they would be rounding over rounding.
+#[test]
+fn targets_that_are_all_equal() {
+    let mut set = Set::new(30, 1, 5, 1);
+    let readings = vec![vec![Some(0.1)]; 30];
+    set.readings = Readings::new(vec!["p0".into()], &readings).unwrap();
+    let trained = set.train(&full(), &set.plan(1));
+    let mean = (0..27).map(|_| 0.1).sum::<f64>() / 27.0;
+    for value in &trained.predict(&set.embeddings).unwrap()[0].values {
+        assert_eq!(*value, mean);
+    }
+    assert!((mean - 0.1).abs() < 1e-15);
+    assert_ne!(mean, 0.1, "the naive form divides by this difference");
+}
+
+/// Embeddings that are all equal in training carry nothing, whatever comes later.
+#[test]
+fn embeddings_that_are_all_equal() {
+    let mut set = Set::new(30, 1, 5, 1);
+    let same = Tensor::full(0.1_f32, (30, 5), &Device::Cpu).unwrap();
+    let trained_on = std::mem::replace(&mut set.embeddings, Embeddings::new(&same).unwrap());
+    for scale in [Scale::Common, Scale::PerFeature] {
+        let mut config = full();
+        config.scale = scale;
+        let trained = set.train(&config, &set.plan(1));
+        let estimates = trained.predict(&trained_on).unwrap();
+        let first = estimates[0].values[0];
+        assert!(first.is_finite());
+        assert!(estimates[0].values.iter().all(|&value| value == first));
+    }
+}
+
+/// A class that no training surface belongs to: its logit is pushed down by its own probability,
+/// `sum_i p_i / n`, and nothing is divided by its count.
+#[test]
+fn a_class_without_a_member() {
+    let logits = Var::from_tensor(&tensor(&[0.0, 0.0, 9.0, 1.0, -1.0, 0.0], &[1, 2, 3])).unwrap();
+    let labels = vec![Some(0), Some(1)];
+    let loss = crate::stacked::cross_entropy(&logits, labels).unwrap();
+    let gradients = loss.mean_all().unwrap().backward().unwrap();
+    let found = values(gradients.get(&logits).unwrap());
+    let probability = |row: [f64; 3]| row[2].exp() / row.iter().map(|z| z.exp()).sum::<f64>();
+    let expected = [
+        probability([0.0, 0.0, 9.0]) / 2.0,
+        probability([1.0, -1.0, 0.0]) / 2.0,
+    ];
+    assert!(error(&[found[2], found[5]], &expected) < 1e-15);
+
+    // In training: the material of the surfaces kept out.
+    let mut set = Set::new(20, 1, 4, 1);
+    set.materials = (0..20)
+        .map(|s| if s % 10 == 0 { "out" } else { "in" }.into())
+        .collect();
+    let mut config = full();
+    cross_modal(&mut config).classification = Some(Classification::new(LabelSource::Material {}));
+    let trained = set.train(&config, &set.plan(1));
+    assert_eq!(trained.heads()[0].dims.classes, 2);
+    let last = trained.heads()[0].history().last().unwrap();
+    assert!(last.classification.is_finite() && last.classification > 0.0);
+}
+
+/// A batch in which a property was never measured changes nothing but by Adam's momentum: with
+/// none, the parameters keep every bit. A mean over no rows would be 0 / 0.
+#[test]
+fn a_batch_without_a_reading() {
+    let mut set = Set::new(30, 1, 4, 1);
+    let rows: Vec<_> = (0..30)
+        .map(|s| vec![set.readings.get(s, 0).filter(|_| s == 5)])
+        .collect();
+    set.readings = Readings::new(vec!["p0".into()], &rows).unwrap();
+    let mut config = full();
+    config.batch_size = 1;
+    cross_modal(&mut config).classification = None;
+    let trained = set.train(&config, &set.plan(1));
+    let estimates = trained.predict(&set.embeddings).unwrap();
+    assert!(estimates[0].values.iter().all(|v| v.is_finite()));
+    assert_eq!(estimates[0].values[5], rows[5][0].unwrap());
+}
+
+/// Readings near the end of f64, and a loss that leaves f32: named, not returned as numbers.
+#[test]
+fn a_loss_that_is_no_longer_finite_is_an_error() {
+    let set = Set::new(30, 1, 4, 1);
+    let mut config = full();
+    config.adam.learning_rate = 1e30;
+    let head = Head::new(config).unwrap();
+    let failure = head.train(&set.data(), &set.plan(1), &()).unwrap_err();
+    let message = failure.to_string();
+    assert!(message.contains("training p0, rerun 0"), "{message}");
+}
+
+/// A loss weight of 1e30 makes gradients of norm 1e30. Clipped, the network takes the steps that
+/// it takes for 1e10, where no square overflows. Unclipped, Adam's mean square is infinite in f32,
+/// and the parameter never moves again.
+#[test]
+fn a_network_under_a_gradient_norm_of_1e30() {
+    let set = Set::new(30, 1, 4, 2);
+    let train = |weight, clip_norm, epochs| {
+        let mut config = full();
+        config.epochs = epochs;
+        config.clip_norm = clip_norm;
+        cross_modal(&mut config).embedding_weight = weight;
+        cross_modal(&mut config).adversarial = None;
+        let trained = set.train(&config, &set.plan(1));
+        values(trained.heads()[1].parameter("visual.weight").unwrap())
+    };
+    let huge = train(1e30, Some(1.0), 3);
+    assert!(error(&huge, &train(1e10, Some(1.0), 3)) < 1e-5);
+    assert_ne!(huge, train(1e30, Some(1.0), 2));
+    assert_eq!(train(1e30, None, 3), train(1e30, None, 2), "the naive form");
+}
+
+#[test]
+fn clipping_changes_long_gradients_alone() {
+    let set = Set::new(30, 1, 4, 2);
+    let train = |clip_norm| {
+        let config = HeadConfig {
+            clip_norm,
+            ..full()
+        };
+        let heads = set.train(&config, &set.plan(1)).heads;
+        heads.iter().map(bits).collect::<Vec<_>>()
+    };
+    assert_eq!(train(None), train(Some(1e6)));
+    assert_ne!(train(None), train(Some(1e-3)));
+}
+
+#[test]
+fn no_surfaces_have_no_estimates() {
+    let set = Set::new(10, 1, 4, 1);
+    let trained = set.train(&full(), &set.plan(1));
+    let none = set.embeddings.select(&[], &[0]).unwrap();
+    assert!(trained.predict(&none).unwrap()[0].values.is_empty());
+}

@@ -1,0 +1,121 @@
+mod configuration;
+mod equality;
+mod gradients;
+mod hard_cases;
+mod learning;
+mod plans;
+mod storage;
+
+use candle_core::{Device, Tensor};
+
+use super::*;
+use crate::data::{Embeddings, Readings};
+use crate::golden::uniform;
+use crate::labels::LabelSource;
+
+/// A small data set of which half the variation of each property can be seen.
+pub(super) struct Set {
+    pub(super) embeddings: Embeddings,
+    pub(super) readings: Readings,
+    pub(super) materials: Vec<String>,
+}
+
+impl Set {
+    pub(super) fn new(surfaces: usize, views: usize, width: usize, properties: usize) -> Self {
+        let seen = uniform("heads.seen", surfaces * views * width);
+        let noise = uniform("heads.noise", surfaces * properties);
+        let mixing = uniform("heads.mixing", width * properties);
+        let rows: Vec<Vec<_>> = (0..surfaces)
+            .map(|s| {
+                let of = |p: usize| {
+                    let features = &seen[s * views * width..][..width];
+                    let mixed = features.iter().enumerate();
+                    let sum: f64 = mixed.map(|(f, x)| x * mixing[f * properties + p]).sum();
+                    Some(40.0 + 10.0 * sum + 5.0 * noise[s * properties + p])
+                };
+                (0..properties).map(of).collect()
+            })
+            .collect();
+        let seen: Vec<f32> = seen.iter().map(|&x| x as f32).collect();
+        let shape = (surfaces, views, width);
+        let tensor = Tensor::from_vec(seen, shape, &Device::Cpu).unwrap();
+        let names = (0..properties).map(|p| format!("p{p}")).collect();
+        Self {
+            embeddings: Embeddings::new(&tensor).unwrap(),
+            readings: Readings::new(names, &rows).unwrap(),
+            materials: (0..surfaces).map(|s| format!("m{}", s % 4)).collect(),
+        }
+    }
+
+    pub(super) fn data(&self) -> TrainingData<'_> {
+        TrainingData {
+            embeddings: &self.embeddings,
+            readings: &self.readings,
+            materials: Some(&self.materials),
+            label_features: None,
+        }
+    }
+
+    /// Reruns that keep another tenth of the surfaces out each.
+    pub(super) fn plan(&self, reruns: u64) -> Plan {
+        let rerun = |number| Rerun {
+            number,
+            training: (0..self.embeddings.surfaces())
+                .filter(|s| !(*s as u64 + number).is_multiple_of(10))
+                .collect(),
+        };
+        Plan::each(
+            11,
+            self.readings.properties(),
+            (0..reruns).map(rerun).collect(),
+        )
+    }
+
+    pub(super) fn train(&self, config: &HeadConfig, plan: &Plan) -> TrainedHeads {
+        let head = Head::new(config.clone()).unwrap();
+        head.train(&self.data(), plan, &()).unwrap()
+    }
+}
+
+/// The network with all its parts, small.
+pub(super) fn full() -> HeadConfig {
+    HeadConfig {
+        model: Model::CrossModal(CrossModal {
+            latent: 6,
+            hidden: 5,
+            adversarial: Some(Adversarial {
+                hidden: 7,
+                ..Adversarial::default()
+            }),
+            classification: Some(Classification::new(LabelSource::VisuoTactileCluster {
+                clusters: 4,
+                components: 3,
+                standardise_tactile: true,
+            })),
+            ..CrossModal::default()
+        }),
+        epochs: 3,
+        batch_size: 7,
+        ..HeadConfig::default()
+    }
+}
+
+/// The cross-modal part of a configuration.
+pub(super) fn cross_modal(config: &mut HeadConfig) -> &mut CrossModal {
+    match &mut config.model {
+        Model::CrossModal(model) => model,
+        Model::Regression {} => panic!("not a cross-modal network"),
+    }
+}
+
+/// The bits of all parameters and losses.
+pub(super) fn bits(head: &TrainedHead) -> Vec<u64> {
+    let parameters = head.parameters.values().flat_map(crate::golden::values);
+    let history = head.history.iter().flat_map(EpochLosses::all);
+    parameters.chain(history).map(f64::to_bits).collect()
+}
+
+pub(super) fn on_threads<R: Send>(threads: usize, run: impl FnOnce() -> R + Send) -> R {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    pool.build().unwrap().install(run)
+}

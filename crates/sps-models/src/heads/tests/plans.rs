@@ -1,0 +1,138 @@
+use super::*;
+
+type Change = fn(&mut Plan);
+
+fn failure(set: &Set, config: HeadConfig, plan: &Plan) -> String {
+    let head = Head::new(config).unwrap();
+    head.train(&set.data(), plan, &()).unwrap_err().to_string()
+}
+
+#[test]
+fn a_plan_that_does_not_fit_the_data_is_refused_by_name() {
+    let set = Set::new(20, 2, 4, 2);
+    let cases: [(Change, &str); 9] = [
+        (
+            |p| p.trials[1].property = "p9".into(),
+            "trial p9 of rerun 0: found unknown property, expected one of p0, p1",
+        ),
+        (
+            |p| p.trials[1].rerun = 7,
+            "trial p1 of rerun 7: found no such rerun",
+        ),
+        (|p| p.trials[1] = p.trials[0].clone(), "p0 of rerun 0 twice"),
+        (|p| p.reruns.push(p.reruns[0].clone()), "number 0 twice"),
+        (
+            |p| p.reruns[0].training.clear(),
+            "training surfaces of rerun 0: found none",
+        ),
+        (
+            |p| p.reruns[0].training.push(20),
+            "index 20, expected below 20",
+        ),
+        (|p| p.reruns[0].training.push(3), "index 3 twice"),
+        (
+            |p| p.trials[0].views = Views::Fixed(vec![0, 1]),
+            "found 2 views, expected 1",
+        ),
+        (
+            |p| p.trials[0].views = Views::Fixed(vec![2]),
+            "found view 2, expected below 2",
+        ),
+    ];
+    for (change, expected) in cases {
+        let mut plan = set.plan(1);
+        change(&mut plan);
+        let message = failure(&set, full(), &plan);
+        assert!(message.contains(expected), "{message}");
+    }
+}
+
+#[test]
+fn views_must_fit_the_input() {
+    let set = Set::new(20, 2, 4, 1);
+    let mut plan = set.plan(1);
+    plan.trials[0].views = Views::Random;
+    let with = |input| HeadConfig { input, ..full() };
+    let message = failure(&set, with(Input::LateFusion { views: 3 }), &plan);
+    assert!(
+        message.contains("3 random views, expected at most the 2"),
+        "{message}"
+    );
+    let message = failure(&set, with(Input::ViewPooling {}), &plan);
+    assert!(
+        message.contains("random views for view pooling"),
+        "{message}"
+    );
+    plan.trials[0].views = Views::Fixed(Vec::new());
+    let message = failure(&set, with(Input::ViewPooling {}), &plan);
+    assert!(
+        message.contains("0 views, expected at least one"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_property_that_was_never_measured_in_training_is_named() {
+    let mut set = Set::new(20, 1, 4, 1);
+    let rows: Vec<_> = (0..20).map(|s| vec![(s == 0).then_some(1.0)]).collect();
+    set.readings = Readings::new(vec!["p0".into()], &rows).unwrap();
+    // Surface 0 is kept out of rerun 0.
+    let message = failure(&set, full(), &set.plan(1));
+    assert_eq!(
+        message,
+        "no training surface of rerun 0 has a reading of p0"
+    );
+}
+
+#[test]
+fn tables_of_different_length_are_refused() {
+    let mut set = Set::new(20, 1, 4, 1);
+    set.materials.pop();
+    let message = failure(&set, full(), &set.plan(1));
+    assert!(
+        message.contains("materials: found 19 surfaces, expected 20"),
+        "{message}"
+    );
+}
+
+#[test]
+fn embeddings_and_readings_are_checked() {
+    let tensor =
+        |values: &[f32], shape: &[usize]| Tensor::from_slice(values, shape, &Device::Cpu).unwrap();
+    assert!(Embeddings::new(&tensor(&[1.0], &[1])).is_err());
+    assert!(Embeddings::new(&tensor(&[], &[1, 0])).is_err());
+    assert!(Embeddings::new(&tensor(&[], &[1, 0, 3])).is_err());
+    let message = Embeddings::new(&tensor(&[1.0, 2.0, f32::NAN, 4.0], &[2, 2])).unwrap_err();
+    assert!(
+        message.to_string().contains("NaN in surface 1"),
+        "{message}"
+    );
+    let whole = Tensor::zeros((1, 2), candle_core::DType::U8, &Device::Cpu).unwrap();
+    assert!(Embeddings::new(&whole).is_err());
+    let half = Tensor::ones((1, 2), candle_core::DType::F16, &Device::Cpu).unwrap();
+    assert_eq!(
+        Embeddings::new(&half).unwrap().get(0, 0),
+        Some(&[1.0, 1.0][..])
+    );
+    let two = Embeddings::new(&tensor(&[1.0, 2.0], &[2, 1])).unwrap();
+    assert!(two.select(&[2], &[0]).is_err());
+    assert!(two.select(&[0], &[1]).is_err());
+    assert!(two.select(&[0], &[]).is_err());
+    assert_eq!(two.get(2, 0), None);
+
+    let names = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
+    assert!(Readings::new(Vec::new(), &[]).is_err());
+    assert!(Readings::new(names(&["a", "a"]), &[]).is_err());
+    assert!(Readings::new(names(&["a"]), &[vec![]]).is_err());
+    let message = Readings::new(names(&["a"]), &[vec![Some(f64::INFINITY)]]).unwrap_err();
+    assert!(
+        message.to_string().contains("inf for a of surface 0"),
+        "{message}"
+    );
+    let readings = Readings::new(names(&["a", "b"]), &[vec![None, Some(2.0)]]).unwrap();
+    assert_eq!((readings.get(0, 1), readings.get(0, 0)), (Some(2.0), None));
+    assert_eq!(
+        (readings.get(0, 2), readings.get(usize::MAX, 0)),
+        (None, None)
+    );
+}

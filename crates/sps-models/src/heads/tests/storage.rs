@@ -1,0 +1,169 @@
+use proptest::prelude::*;
+
+use super::*;
+
+fn trained() -> (Set, TrainedHeads) {
+    let set = Set::new(25, 2, 5, 2);
+    let mut plan = set.plan(2);
+    for trial in &mut plan.trials {
+        trial.views = Views::Random;
+    }
+    let trained = set.train(&full(), &plan);
+    (set, trained)
+}
+
+/// The file with one tensor or the metadata changed.
+fn with(
+    bytes: &[u8],
+    change: impl FnOnce(&mut Vec<(String, safetensors::Dtype, Vec<usize>, Vec<u8>)>, &mut String),
+) -> String {
+    use safetensors::{SafeTensors, tensor::TensorView};
+    let (_, header) = SafeTensors::read_metadata(bytes).unwrap();
+    let mut metadata = header.metadata().as_ref().unwrap()["sps-heads"].clone();
+    let mut tensors: Vec<_> = SafeTensors::deserialize(bytes)
+        .unwrap()
+        .iter()
+        .map(|(name, t)| {
+            (
+                name.to_owned(),
+                t.dtype(),
+                t.shape().to_vec(),
+                t.data().to_vec(),
+            )
+        })
+        .collect();
+    change(&mut tensors, &mut metadata);
+    let views = tensors.iter().map(|(name, dtype, shape, data)| {
+        (name, TensorView::new(*dtype, shape.clone(), data).unwrap())
+    });
+    let metadata = std::collections::HashMap::from([("sps-heads".to_owned(), metadata)]);
+    let changed = safetensors::serialize(views, Some(metadata)).unwrap();
+    TrainedHeads::from_bytes("model.safetensors", &changed)
+        .unwrap_err()
+        .to_string()
+}
+
+#[test]
+fn a_file_gives_back_the_same_heads() {
+    let (set, trained) = trained();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("heads.safetensors");
+    trained.save(&path).unwrap();
+    let back = TrainedHeads::load(&path).unwrap();
+    assert_eq!(back.config(), trained.config());
+    let one = set.embeddings.select(&[3, 4], &[1]).unwrap();
+    assert_eq!(back.predict(&one).unwrap(), trained.predict(&one).unwrap());
+    for (one, other) in back.heads().iter().zip(trained.heads()) {
+        assert_eq!(one.trial(), other.trial());
+        assert_eq!(bits(one), bits(other));
+    }
+    assert_eq!(std::fs::read(&path).unwrap(), back.to_bytes().unwrap());
+    // Nothing but the file is left behind, and it can be written over.
+    back.save(&path).unwrap();
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn a_file_that_is_not_there_or_cannot_be_written_is_named() {
+    let (_, trained) = trained();
+    let missing = std::path::Path::new("no/such/folder/heads.safetensors");
+    let error = TrainedHeads::load(missing).unwrap_err().to_string();
+    assert!(
+        error.contains("no/such/folder/heads.safetensors"),
+        "{error}"
+    );
+    let error = trained.save(missing).unwrap_err().to_string();
+    assert!(
+        error.contains("no/such/folder/heads.safetensors"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_changed_tensor_is_named_with_what_was_found_and_expected() {
+    let bytes = trained().1.to_bytes().unwrap();
+    let key = "2/generator.output.weight";
+    let missing = with(&bytes, |tensors, _| {
+        tensors.retain(|(name, ..)| name != key);
+    });
+    assert_eq!(
+        missing,
+        format!("model.safetensors: {key}: found no such tensor, expected f32 of shape [5, 1]")
+    );
+    let shape = with(&bytes, |tensors, _| {
+        let tensor = tensors.iter_mut().find(|(name, ..)| name == key).unwrap();
+        tensor.2 = vec![1, 5];
+    });
+    assert!(
+        shape.contains(key) && shape.contains("[1, 5]") && shape.contains("[5, 1]"),
+        "{shape}"
+    );
+    let dtype = with(&bytes, |tensors, _| {
+        let tensor = tensors.iter_mut().find(|(name, ..)| name == key).unwrap();
+        tensor.1 = safetensors::Dtype::I32;
+    });
+    assert!(dtype.contains(key) && dtype.contains("I32"), "{dtype}");
+    let value = with(&bytes, |tensors, _| {
+        let tensor = tensors.iter_mut().find(|(name, ..)| name == key).unwrap();
+        tensor.3[4..8].copy_from_slice(&f32::NAN.to_le_bytes());
+    });
+    assert!(value.contains(key) && value.contains("NaN"), "{value}");
+    let other = with(&bytes, |tensors, _| {
+        tensors.push((
+            "9/visual.weight".into(),
+            safetensors::Dtype::F32,
+            vec![0],
+            vec![],
+        ));
+    });
+    assert!(other.contains("9/visual.weight"), "{other}");
+}
+
+#[test]
+fn changed_metadata_are_refused() {
+    let bytes = trained().1.to_bytes().unwrap();
+    let replace = |from: &str, to: &str| {
+        with(&bytes, |_, metadata| {
+            assert!(metadata.contains(from), "{from} in {metadata}");
+            *metadata = metadata.replace(from, to);
+        })
+    };
+    assert!(replace("\"format\":1", "\"format\":2").contains("format: found 2, expected 1"));
+    assert!(replace("\"batch-size\":7", "\"batch-sizes\":7").contains("batch-sizes"));
+    assert!(replace("\"batch-size\":7", "\"batch-size\":0").contains("batch-size is 0"));
+    assert!(replace("\"latent\":6", "\"latent\":60").contains("visual.weight"));
+    assert!(replace("\"width\":5", "\"width\":18446744073709551615").contains("input.mean"));
+    let empty = safetensors::serialize(
+        Vec::<(String, safetensors::tensor::TensorView)>::new(),
+        None,
+    );
+    let error = TrainedHeads::from_bytes("f", &empty.unwrap())
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("no \"sps-heads\""), "{error}");
+}
+
+#[test]
+fn a_file_cut_anywhere_is_an_error() {
+    let bytes = trained().1.to_bytes().unwrap();
+    for length in (0..bytes.len())
+        .step_by(97)
+        .chain([1, 7, 8, 9, bytes.len() - 1])
+    {
+        assert!(
+            TrainedHeads::from_bytes("f", &bytes[..length]).is_err(),
+            "{length}"
+        );
+    }
+}
+
+proptest! {
+    #[test]
+    fn no_bytes_make_the_reader_panic(mut bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+        prop_assert!(TrainedHeads::from_bytes("f", &bytes).is_err());
+        // Behind a plausible length of the header.
+        let length = (bytes.len() as u64).to_le_bytes();
+        bytes.splice(..0, length);
+        prop_assert!(TrainedHeads::from_bytes("f", &bytes).is_err());
+    }
+}

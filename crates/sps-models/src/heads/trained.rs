@@ -1,0 +1,242 @@
+use std::collections::BTreeMap;
+
+use candle_core::{Device, Tensor};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::config::HeadConfig;
+use super::input::{self, InputStatistics};
+use super::job::Job;
+use super::network::{Dims, Fill, Network, Spec};
+use super::plan::Trial;
+use super::{Head, HeadError};
+use crate::data::Embeddings;
+use crate::error::Result;
+use crate::labels::standardise::Spread;
+use crate::stacked::Parameter;
+
+/// Rows that prediction computes at once. Always this many, the last ones filled with zeros: so
+/// a surface's estimate has the same bits whichever surfaces stand beside it.
+const ROWS: usize = 32;
+
+/// The mean of each loss over one epoch, before its weight; zero for a loss that is not used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct EpochLosses {
+    /// `L_est`, in units of the training readings' variance.
+    pub estimation: f64,
+    /// `L_emb`.
+    pub embedding: f64,
+    /// `(G(E_t(t)) - t)²`.
+    pub reconstruction: f64,
+    /// The generator's part of `L_adv`.
+    pub generator: f64,
+    /// The discriminator's part of `L_adv`, as it is minimised.
+    pub discriminator: f64,
+    /// `L_class`.
+    pub classification: f64,
+}
+
+impl EpochLosses {
+    pub(super) fn all(&self) -> [f64; 6] {
+        [
+            self.estimation,
+            self.embedding,
+            self.reconstruction,
+            self.generator,
+            self.discriminator,
+            self.classification,
+        ]
+    }
+
+    pub(super) fn scaled(self, by: f64) -> Self {
+        Self {
+            estimation: self.estimation * by,
+            embedding: self.embedding * by,
+            reconstruction: self.reconstruction * by,
+            generator: self.generator * by,
+            discriminator: self.discriminator * by,
+            classification: self.classification * by,
+        }
+    }
+}
+
+/// One trained network, for one property and rerun.
+#[derive(Clone, Debug)]
+pub struct TrainedHead {
+    pub(super) trial: Trial,
+    pub(super) dims: Dims,
+    pub(super) statistics: InputStatistics,
+    pub(super) target: Spread,
+    /// Without the trials' axis.
+    pub(super) parameters: BTreeMap<String, Tensor>,
+    pub(super) history: Vec<EpochLosses>,
+}
+
+impl TrainedHead {
+    pub(super) fn new(
+        job: &Job<'_>,
+        dims: Dims,
+        parameters: BTreeMap<String, Tensor>,
+        history: Vec<EpochLosses>,
+    ) -> Self {
+        Self {
+            trial: job.trial.clone(),
+            dims,
+            statistics: job.statistics.as_ref().clone(),
+            target: job.target,
+            parameters,
+            history,
+        }
+    }
+
+    /// What it was trained for.
+    pub fn trial(&self) -> &Trial {
+        &self.trial
+    }
+
+    /// The losses, epoch by epoch.
+    pub fn history(&self) -> &[EpochLosses] {
+        &self.history
+    }
+
+    /// A parameter by its name, f32: a weight as `(inputs, outputs)`, a bias as `(outputs)`.
+    /// `docs/heads.md` lists the names. The rows of `visual.weight` are the slots one after the
+    /// other, so that each slot's term of the late fusion is a product with a run of rows.
+    pub fn parameter(&self, name: &str) -> Option<&Tensor> {
+        self.parameters.get(name)
+    }
+
+    /// Estimates in measured units, one per surface.
+    ///
+    /// The views of `embeddings` are the ones to use, in the order of the slots: as many as the
+    /// head has slots, any number for view pooling.
+    fn estimate(&self, config: &HeadConfig, embeddings: &Embeddings) -> Result<Vec<f64>> {
+        self.check(config, embeddings)?;
+        let network = Network::new(&mut Stored(&self.parameters), &config.model, self.dims)?;
+        let views: Vec<usize> = (0..embeddings.views()).collect();
+        let surfaces: Vec<usize> = (0..embeddings.surfaces()).collect();
+        let inputs = self.dims.slots * self.dims.width;
+        let mut estimates = Vec::with_capacity(surfaces.len());
+        for some in surfaces.chunks(ROWS) {
+            let mut visual = Vec::with_capacity(ROWS * inputs);
+            for &surface in some {
+                let statistics = &self.statistics;
+                input::push(
+                    &config.input,
+                    statistics,
+                    embeddings,
+                    surface,
+                    &views,
+                    &mut visual,
+                );
+            }
+            visual.resize(ROWS * inputs, 0.0);
+            let visual = Tensor::from_vec(visual, (1, ROWS, inputs), &Device::Cpu)?;
+            let values = network.estimate(&visual)?.flatten_all()?.to_vec1::<f32>()?;
+            let values = values.iter().take(some.len());
+            estimates.extend(values.map(|&v| self.target.mean + self.target.std * f64::from(v)));
+        }
+        Ok(estimates)
+    }
+
+    fn check(&self, config: &HeadConfig, embeddings: &Embeddings) -> Result<()> {
+        let (views, width) = (embeddings.views(), embeddings.width());
+        let expected = match config.input.views() {
+            _ if width != self.dims.width => format!("width {}", self.dims.width),
+            Some(wanted) if wanted != views => format!("{wanted} views"),
+            _ => return Ok(()),
+        };
+        Err(HeadError::Embeddings {
+            found: format!("{views} views of width {width}"),
+            expected,
+        }
+        .into())
+    }
+}
+
+/// The parameters of one head as a stack of one.
+struct Stored<'a>(&'a BTreeMap<String, Tensor>);
+
+impl Fill for Stored<'_> {
+    fn fill(&mut self, spec: &Spec<'_>) -> Result<Parameter> {
+        match self.0.get(spec.name) {
+            Some(tensor) => Ok(Parameter::constant(tensor.unsqueeze(0)?)),
+            None => Err(HeadError::Format {
+                file: "trained heads".into(),
+                what: spec.name.to_owned(),
+                found: "no such tensor".into(),
+                expected: format!("shape {:?}", spec.shape),
+            }
+            .into()),
+        }
+    }
+}
+
+/// Trained networks of one configuration.
+#[derive(Clone, Debug)]
+pub struct TrainedHeads {
+    pub(super) head: Head,
+    pub(super) heads: Vec<TrainedHead>,
+}
+
+/// The estimates of one head.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimates {
+    /// The property.
+    pub property: String,
+    /// The rerun of the head.
+    pub rerun: u64,
+    /// One value per surface, in the property's measured units.
+    pub values: Vec<f64>,
+}
+
+impl TrainedHeads {
+    /// The configuration that all of them share.
+    pub fn config(&self) -> &HeadConfig {
+        self.head.config()
+    }
+
+    /// The networks, in the order of the plan.
+    pub fn heads(&self) -> &[TrainedHead] {
+        &self.heads
+    }
+
+    /// The heads for which `keep` says so.
+    #[must_use]
+    pub fn filter(&self, keep: impl Fn(&Trial) -> bool) -> Self {
+        Self {
+            head: self.head.clone(),
+            heads: self
+                .heads
+                .iter()
+                .filter(|h| keep(&h.trial))
+                .cloned()
+                .collect(),
+        }
+    }
+
+    /// The estimates of every head for every surface.
+    ///
+    /// The views of `embeddings` are the ones to use, in the order of the slots: as many as the
+    /// heads have slots, any number for view pooling.
+    ///
+    /// # Errors
+    ///
+    /// Embeddings of another width or number of views than the heads take.
+    pub fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
+        let config = self.head.config();
+        let estimates: Vec<Result<Estimates>> = self
+            .heads
+            .par_iter()
+            .map(|head| {
+                Ok(Estimates {
+                    property: head.trial.property.clone(),
+                    rerun: head.trial.rerun,
+                    values: head.estimate(config, embeddings)?,
+                })
+            })
+            .collect();
+        estimates.into_iter().collect()
+    }
+}

@@ -1,0 +1,314 @@
+//! Labels for the auxiliary classifier (paper, section 4.1, "Classification Objective").
+//!
+//! Three kinds, as in the paper's ablation: material classes, clusters of tactile values, and
+//! clusters of visual and tactile values together. All are formed from the training surfaces of a
+//! rerun alone.
+
+mod cluster;
+mod pca;
+pub(crate) mod standardise;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeSet;
+
+use ndarray::{Array2, Axis, concatenate};
+use serde::{Deserialize, Serialize};
+
+pub use pca::Pca;
+use standardise::Spread;
+
+use crate::data::{Embeddings, Readings, check_indices};
+use crate::error::{Error, Result};
+
+/// Why labels could not be formed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LabelError {
+    /// No surface to label.
+    #[error("labels: no training surface")]
+    NoSurfaces,
+    /// None of the training surfaces has a tactile reading to cluster.
+    #[error("labels: none of the training surfaces has a tactile reading")]
+    NotMeasured,
+    /// A value is infinite or not a number.
+    #[error("labels: {value} in row {row} of the table, expected finite values")]
+    NotFinite {
+        /// The row.
+        row: usize,
+        /// The value.
+        value: f64,
+    },
+    /// A table with another number of features than the fit.
+    #[error("principal components: found {found} features, expected {expected}")]
+    Features {
+        /// What the table has.
+        found: usize,
+        /// What the fit had.
+        expected: usize,
+    },
+    /// Material labels were asked for, and no materials given.
+    #[error("labels: material classes need the surfaces' materials, found none")]
+    NoMaterials,
+    /// A count in the configuration is zero.
+    #[error("labels: {what} is 0, expected at least 1")]
+    Zero {
+        /// The key.
+        what: &'static str,
+    },
+    /// The singular value decomposition did not converge.
+    #[error("principal components: the decomposition did not converge")]
+    Decomposition,
+    /// The clustering failed.
+    #[error("k-means: {0}")]
+    Clustering(String),
+}
+
+/// Where the labels come from.
+///
+/// The paper does not print the number of clusters or of components. 15 clusters are as many as
+/// its material classes, so that the three kinds of label differ in kind and not in number; 15
+/// components are as many as there are tactile properties, so that after standardising sight and
+/// touch weigh the same.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(
+    tag = "source",
+    rename_all = "kebab-case",
+    rename_all_fields = "kebab-case",
+    deny_unknown_fields
+)]
+pub enum LabelSource {
+    /// The surface's material. Every material of the data set is a class, also one without a
+    /// training surface.
+    Material {},
+    /// k-means on the tactile values (Yuan et al. 2017).
+    TactileCluster {
+        /// How many clusters; fewer when there are fewer distinct surfaces.
+        #[serde(default = "default_clusters")]
+        clusters: usize,
+        /// Each property to zero mean and unit variance first. On by default: left as measured,
+        /// the properties with the widest range decide alone.
+        #[serde(default = "default_true")]
+        standardise_tactile: bool,
+    },
+    /// k-means on visual features, reduced by PCA and standardised, beside the tactile values.
+    VisuoTactileCluster {
+        /// How many clusters; fewer when there are fewer distinct surfaces.
+        #[serde(default = "default_clusters")]
+        clusters: usize,
+        /// Principal components of the visual features; fewer when there are fewer.
+        #[serde(default = "default_components")]
+        components: usize,
+        /// Each property to zero mean and unit variance first. On by default: values from 0 to
+        /// 100 beside features of unit variance would decide alone, and the labels would be those
+        /// of the tactile clusters.
+        #[serde(default = "default_true")]
+        standardise_tactile: bool,
+    },
+}
+
+fn default_clusters() -> usize {
+    15
+}
+
+fn default_components() -> usize {
+    15
+}
+
+fn default_true() -> bool {
+    true
+}
+
+impl LabelSource {
+    /// Clusters of tactile values, with the defaults.
+    pub fn tactile_cluster() -> Self {
+        Self::TactileCluster {
+            clusters: default_clusters(),
+            standardise_tactile: true,
+        }
+    }
+
+    /// Clusters of visual and tactile values, with the defaults.
+    pub fn visuo_tactile_cluster() -> Self {
+        Self::VisuoTactileCluster {
+            clusters: default_clusters(),
+            components: default_components(),
+            standardise_tactile: true,
+        }
+    }
+
+    /// Refuses counts of zero.
+    pub(crate) fn check(&self) -> Result<(), LabelError> {
+        let counts: &[_] = match self {
+            Self::Material {} => &[],
+            Self::TactileCluster { clusters, .. } => &[("clusters", *clusters)],
+            Self::VisuoTactileCluster {
+                clusters,
+                components,
+                ..
+            } => &[("clusters", *clusters), ("components", *components)],
+        };
+        match counts.iter().find(|(_, count)| *count == 0) {
+            Some(&(what, _)) => Err(LabelError::Zero { what }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// One label for each of some surfaces.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Labels {
+    classes: usize,
+    of: Vec<Option<u32>>,
+}
+
+impl Labels {
+    /// How many classes; a class need not have a member.
+    pub fn classes(&self) -> usize {
+        self.classes
+    }
+
+    /// The class of each surface, in the order in which the surfaces were given. `None` is a
+    /// surface that could not be labelled: it takes no part in the classification loss.
+    pub fn of(&self) -> &[Option<u32>] {
+        &self.of
+    }
+}
+
+/// What labels can be formed from. All tables have one row per surface of the data set.
+#[derive(Clone, Copy, Debug)]
+pub struct LabelTables<'a> {
+    /// Tactile readings.
+    pub readings: &'a Readings,
+    /// Visual features from a network trained on ImageNet; of several views the middle one
+    /// counts (the lower of two), which is the nadir of a symmetrical sequence.
+    pub visual: &'a Embeddings,
+    /// The material of each surface, where known.
+    pub materials: Option<&'a [String]>,
+}
+
+/// Labels the surfaces of `training` (indices into the tables), from these surfaces alone.
+///
+/// A missing tactile value counts as its property's mean. A surface without any tactile value has
+/// no label from tactile clusters, and one by sight alone from visuo-tactile clusters. The same
+/// (source, tables, surfaces, seed, rerun) gives the same labels on any number of threads.
+///
+/// # Errors
+///
+/// No surfaces, indices outside the tables, no tactile readings or materials where they are
+/// needed, a count of zero.
+pub fn label(
+    source: &LabelSource,
+    tables: &LabelTables<'_>,
+    training: &[usize],
+    seed: u64,
+    rerun: u64,
+) -> Result<Labels> {
+    source.check()?;
+    if training.is_empty() {
+        return Err(LabelError::NoSurfaces.into());
+    }
+    check_indices("labelled surface", training, tables.readings.surfaces())?;
+    match source {
+        LabelSource::Material {} => by_material(tables.materials, training),
+        LabelSource::TactileCluster {
+            clusters,
+            standardise_tactile,
+        } => {
+            let (touched, points) =
+                tactile(tables.readings, training, *standardise_tactile, false)?;
+            let (of, classes) = cluster::cluster(points, *clusters, seed, rerun)?;
+            Ok(spread_out(training.len(), &touched, &of, classes))
+        }
+        LabelSource::VisuoTactileCluster {
+            clusters,
+            components,
+            standardise_tactile,
+        } => {
+            check_indices("labelled surface", training, tables.visual.surfaces())?;
+            let (all, touch) = tactile(tables.readings, training, *standardise_tactile, true)?;
+            let sight = visual(tables.visual, training, *components)?;
+            let points = concatenate(Axis(1), &[sight.view(), touch.view()])
+                .map_err(|source| LabelError::Clustering(source.to_string()))?;
+            let (of, classes) = cluster::cluster(points, *clusters, seed, rerun)?;
+            Ok(spread_out(training.len(), &all, &of, classes))
+        }
+    }
+}
+
+fn by_material(materials: Option<&[String]>, training: &[usize]) -> Result<Labels> {
+    let materials = materials.ok_or(LabelError::NoMaterials)?;
+    check_indices("labelled surface", training, materials.len())?;
+    let names: Vec<&String> = materials
+        .iter()
+        .collect::<BTreeSet<_>>()
+        .into_iter()
+        .collect();
+    Ok(Labels {
+        classes: names.len(),
+        of: training
+            .iter()
+            .map(|&surface| names.binary_search(&&materials[surface]).ok())
+            .map(|class| class.map(|class| class as u32))
+            .collect(),
+    })
+}
+
+/// The tactile values of the surfaces, and which of them (positions in `training`) the rows are.
+fn tactile(
+    readings: &Readings,
+    training: &[usize],
+    standardise: bool,
+    keep_unmeasured: bool,
+) -> Result<(Vec<usize>, Array2<f64>)> {
+    let measured = |surface| {
+        readings
+            .row(surface)
+            .is_some_and(|r| r.iter().any(Option::is_some))
+    };
+    if !training.iter().any(|&surface| measured(surface)) {
+        return Err(LabelError::NotMeasured.into());
+    }
+    let rows: Vec<usize> = (0..training.len())
+        .filter(|&at| keep_unmeasured || measured(training[at]))
+        .collect();
+    let mut points = Array2::zeros((rows.len(), readings.properties().len()));
+    for (property, mut column) in points.columns_mut().into_iter().enumerate() {
+        let values = training.iter().filter_map(|&s| readings.get(s, property));
+        let Some(spread) = Spread::of(values) else {
+            continue; // never measured: the same for all
+        };
+        for (cell, &at) in column.iter_mut().zip(&rows) {
+            let value = readings.get(training[at], property).unwrap_or(spread.mean);
+            *cell = if standardise {
+                spread.standardise(value)
+            } else {
+                value
+            };
+        }
+    }
+    Ok((rows, points))
+}
+
+fn visual(features: &Embeddings, training: &[usize], components: usize) -> Result<Array2<f64>> {
+    let view = (features.views() - 1) / 2;
+    let mut rows = Array2::zeros((training.len(), features.width()));
+    for (mut row, &surface) in rows.rows_mut().into_iter().zip(training) {
+        for (cell, &value) in row.iter_mut().zip(features.view(surface, view)) {
+            *cell = f64::from(value);
+        }
+    }
+    let pca = Pca::fit(rows.view(), components).map_err(Error::from)?;
+    Ok(standardise::columns(pca.transform(rows.view())?))
+}
+
+fn spread_out(surfaces: usize, rows: &[usize], of: &[usize], classes: usize) -> Labels {
+    let mut labels = vec![None; surfaces];
+    for (&at, &class) in rows.iter().zip(of) {
+        labels[at] = Some(class as u32);
+    }
+    Labels {
+        classes,
+        of: labels,
+    }
+}

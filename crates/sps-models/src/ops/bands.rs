@@ -1,0 +1,92 @@
+//! How work on a feature map is split over threads.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::grid::{Grid, pixels};
+
+/// Whether a kernel may use more than the calling thread.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Threads {
+    /// The calling thread alone: others work on other images.
+    One,
+    /// Every thread of the pool that the caller is in.
+    All,
+}
+
+/// Rows of a feature map, and the part of its memory that holds them.
+#[derive(Debug)]
+pub(crate) struct Band<'a> {
+    /// The frames that the rows belong to.
+    pub(crate) frames: Range<usize>,
+    /// The pixels' numbers, counted over all frames.
+    pub(crate) pixels: Range<usize>,
+    /// The index in the whole memory at which `target` begins.
+    pub(crate) origin: usize,
+    /// The memory.
+    pub(crate) target: &'a mut [f32],
+}
+
+/// Calls `work` on bands that cover the grid: one band of all frames for [`Threads::One`], and
+/// several of each frame for [`Threads::All`].
+pub(crate) fn for_each_band(
+    threads: Threads,
+    grid: &Grid,
+    target: &mut [f32],
+    work: impl Fn(Band<'_>) + Send + Sync,
+) {
+    let frame_pixels = pixels(grid.size);
+    match threads {
+        Threads::One => work(Band {
+            frames: 0..grid.frames,
+            pixels: 0..grid.frames * frame_pixels,
+            origin: 0,
+            target,
+        }),
+        Threads::All => cut(grid, target).into_par_iter().for_each(work),
+    }
+}
+
+/// Bands of whole rows; none reaches over two frames.
+fn cut<'a>(grid: &Grid, target: &'a mut [f32]) -> Vec<Band<'a>> {
+    let [time, height, width] = grid.size;
+    let rows = time * height;
+    let per_frame = (2 * rayon::current_num_threads())
+        .div_ceil(grid.frames.max(1))
+        .clamp(1, rows.max(1));
+    let mut bands = Vec::with_capacity(grid.frames * per_frame);
+    let (mut rest, mut origin) = (target, 0);
+    for frame in 0..grid.frames {
+        for part in 0..per_frame {
+            let from = frame * rows + rows * part / per_frame;
+            let to = frame * rows + rows * (part + 1) / per_frame;
+            let end = if (frame, part) == (grid.frames - 1, per_frame - 1) {
+                origin + rest.len()
+            } else {
+                row_start(grid, to)
+            };
+            let (target, tail) = rest.split_at_mut(end - origin);
+            bands.push(Band {
+                frames: frame..frame + 1,
+                pixels: from * width..to * width,
+                origin,
+                target,
+            });
+            (rest, origin) = (tail, end);
+        }
+    }
+    bands
+}
+
+/// The index at which a row's first pixel lies, rows counted over all frames.
+fn row_start(grid: &Grid, row: usize) -> usize {
+    let [time, height, _] = grid.size;
+    let (frame, row) = (row / (time * height), row % (time * height));
+    let place = [
+        grid.before[0] + row / height,
+        grid.before[1] + row % height,
+        grid.before[2],
+    ];
+    grid.index(frame, place)
+}

@@ -1,0 +1,350 @@
+//! Batch norm in training, with the rectifier after it, forward and backward.
+//!
+//! `y = (x - mean) * factor + beta` with `factor = gamma / sqrt(variance + eps)`: the mean is
+//! taken off first, so that a large common offset costs no digits.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::bands::{Threads, for_each_band};
+use super::grid::Grid;
+use super::moments::{Moments, run_rows};
+use super::simd::{Kernel, Lanes, Level};
+
+/// What batch norm does to each channel of one batch.
+#[derive(Debug, Clone)]
+pub(crate) struct Norm {
+    pub(crate) mean: Vec<f32>,
+    /// `1 / sqrt(variance + eps)`
+    pub(crate) inverse: Vec<f32>,
+    /// `gamma * inverse`
+    pub(crate) factor: Vec<f32>,
+    pub(crate) beta: Vec<f32>,
+}
+
+impl Norm {
+    pub(crate) fn new(moments: &Moments, gamma: &[f32], beta: &[f32], eps: f64) -> Self {
+        let inverse: Vec<f32> = moments
+            .variance
+            .iter()
+            .map(|&variance| (1.0 / (f64::from(variance) + eps).sqrt()) as f32)
+            .collect();
+        Self {
+            mean: moments.mean.clone(),
+            factor: gamma.iter().zip(&inverse).map(|(g, i)| g * i).collect(),
+            inverse,
+            beta: beta.to_vec(),
+        }
+    }
+
+    /// The number of channels; mean, factor and beta of each, slices that the compiler knows to
+    /// be of one length: otherwise it would check every index, one channel at a time.
+    #[inline(always)]
+    pub(super) fn channels(&self) -> (usize, &[f32], &[f32], &[f32]) {
+        let n = self.mean.len();
+        (n, &self.mean[..n], &self.factor[..n], &self.beta[..n])
+    }
+
+    /// Writes `y`, rectified where `relu` says so, from `x` without a border to a target that
+    /// may have one.
+    pub(crate) fn apply(
+        &self,
+        level: Level,
+        x: &[f32],
+        (target, to): (&mut [f32], &Grid),
+        relu: bool,
+    ) {
+        let places = to.places();
+        let channels = to.channels;
+        for_each_band(Threads::All, to, target, |band| {
+            level.run(Apply {
+                norm: self,
+                x: &x[band.pixels.start * channels..band.pixels.end * channels],
+                places: &places[band.pixels],
+                origin: band.origin,
+                target: band.target,
+                floor: if relu { 0.0 } else { f32::NEG_INFINITY },
+            });
+        });
+    }
+
+    /// Sums over each frame, from which every gradient follows: see [`FrameSums`].
+    ///
+    /// `relu` says that the output was rectified.
+    pub(crate) fn sums(
+        &self,
+        level: Level,
+        x: &[f32],
+        gradient: &[f32],
+        grid: &Grid,
+        relu: bool,
+    ) -> FrameSums {
+        FrameSums::of(grid, |range| {
+            level.run(Sums {
+                norm: self,
+                x: &x[range.clone()],
+                gradient: &gradient[range],
+                relu,
+            })
+        })
+    }
+
+    /// The gradient of `x` from that of `y` by `slopes`; the output may have a border, which
+    /// stays as it is.
+    pub(crate) fn backward(
+        &self,
+        level: Level,
+        slopes: &Slopes,
+        x: &[f32],
+        gradient: &[f32],
+        (target, to): (&mut [f32], &Grid),
+        relu: bool,
+    ) {
+        let places = to.places();
+        let channels = to.channels;
+        for_each_band(Threads::All, to, target, |band| {
+            let range = band.pixels.start * channels..band.pixels.end * channels;
+            level.run(Backward {
+                norm: self,
+                slopes,
+                x: &x[range.clone()],
+                gradient: &gradient[range],
+                places: &places[band.pixels],
+                origin: band.origin,
+                target: band.target,
+                relu,
+            });
+        });
+    }
+}
+
+/// For each frame and channel, the sum of the gradient, and of the gradient times `x - mean`.
+#[derive(Debug, Clone)]
+pub(crate) struct FrameSums {
+    /// `(frames, channels)`
+    pub(crate) gradient: Vec<f64>,
+    /// `(frames, channels)`
+    pub(crate) product: Vec<f64>,
+}
+
+impl FrameSums {
+    /// Adds up, frame by frame, what `run` says of each range of elements.
+    pub(crate) fn of(
+        grid: &Grid,
+        run: impl Fn(Range<usize>) -> [Vec<f32>; 2] + Send + Sync,
+    ) -> Self {
+        let ranges = runs(grid);
+        let sums: Vec<_> = ranges.par_iter().map(|range| run(range.clone())).collect();
+        Self::join(grid, &ranges, &sums)
+    }
+
+    /// The same where `run` also changes that range of `values`.
+    pub(crate) fn of_mut(
+        grid: &Grid,
+        values: &mut [f32],
+        run: impl Fn(Range<usize>, &mut [f32]) -> [Vec<f32>; 2] + Send + Sync,
+    ) -> Self {
+        let ranges = runs(grid);
+        let mut rest = values;
+        let mut parts = Vec::with_capacity(ranges.len());
+        for range in &ranges {
+            let (part, tail) = rest.split_at_mut(range.len());
+            parts.push((range.clone(), part));
+            rest = tail;
+        }
+        let parts = parts.into_par_iter();
+        let sums: Vec<_> = parts.map(|(range, part)| run(range, part)).collect();
+        Self::join(grid, &ranges, &sums)
+    }
+
+    fn join(grid: &Grid, ranges: &[Range<usize>], runs: &[[Vec<f32>; 2]]) -> Self {
+        let channels = grid.channels;
+        let mut sums = Self {
+            gradient: vec![0.0; grid.frames * channels],
+            product: vec![0.0; grid.frames * channels],
+        };
+        for (range, [gradient, product]) in ranges.iter().zip(runs) {
+            let frame = range.start / grid.frame_len();
+            let of_frame = frame * channels..(frame + 1) * channels;
+            add(&mut sums.gradient[of_frame.clone()], gradient);
+            add(&mut sums.product[of_frame], product);
+        }
+        sums
+    }
+
+    /// The sums over all frames, `(channels)` each: gradient, and gradient times `x - mean`.
+    pub(crate) fn over_frames(&self, channels: usize) -> [Vec<f64>; 2] {
+        [&self.gradient, &self.product].map(|sums| {
+            let mut total = vec![0.0; channels];
+            for frame in sums.chunks_exact(channels) {
+                for (total, sum) in total.iter_mut().zip(frame) {
+                    *total += sum;
+                }
+            }
+            total
+        })
+    }
+}
+
+/// Cuts a feature map into runs; none reaches over two frames.
+fn runs(grid: &Grid) -> Vec<Range<usize>> {
+    let (frame_len, step) = (grid.frame_len(), run_rows(grid.channels) * grid.channels);
+    (0..grid.frames)
+        .flat_map(|frame| {
+            let (start, end) = (frame * frame_len, (frame + 1) * frame_len);
+            (start..end)
+                .step_by(step)
+                .map(move |from| from..(from + step).min(end))
+        })
+        .collect()
+}
+
+fn add(sums: &mut [f64], run: &[f32]) {
+    for (sum, x) in sums.iter_mut().zip(run) {
+        *sum += f64::from(*x);
+    }
+}
+
+/// The gradient of `x` as an affine function: `gradient * of_gradient + (x - mean) * of_x +
+/// constant`.
+#[derive(Debug, Clone)]
+pub(crate) struct Slopes {
+    pub(crate) of_gradient: Vec<f32>,
+    pub(crate) of_x: Vec<f32>,
+    pub(crate) constant: Vec<f32>,
+}
+
+/// The gradients of batch norm's own parameters, and what gives that of its input.
+#[derive(Debug, Clone)]
+pub(crate) struct NormGradients {
+    pub(crate) gamma: Vec<f32>,
+    pub(crate) beta: Vec<f32>,
+    pub(crate) slopes: Slopes,
+}
+
+impl NormGradients {
+    /// From the sums over all `count` numbers of each channel: of the gradient of `y`, and of
+    /// that times `x - mean`.
+    pub(crate) fn new(norm: &Norm, count: usize, [gradient, product]: &[Vec<f64>; 2]) -> Self {
+        let count = count as f64;
+        let channels = norm.mean.len();
+        let mut all = Self {
+            gamma: Vec::with_capacity(channels),
+            beta: Vec::with_capacity(channels),
+            slopes: Slopes {
+                of_gradient: norm.factor.clone(),
+                of_x: Vec::with_capacity(channels),
+                constant: Vec::with_capacity(channels),
+            },
+        };
+        for channel in 0..channels {
+            let inverse = f64::from(norm.inverse[channel]);
+            let factor = f64::from(norm.factor[channel]);
+            let gamma = product[channel] * inverse;
+            all.gamma.push(gamma as f32);
+            all.beta.push(gradient[channel] as f32);
+            all.slopes
+                .of_x
+                .push((-factor * inverse * gamma / count) as f32);
+            all.slopes
+                .constant
+                .push((-factor * gradient[channel] / count) as f32);
+        }
+        all
+    }
+}
+
+struct Apply<'a> {
+    norm: &'a Norm,
+    x: &'a [f32],
+    places: &'a [u32],
+    origin: usize,
+    target: &'a mut [f32],
+    floor: f32,
+}
+
+impl Kernel for Apply<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _: S) {
+        let (n, mean, factor, beta) = self.norm.channels();
+        for (x, &place) in self.x.chunks_exact(n).zip(self.places) {
+            let y = &mut self.target[place as usize - self.origin..][..n];
+            for c in 0..n {
+                let value = (x[c] - mean[c]) * factor[c] + beta[c];
+                y[c] = if value < self.floor {
+                    self.floor
+                } else {
+                    value
+                };
+            }
+        }
+    }
+}
+
+struct Sums<'a> {
+    norm: &'a Norm,
+    x: &'a [f32],
+    gradient: &'a [f32],
+    relu: bool,
+}
+
+impl Kernel for Sums<'_> {
+    type Output = [Vec<f32>; 2];
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _: S) -> [Vec<f32>; 2] {
+        let (n, mean, factor, beta) = self.norm.channels();
+        let floor = if self.relu { 0.0 } else { f32::NEG_INFINITY };
+        let mut sums = [vec![0.0_f32; n], vec![0.0_f32; n]];
+        let [total, product] = &mut sums;
+        let (total, product) = (&mut total[..n], &mut product[..n]);
+        let rows = self.x.chunks_exact(n);
+        for (x, gradient) in rows.zip(self.gradient.chunks_exact(n)) {
+            for c in 0..n {
+                let deviation = x[c] - mean[c];
+                let passes = deviation * factor[c] + beta[c] > floor;
+                let g = if passes { gradient[c] } else { 0.0 };
+                total[c] += g;
+                product[c] += g * deviation;
+            }
+        }
+        sums
+    }
+}
+
+struct Backward<'a> {
+    norm: &'a Norm,
+    slopes: &'a Slopes,
+    x: &'a [f32],
+    gradient: &'a [f32],
+    places: &'a [u32],
+    origin: usize,
+    target: &'a mut [f32],
+    relu: bool,
+}
+
+impl Kernel for Backward<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _: S) {
+        let (n, mean, factor, beta) = self.norm.channels();
+        let (of_gradient, of_x) = (&self.slopes.of_gradient[..n], &self.slopes.of_x[..n]);
+        let constant = &self.slopes.constant[..n];
+        let floor = if self.relu { 0.0 } else { f32::NEG_INFINITY };
+        let rows = self.x.chunks_exact(n);
+        let rows = rows.zip(self.gradient.chunks_exact(n));
+        for ((x, gradient), &place) in rows.zip(self.places) {
+            let out = &mut self.target[place as usize - self.origin..][..n];
+            for c in 0..n {
+                let deviation = x[c] - mean[c];
+                let passes = deviation * factor[c] + beta[c] > floor;
+                let g = if passes { gradient[c] } else { 0.0 };
+                out[c] = g * of_gradient[c] + deviation * of_x[c] + constant[c];
+            }
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! The gradient of a convolution's input.
+//!
+//! With stride 1 it is a convolution of the output's gradient with the window turned round. With
+//! a stride, the input's pixels fall into phases, one for each remainder of the stride; each
+//! phase is such a convolution, by the part of the window that reaches it.
+
+use super::bands::{Threads, for_each_band};
+use super::conv::ConvShape;
+use super::grid::{Grid, Size, pixels};
+use super::grouped::{GroupWeights, GroupedProduct};
+use super::panels::Panels;
+use super::product::{Epilogue, Product};
+use super::simd::Level;
+
+/// The transpose of a convolution, with its weights laid out for the kernels.
+#[derive(Debug, Clone)]
+pub(crate) struct ConvTranspose {
+    shape: ConvShape,
+    phases: Vec<Phase>,
+}
+
+#[derive(Debug, Clone)]
+struct Phase {
+    /// The first pixel of the phase.
+    first: Size,
+    /// How far from a pixel's number within the phase the output's pixels lie that it feeds.
+    offsets: Vec<[isize; 3]>,
+    weights: Weights,
+}
+
+#[derive(Debug, Clone)]
+enum Weights {
+    /// No pixel of the phase is under the window anywhere.
+    None,
+    /// `(offsets * group outputs, group inputs)` for each group.
+    Matrices(Vec<Panels>),
+    /// Groups narrower than a vector.
+    Narrow(GroupWeights),
+}
+
+impl ConvTranspose {
+    /// Packs weights `(outputs, inputs / groups, time, height, width)`.
+    pub(crate) fn pack(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
+        let phases = places(shape.window.stride)
+            .map(|first| Phase::pack(level, &shape, first, weights))
+            .collect();
+        Self { shape, phases }
+    }
+
+    /// The layout that the output's gradient must have: as large a border of zeros as the phases
+    /// reach over.
+    pub(crate) fn layout(&self, frames: usize, input: Size, output: Size) -> Grid {
+        let mut grid = Grid::tight(frames, output, self.shape.outputs);
+        for phase in &self.phases {
+            let count = phase.count(input, self.shape.window.stride);
+            for offset in &phase.offsets {
+                for axis in 0..3 {
+                    let last = count[axis] as isize - 1 + offset[axis];
+                    let over = (last + 1 - output[axis] as isize).max(0) as usize;
+                    let under = (-offset[axis]).max(0) as usize;
+                    if count[axis] > 0 {
+                        grid.before[axis] = grid.before[axis].max(under);
+                        grid.after[axis] = grid.after[axis].max(over);
+                    }
+                }
+            }
+        }
+        grid
+    }
+
+    /// Writes the input's gradient, or adds it to what `target` holds.
+    ///
+    /// `from` is what [`ConvTranspose::layout`] says.
+    pub(crate) fn apply(
+        &self,
+        (gradient, from): (&[f32], &Grid),
+        (target, to): (&mut [f32], &Grid),
+        accumulate: bool,
+    ) {
+        let stride = self.shape.window.stride;
+        let tables: Vec<_> = self
+            .phases
+            .iter()
+            .map(|phase| phase.table(from, to, stride))
+            .collect();
+        for_each_band(Threads::All, to, target, |band| {
+            for (phase, table) in self.phases.iter().zip(&tables) {
+                let end = band.origin + band.target.len();
+                let within = |limit: usize| table.places.partition_point(|&p| (p as usize) < limit);
+                let range = within(band.origin)..within(end);
+                let rows = Rows {
+                    source: gradient,
+                    starts: &table.starts[range.clone()],
+                    taps: &table.taps,
+                    places: &table.places[range],
+                    origin: band.origin,
+                };
+                self.write(phase, &rows, band.target, accumulate);
+            }
+        });
+    }
+
+    fn write(&self, phase: &Phase, rows: &Rows<'_>, target: &mut [f32], accumulate: bool) {
+        let Rows {
+            source,
+            starts,
+            taps,
+            places,
+            origin,
+        } = *rows;
+        match &phase.weights {
+            Weights::None => {
+                for &place in places.iter().filter(|_| !accumulate) {
+                    target[place as usize - origin..][..self.shape.inputs].fill(0.0);
+                }
+            }
+            Weights::Narrow(weights) => GroupedProduct {
+                source,
+                starts,
+                taps,
+                weights,
+                epilogue: Epilogue {
+                    accumulate,
+                    ..Epilogue::default()
+                },
+            }
+            .write(target, places, origin),
+            Weights::Matrices(groups) => {
+                for (group, panels) in groups.iter().enumerate() {
+                    let product = Product {
+                        source: &source[group * self.shape.group_outputs()..],
+                        rows: starts,
+                        frame_rows: places.len(),
+                        taps,
+                        run: self.shape.group_outputs(),
+                        panels,
+                        epilogue: Epilogue {
+                            accumulate,
+                            ..Epilogue::default()
+                        },
+                    };
+                    let column = group * self.shape.group_inputs();
+                    product.write(&mut target[column..], places, origin);
+                }
+            }
+        }
+    }
+}
+
+/// The rows of a product, and where they go.
+struct Rows<'a> {
+    source: &'a [f32],
+    starts: &'a [u32],
+    taps: &'a [u32],
+    places: &'a [u32],
+    origin: usize,
+}
+
+/// Where a phase reads and writes.
+struct Table {
+    starts: Vec<u32>,
+    taps: Vec<u32>,
+    places: Vec<u32>,
+}
+
+impl Phase {
+    fn pack(level: Level, shape: &ConvShape, first: Size, weights: &[f32]) -> Self {
+        let window = &shape.window;
+        let reaches = |tap: Size| {
+            let mut offset = [0; 3];
+            for axis in 0..3 {
+                let distance = (first[axis] + window.before[axis]) as isize - tap[axis] as isize;
+                let stride = window.stride[axis] as isize;
+                if distance.rem_euclid(stride) != 0 {
+                    return None;
+                }
+                offset[axis] = distance.div_euclid(stride);
+            }
+            Some(offset)
+        };
+        let (taps, offsets): (Vec<usize>, Vec<_>) = places(window.size)
+            .enumerate()
+            .filter_map(|(index, tap)| Some((index, reaches(tap)?)))
+            .unzip();
+        Self {
+            first,
+            weights: Weights::pack(level, shape, &taps, weights),
+            offsets,
+        }
+    }
+
+    /// Pixels of the phase along each axis.
+    fn count(&self, input: Size, stride: Size) -> Size {
+        std::array::from_fn(|axis| {
+            input[axis]
+                .saturating_sub(self.first[axis])
+                .div_ceil(stride[axis])
+        })
+    }
+
+    fn table(&self, from: &Grid, to: &Grid, stride: Size) -> Table {
+        let count = self.count(to.size, stride);
+        // From the border's corner; the offsets, which may be negative, lead back inside it.
+        let starts = from.steps([0; 3], count, [1; 3]);
+        let first = std::array::from_fn(|axis| to.before[axis] + self.first[axis]);
+        let tap = |offset: &[isize; 3]| {
+            let place = std::array::from_fn(|axis| {
+                (from.before[axis] as isize + offset[axis]).max(0) as usize
+            });
+            from.index(0, place) as u32
+        };
+        Table {
+            starts,
+            taps: self.offsets.iter().map(tap).collect(),
+            places: to.steps(first, count, stride),
+        }
+    }
+}
+
+impl Weights {
+    /// Those of the given taps.
+    fn pack(level: Level, shape: &ConvShape, taps: &[usize], weights: &[f32]) -> Self {
+        let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
+        let all = pixels(shape.window.size);
+        let at = |output: usize, input: usize, tap: usize| {
+            weights[(output * inputs + input) * all + taps[tap]]
+        };
+        if taps.is_empty() {
+            return Self::None;
+        }
+        if inputs == outputs && GroupWeights::serves(level, shape.inputs, inputs) {
+            let element = |channel: usize, tap: usize, output: usize| {
+                let (group, input) = (channel / inputs, channel % inputs);
+                at(group * outputs + output, input, tap)
+            };
+            return Self::Narrow(GroupWeights::pack(
+                level,
+                shape.inputs,
+                inputs,
+                taps.len(),
+                element,
+            ));
+        }
+        let group = |group: usize| {
+            if all == 1 {
+                let matrix = &weights[group * outputs * inputs..][..outputs * inputs];
+                return Panels::pack_rows(level, outputs, inputs, matrix);
+            }
+            Panels::pack(level, taps.len() * outputs, inputs, |row, column| {
+                at(group * outputs + row % outputs, column, row / outputs)
+            })
+        };
+        Self::Matrices((0..shape.groups).map(group).collect())
+    }
+}
+
+/// Every place of a box, row by row.
+fn places(size: Size) -> impl Iterator<Item = Size> {
+    let [time, height, width] = size;
+    (0..time * height * width).map(move |i| [i / (height * width), i / width % height, i % width])
+}

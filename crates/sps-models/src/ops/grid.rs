@@ -1,0 +1,190 @@
+//! Where the pixels of a feature map lie in memory, channels last, with room for padding.
+
+/// Time, height, width. A still image has one time step.
+pub(crate) type Size = [usize; 3];
+
+/// Pixels of one image.
+pub(crate) fn pixels(size: Size) -> usize {
+    size.iter().product()
+}
+
+/// A window that slides over a feature map, for a convolution or for pooling.
+///
+/// Each axis is time, height or width; a still image has one time step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// Pixels under the window.
+    pub size: [usize; 3],
+    /// Pixels from one place of the window to the next; none is 0.
+    pub stride: [usize; 3],
+    /// Padding at the lower end of each axis.
+    pub before: [usize; 3],
+    /// Padding at the upper end of each axis.
+    pub after: [usize; 3],
+}
+
+impl Window {
+    /// A square window over images, padded alike on all sides.
+    pub const fn square(size: usize, stride: usize, padding: usize) -> Self {
+        Self {
+            size: [1, size, size],
+            stride: [1, stride, stride],
+            before: [0, padding, padding],
+            after: [0, padding, padding],
+        }
+    }
+
+    /// A window over time, height and width of one size, padded so that the output has the
+    /// input's extents over the stride, rounded up: the rule called 'same', with the odd pixel
+    /// of padding at the upper end.
+    pub fn same(size: [usize; 3], stride: [usize; 3], input: [usize; 3]) -> Self {
+        let (mut before, mut after) = ([0; 3], [0; 3]);
+        for axis in 0..3 {
+            let reach = (input[axis].div_ceil(stride[axis]).max(1) - 1) * stride[axis] + size[axis];
+            let padding = reach.saturating_sub(input[axis]);
+            before[axis] = padding / 2;
+            after[axis] = padding - padding / 2;
+        }
+        Self {
+            size,
+            stride,
+            before,
+            after,
+        }
+    }
+
+    /// How often the window fits if its last place may hang over the upper end; 1 where it does
+    /// not fit.
+    pub(crate) fn output_ceil(&self, input: Size) -> Size {
+        std::array::from_fn(|axis| {
+            let room = input[axis] + self.before[axis] + self.after[axis];
+            let count = room
+                .saturating_sub(self.size[axis])
+                .div_ceil(self.stride[axis])
+                + 1;
+            // The last place must begin before the padding does.
+            let begins = input[axis] + self.before[axis];
+            count.min(begins.saturating_sub(1) / self.stride[axis] + 1)
+        })
+    }
+
+    /// How often the window fits; `None` where it does not.
+    pub(crate) fn output(&self, input: Size) -> Option<Size> {
+        let mut output = [0; 3];
+        for axis in 0..3 {
+            let room = input[axis] + self.before[axis] + self.after[axis];
+            output[axis] = room.checked_sub(self.size[axis])? / self.stride[axis] + 1;
+        }
+        Some(output)
+    }
+}
+
+/// A feature map: frames, each of `size` pixels with a border, each of `channels` numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Grid {
+    pub(crate) frames: usize,
+    pub(crate) size: Size,
+    pub(crate) channels: usize,
+    /// The border, zero where it serves as padding.
+    pub(crate) before: Size,
+    pub(crate) after: Size,
+}
+
+impl Grid {
+    /// Without a border: the layout of a contiguous `(frames, time, height, width, channels)`.
+    pub(crate) const fn tight(frames: usize, size: Size, channels: usize) -> Self {
+        Self {
+            frames,
+            size,
+            channels,
+            before: [0; 3],
+            after: [0; 3],
+        }
+    }
+
+    /// With the border that a window pads.
+    pub(crate) const fn padded(mut self, window: &Window) -> Self {
+        self.before = window.before;
+        self.after = window.after;
+        self
+    }
+
+    /// Extent of an axis with its border.
+    pub(crate) fn extent(&self, axis: usize) -> usize {
+        self.before[axis] + self.size[axis] + self.after[axis]
+    }
+
+    /// Elements of one frame.
+    pub(crate) fn frame_len(&self) -> usize {
+        (0..3).map(|axis| self.extent(axis)).product::<usize>() * self.channels
+    }
+
+    /// Elements of all frames.
+    pub(crate) fn len(&self) -> usize {
+        self.frames * self.frame_len()
+    }
+
+    /// The index of a place's first channel, counted with the border.
+    pub(crate) fn index(&self, frame: usize, place: Size) -> usize {
+        let [t, y, x] = place;
+        let row = (t * self.extent(1) + y) * self.extent(2) + x;
+        frame * self.frame_len() + row * self.channels
+    }
+
+    /// The index of each pixel's first channel, frame by frame, row by row.
+    pub(crate) fn places(&self) -> Vec<u32> {
+        self.steps(self.before, self.size, [1; 3])
+    }
+
+    /// Where a window begins at each of its places.
+    pub(crate) fn starts(&self, window: &Window, output: Size) -> Vec<u32> {
+        let mut from = [0; 3];
+        for (axis, from) in from.iter_mut().enumerate() {
+            *from = self.before[axis] - window.before[axis];
+        }
+        self.steps(from, output, window.stride)
+    }
+
+    /// The index of `count` places from `from` in steps of `stride`, in every frame.
+    pub(crate) fn steps(&self, from: Size, count: Size, stride: Size) -> Vec<u32> {
+        let mut steps = Vec::with_capacity(self.frames * pixels(count));
+        for frame in 0..self.frames {
+            for t in 0..count[0] {
+                for y in 0..count[1] {
+                    let row = [from[0] + t * stride[0], from[1] + y * stride[1], from[2]];
+                    let start = self.index(frame, row);
+                    let step = stride[2] * self.channels;
+                    steps.extend((0..count[2]).map(|x| (start + x * step) as u32));
+                }
+            }
+        }
+        steps
+    }
+
+    /// Sets the border to zero.
+    pub(crate) fn clear_border(&self, memory: &mut [f32]) {
+        let [time, height, width] = [0, 1, 2].map(|axis| self.extent(axis));
+        let inside = |axis: usize, at: usize| {
+            (self.before[axis]..self.before[axis] + self.size[axis]).contains(&at)
+        };
+        let row_len = width * self.channels;
+        if row_len == 0 {
+            return;
+        }
+        for (row, memory) in memory.chunks_exact_mut(row_len).enumerate() {
+            if inside(0, row / height % time) && inside(1, row % height) {
+                let (left, rest) = memory.split_at_mut(self.before[2] * self.channels);
+                left.fill(0.0);
+                rest[self.size[2] * self.channels..].fill(0.0);
+            } else {
+                memory.fill(0.0);
+            }
+        }
+    }
+
+    /// How far from a window's beginning its pixels lie, in steps of one pixel.
+    pub(crate) fn taps(&self, size: Size) -> Vec<u32> {
+        let one = Self { frames: 1, ..*self };
+        one.steps([0; 3], size, [1; 3])
+    }
+}

@@ -1,0 +1,136 @@
+//! Mean and variance of each channel of a feature map.
+
+use rayon::prelude::*;
+
+use super::grid::Grid;
+use super::simd::{Kernel, Lanes, Level};
+
+/// Elements of a run, whose sums are taken in f32: a run is read twice and stays in the cache.
+const RUN: usize = 32 << 10;
+
+/// Mean and variance over frames and space, and the mean over space of each frame.
+#[derive(Debug, Clone)]
+pub(crate) struct Moments {
+    /// Numbers in one channel.
+    pub(crate) count: usize,
+    /// `(channels)`
+    pub(crate) mean: Vec<f32>,
+    /// `(channels)`, over `count`.
+    pub(crate) variance: Vec<f32>,
+    /// `(frames, channels)`
+    pub(crate) frame_means: Vec<f32>,
+}
+
+/// Rows of a run: a function of the number of channels alone, so that no sum depends on the
+/// number of threads.
+pub(super) const fn run_rows(channels: usize) -> usize {
+    let rows = RUN / channels;
+    if rows == 0 { 1 } else { rows }
+}
+
+impl Moments {
+    /// Those of a feature map without a border.
+    ///
+    /// A run's deviations are taken from its own mean, and runs are joined in f64 (Chan et al.,
+    /// 1979): a large common offset costs no digits.
+    pub(crate) fn of(level: Level, source: &[f32], grid: &Grid) -> Self {
+        let channels = grid.channels;
+        let runs = |frame: &[f32]| -> Vec<Spread> {
+            frame
+                .par_chunks(run_rows(channels) * channels)
+                .map(|run| level.run(RunMoments { run, channels }))
+                .collect()
+        };
+        let mut all = Spread::empty(channels);
+        let mut frame_means = Vec::with_capacity(grid.frames * channels);
+        for frame in source.chunks_exact(grid.frame_len()) {
+            let mut one = Spread::empty(channels);
+            for run in runs(frame) {
+                one.join(&run);
+            }
+            frame_means.extend(one.mean.iter().map(|&mean| mean as f32));
+            all.join(&one);
+        }
+        let narrow = |values: &[f64], by: f64| values.iter().map(|v| (v / by) as f32).collect();
+        Self {
+            count: all.count,
+            mean: narrow(&all.mean, 1.0),
+            variance: narrow(&all.squares, all.count as f64),
+            frame_means,
+        }
+    }
+}
+
+/// Count, mean and sum of squared deviations.
+struct Spread {
+    count: usize,
+    mean: Vec<f64>,
+    squares: Vec<f64>,
+}
+
+impl Spread {
+    fn empty(channels: usize) -> Self {
+        Self {
+            count: 0,
+            mean: vec![0.0; channels],
+            squares: vec![0.0; channels],
+        }
+    }
+
+    fn join(&mut self, other: &Self) {
+        let count = self.count + other.count;
+        let weight = other.count as f64 / count as f64;
+        let both = self.count as f64 * weight;
+        let others = other.mean.iter().zip(&other.squares);
+        for ((mean, squares), (m, s)) in self.mean.iter_mut().zip(&mut self.squares).zip(others) {
+            let distance = m - *mean;
+            *mean += distance * weight;
+            *squares += s + distance * distance * both;
+        }
+        self.count = count;
+    }
+}
+
+struct RunMoments<'a> {
+    run: &'a [f32],
+    channels: usize,
+}
+
+impl Kernel for RunMoments<'_> {
+    type Output = Spread;
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _: S) -> Spread {
+        let count = self.run.len() / self.channels;
+        let mut sum = vec![0.0_f32; self.channels];
+        for row in self.run.chunks_exact(self.channels) {
+            for (sum, x) in sum.iter_mut().zip(row) {
+                *sum += x;
+            }
+        }
+        let near: Vec<f32> = sum.iter().map(|sum| sum / count as f32).collect();
+        // `near` is the mean but for rounding; what is left of the deviations corrects it.
+        let mut left = vec![0.0_f32; self.channels];
+        let mut squares = vec![0.0_f32; self.channels];
+        for row in self.run.chunks_exact(self.channels) {
+            let sums = left.iter_mut().zip(&mut squares);
+            for ((x, near), (left, squares)) in row.iter().zip(&near).zip(sums) {
+                let deviation = x - near;
+                *left += deviation;
+                *squares += deviation * deviation;
+            }
+        }
+        let n = count as f64;
+        let corrected = left.iter().zip(&squares).map(|(&left, &squares)| {
+            let left = f64::from(left);
+            (left / n, (f64::from(squares) - left * left / n).max(0.0))
+        });
+        let (shift, squares): (Vec<f64>, Vec<f64>) = corrected.unzip();
+        let mean = near.iter().zip(shift).map(|(&near, s)| f64::from(near) + s);
+        Spread {
+            count,
+            mean: mean.collect(),
+            squares,
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! Max pooling of feature maps, channels last.
+
+use rayon::prelude::*;
+
+use super::bands::{Threads, for_each_band};
+use super::grid::{Grid, Size, Window};
+use super::simd::{Kernel, Lanes, Level};
+
+/// Writes to each pixel of `target` the largest values under the window.
+///
+/// The window sees the border of `from`, which must reach as far as the window's padding at the
+/// lower ends; where it hangs over the border's upper end, it sees only what there is.
+pub(crate) fn max_pool(
+    threads: Threads,
+    level: Level,
+    window: &Window,
+    (source, from): (&[f32], &Grid),
+    (target, to): (&mut [f32], &Grid),
+) {
+    let starts = from.starts(window, to.size);
+    let places = to.places();
+    for_each_band(threads, to, target, |band| {
+        level.run(Pool {
+            window,
+            source,
+            from,
+            to,
+            starts: &starts[band.pixels.clone()],
+            places: &places[band.pixels.clone()],
+            first: band.pixels.start,
+            target: band.target,
+            origin: band.origin,
+        });
+    });
+}
+
+struct Pool<'a> {
+    window: &'a Window,
+    source: &'a [f32],
+    from: &'a Grid,
+    to: &'a Grid,
+    starts: &'a [u32],
+    places: &'a [u32],
+    /// The number of the first pixel.
+    first: usize,
+    target: &'a mut [f32],
+    origin: usize,
+}
+
+impl Kernel for Pool<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _: S) {
+        let channels = self.from.channels;
+        for (i, (&start, &place)) in self.starts.iter().zip(self.places).enumerate() {
+            let place = place as usize - self.origin;
+            let out = &mut self.target[place..place + channels];
+            let reach = reach(self.window, self.from, self.to, self.first + i);
+            let mut first = true;
+            for t in 0..reach[0] {
+                for y in 0..reach[1] {
+                    for x in 0..reach[2] {
+                        let from = start as usize + self.from.index(0, [t, y, x]);
+                        let pixel = &self.source[from..from + channels];
+                        if first {
+                            out.copy_from_slice(pixel);
+                        } else {
+                            larger(out, pixel);
+                        }
+                        first = false;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// How far the window reaches at a pixel before the border ends.
+#[inline(always)]
+pub(super) fn reach(window: &Window, from: &Grid, to: &Grid, pixel: usize) -> Size {
+    let [time, height, width] = to.size;
+    let place = [
+        pixel / (height * width) % time,
+        pixel / width % height,
+        pixel % width,
+    ];
+    std::array::from_fn(|axis| {
+        let start = from.before[axis] - window.before[axis] + place[axis] * window.stride[axis];
+        window.size[axis].min(from.extent(axis).saturating_sub(start))
+    })
+}
+
+/// The larger of each pair; NaN where either is.
+#[inline(always)]
+fn larger(out: &mut [f32], pixel: &[f32]) {
+    for (out, &x) in out.iter_mut().zip(pixel) {
+        if x > *out || x.is_nan() {
+            *out = x;
+        }
+    }
+}
+
+/// Writes the gradient of max pooling's input: each window's gradient goes to the first of its
+/// largest values. The border of `from` gets its part too.
+pub(crate) fn max_pool_backward(
+    level: Level,
+    window: &Window,
+    (source, from): (&[f32], &Grid),
+    (pooled, to): (&[f32], &Grid),
+    gradient: &[f32],
+    target: &mut [f32],
+) {
+    let one = Grid { frames: 1, ..*to };
+    let starts = Grid { frames: 1, ..*from }.starts(window, to.size);
+    let places = one.places();
+    target
+        .par_chunks_exact_mut(from.frame_len())
+        .enumerate()
+        .for_each(|(frame, target)| {
+            let read = frame * from.frame_len()..(frame + 1) * from.frame_len();
+            let write = frame * to.frame_len()..(frame + 1) * to.frame_len();
+            level.run(PoolBackward {
+                window,
+                source: &source[read],
+                from,
+                pooled: &pooled[write.clone()],
+                to,
+                gradient: &gradient[write],
+                starts: &starts,
+                places: &places,
+                target,
+            });
+        });
+}
+
+/// One frame.
+struct PoolBackward<'a> {
+    window: &'a Window,
+    source: &'a [f32],
+    from: &'a Grid,
+    pooled: &'a [f32],
+    to: &'a Grid,
+    gradient: &'a [f32],
+    starts: &'a [u32],
+    places: &'a [u32],
+    target: &'a mut [f32],
+}
+
+impl Kernel for PoolBackward<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _: S) {
+        let channels = self.from.channels;
+        let mut left = vec![0.0; channels];
+        self.target.fill(0.0);
+        for (pixel, (&start, &place)) in self.starts.iter().zip(self.places).enumerate() {
+            let place = place as usize;
+            let largest = &self.pooled[place..place + channels];
+            left.copy_from_slice(&self.gradient[place..place + channels]);
+            let reach = reach(self.window, self.from, self.to, pixel);
+            for t in 0..reach[0] {
+                for y in 0..reach[1] {
+                    for x in 0..reach[2] {
+                        let from = start as usize + self.from.index(0, [t, y, x]);
+                        let values = &self.source[from..from + channels];
+                        give(values, largest, &mut left, &mut self.target[from..]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Hands what is left of the gradient to the values that are the largest.
+#[inline(always)]
+fn give(values: &[f32], largest: &[f32], left: &mut [f32], target: &mut [f32]) {
+    let pairs = values.iter().zip(largest);
+    for ((value, largest), (left, target)) in pairs.zip(left.iter_mut().zip(target)) {
+        let found = value == largest;
+        *target += if found { *left } else { 0.0 };
+        *left = if found { 0.0 } else { *left };
+    }
+}

@@ -1,0 +1,319 @@
+//! Convolution as a product of gathered rows and a packed matrix.
+//!
+//! A row of the left operand is never copied together: it is a list of runs of the source, one
+//! for each tap of the window, all at the same distances from the row's first element. With a
+//! source that has its zero padding around it this is every convolution there is; a 1x1
+//! convolution has one tap.
+
+use super::panels::{PANEL_VECTORS, Panel, Panels};
+use super::simd::{Kernel, Lanes, load};
+use super::unroll::{tallest, tiles};
+
+/// What happens to a sum before it is stored: `max(sum * scale + shift + stored, floor)`, each
+/// part where it is wanted.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Epilogue<'a> {
+    /// Factors of the columns.
+    pub(crate) scale: Option<Columns<'a>>,
+    /// What is added to the columns.
+    pub(crate) shift: Option<Columns<'a>>,
+    /// Whether what is stored already is added.
+    pub(crate) accumulate: bool,
+    /// Whether negative values become 0.
+    pub(crate) relu: bool,
+}
+
+/// A number for each column, the same in every frame or each frame's own.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Columns<'a> {
+    values: &'a [f32],
+    /// From one frame's numbers to the next's.
+    stride: usize,
+}
+
+impl<'a> Columns<'a> {
+    /// `(n)`, the same in every frame.
+    pub(crate) const fn shared(values: &'a [f32]) -> Self {
+        Self { values, stride: 0 }
+    }
+
+    /// `(frames, n)`.
+    pub(crate) const fn per_frame(values: &'a [f32], n: usize) -> Self {
+        Self { values, stride: n }
+    }
+
+    /// Those from a frame and a column on.
+    pub(crate) fn from(self, frame: usize, column: usize) -> Self {
+        Self {
+            values: &self.values[frame * self.stride + column..],
+            ..self
+        }
+    }
+
+    /// The numbers of a frame from a column on.
+    #[inline(always)]
+    pub(super) fn get(self, frame: usize, column: usize) -> &'a [f32] {
+        &self.values[frame * self.stride + column..]
+    }
+}
+
+impl Epilogue<'_> {
+    /// What nothing that is stored lies below.
+    #[inline(always)]
+    pub(super) const fn floor(&self) -> f32 {
+        if self.relu { 0.0 } else { f32::NEG_INFINITY }
+    }
+
+    /// The same for the rows and columns from a frame and a column on.
+    pub(crate) fn from(self, frame: usize, column: usize) -> Self {
+        Self {
+            scale: self.scale.map(|scale| scale.from(frame, column)),
+            shift: self.shift.map(|shift| shift.from(frame, column)),
+            ..self
+        }
+    }
+}
+
+/// The product of gathered rows and a packed matrix.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Product<'a> {
+    /// What the rows are gathered from.
+    pub(crate) source: &'a [f32],
+    /// Where each row begins in the source.
+    pub(crate) rows: &'a [u32],
+    /// Rows of one frame.
+    pub(crate) frame_rows: usize,
+    /// How far from a row's beginning each of its runs begins.
+    pub(crate) taps: &'a [u32],
+    /// Elements of a run: `k` of the panels over the number of taps.
+    pub(crate) run: usize,
+    /// The right operand.
+    pub(crate) panels: &'a Panels,
+    /// What happens to the sums.
+    pub(crate) epilogue: Epilogue<'a>,
+}
+
+impl Product<'_> {
+    /// Writes row `i`, `n` elements, at `places[i] - origin` of the target.
+    ///
+    /// Each sum runs over the taps and their elements in order: its bits do not depend on which
+    /// other rows are computed with it.
+    pub(crate) fn write(&self, target: &mut [f32], places: &[u32], origin: usize) {
+        debug_assert_eq!(self.taps.len() * self.run, self.panels.k());
+        debug_assert_eq!(self.rows.len(), places.len());
+        self.panels.level().run(Write {
+            product: self,
+            target,
+            places,
+            origin,
+        });
+    }
+}
+
+struct Write<'a, 'b> {
+    product: &'a Product<'b>,
+    target: &'a mut [f32],
+    places: &'a [u32],
+    origin: usize,
+}
+
+/// What a core's second-level cache holds beside what streams through it, in elements.
+const CACHE: usize = 160 << 10;
+
+impl Kernel for Write<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        let Self {
+            product,
+            target,
+            places,
+            origin,
+        } = self;
+        let tallest = tallest::<S>();
+        let (k, n) = (product.panels.k(), product.panels.n());
+        let frame_rows = product.frame_rows.max(1);
+        // Either the panels stay in the cache and each tile meets all of them, or a block of
+        // frames stays and each panel meets all of it.
+        let (frames, rows) = if k * n <= CACHE {
+            (1, tallest)
+        } else {
+            let rows = (CACHE / k).max(tallest);
+            ((rows / frame_rows).max(1), rows.min(frame_rows))
+        };
+        let count = places.len().div_ceil(frame_rows);
+        for block in (0..count).step_by(frames) {
+            for start in (0..frame_rows).step_by(rows) {
+                for panel in product.panels.iter() {
+                    for frame in block..(block + frames).min(count) {
+                        let (from, to) = (frame * frame_rows, (frame + 1) * frame_rows);
+                        let to = to.min(from + start + rows).min(places.len());
+                        for (first, height) in tiles(from + start, to, tallest) {
+                            let tile = Tile {
+                                product,
+                                panel,
+                                frame,
+                                first,
+                                places: &places[first..first + height],
+                                origin,
+                            };
+                            tile.write(lanes, target);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Tile<'a, 'b> {
+    product: &'a Product<'b>,
+    panel: Panel<'a>,
+    frame: usize,
+    first: usize,
+    places: &'a [u32],
+    origin: usize,
+}
+
+impl Tile<'_, '_> {
+    #[inline(always)]
+    fn write<S: Lanes>(self, lanes: S, target: &mut [f32]) {
+        if self.panel.vectors == PANEL_VECTORS {
+            self.write_vectors::<S, PANEL_VECTORS>(lanes, target);
+        } else {
+            self.write_vectors::<S, 1>(lanes, target);
+        }
+    }
+
+    #[inline(always)]
+    fn write_vectors<S: Lanes, const NV: usize>(self, lanes: S, target: &mut [f32]) {
+        with_height!(self.places.len(), S, H => self.write_sized::<S, H, NV>(lanes, target));
+    }
+
+    #[inline(always)]
+    fn write_sized<S: Lanes, const H: usize, const NV: usize>(self, lanes: S, target: &mut [f32]) {
+        let sums = self.sums::<S, H, NV>(lanes);
+        let finish = Finish::<S, NV>::new(lanes, self);
+        if self.panel.columns < NV * S::F32_LANES {
+            let sums = sums;
+            for (row, &place) in sums.iter().zip(self.places) {
+                let from = place as usize - self.origin + self.panel.column;
+                finish.store_part(lanes, row, &mut target[from..from + self.panel.columns]);
+            }
+            return;
+        }
+        each_row!(H, i, {
+            let from = self.places[i] as usize - self.origin + self.panel.column;
+            let out = &mut target[from..from + NV * S::F32_LANES];
+            finish.store(lanes, &sums[i], out);
+        });
+    }
+
+    /// The columns' numbers for this tile.
+    #[inline(always)]
+    fn columns<S: Lanes, const NV: usize>(
+        self,
+        lanes: S,
+        columns: Option<Columns<'_>>,
+        default: f32,
+    ) -> [S::f32s; NV] {
+        let Some(columns) = columns else {
+            return [lanes.splat_f32s(default); NV];
+        };
+        let values = columns.get(self.frame, self.panel.column);
+        let values = &values[..self.panel.columns];
+        std::array::from_fn(|v| match values.get(v * S::F32_LANES..) {
+            Some(values) => load(lanes, values),
+            None => lanes.splat_f32s(default),
+        })
+    }
+
+    /// The tile of the product itself.
+    #[inline(always)]
+    fn sums<S: Lanes, const H: usize, const NV: usize>(self, lanes: S) -> [[S::f32s; NV]; H] {
+        let Product {
+            source,
+            rows,
+            taps,
+            run,
+            ..
+        } = *self.product;
+        let rows = &rows[self.first..self.first + H];
+        let (panel, _) = S::as_simd_f32s(self.panel.data);
+        let (panel, _) = panel.as_chunks::<NV>();
+        let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
+        for (&tap, panel) in taps.iter().zip(panel.chunks_exact(run)) {
+            let left: [&[f32]; H] = std::array::from_fn(|i| {
+                let start = (rows[i] + tap) as usize;
+                &source[start..start + run]
+            });
+            for p in 0..run {
+                let right = panel[p];
+                for i in 0..H {
+                    let x = lanes.splat_f32s(left[i][p]);
+                    for v in 0..NV {
+                        sums[i][v] = lanes.fma(x, right[v], sums[i][v]);
+                    }
+                }
+            }
+        }
+        sums
+    }
+}
+
+/// The epilogue of one tile.
+#[derive(Clone, Copy)]
+struct Finish<S: Lanes, const NV: usize> {
+    scale: [S::f32s; NV],
+    shift: [S::f32s; NV],
+    floor: S::f32s,
+    accumulate: bool,
+}
+
+impl<S: Lanes, const NV: usize> Finish<S, NV> {
+    #[inline(always)]
+    fn new(lanes: S, tile: Tile<'_, '_>) -> Self {
+        let epilogue = tile.product.epilogue;
+        Self {
+            scale: tile.columns(lanes, epilogue.scale, 1.0),
+            shift: tile.columns(lanes, epilogue.shift, 0.0),
+            floor: lanes.splat_f32s(if epilogue.relu {
+                0.0
+            } else {
+                f32::NEG_INFINITY
+            }),
+            accumulate: epilogue.accumulate,
+        }
+    }
+
+    #[inline(always)]
+    fn apply(self, lanes: S, v: usize, sum: S::f32s, stored: S::f32s) -> S::f32s {
+        let y = lanes.fma(sum, self.scale[v], self.shift[v]);
+        let y = if self.accumulate {
+            lanes.add_f32s(y, stored)
+        } else {
+            y
+        };
+        lanes.at_least(self.floor, y)
+    }
+
+    #[inline(always)]
+    fn store(self, lanes: S, sums: &[S::f32s; NV], out: &mut [f32]) {
+        let (out, _) = S::as_mut_simd_f32s(out);
+        for v in 0..NV {
+            out[v] = self.apply(lanes, v, sums[v], out[v]);
+        }
+    }
+
+    /// The same for a row that is not as long as its vectors.
+    #[inline(always)]
+    fn store_part(self, lanes: S, sums: &[S::f32s; NV], out: &mut [f32]) {
+        for (v, out) in out.chunks_mut(S::F32_LANES).enumerate() {
+            let stored = lanes.partial_load_f32s(out);
+            let y = self.apply(lanes, v, sums[v], stored);
+            lanes.partial_store_f32s(out, y);
+        }
+    }
+}

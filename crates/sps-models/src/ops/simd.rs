@@ -1,0 +1,287 @@
+//! The vector instructions a kernel runs on, chosen when the program runs.
+//!
+//! A kernel is written once, against [`Lanes`]; [`Level::run`] compiles it for each instruction
+//! set and calls the one the machine has. The unsafe side of that lies in pulp.
+
+#[cfg(target_arch = "aarch64")]
+use pulp::aarch64::Neon;
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::{V3, V4};
+use pulp::{NullaryFnOnce, Scalar128b, Simd};
+
+/// A set of vector instructions that this machine has.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Level {
+    /// Four lanes without any instruction named: what the compiler makes of arrays.
+    Portable,
+    /// 256-bit vectors with fused multiply-add.
+    #[cfg(target_arch = "x86_64")]
+    Avx2(V3),
+    /// 512-bit vectors.
+    #[cfg(target_arch = "x86_64")]
+    Avx512(V4),
+    /// 128-bit vectors of ARM.
+    #[cfg(target_arch = "aarch64")]
+    Neon(Neon),
+}
+
+impl Level {
+    /// The widest that this machine has.
+    pub(crate) fn detect() -> Self {
+        #[cfg(test)]
+        if let Some(level) = forced::level() {
+            return level;
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = V4::try_new() {
+            return Self::Avx512(simd);
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = V3::try_new() {
+            return Self::Avx2(simd);
+        }
+        #[cfg(target_arch = "aarch64")]
+        if let Some(simd) = Neon::try_new() {
+            return Self::Neon(simd);
+        }
+        Self::Portable
+    }
+
+    /// Its name, for people.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Portable => "portable",
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(_) => "AVX2 and FMA",
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(_) => "AVX-512",
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon(_) => "NEON",
+        }
+    }
+
+    /// Numbers in one vector.
+    pub(crate) const fn lanes(self) -> usize {
+        match self {
+            Self::Portable => Scalar128b::F32_LANES,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(_) => V3::F32_LANES,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(_) => V4::F32_LANES,
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon(_) => Neon::F32_LANES,
+        }
+    }
+
+    /// Runs a kernel, compiled for this level.
+    #[inline]
+    pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        match self {
+            Self::Portable => kernel.run(Scalar128b),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(simd) => simd.vectorize(Call { kernel, simd }),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(simd) => simd.vectorize(Call { kernel, simd }),
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon(simd) => simd.vectorize(Call { kernel, simd }),
+        }
+    }
+}
+
+/// A piece of work written against [`Lanes`].
+///
+/// `run` must be `#[inline(always)]`, and so must everything that it calls with `lanes`: only
+/// then is it compiled with the level's instructions.
+pub(crate) trait Kernel {
+    type Output;
+
+    fn run<S: Lanes>(self, lanes: S) -> Self::Output;
+}
+
+struct Call<K, S> {
+    kernel: K,
+    simd: S,
+}
+
+impl<K: Kernel, S: Lanes> NullaryFnOnce for Call<K, S> {
+    type Output = K::Output;
+
+    #[inline(always)]
+    fn call(self) -> K::Output {
+        self.kernel.run(self.simd)
+    }
+}
+
+/// What kernels need beside pulp's operations.
+pub(crate) trait Lanes: Simd {
+    /// `a * b + c`, in one rounding where the machine can.
+    fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s;
+
+    /// The larger of `x` and `floor`, which is no NaN; where `x` is NaN, NaN.
+    fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s;
+
+    /// In each run of `G` lanes, that run's lane `index` everywhere.
+    ///
+    /// `G` is 4, or 8 where there are 16 lanes.
+    fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s;
+}
+
+/// Reads up to a vector; lanes beyond the slice are zero.
+#[inline(always)]
+pub(crate) fn load<S: Lanes>(lanes: S, from: &[f32]) -> S::f32s {
+    match S::as_simd_f32s(from).0 {
+        [whole, ..] => *whole,
+        [] => lanes.partial_load_f32s(from),
+    }
+}
+
+/// Writes the lanes that the slice has room for.
+#[inline(always)]
+pub(crate) fn store<S: Lanes>(lanes: S, to: &mut [f32], x: S::f32s) {
+    match S::as_mut_simd_f32s(to).0 {
+        [whole, ..] => *whole = x,
+        [] => lanes.partial_store_f32s(to, x),
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Lanes for V4 {
+    #[inline(always)]
+    fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
+        self.mul_add_e_f32s(a, b, c)
+    }
+
+    #[inline(always)]
+    fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s {
+        // The instruction returns its second operand where one is NaN.
+        self.max_f32s(floor, x)
+    }
+
+    #[inline(always)]
+    fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
+        use pulp::{cast, i32x16};
+        let f = self.avx512f;
+        let x = cast(x);
+        cast(match (G, index) {
+            (4, 0) => f._mm512_permute_ps::<0b00_00_00_00>(x),
+            (4, 1) => f._mm512_permute_ps::<0b01_01_01_01>(x),
+            (4, 2) => f._mm512_permute_ps::<0b10_10_10_10>(x),
+            (4, _) => f._mm512_permute_ps::<0b11_11_11_11>(x),
+            _ => {
+                let (low, high) = (index as i32, (index + G) as i32);
+                let (l, h) = (low, high);
+                let lanes = i32x16(l, l, l, l, l, l, l, l, h, h, h, h, h, h, h, h);
+                f._mm512_permutexvar_ps(cast(lanes), x)
+            }
+        })
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Lanes for V3 {
+    #[inline(always)]
+    fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
+        self.mul_add_e_f32s(a, b, c)
+    }
+
+    #[inline(always)]
+    fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s {
+        self.max_f32s(floor, x)
+    }
+
+    #[inline(always)]
+    fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
+        use pulp::cast;
+        let avx = self.avx;
+        let x = cast(x);
+        cast(match index {
+            0 => avx._mm256_permute_ps::<0b00_00_00_00>(x),
+            1 => avx._mm256_permute_ps::<0b01_01_01_01>(x),
+            2 => avx._mm256_permute_ps::<0b10_10_10_10>(x),
+            _ => avx._mm256_permute_ps::<0b11_11_11_11>(x),
+        })
+    }
+}
+
+#[cfg(target_arch = "aarch64")]
+impl Lanes for Neon {
+    #[inline(always)]
+    fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
+        self.mul_add_e_f32s(a, b, c)
+    }
+
+    #[inline(always)]
+    fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s {
+        self.max_f32s(floor, x)
+    }
+
+    #[inline(always)]
+    fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
+        spread_four(x, index)
+    }
+}
+
+impl Lanes for Scalar128b {
+    #[inline(always)]
+    fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
+        if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
+            self.mul_add_e_f32s(a, b, c)
+        } else {
+            // Without the instruction a fused product is a call into software.
+            self.add_f32s(self.mul_f32s(a, b), c)
+        }
+    }
+
+    #[inline(always)]
+    fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s {
+        let at_least = |floor: f32, x: f32| if x < floor { floor } else { x };
+        pulp::f32x4(
+            at_least(floor.0, x.0),
+            at_least(floor.1, x.1),
+            at_least(floor.2, x.2),
+            at_least(floor.3, x.3),
+        )
+    }
+
+    #[inline(always)]
+    fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
+        spread_four(x, index)
+    }
+}
+
+#[inline(always)]
+fn spread_four(x: pulp::f32x4, index: usize) -> pulp::f32x4 {
+    let lane = [x.0, x.1, x.2, x.3][index % 4];
+    pulp::f32x4(lane, lane, lane, lane)
+}
+
+#[cfg(test)]
+pub(crate) mod forced {
+    //! Levels below the machine's widest, for tests.
+
+    use std::cell::Cell;
+
+    use super::*;
+
+    thread_local! {
+        static LEVEL: Cell<Option<Level>> = const { Cell::new(None) };
+    }
+
+    pub(super) fn level() -> Option<Level> {
+        LEVEL.get()
+    }
+
+    /// Runs a test on every level that this machine has.
+    pub(crate) fn on_each_level(test: impl Fn(Level)) {
+        let mut levels = vec![Level::Portable];
+        #[cfg(target_arch = "x86_64")]
+        levels.extend(V3::try_new().map(Level::Avx2));
+        #[cfg(target_arch = "x86_64")]
+        levels.extend(V4::try_new().map(Level::Avx512));
+        for level in levels {
+            LEVEL.set(Some(level));
+            test(level);
+        }
+        LEVEL.set(None);
+    }
+}

@@ -1,0 +1,113 @@
+//! Every operator against a reference in f64 that is written straight from its definition, and
+//! every gradient against central differences of that reference; on each level of vectors.
+
+mod conv;
+mod others;
+
+use candle_core::{DType, Device, Tensor, Var};
+
+use super::simd::Level;
+use super::simd::forced::on_each_level;
+
+/// A function of several flat arrays, in f64.
+type Reference<'a> = &'a dyn Fn(&[Vec<f64>]) -> Vec<f64>;
+
+/// Uniform in -1..1, the same for the same seed.
+fn noise(len: usize, seed: u64) -> Vec<f64> {
+    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    (0..len)
+        .map(|_| {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            // Few digits: the same number in f32.
+            ((state >> 44) as f64) / f64::from(1 << 19) - 1.0
+        })
+        .collect()
+}
+
+fn tensor(values: &[f64], dims: &[usize]) -> Tensor {
+    let values: Vec<f32> = values.iter().map(|&v| v as f32).collect();
+    Tensor::from_vec(values, dims, &Device::Cpu).unwrap()
+}
+
+fn numbers(tensor: &Tensor) -> Vec<f64> {
+    let flat = tensor.flatten_all().unwrap();
+    flat.to_dtype(DType::F64).unwrap().to_vec1().unwrap()
+}
+
+/// The largest difference, relative to the largest number expected.
+fn distance(found: &[f64], expected: &[f64]) -> f64 {
+    assert_eq!(found.len(), expected.len());
+    let scale = expected.iter().fold(1e-3_f64, |m, e| m.max(e.abs()));
+    let pairs = found.iter().zip(expected);
+    pairs.fold(0.0, |m: f64, (f, e)| m.max((f - e).abs())) / scale
+}
+
+/// The gradient of `sum(reference * cotangent)` by central differences.
+fn central_differences(
+    reference: Reference<'_>,
+    inputs: &[Vec<f64>],
+    cotangent: &[f64],
+) -> Vec<Vec<f64>> {
+    const STEP: f64 = 1e-5;
+    let loss = |inputs: &[Vec<f64>]| -> f64 {
+        let y = reference(inputs);
+        y.iter().zip(cotangent).map(|(y, c)| y * c).sum()
+    };
+    let mut inputs = inputs.to_vec();
+    (0..inputs.len())
+        .map(|which| {
+            (0..inputs[which].len())
+                .map(|i| {
+                    let value = inputs[which][i];
+                    inputs[which][i] = value + STEP;
+                    let above = loss(&inputs);
+                    inputs[which][i] = value - STEP;
+                    let below = loss(&inputs);
+                    inputs[which][i] = value;
+                    (above - below) / (2.0 * STEP)
+                })
+                .collect()
+        })
+        .collect()
+}
+
+/// Holds an operator to its reference: outputs within 3e-6, gradients within 2e-5 of their
+/// largest element (f32 sums against f64), on each level.
+fn check(
+    case: &str,
+    inputs: &[(Vec<f64>, Vec<usize>)],
+    operator: &dyn Fn(&[Tensor]) -> Tensor,
+    reference: Reference<'_>,
+) {
+    let values: Vec<Vec<f64>> = inputs.iter().map(|(values, _)| values.clone()).collect();
+    let expected = reference(&values);
+    let cotangent = noise(expected.len(), 99);
+    let expected_gradients = central_differences(reference, &values, &cotangent);
+    on_each_level(|level: Level| {
+        let vars: Vec<Var> = inputs
+            .iter()
+            .map(|(values, dims)| Var::from_tensor(&tensor(values, dims)).unwrap())
+            .collect();
+        let tensors: Vec<Tensor> = vars.iter().map(|var| var.as_tensor().clone()).collect();
+        let y = operator(&tensors);
+        let error = distance(&numbers(&y), &expected);
+        assert!(
+            error < 3e-6,
+            "{case}, {}: output off by {error:.1e}",
+            level.name()
+        );
+        let loss = (&y * tensor(&cotangent, y.dims())).unwrap();
+        let gradients = loss.sum_all().unwrap().backward().unwrap();
+        for (i, (var, expected)) in vars.iter().zip(&expected_gradients).enumerate() {
+            let found = numbers(gradients.get(var).unwrap());
+            let error = distance(&found, expected);
+            let level = level.name();
+            assert!(
+                error < 2e-5,
+                "{case}, {level}: gradient {i} off by {error:.1e}"
+            );
+        }
+    });
+}

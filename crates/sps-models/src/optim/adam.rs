@@ -1,0 +1,208 @@
+use std::cell::RefCell;
+
+use candle_core::backend::BackendStorage;
+use candle_core::{CpuStorage, DType, InplaceOp1, Layout, Var};
+use serde::{Deserialize, Serialize};
+
+use super::{Elements, Gradient};
+use crate::error::{Error, Result};
+
+/// Adam's settings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct AdamConfig {
+    /// Step size. Paper, section 4.2: 1e-4.
+    pub learning_rate: f64,
+    /// Decay of the mean of the gradient. PyTorch's default.
+    pub beta1: f64,
+    /// Decay of the mean of its square. PyTorch's default.
+    pub beta2: f64,
+    /// Added to the root of the mean square. PyTorch's default.
+    pub epsilon: f64,
+}
+
+impl Default for AdamConfig {
+    fn default() -> Self {
+        Self {
+            learning_rate: 1e-4,
+            beta1: 0.9,
+            beta2: 0.999,
+            epsilon: 1e-8,
+        }
+    }
+}
+
+/// Adam (Kingma and Ba 2015) as PyTorch computes it, one pass over each parameter.
+///
+/// A parameter holds the weights of several independent trials, stacked along its first axis; a
+/// step may scale the gradient of each trial by its own factor. The update is elementwise, so a
+/// trial's bits do not depend on what is stacked beside it.
+#[derive(Debug)]
+pub struct Adam {
+    config: AdamConfig,
+    parameters: Vec<(Var, Moments)>,
+    steps: u32,
+}
+
+/// Running means of the gradient and of its square.
+#[derive(Debug)]
+enum Moments {
+    F32(Vec<f32>, Vec<f32>),
+    F64(Vec<f64>, Vec<f64>),
+}
+
+impl Adam {
+    /// Starts with both moments at zero. Parameters are f32 or f64, on the CPU.
+    ///
+    /// # Errors
+    ///
+    /// A parameter of another type.
+    pub fn new(config: AdamConfig, parameters: impl IntoIterator<Item = Var>) -> Result<Self> {
+        let parameters = parameters
+            .into_iter()
+            .map(|parameter| {
+                let count = parameter.elem_count();
+                let moments = match parameter.dtype() {
+                    DType::F32 => Moments::F32(vec![0.0; count], vec![0.0; count]),
+                    DType::F64 => Moments::F64(vec![0.0; count], vec![0.0; count]),
+                    other => {
+                        return Err(Error::input("parameter", other.as_str(), "f32 or f64"));
+                    }
+                };
+                Ok((parameter, moments))
+            })
+            .collect::<Result<_>>()?;
+        Ok(Self {
+            config,
+            parameters,
+            steps: 0,
+        })
+    }
+
+    /// One step along `gradients`, given in the order of the parameters.
+    ///
+    /// `scales` has one factor per trial (per index of the first axis), by which its gradient is
+    /// multiplied first; an empty slice means 1.
+    ///
+    /// # Errors
+    ///
+    /// A gradient that cannot be read, or whose size or type is not the parameter's.
+    pub fn step<G: Gradient>(&mut self, gradients: &[G], scales: &[f64]) -> Result<()> {
+        if gradients.len() != self.parameters.len() {
+            return Err(Error::input(
+                "gradients",
+                gradients.len(),
+                format_args!("{}, one per parameter", self.parameters.len()),
+            ));
+        }
+        self.steps = self.steps.saturating_add(1);
+        let factors = Factors::new(&self.config, self.steps);
+        for ((parameter, moments), gradient) in self.parameters.iter_mut().zip(gradients) {
+            let trials = parameter.dims().first().copied().unwrap_or(1).max(1);
+            let trial = parameter.elem_count() / trials;
+            gradient.read(&mut |gradient| {
+                parameter.inplace_op1(&Update {
+                    gradient,
+                    moments: RefCell::new(moments),
+                    factors,
+                    scales,
+                    trial,
+                })
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// What is the same for every element of a step.
+#[derive(Clone, Copy)]
+struct Factors {
+    beta1: f64,
+    beta2: f64,
+    /// `learning rate / (1 - beta1^t)`.
+    rate: f64,
+    /// `1 / sqrt(1 - beta2^t)`.
+    unbias: f64,
+    epsilon: f64,
+}
+
+impl Factors {
+    fn new(config: &AdamConfig, steps: u32) -> Self {
+        let power = |beta: f64| beta.powi(steps.min(i32::MAX as u32) as i32);
+        Self {
+            beta1: config.beta1,
+            beta2: config.beta2,
+            rate: config.learning_rate / (1.0 - power(config.beta1)),
+            unbias: 1.0 / (1.0 - power(config.beta2)).sqrt(),
+            epsilon: config.epsilon,
+        }
+    }
+}
+
+struct Update<'a> {
+    gradient: Elements<'a>,
+    moments: RefCell<&'a mut Moments>,
+    factors: Factors,
+    scales: &'a [f64],
+    /// Elements per trial.
+    trial: usize,
+}
+
+/// One pass: `m <- b1 m + (1 - b1) g`, `v <- b2 v + (1 - b2) g²`,
+/// `p <- p - rate m / (unbias sqrt(v) + epsilon)`.
+macro_rules! update {
+    ($type:ty, $update:expr, $parameter:expr, $gradient:expr, $mean:expr, $square:expr) => {{
+        let f = $update.factors;
+        let (b1, b2) = (f.beta1 as $type, f.beta2 as $type);
+        let (c1, c2) = ((1.0 - f.beta1) as $type, (1.0 - f.beta2) as $type);
+        let (rate, unbias) = (f.rate as $type, f.unbias as $type);
+        let epsilon = f.epsilon as $type;
+        let trial = $update.trial.max(1);
+        let trials = $parameter
+            .chunks_exact_mut(trial)
+            .zip($gradient.chunks_exact(trial))
+            .zip(
+                $mean
+                    .chunks_exact_mut(trial)
+                    .zip($square.chunks_exact_mut(trial)),
+            );
+        for (index, ((p, g), (m, v))) in trials.enumerate() {
+            let scale = $update.scales.get(index).map_or(1.0, |&s| s as $type);
+            for (((p, g), m), v) in p.iter_mut().zip(g).zip(m).zip(v) {
+                let g = g * scale;
+                *m = b1 * *m + c1 * g;
+                *v = b2 * *v + c2 * g * g;
+                *p -= rate * *m / (unbias * v.sqrt() + epsilon);
+            }
+        }
+    }};
+}
+
+impl InplaceOp1 for Update<'_> {
+    fn name(&self) -> &'static str {
+        "adam"
+    }
+
+    fn cpu_fwd(&self, parameter: &mut CpuStorage, layout: &Layout) -> candle_core::Result<()> {
+        let Some((start, end)) = layout.contiguous_offsets() else {
+            candle_core::bail!("adam: the parameter is not contiguous")
+        };
+        if self.gradient.len() != end - start {
+            let found = self.gradient.len();
+            candle_core::bail!("adam: {found} gradients for {} parameters", end - start)
+        }
+        match (parameter, self.gradient, &mut **self.moments.borrow_mut()) {
+            (CpuStorage::F32(p), Elements::F32(g), Moments::F32(m, v)) => {
+                update!(f32, self, &mut p[start..end], g, m, v);
+            }
+            (CpuStorage::F64(p), Elements::F64(g), Moments::F64(m, v)) => {
+                update!(f64, self, &mut p[start..end], g, m, v);
+            }
+            (parameter, ..) => candle_core::bail!(
+                "adam: the gradient's type is not the parameter's, {:?}",
+                parameter.dtype()
+            ),
+        }
+        Ok(())
+    }
+}

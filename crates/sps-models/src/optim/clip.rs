@@ -1,0 +1,49 @@
+use candle_core::{Result, bail};
+
+use super::{Elements, Gradient};
+
+/// Adds, for each trial, the squared norm of its part of `gradient` to `sums`.
+///
+/// In f64: the square of 1e30 is beyond f32, and a sum that has overflowed would scale every
+/// gradient to zero.
+///
+/// # Errors
+///
+/// A gradient that cannot be read, or that does not divide into as many trials as `sums` has.
+pub fn squared_norms(gradient: &impl Gradient, sums: &mut [f64]) -> Result<()> {
+    gradient.read(&mut |elements| {
+        let trial = elements.len() / sums.len().max(1);
+        if trial == 0 || trial * sums.len() != elements.len() {
+            bail!(
+                "a gradient of {} elements for {} trials",
+                elements.len(),
+                sums.len()
+            )
+        }
+        match elements {
+            Elements::F32(values) => add(sums, values.chunks_exact(trial)),
+            Elements::F64(values) => add(sums, values.chunks_exact(trial)),
+        }
+        Ok(())
+    })
+}
+
+fn add<'a, T: Copy + Into<f64> + 'a>(sums: &mut [f64], trials: impl Iterator<Item = &'a [T]>) {
+    for (sum, trial) in sums.iter_mut().zip(trials) {
+        let squares = trial.iter().map(|&g| -> f64 { g.into() }).map(|g| g * g);
+        *sum += squares.sum::<f64>();
+    }
+}
+
+/// The factor that brings each gradient's norm down to `largest`; 1 where it is not above.
+///
+/// `norm` itself is scaled out, without PyTorch's 1e-6 in the denominator.
+pub fn clip_scales(squared_norms: &[f64], largest: f64) -> Vec<f64> {
+    squared_norms
+        .iter()
+        .map(|square| {
+            let norm = square.sqrt();
+            if norm > largest { largest / norm } else { 1.0 }
+        })
+        .collect()
+}

@@ -1,0 +1,232 @@
+use linfa::Dataset;
+use linfa::prelude::Fit as _;
+use linfa_elasticnet::ElasticNet;
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, s};
+
+use crate::data::Embeddings;
+use crate::error::{Error, Result};
+use crate::labels::Pca;
+
+/// A fitted plane over the features of all views side by side.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Fit {
+    pub(super) penalty: f64,
+    pub(super) intercept: f64,
+    /// `(views x width)`.
+    pub(super) weights: Array1<f64>,
+}
+
+/// The features of some surfaces on their principal axes, where the columns are centred and
+/// orthogonal: penalties can be compared in closed form, and linfa's coordinate descent arrives in
+/// one sweep. All fits to the same surfaces share it.
+pub(super) struct Axes {
+    components: Pca,
+    mean: Array1<f64>,
+    scores: Array2<f64>,
+    /// Mean variance of a feature.
+    variance: f64,
+}
+
+impl Axes {
+    pub(super) fn new(features: &Embeddings) -> Result<Self> {
+        let rows = table(features);
+        let components = Pca::fit(rows.view(), rows.ncols())?;
+        Ok(Self {
+            scores: components.transform(rows.view())?,
+            variance: components.explained_variance().iter().sum::<f64>() / rows.ncols() as f64,
+            mean: rows.mean_axis(Axis(0)).unwrap_or_default(),
+            components,
+        })
+    }
+
+    /// Fits `values`, one per surface, with the best of the penalties.
+    pub(super) fn fit(&self, values: &[f64], penalties: &[f64]) -> Result<Fit> {
+        let values = ArrayView1::from(values);
+        let level = values.mean().unwrap_or_default();
+        let centred = &values - level;
+        let error = |penalty: f64| {
+            left_out_error(self.scores.view(), centred.view(), penalty * self.variance)
+        };
+        let errors = penalties.iter().map(|&penalty| (penalty, error(penalty)));
+        let best = errors.min_by(|(_, a), (_, b)| a.total_cmp(b));
+        let penalty = best.map_or(1.0, |(penalty, _)| penalty);
+        let on_axes = descend(self.scores.view(), centred, penalty * self.variance)?;
+        let weights = self.components.components().t().dot(&on_axes);
+        Ok(Fit {
+            penalty,
+            intercept: level - self.mean.dot(&weights),
+            weights,
+        })
+    }
+}
+
+impl Fit {
+    /// One estimate per surface.
+    pub(super) fn predict(&self, features: &Embeddings) -> Result<Vec<f64>> {
+        if features.views() * features.width() != self.weights.len() {
+            return Err(Error::input(
+                "embeddings for ridge regression",
+                format_args!("{} views of width {}", features.views(), features.width()),
+                format_args!("{} features in all", self.weights.len()),
+            ));
+        }
+        let estimates = table(features).dot(&self.weights) + self.intercept;
+        Ok(estimates.to_vec())
+    }
+}
+
+/// `(surfaces, views x width)`.
+fn table(features: &Embeddings) -> Array2<f64> {
+    let columns = features.views() * features.width();
+    Array2::from_shape_fn((features.surfaces(), columns), |(surface, column)| {
+        f64::from(features.surface(surface)[column])
+    })
+}
+
+/// Mean squared error for each surface by the fit to all others, in closed form: the residual
+/// over one minus the leverage (Golub, Heath and Wahba 1979). The columns of `scores` are centred
+/// and orthogonal.
+fn left_out_error(scores: ArrayView2<'_, f64>, values: ArrayView1<'_, f64>, penalty: f64) -> f64 {
+    let samples = scores.nrows() as f64;
+    let shrunk: Array1<f64> = scores
+        .columns()
+        .into_iter()
+        .map(|column| 1.0 / (column.dot(&column) + samples * penalty))
+        .collect();
+    let weights = scores.t().dot(&values) * &shrunk;
+    let fitted = scores.dot(&weights);
+    let squared_errors =
+        scores
+            .rows()
+            .into_iter()
+            .zip(&values)
+            .zip(&fitted)
+            .map(|((row, value), fitted)| {
+                let leverage = 1.0 / samples + (&row * &row).dot(&shrunk);
+                // A surface that alone decides its own fit is predicted by nothing.
+                ((value - fitted) / (1.0 - leverage).max(f64::EPSILON)).powi(2)
+            });
+    squared_errors.sum::<f64>() / samples
+}
+
+fn descend(scores: ArrayView2<'_, f64>, values: Array1<f64>, penalty: f64) -> Result<Array1<f64>> {
+    let (samples, columns) = scores.dim();
+    if columns == 0 {
+        return Ok(Array1::zeros(0));
+    }
+    // With fewer columns than samples linfa also inverts their Gram matrix, for a variance that
+    // nothing here asks for and that costs far more than the fit. It skips empty columns.
+    let mut padded = Array2::zeros((samples, columns.max(samples)));
+    padded.slice_mut(s![.., ..columns]).assign(&scores);
+    let fit = ElasticNet::ridge()
+        .penalty(penalty)
+        .with_intercept(false)
+        .fit(&Dataset::new(padded, values));
+    match fit {
+        Ok(fit) => Ok(fit.hyperplane().slice(s![..columns]).to_owned()),
+        Err(error) => Err(Error::input("ridge regression", error, "a table that fits")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use candle_core::{Device, Tensor};
+    use faer::linalg::solvers::Solve;
+    use ndarray::Array;
+
+    fn embeddings(surfaces: usize, width: usize) -> Embeddings {
+        let value = |i: usize| ((i * i * 7 + i * 13) % 101) as f32 / 50.0 - 1.0;
+        let values: Vec<f32> = (0..surfaces * width).map(value).collect();
+        let tensor = Tensor::from_vec(values, (surfaces, width), &Device::Cpu).unwrap();
+        Embeddings::new(&tensor).unwrap()
+    }
+
+    fn values(surfaces: usize) -> Vec<f64> {
+        (0..surfaces)
+            .map(|i| 20.0 + ((i * 31) % 17) as f64)
+            .collect()
+    }
+
+    /// The normal equations, solved densely.
+    fn direct(rows: &Array2<f64>, values: &[f64], penalty: f64) -> (Vec<f64>, f64) {
+        let samples = rows.nrows() as f64;
+        let mean = rows.mean_axis(Axis(0)).unwrap();
+        let centred = rows - &mean;
+        let level = values.iter().sum::<f64>() / samples;
+        let gram = centred.t().dot(&centred) + Array2::<f64>::eye(rows.ncols()) * samples * penalty;
+        let right = centred
+            .t()
+            .dot(&Array::from_iter(values.iter().map(|v| v - level)));
+        let gram = faer::Mat::from_fn(gram.nrows(), gram.ncols(), |i, j| gram[[i, j]]);
+        let right = faer::Mat::from_fn(right.len(), 1, |i, _| right[i]);
+        let weights = gram.partial_piv_lu().solve(&right);
+        let weights: Vec<f64> = (0..rows.ncols()).map(|i| weights[(i, 0)]).collect();
+        let offset: f64 = weights.iter().zip(&mean).map(|(w, m)| w * m).sum();
+        (weights, level - offset)
+    }
+
+    fn fit(features: &Embeddings, values: &[f64], penalties: &[f64]) -> Fit {
+        Axes::new(features).unwrap().fit(values, penalties).unwrap()
+    }
+
+    fn mean_variance(rows: &Array2<f64>) -> f64 {
+        rows.var_axis(Axis(0), 1.0).mean().unwrap()
+    }
+
+    #[test]
+    fn the_fit_solves_the_normal_equations() {
+        for (surfaces, width) in [(40, 6), (12, 30)] {
+            let features = embeddings(surfaces, width);
+            let values = values(surfaces);
+            let fit = fit(&features, &values, &[0.3]);
+            let rows = table(&features);
+            let (weights, intercept) = direct(&rows, &values, 0.3 * mean_variance(&rows));
+            for (found, expected) in fit.weights.iter().zip(&weights) {
+                assert!((found - expected).abs() < 1e-8, "{found} {expected}");
+            }
+            assert!((fit.intercept - intercept).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn the_penalty_is_the_best_when_each_surface_is_left_out() {
+        let penalties = [0.01, 0.1, 1.0, 10.0];
+        let features = embeddings(25, 10);
+        let values = values(25);
+        let rows = table(&features);
+        let scale = mean_variance(&rows);
+        let error = |penalty: f64| -> f64 {
+            let left_out = |out: usize| {
+                let others: Vec<usize> = (0..25).filter(|&i| i != out).collect();
+                let kept: Vec<f64> = others.iter().map(|&i| values[i]).collect();
+                // n times the penalty stays what it is with all surfaces.
+                let penalty = penalty * scale * 25.0 / 24.0;
+                let (weights, intercept) = direct(&rows.select(Axis(0), &others), &kept, penalty);
+                let estimate: f64 = rows.row(out).iter().zip(&weights).map(|(x, w)| x * w).sum();
+                (values[out] - intercept - estimate).powi(2)
+            };
+            (0..25).map(left_out).sum::<f64>() / 25.0
+        };
+        let axes = Pca::fit(rows.view(), 10).unwrap();
+        let scores = axes.transform(rows.view()).unwrap();
+        let level = values.iter().sum::<f64>() / 25.0;
+        let centred: Array1<f64> = values.iter().map(|v| v - level).collect();
+        for penalty in penalties {
+            let found = left_out_error(scores.view(), centred.view(), penalty * scale);
+            assert!((found / error(penalty) - 1.0).abs() < 1e-9);
+        }
+        let best = penalties
+            .into_iter()
+            .min_by(|a, b| error(*a).total_cmp(&error(*b)));
+        assert_eq!(Some(fit(&features, &values, &penalties).penalty), best);
+    }
+
+    #[test]
+    fn equal_surfaces_get_the_mean() {
+        let tensor = Tensor::ones((5, 3), candle_core::DType::F32, &Device::Cpu).unwrap();
+        let features = Embeddings::new(&tensor).unwrap();
+        let fit = fit(&features, &[1.0, 2.0, 3.0, 4.0, 5.0], &[0.1]);
+        assert_eq!(fit.predict(&features).unwrap(), [3.0; 5]);
+    }
+}

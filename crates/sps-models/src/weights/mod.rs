@@ -1,0 +1,246 @@
+//! Named tensors of a network, and the files they are read from.
+
+mod error;
+mod safetensors;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use candle_core::{DType, Device, Tensor};
+
+pub use error::{WeightsError, WeightsErrorKind};
+
+/// The name and shape of one tensor of a network.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TensorSpec {
+    /// The name in a weights file.
+    pub name: String,
+    /// The shape.
+    pub shape: Vec<usize>,
+}
+
+impl TensorSpec {
+    pub(crate) fn new(name: impl Into<String>, shape: &[usize]) -> Self {
+        Self {
+            name: name.into(),
+            shape: shape.to_vec(),
+        }
+    }
+}
+
+/// A tensor as a file holds it.
+pub(crate) struct RawTensor {
+    pub(crate) shape: Vec<usize>,
+    pub(crate) values: Vec<f32>,
+}
+
+/// The tensors of a network by name, f32 and finite.
+#[derive(Debug, Clone)]
+pub struct Weights {
+    origin: String,
+    tensors: BTreeMap<String, Tensor>,
+}
+
+impl Weights {
+    /// Reads a weights file; elements of f16, bf16 and f64 become f32.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be read, is no safetensors file, holds elements of another type, or
+    /// holds a value that is not finite as f32.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, WeightsError> {
+        let path = path.as_ref();
+        let origin = path.display().to_string();
+        let read = || {
+            let bytes = std::fs::read(path)?;
+            safetensors::read(&bytes)
+        };
+        let tensors = read().map_err(|kind| WeightsError::new(&origin, kind))?;
+        Self::from_raw(&origin, tensors)
+    }
+
+    /// Reads the content of a weights file; `origin` names it in errors.
+    ///
+    /// # Errors
+    ///
+    /// As [`Weights::read`].
+    pub fn from_bytes(origin: &str, bytes: &[u8]) -> Result<Self, WeightsError> {
+        let tensors = safetensors::read(bytes).map_err(|kind| WeightsError::new(origin, kind))?;
+        Self::from_raw(origin, tensors)
+    }
+
+    /// The tensors as a safetensors file, f32; the same tensors give the same bytes.
+    ///
+    /// # Errors
+    ///
+    /// When a tensor's values cannot be had from its device.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, WeightsError> {
+        let error = |kind| WeightsError::new(&self.origin, kind);
+        let raw = self
+            .iter()
+            .map(|(name, tensor)| Ok((name, raw_tensor(name, tensor)?)));
+        let raw = raw.collect::<Result<Vec<_>, _>>().map_err(error)?;
+        safetensors::write(&raw).map_err(error)
+    }
+
+    /// Takes tensors that are in memory already; `origin` names them in errors.
+    ///
+    /// # Errors
+    ///
+    /// When a tensor is no floating-point tensor or a value is not finite as f32.
+    pub fn from_tensors(
+        origin: &str,
+        tensors: impl IntoIterator<Item = (String, Tensor)>,
+    ) -> Result<Self, WeightsError> {
+        let mut raw = Vec::new();
+        for (name, tensor) in tensors {
+            let tensor = raw_tensor(&name, &tensor).map_err(|k| WeightsError::new(origin, k))?;
+            raw.push((name, tensor));
+        }
+        Self::from_raw(origin, raw)
+    }
+
+    /// Takes tensors by name, as `origin` (a file, a seed) has them.
+    ///
+    /// # Errors
+    ///
+    /// When a value is not finite.
+    pub(crate) fn from_raw(
+        origin: &str,
+        tensors: impl IntoIterator<Item = (String, RawTensor)>,
+    ) -> Result<Self, WeightsError> {
+        let tensors = tensors
+            .into_iter()
+            .map(|(name, raw)| {
+                let tensor = finite(&name, raw).map_err(|kind| WeightsError::new(origin, kind))?;
+                Ok((name, tensor))
+            })
+            .collect::<Result<_, WeightsError>>()?;
+        Ok(Self {
+            origin: origin.to_owned(),
+            tensors,
+        })
+    }
+
+    /// Takes tensors as they are, with the memory that others share.
+    pub(crate) fn sharing(
+        origin: &str,
+        tensors: impl IntoIterator<Item = (String, Tensor)>,
+    ) -> Self {
+        Self {
+            origin: origin.to_owned(),
+            tensors: tensors.into_iter().collect(),
+        }
+    }
+
+    /// Puts another tensor in the place of one of this name.
+    pub(crate) fn replace(&mut self, name: &str, tensor: Tensor) {
+        self.tensors.insert(name.to_owned(), tensor);
+    }
+
+    /// The file, or what else the tensors came from.
+    pub fn origin(&self) -> &str {
+        &self.origin
+    }
+
+    /// The tensors, in the order of their names.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &Tensor)> {
+        self.tensors
+            .iter()
+            .map(|(name, tensor)| (name.as_str(), tensor))
+    }
+
+    /// Keeps what `network` needs, having checked every name and shape.
+    ///
+    /// `passes` names tensors that a file may hold beside those of the network (a classifier's
+    /// last layer); they are dropped.
+    pub(crate) fn fit(
+        mut self,
+        network: &str,
+        specs: &[TensorSpec],
+        passes: impl Fn(&str) -> bool,
+    ) -> Result<Self, WeightsError> {
+        let mut kept = BTreeMap::new();
+        for spec in specs {
+            let Some(tensor) = self.tensors.remove(&spec.name) else {
+                return Err(self.error(WeightsErrorKind::Missing {
+                    tensor: spec.name.clone(),
+                    expected: spec.shape.clone(),
+                }));
+            };
+            if tensor.dims() != spec.shape {
+                return Err(self.error(WeightsErrorKind::Shape {
+                    tensor: spec.name.clone(),
+                    found: tensor.dims().to_vec(),
+                    expected: spec.shape.clone(),
+                }));
+            }
+            kept.insert(spec.name.clone(), tensor);
+        }
+        if let Some((name, tensor)) = self.tensors.iter().find(|(name, _)| !passes(name)) {
+            return Err(self.error(WeightsErrorKind::Extra {
+                tensor: name.clone(),
+                found: tensor.dims().to_vec(),
+                network: network.to_owned(),
+            }));
+        }
+        self.tensors = kept;
+        Ok(self)
+    }
+
+    /// A tensor of a set that went through [`Weights::fit`].
+    pub(crate) fn get(&self, name: &str) -> Result<&Tensor, WeightsError> {
+        self.tensors.get(name).ok_or_else(|| {
+            self.error(WeightsErrorKind::Missing {
+                tensor: name.to_owned(),
+                expected: Vec::new(),
+            })
+        })
+    }
+
+    /// The same tensors on another device.
+    pub(crate) fn to_device(&self, device: &Device) -> candle_core::Result<Self> {
+        let tensors = self
+            .tensors
+            .iter()
+            .map(|(name, tensor)| Ok((name.clone(), tensor.to_device(device)?)))
+            .collect::<candle_core::Result<_>>()?;
+        Ok(Self {
+            origin: self.origin.clone(),
+            tensors,
+        })
+    }
+
+    fn error(&self, kind: WeightsErrorKind) -> WeightsError {
+        WeightsError::new(&self.origin, kind)
+    }
+}
+
+fn raw_tensor(name: &str, tensor: &Tensor) -> Result<RawTensor, WeightsErrorKind> {
+    if !tensor.dtype().is_float() {
+        return Err(WeightsErrorKind::ElementType {
+            tensor: name.to_owned(),
+            found: tensor.dtype().as_str().to_owned(),
+        });
+    }
+    let values = tensor
+        .to_dtype(DType::F32)
+        .and_then(|tensor| tensor.flatten_all()?.to_vec1())
+        .map_err(|error| WeightsErrorKind::Format(format!("tensor {name:?}: {error}")))?;
+    Ok(RawTensor {
+        shape: tensor.dims().to_vec(),
+        values,
+    })
+}
+
+fn finite(name: &str, raw: RawTensor) -> Result<Tensor, WeightsErrorKind> {
+    if let Some((index, &found)) = raw.values.iter().enumerate().find(|(_, v)| !v.is_finite()) {
+        return Err(WeightsErrorKind::NotFinite {
+            tensor: name.to_owned(),
+            index,
+            found,
+        });
+    }
+    Tensor::from_vec(raw.values, raw.shape, &Device::Cpu)
+        .map_err(|error| WeightsErrorKind::Format(format!("tensor {name:?}: {error}")))
+}

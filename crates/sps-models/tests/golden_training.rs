@@ -1,0 +1,108 @@
+//! A training-mode pass against PyTorch's in f64: by the kernels and by candle's own operators.
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use candle_core::{DType, Tensor};
+use common::{encoder, golden, input, relative_error, root};
+use sps_models::encoders::{EncoderKind, TrainableEncoder};
+
+/// Everything the golden files hold: embedding, loss, chosen gradients, all gradients' norms and
+/// running statistics, each within 1e-3 relative.
+fn holds_to_the_golden_values(mut encoder: TrainableEncoder, bound: f64) {
+    let golden = golden("se_resnext50.safetensors");
+    let images = input("golden/train64", &[4, 3, 64, 64]);
+    let embedding = encoder.forward_normalised(&images).unwrap();
+    let mut worst = Worst::default();
+    worst.see(
+        "embedding",
+        relative_error(&embedding, &golden["train64.embedding"]),
+    );
+
+    let cotangent = input("golden/train64.cotangent", embedding.dims());
+    let loss = (&embedding * cotangent).unwrap().mean_all().unwrap();
+    let found = loss.reshape(1).unwrap();
+    worst.see("loss", relative_error(&found, &golden["train64.loss"]));
+
+    let gradients = encoder.backward(&loss).unwrap();
+    let norms = root().join("fixtures/golden/se_resnext50_grad_norms.json");
+    let norms: BTreeMap<String, f64> =
+        serde_json::from_str(&std::fs::read_to_string(norms).unwrap()).unwrap();
+    let mut seen = 0;
+    for (name, variable) in encoder.variables() {
+        let gradient = gradients.get(variable).unwrap();
+        let expected = norms[name];
+        let found = norm(gradient);
+        worst.see(
+            &format!("norm of {name}"),
+            (found - expected).abs() / expected,
+        );
+        if let Some(expected) = golden.get(&format!("train64.grad.{name}")) {
+            worst.see(
+                &format!("gradient of {name}"),
+                relative_error(gradient, expected),
+            );
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, 8, "gradients that the golden file holds");
+    assert_eq!(encoder.variables().count(), norms.len());
+
+    let weights = encoder.weights().unwrap();
+    for statistic in ["running_mean", "running_var"] {
+        let (_, found) = weights
+            .iter()
+            .find(|(name, _)| *name == format!("layer1.0.bn2.{statistic}"))
+            .unwrap();
+        let expected = &golden[&format!("train64.{statistic}.layer1.0.bn2")];
+        worst.see(statistic, relative_error(found, expected));
+    }
+    println!("largest relative error {:.1e}: {}", worst.error, worst.what);
+    assert!(worst.error < bound, "{:.1e}: {}", worst.error, worst.what);
+}
+
+#[derive(Default)]
+struct Worst {
+    error: f64,
+    what: String,
+}
+
+impl Worst {
+    fn see(&mut self, what: &str, error: f64) {
+        if error > 5e-4 || !what.starts_with("norm") {
+            println!("  {what} {error:.1e}");
+        }
+        assert!(error.is_finite(), "{what}");
+        if error > self.error {
+            what.clone_into(&mut self.what);
+            self.error = error;
+        }
+    }
+}
+
+fn norm(tensor: &Tensor) -> f64 {
+    let tensor = tensor.to_dtype(DType::F64).unwrap();
+    let squares = tensor.sqr().unwrap().sum_all().unwrap();
+    squares.to_scalar::<f64>().unwrap().sqrt()
+}
+
+#[test]
+fn kernels() {
+    let encoder = encoder(EncoderKind::SeResNext50);
+    holds_to_the_golden_values(TrainableEncoder::new(&encoder).unwrap(), 1e-3);
+}
+
+#[test]
+fn kernels_with_checkpointing() {
+    let encoder = encoder(EncoderKind::SeResNext50);
+    let encoder = TrainableEncoder::new(&encoder).unwrap();
+    holds_to_the_golden_values(encoder.with_checkpointing(true), 1e-3);
+}
+
+#[test]
+fn plain_operators() {
+    let encoder = encoder(EncoderKind::SeResNext50);
+    let encoder = TrainableEncoder::new(&encoder).unwrap();
+    holds_to_the_golden_values(encoder.with_plain_operators(), 1e-3);
+}

@@ -1,0 +1,46 @@
+use std::path::PathBuf;
+
+use anyhow::Result;
+
+use crate::config::{Experiment, Setting};
+use crate::run;
+
+/// Run an experiment, or finish one that was stopped
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    cargo xtask experiment configs/ablation.toml\n  \
+    cargo xtask experiment configs/ablation.toml --set reruns=1 --set 'properties=[\"fRS\"]' \
+    --out runs/quick")]
+pub(crate) struct Args {
+    /// The experiment's TOML file
+    config: PathBuf,
+    /// Override a key of the config; VALUE is TOML, or else a text
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<Setting>,
+    /// The folder to write to [default: runs/<config name>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Forget the trials that were finished in the folder
+    #[arg(long)]
+    fresh: bool,
+    /// List the methods and exit
+    #[arg(long)]
+    list: bool,
+}
+
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let experiment = Experiment::read(&args.config, &args.settings)?;
+    if args.list {
+        for method in &experiment.methods {
+            println!("{}\t{}", method.id, method.label);
+        }
+        return Ok(());
+    }
+    let folder = args
+        .out
+        .clone()
+        .unwrap_or_else(|| PathBuf::from("runs").join(&experiment.name));
+    run::run(&experiment, &folder, args.fresh)?;
+    println!("{}", folder.join("report.html").display());
+    Ok(())
+}

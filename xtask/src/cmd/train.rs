@@ -1,0 +1,226 @@
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use sps_dataset::{RandomSplit, Source, Split, SplitPlan};
+use sps_metrics::{PredictionInterval, Samples, SplitConformal, TrainingMean, coverage};
+use sps_models::heads::{Plan, Rerun, Trial, Views};
+
+use crate::config::{Experiment, Method, Setting};
+use crate::data::{self, About, WithSource};
+use crate::encoder;
+use crate::model::{self, Card};
+use crate::run::{Fitted, Tables, fit, splits, tables};
+
+/// Fit a model that `predict` can use
+#[derive(clap::Args)]
+#[command(
+    after_help = "Prints how well models of this kind do on the splits of the config, then fits \
+    the one to keep on all surfaces but those that calibrate its intervals.\n\nExample:\n  \
+    cargo xtask train configs/friction-photos.toml --out models/friction"
+)]
+pub(crate) struct Args {
+    /// An experiment's TOML file; its `train` says which method, and how intervals are calibrated
+    config: PathBuf,
+    /// Override a key of the config; VALUE is TOML, or else a text
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<Setting>,
+    /// The folder to write the model to
+    #[arg(long, value_name = "MODEL_DIR")]
+    out: PathBuf,
+}
+
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let experiment = Experiment::read(&args.config, &args.settings)?;
+    let out = &args.out;
+    data::with_source(
+        &experiment.data,
+        Train {
+            experiment: &experiment,
+            out,
+        },
+    )
+}
+
+struct Train<'a> {
+    experiment: &'a Experiment,
+    out: &'a Path,
+}
+
+impl WithSource for Train<'_> {
+    type Output = ();
+
+    fn call<S: Source>(self, source: &S, about: About) -> Result<()> {
+        let experiment = self.experiment;
+        let method = &experiment.methods[experiment.train.method];
+        let encoder = encoder::load(&experiment.encoder, experiment.seed)?;
+        let embedder =
+            crate::embeddings::Embedder::new(encoder.clone(), experiment.encoder.resize)?;
+        let tables = tables(experiment, source, &about, &embedder)?;
+        let trainer = Trainer {
+            experiment,
+            method,
+            tables: &tables,
+        };
+        trainer.print_check()?;
+        let all: Vec<usize> = (0..tables.surfaces.len()).collect();
+        let model = trainer.calibrated(&all, 0)?;
+        let frame = source.frame(0, tables.views[0])?;
+        let card = Card {
+            format: 0,
+            experiment: experiment.name.clone(),
+            method: method.label.clone(),
+            data: source.name().to_owned(),
+            encoder: experiment.encoder.kind.to_string(),
+            resize: experiment.encoder.resize,
+            frame_size: [frame.height, frame.width],
+            level: experiment.train.level.get(),
+            radius: model.radius.clone(),
+            checksums: BTreeMap::new(),
+        };
+        model::save(self.out, card, &encoder, &model.fitted)?;
+        println!("{}", self.out.display());
+        Ok(())
+    }
+}
+
+struct Trainer<'a> {
+    experiment: &'a Experiment,
+    method: &'a Method,
+    tables: &'a Tables,
+}
+
+/// A fitted model with the half-width of each property's interval.
+struct Calibrated {
+    fitted: Fitted,
+    radius: BTreeMap<String, f64>,
+}
+
+impl Trainer<'_> {
+    /// Fits on part of `surfaces` and calibrates on the rest.
+    fn calibrated(&self, surfaces: &[usize], number: u64) -> Result<Calibrated> {
+        let split = self.calibration_split(surfaces, number)?;
+        let properties = self.tables.codes();
+        let trials = properties.iter().map(|property| Trial {
+            property: property.clone(),
+            rerun: number,
+            views: Views::Fixed(vec![0]),
+        });
+        let plan = Plan {
+            seed: self.experiment.seed,
+            reruns: vec![Rerun {
+                number,
+                training: split.train,
+            }],
+            trials: trials.collect(),
+        };
+        let fitted = fit(self.method, self.tables, &plan, &())?;
+        let mut radius = BTreeMap::new();
+        for estimates in fitted.predict(&self.tables.embeddings)? {
+            let kept = self.measured(&estimates.property, &estimates.values, &split.validation)?;
+            let conformal = SplitConformal::calibrate(kept.samples(), self.experiment.train.level)
+                .with_context(|| format!("calibrating {}", estimates.property))?;
+            radius.insert(estimates.property, conformal.radius());
+        }
+        Ok(Calibrated { fitted, radius })
+    }
+
+    /// Splits `surfaces` into a part to fit on and a part to calibrate with.
+    fn calibration_split(&self, surfaces: &[usize], number: u64) -> Result<Split> {
+        let chosen: Vec<_> = surfaces
+            .iter()
+            .map(|&s| self.tables.surfaces[s].clone())
+            .collect();
+        let plan = SplitPlan::Random(RandomSplit {
+            validation: self.experiment.train.calibration,
+            keep_groups: false,
+        });
+        let splits = plan.splits(&chosen, self.experiment.seed, number)?;
+        let split = splits.into_iter().next().context("no split")?;
+        let back = |part: Vec<usize>| part.into_iter().map(|i| surfaces[i]).collect();
+        Ok(Split {
+            train: back(split.train),
+            validation: back(split.validation),
+        })
+    }
+
+    /// Truths and estimates of those of `surfaces` that were measured.
+    fn measured(&self, property: &str, estimates: &[f64], surfaces: &[usize]) -> Result<Measured> {
+        let readings = &self.tables.readings;
+        let column = readings
+            .column(property)
+            .context("a property that was not measured")?;
+        let pairs = surfaces
+            .iter()
+            .filter_map(|&surface| Some((readings.get(surface, column)?, estimates[surface])));
+        let (truth, estimate) = pairs.unzip();
+        Ok(Measured { truth, estimate })
+    }
+
+    /// Prints what such models do on the surfaces that each split of the config holds out.
+    fn print_check(&self) -> Result<()> {
+        let mut held_out: BTreeMap<String, HeldOut> = BTreeMap::new();
+        for (number, split) in splits(self.experiment, &self.tables.surfaces)?
+            .iter()
+            .enumerate()
+        {
+            let model = self.calibrated(&split.train, number as u64)?;
+            for estimates in model.fitted.predict(&self.tables.embeddings)? {
+                let property = &estimates.property;
+                let training = self.measured(property, &estimates.values, &split.train)?;
+                let kept = self.measured(property, &estimates.values, &split.validation)?;
+                let mean = TrainingMean::of(&training.truth)?;
+                let all = held_out.entry(property.clone()).or_default();
+                all.r2
+                    .push(kept.samples().r2(mean).map(|score| score.value));
+                let radius = model.radius[property];
+                all.intervals
+                    .extend(kept.estimate.iter().map(|value| PredictionInterval {
+                        low: value - radius,
+                        high: value + radius,
+                    }));
+                all.truth.extend(kept.truth);
+            }
+        }
+        println!(
+            "{} on surfaces held out, {} splits:",
+            self.method.label,
+            splits(self.experiment, &self.tables.surfaces)?.len()
+        );
+        println!("{:<6}{:>7}{:>14}{:>10}", "", "R²", "± interval", "covered");
+        for (property, all) in &held_out {
+            let r2 = sps_metrics::over_reruns(all.r2.iter().cloned());
+            let coverage = coverage(&all.intervals, &all.truth)?;
+            println!(
+                "{property:<6}{:>7}{:>14.2}{:>9.1}%",
+                r2.mean.map_or("–".to_owned(), |r2| format!("{r2:.3}")),
+                coverage.mean_width / 2.0,
+                100.0 * coverage.fraction()
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Truths and estimates in the same order.
+struct Measured {
+    truth: Vec<f64>,
+    estimate: Vec<f64>,
+}
+
+impl Measured {
+    fn samples(&self) -> Samples<'_> {
+        Samples {
+            truth: &self.truth,
+            estimate: &self.estimate,
+        }
+    }
+}
+
+/// One property over all splits.
+#[derive(Default)]
+struct HeldOut {
+    r2: Vec<Result<f64, sps_metrics::Undefined>>,
+    intervals: Vec<PredictionInterval>,
+    truth: Vec<f64>,
+}

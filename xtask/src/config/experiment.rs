@@ -1,0 +1,343 @@
+//! An experiment as the runner works with it: every value has been checked.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use sps_dataset::simulate::SimulatorSpec;
+use sps_dataset::{Property, ReadSettings, SplitPlan};
+use sps_metrics::{Bootstrap, Level};
+use sps_models::encoders::EncoderKind;
+use sps_models::heads::Head;
+use sps_models::ridge::Ridge;
+
+use super::locate::{ConfigError, Layers, Setting, nearest};
+use super::schema::{Config, DataOrigin, MethodConfig, MethodKind};
+use crate::files::read_text;
+use crate::report::paper;
+
+const DEFAULTS: &str = include_str!("defaults.toml");
+
+/// A checked experiment.
+#[derive(Clone, Debug)]
+pub(crate) struct Experiment {
+    /// The name of its file.
+    pub name: String,
+    pub description: String,
+    pub seed: u64,
+    pub reruns: usize,
+    /// None: all that the dataset has.
+    pub properties: Vec<Property>,
+    pub data: DataSpec,
+    pub split: SplitPlan,
+    pub encoder: EncoderSpec,
+    pub methods: Vec<Method>,
+    pub bootstrap: Bootstrap,
+    pub interval_level: Level,
+    pub train: TrainSpec,
+    pub cache: PathBuf,
+    /// Every key with its value, as TOML.
+    pub resolved: String,
+}
+
+/// Where surfaces come from.
+#[derive(Clone, Debug)]
+pub(crate) enum DataSpec {
+    Simulated(SimulatorSpec),
+    Folder {
+        path: PathBuf,
+        read: Box<ReadSettings>,
+        published_sps: bool,
+    },
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct EncoderSpec {
+    pub kind: EncoderKind,
+    pub weights: WeightsSpec,
+    /// Pixels of the shorter side.
+    pub resize: Option<usize>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum WeightsSpec {
+    /// Those that come with the project.
+    BuiltIn,
+    /// Random ones.
+    Untrained,
+    File(PathBuf),
+}
+
+impl WeightsSpec {
+    /// `built-in`, `untrained`, or a file.
+    pub(crate) fn named(name: &str) -> Self {
+        match name {
+            "built-in" => Self::BuiltIn,
+            "untrained" => Self::Untrained,
+            path => Self::File(PathBuf::from(path)),
+        }
+    }
+}
+
+/// One row of the report.
+#[derive(Clone, Debug)]
+pub(crate) struct Method {
+    pub id: String,
+    pub label: String,
+    pub estimator: Estimator,
+    /// The printed row beside it.
+    pub paper: Option<String>,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) enum Estimator {
+    Head(Head),
+    Ridge(Ridge),
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TrainSpec {
+    /// Index of the method to fit.
+    pub method: usize,
+    pub calibration: f64,
+    pub level: Level,
+}
+
+impl Experiment {
+    /// Reads the experiment at `path` with `settings` over it.
+    pub(crate) fn read(path: &Path, settings: &[Setting]) -> Result<Self> {
+        let text = read_text(path)?;
+        let defaults = DEFAULTS.parse()?;
+        let layers = Layers::new(&defaults, path, &text, settings)?;
+        let config: Config = layers.read()?;
+        Ok(Self::check(path, &layers, config)?)
+    }
+
+    fn check(path: &Path, layers: &Layers<'_>, config: Config) -> Result<Self, ConfigError> {
+        let resolved = layers.to_toml();
+        let properties = config.properties.iter().enumerate().map(|(index, code)| {
+            code.parse::<Property>()
+                .map_err(|error| layers.error(&format!("properties.{index}"), error.to_string()))
+        });
+        require(layers, config.reruns > 0, "reruns", "must be at least 1")?;
+        require(
+            layers,
+            !config.methods.is_empty(),
+            "methods",
+            "lists no method",
+        )?;
+        let interval_level = level(layers, "report.level", config.report.level)?;
+        Ok(Self {
+            name: path
+                .file_stem()
+                .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+            seed: config.seed,
+            reruns: config.reruns,
+            properties: properties.collect::<Result<_, _>>()?,
+            data: data(layers, &config)?,
+            split: config.split,
+            encoder: encoder(layers, &config)?,
+            methods: methods(layers, &config)?,
+            bootstrap: Bootstrap::new(config.seed)
+                .with_level(interval_level)
+                .with_resamples(config.report.resamples),
+            interval_level,
+            train: train(layers, &config)?,
+            cache: config.cache.folder,
+            description: config.description,
+            resolved,
+        })
+    }
+}
+
+fn require(layers: &Layers<'_>, holds: bool, key: &str, problem: &str) -> Result<(), ConfigError> {
+    if holds {
+        Ok(())
+    } else {
+        Err(layers.error(key, problem))
+    }
+}
+
+fn level(layers: &Layers<'_>, key: &str, value: f64) -> Result<Level, ConfigError> {
+    Level::new(value).map_err(|error| layers.error(key, error.to_string()))
+}
+
+fn data(layers: &Layers<'_>, config: &Config) -> Result<DataSpec, ConfigError> {
+    let data = &config.data;
+    match data.from {
+        DataOrigin::Simulator => Ok(DataSpec::Simulated(data.simulated.clone())),
+        DataOrigin::Folder => {
+            let path = data.folder.path.clone();
+            let given = !path.as_os_str().is_empty();
+            require(layers, given, "data.folder.path", "names no folder")?;
+            Ok(DataSpec::Folder {
+                path,
+                read: Box::new(data.folder.read.clone()),
+                published_sps: data.folder.published_sps,
+            })
+        }
+    }
+}
+
+fn encoder(layers: &Layers<'_>, config: &Config) -> Result<EncoderSpec, ConfigError> {
+    let encoder = &config.encoder;
+    let kind: EncoderKind = encoder
+        .name
+        .parse()
+        .map_err(|error: sps_models::Error| layers.error("encoder.name", error.to_string()))?;
+    Ok(EncoderSpec {
+        kind,
+        weights: WeightsSpec::named(&encoder.weights),
+        resize: (encoder.resize > 0).then_some(encoder.resize),
+    })
+}
+
+fn methods(layers: &Layers<'_>, config: &Config) -> Result<Vec<Method>, ConfigError> {
+    let mut methods: Vec<Method> = Vec::new();
+    for (index, method) in config.methods.iter().enumerate() {
+        let key = |field: &str| format!("methods.{index}.{field}");
+        if methods.iter().any(|other| other.id == method.id) {
+            let problem = format!("two methods have the id `{}`", method.id);
+            return Err(layers.error(&key("id"), problem));
+        }
+        if let Some(name) = method
+            .paper
+            .as_deref()
+            .filter(|name| paper::row(name).is_none())
+        {
+            return Err(layers.error(&key("paper"), unknown_row(name)));
+        }
+        methods.push(Method {
+            id: method.id.clone(),
+            label: method.label.clone(),
+            estimator: estimator(config, method)
+                .map_err(|error| layers.error(&key(kind_key(method)), error.to_string()))?,
+            paper: method.paper.clone(),
+        });
+    }
+    Ok(methods)
+}
+
+fn kind_key(method: &MethodConfig) -> &'static str {
+    match method.kind {
+        MethodKind::Head => "head",
+        MethodKind::Ridge => "kind",
+    }
+}
+
+fn estimator(config: &Config, method: &MethodConfig) -> sps_models::Result<Estimator> {
+    Ok(match method.kind {
+        MethodKind::Head => Estimator::Head(Head::new(method.head.clone())?),
+        MethodKind::Ridge => Estimator::Ridge(Ridge::new(config.ridge.clone())?),
+    })
+}
+
+fn unknown_row(name: &str) -> String {
+    let names = paper::names();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    match nearest(name, &names) {
+        Some(nearest) => format!("the paper has no row `{name}`, did you mean `{nearest}`?"),
+        None => format!("the paper has no row `{name}`; it has {}", names.join(", ")),
+    }
+}
+
+fn train(layers: &Layers<'_>, config: &Config) -> Result<TrainSpec, ConfigError> {
+    let train = &config.train;
+    let method = if train.method.is_empty() {
+        config.methods.len().saturating_sub(1)
+    } else {
+        let position = config.methods.iter().position(|m| m.id == train.method);
+        position.ok_or_else(|| {
+            let ids: Vec<&str> = config.methods.iter().map(|m| m.id.as_str()).collect();
+            let problem = format!("no method `{}`; there are {}", train.method, ids.join(", "));
+            layers.error("train.method", problem)
+        })?
+    };
+    let share = train.calibration > 0.0 && train.calibration < 1.0;
+    require(
+        layers,
+        share,
+        "train.calibration",
+        "must lie between 0 and 1",
+    )?;
+    Ok(TrainSpec {
+        method,
+        calibration: train.calibration,
+        level: level(layers, "train.level", train.level)?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::schema::Config;
+    use sps_dataset::TactileSettings;
+    use sps_models::heads::HeadConfig;
+    use sps_models::ridge::RidgeConfig;
+
+    fn read(text: &str) -> Result<Experiment, ConfigError> {
+        let defaults = DEFAULTS.parse().unwrap();
+        let path = Path::new("folder/test.toml");
+        let layers = Layers::new(&defaults, path, text, &[])?;
+        Experiment::check(path, &layers, layers.read()?)
+    }
+
+    const METHOD: &str = "[[methods]]\nid = \"a\"\nlabel = \"A\"\nkind = \"ridge\"\n";
+
+    #[test]
+    fn the_written_defaults_are_those_of_the_crates() {
+        let config: Config = toml::from_str(DEFAULTS).unwrap();
+        assert_eq!(config.data.simulated, SimulatorSpec::default());
+        assert_eq!(config.data.folder.read.tactile, TactileSettings::default());
+        assert_eq!(config.head, HeadConfig::default());
+        assert_eq!(config.ridge, RidgeConfig::default());
+        assert_eq!(config.split, SplitPlan::default());
+    }
+
+    #[test]
+    fn an_experiment_takes_its_name_from_its_file() {
+        let experiment = read(METHOD).unwrap();
+        assert_eq!((experiment.name.as_str(), experiment.reruns), ("test", 3));
+    }
+
+    #[test]
+    fn what_cannot_be_meant_is_refused_at_its_line() {
+        let refused = |text: &str, parts: &[&str]| {
+            let message = read(text).unwrap_err().to_string();
+            for part in parts {
+                assert!(message.contains(part), "`{part}` is not in: {message}");
+            }
+        };
+        refused("", &["lists no method"]);
+        refused(&format!("reruns = 0\n{METHOD}"), &["line 1", "at least 1"]);
+        refused(
+            &format!("{METHOD}{METHOD}"),
+            &["line 6", "two methods", "`a`"],
+        );
+        refused(
+            &format!("{METHOD}paper = \"ablatoin.1\""),
+            &["line 5", "did you mean `ablation.1`"],
+        );
+        refused(
+            &format!("[encoder]\nname = \"vgg\"\n{METHOD}"),
+            &["line 2", "vgg"],
+        );
+        refused(
+            &format!("[data]\nfrom = \"folder\"\n{METHOD}"),
+            &["names no folder"],
+        );
+        refused(
+            &format!("[report]\nlevel = 95.0\n{METHOD}"),
+            &["line 2", "95"],
+        );
+        refused(
+            &format!("[train]\nmethod = \"b\"\n{METHOD}"),
+            &["line 2", "no method `b`"],
+        );
+        refused(
+            &format!("[head]\nepochs = 0\n{METHOD}kind = \"head\""),
+            &["duplicate key"],
+        );
+        let head = METHOD.replace("ridge", "head");
+        refused(&format!("{head}head.epochs = 0"), &["line 5", "epochs"]);
+    }
+}

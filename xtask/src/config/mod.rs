@@ -1,0 +1,8 @@
+//! Experiment configs: TOML in, checked [`Experiment`]s out.
+
+mod experiment;
+mod locate;
+mod schema;
+
+pub(crate) use experiment::{DataSpec, EncoderSpec, Estimator, Experiment, Method, WeightsSpec};
+pub(crate) use locate::Setting;

@@ -1,0 +1,107 @@
+//! The keys of an experiment as they are written; `defaults.toml` says what each means.
+
+use std::path::PathBuf;
+
+use serde::Deserialize;
+use sps_dataset::simulate::SimulatorSpec;
+use sps_dataset::{ReadSettings, SplitPlan};
+use sps_models::heads::HeadConfig;
+use sps_models::ridge::RidgeConfig;
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct Config {
+    pub description: String,
+    pub seed: u64,
+    pub reruns: usize,
+    pub properties: Vec<String>,
+    pub data: DataConfig,
+    #[serde(default)]
+    pub split: SplitPlan,
+    pub encoder: EncoderConfig,
+    #[cfg_attr(
+        not(test),
+        expect(dead_code, reason = "checked here; the methods inherit it")
+    )]
+    pub head: HeadConfig,
+    pub ridge: RidgeConfig,
+    #[serde(default)]
+    pub methods: Vec<MethodConfig>,
+    pub report: ReportConfig,
+    pub train: TrainConfig,
+    pub cache: CacheConfig,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct DataConfig {
+    pub from: DataOrigin,
+    pub simulated: SimulatorSpec,
+    pub folder: FolderConfig,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum DataOrigin {
+    Simulator,
+    Folder,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct FolderConfig {
+    pub path: PathBuf,
+    pub published_sps: bool,
+    pub read: ReadSettings,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct EncoderConfig {
+    pub name: String,
+    pub weights: String,
+    pub resize: usize,
+}
+
+/// One row of the report.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct MethodConfig {
+    /// Names the method in files; unique.
+    pub id: String,
+    /// Names it in the report.
+    pub label: String,
+    pub kind: MethodKind,
+    /// The printed row that stands beside it in the report.
+    pub paper: Option<String>,
+    /// The top-level `head` with the method's own laid over it.
+    pub head: HeadConfig,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum MethodKind {
+    Head,
+    Ridge,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct ReportConfig {
+    pub level: f64,
+    pub resamples: usize,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct TrainConfig {
+    pub method: String,
+    pub calibration: f64,
+    pub level: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct CacheConfig {
+    pub folder: PathBuf,
+}

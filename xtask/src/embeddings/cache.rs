@@ -1,0 +1,142 @@
+//! Embeddings on disk, found again by the content of the frame and the identity of the encoder.
+
+use std::collections::{HashMap, HashSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use sps_dataset::FrameKey;
+use tracing::warn;
+
+use super::segment::Segment;
+use crate::files::create_folder;
+
+/// The cached embeddings of one encoder with one way of preparing frames.
+///
+/// A folder of [`Segment`]s, each written once, so that several runs can share it and a run killed
+/// at any moment leaves only whole segments behind. A damaged segment is set aside with a line in
+/// the log, and its frames are encoded again.
+pub(crate) struct EmbeddingCache {
+    folder: PathBuf,
+    width: usize,
+}
+
+impl EmbeddingCache {
+    /// Opens or creates the cache of the encoder called `encoder` under `root`.
+    pub(crate) fn open(root: &Path, encoder: &str, width: usize) -> Result<Self> {
+        let folder = root.join("embeddings").join(encoder);
+        create_folder(&folder)?;
+        Ok(Self { folder, width })
+    }
+
+    /// What is cached of the frames called `wanted`.
+    pub(crate) fn get(&self, wanted: &HashSet<FrameKey>) -> Result<HashMap<FrameKey, Vec<f32>>> {
+        let mut found = HashMap::new();
+        for path in self.segments()? {
+            let segment = Segment::read_keys(&path).and_then(|keys| {
+                let useful = keys.iter().any(|key| wanted.contains(key));
+                useful.then(|| self.read(&path)).transpose()
+            });
+            match segment {
+                Ok(None) => {}
+                Ok(Some(segment)) => {
+                    let rows = segment.values.chunks_exact(self.width);
+                    let rows = segment.keys.iter().zip(rows);
+                    let rows = rows.filter(|(key, _)| wanted.contains(*key));
+                    found.extend(rows.map(|(key, row)| (*key, row.to_vec())));
+                }
+                Err(error) => set_aside(&path, &error),
+            }
+        }
+        Ok(found)
+    }
+
+    /// Adds embeddings; when this returns they are on disk.
+    pub(crate) fn put(&self, segment: &Segment) -> Result<()> {
+        segment.write(&self.folder)
+    }
+
+    fn read(&self, path: &Path) -> Result<Segment> {
+        let segment = Segment::read(path)?;
+        anyhow::ensure!(
+            segment.values.len() == segment.keys.len() * self.width,
+            "{}: {} values for {} frames of width {}",
+            path.display(),
+            segment.values.len(),
+            segment.keys.len(),
+            self.width
+        );
+        Ok(segment)
+    }
+
+    fn segments(&self) -> Result<Vec<PathBuf>> {
+        let failed = || format!("cannot read {}", self.folder.display());
+        let mut paths = Vec::new();
+        for entry in fs::read_dir(&self.folder).with_context(failed)? {
+            let path = entry.with_context(failed)?.path();
+            if path.extension().is_some_and(|e| e == "safetensors") {
+                paths.push(path);
+            }
+        }
+        paths.sort();
+        Ok(paths)
+    }
+}
+
+fn set_aside(path: &Path, error: &anyhow::Error) {
+    warn!("{error:#}; its frames are encoded again");
+    if let Err(error) = fs::rename(path, path.with_extension("damaged")) {
+        warn!("cannot set {} aside: {error}", path.display());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn segment(first: u8, rows: u8) -> Segment {
+        let keys: Vec<FrameKey> = (first..first + rows).map(|i| [i; 32]).collect();
+        let values = keys.iter().flat_map(|k| [f32::from(k[0]), 0.5]).collect();
+        Segment { keys, values }
+    }
+
+    fn wanted(keys: impl IntoIterator<Item = u8>) -> HashSet<FrameKey> {
+        keys.into_iter().map(|i| [i; 32]).collect()
+    }
+
+    #[test]
+    fn finds_what_was_put_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = EmbeddingCache::open(folder.path(), "e", 2).unwrap();
+        cache.put(&segment(0, 4)).unwrap();
+        cache.put(&segment(4, 4)).unwrap();
+        let found = cache.get(&wanted([1, 6, 99])).unwrap();
+        assert_eq!(found.len(), 2);
+        assert_eq!(found[&[6; 32]], [6.0, 0.5]);
+        let other = EmbeddingCache::open(folder.path(), "other", 2).unwrap();
+        assert!(other.get(&wanted([1])).unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_damaged_segment_is_never_believed() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = EmbeddingCache::open(folder.path(), "e", 2).unwrap();
+        cache.put(&segment(0, 4)).unwrap();
+        let path = cache.segments().unwrap().remove(0);
+        let whole = fs::read(&path).unwrap();
+        let expected = cache.get(&wanted(0..4)).unwrap();
+        let damaged = |bytes: &[u8]| {
+            let _ = fs::remove_file(path.with_extension("damaged"));
+            fs::write(&path, bytes).unwrap();
+            for (key, row) in cache.get(&wanted(0..4)).unwrap() {
+                assert_eq!(expected[&key], row);
+            }
+        };
+        for at in 0..whole.len() {
+            damaged(&whole[..at]);
+            let mut bytes = whole.clone();
+            bytes[at] ^= 0x10;
+            damaged(&bytes);
+        }
+    }
+}

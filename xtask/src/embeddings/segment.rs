@@ -1,0 +1,131 @@
+//! One file of cached embeddings: a safetensors file that is written once and never changed.
+//!
+//! It holds `embeddings`, f32, (frames, width), and `keys`, u8, (frames, 32), one content key per
+//! row; `checksum` in its metadata is the blake3 hash of both.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+
+use anyhow::{Context, Result, bail, ensure};
+use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorView};
+use sps_dataset::FrameKey;
+
+use crate::files::write_atomically;
+
+const KEYS: &str = "keys";
+const EMBEDDINGS: &str = "embeddings";
+const CHECKSUM: &str = "checksum";
+const KEY_BYTES: usize = size_of::<FrameKey>();
+
+/// Embeddings with the content keys of their frames, row by row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Segment {
+    pub keys: Vec<FrameKey>,
+    /// Row-major, `keys.len()` rows of equal width.
+    pub values: Vec<f32>,
+}
+
+fn checksum(keys: &[u8], values: &[u8]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(keys).update(values);
+    hasher.finalize().to_hex().to_string()
+}
+
+impl Segment {
+    /// Writes the segment into `folder` under a name made from its content.
+    pub(crate) fn write(&self, folder: &Path) -> Result<()> {
+        let keys = self.keys.concat();
+        let values: Vec<u8> = self.values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let rows = self.keys.len();
+        let width = self.values.len() / rows.max(1);
+        let checksum = checksum(&keys, &values);
+        let tensors = [
+            (
+                EMBEDDINGS,
+                TensorView::new(Dtype::F32, vec![rows, width], &values)?,
+            ),
+            (
+                KEYS,
+                TensorView::new(Dtype::U8, vec![rows, KEY_BYTES], &keys)?,
+            ),
+        ];
+        let metadata = HashMap::from([(CHECKSUM.to_owned(), checksum.clone())]);
+        let bytes = safetensors::serialize(tensors, Some(metadata))?;
+        write_atomically(
+            &folder.join(format!("{}.safetensors", &checksum[..32])),
+            &bytes,
+        )
+    }
+
+    /// Reads and checks a whole segment.
+    pub(crate) fn read(path: &Path) -> Result<Self> {
+        let failed = || format!("cannot read {}", path.display());
+        let bytes = std::fs::read(path).with_context(failed)?;
+        let (_, metadata) = SafeTensors::read_metadata(&bytes).with_context(failed)?;
+        let tensors = SafeTensors::deserialize(&bytes).with_context(failed)?;
+        let keys = tensors.tensor(KEYS).with_context(failed)?;
+        let values = tensors.tensor(EMBEDDINGS).with_context(failed)?;
+        let stored = metadata.metadata().as_ref().and_then(|m| m.get(CHECKSUM));
+        ensure!(
+            stored == Some(&checksum(keys.data(), values.data())),
+            "{}: the checksum does not match its content",
+            path.display()
+        );
+        ensure!(
+            keys.dtype() == Dtype::U8
+                && values.dtype() == Dtype::F32
+                && keys.shape().get(1) == Some(&KEY_BYTES)
+                && keys.shape().first() == values.shape().first(),
+            "{}: not a segment of embeddings",
+            path.display()
+        );
+        Ok(Self {
+            keys: frame_keys(keys.data()),
+            values: values
+                .data()
+                .chunks_exact(4)
+                .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+                .collect(),
+        })
+    }
+
+    /// Reads the keys alone, unchecked: enough to tell whether the rest is worth reading.
+    pub(crate) fn read_keys(path: &Path) -> Result<Vec<FrameKey>> {
+        let failed = || format!("cannot read {}", path.display());
+        let mut file = File::open(path).with_context(failed)?;
+        let length = file.metadata().with_context(failed)?.len();
+        let mut size = [0; 8];
+        file.read_exact(&mut size).with_context(failed)?;
+        let header_bytes = u64::from_le_bytes(size);
+        ensure!(header_bytes < length, "{}: cut short", path.display());
+        let mut header = Vec::new();
+        (&mut file)
+            .take(header_bytes)
+            .read_to_end(&mut header)
+            .with_context(failed)?;
+        let metadata: Metadata = serde_json::from_slice(&header).with_context(failed)?;
+        let Some(info) = metadata.info(KEYS) else {
+            bail!("{}: has no tensor `{KEYS}`", path.display());
+        };
+        let (start, end) = info.data_offsets;
+        ensure!(
+            8 + header_bytes + end as u64 <= length,
+            "{}: cut short",
+            path.display()
+        );
+        file.seek(SeekFrom::Start(8 + header_bytes + start as u64))
+            .with_context(failed)?;
+        let mut keys = vec![0; end - start];
+        file.read_exact(&mut keys).with_context(failed)?;
+        Ok(frame_keys(&keys))
+    }
+}
+
+fn frame_keys(bytes: &[u8]) -> Vec<FrameKey> {
+    bytes
+        .chunks_exact(KEY_BYTES)
+        .filter_map(|key| key.try_into().ok())
+        .collect()
+}

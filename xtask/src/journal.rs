@@ -1,0 +1,217 @@
+//! The finished trials of a run, one checked line each.
+
+use std::collections::HashMap;
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
+use tracing::warn;
+
+/// Identifies what a trial is computed from: equal keys mean equal outcomes.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub(crate) struct TrialKey(pub String);
+
+/// What one trial (a method, a property, a rerun) came to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Outcome {
+    pub key: TrialKey,
+    pub method: String,
+    pub property: String,
+    pub rerun: usize,
+    /// Mean truth over the training part, the reference of R².
+    pub training_mean: f64,
+    /// Names of the surfaces held out, in the order of the two lists below.
+    pub surfaces: Vec<String>,
+    pub truth: Vec<f64>,
+    pub estimate: Vec<f64>,
+    /// Indices of the views that the method looks at.
+    pub views: Vec<usize>,
+    pub train_seconds: f64,
+}
+
+/// `trials.jsonl`: append-only, a checksum on each line, so that a run killed at any moment, or a
+/// file damaged later, costs the damaged lines and no other.
+pub(crate) struct Journal {
+    path: PathBuf,
+    file: File,
+    outcomes: HashMap<TrialKey, Outcome>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Line<'a> {
+    check: String,
+    #[serde(borrow)]
+    trial: &'a RawValue,
+}
+
+fn check(trial: &str) -> String {
+    blake3::hash(trial.as_bytes()).to_hex()[..16].to_owned()
+}
+
+impl Journal {
+    /// Opens or creates the journal at `path` and reads what it holds.
+    pub(crate) fn open(path: &Path) -> Result<Self> {
+        let mut file = OpenOptions::new()
+            .read(true)
+            .append(true)
+            .create(true)
+            .open(path)
+            .with_context(|| format!("cannot open {}", path.display()))?;
+        let outcomes = read(&mut file, path)?;
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            outcomes,
+        })
+    }
+
+    /// The outcome of a trial, if it has finished.
+    pub(crate) fn get(&self, key: &TrialKey) -> Option<&Outcome> {
+        self.outcomes.get(key)
+    }
+
+    /// Adds finished trials; when this returns they are on disk.
+    pub(crate) fn append(&mut self, outcomes: Vec<Outcome>) -> Result<()> {
+        let mut text = String::new();
+        for outcome in &outcomes {
+            let trial = serde_json::to_string(outcome)?;
+            let line = Line {
+                check: check(&trial),
+                trial: &RawValue::from_string(trial.clone())?,
+            };
+            text.push_str(&serde_json::to_string(&line)?);
+            text.push('\n');
+        }
+        self.file
+            .write_all(text.as_bytes())
+            .and_then(|()| self.file.sync_data())
+            .with_context(|| format!("cannot add to {}", self.path.display()))?;
+        self.outcomes
+            .extend(outcomes.into_iter().map(|o| (o.key.clone(), o)));
+        Ok(())
+    }
+}
+
+fn read(file: &mut File, path: &Path) -> Result<HashMap<TrialKey, Outcome>> {
+    let failed = || format!("cannot read {}", path.display());
+    let mut outcomes = HashMap::new();
+    let mut damaged = Vec::new();
+    let mut ends_with_newline = true;
+    let mut bytes = Vec::new();
+    file.seek(SeekFrom::Start(0)).with_context(failed)?;
+    let mut reader = BufReader::new(&mut *file);
+    for number in 1.. {
+        bytes.clear();
+        if reader.read_until(b'\n', &mut bytes).with_context(failed)? == 0 {
+            break;
+        }
+        ends_with_newline = bytes.ends_with(b"\n");
+        match parse(&bytes) {
+            Some(outcome) => drop(outcomes.insert(outcome.key.clone(), outcome)),
+            None => damaged.push(number),
+        }
+    }
+    if !ends_with_newline {
+        // The next line must not be glued to the half one that a kill left behind.
+        file.write_all(b"\n").with_context(failed)?;
+    }
+    if !damaged.is_empty() {
+        warn!(
+            "{}: {} of the lines are damaged ({damaged:?}); their trials run again",
+            path.display(),
+            damaged.len()
+        );
+    }
+    Ok(outcomes)
+}
+
+fn parse(bytes: &[u8]) -> Option<Outcome> {
+    let line: Line<'_> = serde_json::from_slice(bytes).ok()?;
+    if check(line.trial.get()) != line.check {
+        return None;
+    }
+    serde_json::from_str(line.trial.get()).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    fn outcome(key: &str, estimate: f64) -> Outcome {
+        Outcome {
+            key: TrialKey(key.to_owned()),
+            method: "ridge".to_owned(),
+            property: "fRS".to_owned(),
+            rerun: 0,
+            training_mean: 0.1 + 0.2,
+            surfaces: vec!["s0".to_owned()],
+            truth: vec![1.0 / 3.0],
+            estimate: vec![estimate],
+            views: vec![49],
+            train_seconds: 0.5,
+        }
+    }
+
+    fn keys(journal: &Journal) -> Vec<&str> {
+        let mut keys: Vec<&str> = journal.outcomes.keys().map(|key| key.0.as_str()).collect();
+        keys.sort_unstable();
+        keys
+    }
+
+    #[test]
+    fn what_was_appended_comes_back_to_the_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trials.jsonl");
+        let wanted = outcome("a", std::f64::consts::PI * 1e-7);
+        Journal::open(&path)
+            .unwrap()
+            .append(vec![wanted.clone()])
+            .unwrap();
+        let journal = Journal::open(&path).unwrap();
+        assert_eq!(journal.get(&wanted.key), Some(&wanted));
+    }
+
+    #[test]
+    fn a_file_cut_anywhere_keeps_every_whole_line_and_can_grow() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trials.jsonl");
+        let mut journal = Journal::open(&path).unwrap();
+        journal
+            .append(vec![outcome("a", 1.0), outcome("b", 2.0)])
+            .unwrap();
+        let whole = fs::read(&path).unwrap();
+        let first = whole.iter().position(|byte| *byte == b'\n').unwrap() + 1;
+        for cut in 0..whole.len() {
+            fs::write(&path, &whole[..cut]).unwrap();
+            let mut journal = Journal::open(&path).unwrap();
+            // A line that lacks nothing but its newline is whole.
+            let expected = usize::from(cut + 1 >= first) + usize::from(cut + 1 >= whole.len());
+            assert_eq!(journal.outcomes.len(), expected, "cut at {cut}");
+            journal.append(vec![outcome("c", 3.0)]).unwrap();
+            let again = Journal::open(&path).unwrap();
+            assert_eq!(again.outcomes.len(), expected + 1, "cut at {cut}");
+        }
+    }
+
+    #[test]
+    fn a_flipped_bit_costs_its_line_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trials.jsonl");
+        let mut journal = Journal::open(&path).unwrap();
+        journal
+            .append(vec![outcome("a", 1.0), outcome("b", 2.0)])
+            .unwrap();
+        let whole = fs::read(&path).unwrap();
+        let first = whole.iter().position(|byte| *byte == b'\n').unwrap();
+        for at in 0..first {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1;
+            fs::write(&path, &bytes).unwrap();
+            assert_eq!(keys(&Journal::open(&path).unwrap()), ["b"], "bit at {at}");
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! `cargo xtask`: runs experiments, and everything else that needs more than one crate.
+
+mod cmd;
+mod config;
+mod data;
+mod embeddings;
+mod encoder;
+mod files;
+mod journal;
+mod model;
+mod progress;
+mod report;
+mod results;
+mod run;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use tracing_indicatif::IndicatifLayer;
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+
+/// Tactile properties of surfaces from photographs.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Experiment(cmd::experiment::Args),
+    Simulate(cmd::simulate::Args),
+    Inspect(cmd::inspect::Args),
+    Embed(cmd::embed::Args),
+    Train(cmd::train::Args),
+    Predict(cmd::predict::Args),
+    Report(cmd::report::Args),
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    log();
+    let outcome = match cli.command {
+        Command::Experiment(args) => cmd::experiment::run(&args),
+        Command::Simulate(args) => cmd::simulate::run(&args),
+        Command::Inspect(args) => cmd::inspect::run(&args),
+        Command::Embed(args) => cmd::embed::run(&args),
+        Command::Train(args) => cmd::train::run(&args),
+        Command::Predict(args) => cmd::predict::run(&args),
+        Command::Report(args) => cmd::report::run(&args),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Lines of the log go above the progress bars; `RUST_LOG` sets how many there are.
+fn log() {
+    let progress = IndicatifLayer::new();
+    let lines = tracing_subscriber::fmt::layer()
+        .with_target(false)
+        .without_time()
+        .with_writer(progress.get_stderr_writer());
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    tracing_subscriber::registry()
+        .with(filter)
+        .with(lines)
+        .with(progress)
+        .init();
+}

@@ -1,0 +1,148 @@
+//! A fitted model in a folder: everything that `predict` needs.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use candle_core::{Device, Tensor};
+use serde::{Deserialize, Serialize};
+use sps_dataset::{Frame, Property};
+use sps_models::Embeddings;
+use sps_models::encoders::{Encoder, EncoderKind};
+use sps_models::heads::TrainedHeads;
+use sps_models::ridge::TrainedRidges;
+use sps_models::weights::Weights;
+
+use crate::embeddings::Embedder;
+use crate::files::{read_text, write_atomically};
+use crate::run::Fitted;
+
+const FORMAT: u32 = 1;
+const CARD: &str = "model.json";
+const ENCODER: &str = "encoder.safetensors";
+const HEADS: &str = "heads.safetensors";
+const RIDGES: &str = "ridges.json";
+
+/// What the model is: `model.json`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct Card {
+    pub format: u32,
+    /// The config it was fitted by, and the method of that config.
+    pub experiment: String,
+    pub method: String,
+    /// What it was fitted on, in words.
+    pub data: String,
+    pub encoder: String,
+    pub resize: Option<usize>,
+    /// Height and width of the frames it was fitted on.
+    pub frame_size: [usize; 2],
+    /// Share of surfaces that an interval holds.
+    pub level: f64,
+    /// Half the width of the interval of each property, in its measured units.
+    pub radius: BTreeMap<String, f64>,
+    /// blake3 of the other files, by name.
+    pub checksums: BTreeMap<String, String>,
+}
+
+/// A model, ready to predict.
+pub(crate) struct Model {
+    pub card: Card,
+    embedder: Embedder,
+    fitted: Fitted,
+}
+
+/// An estimate with its interval, in the property's measured units.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Estimate {
+    pub property: String,
+    pub name: String,
+    pub value: f64,
+    pub low: f64,
+    pub high: f64,
+}
+
+/// Writes a model; `model.json` comes last, so that a folder without it holds no model.
+pub(crate) fn save(
+    folder: &Path,
+    mut card: Card,
+    encoder: &Encoder,
+    fitted: &Fitted,
+) -> Result<()> {
+    let (name, bytes) = match fitted {
+        Fitted::Heads(heads) => (HEADS, heads.to_bytes()?),
+        Fitted::Ridges(ridges) => (RIDGES, ridges.to_bytes()?),
+    };
+    card.format = FORMAT;
+    for (name, bytes) in [(name, bytes), (ENCODER, encoder.weights().to_bytes()?)] {
+        let hash = blake3::hash(&bytes).to_hex().to_string();
+        write_atomically(&folder.join(name), &bytes)?;
+        card.checksums.insert(name.to_owned(), hash);
+    }
+    let text = serde_json::to_string_pretty(&card)?;
+    write_atomically(&folder.join(CARD), text.as_bytes())
+}
+
+impl Model {
+    /// Reads a model and checks that its files belong together.
+    pub(crate) fn load(folder: &Path) -> Result<Self> {
+        let path = folder.join(CARD);
+        let card: Card = serde_json::from_str(&read_text(&path)?)
+            .with_context(|| format!("{} is no model of this version", path.display()))?;
+        let encoder = read_checked(folder, ENCODER, &card)?;
+        let kind: EncoderKind = card.encoder.parse()?;
+        let weights = Weights::from_bytes(ENCODER, &encoder)?;
+        let encoder = Encoder::new(kind, weights, &Device::Cpu)?;
+        let fitted = if card.checksums.contains_key(HEADS) {
+            let bytes = read_checked(folder, HEADS, &card)?;
+            Fitted::Heads(TrainedHeads::from_bytes(HEADS, &bytes)?)
+        } else {
+            Fitted::Ridges(TrainedRidges::from_bytes(&read_checked(
+                folder, RIDGES, &card,
+            )?)?)
+        };
+        Ok(Self {
+            embedder: Embedder::new(encoder, card.resize)?,
+            card,
+            fitted,
+        })
+    }
+
+    /// Estimates every property of one surface from photographs of it; the mean over the
+    /// photographs where there are several.
+    pub(crate) fn predict(&self, photographs: &[Frame]) -> Result<Vec<Estimate>> {
+        let values = self.embedder.embed(photographs)?;
+        let shape = (photographs.len(), 1, self.embedder.width());
+        let embeddings = Embeddings::new(&Tensor::from_vec(values, shape, &Device::Cpu)?)?;
+        let estimates = self.fitted.predict(&embeddings)?;
+        let of_property = estimates.iter().map(|estimate| {
+            let radius = self.card.radius.get(&estimate.property);
+            let radius =
+                radius.with_context(|| format!("no interval for {}", estimate.property))?;
+            let value = estimate.values.iter().sum::<f64>() / photographs.len() as f64;
+            let property: Property = estimate.property.parse()?;
+            Ok(Estimate {
+                property: estimate.property.clone(),
+                name: property.name().to_owned(),
+                value,
+                low: value - radius,
+                high: value + radius,
+            })
+        });
+        of_property.collect()
+    }
+}
+
+fn read_checked(folder: &Path, name: &str, card: &Card) -> Result<Vec<u8>> {
+    let path = folder.join(name);
+    let bytes = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let found = blake3::hash(&bytes).to_hex().to_string();
+    if card.checksums.get(name) != Some(&found) {
+        bail!(
+            "{} is not the file that {CARD} was written with",
+            path.display()
+        );
+    }
+    Ok(bytes)
+}

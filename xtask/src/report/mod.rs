@@ -1,0 +1,99 @@
+//! `report.md`, `report.html` and `figures/*.svg`, made from `results.json` and `predictions.csv`.
+
+mod figures;
+pub(crate) mod paper;
+pub(crate) mod predictions;
+mod table;
+mod tables;
+
+use std::path::Path;
+
+use anyhow::Result;
+use minijinja::value::Serde;
+use minijinja::{AutoEscape, Environment};
+use serde::Serialize;
+
+use crate::files::write_atomically;
+use crate::results::Results;
+use figures::{Figure, figures};
+use table::Table;
+use tables::tables;
+
+const MARKDOWN: &str = include_str!("report.md.j2");
+const HTML: &str = include_str!("report.html.j2");
+
+/// What the templates print.
+#[derive(Serialize)]
+struct Report<'a> {
+    title: &'a str,
+    description: &'a str,
+    data: String,
+    tables: Vec<Table>,
+    figures: Vec<Figure>,
+    notes: Vec<String>,
+}
+
+/// Writes the report of the run in `folder`.
+pub(crate) fn write(folder: &Path) -> Result<()> {
+    let results = Results::read(folder)?;
+    let figures = figures(&results, &predictions::read(folder)?);
+    for Figure { name, svg, .. } in &figures {
+        let path = folder.join("figures").join(format!("{name}.svg"));
+        write_atomically(&path, svg.as_bytes())?;
+    }
+    let mut environment = Environment::new();
+    environment.set_auto_escape_callback(|name| {
+        let html = Path::new(name).extension().is_some_and(|e| e == "html");
+        if html {
+            AutoEscape::Html
+        } else {
+            AutoEscape::None
+        }
+    });
+    environment.add_template("report.md", MARKDOWN)?;
+    environment.add_template("report.html", HTML)?;
+    let report = Report {
+        title: &results.experiment,
+        description: &results.description,
+        data: about_the_data(&results),
+        tables: tables(&results),
+        notes: notes(&results),
+        figures,
+    };
+    for name in ["report.md", "report.html"] {
+        let text = environment.get_template(name)?.render(Serde(&report))?;
+        write_atomically(&folder.join(name), text.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// What was measured on, and how that stands to the paper's numbers.
+fn about_the_data(results: &Results) -> String {
+    let data = &results.dataset;
+    let kind = if data.simulated {
+        "simulated surfaces"
+    } else {
+        "surfaces"
+    };
+    let views = if data.views == 1 { "view" } else { "views" };
+    let measured = format!(
+        "Measured on {} {kind} ({}), {} {views} each; encoder {}.",
+        data.surfaces, data.name, data.views, data.encoder
+    );
+    if data.published_sps || results.methods.iter().all(|m| m.paper.is_none()) {
+        return measured;
+    }
+    format!(
+        "{measured} The paper's printed values were measured on its own photographs and Toccare \
+         readings: they come from different data, so compare which method is ahead of which, not \
+         the numbers."
+    )
+}
+
+fn notes(results: &Results) -> Vec<String> {
+    let of_methods = results.methods.iter().flat_map(|method| {
+        let note = move |note: &String| format!("{}: {note}", method.label);
+        method.notes.iter().map(note)
+    });
+    results.notes.iter().cloned().chain(of_methods).collect()
+}

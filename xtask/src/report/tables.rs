@@ -1,0 +1,230 @@
+//! The tables of an experiment's report.
+
+use super::paper::{self, PaperRow};
+use super::table::{Row, Table, number, with_interval};
+use crate::results::{Gain, MethodResult, Number, PerProperty, Results};
+
+/// The tables, in the order of the report.
+pub(crate) fn tables(results: &Results) -> Vec<Table> {
+    let mut tables = vec![means(results)];
+    if results.properties.len() > 1 {
+        tables.push(per_property(results, &R2));
+        tables.push(per_property(results, &PERCENT_ERROR));
+        tables.push(per_property(results, &MAE));
+    }
+    tables.push(costs(results));
+    tables
+}
+
+/// A column of the table of means: what was measured, and what the paper prints.
+struct Mean {
+    title: &'static str,
+    measured: fn(&MethodResult) -> String,
+    printed: fn(&PaperRow) -> String,
+}
+
+const MEANS: [Mean; 4] = [
+    Mean {
+        title: "R²",
+        measured: |method| with_interval(method.r2_mean, method.r2_mean_interval, 2),
+        printed: |row| number(Some(row.r2_mean), 2),
+    },
+    Mean {
+        title: "MAE",
+        measured: |method| number(method.mae_mean, 2),
+        printed: |row| number(Some(row.mae_mean), 2),
+    },
+    Mean {
+        title: "% error",
+        measured: |method| number(method.median_percent_error_mean, 1),
+        printed: |row| number(Some(row.median_percent_error_mean), 1),
+    },
+    Mean {
+        title: "% error, top 8",
+        measured: |method| number(method.median_percent_error_top8, 1),
+        printed: |row| number(Some(row.median_percent_error_top8), 1),
+    },
+];
+
+fn means(results: &Results) -> Table {
+    let methods = &results.methods;
+    let compared = methods.iter().any(|method| method.paper.is_some());
+    let top8 = methods
+        .iter()
+        .any(|m| m.median_percent_error_top8.is_some());
+    let shown = &MEANS[..if top8 { 4 } else { 3 }];
+    let mut columns = vec!["Method".to_owned()];
+    for mean in shown {
+        columns.push(mean.title.to_owned());
+        columns.extend(compared.then(|| "paper".to_owned()));
+    }
+    columns.push(format!("R² gained on {}", methods[0].label));
+    let rows = methods.iter().map(|method| {
+        let paper = printed(method);
+        let mut cells = vec![method.label.clone()];
+        for mean in shown {
+            cells.push((mean.measured)(method));
+            let printed = || paper.as_ref().map_or_else(|| number(None, 0), mean.printed);
+            cells.extend(compared.then(printed));
+        }
+        cells.push(method.r2_mean_gain.map_or_else(String::new, gain));
+        Row::measured(cells)
+    });
+    Table {
+        title: "Means over properties".to_owned(),
+        caption: means_caption(results, compared),
+        columns,
+        rows: rows.collect(),
+    }
+}
+
+fn means_caption(results: &Results, compared: bool) -> String {
+    let mut caption = format!(
+        "R² about the mean of the training part, mean absolute error in the properties' own units, \
+         median absolute percentage error; means over reruns and properties. In brackets: {:.0} % \
+         bootstrap intervals over surfaces, paired for differences.",
+        100.0 * results.interval_level
+    );
+    if compared {
+        caption.push_str(" Columns headed \"paper\" are the printed values.");
+    }
+    caption
+}
+
+fn gain(gain: Gain) -> String {
+    let sign = if gain.value >= 0.0 { "+" } else { "" };
+    format!(
+        "{sign}{}",
+        with_interval(Some(gain.value), Some(gain.interval), 2)
+    )
+}
+
+/// Printed values per property, and their printed mean.
+type Printed<'a> = (&'a PerProperty<f64>, f64);
+
+/// What one of the per-property tables shows.
+struct Shown {
+    title: &'static str,
+    caption: &'static str,
+    decimals: usize,
+    value: fn(&MethodResult) -> &PerProperty<Number>,
+    mean: fn(&MethodResult) -> Number,
+    printed: fn(&PaperRow) -> Option<Printed<'_>>,
+    ceilings: bool,
+}
+
+const R2: Shown = Shown {
+    title: "R² per property",
+    caption: "Rows in italics are not measured here: the paper's printed values, and for \
+              simulated data the ceiling that a perfect reader of the images would reach.",
+    decimals: 2,
+    value: |method| &method.r2,
+    mean: |method| method.r2_mean,
+    printed: |row| (!row.r2.is_empty()).then_some((&row.r2, row.r2_mean)),
+    ceilings: true,
+};
+
+const PERCENT_ERROR: Shown = Shown {
+    title: "Median percentage error per property",
+    caption: "Surfaces whose measured value is exactly zero have no percentage and are left out. \
+              Rows in italics are the paper's printed values.",
+    decimals: 1,
+    value: |method| &method.median_percent_error,
+    mean: |method| method.median_percent_error_mean,
+    printed: |row| {
+        (!row.median_percent_error.is_empty())
+            .then_some((&row.median_percent_error, row.median_percent_error_mean))
+    },
+    ceilings: false,
+};
+
+const MAE: Shown = Shown {
+    title: "Mean absolute error per property",
+    caption: "In the properties' own units. The paper prints the means alone.",
+    decimals: 2,
+    value: |method| &method.mae,
+    mean: |method| method.mae_mean,
+    printed: |_| None,
+    ceilings: false,
+};
+
+fn per_property(results: &Results, shown: &Shown) -> Table {
+    let mut columns = vec!["Method".to_owned()];
+    columns.extend(results.properties.iter().cloned());
+    columns.push("mean".to_owned());
+    let line = |label: String, value: &dyn Fn(&String) -> Number, mean: Number| {
+        let mut cells = vec![label];
+        let values = results.properties.iter();
+        cells.extend(values.map(|property| number(value(property), shown.decimals)));
+        cells.push(number(mean, shown.decimals));
+        cells
+    };
+    let mut rows = Vec::new();
+    for method in &results.methods {
+        let values = (shown.value)(method);
+        let value = |property: &String| values.get(property).copied().flatten();
+        let label = method.label.clone();
+        rows.push(Row::measured(line(label, &value, (shown.mean)(method))));
+        let paper = printed(method);
+        if let Some((values, mean)) = paper.as_ref().and_then(|row| (shown.printed)(row)) {
+            let value = |property: &String| values.get(property).copied();
+            let label = format!("{}, printed in the paper", method.label);
+            rows.push(Row::reference(line(label, &value, Some(mean))));
+        }
+    }
+    if shown.ceilings {
+        let dataset = &results.dataset;
+        for (label, ceiling) in [
+            ("Ceiling, one view", &dataset.ceiling_one_view),
+            ("Ceiling, all views", &dataset.ceiling_all_views),
+        ] {
+            let value = |property: &String| ceiling.get(property).copied();
+            let values: Option<Vec<f64>> = results.properties.iter().map(value).collect();
+            let mean = values.map(|v| v.iter().sum::<f64>() / v.len() as f64);
+            if !ceiling.is_empty() {
+                rows.push(Row::reference(line(label.to_owned(), &value, mean)));
+            }
+        }
+    }
+    Table {
+        title: shown.title.to_owned(),
+        caption: shown.caption.to_owned(),
+        columns,
+        rows,
+    }
+}
+
+fn costs(results: &Results) -> Table {
+    let columns = [
+        "Method",
+        "frames decoded per surface",
+        "frames encoded per surface",
+        "prediction, ms per surface",
+        "training, s",
+        "reruns",
+    ];
+    let rows = results.methods.iter().map(|method| {
+        let milliseconds = method.predict_seconds_per_surface.map(|s| 1e3 * s);
+        Row::measured(vec![
+            method.label.clone(),
+            number(Some(method.frames_decoded_per_surface), 0),
+            number(Some(method.frames_encoded_per_surface), 0),
+            number(milliseconds, 1),
+            number(Some(method.train_seconds), 1),
+            method.reruns.to_string(),
+        ])
+    });
+    Table {
+        title: "What an estimate costs".to_owned(),
+        caption: "Prediction includes decoding or rendering, encoding and the head, measured on \
+                  this machine without the cache; training is that of the heads alone, all \
+                  properties and reruns together."
+            .to_owned(),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    }
+}
+
+fn printed(method: &MethodResult) -> Option<PaperRow> {
+    method.paper.as_deref().and_then(paper::row)
+}

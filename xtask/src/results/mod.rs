@@ -1,0 +1,119 @@
+//! `results.json`: what an experiment measured. Keys are only ever added.
+
+mod score;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use serde::{Deserialize, Serialize};
+
+pub(crate) use score::{Costs, MethodOutcomes, Scoring, score};
+
+use crate::files::{read_text, write_atomically};
+
+/// A value per property code.
+pub(crate) type PerProperty<T> = BTreeMap<String, T>;
+
+/// A value, or `null` with its reason in the notes.
+pub(crate) type Number = Option<f64>;
+
+/// The whole of `results.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Results {
+    pub experiment: String,
+    pub description: String,
+    pub dataset: Dataset,
+    /// Codes of the estimated properties, in the order of the reports.
+    pub properties: Vec<String>,
+    /// Of the bootstrap intervals.
+    pub interval_level: f64,
+    pub methods: Vec<MethodResult>,
+    /// What holds for the whole run, for example values out of range in the data.
+    pub notes: Vec<String>,
+}
+
+/// What the experiment ran on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Dataset {
+    pub name: String,
+    /// Whether its images and values come from the simulator.
+    pub simulated: bool,
+    /// Whether it is the paper's own dataset.
+    pub published_sps: bool,
+    pub surfaces: usize,
+    pub views: usize,
+    /// Name and origin of the encoder's weights.
+    pub encoder: String,
+    /// R² that a perfect reader of the images could reach, per property; simulated data alone.
+    pub ceiling_one_view: PerProperty<f64>,
+    /// The same, for a reader of all views.
+    pub ceiling_all_views: PerProperty<f64>,
+}
+
+/// One method over all properties and reruns.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct MethodResult {
+    pub id: String,
+    pub label: String,
+    pub reruns: usize,
+    /// Mean over reruns of R² about the training mean (section 5 of the paper), and the standard
+    /// deviation over reruns.
+    pub r2: PerProperty<Number>,
+    pub r2_std: PerProperty<Number>,
+    pub mae: PerProperty<Number>,
+    /// Percent.
+    pub median_percent_error: PerProperty<Number>,
+    pub rmse: PerProperty<Number>,
+    pub spearman: PerProperty<Number>,
+    /// Bootstrap interval over surfaces of `r2`.
+    pub r2_interval: PerProperty<Option<[f64; 2]>>,
+    /// Held-out samples, all reruns together, whose truth is zero: they have no percentage error.
+    pub zero_truths: PerProperty<usize>,
+    /// Means over properties.
+    pub r2_mean: Number,
+    pub r2_mean_interval: Option<[f64; 2]>,
+    pub mae_mean: Number,
+    pub median_percent_error_mean: Number,
+    /// Over the paper's fixed list of eight.
+    pub median_percent_error_top8: Number,
+    /// Over the eight properties with the least error in this run, and which they are.
+    pub median_percent_error_best8: Number,
+    pub best8: Vec<String>,
+    /// Gain in `r2_mean` over the first method, with its paired bootstrap interval.
+    pub r2_mean_gain: Option<Gain>,
+    /// The printed row beside it, if the config names one.
+    pub paper: Option<String>,
+    /// At prediction.
+    pub frames_decoded_per_surface: f64,
+    pub frames_encoded_per_surface: f64,
+    pub predict_seconds_per_surface: Number,
+    /// All properties and reruns together.
+    pub train_seconds: f64,
+    /// Per property, the views of each rerun.
+    pub selected_views: PerProperty<Vec<Vec<usize>>>,
+    pub notes: Vec<String>,
+}
+
+/// The difference of two methods' scores.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Gain {
+    pub value: f64,
+    pub interval: [f64; 2],
+}
+
+impl Results {
+    /// Writes `results.json` into `folder`.
+    pub(crate) fn write(&self, folder: &Path) -> Result<()> {
+        let mut text = serde_json::to_string_pretty(self)?;
+        text.push('\n');
+        write_atomically(&folder.join("results.json"), text.as_bytes())
+    }
+
+    /// Reads `results.json` from `folder`.
+    pub(crate) fn read(folder: &Path) -> Result<Self> {
+        let path = folder.join("results.json");
+        let text = read_text(&path)?;
+        serde_json::from_str(&text).with_context(|| format!("{} is damaged", path.display()))
+    }
+}

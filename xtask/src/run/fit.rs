@@ -1,0 +1,179 @@
+//! Fitting a method's trials, each outcome on disk as soon as it is there.
+
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use sps_dataset::Split;
+use sps_models::Embeddings;
+use sps_models::heads::{Estimates, Observer, Plan, TrainedHeads};
+use sps_models::ridge::TrainedRidges;
+
+use super::Tables;
+use super::trials::{TrialSpec, plan};
+use crate::config::{Estimator, Experiment, Method};
+use crate::journal::{Journal, Outcome};
+use crate::progress::Progress;
+
+/// Fitted models of one method.
+pub(crate) enum Fitted {
+    Heads(TrainedHeads),
+    Ridges(TrainedRidges),
+}
+
+impl Fitted {
+    /// The estimates of every model for every surface.
+    pub(crate) fn predict(&self, embeddings: &Embeddings) -> sps_models::Result<Vec<Estimates>> {
+        match self {
+            Self::Heads(heads) => heads.predict(embeddings),
+            Self::Ridges(ridges) => ridges.predict(embeddings),
+        }
+    }
+}
+
+/// Fits the method to the trials of a plan.
+pub(crate) fn fit(
+    method: &Method,
+    tables: &Tables,
+    plan: &Plan,
+    observer: &dyn Observer,
+) -> sps_models::Result<Fitted> {
+    let data = tables.training_data();
+    Ok(match &method.estimator {
+        Estimator::Head(head) => Fitted::Heads(head.train(&data, plan, observer)?),
+        Estimator::Ridge(ridge) => Fitted::Ridges(ridge.train(&data, plan)?),
+    })
+}
+
+/// Runs those of the trials that the journal lacks.
+pub(crate) fn run_missing(
+    experiment: &Experiment,
+    method: &Method,
+    tables: &Tables,
+    splits: &[Split],
+    trials: &[TrialSpec],
+    journal: &mut Journal,
+) -> Result<()> {
+    let missing: Vec<&TrialSpec> = trials
+        .iter()
+        .filter(|trial| journal.get(&trial.key).is_none())
+        .collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let plan = plan(experiment.seed, splits, missing.iter().copied());
+    let recorder = Recorder {
+        method,
+        tables,
+        splits,
+        trials: &missing,
+        progress: Progress::new(&method.label, missing.len()),
+        state: Mutex::new(State {
+            journal,
+            since: Instant::now(),
+            failed: None,
+        }),
+    };
+    let fitted =
+        fit(method, tables, &plan, &recorder).with_context(|| format!("method `{}`", method.id))?;
+    if let Fitted::Ridges(_) = &fitted {
+        recorder.record(&fitted, &tables.embeddings);
+    }
+    match recorder.into_failure() {
+        Some(error) => Err(error),
+        None => Ok(()),
+    }
+}
+
+/// Turns fitted models into outcomes and writes them down.
+struct Recorder<'a> {
+    method: &'a Method,
+    tables: &'a Tables,
+    splits: &'a [Split],
+    trials: &'a [&'a TrialSpec],
+    progress: Progress,
+    state: Mutex<State<'a>>,
+}
+
+struct State<'a> {
+    journal: &'a mut Journal,
+    /// When the last outcomes were written.
+    since: Instant,
+    failed: Option<anyhow::Error>,
+}
+
+impl Observer for Recorder<'_> {
+    fn finished(&self, heads: &TrainedHeads) {
+        self.record(&Fitted::Heads(heads.clone()), &self.tables.embeddings);
+    }
+}
+
+impl Recorder<'_> {
+    fn record(&self, fitted: &Fitted, embeddings: &Embeddings) {
+        let outcomes = fitted
+            .predict(embeddings)
+            .map_err(anyhow::Error::from)
+            .and_then(|estimates| estimates.iter().map(|e| self.outcome(e)).collect());
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let written = outcomes.and_then(|mut outcomes: Vec<Outcome>| {
+            let seconds = state.since.elapsed().as_secs_f64() / outcomes.len().max(1) as f64;
+            for outcome in &mut outcomes {
+                outcome.train_seconds = seconds;
+            }
+            self.progress.advance(outcomes.len());
+            state.journal.append(outcomes)
+        });
+        state.since = Instant::now();
+        if let Err(error) = written {
+            state.failed.get_or_insert(error);
+        }
+    }
+
+    fn into_failure(self) -> Option<anyhow::Error> {
+        let state = self.state.into_inner();
+        state.unwrap_or_else(PoisonError::into_inner).failed
+    }
+
+    /// The outcome of one model: its estimates for the surfaces held out that were measured.
+    fn outcome(&self, estimates: &Estimates) -> Result<Outcome> {
+        let rerun = estimates.rerun as usize;
+        let of_model = |trial: &&&TrialSpec| {
+            trial.rerun == rerun && trial.property.code() == estimates.property
+        };
+        let trial = self
+            .trials
+            .iter()
+            .find(of_model)
+            .context("a trial that was not planned")?;
+        let readings = &self.tables.readings;
+        let column = readings
+            .column(&estimates.property)
+            .context("a property that was not measured")?;
+        let split = &self.splits[rerun];
+        let training = split.train.iter().filter_map(|&s| readings.get(s, column));
+        let training: Vec<f64> = training.collect();
+        let held_out: Vec<(usize, f64)> = split
+            .validation
+            .iter()
+            .filter_map(|&surface| Some((surface, readings.get(surface, column)?)))
+            .collect();
+        Ok(Outcome {
+            key: trial.key.clone(),
+            method: self.method.id.clone(),
+            property: estimates.property.clone(),
+            rerun,
+            training_mean: sps_metrics::TrainingMean::of(&training)?.get(),
+            surfaces: held_out
+                .iter()
+                .map(|&(surface, _)| self.tables.surfaces[surface].id.clone())
+                .collect(),
+            truth: held_out.iter().map(|&(_, truth)| truth).collect(),
+            estimate: held_out
+                .iter()
+                .map(|&(surface, _)| estimates.values[surface])
+                .collect(),
+            views: self.tables.views.clone(),
+            train_seconds: 0.0,
+        })
+    }
+}

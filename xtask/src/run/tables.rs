@@ -1,0 +1,117 @@
+//! The tables that every method is fitted on.
+
+use anyhow::{Result, ensure};
+use candle_core::{Device, Tensor};
+use sps_dataset::{FEWEST_PER_MATERIAL, MaterialLabels, Property, Source, Surface};
+use sps_models::heads::TrainingData;
+use sps_models::{Embeddings, Readings};
+
+use crate::data::About;
+use crate::embeddings;
+
+/// One row per surface in each.
+pub(crate) struct Tables {
+    pub surfaces: Vec<Surface>,
+    /// Those to estimate.
+    pub properties: Vec<Property>,
+    /// The views that methods look at, as indices of the source.
+    pub views: Vec<usize>,
+    /// (surfaces, views, width), of those views.
+    pub embeddings: Embeddings,
+    /// All properties that were measured: labels are formed from the whole tactile vector.
+    pub readings: Readings,
+    /// Material labels by the paper's rule: rare materials are `other`.
+    materials: Vec<String>,
+    fingerprint: blake3::Hash,
+}
+
+impl Tables {
+    /// Tables to estimate the properties `wanted`, or all that the source measures.
+    pub(crate) fn new<S: Source>(
+        source: &S,
+        about: &About,
+        embeddings: &embeddings::Embeddings,
+        wanted: &[Property],
+    ) -> Result<Self> {
+        let surfaces = source.surfaces().to_vec();
+        let averages = source.tactile().averages(&about.tactile, surfaces.len());
+        let properties = if wanted.is_empty() {
+            averages.properties().to_vec()
+        } else {
+            wanted.to_vec()
+        };
+        for property in &properties {
+            ensure!(
+                averages.properties().contains(property),
+                "properties: {} does not measure {property}",
+                source.name()
+            );
+        }
+        let rows: Vec<Vec<Option<f64>>> = (0..surfaces.len())
+            .map(|surface| {
+                let value = |&property: &Property| averages.value(surface, property);
+                averages.properties().iter().map(value).collect()
+            })
+            .collect();
+        let labels = MaterialLabels::of(&surfaces, FEWEST_PER_MATERIAL);
+        let materials = labels.labels().iter().map(|&l| labels.names()[l].clone());
+        let mut tables = Self {
+            views: embeddings.views.clone(),
+            embeddings: tensor(embeddings, surfaces.len())?,
+            readings: Readings::new(codes(averages.properties()), &rows)?,
+            materials: materials.collect(),
+            fingerprint: blake3::hash(&[]),
+            surfaces,
+            properties,
+        };
+        tables.fingerprint = tables.hash(embeddings, &rows);
+        Ok(tables)
+    }
+
+    /// For training.
+    pub(crate) fn training_data(&self) -> TrainingData<'_> {
+        TrainingData {
+            embeddings: &self.embeddings,
+            readings: &self.readings,
+            materials: Some(&self.materials),
+            label_features: None,
+        }
+    }
+
+    /// Codes of the properties to estimate.
+    pub(crate) fn codes(&self) -> Vec<String> {
+        codes(&self.properties)
+    }
+
+    /// A hash of everything in the tables.
+    pub(crate) fn fingerprint(&self) -> blake3::Hash {
+        self.fingerprint
+    }
+
+    fn hash(&self, embeddings: &embeddings::Embeddings, rows: &[Vec<Option<f64>>]) -> blake3::Hash {
+        let mut hasher = blake3::Hasher::new();
+        for value in &embeddings.values {
+            hasher.update(&value.to_le_bytes());
+        }
+        for cell in rows.iter().flatten() {
+            hasher.update(&cell.map_or([0xff; 8], f64::to_le_bytes));
+        }
+        for (surface, material) in self.surfaces.iter().zip(&self.materials) {
+            for text in [&surface.id, &surface.group, material] {
+                hasher.update(&(text.len() as u64).to_le_bytes());
+                hasher.update(text.as_bytes());
+            }
+        }
+        hasher.finalize()
+    }
+}
+
+fn codes(properties: &[Property]) -> Vec<String> {
+    properties.iter().map(Property::to_string).collect()
+}
+
+fn tensor(embeddings: &embeddings::Embeddings, surfaces: usize) -> Result<Embeddings> {
+    let shape = (surfaces, embeddings.views.len(), embeddings.width);
+    let tensor = Tensor::from_slice(&embeddings.values, shape, &Device::Cpu)?;
+    Ok(Embeddings::new(&tensor)?)
+}

@@ -1,0 +1,107 @@
+//! What is to be computed: a trial for each method, property and rerun.
+
+use anyhow::Result;
+use serde::Serialize;
+use sps_dataset::{Property, Split, Surface};
+use sps_models::heads::{Plan, Rerun, Trial, Views};
+
+use super::Tables;
+use crate::config::{Estimator, Experiment, Method};
+use crate::journal::TrialKey;
+
+/// One trial, and what identifies it.
+#[derive(Clone, Debug)]
+pub(crate) struct TrialSpec {
+    pub property: Property,
+    pub rerun: usize,
+    pub key: TrialKey,
+}
+
+/// The splits of all reruns, in order; with k folds, a rerun has k.
+pub(crate) fn splits(experiment: &Experiment, surfaces: &[Surface]) -> Result<Vec<Split>> {
+    let mut splits = Vec::new();
+    for rerun in 0..experiment.reruns as u64 {
+        splits.extend(experiment.split.splits(surfaces, experiment.seed, rerun)?);
+    }
+    Ok(splits)
+}
+
+/// The trials of one method, property by property.
+pub(crate) fn trials(
+    experiment: &Experiment,
+    method: &Method,
+    tables: &Tables,
+    splits: &[Split],
+) -> Result<Vec<TrialSpec>> {
+    let mut trials = Vec::new();
+    for &property in &tables.properties {
+        for (rerun, split) in splits.iter().enumerate() {
+            trials.push(TrialSpec {
+                property,
+                rerun,
+                key: key(experiment, method, tables, split, property, rerun)?,
+            });
+        }
+    }
+    Ok(trials)
+}
+
+/// All that the outcome of a trial depends on.
+#[derive(Serialize)]
+struct Inputs<'a> {
+    code: &'static str,
+    data: String,
+    seed: u64,
+    id: &'a str,
+    method: serde_json::Value,
+    property: &'a str,
+    rerun: usize,
+    split: &'a Split,
+}
+
+fn key(
+    experiment: &Experiment,
+    method: &Method,
+    tables: &Tables,
+    split: &Split,
+    property: Property,
+    rerun: usize,
+) -> Result<TrialKey> {
+    let inputs = Inputs {
+        code: env!("SOURCE_HASH"),
+        data: tables.fingerprint().to_hex().to_string(),
+        seed: experiment.seed,
+        id: &method.id,
+        method: match &method.estimator {
+            Estimator::Head(head) => serde_json::to_value(head.config())?,
+            Estimator::Ridge(ridge) => serde_json::to_value(ridge.config())?,
+        },
+        property: property.code(),
+        rerun,
+        split,
+    };
+    let hash = blake3::hash(&serde_json::to_vec(&inputs)?);
+    Ok(TrialKey(hash.to_hex()[..32].to_owned()))
+}
+
+/// The plan to train `trials` on view 0 of the tables.
+pub(crate) fn plan<'a>(
+    seed: u64,
+    splits: &[Split],
+    trials: impl Iterator<Item = &'a TrialSpec>,
+) -> Plan {
+    let reruns = splits.iter().enumerate().map(|(number, split)| Rerun {
+        number: number as u64,
+        training: split.train.clone(),
+    });
+    let trials = trials.map(|trial| Trial {
+        property: trial.property.to_string(),
+        rerun: trial.rerun as u64,
+        views: Views::Fixed(vec![0]),
+    });
+    Plan {
+        seed,
+        reruns: reruns.collect(),
+        trials: trials.collect(),
+    }
+}

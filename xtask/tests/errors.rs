@@ -1,0 +1,235 @@
+//! What can go wrong ends with status 1 and one clear message.
+
+mod support;
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use assert_cmd::assert::Assert;
+use safetensors::tensor::{Dtype, TensorView};
+use support::{Scratch, xtask};
+
+/// The message of a command that failed as it should.
+fn message(assert: Assert) -> String {
+    let output = assert.code(1).get_output().clone();
+    let text = String::from_utf8(output.stderr).expect("UTF-8");
+    assert!(!text.contains("panicked"), "{text}");
+    let error = text.find("error: ").expect("an error message");
+    text[error..].trim_end().to_owned()
+}
+
+fn expect(message: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(message.contains(part), "`{part}` is not in: {message}");
+    }
+}
+
+#[test]
+fn a_missing_dataset() {
+    let scratch = Scratch::new();
+    scratch.edit("tiny.toml", "/data\"", "/nowhere\"");
+    let text = message(scratch.experiment().assert());
+    expect(&text, &["nowhere", "no such folder"]);
+}
+
+#[test]
+fn a_missing_config() {
+    let text = message(
+        xtask()
+            .args(["experiment", "configs/nothing.toml"])
+            .assert(),
+    );
+    expect(&text, &["configs/nothing.toml"]);
+}
+
+#[test]
+fn a_truncated_png() {
+    let scratch = Scratch::new();
+    let path = scratch.path("data/frames/denim-01/002.png");
+    let bytes = fs::read(&path).unwrap();
+    fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    expect(
+        &message(scratch.experiment().assert()),
+        &["denim-01/002.png"],
+    );
+    let inspected = message(xtask().arg("inspect").arg(scratch.path("data")).assert());
+    expect(&inspected, &["1 frames", "cannot be read"]);
+}
+
+#[test]
+fn an_exr_cut_anywhere() {
+    let scratch = Scratch::new();
+    let path = scratch.path("data/frames/tile-01/002.exr");
+    let bytes = fs::read(&path).unwrap();
+    for part in 0..10 {
+        fs::write(&path, &bytes[..bytes.len() * part / 10]).unwrap();
+        expect(
+            &message(scratch.experiment().assert()),
+            &["tile-01/002.exr"],
+        );
+    }
+}
+
+#[test]
+fn a_table_with_a_surface_twice() {
+    let scratch = Scratch::new();
+    scratch.edit("data/surfaces.csv", "denim-02,", "denim-01,");
+    let text = message(scratch.experiment().assert());
+    expect(&text, &["surfaces.csv", "line 3", "denim-01"]);
+}
+
+#[test]
+fn an_unknown_property() {
+    let scratch = Scratch::new();
+    scratch.edit("data/tactile.csv", "fRS", "fRX");
+    let text = message(scratch.experiment().assert());
+    expect(&text, &["tactile.csv", "fRX"]);
+    let scratch = Scratch::new();
+    scratch.edit("tiny.toml", "\"cDF\"", "\"cDX\"");
+    let text = message(scratch.experiment().assert());
+    expect(&text, &["tiny.toml, line 3", "cDX"]);
+}
+
+#[test]
+fn a_text_where_a_number_belongs() {
+    let scratch = Scratch::new();
+    let path = scratch.path("data/tactile.csv");
+    let table = fs::read_to_string(&path).unwrap();
+    let (header, rows) = table.split_once('\n').unwrap();
+    let (first, rest) = rows.split_once('\n').unwrap();
+    let cells: Vec<&str> = first.split(',').collect();
+    let spoilt = [&cells[..3], &["rough"], &cells[4..]].concat().join(",");
+    fs::write(&path, format!("{header}\n{spoilt}\n{rest}")).unwrap();
+    let text = message(scratch.experiment().assert());
+    expect(&text, &["tactile.csv", "line 2", "rough", "number"]);
+}
+
+#[test]
+fn a_misspelt_key() {
+    let scratch = Scratch::new();
+    scratch.edit("tiny.toml", "resamples", "resample");
+    let text = message(scratch.experiment().assert());
+    expect(&text, &["tiny.toml, line 15", "did you mean `resamples`?"]);
+    let text = message(
+        Scratch::new()
+            .experiment()
+            .args(["--set", "head.epoch=3"])
+            .assert(),
+    );
+    expect(&text, &["--set head.epoch", "did you mean `epochs`?"]);
+}
+
+/// Writes the encoder's weights with one tensor taken away or misshapen.
+fn spoilt_weights(path: &Path, spoil: impl Fn(&str, &mut Vec<usize>) -> bool) {
+    let encoder = sps_models::encoders::Encoder::seeded(
+        sps_models::encoders::EncoderKind::SeResNextSmall,
+        0,
+        &candle_core::Device::Cpu,
+    );
+    let encoder = encoder.unwrap();
+    let mut tensors = Vec::new();
+    for (name, tensor) in encoder.weights().iter() {
+        let mut shape = tensor.dims().to_vec();
+        if spoil(name, &mut shape) {
+            let length: usize = shape.iter().product();
+            tensors.push((name.to_owned(), shape, vec![0; 4 * length]));
+        }
+    }
+    let views = tensors.iter().map(|(name, shape, bytes)| {
+        (
+            name,
+            TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap(),
+        )
+    });
+    fs::write(path, safetensors::serialize(views, None).unwrap()).unwrap();
+}
+
+#[test]
+fn weights_that_do_not_fit() {
+    let scratch = Scratch::new();
+    let weights = scratch.path("weights.safetensors");
+    scratch.edit("tiny.toml", "untrained", &weights.display().to_string());
+    spoilt_weights(&weights, |name, _| name != "layer0.conv1.weight");
+    let text = message(scratch.experiment().assert());
+    expect(
+        &text,
+        &["weights.safetensors", "layer0.conv1.weight", "missing"],
+    );
+    spoilt_weights(&weights, |name, shape| {
+        if name == "layer0.conv1.weight" {
+            shape[1] += 1;
+        }
+        true
+    });
+    let text = message(scratch.experiment().assert());
+    expect(
+        &text,
+        &[
+            "weights.safetensors",
+            "layer0.conv1.weight",
+            "[",
+            "expected",
+        ],
+    );
+}
+
+/// A file system of its own, gone with the value; none where that is not permitted.
+struct Mounted<'a>(&'a Path);
+
+impl<'a> Mounted<'a> {
+    fn new(path: &'a Path, options: &str) -> Option<Self> {
+        fs::create_dir_all(path).unwrap();
+        let mounted = Command::new("mount")
+            .args(["-t", "tmpfs", "-o", options, "tmpfs"])
+            .arg(path)
+            .output();
+        if mounted.is_ok_and(|output| output.status.success()) {
+            return Some(Self(path));
+        }
+        println!("skipped: file systems cannot be mounted here");
+        None
+    }
+
+    fn remount(&self, options: &str) {
+        let mut command = Command::new("mount");
+        command
+            .args(["-o", &format!("remount,{options}")])
+            .arg(self.0);
+        assert!(command.status().unwrap().success());
+    }
+}
+
+impl Drop for Mounted<'_> {
+    fn drop(&mut self) {
+        let _ = Command::new("umount").arg(self.0).status();
+    }
+}
+
+#[test]
+fn a_full_disk_loses_nothing_that_was_written() {
+    let scratch = Scratch::new();
+    let run = scratch.path("run");
+    let Some(mounted) = Mounted::new(&run, "size=32k") else {
+        return;
+    };
+    let text = message(scratch.experiment().assert());
+    expect(&text, &["run/", "No space left"]);
+    let kept = fs::read_to_string(run.join("trials.jsonl")).unwrap();
+    assert_eq!(kept.lines().count(), 8, "{kept}");
+    mounted.remount("size=10m");
+    scratch.experiment().assert().success();
+    assert_eq!(fs::read_to_string(run.join("trials.jsonl")).unwrap(), kept);
+    assert_eq!(scratch.results()["methods"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn a_read_only_output_folder() {
+    let scratch = Scratch::new();
+    let run = scratch.path("run");
+    let Some(_mounted) = Mounted::new(&run, "ro") else {
+        return;
+    };
+    let text = message(scratch.experiment().assert());
+    expect(&text, &["run", "Read-only file system"]);
+}

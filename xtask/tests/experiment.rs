@@ -1,0 +1,255 @@
+//! Experiments from config to report.
+
+mod support;
+
+use std::fs;
+use std::process::{Command, Stdio};
+
+use support::{Scratch, results_without_timings, root, xtask};
+
+#[test]
+fn an_experiment_ends_with_results_and_a_report() {
+    let scratch = Scratch::new();
+    scratch.experiment().assert().success();
+    let results = scratch.results();
+    assert_eq!(results["properties"], serde_json::json!(["fRS", "cDF"]));
+    for method in results["methods"].as_array().unwrap() {
+        assert!(method["r2"]["fRS"].is_f64(), "{method}");
+        assert_eq!(method["frames_decoded_per_surface"], 1.0);
+        assert_eq!(method["frames_encoded_per_surface"], 1.0);
+        assert_eq!(
+            method["selected_views"]["fRS"],
+            serde_json::json!([[2], [2]])
+        );
+    }
+    let report = fs::read_to_string(scratch.path("run/report.md")).unwrap();
+    assert!(report.contains("| Ridge |"));
+    let html = fs::read_to_string(scratch.path("run/report.html")).unwrap();
+    assert!(html.contains("<svg") && !html.contains("src=\"http"));
+}
+
+#[test]
+fn a_second_run_computes_nothing_and_says_the_same() {
+    let scratch = Scratch::new();
+    scratch.experiment().assert().success();
+    let (results, trials) = (
+        scratch.results(),
+        fs::read(scratch.path("run/trials.jsonl")).unwrap(),
+    );
+    let again = scratch.experiment().assert().success();
+    let log = String::from_utf8_lossy(&again.get_output().stderr).into_owned();
+    assert!(log.contains("0 of them encoded now"), "{log}");
+    assert_eq!(scratch.results(), results);
+    assert_eq!(fs::read(scratch.path("run/trials.jsonl")).unwrap(), trials);
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let scratch = Scratch::new();
+    let run = |threads: &str| {
+        let mut command = scratch.experiment();
+        let cache = format!("cache.folder={}", scratch.path(threads).display());
+        command
+            .args(["--fresh", "--set", &cache])
+            .env("RAYON_NUM_THREADS", threads);
+        command.assert().success();
+        scratch.results()
+    };
+    assert_eq!(run("1"), run("2"));
+}
+
+#[test]
+fn a_killed_run_ends_as_one_that_was_not() {
+    let scratch = Scratch::new();
+    scratch.edit("tiny.toml", "epochs = 3", "epochs = 40");
+    let journal = scratch.path("run/trials.jsonl");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_xtask"))
+        .current_dir(root())
+        .arg("experiment")
+        .arg(scratch.path("tiny.toml"))
+        .arg("--out")
+        .arg(scratch.path("run"))
+        .stderr(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    // Until the first trials are on disk, or the run is over.
+    while fs::metadata(&journal).map_or(0, |file| file.len()) == 0 {
+        if child.try_wait().unwrap().is_some() {
+            break;
+        }
+        std::thread::yield_now();
+    }
+    let _ = child.kill();
+    child.wait().unwrap();
+    let begun = fs::read_to_string(&journal).unwrap();
+    scratch.experiment().assert().success();
+    assert!(fs::read_to_string(&journal).unwrap().starts_with(&begun));
+    let finished = scratch.results();
+    scratch.experiment().arg("--fresh").assert().success();
+    assert_eq!(finished, scratch.results());
+}
+
+#[test]
+fn a_run_for_one_property_gives_it_the_same_numbers() {
+    let scratch = Scratch::new();
+    scratch.experiment().assert().success();
+    let both = scratch.results();
+    scratch
+        .experiment()
+        .args(["--set", "properties=[\"cDF\"]"])
+        .assert()
+        .success();
+    let one = scratch.results();
+    for method in 0..2 {
+        let of = |results: &serde_json::Value| results["methods"][method]["r2"]["cDF"].clone();
+        assert_eq!(of(&both), of(&one));
+    }
+    assert!(one["methods"][0]["r2"]["fRS"].is_null());
+}
+
+#[test]
+fn damaged_trials_and_embeddings_are_computed_again() {
+    let scratch = Scratch::new();
+    scratch.experiment().assert().success();
+    let expected = scratch.results();
+    let flip = |path: &std::path::Path| {
+        let mut bytes = fs::read(path).unwrap();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        fs::write(path, bytes).unwrap();
+    };
+    flip(&scratch.path("run/trials.jsonl"));
+    let encoder = fs::read_dir(scratch.path("cache/embeddings"))
+        .unwrap()
+        .next()
+        .unwrap();
+    let segment = fs::read_dir(encoder.unwrap().path())
+        .unwrap()
+        .next()
+        .unwrap();
+    flip(&segment.unwrap().path());
+    let again = scratch.experiment().assert().success();
+    let log = String::from_utf8_lossy(&again.get_output().stderr).into_owned();
+    assert!(log.contains("lines are damaged"), "{log}");
+    assert!(log.contains("checksum"), "{log}");
+    assert_eq!(scratch.results(), expected);
+}
+
+#[test]
+fn a_model_answers_for_a_photograph() {
+    let scratch = Scratch::new();
+    scratch.edit(
+        "tiny.toml",
+        "[cache]",
+        "[train]\ncalibration = 0.5\nlevel = 0.5\n[cache]",
+    );
+    scratch.edit("tiny.toml", "validation = 0.34", "validation = 0.2");
+    let model = scratch.path("model");
+    xtask()
+        .arg("train")
+        .arg(scratch.path("tiny.toml"))
+        .arg("--out")
+        .arg(&model)
+        .assert()
+        .success();
+    let predict = |images: &[&str]| -> serde_json::Value {
+        let mut command = xtask();
+        command
+            .arg("predict")
+            .arg("--model")
+            .arg(&model)
+            .arg("--json");
+        for image in images {
+            command.arg(scratch.path(image));
+        }
+        let output = command.assert().success().get_output().stdout.clone();
+        serde_json::from_slice(&output).unwrap()
+    };
+    let one = predict(&["data/frames/oak-01/002.jpg"]);
+    let estimate = &one["estimates"][0];
+    let at = |key: &str| estimate[key].as_f64().unwrap();
+    assert!(
+        at("low") < at("value") && at("value") < at("high"),
+        "{estimate}"
+    );
+    let other = predict(&["data/frames/tile-01/002.exr"]);
+    let mean = predict(&["data/frames/oak-01/002.jpg", "data/frames/tile-01/002.exr"]);
+    let value = |answer: &serde_json::Value| answer["estimates"][0]["value"].as_f64().unwrap();
+    assert!((value(&mean) - (value(&one) + value(&other)) / 2.0).abs() < 1e-9);
+}
+
+#[test]
+fn embeddings_are_written_in_the_order_given() {
+    let scratch = Scratch::new();
+    let embed = |images: &[&str], threads: &str| {
+        let out = scratch.path("out.safetensors");
+        let mut command = xtask();
+        command.args([
+            "embed",
+            "--encoder",
+            "se-resnext-small",
+            "--weights",
+            "untrained",
+        ]);
+        command.args(["--threads", threads, "--out"]).arg(&out);
+        for image in images {
+            command.arg(scratch.path(image));
+        }
+        command.assert().success();
+        let bytes = fs::read(out).unwrap();
+        let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+        let tensor = file.tensor("embeddings").unwrap();
+        let width = tensor.shape()[1] * 4;
+        tensor
+            .data()
+            .chunks(width)
+            .map(<[u8]>::to_vec)
+            .collect::<Vec<_>>()
+    };
+    let (a, b) = ("data/frames/oak-01/000.jpg", "data/frames/denim-01/000.png");
+    let forwards = embed(&[a, b], "1");
+    let backwards = embed(&[b, a, b], "2");
+    assert_eq!(forwards, [backwards[1].clone(), backwards[0].clone()]);
+}
+
+#[test]
+fn a_simulated_dataset_reads_back_as_it_was_simulated() {
+    let scratch = Scratch::new();
+    let data = scratch.path("simulated");
+    xtask()
+        .args([
+            "simulate",
+            "--surfaces",
+            "6",
+            "--views",
+            "3",
+            "--size",
+            "32",
+            "--seed",
+            "5",
+        ])
+        .args(["--format", "png", "--out"])
+        .arg(&data)
+        .assert()
+        .success();
+    xtask().arg("inspect").arg(&data).assert().success();
+    let run = |settings: &[String]| {
+        let mut command = scratch.experiment();
+        command.arg("--fresh");
+        for setting in settings {
+            command.args(["--set", setting]);
+        }
+        command.assert().success();
+        results_without_timings(&scratch.path("run"))["methods"].clone()
+    };
+    let from_disk = run(&[format!("data.folder.path={}", data.display())]);
+    let in_memory = run(&[
+        "data.from=simulator".to_owned(),
+        "data.simulated.surfaces=6".to_owned(),
+        "data.simulated.views=3".to_owned(),
+        "data.simulated.size=32".to_owned(),
+        "data.simulated.seed=5".to_owned(),
+    ]);
+    assert_eq!(from_disk, in_memory);
+}

@@ -1,0 +1,122 @@
+//! Running `xtask` on small data.
+
+#![allow(dead_code, reason = "each test file uses a part")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// The root of the repository.
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The command, in the root of the repository.
+pub(crate) fn xtask() -> Command {
+    let mut command = Command::cargo_bin("xtask").expect("xtask is built");
+    command.current_dir(root()).env_remove("RUST_LOG");
+    command
+}
+
+/// A scratch folder with a copy of the tiny dataset and an experiment on it.
+pub(crate) struct Scratch {
+    folder: TempDir,
+}
+
+const CONFIG: &str = r#"
+reruns = 2
+properties = ["fRS", "cDF"]
+[split.random]
+validation = 0.34
+[data]
+from = "folder"
+[data.folder]
+path = "DATA"
+[encoder]
+weights = "untrained"
+[head]
+epochs = 3
+[report]
+resamples = 100
+[cache]
+folder = "CACHE"
+[[methods]]
+id = "ridge"
+label = "Ridge"
+kind = "ridge"
+[[methods]]
+id = "cross-modal"
+label = "Cross-modal"
+kind = "head"
+head.model = { kind = "cross-modal" }
+"#;
+
+impl Scratch {
+    pub(crate) fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        copy(
+            &root().join("fixtures/tiny-dataset"),
+            &folder.path().join("data"),
+        );
+        let text = CONFIG
+            .replace("DATA", &folder.path().join("data").display().to_string())
+            .replace("CACHE", &folder.path().join("cache").display().to_string());
+        fs::write(folder.path().join("tiny.toml"), text).expect("a config");
+        Self { folder }
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Replaces `from` by `to` in a file of the scratch folder.
+    pub(crate) fn edit(&self, name: &str, from: &str, to: &str) {
+        let text = fs::read_to_string(self.path(name)).expect("a text file");
+        assert!(text.contains(from), "{name} has no `{from}`");
+        fs::write(self.path(name), text.replacen(from, to, 1)).expect("a text file");
+    }
+
+    /// `experiment` on the scratch config, into the folder `run`.
+    pub(crate) fn experiment(&self) -> Command {
+        let mut command = xtask();
+        command
+            .arg("experiment")
+            .arg(self.path("tiny.toml"))
+            .arg("--out")
+            .arg(self.path("run"));
+        command
+    }
+
+    /// `results.json` of the run without what depends on the clock.
+    pub(crate) fn results(&self) -> Value {
+        results_without_timings(&self.path("run"))
+    }
+}
+
+/// `results.json` without what depends on the clock.
+pub(crate) fn results_without_timings(run: &Path) -> Value {
+    let text = fs::read_to_string(run.join("results.json")).expect("results");
+    let mut results: Value = serde_json::from_str(&text).expect("JSON");
+    for method in results["methods"].as_array_mut().expect("methods") {
+        let method = method.as_object_mut().expect("a method");
+        assert!(method.remove("predict_seconds_per_surface").is_some());
+        assert!(method.remove("train_seconds").is_some());
+    }
+    results
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).expect("a folder");
+    for entry in fs::read_dir(from).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let target = to.join(path.file_name().expect("a name"));
+        if path.is_dir() {
+            copy(&path, &target);
+        } else {
+            fs::copy(&path, &target).expect("a copy");
+        }
+    }
+}

@@ -218,15 +218,12 @@ impl Engine {
             return Ok(Self::Plain);
         }
         let level = Level::detect();
-        Ok(match kind.se_resnext() {
-            Some(config) => {
-                let network = se_resnext::fused::Fused::new(&config, weights, level)?;
-                Self::SeResNext(Arc::new(Pooled::new(network)))
-            }
-            None => {
-                let network = squeezenet::fused::Fused::new(weights, level)?;
-                Self::SqueezeNet(Arc::new(Pooled::new(network)))
-            }
+        Ok(if let Some(config) = kind.se_resnext() {
+            let network = se_resnext::fused::Fused::new(&config, weights, level)?;
+            Self::SeResNext(Arc::new(Pooled::new(network)))
+        } else {
+            let network = squeezenet::fused::Fused::new(weights, level)?;
+            Self::SqueezeNet(Arc::new(Pooled::new(network)))
         })
     }
 }

@@ -168,17 +168,16 @@ fn gather(window: &[f32], taps: &[u32], run: usize, from: usize, out: &mut [f32]
 
 /// A small matrix for each group and tap.
 fn grouped(level: Level, shape: &ConvShape, pairs: &Pairs<'_>, taps: &[u32], target: &mut [f32]) {
-    if let Some(outer) = GroupedOuter::new(level, shape.outputs, shape.group_inputs(), taps) {
-        if shape.group_inputs() == shape.group_outputs() {
-            outer.write(
-                pairs.source,
-                pairs.starts,
-                pairs.gradient,
-                pairs.places,
-                target,
-            );
-            return;
-        }
+    let outer = GroupedOuter::new(level, shape.outputs, shape.group_inputs(), taps);
+    if let Some(outer) = outer.filter(|_| shape.group_inputs() == shape.group_outputs()) {
+        outer.write(
+            pairs.source,
+            pairs.starts,
+            pairs.gradient,
+            pairs.places,
+            target,
+        );
+        return;
     }
     let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
     let group_len = outputs * inputs * taps.len();

@@ -25,7 +25,8 @@ impl GroupWeights {
     /// Whether groups of this width are narrow enough for the kernel.
     pub(crate) fn serves(level: Level, channels: usize, group: usize) -> bool {
         let lanes = level.lanes();
-        channels % lanes == 0 && ((group == 4 && lanes >= 4) || (group == 8 && lanes == 16))
+        channels.is_multiple_of(lanes)
+            && ((group == 4 && lanes >= 4) || (group == 8 && lanes == 16))
     }
 
     /// Packs weights whose element for channel `out`, tap `tap` and the group's channel `input`
@@ -145,9 +146,9 @@ impl Write<'_, '_> {
                     let from = starts[i] + tap as usize + channel;
                     vector(lanes, &source[from..from + S::F32_LANES])
                 });
-                for g in 0..G {
+                for (g, &weight) in weights.iter().enumerate() {
                     for i in 0..H {
-                        sums[i] = lanes.fma(lanes.spread::<G>(x[i], g), weights[g], sums[i]);
+                        sums[i] = lanes.fma(lanes.spread::<G>(x[i], g), weight, sums[i]);
                     }
                 }
             }
@@ -292,8 +293,8 @@ impl WriteOuter<'_, '_> {
                 for t in 0..T {
                     let from = (start + taps[t]) as usize;
                     let x = vector(lanes, &self.source[from..from + S::F32_LANES]);
-                    for g in 0..G {
-                        sums[t][g] = lanes.fma(lanes.spread::<G>(x, g), y, sums[t][g]);
+                    for (g, sum) in sums[t].iter_mut().enumerate() {
+                        *sum = lanes.fma(lanes.spread::<G>(x, g), y, *sum);
                     }
                 }
             }

@@ -4,6 +4,9 @@
 //! operators of candle with gradients; below them lie kernels that run on the widest vectors the
 //! machine has.
 
+// A kernel is compiled with its level's instructions only if all of it is inlined; see `simd`.
+#![allow(clippy::inline_always)]
+
 #[macro_use]
 mod unroll;
 

@@ -197,6 +197,8 @@ impl Tile<'_, '_> {
         let sums = self.sums::<S, H, NV>(lanes);
         let finish = Finish::<S, NV>::new(lanes, self);
         if self.panel.columns < NV * S::F32_LANES {
+            // A copy, so that the sums below are never in memory.
+            #[allow(clippy::redundant_locals)]
             let sums = sums;
             for (row, &place) in sums.iter().zip(self.places) {
                 let from = place as usize - self.origin + self.panel.column;

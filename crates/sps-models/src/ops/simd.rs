@@ -47,19 +47,6 @@ impl Level {
         Self::Portable
     }
 
-    /// Its name, for people.
-    pub(crate) const fn name(self) -> &'static str {
-        match self {
-            Self::Portable => "portable",
-            #[cfg(target_arch = "x86_64")]
-            Self::Avx2(_) => "AVX2 and FMA",
-            #[cfg(target_arch = "x86_64")]
-            Self::Avx512(_) => "AVX-512",
-            #[cfg(target_arch = "aarch64")]
-            Self::Neon(_) => "NEON",
-        }
-    }
-
     /// Numbers in one vector.
     pub(crate) const fn lanes(self) -> usize {
         match self {
@@ -132,15 +119,6 @@ pub(crate) fn load<S: Lanes>(lanes: S, from: &[f32]) -> S::f32s {
     match S::as_simd_f32s(from).0 {
         [whole, ..] => *whole,
         [] => lanes.partial_load_f32s(from),
-    }
-}
-
-/// Writes the lanes that the slice has room for.
-#[inline(always)]
-pub(crate) fn store<S: Lanes>(lanes: S, to: &mut [f32], x: S::f32s) {
-    match S::as_mut_simd_f32s(to).0 {
-        [whole, ..] => *whole = x,
-        [] => lanes.partial_store_f32s(to, x),
     }
 }
 

@@ -35,11 +35,14 @@ pub(in crate::encoders) struct Workspace {
 #[derive(Debug)]
 enum FusedStep {
     Pool,
-    Fire {
-        squeeze: Layer,
-        point: Layer,
-        square: Layer,
-    },
+    Fire(Box<Fire>),
+}
+
+#[derive(Debug)]
+struct Fire {
+    squeeze: Layer,
+    point: Layer,
+    square: Layer,
 }
 
 const POOL: Window = Window::square(3, 2, 0);
@@ -68,11 +71,11 @@ impl Fused {
             };
             let name = |leaf: &str| format!("features.{index}.{leaf}");
             let point = Window::square(1, 1, 0);
-            Ok(FusedStep::Fire {
+            Ok(FusedStep::Fire(Box::new(Fire {
                 squeeze: layer(&name("squeeze"), point, input, squeeze)?,
                 point: layer(&name("expand1x1"), point, squeeze, expand)?,
                 square: layer(&name("expand3x3"), SQUARE, squeeze, expand)?,
-            })
+            })))
         };
         Ok(Self {
             level,
@@ -105,11 +108,12 @@ impl Fused {
                 max_pool(threads, self.level, &POOL, (features, &from), (next, &to));
                 to
             }
-            FusedStep::Fire {
-                squeeze,
-                point,
-                square,
-            } => {
+            FusedStep::Fire(fire) => {
+                let Fire {
+                    squeeze,
+                    point,
+                    square,
+                } = fire.as_ref();
                 let middle = squeeze.output(&from).padded(&SQUARE);
                 squeezed.resize(middle.len());
                 middle.clear_border(squeezed);

@@ -125,19 +125,18 @@ impl Tape {
             .rev()
         {
             let again;
-            let kept = match &link.kept {
-                Some(kept) => kept,
-                None => {
-                    again = Kept::record(bottleneck, context, &link.input, &link.from, None)?.0;
-                    &again
-                }
+            let kept = if let Some(kept) = &link.kept {
+                kept
+            } else {
+                again = Kept::record(bottleneck, context, &link.input, &link.from, None)?.0;
+                &again
             };
             gradient =
                 kept.backward(bottleneck, context, link, output, gradient, &mut gradients)?;
             output = &link.input;
         }
         self.stem
-            .backward(&self.config, context, &gradient, &mut gradients)?;
+            .backward(&self.config, context, &gradient, &mut gradients);
         Ok(gradients)
     }
 }
@@ -199,7 +198,7 @@ impl Stem {
         context: &Context<'_>,
         gradient: &[f32],
         gradients: &mut Gradients,
-    ) -> Result<()> {
+    ) {
         let level = context.level;
         let mut spread = context.recycler.take(self.to.len());
         let source = (&self.rectified[..], &self.to);
@@ -221,6 +220,5 @@ impl Stem {
             (&conv, &self.to),
             gradients,
         );
-        Ok(())
     }
 }

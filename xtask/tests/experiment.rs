@@ -176,7 +176,7 @@ fn a_model_answers_for_a_photograph() {
     let other = predict(&["data/frames/tile-01/002.exr"]);
     let mean = predict(&["data/frames/oak-01/002.jpg", "data/frames/tile-01/002.exr"]);
     let value = |answer: &serde_json::Value| answer["estimates"][0]["value"].as_f64().unwrap();
-    assert!((value(&mean) - (value(&one) + value(&other)) / 2.0).abs() < 1e-9);
+    assert!((value(&mean) - f64::midpoint(value(&one), value(&other))).abs() < 1e-9);
 }
 
 #[test]

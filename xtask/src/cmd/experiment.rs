@@ -17,7 +17,7 @@ pub(crate) struct Args {
     /// Override a key of the config; VALUE is TOML, or else a text
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<Setting>,
-    /// The folder to write to [default: runs/<config name>]
+    /// The folder to write to [default: runs/ and the config's name]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Forget the trials that were finished in the folder

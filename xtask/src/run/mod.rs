@@ -154,7 +154,7 @@ fn dataset<S: Source>(experiment: &Experiment, source: &S, about: &About) -> Dat
     let ceiling = |of: fn(&sps_dataset::simulate::Ceiling) -> f64| {
         let ceilings = about.ceilings.iter().flat_map(|c| &c.properties);
         ceilings
-            .map(|(code, ceiling)| ((*code).to_owned(), of(ceiling)))
+            .map(|(code, ceiling)| ((*code).clone(), of(ceiling)))
             .collect()
     };
     Dataset {

@@ -38,6 +38,14 @@ pub enum Error {
         /// The names there are.
         expected: String,
     },
+    /// An image to train on could not be had.
+    #[error("image {index}: {source}")]
+    Image {
+        /// Which one.
+        index: usize,
+        /// Why.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// The tensor library failed.
     #[error("tensor operation: {0}")]
     Tensor(#[from] candle_core::Error),

@@ -12,6 +12,7 @@ pub mod optim;
 pub mod ridge;
 mod rng;
 mod stacked;
+pub mod training;
 pub mod weights;
 
 pub use data::{Embeddings, Readings};

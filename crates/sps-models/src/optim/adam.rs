@@ -1,7 +1,7 @@
 use std::cell::RefCell;
 
 use candle_core::backend::BackendStorage;
-use candle_core::{CpuStorage, DType, InplaceOp1, Layout, Var};
+use candle_core::{CpuStorage, DType, InplaceOp1, Layout, Tensor, Var};
 use serde::{Deserialize, Serialize};
 
 use super::{Elements, Gradient};
@@ -77,6 +77,69 @@ impl Adam {
             parameters,
             steps: 0,
         })
+    }
+
+    /// Sets the step size of the steps to come.
+    pub fn set_learning_rate(&mut self, learning_rate: f64) {
+        self.config.learning_rate = learning_rate;
+    }
+
+    /// Steps made so far.
+    pub fn steps(&self) -> u32 {
+        self.steps
+    }
+
+    /// The running means of each parameter's gradient and of its square, as tensors of the
+    /// parameter's shape.
+    ///
+    /// # Errors
+    ///
+    /// When there is no room for them.
+    pub fn moments(&self) -> Result<Vec<(Tensor, Tensor)>> {
+        let tensors = self.parameters.iter().map(|(parameter, moments)| {
+            let (shape, device) = (parameter.dims(), parameter.device());
+            Ok(match moments {
+                Moments::F32(mean, square) => (
+                    Tensor::from_slice(mean, shape, device)?,
+                    Tensor::from_slice(square, shape, device)?,
+                ),
+                Moments::F64(mean, square) => (
+                    Tensor::from_slice(mean, shape, device)?,
+                    Tensor::from_slice(square, shape, device)?,
+                ),
+            })
+        });
+        tensors.collect()
+    }
+
+    /// Goes on from the state that [`Adam::steps`] and [`Adam::moments`] told; `moments` gives
+    /// those of a parameter by its index.
+    ///
+    /// # Errors
+    ///
+    /// What `moments` returns; moments of another size or type than their parameter.
+    pub fn restore(
+        &mut self,
+        steps: u32,
+        moments: impl Fn(usize) -> Result<(Tensor, Tensor)>,
+    ) -> Result<()> {
+        for (index, (parameter, kept)) in self.parameters.iter_mut().enumerate() {
+            let (mean, square) = moments(index)?;
+            for tensor in [&mean, &square] {
+                if tensor.dims() != parameter.dims() {
+                    let found = format_args!("{:?}", tensor.dims());
+                    let expected = format_args!("{:?}", parameter.dims());
+                    return Err(Error::input("moments", found, expected));
+                }
+            }
+            let (mean, square) = (mean.flatten_all()?, square.flatten_all()?);
+            match kept {
+                Moments::F32(m, v) => (*m, *v) = (mean.to_vec1()?, square.to_vec1()?),
+                Moments::F64(m, v) => (*m, *v) = (mean.to_vec1()?, square.to_vec1()?),
+            }
+        }
+        self.steps = steps;
+        Ok(())
     }
 
     /// One step along `gradients`, given in the order of the parameters.

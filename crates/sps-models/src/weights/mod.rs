@@ -28,6 +28,15 @@ impl TensorSpec {
     }
 }
 
+/// How numbers are kept in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Precision {
+    /// As they are.
+    F32,
+    /// Rounded to 16 bits: half the size, three significant digits.
+    F16,
+}
+
 /// A tensor as a file holds it.
 pub(crate) struct RawTensor {
     pub(crate) shape: Vec<usize>,
@@ -75,12 +84,44 @@ impl Weights {
     ///
     /// When a tensor's values cannot be had from its device.
     pub fn to_bytes(&self) -> Result<Vec<u8>, WeightsError> {
+        self.to_bytes_as(Precision::F32, None)
+    }
+
+    /// The tensors as a safetensors file of the given precision, with a note (its name and text)
+    /// in the file's metadata.
+    ///
+    /// # Errors
+    ///
+    /// When a tensor's values cannot be had from its device.
+    pub fn to_bytes_as(
+        &self,
+        precision: Precision,
+        note: Option<(&str, &str)>,
+    ) -> Result<Vec<u8>, WeightsError> {
         let error = |kind| WeightsError::new(&self.origin, kind);
         let raw = self
             .iter()
             .map(|(name, tensor)| Ok((name, raw_tensor(name, tensor)?)));
         let raw = raw.collect::<Result<Vec<_>, _>>().map_err(error)?;
-        safetensors::write(&raw).map_err(error)
+        safetensors::write(&raw, precision, note).map_err(error)
+    }
+
+    /// A note that [`Weights::to_bytes_as`] put into a file; `origin` names the file in errors.
+    ///
+    /// # Errors
+    ///
+    /// When it is no safetensors file or has no note of this name.
+    pub fn note(origin: &str, bytes: &[u8], name: &str) -> Result<String, WeightsError> {
+        safetensors::note(bytes, name).map_err(|kind| WeightsError::new(origin, kind))
+    }
+
+    /// The tensors whose names begin with `prefix`, without it.
+    pub(crate) fn part(&self, prefix: &str) -> Self {
+        let tensors = self.iter().filter_map(|(name, tensor)| {
+            let rest = name.strip_prefix(prefix)?;
+            Some((rest.to_owned(), tensor.clone()))
+        });
+        Self::sharing(&self.origin, tensors)
     }
 
     /// Takes tensors that are in memory already; `origin` names them in errors.

@@ -1,10 +1,12 @@
 //! Tensors from a safetensors file.
 
+use std::collections::HashMap;
+
 use half::{bf16, f16};
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 
-use super::{RawTensor, WeightsErrorKind};
+use super::{Precision, RawTensor, WeightsErrorKind};
 
 /// Every tensor of the file, its elements as f32.
 pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
@@ -20,20 +22,44 @@ pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErro
         .collect()
 }
 
-/// The tensors as a file of f32.
-pub(super) fn write(tensors: &[(&str, RawTensor)]) -> Result<Vec<u8>, WeightsErrorKind> {
-    let bytes: Vec<Vec<u8>> = tensors
-        .iter()
-        .map(|(_, tensor)| tensor.values.iter().flat_map(|v| v.to_le_bytes()).collect())
-        .collect();
+/// The tensors as a file, with a note by its name in the metadata.
+pub(super) fn write(
+    tensors: &[(&str, RawTensor)],
+    precision: Precision,
+    note: Option<(&str, &str)>,
+) -> Result<Vec<u8>, WeightsErrorKind> {
+    let encode = |values: &[f32]| -> Vec<u8> {
+        match precision {
+            Precision::F32 => values.iter().flat_map(|v| v.to_le_bytes()).collect(),
+            Precision::F16 => values
+                .iter()
+                .flat_map(|&v| f16::from_f32(v).to_le_bytes())
+                .collect(),
+        }
+    };
+    let dtype = match precision {
+        Precision::F32 => Dtype::F32,
+        Precision::F16 => Dtype::F16,
+    };
+    let bytes: Vec<Vec<u8>> = tensors.iter().map(|(_, t)| encode(&t.values)).collect();
     let views = tensors.iter().zip(&bytes).map(|((name, tensor), bytes)| {
-        let view = TensorView::new(Dtype::F32, tensor.shape.clone(), bytes)?;
+        let view = TensorView::new(dtype, tensor.shape.clone(), bytes)?;
         Ok((*name, view))
     });
+    let note = note.map(|(name, text)| HashMap::from([(name.to_owned(), text.to_owned())]));
     views
         .collect::<Result<Vec<_>, SafeTensorError>>()
-        .and_then(|views| safetensors::serialize(views, None))
+        .and_then(|views| safetensors::serialize(views, note))
         .map_err(|error| WeightsErrorKind::Format(format!("cannot be written: {error}")))
+}
+
+/// A note in the metadata.
+pub(super) fn note(bytes: &[u8], name: &str) -> Result<String, WeightsErrorKind> {
+    let (_, header) = SafeTensors::read_metadata(bytes)
+        .map_err(|error| WeightsErrorKind::Format(format!("not a safetensors file: {error}")))?;
+    let note = header.metadata().as_ref().and_then(|all| all.get(name));
+    let missing = || WeightsErrorKind::Format(format!("no {name:?} in the metadata"));
+    note.cloned().ok_or_else(missing)
 }
 
 fn to_f32(name: &str, dtype: Dtype, data: &[u8]) -> Result<Vec<f32>, WeightsErrorKind> {

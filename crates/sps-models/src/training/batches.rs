@@ -1,0 +1,185 @@
+//! The order in which images are shown, and their way to the network.
+
+use std::error::Error as StdError;
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread;
+
+use candle_core::{Device, Tensor};
+use rand::seq::SliceRandom;
+use rayon::prelude::*;
+
+use super::config::Augmentation;
+use super::image::Image;
+use crate::error::{Error, Result};
+use crate::rng::stream;
+
+/// Where training images come from, by index; asked for from several threads at once.
+///
+/// ```
+/// use sps_models::training::{Image, ImageSource};
+///
+/// struct Grey(usize);
+///
+/// impl ImageSource for Grey {
+///     fn image(&self, index: usize) -> Result<Image, Box<dyn std::error::Error + Send + Sync>> {
+///         let value = index as f32 / self.0 as f32;
+///         Ok(Image::new(32, 32, vec![value; 32 * 32 * 3])?)
+///     }
+/// }
+/// ```
+pub trait ImageSource: Sync {
+    /// Decodes or renders an image.
+    ///
+    /// # Errors
+    ///
+    /// When there is no such image, or it cannot be read.
+    fn image(&self, index: usize) -> Result<Image, Box<dyn StdError + Send + Sync>>;
+}
+
+/// Batches made ready while another is trained on.
+const AHEAD: usize = 2;
+
+/// Images of one step.
+pub(super) struct Batch {
+    /// `(images, 3, height, width)`
+    pub(super) tensor: Tensor,
+    pub(super) images: Vec<usize>,
+}
+
+/// The images of an epoch in batches of nearly the same size, of at most `size`.
+pub(super) fn epoch(images: &[usize], size: usize, seed: u64, epoch: usize) -> Vec<Vec<usize>> {
+    let mut order = images.to_vec();
+    order.shuffle(&mut stream(seed, "training/order", epoch as u64));
+    let batches = steps(order.len(), size);
+    let at = |batch: usize| batch * order.len() / batches;
+    let part = |batch| order[at(batch)..at(batch + 1)].to_vec();
+    (0..batches).map(part).collect()
+}
+
+/// Batches in an epoch.
+pub(super) fn steps(images: usize, size: usize) -> usize {
+    images.div_ceil(size).max(1)
+}
+
+/// Hands each batch to `train`, and has the next ones read meanwhile.
+pub(super) fn for_each(
+    source: &dyn ImageSource,
+    batches: &[Vec<usize>],
+    vary: &Vary<'_>,
+    mut train: impl FnMut(Batch) -> Result<()>,
+) -> Result<()> {
+    thread::scope(|scope| {
+        let (ready, batches_ready) = sync_channel(AHEAD - 1);
+        scope.spawn(move || read(source, batches, vary, &ready));
+        batches_ready.iter().try_for_each(|batch| train(batch?))
+    })
+}
+
+/// How an epoch's images are varied.
+pub(super) struct Vary<'a> {
+    pub(super) augmentation: &'a Augmentation,
+    pub(super) seed: u64,
+    pub(super) epoch: usize,
+}
+
+fn read(
+    source: &dyn ImageSource,
+    batches: &[Vec<usize>],
+    vary: &Vary<'_>,
+    ready: &SyncSender<Result<Batch>>,
+) {
+    let purpose = format!("training/augmentation/{}", vary.epoch);
+    for images in batches {
+        let shown = images.par_iter().map(|&index| {
+            let image = image(source, index)?;
+            let mut rng = stream(vary.seed, &purpose, index as u64);
+            Ok(image.varied(vary.augmentation, &mut rng))
+        });
+        let batch = shown
+            .collect::<Result<Vec<Image>>>()
+            .and_then(|shown| stack(&shown, images))
+            .map(|tensor| Batch {
+                tensor,
+                images: images.clone(),
+            });
+        // Nobody listens any more once training has failed.
+        if ready.send(batch).is_err() {
+            return;
+        }
+    }
+}
+
+/// One image, with its index where it cannot be had.
+pub(super) fn image(source: &dyn ImageSource, index: usize) -> Result<Image> {
+    source
+        .image(index)
+        .map_err(|source| Error::Image { index, source })
+}
+
+/// `(images, 3, height, width)` of images of one size.
+pub(super) fn stack(shown: &[Image], indices: &[usize]) -> Result<Tensor> {
+    let (height, width) = shown.first().map_or((0, 0), Image::size);
+    if let Some(at) = shown.iter().position(|i| i.size() != (height, width)) {
+        let (h, w) = shown[at].size();
+        return Err(Error::input(
+            "image size",
+            format_args!("{h} x {w} of image {}", indices[at]),
+            format_args!("{height} x {width}, as of image {}", indices[0]),
+        ));
+    }
+    let values: Vec<f32> = shown.iter().flat_map(Image::pixels).copied().collect();
+    let tensor = Tensor::from_vec(values, (shown.len(), height, width, 3), &Device::Cpu)?;
+    Ok(tensor.permute((0, 3, 1, 2))?.contiguous()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_epoch_shows_every_image_once_in_batches_of_nearly_one_size() {
+        let images: Vec<usize> = (10..47).collect();
+        let batches = epoch(&images, 16, 3, 0);
+        let sizes: Vec<usize> = batches.iter().map(Vec::len).collect();
+        assert_eq!(sizes, [12, 12, 13]);
+        let mut all = batches.concat();
+        assert_ne!(all, images);
+        all.sort_unstable();
+        assert_eq!(all, images);
+        assert_eq!(epoch(&images, 16, 3, 0), batches);
+        assert_ne!(epoch(&images, 16, 3, 1), batches);
+    }
+
+    struct Broken;
+
+    impl ImageSource for Broken {
+        fn image(&self, index: usize) -> Result<Image, Box<dyn StdError + Send + Sync>> {
+            match index {
+                7 => Err("a torn page".into()),
+                _ => Ok(Image::new(2 + index, 3, vec![0.0; (2 + index) * 9])?),
+            }
+        }
+    }
+
+    fn message(batches: &[Vec<usize>]) -> String {
+        let augmentation = Augmentation::default();
+        let vary = Vary {
+            augmentation: &augmentation,
+            seed: 0,
+            epoch: 0,
+        };
+        let error = for_each(&Broken, batches, &vary, |_| Ok(())).unwrap_err();
+        error.to_string()
+    }
+
+    #[test]
+    fn an_image_that_cannot_be_had_is_named() {
+        let message = message(&[vec![1], vec![7], vec![1]]);
+        assert_eq!(message, "image 7: a torn page");
+    }
+
+    #[test]
+    fn images_of_different_sizes_are_named() {
+        assert!(message(&[vec![0, 9]]).contains("image 9"));
+    }
+}

@@ -1,0 +1,198 @@
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::optim::AdamConfig;
+
+/// How an encoder is trained; [`Trainer::new`](super::Trainer::new) checks it.
+///
+/// "Measured" points to `docs/training.md`; the paper prints the epochs and the learning rate
+/// alone (section 4.2).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct TrainingConfig {
+    /// Passes over the training images. Paper, section 4.2: 30.
+    pub epochs: usize,
+    /// Images per step, at most: an epoch is cut into batches of equal size. Measured.
+    pub batch_size: usize,
+    /// The optimiser; its learning rate is the largest of the schedule. Measured.
+    pub adam: AdamConfig,
+    /// Share of all steps over which the learning rate rises from zero; it then falls to zero
+    /// along half a cosine (Loshchilov and Hutter 2017).
+    pub warmup: f64,
+    /// Largest norm of the gradient of all parameters together. Default: none.
+    pub clip_norm: Option<f64>,
+    /// Whether only each block's input is kept for the backward pass: less memory, more time, the
+    /// same bits.
+    pub checkpointing: bool,
+    /// Share of the images that is not trained on and says after each epoch how good the network
+    /// is; the best one is kept. 0: none, and the last one is kept.
+    pub validation: f64,
+    /// Epochs without a better one after which training ends; 0: it never ends early.
+    pub patience: usize,
+    /// How images are varied.
+    pub augmentation: Augmentation,
+}
+
+/// How a training image is varied, each time it is shown.
+///
+/// Nothing here turns or stretches an image, so that it still shows the surface from the same
+/// roll angle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct Augmentation {
+    /// Side of the square that is cut out at random, relative to the image's shorter side; 1 is
+    /// the largest square there is.
+    pub crop: f64,
+    /// Whether half of the images are turned upside down, which maps the roll axis onto itself.
+    pub flip: bool,
+    /// Largest relative change of brightness, of contrast, and of each colour on its own.
+    pub brightness: f64,
+    /// See [`Augmentation::brightness`].
+    pub contrast: f64,
+    /// See [`Augmentation::brightness`].
+    pub colour: f64,
+}
+
+impl Default for TrainingConfig {
+    fn default() -> Self {
+        Self {
+            epochs: 30,
+            batch_size: 16,
+            adam: AdamConfig {
+                learning_rate: 1e-3,
+                ..AdamConfig::default()
+            },
+            warmup: 0.05,
+            clip_norm: None,
+            checkpointing: false,
+            validation: 0.1,
+            patience: 0,
+            augmentation: Augmentation::default(),
+        }
+    }
+}
+
+impl Default for Augmentation {
+    fn default() -> Self {
+        Self {
+            crop: 0.875,
+            flip: true,
+            brightness: 0.2,
+            contrast: 0.2,
+            colour: 0.05,
+        }
+    }
+}
+
+impl TrainingConfig {
+    pub(super) fn check(&self) -> Result<()> {
+        require(self.epochs > 0, "epochs", self.epochs, "at least 1")?;
+        let batch = self.batch_size;
+        require(batch > 1, "batch-size", batch, "at least 2")?;
+        let rate = self.adam.learning_rate;
+        let sensible = rate.is_finite() && rate > 0.0;
+        require(sensible, "adam.learning-rate", rate, "above 0")?;
+        let share = |value: f64| (0.0..1.0).contains(&value);
+        let expected = "at least 0 and below 1";
+        require(share(self.warmup), "warmup", self.warmup, expected)?;
+        let validation = self.validation;
+        require(share(validation), "validation", validation, expected)?;
+        if let Some(norm) = self.clip_norm {
+            let sensible = norm.is_finite() && norm > 0.0;
+            require(sensible, "clip-norm", norm, "above 0")?;
+        }
+        let needs = self.patience == 0 || self.validation > 0.0;
+        let expected = "0 where `validation` is 0";
+        require(needs, "patience", self.patience, expected)?;
+        self.augmentation.check()
+    }
+
+    /// The learning rate of step `step` of `steps`.
+    pub(super) fn learning_rate(&self, step: usize, steps: usize) -> f64 {
+        let largest = self.adam.learning_rate;
+        let warm = self.warmup * steps as f64;
+        let step = step as f64 + 0.5;
+        if step < warm {
+            return largest * step / warm;
+        }
+        let through = ((step - warm) / (steps as f64 - warm)).min(1.0);
+        largest * 0.5 * (1.0 + (std::f64::consts::PI * through).cos())
+    }
+}
+
+impl Augmentation {
+    fn check(&self) -> Result<()> {
+        let crop = self.crop;
+        let sensible = crop > 0.0 && crop <= 1.0;
+        require(sensible, "augmentation.crop", crop, "above 0 and at most 1")?;
+        for (name, value) in [
+            ("augmentation.brightness", self.brightness),
+            ("augmentation.contrast", self.contrast),
+            ("augmentation.colour", self.colour),
+        ] {
+            let sensible = (0.0..1.0).contains(&value);
+            require(sensible, name, value, "at least 0 and below 1")?;
+        }
+        Ok(())
+    }
+}
+
+fn require(
+    holds: bool,
+    what: &'static str,
+    found: impl std::fmt::Display,
+    expected: &str,
+) -> Result<()> {
+    if holds {
+        Ok(())
+    } else {
+        Err(Error::input(what, found, expected))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_learning_rate_rises_and_falls_to_zero() {
+        let config = TrainingConfig {
+            warmup: 0.1,
+            ..TrainingConfig::default()
+        };
+        let rates: Vec<f64> = (0..100).map(|s| config.learning_rate(s, 100)).collect();
+        let peak = rates.iter().copied().fold(0.0, f64::max);
+        assert!((peak - 1e-3).abs() < 1e-5);
+        assert!(rates[..10].is_sorted());
+        assert!(rates[10..].iter().rev().is_sorted());
+        assert!(rates[0] < 1e-4 && rates[99] < 1e-5);
+        // Half of the cosine lies at its middle.
+        assert!((config.learning_rate(54, 100) / 1e-3 - 0.5).abs() < 0.02);
+    }
+
+    #[test]
+    fn each_value_that_cannot_be_meant_is_refused_by_name() {
+        let refused = |change: fn(&mut TrainingConfig), name: &str| {
+            let mut config = TrainingConfig::default();
+            config.check().unwrap();
+            change(&mut config);
+            let message = config.check().unwrap_err().to_string();
+            assert!(message.starts_with(name), "{message}");
+        };
+        refused(|c| c.epochs = 0, "epochs");
+        refused(|c| c.batch_size = 1, "batch-size");
+        refused(|c| c.adam.learning_rate = f64::NAN, "adam.learning-rate");
+        refused(|c| c.warmup = 1.0, "warmup");
+        refused(|c| c.validation = -0.1, "validation");
+        refused(|c| c.clip_norm = Some(0.0), "clip-norm");
+        refused(
+            |c| {
+                c.patience = 3;
+                c.validation = 0.0;
+            },
+            "patience",
+        );
+        refused(|c| c.augmentation.crop = 0.0, "augmentation.crop");
+        refused(|c| c.augmentation.contrast = 1.0, "augmentation.contrast");
+    }
+}

@@ -1,0 +1,51 @@
+//! Training an encoder end to end, on images with values or classes to tell.
+//!
+//! The heads of [`crate::heads`] learn from embeddings that stay as they are. This module changes
+//! the encoder itself: [`Trainer`] puts one linear layer on its embedding and trains both, on
+//! images that are read and varied while the last ones are trained on.
+//!
+//! ```
+//! use candle_core::Device;
+//! use sps_models::encoders::{Encoder, EncoderKind};
+//! use sps_models::training::{Classes, Image, ImageSource, Parts, Targets, Trainer, TrainingConfig};
+//!
+//! /// Black and white squares.
+//! struct Squares;
+//!
+//! impl ImageSource for Squares {
+//!     fn image(&self, index: usize) -> Result<Image, Box<dyn std::error::Error + Send + Sync>> {
+//!         Ok(Image::new(32, 32, vec![(index % 2) as f32; 32 * 32 * 3])?)
+//!     }
+//! }
+//!
+//! let start = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
+//! let targets = Targets {
+//!     values: None,
+//!     classes: Some(Classes { of_image: vec![0, 1, 0, 1], count: 2 }),
+//! };
+//! let parts = Parts { training: vec![0, 1, 2, 3], validation: vec![] };
+//! let config = TrainingConfig { epochs: 1, validation: 0.0, ..TrainingConfig::default() };
+//! let mut trainer = Trainer::new(&start, targets, parts, config, 0)?;
+//! while !trainer.is_finished() {
+//!     trainer.epoch(&Squares, |step| println!("{} of {}", step.number, step.of))?;
+//! }
+//! let trained = trainer.into_encoder()?;
+//! # Ok::<(), sps_models::Error>(())
+//! ```
+
+mod batches;
+mod config;
+mod image;
+mod objective;
+mod state;
+mod targets;
+#[cfg(test)]
+mod tests;
+mod trainer;
+
+pub use batches::ImageSource;
+pub use config::{Augmentation, TrainingConfig};
+pub use image::Image;
+pub use objective::Losses;
+pub use targets::{Classes, Targets};
+pub use trainer::{Epoch, Parts, Step, Trainer};

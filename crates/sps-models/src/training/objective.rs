@@ -1,0 +1,216 @@
+use candle_core::{D, Device, Tensor, Var};
+use candle_nn::ops::log_softmax;
+use rand::Rng;
+use serde::{Deserialize, Serialize};
+
+use super::targets::{Classes, Standard, Targets};
+use crate::data::Readings;
+use crate::error::Result;
+use crate::rng::stream;
+
+/// Linear layers from embedding to values and class scores, and the loss of what they say.
+///
+/// The loss is the mean squared error of the standardised values plus the cross-entropy of the
+/// classes, each a mean over the batch.
+#[derive(Debug)]
+pub(super) struct Objective {
+    values: Option<(Readings, Standard, Layer)>,
+    classes: Option<(Classes, Layer)>,
+}
+
+/// Parts of a loss; their sum is what training makes small.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Losses {
+    /// Mean squared error of the values, in units of their variance in training.
+    pub values: f64,
+    /// Cross-entropy of the classes, in nats.
+    pub classes: f64,
+    /// Share of images whose class has the highest score.
+    pub accuracy: f64,
+}
+
+impl Losses {
+    /// What training makes small.
+    pub fn total(&self) -> f64 {
+        self.values + self.classes
+    }
+
+    pub(super) fn add(&mut self, other: &Self, weight: f64) {
+        self.values += weight * other.values;
+        self.classes += weight * other.classes;
+        self.accuracy += weight * other.accuracy;
+    }
+}
+
+impl Objective {
+    pub(super) fn new(
+        targets: Targets,
+        training: &[usize],
+        width: usize,
+        seed: u64,
+    ) -> Result<Self> {
+        let layer = |name: &'static str, outputs| Layer::new(name, width, outputs, seed);
+        let values = match targets.values {
+            Some(readings) => {
+                let layer = layer("values", readings.properties().len())?;
+                let standard = Standard::of(&readings, training);
+                Some((readings, standard, layer))
+            }
+            None => None,
+        };
+        let classes = match targets.classes {
+            Some(classes) => {
+                let layer = layer("classes", classes.count as usize)?;
+                Some((classes, layer))
+            }
+            None => None,
+        };
+        Ok(Self { values, classes })
+    }
+
+    /// The layers' parameters, by name.
+    pub(super) fn parameters(&self) -> impl Iterator<Item = (String, &Var)> {
+        let values = self.values.iter().map(|(_, _, layer)| layer);
+        let classes = self.classes.iter().map(|(_, layer)| layer);
+        values.chain(classes).flat_map(Layer::parameters)
+    }
+
+    /// The loss of `embeddings`, `(images, width)`, of the given images: as a tensor to
+    /// differentiate, and its parts as numbers.
+    pub(super) fn loss(&self, embeddings: &Tensor, images: &[usize]) -> Result<(Tensor, Losses)> {
+        let mut losses = Losses::default();
+        let mut total = Tensor::zeros((), embeddings.dtype(), embeddings.device())?;
+        if let Some((readings, standard, layer)) = &self.values {
+            let (values, present) = standard.tensors(readings, images)?;
+            let error = layer.apply(embeddings)?.sub(&values)?;
+            let count = present.sum_all()?.to_scalar::<f32>()?.max(1.0);
+            let squares = (error.sqr()? * present)?;
+            let loss = (squares.sum_all()? / f64::from(count))?;
+            losses.values = f64::from(loss.to_scalar::<f32>()?);
+            total = (total + loss)?;
+        }
+        if let Some((classes, layer)) = &self.classes {
+            let labels: Vec<u32> = images.iter().map(|&i| classes.of_image[i]).collect();
+            let labels = Tensor::new(labels, embeddings.device())?;
+            let scores = layer.apply(embeddings)?;
+            let best = scores.detach().argmax(D::Minus1)?;
+            let right = best.eq(&labels)?.to_dtype(embeddings.dtype())?;
+            losses.accuracy = f64::from(right.mean_all()?.to_scalar::<f32>()?);
+            let own = log_softmax(&scores, D::Minus1)?.gather(&labels.unsqueeze(1)?, 1)?;
+            let loss = own.mean_all()?.neg()?;
+            losses.classes = f64::from(loss.to_scalar::<f32>()?);
+            total = (total + loss)?;
+        }
+        Ok((total, losses))
+    }
+}
+
+/// `x W^T + b`.
+#[derive(Debug)]
+struct Layer {
+    name: &'static str,
+    weight: Var,
+    bias: Var,
+}
+
+impl Layer {
+    /// Filled as PyTorch fills a linear layer: uniformly within 1 / sqrt(width).
+    fn new(name: &'static str, width: usize, outputs: usize, seed: u64) -> Result<Self> {
+        let bound = 1.0 / (width as f32).sqrt();
+        let draw = |leaf: &str, shape: &[usize]| {
+            let mut rng = stream(seed, &format!("training/init/{name}.{leaf}"), 0);
+            let values = (0..shape.iter().product()).map(|_| rng.random_range(-bound..bound));
+            let values = Tensor::from_vec(values.collect::<Vec<f32>>(), shape, &Device::Cpu)?;
+            Var::from_tensor(&values)
+        };
+        Ok(Self {
+            name,
+            weight: draw("weight", &[outputs, width])?,
+            bias: draw("bias", &[outputs])?,
+        })
+    }
+
+    fn parameters(&self) -> [(String, &Var); 2] {
+        let name = |leaf: &str| format!("{}.{leaf}", self.name);
+        [(name("weight"), &self.weight), (name("bias"), &self.bias)]
+    }
+
+    fn apply(&self, x: &Tensor) -> Result<Tensor> {
+        let products = x.matmul(&self.weight.as_tensor().t()?)?;
+        Ok(products.broadcast_add(self.bias.as_tensor())?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn targets() -> Targets {
+        let rows = [
+            vec![Some(1.0), Some(10.0)],
+            vec![Some(3.0), None],
+            vec![Some(5.0), Some(30.0)],
+        ];
+        let names = vec!["a".to_owned(), "b".to_owned()];
+        Targets {
+            values: Some(Readings::new(names, &rows).unwrap()),
+            classes: Some(Classes {
+                of_image: vec![0, 1, 1],
+                count: 2,
+            }),
+        }
+    }
+
+    #[test]
+    fn the_loss_is_that_of_its_definition() {
+        let objective = Objective::new(targets(), &[0, 1, 2], 2, 0).unwrap();
+        for (name, var) in objective.parameters() {
+            let zero = var.zeros_like().unwrap();
+            // Class 1 scores ln 3 above class 0 everywhere; values are estimated as the mean.
+            let value = if name == "classes.bias" {
+                Tensor::new(&[0.0f32, 3f32.ln()], &Device::Cpu).unwrap()
+            } else {
+                zero
+            };
+            var.set(&value).unwrap();
+        }
+        let embeddings = Tensor::zeros((3, 2), candle_core::DType::F32, &Device::Cpu).unwrap();
+        let (loss, parts) = objective.loss(&embeddings, &[0, 1, 2]).unwrap();
+        // Column a: standardised to -1.2247, 0, 1.2247; column b to -1, -, 1; five values.
+        let values = (1.5 + 1.5 + 1.0 + 1.0) / 5.0;
+        let classes = (4f64.ln() + 2.0 * (4.0f64 / 3.0).ln()) / 3.0;
+        assert!((parts.values - values).abs() < 1e-6, "{parts:?}");
+        assert!((parts.classes - classes).abs() < 1e-6, "{parts:?}");
+        assert!((parts.accuracy - 2.0 / 3.0).abs() < 1e-6, "{parts:?}");
+        let total = f64::from(loss.to_scalar::<f32>().unwrap());
+        assert!((total - parts.total()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn every_parameter_receives_a_gradient() {
+        let objective = Objective::new(targets(), &[0, 1, 2], 4, 0).unwrap();
+        let embeddings = Tensor::ones((3, 4), candle_core::DType::F32, &Device::Cpu).unwrap();
+        let (loss, _) = objective.loss(&embeddings, &[0, 1, 2]).unwrap();
+        let gradients = loss.backward().unwrap();
+        for (name, var) in objective.parameters() {
+            let gradient = gradients.get(var).unwrap().abs().unwrap();
+            let sum = gradient.sum_all().unwrap().to_scalar::<f32>().unwrap();
+            assert!(sum > 0.0, "{name}");
+        }
+    }
+
+    #[test]
+    fn hard_cases_class_scores_of_1e4_stay_finite() {
+        let objective = Objective::new(targets(), &[0, 1, 2], 2, 0).unwrap();
+        let embeddings = Tensor::full(1e4f32, (3, 2), &Device::Cpu).unwrap();
+        let (loss, parts) = objective.loss(&embeddings, &[0, 1, 2]).unwrap();
+        assert!(parts.total().is_finite());
+        let gradients = loss.backward().unwrap();
+        for (name, var) in objective.parameters() {
+            let gradient = gradients.get(var).unwrap().flatten_all().unwrap();
+            let gradient = gradient.to_vec1::<f32>().unwrap();
+            assert!(gradient.iter().all(|g| g.is_finite()), "{name}");
+        }
+    }
+}

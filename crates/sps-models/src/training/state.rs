@@ -1,0 +1,111 @@
+//! A training that was stopped, as safetensors: `encoder/..`, `objective/..`, `adam/..` and, where
+//! there is one, `best/..`; the metadata hold the config and the epochs so far.
+
+use candle_core::Device;
+use serde::{Deserialize, Serialize};
+
+use super::config::TrainingConfig;
+use super::targets::Targets;
+use super::trainer::{Best, Epoch, Parts, Trainer};
+use crate::encoders::{Encoder, EncoderKind};
+use crate::error::{Error, Result};
+use crate::weights::{Precision, Weights};
+
+const KEY: &str = "sps-training";
+const FORMAT: u32 = 1;
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct Metadata {
+    format: u32,
+    encoder: String,
+    config: TrainingConfig,
+    seed: u64,
+    steps: u32,
+    history: Vec<Epoch>,
+    best: Option<(usize, f64)>,
+}
+
+impl Trainer {
+    /// Everything that the next epoch depends on, as the content of a safetensors file.
+    ///
+    /// # Errors
+    ///
+    /// When a weight is no longer finite.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        let metadata = Metadata {
+            format: FORMAT,
+            encoder: self.encoder.kind().to_string(),
+            config: self.config.clone(),
+            seed: self.seed,
+            steps: self.adam.steps(),
+            history: self.history.clone(),
+            best: self.best.as_ref().map(|best| (best.epoch, best.loss)),
+        };
+        let metadata = serde_json::to_string(&metadata)
+            .map_err(|error| Error::input("training state", error, "numbers that JSON has"))?;
+        let mut tensors = Vec::new();
+        let encoder = self.encoder.weights()?;
+        let parts = [
+            ("encoder", Some(&encoder)),
+            ("best", self.best.as_ref().map(|b| &b.weights)),
+        ];
+        for (part, weights) in parts {
+            let weights = weights.iter().flat_map(|weights| weights.iter());
+            tensors.extend(weights.map(|(name, t)| (format!("{part}/{name}"), t.clone())));
+        }
+        for (name, variable) in self.objective.parameters() {
+            tensors.push((format!("objective/{name}"), variable.as_tensor().clone()));
+        }
+        for (index, (mean, square)) in self.adam.moments()?.into_iter().enumerate() {
+            tensors.push((format!("adam/{index}/mean"), mean));
+            tensors.push((format!("adam/{index}/square"), square));
+        }
+        let tensors = Weights::from_tensors("training state", tensors)?;
+        Ok(tensors.to_bytes_as(Precision::F32, Some((KEY, &metadata)))?)
+    }
+
+    /// Goes on from what [`Trainer::to_bytes`] gave, with the targets, parts, config and seed that
+    /// training began with; `name` stands for the bytes in errors.
+    ///
+    /// # Errors
+    ///
+    /// Bytes that are no such state, or one of another training.
+    pub fn resume(
+        name: &str,
+        bytes: &[u8],
+        targets: Targets,
+        parts: Parts,
+        config: TrainingConfig,
+        seed: u64,
+    ) -> Result<Self> {
+        let metadata = Weights::note(name, bytes, KEY)?;
+        let metadata: Metadata = serde_json::from_str(&metadata)
+            .map_err(|error| Error::input("training state", error, "valid metadata"))?;
+        let same = (FORMAT, &config, seed) == (metadata.format, &metadata.config, metadata.seed);
+        if !same {
+            let expected = "a state of this format, config and seed";
+            return Err(Error::input("training state", name, expected));
+        }
+        let tensors = Weights::from_bytes(name, bytes)?;
+        let kind: EncoderKind = metadata.encoder.parse()?;
+        let encoder = Encoder::new(kind, tensors.part("encoder/"), &Device::Cpu)?;
+        let mut trainer = Self::new(&encoder, targets, parts, config, seed)?;
+        let layers = tensors.part("objective/");
+        for (name, variable) in trainer.objective.parameters() {
+            variable.set(layers.get(&name)?)?;
+        }
+        let moments = tensors.part("adam/");
+        trainer.adam.restore(metadata.steps, |index| {
+            let mean = moments.get(&format!("{index}/mean"))?.clone();
+            Ok((mean, moments.get(&format!("{index}/square"))?.clone()))
+        })?;
+        trainer.best = metadata.best.map(|(epoch, loss)| Best {
+            epoch,
+            loss,
+            weights: tensors.part("best/"),
+        });
+        trainer.history = metadata.history;
+        Ok(trainer)
+    }
+}

@@ -1,0 +1,227 @@
+//! Whole trainings on small images.
+
+use std::error::Error as StdError;
+
+use candle_core::Device;
+
+use super::*;
+use crate::data::Readings;
+use crate::encoders::{Encoder, EncoderKind};
+use crate::error::Result;
+use crate::rng::stream;
+use rand::Rng;
+
+/// Stripes: even images are striped along, odd ones across; brightness is the value.
+struct Stripes {
+    brightness: Vec<f64>,
+}
+
+impl Stripes {
+    fn new(count: usize) -> Self {
+        let mut rng = stream(1, "stripes", 0);
+        let brightness = (0..count).map(|_| rng.random_range(0.3..0.9)).collect();
+        Self { brightness }
+    }
+
+    fn targets(&self) -> Targets {
+        let rows: Vec<_> = self.brightness.iter().map(|&b| vec![Some(b)]).collect();
+        Targets {
+            values: Some(Readings::new(vec!["brightness".into()], &rows).unwrap()),
+            classes: Some(Classes {
+                of_image: (0..rows.len() as u32).map(|i| i % 2).collect(),
+                count: 2,
+            }),
+        }
+    }
+
+    fn parts(&self) -> Parts {
+        let count = self.brightness.len();
+        Parts {
+            training: (0..count - 8).collect(),
+            validation: (count - 8..count).collect(),
+        }
+    }
+}
+
+impl ImageSource for Stripes {
+    fn image(&self, index: usize) -> Result<Image, Box<dyn StdError + Send + Sync>> {
+        const SIDE: usize = 32;
+        let bright = self.brightness[index] as f32;
+        let pixels = (0..SIDE * SIDE).flat_map(|at| {
+            let along = if index.is_multiple_of(2) {
+                at / SIDE
+            } else {
+                at % SIDE
+            };
+            [bright * if along / 4 % 2 == 0 { 1.0 } else { 0.5 }; 3]
+        });
+        Ok(Image::new(SIDE, SIDE, pixels.collect())?)
+    }
+}
+
+fn config() -> TrainingConfig {
+    TrainingConfig {
+        epochs: 12,
+        batch_size: 8,
+        clip_norm: Some(5.0),
+        augmentation: Augmentation {
+            brightness: 0.0,
+            contrast: 0.0,
+            colour: 0.0,
+            ..Augmentation::default()
+        },
+        ..TrainingConfig::default()
+    }
+}
+
+fn start() -> Encoder {
+    Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu).unwrap()
+}
+
+fn trainer(stripes: &Stripes) -> Trainer {
+    Trainer::new(&start(), stripes.targets(), stripes.parts(), config(), 5).unwrap()
+}
+
+fn bytes(trainer: Trainer) -> Vec<u8> {
+    trainer
+        .into_encoder()
+        .unwrap()
+        .weights()
+        .to_bytes()
+        .unwrap()
+}
+
+#[test]
+fn an_encoder_learns_what_its_images_show() {
+    let stripes = Stripes::new(64);
+    let mut trainer = trainer(&stripes);
+    while !trainer.is_finished() {
+        trainer.epoch(&stripes, |_| ()).unwrap();
+    }
+    let (first, last) = (&trainer.history()[0], &trainer.history()[11]);
+    assert!(last.training.total() < 0.5 * first.training.total());
+    let validation = last.validation.unwrap();
+    assert!(validation.accuracy > 0.9, "{validation:?}");
+}
+
+#[test]
+fn a_training_that_was_stopped_ends_with_the_same_bits() {
+    let stripes = Stripes::new(40);
+    let through = {
+        let mut trainer = trainer(&stripes);
+        for _ in 0..3 {
+            trainer.epoch(&stripes, |_| ()).unwrap();
+        }
+        (
+            trainer.history().to_vec(),
+            trainer.to_bytes().unwrap(),
+            bytes(trainer),
+        )
+    };
+    let stopped = {
+        let mut trainer = trainer(&stripes);
+        trainer.epoch(&stripes, |_| ()).unwrap();
+        let state = trainer.to_bytes().unwrap();
+        let (targets, parts) = (stripes.targets(), stripes.parts());
+        let mut trainer = Trainer::resume("a state", &state, targets, parts, config(), 5).unwrap();
+        for _ in 0..2 {
+            trainer.epoch(&stripes, |_| ()).unwrap();
+        }
+        (
+            trainer.history().to_vec(),
+            trainer.to_bytes().unwrap(),
+            bytes(trainer),
+        )
+    };
+    assert!(through == stopped);
+}
+
+#[test]
+fn a_state_of_another_training_is_refused() {
+    let stripes = Stripes::new(24);
+    let mut trainer = trainer(&stripes);
+    trainer.epoch(&stripes, |_| ()).unwrap();
+    let state = trainer.to_bytes().unwrap();
+    let resume = |state: &[u8], seed| {
+        let (targets, parts) = (stripes.targets(), stripes.parts());
+        Trainer::resume("a state", state, targets, parts, config(), seed)
+    };
+    assert!(resume(&state, 5).is_ok());
+    assert!(resume(&state, 6).is_err());
+    assert!(resume(&state[..state.len() / 2], 5).is_err());
+    assert!(resume(b"nothing", 5).is_err());
+}
+
+#[test]
+fn checkpointing_and_threads_change_no_bit() {
+    let stripes = Stripes::new(24);
+    let run = |checkpointing, threads| {
+        let config = TrainingConfig {
+            checkpointing,
+            ..config()
+        };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        pool.build().unwrap().install(|| {
+            let (targets, parts) = (stripes.targets(), stripes.parts());
+            let mut trainer = Trainer::new(&start(), targets, parts, config, 5).unwrap();
+            trainer.epoch(&stripes, |_| ()).unwrap();
+            bytes(trainer)
+        })
+    };
+    let once = run(false, 1);
+    assert!(once == run(true, 1));
+    assert!(once == run(false, 3));
+}
+
+#[test]
+fn patience_ends_training_and_the_best_network_is_kept() {
+    let stripes = Stripes::new(24);
+    let config = TrainingConfig {
+        patience: 2,
+        epochs: 200,
+        ..config()
+    };
+    let (targets, parts) = (stripes.targets(), stripes.parts());
+    let mut trainer = Trainer::new(&start(), targets, parts, config, 5).unwrap();
+    let mut best = None;
+    while !trainer.is_finished() {
+        let epoch = trainer.epoch(&stripes, |_| ()).unwrap();
+        if epoch.best {
+            let weights = trainer.encoder.weights().unwrap();
+            best = Some((trainer.history().len(), weights.to_bytes().unwrap()));
+        }
+    }
+    let (number, best) = best.unwrap();
+    assert_eq!(trainer.history().len(), number + 2);
+    assert!(bytes(trainer) == best);
+}
+
+#[test]
+fn targets_that_do_not_fit_are_refused() {
+    let stripes = Stripes::new(24);
+    let refused = |targets: Targets, parts: Parts| {
+        let error = Trainer::new(&start(), targets, parts, config(), 0).unwrap_err();
+        error.to_string()
+    };
+    let none = Targets {
+        values: None,
+        classes: None,
+    };
+    assert!(refused(none, stripes.parts()).contains("values or classes"));
+    let mut short = stripes.targets();
+    short.classes.as_mut().unwrap().of_image.pop();
+    assert!(refused(short, stripes.parts()).contains("23"));
+    let mut wild = stripes.targets();
+    wild.classes.as_mut().unwrap().of_image[3] = 2;
+    assert!(refused(wild, stripes.parts()).contains("below 2"));
+    let outside = Parts {
+        training: vec![0, 24],
+        validation: vec![],
+    };
+    assert!(refused(stripes.targets(), outside).contains("24"));
+    let empty = Parts {
+        training: vec![],
+        validation: vec![0],
+    };
+    assert!(refused(stripes.targets(), empty).contains("at least 2"));
+}

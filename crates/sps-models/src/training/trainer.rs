@@ -1,0 +1,296 @@
+use candle_core::{Tensor, Var};
+use serde::{Deserialize, Serialize};
+
+use super::batches::{self, Batch, ImageSource, Vary};
+use super::config::TrainingConfig;
+use super::objective::{Losses, Objective};
+use super::targets::Targets;
+use crate::encoders::{Encoder, TrainableEncoder};
+use crate::error::{Error, Result};
+use crate::optim::{Adam, clip_scales, squared_norms};
+use crate::weights::Weights;
+
+/// Which images are trained on, and which say how good the network is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Parts {
+    /// Trained on.
+    pub training: Vec<usize>,
+    /// Never trained on; may be empty.
+    pub validation: Vec<usize>,
+}
+
+/// Trains an encoder to say values or classes of its images, an epoch at a time.
+///
+/// Everything that happens is a function of the encoder, the images, the config and the seed, to
+/// the last bit: also where training is stopped after any epoch and goes on from
+/// [`Trainer::to_bytes`], and for any number of threads.
+#[derive(Debug)]
+pub struct Trainer {
+    pub(super) config: TrainingConfig,
+    pub(super) seed: u64,
+    pub(super) encoder: TrainableEncoder,
+    pub(super) objective: Objective,
+    pub(super) adam: Adam,
+    parts: Parts,
+    pub(super) history: Vec<Epoch>,
+    pub(super) best: Option<Best>,
+}
+
+/// The best network so far.
+#[derive(Debug)]
+pub(super) struct Best {
+    pub(super) epoch: usize,
+    pub(super) loss: f64,
+    pub(super) weights: Weights,
+}
+
+/// What an epoch did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Epoch {
+    /// Counted from 1.
+    pub number: usize,
+    /// Steps since training began.
+    pub steps: usize,
+    /// Of the last step.
+    pub learning_rate: f64,
+    /// Mean over the epoch's images, each as the network was when it saw them.
+    pub training: Losses,
+    /// Of the validation images, not varied, after the epoch.
+    pub validation: Option<Losses>,
+    /// Whether it is the best so far.
+    pub best: bool,
+}
+
+/// A step that was made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Counted from 1, since training began.
+    pub number: usize,
+    /// Steps of the whole training, should it not end early.
+    pub of: usize,
+    /// Images of the step.
+    pub images: usize,
+    /// Its learning rate.
+    pub learning_rate: f64,
+    /// Norm of the gradient of all parameters together, before clipping.
+    pub gradient_norm: f64,
+    /// What the loss was.
+    pub losses: Losses,
+}
+
+impl Trainer {
+    /// Begins to train a copy of `encoder` on images with the given targets.
+    ///
+    /// # Errors
+    ///
+    /// A config that cannot be meant, targets that do not fit the images, an empty training part.
+    pub fn new(
+        encoder: &Encoder,
+        targets: Targets,
+        parts: Parts,
+        config: TrainingConfig,
+        seed: u64,
+    ) -> Result<Self> {
+        config.check()?;
+        check(&targets, &parts)?;
+        let encoder = TrainableEncoder::new(encoder)?.with_checkpointing(config.checkpointing);
+        let width = encoder.kind().width();
+        let objective = Objective::new(targets, &parts.training, width, seed)?;
+        let adam = Adam::new(config.adam.clone(), parameters(&encoder, &objective))?;
+        Ok(Self {
+            config,
+            seed,
+            encoder,
+            objective,
+            adam,
+            parts,
+            history: Vec::new(),
+            best: None,
+        })
+    }
+
+    /// The epochs that were trained.
+    pub fn history(&self) -> &[Epoch] {
+        &self.history
+    }
+
+    /// Whether all epochs were trained, or patience is at its end.
+    pub fn is_finished(&self) -> bool {
+        let done = self.history.len();
+        let patience = self.config.patience;
+        let waited = self.best.as_ref().map_or(0, |best| done - best.epoch);
+        done >= self.config.epochs || (patience > 0 && waited >= patience)
+    }
+
+    /// Trains one epoch; `observe` sees each step.
+    ///
+    /// # Errors
+    ///
+    /// An image that cannot be had or is of another size than its batch; a loss that is no longer
+    /// finite.
+    pub fn epoch(
+        &mut self,
+        source: &dyn ImageSource,
+        mut observe: impl FnMut(&Step),
+    ) -> Result<&Epoch> {
+        let epoch = self.history.len();
+        let size = self.config.batch_size;
+        let batches = batches::epoch(&self.parts.training, size, self.seed, epoch);
+        let augmentation = self.config.augmentation;
+        let vary = Vary {
+            augmentation: &augmentation,
+            seed: self.seed,
+            epoch,
+        };
+        let mut number = epoch * batches.len();
+        let mut training = Losses::default();
+        batches::for_each(source, &batches, &vary, |batch| {
+            let images = batch.images.len();
+            let step = self.step(batch, number)?;
+            let weight = images as f64 / self.parts.training.len() as f64;
+            training.add(&step.losses, weight);
+            number = step.number;
+            observe(&step);
+            Ok(())
+        })?;
+        let validation = self.validate(source)?;
+        let best = self.keep_if_best(validation)?;
+        self.history.push(Epoch {
+            number: epoch + 1,
+            steps: number,
+            learning_rate: self.config.learning_rate(number - 1, self.steps()),
+            training,
+            validation,
+            best,
+        });
+        Ok(&self.history[epoch])
+    }
+
+    /// The network: the best on the validation images, or the last where there are none.
+    ///
+    /// # Errors
+    ///
+    /// When a weight is no longer finite.
+    pub fn into_encoder(self) -> Result<Encoder> {
+        match self.best {
+            Some(best) => {
+                let device = candle_core::Device::Cpu;
+                Encoder::new(self.encoder.kind(), best.weights, &device)
+            }
+            None => self.encoder.encoder(),
+        }
+    }
+
+    /// Steps of the whole training.
+    fn steps(&self) -> usize {
+        let images = self.parts.training.len();
+        self.config.epochs * batches::steps(images, self.config.batch_size)
+    }
+
+    fn step(&mut self, batch: Batch, done: usize) -> Result<Step> {
+        let Batch { tensor, images } = batch;
+        let embeddings = self.encoder.forward(&tensor)?;
+        let (loss, losses) = self.objective.loss(&embeddings, &images)?;
+        if !losses.total().is_finite() {
+            let expected = "a finite loss; a smaller learning rate may help";
+            return Err(Error::input("loss", losses.total(), expected));
+        }
+        let store = self.encoder.backward(&loss)?;
+        let parameters = parameters(&self.encoder, &self.objective);
+        let gradients: Vec<Tensor> = parameters
+            .map(|parameter| match store.get(&parameter) {
+                Some(gradient) => Ok(gradient.clone()),
+                None => parameter.zeros_like(),
+            })
+            .collect::<Result<_, _>>()?;
+        let (gradients, gradient_norm) = self.clipped(gradients)?;
+        let learning_rate = self.config.learning_rate(done, self.steps());
+        self.adam.set_learning_rate(learning_rate);
+        self.adam.step(&gradients, &[])?;
+        Ok(Step {
+            number: done + 1,
+            of: self.steps(),
+            images: images.len(),
+            learning_rate,
+            gradient_norm,
+            losses,
+        })
+    }
+
+    /// The gradients, no longer than asked for, and how long they were.
+    fn clipped(&self, gradients: Vec<Tensor>) -> Result<(Vec<Tensor>, f64)> {
+        let mut square = [0.0];
+        for gradient in &gradients {
+            squared_norms(gradient, &mut square)?;
+        }
+        let norm = square[0].sqrt();
+        let Some(largest) = self.config.clip_norm.filter(|&largest| norm > largest) else {
+            return Ok((gradients, norm));
+        };
+        let scale = clip_scales(&square, largest)[0];
+        let scaled = gradients.iter().map(|gradient| gradient * scale);
+        Ok((scaled.collect::<Result<_, _>>()?, norm))
+    }
+
+    /// The losses of the validation images, as the network would embed them in use.
+    fn validate(&self, source: &dyn ImageSource) -> Result<Option<Losses>> {
+        let images = &self.parts.validation;
+        if images.is_empty() {
+            return Ok(None);
+        }
+        let encoder = self.encoder.encoder()?;
+        let embed = |&index: &usize| {
+            let image = batches::image(source, index)?;
+            encoder.embed(&batches::stack(&[image], &[index])?)
+        };
+        let embeddings: Vec<Tensor> = images.iter().map(embed).collect::<Result<_>>()?;
+        let (_, losses) = self
+            .objective
+            .loss(&Tensor::cat(&embeddings, 0)?.detach(), images)?;
+        Ok(Some(losses))
+    }
+
+    fn keep_if_best(&mut self, validation: Option<Losses>) -> Result<bool> {
+        let Some(losses) = validation else {
+            return Ok(false);
+        };
+        let loss = losses.total();
+        if self.best.as_ref().is_some_and(|best| best.loss <= loss) {
+            return Ok(false);
+        }
+        self.best = Some(Best {
+            epoch: self.history.len() + 1,
+            loss,
+            weights: self.encoder.weights()?,
+        });
+        Ok(true)
+    }
+}
+
+/// What training changes, in an order that never differs.
+fn parameters(encoder: &TrainableEncoder, objective: &Objective) -> impl Iterator<Item = Var> {
+    let encoder = encoder.variables().map(|(_, variable)| variable.clone());
+    let objective = objective.parameters().map(|(_, variable)| variable.clone());
+    encoder.chain(objective).collect::<Vec<_>>().into_iter()
+}
+
+fn check(targets: &Targets, parts: &Parts) -> Result<()> {
+    let rows = targets.values.as_ref().map(crate::data::Readings::surfaces);
+    let labels = targets
+        .classes
+        .as_ref()
+        .map(|classes| classes.of_image.len());
+    let count = rows.or(labels).unwrap_or(0);
+    targets.check(count)?;
+    if parts.training.len() < 2 {
+        let found = parts.training.len();
+        return Err(Error::input("training images", found, "at least 2"));
+    }
+    let all = parts.training.iter().chain(&parts.validation);
+    if let Some(image) = all.max().filter(|&&image| image >= count) {
+        let expected = format_args!("below {count}, the number of targets");
+        return Err(Error::input("image", image, expected));
+    }
+    Ok(())
+}

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 fn main() -> io::Result<()> {
     let mut files = vec![PathBuf::from("../Cargo.lock")];
-    for folder in ["../crates", "src/run"] {
+    for folder in ["../crates", "src/run", "src/training"] {
         println!("cargo::rerun-if-changed={folder}");
         collect(Path::new(folder), &mut files)?;
     }

@@ -12,6 +12,7 @@ mod progress;
 mod report;
 mod results;
 mod run;
+mod training;
 
 use std::process::ExitCode;
 
@@ -35,6 +36,7 @@ enum Command {
     Simulate(cmd::simulate::Args),
     Inspect(cmd::inspect::Args),
     Embed(cmd::embed::Args),
+    Pretrain(cmd::pretrain::Args),
     Train(cmd::train::Args),
     Predict(cmd::predict::Args),
     Report(cmd::report::Args),
@@ -48,6 +50,7 @@ fn main() -> ExitCode {
         Command::Simulate(args) => cmd::simulate::run(&args),
         Command::Inspect(args) => cmd::inspect::run(&args),
         Command::Embed(args) => cmd::embed::run(&args),
+        Command::Pretrain(args) => cmd::pretrain::run(&args),
         Command::Train(args) => cmd::train::run(&args),
         Command::Predict(args) => cmd::predict::run(&args),
         Command::Report(args) => cmd::report::run(&args),

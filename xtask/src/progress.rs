@@ -20,6 +20,11 @@ pub(crate) struct Progress {
 impl Progress {
     /// Starts counting `total` of `what`, for example `frames encoded`.
     pub(crate) fn new(what: &str, total: usize) -> Self {
+        Self::resumed(what, 0, total)
+    }
+
+    /// Goes on counting where `done` were done before.
+    pub(crate) fn resumed(what: &str, done: usize, total: usize) -> Self {
         let style = ProgressStyle::with_template(
             "{msg} {wide_bar} {human_pos}/{human_len}, {per_sec}, {eta} left",
         )
@@ -27,6 +32,8 @@ impl Progress {
         let bar = ProgressBar::new(total as u64)
             .with_style(style)
             .with_message(what.to_owned());
+        bar.set_position(done as u64);
+        bar.reset_eta();
         let next_line =
             (!std::io::stderr().is_terminal()).then(|| Mutex::new(Instant::now() + BETWEEN_LINES));
         Self {
@@ -34,6 +41,11 @@ impl Progress {
             what: what.to_owned(),
             next_line,
         }
+    }
+
+    /// Says more about what is done now, for example the loss.
+    pub(crate) fn say(&self, more: &str) {
+        self.bar.set_message(format!("{}, {more}", self.what));
     }
 
     /// Counts `done` more.
@@ -50,7 +62,7 @@ impl Progress {
             *next = now + BETWEEN_LINES;
             info!(
                 "{}: {} of {}, {} s left",
-                self.what,
+                self.bar.message(),
                 self.bar.position(),
                 self.bar.length().unwrap_or_default(),
                 self.bar.eta().as_secs()

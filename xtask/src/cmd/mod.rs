@@ -4,6 +4,7 @@ pub(crate) mod embed;
 pub(crate) mod experiment;
 pub(crate) mod inspect;
 pub(crate) mod predict;
+pub(crate) mod pretrain;
 pub(crate) mod report;
 pub(crate) mod simulate;
 pub(crate) mod train;

@@ -2,7 +2,9 @@
 
 mod experiment;
 mod locate;
+mod pretrain;
 mod schema;
 
 pub(crate) use experiment::{DataSpec, EncoderSpec, Estimator, Experiment, Method, WeightsSpec};
 pub(crate) use locate::Setting;
+pub(crate) use pretrain::Pretraining;

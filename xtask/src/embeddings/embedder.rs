@@ -56,7 +56,7 @@ impl Embedder {
     /// Embeds frames in the order given: (frames, width), row-major.
     pub(crate) fn embed(&self, frames: &[Frame]) -> Result<Vec<f32>> {
         let mut by_size: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
-        let prepared = frames.iter().map(|frame| self.prepare(frame));
+        let prepared = frames.iter().map(|frame| prepare(frame, self.resize));
         let prepared = prepared.collect::<Result<Vec<_>>>()?;
         for (index, frame) in prepared.iter().enumerate() {
             let size = (frame.height, frame.width);
@@ -84,19 +84,19 @@ impl Embedder {
         );
         Ok(values)
     }
+}
 
-    /// The frame as the encoder takes it.
-    fn prepare<'f>(&self, frame: &'f Frame) -> Result<Cow<'f, Frame>> {
-        let shorter = frame.width.min(frame.height);
-        match self.resize {
-            Some(wanted) if wanted != shorter => {
-                let scale = wanted as f64 / shorter as f64;
-                let side = |length: usize| ((length as f64 * scale).round() as usize).max(1);
-                let (width, height) = (side(frame.width), side(frame.height));
-                Ok(Cow::Owned(resized(frame, width, height)?))
-            }
-            _ => Ok(Cow::Borrowed(frame)),
+/// The frame as an encoder takes it: its shorter side brought to `resize` pixels.
+pub(crate) fn prepare(frame: &Frame, resize: Option<usize>) -> Result<Cow<'_, Frame>> {
+    let shorter = frame.width.min(frame.height);
+    match resize {
+        Some(wanted) if wanted != shorter => {
+            let scale = wanted as f64 / shorter as f64;
+            let side = |length: usize| ((length as f64 * scale).round() as usize).max(1);
+            let (width, height) = (side(frame.width), side(frame.height));
+            Ok(Cow::Owned(resized(frame, width, height)?))
         }
+        _ => Ok(Cow::Borrowed(frame)),
     }
 }
 

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use sps_dataset::{Frame, FrameKey, Source};
 
 pub(crate) use cache::EmbeddingCache;
-pub(crate) use embedder::Embedder;
+pub(crate) use embedder::{Embedder, prepare};
 use segment::Segment;
 
 use crate::progress::Progress;

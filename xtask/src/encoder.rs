@@ -5,7 +5,6 @@ use candle_core::Device;
 use sps_models::encoders::Encoder;
 
 use crate::config::{EncoderSpec, WeightsSpec};
-use crate::embeddings::Embedder;
 
 /// Loads the encoder; `seed` draws the weights where they are to be untrained.
 pub(crate) fn load(spec: &EncoderSpec, seed: u64) -> Result<Encoder> {
@@ -16,19 +15,19 @@ pub(crate) fn load(spec: &EncoderSpec, seed: u64) -> Result<Encoder> {
     })
 }
 
-/// The encoder together with the way frames are prepared for it.
-pub(crate) fn embedder(spec: &EncoderSpec, seed: u64) -> Result<Embedder> {
-    Embedder::new(load(spec, seed)?, spec.resize)
-}
-
 /// The encoder in words, for reports.
 pub(crate) fn describe(spec: &EncoderSpec) -> String {
-    match &spec.weights {
-        WeightsSpec::BuiltIn => format!("{} with its built-in weights", spec.kind),
-        WeightsSpec::Untrained => format!("{} with untrained, random weights", spec.kind),
+    let weights = match &spec.weights {
+        WeightsSpec::BuiltIn => "its built-in weights".to_owned(),
+        WeightsSpec::Untrained => "untrained, random weights".to_owned(),
         WeightsSpec::File(path) => {
             let name = path.file_name().unwrap_or(path.as_os_str());
-            format!("{} with weights from {}", spec.kind, name.to_string_lossy())
+            format!("weights from {}", name.to_string_lossy())
         }
-    }
+    };
+    let trained = match spec.training {
+        Some(_) => ", then trained on each training part",
+        None => "",
+    };
+    format!("{} with {weights}{trained}", spec.kind)
 }

@@ -9,6 +9,7 @@ use sps_models::encoders::EncoderKind;
 use tracing::info;
 
 use crate::config::{EncoderSpec, WeightsSpec};
+use crate::embeddings::Embedder;
 use crate::encoder;
 use crate::files::write_atomically;
 use crate::progress::Progress;
@@ -55,8 +56,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         kind: args.encoder,
         weights: WeightsSpec::named(&args.weights),
         resize: args.resize,
+        training: None,
     };
-    let embedder = encoder::embedder(&spec, 0)?;
+    let embedder = Embedder::new(encoder::load(&spec, 0)?, spec.resize)?;
     let progress = Progress::new("images encoded", args.images.len());
     let mut values = Vec::new();
     let mut seconds = 0.0;

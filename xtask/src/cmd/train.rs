@@ -1,5 +1,6 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use sps_dataset::{RandomSplit, Source, Split, SplitPlan};
@@ -8,9 +9,8 @@ use sps_models::heads::{Plan, Rerun, Trial, Views};
 
 use crate::config::{Experiment, Method, Setting};
 use crate::data::{self, About, WithSource};
-use crate::encoder;
 use crate::model::{self, Card};
-use crate::run::{Fitted, Tables, fit, splits, tables};
+use crate::run::{Fitted, Stage, Stages, Tables, fit, splits};
 
 /// Fit a model that `predict` can use
 #[derive(clap::Args)]
@@ -53,19 +53,16 @@ impl WithSource for Train<'_> {
     fn call<S: Source>(self, source: &S, about: About) -> Result<()> {
         let experiment = self.experiment;
         let method = &experiment.methods[experiment.train.method];
-        let encoder = encoder::load(&experiment.encoder, experiment.seed)?;
-        let embedder =
-            crate::embeddings::Embedder::new(encoder.clone(), experiment.encoder.resize)?;
-        let tables = tables(experiment, source, &about, &embedder)?;
         let trainer = Trainer {
             experiment,
             method,
-            tables: &tables,
+            source,
+            stages: Stages::new(experiment, source, &about)?,
         };
         trainer.print_check()?;
-        let all: Vec<usize> = (0..tables.surfaces.len()).collect();
+        let all: Vec<usize> = (0..source.surfaces().len()).collect();
         let model = trainer.calibrated(&all, 0)?;
-        let frame = source.frame(0, tables.views[0])?;
+        let frame = source.frame(0, model.stage.tables.views[0])?;
         let card = Card {
             format: 0,
             experiment: experiment.name.clone(),
@@ -78,29 +75,33 @@ impl WithSource for Train<'_> {
             radius: model.radius.clone(),
             checksums: BTreeMap::new(),
         };
-        model::save(self.out, card, &encoder, &model.fitted)?;
+        model::save(self.out, card, &model.stage.encoder, &model.fitted)?;
         println!("{}", self.out.display());
         Ok(())
     }
 }
 
-struct Trainer<'a> {
+struct Trainer<'a, S> {
     experiment: &'a Experiment,
     method: &'a Method,
-    tables: &'a Tables,
+    source: &'a S,
+    stages: Stages<'a, S>,
 }
 
 /// A fitted model with the half-width of each property's interval.
 struct Calibrated {
+    stage: Arc<Stage>,
     fitted: Fitted,
     radius: BTreeMap<String, f64>,
 }
 
-impl Trainer<'_> {
+impl<S: Source> Trainer<'_, S> {
     /// Fits on part of `surfaces` and calibrates on the rest.
     fn calibrated(&self, surfaces: &[usize], number: u64) -> Result<Calibrated> {
         let split = self.calibration_split(surfaces, number)?;
-        let properties = self.tables.codes();
+        let stage = self.stages.of(&split.train)?;
+        let tables = &stage.tables;
+        let properties = tables.codes();
         let trials = properties.iter().map(|property| Trial {
             property: property.clone(),
             rerun: number,
@@ -114,22 +115,27 @@ impl Trainer<'_> {
             }],
             trials: trials.collect(),
         };
-        let fitted = fit(self.method, self.tables, &plan, &())?;
+        let fitted = fit(self.method, tables, &plan, &())?;
         let mut radius = BTreeMap::new();
-        for estimates in fitted.predict(&self.tables.embeddings)? {
-            let kept = self.measured(&estimates.property, &estimates.values, &split.validation)?;
+        for estimates in fitted.predict(&tables.embeddings)? {
+            let (property, values) = (&estimates.property, &estimates.values);
+            let kept = Measured::of(tables, property, values, &split.validation)?;
             let conformal = SplitConformal::calibrate(kept.samples(), self.experiment.train.level)
                 .with_context(|| format!("calibrating {}", estimates.property))?;
             radius.insert(estimates.property, conformal.radius());
         }
-        Ok(Calibrated { fitted, radius })
+        Ok(Calibrated {
+            stage,
+            fitted,
+            radius,
+        })
     }
 
     /// Splits `surfaces` into a part to fit on and a part to calibrate with.
     fn calibration_split(&self, surfaces: &[usize], number: u64) -> Result<Split> {
         let chosen: Vec<_> = surfaces
             .iter()
-            .map(|&s| self.tables.surfaces[s].clone())
+            .map(|&s| self.source.surfaces()[s].clone())
             .collect();
         let plan = SplitPlan::Random(RandomSplit {
             validation: self.experiment.train.calibration,
@@ -144,31 +150,17 @@ impl Trainer<'_> {
         })
     }
 
-    /// Truths and estimates of those of `surfaces` that were measured.
-    fn measured(&self, property: &str, estimates: &[f64], surfaces: &[usize]) -> Result<Measured> {
-        let readings = &self.tables.readings;
-        let column = readings
-            .column(property)
-            .context("a property that was not measured")?;
-        let pairs = surfaces
-            .iter()
-            .filter_map(|&surface| Some((readings.get(surface, column)?, estimates[surface])));
-        let (truth, estimate) = pairs.unzip();
-        Ok(Measured { truth, estimate })
-    }
-
     /// Prints what such models do on the surfaces that each split of the config holds out.
     fn print_check(&self) -> Result<()> {
         let mut held_out: BTreeMap<String, HeldOut> = BTreeMap::new();
-        for (number, split) in splits(self.experiment, &self.tables.surfaces)?
-            .iter()
-            .enumerate()
-        {
+        let splits = splits(self.experiment, self.source.surfaces())?;
+        for (number, split) in splits.iter().enumerate() {
             let model = self.calibrated(&split.train, number as u64)?;
-            for estimates in model.fitted.predict(&self.tables.embeddings)? {
-                let property = &estimates.property;
-                let training = self.measured(property, &estimates.values, &split.train)?;
-                let kept = self.measured(property, &estimates.values, &split.validation)?;
+            let tables = &model.stage.tables;
+            for estimates in model.fitted.predict(&tables.embeddings)? {
+                let (property, values) = (&estimates.property, &estimates.values);
+                let training = Measured::of(tables, property, values, &split.train)?;
+                let kept = Measured::of(tables, property, values, &split.validation)?;
                 let mean = TrainingMean::of(&training.truth)?;
                 let all = held_out.entry(property.clone()).or_default();
                 all.r2
@@ -185,7 +177,7 @@ impl Trainer<'_> {
         println!(
             "{} on surfaces held out, {} splits:",
             self.method.label,
-            splits(self.experiment, &self.tables.surfaces)?.len()
+            splits.len()
         );
         println!("{:<6}{:>7}{:>14}{:>10}", "", "R²", "± interval", "covered");
         for (property, all) in &held_out {
@@ -209,6 +201,19 @@ struct Measured {
 }
 
 impl Measured {
+    /// Truths and estimates of those of `surfaces` that were measured.
+    fn of(tables: &Tables, property: &str, estimates: &[f64], surfaces: &[usize]) -> Result<Self> {
+        let readings = &tables.readings;
+        let column = readings
+            .column(property)
+            .context("a property that was not measured")?;
+        let pairs = surfaces
+            .iter()
+            .filter_map(|&surface| Some((readings.get(surface, column)?, estimates[surface])));
+        let (truth, estimate) = pairs.unzip();
+        Ok(Self { truth, estimate })
+    }
+
     fn samples(&self) -> Samples<'_> {
         Samples {
             truth: &self.truth,

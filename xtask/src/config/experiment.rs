@@ -9,6 +9,7 @@ use sps_metrics::{Bootstrap, Level};
 use sps_models::encoders::EncoderKind;
 use sps_models::heads::Head;
 use sps_models::ridge::Ridge;
+use sps_models::training::TrainingConfig;
 
 use super::locate::{ConfigError, Layers, Setting, nearest};
 use super::schema::{Config, DataOrigin, MethodConfig, MethodKind};
@@ -56,6 +57,8 @@ pub(crate) struct EncoderSpec {
     pub weights: WeightsSpec,
     /// Pixels of the shorter side.
     pub resize: Option<usize>,
+    /// How it is trained on the training part of each rerun; `None` leaves it as it is.
+    pub training: Option<TrainingConfig>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -188,6 +191,7 @@ fn encoder(layers: &Layers<'_>, config: &Config) -> Result<EncoderSpec, ConfigEr
         kind,
         weights: WeightsSpec::named(&encoder.weights),
         resize: (encoder.resize > 0).then_some(encoder.resize),
+        training: encoder.trainable.then(|| encoder.training.clone()),
     })
 }
 
@@ -291,6 +295,7 @@ mod tests {
         assert_eq!(config.head, HeadConfig::default());
         assert_eq!(config.ridge, RidgeConfig::default());
         assert_eq!(config.split, SplitPlan::default());
+        assert_eq!(config.encoder.training, TrainingConfig::default());
     }
 
     #[test]

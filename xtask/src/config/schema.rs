@@ -7,6 +7,7 @@ use sps_dataset::simulate::SimulatorSpec;
 use sps_dataset::{ReadSettings, SplitPlan};
 use sps_models::heads::HeadConfig;
 use sps_models::ridge::RidgeConfig;
+use sps_models::training::TrainingConfig;
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
@@ -61,6 +62,8 @@ pub(crate) struct EncoderConfig {
     pub name: String,
     pub weights: String,
     pub resize: usize,
+    pub trainable: bool,
+    pub training: TrainingConfig,
 }
 
 /// One row of the report.

@@ -8,11 +8,10 @@ use candle_core::{Device, Tensor};
 use sps_dataset::{Frame, FrameKey, RollAngle, Source, Split, Surface, TactileTable};
 use sps_models::Embeddings;
 
-use super::Tables;
+use super::Stage;
 use super::fit::fit;
 use super::trials::{TrialSpec, plan};
 use crate::config::{Estimator, Method};
-use crate::embeddings::Embedder;
 use crate::results::Costs;
 
 /// Surfaces that the costs are measured on.
@@ -24,12 +23,14 @@ const SURFACES: usize = 8;
 /// a few surfaces for it: the run's own models need not be kept.
 pub(crate) fn measure<S: Source>(
     source: &S,
-    embedder: &Embedder,
+    stage: &Stage,
     method: &Method,
-    tables: &Tables,
     split: &Split,
     trials: &[TrialSpec],
 ) -> Result<Costs> {
+    let Stage {
+        embedder, tables, ..
+    } = stage;
     let few = Split {
         train: split.train.iter().copied().take(2 * SURFACES).collect(),
         validation: split.validation.iter().copied().take(SURFACES).collect(),

@@ -3,23 +3,25 @@
 mod costs;
 mod fit;
 mod folder;
+mod stage;
 mod tables;
 mod trials;
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use sps_dataset::{Source, Split};
-use tracing::info;
 
 pub(crate) use fit::{Fitted, fit};
+pub(crate) use stage::{Stage, Stages};
 pub(crate) use tables::Tables;
 pub(crate) use trials::splits;
 
 use crate::config::{Experiment, Method};
 use crate::data::{self, About, WithSource};
-use crate::embeddings::{Embedder, EmbeddingCache, embed_views};
 use crate::encoder;
 use crate::journal::{Journal, Outcome};
 use crate::report::{self, paper, predictions};
@@ -42,25 +44,6 @@ pub(crate) fn run(experiment: &Experiment, folder: &Path, fresh: bool) -> Result
     report::write(folder.path())
 }
 
-/// Embeds the views that the experiment's methods look at, of every surface.
-pub(crate) fn tables<S: Source>(
-    experiment: &Experiment,
-    source: &S,
-    about: &About,
-    embedder: &Embedder,
-) -> Result<Tables> {
-    let cache = EmbeddingCache::open(&experiment.cache, embedder.identity(), embedder.width())?;
-    let views = [data::nadir(source)?];
-    let embeddings = embed_views(source, &views, embedder, &cache)?;
-    info!(
-        "{} embeddings of {} surfaces, {} of them encoded now",
-        source.surfaces().len() * views.len(),
-        source.surfaces().len(),
-        embeddings.frames_decoded
-    );
-    Tables::new(source, about, &embeddings, &experiment.properties)
-}
-
 struct Run<'a> {
     experiment: &'a Experiment,
     folder: &'a RunFolder,
@@ -71,24 +54,55 @@ impl WithSource for Run<'_> {
 
     fn call<S: Source>(self, source: &S, about: About) -> Result<Results> {
         let experiment = self.experiment;
-        let embedder = encoder::embedder(&experiment.encoder, experiment.seed)?;
-        let tables = tables(experiment, source, &about, &embedder)?;
-        let splits = splits(experiment, &tables.surfaces)?;
+        let splits = splits(experiment, source.surfaces())?;
+        let groups = groups(experiment, source, &about, &splits)?;
         let mut journal = Journal::open(&self.folder.file("trials.jsonl"))?;
         let mut rows = Vec::new();
         for method in &experiment.methods {
-            let trials = trials::trials(experiment, method, &tables, &splits)?;
-            fit::run_missing(experiment, method, &tables, &splits, &trials, &mut journal)?;
+            let mut all = Vec::new();
+            for Group { stage, reruns } in &groups {
+                let tables = &stage.tables;
+                let trials = trials::trials(experiment, method, tables, &splits, reruns.clone())?;
+                fit::run_missing(experiment, method, tables, &splits, &trials, &mut journal)?;
+                all.extend(trials);
+            }
             rows.push(MethodRow {
-                costs: costs::measure(source, &embedder, method, &tables, &splits[0], &trials)?,
-                outcomes: outcomes(&trials, &journal)?,
+                costs: costs::measure(source, &groups[0].stage, method, &splits[0], &all)?,
+                outcomes: outcomes(&all, &journal)?,
                 method,
             });
         }
         let all = rows.iter().flat_map(|row| row.outcomes.values().flatten());
         predictions::write(self.folder.path(), &predictions::of_outcomes(all))?;
-        Ok(results(experiment, source, about, &tables, &splits, &rows))
+        let tables = &groups[0].stage.tables;
+        Ok(results(experiment, source, about, tables, &splits, &rows))
     }
+}
+
+/// Reruns that look at the same embeddings.
+struct Group {
+    stage: Arc<Stage>,
+    reruns: Range<usize>,
+}
+
+/// All reruns together, or each on its own where an encoder is trained for each.
+fn groups<S: Source>(
+    experiment: &Experiment,
+    source: &S,
+    about: &About,
+    splits: &[Split],
+) -> Result<Vec<Group>> {
+    let stages = Stages::new(experiment, source, about)?;
+    let group = |reruns: Range<usize>| {
+        let stage = stages.of(&splits[reruns.start].train)?;
+        Ok(Group { stage, reruns })
+    };
+    if experiment.encoder.training.is_none() {
+        return Ok(vec![group(0..splits.len())?]);
+    }
+    (0..splits.len())
+        .map(|rerun| group(rerun..rerun + 1))
+        .collect()
 }
 
 /// A method with all its outcomes, by property, in the order of the reruns.

@@ -34,37 +34,31 @@ impl Tables {
         wanted: &[Property],
     ) -> Result<Self> {
         let surfaces = source.surfaces().to_vec();
-        let averages = source.tactile().averages(&about.tactile, surfaces.len());
+        let measured = &source.tactile().properties;
         let properties = if wanted.is_empty() {
-            averages.properties().to_vec()
+            measured.clone()
         } else {
             wanted.to_vec()
         };
         for property in &properties {
             ensure!(
-                averages.properties().contains(property),
+                measured.contains(property),
                 "properties: {} does not measure {property}",
                 source.name()
             );
         }
-        let rows: Vec<Vec<Option<f64>>> = (0..surfaces.len())
-            .map(|surface| {
-                let value = |&property: &Property| averages.value(surface, property);
-                averages.properties().iter().map(value).collect()
-            })
-            .collect();
         let labels = MaterialLabels::of(&surfaces, FEWEST_PER_MATERIAL);
         let materials = labels.labels().iter().map(|&l| labels.names()[l].clone());
         let mut tables = Self {
             views: embeddings.views.clone(),
             embeddings: tensor(embeddings, surfaces.len())?,
-            readings: Readings::new(codes(averages.properties()), &rows)?,
+            readings: readings(source, about)?,
             materials: materials.collect(),
             fingerprint: blake3::hash(&[]),
             surfaces,
             properties,
         };
-        tables.fingerprint = tables.hash(embeddings, &rows);
+        tables.fingerprint = tables.hash(embeddings);
         Ok(tables)
     }
 
@@ -88,13 +82,17 @@ impl Tables {
         self.fingerprint
     }
 
-    fn hash(&self, embeddings: &embeddings::Embeddings, rows: &[Vec<Option<f64>>]) -> blake3::Hash {
+    fn hash(&self, embeddings: &embeddings::Embeddings) -> blake3::Hash {
         let mut hasher = blake3::Hasher::new();
         for value in &embeddings.values {
             hasher.update(&value.to_le_bytes());
         }
-        for cell in rows.iter().flatten() {
-            hasher.update(&cell.map_or([0xff; 8], f64::to_le_bytes));
+        let columns = self.readings.properties().len();
+        for surface in 0..self.surfaces.len() {
+            for column in 0..columns {
+                let cell = self.readings.get(surface, column);
+                hasher.update(&cell.map_or([0xff; 8], f64::to_le_bytes));
+            }
         }
         for (surface, material) in self.surfaces.iter().zip(&self.materials) {
             for text in [&surface.id, &surface.group, material] {
@@ -104,6 +102,18 @@ impl Tables {
         }
         hasher.finalize()
     }
+}
+
+/// The readings of every surface, averaged as the data's settings say.
+pub(crate) fn readings<S: Source>(source: &S, about: &About) -> Result<Readings> {
+    let surfaces = source.surfaces().len();
+    let averages = source.tactile().averages(&about.tactile, surfaces);
+    let row = |surface| {
+        let value = |&property: &Property| averages.value(surface, property);
+        averages.properties().iter().map(value).collect()
+    };
+    let rows: Vec<Vec<Option<f64>>> = (0..surfaces).map(row).collect();
+    Ok(Readings::new(codes(averages.properties()), &rows)?)
 }
 
 fn codes(properties: &[Property]) -> Vec<String> {

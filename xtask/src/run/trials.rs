@@ -1,5 +1,7 @@
 //! What is to be computed: a trial for each method, property and rerun.
 
+use std::ops::Range;
+
 use anyhow::Result;
 use serde::Serialize;
 use sps_dataset::{Property, Split, Surface};
@@ -26,20 +28,21 @@ pub(crate) fn splits(experiment: &Experiment, surfaces: &[Surface]) -> Result<Ve
     Ok(splits)
 }
 
-/// The trials of one method, property by property.
+/// The trials of one method over some reruns, property by property.
 pub(crate) fn trials(
     experiment: &Experiment,
     method: &Method,
     tables: &Tables,
     splits: &[Split],
+    reruns: Range<usize>,
 ) -> Result<Vec<TrialSpec>> {
     let mut trials = Vec::new();
     for &property in &tables.properties {
-        for (rerun, split) in splits.iter().enumerate() {
+        for rerun in reruns.clone() {
             trials.push(TrialSpec {
                 property,
                 rerun,
-                key: key(experiment, method, tables, split, property, rerun)?,
+                key: key(experiment, method, tables, &splits[rerun], property, rerun)?,
             });
         }
     }

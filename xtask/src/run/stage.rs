@@ -1,0 +1,166 @@
+//! What methods are fitted on: an encoder, and the tables that it makes of a source.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use sps_dataset::{FrameIndex, RandomSplit, Source, SplitPlan};
+use sps_models::Readings;
+use sps_models::encoders::Encoder;
+use sps_models::training::{Parts, Targets, TrainingConfig};
+use tracing::info;
+
+use super::tables::{Tables, readings};
+use crate::config::Experiment;
+use crate::data::{self, About};
+use crate::embeddings::{Embedder, EmbeddingCache, embed_views};
+use crate::encoder;
+use crate::training::{FrameImages, Task, train};
+
+/// An encoder and the tables that it makes.
+pub(crate) struct Stage {
+    pub encoder: Encoder,
+    pub embedder: Embedder,
+    pub tables: Tables,
+}
+
+/// The stage of each part of the surfaces: one and the same where the encoder stays as it is, and
+/// one for each where it is trained on that part.
+pub(crate) struct Stages<'a, S> {
+    experiment: &'a Experiment,
+    source: &'a S,
+    about: &'a About,
+    start: Encoder,
+    shared: Option<Arc<Stage>>,
+}
+
+impl<'a, S: Source> Stages<'a, S> {
+    pub(crate) fn new(experiment: &'a Experiment, source: &'a S, about: &'a About) -> Result<Self> {
+        let start = encoder::load(&experiment.encoder, experiment.seed)?;
+        let mut stages = Self {
+            experiment,
+            source,
+            about,
+            start,
+            shared: None,
+        };
+        if experiment.encoder.training.is_none() {
+            stages.shared = Some(Arc::new(stages.stage(stages.start.clone())?));
+        }
+        Ok(stages)
+    }
+
+    /// What methods are fitted on whose training surfaces are `training`.
+    pub(crate) fn of(&self, training: &[usize]) -> Result<Arc<Stage>> {
+        if let Some(shared) = &self.shared {
+            return Ok(Arc::clone(shared));
+        }
+        let encoder = match &self.experiment.encoder.training {
+            Some(config) => self.trained(config, training)?,
+            None => self.start.clone(),
+        };
+        Ok(Arc::new(self.stage(encoder)?))
+    }
+
+    /// Embeds the views that the experiment's methods look at, of every surface.
+    fn stage(&self, encoder: Encoder) -> Result<Stage> {
+        let experiment = self.experiment;
+        let embedder = Embedder::new(encoder.clone(), experiment.encoder.resize)?;
+        let cache = EmbeddingCache::open(&experiment.cache, embedder.identity(), embedder.width())?;
+        let views = self.views()?;
+        let embeddings = embed_views(self.source, &views, &embedder, &cache)?;
+        info!(
+            "{} embeddings of {} surfaces, {} of them encoded now",
+            self.source.surfaces().len() * views.len(),
+            self.source.surfaces().len(),
+            embeddings.frames_decoded
+        );
+        let tables = Tables::new(self.source, self.about, &embeddings, &experiment.properties)?;
+        Ok(Stage {
+            encoder,
+            embedder,
+            tables,
+        })
+    }
+
+    fn views(&self) -> Result<Vec<usize>> {
+        Ok(vec![data::nadir(self.source)?])
+    }
+
+    /// The encoder after it was trained to say the readings of the surfaces `training`.
+    fn trained(&self, config: &TrainingConfig, training: &[usize]) -> Result<Encoder> {
+        let views = self.views()?;
+        let count = self.source.surfaces().len();
+        let frames: Vec<FrameIndex> = (0..count)
+            .flat_map(|surface| views.iter().map(move |&view| FrameIndex { surface, view }))
+            .collect();
+        let readings = readings(self.source, self.about)?;
+        let rows: Vec<Vec<Option<f64>>> = frames
+            .iter()
+            .map(|frame| row(&readings, frame.surface))
+            .collect();
+        let properties = readings.properties().to_vec();
+        let task = Task {
+            name: "encoder",
+            start: &self.start,
+            key: self.key(&frames, &rows)?,
+            targets: Targets {
+                values: Some(Readings::new(properties, &rows)?),
+                classes: None,
+            },
+            parts: self.parts(config, training, views.len())?,
+            config,
+            seed: self.experiment.seed,
+        };
+        let images = FrameImages::new(self.source, frames, self.experiment.encoder.resize);
+        let trained = train(task, &images, &self.experiment.cache.join("encoders"))?;
+        info!("TensorBoard: {}", trained.folder.display());
+        Ok(trained.encoder)
+    }
+
+    /// The images of the surfaces `training`, some of which say when to stop.
+    fn parts(&self, config: &TrainingConfig, training: &[usize], views: usize) -> Result<Parts> {
+        let images = |surfaces: &[usize]| -> Vec<usize> {
+            let of_surface = |&s: &usize| s * views..(s + 1) * views;
+            surfaces.iter().flat_map(of_surface).collect()
+        };
+        if config.validation == 0.0 {
+            return Ok(Parts {
+                training: images(training),
+                validation: Vec::new(),
+            });
+        }
+        let all = self.source.surfaces();
+        let chosen: Vec<_> = training.iter().map(|&s| all[s].clone()).collect();
+        let plan = SplitPlan::Random(RandomSplit {
+            validation: config.validation,
+            keep_groups: false,
+        });
+        let splits = plan.splits(&chosen, self.experiment.seed, 0)?;
+        let split = splits.into_iter().next().context("no split")?;
+        let back = |part: &[usize]| -> Vec<usize> { part.iter().map(|&i| training[i]).collect() };
+        Ok(Parts {
+            training: images(&back(&split.train)),
+            validation: images(&back(&split.validation)),
+        })
+    }
+
+    /// Names the images with what they are to say.
+    fn key(&self, frames: &[FrameIndex], rows: &[Vec<Option<f64>>]) -> Result<blake3::Hash> {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(format!("{:?}", self.experiment.encoder.resize).as_bytes());
+        for frame in frames {
+            hasher.update(&self.source.frame_key(frame.surface, frame.view)?);
+        }
+        for cell in rows.iter().flatten() {
+            hasher.update(&cell.map_or([0xff; 8], f64::to_le_bytes));
+        }
+        Ok(hasher.finalize())
+    }
+}
+
+fn row(readings: &Readings, surface: usize) -> Vec<Option<f64>> {
+    let columns = 0..readings.properties().len();
+    columns
+        .map(|column| readings.get(surface, column))
+        .collect()
+}

@@ -34,9 +34,10 @@ impl Selector for Random {
         let mut evaluator = Evaluator::new(problem);
         let mut sets = SetList::new(problem.picks());
         let mut stream = Stream::new(problem.seed_value(), Purpose::RandomSets, 0);
-        sets.extend((0..self.draws).map(|_| {
-            stream.set(problem.views(), problem.picks(), problem.is_distinct())
-        }));
+        sets.extend(
+            (0..self.draws)
+                .map(|_| stream.set(problem.views(), problem.picks(), problem.is_distinct())),
+        );
         let losses = evaluator.losses(sets.as_sets())?;
         let picks = best_of(sets.as_sets(), &losses);
         evaluator.finish(picks)

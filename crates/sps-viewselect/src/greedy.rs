@@ -128,7 +128,10 @@ impl Search<'_, '_> {
             .zip(losses)
             .map(|(candidate, loss)| (loss, candidate[slot] != set[slot], candidate[slot]))
             .collect();
-        ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| (a.1, a.2).cmp(&(b.1, b.2))));
+        ranked.sort_by(|a, b| {
+            a.0.total_cmp(&b.0)
+                .then_with(|| (a.1, a.2).cmp(&(b.1, b.2)))
+        });
         ranked.truncate(self.pair_width.max(1));
         Ok(ranked.into_iter().map(|(_, _, view)| view).collect())
     }
@@ -149,7 +152,11 @@ impl Search<'_, '_> {
         let best = best_of(candidates.as_sets(), &losses);
         // A tie is no reason to go on.
         let lowest = losses.iter().copied().fold(f64::INFINITY, f64::min);
-        Ok(if lowest < losses[0] { best } else { optimum.set.clone() })
+        Ok(if lowest < losses[0] {
+            best
+        } else {
+            optimum.set.clone()
+        })
     }
 
     fn push_pairs(&self, candidates: &mut SetList, optimum: &Optimum, first: usize, second: usize) {

@@ -16,6 +16,9 @@ mod selection;
 mod sets;
 mod softmax;
 mod stream;
+mod value;
+mod value_search;
+mod vb_nvs;
 
 pub use baselines::{Equidistant, Nadir, Random};
 pub use error::SelectError;
@@ -29,3 +32,4 @@ pub use reinforce::{Baseline, PolicyTraining};
 pub use relations::{RelationSampler, Relations, TemporalRelations};
 pub use selection::{CurvePoint, Selection};
 pub use sets::{SetList, Sets};
+pub use vb_nvs::{ValueSearch, ValueTraining, VbNvs};

@@ -209,7 +209,10 @@ impl Policy {
         let set_of = || set.to_vec();
         if set.iter().any(|&view| view >= self.views) {
             let last = self.views - 1;
-            return Err(SelectError::NoSuchView { set: set_of(), last });
+            return Err(SelectError::NoSuchView {
+                set: set_of(),
+                last,
+            });
         }
         if self.distinct && !is_distinct(set) {
             return Err(SelectError::Repeated { set: set_of() });

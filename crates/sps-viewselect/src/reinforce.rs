@@ -12,7 +12,7 @@ use crate::sets::{SetList, Sets};
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(
     feature = "serde",
-    serde(deny_unknown_fields, rename_all = "kebab-case", tag = "kind")
+    serde(deny_unknown_fields, rename_all = "kebab-case")
 )]
 pub enum Baseline {
     /// Nothing: plain REINFORCE, the paper's form.
@@ -36,18 +36,33 @@ pub enum Baseline {
     serde(default, deny_unknown_fields, rename_all = "kebab-case")
 )]
 pub struct PolicyTraining {
-    /// Sets drawn per step.
+    /// Sets drawn per step. Default 50.
     pub batch: usize,
-    /// Adam's learning rate. The paper gives none.
+    /// Adam's learning rate. Default 0.2: a view's odds change by up to a fifth per step, 400 steps
+    /// in 20,000 evaluations. The paper gives none.
     pub learning_rate: f64,
-    /// What is subtracted from the reward.
+    /// What is subtracted from the reward. Default leave-one-out, which has no setting.
     pub baseline: Baseline,
     /// Divides advantages by a moving root mean square of theirs, so that neither `entropy_weight`
-    /// nor what the policy makes of a batch depends on the unit of the loss.
+    /// nor what the policy makes of a batch depends on the unit of the loss. Default true.
     pub standardise: bool,
     /// Weight of the policy's entropy in the objective, at the start; it falls linearly to 0 at the
-    /// end of the budget.
+    /// end of the budget. Default 0.3: of 0 to 0.8, 0.2 to 0.4 found the most planted triples; with
+    /// less, the policy settles before it has seen enough, with more, the budget ends before it has
+    /// settled.
     pub entropy_weight: f64,
+}
+
+impl Default for PolicyTraining {
+    fn default() -> Self {
+        Self {
+            batch: 50,
+            learning_rate: 0.2,
+            baseline: Baseline::LeaveOneOut,
+            standardise: true,
+            entropy_weight: 0.3,
+        }
+    }
 }
 
 impl PolicyTraining {

@@ -66,8 +66,18 @@ impl TemporalRelations {
     /// `per_scale` or `test_draws` is 0.
     pub fn sampler(self, views: usize, seed: u64) -> Result<RelationSampler, SelectError> {
         require(!self.scales.is_empty(), "scales", "empty", "at least one")?;
-        require(self.per_scale > 0, "per-scale", self.per_scale, "at least 1")?;
-        require(self.test_draws > 0, "test-draws", self.test_draws, "at least 1")?;
+        require(
+            self.per_scale > 0,
+            "per-scale",
+            self.per_scale,
+            "at least 1",
+        )?;
+        require(
+            self.test_draws > 0,
+            "test-draws",
+            self.test_draws,
+            "at least 1",
+        )?;
         for &scale in &self.scales {
             check_sizes(views, scale)?;
         }
@@ -149,7 +159,9 @@ fn all_groups(views: usize, scale: usize) -> Vec<Vec<usize>> {
     loop {
         let mut next = groups[groups.len() - 1].clone();
         // The last place that can still grow, and the smallest views after it.
-        let grows = (0..scale).rev().find(|&place| next[place] < views - scale + place);
+        let grows = (0..scale)
+            .rev()
+            .find(|&place| next[place] < views - scale + place);
         let Some(place) = grows else { return groups };
         next[place] += 1;
         for later in place + 1..scale {

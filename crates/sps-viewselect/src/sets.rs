@@ -38,6 +38,10 @@ impl<'a> Sets<'a> {
         self.flat.is_empty()
     }
 
+    pub(crate) fn get(self, index: usize) -> &'a [usize] {
+        &self.flat[index * self.picks..][..self.picks]
+    }
+
     /// One set after the other, each a slice of M views in the order of the slots.
     pub fn iter(self) -> std::slice::ChunksExact<'a, usize> {
         self.flat.chunks_exact(self.picks)

@@ -1,0 +1,137 @@
+//! Finds the sets that a value network expects least of.
+
+use crate::problem::Problem;
+use crate::sets::{SetList, is_distinct};
+use crate::value::{Sums, ValueNetwork};
+
+/// How far to search.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Limits {
+    /// Sets that are gone through after the descents.
+    pub(crate) combinations: usize,
+    /// Sets that are returned.
+    pub(crate) shortlist: usize,
+}
+
+/// The sets of lowest value, lowest first: coordinate descent from every start, then every
+/// combination of the best few views of each slot.
+pub(crate) fn lowest_sets(
+    network: &ValueNetwork,
+    problem: &Problem<'_>,
+    starts: &SetList,
+    limits: Limits,
+) -> SetList {
+    let mut lowest = vec![vec![f64::INFINITY; problem.views()]; problem.picks()];
+    let mut found: Vec<(f64, Vec<usize>)> = Vec::new();
+    for start in starts.as_sets() {
+        let optimum = descend(network, problem, start.to_vec(), &mut lowest);
+        found.push((network.of_set(&optimum), optimum));
+    }
+    let width = views_per_slot(problem, limits.combinations);
+    let slots: Vec<Vec<usize>> = lowest
+        .iter()
+        .map(|values| best_views(values, width))
+        .collect();
+    let mut walk = Walk {
+        network,
+        distinct: problem.is_distinct(),
+        slots: &slots,
+        set: Vec::with_capacity(slots.len()),
+        found: &mut found,
+    };
+    walk.go(&network.start());
+    found.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
+    found.dedup_by(|a, b| a.1 == b.1);
+    let mut sets = SetList::new(problem.picks());
+    sets.extend(found.into_iter().take(limits.shortlist).map(|(_, set)| set));
+    sets
+}
+
+/// Chooses slot after slot anew until none changes. `lowest` keeps, for each slot and view, the
+/// lowest value that was seen with that view in that slot.
+fn descend(
+    network: &ValueNetwork,
+    problem: &Problem<'_>,
+    mut set: Vec<usize>,
+    lowest: &mut [Vec<f64>],
+) -> Vec<usize> {
+    loop {
+        let mut still = true;
+        for slot in 0..set.len() {
+            let mut rest = network.start();
+            for (other, &view) in set.iter().enumerate() {
+                if other != slot {
+                    rest.add(network, other, view);
+                }
+            }
+            let here = set[slot];
+            let mut best = (f64::INFINITY, here);
+            for view in 0..problem.views() {
+                set[slot] = view;
+                if problem.is_distinct() && !is_distinct(&set) {
+                    continue;
+                }
+                let mut sums = rest.clone();
+                sums.add(network, slot, view);
+                let value = network.finish(&sums);
+                lowest[slot][view] = lowest[slot][view].min(value);
+                if value < best.0 || (value == best.0 && view == here) {
+                    best = (value, view);
+                }
+            }
+            set[slot] = best.1;
+            still &= best.1 == here;
+        }
+        if still {
+            return set;
+        }
+    }
+}
+
+/// The largest K with K^M combinations within the limit, from 1 to N.
+fn views_per_slot(problem: &Problem<'_>, combinations: usize) -> usize {
+    let picks = u32::try_from(problem.picks()).unwrap_or(u32::MAX);
+    let fits = |width: &usize| {
+        width
+            .checked_pow(picks)
+            .is_some_and(|all| all <= combinations)
+    };
+    (2..=problem.views()).take_while(fits).last().unwrap_or(1)
+}
+
+fn best_views(values: &[f64], width: usize) -> Vec<usize> {
+    let mut views: Vec<usize> = (0..values.len()).collect();
+    views.sort_by(|&a, &b| values[a].total_cmp(&values[b]).then(a.cmp(&b)));
+    views.truncate(width);
+    views
+}
+
+/// Every combination of the slots' views, sums shared by those that begin alike.
+struct Walk<'w> {
+    network: &'w ValueNetwork,
+    distinct: bool,
+    slots: &'w [Vec<usize>],
+    set: Vec<usize>,
+    found: &'w mut Vec<(f64, Vec<usize>)>,
+}
+
+impl Walk<'_> {
+    fn go(&mut self, sums: &Sums) {
+        let slots = self.slots;
+        let Some(views) = slots.get(self.set.len()) else {
+            self.found
+                .push((self.network.finish(sums), self.set.clone()));
+            return;
+        };
+        for &view in views {
+            if self.distinct && self.set.contains(&view) {
+                continue;
+            }
+            let mut longer = sums.clone();
+            longer.add(self.network, self.set.len(), view);
+            self.set.push(view);
+            self.go(&longer);
+            self.set.pop();
+        }
+    }
+}

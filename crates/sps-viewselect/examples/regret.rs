@@ -5,6 +5,7 @@
 //! optimum is out of reach, and the best set that any selector found stands in for it.
 
 #[path = "../tests/suite/problems.rs"]
+#[allow(dead_code, reason = "the tests use the rest")]
 mod problems;
 
 use problems::LateFusion;

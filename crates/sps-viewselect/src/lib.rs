@@ -2,6 +2,7 @@
 
 mod adam;
 mod baselines;
+mod critic;
 mod error;
 mod evaluator;
 mod exhaustive;

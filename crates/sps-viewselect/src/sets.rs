@@ -83,6 +83,11 @@ impl SetList {
         self.flat.extend_from_slice(set);
     }
 
+    pub(crate) fn append(&mut self, sets: Sets<'_>) {
+        debug_assert_eq!(sets.picks, self.picks);
+        self.flat.extend_from_slice(sets.flat);
+    }
+
     /// The sets, borrowed.
     pub fn as_sets(&self) -> Sets<'_> {
         Sets {

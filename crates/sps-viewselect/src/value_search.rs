@@ -3,15 +3,7 @@
 use crate::problem::Problem;
 use crate::sets::{SetList, is_distinct};
 use crate::value::{Sums, ValueNetwork};
-
-/// How far to search.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Limits {
-    /// Sets that are gone through after the descents.
-    pub(crate) combinations: usize,
-    /// Sets that are returned.
-    pub(crate) shortlist: usize,
-}
+use crate::vb_nvs::ValueSearch;
 
 /// The sets of lowest value, lowest first: coordinate descent from every start, then every
 /// combination of the best few views of each slot.
@@ -19,7 +11,7 @@ pub(crate) fn lowest_sets(
     network: &ValueNetwork,
     problem: &Problem<'_>,
     starts: &SetList,
-    limits: Limits,
+    limits: ValueSearch,
 ) -> SetList {
     let mut lowest = vec![vec![f64::INFINITY; problem.views()]; problem.picks()];
     let mut found: Vec<(f64, Vec<usize>)> = Vec::new();

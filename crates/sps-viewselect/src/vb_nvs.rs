@@ -1,16 +1,15 @@
 //! The value based neural viewpoint selector.
 
 use crate::baselines::best_of;
+use crate::critic::Critic;
 use crate::error::{SelectError, require};
-use crate::evaluator::{Evaluator, mean};
+use crate::evaluator::Evaluator;
 use crate::problem::{Problem, Selector};
 use crate::reinforce::{PolicyTraining, Trainer};
 use crate::selection::Selection;
-use crate::sets::{SetList, Sets};
-use crate::softmax;
+use crate::sets::SetList;
 use crate::stream::{Purpose, Stream};
-use crate::value::ValueNetwork;
-use crate::value_search::{Limits, lowest_sets};
+use crate::value_search::lowest_sets;
 
 /// VB-NVS (section "Viewpoint Selector Framework"): beside the selector vectors a value network is
 /// trained, which estimates the loss from the joined probability vectors. Its error signal is passed
@@ -66,11 +65,14 @@ pub struct ValueSearch {
     /// Default 16.
     pub starts: usize,
     /// Sets that are gone through with the network: every combination of the best few views of
-    /// each slot. Default 2^15: 32 views per slot for M = 3.
+    /// each slot. Default 2^13: 20 views per slot for M = 3.
     pub combinations: usize,
-    /// Of these the best, whose loss is evaluated; the lowest loss is picked. With 1, the network
-    /// alone decides. Default 500.
+    /// Of these the best, whose loss is evaluated. Default 50.
     pub shortlist: usize,
+    /// Searches; after each the network learns the losses of the shortlist. The lowest loss of all
+    /// shortlists is picked, so that with one round and a shortlist of 1 the network alone decides.
+    /// Default 20.
+    pub rounds: u64,
 }
 
 impl Default for ValueTraining {
@@ -89,8 +91,9 @@ impl Default for ValueSearch {
     fn default() -> Self {
         Self {
             starts: 16,
-            combinations: 1 << 15,
-            shortlist: 500,
+            combinations: 1 << 13,
+            shortlist: 50,
+            rounds: 20,
         }
     }
 }
@@ -106,6 +109,16 @@ impl Default for VbNvs {
     }
 }
 
+impl ValueSearch {
+    /// The most evaluations that the search may spend.
+    fn evaluations(&self) -> u64 {
+        self.rounds.saturating_mul(self.shortlist as u64)
+    }
+}
+
+/// The share of its learning rate that the value network keeps to the end.
+const FLOOR: f64 = 0.1;
+
 impl VbNvs {
     fn check(&self) -> Result<(), SelectError> {
         let ValueTraining {
@@ -119,6 +132,7 @@ impl VbNvs {
             starts,
             combinations,
             shortlist,
+            rounds,
         } = self.search;
         self.policy.check()?;
         require(hidden > 0, "hidden", hidden, "at least 1")?;
@@ -135,11 +149,12 @@ impl VbNvs {
         require(starts > 0, "starts", starts, "at least 1")?;
         require(combinations > 0, "combinations", combinations, "at least 1")?;
         require(shortlist > 0, "shortlist", shortlist, "at least 1")?;
+        require(rounds > 0, "rounds", rounds, "at least 1")?;
         require(
-            self.evaluations > shortlist as u64,
+            self.evaluations > self.search.evaluations(),
             "evaluations",
             self.evaluations,
-            "more than `shortlist`",
+            "more than `shortlist` times `rounds`",
         )
     }
 }
@@ -149,103 +164,52 @@ impl Selector for VbNvs {
         self.check()?;
         let mut evaluator = Evaluator::new(problem);
         let mut trainer = Trainer::new(self.policy, problem)?;
-        let mut value = Value::new(self.value, problem);
-        let budget = self.evaluations - self.search.shortlist as u64;
+        let mut critic = Critic::new(self.value, problem);
+        let budget = self.evaluations - self.search.evaluations();
         while evaluator.asked() < budget {
             let left = budget - evaluator.asked();
             let share = left as f64 / budget as f64;
             let probabilities = trainer.policy().probabilities();
             let sets = trainer.sample(left);
             let losses = evaluator.losses(sets.as_sets())?;
-            value.learn(sets.as_sets(), &losses, &probabilities, share);
-            let signal = value.error_signal(&probabilities, problem.views());
+            critic.learn(
+                sets.as_sets(),
+                &losses,
+                Some(&probabilities),
+                share.max(FLOOR),
+            );
+            let signal = critic.error_signal(&probabilities, problem.views());
             trainer.learn(sets.as_sets(), &losses, Some(&signal), share)?;
         }
-        let starts = self.starts(problem, &trainer.policy().arg_max(), &value);
-        let limits = Limits {
-            combinations: self.search.combinations,
-            shortlist: self.search.shortlist,
-        };
-        let shortlist = lowest_sets(&value.network, problem, &starts, limits);
-        let losses = evaluator.losses(shortlist.as_sets())?;
-        evaluator.finish(best_of(shortlist.as_sets(), &losses))
+        let mut found = SetList::new(problem.picks());
+        let mut found_losses = Vec::new();
+        for round in 0..self.search.rounds {
+            let starts = self.starts(problem, &trainer.policy().arg_max(), &critic, round);
+            let shortlist = lowest_sets(critic.network(), problem, &starts, self.search);
+            let losses = evaluator.losses(shortlist.as_sets())?;
+            critic.learn(shortlist.as_sets(), &losses, None, FLOOR);
+            found.append(shortlist.as_sets());
+            found_losses.extend(losses);
+        }
+        evaluator.finish(best_of(found.as_sets(), &found_losses))
     }
 }
 
 impl VbNvs {
-    fn starts(&self, problem: &Problem<'_>, arg_max: &[usize], value: &Value) -> SetList {
+    fn starts(
+        &self,
+        problem: &Problem<'_>,
+        arg_max: &[usize],
+        critic: &Critic,
+        round: u64,
+    ) -> SetList {
         let mut starts = SetList::new(problem.picks());
         starts.push(arg_max);
-        starts.push(&best_of(value.sets.as_sets(), &value.targets));
-        let mut stream = Stream::new(problem.seed_value(), Purpose::ValueStarts, 0);
+        starts.push(&critic.best_set());
+        let mut stream = Stream::new(problem.seed_value(), Purpose::ValueStarts, round);
         let random = (2..self.search.starts)
             .map(|_| stream.set(problem.views(), problem.picks(), problem.is_distinct()));
         starts.extend(random);
         starts
     }
-}
-
-/// A value network and all that it was shown.
-struct Value {
-    settings: ValueTraining,
-    network: ValueNetwork,
-    /// Mean and deviation of the first batch's losses: the unit of the network's targets.
-    unit: Option<(f64, f64)>,
-    sets: SetList,
-    targets: Vec<f64>,
-    stream: Stream,
-}
-
-impl Value {
-    fn new(settings: ValueTraining, problem: &Problem<'_>) -> Self {
-        Self {
-            settings,
-            network: ValueNetwork::new(problem, settings.hidden, settings.learning_rate),
-            unit: None,
-            sets: SetList::new(problem.picks()),
-            targets: Vec::new(),
-            stream: Stream::new(problem.seed_value(), Purpose::ValueBatches, 0),
-        }
-    }
-
-    /// Takes in a batch drawn from a policy of the given joined probabilities, and trains.
-    fn learn(&mut self, sets: Sets<'_>, losses: &[f64], probabilities: &[f64], share: f64) {
-        let (middle, unit) = *self.unit.get_or_insert_with(|| spread(losses));
-        let targets = losses.iter().map(|loss| (loss - middle) / unit);
-        self.targets.extend(targets);
-        for set in sets {
-            self.sets.push(set);
-        }
-        let on_policy = (mean(losses) - middle) / unit;
-        for _ in 0..self.settings.steps {
-            let drawn: Vec<usize> = (0..self.settings.batch)
-                .map(|_| self.stream.below(self.targets.len()))
-                .collect();
-            let (known, targets) = (self.sets.as_sets(), &self.targets);
-            let samples = drawn
-                .iter()
-                .map(|&index| (known.get(index), targets[index]));
-            self.network
-                .learn(samples, Some((probabilities, on_policy)), share);
-        }
-    }
-
-    /// The gradient of the expected loss, in units of its spread, with respect to z.
-    fn error_signal(&self, probabilities: &[f64], views: usize) -> Vec<f64> {
-        let (_, gradient) = self.network.of_probabilities(probabilities);
-        probabilities
-            .chunks_exact(views)
-            .zip(gradient.chunks_exact(views))
-            .flat_map(|(row, gradient)| softmax::backward(row, gradient))
-            .map(|gradient| self.settings.weight * gradient)
-            .collect()
-    }
-}
-
-/// Mean and deviation; a deviation of 1 where there is none.
-fn spread(losses: &[f64]) -> (f64, f64) {
-    let middle = mean(losses);
-    let squares = losses.iter().map(|loss| (loss - middle).powi(2));
-    let deviation = (squares.sum::<f64>() / losses.len() as f64).sqrt();
-    (middle, if deviation > 0.0 { deviation } else { 1.0 })
 }

@@ -1,40 +1,29 @@
 //! Losses whose optimum is known, or can be gone through. Shared by tests, benchmark and example.
 
-use sps_viewselect::{LossError, SetLoss, Sets};
+#[path = "uniform.rs"]
+mod uniform;
 
-/// Numbers in [-1, 1) by the rule of `fixtures/golden/make_golden.py`: FNV-1a of a name seeds
-/// SplitMix64, whose top 24 bits are taken.
-pub fn uniform(name: &str) -> impl Iterator<Item = f64> + use<> {
-    let mut state = name.bytes().fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3)
-    });
-    std::iter::repeat_with(move || {
-        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^= z >> 31;
-        (z >> 40) as f64 / f64::from(1 << 23) - 1.0
-    })
-}
+use sps_viewselect::{LossError, SetLoss, Sets};
+use uniform::uniform;
 
 /// A known best triple under noise.
 ///
-/// Each slot has a bowl about its planted view, some 0.15 N wide; the first two slots also want the planted
-/// difference between them, whatever their place (the paper: "the relative difference between
-/// viewing angles is more important ... than the global values"); every set has its own noise of
-/// 0 to 0.1. The planted triple has loss 0; `MARGIN` keeps all others above it.
-pub struct Planted {
-    pub views: usize,
-    pub best: [usize; 3],
-    pub seed: u64,
+/// Each slot has a bowl about its planted view, some 0.15 N wide; the first two slots also want the
+/// planted difference between them, whatever their place (the paper: "the relative difference
+/// between viewing angles is more important ... than the global values"); every set has its own
+/// noise of 0 to 0.1, some 45 times what one view beside the planted one costs. The planted triple
+/// has loss 0; `MARGIN` keeps all others above it.
+pub(crate) struct Planted {
+    pub(crate) views: usize,
+    pub(crate) best: [usize; 3],
+    pub(crate) seed: u64,
 }
 
 const MARGIN: f64 = 0.05;
 const NOISE: f64 = 0.1;
 
 impl Planted {
-    pub fn new(views: usize, seed: u64) -> Self {
+    pub(crate) fn new(views: usize, seed: u64) -> Self {
         let mut draws = uniform(&format!("planted/{views}/{seed}"));
         let best = std::array::from_fn(|_| {
             ((draws.next().unwrap_or_default() + 1.0) / 2.0 * views as f64) as usize
@@ -42,7 +31,7 @@ impl Planted {
         Self { views, best, seed }
     }
 
-    pub fn loss(&self, set: &[usize]) -> f64 {
+    pub(crate) fn loss(&self, set: &[usize]) -> f64 {
         if set == self.best {
             return 0.0;
         }
@@ -93,7 +82,7 @@ impl SetLoss for Planted {
 ///
 /// Term h of slot m is `gain(view) * truth + disturbance(view, surface)`, both smooth random
 /// functions of the view. Many sets are nearly as good as the best.
-pub struct LateFusion {
+pub(crate) struct LateFusion {
     views: usize,
     picks: usize,
     truths: Vec<f64>,
@@ -101,10 +90,10 @@ pub struct LateFusion {
     terms: Vec<f64>,
 }
 
-pub const HIDDEN: usize = 4;
+pub(crate) const HIDDEN: usize = 4;
 
 impl LateFusion {
-    pub fn new(views: usize, picks: usize, surfaces: usize, seed: u64) -> Self {
+    pub(crate) fn new(views: usize, picks: usize, surfaces: usize, seed: u64) -> Self {
         let mut draws = uniform(&format!("late-fusion/{views}/{picks}/{surfaces}/{seed}"));
         let truths: Vec<f64> = draws.by_ref().take(surfaces).collect();
         let mut terms = vec![0.0; picks * views * surfaces * HIDDEN];

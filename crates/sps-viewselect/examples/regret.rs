@@ -7,6 +7,8 @@
 #[path = "../tests/suite/problems.rs"]
 #[allow(dead_code, reason = "the tests use the rest")]
 mod problems;
+#[path = "../tests/suite/uniform.rs"]
+mod uniform;
 
 use problems::LateFusion;
 use sps_viewselect::{

@@ -39,3 +39,44 @@ impl Adam {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::uniform::uniform;
+    use safetensors::SafeTensors;
+
+    const PARAMETERS: usize = 15;
+
+    fn image(name: &str) -> Vec<f64> {
+        uniform(name)
+            .map(|u| f64::from(u as f32))
+            .take(PARAMETERS)
+            .collect()
+    }
+
+    #[test]
+    fn ten_steps_match_pytorch() {
+        let path = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../fixtures/golden/adam.safetensors"
+        );
+        let bytes = std::fs::read(path).expect("the golden file");
+        let tensors = SafeTensors::deserialize(&bytes).expect("a safetensors file");
+        let expected = tensors.tensor("params").expect("the parameters");
+        let mut expected = expected.data().chunks_exact(8);
+        let mut parameters = image("golden/adam.param");
+        let mut adam = Adam::new(PARAMETERS, 1e-2);
+        for step in 0..10 {
+            let coefficients = image(&format!("golden/adam.coef.{step}"));
+            // The gradient of sum sin^2(p c).
+            let both = parameters.iter().zip(&coefficients);
+            let gradient: Vec<f64> = both.map(|(p, c)| (2.0 * p * c).sin() * c).collect();
+            adam.descend(&mut parameters, &gradient, 1.0);
+            for (found, bytes) in parameters.iter().zip(&mut expected) {
+                let expected = f64::from_le_bytes(bytes.try_into().expect("eight bytes"));
+                assert!((found - expected).abs() < 1e-13, "{found} {expected}");
+            }
+        }
+    }
+}

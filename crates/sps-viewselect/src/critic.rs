@@ -1,13 +1,13 @@
 //! A value network in training.
 
 use crate::baselines::best_of;
-use crate::evaluator::mean;
 use crate::problem::Problem;
 use crate::sets::{SetList, Sets};
 use crate::softmax;
 use crate::stream::{Purpose, Stream};
 use crate::value::ValueNetwork;
 use crate::vb_nvs::ValueTraining;
+use crate::vector::mean;
 
 /// A value network and all that it was shown.
 pub(crate) struct Critic {
@@ -80,7 +80,7 @@ impl Critic {
 
     /// The gradient of the expected loss, in units of its spread, with respect to z.
     pub(crate) fn error_signal(&self, probabilities: &[f64], views: usize) -> Vec<f64> {
-        let (_, gradient) = self.network.of_probabilities(probabilities);
+        let gradient = self.network.input_gradient(probabilities);
         probabilities
             .chunks_exact(views)
             .zip(gradient.chunks_exact(views))

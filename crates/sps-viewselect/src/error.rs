@@ -88,20 +88,8 @@ pub enum SelectError {
     },
 }
 
-/// An error about one setting.
-pub(crate) fn setting(
-    field: &'static str,
-    found: impl ToString,
-    expected: &'static str,
-) -> SelectError {
-    SelectError::Setting {
-        field,
-        found: found.to_string(),
-        expected,
-    }
-}
-
 /// Refuses a setting that does not fit.
+#[expect(clippy::needless_pass_by_value, reason = "numbers, mostly")]
 pub(crate) fn require(
     fits: bool,
     field: &'static str,
@@ -109,10 +97,13 @@ pub(crate) fn require(
     expected: &'static str,
 ) -> Result<(), SelectError> {
     if fits {
-        Ok(())
-    } else {
-        Err(setting(field, found, expected))
+        return Ok(());
     }
+    Err(SelectError::Setting {
+        field,
+        found: found.to_string(),
+        expected,
+    })
 }
 
 /// Refuses a slice of the wrong length.

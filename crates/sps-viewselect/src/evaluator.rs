@@ -9,6 +9,7 @@ use crate::error::SelectError;
 use crate::problem::Problem;
 use crate::selection::{CurvePoint, Selection};
 use crate::sets::{SetList, Sets};
+use crate::vector::mean;
 
 /// Sets per call of the loss in a search. Fixed, so that calls do not depend on the number of
 /// threads; small, so that a batch of a policy occupies several.
@@ -133,9 +134,4 @@ impl<'a> Evaluator<'a> {
         }
         Ok(())
     }
-}
-
-/// The mean of at least one value.
-pub(crate) fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
 }

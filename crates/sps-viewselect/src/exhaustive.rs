@@ -9,6 +9,7 @@ use crate::evaluator::checked_losses;
 use crate::problem::{Problem, Selector};
 use crate::selection::{CurvePoint, Selection};
 use crate::sets::{SetList, is_distinct};
+use crate::vector::mean;
 
 /// Sets of up to this many views are always gone through, whatever their number.
 const ALWAYS: usize = 3;
@@ -117,7 +118,7 @@ fn best_of_runs(
         .min_by(|(_, loss), (_, lowest)| loss.total_cmp(lowest));
     Ok(lowest.map(|(set, &loss)| Block {
         sets: losses.len() as u64,
-        mean: crate::evaluator::mean(&losses),
+        mean: mean(&losses),
         loss,
         picks: set.to_vec(),
     }))

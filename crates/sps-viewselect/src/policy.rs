@@ -5,6 +5,7 @@ use crate::problem::check_sizes;
 use crate::sets::{SetList, Sets, is_distinct};
 use crate::softmax;
 use crate::stream::{Purpose, Stream};
+use crate::vector::add;
 
 /// M viewpoint selector vectors z, each a distribution over N views: the paper's NVS network
 /// (section "Viewpoint Selector Framework").
@@ -183,10 +184,10 @@ impl Policy {
                 if taken.is_empty() {
                     free += advantage;
                 } else {
-                    subtract(gradient, advantage, &softmax::softmax(row, taken));
+                    add(gradient, -advantage, &softmax::softmax(row, taken));
                 }
             }
-            subtract(gradient, free, &softmax::softmax(row, &[]));
+            add(gradient, -free, &softmax::softmax(row, &[]));
         }
         Ok(gradient)
     }
@@ -235,10 +236,4 @@ fn drawn_view(probabilities: &[f64], mut draw: f64) -> usize {
         }
     }
     last
-}
-
-fn subtract(gradient: &mut [f64], weight: f64, probabilities: &[f64]) {
-    for (gradient, probability) in gradient.iter_mut().zip(probabilities) {
-        *gradient -= weight * probability;
-    }
 }

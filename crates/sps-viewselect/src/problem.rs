@@ -100,7 +100,7 @@ pub(crate) fn check_sizes(views: usize, picks: usize) -> Result<(), SelectError>
 }
 
 /// A way to select views.
-pub trait Selector {
+pub trait Selector: Send + Sync {
     /// Selects one set of views. The same problem and seed give the same picks, whatever the number
     /// of threads.
     ///

@@ -2,10 +2,10 @@
 
 use crate::adam::Adam;
 use crate::error::{SelectError, require};
-use crate::evaluator::mean;
 use crate::policy::Policy;
 use crate::problem::Problem;
 use crate::sets::{SetList, Sets};
+use crate::vector::{add, mean};
 
 /// What is subtracted from the reward (minus the loss) to make the advantage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -180,7 +180,7 @@ impl Trainer {
             Baseline::None => losses.iter().map(|loss| -loss).collect(),
             Baseline::MovingMean { decay } => {
                 let baseline = self.moving_mean.unwrap_or(batch_mean);
-                self.moving_mean = Some(decay * baseline + (1.0 - decay) * batch_mean);
+                self.moving_mean = Some(baseline + (1.0 - decay) * (batch_mean - baseline));
                 losses.iter().map(|loss| baseline - loss).collect()
             }
             Baseline::LeaveOneOut => {
@@ -212,11 +212,5 @@ impl Trainer {
                 *advantage *= scale;
             }
         }
-    }
-}
-
-fn add(sum: &mut [f64], weight: f64, other: &[f64]) {
-    for (sum, other) in sum.iter_mut().zip(other) {
-        *sum += weight * other;
     }
 }

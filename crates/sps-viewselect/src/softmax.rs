@@ -1,5 +1,7 @@
 //! Soft-max, log-probability and entropy of one row of logits, finite for any finite logits.
 
+use crate::vector::dot;
+
 /// `log softmax(logits)`, with the views of `taken` left out (they become minus infinity).
 ///
 /// `taken` leaves at least one view.
@@ -54,7 +56,7 @@ pub(crate) fn entropy_gradient(log_probabilities: &[f64]) -> impl Iterator<Item 
 /// Passes a gradient with respect to `softmax(logits)` back to the logits:
 /// `p (g - sum p g)`.
 pub(crate) fn backward(probabilities: &[f64], gradient: &[f64]) -> impl Iterator<Item = f64> {
-    let mean: f64 = probabilities.iter().zip(gradient).map(|(p, g)| p * g).sum();
+    let mean = dot(probabilities, gradient);
     probabilities
         .iter()
         .zip(gradient)

@@ -3,6 +3,7 @@
 use crate::adam::Adam;
 use crate::problem::Problem;
 use crate::stream::{Purpose, Stream};
+use crate::vector::{add, dot};
 
 /// A value network V on the joined probability vectors, shape (slots, views): one linear term and
 /// one hidden layer of tanh units,
@@ -55,11 +56,7 @@ impl ValueNetwork {
 
     /// V of a set.
     pub(crate) fn of_set(&self, set: &[usize]) -> f64 {
-        let mut sums = self.start();
-        for (slot, &view) in set.iter().enumerate() {
-            sums.add(self, slot, view);
-        }
-        self.finish(&sums)
+        self.finish(&self.sums_of_set(set))
     }
 
     /// The sums of no slots; add one view per slot, then [`finish`](Self::finish).
@@ -74,25 +71,36 @@ impl ValueNetwork {
     /// V of the slots that were added.
     pub(crate) fn finish(&self, sums: &Sums) -> f64 {
         let out = self.parts().out.iter();
-        sums.linear
-            + out
-                .zip(&sums.hidden)
-                .map(|(weight, sum)| weight * sum.tanh())
-                .sum::<f64>()
+        let units = out
+            .zip(&sums.hidden)
+            .map(|(weight, sum)| weight * sum.tanh());
+        sums.linear + units.sum::<f64>()
     }
 
-    /// V and its gradient with respect to the joined probabilities, shape (slots, views).
-    pub(crate) fn of_probabilities(&self, probabilities: &[f64]) -> (f64, Vec<f64>) {
-        let sums = self.sums_of(probabilities);
-        let slopes = self.slopes(&sums);
+    /// V, the units' outputs, and dV / d(b + W x) = `u (1 - tanh^2)`.
+    fn activate(&self, sums: &Sums) -> Activation {
+        let out = self.parts().out;
+        let units: Vec<f64> = sums.hidden.iter().map(|sum| sum.tanh()).collect();
+        let slopes = out.iter().zip(&units);
+        Activation {
+            value: sums.linear + dot(out, &units),
+            slopes: slopes
+                .map(|(weight, unit)| weight * (1.0 - unit * unit))
+                .collect(),
+            units,
+        }
+    }
+
+    /// The gradient of V with respect to the joined probabilities, shape (slots, views).
+    pub(crate) fn input_gradient(&self, probabilities: &[f64]) -> Vec<f64> {
+        let slopes = self.activate(&self.sums_of(probabilities)).slopes;
         let parts = self.parts();
-        let gradient = parts
+        parts
             .matrix
             .chunks_exact(self.hidden)
             .zip(parts.linear)
             .map(|(row, linear)| linear + dot(row, &slopes))
-            .collect();
-        (self.finish(&sums), gradient)
+            .collect()
     }
 
     /// One step of Adam down the mean squared error of sets, with `share` of the learning rate.
@@ -116,50 +124,46 @@ impl ValueNetwork {
     }
 
     fn add_set_gradient(&mut self, set: &[usize], target: f64, scale: f64) {
-        let mut sums = self.start();
+        let activation = self.activate(&self.sums_of_set(set));
+        let error = scale * (activation.value - target);
+        let (views, hidden) = (self.views, self.hidden);
+        let parts = self.add_head_gradient(&activation, error);
         for (slot, &view) in set.iter().enumerate() {
-            sums.add(self, slot, view);
-        }
-        let error = scale * (self.finish(&sums) - target);
-        let slopes = self.slopes(&sums);
-        let parts = self.add_head_gradient(&sums, &slopes, error);
-        let hidden = slopes.len();
-        for (slot, &view) in set.iter().enumerate() {
-            let input = slot * parts.linear.len() / set.len() + view;
+            let input = slot * views + view;
             parts.linear[input] += error;
             let row = &mut parts.matrix[input * hidden..][..hidden];
-            for (gradient, slope) in row.iter_mut().zip(&slopes) {
-                *gradient += error * slope;
-            }
+            add(row, error, &activation.slopes);
         }
     }
 
     fn add_probabilities_gradient(&mut self, probabilities: &[f64], target: f64, scale: f64) {
-        let sums = self.sums_of(probabilities);
-        let error = scale * (self.finish(&sums) - target);
-        let slopes = self.slopes(&sums);
-        let parts = self.add_head_gradient(&sums, &slopes, error);
-        let rows = parts.matrix.chunks_exact_mut(slopes.len());
-        for ((row, linear), probability) in rows.zip(parts.linear).zip(probabilities) {
-            *linear += error * probability;
-            for (gradient, slope) in row.iter_mut().zip(&slopes) {
-                *gradient += error * slope * probability;
-            }
+        let activation = self.activate(&self.sums_of(probabilities));
+        let error = scale * (activation.value - target);
+        let hidden = self.hidden;
+        let parts = self.add_head_gradient(&activation, error);
+        add(parts.linear, error, probabilities);
+        let rows = parts.matrix.chunks_exact_mut(hidden);
+        for (row, probability) in rows.zip(probabilities) {
+            add(row, error * probability, &activation.slopes);
         }
     }
 
     /// The gradient behind the input layer; the rest is the caller's.
-    fn add_head_gradient(&mut self, sums: &Sums, slopes: &[f64], error: f64) -> Parts<&mut [f64]> {
+    fn add_head_gradient(&mut self, activation: &Activation, error: f64) -> Parts<&mut [f64]> {
         let inputs = self.inputs();
         let parts = split_mut(&mut self.gradient, inputs, self.hidden);
         parts.constant[0] += error;
-        for (gradient, slope) in parts.bias.iter_mut().zip(slopes) {
-            *gradient += error * slope;
-        }
-        for (gradient, sum) in parts.out.iter_mut().zip(&sums.hidden) {
-            *gradient += error * sum.tanh();
-        }
+        add(parts.bias, error, &activation.slopes);
+        add(parts.out, error, &activation.units);
         parts
+    }
+
+    fn sums_of_set(&self, set: &[usize]) -> Sums {
+        let mut sums = self.start();
+        for (slot, &view) in set.iter().enumerate() {
+            sums.add(self, slot, view);
+        }
+        sums
     }
 
     fn sums_of(&self, probabilities: &[f64]) -> Sums {
@@ -168,19 +172,9 @@ impl ValueNetwork {
         sums.linear += dot(parts.linear, probabilities);
         let rows = parts.matrix.chunks_exact(self.hidden);
         for (row, probability) in rows.zip(probabilities) {
-            for (sum, weight) in sums.hidden.iter_mut().zip(row) {
-                *sum += weight * probability;
-            }
+            add(&mut sums.hidden, *probability, row);
         }
         sums
-    }
-
-    /// dV / d(b + W x): `u (1 - tanh^2)`.
-    fn slopes(&self, sums: &Sums) -> Vec<f64> {
-        let out = self.parts().out.iter();
-        out.zip(&sums.hidden)
-            .map(|(weight, sum)| weight * (1.0 - sum.tanh().powi(2)))
-            .collect()
     }
 
     fn inputs(&self) -> usize {
@@ -203,6 +197,13 @@ impl ValueNetwork {
     }
 }
 
+/// What the network makes of sums.
+struct Activation {
+    value: f64,
+    units: Vec<f64>,
+    slopes: Vec<f64>,
+}
+
 /// Sums before the tanh units and beside them, slot by slot.
 #[derive(Clone)]
 pub(crate) struct Sums {
@@ -217,9 +218,7 @@ impl Sums {
         let input = slot * network.views + view;
         self.linear += parts.linear[input];
         let row = &parts.matrix[input * network.hidden..][..network.hidden];
-        for (sum, weight) in self.hidden.iter_mut().zip(row) {
-            *sum += weight;
-        }
+        add(&mut self.hidden, 1.0, row);
     }
 }
 
@@ -237,6 +236,94 @@ fn split_mut(all: &mut [f64], inputs: usize, hidden: usize) -> Parts<&mut [f64]>
     }
 }
 
-fn dot(one: &[f64], other: &[f64]) -> f64 {
-    one.iter().zip(other).map(|(one, other)| one * other).sum()
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::loss::SetFunction;
+
+    const SLOTS: usize = 2;
+    const VIEWS: usize = 3;
+
+    fn network() -> ValueNetwork {
+        let loss = SetFunction::new(VIEWS, SLOTS, |_: &[usize]| 0.0);
+        let problem = Problem::new(&loss).expect("views enough").seed(4);
+        let mut network = ValueNetwork::new(&problem, 5, 1e-2);
+        let mut stream = Stream::new(5, Purpose::ValueInit, 0);
+        for parameter in &mut network.parameters {
+            *parameter += stream.unit() - 0.5;
+        }
+        network
+    }
+
+    const PROBABILITIES: [f64; SLOTS * VIEWS] = [0.2, 0.5, 0.3, 0.7, 0.0, 0.3];
+
+    fn value_at(network: &ValueNetwork, probabilities: &[f64]) -> f64 {
+        network.finish(&network.sums_of(probabilities))
+    }
+
+    #[test]
+    fn a_set_is_the_point_of_its_probabilities() {
+        let network = network();
+        let point = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0];
+        let difference = network.of_set(&[2, 0]) - value_at(&network, &point);
+        assert!(difference.abs() < 1e-14);
+    }
+
+    #[test]
+    fn the_input_gradient_matches_differences() {
+        let network = network();
+        let gradient = network.input_gradient(&PROBABILITIES);
+        for (index, gradient) in gradient.iter().enumerate() {
+            let moved = |by: f64| {
+                let mut probabilities = PROBABILITIES;
+                probabilities[index] += by;
+                value_at(&network, &probabilities)
+            };
+            let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+            assert!((gradient - difference).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn the_training_gradient_matches_differences() {
+        let mut network = network();
+        let samples: [(&[usize], f64); 2] = [(&[0, 2], 0.3), (&[1, 1], -0.8)];
+        let error = |network: &ValueNetwork| {
+            let sets = samples
+                .iter()
+                .map(|(set, target)| network.of_set(set) - target);
+            let on_policy = value_at(network, &PROBABILITIES) - 0.1;
+            (sets.map(|error| error.powi(2)).sum::<f64>() + on_policy.powi(2)) / 3.0
+        };
+        let parameters = network.parameters.clone();
+        network.learn(samples.into_iter(), Some((&PROBABILITIES, 0.1)), 1.0);
+        let gradient = network.gradient.clone();
+        for (index, gradient) in gradient.iter().enumerate() {
+            let mut moved = |by: f64| {
+                network.parameters.clone_from(&parameters);
+                network.parameters[index] += by;
+                error(&network)
+            };
+            let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+            assert!((gradient - difference).abs() < 1e-8, "{index}");
+        }
+    }
+
+    #[test]
+    fn training_fits_what_slots_lose_together() {
+        // An exclusive or: no sum of slots fits it.
+        let mut network = network();
+        let samples: [(&[usize], f64); 4] = [
+            (&[0, 0], 0.0),
+            (&[0, 1], 1.0),
+            (&[1, 0], 1.0),
+            (&[1, 1], 0.0),
+        ];
+        for _ in 0..2000 {
+            network.learn(samples.into_iter(), None, 1.0);
+        }
+        for (set, target) in samples {
+            assert!((network.of_set(set) - target).abs() < 0.05);
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! Finds the sets that a value network expects least of.
 
 use crate::problem::Problem;
-use crate::sets::{SetList, is_distinct};
+use crate::sets::SetList;
 use crate::value::{Sums, ValueNetwork};
 use crate::vb_nvs::ValueSearch;
 
@@ -39,6 +39,10 @@ pub(crate) fn lowest_sets(
     sets
 }
 
+/// A descent takes a few sweeps. Values depend in the last digit on the order of the slots' sums,
+/// so that equals could take turns for ever.
+const MOST_SWEEPS: usize = 50;
+
 /// Chooses slot after slot anew until none changes. `lowest` keeps, for each slot and view, the
 /// lowest value that was seen with that view in that slot.
 fn descend(
@@ -47,37 +51,48 @@ fn descend(
     mut set: Vec<usize>,
     lowest: &mut [Vec<f64>],
 ) -> Vec<usize> {
-    loop {
+    for _ in 0..MOST_SWEEPS {
         let mut still = true;
-        for slot in 0..set.len() {
-            let mut rest = network.start();
-            for (other, &view) in set.iter().enumerate() {
-                if other != slot {
-                    rest.add(network, other, view);
-                }
-            }
-            let here = set[slot];
-            let mut best = (f64::INFINITY, here);
-            for view in 0..problem.views() {
-                set[slot] = view;
-                if problem.is_distinct() && !is_distinct(&set) {
-                    continue;
-                }
-                let mut sums = rest.clone();
-                sums.add(network, slot, view);
-                let value = network.finish(&sums);
-                lowest[slot][view] = lowest[slot][view].min(value);
-                if value < best.0 || (value == best.0 && view == here) {
-                    best = (value, view);
-                }
-            }
-            set[slot] = best.1;
-            still &= best.1 == here;
+        for (slot, lowest) in lowest.iter_mut().enumerate() {
+            let view = best_view(network, problem, &set, slot, lowest);
+            still &= view == set[slot];
+            set[slot] = view;
         }
         if still {
-            return set;
+            break;
         }
     }
+    set
+}
+
+/// The view of lowest value in a slot, given the other slots; the present one where none is lower.
+fn best_view(
+    network: &ValueNetwork,
+    problem: &Problem<'_>,
+    set: &[usize],
+    slot: usize,
+    lowest: &mut [f64],
+) -> usize {
+    let mut rest = network.start();
+    for (other, &view) in set.iter().enumerate() {
+        if other != slot {
+            rest.add(network, other, view);
+        }
+    }
+    let mut best = (f64::INFINITY, set[slot]);
+    for (view, lowest) in lowest.iter_mut().enumerate() {
+        if problem.is_distinct() && view != set[slot] && set.contains(&view) {
+            continue;
+        }
+        let mut sums = rest.clone();
+        sums.add(network, slot, view);
+        let value = network.finish(&sums);
+        *lowest = lowest.min(value);
+        if value < best.0 || (value == best.0 && view == set[slot]) {
+            best = (value, view);
+        }
+    }
+    best.1
 }
 
 /// The largest K with K^M combinations within the limit, from 1 to N.
@@ -124,6 +139,37 @@ impl Walk<'_> {
             self.set.push(view);
             self.go(&longer);
             self.set.pop();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::loss::SetFunction;
+    use crate::sets::is_distinct;
+
+    /// With all combinations allowed, the shortlist is a sort of all sets.
+    #[test]
+    fn equals_a_sort_of_all_sets() {
+        let loss = SetFunction::new(4, 3, |_: &[usize]| 0.0);
+        for distinct in [false, true] {
+            let problem = Problem::new(&loss)
+                .expect("views enough")
+                .distinct(distinct);
+            let network = ValueNetwork::new(&problem, 6, 0.1);
+            let sets = (0..64).map(|index| vec![index / 16, index / 4 % 4, index % 4]);
+            let mut expected: Vec<_> = sets.filter(|set| !distinct || is_distinct(set)).collect();
+            expected.sort_by(|a, b| network.of_set(a).total_cmp(&network.of_set(b)));
+            let limits = ValueSearch {
+                combinations: 64,
+                shortlist: 20,
+                ..ValueSearch::default()
+            };
+            let mut starts = SetList::new(3);
+            starts.push(&[0, 1, 2]);
+            let found = lowest_sets(&network, &problem, &starts, limits);
+            assert!(found.as_sets().iter().eq(&expected[..20]));
         }
     }
 }

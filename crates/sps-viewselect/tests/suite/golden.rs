@@ -28,7 +28,7 @@ fn reinforce_gradient_matches_autograd() {
     let logits = uniform("golden/reinforce.z").map(|u| 3.0 * rounded(u));
     let policy = Policy::from_logits(logits.take(SLOTS * VIEWS).collect(), SLOTS, VIEWS, false)
         .expect("finite logits");
-    let drawn = uniform("golden/reinforce.q").map(|u| ((u + 1.0) / 2.0 * 100.0) as usize);
+    let drawn = uniform("golden/reinforce.q").map(|u| (0.5 * (u + 1.0) * 100.0) as usize);
     let drawn: Vec<usize> = drawn.take(BATCH * SLOTS).collect();
     let stored = tensors.tensor("q").expect("the drawn views");
     let stored = stored.data().chunks_exact(8);

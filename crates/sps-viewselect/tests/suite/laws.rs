@@ -39,9 +39,10 @@ proptest! {
             let last = selection.curve.last().expect("at least one round");
             prop_assert_eq!(last.evaluations, selection.evaluations);
             prop_assert!(last.best <= selection.loss);
-            prop_assert!(selection.curve.is_sorted_by(|a, b| {
-                a.evaluations < b.evaluations && a.best >= b.best
-            }));
+            let forward = selection
+                .curve
+                .is_sorted_by(|a, b| a.evaluations < b.evaluations && a.best >= b.best);
+            prop_assert!(forward, "{}", name);
             prop_assert!(selection.curve.iter().all(|point| point.mean >= point.best - 1e-12));
             prop_assert!(selection.seconds >= 0.0);
         }

@@ -10,7 +10,7 @@ const VIEWS: usize = 100;
 const SEEDS: u64 = 20;
 
 /// In how many of the seeds a selector finds the planted triple. Each seed has its own triple.
-fn found(selector: &(impl Selector + Sync), most: u64) -> usize {
+fn found(selector: &impl Selector, most: u64) -> usize {
     let found = (0..SEEDS).into_par_iter().filter(|&seed| {
         let loss = Planted::new(VIEWS, seed);
         let selection = select(selector, &problem(&loss).seed(seed));

@@ -1,10 +1,8 @@
 //! Losses whose optimum is known, or can be gone through. Shared by tests, benchmark and example.
 
-#[path = "uniform.rs"]
-mod uniform;
-
 use sps_viewselect::{LossError, SetLoss, Sets};
-use uniform::uniform;
+
+use crate::uniform::uniform;
 
 /// A known best triple under noise.
 ///
@@ -26,7 +24,7 @@ impl Planted {
     pub(crate) fn new(views: usize, seed: u64) -> Self {
         let mut draws = uniform(&format!("planted/{views}/{seed}"));
         let best = std::array::from_fn(|_| {
-            ((draws.next().unwrap_or_default() + 1.0) / 2.0 * views as f64) as usize
+            (0.5 * (draws.next().unwrap_or_default() + 1.0) * views as f64) as usize
         });
         Self { views, best, seed }
     }

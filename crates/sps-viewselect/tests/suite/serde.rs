@@ -6,14 +6,14 @@ use crate::support::{problem, select};
 
 #[test]
 fn a_selector_is_read_from_toml() {
-    let text = r#"
+    let text = r"
         evaluations = 5000
         [policy]
         learning-rate = 0.1
         baseline = { moving-mean = { decay = 0.9 } }
         [search]
         shortlist = 7
-    "#;
+    ";
     let found: VbNvs = toml::from_str(text).expect("a selector");
     let mut expected = VbNvs {
         evaluations: 5000,

@@ -22,19 +22,12 @@ fn selections_do_not_depend_on_the_number_of_threads() {
             let with = |threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
                 let pool = pool.expect("a pool");
-                pool.install(|| untimed(selector_run(&*selector, &problem)))
+                pool.install(|| untimed(select(&*selector, &problem)))
             };
             let one = with(1);
             for threads in [2, 5] {
                 assert_eq!(one, with(threads), "{name} on {threads} threads");
             }
         }
-    }
-
-    fn selector_run(
-        selector: &dyn sps_viewselect::Selector,
-        problem: &sps_viewselect::Problem<'_>,
-    ) -> Selection {
-        select(selector, problem)
     }
 }

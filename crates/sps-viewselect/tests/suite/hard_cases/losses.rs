@@ -6,6 +6,8 @@ use sps_viewselect::{
 
 use crate::support::{all_selectors, problem, select, short_nvs, short_vb_nvs};
 
+/// A mean that is off by one rounding would make advantages of a constant reward, and
+/// standardising would blow them up.
 #[test]
 fn a_constant_reward_moves_nothing_and_stays_finite() {
     for value in [0.0, -3.5, 0.1, 1e99] {
@@ -19,9 +21,7 @@ fn a_constant_reward_moves_nothing_and_stays_finite() {
             nvs.policy.baseline = baseline;
             nvs.policy.entropy_weight = 0.0;
             // No advantage, no step: the arg-max of equal logits is view 0.
-            if value != 0.1 {
-                assert_eq!(select(&nvs, &problem(&loss)).picks, [0, 0, 0]);
-            }
+            assert_eq!(select(&nvs, &problem(&loss)).picks, [0, 0, 0]);
         }
     }
 }
@@ -112,7 +112,7 @@ fn a_loss_that_is_no_number_is_an_error_that_names_the_set() {
     let error = Greedy::default().select(&problem(&nan)).expect_err("NaN");
     assert_eq!(
         error.to_string(),
-        "the loss of the set [0, 2] is NaN, expected a number within 1e100 of 0"
+        "the loss of the set [0, 3] is NaN, expected a number within 1e100 of 0"
     );
 }
 

@@ -12,7 +12,7 @@
 //! its place, and the estimate is the mean of the two readings:
 //!
 //! ```
-//! use sps_viewselect::{Equidistant, Exhaustive, Nvs, Problem, Selector, SetFunction};
+//! use sps_viewselect::{Equidistant, Exhaustive, Problem, Selector, SetFunction, VbNvs};
 //!
 //! // The mean of x^p over a rod of length 1 is 1 / (p + 1).
 //! let loss = SetFunction::new(40, 2, |sensors: &[usize]| {
@@ -30,7 +30,7 @@
 //! assert_eq!((optimum.picks, optimum.evaluations), (vec![8, 31], 40 * 39));
 //!
 //! let equidistant = Equidistant {}.select(&problem)?;
-//! let learned = Nvs { evaluations: 5000, ..Nvs::default() }.select(&problem)?;
+//! let learned = VbNvs { evaluations: 5000, ..VbNvs::default() }.select(&problem)?;
 //! assert!(optimum.loss <= learned.loss && learned.loss < equidistant.loss);
 //! # Ok::<(), sps_viewselect::SelectError>(())
 //! ```

@@ -75,6 +75,11 @@ impl<'a> Evaluator<'a> {
         self.asked
     }
 
+    /// Whether the loss of a set was asked for before.
+    pub(crate) fn knows(&self, set: &[usize]) -> bool {
+        self.memory.contains_key(set)
+    }
+
     /// The loss of every set, as one round of the search.
     pub(crate) fn losses(&mut self, sets: Sets<'_>) -> Result<Vec<f64>, SelectError> {
         self.compute_unknown(sets)?;

@@ -5,13 +5,14 @@ use crate::sets::SetList;
 use crate::value::{Sums, ValueNetwork};
 use crate::vb_nvs::ValueSearch;
 
-/// The sets of lowest value, lowest first: coordinate descent from every start, then every
-/// combination of the best few views of each slot.
+/// The sets of lowest value that are not known yet, lowest first: coordinate descent from every
+/// start, then every combination of the best few views of each slot.
 pub(crate) fn lowest_sets(
     network: &ValueNetwork,
     problem: &Problem<'_>,
     starts: &SetList,
     limits: ValueSearch,
+    is_known: impl Fn(&[usize]) -> bool,
 ) -> SetList {
     let mut lowest = vec![vec![f64::INFINITY; problem.views()]; problem.picks()];
     let mut found: Vec<(f64, Vec<usize>)> = Vec::new();
@@ -35,7 +36,11 @@ pub(crate) fn lowest_sets(
     found.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
     found.dedup_by(|a, b| a.1 == b.1);
     let mut sets = SetList::new(problem.picks());
-    sets.extend(found.into_iter().take(limits.shortlist).map(|(_, set)| set));
+    let unknown = found
+        .into_iter()
+        .map(|(_, set)| set)
+        .filter(|set| !is_known(set));
+    sets.extend(unknown.take(limits.shortlist));
     sets
 }
 
@@ -168,7 +173,8 @@ mod tests {
             };
             let mut starts = SetList::new(3);
             starts.push(&[0, 1, 2]);
-            let found = lowest_sets(&network, &problem, &starts, limits);
+            let first = expected.remove(0);
+            let found = lowest_sets(&network, &problem, &starts, limits, |set| set == first);
             assert!(found.as_sets().iter().eq(&expected[..20]));
         }
     }

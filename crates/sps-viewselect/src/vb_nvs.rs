@@ -1,6 +1,5 @@
 //! The value based neural viewpoint selector.
 
-use crate::baselines::best_of;
 use crate::critic::Critic;
 use crate::error::{SelectError, require};
 use crate::evaluator::Evaluator;
@@ -13,7 +12,9 @@ use crate::value_search::lowest_sets;
 
 /// VB-NVS (section "Viewpoint Selector Framework"): beside the selector vectors a value network is
 /// trained, which estimates the loss from the joined probability vectors. Its error signal is passed
-/// back to the selector vectors, and the set is found by searching it.
+/// back to the selector vectors, and the set is found by searching it: coordinate descent from
+/// several starts and all combinations of the best few views of each slot give a shortlist, whose
+/// true losses the network learns before it is searched again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(
@@ -67,11 +68,10 @@ pub struct ValueSearch {
     /// Sets that are gone through with the network: every combination of the best few views of
     /// each slot. Default 2^13: 20 views per slot for M = 3.
     pub combinations: usize,
-    /// Of these the best, whose loss is evaluated. Default 50.
+    /// Of these the best that were not evaluated before, whose loss is evaluated. Default 50.
     pub shortlist: usize,
     /// Searches; after each the network learns the losses of the shortlist. The lowest loss of all
-    /// shortlists is picked, so that with one round and a shortlist of 1 the network alone decides.
-    /// Default 20.
+    /// that were evaluated is picked. Default 20.
     pub rounds: u64,
 }
 
@@ -146,7 +146,7 @@ impl VbNvs {
         require(batch > 0, "batch", batch, "at least 1")?;
         let fits = weight >= 0.0 && weight.is_finite();
         require(fits, "weight", weight, "0 or a positive number")?;
-        require(starts > 0, "starts", starts, "at least 1")?;
+        require(starts > 1, "starts", starts, "at least 2")?;
         require(combinations > 0, "combinations", combinations, "at least 1")?;
         require(shortlist > 0, "shortlist", shortlist, "at least 1")?;
         require(rounds > 0, "rounds", rounds, "at least 1")?;
@@ -181,17 +181,18 @@ impl Selector for VbNvs {
             let signal = critic.error_signal(&probabilities, problem.views());
             trainer.learn(sets.as_sets(), &losses, Some(&signal), share)?;
         }
-        let mut found = SetList::new(problem.picks());
-        let mut found_losses = Vec::new();
         for round in 0..self.search.rounds {
             let starts = self.starts(problem, &trainer.policy().arg_max(), &critic, round);
-            let shortlist = lowest_sets(critic.network(), problem, &starts, self.search);
-            let losses = evaluator.losses(shortlist.as_sets())?;
-            critic.learn(shortlist.as_sets(), &losses, None, FLOOR);
-            found.append(shortlist.as_sets());
-            found_losses.extend(losses);
+            let known = |set: &[usize]| evaluator.knows(set);
+            let shortlist = lowest_sets(critic.network(), problem, &starts, self.search, known);
+            let shortlist = shortlist.as_sets();
+            if shortlist.is_empty() {
+                break;
+            }
+            let losses = evaluator.losses(shortlist)?;
+            critic.learn(shortlist, &losses, None, FLOOR);
         }
-        evaluator.finish(best_of(found.as_sets(), &found_losses))
+        evaluator.finish(critic.best_set())
     }
 }
 

@@ -61,7 +61,7 @@ fn each_setting_out_of_range_is_named() {
     assert_eq!(refused(&vb_nvs(|vb| vb.value.hidden = 0)), "hidden");
     assert_eq!(refused(&vb_nvs(|vb| vb.value.steps = 0)), "steps");
     assert_eq!(refused(&vb_nvs(|vb| vb.value.batch = 0)), "batch");
-    assert_eq!(refused(&vb_nvs(|vb| vb.search.starts = 0)), "starts");
+    assert_eq!(refused(&vb_nvs(|vb| vb.search.starts = 1)), "starts");
     assert_eq!(
         refused(&vb_nvs(|vb| vb.search.combinations = 0)),
         "combinations"

@@ -1,0 +1,113 @@
+//! Selections that learn nothing: random, equidistant, nadir.
+
+use crate::error::{SelectError, require};
+use crate::evaluator::Evaluator;
+use crate::problem::{Problem, Selector};
+use crate::selection::Selection;
+use crate::sets::{SetList, Sets};
+use crate::stream::{Purpose, Stream};
+
+/// Random sets, every one equally likely: one, or the best of several (random search).
+///
+/// The first point of the curve holds the mean loss of the draws: with many of them, the loss of a
+/// random set that [`Selection::regret`] wants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(default, deny_unknown_fields, rename_all = "kebab-case")
+)]
+pub struct Random {
+    /// Sets drawn, of which the best is picked. 1, the default, is the paper's "random".
+    pub draws: usize,
+}
+
+impl Default for Random {
+    fn default() -> Self {
+        Self { draws: 1 }
+    }
+}
+
+impl Selector for Random {
+    fn select(&self, problem: &Problem<'_>) -> Result<Selection, SelectError> {
+        require(self.draws > 0, "draws", self.draws, "at least 1")?;
+        let mut evaluator = Evaluator::new(problem);
+        let mut sets = SetList::new(problem.picks());
+        let mut stream = Stream::new(problem.seed_value(), Purpose::RandomSets, 0);
+        sets.extend(
+            (0..self.draws)
+                .map(|_| stream.set(problem.views(), problem.picks(), problem.is_distinct())),
+        );
+        let losses = evaluator.losses(sets.as_sets())?;
+        let picks = best_of(sets.as_sets(), &losses);
+        evaluator.finish(picks)
+    }
+}
+
+/// The set of lowest loss, of several the lexicographically first. There is at least one.
+pub(crate) fn best_of(sets: Sets<'_>, losses: &[f64]) -> Vec<usize> {
+    sets.iter()
+        .zip(losses)
+        .min_by(|(set, loss), (other, lowest)| loss.total_cmp(lowest).then_with(|| set.cmp(other)))
+        .map_or_else(Vec::new, |(set, _)| set.to_vec())
+}
+
+/// A fixed interval: the views are cut into M equal parts, and the middle view of each is picked
+/// (of two middle views the lower). Always distinct.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(default, deny_unknown_fields, rename_all = "kebab-case")
+)]
+pub struct Equidistant {}
+
+impl Selector for Equidistant {
+    fn select(&self, problem: &Problem<'_>) -> Result<Selection, SelectError> {
+        Evaluator::new(problem).finish(equidistant(problem.views(), problem.picks()))
+    }
+}
+
+/// `picks` of `views` views at a fixed interval, in increasing order; `picks` is at most `views`.
+///
+/// The middle of part i of M is `(2i + 1) N / (2M) - 1/2`, here rounded half down.
+pub(crate) fn equidistant(views: usize, picks: usize) -> Vec<usize> {
+    let (views, parts) = (views as u128, picks as u128);
+    (0..parts)
+        .map(|part| (((2 * part + 1) * views - 1) / (2 * parts)) as usize)
+        .collect()
+}
+
+/// Straight down: the nadir view in every slot, or with distinct views the M nearest to it, nearest
+/// first (of two equally near the lower).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(default, deny_unknown_fields, rename_all = "kebab-case")
+)]
+pub struct Nadir {
+    /// The view that looks straight down; `None`, the default, is the middle one (of two the
+    /// lower).
+    pub view: Option<usize>,
+}
+
+impl Selector for Nadir {
+    fn select(&self, problem: &Problem<'_>) -> Result<Selection, SelectError> {
+        let nadir = self.view.unwrap_or((problem.views() - 1) / 2);
+        require(nadir < problem.views(), "view", nadir, "a view that exists")?;
+        let picks = if problem.is_distinct() {
+            nearest(nadir, problem.views(), problem.picks())
+        } else {
+            vec![nadir; problem.picks()]
+        };
+        Evaluator::new(problem).finish(picks)
+    }
+}
+
+fn nearest(nadir: usize, views: usize, picks: usize) -> Vec<usize> {
+    let mut by_distance: Vec<usize> = (0..views).collect();
+    by_distance.sort_by_key(|&view| (view.abs_diff(nadir), view));
+    by_distance.truncate(picks);
+    by_distance
+}

@@ -1,0 +1,329 @@
+//! The value network: what a set, or a policy, will lose.
+
+use crate::adam::Adam;
+use crate::problem::Problem;
+use crate::stream::{Purpose, Stream};
+use crate::vector::{add, dot};
+
+/// A value network V on the joined probability vectors, shape (slots, views): one linear term and
+/// one hidden layer of tanh units,
+///
+/// ```text
+/// V(x) = c + w x + u tanh(b + W x)
+/// ```
+///
+/// A set is the point where each slot's vector is 1 at its view and 0 elsewhere, so the linear term
+/// holds what the slots lose each for itself, and the units hold what they lose together.
+pub(crate) struct ValueNetwork {
+    views: usize,
+    hidden: usize,
+    /// W (slots * views, hidden), then w (slots * views), b (hidden), u (hidden), c.
+    parameters: Vec<f64>,
+    adam: Adam,
+    gradient: Vec<f64>,
+}
+
+/// The parts of the parameters, in their order.
+struct Parts<T> {
+    matrix: T,
+    linear: T,
+    bias: T,
+    out: T,
+    constant: T,
+}
+
+impl ValueNetwork {
+    pub(crate) fn new(problem: &Problem<'_>, hidden: usize, learning_rate: f64) -> Self {
+        let inputs = problem.picks() * problem.views();
+        let mut parameters = vec![0.0; inputs * hidden + inputs + 2 * hidden + 1];
+        let mut stream = Stream::new(problem.seed_value(), Purpose::ValueInit, 0);
+        let mut fill = |part: &mut [f64], fan_in: usize| {
+            // Of a set, only one input per slot is not 0.
+            let bound = (3.0 / fan_in as f64).sqrt();
+            part.fill_with(|| bound * (2.0 * stream.unit() - 1.0));
+        };
+        let parts = split_mut(&mut parameters, inputs, hidden);
+        fill(parts.matrix, problem.picks());
+        fill(parts.out, hidden);
+        Self {
+            views: problem.views(),
+            hidden,
+            adam: Adam::new(parameters.len(), learning_rate),
+            gradient: vec![0.0; parameters.len()],
+            parameters,
+        }
+    }
+
+    /// V of a set.
+    pub(crate) fn of_set(&self, set: &[usize]) -> f64 {
+        self.finish(&self.sums_of_set(set))
+    }
+
+    /// The sums of no slots; add one view per slot, then [`finish`](Self::finish).
+    pub(crate) fn start(&self) -> Sums {
+        let parts = self.parts();
+        Sums {
+            linear: parts.constant[0],
+            hidden: parts.bias.to_vec(),
+        }
+    }
+
+    /// V of the slots that were added.
+    pub(crate) fn finish(&self, sums: &Sums) -> f64 {
+        let out = self.parts().out.iter();
+        let units = out
+            .zip(&sums.hidden)
+            .map(|(weight, sum)| weight * sum.tanh());
+        sums.linear + units.sum::<f64>()
+    }
+
+    /// V, the units' outputs, and dV / d(b + W x) = `u (1 - tanh^2)`.
+    fn activate(&self, sums: &Sums) -> Activation {
+        let out = self.parts().out;
+        let units: Vec<f64> = sums.hidden.iter().map(|sum| sum.tanh()).collect();
+        let slopes = out.iter().zip(&units);
+        Activation {
+            value: sums.linear + dot(out, &units),
+            slopes: slopes
+                .map(|(weight, unit)| weight * (1.0 - unit * unit))
+                .collect(),
+            units,
+        }
+    }
+
+    /// The gradient of V with respect to the joined probabilities, shape (slots, views).
+    pub(crate) fn input_gradient(&self, probabilities: &[f64]) -> Vec<f64> {
+        let slopes = self.activate(&self.sums_of(probabilities)).slopes;
+        let parts = self.parts();
+        parts
+            .matrix
+            .chunks_exact(self.hidden)
+            .zip(parts.linear)
+            .map(|(row, linear)| linear + dot(row, &slopes))
+            .collect()
+    }
+
+    /// One step of Adam down the mean squared error of sets, with `share` of the learning rate.
+    pub(crate) fn learn<'s>(
+        &mut self,
+        samples: impl ExactSizeIterator<Item = (&'s [usize], f64)>,
+        on_policy: Option<(&[f64], f64)>,
+        share: f64,
+    ) {
+        self.gradient.fill(0.0);
+        let count = samples.len() + usize::from(on_policy.is_some());
+        let scale = 2.0 / count.max(1) as f64;
+        for (set, target) in samples {
+            self.add_set_gradient(set, target, scale);
+        }
+        if let Some((probabilities, target)) = on_policy {
+            self.add_probabilities_gradient(probabilities, target, scale);
+        }
+        self.adam
+            .descend(&mut self.parameters, &self.gradient, share);
+    }
+
+    fn add_set_gradient(&mut self, set: &[usize], target: f64, scale: f64) {
+        let activation = self.activate(&self.sums_of_set(set));
+        let error = scale * (activation.value - target);
+        let (views, hidden) = (self.views, self.hidden);
+        let parts = self.add_head_gradient(&activation, error);
+        for (slot, &view) in set.iter().enumerate() {
+            let input = slot * views + view;
+            parts.linear[input] += error;
+            let row = &mut parts.matrix[input * hidden..][..hidden];
+            add(row, error, &activation.slopes);
+        }
+    }
+
+    fn add_probabilities_gradient(&mut self, probabilities: &[f64], target: f64, scale: f64) {
+        let activation = self.activate(&self.sums_of(probabilities));
+        let error = scale * (activation.value - target);
+        let hidden = self.hidden;
+        let parts = self.add_head_gradient(&activation, error);
+        add(parts.linear, error, probabilities);
+        let rows = parts.matrix.chunks_exact_mut(hidden);
+        for (row, probability) in rows.zip(probabilities) {
+            add(row, error * probability, &activation.slopes);
+        }
+    }
+
+    /// The gradient behind the input layer; the rest is the caller's.
+    fn add_head_gradient(&mut self, activation: &Activation, error: f64) -> Parts<&mut [f64]> {
+        let inputs = self.inputs();
+        let parts = split_mut(&mut self.gradient, inputs, self.hidden);
+        parts.constant[0] += error;
+        add(parts.bias, error, &activation.slopes);
+        add(parts.out, error, &activation.units);
+        parts
+    }
+
+    fn sums_of_set(&self, set: &[usize]) -> Sums {
+        let mut sums = self.start();
+        for (slot, &view) in set.iter().enumerate() {
+            sums.add(self, slot, view);
+        }
+        sums
+    }
+
+    fn sums_of(&self, probabilities: &[f64]) -> Sums {
+        let mut sums = self.start();
+        let parts = self.parts();
+        sums.linear += dot(parts.linear, probabilities);
+        let rows = parts.matrix.chunks_exact(self.hidden);
+        for (row, probability) in rows.zip(probabilities) {
+            add(&mut sums.hidden, *probability, row);
+        }
+        sums
+    }
+
+    fn inputs(&self) -> usize {
+        (self.parameters.len() - 2 * self.hidden - 1) / (self.hidden + 1)
+    }
+
+    fn parts(&self) -> Parts<&[f64]> {
+        let inputs = self.inputs();
+        let (matrix, rest) = self.parameters.split_at(inputs * self.hidden);
+        let (linear, rest) = rest.split_at(inputs);
+        let (bias, rest) = rest.split_at(self.hidden);
+        let (out, constant) = rest.split_at(self.hidden);
+        Parts {
+            matrix,
+            linear,
+            bias,
+            out,
+            constant,
+        }
+    }
+}
+
+/// What the network makes of sums.
+struct Activation {
+    value: f64,
+    units: Vec<f64>,
+    slopes: Vec<f64>,
+}
+
+/// Sums before the tanh units and beside them, slot by slot.
+#[derive(Clone)]
+pub(crate) struct Sums {
+    linear: f64,
+    hidden: Vec<f64>,
+}
+
+impl Sums {
+    /// Adds the view of one slot.
+    pub(crate) fn add(&mut self, network: &ValueNetwork, slot: usize, view: usize) {
+        let parts = network.parts();
+        let input = slot * network.views + view;
+        self.linear += parts.linear[input];
+        let row = &parts.matrix[input * network.hidden..][..network.hidden];
+        add(&mut self.hidden, 1.0, row);
+    }
+}
+
+fn split_mut(all: &mut [f64], inputs: usize, hidden: usize) -> Parts<&mut [f64]> {
+    let (matrix, rest) = all.split_at_mut(inputs * hidden);
+    let (linear, rest) = rest.split_at_mut(inputs);
+    let (bias, rest) = rest.split_at_mut(hidden);
+    let (out, constant) = rest.split_at_mut(hidden);
+    Parts {
+        matrix,
+        linear,
+        bias,
+        out,
+        constant,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::loss::SetFunction;
+
+    const SLOTS: usize = 2;
+    const VIEWS: usize = 3;
+
+    fn network() -> ValueNetwork {
+        let loss = SetFunction::new(VIEWS, SLOTS, |_: &[usize]| 0.0);
+        let problem = Problem::new(&loss).expect("views enough").seed(4);
+        let mut network = ValueNetwork::new(&problem, 5, 1e-2);
+        let mut stream = Stream::new(5, Purpose::ValueInit, 0);
+        for parameter in &mut network.parameters {
+            *parameter += stream.unit() - 0.5;
+        }
+        network
+    }
+
+    const PROBABILITIES: [f64; SLOTS * VIEWS] = [0.2, 0.5, 0.3, 0.7, 0.0, 0.3];
+
+    fn value_at(network: &ValueNetwork, probabilities: &[f64]) -> f64 {
+        network.finish(&network.sums_of(probabilities))
+    }
+
+    #[test]
+    fn a_set_is_the_point_of_its_probabilities() {
+        let network = network();
+        let point = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0];
+        let difference = network.of_set(&[2, 0]) - value_at(&network, &point);
+        assert!(difference.abs() < 1e-14);
+    }
+
+    #[test]
+    fn the_input_gradient_matches_differences() {
+        let network = network();
+        let gradient = network.input_gradient(&PROBABILITIES);
+        for (index, gradient) in gradient.iter().enumerate() {
+            let moved = |by: f64| {
+                let mut probabilities = PROBABILITIES;
+                probabilities[index] += by;
+                value_at(&network, &probabilities)
+            };
+            let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+            assert!((gradient - difference).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn the_training_gradient_matches_differences() {
+        let mut network = network();
+        let samples: [(&[usize], f64); 2] = [(&[0, 2], 0.3), (&[1, 1], -0.8)];
+        let error = |network: &ValueNetwork| {
+            let sets = samples
+                .iter()
+                .map(|(set, target)| network.of_set(set) - target);
+            let on_policy = value_at(network, &PROBABILITIES) - 0.1;
+            (sets.map(|error| error.powi(2)).sum::<f64>() + on_policy.powi(2)) / 3.0
+        };
+        let parameters = network.parameters.clone();
+        network.learn(samples.into_iter(), Some((&PROBABILITIES, 0.1)), 1.0);
+        let gradient = network.gradient.clone();
+        for (index, gradient) in gradient.iter().enumerate() {
+            let mut moved = |by: f64| {
+                network.parameters.clone_from(&parameters);
+                network.parameters[index] += by;
+                error(&network)
+            };
+            let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+            assert!((gradient - difference).abs() < 1e-8, "{index}");
+        }
+    }
+
+    #[test]
+    fn training_fits_what_slots_lose_together() {
+        // An exclusive or: no sum of slots fits it.
+        let mut network = network();
+        let samples: [(&[usize], f64); 4] = [
+            (&[0, 0], 0.0),
+            (&[0, 1], 1.0),
+            (&[1, 0], 1.0),
+            (&[1, 1], 0.0),
+        ];
+        for _ in 0..2000 {
+            network.learn(samples.into_iter(), None, 1.0);
+        }
+        for (set, target) in samples {
+            assert!((network.of_set(set) - target).abs() < 0.05);
+        }
+    }
+}

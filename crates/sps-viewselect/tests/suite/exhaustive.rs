@@ -1,0 +1,132 @@
+//! The true optimum.
+
+use std::sync::Mutex;
+
+use proptest::prelude::*;
+use sps_viewselect::{Exhaustive, LossError, SelectError, Selector, SetFunction, SetLoss, Sets};
+
+use crate::problems::LateFusion;
+use crate::support::{all_sets, problem, select};
+
+/// A loss of few values, so that there are ties.
+fn coarse(seed: u64, levels: u64) -> impl Fn(&[usize]) -> f64 + Sync {
+    move |set| {
+        let mixed = set.iter().fold(seed | 1, |hash, &view| {
+            (hash ^ (view as u64 + 1))
+                .wrapping_mul(0x9E37_79B9_7F4A_7C15)
+                .rotate_left(31)
+        });
+        (mixed % levels) as f64 - 2.0
+    }
+}
+
+proptest! {
+    #[test]
+    fn equals_brute_force(
+        views in 1..7_usize,
+        picks in 1..5_usize,
+        seed: u64,
+        levels in 2..1000_u64,
+        distinct: bool,
+        block in 1..100_usize,
+    ) {
+        prop_assume!(picks <= views);
+        let function = coarse(seed, levels);
+        let sets = all_sets(views, picks, distinct);
+        let best = sets.iter().fold(&sets[0], |best, set| {
+            if function(set) < function(best) { set } else { best }
+        });
+        let loss = SetFunction::new(views, picks, &function);
+        let exhaustive = Exhaustive { block, ..Exhaustive::default() };
+        let problem = problem(&loss).distinct(distinct);
+        let found = select(&exhaustive, &problem);
+        prop_assert_eq!(&found.picks, best);
+        prop_assert_eq!(found.loss, function(best));
+        prop_assert_eq!(found.evaluations, sets.len() as u64);
+        prop_assert_eq!(found.evaluations, exhaustive.evaluations(&problem).expect("few sets"));
+        let mean = sets.iter().map(|set| function(set)).sum::<f64>() / sets.len() as f64;
+        let weighted: f64 = found.curve.iter().scan(0, |before, point| {
+            let sets = point.evaluations - *before;
+            *before = point.evaluations;
+            Some(point.mean * sets as f64)
+        }).sum();
+        prop_assert!((weighted / sets.len() as f64 - mean).abs() < 1e-9 * (1.0 + levels as f64));
+    }
+}
+
+#[test]
+fn equals_brute_force_on_a_late_fusion_estimator() {
+    let loss = LateFusion::new(12, 3, 20, 0);
+    let sets = all_sets(12, 3, false);
+    let mut losses = vec![0.0; sets.len()];
+    let flat = sets.concat();
+    loss.losses(Sets::new(&flat, 3).expect("whole sets"), &mut losses)
+        .expect("a loss that does not fail");
+    let lowest = losses.iter().copied().fold(f64::INFINITY, f64::min);
+    let place = losses.iter().position(|&loss| loss == lowest).expect("one");
+    let found = select(&Exhaustive::default(), &problem(&loss));
+    assert_eq!((&found.picks, found.loss), (&sets[place], lowest));
+}
+
+/// Keeps the calls that it gets.
+struct Recorded(Mutex<Vec<Vec<usize>>>);
+
+impl SetLoss for Recorded {
+    fn views(&self) -> usize {
+        7
+    }
+
+    fn picks(&self) -> usize {
+        3
+    }
+
+    fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
+        losses.fill(1.0);
+        let mut calls = self.0.lock().map_err(|_| "another call panicked")?;
+        calls.push(sets.as_flat().to_vec());
+        Ok(())
+    }
+}
+
+#[test]
+fn blocks_are_whole_runs_in_order_and_bounded() {
+    for (block, runs) in [(1, 1), (6, 1), (7, 1), (20, 2), (21, 3), (1000, 49)] {
+        let loss = Recorded(Mutex::default());
+        let exhaustive = Exhaustive {
+            block,
+            ..Exhaustive::default()
+        };
+        select(&exhaustive, &problem(&loss));
+        let mut calls = loss.0.into_inner().expect("no call panicked");
+        calls.sort();
+        assert_eq!(calls.concat(), all_sets(7, 3, false).concat());
+        assert!(calls.iter().all(|call| call.len() % 21 == 0));
+        let largest = calls.iter().map(|call| call.len() / 21).max();
+        assert_eq!(largest, Some(runs), "block {block}");
+    }
+}
+
+#[test]
+fn more_sets_than_allowed_are_refused_beyond_three_picks() {
+    let sum = |set: &[usize]| set.iter().sum::<usize>() as f64;
+    let four = SetFunction::new(65, 4, sum);
+    let error = Exhaustive::default().select(&problem(&four));
+    let error = error.expect_err("65^4 sets").to_string();
+    assert_eq!(
+        error,
+        "there are 17850625 sets of 4 of 65 views, expected at most 16777216: raise `limit`, or search"
+    );
+    let many = SetFunction::new(10_000, 100, sum);
+    assert!(matches!(
+        Exhaustive::default().select(&problem(&many)),
+        Err(SelectError::TooManySets { picks: 100, .. })
+    ));
+    let small = Exhaustive {
+        limit: 1,
+        ..Exhaustive::default()
+    };
+    let three = SetFunction::new(5, 3, sum);
+    assert_eq!(select(&small, &problem(&three)).picks, [0, 0, 0]);
+    let distinct = select(&small, &problem(&three).distinct(true));
+    assert_eq!(distinct.picks, [0, 1, 2]);
+}

@@ -1,0 +1,147 @@
+//! Logits of +-1e4 and more, collapsed policies.
+
+use sps_viewselect::{Policy, SelectError, Sets};
+
+fn finite(values: &[f64]) -> bool {
+    values.iter().all(|value| value.is_finite())
+}
+
+fn assert_all_finite(policy: &Policy, distinct_set: &[usize]) {
+    assert!(finite(&policy.probabilities()));
+    assert!(policy.entropy().is_finite() && policy.entropy() >= -1e-12);
+    assert!(finite(&policy.entropy_gradient()));
+    let log_probability = policy.log_probability(distinct_set);
+    assert!(log_probability.expect("a possible set").is_finite());
+    let sets = Sets::new(distinct_set, distinct_set.len()).expect("one set");
+    let gradient = policy.reinforce_gradient(sets, &[1.0]);
+    assert!(finite(&gradient.expect("a possible set")));
+    let drawn = policy.sample(0, 0, 100);
+    for set in drawn.as_sets() {
+        assert!(
+            policy
+                .log_probability(set)
+                .expect("a drawn set")
+                .is_finite()
+        );
+    }
+}
+
+#[test]
+fn logits_of_ten_thousand_stay_finite() {
+    for distinct in [false, true] {
+        for (up, down) in [(1e4, -1e4), (1e4, 1e4), (-1e4, -1e4), (1e300, -1e300)] {
+            let logits = vec![up, down, down, down, up, down];
+            let policy = Policy::from_logits(logits, 2, 3, distinct).expect("finite logits");
+            assert_all_finite(&policy, &[0, 1]);
+            assert_all_finite(&policy, &[2, 0]);
+        }
+    }
+}
+
+#[test]
+fn what_underflows_has_its_exact_logarithm() {
+    let logits = vec![1e4, -1e4, -1e4];
+    let policy = Policy::from_logits(logits, 1, 3, false).expect("finite logits");
+    assert_eq!(policy.probabilities(), [1.0, 0.0, 0.0]);
+    assert_eq!(policy.log_probability(&[1]).expect("a view"), -2e4);
+    assert_eq!(policy.log_probability(&[0]).expect("a view"), 0.0);
+    assert_eq!(policy.entropy(), 0.0);
+}
+
+#[test]
+fn equal_logits_are_uniform_however_large() {
+    // logsumexp as `max + ln(sum)` would be 1e16 here, and every probability 1.
+    let policy = Policy::from_logits(vec![1e16; 4], 1, 4, false).expect("finite logits");
+    for probability in policy.probabilities() {
+        assert!((probability - 0.25).abs() < 1e-15, "{probability}");
+    }
+    assert!((policy.entropy() - 4.0_f64.ln()).abs() < 1e-15);
+}
+
+#[test]
+fn a_collapsed_policy_draws_one_set_and_has_no_gradient_there() {
+    let mut logits = vec![0.0; 30];
+    logits[3] = 1e4;
+    logits[10 + 7] = 1e4;
+    logits[20 + 3] = 1e4;
+    let free = Policy::from_logits(logits.clone(), 3, 10, false).expect("finite logits");
+    let drawn = free.sample(5, 0, 50);
+    assert!(drawn.as_sets().iter().all(|set| set == [3, 7, 3]));
+    let gradient = free.reinforce_gradient(drawn.as_sets(), &[1.0; 50]);
+    let gradient = gradient.expect("possible sets");
+    assert!(gradient.iter().all(|gradient| gradient.abs() < 1e-12));
+
+    // Distinct: slot 2 has to leave its view, and is uniform over the eight that are left.
+    let distinct = Policy::from_logits(logits, 3, 10, true).expect("finite logits");
+    for set in distinct.sample(5, 0, 200).as_sets() {
+        assert!(set[..2] == [3, 7] && set[2] != 3 && set[2] != 7);
+        let log_probability = distinct.log_probability(set).expect("a drawn set");
+        assert!((log_probability + 8.0_f64.ln()).abs() < 1e-12);
+    }
+    assert_eq!(distinct.arg_max(), [3, 7, 0]);
+}
+
+#[test]
+fn distinct_slots_that_all_want_one_view_stay_finite() {
+    let logits = [[1e4, -1e4, -1e4]; 3].concat();
+    let policy = Policy::from_logits(logits, 3, 3, true).expect("finite logits");
+    assert_eq!(policy.arg_max(), [0, 1, 2]);
+    let log_probability = policy.log_probability(&[0, 1, 2]).expect("a possible set");
+    assert!((log_probability + 2.0_f64.ln()).abs() < 1e-12);
+    assert_all_finite(&policy, &[2, 1, 0]);
+}
+
+#[test]
+fn what_is_not_a_policy_is_refused() {
+    for strange in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let error = Policy::from_logits(vec![0.0, strange], 1, 2, false);
+        let error = error.expect_err("a strange logit").to_string();
+        assert_eq!(
+            error,
+            format!("`logits` is {strange}, expected finite numbers")
+        );
+    }
+    assert!(matches!(
+        Policy::from_logits(vec![0.0; 5], 2, 3, false),
+        Err(SelectError::Length {
+            found: 5,
+            expected: 6,
+            ..
+        })
+    ));
+    assert!(matches!(
+        Policy::from_logits(vec![], 0, 3, false),
+        Err(SelectError::NoPicks)
+    ));
+    assert!(matches!(
+        Policy::uniform(usize::MAX, 3, false),
+        Err(SelectError::TooManyPicks { .. })
+    ));
+    let policy = Policy::uniform(2, 3, true).expect("views enough");
+    assert!(matches!(
+        policy.log_probability(&[0]),
+        Err(SelectError::Length { .. })
+    ));
+    assert!(matches!(
+        policy.log_probability(&[0, 3]),
+        Err(SelectError::NoSuchView { last: 2, .. })
+    ));
+    assert!(matches!(
+        policy.log_probability(&[1, 1]),
+        Err(SelectError::Repeated { .. })
+    ));
+    let sets = Sets::new(&[0, 1], 2).expect("one set");
+    assert!(matches!(
+        policy.reinforce_gradient(sets, &[]),
+        Err(SelectError::Length {
+            found: 0,
+            expected: 1,
+            ..
+        })
+    ));
+    let none = Sets::new(&[], 2).expect("no sets");
+    assert_eq!(
+        policy.reinforce_gradient(none, &[]).expect("no sets"),
+        [0.0; 6]
+    );
+}

@@ -1,0 +1,6 @@
+//! What breaks the usual forms.
+
+mod logits;
+mod losses;
+mod settings;
+mod sizes;

@@ -1,0 +1,95 @@
+//! What holds of every selector on every problem.
+
+use proptest::prelude::*;
+use sps_viewselect::{Equidistant, Nadir, Random, SetFunction, SetLoss, Sets};
+
+use crate::problems::LateFusion;
+use crate::support::{Counted, all_selectors, problem, select};
+
+fn loss_of(loss: &impl SetLoss, set: &[usize]) -> f64 {
+    let mut losses = [0.0];
+    loss.losses(Sets::new(set, set.len()).expect("one set"), &mut losses)
+        .expect("a loss that does not fail");
+    losses[0]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn reports_are_true(
+        views in 1..9_usize,
+        picks in 1..5_usize,
+        index in 0..1000_u64,
+        distinct: bool,
+    ) {
+        prop_assume!(picks <= views);
+        let loss = Counted::new(LateFusion::new(views, picks, 5, index));
+        let problem = problem(&loss).seed(index).distinct(distinct);
+        for (name, selector) in all_selectors() {
+            let selection = select(&*selector, &problem);
+            prop_assert_eq!(loss.take(), selection.computed, "{}", name);
+            prop_assert!(selection.computed <= selection.evaluations);
+            prop_assert_eq!(selection.picks.len(), picks);
+            prop_assert!(selection.picks.iter().all(|&view| view < views));
+            let mut sorted = selection.picks.clone();
+            sorted.sort_unstable();
+            sorted.dedup();
+            prop_assert!(!distinct || sorted.len() == picks, "{}: {:?}", name, selection.picks);
+            prop_assert_eq!(selection.loss, loss_of(&loss.loss, &selection.picks));
+            let last = selection.curve.last().expect("at least one round");
+            prop_assert_eq!(last.evaluations, selection.evaluations);
+            prop_assert!(last.best <= selection.loss);
+            let forward = selection
+                .curve
+                .is_sorted_by(|a, b| a.evaluations < b.evaluations && a.best >= b.best);
+            prop_assert!(forward, "{}", name);
+            prop_assert!(selection.curve.iter().all(|point| point.mean >= point.best - 1e-12));
+            prop_assert!(selection.seconds >= 0.0);
+        }
+    }
+
+    #[test]
+    fn equidistant_views_mirror_themselves(views in 1..200_usize, picks in 1..200_usize) {
+        prop_assume!(picks <= views);
+        let loss = SetFunction::new(views, picks, |_: &[usize]| 0.0);
+        let set = select(&Equidistant {}, &problem(&loss)).picks;
+        prop_assert!(set.is_sorted_by(|a, b| a < b));
+        // Mirrored they are the same, but for the rounding of halves.
+        for (one, other) in set.iter().zip(set.iter().rev()) {
+            let sum = one + other;
+            prop_assert!(sum + 1 == views || sum + 2 == views, "{:?}", set);
+        }
+        // Neighbours are views / picks apart, rounded.
+        for pair in set.windows(2) {
+            let apart = (pair[1] - pair[0]) as f64;
+            prop_assert!((apart - views as f64 / picks as f64).abs() < 1.0, "{:?}", set);
+        }
+    }
+}
+
+#[test]
+fn fixed_selections_are_where_they_should_be() {
+    let of = |views, picks| SetFunction::new(views, picks, |_: &[usize]| 0.0);
+    let (three, one, all) = (of(100, 3), of(100, 1), of(4, 4));
+    assert_eq!(
+        select(&Equidistant {}, &problem(&three)).picks,
+        [16, 49, 83]
+    );
+    assert_eq!(select(&Equidistant {}, &problem(&one)).picks, [49]);
+    assert_eq!(select(&Equidistant {}, &problem(&all)).picks, [0, 1, 2, 3]);
+    let nadir = Nadir::default();
+    assert_eq!(select(&nadir, &problem(&three)).picks, [49, 49, 49]);
+    let distinct = problem(&three).distinct(true);
+    assert_eq!(select(&nadir, &distinct).picks, [49, 48, 50]);
+    let edge = Nadir { view: Some(99) };
+    assert_eq!(select(&edge, &distinct).picks, [99, 98, 97]);
+}
+
+#[test]
+fn seeds_and_draws_matter() {
+    let loss = LateFusion::new(50, 3, 5, 0);
+    let picks = |seed, draws| select(&Random { draws }, &problem(&loss).seed(seed));
+    assert_eq!(picks(1, 1).picks, picks(1, 1).picks);
+    assert_ne!(picks(1, 1).picks, picks(2, 1).picks);
+    assert!(picks(1, 500).loss < picks(1, 1).loss);
+}

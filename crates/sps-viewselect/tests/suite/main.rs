@@ -1,0 +1,16 @@
+//! Every test of the crate's public face, in one binary.
+
+mod exhaustive;
+mod golden;
+mod hard_cases;
+mod laws;
+mod planted;
+mod policy;
+mod problems;
+mod regret;
+mod relations;
+#[cfg(feature = "serde")]
+mod serde;
+mod support;
+mod threads;
+mod uniform;

@@ -2,17 +2,32 @@
 
 use anyhow::{Result, bail};
 use candle_core::Device;
-use sps_models::encoders::Encoder;
+use sps_models::encoders::{Encoder, EncoderKind};
+use sps_models::weights::Weights;
 
 use crate::config::{EncoderSpec, WeightsSpec};
+
+/// Trained by `pretrain configs/pretrain.toml`.
+const SE_RESNEXT_SMALL: &[u8] =
+    include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors");
 
 /// Loads the encoder; `seed` draws the weights where they are to be untrained.
 pub(crate) fn load(spec: &EncoderSpec, seed: u64) -> Result<Encoder> {
     Ok(match &spec.weights {
-        WeightsSpec::BuiltIn => bail!("no weights for {} come with the project", spec.kind),
+        WeightsSpec::BuiltIn => Encoder::new(spec.kind, built_in(spec.kind)?, &Device::Cpu)?,
         WeightsSpec::Untrained => Encoder::seeded(spec.kind, seed, &Device::Cpu)?,
         WeightsSpec::File(path) => Encoder::load(spec.kind, path, &Device::Cpu)?,
     })
+}
+
+fn built_in(kind: EncoderKind) -> Result<Weights> {
+    match kind {
+        EncoderKind::SeResNextSmall => Ok(Weights::from_bytes(
+            "the built-in weights",
+            SE_RESNEXT_SMALL,
+        )?),
+        kind => bail!("no weights for {kind} come with the project; name a file"),
+    }
 }
 
 /// The encoder in words, for reports.

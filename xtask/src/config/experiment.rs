@@ -187,12 +187,33 @@ fn encoder(layers: &Layers<'_>, config: &Config) -> Result<EncoderSpec, ConfigEr
         .name
         .parse()
         .map_err(|error: sps_models::Error| layers.error("encoder.name", error.to_string()))?;
+    check_training(layers, "encoder.training", &encoder.training)?;
     Ok(EncoderSpec {
         kind,
         weights: WeightsSpec::named(&encoder.weights),
         resize: (encoder.resize > 0).then_some(encoder.resize),
         training: encoder.trainable.then(|| encoder.training.clone()),
     })
+}
+
+/// Refuses a training that cannot be, at the line of its first such key.
+pub(super) fn check_training(
+    layers: &Layers<'_>,
+    table: &str,
+    training: &TrainingConfig,
+) -> Result<(), ConfigError> {
+    match training.check() {
+        Ok(()) => Ok(()),
+        Err(sps_models::Error::Input {
+            what,
+            found,
+            expected,
+        }) => {
+            let problem = format!("is {found}, expected {expected}");
+            Err(layers.error(&format!("{table}.{what}"), problem))
+        }
+        Err(other) => Err(layers.error(table, other.to_string())),
+    }
 }
 
 fn methods(layers: &Layers<'_>, config: &Config) -> Result<Vec<Method>, ConfigError> {

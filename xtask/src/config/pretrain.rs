@@ -8,6 +8,7 @@ use sps_dataset::simulate::SimulatorSpec;
 use sps_models::encoders::EncoderKind;
 use sps_models::training::TrainingConfig;
 
+use super::experiment::check_training;
 use super::locate::{Layers, Setting};
 use crate::files::read_text;
 
@@ -51,6 +52,7 @@ impl Pretraining {
             let problem = format!("must be from 1 to `simulated.views`, {views}");
             return Err(layers.error("views-per-surface", problem).into());
         }
+        check_training(&layers, "training", &config.training)?;
         let name = path.file_stem().unwrap_or(path.as_os_str());
         Ok(Self {
             name: name.to_string_lossy().into_owned(),

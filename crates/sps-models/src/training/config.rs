@@ -85,7 +85,12 @@ impl Default for Augmentation {
 }
 
 impl TrainingConfig {
-    pub(super) fn check(&self) -> Result<()> {
+    /// Refuses the first value that is out of its range, by its key.
+    ///
+    /// # Errors
+    ///
+    /// That value, and what it may be.
+    pub fn check(&self) -> Result<()> {
         require(self.epochs > 0, "epochs", self.epochs, "at least 1")?;
         let batch = self.batch_size;
         require(batch > 1, "batch-size", batch, "at least 2")?;

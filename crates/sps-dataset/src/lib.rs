@@ -77,7 +77,7 @@ pub use folder::{
     DatasetFolder, InvalidAngles, Manifest, ViewAngles, WriteError, WriteErrorKind, WriteOptions,
     Written, write_dataset,
 };
-pub use frame::Frame;
+pub use frame::{Frame, LinearFrame};
 pub use image::{
     DecodeSettings, Decoded, EncodeError, FrameError, FrameErrorKind, FrameFormat, ImageFormat,
     LightCounts, Limits, NonFinite, decode_image, read_image,

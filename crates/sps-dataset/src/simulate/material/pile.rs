@@ -10,7 +10,7 @@ const PILE: Profile = Profile {
     regularity: r(0.1, 0.5),
     micro_um: r(20.0, 60.0),
     micro_length_mm: r(0.2, 0.5),
-    alpha: r(0.39, 1.0),
+    alpha: r(0.25, 1.0),
     anisotropy: 1.0,
     sheen: r(0.2, 0.7),
     f0: 0.04,

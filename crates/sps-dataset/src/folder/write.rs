@@ -114,6 +114,7 @@ impl From<io::Error> for WriteErrorKind {
 /// Writes any source as a dataset in `folder`, in parallel; `progress` is called with the surfaces
 /// done and their total after each.
 ///
+/// EXR takes the light of [`Source::linear_frame`] where there is one, and else the inverse of sRGB.
 /// The frames of a surface take their name together, once all of them are on disk, and
 /// `dataset.toml` comes last, so nothing that is half there can be taken for whole. Called again
 /// with the same source and options after it was stopped, it leaves finished surfaces alone. A

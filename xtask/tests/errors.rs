@@ -4,26 +4,9 @@ mod support;
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
-use assert_cmd::assert::Assert;
 use safetensors::tensor::{Dtype, TensorView};
-use support::{Scratch, xtask};
-
-/// The message of a command that failed as it should.
-fn message(assert: Assert) -> String {
-    let output = assert.code(1).get_output().clone();
-    let text = String::from_utf8(output.stderr).expect("UTF-8");
-    assert!(!text.contains("panicked"), "{text}");
-    let error = text.find("error: ").expect("an error message");
-    text[error..].trim_end().to_owned()
-}
-
-fn expect(message: &str, parts: &[&str]) {
-    for part in parts {
-        assert!(message.contains(part), "`{part}` is not in: {message}");
-    }
-}
+use support::{Mounted, Scratch, expect, message, xtask};
 
 #[test]
 fn a_missing_dataset() {
@@ -53,7 +36,14 @@ fn a_truncated_png() {
         &message(scratch.experiment().assert()),
         &["denim-01/002.png"],
     );
-    let inspected = message(xtask().arg("inspect").arg(scratch.path("data")).assert());
+    let inspected = message(
+        xtask()
+            .arg("inspect")
+            .arg(scratch.path("data"))
+            .arg("--out")
+            .arg(scratch.path("figures"))
+            .assert(),
+    );
     expect(&inspected, &["1 frames", "cannot be read"]);
 }
 
@@ -172,38 +162,6 @@ fn weights_that_do_not_fit() {
             "expected",
         ],
     );
-}
-
-/// A file system of its own, gone with the value; none where that is not permitted.
-struct Mounted<'a>(&'a Path);
-
-impl<'a> Mounted<'a> {
-    fn new(path: &'a Path, options: &str) -> Option<Self> {
-        fs::create_dir_all(path).unwrap();
-        let mounted = Command::new("mount")
-            .args(["-t", "tmpfs", "-o", options, "tmpfs"])
-            .arg(path)
-            .output();
-        if mounted.is_ok_and(|output| output.status.success()) {
-            return Some(Self(path));
-        }
-        println!("skipped: file systems cannot be mounted here");
-        None
-    }
-
-    fn remount(&self, options: &str) {
-        let mut command = Command::new("mount");
-        command
-            .args(["-o", &format!("remount,{options}")])
-            .arg(self.0);
-        assert!(command.status().unwrap().success());
-    }
-}
-
-impl Drop for Mounted<'_> {
-    fn drop(&mut self) {
-        let _ = Command::new("umount").arg(self.0).status();
-    }
 }
 
 #[test]

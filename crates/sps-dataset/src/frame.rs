@@ -11,3 +11,15 @@ pub struct Frame {
     /// `height * width * 3` values.
     pub data: Vec<f32>,
 }
+
+/// One image of a surface in scene-linear light: RGB, interleaved, row-major, f32, laid out as a
+/// [`Frame`] is. 1 is the display's white; highlights lie above it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearFrame {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `height * width * 3` values.
+    pub data: Vec<f32>,
+}

@@ -37,7 +37,8 @@
 //!   `dataset.toml`. [`DatasetFolder::inspect`] summarises it, [`DatasetFolder::inspect_frames`]
 //!   finds broken frames, and [`write_dataset`] writes any [`Source`] as one.
 //! - **Frames.** A [`Frame`] comes from a PNG, JPEG or EXR by [`decode_image`] or [`read_image`],
-//!   as [`DecodeSettings`] say; many come in parallel by [`decode_frames`] or [`map_frames`].
+//!   as [`DecodeSettings`] say; many come in parallel by [`decode_frames`] or [`map_frames`]. A
+//!   [`LinearFrame`] is the light behind one, where a source knows it.
 //! - **Touches.** A [`TactileTable`] has every [`Reading`]; [`TactileTable::averages`] makes one
 //!   value per surface and [`Property`] of them. [`TableFormat`] says how a file is laid out,
 //!   [`TactileSettings`] what is made of its values.
@@ -77,7 +78,7 @@ pub use folder::{
     DatasetFolder, InvalidAngles, Manifest, ViewAngles, WriteError, WriteErrorKind, WriteOptions,
     Written, write_dataset,
 };
-pub use frame::Frame;
+pub use frame::{Frame, LinearFrame};
 pub use image::{
     DecodeSettings, Decoded, EncodeError, FrameError, FrameErrorKind, FrameFormat, ImageFormat,
     LightCounts, Limits, NonFinite, decode_image, read_image,

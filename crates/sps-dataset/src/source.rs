@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use crate::{Frame, TactileTable};
+use crate::{Frame, LinearFrame, TactileTable};
 
 /// A physical surface: what was imaged and touched.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -68,6 +68,19 @@ pub trait Source: Send + Sync {
     /// # Errors
     /// As [`Source::frame`].
     fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, Self::Error>;
+
+    /// The light behind [`Source::frame`], before it was clipped and encoded for a display, where
+    /// the source knows it: what a file of linear light should hold. Most sources do not.
+    ///
+    /// # Errors
+    /// As [`Source::frame`].
+    fn linear_frame(
+        &self,
+        _surface: usize,
+        _view: usize,
+    ) -> Result<Option<LinearFrame>, Self::Error> {
+        Ok(None)
+    }
 
     /// The view nearest to an angle; see [`nearest_view`].
     fn nearest_view(&self, angle: RollAngle) -> Option<usize> {

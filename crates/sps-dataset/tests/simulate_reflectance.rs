@@ -170,51 +170,92 @@ fn light_and_view_can_be_exchanged() {
     }
 }
 
-#[test]
-fn reflectance_is_finite_and_never_negative() {
-    let mut draws = Draws(ChaCha8Rng::seed_from_u64(2));
-    for _ in 0..100_000 {
-        let brdf = draws.brdf();
-        let normal = [draws.signed(), draws.signed(), draws.signed()];
-        let tilted = draws.direction();
-        let mirrored = [-tilted[0], -tilted[1], tilted[2]];
-        for (light, view) in [
-            (draws.direction(), tilted),
-            (mirrored, tilted),
-            (tilted, tilted),
-        ] {
-            for n in [normal, UP] {
-                for value in brdf.eval(n, light, view) {
-                    assert!(
-                        value.is_finite() && value >= 0.0,
-                        "{brdf:?} {n:?} {light:?} {view:?}"
-                    );
+/// Grazing angles, roughness down to 1e-4, normals without a direction.
+mod hard_cases {
+    use super::*;
+
+    #[test]
+    fn reflectance_is_finite_and_never_negative() {
+        let mut draws = Draws(ChaCha8Rng::seed_from_u64(2));
+        for _ in 0..100_000 {
+            let brdf = draws.brdf();
+            let normal = [draws.signed(), draws.signed(), draws.signed()];
+            let tilted = draws.direction();
+            let mirrored = [-tilted[0], -tilted[1], tilted[2]];
+            for (light, view) in [
+                (draws.direction(), tilted),
+                (mirrored, tilted),
+                (tilted, tilted),
+            ] {
+                for n in [normal, UP] {
+                    for value in brdf.eval(n, light, view) {
+                        assert!(
+                            value.is_finite() && value >= 0.0,
+                            "{brdf:?} {n:?} {light:?} {view:?}"
+                        );
+                    }
                 }
             }
         }
     }
-}
 
-#[test]
-fn vectors_without_a_direction_reflect_nothing() {
-    let brdf = white_metal(1e-4);
-    let broken = [
-        [0.0; 3],
-        [f32::NAN, 0.0, 1.0],
-        [f32::INFINITY, 0.0, 0.0],
-        [1e-38, 0.0, 0.0],
-    ];
-    for bad in broken {
-        assert_eq!(brdf.eval(bad, UP, UP), [0.0; 3]);
-        assert_eq!(brdf.eval(UP, bad, UP), [0.0; 3]);
-        assert_eq!(brdf.eval(UP, UP, bad), [0.0; 3]);
+    #[test]
+    fn vectors_without_a_direction_reflect_nothing() {
+        let brdf = white_metal(1e-4);
+        let broken = [
+            [0.0; 3],
+            [f32::NAN, 0.0, 1.0],
+            [f32::INFINITY, 0.0, 0.0],
+            [1e-38, 0.0, 0.0],
+        ];
+        for bad in broken {
+            assert_eq!(brdf.eval(bad, UP, UP), [0.0; 3]);
+            assert_eq!(brdf.eval(UP, bad, UP), [0.0; 3]);
+            assert_eq!(brdf.eval(UP, UP, bad), [0.0; 3]);
+        }
+        // Opposite directions have no half vector; below the surface nothing is seen.
+        assert_eq!(brdf.eval(UP, [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]), [0.0; 3]);
+        assert_eq!(brdf.eval(UP, UP, [0.0, 0.0, -1.0]), [0.0; 3]);
+        // Length does not matter.
+        assert_eq!(
+            brdf.eval([0.0, 0.0, 9.0], [0.0, 0.6, 0.8], [0.0, -1.2e6, 1.6e6]),
+            brdf.eval(UP, [0.0, 0.6, 0.8], [0.0, -0.6, 0.8])
+        );
     }
-    // Opposite directions have no half vector; below the surface nothing is seen.
-    assert_eq!(brdf.eval(UP, [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]), [0.0; 3]);
-    assert_eq!(brdf.eval(UP, UP, [0.0, 0.0, -1.0]), [0.0; 3]);
-    // Length does not matter.
-    assert_eq!(
-        brdf.eval([0.0, 0.0, 9.0], [0.0, 0.6, 0.8], [0.0, -1.2e6, 1.6e6]),
-        brdf.eval(UP, [0.0, 0.6, 0.8], [0.0, -0.6, 0.8])
-    );
+
+    #[test]
+    fn grazing_directions_on_a_near_mirror() {
+        for cosine in [1e-1f32, 1e-3, 1e-5, 1e-7, 1e-20, f32::MIN_POSITIVE] {
+            let graze = [(1.0 - cosine * cosine).sqrt(), 0.0, cosine];
+            let mirrored = [-graze[0], 0.0, cosine];
+            let aside = [0.0, graze[0], cosine];
+            for metal in [false, true] {
+                for alpha in [[1e-4; 2], [1e-4, 1.0], [1.0; 2]] {
+                    for coat in [None, Some(1e-4)] {
+                        let brdf = Brdf {
+                            metal,
+                            alpha,
+                            coat,
+                            sheen: 1.0,
+                            ..Brdf::default()
+                        };
+                        for (light, view) in [
+                            (graze, graze),
+                            (graze, mirrored),
+                            (graze, aside),
+                            (graze, UP),
+                            (UP, graze),
+                        ] {
+                            let there = brdf.eval(UP, light, view);
+                            let back = brdf.eval(UP, view, light);
+                            for (x, y) in there.into_iter().zip(back) {
+                                assert!(x.is_finite() && x >= 0.0, "{brdf:?} {light:?}: {x}");
+                                assert!((x - y).abs() <= 1e-6 * x.max(1.0), "{x} {y}");
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
 }

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use sps_dataset::{
-    DatasetFolder, Frame, FrameFormat, FrameKey, ReadSettings, RollAngle, Source, Surface,
-    TactileTable, WriteErrorKind, WriteOptions, Written, write_dataset,
+    DatasetFolder, DecodeSettings, Frame, FrameFormat, FrameKey, LinearFrame, ReadSettings,
+    RollAngle, Source, Surface, TactileTable, WriteErrorKind, WriteOptions, Written, decode_image,
+    write_dataset,
 };
 use tempfile::TempDir;
 
@@ -145,6 +146,39 @@ fn exr_reads_back_within_the_documented_bound() {
         .map(|(a, b)| (a - b).abs())
         .fold(0.0, f32::max);
     assert!(worst <= 3e-4, "{worst}");
+}
+
+#[test]
+fn light_is_kept_by_exr_and_shown_by_png() {
+    let light = LinearFrame {
+        width: 2,
+        height: 1,
+        data: vec![0.0, 0.18, 3.5, -0.5, 1.0, 0.5],
+    };
+    // IEC 61966-2-1: linear 0.18 encodes to 0.46136, and 0.5 to 0.73536.
+    let png = FrameFormat::Png.encode_linear(&light).unwrap();
+    let shown = decode_image(&png, &DecodeSettings::default()).unwrap();
+    let bytes: Vec<f32> = shown.frame.data.iter().map(|v| v * 255.0).collect();
+    assert_eq!(bytes, [0.0, 118.0, 255.0, 0.0, 255.0, 188.0]);
+    let exr = FrameFormat::Exr.encode_linear(&light).unwrap();
+    let counts = decode_image(&exr, &DecodeSettings::default())
+        .unwrap()
+        .light;
+    assert_eq!((counts.clipped, counts.negative), (1, 1));
+    let darker = DecodeSettings {
+        exposure_stops: -3.0,
+        ..DecodeSettings::default()
+    };
+    // 3.5 / 8 is 0.4375, which encodes to 0.69258.
+    let shown = decode_image(&exr, &darker).unwrap().frame.data[2];
+    assert!((shown - 0.69258).abs() < 1e-4, "{shown}");
+    let empty = LinearFrame {
+        width: 1,
+        height: 1,
+        data: Vec::new(),
+    };
+    assert!(FrameFormat::Exr.encode_linear(&empty).is_err());
+    assert!(FrameFormat::Png.encode_linear(&empty).is_err());
 }
 
 #[test]

@@ -1,14 +1,23 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
-use sps_dataset::{DatasetFolder, Inspection, PropertySummary, ReadSettings, TactileSettings};
+use sps_dataset::{
+    DatasetFolder, FEWEST_PER_MATERIAL, Inspection, MaterialLabels, OTHER, PropertySummary,
+    ReadSettings, Source, TactileSettings,
+};
+use tracing::info;
 
+use crate::files::write_atomically;
 use crate::progress::Progress;
+use crate::report::published::published;
+use crate::report::statistics;
 
 /// Check a dataset and show its statistics
 #[derive(clap::Args)]
 #[command(
-    after_help = "Ends with status 1 where a frame is missing or broken.\n\nExample:\n  \
+    after_help = "Its values stand beside those of the published dataset, and are drawn as \
+    boxes.svg and materials.svg. Ends with status 1 where a frame is missing or broken.\n\n\
+    Example:\n  \
     cargo xtask inspect fixtures/tiny-dataset"
 )]
 pub(crate) struct Args {
@@ -17,6 +26,9 @@ pub(crate) struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    /// The folder to draw to [default: runs/inspect/ and the dataset's folder name]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
@@ -30,8 +42,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if args.json {
         println!("{}", serde_json::to_string_pretty(&inspection)?);
     } else {
-        print(&inspection);
+        print(&inspection, &labels(&dataset));
     }
+    draw(&dataset, &args.figures())?;
     if broken > 0 {
         bail!(
             "{broken} frames of {} cannot be read",
@@ -41,7 +54,53 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-fn print(inspection: &Inspection) {
+impl Args {
+    fn figures(&self) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| {
+            let folder = self.dataset.canonicalize();
+            let folder = folder.as_deref().unwrap_or(&self.dataset);
+            Path::new("runs/inspect").join(folder.file_name().unwrap_or_default())
+        })
+    }
+}
+
+/// Surfaces per label by the paper's rule, the most frequent first and `other` last.
+fn labels(dataset: &DatasetFolder) -> Vec<(String, usize)> {
+    let labels = MaterialLabels::of(dataset.surfaces(), FEWEST_PER_MATERIAL);
+    let count = |label: usize| labels.labels().iter().filter(|&&l| l == label).count();
+    let names = labels.names().iter().cloned();
+    let mut counts: Vec<(String, usize)> = names.zip((0..).map(count)).collect();
+    counts.sort_by_key(|(name, count)| (name == OTHER, std::cmp::Reverse(*count)));
+    counts
+}
+
+fn draw(dataset: &DatasetFolder, folder: &Path) -> Result<()> {
+    let surfaces = dataset.surfaces().len();
+    let averages = dataset
+        .tactile()
+        .averages(&TactileSettings::default(), surfaces);
+    let values: Vec<(String, Vec<f64>)> = averages
+        .properties()
+        .iter()
+        .map(|&property| {
+            let of_surface = |surface| averages.value(surface, property);
+            (
+                property.to_string(),
+                (0..surfaces).filter_map(of_surface).collect(),
+            )
+        })
+        .collect();
+    for (name, svg) in [
+        ("boxes.svg", statistics::boxes(&values)),
+        ("materials.svg", statistics::donut(&labels(dataset))),
+    ] {
+        write_atomically(&folder.join(name), svg.as_bytes())?;
+    }
+    info!("boxes.svg and materials.svg are in {}", folder.display());
+    Ok(())
+}
+
+fn print(inspection: &Inspection, labels: &[(String, usize)]) {
     println!(
         "{}: {} surfaces in {} groups, {} views each, {} readings",
         inspection.name,
@@ -54,8 +113,9 @@ fn print(inspection: &Inspection) {
     for (name, count) in &inspection.materials {
         println!("  {name:<24}{count:>6}");
     }
+    print_labels(inspection.surfaces, labels);
     println!(
-        "\n{:<6}{:>9}{:>9}  {:>47}{:>9}{:>8}",
+        "\n{:<6}{:>9}{:>9}  {:<47}{:>9}{:>8}    published",
         "",
         "measured",
         "missing",
@@ -84,24 +144,38 @@ fn print(inspection: &Inspection) {
     }
 }
 
+fn print_labels(surfaces: usize, labels: &[(String, usize)]) {
+    println!(
+        "\nlabels, fewer than {FEWEST_PER_MATERIAL} of a material being `{OTHER}`\n  \
+         {:<24}{:>6}{:>9}{:>11}",
+        "", "", "share", "published"
+    );
+    for (name, count) in labels {
+        let share = 100.0 * *count as f64 / surfaces.max(1) as f64;
+        let printed = published().materials.get(name);
+        let printed = printed.map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share));
+        println!("  {name:<24}{count:>6}{share:>7.1} %{printed:>11}");
+    }
+}
+
 fn line(property: &PropertySummary) -> String {
-    let quantiles = property.quantiles.map_or_else(
-        || format!("{:>47}", "–"),
-        |q| {
+    let shown = |q: Option<[f64; 5]>| {
+        q.map_or("–".to_owned(), |q| {
             format!(
                 "{:>7.1}{:>10.1}{:>10.1}{:>10.1}{:>10.1}",
                 q[0], q[1], q[2], q[3], q[4]
             )
-        },
-    );
+        })
+    };
+    let quantiles = shown(property.quantiles);
+    let code = property.property.to_string();
+    let printed = shown(published().quantiles.get(&code).copied());
     let outside = property.out_of_range.below + property.out_of_range.above;
     let repeat = property
         .repeat_std
         .map_or("–".to_owned(), |std| format!("{std:.2}"));
     format!(
-        "{:<6}{:>9}{:>9}  {quantiles}{outside:>9}{repeat:>8}",
-        property.property.to_string(),
-        property.measured,
-        property.missing_cells
+        "{code:<6}{:>9}{:>9}  {quantiles:>47}{outside:>9}{repeat:>8}  {printed}",
+        property.measured, property.missing_cells
     )
 }

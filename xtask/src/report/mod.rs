@@ -3,6 +3,8 @@
 mod figures;
 pub(crate) mod paper;
 pub(crate) mod predictions;
+pub(crate) mod published;
+pub(crate) mod statistics;
 mod table;
 mod tables;
 

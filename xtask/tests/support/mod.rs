@@ -4,8 +4,10 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process;
 
 use assert_cmd::Command;
+use assert_cmd::assert::Assert;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -118,5 +120,53 @@ fn copy(from: &Path, to: &Path) {
         } else {
             fs::copy(&path, &target).expect("a copy");
         }
+    }
+}
+
+/// The message of a command that failed as it should.
+pub(crate) fn message(assert: Assert) -> String {
+    let output = assert.code(1).get_output().clone();
+    let text = String::from_utf8(output.stderr).expect("UTF-8");
+    assert!(!text.contains("panicked"), "{text}");
+    let error = text.find("error: ").expect("an error message");
+    text[error..].trim_end().to_owned()
+}
+
+/// Every part is in the message.
+pub(crate) fn expect(message: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(message.contains(part), "`{part}` is not in: {message}");
+    }
+}
+
+/// A file system of its own, gone with the value; none where that is not permitted.
+pub(crate) struct Mounted<'a>(&'a Path);
+
+impl<'a> Mounted<'a> {
+    pub(crate) fn new(path: &'a Path, options: &str) -> Option<Self> {
+        fs::create_dir_all(path).unwrap();
+        let mounted = process::Command::new("mount")
+            .args(["-t", "tmpfs", "-o", options, "tmpfs"])
+            .arg(path)
+            .output();
+        if mounted.is_ok_and(|output| output.status.success()) {
+            return Some(Self(path));
+        }
+        println!("skipped: file systems cannot be mounted here");
+        None
+    }
+
+    pub(crate) fn remount(&self, options: &str) {
+        let mut command = process::Command::new("mount");
+        command
+            .args(["-o", &format!("remount,{options}")])
+            .arg(self.0);
+        assert!(command.status().unwrap().success());
+    }
+}
+
+impl Drop for Mounted<'_> {
+    fn drop(&mut self) {
+        let _ = process::Command::new("umount").arg(self.0).status();
     }
 }

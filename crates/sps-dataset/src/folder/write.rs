@@ -114,6 +114,7 @@ impl From<io::Error> for WriteErrorKind {
 /// Writes any source as a dataset in `folder`, in parallel; `progress` is called with the surfaces
 /// done and their total after each.
 ///
+/// EXR takes the light of [`Source::linear_frame`] where there is one, and else the inverse of sRGB.
 /// The frames of a surface take their name together, once all of them are on disk, and
 /// `dataset.toml` comes last, so nothing that is half there can be taken for whole. Called again
 /// with the same source and options after it was stopped, it leaves finished surfaces alone. A
@@ -272,7 +273,7 @@ impl<S: Source> Writer<'_, S> {
     fn plan(&self, files: &[(&'static str, String)]) -> Result<String, WriteError> {
         let key = self.source.frame_key(0, 0);
         let key = key.map_err(|error| self.no_frame(0, 0, Box::new(error)))?;
-        let mut hasher = blake3::Hasher::new_derive_key("sps-dataset 0.1 write plan");
+        let mut hasher = blake3::Hasher::new_derive_key("sps-dataset 0.1 write plan 2");
         hasher.update(&key);
         hasher.update(self.options.format.extension().as_bytes());
         for (_, content) in files {
@@ -303,17 +304,32 @@ impl<S: Source> Writer<'_, S> {
         let views = self.source.view_angles().len();
         let write = |partial: &Path| {
             (0..views).into_par_iter().try_for_each(|view| {
-                let frame = self.source.frame(surface, view);
-                let frame = frame.map_err(|error| self.no_frame(surface, view, Box::new(error)))?;
                 let path = partial.join(self.frame_name(view));
-                let bytes = self.options.format.encode(&frame);
-                let bytes = bytes.map_err(|e| WriteError::new(&path, WriteErrorKind::Encode(e)))?;
+                let bytes = self.encoded(surface, view);
+                let bytes = bytes
+                    .map_err(|error| self.no_frame(surface, view, Box::new(error)))?
+                    .map_err(|error| WriteError::new(&path, WriteErrorKind::Encode(error)))?;
                 write_new(&path, &bytes).map_err(|error| WriteError::new(&path, error.into()))
             })
         };
         write_folder(&folder, write, |error| {
             WriteError::new(&folder, error.into())
         })
+    }
+
+    /// The frame as its format holds it best: as linear light where both know of that.
+    fn encoded(
+        &self,
+        surface: usize,
+        view: usize,
+    ) -> Result<Result<Vec<u8>, EncodeError>, S::Error> {
+        let format = self.options.format;
+        if format.is_linear()
+            && let Some(light) = self.source.linear_frame(surface, view)?
+        {
+            return Ok(format.encode_linear(&light));
+        }
+        Ok(format.encode(&self.source.frame(surface, view)?))
     }
 
     fn no_frame(

@@ -10,6 +10,7 @@ mod light;
 mod png;
 mod samples;
 mod settings;
+mod srgb;
 mod write;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};

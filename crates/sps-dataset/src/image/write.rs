@@ -1,6 +1,9 @@
 use serde::{Deserialize, Serialize};
 
-use crate::Frame;
+#[cfg(feature = "exr")]
+use super::srgb::srgb_decode;
+use super::srgb::srgb_encode;
+use crate::{Frame, LinearFrame};
 
 /// What a written frame's file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -28,7 +31,16 @@ impl FrameFormat {
         }
     }
 
-    /// The bytes of an image file.
+    /// Whether the file holds linear light, and with it more than a display shows.
+    pub const fn is_linear(self) -> bool {
+        match self {
+            Self::Png => false,
+            #[cfg(feature = "exr")]
+            Self::Exr => true,
+        }
+    }
+
+    /// The bytes of an image file of a display-referred frame.
     ///
     /// PNG rounds each value to the nearest of 256 levels, so it reads back within 1/510; EXR
     /// turns it into linear light (the inverse of sRGB) as a half, so it reads back within 0.0003.
@@ -36,23 +48,57 @@ impl FrameFormat {
     /// # Errors
     /// Where the frame has no pixels, or its data is not `height * width * 3` values.
     pub fn encode(self, frame: &Frame) -> Result<Vec<u8>, EncodeError> {
-        let (width, height) = (frame.width, frame.height);
-        let values = width
-            .checked_mul(height)
-            .and_then(|pixels| pixels.checked_mul(3));
-        if frame.data.is_empty() || values != Some(frame.data.len()) {
-            let values = frame.data.len();
-            let reason = format!("it has {values} values for {width} x {height} pixels");
-            return Err(EncodeError(reason));
-        }
         match self {
-            Self::Png => encode_png(frame).map_err(|error| EncodeError(error.to_string())),
+            Self::Png => {
+                check_size((frame.width, frame.height), &frame.data)?;
+                encode_png(frame).map_err(|error| EncodeError(error.to_string()))
+            }
+            #[cfg(feature = "exr")]
+            Self::Exr => self.encode_linear(&LinearFrame {
+                width: frame.width,
+                height: frame.height,
+                data: frame.data.iter().copied().map(srgb_decode).collect(),
+            }),
+        }
+    }
+
+    /// The bytes of an image file of scene-linear light.
+    ///
+    /// EXR keeps it as halves: to 11 bits, up to 65504. PNG shows it: clipped to `[0, 1]`, encoded
+    /// as sRGB and rounded as in [`FrameFormat::encode`].
+    ///
+    /// # Errors
+    /// As [`FrameFormat::encode`].
+    pub fn encode_linear(self, light: &LinearFrame) -> Result<Vec<u8>, EncodeError> {
+        match self {
+            Self::Png => self.encode(&Frame {
+                width: light.width,
+                height: light.height,
+                data: light
+                    .data
+                    .iter()
+                    .map(|value| srgb_encode(value.clamp(0.0, 1.0)))
+                    .collect(),
+            }),
             #[cfg(feature = "exr")]
             Self::Exr => {
-                super::exr::encode_half(frame).map_err(|error| EncodeError(error.to_string()))
+                check_size((light.width, light.height), &light.data)?;
+                super::exr::encode_half(light).map_err(|error| EncodeError(error.to_string()))
             }
         }
     }
+}
+
+fn check_size((width, height): (usize, usize), data: &[f32]) -> Result<(), EncodeError> {
+    let values = width
+        .checked_mul(height)
+        .and_then(|pixels| pixels.checked_mul(3));
+    if data.is_empty() || values != Some(data.len()) {
+        let values = data.len();
+        let reason = format!("it has {values} values for {width} x {height} pixels");
+        return Err(EncodeError(reason));
+    }
+    Ok(())
 }
 
 fn encode_png(frame: &Frame) -> Result<Vec<u8>, png::EncodingError> {

@@ -44,7 +44,8 @@ pub struct Ceilings {
 /// does better than `E[t | x]`, whose coefficient of determination is `Var(E[t | x]) / Var(t)`.
 /// For two draws `t`, `t'` that share `x` and are otherwise independent, `Cov(t, t')` is
 /// `Var(E[t | x])` (Sobol, Math. Comput. Simul. 55, 2001). What `x` holds is
-/// [`Latent::visibility`] and the material. Errors are from the spread over 20 batches.
+/// [`Latent::visibility`] and the material. Errors are from the spread over 20 batches; the two
+/// limits of a property share their draws, so their difference is more certain than either.
 pub fn ceilings(seed: u64, surfaces: usize, locations: u32) -> Ceilings {
     const BATCHES: usize = 20;
     let per_batch = surfaces.div_ceil(BATCHES).max(2);
@@ -82,22 +83,19 @@ fn batch_ratios(seed: u64, range: std::ops::Range<usize>, locations: u32) -> [[f
     let triples: Vec<[Values; 3]> = range
         .map(|index| {
             let specimen = Specimen::draw(seed, index);
-            let redrawn = |which: u64, seen: fn(Latent) -> f64| {
-                let key = [specimen.index, which];
-                let other = Scores::draw_own(&mut Stream::new(seed, Purpose::Redraw, &key));
-                specimen.own.redrawn(&other, seen)
-            };
-            let nadir = redrawn(0, |latent| latent.visibility().nadir);
-            let all = redrawn(1, |latent| latent.visibility().all);
-            // Each is touched at places of its own.
-            let touched = |own, which: u64| {
+            // Both readers are asked about the same other surface, touched at the same places of its
+            // own: what the second sees beyond the first is all that differs.
+            let other =
+                Scores::draw_own(&mut Stream::new(seed, Purpose::Redraw, &[specimen.index]));
+            let touched = |own: &Scores, which: u64| {
                 let places = u64::from(locations);
                 touch::mean_values(&specimen, own, which * places..(which + 1) * places)
             };
+            let redrawn = |seen: fn(Latent) -> f64| touched(&specimen.own.redrawn(&other, seen), 1);
             [
                 touched(&specimen.own, 0),
-                touched(&nadir, 1),
-                touched(&all, 2),
+                redrawn(|latent| latent.visibility().nadir),
+                redrawn(|latent| latent.visibility().all),
             ]
         })
         .collect();

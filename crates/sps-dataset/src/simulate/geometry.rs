@@ -10,7 +10,7 @@ pub(crate) const FIELD_MM: f64 = 24.0;
 pub(crate) const CAMERA_MM: f64 = 400.0;
 
 /// Zenith angle of the soft light, in degrees.
-pub(crate) const LIGHT_ZENITH_DEG: f64 = 50.0;
+pub(crate) const LIGHT_ZENITH_DEG: f64 = 56.0;
 
 /// Azimuth of the soft light from the direction across the roll axis, in degrees.
 pub(crate) const LIGHT_AZIMUTH_DEG: f64 = 6.0;

@@ -25,5 +25,5 @@ pub use latent::{Latent, Scores, Visibility};
 pub use material::{Material, Palette, Profile, Range, Structure, Weave};
 pub use parameters::Parameters;
 pub use reflectance::{Brdf, Vector};
-pub use simulator::{LinearFrame, Simulator};
+pub use simulator::Simulator;
 pub use spec::{SimulateError, SimulatorSpec};

@@ -46,7 +46,7 @@ pub struct Parameters {
     pub tack: f64,
     /// Factor on adhesion of what lies on the surface, log-normal with a deviation of 0.9.
     pub deposit: f64,
-    /// Thermal resistance of the contact, in m^2 K/W, log-normal with a deviation of 1.
+    /// Thermal resistance of the contact, in m^2 K/W, log-normal with a deviation of 1.3.
     pub seating: f64,
 }
 
@@ -73,7 +73,7 @@ impl Parameters {
             adhesion: at(Latent::Adhesion, p.adhesion),
             tack: at(Latent::Tack, p.tack),
             deposit: numeric::exp(0.9 * scores.of(Latent::Deposit)),
-            seating: 6e-4 * numeric::exp(scores.of(Latent::Seating)),
+            seating: 1e-3 * numeric::exp(1.3 * scores.of(Latent::Seating)),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use crate::{Frame, FrameKey, RollAngle, Source, Surface, TactileTable};
+use crate::{Frame, FrameKey, LinearFrame, RollAngle, Source, Surface, TactileTable};
 
 use super::fingerprint;
 use super::material::Material;
@@ -35,16 +35,6 @@ pub struct Simulator {
     angles: Vec<RollAngle>,
     tactile: TactileTable,
     built: Mutex<Vec<(usize, Arc<OnceLock<Texels>>)>>,
-}
-
-/// A view in scene-linear light, with the sensor's noise: RGB, interleaved, row-major, f32, 1 for
-/// the display's white; highlights reach 4.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LinearFrame {
-    /// Columns and rows.
-    pub size: usize,
-    /// `size * size * 3` values.
-    pub data: Vec<f32>,
 }
 
 /// Built surfaces that are kept.
@@ -102,18 +92,6 @@ impl Simulator {
     /// [`SimulateError::Surface`] where there is no such surface.
     pub fn parameters(&self, surface: usize) -> Result<Parameters, SimulateError> {
         Ok(self.specimen(surface)?.parameters())
-    }
-
-    /// Renders one view in linear light, for high dynamic range files.
-    ///
-    /// # Errors
-    /// [`SimulateError::Surface`] or [`SimulateError::View`] where an index is out of range.
-    pub fn linear_frame(&self, surface: usize, view: usize) -> Result<LinearFrame, SimulateError> {
-        let image = self.photograph(surface, view)?;
-        Ok(LinearFrame {
-            size: image.size,
-            data: image.data,
-        })
     }
 
     /// Renders one view as display-referred bytes: RGB, interleaved, row-major, what an 8-bit file
@@ -202,6 +180,20 @@ impl Source for Simulator {
             height: self.spec.size,
             data: bytes.iter().map(|&b| f32::from(b) / 255.0).collect(),
         })
+    }
+
+    /// With the sensor's noise; highlights reach 4.
+    fn linear_frame(
+        &self,
+        surface: usize,
+        view: usize,
+    ) -> Result<Option<LinearFrame>, SimulateError> {
+        let image = self.photograph(surface, view)?;
+        Ok(Some(LinearFrame {
+            width: image.size,
+            height: image.size,
+            data: image.data,
+        }))
     }
 
     fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, SimulateError> {

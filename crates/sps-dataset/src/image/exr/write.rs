@@ -4,16 +4,15 @@ use exr::prelude::{
     Blocks, Compression, Encoding, Image, LineOrder, SpecificChannels, Vec2, WritableImage, f16,
 };
 
-use super::display::srgb_decode;
-use crate::Frame;
+use crate::LinearFrame;
 
-/// The frame as linear light: a scan-line EXR with half R, G and B under lossless ZIP.
-pub(crate) fn encode_half(frame: &Frame) -> Result<Vec<u8>, exr::error::Error> {
+/// A scan-line EXR with half R, G and B under lossless ZIP.
+pub(crate) fn encode_half(frame: &LinearFrame) -> Result<Vec<u8>, exr::error::Error> {
     let light = |Vec2(x, y): Vec2<usize>| {
         let pixel = (y * frame.width + x) * 3;
         let half = |channel: usize| {
             let value = frame.data.get(pixel + channel).copied().unwrap_or_default();
-            f16::from_f32(srgb_decode(value))
+            f16::from_f32(value)
         };
         (half(0), half(1), half(2))
     };

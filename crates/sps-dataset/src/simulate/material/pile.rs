@@ -10,9 +10,9 @@ const PILE: Profile = Profile {
     regularity: r(0.1, 0.5),
     micro_um: r(20.0, 60.0),
     micro_length_mm: r(0.2, 0.5),
-    alpha: r(0.39, 1.0),
+    alpha: r(0.18, 1.0),
     anisotropy: 1.0,
-    sheen: r(0.2, 0.7),
+    sheen: r(0.0, 0.7),
     f0: 0.04,
     coated: 0.0,
     palette: Palette::Dyed,
@@ -22,7 +22,7 @@ const PILE: Profile = Profile {
     relaxation: r(0.2, 0.45),
     creep: r(0.15, 0.4),
     thickness_mm: r(2.0, 5.0),
-    effusivity: r(40.0, 120.0),
+    effusivity: r(32.0, 150.0),
     adhesion: r(25.0, 40.0),
     tack: r(0.8, 1.2),
 };
@@ -69,11 +69,11 @@ pub(crate) const FELT: &[(f64, Profile)] = &[(
         relief_mm: r(0.026, 0.18),
         regularity: r(0.0, 0.1),
         micro_um: r(15.0, 40.0),
-        sheen: r(0.1, 0.4),
+        sheen: r(0.0, 0.4),
         printed: 0.0,
         modulus_kpa: r(20.0, 120.0),
         thickness_mm: r(1.0, 4.0),
-        effusivity: r(48.0, 130.0),
+        effusivity: r(38.0, 160.0),
         ..PILE
     },
 )];
@@ -87,12 +87,12 @@ pub(crate) const FUR: &[(f64, Profile)] = &[(
         regularity: r(0.0, 0.2),
         micro_um: r(30.0, 90.0),
         alpha: r(0.23, 0.75),
-        sheen: r(0.4, 1.0),
+        sheen: r(0.16, 1.0),
         palette: Palette::Hide,
         printed: 0.3,
         modulus_kpa: r(1.5, 8.0),
         thickness_mm: r(6.0, 18.0),
-        effusivity: r(32.0, 84.0),
+        effusivity: r(26.0, 100.0),
         ..PILE
     },
 )];
@@ -104,11 +104,11 @@ pub(crate) const FLEECE: &[(f64, Profile)] = &[(
         period_mm: r(1.4, 3.0),
         relief_mm: r(0.098, 0.62),
         regularity: r(0.0, 0.2),
-        sheen: r(0.3, 0.8),
+        sheen: r(0.12, 0.8),
         printed: 0.2,
         modulus_kpa: r(2.5, 12.0),
         thickness_mm: r(2.0, 5.0),
-        effusivity: r(32.0, 96.0),
+        effusivity: r(26.0, 120.0),
         ..PILE
     },
 )];
@@ -121,11 +121,11 @@ pub(crate) const VELVET: &[(f64, Profile)] = &[(
         relief_mm: r(0.033, 0.25),
         regularity: r(0.0, 0.2),
         micro_um: r(10.0, 35.0),
-        sheen: r(0.7, 1.4),
+        sheen: r(0.28, 1.4),
         printed: 0.15,
         modulus_kpa: r(8.0, 40.0),
         thickness_mm: r(0.9, 2.2),
-        effusivity: r(48.0, 140.0),
+        effusivity: r(38.0, 180.0),
         ..PILE
     },
 )];
@@ -137,11 +137,11 @@ pub(crate) const MICROFIBRE: &[(f64, Profile)] = &[(
         relief_mm: r(0.039, 0.31),
         regularity: r(0.1, 0.4),
         micro_um: r(10.0, 35.0),
-        sheen: r(0.2, 0.6),
+        sheen: r(0.0, 0.6),
         printed: 0.0,
         modulus_kpa: r(10.0, 50.0),
         thickness_mm: r(0.8, 2.0),
-        effusivity: r(48.0, 140.0),
+        effusivity: r(38.0, 180.0),
         ..PILE
     },
 )];

@@ -10,9 +10,9 @@ const HIDE: Profile = Profile {
     regularity: r(0.1, 0.5),
     micro_um: r(2.0, 14.0),
     micro_length_mm: r(0.15, 0.5),
-    alpha: r(0.13, 0.75),
+    alpha: r(0.12, 1.0),
     anisotropy: 1.0,
-    sheen: r(0.0, 0.08),
+    sheen: r(0.0, 0.2),
     f0: 0.042,
     coated: 0.2,
     palette: Palette::Leather,
@@ -22,7 +22,7 @@ const HIDE: Profile = Profile {
     relaxation: r(0.1, 0.3),
     creep: r(0.05, 0.2),
     thickness_mm: r(0.9, 2.6),
-    effusivity: r(240.0, 620.0),
+    effusivity: r(190.0, 780.0),
     adhesion: r(30.0, 60.0),
     tack: r(0.8, 1.6),
 };
@@ -33,7 +33,7 @@ const CELLULAR: Profile = Profile {
     relief_mm: r(0.052, 0.38),
     regularity: r(0.0, 0.4),
     micro_um: r(10.0, 45.0),
-    alpha: r(0.39, 1.0),
+    alpha: r(0.15, 1.0),
     f0: 0.04,
     coated: 0.0,
     palette: Palette::Foam,
@@ -42,7 +42,7 @@ const CELLULAR: Profile = Profile {
     relaxation: r(0.15, 0.5),
     creep: r(0.1, 0.45),
     thickness_mm: r(8.0, 30.0),
-    effusivity: r(28.0, 90.0),
+    effusivity: r(22.0, 110.0),
     adhesion: r(25.0, 45.0),
     tack: r(0.8, 1.3),
     ..HIDE
@@ -54,7 +54,7 @@ const SHEET: Profile = Profile {
     relief_mm: r(0.0026, 0.025),
     regularity: r(0.0, 0.1),
     micro_um: r(1.5, 8.0),
-    alpha: r(0.26, 1.0),
+    alpha: r(0.12, 1.0),
     coated: 0.15,
     palette: Palette::Paper,
     printed: 0.3,
@@ -63,7 +63,7 @@ const SHEET: Profile = Profile {
     relaxation: r(0.05, 0.2),
     creep: r(0.02, 0.1),
     thickness_mm: r(0.1, 0.4),
-    effusivity: r(200.0, 540.0),
+    effusivity: r(160.0, 680.0),
     adhesion: r(25.0, 45.0),
     tack: r(0.8, 1.2),
     ..HIDE
@@ -75,13 +75,13 @@ const ELASTOMER: Profile = Profile {
     relief_mm: r(0.0065, 0.062),
     regularity: r(0.0, 0.3),
     micro_um: r(1.0, 10.0),
-    alpha: r(0.16, 0.88),
+    alpha: r(0.12, 1.0),
     coated: 0.0,
     palette: Palette::Plastic,
     modulus_kpa: r(1000.0, 8000.0),
     loss: r(0.1, 0.4),
     thickness_mm: r(1.5, 5.0),
-    effusivity: r(360.0, 840.0),
+    effusivity: r(290.0, 1000.0),
     adhesion: r(50.0, 120.0),
     tack: r(1.0, 4.0),
     ..HIDE
@@ -94,7 +94,7 @@ pub(crate) const LEATHER: &[(f64, Profile)] = &[
         Profile {
             period_mm: r(0.35, 0.8),
             relief_mm: r(0.0052, 0.05),
-            alpha: r(0.1, 0.5),
+            alpha: r(0.1, 0.95),
             coated: 0.4,
             ..HIDE
         },
@@ -122,7 +122,7 @@ pub(crate) const SPONGE: &[(f64, Profile)] = &[
             palette: Palette::Sponge,
             micro_um: r(30.0, 90.0),
             modulus_kpa: r(20.0, 200.0),
-            effusivity: r(40.0, 130.0),
+            effusivity: r(32.0, 160.0),
             ..CELLULAR
         },
     ),
@@ -138,9 +138,9 @@ pub(crate) const FOAM: &[(f64, Profile)] = &[
             relief_mm: r(0.013, 0.12),
             regularity: r(0.2, 0.7),
             micro_um: r(3.0, 18.0),
-            alpha: r(0.26, 0.94),
+            alpha: r(0.12, 1.0),
             modulus_kpa: r(40.0, 400.0),
-            effusivity: r(36.0, 120.0),
+            effusivity: r(29.0, 150.0),
             ..CELLULAR
         },
     ),
@@ -156,7 +156,7 @@ pub(crate) const CORK: &[(f64, Profile)] = &[(
         micro_um: r(8.0, 30.0),
         modulus_kpa: r(4000.0, 2.0e4),
         thickness_mm: r(2.0, 6.0),
-        effusivity: r(88.0, 240.0),
+        effusivity: r(70.0, 300.0),
         ..CELLULAR
     },
 )];
@@ -193,7 +193,7 @@ pub(crate) const NEOPRENE: &[(f64, Profile)] = &[(
         palette: Palette::Dark,
         modulus_kpa: r(150.0, 700.0),
         thickness_mm: r(2.0, 6.0),
-        effusivity: r(100.0, 280.0),
+        effusivity: r(80.0, 350.0),
         adhesion: r(30.0, 50.0),
         tack: r(0.9, 1.4),
         ..ELASTOMER
@@ -206,11 +206,11 @@ pub(crate) const VINYL: &[(f64, Profile)] = &[(
         period_mm: r(0.8, 2.2),
         relief_mm: r(0.013, 0.11),
         regularity: r(0.4, 0.8),
-        alpha: r(0.1, 0.56),
+        alpha: r(0.1, 1.0),
         coated: 0.3,
         modulus_kpa: r(3000.0, 2.0e4),
         thickness_mm: r(0.6, 1.5),
-        effusivity: r(320.0, 720.0),
+        effusivity: r(260.0, 900.0),
         adhesion: r(35.0, 70.0),
         tack: r(0.9, 3.0),
         ..HIDE
@@ -225,11 +225,11 @@ pub(crate) const SUEDE: &[(f64, Profile)] = &[(
         relief_mm: r(0.019, 0.12),
         regularity: r(0.0, 0.1),
         micro_um: r(10.0, 35.0),
-        alpha: r(0.45, 1.0),
-        sheen: r(0.3, 0.8),
+        alpha: r(0.3, 1.0),
+        sheen: r(0.12, 0.8),
         coated: 0.0,
         modulus_kpa: r(300.0, 2000.0),
-        effusivity: r(140.0, 400.0),
+        effusivity: r(110.0, 500.0),
         ..HIDE
     },
 )];
@@ -248,7 +248,7 @@ pub(crate) const CARDBOARD: &[(f64, Profile)] = &[(
         micro_um: r(4.0, 14.0),
         modulus_kpa: r(1000.0, 1.0e4),
         thickness_mm: r(1.5, 5.0),
-        effusivity: r(100.0, 290.0),
+        effusivity: r(80.0, 360.0),
         ..SHEET
     },
 )];

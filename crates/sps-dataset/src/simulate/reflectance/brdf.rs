@@ -2,7 +2,7 @@
 
 use super::energy::energy;
 use super::fresnel;
-use super::ggx::{SMALLEST, Spread, slope_density, visibility};
+use super::ggx::{SMALLEST, Spread, visibility};
 use super::sheen::{sheen_lobe, sheen_table};
 
 /// A direction or normal; need not be of unit length.
@@ -185,7 +185,9 @@ impl Pair {
     /// `D G / (4 cos cos)` of a centred slope distribution.
     fn microfacets(&self, a: Spread) -> f32 {
         let [hx, hy, hz] = self.half;
-        let density = slope_density(hx / hz, hy / hz, a) / (hz * hz * hz * hz);
+        // As `slope_density` over the cosine to the fourth, without a division by the cosine.
+        let q = hx * hx / a.xx + hy * hy / a.yy + hz * hz;
+        let density = 1.0 / (std::f32::consts::PI * (a.xx * a.yy).sqrt() * q * q);
         let through = |d: Vector| d[0] * d[0] * a.xx + d[1] * d[1] * a.yy;
         density
             * visibility(

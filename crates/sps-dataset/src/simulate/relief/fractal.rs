@@ -1,5 +1,7 @@
 //! Random fields with a chosen power spectrum.
 
+use std::sync::LazyLock;
+
 use super::super::grid::Grid;
 use super::super::numeric;
 use super::super::stream::Stream;
@@ -32,7 +34,7 @@ impl Fractal {
 
 /// Rings of wave vectors that the variance is counted over, whatever the size of the map, so that
 /// a finer map of the same surface only adds detail.
-const REFERENCE_RINGS: usize = 127;
+const REFERENCE_RINGS: i32 = 127;
 
 /// Two independent fields of mean zero and, up to 127 cycles per period, unit deviation.
 ///
@@ -40,21 +42,38 @@ const REFERENCE_RINGS: usize = 127;
 /// same draws in the rings that both hold.
 pub(crate) fn pair(n: usize, fractal: Fractal, stream: &mut Stream) -> (Grid, Grid) {
     let amplitude = Amplitude::new(fractal, n);
-    let scale = 1.0 / amplitude.reference_deviation();
-    let mut re = vec![0.0; n * n];
-    let mut im = vec![0.0; n * n];
-    let phases = phases();
+    let (mut re, mut im) = (vec![0.0; n * n], vec![0.0; n * n]);
+    // A power of two, so that a negative wave number wraps by its low bits.
+    let low_bits = n as i32 - 1;
+    let mut power = 0.0;
     for ring in 1..n as i32 / 2 {
+        let counts = ring <= REFERENCE_RINGS;
         for_each_on_ring(ring, |kx, ky| {
-            let size = amplitude.at(kx, ky) * scale;
-            let (c, s) = phases[(stream.bits() >> 22) as usize];
-            let at = ky.rem_euclid(n as i32) as usize * n + kx.rem_euclid(n as i32) as usize;
+            let size = amplitude.at(kx, ky);
+            let (c, s) = PHASES[(stream.bits() >> 22) as usize];
+            let at = (ky & low_bits) as usize * n + (kx & low_bits) as usize;
             re[at] = size * c;
             im[at] = size * s;
+            if counts {
+                power += f64::from(size * size);
+            }
+        });
+    }
+    for ring in n as i32 / 2..=REFERENCE_RINGS {
+        for_each_on_ring(ring, |kx, ky| {
+            power += f64::from(amplitude.at(kx, ky)).powi(2)
         });
     }
     Fourier::new(n).inverse_2d(&mut re, &mut im);
-    (Grid::from_data(n, re), Grid::from_data(n, im))
+    // Each of the two fields takes half the power of every coefficient and of its mirror image.
+    let scale = (1.0 / (0.5 * power).sqrt()) as f32;
+    let [re, im] = [re, im].map(|mut field| {
+        for value in &mut field {
+            *value *= scale;
+        }
+        Grid::from_data(n, field)
+    });
+    (re, im)
 }
 
 /// One field of mean zero and unit deviation.
@@ -73,39 +92,42 @@ fn for_each_on_ring(ring: i32, mut f: impl FnMut(i32, i32)) {
     }
 }
 
-/// 1024 unit vectors around the circle.
-fn phases() -> Vec<(f32, f32)> {
+/// Unit vectors around the circle.
+static PHASES: LazyLock<Vec<(f32, f32)>> = LazyLock::new(|| {
     (0..1024)
         .map(|i| {
             let angle = std::f64::consts::TAU * f64::from(i) / 1024.0;
             (numeric::cos(angle) as f32, numeric::sin(angle) as f32)
         })
         .collect()
-}
+});
 
-/// The root of the spectrum, tabulated over the stretched wave number.
+/// Entries of the table for each step of the root of the wave number.
+const PER_ROOT: f32 = 32.0;
+
+/// The root of the spectrum, tabulated over the root of the stretched wave number: dense where it
+/// bends, sparse where it is a power law.
 struct Amplitude {
     table: Vec<f32>,
-    per_cycle: f32,
     along: (f32, f32),
     stretch: f32,
 }
 
 impl Amplitude {
     fn new(fractal: Fractal, n: usize) -> Self {
-        let per_cycle = 4.0;
-        let highest = (n / 2).max(REFERENCE_RINGS + 1) as f64 * 1.5 * fractal.stretch.max(1.0);
-        let entries = (highest * per_cycle) as usize + 2;
+        let highest =
+            (n / 2).max(REFERENCE_RINGS as usize + 1) as f64 * 1.5 * fractal.stretch.max(1.0);
+        let entries = (numeric::sqrt(highest) * f64::from(PER_ROOT)) as usize + 2;
         let exponent = -0.5 * (fractal.hurst + 1.0);
         let table = (0..entries)
             .map(|i| {
-                let k = std::f64::consts::TAU * i as f64 / per_cycle * fractal.length;
+                let root = i as f64 / f64::from(PER_ROOT);
+                let k = std::f64::consts::TAU * root * root * fractal.length;
                 numeric::pow(1.0 + k * k, exponent) as f32
             })
             .collect();
         Self {
             table,
-            per_cycle: per_cycle as f32,
             along: (
                 numeric::cos(fractal.direction) as f32,
                 numeric::sin(fractal.direction) as f32,
@@ -118,22 +140,10 @@ impl Amplitude {
         let (x, y) = (kx as f32, ky as f32);
         let along = (x * self.along.0 + y * self.along.1) * self.stretch;
         let across = y * self.along.0 - x * self.along.1;
-        let place = (along * along + across * across).sqrt() * self.per_cycle;
+        let place = (along * along + across * across).sqrt().sqrt() * PER_ROOT;
         let i = (place as usize).min(self.table.len() - 2);
         let t = (place - i as f32).min(1.0);
         numeric::mix(self.table[i], self.table[i + 1], t)
-    }
-
-    /// Each of the two fields takes half the power of every coefficient and of its mirror image.
-    fn reference_deviation(&self) -> f32 {
-        let mut power = 0.0f64;
-        for ring in 1..=REFERENCE_RINGS as i32 {
-            for_each_on_ring(ring, |kx, ky| {
-                let a = f64::from(self.at(kx, ky));
-                power += 0.5 * a * a;
-            });
-        }
-        power.sqrt() as f32
     }
 }
 

@@ -8,7 +8,7 @@ use super::camera::Linear;
 use super::maps::{Finish, Texel, Texels, channel};
 use super::view::{Pose, View};
 
-/// Irradiance of the soft light on a plane that faces it; the dome's is about 2.3.
+/// Irradiance of the soft light on a plane that faces it; the dome's is about 2.5.
 pub(super) const LIGHT: f32 = 1.5;
 
 /// Squared roughness that the soft light's width adds to every lobe: half of 11 degrees, in slope.

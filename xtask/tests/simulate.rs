@@ -1,0 +1,204 @@
+//! Simulated datasets on disk: written, interrupted, read and looked at.
+
+mod support;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{self, Stdio};
+
+use sps_dataset::{DecodeSettings, read_image};
+use support::{Mounted, Scratch, expect, message, results_without_timings, root, xtask};
+
+/// Eight surfaces of four small views.
+const SMALL: [&str; 9] = [
+    "simulate",
+    "--surfaces",
+    "8",
+    "--views",
+    "4",
+    "--size",
+    "48",
+    "--seed",
+    "5",
+];
+
+/// Every file below a folder with its content.
+fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().to_owned();
+                found.insert(name, fs::read(&path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+/// The finished surfaces of an unfinished dataset.
+fn finished(folder: &Path) -> Vec<PathBuf> {
+    let surfaces = fs::read_dir(folder.join("frames")).into_iter().flatten();
+    let paths = surfaces.map(|entry| entry.unwrap().path());
+    paths
+        .filter(|path| !path.file_name().unwrap().to_string_lossy().starts_with('.'))
+        .collect()
+}
+
+#[test]
+fn a_killed_run_goes_on_and_gives_the_files_of_one_that_was_not() {
+    let scratch = Scratch::new();
+    let (whole, cut) = (scratch.path("whole"), scratch.path("cut"));
+    xtask()
+        .args(SMALL)
+        .arg("--out")
+        .arg(&whole)
+        .assert()
+        .success();
+    let mut child = process::Command::new(env!("CARGO_BIN_EXE_xtask"))
+        .current_dir(root())
+        .args(SMALL)
+        .arg("--out")
+        .arg(&cut)
+        .env("RAYON_NUM_THREADS", "1")
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    // Until the first surface is whole, or the run is over.
+    while finished(&cut).is_empty() {
+        if child.try_wait().unwrap().is_some() {
+            break;
+        }
+        std::thread::yield_now();
+    }
+    let _ = child.kill();
+    child.wait().unwrap();
+    let begun = finished(&cut);
+    for surface in &begun {
+        assert_eq!(fs::read_dir(surface).unwrap().count(), 4);
+    }
+    let again = xtask()
+        .args(SMALL)
+        .arg("--out")
+        .arg(&cut)
+        .assert()
+        .success();
+    let log = String::from_utf8_lossy(&again.get_output().stderr).into_owned();
+    if begun.len() < 8 {
+        assert!(!log.contains(" 0 were there"), "{log}");
+    }
+    assert_eq!(files(&whole), files(&cut));
+}
+
+#[test]
+fn a_full_disk_ends_with_one_message_and_whole_surfaces_only() {
+    let scratch = Scratch::new();
+    let data = scratch.path("disk");
+    let Some(mounted) = Mounted::new(&data, "size=160k") else {
+        return;
+    };
+    let out = data.join("set");
+    let text = message(xtask().args(SMALL).arg("--out").arg(&out).assert());
+    expect(&text, &["disk/set", "no space is left"]);
+    assert_eq!(text.lines().count(), 1, "{text}");
+    assert!(!out.join("dataset.toml").exists());
+    for surface in finished(&out) {
+        let frames = files(&surface);
+        assert_eq!(frames.len(), 4);
+        for name in frames.keys() {
+            read_image(&surface.join(name), &DecodeSettings::default()).unwrap();
+        }
+    }
+    mounted.remount("size=10m");
+    xtask()
+        .args(SMALL)
+        .arg("--out")
+        .arg(&out)
+        .assert()
+        .success();
+    let straight = scratch.path("straight");
+    xtask()
+        .args(SMALL)
+        .arg("--out")
+        .arg(&straight)
+        .assert()
+        .success();
+    assert_eq!(files(&out), files(&straight));
+}
+
+#[test]
+fn inspect_prints_and_draws_the_statistics() {
+    let scratch = Scratch::new();
+    let (data, figures) = (scratch.path("data"), scratch.path("figures"));
+    let inspected = xtask()
+        .arg("inspect")
+        .arg(&data)
+        .arg("--out")
+        .arg(&figures)
+        .assert()
+        .success();
+    let text = String::from_utf8_lossy(&inspected.get_output().stdout).into_owned();
+    let friction = text.lines().find(|line| line.starts_with("fRS")).unwrap();
+    assert!(
+        friction.ends_with("13.3      30.0      34.5      46.6     100.0"),
+        "{friction}"
+    );
+    for name in ["boxes.svg", "materials.svg"] {
+        let svg = fs::read_to_string(figures.join(name)).unwrap();
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+    }
+    let labels = fs::read_to_string(figures.join("materials.svg")).unwrap();
+    assert!(labels.contains("other 100.0 %"));
+}
+
+#[test]
+fn a_simulated_dataset_reads_back_as_it_was_simulated() {
+    let scratch = Scratch::new();
+    let data = scratch.path("simulated");
+    xtask()
+        .args([
+            "simulate",
+            "--surfaces",
+            "6",
+            "--views",
+            "3",
+            "--size",
+            "32",
+            "--seed",
+            "5",
+        ])
+        .args(["--format", "png", "--out"])
+        .arg(&data)
+        .assert()
+        .success();
+    xtask()
+        .arg("inspect")
+        .arg(&data)
+        .arg("--out")
+        .arg(scratch.path("figures"))
+        .assert()
+        .success();
+    let run = |settings: &[String]| {
+        let mut command = scratch.experiment();
+        command.arg("--fresh");
+        for setting in settings {
+            command.args(["--set", setting]);
+        }
+        command.assert().success();
+        results_without_timings(&scratch.path("run"))["methods"].clone()
+    };
+    let from_disk = run(&[format!("data.folder.path={}", data.display())]);
+    let in_memory = run(&[
+        "data.from=simulator".to_owned(),
+        "data.simulated.surfaces=6".to_owned(),
+        "data.simulated.views=3".to_owned(),
+        "data.simulated.size=32".to_owned(),
+        "data.simulated.seed=5".to_owned(),
+    ]);
+    assert_eq!(from_disk, in_memory);
+}

@@ -4,6 +4,8 @@ use std::collections::HashMap;
 
 use candle_core::{DType, Device, Tensor};
 
+use crate::weights::TensorSpec;
+
 /// Uniform values in [-1, 1): SplitMix64 seeded by FNV-1a of the name.
 pub(crate) fn uniform(name: &str, len: usize) -> Vec<f64> {
     let mut state = name.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
@@ -22,6 +24,21 @@ pub(crate) fn uniform(name: &str, len: usize) -> Vec<f64> {
 pub(crate) fn tensor(name: &str, shape: &[usize]) -> Tensor {
     let values = uniform(name, shape.iter().product());
     Tensor::from_vec(values, shape, &Device::Cpu).unwrap()
+}
+
+/// A network's tensor as the scripts fill it, f32.
+pub(crate) fn weight(spec: &TensorSpec) -> Tensor {
+    let norm = spec.name.contains("bn") || spec.name.contains("downsample.1.");
+    let fan_in: usize = spec.shape[1..].iter().product();
+    let rule = |u: f64| match spec.name.rsplit('.').next() {
+        Some("weight") if norm => 1.0 + 0.2 * u,
+        Some("running_var") => 1.0 + 0.5 * u,
+        Some("bias" | "running_mean") => 0.1 * u,
+        _ => u * (3.0 / fan_in as f64).sqrt(),
+    };
+    let values = uniform(&spec.name, spec.shape.iter().product()).into_iter();
+    let values: Vec<f32> = values.map(|u| rule(u) as f32).collect();
+    Tensor::from_vec(values, spec.shape.as_slice(), &Device::Cpu).unwrap()
 }
 
 /// The tensors of a file.

@@ -11,8 +11,11 @@ use sps_models::encoders::{EncoderKind, TrainableEncoder};
 /// Everything the golden files hold: embedding, loss, chosen gradients, all gradients' norms and
 /// running statistics, each within `bound` relative.
 ///
-/// The bounds of the gradients are those of f32 on maps of 2 x 2: the last ReLU alone has 32,768
-/// inputs, and one that rounds to the other side of zero moves `layer4.2.bn3.bias` by 1.5e-3.
+/// What f32 gives here is either 3e-5 or near 1e-2, and nothing between: of the 12 million inputs
+/// of rectifiers one, at the end of `layer2.1`, is 6.1e-8, and one that rounds to the other side
+/// of zero moves every gradient before it by 6e-3. The kernels round it to the right side (their
+/// sums are the same on every machine with fused multiply-add), candle's operators do not. In f64
+/// those are exact: `plain_operators_in_f64` in the crate.
 fn holds_to_the_golden_values(mut encoder: TrainableEncoder, bound: f64) {
     let golden = golden("se_resnext50.safetensors");
     let images = input("golden/train64", &[4, 3, 64, 64]);
@@ -93,19 +96,19 @@ fn norm(tensor: &Tensor) -> f64 {
 #[test]
 fn kernels() {
     let encoder = encoder(EncoderKind::SeResNext50);
-    holds_to_the_golden_values(TrainableEncoder::new(&encoder).unwrap(), 3e-3);
+    holds_to_the_golden_values(TrainableEncoder::new(&encoder).unwrap(), 1e-3);
 }
 
 #[test]
 fn kernels_with_checkpointing() {
     let encoder = encoder(EncoderKind::SeResNext50);
     let encoder = TrainableEncoder::new(&encoder).unwrap();
-    holds_to_the_golden_values(encoder.with_checkpointing(true), 3e-3);
+    holds_to_the_golden_values(encoder.with_checkpointing(true), 1e-3);
 }
 
 #[test]
 fn plain_operators() {
     let encoder = encoder(EncoderKind::SeResNext50);
     let encoder = TrainableEncoder::new(&encoder).unwrap();
-    holds_to_the_golden_values(encoder.with_plain_operators(), 1e-2);
+    holds_to_the_golden_values(encoder.with_plain_operators(), 2e-2);
 }

@@ -10,6 +10,8 @@ mod kind;
 mod plain;
 mod se_resnext;
 mod squeezenet;
+#[cfg(test)]
+mod tests;
 mod trainable;
 
 use std::path::Path;

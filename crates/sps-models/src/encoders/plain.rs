@@ -3,7 +3,7 @@
 
 use std::cell::RefCell;
 
-use candle_core::Tensor;
+use candle_core::{DType, Tensor};
 
 use crate::error::{Error, Result};
 use crate::weights::Weights;
@@ -99,8 +99,8 @@ impl<'a> Plain<'a> {
         let variance = centred.sqr()?.mean_keepdim((0, 2, 3))?;
         statistics.push(BatchStatistics {
             layer: layer.to_owned(),
-            mean: mean.flatten_all()?.to_vec1()?,
-            variance: variance.flatten_all()?.to_vec1()?,
+            mean: numbers(&mean)?,
+            variance: numbers(&variance)?,
             count,
         });
         let normed = centred.broadcast_div(&(variance + BATCH_NORM_EPS)?.sqrt()?)?;
@@ -121,6 +121,11 @@ impl<'a> Plain<'a> {
         let x = pad_end(&x, 3, pooled(width, window, stride).1)?;
         Ok(x.max_pool2d_with_stride(window, stride)?)
     }
+}
+
+/// Elements as f32, whatever their type: the reference also runs in f64.
+fn numbers(tensor: &Tensor) -> Result<Vec<f32>> {
+    Ok(tensor.flatten_all()?.to_dtype(DType::F32)?.to_vec1()?)
 }
 
 /// Batch norm in training needs a spread.

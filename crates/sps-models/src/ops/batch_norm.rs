@@ -30,11 +30,18 @@ impl Norm {
             .iter()
             .map(|&variance| (1.0 / (f64::from(variance) + eps).sqrt()) as f32)
             .collect();
+        let factor: Vec<f32> = gamma.iter().zip(&inverse).map(|(g, i)| g * i).collect();
+        let lost = moments.mean_lost.iter().zip(&factor);
         Self {
             mean: moments.mean.clone(),
-            factor: gamma.iter().zip(&inverse).map(|(g, i)| g * i).collect(),
+            // What the mean's rounding lost: much of a spread that is small beside the mean.
+            beta: beta
+                .iter()
+                .zip(lost)
+                .map(|(&beta, (lost, &factor))| (f64::from(beta) - lost * f64::from(factor)) as f32)
+                .collect(),
             inverse,
-            beta: beta.to_vec(),
+            factor,
         }
     }
 

@@ -15,6 +15,8 @@ pub(crate) struct Moments {
     pub(crate) count: usize,
     /// `(channels)`
     pub(crate) mean: Vec<f32>,
+    /// What rounding took from the mean, `(channels)`.
+    pub(crate) mean_lost: Vec<f64>,
     /// `(channels)`, over `count`.
     pub(crate) variance: Vec<f32>,
     /// `(frames, channels)`
@@ -51,10 +53,15 @@ impl Moments {
             frame_means.extend(one.mean.iter().map(|&mean| mean as f32));
             all.join(&one);
         }
-        let narrow = |values: &[f64], by: f64| values.iter().map(|v| (v / by) as f32).collect();
+        let narrow = |values: &[f64], by: f64| -> Vec<f32> {
+            values.iter().map(|v| (v / by) as f32).collect()
+        };
+        let mean = narrow(&all.mean, 1.0);
+        let exact = all.mean.iter().zip(&mean);
         Self {
             count: all.count,
-            mean: narrow(&all.mean, 1.0),
+            mean_lost: exact.map(|(m, &narrow)| m - f64::from(narrow)).collect(),
+            mean,
             variance: narrow(&all.squares, all.count as f64),
             frame_means,
         }

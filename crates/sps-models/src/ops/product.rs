@@ -96,8 +96,8 @@ pub(crate) struct Product<'a> {
 impl Product<'_> {
     /// Writes row `i`, `n` elements, at `places[i] - origin` of the target.
     ///
-    /// Each sum runs over the taps and their elements in order: its bits do not depend on which
-    /// other rows are computed with it.
+    /// Each sum runs over the taps and their elements in order, block by block: its bits do not
+    /// depend on which other rows are computed with it.
     pub(crate) fn write(&self, target: &mut [f32], places: &[u32], origin: usize) {
         debug_assert_eq!(self.taps.len() * self.run, self.panels.k());
         debug_assert_eq!(self.rows.len(), places.len());
@@ -116,6 +116,10 @@ struct Write<'a, 'b> {
     places: &'a [u32],
     origin: usize,
 }
+
+/// Elements that are summed before their sum joins a longer one: rounding then grows with this
+/// and with the number of blocks, not with a row's length.
+const BLOCK: usize = 96;
 
 /// What a core's second-level cache holds beside what streams through it, in elements.
 const CACHE: usize = 160 << 10;
@@ -245,22 +249,43 @@ impl Tile<'_, '_> {
         let rows = &rows[self.first..self.first + H];
         let (panel, _) = S::as_simd_f32s(self.panel.data);
         let (panel, _) = panel.as_chunks::<NV>();
-        let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
+        let mut total = [[lanes.splat_f32s(0.0); NV]; H];
+        let mut sums = total;
+        let mut summed = 0;
         for (&tap, panel) in taps.iter().zip(panel.chunks_exact(run)) {
             let left: [&[f32]; H] = std::array::from_fn(|i| {
                 let start = (rows[i] + tap) as usize;
                 &source[start..start + run]
             });
-            for p in 0..run {
-                let right = panel[p];
-                for i in 0..H {
-                    let x = lanes.splat_f32s(left[i][p]);
-                    for v in 0..NV {
-                        sums[i][v] = lanes.fma(x, right[v], sums[i][v]);
+            for (block, panel) in panel.chunks(BLOCK).enumerate() {
+                let from = block * BLOCK;
+                let left: [&[f32]; H] = std::array::from_fn(|i| &left[i][from..from + panel.len()]);
+                for p in 0..panel.len() {
+                    let right = panel[p];
+                    for i in 0..H {
+                        let x = lanes.splat_f32s(left[i][p]);
+                        for v in 0..NV {
+                            sums[i][v] = lanes.fma(x, right[v], sums[i][v]);
+                        }
                     }
+                }
+                summed += panel.len();
+                if summed >= BLOCK {
+                    summed = 0;
+                    each_row!(H, i, {
+                        for v in 0..NV {
+                            total[i][v] = lanes.add_f32s(total[i][v], sums[i][v]);
+                            sums[i][v] = lanes.splat_f32s(0.0);
+                        }
+                    });
                 }
             }
         }
+        each_row!(H, i, {
+            for v in 0..NV {
+                sums[i][v] = lanes.add_f32s(total[i][v], sums[i][v]);
+            }
+        });
         sums
     }
 }

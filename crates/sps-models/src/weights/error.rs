@@ -37,6 +37,14 @@ pub enum WeightsErrorKind {
     /// The bytes are not a weights file of a known format.
     #[error("{0}")]
     Format(String),
+    /// A pickle in a PyTorch file does what no dictionary of tensors needs.
+    #[error("byte {offset} of the pickle: {found}; only a dictionary of tensors is read")]
+    Pickle {
+        /// Where the instruction begins.
+        offset: usize,
+        /// The opcode, global or value that was found.
+        found: String,
+    },
     /// The network has a tensor that the weights lack.
     #[error("tensor {tensor:?} of shape {expected:?} is missing")]
     Missing {

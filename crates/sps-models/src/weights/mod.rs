@@ -1,6 +1,7 @@
 //! Named tensors of a network, and the files they are read from.
 
 mod error;
+mod pytorch;
 mod safetensors;
 
 use std::collections::BTreeMap;
@@ -53,16 +54,21 @@ pub struct Weights {
 impl Weights {
     /// Reads a weights file; elements of f16, bf16 and f64 become f32.
     ///
+    /// The content tells the format: safetensors, or a dictionary of tensors as PyTorch's
+    /// `torch.save` writes it, in the zip format of today or in the stream of versions before
+    /// 1.6. A pickle is read by an allow list and runs nothing: an opcode or a global that builds
+    /// no tensor is refused by name.
+    ///
     /// # Errors
     ///
-    /// When the file cannot be read, is no safetensors file, holds elements of another type, or
+    /// When the file cannot be read, is of no such format, holds elements of another type, or
     /// holds a value that is not finite as f32.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, WeightsError> {
         let path = path.as_ref();
         let origin = path.display().to_string();
         let read = || {
             let bytes = std::fs::read(path)?;
-            safetensors::read(&bytes)
+            parse(&bytes)
         };
         let tensors = read().map_err(|kind| WeightsError::new(&origin, kind))?;
         Self::from_raw(&origin, tensors)
@@ -74,7 +80,7 @@ impl Weights {
     ///
     /// As [`Weights::read`].
     pub fn from_bytes(origin: &str, bytes: &[u8]) -> Result<Self, WeightsError> {
-        let tensors = safetensors::read(bytes).map_err(|kind| WeightsError::new(origin, kind))?;
+        let tensors = parse(bytes).map_err(|kind| WeightsError::new(origin, kind))?;
         Self::from_raw(origin, tensors)
     }
 
@@ -255,6 +261,11 @@ impl Weights {
     fn error(&self, kind: WeightsErrorKind) -> WeightsError {
         WeightsError::new(&self.origin, kind)
     }
+}
+
+/// The tensors of a file of any format.
+fn parse(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
+    pytorch::read(bytes).unwrap_or_else(|| safetensors::read(bytes))
 }
 
 fn raw_tensor(name: &str, tensor: &Tensor) -> Result<RawTensor, WeightsErrorKind> {

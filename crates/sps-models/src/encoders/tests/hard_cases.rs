@@ -1,0 +1,191 @@
+//! Images and weights that a network must survive.
+
+use candle_core::{DType, Device, Tensor};
+use half::f16;
+use proptest::prelude::*;
+
+use crate::Error;
+use crate::encoders::{Encoder, EncoderKind, TrainableEncoder};
+use crate::weights::{Weights, WeightsErrorKind};
+
+const SMALL: EncoderKind = EncoderKind::SeResNextSmall;
+
+fn encoder(kind: EncoderKind) -> Encoder {
+    Encoder::seeded(kind, 1, &Device::Cpu).unwrap()
+}
+
+fn filled(value: f32, shape: (usize, usize, usize, usize)) -> Tensor {
+    Tensor::full(value, shape, &Device::Cpu).unwrap()
+}
+
+/// Values that differ from pixel to pixel.
+fn textured(shape: (usize, usize, usize, usize)) -> Tensor {
+    let (n, c, h, w) = shape;
+    let values: Vec<f32> = (0..n * c * h * w)
+        .map(|i| ((i as u32).wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 24) as f32)
+        .collect();
+    Tensor::from_vec(values, shape, &Device::Cpu).unwrap()
+}
+
+fn numbers(tensor: &Tensor) -> Vec<f32> {
+    tensor.flatten_all().unwrap().to_vec1().unwrap()
+}
+
+/// The kernels and candle's operators agree, and all is finite.
+fn agree(encoder: &Encoder, images: &Tensor) {
+    let found = numbers(&encoder.embed(images).unwrap());
+    let expected = numbers(&encoder.embed_plain(images).unwrap());
+    let largest = expected.iter().fold(0.0_f32, |m, e| m.max(e.abs()));
+    assert!(largest.is_finite());
+    for (f, e) in found.iter().zip(&expected) {
+        let difference = (f - e).abs();
+        assert!(difference <= 5e-5 * largest, "{f} {e} of {largest}");
+    }
+}
+
+#[test]
+fn images_of_one_value() {
+    for kind in EncoderKind::ALL {
+        let encoder = encoder(kind);
+        for value in [0.0, 1.0, 0.5, 1e-40] {
+            agree(&encoder, &filled(value, (2, 3, 33, 40)));
+        }
+    }
+}
+
+#[test]
+fn images_of_any_extent() {
+    let small = encoder(SMALL);
+    for (height, width) in [(1, 1), (1, 2), (2, 1), (7, 5000), (3, 64), (65, 31)] {
+        agree(&small, &textured((1, 3, height, width)));
+    }
+    let squeezenet = encoder(EncoderKind::SqueezeNet1_0);
+    for (height, width) in [(7, 7), (7, 500), (8, 9), (47, 21)] {
+        agree(&squeezenet, &textured((3, 3, height, width)));
+    }
+}
+
+#[test]
+fn values_outside_of_what_a_camera_gives() {
+    let small = encoder(SMALL);
+    for scale in [1e-42, 1e4, -1e4] {
+        let images = (textured((2, 3, 17, 19)) * scale).unwrap();
+        agree(&small, &images);
+    }
+}
+
+#[test]
+fn images_that_cannot_be_embedded() {
+    let small = encoder(SMALL);
+    let squeezenet = encoder(EncoderKind::SqueezeNet1_0);
+    let ints = filled(0.0, (1, 3, 8, 8)).to_dtype(DType::U8).unwrap();
+    let no_images = Tensor::zeros((0, 3, 8, 8), DType::F32, &Device::Cpu).unwrap();
+    let no_pixels = Tensor::zeros((1, 3, 0, 8), DType::F32, &Device::Cpu).unwrap();
+    for (encoder, images) in [
+        (&small, ints),
+        (&small, filled(0.0, (1, 4, 8, 8))),
+        (&small, no_images),
+        (&small, no_pixels),
+        (&squeezenet, filled(0.0, (1, 3, 6, 8))),
+    ] {
+        let error = encoder.embed(&images).unwrap_err();
+        assert!(matches!(error, Error::Input { what: "images", .. }));
+    }
+}
+
+#[test]
+fn training_on_images_of_one_value_is_finite() {
+    for value in [0.0, 0.5, 1e4] {
+        let mut trainable = TrainableEncoder::new(&encoder(SMALL)).unwrap();
+        let images = filled(value, (2, 3, 33, 40));
+        let embedding = trainable.forward(&images).unwrap();
+        let loss = embedding.sqr().unwrap().mean_all().unwrap();
+        let gradients = trainable.backward(&loss).unwrap();
+        for (name, variable) in trainable.variables() {
+            let gradient = numbers(gradients.get(variable).unwrap());
+            assert!(gradient.iter().all(|g| g.is_finite()), "{name}");
+        }
+        trainable.weights().unwrap();
+    }
+}
+
+#[test]
+fn training_needs_two_numbers_a_channel() {
+    for plain in [false, true] {
+        let mut trainable = TrainableEncoder::new(&encoder(SMALL)).unwrap();
+        if plain {
+            trainable = trainable.with_plain_operators();
+        }
+        let error = trainable.forward(&textured((1, 3, 1, 1))).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "batch in training: found one number in each channel at layer0.bn1, expected at least \
+             two: more images or larger ones"
+        );
+        assert!(trainable.forward(&textured((2, 3, 1, 1))).is_ok());
+    }
+}
+
+/// The gradients of a directional derivative, by the kernels and by candle's operators.
+#[test]
+fn training_on_odd_extents_agrees_with_plain_operators() {
+    for shape in [(4, 3, 40, 37), (2, 3, 65, 70), (1, 3, 97, 131)] {
+        let start = encoder(SMALL);
+        let images = textured(shape);
+        let run = |mut trainable: TrainableEncoder| {
+            let embedding = trainable.forward(&images).unwrap();
+            let weight = textured((1, 1, embedding.dims()[0], embedding.dims()[1]));
+            let weight = weight.reshape(embedding.dims()).unwrap();
+            let loss = (&embedding * weight).unwrap().sum_all().unwrap();
+            (numbers(&embedding), numbers(&loss.reshape(1).unwrap()))
+        };
+        let kernels = run(TrainableEncoder::new(&start).unwrap());
+        let plain = run(TrainableEncoder::new(&start)
+            .unwrap()
+            .with_plain_operators());
+        let largest = plain.0.iter().fold(0.0_f32, |m, e| m.max(e.abs()));
+        for (f, e) in kernels.0.iter().zip(&plain.0) {
+            assert!((f - e).abs() <= 1e-3 * largest, "{shape:?}: {f} {e}");
+        }
+    }
+}
+
+#[test]
+fn half_weights_that_are_infinite_are_refused_by_name() {
+    let broken = |value: f16| {
+        let tensors = SMALL.specs().into_iter().map(|spec| {
+            let mut values = vec![f16::ONE; spec.shape.iter().product()];
+            if spec.name == "layer2.0.conv2.weight" {
+                values[5] = value;
+            }
+            let tensor = Tensor::from_vec(values, spec.shape, &Device::Cpu).unwrap();
+            (spec.name, tensor)
+        });
+        Weights::from_tensors("half", tensors)
+    };
+    assert!(broken(f16::MAX).is_ok());
+    for value in [f16::INFINITY, f16::NEG_INFINITY, f16::NAN] {
+        let error = broken(value).unwrap_err();
+        let WeightsErrorKind::NotFinite { tensor, index, .. } = error.kind() else {
+            panic!("{error}");
+        };
+        assert_eq!((tensor.as_str(), *index), ("layer2.0.conv2.weight", 5));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    /// An image's embedding does not hang on its neighbours in the batch, to the last bit.
+    #[test]
+    fn an_image_alone_embeds_as_in_a_batch(n in 2_usize..6, h in 1_usize..40, w in 1_usize..40) {
+        let small = encoder(SMALL);
+        let images = textured((n, 3, h, w));
+        let together = small.embed(&images).unwrap();
+        for i in 0..n {
+            let alone = small.embed(&images.narrow(0, i, 1).unwrap()).unwrap();
+            let row = together.narrow(0, i, 1).unwrap();
+            prop_assert_eq!(numbers(&alone), numbers(&row));
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! The reference path in f64, and networks on hard inputs.
+
+mod hard_cases;
+
+use candle_core::{DType, Tensor, Var};
+
+use super::plain::Plain;
+use super::se_resnext::plain::embed;
+use super::{EncoderKind, SeResNextConfig};
+use crate::golden::{self, error, values};
+use crate::weights::Weights;
+
+/// The norm of the difference relative to that of what is expected.
+fn relative(found: &Tensor, expected: &Tensor) -> f64 {
+    let norm = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let (found, expected) = (values(found), values(expected));
+    let differences: Vec<f64> = found.iter().zip(&expected).map(|(f, e)| f - e).collect();
+    norm(&differences) / norm(&expected)
+}
+
+/// Without rounding, the composition that the kernels are measured against is PyTorch's network:
+/// no gradient hangs on which side of zero a rectifier's input falls.
+#[test]
+fn plain_operators_in_f64() {
+    let variables: Vec<(String, Var)> = EncoderKind::SeResNext50
+        .specs()
+        .iter()
+        .map(|spec| {
+            let exact = golden::weight(spec).to_dtype(DType::F64).unwrap();
+            (spec.name.clone(), Var::from_tensor(&exact).unwrap())
+        })
+        .collect();
+    let tensors = variables
+        .iter()
+        .map(|(name, variable)| (name.clone(), variable.as_tensor().clone()));
+    let weights = Weights::sharing("the golden rule", tensors);
+    let expected = golden::load("se_resnext50.safetensors");
+    let f32_input = |name: &str, shape: &[usize]| {
+        let tensor = golden::tensor(name, shape).to_dtype(DType::F32).unwrap();
+        tensor.to_dtype(DType::F64).unwrap()
+    };
+
+    let images = f32_input("golden/train64", &[4, 3, 64, 64]);
+    let net = Plain::training(&weights);
+    let embedding = embed(&SeResNextConfig::RESNEXT50_32X4D, &net, &images).unwrap();
+    let found = error(&values(&embedding), &values(&expected["train64.embedding"]));
+    assert!(found < 1e-11, "embedding {found:.1e}");
+
+    let cotangent = f32_input("golden/train64.cotangent", embedding.dims());
+    let loss = (embedding * cotangent).unwrap().mean_all().unwrap();
+    let gradients = loss.backward().unwrap();
+    let mut seen = 0;
+    for (name, variable) in &variables {
+        if let Some(expected) = expected.get(&format!("train64.grad.{name}")) {
+            let found = relative(gradients.get(variable).unwrap(), expected);
+            assert!(found < 1e-9, "gradient of {name} {found:.1e}");
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, 8);
+}

@@ -1,0 +1,283 @@
+//! Files that PyTorch wrote (`fixtures/pytorch/make_pytorch.py`), and files that nobody should
+//! have written.
+
+use std::collections::BTreeMap;
+
+use proptest::prelude::*;
+
+use super::value::Heap;
+use super::{pickle, read};
+use crate::weights::{Weights, WeightsErrorKind};
+
+fn fixture(name: &str) -> Vec<u8> {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/pytorch");
+    std::fs::read(folder.join(name)).unwrap()
+}
+
+/// What the script puts in.
+fn expected() -> BTreeMap<&'static str, (Vec<usize>, Vec<f32>)> {
+    let base: Vec<f32> = (0..24_u8).map(f32::from).collect();
+    let transposed = (0..24).map(|i| base[i % 4 * 6 + i / 4]).collect();
+    BTreeMap::from([
+        (
+            "whole",
+            (vec![2, 3, 4], base.iter().map(|v| v / 8.0).collect()),
+        ),
+        ("transposed", (vec![6, 4], transposed)),
+        ("slice", (vec![6], base[5..11].to_vec())),
+        ("half", (vec![2], vec![1.5, -2.25])),
+        ("bfloat", (vec![2], vec![1.5, -2.25])),
+        ("double", (vec![1], vec![0.1])),
+        ("count", (vec![], vec![7.0])),
+        ("parameter", (vec![2, 2], vec![1.0; 4])),
+    ])
+}
+
+#[test]
+fn both_formats_hold_what_pytorch_saved() {
+    for file in ["zip.pth", "stream.pth"] {
+        let tensors = read(&fixture(file)).unwrap().unwrap();
+        let expected = expected();
+        assert_eq!(tensors.len(), expected.len());
+        for (name, tensor) in tensors {
+            let (shape, values) = &expected[name.as_str()];
+            assert_eq!((&tensor.shape, &tensor.values), (shape, values), "{name}");
+        }
+    }
+}
+
+#[test]
+fn the_content_tells_the_format() {
+    for file in ["zip.pth", "stream.pth"] {
+        let weights = Weights::from_bytes(file, &fixture(file)).unwrap();
+        assert_eq!(weights.iter().count(), 8);
+        let again = Weights::from_bytes("again", &weights.to_bytes().unwrap()).unwrap();
+        assert_eq!(again.iter().count(), 8);
+    }
+    assert!(read(b"").is_none());
+    assert!(read(b"\x80\x02}q\x00.").is_none());
+}
+
+#[test]
+fn what_is_no_tensor_is_named() {
+    let error = Weights::from_bytes("mapping.pth", &fixture("mapping.pth")).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        r#"mapping.pth: entry "epoch" of the pickle is no tensor"#
+    );
+}
+
+mod hard_cases {
+    use super::*;
+
+    /// A pickle's refusal: where, and in what words.
+    fn refusal(pickle: &[u8]) -> (usize, String) {
+        match pickle::run(pickle, &mut Heap::default()) {
+            Err(WeightsErrorKind::Pickle { offset, found }) => (offset, found),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn refused(pickle: &[u8], offset: usize, found: &str) {
+        assert_eq!(refusal(pickle), (offset, found.to_owned()));
+    }
+
+    #[test]
+    fn names_outside_of_the_list() {
+        refused(
+            b"\x80\x02cos\nsystem\nX\x02\0\0\0id\x85R.",
+            2,
+            "global os.system",
+        );
+        refused(b"\x80\x02cbuiltins\neval\n.", 2, "global builtins.eval");
+        refused(b"ctorch\nload\n.", 0, "global torch.load");
+        refused(
+            b"ctorch.storage\nFloatStorage\n.",
+            0,
+            "global torch.storage.FloatStorage",
+        );
+        let stacked = b"\x80\x04\x8c\x05posix\x8c\x06system\x93.";
+        refused(stacked, 17, "global posix.system");
+        refused(b"cos", 0, "a line that does not end");
+    }
+
+    #[test]
+    fn opcodes_outside_of_the_list() {
+        for (pickle, found) in [
+            (&b"(ios\nsystem\n."[..], "opcode INST (0x69)"),
+            (b"(o.", "opcode OBJ (0x6f)"),
+            (b"N\x81.", "opcode NEWOBJ (0x81)"),
+            (b"N\x82\x01.", "opcode EXT (0x82)"),
+            (b"N2.", "opcode DUP (0x32)"),
+            (b"NPid\n.", "opcode PERSID (0x50)"),
+            (b"N\xff.", "opcode unknown (0xff)"),
+        ] {
+            refused(pickle, 1, found);
+        }
+    }
+
+    #[test]
+    fn calls_of_what_may_not_be_called() {
+        refused(b"N)R.", 2, "a call of what is no global");
+        refused(
+            b"ccollections\nOrderedDict\nNR.",
+            26,
+            "a call without a tuple of arguments",
+        );
+        let tensor = b"ctorch._utils\n_rebuild_tensor_v2\n)R.";
+        refused(tensor, 34, "a call of RebuildTensor with other arguments");
+        refused(
+            b"ctorch\nFloatStorage\n)R.",
+            21,
+            "a call of Storage(F32) with other arguments",
+        );
+        refused(b"}N)b.", 3, "a state for what is no dictionary");
+        refused(b"}q\0N}sb.", 5, "a key that is no text");
+    }
+
+    #[test]
+    fn stacks_that_do_not_hold_what_is_asked_for() {
+        refused(b".", 0, "a value where the stack holds none");
+        refused(b"(.", 1, "a value where the stack holds none");
+        refused(b"t.", 0, "the end of a part that has no beginning");
+        refused(b"h\x05.", 0, "memo 5, which holds nothing");
+        refused(b"}(Nu.", 3, "a key without a value");
+        refused(b"N(u.", 2, "items for what is no dictionary");
+        refused(b"\x80\x07.", 0, "protocol 7, expected 2 to 5");
+        refused(b"N", 1, "1 bytes where 0 are left");
+    }
+
+    #[test]
+    fn sizes_beyond_the_file() {
+        refused(
+            b"X\xff\xff\xff\xffa.",
+            0,
+            "4294967295 bytes where 2 are left",
+        );
+        refused(b"\x8a\xff\x01.", 0, "an integer of 255 bytes");
+        refused(b"\x8c\x01\xff.", 0, "a text that is not UTF-8");
+        // A memo number of four billion takes one entry.
+        let mut heap = Heap::default();
+        assert!(pickle::run(b"Nr\xff\xff\xff\xff.", &mut heap).is_ok());
+    }
+
+    /// A tensor of a storage of six numbers.
+    fn view(offset: &[u8], shape: &[u8], strides: &[u8]) -> Vec<u8> {
+        let storage =
+            b"(X\x07\0\0\0storagectorch\nFloatStorage\nX\x01\0\0\x000X\x03\0\0\0cpuK\x06tQ";
+        let parts: [&[u8]; 7] = [
+            b"ctorch._utils\n_rebuild_tensor_v2\n(",
+            storage,
+            offset,
+            shape,
+            strides,
+            b"\x89}tR",
+            b".",
+        ];
+        parts.concat()
+    }
+
+    #[test]
+    fn views_beyond_their_storage() {
+        let run = |bytes: Vec<u8>| pickle::run(&bytes, &mut Heap::default());
+        assert!(run(view(b"K\0", b"K\x02K\x03\x86", b"K\x03K\x01\x86")).is_ok());
+        assert!(run(view(b"K\x09", b"K\0K\x03\x86", b"K\x03K\x01\x86")).is_ok());
+        let huge: &[u8] = b"J\xff\xff\xff\x7fJ\xff\xff\xff\x7fJ\xff\xff\xff\x7f\x87";
+        for (offset, shape, strides) in [
+            (
+                &b"K\x01"[..],
+                &b"K\x02K\x03\x86"[..],
+                &b"K\x03K\x01\x86"[..],
+            ),
+            (b"K\0", b"K\x07\x85", b"K\0\x85"),
+            (b"K\0", b"K\x02\x85", b"K\x01K\x01\x86"),
+            (b"K\0", huge, b"K\0K\0K\0\x87"),
+            (b"K\0", huge, huge),
+            (b"J\xff\xff\xff\xff", b"K\x02\x85", b"K\x01\x85"),
+            (b"K\0", b"J\xff\xff\xff\xff\x85", b"K\x01\x85"),
+        ] {
+            let error = run(view(offset, shape, strides)).unwrap_err();
+            assert!(matches!(error, WeightsErrorKind::Pickle { .. }));
+        }
+    }
+
+    #[test]
+    fn nesting_without_end() {
+        let deep = [vec![b'('; 1 << 20], vec![b't'; 1 << 20], b".".to_vec()].concat();
+        assert!(pickle::run(&deep, &mut Heap::default()).is_ok());
+        let chain = [b"N".to_vec(), vec![0x85; 1 << 20], b".".to_vec()].concat();
+        assert!(pickle::run(&chain, &mut Heap::default()).is_ok());
+        // A dictionary and a list that hold themselves.
+        for cycle in [&b"}q\0X\x01\0\0\0ah\0s."[..], b"]q\0h\0a."] {
+            assert!(pickle::run(cycle, &mut Heap::default()).is_ok());
+        }
+        let long = vec![b'('; 8 << 20];
+        refused(&long, 4 << 20, "1 bytes where 0 are left");
+    }
+
+    #[test]
+    fn tensors_that_share_one_storage_too_often() {
+        // 26 views of one storage of six numbers.
+        let heap = &mut Heap::default();
+        let mut pickle = b"}(".to_vec();
+        let one = view(b"K\0", b"K\x06\x85", b"K\x01\x85");
+        for name in b'a'..=b'z' {
+            pickle.extend([b'X', 1, 0, 0, 0, name]);
+            pickle.extend(&one[..one.len() - 1]);
+        }
+        pickle.extend(b"u.");
+        let (object, _) = pickle::run(&pickle, heap).unwrap();
+        let numbers = [0_u8; 24];
+        let storages = BTreeMap::from([("0", &numbers[..])]);
+        assert!(super::super::gather(heap, object, &storages, 156).is_ok());
+        let error = super::super::gather(heap, object, &storages, 100)
+            .err()
+            .unwrap();
+        assert_eq!(
+            error.to_string(),
+            "tensors of 156 elements together in a file of 100 bytes"
+        );
+    }
+
+    #[test]
+    fn files_that_end_early() {
+        for file in ["zip.pth", "stream.pth"] {
+            let bytes = fixture(file);
+            for len in 0..bytes.len() {
+                assert!(
+                    Weights::from_bytes(file, &bytes[..len]).is_err(),
+                    "{file} {len}"
+                );
+            }
+        }
+    }
+
+    proptest! {
+        /// Whatever the bytes, an error or tensors; no panic.
+        #[test]
+        fn broken_files(
+            at in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+        ) {
+            for file in ["zip.pth", "stream.pth"] {
+                let mut bytes = fixture(file);
+                for (index, value) in &at {
+                    let index = index.index(bytes.len());
+                    bytes[index] = *value;
+                }
+                let _ = Weights::from_bytes(file, &bytes);
+            }
+        }
+
+        #[test]
+        fn programs_of_known_opcodes(
+            opcodes in proptest::collection::vec(
+                prop::sample::select(b"()tNKJMXU}]aesuqrhjcQRb.\x80\x85\x86\x87\x88\x8a\x8c\x93\x94\x95\0\x01\n0".to_vec()),
+                0..400,
+            ),
+        ) {
+            let _ = pickle::run(&opcodes, &mut Heap::default());
+            let stream = [&fixture("stream.pth")[..14], b".\x80\x02M\xe9\x03.", &opcodes].concat();
+            let _ = Weights::from_bytes("stream", &stream);
+        }
+    }
+}

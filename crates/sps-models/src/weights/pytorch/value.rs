@@ -1,0 +1,349 @@
+//! What a pickle of tensors builds.
+
+use super::super::WeightsErrorKind;
+
+/// The names that a pickle may use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Global {
+    OrderedDict,
+    Size,
+    /// `_rebuild_tensor`, of PyTorch before 0.4, and `_rebuild_tensor_v2`.
+    RebuildTensor,
+    RebuildParameter,
+    Storage(ElementType),
+}
+
+impl Global {
+    /// The one of this name.
+    pub(super) fn find(module: &str, name: &str) -> Result<Self, String> {
+        Ok(match (module, name) {
+            ("collections", "OrderedDict") => Self::OrderedDict,
+            ("torch", "Size") => Self::Size,
+            ("torch._utils", "_rebuild_tensor" | "_rebuild_tensor_v2") => Self::RebuildTensor,
+            ("torch._utils", "_rebuild_parameter") => Self::RebuildParameter,
+            _ => {
+                let element = ElementType::of_storage(name).filter(|_| module == "torch");
+                let element = element.ok_or_else(|| format!("global {module}.{name}"))?;
+                Self::Storage(element)
+            }
+        })
+    }
+}
+
+/// The elements of a storage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ElementType {
+    F16,
+    BF16,
+    F32,
+    F64,
+    I64,
+    I32,
+    I16,
+    I8,
+    U8,
+    Bool,
+}
+
+impl ElementType {
+    fn of_storage(name: &str) -> Option<Self> {
+        Some(match name {
+            "HalfStorage" => Self::F16,
+            "BFloat16Storage" => Self::BF16,
+            "FloatStorage" => Self::F32,
+            "DoubleStorage" => Self::F64,
+            "LongStorage" => Self::I64,
+            "IntStorage" => Self::I32,
+            "ShortStorage" => Self::I16,
+            "CharStorage" => Self::I8,
+            "ByteStorage" => Self::U8,
+            "BoolStorage" => Self::Bool,
+            _ => return None,
+        })
+    }
+
+    /// Bytes of one element.
+    pub(super) const fn bytes(self) -> usize {
+        match self {
+            Self::F64 | Self::I64 => 8,
+            Self::F32 | Self::I32 => 4,
+            Self::F16 | Self::BF16 | Self::I16 => 2,
+            Self::I8 | Self::U8 | Self::Bool => 1,
+        }
+    }
+}
+
+/// A value on the pickle's stack; what has parts lies in the [`Heap`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Value {
+    Mark,
+    None,
+    Bool(bool),
+    Int(i128),
+    Text(usize),
+    Tuple(usize),
+    List(usize),
+    Dictionary(usize),
+    Global(Global),
+    Storage(usize),
+    Tensor(usize),
+}
+
+/// Elements that a file holds outside of its pickle.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Storage {
+    pub(super) key: String,
+    pub(super) element: ElementType,
+    pub(super) len: usize,
+}
+
+/// A view of a storage.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct View {
+    pub(super) storage: usize,
+    pub(super) offset: usize,
+    pub(super) shape: Vec<usize>,
+    pub(super) strides: Vec<usize>,
+}
+
+/// Everything with parts that the pickles of one file build. Parts are named by their number, so
+/// nothing here is nested.
+#[derive(Debug, Default)]
+pub(super) struct Heap {
+    texts: Vec<String>,
+    /// Tuples and lists.
+    sequences: Vec<Vec<Value>>,
+    dictionaries: Vec<Vec<(usize, Value)>>,
+    storages: Vec<Storage>,
+    views: Vec<View>,
+}
+
+impl Heap {
+    pub(super) fn text(&mut self, text: &str) -> Value {
+        self.texts.push(text.to_owned());
+        Value::Text(self.texts.len() - 1)
+    }
+
+    pub(super) fn as_text(&self, value: Value) -> Option<&str> {
+        match value {
+            Value::Text(index) => Some(&self.texts[index]),
+            _ => None,
+        }
+    }
+
+    pub(super) fn tuple(&mut self, items: Vec<Value>) -> Value {
+        self.sequences.push(items);
+        Value::Tuple(self.sequences.len() - 1)
+    }
+
+    pub(super) fn list(&mut self) -> Value {
+        self.sequences.push(Vec::new());
+        Value::List(self.sequences.len() - 1)
+    }
+
+    pub(super) fn extend(&mut self, list: usize, items: Vec<Value>) {
+        self.sequences[list].extend(items);
+    }
+
+    pub(super) fn items(&self, sequence: usize) -> &[Value] {
+        &self.sequences[sequence]
+    }
+
+    pub(super) fn dictionary(&mut self) -> Value {
+        self.dictionaries.push(Vec::new());
+        Value::Dictionary(self.dictionaries.len() - 1)
+    }
+
+    /// Puts an entry into a dictionary.
+    pub(super) fn insert(
+        &mut self,
+        dictionary: usize,
+        key: Value,
+        value: Value,
+    ) -> Result<(), String> {
+        let Value::Text(key) = key else {
+            return Err("a key that is no text".to_owned());
+        };
+        self.dictionaries[dictionary].push((key, value));
+        Ok(())
+    }
+
+    /// A dictionary's entries as they were put in.
+    pub(super) fn entries(&self, dictionary: usize) -> impl Iterator<Item = (&str, Value)> {
+        let entries = self.dictionaries[dictionary].iter();
+        entries.map(|&(key, value)| (self.texts[key].as_str(), value))
+    }
+
+    pub(super) fn storages(&self) -> &[Storage] {
+        &self.storages
+    }
+
+    pub(super) fn view(&self, index: usize) -> &View {
+        &self.views[index]
+    }
+
+    /// What a persistent id means: `('storage', type, key, location, length, view)`.
+    pub(super) fn storage(&mut self, id: Value) -> Result<Value, String> {
+        let wrong = || "a persistent id that is no storage".to_owned();
+        let Value::Tuple(id) = id else {
+            return Err(wrong());
+        };
+        let (tag, element, key, len) = match *self.items(id) {
+            [tag, element, key, _, len] | [tag, element, key, _, len, Value::None] => {
+                (tag, element, key, len)
+            }
+            [_, _, _, _, _, _] => return Err("a view of a storage".to_owned()),
+            _ => return Err(wrong()),
+        };
+        let (Some("storage"), Some(key)) = (self.as_text(tag), self.as_text(key)) else {
+            return Err(wrong());
+        };
+        let Value::Global(Global::Storage(element)) = element else {
+            return Err(wrong());
+        };
+        let storage = Storage {
+            key: key.to_owned(),
+            element,
+            len: natural(len)?,
+        };
+        let index = self.storages.iter().rposition(|s| *s == storage);
+        let index = index.unwrap_or_else(|| {
+            self.storages.push(storage);
+            self.storages.len() - 1
+        });
+        Ok(Value::Storage(index))
+    }
+
+    /// What a global returns for a tuple of arguments.
+    pub(super) fn call(&mut self, global: Global, arguments: usize) -> Result<Value, String> {
+        let items = self.items(arguments);
+        match (global, items) {
+            (Global::OrderedDict, []) => Ok(self.dictionary()),
+            (Global::OrderedDict, &[Value::List(pairs)]) => self.ordered(pairs),
+            (Global::Size, &[Value::Tuple(size)]) => Ok(Value::Tuple(size)),
+            (Global::RebuildTensor, &[storage, offset, shape, strides, ..]) => {
+                self.tensor(storage, offset, shape, strides)
+            }
+            (Global::RebuildParameter, &[Value::Tensor(tensor), ..]) => Ok(Value::Tensor(tensor)),
+            _ => Err(format!("a call of {global:?} with other arguments")),
+        }
+    }
+
+    /// A dictionary of a list of pairs, as Python 2 wrote it.
+    fn ordered(&mut self, pairs: usize) -> Result<Value, String> {
+        let pairs: Vec<Value> = self.items(pairs).to_vec();
+        let all = self.dictionary();
+        for pair in pairs {
+            let (Value::List(pair) | Value::Tuple(pair)) = pair else {
+                return Err("a dictionary of what are no pairs".to_owned());
+            };
+            let (&[key, value], Value::Dictionary(all)) = (self.items(pair), all) else {
+                return Err("a dictionary of what are no pairs".to_owned());
+            };
+            self.insert(all, key, value)?;
+        }
+        Ok(all)
+    }
+
+    fn tensor(
+        &mut self,
+        storage: Value,
+        offset: Value,
+        shape: Value,
+        strides: Value,
+    ) -> Result<Value, String> {
+        let (Value::Storage(storage), Value::Tuple(shape), Value::Tuple(strides)) =
+            (storage, shape, strides)
+        else {
+            return Err("a tensor of what is no storage, shape and strides".to_owned());
+        };
+        let numbers = |tuple: usize| -> Result<Vec<usize>, String> {
+            self.items(tuple).iter().copied().map(natural).collect()
+        };
+        let view = View {
+            storage,
+            offset: natural(offset)?,
+            shape: numbers(shape)?,
+            strides: numbers(strides)?,
+        };
+        view.check(&self.storages[storage])?;
+        self.views.push(view);
+        Ok(Value::Tensor(self.views.len() - 1))
+    }
+}
+
+impl View {
+    /// The number of elements.
+    pub(super) fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// Whether all of it lies in its storage, and no element of the storage is taken more often
+    /// than there are elements.
+    fn check(&self, storage: &Storage) -> Result<(), String> {
+        let wrong = || {
+            format!(
+                "a tensor of shape {:?} and strides {:?} from {} on in a storage of {}",
+                self.shape, self.strides, self.offset, storage.len
+            )
+        };
+        if self.shape.len() != self.strides.len() {
+            return Err(wrong());
+        }
+        let mut count = 1_usize;
+        let mut last = Some(self.offset);
+        for (&extent, &stride) in self.shape.iter().zip(&self.strides) {
+            count = count.saturating_mul(extent);
+            let reach = extent.saturating_sub(1).checked_mul(stride);
+            last = last
+                .zip(reach)
+                .and_then(|(last, reach)| last.checked_add(reach));
+        }
+        let inside = last.is_some_and(|last| last < storage.len);
+        if count == 0 || (inside && count <= storage.len) {
+            Ok(())
+        } else {
+            Err(wrong())
+        }
+    }
+
+    /// The places in the storage of the elements, row-major.
+    pub(super) fn places(&self) -> impl Iterator<Item = usize> {
+        (0..self.len()).map(|mut index| {
+            let axes = self.shape.iter().zip(&self.strides).rev();
+            let mut place = self.offset;
+            for (&extent, &stride) in axes {
+                place += index % extent * stride;
+                index /= extent;
+            }
+            place
+        })
+    }
+}
+
+/// A count, an extent or an offset.
+fn natural(value: Value) -> Result<usize, String> {
+    match value {
+        Value::Int(value) => {
+            usize::try_from(value).map_err(|_| format!("{value} where a count must be"))
+        }
+        _ => Err("no number where a count must be".to_owned()),
+    }
+}
+
+/// The tensors of a dictionary, in the order they were put in.
+pub(super) fn tensors(heap: &Heap, value: Value) -> Result<Vec<(&str, &View)>, WeightsErrorKind> {
+    let Value::Dictionary(dictionary) = value else {
+        return Err(WeightsErrorKind::Format(
+            "the pickle holds no dictionary of tensors".to_owned(),
+        ));
+    };
+    heap.entries(dictionary)
+        .map(|(name, value)| match value {
+            Value::Tensor(view) => Ok((name, heap.view(view))),
+            _ => Err(WeightsErrorKind::Format(format!(
+                "entry {name:?} of the pickle is no tensor"
+            ))),
+        })
+        .collect()
+}

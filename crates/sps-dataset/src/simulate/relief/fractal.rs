@@ -61,7 +61,7 @@ pub(crate) fn pair(n: usize, fractal: Fractal, stream: &mut Stream) -> (Grid, Gr
     }
     for ring in n as i32 / 2..=REFERENCE_RINGS {
         for_each_on_ring(ring, |kx, ky| {
-            power += f64::from(amplitude.at(kx, ky)).powi(2)
+            power += f64::from(amplitude.at(kx, ky)).powi(2);
         });
     }
     Fourier::new(n).inverse_2d(&mut re, &mut im);

@@ -6,11 +6,12 @@ use kuva::render::layout::Layout;
 use kuva::render::palette::Palette;
 use kuva::render::plots::Plot;
 use kuva::render::render::render_multiple;
+use sps_dataset::OTHER;
 
 use super::published::published;
 
 const HERE: &str = "#0072b2";
-const PUBLISHED: &str = "#bbbbbb";
+const GREY: &str = "#bbbbbb";
 
 /// A box per property, with the published one at its right. `values` holds each property's code
 /// and its value on every surface.
@@ -23,25 +24,24 @@ pub(crate) fn boxes(values: &[(String, Vec<f64>)]) -> String {
         // Five numbers are their own quantiles.
         let printed = published().quantiles.get(code);
         boxes = boxes.with_group("", printed.into_iter().flatten().copied());
-        colours.push(PUBLISHED);
+        colours.push(GREY);
     }
     let plots = vec![Plot::Box(
         boxes
             .with_group_colors(colours)
-            .with_strip(0.0)
-            .with_overlay_color("rgba(0,0,0,0.35)")
-            .with_overlay_size(1.2),
+            .with_strip(0.5)
+            .with_overlay_color("rgba(0,0,0,0.3)")
+            .with_overlay_size(1.0),
     )];
     let layout = Layout::auto_from_plots(&plots)
         .with_width(240.0 + 60.0 * values.len().max(4) as f64)
         .with_height(420.0)
-        .with_title("Values over the surfaces")
+        .with_title("Values over the surfaces; whiskers reach 1.5 boxes")
+        .with_y_axis_min(0.0)
+        .with_legend_box(false)
         .with_y_label("value, 0 to 100")
         .with_x_tick_rotate(0.0)
-        .with_legend_entries(vec![
-            entry("this dataset", HERE),
-            entry("published", PUBLISHED),
-        ])
+        .with_legend_entries(vec![entry("this dataset", HERE), entry("published", GREY)])
         .with_legend_position(LegendPosition::OutsideBottomColumns);
     SvgBackend::new().render_scene(&render_multiple(plots, layout))
 }
@@ -69,12 +69,16 @@ pub(crate) fn donut(materials: &[(String, usize)]) -> String {
         donut = donut.with_slice(
             format!("{label} {share:.1} %"),
             *count as f64,
-            colours[index % colours.len()].to_owned(),
+            if label == OTHER {
+                GREY.to_owned()
+            } else {
+                colours[index % colours.len()].to_owned()
+            },
         );
     }
     let plots = vec![Plot::Pie(donut)];
     let layout = Layout::auto_from_plots(&plots)
-        .with_width(640.0)
+        .with_width(800.0)
         .with_height(480.0)
         .with_title("Surfaces by material");
     SvgBackend::new().render_scene(&render_multiple(plots, layout))

@@ -61,7 +61,8 @@ pub(crate) fn pair(n: usize, fractal: Fractal, stream: &mut Stream) -> (Grid, Gr
     }
     for ring in n as i32 / 2..=REFERENCE_RINGS {
         for_each_on_ring(ring, |kx, ky| {
-            power += f64::from(amplitude.at(kx, ky)).powi(2);
+            let size = amplitude.at(kx, ky);
+            power += f64::from(size * size);
         });
     }
     Fourier::new(n).inverse_2d(&mut re, &mut im);

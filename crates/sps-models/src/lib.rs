@@ -1,4 +1,41 @@
 //! Image encoders, the cross-modal tactile estimator and its labels, on candle.
+//!
+//! Use it to turn photographs into embeddings on a CPU at the speed that the CPU has, to fine-tune
+//! the network that makes them, and to estimate what a surface feels like from them (Purri and
+//! Dana, "Teaching Cameras to Feel", ECCV 2020). Tensors go in and tensors come out: nothing here
+//! reads an image or knows a dataset.
+//!
+//! ```
+//! use candle_core::{DType, Device, Tensor};
+//! use sps_models::encoders::{Encoder, EncoderKind, TrainableEncoder};
+//!
+//! // (batch, channels, height, width), values in 0..=1; any height and width.
+//! let images = Tensor::rand(0.0_f32, 1.0, (2, 3, 64, 48), &Device::Cpu)?;
+//!
+//! // Frozen: `Encoder::load` reads weights from a file instead.
+//! let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
+//! assert_eq!(encoder.embed(&images)?.dims(), [2, encoder.width()]);
+//!
+//! // Trained: every weight is a variable, with a gradient after the backward pass.
+//! let mut encoder = TrainableEncoder::new(&encoder)?;
+//! let loss = encoder.forward(&images)?.sqr()?.mean_all()?;
+//! let gradients = encoder.backward(&loss)?;
+//! assert!(encoder.variables().all(|(_, variable)| gradients.get(variable).is_some()));
+//! # Ok::<(), sps_models::Error>(())
+//! ```
+//!
+//! # What is where
+//!
+//! - [`encoders`]: the networks, frozen ([`encoders::Encoder`], [`encoders::I3d`]) and trainable
+//!   ([`encoders::TrainableEncoder`]).
+//! - [`weights`]: their tensors by name, from safetensors and from PyTorch's `.pth` files.
+//! - [`ops`]: the operators below them, channels last, differentiable, for networks of your own.
+//! - [`heads`]: from an embedding to tactile values; [`ridge`] is the linear baseline.
+//! - [`labels`]: the classes that the cross-modal estimator learns from.
+//! - [`optim`]: Adam as PyTorch has it, and gradient clipping.
+//!
+//! The features `cuda` and `metal` (off by default) are candle's. On such a device the encoders
+//! run by candle's own operators; the kernels of this crate are for the CPU.
 
 mod data;
 pub mod encoders;
@@ -17,3 +54,8 @@ pub mod weights;
 
 pub use data::{Embeddings, Readings};
 pub use error::{Error, Result};
+
+/// Runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

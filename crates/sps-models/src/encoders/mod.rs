@@ -4,6 +4,7 @@
 
 mod batch;
 mod folded;
+mod i3d;
 mod images;
 mod init;
 mod kind;
@@ -19,6 +20,7 @@ use std::sync::Arc;
 
 use candle_core::{DType, Device, Tensor};
 
+pub use i3d::I3d;
 pub use kind::EncoderKind;
 pub use se_resnext::SeResNextConfig;
 pub use trainable::TrainableEncoder;

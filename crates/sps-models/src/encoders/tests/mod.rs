@@ -1,6 +1,7 @@
 //! The reference path in f64, and networks on hard inputs.
 
 mod hard_cases;
+mod i3d;
 
 use candle_core::{DType, Tensor, Var};
 

@@ -2,6 +2,9 @@
 //! every gradient against central differences of that reference; on each level of vectors.
 
 mod conv;
+mod golden3d;
+mod hard_cases;
+mod measure;
 mod others;
 
 use candle_core::{DType, Device, Tensor, Var};

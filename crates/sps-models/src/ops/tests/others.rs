@@ -105,7 +105,7 @@ fn a_value_that_is_no_number_stays_in_the_maximum() {
 
 const EPS: f64 = 1e-5;
 
-fn norm_reference(x: &[Vec<f64>], relu: bool) -> Vec<f64> {
+pub(super) fn norm_reference(x: &[Vec<f64>], relu: bool) -> Vec<f64> {
     let channels = x[1].len();
     let count = (x[0].len() / channels) as f64;
     let channel = |c: usize| x[0].iter().skip(c).step_by(channels);

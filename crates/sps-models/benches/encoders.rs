@@ -1,0 +1,93 @@
+//! The paper's encoder at 224 x 224: forward pass and training step, by the kernels and by
+//! candle's own operators, and a matrix product of as many multiply-adds as one frame needs.
+//!
+//! `cargo bench -p sps-models --bench encoders`; `docs/kernels.md` says what came out.
+
+use std::hint::black_box;
+
+use candle_core::{DType, Device, Result, Tensor};
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use sps_models::encoders::{Encoder, EncoderKind, TrainableEncoder};
+
+const KIND: EncoderKind = EncoderKind::SeResNext50;
+
+fn images(batch: usize) -> Result<Tensor> {
+    let ramp = Tensor::arange(0.0_f32, (batch * 3 * 224 * 224) as f32, &Device::Cpu)?;
+    let values = (ramp * 0.37)?.sin()?.affine(0.5, 0.5)?;
+    values.reshape((batch, 3, 224, 224))
+}
+
+fn forward(c: &mut Criterion) -> sps_models::Result<()> {
+    let encoder = Encoder::seeded(KIND, 0, &Device::Cpu)?;
+    let mut group = c.benchmark_group("forward");
+    group.sample_size(10);
+    for batch in [8, 1] {
+        let images = images(batch)?;
+        group.throughput(Throughput::Elements(batch as u64));
+        group.bench_function(format!("kernels, batch {batch}"), |b| {
+            b.iter(|| encoder.embed(black_box(&images)));
+        });
+        group.bench_function(format!("plain operators, batch {batch}"), |b| {
+            b.iter(|| encoder.embed_plain(black_box(&images)));
+        });
+    }
+    group.finish();
+    Ok(())
+}
+
+fn step(encoder: &mut TrainableEncoder, images: &Tensor) -> sps_models::Result<()> {
+    let loss = encoder.forward(images)?.sqr()?.mean_all()?;
+    black_box(encoder.backward(&loss)?);
+    Ok(())
+}
+
+fn training(c: &mut Criterion) -> sps_models::Result<()> {
+    let start = Encoder::seeded(KIND, 0, &Device::Cpu)?;
+    let mut group = c.benchmark_group("training step");
+    group.sample_size(10);
+    // Candle's operators keep so much of each frame that eight do not fit everywhere.
+    for (name, batch, plain) in [("kernels", 8, false), ("plain operators", 2, true)] {
+        let mut encoder = TrainableEncoder::new(&start)?;
+        if plain {
+            encoder = encoder.with_plain_operators();
+        }
+        let images = images(batch)?;
+        group.throughput(Throughput::Elements(batch as u64));
+        group.bench_function(format!("{name}, batch {batch}"), |b| {
+            b.iter(|| step(&mut encoder, black_box(&images)));
+        });
+    }
+    group.finish();
+    Ok(())
+}
+
+/// The roof: 4.2 G multiply-adds as one product of candle's.
+fn product(c: &mut Criterion) -> sps_models::Result<()> {
+    let (m, k, n) = (3584, 1024, 1152);
+    let left = Tensor::ones((m, k), DType::F32, &Device::Cpu)?;
+    let right = Tensor::ones((k, n), DType::F32, &Device::Cpu)?;
+    let mut group = c.benchmark_group("matrix product");
+    group.sample_size(10);
+    group.throughput(Throughput::Elements(1));
+    group.bench_function(format!("{m} x {k} x {n}"), |b| {
+        b.iter(|| black_box(&left).matmul(black_box(&right)));
+    });
+    group.finish();
+    Ok(())
+}
+
+/// Runs a group whose set-up can fail.
+macro_rules! checked {
+    ($($name:ident => $group:ident),*) => {$(
+        fn $name(c: &mut Criterion) {
+            if let Err(error) = $group(c) {
+                eprintln!("{}: {error}", stringify!($group));
+            }
+        }
+    )*};
+}
+
+checked!(bench_forward => forward, bench_training => training, bench_product => product);
+
+criterion_group!(benches, bench_forward, bench_training, bench_product);
+criterion_main!(benches);

@@ -1,0 +1,201 @@
+//! Speed of the kernels at the shapes of the paper's network, beside other matrix products.
+//!
+//! `RAYON_NUM_THREADS=1 cargo test --release -p sps-models --lib -- --ignored --nocapture measure`
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use candle_core::{Device, Tensor};
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef, Par};
+use ndarray::linalg::general_mat_mul;
+use ndarray::{ArrayView2, ArrayViewMut2};
+
+use super::super::bands::Threads;
+use super::super::conv::{Conv, ConvShape};
+use super::super::grid::{Grid, Window, pixels};
+use super::super::product::Epilogue;
+use super::super::simd::Level;
+
+/// The shortest of several runs, in seconds.
+fn shortest(mut run: impl FnMut()) -> f64 {
+    (0..30).fold(f64::INFINITY, |shortest, _| {
+        let start = Instant::now();
+        run();
+        shortest.min(start.elapsed().as_secs_f64())
+    })
+}
+
+fn ramp(len: usize) -> Vec<f32> {
+    (0..len).map(|i| (i % 251) as f32 / 251.0 - 0.5).collect()
+}
+
+/// A product of row-major matrices by `gemm` (through candle), `faer` (private-gemm-x86) and
+/// `matrixmultiply` (through ndarray), GFLOP/s.
+fn libraries(m: usize, k: usize, n: usize) -> [f64; 3] {
+    let (left, right) = (ramp(m * k), ramp(k * n));
+    let mut out = vec![0.0_f32; m * n];
+    let of = |values: &[f32], shape| Tensor::from_slice(values, shape, &Device::Cpu).unwrap();
+    let (l, r) = (of(&left, (m, k)), of(&right, (k, n)));
+    let gemm = shortest(|| drop(black_box(l.matmul(&r).unwrap())));
+    let l = MatRef::from_row_major_slice(&left, m, k);
+    let r = MatRef::from_row_major_slice(&right, k, n);
+    let faer = shortest(|| {
+        let target = MatMut::from_row_major_slice_mut(black_box(&mut out), m, n);
+        matmul(target, Accum::Replace, l, r, 1.0, Par::Seq);
+    });
+    let l = ArrayView2::from_shape((m, k), &left).unwrap();
+    let r = ArrayView2::from_shape((k, n), &right).unwrap();
+    let matrixmultiply = shortest(|| {
+        let mut target = ArrayViewMut2::from_shape((m, n), black_box(&mut out)).unwrap();
+        general_mat_mul(1.0, &l, &r, 0.0, &mut target);
+    });
+    let flops = 2e-9 * (m * k * n) as f64;
+    [gemm, faer, matrixmultiply].map(|seconds| flops / seconds)
+}
+
+/// A convolution of the network.
+struct Row {
+    name: &'static str,
+    /// Height and width of the input.
+    extent: usize,
+    /// Frames that go through together.
+    frames: usize,
+    shape: ConvShape,
+    /// How often the network has it.
+    count: usize,
+}
+
+impl Row {
+    fn output(&self) -> [usize; 3] {
+        let size = [1, self.extent, self.extent];
+        self.shape.window.output(size).unwrap()
+    }
+
+    /// Multiplications and additions for one frame, in 1e9.
+    fn flops(&self) -> f64 {
+        let depth = pixels(self.shape.window.size) * self.shape.group_inputs();
+        2e-9 * (pixels(self.output()) * depth * self.shape.outputs) as f64
+    }
+
+    /// Seconds for one frame.
+    fn time(&self) -> f64 {
+        let shape = self.shape;
+        let depth = pixels(shape.window.size) * shape.group_inputs();
+        let conv = Conv::pack(Level::detect(), shape, &ramp(depth * shape.outputs));
+        let size = [1, self.extent, self.extent];
+        let from = Grid::tight(self.frames, size, shape.inputs).padded(&shape.window);
+        let to = Grid::tight(self.frames, self.output(), shape.outputs);
+        let source = ramp(from.len());
+        let mut target = vec![0.0; to.len()];
+        let time = shortest(|| {
+            let target = (&mut black_box(&mut target)[..], &to);
+            conv.apply(Threads::One, (&source, &from), target, Epilogue::default());
+        });
+        time / self.frames as f64
+    }
+}
+
+const fn row(
+    name: &'static str,
+    count: usize,
+    (extent, frames): (usize, usize),
+    (size, stride): (usize, usize),
+    (inputs, outputs, groups): (usize, usize, usize),
+) -> Row {
+    let window = Window::square(size, stride, size / 2);
+    let shape = ConvShape {
+        window,
+        inputs,
+        outputs,
+        groups,
+    };
+    Row {
+        name,
+        extent,
+        frames,
+        shape,
+        count,
+    }
+}
+
+const ROWS: [Row; 24] = [
+    row("stem", 1, (224, 1), (7, 2), (3, 64, 1)),
+    row("layer1 reduce, first", 1, (56, 1), (1, 1), (64, 128, 1)),
+    row("layer1 reduce", 2, (56, 1), (1, 1), (256, 128, 1)),
+    row("layer1 grouped", 3, (56, 1), (3, 1), (128, 128, 32)),
+    row("layer1 expand", 3, (56, 1), (1, 1), (128, 256, 1)),
+    row("layer1 shortcut", 1, (56, 1), (1, 1), (64, 256, 1)),
+    row("layer2 reduce, first", 1, (56, 1), (1, 1), (256, 256, 1)),
+    row("layer2 reduce", 3, (28, 1), (1, 1), (512, 256, 1)),
+    row(
+        "layer2 grouped, stride 2",
+        1,
+        (56, 1),
+        (3, 2),
+        (256, 256, 32),
+    ),
+    row("layer2 grouped", 3, (28, 1), (3, 1), (256, 256, 32)),
+    row("layer2 expand", 4, (28, 1), (1, 1), (256, 512, 1)),
+    row("layer2 shortcut", 1, (56, 1), (1, 2), (256, 512, 1)),
+    row("layer3 reduce, first", 1, (28, 4), (1, 1), (512, 512, 1)),
+    row("layer3 reduce", 5, (14, 4), (1, 1), (1024, 512, 1)),
+    row(
+        "layer3 grouped, stride 2",
+        1,
+        (28, 4),
+        (3, 2),
+        (512, 512, 32),
+    ),
+    row("layer3 grouped", 5, (14, 4), (3, 1), (512, 512, 32)),
+    row("layer3 expand", 6, (14, 4), (1, 1), (512, 1024, 1)),
+    row("layer3 shortcut", 1, (28, 4), (1, 2), (512, 1024, 1)),
+    row("layer4 reduce, first", 1, (14, 4), (1, 1), (1024, 1024, 1)),
+    row("layer4 reduce", 2, (7, 4), (1, 1), (2048, 1024, 1)),
+    row(
+        "layer4 grouped, stride 2",
+        1,
+        (14, 4),
+        (3, 2),
+        (1024, 1024, 32),
+    ),
+    row("layer4 grouped", 2, (7, 4), (3, 1), (1024, 1024, 32)),
+    row("layer4 expand", 3, (7, 4), (1, 1), (1024, 2048, 1)),
+    row("layer4 shortcut", 1, (14, 4), (1, 2), (1024, 2048, 1)),
+];
+
+#[test]
+#[ignore = "a measurement, not a check"]
+fn layers() {
+    let peak = libraries(1024, 1024, 1024).into_iter().fold(0.0, f64::max);
+    println!("peak of a product of 1024^3 on one thread: {peak:.0} GFLOP/s\n");
+    println!("| layer | times | ms a frame | GFLOP/s | of peak | gemm | faer | matrixmultiply |");
+    println!("|---|---|---|---|---|---|---|---|");
+    let (mut time, mut flops) = (0.0, 0.0);
+    for layer in &ROWS {
+        let seconds = layer.time();
+        let rate = layer.flops() / seconds;
+        let (count, shape) = (layer.count, layer.shape);
+        time += seconds * count as f64;
+        flops += layer.flops() * count as f64;
+        print!(
+            "| {} | {count} | {:.2} | {rate:.0} | {:.0} % |",
+            layer.name,
+            1e3 * seconds,
+            100.0 * rate / peak
+        );
+        if pixels(shape.window.size) == 1 {
+            let rows = layer.frames * pixels(layer.output());
+            let [gemm, faer, other] = libraries(rows, shape.inputs, shape.outputs);
+            println!(" {gemm:.0} | {faer:.0} | {other:.0} |");
+        } else {
+            println!(" | | |");
+        }
+    }
+    println!(
+        "\n{:.1} ms for {flops:.2} GFLOP: {:.0} GFLOP/s, {:.0} % of the peak",
+        1e3 * time,
+        flops / time,
+        100.0 * flops / time / peak
+    );
+}

@@ -44,6 +44,13 @@ const NADIR: usize = 3;
 const SPREAD: [[usize; 3]; 2] = [[0, 3, 6], [1, 3, 5]];
 const FOLDS: usize = 10;
 
+/// One property: measured values, and the estimates of fits that had not seen them.
+#[derive(Clone, Default)]
+struct HeldOut {
+    truth: Vec<f64>,
+    estimate: Vec<f64>,
+}
+
 /// Measured values and features of one simulated set.
 struct Set {
     embeddings: Embeddings,
@@ -83,7 +90,7 @@ impl Set {
     }
 
     /// For each property the values, and the estimates of the folds that did not see them.
-    fn estimates(&self, views: &[usize]) -> Result<Vec<(Vec<f64>, Vec<f64>)>> {
+    fn estimates(&self, views: &[usize]) -> Result<Vec<HeldOut>> {
         let trials = self.folds.iter().flat_map(|fold| {
             codes().into_iter().map(|property| Trial {
                 property,
@@ -105,14 +112,14 @@ impl Set {
         let ridges = Ridge::new(RidgeConfig::default())?.train(&data, &plan)?;
         let all: Vec<usize> = (0..self.embeddings.surfaces()).collect();
         let estimates = ridges.predict(&self.embeddings.select(&all, views)?)?;
-        let mut held_out = vec![(Vec::new(), Vec::new()); Property::ALL.len()];
+        let mut held_out = vec![HeldOut::default(); Property::ALL.len()];
         for (estimate, k) in estimates.iter().zip(0..) {
             let column = k % Property::ALL.len();
             let training = &self.folds[k / Property::ALL.len()].training;
             for &surface in all.iter().filter(|surface| !training.contains(surface)) {
                 let value = self.readings.get(surface, column);
-                held_out[column].0.push(value.context("a reading")?);
-                held_out[column].1.push(estimate.values[surface]);
+                held_out[column].truth.push(value.context("a reading")?);
+                held_out[column].estimate.push(estimate.values[surface]);
             }
         }
         Ok(held_out)
@@ -144,23 +151,23 @@ fn embed(encoder: &Encoder, simulator: &Simulator) -> Result<Embeddings> {
 }
 
 /// Values and estimates of every property over the surfaces of all seeds.
-fn pooled(sets: &[Set], views: &[usize]) -> Result<Vec<(Vec<f64>, Vec<f64>)>> {
-    let mut pooled = vec![(Vec::new(), Vec::new()); Property::ALL.len()];
+fn pooled(sets: &[Set], views: &[usize]) -> Result<Vec<HeldOut>> {
+    let mut pooled = vec![HeldOut::default(); Property::ALL.len()];
     for set in sets {
         for (all, one) in pooled.iter_mut().zip(set.estimates(views)?) {
-            all.0.extend(one.0);
-            all.1.extend(one.1);
+            all.truth.extend(one.truth);
+            all.estimate.extend(one.estimate);
         }
     }
     Ok(pooled)
 }
 
-fn r2((truth, estimate): &(Vec<f64>, Vec<f64>)) -> Result<f64> {
+fn r2(HeldOut { truth, estimate }: &HeldOut) -> Result<f64> {
     let samples = Samples { truth, estimate };
     Ok(Metric::R2OwnMean.score(samples)?.value)
 }
 
-fn scores(pooled: &[(Vec<f64>, Vec<f64>)]) -> Result<Vec<f64>> {
+fn scores(pooled: &[HeldOut]) -> Result<Vec<f64>> {
     pooled.iter().map(r2).collect()
 }
 
@@ -210,13 +217,13 @@ fn main() -> Result<()> {
 }
 
 /// The difference with its paired 95 % interval over surfaces.
-fn gains(first: &[(Vec<f64>, Vec<f64>)], second: &[(Vec<f64>, Vec<f64>)]) -> Result<Vec<String>> {
-    let gain = |(a, b): (&(Vec<f64>, Vec<f64>), &(Vec<f64>, Vec<f64>))| {
+fn gains(first: &[HeldOut], second: &[HeldOut]) -> Result<Vec<String>> {
+    let gain = |(a, b): (&HeldOut, &HeldOut)| {
         let interval = Bootstrap::new(0).difference(&Compared {
             metric: Metric::R2OwnMean,
-            truth: &a.0,
-            first: &b.1,
-            second: &a.1,
+            truth: &a.truth,
+            first: &b.estimate,
+            second: &a.estimate,
             surfaces: None,
         })?;
         let (low, high) = (interval.low, interval.high);

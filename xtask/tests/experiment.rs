@@ -5,7 +5,7 @@ mod support;
 use std::fs;
 use std::process::{Command, Stdio};
 
-use support::{Scratch, results_without_timings, root, xtask};
+use support::{Scratch, root, xtask};
 
 #[test]
 fn an_experiment_ends_with_results_and_a_report() {

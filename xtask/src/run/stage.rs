@@ -3,10 +3,12 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use sps_dataset::{FrameIndex, RandomSplit, Source, SplitPlan};
+use sps_dataset::{
+    FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, RandomSplit, Source, SplitPlan,
+};
 use sps_models::Readings;
 use sps_models::encoders::Encoder;
-use sps_models::training::{Parts, Targets, TrainingConfig};
+use sps_models::training::{Classes, Parts, Targets, TrainingConfig};
 use tracing::info;
 
 use super::tables::{Tables, readings};
@@ -99,13 +101,14 @@ impl<'a, S: Source> Stages<'a, S> {
             .map(|frame| row(&readings, frame.surface))
             .collect();
         let properties = readings.properties().to_vec();
+        let classes = materials(self.source, &frames)?;
         let task = Task {
             name: "encoder",
             start: &self.start,
-            key: self.key(&frames, &rows)?,
+            key: self.key(&frames, &rows, &classes)?,
             targets: Targets {
                 values: Some(Readings::new(properties, &rows)?),
-                classes: None,
+                classes: Some(classes),
             },
             parts: self.parts(config, training, views.len())?,
             config,
@@ -145,7 +148,12 @@ impl<'a, S: Source> Stages<'a, S> {
     }
 
     /// Names the images with what they are to say.
-    fn key(&self, frames: &[FrameIndex], rows: &[Vec<Option<f64>>]) -> Result<blake3::Hash> {
+    fn key(
+        &self,
+        frames: &[FrameIndex],
+        rows: &[Vec<Option<f64>>],
+        classes: &Classes,
+    ) -> Result<blake3::Hash> {
         let mut hasher = blake3::Hasher::new();
         hasher.update(format!("{:?}", self.experiment.encoder.resize).as_bytes());
         for frame in frames {
@@ -154,8 +162,21 @@ impl<'a, S: Source> Stages<'a, S> {
         for cell in rows.iter().flatten() {
             hasher.update(&cell.map_or([0xff; 8], f64::to_le_bytes));
         }
+        for class in &classes.of_image {
+            hasher.update(&class.to_le_bytes());
+        }
         Ok(hasher.finalize())
     }
+}
+
+/// The material of each frame's surface, by the paper's rule.
+fn materials<S: Source>(source: &S, frames: &[FrameIndex]) -> Result<Classes> {
+    let labels = MaterialLabels::of(source.surfaces(), FEWEST_PER_MATERIAL);
+    let class = |frame: &FrameIndex| u32::try_from(labels.labels()[frame.surface]);
+    Ok(Classes {
+        of_image: frames.iter().map(class).collect::<Result<_, _>>()?,
+        count: u32::try_from(labels.names().len())?,
+    })
 }
 
 fn row(readings: &Readings, surface: usize) -> Vec<Option<f64>> {

@@ -12,6 +12,9 @@ use crate::optim::AdamConfig;
 pub struct TrainingConfig {
     /// Passes over the training images. Paper, section 4.2: 30.
     pub epochs: usize,
+    /// First epochs in which only the layer on the embedding learns: a layer that knows nothing yet
+    /// would pull the encoder away from what it knows (Kumar et al. 2022).
+    pub frozen_epochs: usize,
     /// Images per step, at most: an epoch is cut into batches of equal size. Measured.
     pub batch_size: usize,
     /// The optimiser; its learning rate is the largest of the schedule. Measured.
@@ -57,6 +60,7 @@ impl Default for TrainingConfig {
     fn default() -> Self {
         Self {
             epochs: 30,
+            frozen_epochs: 0,
             batch_size: 16,
             adam: AdamConfig {
                 learning_rate: 1e-3,

@@ -197,6 +197,27 @@ fn patience_ends_training_and_the_best_network_is_kept() {
 }
 
 #[test]
+fn a_frozen_encoder_keeps_its_weights() {
+    let stripes = Stripes::new(24);
+    let config = TrainingConfig {
+        frozen_epochs: 1,
+        ..config()
+    };
+    let (targets, parts) = (stripes.targets(), stripes.parts());
+    let mut trainer = Trainer::new(&start(), targets, parts, config, 5).unwrap();
+    let weight = |trainer: &Trainer| {
+        let (_, variable) = trainer.encoder.variables().next().unwrap();
+        let values = variable.as_tensor().flatten_all().unwrap();
+        values.to_vec1::<f32>().unwrap()
+    };
+    let before = weight(&trainer);
+    trainer.epoch(&stripes, |_| ()).unwrap();
+    assert_eq!(weight(&trainer), before);
+    trainer.epoch(&stripes, |_| ()).unwrap();
+    assert_ne!(weight(&trainer), before);
+}
+
+#[test]
 fn targets_that_do_not_fit_are_refused() {
     let stripes = Stripes::new(24);
     let refused = |targets: Targets, parts: Parts| {

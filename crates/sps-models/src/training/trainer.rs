@@ -198,10 +198,17 @@ impl Trainer {
         }
         let store = self.encoder.backward(&loss)?;
         let parameters = parameters(&self.encoder, &self.objective);
+        let frozen = if self.history.len() < self.config.frozen_epochs {
+            self.encoder.variables().count()
+        } else {
+            0
+        };
         let gradients: Vec<Tensor> = parameters
-            .map(|parameter| match store.get(&parameter) {
-                Some(gradient) => Ok(gradient.clone()),
-                None => parameter.zeros_like(),
+            .enumerate()
+            .map(|(index, parameter)| match store.get(&parameter) {
+                // Adam does not move what never had a gradient.
+                Some(gradient) if index >= frozen => Ok(gradient.clone()),
+                _ => parameter.zeros_like(),
             })
             .collect::<Result<_, _>>()?;
         let (gradients, gradient_norm) = self.clipped(gradients)?;

@@ -79,7 +79,11 @@ impl Ridge {
         let mut groups: BTreeMap<(&[usize], Vec<usize>), Vec<Job<'_>>> = BTreeMap::new();
         for (at, trial) in plan.trials.iter().enumerate() {
             let Views::Fixed(views) = &trial.views else {
-                return Err(Error::input("ridge views", "random ones", "fixed ones"));
+                return Err(Error::input(
+                    "ridge views",
+                    "ones that change",
+                    "fixed ones",
+                ));
             };
             let (surfaces, values) = plan.readings(data, trial).into_iter().unzip();
             let job = Job { at, trial, values };

@@ -12,6 +12,7 @@ use sps_models::ridge::Ridge;
 use sps_models::training::TrainingConfig;
 
 use super::locate::{ConfigError, Layers, Setting, nearest};
+use super::looks::{self, Looks};
 use super::schema::{Config, DataOrigin, MethodConfig, MethodKind};
 use crate::files::read_text;
 use crate::report::paper;
@@ -87,6 +88,8 @@ pub(crate) struct Method {
     pub id: String,
     pub label: String,
     pub estimator: Estimator,
+    /// The views that an estimate looks at.
+    pub looks: Looks,
     /// The printed row beside it.
     pub paper: Option<String>,
 }
@@ -215,6 +218,8 @@ fn methods(layers: &Layers<'_>, config: &Config) -> Result<Vec<Method>, ConfigEr
             label: method.label.clone(),
             estimator: estimator(config, method)
                 .map_err(|error| layers.error(&key(kind_key(method)), error.to_string()))?,
+            looks: looks::of(method)
+                .map_err(|(field, problem)| layers.error(&key(field), problem))?,
             paper: method.paper.clone(),
         });
     }

@@ -43,6 +43,9 @@ pub(crate) struct Dataset {
     pub published_sps: bool,
     pub surfaces: usize,
     pub views: usize,
+    /// Their roll angles in degrees, in order.
+    #[serde(default)]
+    pub view_angles_deg: Vec<f64>,
     /// Name and origin of the encoder's weights.
     pub encoder: String,
     /// R² that a perfect reader of the images could reach, per property; simulated data alone.
@@ -92,7 +95,32 @@ pub(crate) struct MethodResult {
     pub train_seconds: f64,
     /// Per property, the views of each rerun.
     pub selected_views: PerProperty<Vec<Vec<usize>>>,
+    /// Where a selector chose them: how it went, per property and rerun.
+    #[serde(default)]
+    pub selections: PerProperty<Vec<SelectionResult>>,
     pub notes: Vec<String>,
+}
+
+/// How the selection of views went for one property and rerun. Losses are those of the frozen
+/// estimator on the training part, in units of the variance of its readings; where no loss was
+/// asked for they are `null`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct SelectionResult {
+    pub loss: Number,
+    /// Mean loss of random sets.
+    pub random_loss: Number,
+    /// The lowest loss of all sets, where an exhaustive search is a method of the experiment.
+    pub optimum_loss: Number,
+    /// Distance to the optimum as a share of the distance of random sets to it.
+    pub regret: Number,
+    /// Mean angle between two of the views; `null` for one view.
+    pub mean_angle_between_deg: Number,
+    /// Sets whose loss was asked for, and those that it was computed for.
+    pub evaluations: u64,
+    pub computed: u64,
+    pub seconds: f64,
+    /// Of some rounds: evaluations so far, mean loss of the round, lowest loss so far.
+    pub curve: Vec<(u64, f64, f64)>,
 }
 
 /// The difference of two methods' scores.

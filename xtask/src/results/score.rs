@@ -8,7 +8,7 @@ use sps_metrics::{
     mean_over_best, mean_over_named, over_reruns,
 };
 
-use super::{Gain, MethodResult, Number, PerProperty};
+use super::{Gain, MethodResult, Number, PerProperty, SelectionResult};
 use crate::journal::Outcome;
 
 /// How outcomes are scored.
@@ -29,6 +29,7 @@ pub(crate) struct MethodOutcomes<'a> {
     /// In the order of the reruns, for each property.
     pub outcomes: PerProperty<Vec<&'a Outcome>>,
     pub costs: Costs,
+    pub selections: PerProperty<Vec<SelectionResult>>,
 }
 
 /// What the estimate of one surface costs.
@@ -83,6 +84,7 @@ pub(crate) fn score(
                 (property.clone(), views.collect())
             })
             .collect(),
+        selections: method.selections.clone(),
         r2: scored.r2,
         r2_std: scored.r2_std,
         mae: scored.mae,

@@ -83,8 +83,8 @@ impl Head {
         plan: &Plan,
         observer: &dyn Observer,
     ) -> Result<TrainedHeads> {
-        plan.check(self.0.input.views(), data)?;
         self.check_drawn(plan)?;
+        plan.check(self.0.input.views(), data)?;
         let jobs = job::prepare(&self.0, data, plan)?;
         let size = |job: &_| train::parameter_count(&self.0, data, job);
         let stacks = job::stacks(&jobs, size, rayon::current_num_threads());

@@ -147,6 +147,15 @@ impl TrainedRidges {
         &self.ridges
     }
 
+    /// The regressions for which `keep` says so.
+    #[must_use]
+    pub fn filter(&self, keep: impl Fn(&Trial) -> bool) -> Self {
+        let kept = self.ridges.iter().filter(|ridge| keep(&ridge.trial));
+        Self {
+            ridges: kept.cloned().collect(),
+        }
+    }
+
     /// The estimates of every regression for every surface, in measured units. The views of
     /// `embeddings` are the ones to use, in the order of the trial's views.
     ///

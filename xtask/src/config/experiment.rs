@@ -347,6 +347,22 @@ mod tests {
             &format!("[head]\nepochs = 0\n{METHOD}kind = \"head\""),
             &["duplicate key"],
         );
+        refused(
+            &format!("{METHOD}views = 3"),
+            &["line 5", "needs a `selector`"],
+        );
+        refused(
+            &format!("{METHOD}views = 3\nselector = {{ kind = \"nvs\" }}"),
+            &["line 6", "kind `head`"],
+        );
+        refused(
+            &format!("{METHOD}selector = {{ kind = \"nvs\", evaluation = 3 }}"),
+            &["line 5", "evaluation"],
+        );
+        refused(
+            &format!("{METHOD}all-views = true\nselector = {{ kind = \"random\" }}"),
+            &["line 6", "cannot stand beside `all-views`"],
+        );
         let head = METHOD.replace("ridge", "head");
         refused(&format!("{head}head.epochs = 0"), &["line 5", "epochs"]);
     }

@@ -1,8 +1,10 @@
 //! `report.md`, `report.html` and `figures/*.svg`, made from `results.json` and `predictions.csv`.
 
+mod fan;
 mod figures;
 pub(crate) mod paper;
 pub(crate) mod predictions;
+mod selection;
 mod table;
 mod tables;
 

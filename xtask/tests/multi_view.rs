@@ -124,7 +124,12 @@ fn no_selector_is_better_than_the_exhaustive_one() {
             assert_eq!(of("greedy")["regret"], 0.0);
         }
     }
-    assert!(method(&results, "ridge")["selections"].as_object().unwrap().is_empty());
+    assert!(
+        method(&results, "ridge")["selections"]
+            .as_object()
+            .unwrap()
+            .is_empty()
+    );
 }
 
 #[test]
@@ -168,7 +173,11 @@ fn selections_that_were_made_are_not_made_again() {
     assert!(fs::read(&path).unwrap().starts_with(&kept));
     // Other settings are another selection.
     let lines = fs::read_to_string(&path).unwrap().lines().count();
-    scratch.edit("tiny.toml", "\"nvs\", evaluations = 200", "\"nvs\", evaluations = 100");
+    scratch.edit(
+        "tiny.toml",
+        "\"nvs\", evaluations = 200",
+        "\"nvs\", evaluations = 100",
+    );
     scratch.experiment().assert().success();
     let after = fs::read_to_string(&path).unwrap().lines().count();
     assert_eq!(after, lines + 4);

@@ -35,6 +35,8 @@ pub(crate) struct Experiment {
     pub methods: Vec<Method>,
     pub bootstrap: Bootstrap,
     pub interval_level: Level,
+    /// Indices of the methods that all others are compared with.
+    pub against: Vec<usize>,
     pub train: TrainSpec,
     pub cache: PathBuf,
     /// Every key with its value, as TOML.
@@ -147,6 +149,7 @@ impl Experiment {
                 .with_level(interval_level)
                 .with_resamples(config.report.resamples),
             interval_level,
+            against: against(layers, &config)?,
             train: train(layers, &config)?,
             cache: config.cache.folder,
             description: config.description,
@@ -249,17 +252,36 @@ fn unknown_row(name: &str) -> String {
     }
 }
 
+fn against(layers: &Layers<'_>, config: &Config) -> Result<Vec<usize>, ConfigError> {
+    if config.report.against.is_empty() {
+        return Ok(vec![0]);
+    }
+    let ids = config.report.against.iter();
+    ids.map(|id| position(layers, config, "report.against", id))
+        .collect()
+}
+
+/// The index of the method that `key` names.
+fn position(
+    layers: &Layers<'_>,
+    config: &Config,
+    key: &str,
+    id: &str,
+) -> Result<usize, ConfigError> {
+    let position = config.methods.iter().position(|method| method.id == id);
+    position.ok_or_else(|| {
+        let ids: Vec<&str> = config.methods.iter().map(|m| m.id.as_str()).collect();
+        let problem = format!("no method `{id}`; there are {}", ids.join(", "));
+        layers.error(key, problem)
+    })
+}
+
 fn train(layers: &Layers<'_>, config: &Config) -> Result<TrainSpec, ConfigError> {
     let train = &config.train;
     let method = if train.method.is_empty() {
         config.methods.len().saturating_sub(1)
     } else {
-        let position = config.methods.iter().position(|m| m.id == train.method);
-        position.ok_or_else(|| {
-            let ids: Vec<&str> = config.methods.iter().map(|m| m.id.as_str()).collect();
-            let problem = format!("no method `{}`; there are {}", train.method, ids.join(", "));
-            layers.error("train.method", problem)
-        })?
+        position(layers, config, "train.method", &train.method)?
     };
     let share = train.calibration > 0.0 && train.calibration < 1.0;
     require(

@@ -122,11 +122,12 @@ pub(crate) enum MethodKind {
     Ridge,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct ReportConfig {
     pub level: f64,
     pub resamples: usize,
+    pub against: Vec<String>,
 }
 
 #[derive(Clone, Debug, Deserialize)]

@@ -22,12 +22,12 @@ pub(super) fn table(results: &Results) -> Option<Table> {
         "Method",
         "R²",
         "loss",
-        "regret, median %",
-        "regret, worst %",
-        "angle between views, °",
+        "regret, %",
+        "worst",
+        "angle, °",
         "sets asked for",
-        "sets computed",
-        "search, s",
+        "computed",
+        "s",
     ];
     let rows = methods.iter().map(|method| {
         let all = || method.selections.values().flatten();
@@ -50,9 +50,9 @@ pub(super) fn table(results: &Results) -> Option<Table> {
         caption: "R² on surfaces held out, after training with the views found. All else is of \
                   the search on the training part: loss is the mean squared error of the frozen \
                   estimator in units of the readings' variance; regret is the distance of that \
-                  loss to the optimum as a share of the distance of random sets to it. Means over \
-                  properties and reruns, and for regrets the median and the worst; seconds are of \
-                  one search."
+                  loss to the optimum as a share of the distance of random sets to it, the median \
+                  and the worst; all else are means over properties and reruns. The angle is that \
+                  between two views; seconds are those of one search."
             .to_owned(),
         columns: columns.map(str::to_owned).to_vec(),
         rows: rows.collect(),

@@ -60,7 +60,12 @@ fn means(results: &Results) -> Table {
         columns.push(mean.title.to_owned());
         columns.extend(compared.then(|| "paper".to_owned()));
     }
-    columns.push(format!("R² gained on {}", methods[0].label));
+    let against = compared_with(results);
+    columns.extend(
+        against
+            .iter()
+            .map(|other| format!("R² gained on {}", other.label)),
+    );
     let rows = methods.iter().map(|method| {
         let paper = printed(method);
         let mut cells = vec![method.label.clone()];
@@ -69,7 +74,10 @@ fn means(results: &Results) -> Table {
             let printed = || paper.as_ref().map_or_else(|| number(None, 0), mean.printed);
             cells.extend(compared.then(printed));
         }
-        cells.push(method.r2_mean_gain.map_or_else(String::new, gain));
+        let gains = against
+            .iter()
+            .map(|other| method.r2_mean_gains.get(&other.id));
+        cells.extend(gains.map(|found| found.copied().map_or_else(String::new, gain)));
         Row::measured(cells)
     });
     Table {
@@ -78,6 +86,11 @@ fn means(results: &Results) -> Table {
         columns,
         rows: rows.collect(),
     }
+}
+
+fn compared_with(results: &Results) -> Vec<&MethodResult> {
+    let methods = |id: &String| results.methods.iter().find(|method| &method.id == id);
+    results.against.iter().filter_map(methods).collect()
 }
 
 fn means_caption(results: &Results, compared: bool) -> String {

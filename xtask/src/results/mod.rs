@@ -28,6 +28,9 @@ pub(crate) struct Results {
     pub properties: Vec<String>,
     /// Of the bootstrap intervals.
     pub interval_level: f64,
+    /// Ids of the methods that all others are compared with.
+    #[serde(default)]
+    pub against: Vec<String>,
     pub methods: Vec<MethodResult>,
     /// What holds for the whole run, for example values out of range in the data.
     pub notes: Vec<String>,
@@ -85,6 +88,9 @@ pub(crate) struct MethodResult {
     pub best8: Vec<String>,
     /// Gain in `r2_mean` over the first method, with its paired bootstrap interval.
     pub r2_mean_gain: Option<Gain>,
+    /// The same over each method that the config compares with, by id.
+    #[serde(default)]
+    pub r2_mean_gains: BTreeMap<String, Gain>,
     /// The printed row beside it, if the config names one.
     pub paper: Option<String>,
     /// At prediction.

@@ -202,15 +202,18 @@ fn results<S: Source>(
             selections: selection::summaries(row, rows, source.view_angles()),
         })
         .collect();
+    let against = experiment.against.iter().filter_map(|&at| methods.get(at));
+    let against = against.map(|method| method.id.to_owned());
     Results {
         experiment: experiment.name.clone(),
         description: experiment.description.clone(),
         dataset: dataset(experiment, source, &about),
         properties: tables.codes(),
         interval_level: experiment.interval_level.get(),
+        against: against.collect(),
         methods: methods
             .iter()
-            .map(|method| score(method, methods.first(), &scoring))
+            .map(|method| score(method, &methods, &experiment.against, &scoring))
             .collect(),
         notes: about.notes,
     }

@@ -105,7 +105,11 @@ pub(crate) fn results_without_timings(run: &Path) -> Value {
         assert!(method.remove("predict_seconds_per_surface").is_some());
         assert!(method.remove("train_seconds").is_some());
         let selections = method["selections"].as_object_mut().expect("selections");
-        for selection in selections.values_mut().flat_map(|all| all.as_array_mut()).flatten() {
+        for selection in selections
+            .values_mut()
+            .flat_map(|all| all.as_array_mut())
+            .flatten()
+        {
             selection["seconds"].take();
         }
     }

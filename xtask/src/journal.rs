@@ -6,6 +6,7 @@ use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use tracing::warn;
@@ -13,6 +14,19 @@ use tracing::warn;
 /// Identifies what a trial is computed from: equal keys mean equal outcomes.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(crate) struct TrialKey(pub String);
+
+impl TrialKey {
+    /// The key of what is computed from `inputs`.
+    pub(crate) fn of(inputs: &impl Serialize) -> Result<Self> {
+        let hash = blake3::hash(&serde_json::to_vec(inputs)?);
+        Ok(Self(hash.to_hex()[..32].to_owned()))
+    }
+}
+
+/// What a journal keeps.
+pub(crate) trait Record: Clone + Serialize + DeserializeOwned {
+    fn key(&self) -> &TrialKey;
+}
 
 /// What one trial (a method, a property, a rerun) came to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,12 +46,18 @@ pub(crate) struct Outcome {
     pub train_seconds: f64,
 }
 
-/// `trials.jsonl`: append-only, a checksum on each line, so that a run killed at any moment, or a
+impl Record for Outcome {
+    fn key(&self) -> &TrialKey {
+        &self.key
+    }
+}
+
+/// Records by their keys, as `trials.jsonl`: append-only, a checksum on each line, so that a run killed at any moment, or a
 /// file damaged later, costs the damaged lines and no other.
-pub(crate) struct Journal {
+pub(crate) struct Journal<R> {
     path: PathBuf,
     file: File,
-    outcomes: HashMap<TrialKey, Outcome>,
+    records: HashMap<TrialKey, R>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -51,7 +71,7 @@ fn check(trial: &str) -> String {
     blake3::hash(trial.as_bytes()).to_hex()[..16].to_owned()
 }
 
-impl Journal {
+impl<R: Record> Journal<R> {
     /// Opens or creates the journal at `path` and reads what it holds.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let mut file = OpenOptions::new()
@@ -60,24 +80,24 @@ impl Journal {
             .create(true)
             .open(path)
             .with_context(|| format!("cannot open {}", path.display()))?;
-        let outcomes = read(&mut file, path)?;
+        let records = read(&mut file, path)?;
         Ok(Self {
             path: path.to_owned(),
             file,
-            outcomes,
+            records,
         })
     }
 
-    /// The outcome of a trial, if it has finished.
-    pub(crate) fn get(&self, key: &TrialKey) -> Option<&Outcome> {
-        self.outcomes.get(key)
+    /// The record of a trial, if it has finished.
+    pub(crate) fn get(&self, key: &TrialKey) -> Option<&R> {
+        self.records.get(key)
     }
 
     /// Adds finished trials; when this returns they are on disk.
-    pub(crate) fn append(&mut self, outcomes: Vec<Outcome>) -> Result<()> {
+    pub(crate) fn append(&mut self, records: Vec<R>) -> Result<()> {
         let mut text = String::new();
-        for outcome in &outcomes {
-            let trial = serde_json::to_string(outcome)?;
+        for record in &records {
+            let trial = serde_json::to_string(record)?;
             let line = Line {
                 check: check(&trial),
                 trial: &RawValue::from_string(trial.clone())?,
@@ -89,15 +109,15 @@ impl Journal {
             .write_all(text.as_bytes())
             .and_then(|()| self.file.sync_data())
             .with_context(|| format!("cannot add to {}", self.path.display()))?;
-        self.outcomes
-            .extend(outcomes.into_iter().map(|o| (o.key.clone(), o)));
+        self.records
+            .extend(records.into_iter().map(|r| (r.key().clone(), r)));
         Ok(())
     }
 }
 
-fn read(file: &mut File, path: &Path) -> Result<HashMap<TrialKey, Outcome>> {
+fn read<R: Record>(file: &mut File, path: &Path) -> Result<HashMap<TrialKey, R>> {
     let failed = || format!("cannot read {}", path.display());
-    let mut outcomes = HashMap::new();
+    let mut records = HashMap::new();
     let mut damaged = Vec::new();
     let mut ends_with_newline = true;
     let mut bytes = Vec::new();
@@ -109,8 +129,8 @@ fn read(file: &mut File, path: &Path) -> Result<HashMap<TrialKey, Outcome>> {
             break;
         }
         ends_with_newline = bytes.ends_with(b"\n");
-        match parse(&bytes) {
-            Some(outcome) => drop(outcomes.insert(outcome.key.clone(), outcome)),
+        match parse::<R>(&bytes) {
+            Some(record) => drop(records.insert(record.key().clone(), record)),
             None => damaged.push(number),
         }
     }
@@ -125,10 +145,10 @@ fn read(file: &mut File, path: &Path) -> Result<HashMap<TrialKey, Outcome>> {
             damaged.len()
         );
     }
-    Ok(outcomes)
+    Ok(records)
 }
 
-fn parse(bytes: &[u8]) -> Option<Outcome> {
+fn parse<R: Record>(bytes: &[u8]) -> Option<R> {
     let line: Line<'_> = serde_json::from_slice(bytes).ok()?;
     if check(line.trial.get()) != line.check {
         return None;
@@ -156,8 +176,8 @@ mod tests {
         }
     }
 
-    fn keys(journal: &Journal) -> Vec<&str> {
-        let mut keys: Vec<&str> = journal.outcomes.keys().map(|key| key.0.as_str()).collect();
+    fn keys(journal: &Journal<Outcome>) -> Vec<&str> {
+        let mut keys: Vec<&str> = journal.records.keys().map(|key| key.0.as_str()).collect();
         keys.sort_unstable();
         keys
     }
@@ -190,10 +210,10 @@ mod tests {
             let mut journal = Journal::open(&path).unwrap();
             // A line that lacks nothing but its newline is whole.
             let expected = usize::from(cut + 1 >= first) + usize::from(cut + 1 >= whole.len());
-            assert_eq!(journal.outcomes.len(), expected, "cut at {cut}");
+            assert_eq!(journal.records.len(), expected, "cut at {cut}");
             journal.append(vec![outcome("c", 3.0)]).unwrap();
-            let again = Journal::open(&path).unwrap();
-            assert_eq!(again.outcomes.len(), expected + 1, "cut at {cut}");
+            let again = Journal::<Outcome>::open(&path).unwrap();
+            assert_eq!(again.records.len(), expected + 1, "cut at {cut}");
         }
     }
 

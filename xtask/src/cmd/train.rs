@@ -2,12 +2,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use sps_dataset::{RandomSplit, Source, Split, SplitPlan};
 use sps_metrics::{PredictionInterval, Samples, SplitConformal, TrainingMean, coverage};
 use sps_models::heads::{Plan, Rerun, Trial, Views};
 
-use crate::config::{Experiment, Method, Setting};
+use crate::config::{Experiment, Looks, Method, Setting};
 use crate::data::{self, About, WithSource};
 use crate::model::{self, Card};
 use crate::run::{Fitted, Stage, Stages, Tables, fit, splits};
@@ -53,11 +53,16 @@ impl WithSource for Train<'_> {
     fn call<S: Source>(self, source: &S, about: About) -> Result<()> {
         let experiment = self.experiment;
         let method = &experiment.methods[experiment.train.method];
+        ensure!(
+            method.looks == Looks::Nadir,
+            "method `{}` looks at several views; a model that is kept looks at the one straight down",
+            method.id
+        );
         let trainer = Trainer {
             experiment,
             method,
             source,
-            stages: Stages::new(experiment, source, &about)?,
+            stages: Stages::new(experiment, source, &about, vec![data::nadir(source)?])?,
         };
         trainer.print_check()?;
         let all: Vec<usize> = (0..source.surfaces().len()).collect();

@@ -12,6 +12,7 @@ use sps_models::ridge::Ridge;
 use sps_models::training::TrainingConfig;
 
 use super::locate::{ConfigError, Layers, Setting, nearest};
+use super::looks::{self, Looks};
 use super::schema::{Config, DataOrigin, MethodConfig, MethodKind};
 use crate::files::read_text;
 use crate::report::paper;
@@ -34,6 +35,8 @@ pub(crate) struct Experiment {
     pub methods: Vec<Method>,
     pub bootstrap: Bootstrap,
     pub interval_level: Level,
+    /// Indices of the methods that all others are compared with.
+    pub against: Vec<usize>,
     pub train: TrainSpec,
     pub cache: PathBuf,
     /// Every key with its value, as TOML.
@@ -87,6 +90,8 @@ pub(crate) struct Method {
     pub id: String,
     pub label: String,
     pub estimator: Estimator,
+    /// The views that an estimate looks at.
+    pub looks: Looks,
     /// The printed row beside it.
     pub paper: Option<String>,
 }
@@ -144,6 +149,7 @@ impl Experiment {
                 .with_level(interval_level)
                 .with_resamples(config.report.resamples),
             interval_level,
+            against: against(layers, &config)?,
             train: train(layers, &config)?,
             cache: config.cache.folder,
             description: config.description,
@@ -236,6 +242,8 @@ fn methods(layers: &Layers<'_>, config: &Config) -> Result<Vec<Method>, ConfigEr
             label: method.label.clone(),
             estimator: estimator(config, method)
                 .map_err(|error| layers.error(&key(kind_key(method)), error.to_string()))?,
+            looks: looks::of(method)
+                .map_err(|(field, problem)| layers.error(&key(field), problem))?,
             paper: method.paper.clone(),
         });
     }
@@ -265,17 +273,36 @@ fn unknown_row(name: &str) -> String {
     }
 }
 
+fn against(layers: &Layers<'_>, config: &Config) -> Result<Vec<usize>, ConfigError> {
+    if config.report.against.is_empty() {
+        return Ok(vec![0]);
+    }
+    let ids = config.report.against.iter();
+    ids.map(|id| position(layers, config, "report.against", id))
+        .collect()
+}
+
+/// The index of the method that `key` names.
+fn position(
+    layers: &Layers<'_>,
+    config: &Config,
+    key: &str,
+    id: &str,
+) -> Result<usize, ConfigError> {
+    let position = config.methods.iter().position(|method| method.id == id);
+    position.ok_or_else(|| {
+        let ids: Vec<&str> = config.methods.iter().map(|m| m.id.as_str()).collect();
+        let problem = format!("no method `{id}`; there are {}", ids.join(", "));
+        layers.error(key, problem)
+    })
+}
+
 fn train(layers: &Layers<'_>, config: &Config) -> Result<TrainSpec, ConfigError> {
     let train = &config.train;
     let method = if train.method.is_empty() {
         config.methods.len().saturating_sub(1)
     } else {
-        let position = config.methods.iter().position(|m| m.id == train.method);
-        position.ok_or_else(|| {
-            let ids: Vec<&str> = config.methods.iter().map(|m| m.id.as_str()).collect();
-            let problem = format!("no method `{}`; there are {}", train.method, ids.join(", "));
-            layers.error("train.method", problem)
-        })?
+        position(layers, config, "train.method", &train.method)?
     };
     let share = train.calibration > 0.0 && train.calibration < 1.0;
     require(
@@ -362,6 +389,22 @@ mod tests {
         refused(
             &format!("[head]\nepochs = 0\n{METHOD}kind = \"head\""),
             &["duplicate key"],
+        );
+        refused(
+            &format!("{METHOD}views = 3"),
+            &["line 5", "needs a `selector`"],
+        );
+        refused(
+            &format!("{METHOD}views = 3\nselector = {{ kind = \"nvs\" }}"),
+            &["line 6", "kind `head`"],
+        );
+        refused(
+            &format!("{METHOD}selector = {{ kind = \"nvs\", evaluation = 3 }}"),
+            &["line 5", "evaluation"],
+        );
+        refused(
+            &format!("{METHOD}all-views = true\nselector = {{ kind = \"random\" }}"),
+            &["line 6", "cannot stand beside `all-views`"],
         );
         let head = METHOD.replace("ridge", "head");
         refused(&format!("{head}head.epochs = 0"), &["line 5", "epochs"]);

@@ -2,12 +2,15 @@
 
 use std::path::PathBuf;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use sps_dataset::simulate::SimulatorSpec;
 use sps_dataset::{ReadSettings, SplitPlan};
 use sps_models::heads::HeadConfig;
 use sps_models::ridge::RidgeConfig;
 use sps_models::training::TrainingConfig;
+use sps_viewselect::{
+    Equidistant, Exhaustive, Greedy, Nadir, Nvs, Random, TemporalRelations, VbNvs,
+};
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
@@ -79,6 +82,37 @@ pub(crate) struct MethodConfig {
     pub paper: Option<String>,
     /// The top-level `head` with the method's own laid over it.
     pub head: HeadConfig,
+    /// Views of a surface that an estimate looks at: 1 is the view straight down, more are chosen
+    /// by the selector.
+    #[serde(default = "one")]
+    pub views: usize,
+    /// All views, instead.
+    #[serde(default)]
+    pub all_views: bool,
+    /// Chooses the views, for each property and rerun.
+    pub selector: Option<SelectorConfig>,
+    /// Whether the selector may not choose a view twice.
+    #[serde(default)]
+    pub distinct: bool,
+    /// Related views of a temporal relation network, instead.
+    pub relations: Option<TemporalRelations>,
+}
+
+fn one() -> usize {
+    1
+}
+
+/// A selector of `sps-viewselect` with its settings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub(crate) enum SelectorConfig {
+    Random(Random),
+    Equidistant(Equidistant),
+    Nadir(Nadir),
+    Nvs(Nvs),
+    VbNvs(VbNvs),
+    Greedy(Greedy),
+    Exhaustive(Exhaustive),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -88,11 +122,12 @@ pub(crate) enum MethodKind {
     Ridge,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct ReportConfig {
     pub level: f64,
     pub resamples: usize,
+    pub against: Vec<String>,
 }
 
 #[derive(Clone, Debug, Deserialize)]

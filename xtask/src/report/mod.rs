@@ -1,9 +1,11 @@
 //! `report.md`, `report.html` and `figures/*.svg`, made from `results.json` and `predictions.csv`.
 
+mod fan;
 mod figures;
 pub(crate) mod paper;
 pub(crate) mod predictions;
 pub(crate) mod published;
+mod selection;
 pub(crate) mod statistics;
 mod table;
 mod tables;

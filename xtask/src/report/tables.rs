@@ -1,6 +1,7 @@
 //! The tables of an experiment's report.
 
 use super::paper::{self, PaperRow};
+use super::selection;
 use super::table::{Row, Table, number, with_interval};
 use crate::results::{Gain, MethodResult, Number, PerProperty, Results};
 
@@ -12,6 +13,7 @@ pub(crate) fn tables(results: &Results) -> Vec<Table> {
         tables.push(per_property(results, &PERCENT_ERROR));
         tables.push(per_property(results, &MAE));
     }
+    tables.extend(selection::table(results));
     tables.push(costs(results));
     tables
 }
@@ -58,7 +60,12 @@ fn means(results: &Results) -> Table {
         columns.push(mean.title.to_owned());
         columns.extend(compared.then(|| "paper".to_owned()));
     }
-    columns.push(format!("R² gained on {}", methods[0].label));
+    let against = compared_with(results);
+    columns.extend(
+        against
+            .iter()
+            .map(|other| format!("R² gained on {}", other.label)),
+    );
     let rows = methods.iter().map(|method| {
         let paper = printed(method);
         let mut cells = vec![method.label.clone()];
@@ -67,7 +74,10 @@ fn means(results: &Results) -> Table {
             let printed = || paper.as_ref().map_or_else(|| number(None, 0), mean.printed);
             cells.extend(compared.then(printed));
         }
-        cells.push(method.r2_mean_gain.map_or_else(String::new, gain));
+        let gains = against
+            .iter()
+            .map(|other| method.r2_mean_gains.get(&other.id));
+        cells.extend(gains.map(|found| found.copied().map_or_else(String::new, gain)));
         Row::measured(cells)
     });
     Table {
@@ -76,6 +86,11 @@ fn means(results: &Results) -> Table {
         columns,
         rows: rows.collect(),
     }
+}
+
+fn compared_with(results: &Results) -> Vec<&MethodResult> {
+    let methods = |id: &String| results.methods.iter().find(|method| &method.id == id);
+    results.against.iter().filter_map(methods).collect()
 }
 
 fn means_caption(results: &Results, compared: bool) -> String {
@@ -207,8 +222,8 @@ fn costs(results: &Results) -> Table {
         let milliseconds = method.predict_seconds_per_surface.map(|s| 1e3 * s);
         Row::measured(vec![
             method.label.clone(),
-            number(Some(method.frames_decoded_per_surface), 0),
-            number(Some(method.frames_encoded_per_surface), 0),
+            frames(method.frames_decoded_per_surface),
+            frames(method.frames_encoded_per_surface),
             number(milliseconds, 1),
             number(Some(method.train_seconds), 1),
             method.reruns.to_string(),
@@ -216,13 +231,31 @@ fn costs(results: &Results) -> Table {
     });
     Table {
         title: "What an estimate costs".to_owned(),
-        caption: "Prediction includes decoding or rendering, encoding and the head, measured on \
-                  this machine without the cache; training is that of the heads alone, all \
-                  properties and reruns together."
-            .to_owned(),
+        caption: costs_caption(results),
         columns: columns.map(str::to_owned).to_vec(),
         rows: rows.collect(),
     }
+}
+
+/// Whole where all properties look at as many frames.
+fn frames(count: f64) -> String {
+    number(Some(count), if count.fract() == 0.0 { 0 } else { 1 })
+}
+
+fn costs_caption(results: &Results) -> String {
+    let mut caption = "Prediction includes decoding or rendering, encoding and the head, measured \
+                       on this machine without the cache; training is that of the heads alone, \
+                       all properties and reruns together."
+        .to_owned();
+    if results.methods.iter().any(|m| !m.selections.is_empty()) {
+        caption.push_str(
+            " Only the views that a method looks at are decoded and encoded: with three selected \
+             views that is three frames per surface, and fewer where a view was selected twice. \
+             Where each property has views of its own, frames and time are those of estimating \
+             one property; elsewhere of all properties together.",
+        );
+    }
+    caption
 }
 
 fn printed(method: &MethodResult) -> Option<PaperRow> {

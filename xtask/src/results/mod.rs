@@ -28,6 +28,9 @@ pub(crate) struct Results {
     pub properties: Vec<String>,
     /// Of the bootstrap intervals.
     pub interval_level: f64,
+    /// Ids of the methods that all others are compared with.
+    #[serde(default)]
+    pub against: Vec<String>,
     pub methods: Vec<MethodResult>,
     /// What holds for the whole run, for example values out of range in the data.
     pub notes: Vec<String>,
@@ -43,6 +46,9 @@ pub(crate) struct Dataset {
     pub published_sps: bool,
     pub surfaces: usize,
     pub views: usize,
+    /// Their roll angles in degrees, in order.
+    #[serde(default)]
+    pub view_angles_deg: Vec<f64>,
     /// Name and origin of the encoder's weights.
     pub encoder: String,
     /// R² that a perfect reader of the images could reach, per property; simulated data alone.
@@ -82,6 +88,9 @@ pub(crate) struct MethodResult {
     pub best8: Vec<String>,
     /// Gain in `r2_mean` over the first method, with its paired bootstrap interval.
     pub r2_mean_gain: Option<Gain>,
+    /// The same over each method that the config compares with, by id.
+    #[serde(default)]
+    pub r2_mean_gains: BTreeMap<String, Gain>,
     /// The printed row beside it, if the config names one.
     pub paper: Option<String>,
     /// At prediction.
@@ -92,7 +101,32 @@ pub(crate) struct MethodResult {
     pub train_seconds: f64,
     /// Per property, the views of each rerun.
     pub selected_views: PerProperty<Vec<Vec<usize>>>,
+    /// Where a selector chose them: how it went, per property and rerun.
+    #[serde(default)]
+    pub selections: PerProperty<Vec<SelectionResult>>,
     pub notes: Vec<String>,
+}
+
+/// How the selection of views went for one property and rerun. Losses are those of the frozen
+/// estimator on the training part, in units of the variance of its readings; where no loss was
+/// asked for they are `null`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct SelectionResult {
+    pub loss: Number,
+    /// Mean loss of random sets.
+    pub random_loss: Number,
+    /// The lowest loss of all sets, where an exhaustive search is a method of the experiment.
+    pub optimum_loss: Number,
+    /// Distance to the optimum as a share of the distance of random sets to it.
+    pub regret: Number,
+    /// Mean angle between two of the views; `null` for one view.
+    pub mean_angle_between_deg: Number,
+    /// Sets whose loss was asked for, and those that it was computed for.
+    pub evaluations: u64,
+    pub computed: u64,
+    pub seconds: f64,
+    /// Of some rounds: evaluations so far, mean loss of the round, lowest loss so far.
+    pub curve: Vec<(u64, f64, f64)>,
 }
 
 /// The difference of two methods' scores.

@@ -8,7 +8,7 @@ use sps_metrics::{
     mean_over_best, mean_over_named, over_reruns,
 };
 
-use super::{Gain, MethodResult, Number, PerProperty};
+use super::{Gain, MethodResult, Number, PerProperty, SelectionResult};
 use crate::journal::Outcome;
 
 /// How outcomes are scored.
@@ -29,6 +29,7 @@ pub(crate) struct MethodOutcomes<'a> {
     /// In the order of the reruns, for each property.
     pub outcomes: PerProperty<Vec<&'a Outcome>>,
     pub costs: Costs,
+    pub selections: PerProperty<Vec<SelectionResult>>,
 }
 
 /// What the estimate of one surface costs.
@@ -39,14 +40,24 @@ pub(crate) struct Costs {
     pub seconds: Number,
 }
 
-/// Scores one method; `first` is the method that gains are counted from.
+/// Scores one of `methods`; `against` are those that gains are counted from.
 pub(crate) fn score(
     method: &MethodOutcomes<'_>,
-    first: Option<&MethodOutcomes<'_>>,
+    methods: &[MethodOutcomes<'_>],
+    against: &[usize],
     scoring: &Scoring<'_>,
 ) -> MethodResult {
     let mut notes = Notes::default();
     let scored = PropertyTables::of(method, &mut notes);
+    let mut over = |at: usize| {
+        let other = methods.get(at)?;
+        Some((
+            other.id.to_owned(),
+            gain(method, other, scoring, &mut notes)?,
+        ))
+    };
+    let first = over(0).map(|(_, gain)| gain);
+    let gains = against.iter().filter_map(|&at| over(at)).collect();
     let mean = |values: &PerProperty<Number>, what: &str, notes: &mut Notes| {
         notes.mean(what, mean_over_all(&listed(values, scoring.properties)))
     };
@@ -69,7 +80,8 @@ pub(crate) fn score(
         median_percent_error_top8: notes.whole_mean("top-8 median % error", top8),
         best8: best8.properties.clone(),
         median_percent_error_best8: notes.whole_mean("best-8 median % error", best8),
-        r2_mean_gain: first.and_then(|first| gain(method, first, scoring, &mut notes)),
+        r2_mean_gain: first,
+        r2_mean_gains: gains,
         paper: method.paper.map(str::to_owned),
         frames_decoded_per_surface: method.costs.frames_decoded,
         frames_encoded_per_surface: method.costs.frames_encoded,
@@ -83,6 +95,7 @@ pub(crate) fn score(
                 (property.clone(), views.collect())
             })
             .collect(),
+        selections: method.selections.clone(),
         r2: scored.r2,
         r2_std: scored.r2_std,
         mae: scored.mae,

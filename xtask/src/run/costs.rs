@@ -1,5 +1,6 @@
 //! What one estimate costs, measured without the cache.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
@@ -9,15 +10,18 @@ use sps_dataset::{Frame, FrameKey, RollAngle, Source, Split, Surface, TactileTab
 use sps_models::Embeddings;
 
 use super::Stage;
-use super::fit::fit;
+use super::fit::{Fitted, fit};
 use super::trials::{TrialSpec, plan};
-use crate::config::{Estimator, Method};
+use crate::config::{self, Method};
 use crate::results::Costs;
 
-/// Surfaces that the costs are measured on.
+/// Surfaces that the costs are measured on, all groups of properties together.
 const SURFACES: usize = 8;
+/// Surfaces that they are measured on at least in each group.
+const FEWEST: usize = 2;
 
-/// Estimates all properties of some held-out surfaces one by one, from the frame on.
+/// Estimates properties of some held-out surfaces one by one, from the frame on: those together
+/// that look at the same views.
 ///
 /// The time does not depend on what the weights are, so a model of the method's shape is fitted to
 /// a few surfaces for it: the run's own models need not be kept.
@@ -28,62 +32,93 @@ pub(crate) fn measure<S: Source>(
     split: &Split,
     trials: &[TrialSpec],
 ) -> Result<Costs> {
-    let Stage {
-        embedder, tables, ..
-    } = stage;
     let few = Split {
         train: split.train.iter().copied().take(2 * SURFACES).collect(),
         validation: split.validation.iter().copied().take(SURFACES).collect(),
     };
+    let readings = &stage.tables.readings;
     let measured = |trial: &&TrialSpec| {
-        let column = tables.readings.column(trial.property.code());
-        let reading = |&s: &usize| tables.readings.get(s, column?);
+        let column = readings.column(trial.property.code());
+        let reading = |&s: &usize| readings.get(s, column?);
         trial.rerun == 0 && few.train.iter().any(|s| reading(s).is_some())
     };
-    let plan = plan(
-        0,
-        std::slice::from_ref(&few),
-        trials.iter().filter(measured),
-    );
-    let model = fit(&quick(method)?, tables, &plan, &())?;
+    let mut groups: BTreeMap<&[Vec<usize>], Vec<&TrialSpec>> = BTreeMap::new();
+    for trial in trials.iter().filter(measured) {
+        groups.entry(&trial.views.fillings).or_default().push(trial);
+    }
+    let each = (SURFACES / groups.len().max(1)).max(FEWEST);
+    let surfaces = few.validation.len().min(each);
     let counted = Counted::new(source);
-    let estimate = |surface: usize| -> Result<usize> {
-        let frames = tables
-            .views
+    let quick = quick(method)?;
+    let mut seconds = Vec::new();
+    let mut encoded = 0;
+    for (fillings, trials) in &groups {
+        let plan = plan(0, std::slice::from_ref(&few), trials.iter().copied());
+        let estimator = Estimator {
+            source: &counted,
+            stage,
+            model: fit(&quick, &stage.tables, &plan, &())?,
+            fillings,
+        };
+        let surfaces = &few.validation[..surfaces];
+        if let (Some(&first), true) = (surfaces.first(), seconds.is_empty()) {
+            // Memory and caches made ready, so that the first method pays no more than the others.
+            estimator.estimate(first)?;
+            counted.frames.store(0, Ordering::Relaxed);
+        }
+        for &surface in surfaces {
+            let start = Instant::now();
+            encoded += estimator.estimate(surface)?;
+            seconds.push(start.elapsed().as_secs_f64());
+        }
+    }
+    seconds.sort_by(f64::total_cmp);
+    let estimates = seconds.len().max(1) as f64;
+    Ok(Costs {
+        frames_decoded: counted.frames.load(Ordering::Relaxed) as f64 / estimates,
+        frames_encoded: encoded as f64 / estimates,
+        seconds: seconds.get(seconds.len() / 2).copied(),
+    })
+}
+
+/// A model with all that it needs to estimate from frames.
+struct Estimator<'a, S> {
+    source: &'a Counted<'a, S>,
+    stage: &'a Stage,
+    model: Fitted,
+    fillings: &'a [Vec<usize>],
+}
+
+impl<S: Source> Estimator<'_, S> {
+    /// Estimates one surface; how many frames were encoded for it.
+    fn estimate(&self, surface: usize) -> Result<usize> {
+        let Stage {
+            embedder, tables, ..
+        } = self.stage;
+        let views: BTreeSet<usize> = self.fillings.iter().flatten().copied().collect();
+        let views: Vec<usize> = views.into_iter().collect();
+        let frames = views
             .iter()
-            .map(|&view| counted.frame(surface, view))
+            .map(|&view| self.source.frame(surface, tables.views[view]))
             .collect::<Result<Vec<Frame>, _>>()?;
         let values = embedder.embed(&frames)?;
         let shape = (1, frames.len(), embedder.width());
-        let tensor = Tensor::from_vec(values, shape, &Device::Cpu)?;
-        model.predict(&Embeddings::new(&tensor)?)?;
+        let embeddings = Embeddings::new(&Tensor::from_vec(values, shape, &Device::Cpu)?)?;
+        for filling in self.fillings {
+            let slots = filling
+                .iter()
+                .filter_map(|view| views.binary_search(view).ok());
+            let slots: Vec<usize> = slots.collect();
+            self.model.predict(&embeddings.select(&[0], &slots)?)?;
+        }
         Ok(frames.len())
-    };
-    if let Some(&first) = few.validation.first() {
-        // Memory and caches made ready, so that the first method pays no more than the others.
-        estimate(first)?;
-        counted.frames.store(0, Ordering::Relaxed);
     }
-    let mut encoded = 0;
-    let mut seconds = Vec::new();
-    for &surface in &few.validation {
-        let start = Instant::now();
-        encoded += estimate(surface)?;
-        seconds.push(start.elapsed().as_secs_f64());
-    }
-    seconds.sort_by(f64::total_cmp);
-    let surfaces = few.validation.len().max(1) as f64;
-    Ok(Costs {
-        frames_decoded: counted.frames.load(Ordering::Relaxed) as f64 / surfaces,
-        frames_encoded: encoded as f64 / surfaces,
-        seconds: seconds.get(seconds.len() / 2).copied(),
-    })
 }
 
 /// The method, trained for one epoch.
 fn quick(method: &Method) -> Result<Method> {
     let mut method = method.clone();
-    if let Estimator::Head(head) = &mut method.estimator {
+    if let config::Estimator::Head(head) = &mut method.estimator {
         let mut config = head.config().clone();
         config.epochs = 1;
         *head = sps_models::heads::Head::new(config)?;

@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use sps_dataset::Split;
 use sps_models::Embeddings;
-use sps_models::heads::{Estimates, Observer, Plan, TrainedHeads};
+use sps_models::heads::{Estimates, Observer, Plan, TrainedHeads, Trial};
 use sps_models::ridge::TrainedRidges;
 
 use super::Tables;
@@ -27,6 +27,28 @@ impl Fitted {
         match self {
             Self::Heads(heads) => heads.predict(embeddings),
             Self::Ridges(ridges) => ridges.predict(embeddings),
+        }
+    }
+}
+
+impl Fitted {
+    /// Each model on its own.
+    fn each(&self) -> impl Iterator<Item = Self> + '_ {
+        let trials: Vec<&Trial> = match self {
+            Self::Heads(heads) => heads.heads().iter().map(|head| head.trial()).collect(),
+            Self::Ridges(ridges) => ridges.ridges().iter().map(|ridge| ridge.trial()).collect(),
+        };
+        trials.into_iter().map(move |trial| match self {
+            Self::Heads(heads) => Self::Heads(heads.filter(|other| other == trial)),
+            Self::Ridges(ridges) => Self::Ridges(ridges.filter(|other| other == trial)),
+        })
+    }
+
+    /// What the first model was trained for.
+    fn trial(&self) -> Option<&Trial> {
+        match self {
+            Self::Heads(heads) => heads.heads().first().map(|head| head.trial()),
+            Self::Ridges(ridges) => ridges.ridges().first().map(|ridge| ridge.trial()),
         }
     }
 }
@@ -52,7 +74,7 @@ pub(crate) fn run_missing(
     tables: &Tables,
     splits: &[Split],
     trials: &[TrialSpec],
-    journal: &mut Journal,
+    journal: &mut Journal<Outcome>,
 ) -> Result<()> {
     let missing: Vec<&TrialSpec> = trials
         .iter()
@@ -77,7 +99,7 @@ pub(crate) fn run_missing(
     let fitted =
         fit(method, tables, &plan, &recorder).with_context(|| format!("method `{}`", method.id))?;
     if let Fitted::Ridges(_) = &fitted {
-        recorder.record(&fitted, &tables.embeddings);
+        recorder.record(&fitted);
     }
     match recorder.into_failure() {
         Some(error) => Err(error),
@@ -96,7 +118,7 @@ struct Recorder<'a> {
 }
 
 struct State<'a> {
-    journal: &'a mut Journal,
+    journal: &'a mut Journal<Outcome>,
     /// When the last outcomes were written.
     since: Instant,
     failed: Option<anyhow::Error>,
@@ -104,18 +126,15 @@ struct State<'a> {
 
 impl Observer for Recorder<'_> {
     fn finished(&self, heads: &TrainedHeads) {
-        self.record(&Fitted::Heads(heads.clone()), &self.tables.embeddings);
+        self.record(&Fitted::Heads(heads.clone()));
     }
 }
 
 impl Recorder<'_> {
-    fn record(&self, fitted: &Fitted, embeddings: &Embeddings) {
-        let outcomes = fitted
-            .predict(embeddings)
-            .map_err(anyhow::Error::from)
-            .and_then(|estimates| estimates.iter().map(|e| self.outcome(e)).collect());
+    fn record(&self, fitted: &Fitted) {
+        let outcomes = fitted.each().map(|model| self.outcome(&model)).collect();
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        let written = outcomes.and_then(|mut outcomes: Vec<Outcome>| {
+        let written = Result::and_then(outcomes, |mut outcomes: Vec<Outcome>| {
             let seconds = state.since.elapsed().as_secs_f64() / outcomes.len().max(1) as f64;
             for outcome in &mut outcomes {
                 outcome.train_seconds = seconds;
@@ -135,11 +154,11 @@ impl Recorder<'_> {
     }
 
     /// The outcome of one model: its estimates for the surfaces held out that were measured.
-    fn outcome(&self, estimates: &Estimates) -> Result<Outcome> {
-        let rerun = estimates.rerun as usize;
-        let of_model = |trial: &&&TrialSpec| {
-            trial.rerun == rerun && trial.property.code() == estimates.property
-        };
+    fn outcome(&self, model: &Fitted) -> Result<Outcome> {
+        let trained = model.trial().context("a model of no trial")?;
+        let rerun = trained.rerun as usize;
+        let of_model =
+            |trial: &&&TrialSpec| trial.rerun == rerun && trial.property.code() == trained.property;
         let trial = self
             .trials
             .iter()
@@ -147,7 +166,7 @@ impl Recorder<'_> {
             .context("a trial that was not planned")?;
         let readings = &self.tables.readings;
         let column = readings
-            .column(&estimates.property)
+            .column(&trained.property)
             .context("a property that was not measured")?;
         let split = &self.splits[rerun];
         let training = split.train.iter().filter_map(|&s| readings.get(s, column));
@@ -157,23 +176,42 @@ impl Recorder<'_> {
             .iter()
             .filter_map(|&surface| Some((surface, readings.get(surface, column)?)))
             .collect();
+        let (surfaces, truth): (Vec<usize>, Vec<f64>) = held_out.into_iter().unzip();
+        let shown = trial.views.shown();
         Ok(Outcome {
             key: trial.key.clone(),
             method: self.method.id.clone(),
-            property: estimates.property.clone(),
+            property: trained.property.clone(),
             rerun,
             training_mean: sps_metrics::TrainingMean::of(&training)?.get(),
-            surfaces: held_out
+            estimate: self.estimate(model, &trial.views.fillings, &surfaces)?,
+            surfaces: surfaces
                 .iter()
-                .map(|&(surface, _)| self.tables.surfaces[surface].id.clone())
+                .map(|&surface| self.tables.surfaces[surface].id.clone())
                 .collect(),
-            truth: held_out.iter().map(|&(_, truth)| truth).collect(),
-            estimate: held_out
-                .iter()
-                .map(|&(surface, _)| estimates.values[surface])
-                .collect(),
-            views: self.tables.views.clone(),
+            truth,
+            views: shown.iter().map(|&view| self.tables.views[view]).collect(),
             train_seconds: 0.0,
         })
+    }
+
+    /// The mean over the fillings of the model's slots, for each of `surfaces`.
+    fn estimate(
+        &self,
+        model: &Fitted,
+        fillings: &[Vec<usize>],
+        surfaces: &[usize],
+    ) -> Result<Vec<f64>> {
+        let mut sums = vec![0.0; surfaces.len()];
+        for views in fillings {
+            let embeddings = self.tables.embeddings.select(surfaces, views)?;
+            let estimates = model.predict(&embeddings)?;
+            let values = &estimates.first().context("no estimate")?.values;
+            for (sum, value) in sums.iter_mut().zip(values) {
+                *sum += value;
+            }
+        }
+        let fillings = fillings.len() as f64;
+        Ok(sums.into_iter().map(|sum| sum / fillings).collect())
     }
 }

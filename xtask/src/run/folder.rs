@@ -8,6 +8,11 @@ use tracing::info;
 
 use crate::files::{create_folder, write_atomically};
 
+/// The journal of finished trials.
+pub(crate) const TRIALS: &str = "trials.jsonl";
+/// The journal of selected views.
+pub(crate) const SELECTIONS: &str = "selections.jsonl";
+
 /// A locked folder; the lock goes with the process, however that ends.
 pub(crate) struct RunFolder {
     path: PathBuf,
@@ -24,10 +29,11 @@ impl RunFolder {
             path: path.to_owned(),
             _lock: lock,
         };
-        let journal = folder.file("trials.jsonl");
-        if fresh && journal.exists() {
-            std::fs::remove_file(&journal)
-                .with_context(|| format!("cannot remove {}", journal.display()))?;
+        for journal in [TRIALS, SELECTIONS].map(|name| folder.file(name)) {
+            if fresh && journal.exists() {
+                std::fs::remove_file(&journal)
+                    .with_context(|| format!("cannot remove {}", journal.display()))?;
+            }
         }
         Ok(folder)
     }

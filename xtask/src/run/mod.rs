@@ -3,9 +3,12 @@
 mod costs;
 mod fit;
 mod folder;
+mod select;
+mod selection;
 mod stage;
 mod tables;
 mod trials;
+mod views;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -27,6 +30,7 @@ use crate::journal::{Journal, Outcome};
 use crate::report::{self, paper, predictions};
 use crate::results::{Costs, Dataset, MethodOutcomes, Results, Scoring, score};
 use folder::RunFolder;
+use select::{Found, Selecting, Selections};
 use trials::TrialSpec;
 
 /// Runs the experiment into `folder`, or finishes what was begun there; `fresh` begins again.
@@ -55,20 +59,27 @@ impl WithSource for Run<'_> {
     fn call<S: Source>(self, source: &S, about: About) -> Result<Results> {
         let experiment = self.experiment;
         let splits = splits(experiment, source.surfaces())?;
-        let groups = groups(experiment, source, &about, &splits)?;
-        let mut journal = Journal::open(&self.folder.file("trials.jsonl"))?;
+        let angles = source.view_angles();
+        let methods = experiment.methods.iter().map(|m| m.on(angles.len()));
+        let methods: Vec<Method> = methods.collect::<Result<_>>()?;
+        let groups = groups(experiment, source, &about, &splits, &methods)?;
+        let selections = self.select(&groups, &splits, &methods)?;
+        let mut journal = Journal::open(&self.folder.file(folder::TRIALS))?;
         let mut rows = Vec::new();
-        for method in &experiment.methods {
+        for method in &methods {
             let mut all = Vec::new();
             for Group { stage, reruns } in &groups {
                 let tables = &stage.tables;
-                let trials = trials::trials(experiment, method, tables, &splits, reruns.clone())?;
+                let reruns = reruns.clone();
+                let trials =
+                    trials::trials(experiment, method, tables, &splits, reruns, &selections)?;
                 fit::run_missing(experiment, method, tables, &splits, &trials, &mut journal)?;
                 all.extend(trials);
             }
             rows.push(MethodRow {
                 costs: costs::measure(source, &groups[0].stage, method, &splits[0], &all)?,
                 outcomes: outcomes(&all, &journal)?,
+                found: found(&all, method, &selections),
                 method,
             });
         }
@@ -76,6 +87,24 @@ impl WithSource for Run<'_> {
         predictions::write(self.folder.path(), &predictions::of_outcomes(all))?;
         let tables = &groups[0].stage.tables;
         Ok(results(experiment, source, about, tables, &splits, &rows))
+    }
+}
+
+impl Run<'_> {
+    /// The views of all methods that select some.
+    fn select(&self, groups: &[Group], splits: &[Split], methods: &[Method]) -> Result<Selections> {
+        let mut selections = Selections::default();
+        let mut journal = Journal::open(&self.folder.file(folder::SELECTIONS))?;
+        for Group { stage, reruns } in groups {
+            let mut selecting = Selecting {
+                experiment: self.experiment,
+                tables: &stage.tables,
+                splits,
+                journal: &mut journal,
+            };
+            selecting.run(methods, reruns.clone(), &mut selections)?;
+        }
+        Ok(selections)
     }
 }
 
@@ -91,8 +120,10 @@ fn groups<S: Source>(
     source: &S,
     about: &About,
     splits: &[Split],
+    methods: &[Method],
 ) -> Result<Vec<Group>> {
-    let stages = Stages::new(experiment, source, about)?;
+    let needed = views::needed(methods, source)?;
+    let stages = Stages::new(experiment, source, about, needed)?;
     let group = |reruns: Range<usize>| {
         let stage = stages.of(&splits[reruns.start].train)?;
         Ok(Group { stage, reruns })
@@ -109,10 +140,30 @@ fn groups<S: Source>(
 struct MethodRow<'a> {
     method: &'a Method,
     outcomes: BTreeMap<String, Vec<Outcome>>,
+    /// What its selector found, likewise.
+    found: BTreeMap<String, Vec<Found>>,
     costs: Costs,
 }
 
-fn outcomes(trials: &[TrialSpec], journal: &Journal) -> Result<BTreeMap<String, Vec<Outcome>>> {
+fn found(
+    trials: &[TrialSpec],
+    method: &Method,
+    selections: &Selections,
+) -> BTreeMap<String, Vec<Found>> {
+    let mut all: BTreeMap<String, Vec<Found>> = BTreeMap::new();
+    for trial in trials {
+        if let Some(found) = selections.get(&method.id, trial.property, trial.rerun) {
+            let of_property = all.entry(trial.property.to_string()).or_default();
+            of_property.push(found.clone());
+        }
+    }
+    all
+}
+
+fn outcomes(
+    trials: &[TrialSpec],
+    journal: &Journal<Outcome>,
+) -> Result<BTreeMap<String, Vec<Outcome>>> {
     let mut outcomes: BTreeMap<String, Vec<Outcome>> = BTreeMap::new();
     for trial in trials {
         let outcome = journal.get(&trial.key).context("a trial was not run")?;
@@ -148,17 +199,21 @@ fn results<S: Source>(
                 .map(|(property, outcomes)| (property.clone(), outcomes.iter().collect()))
                 .collect(),
             costs: row.costs,
+            selections: selection::summaries(row, rows, source.view_angles()),
         })
         .collect();
+    let against = experiment.against.iter().filter_map(|&at| methods.get(at));
+    let against = against.map(|method| method.id.to_owned());
     Results {
         experiment: experiment.name.clone(),
         description: experiment.description.clone(),
         dataset: dataset(experiment, source, &about),
         properties: tables.codes(),
         interval_level: experiment.interval_level.get(),
+        against: against.collect(),
         methods: methods
             .iter()
-            .map(|method| score(method, methods.first(), &scoring))
+            .map(|method| score(method, &methods, &experiment.against, &scoring))
             .collect(),
         notes: about.notes,
     }
@@ -177,6 +232,7 @@ fn dataset<S: Source>(experiment: &Experiment, source: &S, about: &About) -> Dat
         published_sps: about.published_sps,
         surfaces: source.surfaces().len(),
         views: source.view_angles().len(),
+        view_angles_deg: source.view_angles().iter().map(|angle| angle.0).collect(),
         encoder: encoder::describe(&experiment.encoder),
         ceiling_one_view: ceiling(|ceiling| ceiling.nadir),
         ceiling_all_views: ceiling(|ceiling| ceiling.all),

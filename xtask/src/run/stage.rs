@@ -31,17 +31,26 @@ pub(crate) struct Stages<'a, S> {
     experiment: &'a Experiment,
     source: &'a S,
     about: &'a About,
+    /// The views to embed, as indices of the source.
+    views: Vec<usize>,
     start: Encoder,
     shared: Option<Arc<Stage>>,
 }
 
 impl<'a, S: Source> Stages<'a, S> {
-    pub(crate) fn new(experiment: &'a Experiment, source: &'a S, about: &'a About) -> Result<Self> {
+    /// With embeddings of the given views.
+    pub(crate) fn new(
+        experiment: &'a Experiment,
+        source: &'a S,
+        about: &'a About,
+        views: Vec<usize>,
+    ) -> Result<Self> {
         let start = encoder::load(&experiment.encoder, experiment.seed)?;
         let mut stages = Self {
             experiment,
             source,
             about,
+            views,
             start,
             shared: None,
         };
@@ -63,13 +72,13 @@ impl<'a, S: Source> Stages<'a, S> {
         Ok(Arc::new(self.stage(encoder)?))
     }
 
-    /// Embeds the views that the experiment's methods look at, of every surface.
+    /// Embeds the views, of every surface.
     fn stage(&self, encoder: Encoder) -> Result<Stage> {
         let experiment = self.experiment;
         let embedder = Embedder::new(encoder.clone(), experiment.encoder.resize)?;
         let cache = EmbeddingCache::open(&experiment.cache, embedder.identity(), embedder.width())?;
-        let views = self.views()?;
-        let embeddings = embed_views(self.source, &views, &embedder, &cache)?;
+        let views = &self.views;
+        let embeddings = embed_views(self.source, views, &embedder, &cache)?;
         info!(
             "{} embeddings of {} surfaces, {} of them encoded now",
             self.source.surfaces().len() * views.len(),
@@ -84,13 +93,10 @@ impl<'a, S: Source> Stages<'a, S> {
         })
     }
 
-    fn views(&self) -> Result<Vec<usize>> {
-        Ok(vec![data::nadir(self.source)?])
-    }
-
-    /// The encoder after it was trained to say the readings of the surfaces `training`.
+    /// The encoder after it was trained to say the readings of the surfaces `training` from the
+    /// view straight down.
     fn trained(&self, config: &TrainingConfig, training: &[usize]) -> Result<Encoder> {
-        let views = self.views()?;
+        let views = [data::nadir(self.source)?];
         let count = self.source.surfaces().len();
         let frames: Vec<FrameIndex> = (0..count)
             .flat_map(|surface| views.iter().map(move |&view| FrameIndex { surface, view }))

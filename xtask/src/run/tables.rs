@@ -1,12 +1,12 @@
 //! The tables that every method is fitted on.
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use candle_core::{Device, Tensor};
 use sps_dataset::{FEWEST_PER_MATERIAL, MaterialLabels, Property, Source, Surface};
 use sps_models::heads::TrainingData;
 use sps_models::{Embeddings, Readings};
 
-use crate::data::About;
+use crate::data::{self, About};
 use crate::embeddings;
 
 /// One row per surface in each.
@@ -14,8 +14,12 @@ pub(crate) struct Tables {
     pub surfaces: Vec<Surface>,
     /// Those to estimate.
     pub properties: Vec<Property>,
-    /// The views that methods look at, as indices of the source.
+    /// The views that methods look at, as indices of the source, ascending.
     pub views: Vec<usize>,
+    /// The view straight down, as an index of the source.
+    pub nadir: usize,
+    /// Views that the source has.
+    pub all_views: usize,
     /// (surfaces, views, width), of those views.
     pub embeddings: Embeddings,
     /// All properties that were measured: labels are formed from the whole tactile vector.
@@ -51,6 +55,8 @@ impl Tables {
         let materials = labels.labels().iter().map(|&l| labels.names()[l].clone());
         let mut tables = Self {
             views: embeddings.views.clone(),
+            nadir: data::nadir(source)?,
+            all_views: source.view_angles().len(),
             embeddings: tensor(embeddings, surfaces.len())?,
             readings: readings(source, about)?,
             materials: materials.collect(),
@@ -70,6 +76,12 @@ impl Tables {
             materials: Some(&self.materials),
             label_features: None,
         }
+    }
+
+    /// Where a view of the source stands in the embeddings.
+    pub(crate) fn place(&self, view: usize) -> Result<usize> {
+        let place = self.views.iter().position(|&other| other == view);
+        place.with_context(|| format!("view {view} was not embedded"))
     }
 
     /// Codes of the properties to estimate.

@@ -8,6 +8,8 @@ use sps_dataset::{Property, Split, Surface};
 use sps_models::heads::{Plan, Rerun, Trial, Views};
 
 use super::Tables;
+use super::select::Selections;
+use super::views::{self, TrialViews};
 use crate::config::{Estimator, Experiment, Method};
 use crate::journal::TrialKey;
 
@@ -16,6 +18,7 @@ use crate::journal::TrialKey;
 pub(crate) struct TrialSpec {
     pub property: Property,
     pub rerun: usize,
+    pub views: TrialViews,
     pub key: TrialKey,
 }
 
@@ -35,14 +38,18 @@ pub(crate) fn trials(
     tables: &Tables,
     splits: &[Split],
     reruns: Range<usize>,
+    selections: &Selections,
 ) -> Result<Vec<TrialSpec>> {
     let mut trials = Vec::new();
     for &property in &tables.properties {
         for rerun in reruns.clone() {
+            let (split, trial) = (&splits[rerun], (property, rerun));
+            let views = views::of_trial(experiment, method, tables, split, trial, selections)?;
             trials.push(TrialSpec {
+                key: key(experiment, method, tables, split, trial, &views)?,
                 property,
                 rerun,
-                key: key(experiment, method, tables, &splits[rerun], property, rerun)?,
+                views,
             });
         }
     }
@@ -60,6 +67,8 @@ struct Inputs<'a> {
     property: &'a str,
     rerun: usize,
     split: &'a Split,
+    training_views: &'a Views,
+    views: &'a [Vec<usize>],
 }
 
 fn key(
@@ -67,10 +76,10 @@ fn key(
     method: &Method,
     tables: &Tables,
     split: &Split,
-    property: Property,
-    rerun: usize,
+    (property, rerun): (Property, usize),
+    views: &TrialViews,
 ) -> Result<TrialKey> {
-    let inputs = Inputs {
+    TrialKey::of(&Inputs {
         code: env!("SOURCE_HASH"),
         data: tables.fingerprint().to_hex().to_string(),
         seed: experiment.seed,
@@ -82,12 +91,12 @@ fn key(
         property: property.code(),
         rerun,
         split,
-    };
-    let hash = blake3::hash(&serde_json::to_vec(&inputs)?);
-    Ok(TrialKey(hash.to_hex()[..32].to_owned()))
+        training_views: &views.training,
+        views: &views.fillings,
+    })
 }
 
-/// The plan to train `trials` on view 0 of the tables.
+/// The plan to train `trials`.
 pub(crate) fn plan<'a>(
     seed: u64,
     splits: &[Split],
@@ -100,7 +109,7 @@ pub(crate) fn plan<'a>(
     let trials = trials.map(|trial| Trial {
         property: trial.property.to_string(),
         rerun: trial.rerun as u64,
-        views: Views::Fixed(vec![0]),
+        views: trial.views.training.clone(),
     });
     Plan {
         seed,

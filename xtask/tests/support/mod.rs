@@ -106,6 +106,14 @@ pub(crate) fn results_without_timings(run: &Path) -> Value {
         let method = method.as_object_mut().expect("a method");
         assert!(method.remove("predict_seconds_per_surface").is_some());
         assert!(method.remove("train_seconds").is_some());
+        let selections = method["selections"].as_object_mut().expect("selections");
+        for selection in selections
+            .values_mut()
+            .filter_map(|all| all.as_array_mut())
+            .flatten()
+        {
+            selection["seconds"].take();
+        }
     }
     results
 }

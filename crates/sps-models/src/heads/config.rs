@@ -57,6 +57,31 @@ pub enum Input {
     },
     /// The largest value of each feature over all views (Su et al. 2015).
     ViewPooling {},
+    /// Relations between views in order, at several scales (Zhou et al. 2018, equation 2): a sum
+    /// over the scales of the mean over a scale's relations of two layers on the relation's
+    /// embeddings side by side. Which views are related is drawn by who writes the plan
+    /// ([`Views::Steps`](super::Views::Steps)).
+    Relations {
+        /// The scales. Their slots stand one scale after the other, relation by relation.
+        scales: Vec<RelationScale>,
+    },
+}
+
+/// One scale of [`Input::Relations`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct RelationScale {
+    /// Views of a relation.
+    pub views: usize,
+    /// Relations that enter at once.
+    pub relations: usize,
+}
+
+impl RelationScale {
+    /// How many slots it has.
+    pub(super) fn slots(&self) -> usize {
+        self.views * self.relations
+    }
 }
 
 /// How embeddings are scaled before they enter a head, by statistics of the training surfaces.
@@ -193,12 +218,28 @@ impl HeadConfig {
         if let Some(norm) = self.clip_norm {
             positive("clip-norm", norm)?;
         }
-        if let Input::LateFusion { views } = self.input {
-            at_least_one("input.views", views)?;
-        }
+        self.input.check(&self.model)?;
         match &self.model {
             Model::Regression {} => Ok(()),
             Model::CrossModal(model) => model.check(),
+        }
+    }
+}
+
+impl Input {
+    fn check(&self, model: &Model) -> Result<()> {
+        match self {
+            Self::Single {} | Self::ViewPooling {} => Ok(()),
+            Self::LateFusion { views } => at_least_one("input.views", *views),
+            Self::Relations { scales } => {
+                at_least_one("input.scales", scales.len())?;
+                for scale in scales {
+                    at_least_one("input.scales.views", scale.views)?;
+                    at_least_one("input.scales.relations", scale.relations)?;
+                }
+                let latent = matches!(model, Model::CrossModal(_));
+                require(latent, "model", "regression", "cross-modal under relations")
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
 
-use super::config::{Input, Scale};
+use super::config::{Input, RelationScale, Scale};
 use super::plan::Views;
 use crate::data::Embeddings;
 
@@ -34,7 +34,7 @@ impl InputStatistics {
         let all: Vec<usize> = (0..embeddings.views()).collect();
         let views = match views {
             Views::Fixed(views) => views,
-            Views::Random => &all,
+            Views::Random | Views::Steps(_) => &all,
         };
         let rows = surfaces
             .iter()
@@ -43,7 +43,7 @@ impl InputStatistics {
     }
 
     /// Appends `features`, scaled.
-    fn push(&self, features: &[f32], out: &mut Vec<f32>) {
+    pub(super) fn push(&self, features: &[f32], out: &mut Vec<f32>) {
         let parameters = self.mean.iter().zip(&self.factor);
         out.extend(
             features
@@ -63,7 +63,7 @@ fn rows<'a>(
 ) -> Vec<std::borrow::Cow<'a, [f32]>> {
     let one = |&view: &usize| embeddings.view(surface, view);
     match input {
-        Input::Single {} | Input::LateFusion { .. } => {
+        Input::Single {} | Input::LateFusion { .. } | Input::Relations { .. } => {
             views.iter().map(|view| one(view).into()).collect()
         }
         Input::ViewPooling {} => {
@@ -150,6 +150,7 @@ impl Input {
         match self {
             Self::Single {} | Self::ViewPooling {} => 1,
             Self::LateFusion { views } => *views,
+            Self::Relations { scales } => scales.iter().map(RelationScale::slots).sum(),
         }
     }
 
@@ -157,7 +158,7 @@ impl Input {
     pub(super) fn views(&self) -> Option<usize> {
         match self {
             Self::Single {} => Some(1),
-            Self::LateFusion { views } => Some(*views),
+            Self::LateFusion { .. } | Self::Relations { .. } => Some(self.slots()),
             Self::ViewPooling {} => None,
         }
     }

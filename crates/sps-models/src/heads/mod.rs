@@ -6,6 +6,7 @@
 
 mod config;
 mod error;
+mod fusion;
 mod input;
 mod job;
 mod losses;
@@ -18,9 +19,11 @@ mod train;
 mod trained;
 
 pub use config::{
-    Adversarial, Classification, CrossModal, GeneratorLoss, HeadConfig, Input, Model, Scale,
+    Adversarial, Classification, CrossModal, GeneratorLoss, HeadConfig, Input, Model,
+    RelationScale, Scale,
 };
 pub use error::HeadError;
+pub use fusion::FusionLoss;
 pub use plan::{Plan, Rerun, TrainingData, Trial, Views};
 pub use trained::{EpochLosses, Estimates, TrainedHead, TrainedHeads};
 
@@ -80,6 +83,7 @@ impl Head {
         plan: &Plan,
         observer: &dyn Observer,
     ) -> Result<TrainedHeads> {
+        self.check_drawn(plan)?;
         plan.check(self.0.input.views(), data)?;
         let jobs = job::prepare(&self.0, data, plan)?;
         let size = |job: &_| train::parameter_count(&self.0, data, job);
@@ -100,6 +104,20 @@ impl Head {
         }
         heads.sort_by_key(|&(index, _)| index);
         Ok(self.trained(heads.into_iter().map(|(_, head)| head).collect()))
+    }
+
+    /// Relations hold between views in order, which random ones are not.
+    fn check_drawn(&self, plan: &Plan) -> Result<()> {
+        let random = plan.trials.iter().any(|trial| trial.views == Views::Random);
+        match &self.0.input {
+            Input::Relations { .. } if random => Err(HeadError::Plan {
+                what: "views of relations".into(),
+                found: "random ones".into(),
+                expected: "those of each step".into(),
+            }
+            .into()),
+            _ => Ok(()),
+        }
     }
 
     fn trained(&self, heads: Vec<TrainedHead>) -> TrainedHeads {

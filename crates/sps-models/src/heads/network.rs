@@ -2,7 +2,7 @@
 
 use candle_core::{Result, Tensor};
 
-use super::config::{CrossModal, Model};
+use super::config::{CrossModal, HeadConfig, Input, Model, RelationScale};
 use crate::stacked::{Parameter, leaky_relu, linear, matmul};
 
 /// Sizes that the data decide.
@@ -126,9 +126,78 @@ impl Discriminator {
     }
 }
 
+/// From the visual input to the latent space.
+enum Vision {
+    /// The views side by side through one layer (paper, section 4.2, "late feature fusion").
+    Fusion(Linear),
+    Relations(Vec<Relation>),
+}
+
+impl Vision {
+    fn new(fill: &mut dyn Fill, input: &Input, dims: Dims, latent: usize) -> crate::Result<Self> {
+        let Input::Relations { scales } = input else {
+            let inputs = dims.slots * dims.width;
+            return Ok(Self::Fusion(Linear::new(fill, "visual", inputs, latent)?));
+        };
+        let mut start = 0;
+        let relations = scales.iter().enumerate().map(|(at, &scale)| {
+            let sizes = [scale.views * dims.width, latent, latent];
+            let relation = Relation {
+                layers: TwoLayers::new(fill, &format!("relations.{at}"), sizes)?,
+                scale,
+                start,
+                width: dims.width,
+            };
+            start += scale.slots() * dims.width;
+            Ok(relation)
+        });
+        Ok(Self::Relations(relations.collect::<crate::Result<_>>()?))
+    }
+
+    /// `(trials, rows, latent)`.
+    fn forward(&self, visual: &Tensor) -> Result<Tensor> {
+        match self {
+            Self::Fusion(layer) => layer.forward(visual),
+            Self::Relations(relations) => {
+                let mut sum: Option<Tensor> = None;
+                for relation in relations {
+                    let term = relation.forward(visual)?;
+                    sum = Some(match sum {
+                        None => term,
+                        Some(sum) => (sum + term)?,
+                    });
+                }
+                sum.ok_or_else(|| candle_core::Error::Msg("relations without a scale".into()))
+            }
+        }
+    }
+}
+
+/// One scale of relations: `mean_i h(g(views_i))`.
+struct Relation {
+    layers: TwoLayers,
+    scale: RelationScale,
+    /// Where its inputs start.
+    start: usize,
+    width: usize,
+}
+
+impl Relation {
+    fn forward(&self, visual: &Tensor) -> Result<Tensor> {
+        let (trials, rows, _) = visual.dims3()?;
+        let RelationScale { views, relations } = self.scale;
+        let inputs = visual
+            .narrow(2, self.start, relations * views * self.width)?
+            .contiguous()?
+            .reshape((trials, rows * relations, views * self.width))?;
+        let terms = self.layers.forward(&inputs)?;
+        terms.reshape((trials, rows, relations, ()))?.mean(2)
+    }
+}
+
 /// The parts of the paper's figure 3 behind the image encoder.
 pub(super) struct CrossModalNetwork {
-    visual: Linear,
+    visual: Vision,
     pub(super) generator: TwoLayers,
     tactile: Option<TwoLayers>,
     pub(super) discriminator: Option<Discriminator>,
@@ -136,10 +205,15 @@ pub(super) struct CrossModalNetwork {
 }
 
 impl CrossModalNetwork {
-    fn new(fill: &mut dyn Fill, model: &CrossModal, dims: Dims) -> crate::Result<Self> {
+    fn new(
+        fill: &mut dyn Fill,
+        input: &Input,
+        model: &CrossModal,
+        dims: Dims,
+    ) -> crate::Result<Self> {
         let CrossModal { latent, hidden, .. } = *model;
         Ok(Self {
-            visual: Linear::new(fill, "visual", dims.slots * dims.width, latent)?,
+            visual: Vision::new(fill, input, dims, latent)?,
             generator: TwoLayers::new(fill, "generator", [latent, hidden, 1])?,
             tactile: if model.encodes_touch() {
                 Some(TwoLayers::new(fill, "tactile", [1, hidden, latent])?)
@@ -186,13 +260,14 @@ pub(super) enum Network {
 }
 
 impl Network {
-    pub(super) fn new(fill: &mut dyn Fill, model: &Model, dims: Dims) -> crate::Result<Self> {
-        Ok(match model {
+    pub(super) fn new(fill: &mut dyn Fill, config: &HeadConfig, dims: Dims) -> crate::Result<Self> {
+        Ok(match &config.model {
             Model::Regression {} => {
                 Self::Regression(Linear::new(fill, "value", dims.slots * dims.width, 1)?)
             }
             Model::CrossModal(model) => {
-                Self::CrossModal(Box::new(CrossModalNetwork::new(fill, model, dims)?))
+                let network = CrossModalNetwork::new(fill, &config.input, model, dims)?;
+                Self::CrossModal(Box::new(network))
             }
         })
     }

@@ -73,6 +73,9 @@ pub enum Views {
     Fixed(Vec<usize>),
     /// Distinct ones, drawn anew for each surface in each epoch.
     Random,
+    /// These in each training step, in the order of the slots and for all surfaces of the step;
+    /// after the last they come from the first on. Inputs are scaled as over all views.
+    Steps(Vec<Vec<usize>>),
 }
 
 impl Plan {
@@ -206,16 +209,13 @@ impl Trial {
 
     fn check_views(&self, wanted: Option<usize>, views: usize) -> Result<(), (String, String)> {
         match &self.views {
-            Views::Fixed(picked) => {
-                if picked.is_empty() || wanted.is_some_and(|wanted| wanted != picked.len()) {
-                    let wanted = wanted.map_or("at least one".into(), |n| n.to_string());
-                    return Err((format!("{} views", picked.len()), wanted));
-                }
-                match picked.iter().find(|&&view| view >= views) {
-                    Some(view) => Err((format!("view {view}"), format!("below {views}"))),
-                    None => Ok(()),
-                }
+            Views::Fixed(picked) => check_picked(picked, wanted, views),
+            Views::Steps(steps) if steps.is_empty() => {
+                Err(("views for no step".into(), "at least one".into()))
             }
+            Views::Steps(steps) => steps
+                .iter()
+                .try_for_each(|picked| check_picked(picked, wanted, views)),
             Views::Random => match wanted {
                 Some(wanted) if wanted > views => Err((
                     format!("{wanted} random views"),
@@ -225,6 +225,21 @@ impl Trial {
                 None => Err(("random views for view pooling".into(), "fixed views".into())),
             },
         }
+    }
+}
+
+fn check_picked(
+    picked: &[usize],
+    wanted: Option<usize>,
+    views: usize,
+) -> Result<(), (String, String)> {
+    if picked.is_empty() || wanted.is_some_and(|wanted| wanted != picked.len()) {
+        let wanted = wanted.map_or("at least one".into(), |n| n.to_string());
+        return Err((format!("{} views", picked.len()), wanted));
+    }
+    match picked.iter().find(|&&view| view >= views) {
+        Some(view) => Err((format!("view {view}"), format!("below {views}"))),
+        None => Ok(()),
     }
 }
 

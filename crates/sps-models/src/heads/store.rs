@@ -208,7 +208,7 @@ impl Reader<'_> {
             mean: self.values(MEAN, &[dims.width])?,
             factor: self.values(FACTOR, &[dims.width])?,
         };
-        Network::new(self, &config.model, dims)?;
+        Network::new(self, config, dims)?;
         Ok(TrainedHead {
             trial: metadata.trial,
             dims,

@@ -30,7 +30,7 @@ pub(super) fn train_stack(
     };
     let dims = first.dims(config, data.embeddings);
     let mut parameters = Initial::new(seed, jobs);
-    let network = Network::new(&mut parameters, &config.model, dims)?;
+    let network = Network::new(&mut parameters, config, dims)?;
     let parameters = parameters.parameters;
     let mut sides = Side::of(config, &parameters, jobs.len())?;
     let mut batches = Batches::new(config, data, seed, jobs);
@@ -84,7 +84,7 @@ pub(super) fn parameter_count(
     }
     let mut count = Count(0);
     let dims = job.dims(config, data.embeddings);
-    match Network::new(&mut count, &config.model, dims) {
+    match Network::new(&mut count, config, dims) {
         Ok(_) => count.0,
         Err(_) => 0,
     }
@@ -198,6 +198,8 @@ struct Batches<'a> {
     orders: Vec<Vec<usize>>,
     /// Draws the views of trials that have no fixed ones.
     views: Vec<ChaCha8Rng>,
+    /// Batches given so far.
+    step: usize,
 }
 
 impl<'a> Batches<'a> {
@@ -218,6 +220,7 @@ impl<'a> Batches<'a> {
             jobs,
             orders: vec![Vec::new(); jobs.len()],
             views: views.collect(),
+            step: 0,
         }
     }
 
@@ -246,13 +249,23 @@ impl<'a> Batches<'a> {
         let mut labels = Vec::with_capacity(trials * rows);
         for ((job, order), rng) in self.jobs.iter().zip(&self.orders).zip(&mut self.views) {
             for &at in &order[start..end] {
-                push_visual(self.config, self.data, job, at, rng, &mut visual);
+                let drawn;
+                let views = match &job.trial.views {
+                    Views::Fixed(views) => views,
+                    Views::Steps(steps) => &steps[self.step % steps.len()],
+                    Views::Random => {
+                        drawn = self.config.input.draw(self.data.embeddings.views(), rng);
+                        &drawn
+                    }
+                };
+                push_visual(self.config, self.data, job, at, views, &mut visual);
                 tactile.push(job.tactile[at].unwrap_or(0.0));
                 measured.push(job.tactile[at].is_some());
                 labels.push(job.labels.as_ref().and_then(|labels| labels.of()[at]));
             }
         }
         let labelled: Vec<bool> = labels.iter().map(Option::is_some).collect();
+        self.step += 1;
         let (weight, counts) = mean_weights(&measured, rows);
         let (label_weight, _) = mean_weights(&labelled, rows);
         let cpu = &Device::Cpu;
@@ -273,17 +286,9 @@ fn push_visual(
     data: &TrainingData<'_>,
     job: &Job<'_>,
     at: usize,
-    rng: &mut ChaCha8Rng,
+    views: &[usize],
     out: &mut Vec<f32>,
 ) {
-    let drawn;
-    let views = match &job.trial.views {
-        Views::Fixed(views) => views,
-        Views::Random => {
-            drawn = config.input.draw(data.embeddings.views(), rng);
-            &drawn
-        }
-    };
     let surface = job.surfaces[at];
     let (input, statistics) = (&config.input, &job.statistics);
     input::push(input, statistics, data.embeddings, surface, views, out);

@@ -113,7 +113,7 @@ impl TrainedHead {
     /// head has slots, any number for view pooling.
     fn estimate(&self, config: &HeadConfig, embeddings: &Embeddings) -> Result<Vec<f64>> {
         self.check(config, embeddings)?;
-        let network = Network::new(&mut Stored(&self.parameters), &config.model, self.dims)?;
+        let network = Network::new(&mut Stored(&self.parameters), config, self.dims)?;
         let views: Vec<usize> = (0..embeddings.views()).collect();
         let surfaces: Vec<usize> = (0..embeddings.surfaces()).collect();
         let inputs = self.dims.slots * self.dims.width;

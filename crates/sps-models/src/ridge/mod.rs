@@ -79,7 +79,11 @@ impl Ridge {
         let mut groups: BTreeMap<(&[usize], Vec<usize>), Vec<Job<'_>>> = BTreeMap::new();
         for (at, trial) in plan.trials.iter().enumerate() {
             let Views::Fixed(views) = &trial.views else {
-                return Err(Error::input("ridge views", "random ones", "fixed ones"));
+                return Err(Error::input(
+                    "ridge views",
+                    "ones that change",
+                    "fixed ones",
+                ));
             };
             let (surfaces, values) = plan.readings(data, trial).into_iter().unzip();
             let job = Job { at, trial, values };
@@ -141,6 +145,15 @@ impl TrainedRidges {
     /// The regressions, in the order of the plan.
     pub fn ridges(&self) -> &[TrainedRidge] {
         &self.ridges
+    }
+
+    /// The regressions for which `keep` says so.
+    #[must_use]
+    pub fn filter(&self, keep: impl Fn(&Trial) -> bool) -> Self {
+        let kept = self.ridges.iter().filter(|ridge| keep(&ridge.trial));
+        Self {
+            ridges: kept.cloned().collect(),
+        }
     }
 
     /// The estimates of every regression for every surface, in measured units. The views of

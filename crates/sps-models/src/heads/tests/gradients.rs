@@ -90,7 +90,12 @@ fn losses_and_gradients_are_pytorchs() {
             classes: 3,
         };
         let mut parameters = Golden::default();
-        let network = Network::new(&mut parameters, &model, dims).unwrap();
+        let config = HeadConfig {
+            input: Input::LateFusion { views: 2 },
+            model: model.clone(),
+            ..HeadConfig::default()
+        };
+        let network = Network::new(&mut parameters, &config, dims).unwrap();
         let losses = Losses::of(&model, &network, &batch()).unwrap();
         for (name, loss) in [
             ("estimation", Some(&losses.estimation)),

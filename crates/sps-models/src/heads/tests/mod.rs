@@ -1,5 +1,6 @@
 mod configuration;
 mod equality;
+mod fusion;
 mod gradients;
 mod hard_cases;
 mod learning;

@@ -1,0 +1,307 @@
+//! Choosing views: an estimator is trained on random sets of views and frozen, and selectors search
+//! for the set of lowest loss on the training part (section "Viewpoint Selector Framework" of the
+//! paper, stages 1 and 2). Stage 3, training with the found set, is a trial like any other.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use anyhow::{Context, Result};
+use serde::{Deserialize, Serialize};
+use sps_dataset::{Property, Split};
+use sps_models::heads::{FusionLoss, Head, Observer, Plan, Rerun, TrainedHeads, Trial, Views};
+use sps_viewselect::{LossError, Problem, Random, Selection, Selector, SetLoss, Sets};
+
+use super::Tables;
+use super::views::{seed, without_loss};
+use crate::config::{Estimator, Experiment, Looks, Method, Selected};
+use crate::journal::{Journal, Record, TrialKey};
+use crate::progress::Progress;
+
+/// Random sets whose mean loss stands for that of a random set.
+const RANDOM_SETS: usize = 2000;
+
+/// What a selector found for one property and rerun.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Found {
+    pub key: TrialKey,
+    /// Picks are indices of the source's views; losses are in units of the variance of the training
+    /// readings.
+    pub selection: Selection,
+    /// Mean loss of random sets; none where no loss was asked for.
+    pub random_loss: Option<f64>,
+}
+
+impl Record for Found {
+    fn key(&self) -> &TrialKey {
+        &self.key
+    }
+}
+
+/// What all selectors found, by method, property and rerun.
+#[derive(Default)]
+pub(crate) struct Selections(BTreeMap<(String, Property, usize), Found>);
+
+impl Selections {
+    pub(crate) fn get(&self, method: &str, property: Property, rerun: usize) -> Option<&Found> {
+        self.0.get(&(method.to_owned(), property, rerun))
+    }
+}
+
+/// What selections are made on.
+pub(crate) struct Selecting<'a> {
+    pub experiment: &'a Experiment,
+    pub tables: &'a Tables,
+    pub splits: &'a [Split],
+    pub journal: &'a mut Journal<Found>,
+}
+
+impl Selecting<'_> {
+    /// Selects views for those of the methods that want some, in the given reruns.
+    pub(crate) fn run(
+        &mut self,
+        methods: &[Method],
+        reruns: Range<usize>,
+        selections: &mut Selections,
+    ) -> Result<()> {
+        let families = families(methods)?;
+        for family in families.values() {
+            let wanted = self.wanted(family, reruns.clone())?;
+            self.run_missing(family, &wanted)?;
+            for Wanted {
+                method,
+                property,
+                rerun,
+                key,
+                ..
+            } in wanted
+            {
+                let found = self.journal.get(&key).context("views were not selected")?;
+                let key = (method.id.clone(), property, rerun);
+                selections.0.insert(key, found.clone());
+            }
+        }
+        Ok(())
+    }
+
+    /// Every selection that the methods of a family need, property by property.
+    fn wanted<'m>(&self, family: &Family<'m>, reruns: Range<usize>) -> Result<Vec<Wanted<'m>>> {
+        let mut wanted = Vec::new();
+        for &property in &self.tables.properties {
+            for rerun in reruns.clone() {
+                for &(method, selected) in &family.members {
+                    wanted.push(Wanted {
+                        method,
+                        selected,
+                        property,
+                        rerun,
+                        key: self.key(family, selected, property, rerun)?,
+                    });
+                }
+            }
+        }
+        Ok(wanted)
+    }
+
+    fn key(
+        &self,
+        family: &Family<'_>,
+        selected: &Selected,
+        property: Property,
+        rerun: usize,
+    ) -> Result<TrialKey> {
+        TrialKey::of(&Inputs {
+            code: env!("SOURCE_HASH"),
+            data: self.tables.fingerprint().to_hex().to_string(),
+            views: self.tables.all_views,
+            seed: self.experiment.seed,
+            frozen: family.frozen.map(Head::config),
+            selected,
+            property: property.code(),
+            rerun,
+            split: &self.splits[rerun],
+        })
+    }
+
+    fn run_missing(&mut self, family: &Family<'_>, wanted: &[Wanted<'_>]) -> Result<()> {
+        let missing: Vec<&Wanted<'_>> = wanted
+            .iter()
+            .filter(|wanted| self.journal.get(&wanted.key).is_none())
+            .collect();
+        let estimators = match family.frozen {
+            Some(head) if !missing.is_empty() => Some(self.estimators(head, &missing)?),
+            _ => None,
+        };
+        let progress = Progress::new("views selected", missing.len());
+        let of_trial = |a: &&Wanted<'_>, b: &&Wanted<'_>| a.pair() == b.pair();
+        for chunk in missing.chunk_by(of_trial) {
+            let search = match &estimators {
+                Some(estimators) => Some(self.search(estimators, chunk[0])?),
+                None => None,
+            };
+            for wanted in chunk {
+                progress.say(&format!("{}, {}", wanted.method.label, wanted.property));
+                let found = self.select(search.as_ref(), wanted)?;
+                self.journal.append(vec![found])?;
+                progress.advance(1);
+            }
+        }
+        Ok(())
+    }
+
+    /// Stage 1: estimators for all properties and reruns of `wanted`, trained on random sets.
+    fn estimators(&self, head: &Head, wanted: &[&Wanted<'_>]) -> Result<TrainedHeads> {
+        let mut trials: Vec<Trial> = wanted.iter().map(|wanted| wanted.trial()).collect();
+        trials.dedup();
+        let reruns = self.splits.iter().enumerate().map(|(number, split)| Rerun {
+            number: number as u64,
+            training: split.train.clone(),
+        });
+        let observer = Trained(Progress::new("estimators for random views", trials.len()));
+        let plan = Plan {
+            seed: self.experiment.seed,
+            reruns: reruns.collect(),
+            trials,
+        };
+        Ok(head.train(&self.tables.training_data(), &plan, &observer)?)
+    }
+
+    /// What is searched for one property and rerun.
+    fn search(&self, estimators: &TrainedHeads, wanted: &Wanted<'_>) -> Result<Frozen> {
+        let training = &self.splits[wanted.rerun].train;
+        let data = self.tables.training_data();
+        Ok(Frozen(estimators.fusion_loss(
+            &wanted.trial(),
+            &data,
+            training,
+        )?))
+    }
+
+    /// Stage 2.
+    fn select(&self, search: Option<&Frozen>, wanted: &Wanted<'_>) -> Result<Found> {
+        let (selected, key) = (wanted.selected, wanted.key.clone());
+        let seed = seed(self.experiment.seed, wanted.property.code(), wanted.rerun);
+        let Some(frozen) = search else {
+            return Ok(Found {
+                key,
+                selection: without_loss(selected, self.tables.all_views, seed)?,
+                random_loss: None,
+            });
+        };
+        let problem = Problem::new(frozen)?.distinct(selected.distinct).seed(seed);
+        let random = Random { draws: RANDOM_SETS }.select(&problem)?;
+        let selection = selected.selector.selector().select(&problem);
+        let doing = || format!("method `{}`, {}", wanted.method.id, wanted.property);
+        Ok(Found {
+            key,
+            selection: thinned(selection.with_context(doing)?),
+            random_loss: random.curve.first().map(|point| point.mean),
+        })
+    }
+}
+
+/// Methods that share an estimator to search.
+struct Family<'m> {
+    /// The estimator, where any of the methods searches it.
+    frozen: Option<&'m Head>,
+    members: Vec<(&'m Method, &'m Selected)>,
+}
+
+fn families(methods: &[Method]) -> Result<BTreeMap<String, Family<'_>>> {
+    let mut families: BTreeMap<String, Family<'_>> = BTreeMap::new();
+    for method in methods {
+        let Looks::Selected(selected) = &method.looks else {
+            continue;
+        };
+        let head = match &method.estimator {
+            Estimator::Head(head) => Some(head),
+            Estimator::Ridge(_) => None,
+        };
+        let name = serde_json::to_string(&head.map(Head::config))?;
+        let family = families.entry(name).or_insert(Family {
+            frozen: None,
+            members: Vec::new(),
+        });
+        if selected.learns() {
+            family.frozen = head;
+        }
+        family.members.push((method, selected));
+    }
+    Ok(families)
+}
+
+/// A selection that is needed.
+struct Wanted<'m> {
+    method: &'m Method,
+    selected: &'m Selected,
+    property: Property,
+    rerun: usize,
+    key: TrialKey,
+}
+
+impl Wanted<'_> {
+    fn pair(&self) -> (Property, usize) {
+        (self.property, self.rerun)
+    }
+
+    fn trial(&self) -> Trial {
+        Trial {
+            property: self.property.to_string(),
+            rerun: self.rerun as u64,
+            views: Views::Random,
+        }
+    }
+}
+
+/// All that a selection depends on.
+#[derive(Serialize)]
+struct Inputs<'a> {
+    code: &'static str,
+    data: String,
+    views: usize,
+    seed: u64,
+    frozen: Option<&'a sps_models::heads::HeadConfig>,
+    selected: &'a Selected,
+    property: &'a str,
+    rerun: usize,
+    split: &'a Split,
+}
+
+/// A frozen estimator's loss, as selectors ask for it.
+struct Frozen(FusionLoss);
+
+impl SetLoss for Frozen {
+    fn views(&self) -> usize {
+        self.0.views()
+    }
+
+    fn picks(&self) -> usize {
+        self.0.slots()
+    }
+
+    fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
+        Ok(self.0.losses(sets.as_flat(), losses)?)
+    }
+}
+
+/// Counts estimators as they are trained.
+struct Trained(Progress);
+
+impl Observer for Trained {
+    fn finished(&self, heads: &TrainedHeads) {
+        self.0.advance(heads.heads().len());
+    }
+}
+
+/// Points that are kept of a search's curve.
+const CURVE_POINTS: usize = 60;
+
+/// The selection with a curve of few points, the last among them.
+fn thinned(mut selection: Selection) -> Selection {
+    let count = selection.curve.len();
+    let keep = |at: usize| at * CURVE_POINTS / count != (at + 1) * CURVE_POINTS / count;
+    let mut at = 0..;
+    if count > CURVE_POINTS {
+        selection.curve.retain(|_| at.next().is_some_and(keep));
+    }
+    selection
+}

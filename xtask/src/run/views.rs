@@ -1,0 +1,129 @@
+//! The views that each trial looks at.
+
+use std::collections::BTreeSet;
+
+use anyhow::{Context, Result};
+use sps_dataset::{Property, Source, Split};
+use sps_models::heads::{HeadConfig, Views};
+use sps_viewselect::{Problem, Relations, Selection, SetFunction, TemporalRelations};
+
+use super::Tables;
+use super::select::Selections;
+use crate::config::{Estimator, Experiment, Looks, Method, Selected};
+use crate::data;
+
+/// The views of a trial, as places in the tables.
+#[derive(Clone, Debug)]
+pub(crate) struct TrialViews {
+    /// In training.
+    pub training: Views,
+    /// At prediction, which averages over several fillings of the slots.
+    pub fillings: Vec<Vec<usize>>,
+}
+
+impl TrialViews {
+    /// The same in training and at prediction.
+    pub(crate) fn fixed(views: Vec<usize>) -> Self {
+        Self {
+            training: Views::Fixed(views.clone()),
+            fillings: vec![views],
+        }
+    }
+
+    /// Each view that a prediction looks at, once: in the order of the slots where there is one
+    /// filling, and with its repeats.
+    pub(crate) fn shown(&self) -> Vec<usize> {
+        match self.fillings.as_slice() {
+            [one] => one.clone(),
+            several => {
+                let all: BTreeSet<usize> = several.iter().flatten().copied().collect();
+                all.into_iter().collect()
+            }
+        }
+    }
+}
+
+/// The views that any of the methods may look at, as indices of the source, ascending.
+pub(crate) fn needed<S: Source>(methods: &[Method], source: &S) -> Result<Vec<usize>> {
+    let count = source.view_angles().len();
+    let mut needed = BTreeSet::new();
+    for method in methods {
+        match &method.looks {
+            Looks::Nadir => {
+                needed.insert(data::nadir(source)?);
+            }
+            Looks::Selected(selected) if selected.selector.is_fixed() => {
+                needed.extend(without_loss(selected, count, 0)?.picks);
+            }
+            _ => return Ok((0..count).collect()),
+        }
+    }
+    Ok(needed.into_iter().collect())
+}
+
+/// The choice of a selector that asks for no loss.
+pub(crate) fn without_loss(selected: &Selected, views: usize, seed: u64) -> Result<Selection> {
+    let loss = SetFunction::new(views, selected.picks, |_: &[usize]| 0.0);
+    let problem = Problem::new(&loss)?.distinct(selected.distinct).seed(seed);
+    Ok(selected.selector.selector().select(&problem)?)
+}
+
+/// The views of one trial of `method`.
+pub(crate) fn of_trial(
+    experiment: &Experiment,
+    method: &Method,
+    tables: &Tables,
+    split: &Split,
+    (property, rerun): (Property, usize),
+    selections: &Selections,
+) -> Result<TrialViews> {
+    match &method.looks {
+        Looks::Nadir => Ok(TrialViews::fixed(vec![tables.place(tables.nadir)?])),
+        Looks::All => Ok(TrialViews::fixed((0..tables.views.len()).collect())),
+        Looks::Selected(_) => {
+            let found = selections
+                .get(&method.id, property, rerun)
+                .context("views that were not selected")?;
+            let places = found.selection.picks.iter().map(|&view| tables.place(view));
+            Ok(TrialViews::fixed(places.collect::<Result<_>>()?))
+        }
+        Looks::Relations(relations) => match &method.estimator {
+            Estimator::Head(head) => {
+                let seed = seed(experiment.seed, "relations", rerun);
+                related(relations, head.config(), tables, split, seed)
+            }
+            Estimator::Ridge(_) => anyhow::bail!("ridge regression relates no views"),
+        },
+    }
+}
+
+fn related(
+    relations: &TemporalRelations,
+    head: &HeadConfig,
+    tables: &Tables,
+    split: &Split,
+    seed: u64,
+) -> Result<TrialViews> {
+    let sampler = relations.clone().sampler(tables.views.len(), seed)?;
+    let flat = |scales: Vec<Relations>| -> Vec<usize> {
+        let groups = scales.into_iter().flat_map(|scale| scale.groups);
+        groups.flatten().collect()
+    };
+    let steps = head.epochs * split.train.len().div_ceil(head.batch_size);
+    let training = (0..steps as u64).map(|step| flat(sampler.training_step(step)));
+    Ok(TrialViews {
+        training: Views::Steps(training.collect()),
+        fillings: sampler.test_draws().map(flat).collect(),
+    })
+}
+
+/// The seed for one purpose of a rerun.
+pub(crate) fn seed(seed: u64, purpose: &str, rerun: usize) -> u64 {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&seed.to_le_bytes());
+    hasher.update(&(rerun as u64).to_le_bytes());
+    hasher.update(purpose.as_bytes());
+    let hash = hasher.finalize();
+    let bytes = hash.as_bytes().first_chunk::<8>();
+    bytes.map_or(0, |bytes| u64::from_le_bytes(*bytes))
+}

@@ -1,0 +1,196 @@
+//! Experiments that look at several views.
+
+mod support;
+
+use std::fs;
+
+use serde_json::Value;
+use support::Scratch;
+
+const METHODS: &str = r#"
+[[methods]]
+id = "all"
+label = "All"
+kind = "head"
+all-views = true
+[[methods]]
+id = "pooling"
+label = "Pooling"
+kind = "head"
+all-views = true
+head.input = { kind = "view-pooling" }
+[[methods]]
+id = "random"
+label = "Random"
+kind = "head"
+views = 2
+distinct = true
+selector = { kind = "random" }
+[[methods]]
+id = "nvs"
+label = "NVS"
+kind = "head"
+views = 2
+distinct = true
+selector = { kind = "nvs", evaluations = 200 }
+[[methods]]
+id = "vb-nvs"
+label = "VB-NVS"
+kind = "head"
+views = 2
+distinct = true
+selector = { kind = "vb-nvs", evaluations = 200, search = { rounds = 2, shortlist = 5 } }
+[[methods]]
+id = "greedy"
+label = "Greedy"
+kind = "head"
+views = 2
+distinct = true
+selector = { kind = "greedy" }
+[[methods]]
+id = "exhaustive"
+label = "Exhaustive"
+kind = "head"
+views = 2
+distinct = true
+selector = { kind = "exhaustive" }
+[[methods]]
+id = "trn"
+label = "TRN"
+kind = "head"
+relations = { scales = [1, 2], per-scale = 2, test-draws = 2 }
+[[methods]]
+id = "equidistant-ridge"
+label = "Ridge of two"
+kind = "ridge"
+views = 2
+selector = { kind = "equidistant" }
+"#;
+
+fn scratch(methods: &str) -> Scratch {
+    let scratch = Scratch::new();
+    let path = scratch.path("tiny.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(path, text + methods).unwrap();
+    scratch
+}
+
+fn method<'a>(results: &'a Value, id: &str) -> &'a Value {
+    let mut methods = results["methods"].as_array().unwrap().iter();
+    methods.find(|method| method["id"] == id).unwrap()
+}
+
+#[test]
+fn a_method_decodes_the_views_that_it_looks_at_and_no_other() {
+    let scratch = scratch(METHODS);
+    scratch.experiment().assert().success();
+    let results = scratch.results();
+    let views = results["dataset"]["views"].as_f64().unwrap();
+    for (id, frames) in [
+        ("ridge", 1.0),
+        ("cross-modal", 1.0),
+        ("all", views),
+        ("pooling", views),
+        ("random", 2.0),
+        ("nvs", 2.0),
+        ("vb-nvs", 2.0),
+        ("greedy", 2.0),
+        ("exhaustive", 2.0),
+        ("equidistant-ridge", 2.0),
+    ] {
+        let method = method(&results, id);
+        assert_eq!(method["frames_decoded_per_surface"], frames, "{id}");
+        assert_eq!(method["frames_encoded_per_surface"], frames, "{id}");
+        assert!(method["r2"]["fRS"].is_f64(), "{method}");
+    }
+    let report = fs::read_to_string(scratch.path("run/report.md")).unwrap();
+    assert!(report.contains("## The selection of views"), "{report}");
+    assert!(report.contains("figures/selected-views.svg"), "{report}");
+}
+
+#[test]
+fn no_selector_is_better_than_the_exhaustive_one() {
+    let scratch = scratch(METHODS);
+    scratch.experiment().assert().success();
+    let results = scratch.results();
+    for property in ["fRS", "cDF"] {
+        for rerun in 0..2 {
+            let of = |id: &str| &method(&results, id)["selections"][property][rerun];
+            let optimum = of("exhaustive")["loss"].as_f64().unwrap();
+            for id in ["random", "nvs", "vb-nvs", "greedy"] {
+                assert!(of(id)["loss"].as_f64().unwrap() >= optimum, "{id}");
+                assert_eq!(of(id)["optimum_loss"].as_f64(), Some(optimum));
+            }
+            assert_eq!(of("greedy")["regret"], 0.0);
+        }
+    }
+    assert!(
+        method(&results, "ridge")["selections"]
+            .as_object()
+            .unwrap()
+            .is_empty()
+    );
+}
+
+#[test]
+fn methods_at_nadir_say_the_same_beside_others() {
+    let alone = scratch("");
+    alone.experiment().assert().success();
+    let beside = scratch(METHODS);
+    beside.experiment().assert().success();
+    let (alone, beside) = (alone.results(), beside.results());
+    for id in ["ridge", "cross-modal"] {
+        let (one, other) = (method(&alone, id), method(&beside, id));
+        assert_eq!(one["r2"], other["r2"]);
+        assert_eq!(one["selected_views"], other["selected_views"]);
+    }
+}
+
+#[test]
+fn the_number_of_threads_changes_no_pick() {
+    let scratch = scratch(METHODS);
+    let run = |threads: &str| {
+        let mut command = scratch.experiment();
+        command.arg("--fresh").env("RAYON_NUM_THREADS", threads);
+        command.assert().success();
+        scratch.results()
+    };
+    assert_eq!(run("1"), run("2"));
+}
+
+#[test]
+fn selections_that_were_made_are_not_made_again() {
+    let scratch = scratch(METHODS);
+    scratch.experiment().assert().success();
+    let (path, results) = (scratch.path("run/selections.jsonl"), scratch.results());
+    let whole = fs::read(&path).unwrap();
+    // As a kill in the middle of the search leaves it: half of the last line.
+    let lines: Vec<&[u8]> = whole.split_inclusive(|byte| *byte == b'\n').collect();
+    let kept = lines[..lines.len() - 3].concat();
+    fs::write(&path, &whole[..kept.len() + 20]).unwrap();
+    scratch.experiment().assert().success();
+    assert_eq!(scratch.results(), results);
+    assert!(fs::read(&path).unwrap().starts_with(&kept));
+    // Other settings are another selection.
+    let lines = fs::read_to_string(&path).unwrap().lines().count();
+    scratch.edit(
+        "tiny.toml",
+        "\"nvs\", evaluations = 200",
+        "\"nvs\", evaluations = 100",
+    );
+    scratch.experiment().assert().success();
+    let after = fs::read_to_string(&path).unwrap().lines().count();
+    assert_eq!(after, lines + 4);
+}
+
+#[test]
+fn fixed_views_alone_are_embedded_alone() {
+    let ridge = METHODS.rfind("[[methods]]").unwrap();
+    let scratch = scratch(&METHODS[ridge..]);
+    let run = scratch.experiment().assert().success();
+    let log = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+    let surfaces = scratch.results()["dataset"]["surfaces"].as_u64().unwrap();
+    // The view straight down and two others, or it and one other.
+    let views = [2, 3].map(|views| format!("{} embeddings", views * surfaces));
+    assert!(views.iter().any(|line| log.contains(line)), "{log}");
+}

@@ -79,7 +79,7 @@ impl FusionLoss {
         }
         check_indices("view of a set", sets, self.views)?;
         let mut squares = vec![[0.0; TILE]; losses.len()];
-        self.level.run(Squares {
+        self.level.run(Errors {
             of: self,
             sets,
             squares: &mut squares,
@@ -108,13 +108,13 @@ impl FusionLoss {
 }
 
 /// Adds up the squared errors of each set, lane by lane.
-struct Squares<'a> {
+struct Errors<'a> {
     of: &'a FusionLoss,
     sets: &'a [usize],
     squares: &'a mut [[f32; TILE]],
 }
 
-impl Kernel for Squares<'_> {
+impl Kernel for Errors<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -138,7 +138,7 @@ impl Kernel for Squares<'_> {
     }
 }
 
-impl Squares<'_> {
+impl Errors<'_> {
     #[inline(always)]
     fn set(&self, index: usize) -> &[usize] {
         &self.sets[index * self.of.slots..][..self.of.slots]
@@ -249,31 +249,33 @@ impl TrainedHeads {
         if measured.is_empty() {
             return wrong("no reading".into(), "at least one");
         }
-        fusion_loss(head, &Affine::of(head, &config.model)?, data, &measured)
+        let affine = Affine::of(head, &config.model)?;
+        Ok(frozen(head, affine, data, &measured))
     }
 }
 
-fn fusion_loss(
+/// `measured` holds surfaces with their readings.
+fn frozen(
     head: &TrainedHead,
-    affine: &Affine,
+    affine: Affine,
     data: &TrainingData<'_>,
     measured: &[(usize, f64)],
-) -> Result<FusionLoss> {
+) -> FusionLoss {
     let tiles = measured.len().div_ceil(TILE);
     let mut offsets = vec![0.0; tiles * TILE];
     for (offset, &(_, reading)) in offsets.iter_mut().zip(measured) {
         *offset = (f64::from(affine.output_bias) - head.target.standardise(reading)) as f32;
     }
     let surfaces: Vec<usize> = measured.iter().map(|&(surface, _)| surface).collect();
-    Ok(FusionLoss {
+    FusionLoss {
         slots: head.dims.slots,
         views: data.embeddings.views(),
         surfaces: measured.len(),
         level: Level::detect(),
-        terms: terms(head, affine, data.embeddings, &surfaces, tiles),
-        output: affine.output.clone(),
+        terms: terms(head, &affine, data.embeddings, &surfaces, tiles),
+        output: affine.output,
         offsets,
-    })
+    }
 }
 
 /// The terms of every slot, tile and view; see [`FusionLoss::terms`].

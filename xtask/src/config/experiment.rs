@@ -33,6 +33,8 @@ pub(crate) struct Experiment {
     pub split: SplitPlan,
     pub encoder: EncoderSpec,
     pub methods: Vec<Method>,
+    /// Parts of the training surfaces between which selections are cross-validated; 1: none.
+    pub selection_folds: usize,
     pub bootstrap: Bootstrap,
     pub interval_level: Level,
     /// Indices of the methods that all others are compared with.
@@ -133,6 +135,8 @@ impl Experiment {
             "methods",
             "lists no method",
         )?;
+        let folds = config.selection.folds > 0;
+        require(layers, folds, "selection.folds", "must be at least 1")?;
         let interval_level = level(layers, "report.level", config.report.level)?;
         Ok(Self {
             name: path
@@ -145,6 +149,7 @@ impl Experiment {
             split: config.split,
             encoder: encoder(layers, &config)?,
             methods: methods(layers, &config)?,
+            selection_folds: config.selection.folds,
             bootstrap: Bootstrap::new(config.seed)
                 .with_level(interval_level)
                 .with_resamples(config.report.resamples),

@@ -29,6 +29,7 @@ pub(crate) struct Config {
     )]
     pub head: HeadConfig,
     pub ridge: RidgeConfig,
+    pub selection: SelectionConfig,
     #[serde(default)]
     pub methods: Vec<MethodConfig>,
     pub report: ReportConfig,
@@ -67,6 +68,12 @@ pub(crate) struct EncoderConfig {
     pub resize: usize,
     pub trainable: bool,
     pub training: TrainingConfig,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct SelectionConfig {
+    pub folds: usize,
 }
 
 /// One row of the report.

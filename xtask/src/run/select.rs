@@ -1,6 +1,9 @@
 //! Choosing views: an estimator is trained on random sets of views and frozen, and selectors search
 //! for the set of lowest loss on the training part (section "Viewpoint Selector Framework" of the
 //! paper, stages 1 and 2). Stage 3, training with the found set, is a trial like any other.
+//!
+//! With folds, there is an estimator for each part of the training surfaces, trained on the other
+//! parts: a set of views is not rewarded for surfaces that its estimator has learned by heart.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -114,6 +117,7 @@ impl Selecting<'_> {
             data: self.tables.fingerprint().to_hex().to_string(),
             views: self.tables.all_views,
             seed: self.experiment.seed,
+            folds: self.experiment.selection_folds,
             frozen: family.frozen.map(Head::config),
             selected,
             property: property.code(),
@@ -148,13 +152,19 @@ impl Selecting<'_> {
         Ok(())
     }
 
-    /// Stage 1: estimators for all properties and reruns of `wanted`, trained on random sets.
+    /// Stage 1: estimators for all properties, reruns and folds of `wanted`, trained on random
+    /// sets.
     fn estimators(&self, head: &Head, wanted: &[&Wanted<'_>]) -> Result<TrainedHeads> {
-        let mut trials: Vec<Trial> = wanted.iter().map(|wanted| wanted.trial()).collect();
-        trials.dedup();
-        let reruns = self.splits.iter().enumerate().map(|(number, split)| Rerun {
-            number: number as u64,
-            training: split.train.clone(),
+        let folds = 0..self.experiment.selection_folds;
+        let pairs = wanted.chunk_by(|a, b| a.pair() == b.pair());
+        let trials: Vec<Trial> = pairs
+            .flat_map(|pair| folds.clone().map(|fold| self.trial(pair[0], fold)))
+            .collect();
+        let of_rerun = |rerun| folds.clone().map(move |fold| (rerun, fold));
+        let numbered = (0..self.splits.len()).flat_map(of_rerun);
+        let reruns = numbered.map(|(rerun, fold)| Rerun {
+            number: self.number(rerun, fold),
+            training: self.parts(rerun, fold).0,
         });
         let observer = Trained(Progress::new("estimators for random views", trials.len()));
         let plan = Plan {
@@ -167,13 +177,49 @@ impl Selecting<'_> {
 
     /// What is searched for one property and rerun.
     fn search(&self, estimators: &TrainedHeads, wanted: &Wanted<'_>) -> Result<Frozen> {
-        let training = &self.splits[wanted.rerun].train;
         let data = self.tables.training_data();
-        Ok(Frozen(estimators.fusion_loss(
-            &wanted.trial(),
-            &data,
-            training,
-        )?))
+        let column = data.readings.column(wanted.property.code());
+        let read = |&s: &usize| column.is_some_and(|column| data.readings.get(s, column).is_some());
+        let folds = (0..self.experiment.selection_folds).filter_map(|fold| {
+            let held = self.parts(wanted.rerun, fold).1;
+            let trial = self.trial(wanted, fold);
+            // A part without a reading says nothing.
+            let measured = held.iter().any(read);
+            measured.then(|| estimators.fusion_loss(&trial, &data, &held))
+        });
+        Ok(Frozen(folds.collect::<sps_models::Result<_>>()?))
+    }
+
+    /// The estimator of one fold.
+    fn trial(&self, wanted: &Wanted<'_>, fold: usize) -> Trial {
+        Trial {
+            property: wanted.property.to_string(),
+            rerun: self.number(wanted.rerun, fold),
+            views: Views::Random,
+        }
+    }
+
+    /// A number for each rerun and fold.
+    fn number(&self, rerun: usize, fold: usize) -> u64 {
+        (rerun * self.experiment.selection_folds + fold) as u64
+    }
+
+    /// The training surfaces of a rerun that a fold's estimator is trained on, and those that its
+    /// loss is measured on.
+    fn parts(&self, rerun: usize, fold: usize) -> (Vec<usize>, Vec<usize>) {
+        let mut all = self.splits[rerun].train.clone();
+        let folds = self.experiment.selection_folds;
+        if folds == 1 {
+            return (all.clone(), all);
+        }
+        // By hash, so that the order of the surfaces means nothing.
+        all.sort_by_key(|&surface| seed(self.experiment.seed, "fold", surface));
+        let (held, rest): (Vec<_>, Vec<_>) = all
+            .into_iter()
+            .enumerate()
+            .partition(|(at, _)| at % folds == fold);
+        let surfaces = |part: Vec<(usize, usize)>| part.into_iter().map(|(_, s)| s).collect();
+        (surfaces(rest), surfaces(held))
     }
 
     /// Stage 2.
@@ -242,14 +288,6 @@ impl Wanted<'_> {
     fn pair(&self) -> (Property, usize) {
         (self.property, self.rerun)
     }
-
-    fn trial(&self) -> Trial {
-        Trial {
-            property: self.property.to_string(),
-            rerun: self.rerun as u64,
-            views: Views::Random,
-        }
-    }
 }
 
 /// All that a selection depends on.
@@ -259,6 +297,7 @@ struct Inputs<'a> {
     data: String,
     views: usize,
     seed: u64,
+    folds: usize,
     frozen: Option<&'a sps_models::heads::HeadConfig>,
     selected: &'a Selected,
     property: &'a str,
@@ -266,20 +305,30 @@ struct Inputs<'a> {
     split: &'a Split,
 }
 
-/// A frozen estimator's loss, as selectors ask for it.
-struct Frozen(FusionLoss);
+/// The loss of frozen estimators, as selectors ask for it: the mean over the surfaces of all.
+struct Frozen(Vec<FusionLoss>);
 
 impl SetLoss for Frozen {
     fn views(&self) -> usize {
-        self.0.views()
+        self.0.first().map_or(0, FusionLoss::views)
     }
 
     fn picks(&self) -> usize {
-        self.0.slots()
+        self.0.first().map_or(0, FusionLoss::slots)
     }
 
     fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
-        Ok(self.0.losses(sets.as_flat(), losses)?)
+        let surfaces: usize = self.0.iter().map(FusionLoss::surfaces).sum();
+        let mut of_fold = vec![0.0; losses.len()];
+        losses.fill(0.0);
+        for fold in &self.0 {
+            fold.losses(sets.as_flat(), &mut of_fold)?;
+            let share = fold.surfaces() as f64 / surfaces as f64;
+            for (sum, loss) in losses.iter_mut().zip(&of_fold) {
+                *sum += share * loss;
+            }
+        }
+        Ok(())
     }
 }
 

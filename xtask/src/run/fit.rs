@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use sps_dataset::Split;
 use sps_models::Embeddings;
-use sps_models::heads::{Estimates, Observer, Plan, TrainedHeads, Trial};
+use sps_models::heads::{Estimates, Observer, Plan, TrainedHead, TrainedHeads, Trial};
 use sps_models::ridge::{TrainedRidge, TrainedRidges};
 
 use super::Tables;

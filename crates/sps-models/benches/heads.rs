@@ -1,0 +1,111 @@
+//! Training the paper's seven ablation rows, fifteen properties and three reruns each, for 30
+//! epochs from embeddings of 400 surfaces.
+//!
+//! `cargo bench -p sps-models --bench heads`; `docs/heads.md` says what came out.
+
+use std::hint::black_box;
+
+use candle_core::{Device, Tensor};
+use criterion::{Criterion, criterion_group, criterion_main};
+use sps_models::heads::{
+    Adversarial, Classification, CrossModal, Head, HeadConfig, Model, Plan, Rerun, TrainingData,
+};
+use sps_models::labels::LabelSource;
+use sps_models::{Embeddings, Readings, Result};
+
+const SURFACES: usize = 400;
+const WIDTH: usize = 512;
+const PROPERTIES: usize = 15;
+
+/// The seven rows of the paper's table 4.
+fn rows() -> Vec<Model> {
+    let with = |adversarial: bool, labels: Option<LabelSource>| {
+        Model::CrossModal(CrossModal {
+            adversarial: adversarial.then(Adversarial::default),
+            classification: labels.map(Classification::new),
+            ..CrossModal::default()
+        })
+    };
+    let visuo_tactile = || LabelSource::VisuoTactileCluster {
+        clusters: 15,
+        components: 15,
+        standardise_tactile: true,
+    };
+    vec![
+        Model::Regression {},
+        with(false, None),
+        with(true, None),
+        with(false, Some(LabelSource::Material {})),
+        with(
+            false,
+            Some(LabelSource::TactileCluster {
+                clusters: 15,
+                standardise_tactile: true,
+            }),
+        ),
+        with(false, Some(visuo_tactile())),
+        with(true, Some(visuo_tactile())),
+    ]
+}
+
+/// A value in 0..1 that is different for every index.
+fn value(index: usize) -> f64 {
+    (index as f64 * 0.618_033_988_749_894_9).fract()
+}
+
+fn train(rows: &[Model], data: &TrainingData<'_>, plan: &Plan) -> Result<()> {
+    for model in rows {
+        let head = Head::new(HeadConfig {
+            model: model.clone(),
+            ..HeadConfig::default()
+        })?;
+        black_box(head.train(data, plan, &())?);
+    }
+    Ok(())
+}
+
+fn ablation(c: &mut Criterion) -> Result<()> {
+    let embeddings = (0..SURFACES * WIDTH).map(|i| value(i * i) as f32);
+    let embeddings = Tensor::from_iter(embeddings, &Device::Cpu)?.reshape((SURFACES, WIDTH))?;
+    let table: Vec<Vec<Option<f64>>> = (0..SURFACES)
+        .map(|s| {
+            (0..PROPERTIES)
+                .map(|p| Some(100.0 * value(s * 31 + p * s)))
+                .collect()
+        })
+        .collect();
+    let names: Vec<String> = (0..PROPERTIES).map(|p| format!("p{p}")).collect();
+    let readings = Readings::new(names.clone(), &table)?;
+    let embeddings = Embeddings::new(&embeddings)?;
+    let materials: Vec<String> = (0..SURFACES).map(|s| format!("m{}", s % 15)).collect();
+    let data = TrainingData {
+        embeddings: &embeddings,
+        readings: &readings,
+        materials: Some(&materials),
+        label_features: None,
+    };
+    let rerun = |number: u64| Rerun {
+        number,
+        training: (0..SURFACES)
+            .filter(|&s| !(s as u64 + number).is_multiple_of(10))
+            .collect(),
+    };
+    let plan = Plan::each(1, &names, (0..3).map(rerun).collect());
+    let rows = rows();
+    let mut group = c.benchmark_group("heads");
+    group.sample_size(10);
+    group.bench_function("seven rows, 15 properties, 3 reruns, 30 epochs", |b| {
+        b.iter(|| train(&rows, &data, &plan));
+    });
+    group.finish();
+    Ok(())
+}
+
+fn benches(c: &mut Criterion) {
+    if let Err(error) = ablation(c) {
+        eprintln!("heads: {error}");
+    }
+}
+
+criterion_group!(all, benches);
+criterion_main!(all);

@@ -239,7 +239,7 @@ fn costs(results: &Results) -> Table {
 
 /// Whole where all properties look at as many frames.
 fn frames(count: f64) -> String {
-    number(Some(count), if count.fract() == 0.0 { 0 } else { 1 })
+    number(Some(count), usize::from(count.fract() != 0.0))
 }
 
 fn costs_caption(results: &Results) -> String {

@@ -6,8 +6,8 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use sps_dataset::Split;
 use sps_models::Embeddings;
-use sps_models::heads::{Estimates, Observer, Plan, TrainedHeads, Trial};
-use sps_models::ridge::TrainedRidges;
+use sps_models::heads::{Estimates, Observer, Plan, TrainedHead, TrainedHeads, Trial};
+use sps_models::ridge::{TrainedRidge, TrainedRidges};
 
 use super::Tables;
 use super::trials::{TrialSpec, plan};
@@ -35,8 +35,8 @@ impl Fitted {
     /// Each model on its own.
     fn each(&self) -> impl Iterator<Item = Self> + '_ {
         let trials: Vec<&Trial> = match self {
-            Self::Heads(heads) => heads.heads().iter().map(|head| head.trial()).collect(),
-            Self::Ridges(ridges) => ridges.ridges().iter().map(|ridge| ridge.trial()).collect(),
+            Self::Heads(heads) => heads.heads().iter().map(TrainedHead::trial).collect(),
+            Self::Ridges(ridges) => ridges.ridges().iter().map(TrainedRidge::trial).collect(),
         };
         trials.into_iter().map(move |trial| match self {
             Self::Heads(heads) => Self::Heads(heads.filter(|other| other == trial)),
@@ -47,8 +47,8 @@ impl Fitted {
     /// What the first model was trained for.
     fn trial(&self) -> Option<&Trial> {
         match self {
-            Self::Heads(heads) => heads.heads().first().map(|head| head.trial()),
-            Self::Ridges(ridges) => ridges.ridges().first().map(|ridge| ridge.trial()),
+            Self::Heads(heads) => heads.heads().first().map(TrainedHead::trial),
+            Self::Ridges(ridges) => ridges.ridges().first().map(TrainedRidge::trial),
         }
     }
 }

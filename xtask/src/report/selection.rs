@@ -133,7 +133,8 @@ pub(super) fn curves(results: &Results) -> Option<Figure> {
         title: "How the searches learn".to_owned(),
         caption: "Loss of the best set so far (solid) and mean loss of a round's sets (dashed) \
                   against the sets asked for; mean over properties and reruns. 0 is the optimum, \
-                  or without an exhaustive search the lowest loss that any method found."
+                  or without an exhaustive search the lowest loss that any method found. VB-NVS ends \
+                  with sets that it has not tried before, which are not all good."
             .to_owned(),
         svg: SvgBackend::new().render_scene(&render_multiple(plots, layout)),
     })

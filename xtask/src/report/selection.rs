@@ -80,6 +80,8 @@ fn median(sorted: &[f64]) -> Number {
     Some(f64::midpoint(*sorted.get(low)?, *sorted.get(high)?))
 }
 
+/// The top of the figure, in distances of a random set from the lowest loss.
+const HIGHEST: f64 = 1.2;
 /// Points of a drawn curve.
 const POINTS: u32 = 80;
 
@@ -104,30 +106,35 @@ pub(super) fn curves(results: &Results) -> Option<Figure> {
         .max()?;
     let mut plots = Vec::new();
     for (index, method) in methods.iter().enumerate() {
-        let line = |of: fn(&(u64, f64, f64)) -> f64| {
-            let line = LinePlot::new().with_data(curve(results, method, largest, of));
+        let line = |points: Vec<(f64, f64)>| {
+            let line = LinePlot::new().with_data(points);
             line.with_color(colours[index % colours.len()].to_owned())
         };
-        let best = line(|point| point.2).with_stroke_width(2.0);
+        let best = line(curve(results, method, largest, |point| point.2)).with_stroke_width(2.0);
         plots.push(Plot::Line(best.with_legend(method.label.as_str())));
-        let round = line(|point| point.1).with_stroke_width(1.0).with_dashed();
-        plots.push(Plot::Line(round));
+        let round = curve(results, method, largest, |point| point.1);
+        // A search that goes through all sets does not better its rounds.
+        if round.iter().all(|&(_, loss)| loss <= HIGHEST) {
+            plots.push(Plot::Line(line(round).with_stroke_width(1.0).with_dashed()));
+        }
     }
     let layout = Layout::auto_from_plots(&plots)
-        .with_width(820.0)
+        .with_width(960.0)
         .with_height(400.0)
         .with_log_x()
+        .with_x_axis_max(2.0 * largest as f64)
         .with_y_axis_min(0.0)
-        .with_y_axis_max(1.2)
+        .with_y_axis_max(HIGHEST)
         .with_x_label("sets asked for")
         .with_y_label("loss: 0 is the lowest, 1 a random set")
-        .with_legend_position(LegendPosition::OutsideBottomColumns);
+        .with_legend_position(LegendPosition::OutsideRightTop);
     Some(Figure {
         name: "search",
         title: "How the searches learn".to_owned(),
         caption: "Loss of the best set so far (solid) and mean loss of a round's sets (dashed) \
                   against the sets asked for; mean over properties and reruns. 0 is the optimum, \
-                  or without an exhaustive search the lowest loss that any method found."
+                  or without an exhaustive search the lowest loss that any method found. VB-NVS ends \
+                  with sets that it has not tried before, which are not all good."
             .to_owned(),
         svg: SvgBackend::new().render_scene(&render_multiple(plots, layout)),
     })

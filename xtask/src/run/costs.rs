@@ -61,9 +61,12 @@ pub(crate) fn measure<S: Source>(
             fillings,
         };
         let surfaces = &few.validation[..surfaces];
-        if let (Some(&first), true) = (surfaces.first(), seconds.is_empty()) {
-            // Memory and caches made ready, so that the first method pays no more than the others.
-            estimator.estimate(first)?;
+        if seconds.is_empty() {
+            // Memory made ready and simulated surfaces built, so that the first method pays no
+            // more than the others.
+            for &surface in surfaces {
+                estimator.estimate(surface)?;
+            }
             counted.frames.store(0, Ordering::Relaxed);
         }
         for &surface in surfaces {

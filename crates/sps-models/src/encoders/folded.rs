@@ -118,7 +118,7 @@ impl Layer {
     pub(super) fn output(&self, from: &Grid) -> Grid {
         let shape = self.conv.shape();
         let size = shape.window.output(from.size).unwrap_or_default();
-        Grid::tight(from.frames, size, shape.outputs)
+        Grid::tight(from.frames, size, shape.outputs).staggered()
     }
 
     /// Convolves, and makes negative values 0 where `relu` says so.

@@ -79,12 +79,20 @@ impl Window {
     }
 }
 
+/// Elements after which addresses fall on few sets of a first-level cache.
+const SAME_SETS: usize = 512;
+
+/// Elements of a cache line.
+const LINE: usize = 16;
+
 /// A feature map: frames, each of `size` pixels with a border, each of `channels` numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Grid {
     pub(crate) frames: usize,
     pub(crate) size: Size,
     pub(crate) channels: usize,
+    /// Elements of memory from one pixel to the next.
+    pub(crate) pitch: usize,
     /// The border, zero where it serves as padding.
     pub(crate) before: Size,
     pub(crate) after: Size,
@@ -97,9 +105,20 @@ impl Grid {
             frames,
             size,
             channels,
+            pitch: channels,
             before: [0; 3],
             after: [0; 3],
         }
+    }
+
+    /// With pixels moved a cache line further from each other where they would lie at multiples
+    /// of [`SAME_SETS`]: those that a tile reads side by side would take each other's place in
+    /// the first-level cache.
+    pub(crate) const fn staggered(mut self) -> Self {
+        if self.pitch > 0 && self.pitch.is_multiple_of(SAME_SETS) {
+            self.pitch += LINE;
+        }
+        self
     }
 
     /// With the border that a window pads.
@@ -116,7 +135,7 @@ impl Grid {
 
     /// Elements of one frame.
     pub(crate) fn frame_len(&self) -> usize {
-        (0..3).map(|axis| self.extent(axis)).product::<usize>() * self.channels
+        (0..3).map(|axis| self.extent(axis)).product::<usize>() * self.pitch
     }
 
     /// Elements of all frames.
@@ -128,7 +147,7 @@ impl Grid {
     pub(crate) fn index(&self, frame: usize, place: Size) -> usize {
         let [t, y, x] = place;
         let row = (t * self.extent(1) + y) * self.extent(2) + x;
-        frame * self.frame_len() + row * self.channels
+        frame * self.frame_len() + row * self.pitch
     }
 
     /// The index of each pixel's first channel, frame by frame, row by row.
@@ -153,7 +172,7 @@ impl Grid {
                 for y in 0..count[1] {
                     let row = [from[0] + t * stride[0], from[1] + y * stride[1], from[2]];
                     let start = self.index(frame, row);
-                    let step = stride[2] * self.channels;
+                    let step = stride[2] * self.pitch;
                     steps.extend((0..count[2]).map(|x| (start + x * step) as u32));
                 }
             }
@@ -167,15 +186,15 @@ impl Grid {
         let inside = |axis: usize, at: usize| {
             (self.before[axis]..self.before[axis] + self.size[axis]).contains(&at)
         };
-        let row_len = width * self.channels;
+        let row_len = width * self.pitch;
         if row_len == 0 {
             return;
         }
         for (row, memory) in memory.chunks_exact_mut(row_len).enumerate() {
             if inside(0, row / height % time) && inside(1, row % height) {
-                let (left, rest) = memory.split_at_mut(self.before[2] * self.channels);
+                let (left, rest) = memory.split_at_mut(self.before[2] * self.pitch);
                 left.fill(0.0);
-                rest[self.size[2] * self.channels..].fill(0.0);
+                rest[self.size[2] * self.pitch..].fill(0.0);
             } else {
                 memory.fill(0.0);
             }

@@ -24,13 +24,20 @@ pub(crate) fn frame_means(
         .chunks_exact(grid.frame_len())
         .zip(means.chunks_exact_mut(channels));
     for (frame, means) in frames {
-        let runs: Vec<&[f32]> = frame.chunks(RUN * channels).collect();
-        let sum = |run: &&[f32]| level.run(Sum { run, channels });
+        let runs: Vec<&[f32]> = frame.chunks(RUN * grid.pitch).collect();
+        let sum = |run: &&[f32]| {
+            let pitch = grid.pitch;
+            level.run(Sum {
+                run,
+                channels,
+                pitch,
+            })
+        };
         let sums: Vec<Vec<f32>> = match threads {
             Threads::One => runs.iter().map(sum).collect(),
             Threads::All => runs.par_iter().map(sum).collect(),
         };
-        let pixels = (frame.len() / channels) as f64;
+        let pixels = (frame.len() / grid.pitch) as f64;
         for (channel, mean) in means.iter_mut().enumerate() {
             let sum: f64 = sums.iter().map(|run| f64::from(run[channel])).sum();
             *mean = (sum / pixels) as f32;
@@ -42,6 +49,7 @@ pub(crate) fn frame_means(
 struct Sum<'a> {
     run: &'a [f32],
     channels: usize,
+    pitch: usize,
 }
 
 impl Kernel for Sum<'_> {
@@ -50,7 +58,7 @@ impl Kernel for Sum<'_> {
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) -> Vec<f32> {
         let mut sums = vec![0.0; self.channels];
-        for pixel in self.run.chunks_exact(self.channels) {
+        for pixel in self.run.chunks_exact(self.pitch) {
             for (sum, x) in sums.iter_mut().zip(pixel) {
                 *sum += x;
             }

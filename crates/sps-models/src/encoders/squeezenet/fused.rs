@@ -119,10 +119,7 @@ impl Fused {
                 middle.clear_border(squeezed);
                 squeeze.apply(threads, (features, &from), (squeezed, &middle), true);
                 let half = point.output(&middle);
-                let to = Grid {
-                    channels: 2 * half.channels,
-                    ..half
-                };
+                let to = Grid::tight(half.frames, half.size, 2 * half.channels).staggered();
                 next.resize(to.len());
                 point.apply(threads, (squeezed, &middle), (next, &to), true);
                 let right = &mut next[half.channels..];

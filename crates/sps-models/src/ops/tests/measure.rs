@@ -84,8 +84,9 @@ impl Row {
         let depth = pixels(shape.window.size) * shape.group_inputs();
         let conv = Conv::pack(Level::detect(), shape, &ramp(depth * shape.outputs));
         let size = [1, self.extent, self.extent];
-        let from = Grid::tight(self.frames, size, shape.inputs).padded(&shape.window);
-        let to = Grid::tight(self.frames, self.output(), shape.outputs);
+        let map = |size, channels| Grid::tight(self.frames, size, channels).staggered();
+        let from = map(size, shape.inputs).padded(&shape.window);
+        let to = map(self.output(), shape.outputs);
         let source = ramp(from.len());
         let mut target = vec![0.0; to.len()];
         let time = shortest(|| {

@@ -7,7 +7,7 @@ use sps_dataset::simulate::{Material, Simulator};
 use sps_models::Readings;
 use sps_models::encoders::Encoder;
 use sps_models::training::{Classes, Parts, Targets};
-use sps_models::weights::Precision;
+use sps_models::weights::Storage;
 
 use crate::config::{Pretraining, Setting};
 use crate::files::write_atomically;
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let trained = train(task, &images, &runs)?;
     let note = note(&pretraining, &trained)?;
     let weights = trained.encoder.weights();
-    let bytes = weights.to_bytes_as(Precision::F16, Some(("sps-pretraining", &note)))?;
+    let bytes = weights.to_bytes_as(Storage::F16, Some(("sps-pretraining", &note)))?;
     write_atomically(&args.out, &bytes)?;
     println!(
         "{} ({} KiB)\n{}\nTensorBoard: {}",

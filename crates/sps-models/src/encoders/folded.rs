@@ -3,7 +3,8 @@
 use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::conv::{Conv, ConvShape};
-use crate::ops::grid::Grid;
+use crate::ops::format::Format;
+use crate::ops::grid::{Grid, pixels};
 use crate::ops::panels::Panels;
 use crate::ops::product::{Columns, Epilogue, Product};
 use crate::ops::simd::Level;
@@ -93,10 +94,24 @@ impl Folded {
         }
     }
 
-    /// Lays it out for the kernels.
-    pub(super) fn pack(self, level: Level) -> Layer {
+    /// With inputs added that count for nothing.
+    pub(super) fn with_inputs(mut self, inputs: usize) -> Self {
+        let taps = pixels(self.shape.window.size);
+        let per_output = self.shape.group_inputs() * taps;
+        let added = (inputs / self.shape.groups) * taps - per_output;
+        let rows = self.weights.chunks_exact(per_output);
+        let zeros = std::iter::repeat_n(0.0, added);
+        self.weights = rows
+            .flat_map(|row| row.iter().copied().chain(zeros.clone()))
+            .collect();
+        self.shape.inputs = inputs;
+        self
+    }
+
+    /// Lays it out for the kernels, for feature maps of a format.
+    pub(super) fn pack(self, level: Level, format: Format) -> Layer {
         Layer {
-            conv: Conv::pack(level, self.shape, &self.weights),
+            conv: Conv::pack_as(level, format, self.shape, &self.weights),
             shift: self.shift,
         }
     }
@@ -118,7 +133,9 @@ impl Layer {
     pub(super) fn output(&self, from: &Grid) -> Grid {
         let shape = self.conv.shape();
         let size = shape.window.output(from.size).unwrap_or_default();
-        Grid::tight(from.frames, size, shape.outputs).staggered()
+        Grid::tight(from.frames, size, shape.outputs)
+            .in_format(self.conv.format())
+            .staggered()
     }
 
     /// Convolves, and makes negative values 0 where `relu` says so.

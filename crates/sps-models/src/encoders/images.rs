@@ -1,6 +1,9 @@
 //! Images as the kernels take them.
 
-use crate::ops::grid::Grid;
+use half::bf16;
+
+use crate::ops::format::Format;
+use crate::ops::grid::{Grid, Size};
 
 /// What a network takes out of its input: `(value - mean) / std` of each channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,6 +25,16 @@ impl Normalisation {
     };
 }
 
+/// The layout of one image for the kernels. A pixel of bf16 has a fourth channel, which is zero, so
+/// that it fills whole words.
+pub(super) fn image_grid(size: Size, format: Format) -> Grid {
+    let channels = match format {
+        Format::F32 => 3,
+        Format::Bf16 => 4,
+    };
+    Grid::tight(1, size, channels).in_format(format)
+}
+
 /// Lays one image `(3, time, height, width)` out channels last inside the first frame of `grid`.
 pub(super) fn interleave(
     image: &[f32],
@@ -38,13 +51,27 @@ pub(super) fn interleave(
             grid.before[2],
         ];
         let start = grid.index(0, place);
-        let out = &mut out[start..start + width * 3];
+        let out = &mut out[start..start + width * grid.pitch];
+        if grid.format == Format::Bf16 {
+            out.fill(0.0);
+        }
         for channel in 0..3 {
             let (mean, std) = (normalisation.mean[channel], normalisation.std[channel]);
             let from = channel * plane + row * width;
             let values = &image[from..from + width];
-            for (pixel, value) in out.chunks_exact_mut(3).zip(values) {
-                pixel[channel] = (value - mean) / std;
+            let values = values.iter().map(|value| (value - mean) / std);
+            match grid.format {
+                Format::F32 => {
+                    for (pixel, value) in out.chunks_exact_mut(3).zip(values) {
+                        pixel[channel] = value;
+                    }
+                }
+                Format::Bf16 => {
+                    let out: &mut [bf16] = bytemuck::cast_slice_mut(out);
+                    for (pixel, value) in out.chunks_exact_mut(4).zip(values) {
+                        pixel[channel] = bf16::from_f32(value);
+                    }
+                }
             }
         }
     }

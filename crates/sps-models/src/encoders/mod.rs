@@ -9,6 +9,7 @@ mod images;
 mod init;
 mod kind;
 mod plain;
+mod precision;
 mod se_resnext;
 mod squeezenet;
 #[cfg(test)]
@@ -22,6 +23,7 @@ use candle_core::{DType, Device, Tensor};
 
 pub use i3d::I3d;
 pub use kind::EncoderKind;
+pub use precision::Precision;
 pub use se_resnext::SeResNextConfig;
 pub use trainable::TrainableEncoder;
 
@@ -46,6 +48,7 @@ use plain::Plain;
 #[derive(Debug, Clone)]
 pub struct Encoder {
     kind: EncoderKind,
+    precision: Precision,
     weights: Weights,
     device: Device,
     hash: blake3::Hash,
@@ -90,20 +93,46 @@ impl Encoder {
     /// When the weights do not fit the network.
     pub fn new(kind: EncoderKind, weights: Weights, device: &Device) -> Result<Self> {
         let weights = weights.fit(kind.name(), &kind.specs(), |name| kind.passes(name))?;
-        let hash = content_hash(kind, &weights)?;
-        let engine = Engine::new(kind, &weights, device)?;
+        let precision = Precision::default();
         Ok(Self {
             kind,
-            engine,
+            precision,
+            engine: Engine::new(kind, &weights, device, precision)?,
+            hash: content_hash(kind, &weights, precision)?,
             weights: weights.to_device(device)?,
             device: device.clone(),
-            hash,
+        })
+    }
+
+    /// The same network, computing in another precision.
+    ///
+    /// # Errors
+    ///
+    /// When the device is not the CPU and the precision not f32.
+    pub fn with_precision(self, precision: Precision) -> Result<Self> {
+        if !self.device.is_cpu() && precision != Precision::F32 {
+            return Err(Error::input(
+                "precision",
+                format_args!("{precision} on another device than the CPU"),
+                format_args!("{}", Precision::F32),
+            ));
+        }
+        Ok(Self {
+            precision,
+            engine: Engine::new(self.kind, &self.weights, &self.device, precision)?,
+            hash: content_hash(self.kind, &self.weights, precision)?,
+            ..self
         })
     }
 
     /// Which network this is.
     pub fn kind(&self) -> EncoderKind {
         self.kind
+    }
+
+    /// What the network computes in.
+    pub fn precision(&self) -> Precision {
+        self.precision
     }
 
     /// The length of an embedding.
@@ -121,8 +150,8 @@ impl Encoder {
         &self.device
     }
 
-    /// A hash of the network's name and of every weight, for cache keys: two encoders with one
-    /// hash give the same embeddings.
+    /// A hash of the network's name, its precision and every weight, for cache keys: two encoders
+    /// with one hash give the same embeddings.
     pub fn content_hash(&self) -> [u8; 32] {
         *self.hash.as_bytes()
     }
@@ -217,24 +246,36 @@ fn normalise(images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
 }
 
 impl Engine {
-    fn new(kind: EncoderKind, weights: &Weights, device: &Device) -> Result<Self> {
+    fn new(
+        kind: EncoderKind,
+        weights: &Weights,
+        device: &Device,
+        precision: Precision,
+    ) -> Result<Self> {
         if !device.is_cpu() {
             return Ok(Self::Plain);
         }
-        let level = Level::detect();
+        let (level, format) = (Level::detect(), precision.format());
         Ok(if let Some(config) = kind.se_resnext() {
-            let network = se_resnext::fused::Fused::new(&config, weights, level)?;
+            let network = se_resnext::fused::Fused::new(&config, weights, level, format)?;
             Self::SeResNext(Arc::new(Pooled::new(network)))
         } else {
-            let network = squeezenet::fused::Fused::new(weights, level)?;
+            let network = squeezenet::fused::Fused::new(weights, level, format)?;
             Self::SqueezeNet(Arc::new(Pooled::new(network)))
         })
     }
 }
 
-fn content_hash(kind: EncoderKind, weights: &Weights) -> Result<blake3::Hash> {
+fn content_hash(
+    kind: EncoderKind,
+    weights: &Weights,
+    precision: Precision,
+) -> Result<blake3::Hash> {
     let mut hasher = blake3::Hasher::new_derive_key("sps-models encoder");
     hasher.update(kind.name().as_bytes());
+    if precision != Precision::F32 {
+        hasher.update(precision.name().as_bytes());
+    }
     for (name, tensor) in weights.iter() {
         hasher.update(&(name.len() as u64).to_le_bytes());
         hasher.update(name.as_bytes());

@@ -1,6 +1,7 @@
 //! Convolution of feature maps, channels last.
 
 use super::bands::{Threads, for_each_band};
+use super::format::{Format, pair};
 use super::grid::{Grid, Window, pixels};
 use super::grouped::{GroupWeights, GroupedProduct};
 use super::panels::Panels;
@@ -32,6 +33,7 @@ impl ConvShape {
 #[derive(Debug, Clone)]
 pub(crate) struct Conv {
     shape: ConvShape,
+    format: Format,
     weights: Weights,
 }
 
@@ -45,28 +47,55 @@ enum Weights {
 }
 
 impl Conv {
-    /// Packs weights `(outputs, inputs / groups, time, height, width)`.
+    /// Packs weights `(outputs, inputs / groups, time, height, width)`, for feature maps of f32.
     pub(crate) fn pack(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
+        Self::pack_as(level, Format::F32, shape, weights)
+    }
+
+    /// Packs weights `(outputs, inputs / groups, time, height, width)`, for feature maps of a
+    /// format.
+    ///
+    /// With [`Format::Bf16`] a group has an even number of inputs and of outputs.
+    pub(crate) fn pack_as(level: Level, format: Format, shape: ConvShape, weights: &[f32]) -> Self {
         let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
+        debug_assert!(inputs.is_multiple_of(format.numbers()), "{shape:?}");
+        debug_assert!(outputs.is_multiple_of(format.numbers()), "{shape:?}");
         let taps = pixels(shape.window.size);
         let at =
             |out: usize, tap: usize, input: usize| weights[(out * inputs + input) * taps + tap];
-        let narrow = inputs == outputs && GroupWeights::serves(level, shape.outputs, outputs);
+        let narrow =
+            inputs == outputs && GroupWeights::serves(level, format, shape.outputs, outputs);
         let weights = if narrow {
-            Weights::Narrow(GroupWeights::pack(level, shape.outputs, outputs, taps, at))
+            let packed = GroupWeights::pack(level, format, shape.outputs, outputs, taps, at);
+            Weights::Narrow(packed)
         } else {
             let group = |group: usize| {
-                if taps == 1 {
+                if taps == 1 && format == Format::F32 {
                     let matrix = &weights[group * outputs * inputs..][..outputs * inputs];
                     return Panels::pack_transposed(level, inputs, outputs, matrix);
                 }
-                Panels::pack(level, taps * inputs, outputs, |row, column| {
+                let number = |row: usize, column: usize| {
                     at(group * outputs + column, row / inputs, row % inputs)
-                })
+                };
+                let word = |row: usize, column: usize| match format {
+                    Format::F32 => number(row, column),
+                    Format::Bf16 => pair(number(2 * row, column), number(2 * row + 1, column)),
+                };
+                let rows = format.words(taps * inputs);
+                Panels::pack(level, rows, outputs, word).in_format(format)
             };
             Weights::Matrices((0..shape.groups).map(group).collect())
         };
-        Self { shape, weights }
+        Self {
+            shape,
+            format,
+            weights,
+        }
+    }
+
+    /// The format of the feature maps that go in and come out.
+    pub(crate) fn format(&self) -> Format {
+        self.format
     }
 
     /// The convolution's shape.
@@ -84,6 +113,7 @@ impl Conv {
         (target, to): (&mut [f32], &Grid),
         epilogue: Epilogue<'_>,
     ) {
+        debug_assert_eq!((from.format, to.format), (self.format, self.format));
         debug_assert_eq!(
             self.shape.window.output(from.size),
             Some(to.size),
@@ -108,7 +138,7 @@ impl Conv {
                     for (group, panels) in groups.iter().enumerate() {
                         let column = group * self.shape.group_outputs();
                         let product = Product {
-                            source: &source[group * self.shape.group_inputs()..],
+                            source: &source[self.format.words(group * self.shape.group_inputs())..],
                             rows: starts,
                             frame_rows: places.len() / band.frames.len().max(1),
                             taps: &taps,
@@ -116,7 +146,8 @@ impl Conv {
                             panels,
                             epilogue: epilogue.from(band.frames.start, column),
                         };
-                        product.write(&mut band.target[column..], places, band.origin);
+                        let target = &mut band.target[self.format.words(column)..];
+                        product.write(target, places, band.origin);
                     }
                 }
             }

@@ -6,6 +6,7 @@
 
 use super::bands::{Threads, for_each_band};
 use super::conv::ConvShape;
+use super::format::Format;
 use super::grid::{Grid, Size, pixels};
 use super::grouped::{GroupWeights, GroupedProduct};
 use super::panels::Panels;
@@ -228,13 +229,14 @@ impl Weights {
         if taps.is_empty() {
             return Self::None;
         }
-        if inputs == outputs && GroupWeights::serves(level, shape.inputs, inputs) {
+        if inputs == outputs && GroupWeights::serves(level, Format::F32, shape.inputs, inputs) {
             let element = |channel: usize, tap: usize, output: usize| {
                 let (group, input) = (channel / inputs, channel % inputs);
                 at(group * outputs + output, input, tap)
             };
             return Self::Narrow(GroupWeights::pack(
                 level,
+                Format::F32,
                 shape.inputs,
                 inputs,
                 taps.len(),

@@ -1,5 +1,7 @@
 //! Where the pixels of a feature map lie in memory, channels last, with room for padding.
 
+use super::format::Format;
+
 /// Time, height, width. A still image has one time step.
 pub(crate) type Size = [usize; 3];
 
@@ -79,10 +81,10 @@ impl Window {
     }
 }
 
-/// Elements after which addresses fall on few sets of a first-level cache.
+/// Words after which addresses fall on few sets of a first-level cache.
 const SAME_SETS: usize = 512;
 
-/// Elements of a cache line.
+/// Words of a cache line.
 const LINE: usize = 16;
 
 /// A feature map: frames, each of `size` pixels with a border, each of `channels` numbers.
@@ -91,7 +93,9 @@ pub(crate) struct Grid {
     pub(crate) frames: usize,
     pub(crate) size: Size,
     pub(crate) channels: usize,
-    /// Elements of memory from one pixel to the next.
+    /// How a pixel's channels lie in the words of memory.
+    pub(crate) format: Format,
+    /// Words from one pixel to the next.
     pub(crate) pitch: usize,
     /// The border, zero where it serves as padding.
     pub(crate) before: Size,
@@ -105,10 +109,23 @@ impl Grid {
             frames,
             size,
             channels,
+            format: Format::F32,
             pitch: channels,
             before: [0; 3],
             after: [0; 3],
         }
+    }
+
+    /// In another format.
+    pub(crate) const fn in_format(mut self, format: Format) -> Self {
+        self.format = format;
+        self.pitch = format.words(self.channels);
+        self
+    }
+
+    /// Words of memory that a pixel's channels take.
+    pub(crate) const fn words(&self) -> usize {
+        self.format.words(self.channels)
     }
 
     /// With pixels moved a cache line further from each other where they would lie at multiples
@@ -133,12 +150,12 @@ impl Grid {
         self.before[axis] + self.size[axis] + self.after[axis]
     }
 
-    /// Elements of one frame.
+    /// Words of one frame.
     pub(crate) fn frame_len(&self) -> usize {
         (0..3).map(|axis| self.extent(axis)).product::<usize>() * self.pitch
     }
 
-    /// Elements of all frames.
+    /// Words of all frames.
     pub(crate) fn len(&self) -> usize {
         self.frames * self.frame_len()
     }

@@ -7,6 +7,7 @@
 use rayon::prelude::*;
 
 use super::buffer::Buffer;
+use super::format::{Format, WordKernel, Words, pair};
 use super::product::Epilogue;
 use super::simd::{Kernel, Lanes, Level};
 
@@ -14,18 +15,19 @@ use super::simd::{Kernel, Lanes, Level};
 #[derive(Debug, Clone)]
 pub(crate) struct GroupWeights {
     level: Level,
-    channels: usize,
+    format: Format,
     group: usize,
     taps: usize,
-    /// `(channels / lanes, taps, group, lanes)`
+    /// `(channels / (vectors * lanes), taps, words of a group, vectors, lanes)`, with as many
+    /// vectors as a word has numbers
     data: Buffer,
 }
 
 impl GroupWeights {
     /// Whether groups of this width are narrow enough for the kernel.
-    pub(crate) fn serves(level: Level, channels: usize, group: usize) -> bool {
+    pub(crate) fn serves(level: Level, format: Format, channels: usize, group: usize) -> bool {
         let lanes = level.lanes();
-        channels.is_multiple_of(lanes)
+        channels.is_multiple_of(format.numbers() * lanes)
             && ((group == 4 && lanes >= 4) || (group == 8 && lanes == 16))
     }
 
@@ -33,22 +35,31 @@ impl GroupWeights {
     /// is `element(out, tap, input)`.
     pub(crate) fn pack(
         level: Level,
+        format: Format,
         channels: usize,
         group: usize,
         taps: usize,
         element: impl Fn(usize, usize, usize) -> f32,
     ) -> Self {
-        let lanes = level.lanes();
-        let mut data = Buffer::zeros(channels * taps * group);
+        let (lanes, vectors) = (level.lanes(), format.numbers());
+        let mut data = Buffer::zeros(channels * taps * format.words(group));
         for (i, out) in data.iter_mut().enumerate() {
-            let (vector, lane) = (i / lanes, i % lanes);
-            let (rest, input) = (vector / group, vector % group);
-            let (block, tap) = (rest / taps, rest % taps);
-            *out = element(block * lanes + lane, tap, input);
+            let (i, lane) = (i / lanes, i % lanes);
+            let (i, vector) = (i / vectors, i % vectors);
+            let (i, word) = (i / format.words(group), i % format.words(group));
+            let (block, tap) = (i / taps, i % taps);
+            let channel = (block * vectors + vector) * lanes + lane;
+            *out = match format {
+                Format::F32 => element(channel, tap, word),
+                Format::Bf16 => pair(
+                    element(channel, tap, 2 * word),
+                    element(channel, tap, 2 * word + 1),
+                ),
+            };
         }
         Self {
             level,
-            channels,
+            format,
             group,
             taps,
             data,
@@ -73,12 +84,16 @@ impl GroupedProduct<'_> {
     /// Writes pixel `i` at `places[i] - origin` of the target.
     pub(crate) fn write(&self, target: &mut [f32], places: &[u32], origin: usize) {
         debug_assert_eq!(self.taps.len(), self.weights.taps);
-        self.weights.level.run(Write {
-            product: self,
-            target,
-            places,
-            origin,
-        });
+        let GroupWeights { level, format, .. } = *self.weights;
+        level.run_on(
+            format,
+            Write {
+                product: self,
+                target,
+                places,
+                origin,
+            },
+        );
     }
 }
 
@@ -89,42 +104,59 @@ struct Write<'a, 'b> {
     origin: usize,
 }
 
-impl Kernel for Write<'_, '_> {
+impl WordKernel for Write<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes>(mut self, lanes: S) {
-        if self.product.weights.group == 4 {
-            self.tiles::<S, 4>(lanes);
-        } else {
-            self.tiles::<S, 8>(lanes);
+    fn run<S: Lanes, W: Words<S>>(mut self, lanes: S, words: W) {
+        match (W::FORMAT, self.product.weights.group) {
+            (Format::F32, 4) => self.tiles::<S, W, 4, 1, 12>(lanes, words),
+            (Format::F32, _) => self.tiles::<S, W, 8, 1, 12>(lanes, words),
+            (Format::Bf16, 4) => self.tiles::<S, W, 4, 2, 6>(lanes, words),
+            (Format::Bf16, _) => self.tiles::<S, W, 8, 2, 6>(lanes, words),
         }
     }
 }
 
 impl Write<'_, '_> {
+    /// All pixels, `TALLEST` at once where there are registers for it.
     #[inline(always)]
-    fn tiles<S: Lanes, const G: usize>(&mut self, lanes: S) {
+    fn tiles<S, W, const G: usize, const NV: usize, const TALLEST: usize>(
+        &mut self,
+        lanes: S,
+        words: W,
+    ) where
+        S: Lanes,
+        W: Words<S>,
+    {
         let count = self.places.len();
         let mut first = 0;
         if S::REGISTER_COUNT >= 32 {
-            while first + 12 <= count {
-                self.tile::<S, G, 12>(lanes, first);
-                first += 12;
+            while first + TALLEST <= count {
+                self.tile::<S, W, G, NV, TALLEST>(lanes, words, first);
+                first += TALLEST;
             }
         }
         while first + 4 <= count {
-            self.tile::<S, G, 4>(lanes, first);
+            self.tile::<S, W, G, NV, 4>(lanes, words, first);
             first += 4;
         }
         for first in first..count {
-            self.tile::<S, G, 1>(lanes, first);
+            self.tile::<S, W, G, NV, 1>(lanes, words, first);
         }
     }
 
-    /// `H` pixels, all channels.
+    /// `H` pixels, all channels; a vector of words makes `NV` of channels.
     #[inline(always)]
-    fn tile<S: Lanes, const G: usize, const H: usize>(&mut self, lanes: S, first: usize) {
+    fn tile<S, W, const G: usize, const NV: usize, const H: usize>(
+        &mut self,
+        lanes: S,
+        words: W,
+        first: usize,
+    ) where
+        S: Lanes,
+        W: Words<S>,
+    {
         let GroupedProduct {
             source,
             starts,
@@ -139,36 +171,40 @@ impl Write<'_, '_> {
         let (all, _) = S::as_simd_f32s(&weights.data);
         let (all, _) = all.as_chunks::<G>();
         for (block, weights) in all.chunks_exact(taps.len()).enumerate() {
-            let channel = block * S::F32_LANES;
-            let mut sums = [lanes.splat_f32s(0.0); H];
+            let word = block * S::F32_LANES;
+            let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
             for (&tap, weights) in taps.iter().zip(weights) {
                 let x: [S::f32s; H] = std::array::from_fn(|i| {
-                    let from = starts[i] + tap as usize + channel;
+                    let from = starts[i] + tap as usize + word;
                     vector(lanes, &source[from..from + S::F32_LANES])
                 });
                 for (g, &weight) in weights.iter().enumerate() {
+                    let (index, v) = (g / NV, g % NV);
                     for i in 0..H {
-                        sums[i] = lanes.fma(lanes.spread::<G>(x[i], g), weight, sums[i]);
+                        let x = words.spread::<G>(lanes, x[i], v, index);
+                        sums[i][v] = words.multiply_add(lanes, x, weight, sums[i][v]);
                     }
                 }
             }
-            let shift = match epilogue.shift {
-                Some(shift) => vector(lanes, shift.get(0, channel)),
+            let shifts: [S::f32s; NV] = std::array::from_fn(|v| match epilogue.shift {
+                Some(shift) => vector(lanes, shift.get(0, (block * NV + v) * S::F32_LANES)),
                 None => lanes.splat_f32s(0.0),
-            };
+            });
             for i in 0..H {
-                let from = places[i] + channel;
-                let (out, _) = S::as_mut_simd_f32s(&mut self.target[from..from + S::F32_LANES]);
-                let sum = lanes.add_f32s(sums[i], shift);
-                let sum = if epilogue.accumulate {
-                    lanes.add_f32s(sum, out[0])
+                let from = places[i] + word;
+                let out = &mut self.target[from..from + S::F32_LANES];
+                let stored: [S::f32s; NV] = if epilogue.accumulate {
+                    words.load(lanes, out)
                 } else {
-                    sum
+                    [lanes.splat_f32s(0.0); NV]
                 };
-                out[0] = lanes.at_least(floor, sum);
+                let sums = std::array::from_fn(|v| {
+                    let sum = lanes.add_f32s(sums[i][v], shifts[v]);
+                    lanes.at_least(floor, lanes.add_f32s(sum, stored[v]))
+                });
+                words.store::<NV>(lanes, sums, out);
             }
         }
-        debug_assert_eq!(weights.channels % S::F32_LANES, 0);
     }
 }
 
@@ -200,7 +236,7 @@ impl<'a> GroupedOuter<'a> {
         group: usize,
         taps: &'a [u32],
     ) -> Option<Self> {
-        GroupWeights::serves(level, channels, group).then_some(Self {
+        GroupWeights::serves(level, Format::F32, channels, group).then_some(Self {
             level,
             channels,
             group,

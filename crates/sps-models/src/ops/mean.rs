@@ -2,7 +2,10 @@
 
 use rayon::prelude::*;
 
+use half::bf16;
+
 use super::bands::Threads;
+use super::format::Format;
 use super::grid::Grid;
 use super::simd::{Kernel, Lanes, Level};
 
@@ -25,14 +28,7 @@ pub(crate) fn frame_means(
         .zip(means.chunks_exact_mut(channels));
     for (frame, means) in frames {
         let runs: Vec<&[f32]> = frame.chunks(RUN * grid.pitch).collect();
-        let sum = |run: &&[f32]| {
-            let pitch = grid.pitch;
-            level.run(Sum {
-                run,
-                channels,
-                pitch,
-            })
-        };
+        let sum = |run: &&[f32]| level.run(Sum { run, grid });
         let sums: Vec<Vec<f32>> = match threads {
             Threads::One => runs.iter().map(sum).collect(),
             Threads::All => runs.par_iter().map(sum).collect(),
@@ -48,8 +44,7 @@ pub(crate) fn frame_means(
 /// The sum over the pixels of a run.
 struct Sum<'a> {
     run: &'a [f32],
-    channels: usize,
-    pitch: usize,
+    grid: &'a Grid,
 }
 
 impl Kernel for Sum<'_> {
@@ -57,12 +52,28 @@ impl Kernel for Sum<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) -> Vec<f32> {
-        let mut sums = vec![0.0; self.channels];
-        for pixel in self.run.chunks_exact(self.pitch) {
-            for (sum, x) in sums.iter_mut().zip(pixel) {
-                *sum += x;
+        let mut sums = vec![0.0; self.grid.channels];
+        for pixel in self.run.chunks_exact(self.grid.pitch) {
+            match self.grid.format {
+                Format::F32 => {
+                    for (sum, x) in sums.iter_mut().zip(pixel) {
+                        *sum += x;
+                    }
+                }
+                Format::Bf16 => {
+                    let pixel: &[bf16] = bytemuck::cast_slice(pixel);
+                    for (sum, x) in sums.iter_mut().zip(pixel) {
+                        *sum += widened(*x);
+                    }
+                }
             }
         }
         sums
     }
+}
+
+/// The same number; as plain bits, so that the loop becomes one over vectors.
+#[inline(always)]
+pub(super) fn widened(x: bf16) -> f32 {
+    f32::from_bits(u32::from(x.to_bits()) << 16)
 }

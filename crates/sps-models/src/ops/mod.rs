@@ -12,11 +12,14 @@ mod unroll;
 
 pub(crate) mod bands;
 pub(crate) mod batch_norm;
+#[cfg(target_arch = "x86_64")]
+mod bf16;
 pub(crate) mod buffer;
 pub(crate) mod conv;
 pub(crate) mod conv_input;
 pub(crate) mod conv_weight;
 mod custom;
+pub(crate) mod format;
 pub(crate) mod grid;
 mod grouped;
 pub(crate) mod mean;

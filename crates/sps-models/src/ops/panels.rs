@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::buffer::Buffer;
+use super::format::Format;
 use super::simd::Level;
 
 /// Vectors of a panel's row.
@@ -11,7 +12,7 @@ pub(super) const PANEL_VECTORS: usize = 2;
 /// Rows whose cache lines a transposition holds at once.
 const BLOCK: usize = 64;
 
-/// A matrix `(k, n)` cut into panels of columns: each panel is stored row by row, so that the
+/// A matrix of words `(k, n)` cut into panels of columns: each panel is stored row by row, so that the
 /// kernel reads it from front to back.
 ///
 /// A panel is [`PANEL_VECTORS`] vectors wide; the last one is a single vector wide where that is
@@ -19,6 +20,7 @@ const BLOCK: usize = 64;
 #[derive(Debug, Clone)]
 pub(crate) struct Panels {
     level: Level,
+    format: Format,
     k: usize,
     n: usize,
     data: Buffer,
@@ -88,6 +90,7 @@ impl Panels {
         let lanes = level.lanes();
         Self {
             level,
+            format: Format::F32,
             k,
             n,
             data: Buffer::zeros(k * n.div_ceil(lanes) * lanes),
@@ -114,6 +117,7 @@ impl Panels {
     pub(crate) fn empty(level: Level) -> Self {
         Self {
             level,
+            format: Format::F32,
             k: 0,
             n: 0,
             data: Buffer::default(),
@@ -141,6 +145,16 @@ impl Panels {
                 beyond.fill(0.0);
             }
         }
+    }
+
+    /// The same words, said to be of another format.
+    pub(crate) fn in_format(self, format: Format) -> Self {
+        Self { format, ..self }
+    }
+
+    /// What the words hold.
+    pub(crate) fn format(&self) -> Format {
+        self.format
     }
 
     /// The level whose vectors the panels are cut for.

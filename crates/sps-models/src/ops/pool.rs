@@ -2,8 +2,12 @@
 
 use rayon::prelude::*;
 
+use half::bf16;
+
 use super::bands::{Threads, for_each_band};
+use super::format::Format;
 use super::grid::{Grid, Size, Window};
+use super::mean::widened;
 use super::simd::{Kernel, Lanes, Level};
 
 /// Writes to each pixel of `target` the largest values under the window.
@@ -52,21 +56,21 @@ impl Kernel for Pool<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) {
-        let channels = self.from.channels;
+        let words = self.from.words();
         for (i, (&start, &place)) in self.starts.iter().zip(self.places).enumerate() {
             let place = place as usize - self.origin;
-            let out = &mut self.target[place..place + channels];
+            let out = &mut self.target[place..place + words];
             let reach = reach(self.window, self.from, self.to, self.first + i);
             let mut first = true;
             for t in 0..reach[0] {
                 for y in 0..reach[1] {
                     for x in 0..reach[2] {
                         let from = start as usize + self.from.index(0, [t, y, x]);
-                        let pixel = &self.source[from..from + channels];
-                        if first {
-                            out.copy_from_slice(pixel);
-                        } else {
-                            larger(out, pixel);
+                        let pixel = &self.source[from..from + words];
+                        match self.from.format {
+                            _ if first => out.copy_from_slice(pixel),
+                            Format::F32 => larger(out, pixel),
+                            Format::Bf16 => larger_pairs(out, pixel),
                         }
                         first = false;
                     }
@@ -96,6 +100,19 @@ pub(super) fn reach(window: &Window, from: &Grid, to: &Grid, pixel: usize) -> Si
 fn larger(out: &mut [f32], pixel: &[f32]) {
     for (out, &x) in out.iter_mut().zip(pixel) {
         if x > *out || x.is_nan() {
+            *out = x;
+        }
+    }
+}
+
+/// As [`larger`], of words of two numbers.
+#[inline(always)]
+fn larger_pairs(out: &mut [f32], pixel: &[f32]) {
+    let (out, pixel): (&mut [bf16], &[bf16]) =
+        (bytemuck::cast_slice_mut(out), bytemuck::cast_slice(pixel));
+    for (out, &x) in out.iter_mut().zip(pixel) {
+        let (number, largest) = (widened(x), widened(*out));
+        if number > largest || number.is_nan() {
             *out = x;
         }
     }

@@ -5,8 +5,9 @@
 //! source that has its zero padding around it this is every convolution there is; a 1x1
 //! convolution has one tap.
 
+use super::format::{WordKernel, Words};
 use super::panels::{PANEL_VECTORS, Panel, Panels};
-use super::simd::{Kernel, Lanes, load};
+use super::simd::{Lanes, load};
 use super::unroll::{tallest, tiles};
 
 /// What happens to a sum before it is stored: `max(sum * scale + shift + stored, floor)`, each
@@ -74,7 +75,7 @@ impl Epilogue<'_> {
     }
 }
 
-/// The product of gathered rows and a packed matrix.
+/// The product of gathered rows and a packed matrix, all of words of the matrix's format.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Product<'a> {
     /// What the rows are gathered from.
@@ -85,7 +86,7 @@ pub(crate) struct Product<'a> {
     pub(crate) frame_rows: usize,
     /// How far from a row's beginning each of its runs begins.
     pub(crate) taps: &'a [u32],
-    /// Elements of a run: `k` of the panels over the number of taps.
+    /// Words of a run: `k` of the panels over the number of taps.
     pub(crate) run: usize,
     /// The right operand.
     pub(crate) panels: &'a Panels,
@@ -94,19 +95,20 @@ pub(crate) struct Product<'a> {
 }
 
 impl Product<'_> {
-    /// Writes row `i`, `n` elements, at `places[i] - origin` of the target.
+    /// Writes row `i`, `n` numbers, at `places[i] - origin` of the target.
     ///
     /// Each sum runs over the taps and their elements in order, block by block: its bits do not
     /// depend on which other rows are computed with it.
     pub(crate) fn write(&self, target: &mut [f32], places: &[u32], origin: usize) {
         debug_assert_eq!(self.taps.len() * self.run, self.panels.k());
         debug_assert_eq!(self.rows.len(), places.len());
-        self.panels.level().run(Write {
+        let write = Write {
             product: self,
             target,
             places,
             origin,
-        });
+        };
+        self.panels.level().run_on(self.panels.format(), write);
     }
 }
 
@@ -117,18 +119,18 @@ struct Write<'a, 'b> {
     origin: usize,
 }
 
-/// Elements that are summed before their sum joins a longer one: rounding then grows with this
+/// Words that are summed before their sum joins a longer one: rounding then grows with this
 /// and with the number of blocks, not with a row's length.
 const BLOCK: usize = 96;
 
-/// What a core's second-level cache holds beside what streams through it, in elements.
+/// What a core's second-level cache holds beside what streams through it, in words.
 const CACHE: usize = 160 << 10;
 
-impl Kernel for Write<'_, '_> {
+impl WordKernel for Write<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes>(self, lanes: S) {
+    fn run<S: Lanes, W: Words<S>>(self, lanes: S, words: W) {
         let Self {
             product,
             target,
@@ -162,7 +164,7 @@ impl Kernel for Write<'_, '_> {
                                 places: &places[first..first + height],
                                 origin,
                             };
-                            tile.write(lanes, target);
+                            tile.write(lanes, words, target);
                         }
                     }
                 }
@@ -183,37 +185,57 @@ struct Tile<'a, 'b> {
 
 impl Tile<'_, '_> {
     #[inline(always)]
-    fn write<S: Lanes>(self, lanes: S, target: &mut [f32]) {
+    fn write<S: Lanes, W: Words<S>>(self, lanes: S, words: W, target: &mut [f32]) {
         if self.panel.vectors == PANEL_VECTORS {
-            self.write_vectors::<S, PANEL_VECTORS>(lanes, target);
+            self.write_vectors::<S, W, PANEL_VECTORS>(lanes, words, target);
         } else {
-            self.write_vectors::<S, 1>(lanes, target);
+            self.write_vectors::<S, W, 1>(lanes, words, target);
         }
     }
 
     #[inline(always)]
-    fn write_vectors<S: Lanes, const NV: usize>(self, lanes: S, target: &mut [f32]) {
-        with_height!(self.places.len(), S, H => self.write_sized::<S, H, NV>(lanes, target));
+    fn write_vectors<S, W, const NV: usize>(self, lanes: S, words: W, target: &mut [f32])
+    where
+        S: Lanes,
+        W: Words<S>,
+    {
+        with_height!(self.places.len(), S, H => {
+            self.write_sized::<S, W, H, NV>(lanes, words, target);
+        });
     }
 
     #[inline(always)]
-    fn write_sized<S: Lanes, const H: usize, const NV: usize>(self, lanes: S, target: &mut [f32]) {
-        let sums = self.sums::<S, H, NV>(lanes);
+    fn write_sized<S, W, const H: usize, const NV: usize>(
+        self,
+        lanes: S,
+        words: W,
+        target: &mut [f32],
+    ) where
+        S: Lanes,
+        W: Words<S>,
+    {
+        let sums = self.sums::<S, W, H, NV>(lanes, words);
         let finish = Finish::<S, NV>::new(lanes, self);
-        if self.panel.columns < NV * S::F32_LANES {
+        let columns = self.panel.columns;
+        let row = |i: usize| {
+            let from = self.places[i] as usize - self.origin;
+            from + W::FORMAT.words(self.panel.column)
+        };
+        if columns < NV * S::F32_LANES {
             // A copy, so that the sums below are never in memory.
             #[allow(clippy::redundant_locals)]
             let sums = sums;
-            for (row, &place) in sums.iter().zip(self.places) {
-                let from = place as usize - self.origin + self.panel.column;
-                finish.store_part(lanes, row, &mut target[from..from + self.panel.columns]);
+            for (i, sums) in sums.iter().enumerate() {
+                let out = &mut target[row(i)..][..W::FORMAT.words(columns)];
+                let stored = words.load_part(lanes, out);
+                words.store_part(lanes, finish.apply(lanes, sums, stored), out);
             }
             return;
         }
         each_row!(H, i, {
-            let from = self.places[i] as usize - self.origin + self.panel.column;
-            let out = &mut target[from..from + NV * S::F32_LANES];
-            finish.store(lanes, &sums[i], out);
+            let out = &mut target[row(i)..][..W::FORMAT.words(NV * S::F32_LANES)];
+            let stored = words.load(lanes, out);
+            words.store::<NV>(lanes, finish.apply(lanes, &sums[i], stored), out);
         });
     }
 
@@ -238,7 +260,11 @@ impl Tile<'_, '_> {
 
     /// The tile of the product itself.
     #[inline(always)]
-    fn sums<S: Lanes, const H: usize, const NV: usize>(self, lanes: S) -> [[S::f32s; NV]; H] {
+    fn sums<S, W, const H: usize, const NV: usize>(self, lanes: S, words: W) -> [[S::f32s; NV]; H]
+    where
+        S: Lanes,
+        W: Words<S>,
+    {
         let Product {
             source,
             rows,
@@ -265,7 +291,7 @@ impl Tile<'_, '_> {
                     for i in 0..H {
                         let x = lanes.splat_f32s(left[i][p]);
                         for v in 0..NV {
-                            sums[i][v] = lanes.fma(x, right[v], sums[i][v]);
+                            sums[i][v] = words.multiply_add(lanes, x, right[v], sums[i][v]);
                         }
                     }
                 }
@@ -315,32 +341,17 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
         }
     }
 
+    /// What is stored of a row's sums, where `stored` is stored already.
     #[inline(always)]
-    fn apply(self, lanes: S, v: usize, sum: S::f32s, stored: S::f32s) -> S::f32s {
-        let y = lanes.fma(sum, self.scale[v], self.shift[v]);
-        let y = if self.accumulate {
-            lanes.add_f32s(y, stored)
-        } else {
-            y
-        };
-        lanes.at_least(self.floor, y)
-    }
-
-    #[inline(always)]
-    fn store(self, lanes: S, sums: &[S::f32s; NV], out: &mut [f32]) {
-        let (out, _) = S::as_mut_simd_f32s(out);
-        for v in 0..NV {
-            out[v] = self.apply(lanes, v, sums[v], out[v]);
-        }
-    }
-
-    /// The same for a row that is not as long as its vectors.
-    #[inline(always)]
-    fn store_part(self, lanes: S, sums: &[S::f32s; NV], out: &mut [f32]) {
-        for (v, out) in out.chunks_mut(S::F32_LANES).enumerate() {
-            let stored = lanes.partial_load_f32s(out);
-            let y = self.apply(lanes, v, sums[v], stored);
-            lanes.partial_store_f32s(out, y);
-        }
+    fn apply(self, lanes: S, sums: &[S::f32s; NV], stored: [S::f32s; NV]) -> [S::f32s; NV] {
+        std::array::from_fn(|v| {
+            let y = lanes.fma(sums[v], self.scale[v], self.shift[v]);
+            let y = if self.accumulate {
+                lanes.add_f32s(y, stored[v])
+            } else {
+                y
+            };
+            lanes.at_least(self.floor, y)
+        })
     }
 }

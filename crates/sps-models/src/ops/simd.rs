@@ -111,6 +111,18 @@ pub(crate) trait Lanes: Simd {
     ///
     /// `G` is 4, or 8 where there are 16 lanes.
     fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s;
+
+    /// The same for words that hold two numbers each, in two vectors, of which this is `v`: in
+    /// each run of `G` lanes that group's word `index`.
+    ///
+    /// `G` is 4 or 8.
+    fn spread_pairs<const G: usize>(self, x: Self::f32s, v: usize, index: usize) -> Self::f32s;
+}
+
+/// The word that [`Lanes::spread_pairs`] puts into a lane.
+#[inline(always)]
+const fn pair_of<const G: usize>(lanes: usize, v: usize, index: usize, lane: usize) -> usize {
+    (v * lanes + lane) / G * (G / 2) + index
 }
 
 /// Reads up to a vector; lanes beyond the slice are zero.
@@ -153,6 +165,13 @@ impl Lanes for V4 {
             }
         })
     }
+
+    #[inline(always)]
+    fn spread_pairs<const G: usize>(self, x: Self::f32s, v: usize, index: usize) -> Self::f32s {
+        use pulp::cast;
+        let lanes: [i32; 16] = std::array::from_fn(|lane| pair_of::<G>(16, v, index, lane) as i32);
+        cast(self.avx512f._mm512_permutexvar_ps(cast(lanes), cast(x)))
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -179,6 +198,13 @@ impl Lanes for V3 {
             _ => avx._mm256_permute_ps::<0b11_11_11_11>(x),
         })
     }
+
+    #[inline(always)]
+    fn spread_pairs<const G: usize>(self, x: Self::f32s, v: usize, index: usize) -> Self::f32s {
+        use pulp::cast;
+        let lanes: [i32; 8] = std::array::from_fn(|lane| pair_of::<G>(8, v, index, lane) as i32);
+        cast(self.avx2._mm256_permutevar8x32_ps(cast(x), cast(lanes)))
+    }
 }
 
 #[cfg(target_arch = "aarch64")]
@@ -196,6 +222,11 @@ impl Lanes for Neon {
     #[inline(always)]
     fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
         spread_four(x, index)
+    }
+
+    #[inline(always)]
+    fn spread_pairs<const G: usize>(self, x: Self::f32s, v: usize, index: usize) -> Self::f32s {
+        spread_four_pairs::<G>(x, v, index)
     }
 }
 
@@ -225,12 +256,24 @@ impl Lanes for Scalar128b {
     fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
         spread_four(x, index)
     }
+
+    #[inline(always)]
+    fn spread_pairs<const G: usize>(self, x: Self::f32s, v: usize, index: usize) -> Self::f32s {
+        spread_four_pairs::<G>(x, v, index)
+    }
 }
 
 #[inline(always)]
 fn spread_four(x: pulp::f32x4, index: usize) -> pulp::f32x4 {
     let lane = [x.0, x.1, x.2, x.3][index % 4];
     pulp::f32x4(lane, lane, lane, lane)
+}
+
+#[inline(always)]
+fn spread_four_pairs<const G: usize>(x: pulp::f32x4, v: usize, index: usize) -> pulp::f32x4 {
+    let words = [x.0, x.1, x.2, x.3];
+    let word = |lane| words[pair_of::<G>(4, v, index, lane) % 4];
+    pulp::f32x4(word(0), word(1), word(2), word(3))
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use super::targets::Targets;
 use super::trainer::{Best, Epoch, Parts, Trainer};
 use crate::encoders::{Encoder, EncoderKind};
 use crate::error::{Error, Result};
-use crate::weights::{Precision, Weights};
+use crate::weights::{Storage, Weights};
 
 const KEY: &str = "sps-training";
 const FORMAT: u32 = 1;
@@ -62,7 +62,7 @@ impl Trainer {
             tensors.push((format!("adam/{index}/square"), square));
         }
         let tensors = Weights::from_tensors("training state", tensors)?;
-        Ok(tensors.to_bytes_as(Precision::F32, Some((KEY, &metadata)))?)
+        Ok(tensors.to_bytes_as(Storage::F32, Some((KEY, &metadata)))?)
     }
 
     /// Goes on from what [`Trainer::to_bytes`] gave, with the targets, parts, config and seed that

@@ -31,7 +31,7 @@ impl TensorSpec {
 
 /// How numbers are kept in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Precision {
+pub enum Storage {
     /// As they are.
     F32,
     /// Rounded to 16 bits: half the size, three significant digits.
@@ -90,10 +90,10 @@ impl Weights {
     ///
     /// When a tensor's values cannot be had from its device.
     pub fn to_bytes(&self) -> Result<Vec<u8>, WeightsError> {
-        self.to_bytes_as(Precision::F32, None)
+        self.to_bytes_as(Storage::F32, None)
     }
 
-    /// The tensors as a safetensors file of the given precision, with a note (its name and text)
+    /// The tensors as a safetensors file with numbers kept in the given way, with a note (its name and text)
     /// in the file's metadata.
     ///
     /// # Errors
@@ -101,7 +101,7 @@ impl Weights {
     /// When a tensor's values cannot be had from its device.
     pub fn to_bytes_as(
         &self,
-        precision: Precision,
+        storage: Storage,
         note: Option<(&str, &str)>,
     ) -> Result<Vec<u8>, WeightsError> {
         let error = |kind| WeightsError::new(&self.origin, kind);
@@ -109,7 +109,7 @@ impl Weights {
             .iter()
             .map(|(name, tensor)| Ok((name, raw_tensor(name, tensor)?)));
         let raw = raw.collect::<Result<Vec<_>, _>>().map_err(error)?;
-        safetensors::write(&raw, precision, note).map_err(error)
+        safetensors::write(&raw, storage, note).map_err(error)
     }
 
     /// A note that [`Weights::to_bytes_as`] put into a file; `origin` names the file in errors.

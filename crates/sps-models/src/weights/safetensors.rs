@@ -6,7 +6,7 @@ use half::{bf16, f16};
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 
-use super::{Precision, RawTensor, WeightsErrorKind};
+use super::{RawTensor, Storage, WeightsErrorKind};
 
 /// Every tensor of the file, its elements as f32.
 pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
@@ -25,21 +25,21 @@ pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErro
 /// The tensors as a file, with a note by its name in the metadata.
 pub(super) fn write(
     tensors: &[(&str, RawTensor)],
-    precision: Precision,
+    storage: Storage,
     note: Option<(&str, &str)>,
 ) -> Result<Vec<u8>, WeightsErrorKind> {
     let encode = |values: &[f32]| -> Vec<u8> {
-        match precision {
-            Precision::F32 => values.iter().flat_map(|v| v.to_le_bytes()).collect(),
-            Precision::F16 => values
+        match storage {
+            Storage::F32 => values.iter().flat_map(|v| v.to_le_bytes()).collect(),
+            Storage::F16 => values
                 .iter()
                 .flat_map(|&v| f16::from_f32(v).to_le_bytes())
                 .collect(),
         }
     };
-    let dtype = match precision {
-        Precision::F32 => Dtype::F32,
-        Precision::F16 => Dtype::F16,
+    let dtype = match storage {
+        Storage::F32 => Dtype::F32,
+        Storage::F16 => Dtype::F16,
     };
     let bytes: Vec<Vec<u8>> = tensors.iter().map(|(_, t)| encode(&t.values)).collect();
     let views = tensors.iter().zip(&bytes).map(|((name, tensor), bytes)| {

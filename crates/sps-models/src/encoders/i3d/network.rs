@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
 use crate::ops::conv::ConvShape;
+use crate::ops::format::Format;
 use crate::ops::grid::{Grid, Size, Window};
 use crate::ops::mean::frame_means;
 use crate::ops::pool::max_pool;
@@ -60,7 +61,7 @@ impl Network {
     pub(super) fn new(weights: &Weights, level: Level) -> Result<Self> {
         let layer = |name: &str, shape| -> Result<Layer> {
             let (conv, norm) = (format!("{name}.conv3d"), format!("{name}.bn"));
-            Ok(Folded::batch_norm(shape, weights, &conv, &norm, EPS)?.pack(level))
+            Ok(Folded::batch_norm(shape, weights, &conv, &norm, EPS)?.pack(level, Format::F32))
         };
         let shape = |window, inputs, outputs| ConvShape {
             window,

@@ -7,13 +7,14 @@
 
 use crate::encoders::batch::{Images, Network};
 use crate::encoders::folded::{Folded, Layer};
-use crate::encoders::images::interleave;
+use crate::encoders::images::{image_grid, interleave};
 use crate::encoders::plain::BATCH_NORM_EPS;
 use crate::encoders::se_resnext::{Bottleneck, POOL, STEM, SeResNextConfig, point};
 use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
 use crate::ops::conv::ConvShape;
+use crate::ops::format::Format;
 use crate::ops::grid::Grid;
 use crate::ops::mean::frame_means;
 use crate::ops::pool::max_pool;
@@ -28,6 +29,8 @@ const LARGE_STAGES: usize = 2;
 #[derive(Debug)]
 pub(in crate::encoders) struct Fused {
     level: Level,
+    /// Of the feature maps.
+    format: Format,
     stem: Layer,
     stages: Vec<Vec<FusedBottleneck>>,
     width: usize,
@@ -68,6 +71,7 @@ impl Fused {
         config: &SeResNextConfig,
         weights: &Weights,
         level: Level,
+        format: Format,
     ) -> Result<Self> {
         let shape = ConvShape {
             window: STEM,
@@ -76,15 +80,19 @@ impl Fused {
             groups: 1,
         };
         let (conv, norm) = ("layer0.conv1", "layer0.bn1");
-        let stem = Folded::batch_norm(shape, weights, conv, norm, BATCH_NORM_EPS)?.pack(level);
+        let stem = Folded::batch_norm(shape, weights, conv, norm, BATCH_NORM_EPS)?;
+        let stem = stem
+            .with_inputs(image_grid([1; 3], format).channels)
+            .pack(level, format);
         let mut stages: Vec<Vec<_>> = (0..4).map(|_| Vec::new()).collect();
         let of_stage = config.depths.iter().enumerate();
         let of_stage = of_stage.flat_map(|(stage, &depth)| std::iter::repeat_n(stage, depth));
         for (bottleneck, stage) in config.bottlenecks().iter().zip(of_stage) {
-            stages[stage].push(FusedBottleneck::new(bottleneck, weights, level)?);
+            stages[stage].push(FusedBottleneck::new(bottleneck, weights, level, format)?);
         }
         Ok(Self {
             level,
+            format,
             stem,
             stages,
             width: config.width(),
@@ -105,7 +113,7 @@ impl Fused {
             features,
             ..
         } = workspace;
-        let from = Grid::tight(1, images.size, 3).padded(&STEM);
+        let from = image_grid(images.size, self.format).padded(&STEM);
         padded.resize(from.len());
         from.clear_border(padded);
         interleave(image, images.normalisation, &from, padded);
@@ -137,7 +145,7 @@ impl Network for Fused {
         embeddings: &mut [f32],
     ) {
         let (large, small) = self.stages.split_at(LARGE_STAGES);
-        let mut grid = Grid::tight(images.frames(), images.size, 3);
+        let mut grid = image_grid(images.size, self.format);
         for (frame, image) in images.iter().enumerate() {
             let mut one = self.enter(threads, image, images, workspace);
             for bottleneck in large.iter().flatten() {
@@ -160,13 +168,13 @@ impl Network for Fused {
 }
 
 impl FusedBottleneck {
-    fn new(b: &Bottleneck, weights: &Weights, level: Level) -> Result<Self> {
+    fn new(b: &Bottleneck, weights: &Weights, level: Level, format: Format) -> Result<Self> {
         let normed = |conv: &str, norm: &str, shape| {
             Folded::batch_norm(shape, weights, &b.name(conv), &b.name(norm), BATCH_NORM_EPS)
         };
         let biased = |layer: &str, shape| Folded::bias(shape, weights, &b.name(layer));
         let shortcut = if b.downsample {
-            Some(normed("downsample.0", "downsample.1", b.shortcut())?.pack(level))
+            Some(normed("downsample.0", "downsample.1", b.shortcut())?.pack(level, format))
         } else {
             None
         };
@@ -174,13 +182,13 @@ impl FusedBottleneck {
         let hidden = biased("se_module.fc1", point(b.out, b.squeezed(), 1))?;
         let logits = biased("se_module.fc2", point(b.squeezed(), b.out, 1))?;
         Ok(Self {
-            reduce: normed("conv1", "bn1", b.reduce())?.pack(level),
-            grouped: normed("conv2", "bn2", b.grouped())?.pack(level),
+            reduce: normed("conv1", "bn1", b.reduce())?.pack(level, format),
+            grouped: normed("conv2", "bn2", b.grouped())?.pack(level, format),
             gate: Gate {
-                hidden: hidden.after(&expand, level).pack(level),
-                logits: logits.pack(level),
+                hidden: hidden.after(&expand, level).pack(level, Format::F32),
+                logits: logits.pack(level, Format::F32),
             },
-            expand: expand.pack(level),
+            expand: expand.pack(level, format),
             shortcut,
         })
     }

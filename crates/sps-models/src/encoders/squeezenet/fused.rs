@@ -3,11 +3,12 @@
 use super::{STEM, STEPS, Step, WIDTH};
 use crate::encoders::batch::{Images, Network};
 use crate::encoders::folded::{Folded, Layer};
-use crate::encoders::images::interleave;
+use crate::encoders::images::{image_grid, interleave};
 use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
 use crate::ops::conv::ConvShape;
+use crate::ops::format::Format;
 use crate::ops::grid::{Grid, Window};
 use crate::ops::mean::frame_means;
 use crate::ops::pool::max_pool;
@@ -18,6 +19,8 @@ use crate::weights::Weights;
 #[derive(Debug)]
 pub(in crate::encoders) struct Fused {
     level: Level,
+    /// Of the feature maps.
+    format: Format,
     stem: Layer,
     steps: Vec<FusedStep>,
 }
@@ -49,16 +52,25 @@ const POOL: Window = Window::square(3, 2, 0);
 const SQUARE: Window = Window::square(3, 1, 1);
 
 impl Fused {
-    pub(in crate::encoders) fn new(weights: &Weights, level: Level) -> Result<Self> {
-        let layer = |name: &str, window, inputs, outputs| {
+    pub(in crate::encoders) fn new(
+        weights: &Weights,
+        level: Level,
+        format: Format,
+    ) -> Result<Self> {
+        let folded = |name: &str, window, inputs, outputs| {
             let shape = ConvShape {
                 window,
                 inputs,
                 outputs,
                 groups: 1,
             };
-            Folded::bias(shape, weights, name).map(|folded| folded.pack(level))
+            Folded::bias(shape, weights, name)
         };
+        let layer = |name: &str, window, inputs, outputs| {
+            folded(name, window, inputs, outputs).map(|folded| folded.pack(level, format))
+        };
+        let stem = folded("features.0", Window::square(7, 2, 0), 3, STEM)?;
+        let inputs = image_grid([1; 3], format).channels;
         let step = |step: &Step| {
             let Step::Fire {
                 index,
@@ -79,7 +91,8 @@ impl Fused {
         };
         Ok(Self {
             level,
-            stem: layer("features.0", Window::square(7, 2, 0), 3, STEM)?,
+            format,
+            stem: stem.with_inputs(inputs).pack(level, format),
             steps: STEPS.iter().map(step).collect::<Result<_>>()?,
         })
     }
@@ -119,10 +132,12 @@ impl Fused {
                 middle.clear_border(squeezed);
                 squeeze.apply(threads, (features, &from), (squeezed, &middle), true);
                 let half = point.output(&middle);
-                let to = Grid::tight(half.frames, half.size, 2 * half.channels).staggered();
+                let to = Grid::tight(half.frames, half.size, 2 * half.channels)
+                    .in_format(self.format)
+                    .staggered();
                 next.resize(to.len());
                 point.apply(threads, (squeezed, &middle), (next, &to), true);
-                let right = &mut next[half.channels..];
+                let right = &mut next[half.words()..];
                 square.apply(threads, (squeezed, &middle), (right, &to), true);
                 to
             }
@@ -147,7 +162,7 @@ impl Network for Fused {
         embeddings: &mut [f32],
     ) {
         for (image, embedding) in images.iter().zip(embeddings.chunks_exact_mut(WIDTH)) {
-            let from = Grid::tight(1, images.size, 3);
+            let from = image_grid(images.size, self.format);
             workspace.image.resize(from.len());
             interleave(image, images.normalisation, &from, &mut workspace.image);
             let mut grid = self.stem.output(&from);

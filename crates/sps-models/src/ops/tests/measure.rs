@@ -13,6 +13,7 @@ use ndarray::{ArrayView2, ArrayViewMut2};
 
 use super::super::bands::Threads;
 use super::super::conv::{Conv, ConvShape};
+use super::super::format::Format;
 use super::super::grid::{Grid, Window, pixels};
 use super::super::product::Epilogue;
 use super::super::simd::Level;
@@ -79,12 +80,21 @@ impl Row {
     }
 
     /// Seconds for one frame.
-    fn time(&self) -> f64 {
-        let shape = self.shape;
+    fn time(&self, format: Format) -> f64 {
+        let mut shape = self.shape;
+        // A pixel of bf16 fills whole words.
+        if shape.groups == 1 {
+            shape.inputs = shape
+                .inputs
+                .next_multiple_of(format.numbers() * format.numbers());
+        }
         let depth = pixels(shape.window.size) * shape.group_inputs();
-        let conv = Conv::pack(Level::detect(), shape, &ramp(depth * shape.outputs));
+        let conv = Conv::pack_as(Level::detect(), format, shape, &ramp(depth * shape.outputs));
         let size = [1, self.extent, self.extent];
-        let map = |size, channels| Grid::tight(self.frames, size, channels).staggered();
+        let map = |size, channels| {
+            let grid = Grid::tight(self.frames, size, channels);
+            grid.in_format(format).staggered()
+        };
         let from = map(size, shape.inputs).padded(&shape.window);
         let to = map(self.output(), shape.outputs);
         let source = ramp(from.len());
@@ -170,17 +180,19 @@ struct Measured {
     row: &'static Row,
     seconds: f64,
     rate: f64,
+    bf16_seconds: f64,
     others: Option<[f64; 3]>,
 }
 
 fn measure(row: &'static Row) -> Measured {
-    let seconds = row.time();
+    let seconds = row.time(Format::F32);
     let rows = row.frames * pixels(row.output());
     let point = pixels(row.shape.window.size) == 1;
     Measured {
         row,
         seconds,
         rate: row.flops() / seconds,
+        bf16_seconds: row.time(Format::Bf16),
         others: point.then(|| libraries(rows, row.shape.inputs, row.shape.outputs)),
     }
 }
@@ -194,34 +206,41 @@ fn layers() {
         .flat_map(|m| m.others.into_iter().flatten().chain([m.rate]));
     let peak = rates.fold(0.0, f64::max);
     println!("the best product: {peak:.0} GFLOP/s\n");
-    println!("| layer | times | ms a frame | GFLOP/s | of peak | gemm | faer | matrixmultiply |");
-    println!("|---|---|---|---|---|---|---|---|");
-    let (mut time, mut flops) = (0.0, 0.0);
+    println!(
+        "| layer | times | ms a frame | GFLOP/s | of peak | gemm | faer | matrixmultiply | bf16 ms | times f32 |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|");
+    let (mut time, mut bf16_time, mut flops) = (0.0, 0.0, 0.0);
     for Measured {
         row,
         seconds,
         rate,
+        bf16_seconds,
         others,
     } in &all
     {
         time += seconds * row.count as f64;
+        bf16_time += bf16_seconds * row.count as f64;
         flops += row.flops() * row.count as f64;
         let others = others.map_or_else(
             || " | |".to_owned(),
             |[gemm, faer, other]| format!("{gemm:.0} | {faer:.0} | {other:.0}"),
         );
         println!(
-            "| {} | {} | {:.2} | {rate:.0} | {:.0} % | {others} |",
+            "| {} | {} | {:.2} | {rate:.0} | {:.0} % | {others} | {:.2} | {:.1} |",
             row.name,
             row.count,
             1e3 * seconds,
-            100.0 * rate / peak
+            100.0 * rate / peak,
+            1e3 * bf16_seconds,
+            seconds / bf16_seconds,
         );
     }
     println!(
-        "\n{:.1} ms for {flops:.2} GFLOP: {:.0} GFLOP/s, {:.0} % of the peak",
+        "\n{:.1} ms for {flops:.2} GFLOP: {:.0} GFLOP/s, {:.0} % of the peak; bf16 {:.1} ms",
         1e3 * time,
         flops / time,
-        100.0 * flops / time / peak
+        100.0 * flops / time / peak,
+        1e3 * bf16_time,
     );
 }

@@ -1,0 +1,175 @@
+//! Convolution, pooling and mean of bf16 feature maps, against f64 on the same rounded numbers.
+
+use half::bf16;
+
+use super::super::bands::Threads;
+use super::super::conv::{Conv, ConvShape};
+use super::super::format::{Format, pair};
+use super::super::grid::{Grid, Window, pixels};
+use super::super::mean::frame_means;
+use super::super::pool::max_pool;
+use super::super::product::{Columns, Epilogue};
+use super::super::simd::forced::on_each_level;
+use super::noise;
+
+/// A feature map without a border as words.
+fn words(values: &[f64]) -> Vec<f32> {
+    let pairs = values.chunks_exact(2);
+    pairs.map(|p| pair(p[0] as f32, p[1] as f32)).collect()
+}
+
+fn numbers(words: &[f32]) -> Vec<f64> {
+    let numbers: &[bf16] = bytemuck::cast_slice(words);
+    numbers.iter().map(|x| x.to_f64()).collect()
+}
+
+fn rounded(values: &[f64]) -> Vec<f64> {
+    numbers(&words(values))
+}
+
+/// The definition: sums of products over the window, in f64.
+fn reference(
+    shape: &ConvShape,
+    [height, width]: [usize; 2],
+    source: &[f64],
+    weights: &[f64],
+) -> Vec<f64> {
+    let window = &shape.window;
+    let [_, rows, columns] = window.output([1, height, width]).unwrap();
+    let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
+    let [_, kernel_rows, kernel_columns] = window.size;
+    let mut out = Vec::new();
+    for y in 0..rows {
+        for x in 0..columns {
+            for channel in 0..shape.outputs {
+                let mut sum = 0.0;
+                for input in 0..inputs {
+                    for i in 0..kernel_rows {
+                        for j in 0..kernel_columns {
+                            let row = (y * window.stride[1] + i).wrapping_sub(window.before[1]);
+                            let column = (x * window.stride[2] + j).wrapping_sub(window.before[2]);
+                            if row >= height || column >= width {
+                                continue;
+                            }
+                            let from = channel / outputs * inputs + input;
+                            let weight = (channel * inputs + input) * kernel_rows + i;
+                            sum += source[(row * width + column) * shape.inputs + from]
+                                * weights[weight * kernel_columns + j];
+                        }
+                    }
+                }
+                out.push(sum);
+            }
+        }
+    }
+    out
+}
+
+/// What a number differs by once it is rounded to eight bits.
+const ROUNDING: f64 = 1.0 / 256.0;
+
+fn check(shape: ConvShape, size: [usize; 2]) {
+    let [height, width] = size;
+    let grid = Grid::tight(1, [1, height, width], shape.inputs).in_format(Format::Bf16);
+    let values = rounded(&noise(height * width * shape.inputs, 1));
+    let taps = pixels(shape.window.size);
+    let weights = rounded(&noise(shape.outputs * shape.group_inputs() * taps, 2));
+    let shift = noise(shape.outputs, 3);
+    let sums = reference(&shape, size, &values, &weights);
+    // Sums of as many products as there are, each of at most 1, in f32.
+    let slack = 1e-6 * (shape.group_inputs() * taps) as f64;
+
+    on_each_level(|level| {
+        let weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
+        let shift: Vec<f32> = shift.iter().map(|&s| s as f32).collect();
+        let conv = Conv::pack_as(level, Format::Bf16, shape, &weights);
+        let from = grid.padded(&shape.window);
+        let mut source = vec![0.0; from.len()];
+        for (place, pixel) in from.places().iter().zip(words(&values).chunks(grid.pitch)) {
+            source[*place as usize..][..grid.pitch].copy_from_slice(pixel);
+        }
+        let to = shape.window.output(grid.size).unwrap();
+        let to = Grid::tight(1, to, shape.outputs).in_format(Format::Bf16);
+        let before = rounded(&noise(2 * to.len(), 4));
+        for accumulate in [false, true] {
+            let mut target = words(&before);
+            let epilogue = Epilogue {
+                shift: Some(Columns::shared(&shift)),
+                accumulate,
+                relu: true,
+                ..Epilogue::default()
+            };
+            conv.apply(Threads::One, (&source, &from), (&mut target, &to), epilogue);
+            for (i, found) in numbers(&target).into_iter().enumerate() {
+                let stored = if accumulate { before[i] } else { 0.0 };
+                let expected = (sums[i] + f64::from(shift[i % shape.outputs]) + stored).max(0.0);
+                let error = (found - expected).abs();
+                assert!(
+                    error <= ROUNDING * expected.abs() + slack,
+                    "{level:?} {shape:?} number {i}: {found} instead of {expected}"
+                );
+            }
+        }
+    });
+}
+
+fn shape(window: Window, inputs: usize, outputs: usize, groups: usize) -> ConvShape {
+    ConvShape {
+        window,
+        inputs,
+        outputs,
+        groups,
+    }
+}
+
+#[test]
+fn convolutions() {
+    let point = Window::square(1, 1, 0);
+    let halving = Window::square(1, 2, 0);
+    let square = Window::square(3, 1, 1);
+    let jumping = Window::square(3, 2, 1);
+    check(shape(point, 64, 48, 1), [5, 7]);
+    check(shape(point, 300, 32, 1), [1, 1]);
+    check(shape(halving, 32, 64, 1), [7, 5]);
+    check(shape(Window::square(7, 2, 3), 4, 64, 1), [15, 13]);
+    check(shape(square, 16, 80, 1), [6, 5]);
+    // Columns that fill no vector.
+    check(shape(point, 6, 10, 1), [3, 3]);
+    for window in [square, jumping] {
+        check(shape(window, 128, 128, 32), [9, 6]);
+        check(shape(window, 64, 64, 8), [6, 9]);
+        check(shape(window, 64, 64, 4), [5, 5]);
+        check(shape(window, 64, 64, 2), [4, 3]);
+    }
+}
+
+/// Neither rounds: the largest number is one of those that are there, and the sum is of f32.
+#[test]
+fn pooling_and_means() {
+    let window = Window::square(3, 2, 0);
+    let grid = Grid::tight(1, [1, 7, 6], 32).in_format(Format::Bf16);
+    let values = rounded(&noise(7 * 6 * 32, 5));
+    let to = Grid {
+        size: window.output_ceil(grid.size),
+        ..grid
+    };
+    on_each_level(|level| {
+        let source = words(&values);
+        let mut target = vec![0.0; to.len()];
+        let pair = ((&source[..], &grid), (&mut target[..], &to));
+        max_pool(Threads::One, level, &window, pair.0, pair.1);
+        for (i, found) in numbers(&target).into_iter().enumerate() {
+            let (pixel, channel) = (i / 32, i % 32);
+            let (y, x) = (pixel / to.size[2] * 2, pixel % to.size[2] * 2);
+            let under = (y..(y + 3).min(7)).flat_map(|y| (x..(x + 3).min(6)).map(move |x| (y, x)));
+            let largest = under.map(|(y, x)| values[(y * 6 + x) * 32 + channel]);
+            assert_eq!(found, largest.fold(f64::NEG_INFINITY, f64::max));
+        }
+        let mut means = [0.0; 32];
+        frame_means(Threads::One, level, &source, &grid, &mut means);
+        for (channel, mean) in means.iter().enumerate() {
+            let sum: f64 = values.iter().skip(channel).step_by(32).sum();
+            assert!((f64::from(*mean) - sum / 42.0).abs() < 1e-7);
+        }
+    });
+}

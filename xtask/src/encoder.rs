@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 use candle_core::Device;
-use sps_models::encoders::{Encoder, EncoderKind};
+use sps_models::encoders::{Encoder, EncoderKind, Precision};
 use sps_models::weights::Weights;
 
 use crate::config::{EncoderSpec, WeightsSpec};
@@ -13,11 +13,12 @@ const SE_RESNEXT_SMALL: &[u8] =
 
 /// Loads the encoder; `seed` draws the weights where they are to be untrained.
 pub(crate) fn load(spec: &EncoderSpec, seed: u64) -> Result<Encoder> {
-    Ok(match &spec.weights {
+    let encoder = match &spec.weights {
         WeightsSpec::BuiltIn => Encoder::new(spec.kind, built_in(spec.kind)?, &Device::Cpu)?,
         WeightsSpec::Untrained => Encoder::seeded(spec.kind, seed, &Device::Cpu)?,
         WeightsSpec::File(path) => Encoder::load(spec.kind, path, &Device::Cpu)?,
-    })
+    };
+    Ok(encoder.with_precision(spec.precision)?)
 }
 
 fn built_in(kind: EncoderKind) -> Result<Weights> {
@@ -44,5 +45,9 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         Some(_) => ", then trained on each training part",
         None => "",
     };
-    format!("{} with {weights}{trained}", spec.kind)
+    let precision = match spec.precision {
+        Precision::F32 => String::new(),
+        precision => format!(" in {precision}"),
+    };
+    format!("{}{precision} with {weights}{trained}", spec.kind)
 }

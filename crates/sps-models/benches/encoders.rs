@@ -7,7 +7,7 @@ use std::hint::black_box;
 
 use candle_core::{DType, Device, Result, Tensor};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use sps_models::encoders::{Encoder, EncoderKind, TrainableEncoder};
+use sps_models::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder};
 
 const KIND: EncoderKind = EncoderKind::SeResNext50;
 
@@ -19,6 +19,7 @@ fn images(batch: usize) -> Result<Tensor> {
 
 fn forward(c: &mut Criterion) -> sps_models::Result<()> {
     let encoder = Encoder::seeded(KIND, 0, &Device::Cpu)?;
+    let bf16 = encoder.clone().with_precision(Precision::Bf16)?;
     let mut group = c.benchmark_group("forward");
     group.sample_size(10);
     for batch in [8, 1] {
@@ -26,6 +27,9 @@ fn forward(c: &mut Criterion) -> sps_models::Result<()> {
         group.throughput(Throughput::Elements(batch as u64));
         group.bench_function(format!("kernels, batch {batch}"), |b| {
             b.iter(|| encoder.embed(black_box(&images)));
+        });
+        group.bench_function(format!("kernels in bf16, batch {batch}"), |b| {
+            b.iter(|| bf16.embed(black_box(&images)));
         });
         group.bench_function(format!("plain operators, batch {batch}"), |b| {
             b.iter(|| encoder.embed_plain(black_box(&images)));

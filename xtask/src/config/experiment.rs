@@ -6,7 +6,7 @@ use anyhow::Result;
 use sps_dataset::simulate::SimulatorSpec;
 use sps_dataset::{Property, ReadSettings, SplitPlan};
 use sps_metrics::{Bootstrap, Level};
-use sps_models::encoders::EncoderKind;
+use sps_models::encoders::{EncoderKind, Precision};
 use sps_models::heads::Head;
 use sps_models::ridge::Ridge;
 use sps_models::training::TrainingConfig;
@@ -60,6 +60,7 @@ pub(crate) enum DataSpec {
 pub(crate) struct EncoderSpec {
     pub kind: EncoderKind,
     pub weights: WeightsSpec,
+    pub precision: Precision,
     /// Pixels of the shorter side.
     pub resize: Option<usize>,
     /// How it is trained on the training part of each rerun; `None` leaves it as it is.
@@ -198,10 +199,14 @@ fn encoder(layers: &Layers<'_>, config: &Config) -> Result<EncoderSpec, ConfigEr
         .name
         .parse()
         .map_err(|error: sps_models::Error| layers.error("encoder.name", error.to_string()))?;
+    let precision = encoder.precision.parse();
+    let precision = precision
+        .map_err(|error: sps_models::Error| layers.error("encoder.precision", error.to_string()))?;
     check_training(layers, "encoder.training", &encoder.training)?;
     Ok(EncoderSpec {
         kind,
         weights: WeightsSpec::named(&encoder.weights),
+        precision,
         resize: (encoder.resize > 0).then_some(encoder.resize),
         training: encoder.trainable.then(|| encoder.training.clone()),
     })

@@ -65,6 +65,7 @@ pub(crate) struct FolderConfig {
 pub(crate) struct EncoderConfig {
     pub name: String,
     pub weights: String,
+    pub precision: String,
     pub resize: usize,
     pub trainable: bool,
     pub training: TrainingConfig,

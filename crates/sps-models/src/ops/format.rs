@@ -185,7 +185,7 @@ impl Level {
             Format::Bf16 => {
                 #[cfg(target_arch = "x86_64")]
                 if let Self::Avx512(simd) = self
-                    && let Some(native) = super::bf16::Native::detect(simd)
+                    && let Some(native) = super::native::bf16::Native::detect(simd)
                 {
                     return native.run(kernel);
                 }

@@ -12,8 +12,6 @@ mod unroll;
 
 pub(crate) mod bands;
 pub(crate) mod batch_norm;
-#[cfg(target_arch = "x86_64")]
-mod bf16;
 pub(crate) mod buffer;
 pub(crate) mod conv;
 pub(crate) mod conv_input;
@@ -24,6 +22,7 @@ pub(crate) mod grid;
 mod grouped;
 pub(crate) mod mean;
 pub(crate) mod moments;
+mod native;
 pub(crate) mod outer;
 pub(crate) mod panels;
 pub(crate) mod pool;

@@ -6,6 +6,7 @@
 //! convolution has one tap.
 
 use super::format::{WordKernel, Words};
+use super::native::prefetch;
 use super::panels::{PANEL_VECTORS, Panel, Panels};
 use super::simd::{Lanes, load};
 use super::unroll::{tallest, tiles};
@@ -214,13 +215,16 @@ impl Tile<'_, '_> {
         S: Lanes,
         W: Words<S>,
     {
-        let sums = self.sums::<S, W, H, NV>(lanes, words);
-        let finish = Finish::<S, NV>::new(lanes, self);
         let columns = self.panel.columns;
         let row = |i: usize| {
             let from = self.places[i] as usize - self.origin;
             from + W::FORMAT.words(self.panel.column)
         };
+        for i in 0..H {
+            prefetch(&target[row(i)..][..W::FORMAT.words(columns)]);
+        }
+        let sums = self.sums::<S, W, H, NV>(lanes, words);
+        let finish = Finish::<S, NV>::new(lanes, self);
         if columns < NV * S::F32_LANES {
             // A copy, so that the sums below are never in memory.
             #[allow(clippy::redundant_locals)]

@@ -1,0 +1,121 @@
+//! Instructions that pulp does not offer: AVX512-BF16, and prefetching.
+//!
+//! The only unsafe code of this crate.
+
+#![allow(unsafe_code)]
+
+/// Words of a cache line.
+const LINE: usize = 16;
+
+/// Has memory brought into the first-level cache, as far as the processor cares to.
+#[inline(always)]
+pub(super) fn prefetch(memory: &[f32]) {
+    #[cfg(target_arch = "x86_64")]
+    for line in memory.chunks(LINE) {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: every x86-64 processor has the instruction, which reads nothing that a program
+        // can see.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = memory;
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(super) mod bf16 {
+    //! AVX512-BF16. All of it rests on one fact: a [`Native`] exists only where the processor was
+    //! found to have the instructions.
+
+    use std::arch::x86_64::{
+        __m256i, __m512bh, _mm512_cvtepu16_epi32, _mm512_cvtne2ps_pbh, _mm512_dpbf16_ps,
+        _mm512_slli_epi32,
+    };
+
+    use bytemuck::cast;
+    use pulp::x86::V4;
+    use pulp::{f32x16, u32x8, u32x16};
+
+    use crate::ops::format::{Format, WordKernel, Words};
+    use crate::ops::simd::Lanes;
+
+    /// A processor with AVX-512 and AVX512-BF16.
+    #[derive(Debug, Clone, Copy)]
+    pub(crate) struct Native(V4);
+
+    impl Native {
+        /// `None` where the processor lacks the instructions.
+        #[inline]
+        pub(crate) fn detect(simd: V4) -> Option<Self> {
+            std::arch::is_x86_feature_detected!("avx512bf16").then_some(Self(simd))
+        }
+
+        /// Runs a kernel compiled with the instructions.
+        #[inline]
+        pub(crate) fn run<K: WordKernel>(self, kernel: K) -> K::Output {
+            // SAFETY: `self` says that the processor has AVX512-BF16, and `V4` the rest.
+            unsafe { with_instructions(self, kernel) }
+        }
+    }
+
+    #[target_feature(
+        enable = "avx512bf16,avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt"
+    )]
+    fn with_instructions<K: WordKernel>(native: Native, kernel: K) -> K::Output {
+        kernel.run(native.0, native)
+    }
+
+    impl Words<V4> for Native {
+        const FORMAT: Format = Format::Bf16;
+
+        #[inline(always)]
+        fn multiply_add(self, _: V4, x: f32x16, y: f32x16, sum: f32x16) -> f32x16 {
+            // SAFETY: a vector of 16 words is one of 32 bf16, bit by bit.
+            let pairs = |x: f32x16| unsafe { std::mem::transmute::<f32x16, __m512bh>(x) };
+            // SAFETY: `self` says that the processor has AVX512-BF16; `f32x16` and `__m512` are both
+            // 16 numbers of f32.
+            unsafe {
+                std::mem::transmute(_mm512_dpbf16_ps(
+                    std::mem::transmute(sum),
+                    pairs(x),
+                    pairs(y),
+                ))
+            }
+        }
+
+        #[inline(always)]
+        fn spread<const G: usize>(self, lanes: V4, x: f32x16, v: usize, index: usize) -> f32x16 {
+            lanes.spread_pairs::<G>(x, v, index)
+        }
+
+        #[inline(always)]
+        fn load<const NV: usize>(self, _: V4, from: &[f32]) -> [f32x16; NV] {
+            let from: &[u32] = bytemuck::cast_slice(from);
+            let (from, _) = from.as_chunks::<8>();
+            std::array::from_fn(|v| {
+                let [a, b, c, d, e, f, g, h] = from[v];
+                let words = u32x8(a, b, c, d, e, f, g, h);
+                // SAFETY: `V4` stands for AVX-512F, and the types are the same bits.
+                unsafe {
+                    let words: __m256i = std::mem::transmute(words);
+                    std::mem::transmute(_mm512_slli_epi32::<16>(_mm512_cvtepu16_epi32(words)))
+                }
+            })
+        }
+
+        #[inline(always)]
+        fn store<const NV: usize>(self, lanes: V4, values: [f32x16; NV], to: &mut [f32]) {
+            use pulp::Simd;
+            for (values, to) in values.chunks(2).zip(to.chunks_mut(16)) {
+                let first = values[0];
+                let second = values.get(1).copied().unwrap_or(first);
+                // SAFETY: `self` says that the processor has AVX512-BF16, and the types are the same
+                // bits.
+                let words: u32x16 = unsafe {
+                    let (first, second) = (std::mem::transmute(first), std::mem::transmute(second));
+                    std::mem::transmute(_mm512_cvtne2ps_pbh(second, first))
+                };
+                lanes.partial_store_f32s(to, cast(words));
+            }
+        }
+    }
+}

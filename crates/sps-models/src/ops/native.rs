@@ -7,18 +7,25 @@
 /// Words of a cache line.
 const LINE: usize = 16;
 
-/// Has memory brought into the first-level cache, as far as the processor cares to.
+/// Has memory brought near, as far as the processor cares to: into the first-level cache if `now`,
+/// else into the second.
 #[inline(always)]
-pub(super) fn prefetch(memory: &[f32]) {
+pub(super) fn prefetch(memory: &[f32], now: bool) {
     #[cfg(target_arch = "x86_64")]
     for line in memory.chunks(LINE) {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        use std::arch::x86_64::{_MM_HINT_T0, _MM_HINT_T1, _mm_prefetch};
         // SAFETY: every x86-64 processor has the instruction, which reads nothing that a program
         // can see.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
+        unsafe {
+            if now {
+                _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast());
+            } else {
+                _mm_prefetch::<_MM_HINT_T1>(line.as_ptr().cast());
+            }
+        }
     }
     #[cfg(not(target_arch = "x86_64"))]
-    let _ = memory;
+    let _ = (memory, now);
 }
 
 #[cfg(target_arch = "x86_64")]

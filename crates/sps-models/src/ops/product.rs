@@ -113,6 +113,19 @@ impl Product<'_> {
     }
 }
 
+impl Product<'_> {
+    /// Has rows that are soon read brought near.
+    #[inline(always)]
+    fn prefetch_rows(&self, first: usize, count: usize) {
+        // Of windows that overlap, the last run alone is new.
+        let tap = self.taps.last().copied().unwrap_or_default();
+        for &row in self.rows.iter().skip(first).take(count) {
+            let from = (row + tap) as usize;
+            prefetch(&self.source[from..from + self.run], false);
+        }
+    }
+}
+
 struct Write<'a, 'b> {
     product: &'a Product<'b>,
     target: &'a mut [f32],
@@ -152,6 +165,9 @@ impl WordKernel for Write<'_, '_> {
         let count = places.len().div_ceil(frame_rows);
         for block in (0..count).step_by(frames) {
             for start in (0..frame_rows).step_by(rows) {
+                if k * n <= CACHE {
+                    product.prefetch_rows(block * frame_rows + start + rows, rows);
+                }
                 for panel in product.panels.iter() {
                     for frame in block..(block + frames).min(count) {
                         let (from, to) = (frame * frame_rows, (frame + 1) * frame_rows);
@@ -221,7 +237,7 @@ impl Tile<'_, '_> {
             from + W::FORMAT.words(self.panel.column)
         };
         for i in 0..H {
-            prefetch(&target[row(i)..][..W::FORMAT.words(columns)]);
+            prefetch(&target[row(i)..][..W::FORMAT.words(columns)], true);
         }
         let sums = self.sums::<S, W, H, NV>(lanes, words);
         let finish = Finish::<S, NV>::new(lanes, self);

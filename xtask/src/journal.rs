@@ -159,6 +159,7 @@ fn parse<R: Record>(bytes: &[u8]) -> Option<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fuzz::{Damage, damaged, fuzz, nested};
     use std::fs;
 
     fn outcome(key: &str, estimate: f64) -> Outcome {
@@ -233,5 +234,42 @@ mod tests {
             fs::write(&path, &bytes).unwrap();
             assert_eq!(keys(&Journal::open(&path).unwrap()), ["b"], "bit at {at}");
         }
+    }
+
+    #[test]
+    fn any_damage_to_a_journal_costs_lines_and_changes_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trials.jsonl");
+        let outcomes = ["a", "b", "c"].map(|key| outcome(key, 0.1));
+        Journal::open(&path)
+            .unwrap()
+            .append(outcomes.to_vec())
+            .unwrap();
+        let whole = fs::read(&path).unwrap();
+        fuzz("journals", &Damage::some(), |damages| {
+            fs::write(&path, damaged(whole.clone(), &damages)).unwrap();
+            let journal = Journal::<Outcome>::open(&path).unwrap();
+            for record in journal.records.values() {
+                assert!(outcomes.contains(record));
+            }
+        });
+    }
+
+    /// Trials that are damaged under a checksum that is right.
+    #[test]
+    fn any_damage_to_a_trial_is_survived() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trials.jsonl");
+        let open = |trial: &str| {
+            let line = format!("{{\"check\":\"{}\",\"trial\":{trial}}}", check(trial));
+            fs::write(&path, line).unwrap();
+            Journal::<Outcome>::open(&path).unwrap()
+        };
+        let trial = serde_json::to_string(&outcome("a", 0.1)).unwrap();
+        fuzz("trials", &Damage::some(), |damages| {
+            let trial = damaged(trial.clone().into_bytes(), &damages);
+            open(&String::from_utf8_lossy(&trial));
+        });
+        nested("trials", |text| assert!(open(&text).records.is_empty()));
     }
 }

@@ -6,6 +6,9 @@ mod data;
 mod embeddings;
 mod encoder;
 mod files;
+#[cfg(test)]
+#[path = "../../fixtures/fuzz/mod.rs"]
+mod fuzz;
 mod journal;
 mod model;
 mod progress;

@@ -1,102 +1,17 @@
-//! Whatever bytes a reader is given, it answers: no panic, and never a gigabyte for them.
-//!
-//! `PROPTEST_CASES=100000 cargo test --release -p sps-dataset --all-features --test fuzz` runs as
-//! many cases of each as wanted.
+//! Whatever bytes a reader of images, tables or manifests is given, it answers within its limits;
+//! `fixtures/fuzz` says which.
 
 mod common;
 #[path = "common/folder.rs"]
 mod folder;
-
-use std::sync::{Mutex, PoisonError};
+#[path = "../../../fixtures/fuzz/mod.rs"]
+mod fuzz;
 
 use folder::{MANIFEST, Made, SURFACES};
-use peak_alloc::PeakAlloc;
+use fuzz::{Damage, damaged, fuzz, nested};
 use proptest::prelude::*;
-use proptest::sample::{Index, select};
+use proptest::sample::select;
 use sps_dataset::{DecodeSettings, FrameErrorKind, Source, TactileSettings, decode_image};
-
-#[global_allocator]
-static MEMORY: PeakAlloc = PeakAlloc;
-
-/// Cases are counted one at a time.
-static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
-
-/// Runs a case on an input of far less than a mebibyte.
-fn within_memory(case: impl FnOnce()) {
-    let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
-    MEMORY.reset_peak_usage();
-    case();
-    let peak = MEMORY.peak_usage_as_mb();
-    assert!(peak < 1024.0, "it took {peak} MiB");
-}
-
-/// What befalls a file.
-#[derive(Clone, Debug)]
-enum Damage {
-    /// Bits that were turned over.
-    Flipped(Vec<(Index, u8)>),
-    /// The end is gone.
-    Cut(Index),
-    /// Four bytes that may be a size, in either order.
-    Size(Index, u32, bool),
-    /// A stretch that is there twice.
-    Repeated(Index, Index),
-}
-
-impl Damage {
-    fn any() -> impl Strategy<Value = Self> {
-        let sizes = vec![
-            0,
-            1,
-            0xff,
-            0xffff,
-            1 << 20,
-            1 << 30,
-            i32::MAX as u32,
-            u32::MAX,
-        ];
-        prop_oneof![
-            4 => prop::collection::vec((any::<Index>(), 0_u8..8), 1..6).prop_map(Self::Flipped),
-            1 => any::<Index>().prop_map(Self::Cut),
-            3 => (any::<Index>(), select(sizes), any::<bool>()).prop_map(|(at, size, big)| Self::Size(at, size, big)),
-            1 => (any::<Index>(), any::<Index>()).prop_map(|(from, to)| Self::Repeated(from, to)),
-        ]
-    }
-
-    fn apply(&self, mut bytes: Vec<u8>) -> Vec<u8> {
-        if bytes.is_empty() {
-            return bytes;
-        }
-        match self {
-            Self::Flipped(bits) => {
-                let length = bytes.len();
-                for (at, bit) in bits {
-                    bytes[at.index(length)] ^= 1 << bit;
-                }
-            }
-            Self::Cut(at) => bytes.truncate(at.index(bytes.len())),
-            Self::Size(at, size, big) => {
-                let size = if *big {
-                    size.to_be_bytes()
-                } else {
-                    size.to_le_bytes()
-                };
-                let at = at.index(bytes.len());
-                bytes
-                    .iter_mut()
-                    .skip(at)
-                    .zip(size)
-                    .for_each(|(byte, new)| *byte = new);
-            }
-            Self::Repeated(from, to) => {
-                let (from, to) = (from.index(bytes.len()), to.index(bytes.len()));
-                let stretch = bytes[from.min(to)..from.max(to)].to_vec();
-                bytes.splice(to..to, stretch);
-            }
-        }
-        bytes
-    }
-}
 
 /// Every image file of `tests/data`.
 fn images() -> Vec<String> {
@@ -116,23 +31,20 @@ fn images() -> Vec<String> {
 }
 
 fn decode(bytes: &[u8]) {
-    within_memory(|| {
-        let decoded = decode_image(bytes, &DecodeSettings::default());
-        match decoded {
-            Ok(decoded) => {
-                let frame = decoded.frame;
-                assert_eq!(frame.data.len(), frame.width * frame.height * 3);
-                assert!(frame.data.iter().all(|value| (0.0..=1.0).contains(value)));
-            }
-            Err(FrameErrorKind::Io(error)) => panic!("no file was read: {error}"),
-            Err(error) => assert!(!error.to_string().is_empty()),
+    match decode_image(bytes, &DecodeSettings::default()) {
+        Ok(decoded) => {
+            let frame = decoded.frame;
+            assert_eq!(frame.data.len(), frame.width * frame.height * 3);
+            assert!(frame.data.iter().all(|value| (0.0..=1.0).contains(value)));
         }
-    });
+        Err(FrameErrorKind::Io(error)) => panic!("no file was read: {error}"),
+        Err(error) => assert!(!error.to_string().is_empty()),
+    }
 }
 
 /// Opens a dataset one file of which is in doubt, and looks at all that was read.
 fn open(made: &Made) {
-    within_memory(|| match made.open() {
+    match made.open() {
         Ok(dataset) => {
             let averages = dataset
                 .tactile()
@@ -149,7 +61,7 @@ fn open(made: &Made) {
             dataset.inspect(&TactileSettings::default());
         }
         Err(error) => assert!(error.to_string().contains(": ")),
-    });
+    }
 }
 
 /// Form, settings and file of each kind of table, with content to be damaged.
@@ -218,53 +130,175 @@ fn noise() -> impl Strategy<Value = Vec<u8>> {
         .prop_map(|(start, rest)| [start, rest.as_slice()].concat())
 }
 
-proptest! {
-    #[test]
-    fn damaged_images(name in select(images()), damages in prop::collection::vec(Damage::any(), 1..3)) {
-        let whole = common::data(&name);
-        decode(&damages.iter().fold(whole, |bytes, damage| damage.apply(bytes)));
-    }
+/// Images of a format, damaged.
+fn broken(format: &str) -> impl Strategy<Value = Vec<u8>> {
+    let names = images();
+    let names = names.iter().filter(|name| name.starts_with(format));
+    let files: Vec<Vec<u8>> = names.map(|name| common::data(name)).collect();
+    (select(files), Damage::some()).prop_map(|(file, damages)| damaged(file, &damages))
+}
 
-    #[test]
-    fn noise_as_an_image(bytes in noise()) {
+#[test]
+fn exr() {
+    fuzz("exr", &broken("exr"), |bytes| decode(&bytes));
+}
+
+#[test]
+fn png() {
+    fuzz("png", &broken("png"), |bytes| decode(&bytes));
+}
+
+#[test]
+fn jpeg() {
+    fuzz("jpeg", &broken("jpeg"), |bytes| decode(&bytes));
+}
+
+/// With the chunks' checksums made right again, so that the damage is looked at.
+#[test]
+fn png_chunks() {
+    fuzz("png chunks", &broken("png"), |mut bytes| {
+        sign_chunks(&mut bytes);
         decode(&bytes);
-    }
+    });
+}
 
-    #[test]
-    fn damaged_tables(
-        (settings, file, table) in select([tables(), archives()].concat()),
-        damages in prop::collection::vec(Damage::any(), 1..3),
-    ) {
-        let table = damages.iter().fold(table, |bytes, damage| damage.apply(bytes));
-        open(&Made::new(settings, file, table));
+/// Puts the checksum of each chunk behind it: CRC-32 of its name and content.
+fn sign_chunks(png: &mut [u8]) {
+    let mut at = 8;
+    while let Some(length) = png.get(at..).and_then(|rest| rest.first_chunk::<4>()) {
+        let length = u32::from_be_bytes(*length) as usize;
+        let Some(end) = at
+            .checked_add(length + 8)
+            .filter(|end| end + 4 <= png.len())
+        else {
+            return;
+        };
+        let sum = crc32(&png[at + 4..end]).to_be_bytes();
+        png[end..end + 4].copy_from_slice(&sum);
+        at = end + 4;
     }
+}
 
-    #[test]
-    fn noise_as_a_table(
-        (settings, file, _) in select([tables(), archives()].concat()),
-        bytes in noise(),
-    ) {
-        open(&Made::new(settings, file, bytes));
-    }
+fn crc32(bytes: &[u8]) -> u32 {
+    let step = |sum: u32| (sum >> 1) ^ if sum & 1 == 1 { 0xedb8_8320 } else { 0 };
+    let of_byte = |sum: u32, byte: &u8| (0..8).fold(sum ^ u32::from(*byte), |sum, _| step(sum));
+    !bytes.iter().fold(u32::MAX, of_byte)
+}
 
-    #[test]
-    fn damaged_manifests_and_surfaces(damage in Damage::any(), of_manifest in any::<bool>()) {
-        let made = Made::new("", "tactile.csv", "surface,location,repeat,fRS,cDF\na,0,0,1,2\n");
+#[test]
+fn noise_as_an_image() {
+    fuzz("noise as an image", &noise(), |bytes| decode(&bytes));
+}
+
+#[test]
+fn tables_of_each_form() {
+    let input = (select(tables()), Damage::some());
+    fuzz(
+        "csv and json",
+        &input,
+        |((settings, file, table), damages)| {
+            open(&Made::new(settings, file, damaged(table, &damages)));
+        },
+    );
+    nested("csv and json", |text| {
+        for (settings, file, _) in tables() {
+            open(&Made::new(settings, file, &text));
+        }
+    });
+}
+
+#[test]
+#[cfg(feature = "npz")]
+fn archives_of_arrays() {
+    let input = (select(archives()), Damage::some());
+    fuzz("npz", &input, |((settings, file, archive), damages)| {
+        open(&Made::new(settings, file, damaged(archive, &damages)));
+    });
+}
+
+/// With an array damaged inside an archive that is whole, so that the damage is looked at.
+#[test]
+#[cfg(feature = "npz")]
+fn arrays_in_an_archive() {
+    use std::io::{Cursor, Read, Write};
+    let input = (
+        select(archives()),
+        any::<proptest::sample::Index>(),
+        Damage::some(),
+    );
+    fuzz(
+        "npy",
+        &input,
+        |((settings, file, archive), which, damages)| {
+            let mut archive = zip::ZipArchive::new(Cursor::new(archive)).unwrap();
+            let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
+            let which = which.index(archive.len());
+            for index in 0..archive.len() {
+                let mut array = archive.by_index(index).unwrap();
+                let mut content = Vec::new();
+                array.read_to_end(&mut content).unwrap();
+                if index == which {
+                    content = damaged(content, &damages);
+                }
+                let name = array.name().unwrap().into_owned();
+                let options = zip::write::SimpleFileOptions::default();
+                writer.start_file(name, options).unwrap();
+                writer.write_all(&content).unwrap();
+            }
+            let bytes = writer.finish().unwrap().into_inner();
+            open(&Made::new(settings, file, bytes));
+        },
+    );
+}
+
+#[test]
+fn noise_as_a_table() {
+    let input = (select([tables(), archives()].concat()), noise());
+    fuzz(
+        "noise as a table",
+        &input,
+        |((settings, file, _), bytes)| {
+            open(&Made::new(settings, file, bytes));
+        },
+    );
+}
+
+#[test]
+fn manifests_and_surfaces() {
+    let made = || {
+        Made::new(
+            "",
+            "tactile.csv",
+            "surface,location,repeat,fRS,cDF\na,0,0,1,2\n",
+        )
+    };
+    let input = (Damage::some(), any::<bool>());
+    fuzz("toml and surfaces", &input, |(damages, of_manifest)| {
+        let made = made();
         if of_manifest {
-            let whole = format!("{MANIFEST}[tactile.json]\nlayout = \"keyed\"\nstatistics.mean = \"m\"\n");
-            made.write("dataset.toml", damage.apply(whole.into_bytes()));
+            let whole =
+                format!("{MANIFEST}[tactile.json]\nlayout = \"keyed\"\nstatistics.mean = \"m\"\n");
+            made.write("dataset.toml", damaged(whole.into_bytes(), &damages));
         } else {
-            made.write("surfaces.csv", damage.apply(SURFACES.as_bytes().to_vec()));
+            made.write("surfaces.csv", damaged(SURFACES.into(), &damages));
         }
         open(&made);
-    }
+    });
+    nested("toml", |text| {
+        let made = made();
+        made.write("dataset.toml", text);
+        open(&made);
+    });
+}
 
-    #[test]
-    fn noise_as_a_manifest(text in "\\PC{0,200}", bytes in noise()) {
+#[test]
+fn noise_as_a_manifest() {
+    let input = ("\\PC{0,200}", noise());
+    fuzz("noise as a manifest", &input, |(text, bytes)| {
         let made = Made::new("", "tactile.csv", "");
         made.write("dataset.toml", text);
         open(&made);
         made.write("dataset.toml", bytes);
         open(&made);
-    }
+    });
 }

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{check, data, decoded, decoded_with};
+use common::{check, data, decoded, decoded_with, naive_misses};
 use sps_dataset::{DecodeSettings, FrameErrorKind, LightCounts, Limits, decode_image};
 
 const SIZE: (usize, usize) = (16, 12);
@@ -124,7 +124,7 @@ fn other_formats_are_named_by_their_first_bytes() {
     );
 }
 
-/// Each of these goes wrong in the plain form of the code; `docs/dataset-format.md` says how.
+/// Each of these goes wrong in the plain form of the code; `docs/hard-cases.md` says how.
 mod hard_cases {
     use super::*;
 
@@ -136,6 +136,9 @@ mod hard_cases {
         let name = "png/rgb16.png";
         let rgb = |x, y| [0, 1, 2].map(|channel| sixteen(samples(x, y)[channel], x, y));
         check(name, &decoded(name).frame, SIZE, EXACT, rgb);
+        // The upper byte alone.
+        let upper = |v: f64| eight((v * 65535.0).round() as usize >> 8);
+        naive_misses(name, SIZE, EXACT, |x, y| rgb(x, y).map(upper), rgb);
     }
 
     #[test]
@@ -145,6 +148,9 @@ mod hard_cases {
             let levels = (1_usize << bits) - 1;
             let expected = |x: usize, _| [(x % (levels + 1)) as f64 / levels as f64; 3];
             check(&name, &decoded(&name).frame, SIZE, EXACT, expected);
+            // Levels taken for those of 8 bits.
+            let dark = |x: usize, _| [eight(x % (levels + 1)); 3];
+            naive_misses(&name, SIZE, EXACT, dark, expected);
         }
     }
 
@@ -161,6 +167,7 @@ mod hard_cases {
             EXACT,
             palette,
         );
+        naive_misses("index as grey", SIZE, EXACT, |x, _| [eight(x); 3], palette);
     }
 
     #[test]
@@ -173,6 +180,7 @@ mod hard_cases {
             EXACT,
             over_white,
         );
+        naive_misses("alpha dropped", SIZE, EXACT, palette, over_white);
     }
 
     #[test]
@@ -180,6 +188,8 @@ mod hard_cases {
         let expected = |x: usize, _| [if 16 * x == 32 { 1.0 } else { eight(16 * x) }; 3];
         let name = "png/grey8-transparent.png";
         check(name, &decoded(name).frame, SIZE, EXACT, expected);
+        let shown = |x: usize, _| [eight(16 * x); 3];
+        naive_misses("level shown", SIZE, EXACT, shown, expected);
     }
 
     /// Over each of three backgrounds.
@@ -189,7 +199,7 @@ mod hard_cases {
                 background: [background; 3],
                 ..DecodeSettings::default()
             };
-            let expected = |x, y| {
+            let parts = |x, y| {
                 let [r, g, b, alpha, grey] = samples(x, y).map(|value| {
                     if bits == 8 {
                         eight(value)
@@ -197,11 +207,15 @@ mod hard_cases {
                         sixteen(value, x, y)
                     }
                 });
-                let rgb = if is_grey { [grey; 3] } else { [r, g, b] };
+                (if is_grey { [grey; 3] } else { [r, g, b] }, alpha)
+            };
+            let expected = |x, y| {
+                let (rgb, alpha) = parts(x, y);
                 rgb.map(|value| value * alpha + f64::from(background) * (1.0 - alpha))
             };
             let decoded = decoded_with(name, &settings).unwrap();
             check(name, &decoded.frame, SIZE, EXACT, expected);
+            naive_misses("alpha dropped", SIZE, EXACT, |x, y| parts(x, y).0, expected);
         }
     }
 
@@ -230,6 +244,16 @@ mod hard_cases {
             LOSSY,
             ink,
         );
+        naive_misses(
+            "black ink dropped",
+            SIZE,
+            LOSSY,
+            |x, y| rgb(x, y).map(|i| 1.0 - i),
+            ink,
+        );
+        let black = |y: usize| eight(9 * y);
+        let sum = |x: usize, y: usize| rgb(x, y).map(|i| 1.0 - i - black(y));
+        naive_misses("inks added up", SIZE, LOSSY, sum, ink);
     }
 
     #[test]
@@ -244,6 +268,11 @@ mod hard_cases {
             check(&name, &decoded(&name).frame, SIZE, LOSSY, rgb);
         }
         check("png", &decoded("png/turned6.png").frame, SIZE, EXACT, rgb);
+        // Left as stored, an image that is mirrored or upside down keeps its size and is wrong; one
+        // on its side has another size.
+        let (right, bottom) = (SIZE.0 - 1, SIZE.1 - 1);
+        naive_misses("mirrored", SIZE, LOSSY, |x, y| rgb(right - x, y), rgb);
+        naive_misses("upside down", SIZE, LOSSY, |x, y| rgb(x, bottom - y), rgb);
     }
 
     #[test]

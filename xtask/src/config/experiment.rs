@@ -332,6 +332,8 @@ fn train(layers: &Layers<'_>, config: &Config) -> Result<TrainSpec, ConfigError>
 mod tests {
     use super::*;
     use crate::config::schema::Config;
+    use crate::fuzz::{Damage, damaged, fuzz, nested};
+    use proptest::sample::select;
     use sps_dataset::TactileSettings;
     use sps_models::heads::HeadConfig;
     use sps_models::ridge::RidgeConfig;
@@ -418,5 +420,29 @@ mod tests {
         );
         let head = METHOD.replace("ridge", "head");
         refused(&format!("{head}head.epochs = 0"), &["line 5", "epochs"]);
+    }
+
+    #[test]
+    fn any_damage_to_a_config_is_an_error_with_a_place() {
+        let read = |text: &str| {
+            if let Err(error) = read(text) {
+                assert!(error.to_string().contains("test.toml"), "{error}");
+            }
+        };
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
+        let names = ["ablation", "fine-tuning", "friction-photos", "view-counts"];
+        let texts =
+            names.map(|name| std::fs::read_to_string(folder.join(format!("{name}.toml"))).unwrap());
+        let mut texts = texts.to_vec();
+        texts.push(format!("{DEFAULTS}\n{METHOD}"));
+        let input = (select(texts), Damage::some());
+        fuzz("experiments", &input, |(text, damages)| {
+            let text = damaged(text.into_bytes(), &damages);
+            read(&String::from_utf8_lossy(&text));
+        });
+        nested("experiments", |text| {
+            read(&text);
+            read(&format!("{METHOD}{text}"));
+        });
     }
 }

@@ -92,7 +92,10 @@ fn set_aside(path: &Path, error: &anyhow::Error) {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::any;
+
     use super::*;
+    use crate::fuzz::{Damage, damaged, fuzz, nested, with_header};
 
     fn segment(first: u8, rows: u8) -> Segment {
         let keys: Vec<FrameKey> = (first..first + rows).map(|i| [i; 32]).collect();
@@ -138,5 +141,48 @@ mod tests {
             bytes[at] ^= 0x10;
             damaged(&bytes);
         }
+    }
+
+    #[test]
+    fn any_damage_to_a_segment_costs_its_frames_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = EmbeddingCache::open(folder.path(), "e", 2).unwrap();
+        cache.put(&segment(0, 4)).unwrap();
+        let path = cache.segments().unwrap().remove(0);
+        let whole = fs::read(&path).unwrap();
+        let expected = cache.get(&wanted(0..4)).unwrap();
+        let read = |bytes: Vec<u8>| {
+            fs::write(&path, bytes).unwrap();
+            for (key, row) in cache.get(&wanted(0..4)).unwrap() {
+                assert_eq!(expected[&key], row);
+            }
+        };
+        let input = (Damage::some(), any::<bool>());
+        fuzz("segments of the cache", &input, |(damages, in_header)| {
+            read(if in_header {
+                with_header(&whole, |header| damaged(header, &damages))
+            } else {
+                damaged(whole.clone(), &damages)
+            });
+        });
+        nested("segments of the cache", |text| {
+            read(with_header(&whole, |_| text.into_bytes()));
+        });
+        // Tensors that are as long as an address reaches, and keys at its end.
+        let far = |at: u64, length: u64| {
+            format!(
+                "{{\"dtype\":\"U8\",\"shape\":[{length}],\"data_offsets\":[{at},{}]}}",
+                at + length
+            )
+        };
+        let long = 1_u64 << 60;
+        let mut header: Vec<String> = (0..15)
+            .map(|i| format!("\"t{i}\":{}", far(i * long, long)))
+            .collect();
+        let last = 15 * long;
+        header.push(format!("\"t15\":{}", far(last, long - 40)));
+        header.push(format!("\"keys\":{}", far(last + long - 40, 32)));
+        let header = format!("{{{}}}", header.join(","));
+        read(with_header(&whole, |_| header.into_bytes()));
     }
 }

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use candle_core::{Device, Tensor};
 use image::Rgb32FImage;
 use image::imageops::{self, FilterType};
-use sps_dataset::Frame;
+use sps_dataset::{Frame, Limits};
 use sps_models::encoders::Encoder;
 
 /// Turns frames into embeddings.
@@ -94,6 +94,12 @@ pub(crate) fn prepare(frame: &Frame, resize: Option<usize>) -> Result<Cow<'_, Fr
             let scale = wanted as f64 / shorter as f64;
             let side = |length: usize| ((length as f64 * scale).round() as usize).max(1);
             let (width, height) = (side(frame.width), side(frame.height));
+            let most = Limits::default().pixels;
+            ensure!(
+                (width as u64).saturating_mul(height as u64) <= most,
+                "a shorter side of {wanted} pixels makes images of {width} x {height}, expected at \
+                 most {most} pixels"
+            );
             Ok(Cow::Owned(resized(frame, width, height)?))
         }
         _ => Ok(Cow::Borrowed(frame)),
@@ -121,5 +127,19 @@ fn test_frame() -> Frame {
         width: SIDE,
         height: SIDE,
         data: (0..SIDE * SIDE * 3).map(value).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_size_beyond_the_limit_is_refused() {
+        assert_eq!(prepare(&test_frame(), Some(32)).unwrap().width, 32);
+        for wanted in [5793, 65_536, usize::MAX] {
+            let refused = prepare(&test_frame(), Some(wanted)).unwrap_err();
+            assert!(refused.to_string().contains("33554432"), "{refused}");
+        }
     }
 }

@@ -110,8 +110,9 @@ impl Segment {
             bail!("{}: has no tensor `{KEYS}`", path.display());
         };
         let (start, end) = info.data_offsets;
+        let reaches = (8 + header_bytes).checked_add(end as u64);
         ensure!(
-            8 + header_bytes + end as u64 <= length,
+            reaches.is_some_and(|reaches| reaches <= length),
             "{}: cut short",
             path.display()
         );

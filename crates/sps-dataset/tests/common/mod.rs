@@ -45,15 +45,46 @@ pub(crate) fn check(
 ) {
     assert_eq!((frame.width, frame.height), size, "{name}");
     assert_eq!(frame.data.len(), size.0 * size.1 * 3, "{name}");
-    for y in 0..size.1 {
-        for x in 0..size.0 {
-            for (channel, expected) in expected(x, y).into_iter().enumerate() {
-                let found = f64::from(frame.data[(y * size.0 + x) * 3 + channel]);
-                assert!(
-                    (found - expected).abs() <= bound,
-                    "{name}: ({x}, {y}) channel {channel} is {found}, expected {expected}"
-                );
+    let found = |x, y| {
+        let at = (y * size.0 + x) * 3;
+        [0, 1, 2].map(|channel| f64::from(frame.data[at + channel]))
+    };
+    let (error, place) = furthest(size, found, expected);
+    println!("{name}: error {error:.1e}, bound {bound:.1e}");
+    assert!(error <= bound, "{name}: off by {error} at {place:?}");
+}
+
+/// Holds that a naive form, by what it makes of each pixel, misses the bound.
+pub(crate) fn naive_misses(
+    name: &str,
+    size: (usize, usize),
+    bound: f64,
+    naive: impl Fn(usize, usize) -> [f64; 3],
+    expected: impl Fn(usize, usize) -> [f64; 3],
+) {
+    let (error, _) = furthest(size, naive, expected);
+    println!("{name}: naive form {error:.1e}");
+    assert!(
+        error > bound,
+        "{name}: the naive form is off by {error} only"
+    );
+}
+
+/// The largest difference, infinite where a value is no number, and its pixel.
+fn furthest(
+    size: (usize, usize),
+    found: impl Fn(usize, usize) -> [f64; 3],
+    expected: impl Fn(usize, usize) -> [f64; 3],
+) -> (f64, (usize, usize)) {
+    let mut furthest = (0.0, (0, 0));
+    for (x, y) in (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y))) {
+        for (found, expected) in found(x, y).into_iter().zip(expected(x, y)) {
+            let error = (found - expected).abs();
+            let error = if error.is_nan() { f64::INFINITY } else { error };
+            if error > furthest.0 {
+                furthest = (error, (x, y));
             }
         }
     }
+    furthest
 }

@@ -80,7 +80,7 @@ pub struct RelationScale {
 impl RelationScale {
     /// How many slots it has.
     pub(super) fn slots(&self) -> usize {
-        self.views * self.relations
+        self.views.saturating_mul(self.relations)
     }
 }
 
@@ -226,8 +226,13 @@ impl HeadConfig {
     }
 }
 
+/// More views side by side than anyone has, and few enough to multiply by an embedding's width.
+const MOST_SLOTS: usize = 1 << 16;
+
 impl Input {
     fn check(&self, model: &Model) -> Result<()> {
+        let slots = self.slots();
+        require(slots <= MOST_SLOTS, "input", slots, "at most 65536 slots")?;
         match self {
             Self::Single {} | Self::ViewPooling {} => Ok(()),
             Self::LateFusion { views } => at_least_one("input.views", *views),

@@ -150,7 +150,10 @@ impl Input {
         match self {
             Self::Single {} | Self::ViewPooling {} => 1,
             Self::LateFusion { views } => *views,
-            Self::Relations { scales } => scales.iter().map(RelationScale::slots).sum(),
+            Self::Relations { scales } => {
+                let slots = scales.iter().map(RelationScale::slots);
+                slots.fold(0, usize::saturating_add)
+            }
         }
     }
 

@@ -98,7 +98,9 @@ mod hard_cases {
         assert!((scale / 1e-30 - 1.0).abs() < 1e-7);
         // Adam's step for a constant gradient is the learning rate, whatever the gradient.
         let expected = direction.map(|g| -2e-4 * g / (g + 1e-8));
-        assert!(error(&moved, &expected) < 1e-6, "{moved:?}");
+        let off = error(&moved, &expected);
+        println!("gradient norm of 1e30: error {off:.1e}, bound 1e-6, naive form does not move");
+        assert!(off < 1e-6, "{moved:?}");
 
         let naive = huge
             .sqr()

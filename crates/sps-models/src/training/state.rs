@@ -100,6 +100,7 @@ impl Trainer {
             let mean = moments.get(&format!("{index}/mean"))?.clone();
             Ok((mean, moments.get(&format!("{index}/square"))?.clone()))
         })?;
+        trainer.check_progress(&metadata)?;
         trainer.best = metadata.best.map(|(epoch, loss)| Best {
             epoch,
             loss,
@@ -107,5 +108,24 @@ impl Trainer {
         });
         trainer.history = metadata.history;
         Ok(trainer)
+    }
+
+    /// Refuses epochs and steps that are still to come.
+    fn check_progress(&self, metadata: &Metadata) -> Result<()> {
+        let epochs = metadata.history.len();
+        let of_all = |what, found: usize, most: usize| {
+            if found <= most {
+                return Ok(());
+            }
+            Err(Error::input(what, found, format_args!("at most {most}")))
+        };
+        of_all("epochs of a training state", epochs, self.config.epochs)?;
+        of_all(
+            "steps of a training state",
+            metadata.steps as usize,
+            self.steps(),
+        )?;
+        let best = metadata.best.map_or(0, |(epoch, _)| epoch);
+        of_all("best epoch of a training state", best, epochs)
     }
 }

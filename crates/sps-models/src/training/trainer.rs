@@ -183,9 +183,10 @@ impl Trainer {
     }
 
     /// Steps of the whole training.
-    fn steps(&self) -> usize {
+    pub(super) fn steps(&self) -> usize {
         let images = self.parts.training.len();
-        self.config.epochs * batches::steps(images, self.config.batch_size)
+        let epoch = batches::steps(images, self.config.batch_size);
+        self.config.epochs.saturating_mul(epoch)
     }
 
     fn step(&mut self, batch: Batch, done: usize) -> Result<Step> {

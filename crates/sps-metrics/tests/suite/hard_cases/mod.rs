@@ -28,6 +28,8 @@ mod truths;
 
 use sps_metrics::Samples;
 
+use crate::support::relative_error;
+
 /// What people write first.
 mod naive {
     /// 1 - Σe² / (Σt² - (Σt)² / n).
@@ -97,6 +99,18 @@ mod naive {
             values[half]
         }
     }
+}
+
+/// Holds `found` to `expected` within a relative `bound`, which the naive form's number misses.
+#[track_caller]
+fn within(case: &str, found: f64, expected: f64, bound: f64, naive: f64) {
+    let (error, naive) = (
+        relative_error(found, expected),
+        relative_error(naive, expected),
+    );
+    println!("{case}: error {error:.1e}, bound {bound:.0e}, naive form {naive:.1e}");
+    assert!(error <= bound, "{case}: {found:e} against {expected:e}");
+    assert!(naive.is_nan() || naive > bound, "{case}: the naive form");
 }
 
 fn samples<'a>(truth: &'a [f64], estimate: &'a [f64]) -> Samples<'a> {

@@ -4,12 +4,23 @@ use sps_viewselect::{
     Baseline, Greedy, LossError, Nvs, SelectError, Selector, SetFunction, SetLoss, Sets, VbNvs,
 };
 
-use crate::support::{all_selectors, problem, select, short_nvs, short_vb_nvs};
+use crate::support::{all_selectors, all_sets, problem, select, short_nvs, short_vb_nvs};
+
+/// Rewards less their mean over their spread, in one pass each.
+fn naive_advantages(losses: &[f64]) -> Vec<f64> {
+    let n = losses.len() as f64;
+    let mean = losses.iter().sum::<f64>() / n;
+    let spread = (losses.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / n).sqrt();
+    losses.iter().map(|loss| (mean - loss) / spread).collect()
+}
 
 /// A mean that is off by one rounding would make advantages of a constant reward, and
 /// standardising would blow them up.
 #[test]
 fn a_constant_reward_moves_nothing_and_stays_finite() {
+    let naive = naive_advantages(&[0.1; 50]);
+    println!("constant reward: advantage 0, naive form {:.1e}", naive[0]);
+    assert!(naive[0].abs() > 0.9, "the naive form");
     for value in [0.0, -3.5, 0.1, 1e99] {
         let loss = SetFunction::new(9, 3, |_: &[usize]| value);
         for (name, selector) in all_selectors() {
@@ -24,6 +35,21 @@ fn a_constant_reward_moves_nothing_and_stays_finite() {
             assert_eq!(select(&nvs, &problem(&loss)).picks, [0, 0, 0]);
         }
     }
+}
+
+/// One set has no others to be compared with: its advantage is 0, and the policy stays uniform.
+/// The mean of no others is 0 / 0.
+#[test]
+fn a_batch_of_one_moves_nothing() {
+    let loss = SetFunction::new(9, 3, |set: &[usize]| 9.0 - set[0] as f64);
+    let mut nvs = short_nvs();
+    nvs.policy.batch = 1;
+    nvs.policy.baseline = Baseline::LeaveOneOut;
+    nvs.policy.entropy_weight = 0.0;
+    assert_eq!(select(&nvs, &problem(&loss)).picks, [0, 0, 0]);
+    let losses = [4.0];
+    let others = (losses.iter().sum::<f64>() - losses[0]) / (losses.len() - 1) as f64;
+    assert!((others - losses[0]).is_nan(), "the naive form");
 }
 
 #[test]
@@ -75,9 +101,14 @@ fn ties_go_to_the_lexicographically_first_set() {
         }
     }
     // Minus zero and zero are one loss.
-    let zeros = SetFunction::new(4, 2, |set: &[usize]| if set[1] == 3 { -0.0 } else { 0.0 });
+    let zero = |set: &[usize]| if set[1] == 3 { -0.0 } else { 0.0 };
+    let zeros = SetFunction::new(4, 2, zero);
     let exhaustive = sps_viewselect::Exhaustive::default();
     assert_eq!(select(&exhaustive, &problem(&zeros)).picks, [0, 0]);
+    let naive = all_sets(4, 2, false)
+        .into_iter()
+        .min_by(|a, b| f64::total_cmp(&zero(a), &zero(b)));
+    assert_eq!(naive.expect("16 sets"), [0, 3], "the naive form");
     // Greedy stays where it began: a tie is no reason to go on.
     let flat = SetFunction::new(8, 3, |_: &[usize]| 2.0);
     let one = Greedy {

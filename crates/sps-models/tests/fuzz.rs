@@ -1,0 +1,319 @@
+//! Whatever bytes a reader of weights, fitted heads, regressions or training states is given, it
+//! answers within its limits; `fixtures/fuzz` says which.
+
+#[path = "../../../fixtures/fuzz/mod.rs"]
+mod fuzz;
+
+use std::error::Error;
+use std::path::Path;
+
+use candle_core::{Device, Tensor};
+use fuzz::{Damage, damaged, fuzz, nested, with_header};
+use proptest::prelude::*;
+use proptest::sample::select;
+use sps_models::encoders::{Encoder, EncoderKind};
+use sps_models::heads::{
+    Adversarial, CrossModal, Head, HeadConfig, Input, Model, Plan, RelationScale, Rerun,
+    TrainedHeads, TrainingData, Views,
+};
+use sps_models::ridge::{Ridge, RidgeConfig, TrainedRidges};
+use sps_models::training::{
+    Augmentation, Classes, Image, ImageSource, Parts, Targets, Trainer, TrainingConfig,
+};
+use sps_models::weights::{Precision, Weights};
+use sps_models::{Embeddings, Readings};
+
+/// A safetensors file, damaged anywhere or in its header.
+fn broken(files: Vec<Vec<u8>>) -> impl Strategy<Value = Vec<u8>> {
+    (select(files), Damage::some(), any::<bool>()).prop_map(|(file, damages, in_header)| {
+        if in_header {
+            with_header(&file, |header| damaged(header, &damages))
+        } else {
+            damaged(file, &damages)
+        }
+    })
+}
+
+fn said<T>(outcome: Result<T, impl Error>) -> Option<T> {
+    match outcome {
+        Ok(value) => Some(value),
+        Err(error) => {
+            assert!(!error.to_string().is_empty());
+            None
+        }
+    }
+}
+
+fn read_weights(bytes: &[u8]) {
+    let Some(weights) = said(Weights::from_bytes("file", bytes)) else {
+        return;
+    };
+    for (name, tensor) in weights.iter() {
+        let values: Vec<f32> = tensor.flatten_all().unwrap().to_vec1().unwrap();
+        assert!(values.iter().all(|v| v.is_finite()), "{name}");
+    }
+    let again = Weights::from_bytes("again", &weights.to_bytes().unwrap()).unwrap();
+    assert_eq!(again.iter().count(), weights.iter().count());
+}
+
+/// Tensors of several shapes, among them none and one without elements.
+fn weights() -> Weights {
+    let shapes: [&[usize]; 4] = [&[], &[3], &[2, 0, 5], &[4, 3, 2, 1]];
+    let tensors = shapes.iter().enumerate().map(|(i, shape)| {
+        let tensor = Tensor::full(0.5 + i as f32, *shape, &Device::Cpu).unwrap();
+        (format!("layer{i}.weight"), tensor)
+    });
+    Weights::from_tensors("seed", tensors).unwrap()
+}
+
+#[test]
+fn safetensors() {
+    let weights = weights();
+    let write = |precision, note| weights.to_bytes_as(precision, note).unwrap();
+    let files = vec![
+        write(Precision::F32, None),
+        write(Precision::F16, Some(("note", "a text of 12 words"))),
+    ];
+    fuzz("safetensors", &broken(files), |bytes| {
+        read_weights(&bytes);
+        said(Weights::note("file", &bytes, "note"));
+    });
+}
+
+#[test]
+fn pytorch() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/pytorch");
+    let files = ["zip", "stream", "mapping"]
+        .map(|name| std::fs::read(folder.join(format!("{name}.pth"))).unwrap());
+    let input = (select(files.to_vec()), Damage::some());
+    fuzz("pth", &input, |(file, damages)| {
+        read_weights(&damaged(file, &damages));
+    });
+}
+
+/// The file with its pickle damaged, and the archive's sizes told anew: past what an archive's own
+/// directory would catch.
+#[test]
+fn pytorch_pickles() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/pytorch");
+    let bytes = std::fs::read(folder.join("zip.pth")).unwrap();
+    let mut archive = zip::ZipArchive::new(std::io::Cursor::new(bytes)).unwrap();
+    let files: Vec<(String, Vec<u8>)> = (0..archive.len())
+        .map(|index| {
+            let mut file = archive.by_index(index).unwrap();
+            let name = file.name().unwrap().into_owned();
+            let mut content = Vec::new();
+            std::io::Read::read_to_end(&mut file, &mut content).unwrap();
+            (name, content)
+        })
+        .collect();
+    fuzz("pickle of a pth", &Damage::some(), |damages| {
+        let mut writer = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        let stored = zip::write::SimpleFileOptions::default()
+            .compression_method(zip::CompressionMethod::Stored);
+        for (name, content) in &files {
+            writer.start_file(name.as_str(), stored).unwrap();
+            let content = if name.ends_with("data.pkl") {
+                damaged(content.clone(), &damages)
+            } else {
+                content.clone()
+            };
+            std::io::Write::write_all(&mut writer, &content).unwrap();
+        }
+        read_weights(&writer.finish().unwrap().into_inner());
+    });
+}
+
+const WIDTH: usize = 4;
+
+/// Twelve surfaces of three views.
+struct Made {
+    embeddings: Embeddings,
+    readings: Readings,
+}
+
+impl Made {
+    fn new() -> Self {
+        let values: Vec<f32> = (0..12 * 3 * WIDTH)
+            .map(|i| (i * i % 17) as f32 / 17.0)
+            .collect();
+        let tensor = Tensor::from_vec(values, (12, 3, WIDTH), &Device::Cpu).unwrap();
+        let rows: Vec<_> = (0..12).map(|s| vec![Some(f64::from(s % 5))]).collect();
+        Self {
+            embeddings: Embeddings::new(&tensor).unwrap(),
+            readings: Readings::new(vec!["p".into()], &rows).unwrap(),
+        }
+    }
+
+    fn data(&self) -> TrainingData<'_> {
+        TrainingData {
+            embeddings: &self.embeddings,
+            readings: &self.readings,
+            materials: None,
+            label_features: None,
+        }
+    }
+
+    fn plan(&self) -> Plan {
+        let rerun = Rerun {
+            number: 0,
+            training: (0..10).collect(),
+        };
+        Plan::each(1, self.readings.properties(), vec![rerun])
+    }
+
+    /// Fitted to all three views.
+    fn heads(&self, input: Input, model: Model) -> Vec<u8> {
+        let mut plan = self.plan();
+        for trial in &mut plan.trials {
+            trial.views = Views::Fixed(vec![0, 1, 2]);
+        }
+        let head = Head::new(HeadConfig {
+            input,
+            model,
+            epochs: 1,
+            ..HeadConfig::default()
+        });
+        let trained = head.unwrap().train(&self.data(), &plan, &());
+        trained.unwrap().to_bytes().unwrap()
+    }
+}
+
+#[test]
+fn trained_heads() {
+    let made = Made::new();
+    let cross_modal = || {
+        Model::CrossModal(CrossModal {
+            latent: 3,
+            hidden: 2,
+            adversarial: Some(Adversarial {
+                hidden: 2,
+                ..Adversarial::default()
+            }),
+            ..CrossModal::default()
+        })
+    };
+    let files = vec![
+        made.heads(Input::ViewPooling {}, Model::Regression {}),
+        made.heads(Input::LateFusion { views: 3 }, cross_modal()),
+    ];
+    fuzz("trained heads", &broken(files), |bytes| {
+        if let Some(heads) = said(TrainedHeads::from_bytes("file", &bytes)) {
+            said(heads.predict(&made.embeddings));
+        }
+    });
+}
+
+/// More slots than can be counted.
+#[test]
+fn relations_without_end_are_refused() {
+    for count in [1 << 32, usize::MAX] {
+        let scales = vec![
+            RelationScale {
+                views: count,
+                relations: count,
+            };
+            2
+        ];
+        let head = Head::new(HeadConfig {
+            input: Input::Relations { scales },
+            model: Model::CrossModal(CrossModal::default()),
+            ..HeadConfig::default()
+        });
+        let made = Made::new();
+        let trained = head.and_then(|head| head.train(&made.data(), &made.plan(), &()));
+        assert!(said(trained).is_none());
+    }
+}
+
+#[test]
+fn ridges() {
+    let made = Made::new();
+    let ridge = Ridge::new(RidgeConfig::default()).unwrap();
+    let trained = ridge.train(&made.data(), &made.plan());
+    let file = trained.unwrap().to_bytes().unwrap();
+    let read = |bytes: &[u8]| {
+        if let Some(ridges) = said(TrainedRidges::from_bytes(bytes)) {
+            said(ridges.predict(&made.embeddings));
+        }
+    };
+    fuzz("ridge regressions", &Damage::some(), |damages| {
+        read(&damaged(file.clone(), &damages));
+    });
+    nested("ridge regressions", |text| read(text.as_bytes()));
+}
+
+/// Grey images, darker from one to the next.
+struct Greys;
+
+impl ImageSource for Greys {
+    fn image(&self, index: usize) -> Result<Image, Box<dyn Error + Send + Sync>> {
+        let grey = 0.1 * index as f32;
+        Ok(Image::new(8, 8, vec![grey; 8 * 8 * 3])?)
+    }
+}
+
+#[test]
+fn training_states() {
+    let start = Encoder::seeded(EncoderKind::SeResNextSmall, 1, &Device::Cpu).unwrap();
+    let targets = || Targets {
+        values: None,
+        classes: Some(Classes {
+            of_image: vec![0, 1, 0, 1, 0, 1],
+            count: 2,
+        }),
+    };
+    let parts = || Parts {
+        training: vec![0, 1, 2, 3],
+        validation: vec![4, 5],
+    };
+    let config = TrainingConfig {
+        epochs: 2,
+        batch_size: 2,
+        patience: 2,
+        augmentation: Augmentation {
+            crop: 1.0,
+            ..Augmentation::default()
+        },
+        ..TrainingConfig::default()
+    };
+    let mut trainer = Trainer::new(&start, targets(), parts(), config.clone(), 1).unwrap();
+    trainer.epoch(&Greys, |_| {}).unwrap();
+    let file = trainer.to_bytes().unwrap();
+    let resume =
+        |bytes: &[u8]| Trainer::resume("file", bytes, targets(), parts(), config.clone(), 1);
+    assert!(resume(&file).is_ok());
+    fuzz("training states", &Damage::some(), |damages| {
+        let file = with_header(&file, |header| damaged(header, &damages));
+        if let Some(trainer) = said(resume(&file)) {
+            trainer.is_finished();
+            said(trainer.into_encoder());
+        }
+    });
+    // A best epoch, and an epoch's number of steps, that are still to come.
+    for key in ["best\\\":[", "steps\\\":"] {
+        let late = with_header(&file, |header| {
+            let header = String::from_utf8(header).unwrap();
+            assert!(header.contains(key), "{header}");
+            header.replace(key, &format!("{key}9")).into_bytes()
+        });
+        assert!(said(resume(&late)).is_none(), "{key}");
+    }
+    nested("training states", |text| {
+        let note = Some(("sps-training", text.as_str()));
+        let file = weights().to_bytes_as(Precision::F32, note).unwrap();
+        assert!(said(resume(&file)).is_none());
+    });
+}
+
+/// Headers, and the metadata in them, that nest.
+#[test]
+fn headers_that_nest() {
+    nested("headers", |text| {
+        let length = (text.len() as u64).to_le_bytes();
+        read_weights(&[&length[..], text.as_bytes()].concat());
+        let note = Some(("sps-heads", text.as_str()));
+        let file = weights().to_bytes_as(Precision::F32, note).unwrap();
+        assert!(said(TrainedHeads::from_bytes("file", &file)).is_none());
+    });
+}

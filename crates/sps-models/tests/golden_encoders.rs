@@ -4,7 +4,7 @@ mod common;
 
 use candle_core::Tensor;
 use common::{encoder, golden, input, relative_error, worst_error};
-use sps_models::encoders::EncoderKind;
+use sps_models::encoders::{EncoderKind, Precision};
 
 /// f32 against f64: 2e-5 relative, for the vector and for its worst element.
 fn assert_close(case: &str, found: &Tensor, expected: &Tensor) {
@@ -35,4 +35,25 @@ fn squeezenet_embeds_as_torchvision_does() {
     let found = encoder.embed_normalised(&images).unwrap();
     let expected = &golden("squeezenet1_0.safetensors")["embedding"];
     assert_close("squeeze", &found, expected);
+}
+
+/// Numbers of eight bits through 16 bottlenecks; whatever else is in the batch.
+#[test]
+fn bf16_stays_near_f32() {
+    for (kind, case, bound) in [
+        (EncoderKind::SeResNext50, "eval224", 1e-2),
+        (EncoderKind::SqueezeNet1_0, "squeeze", 1e-2),
+    ] {
+        let encoder = encoder(kind);
+        let images = input(&format!("golden/{case}"), &[2, 3, 224, 224]);
+        let exact = encoder.embed_normalised(&images).unwrap();
+        let bf16 = encoder.with_precision(Precision::Bf16).unwrap();
+        let found = bf16.embed_normalised(&images).unwrap();
+        let error = relative_error(&found, &exact);
+        println!("{kind} in bf16: relative error {error:.1e}");
+        assert!(error < bound, "{kind}: {error:.1e}");
+        let alone = bf16.embed_normalised(&images.get(1).unwrap().unsqueeze(0).unwrap());
+        let alone: Vec<Vec<f32>> = alone.unwrap().to_vec2().unwrap();
+        assert_eq!(alone[0], found.to_vec2::<f32>().unwrap()[1]);
+    }
 }

@@ -266,3 +266,6 @@ impl FusedBottleneck {
         (scale, shift)
     }
 }
+
+#[cfg(test)]
+mod hard_cases;

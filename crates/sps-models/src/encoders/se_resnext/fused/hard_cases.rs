@@ -1,0 +1,76 @@
+//! bf16 beside f32, layer by layer.
+
+use half::bf16;
+
+use super::*;
+use crate::encoders::EncoderKind;
+use crate::encoders::images::Normalisation;
+use crate::golden;
+
+/// The numbers of a feature map, pixel by pixel.
+fn numbers(memory: &[f32], grid: &Grid) -> Vec<f64> {
+    let pixel = |place: &u32| -> Vec<f64> {
+        let words = &memory[*place as usize..][..grid.words()];
+        match grid.format {
+            Format::F32 => words.iter().map(|&x| f64::from(x)).collect(),
+            Format::Bf16 => {
+                let numbers: &[bf16] = bytemuck::cast_slice(words);
+                numbers.iter().map(|x| x.to_f64()).collect()
+            }
+        }
+    };
+    grid.places().iter().flat_map(pixel).collect()
+}
+
+/// What leaves the stem and each bottleneck.
+fn layers(weights: &Weights, format: Format, image: &[f32], size: [usize; 3]) -> Vec<Vec<f64>> {
+    let config = SeResNextConfig::RESNEXT50_32X4D;
+    let network = Fused::new(&config, weights, Level::detect(), format).unwrap();
+    let images = Images {
+        values: image,
+        size,
+        normalisation: &Normalisation::NONE,
+    };
+    let mut workspace = Workspace::default();
+    let mut grid = network.enter(Threads::One, image, &images, &mut workspace);
+    let mut layers = vec![numbers(&workspace.features, &grid)];
+    for bottleneck in network.stages.iter().flatten() {
+        grid = bottleneck.apply(Threads::One, network.level, grid, &mut workspace);
+        layers.push(numbers(&workspace.features, &grid));
+    }
+    layers
+}
+
+/// The norm of the difference relative to that of what is expected.
+fn relative(found: &[f64], expected: &[f64]) -> f64 {
+    let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>().sqrt();
+    let difference = norm(&mut found.iter().zip(expected).map(|(f, e)| f - e));
+    difference / norm(&mut expected.iter().copied())
+}
+
+/// Each layer rounds its weights and what it stores to eight bits, at most 2⁻⁹ off and evenly to
+/// both sides. Such errors add up as a walk does, with the square root of the number of layers;
+/// numbers cut off to eight bits instead would all err to one side, and twice as far.
+#[test]
+fn bf16_beside_f32_layer_by_layer() {
+    let tensors = EncoderKind::SeResNext50.specs();
+    let tensors = tensors
+        .iter()
+        .map(|spec| (spec.name.clone(), golden::weight(spec)));
+    let weights = Weights::sharing("the golden rule", tensors);
+    let image = golden::tensor("golden/eval97", &[1, 3, 97, 131]);
+    let image: Vec<f32> = golden::values(&image).iter().map(|&x| x as f32).collect();
+    let size = [1, 97, 131];
+    let exact = layers(&weights, Format::F32, &image, size);
+    let rounded = layers(&weights, Format::Bf16, &image, size);
+    assert_eq!(exact.len(), 17);
+    for (layer, (found, expected)) in rounded.iter().zip(&exact).enumerate() {
+        let error = relative(found, expected);
+        println!("after layer {layer}: relative error {error:.1e}");
+        let bound = 2.5e-3 * ((1 + layer) as f64).sqrt();
+        assert!(
+            error < bound,
+            "after layer {layer}: {error:.1e} of {bound:.1e}"
+        );
+    }
+}

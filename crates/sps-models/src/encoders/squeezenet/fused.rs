@@ -1,6 +1,6 @@
 //! The network in inference, on the CPU kernels.
 
-use super::{STEM, STEPS, Step, WIDTH};
+use super::{POINT, POOL, SQUARE, STEM, STEM_WINDOW, STEPS, Step, WIDTH};
 use crate::encoders::batch::{Images, Network};
 use crate::encoders::folded::{Folded, Layer};
 use crate::encoders::images::interleave;
@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
 use crate::ops::conv::ConvShape;
-use crate::ops::grid::{Grid, Window};
+use crate::ops::grid::Grid;
 use crate::ops::mean::frame_means;
 use crate::ops::pool::max_pool;
 use crate::ops::simd::Level;
@@ -45,9 +45,6 @@ struct Fire {
     square: Layer,
 }
 
-const POOL: Window = Window::square(3, 2, 0);
-const SQUARE: Window = Window::square(3, 1, 1);
-
 impl Fused {
     pub(in crate::encoders) fn new(weights: &Weights, level: Level) -> Result<Self> {
         let layer = |name: &str, window, inputs, outputs| {
@@ -70,16 +67,15 @@ impl Fused {
                 return Ok(FusedStep::Pool);
             };
             let name = |leaf: &str| format!("features.{index}.{leaf}");
-            let point = Window::square(1, 1, 0);
             Ok(FusedStep::Fire(Box::new(Fire {
-                squeeze: layer(&name("squeeze"), point, input, squeeze)?,
-                point: layer(&name("expand1x1"), point, squeeze, expand)?,
+                squeeze: layer(&name("squeeze"), POINT, input, squeeze)?,
+                point: layer(&name("expand1x1"), POINT, squeeze, expand)?,
                 square: layer(&name("expand3x3"), SQUARE, squeeze, expand)?,
             })))
         };
         Ok(Self {
             level,
-            stem: layer("features.0", Window::square(7, 2, 0), 3, STEM)?,
+            stem: layer("features.0", STEM_WINDOW, 3, STEM)?,
             steps: STEPS.iter().map(step).collect::<Result<_>>()?,
         })
     }

@@ -44,5 +44,9 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         Some(_) => ", then trained on each training part",
         None => "",
     };
-    format!("{} with {weights}{trained}", spec.kind)
+    let resized = match spec.resize {
+        Some(pixels) => format!(", on frames of {pixels} pixels"),
+        None => String::new(),
+    };
+    format!("{} with {weights}{resized}{trained}", spec.kind)
 }

@@ -7,6 +7,7 @@ mod embeddings;
 mod encoder;
 mod files;
 mod journal;
+mod memory;
 mod model;
 mod progress;
 mod report;

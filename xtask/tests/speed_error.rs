@@ -4,6 +4,7 @@ mod support;
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::sync::LazyLock;
 
 use serde_json::Value;
 use support::{Scratch, expect, message};
@@ -69,16 +70,29 @@ fn method<'a>(results: &'a Value, id: &str) -> &'a Value {
     found.unwrap_or_else(|| panic!("no method {id}"))
 }
 
-fn whole(scratch: &Scratch) -> Value {
-    let text = fs::read_to_string(scratch.path("run/results.json")).unwrap();
-    serde_json::from_str(&text).unwrap()
+/// What one run of all settings left, for the tests that only read.
+struct Ran {
+    results: Value,
+    figure: String,
+    report: String,
+    html: String,
 }
+
+static RAN: LazyLock<Ran> = LazyLock::new(|| {
+    let scratch = scratch(SETTINGS);
+    scratch.experiment().assert().success();
+    let read = |name: &str| fs::read_to_string(scratch.path("run").join(name)).unwrap();
+    Ran {
+        results: serde_json::from_str(&read("results.json")).unwrap(),
+        figure: read("figures/speed-error.svg"),
+        report: read("report.md"),
+        html: read("report.html"),
+    }
+});
 
 #[test]
 fn settings_are_drawn_and_the_questions_answered() {
-    let scratch = scratch(SETTINGS);
-    scratch.experiment().assert().success();
-    let results = whole(&scratch);
+    let results = &RAN.results;
     let seconds = |method: &Value| method["predict_seconds_per_surface"].as_f64().unwrap();
     let r2 = |method: &Value| method["r2_mean"].as_f64().unwrap();
     let methods = results["methods"].as_array().unwrap();
@@ -101,28 +115,26 @@ fn settings_are_drawn_and_the_questions_answered() {
     let found: BTreeSet<String> = found.map(|id| id.as_str().unwrap().to_owned()).collect();
     assert_eq!(found, front);
     let best = methods.iter().map(r2).reduce(f64::max).unwrap();
-    let answer = |key: &str| method(&results, speed[key].as_str().unwrap());
+    let answer = |key: &str| method(results, speed[key].as_str().unwrap());
     assert_eq!(r2(answer("best_within_seconds")), best);
     let fastest = answer("fastest_within_error");
     assert!(1.0 - r2(fastest) <= 1.02 * (1.0 - best));
 
-    let figure = fs::read_to_string(scratch.path("run/figures/speed-error.svg")).unwrap();
     for one in methods {
         let label = one["label"].as_str().unwrap();
-        assert!(figure.contains(&format!("<title>{label}: ")), "{label}");
+        assert!(RAN.figure.contains(&format!("<title>{label}: ")), "{label}");
     }
-    let report = fs::read_to_string(scratch.path("run/report.md")).unwrap();
-    expect(&report, &["## Two questions", "## Every setting", "| ● "]);
-    let html = fs::read_to_string(scratch.path("run/report.html")).unwrap();
-    assert!(html.contains("Speed against error"));
+    expect(
+        &RAN.report,
+        &["## Two questions", "## Every setting", "| ● "],
+    );
+    assert!(RAN.html.contains("Speed against error"));
 }
 
 #[test]
 fn costs_come_in_parts() {
-    let scratch = scratch(SETTINGS);
-    scratch.experiment().assert().success();
-    let results = whole(&scratch);
-    let of = |id: &str, key: &str| method(&results, id)[key].as_f64().unwrap();
+    let results = &RAN.results;
+    let of = |id: &str, key: &str| method(results, id)[key].as_f64().unwrap();
     for id in ["small-1-ridge", "squeeze-1-ridge", "small-all-head", "wide"] {
         let part = |part: &str| of(id, &format!("{part}_seconds_per_surface"));
         assert!(part("decode") > 0.0 && part("encode") > 0.0 && part("head") > 0.0);
@@ -140,14 +152,12 @@ fn costs_come_in_parts() {
 
 #[test]
 fn views_are_added_until_the_interval_is_narrow_enough() {
-    let scratch = scratch(SETTINGS);
-    scratch.experiment().assert().success();
-    let results = whole(&scratch);
-    let wide = method(&results, "wide");
+    let results = &RAN.results;
+    let wide = method(results, "wide");
     assert_eq!(wide["adaptive"]["mean_views"], 1.0);
     assert_eq!(wide["adaptive"]["narrow"], 1.0);
     assert_eq!(wide["frames_decoded_per_surface"], 1.0);
-    let narrow = method(&results, "narrow");
+    let narrow = method(results, "narrow");
     assert_eq!(narrow["adaptive"]["mean_views"], 3.0);
     assert_eq!(narrow["adaptive"]["narrow"], 0.0);
     assert_eq!(narrow["frames_encoded_per_surface"], 3.0);
@@ -166,14 +176,12 @@ fn views_are_added_until_the_interval_is_narrow_enough() {
 fn a_method_says_the_same_beside_methods_with_other_encoders() {
     let alone = scratch("");
     alone.experiment().assert().success();
-    let beside = scratch(SETTINGS);
-    beside.experiment().assert().success();
-    let (alone, beside) = (alone.results(), beside.results());
+    let (alone, beside) = (alone.results(), &RAN.results);
     for id in ["ridge", "cross-modal"] {
-        assert_eq!(method(&alone, id)["r2"], method(&beside, id)["r2"]);
+        assert_eq!(method(&alone, id)["r2"], method(beside, id)["r2"]);
     }
-    let first = method(&beside, "small-1-ridge")["r2"].clone();
-    assert_ne!(first, method(&beside, "ridge")["r2"]);
+    let first = method(beside, "small-1-ridge")["r2"].clone();
+    assert_ne!(first, method(beside, "ridge")["r2"]);
 }
 
 #[test]

@@ -5,10 +5,10 @@ use kuva::plot::line::LinePlot;
 use kuva::plot::scatter::MarkerShape;
 use kuva::plot::{LegendPosition, ScatterPlot};
 use kuva::render::layout::Layout;
-use kuva::render::palette::Palette;
 use kuva::render::plots::Plot;
 use kuva::render::render::render_multiple;
 
+use super::fan::COLOURS;
 use super::figures::Figure;
 use super::table::{Row, Table, number, with_interval};
 use crate::results::speed::{Point, front, points};
@@ -40,7 +40,8 @@ fn answers(results: &Results, speed: &Speed) -> Table {
     };
     let best = results.methods.iter().filter_map(|m| m.r2_mean);
     let best = number(best.reduce(f64::max), 3);
-    let (share, limit) = (100.0 * speed.within_error, 1e3 * speed.within_seconds);
+    let share = number(Some(100.0 * speed.within_error), 1);
+    let limit = number(Some(1e3 * speed.within_seconds), 1);
     Table {
         title: "Two questions".to_owned(),
         caption: format!(
@@ -53,11 +54,11 @@ fn answers(results: &Results, speed: &Speed) -> Table {
             .to_vec(),
         rows: vec![
             row(
-                format!("The fastest setting within {share:.3} % of the best error"),
+                format!("The fastest setting within {share} % of the best error"),
                 &speed.fastest_within_error,
             ),
             row(
-                format!("The best error within {limit:.3} ms per surface"),
+                format!("The best error within {limit} ms per surface"),
                 &speed.best_within_seconds,
             ),
         ],
@@ -69,7 +70,7 @@ fn settings(results: &Results, speed: &Speed) -> Table {
     let top8 = top8
         .into_iter()
         .any(|m| m.median_percent_error_top8.is_some());
-    let mut columns = vec!["Setting", "Encoder", "R²", "over reruns", "MAE", "% error"];
+    let mut columns = vec!["Setting", "R²", "over reruns", "MAE", "% error"];
     columns.extend(top8.then_some("% error, top 8"));
     columns.extend([
         "ms",
@@ -81,6 +82,7 @@ fn settings(results: &Results, speed: &Speed) -> Table {
         "memory, MiB",
         "training, s",
         "encoder training, s",
+        "encoder",
     ]);
     let mut methods: Vec<&MethodResult> = results.methods.iter().collect();
     let slowest = |method: &MethodResult| method.predict_seconds_per_surface.unwrap_or(f64::MAX);
@@ -93,7 +95,6 @@ fn settings(results: &Results, speed: &Speed) -> Table {
         };
         let mut cells = vec![
             format!("{mark} {}", method.label).trim().to_owned(),
-            method.encoder.clone(),
             with_interval(method.r2_mean, method.r2_mean_interval, 3),
             range(method.over_reruns.r2_mean, 3),
             ranged(method.mae_mean, method.over_reruns.mae_mean, 2),
@@ -109,6 +110,7 @@ fn settings(results: &Results, speed: &Speed) -> Table {
         };
         cells.extend(top8.then(of_top8));
         cells.extend(costs(method));
+        cells.push(method.encoder.clone());
         Row::measured(cells)
     });
     Table {
@@ -232,12 +234,12 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
     let mut plots = vec![Plot::Line(staircase(&points))];
     plots.extend(marks(results, &points));
     let layout = Layout::auto_from_plots(&plots)
-        .with_width(1040.0)
-        .with_height(520.0)
+        .with_width(960.0)
+        .with_height(620.0)
         .with_log_x()
         .with_x_label("milliseconds per surface")
         .with_y_label("error, 1 - R²")
-        .with_legend_position(LegendPosition::OutsideRightTop);
+        .with_legend_position(LegendPosition::OutsideBottomColumns);
     Some(Figure {
         name: "speed-error",
         title: "Speed against error".to_owned(),
@@ -272,7 +274,6 @@ fn staircase(points: &[Point]) -> LinePlot {
 
 /// The marks, encoder by encoder and shape by shape.
 fn marks(results: &Results, points: &[Point]) -> Vec<Plot> {
-    let colours = Palette::okabe_ito();
     let mut encoders: Vec<&str> = Vec::new();
     let mut plots = Vec::new();
     for point in points {
@@ -296,7 +297,7 @@ fn marks(results: &Results, points: &[Point]) -> Vec<Plot> {
             let size = if shape == MarkerShape::Star { 7.0 } else { 4.5 };
             let mut plot = ScatterPlot::new()
                 .with_data(of_shape.iter().map(|p| (1e3 * p.seconds, p.error)))
-                .with_color(colours[index % colours.len()].to_owned())
+                .with_color(COLOURS[index % COLOURS.len()])
                 .with_marker(shape)
                 .with_size(size)
                 .with_marker_opacity(0.85)

@@ -234,12 +234,12 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
     let mut plots = vec![Plot::Line(staircase(&points))];
     plots.extend(marks(results, &points));
     let layout = Layout::auto_from_plots(&plots)
-        .with_width(960.0)
-        .with_height(620.0)
+        .with_width(1400.0)
+        .with_height(560.0)
         .with_log_x()
         .with_x_label("milliseconds per surface")
         .with_y_label("error, 1 - R²")
-        .with_legend_position(LegendPosition::OutsideBottomColumns);
+        .with_legend_position(LegendPosition::OutsideRightTop);
     Some(Figure {
         name: "speed-error",
         title: "Speed against error".to_owned(),

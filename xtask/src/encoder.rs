@@ -49,5 +49,12 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         Precision::F32 => String::new(),
         precision => format!(" in {precision}"),
     };
-    format!("{}{precision} with {weights}{trained}", spec.kind)
+    let resized = match spec.resize {
+        Some(pixels) => format!(", on frames of {pixels} pixels"),
+        None => String::new(),
+    };
+    format!(
+        "{}{precision} with {weights}{resized}{trained}",
+        spec.kind
+    )
 }

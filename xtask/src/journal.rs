@@ -43,7 +43,22 @@ pub(crate) struct Outcome {
     pub estimate: Vec<f64>,
     /// Indices of the views that the method looks at.
     pub views: Vec<usize>,
+    /// Where a method looks at one view after the other: where it stopped, for each of `surfaces`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stops: Vec<Stop>,
     pub train_seconds: f64,
+}
+
+/// Where looking at one view after the other ended.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Stop {
+    /// How many views were looked at.
+    pub views: usize,
+    /// The interval around the estimate.
+    pub low: f64,
+    pub high: f64,
+    /// Its width in standard deviations of the training readings.
+    pub width: f64,
 }
 
 impl Record for Outcome {
@@ -173,6 +188,7 @@ mod tests {
             truth: vec![1.0 / 3.0],
             estimate: vec![estimate],
             views: vec![49],
+            stops: Vec::new(),
             train_seconds: 0.5,
         }
     }

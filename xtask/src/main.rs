@@ -10,6 +10,7 @@ mod files;
 #[path = "../../fixtures/fuzz/mod.rs"]
 mod fuzz;
 mod journal;
+mod memory;
 mod model;
 mod progress;
 mod report;

@@ -41,8 +41,8 @@ fn squeezenet_embeds_as_torchvision_does() {
 #[test]
 fn bf16_stays_near_f32() {
     for (kind, case, bound) in [
-        (EncoderKind::SeResNext50, "eval224", 1e-2),
-        (EncoderKind::SqueezeNet1_0, "squeeze", 1e-2),
+        (EncoderKind::SeResNext50, "eval224", 5e-3),
+        (EncoderKind::SqueezeNet1_0, "squeeze", 5e-3),
     ] {
         let encoder = encoder(kind);
         let images = input(&format!("golden/{case}"), &[2, 3, 224, 224]);

@@ -62,7 +62,13 @@ impl WithSource for Train<'_> {
             experiment,
             method,
             source,
-            stages: Stages::new(experiment, source, &about, vec![data::nadir(source)?])?,
+            stages: Stages::new(
+                experiment,
+                &method.encoder,
+                source,
+                &about,
+                vec![data::nadir(source)?],
+            )?,
         };
         trainer.print_check()?;
         let all: Vec<usize> = (0..source.surfaces().len()).collect();
@@ -73,8 +79,8 @@ impl WithSource for Train<'_> {
             experiment: experiment.name.clone(),
             method: method.label.clone(),
             data: source.name().to_owned(),
-            encoder: experiment.encoder.kind.to_string(),
-            resize: experiment.encoder.resize,
+            encoder: method.encoder.kind.to_string(),
+            resize: method.encoder.resize,
             frame_size: [frame.height, frame.width],
             level: experiment.train.level.get(),
             radius: model.radius.clone(),

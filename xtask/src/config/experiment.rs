@@ -11,9 +11,11 @@ use sps_models::heads::Head;
 use sps_models::ridge::Ridge;
 use sps_models::training::TrainingConfig;
 
+use super::adaptive::{self, Adaptive};
 use super::locate::{ConfigError, Layers, Setting, nearest};
 use super::looks::{self, Looks};
-use super::schema::{Config, DataOrigin, MethodConfig, MethodKind};
+use super::schema::{Config, DataOrigin, EncoderConfig, MethodConfig, MethodKind};
+use super::sweep::{self, Written};
 use crate::files::read_text;
 use crate::report::paper;
 
@@ -31,7 +33,6 @@ pub(crate) struct Experiment {
     pub properties: Vec<Property>,
     pub data: DataSpec,
     pub split: SplitPlan,
-    pub encoder: EncoderSpec,
     pub methods: Vec<Method>,
     /// Parts of the training surfaces between which selections are cross-validated; 1: none.
     pub selection_folds: usize,
@@ -39,6 +40,8 @@ pub(crate) struct Experiment {
     pub interval_level: Level,
     /// Indices of the methods that all others are compared with.
     pub against: Vec<usize>,
+    /// What is asked about speed and error; none where it is not.
+    pub speed: Option<SpeedSpec>,
     pub train: TrainSpec,
     pub cache: PathBuf,
     /// Every key with its value, as TOML.
@@ -56,7 +59,16 @@ pub(crate) enum DataSpec {
     },
 }
 
-#[derive(Clone, Debug)]
+/// The two questions about speed and error.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SpeedSpec {
+    /// Share of the best error that the fastest method may lie above it.
+    pub within_error: f64,
+    /// Seconds per surface that the method of least error may take.
+    pub within_seconds: f64,
+}
+
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct EncoderSpec {
     pub kind: EncoderKind,
     pub weights: WeightsSpec,
@@ -92,9 +104,12 @@ impl WeightsSpec {
 pub(crate) struct Method {
     pub id: String,
     pub label: String,
+    pub encoder: EncoderSpec,
     pub estimator: Estimator,
     /// The views that an estimate looks at.
     pub looks: Looks,
+    /// Whether it looks at them one at a time, and at no more than needed.
+    pub adaptive: Option<Adaptive>,
     /// The printed row beside it.
     pub paper: Option<String>,
 }
@@ -130,12 +145,9 @@ impl Experiment {
                 .map_err(|error| layers.error(&format!("properties.{index}"), error.to_string()))
         });
         require(layers, config.reruns > 0, "reruns", "must be at least 1")?;
-        require(
-            layers,
-            !config.methods.is_empty(),
-            "methods",
-            "lists no method",
-        )?;
+        encoder(layers, "encoder", &config.encoder)?;
+        let written = sweep::written(&config);
+        require(layers, !written.is_empty(), "methods", "lists no method")?;
         let folds = config.selection.folds > 0;
         require(layers, folds, "selection.folds", "must be at least 1")?;
         let interval_level = level(layers, "report.level", config.report.level)?;
@@ -148,15 +160,15 @@ impl Experiment {
             properties: properties.collect::<Result<_, _>>()?,
             data: data(layers, &config)?,
             split: config.split,
-            encoder: encoder(layers, &config)?,
-            methods: methods(layers, &config)?,
+            methods: methods(layers, &config, &written)?,
             selection_folds: config.selection.folds,
             bootstrap: Bootstrap::new(config.seed)
                 .with_level(interval_level)
                 .with_resamples(config.report.resamples),
             interval_level,
-            against: against(layers, &config)?,
-            train: train(layers, &config)?,
+            against: against(layers, &config, &written)?,
+            speed: speed(layers, &config)?,
+            train: train(layers, &config, &written)?,
             cache: config.cache.folder,
             description: config.description,
             resolved,
@@ -193,16 +205,22 @@ fn data(layers: &Layers<'_>, config: &Config) -> Result<DataSpec, ConfigError> {
     }
 }
 
-fn encoder(layers: &Layers<'_>, config: &Config) -> Result<EncoderSpec, ConfigError> {
-    let encoder = &config.encoder;
+/// The encoder of the table at `key`.
+fn encoder(
+    layers: &Layers<'_>,
+    key: &str,
+    encoder: &EncoderConfig,
+) -> Result<EncoderSpec, ConfigError> {
+    let name = format!("{key}.name");
     let kind: EncoderKind = encoder
         .name
         .parse()
-        .map_err(|error: sps_models::Error| layers.error("encoder.name", error.to_string()))?;
+        .map_err(|error: sps_models::Error| layers.error(&name, error.to_string()))?;
     let precision = encoder.precision.parse();
-    let precision = precision
-        .map_err(|error: sps_models::Error| layers.error("encoder.precision", error.to_string()))?;
-    check_training(layers, "encoder.training", &encoder.training)?;
+    let precision = precision.map_err(|error: sps_models::Error| {
+        layers.error(&format!("{key}.precision"), error.to_string())
+    })?;
+    check_training(layers, &format!("{key}.training"), &encoder.training)?;
     Ok(EncoderSpec {
         kind,
         weights: WeightsSpec::named(&encoder.weights),
@@ -232,10 +250,14 @@ pub(super) fn check_training(
     }
 }
 
-fn methods(layers: &Layers<'_>, config: &Config) -> Result<Vec<Method>, ConfigError> {
+fn methods(
+    layers: &Layers<'_>,
+    config: &Config,
+    written: &[Written],
+) -> Result<Vec<Method>, ConfigError> {
     let mut methods: Vec<Method> = Vec::new();
-    for (index, method) in config.methods.iter().enumerate() {
-        let key = |field: &str| format!("methods.{index}.{field}");
+    for Written { at, method } in written {
+        let key = |field: &str| format!("{at}.{field}");
         if methods.iter().any(|other| other.id == method.id) {
             let problem = format!("two methods have the id `{}`", method.id);
             return Err(layers.error(&key("id"), problem));
@@ -247,13 +269,17 @@ fn methods(layers: &Layers<'_>, config: &Config) -> Result<Vec<Method>, ConfigEr
         {
             return Err(layers.error(&key("paper"), unknown_row(name)));
         }
+        let looks =
+            looks::of(method).map_err(|(field, problem)| layers.error(&key(field), problem))?;
         methods.push(Method {
             id: method.id.clone(),
             label: method.label.clone(),
+            encoder: encoder(layers, &key("encoder"), &method.encoder)?,
             estimator: estimator(config, method)
                 .map_err(|error| layers.error(&key(kind_key(method)), error.to_string()))?,
-            looks: looks::of(method)
+            adaptive: adaptive::of(method, &looks)
                 .map_err(|(field, problem)| layers.error(&key(field), problem))?,
+            looks,
             paper: method.paper.clone(),
         });
     }
@@ -283,36 +309,58 @@ fn unknown_row(name: &str) -> String {
     }
 }
 
-fn against(layers: &Layers<'_>, config: &Config) -> Result<Vec<usize>, ConfigError> {
+fn speed(layers: &Layers<'_>, config: &Config) -> Result<Option<SpeedSpec>, ConfigError> {
+    let speed = config.report.speed;
+    let (error, seconds) = (speed.within_error, speed.within_seconds);
+    for (key, value) in [("error", error), ("seconds", seconds)] {
+        let key = format!("report.speed.within-{key}");
+        let number = value.is_finite() && value >= 0.0;
+        require(layers, number, &key, "must be a number from 0 on")?;
+    }
+    Ok(speed.front.then_some(SpeedSpec {
+        within_error: error,
+        within_seconds: seconds,
+    }))
+}
+
+fn against(
+    layers: &Layers<'_>,
+    config: &Config,
+    written: &[Written],
+) -> Result<Vec<usize>, ConfigError> {
     if config.report.against.is_empty() {
         return Ok(vec![0]);
     }
     let ids = config.report.against.iter();
-    ids.map(|id| position(layers, config, "report.against", id))
+    ids.map(|id| position(layers, written, "report.against", id))
         .collect()
 }
 
 /// The index of the method that `key` names.
 fn position(
     layers: &Layers<'_>,
-    config: &Config,
+    written: &[Written],
     key: &str,
     id: &str,
 ) -> Result<usize, ConfigError> {
-    let position = config.methods.iter().position(|method| method.id == id);
+    let ids: Vec<&str> = written.iter().map(|one| one.method.id.as_str()).collect();
+    let position = ids.iter().position(|&other| other == id);
     position.ok_or_else(|| {
-        let ids: Vec<&str> = config.methods.iter().map(|m| m.id.as_str()).collect();
         let problem = format!("no method `{id}`; there are {}", ids.join(", "));
         layers.error(key, problem)
     })
 }
 
-fn train(layers: &Layers<'_>, config: &Config) -> Result<TrainSpec, ConfigError> {
+fn train(
+    layers: &Layers<'_>,
+    config: &Config,
+    written: &[Written],
+) -> Result<TrainSpec, ConfigError> {
     let train = &config.train;
     let method = if train.method.is_empty() {
-        config.methods.len().saturating_sub(1)
+        written.len().saturating_sub(1)
     } else {
-        position(layers, config, "train.method", &train.method)?
+        position(layers, written, "train.method", &train.method)?
     };
     let share = train.calibration > 0.0 && train.calibration < 1.0;
     require(

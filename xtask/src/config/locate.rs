@@ -115,7 +115,11 @@ impl<'a> Layers<'a> {
                 problem,
             })?;
         }
-        inherit(&mut merged, "head", "methods");
+        for list in ["methods", "sweep"] {
+            for base in ["head", "encoder"] {
+                inherit(&mut merged, base, list);
+            }
+        }
         Ok(Self {
             path,
             text,

@@ -60,7 +60,7 @@ impl SelectorConfig {
 }
 
 /// A wrong key of a method, and what is wrong with it.
-type Problem = (&'static str, String);
+pub(super) type Problem = (&'static str, String);
 
 /// What the config of a method says about its views.
 pub(super) fn of(method: &MethodConfig) -> Result<Looks, Problem> {
@@ -109,6 +109,15 @@ pub(super) fn of(method: &MethodConfig) -> Result<Looks, Problem> {
 }
 
 impl Method {
+    /// The method for the first so many of its views.
+    pub(crate) fn with_views(&self, views: usize) -> Result<Self> {
+        let mut method = self.clone();
+        if let Looks::Selected(selected) = &mut method.looks {
+            selected.picks = views;
+        }
+        method.on(views)
+    }
+
     /// The method on a dataset of `views` views: its network takes as many as it looks at.
     pub(crate) fn on(&self, views: usize) -> Result<Self> {
         let mut method = self.clone();

@@ -32,6 +32,8 @@ pub(crate) struct Config {
     pub selection: SelectionConfig,
     #[serde(default)]
     pub methods: Vec<MethodConfig>,
+    #[serde(default)]
+    pub sweep: Vec<SweepConfig>,
     pub report: ReportConfig,
     pub train: TrainConfig,
     pub cache: CacheConfig,
@@ -77,6 +79,32 @@ pub(crate) struct SelectionConfig {
     pub folds: usize,
 }
 
+/// A method for each of several numbers of views and each of several kinds.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct SweepConfig {
+    /// What the ids of its methods begin with; number of views and kind follow.
+    pub id: String,
+    /// What their labels begin with.
+    pub label: String,
+    /// The top-level `encoder` with the sweep's own laid over it.
+    pub encoder: EncoderConfig,
+    /// The top-level `head` with the sweep's own laid over it.
+    pub head: HeadConfig,
+    pub kinds: Vec<MethodKind>,
+    pub views: Vec<usize>,
+    /// All views as well.
+    #[serde(default)]
+    pub all_views: bool,
+    /// Chooses the views where there are several.
+    #[serde(default = "equidistant")]
+    pub selector: SelectorConfig,
+}
+
+fn equidistant() -> SelectorConfig {
+    SelectorConfig::Equidistant(Equidistant::default())
+}
+
 /// One row of the report.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
@@ -88,6 +116,8 @@ pub(crate) struct MethodConfig {
     pub kind: MethodKind,
     /// The printed row that stands beside it in the report.
     pub paper: Option<String>,
+    /// The top-level `encoder` with the method's own laid over it.
+    pub encoder: EncoderConfig,
     /// The top-level `head` with the method's own laid over it.
     pub head: HeadConfig,
     /// Views of a surface that an estimate looks at: 1 is the view straight down, more are chosen
@@ -104,6 +134,31 @@ pub(crate) struct MethodConfig {
     pub distinct: bool,
     /// Related views of a temporal relation network, instead.
     pub relations: Option<TemporalRelations>,
+    /// Looks at the selected views one at a time, and at no more than a surface needs.
+    pub adaptive: Option<AdaptiveConfig>,
+}
+
+/// When a surface has been looked at enough.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct AdaptiveConfig {
+    /// The width of an interval that is narrow enough, in standard deviations of the training
+    /// readings.
+    pub width: f64,
+    /// Share of surfaces that an interval must hold.
+    #[serde(default = "ninety_percent")]
+    pub level: f64,
+    /// Share of the training surfaces that the intervals are calibrated on.
+    #[serde(default = "a_fifth")]
+    pub calibration: f64,
+}
+
+fn ninety_percent() -> f64 {
+    0.9
+}
+
+fn a_fifth() -> f64 {
+    0.2
 }
 
 fn one() -> usize {
@@ -136,6 +191,16 @@ pub(crate) struct ReportConfig {
     pub level: f64,
     pub resamples: usize,
     pub against: Vec<String>,
+    pub speed: SpeedConfig,
+}
+
+/// Speed against error.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct SpeedConfig {
+    pub front: bool,
+    pub within_error: f64,
+    pub within_seconds: f64,
 }
 
 #[derive(Clone, Debug, Deserialize)]

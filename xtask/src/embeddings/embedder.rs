@@ -42,6 +42,12 @@ impl Embedder {
         &self.identity
     }
 
+    /// Multiply-adds to embed the frame.
+    pub(crate) fn multiply_adds(&self, frame: &Frame) -> Option<u64> {
+        let (width, height) = prepared_size(frame, self.resize);
+        self.encoder.kind().multiply_adds(height, width)
+    }
+
     fn find_identity(&self) -> Result<String> {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&self.encoder.content_hash());
@@ -88,21 +94,29 @@ impl Embedder {
 
 /// The frame as an encoder takes it: its shorter side brought to `resize` pixels.
 pub(crate) fn prepare(frame: &Frame, resize: Option<usize>) -> Result<Cow<'_, Frame>> {
+    let (width, height) = prepared_size(frame, resize);
+    if (width, height) == (frame.width, frame.height) {
+        return Ok(Cow::Borrowed(frame));
+    }
+    let most = Limits::default().pixels;
+    ensure!(
+        (width as u64).saturating_mul(height as u64) <= most,
+        "a shorter side of {} pixels makes images of {width} x {height}, expected at most {most} pixels",
+        width.min(height)
+    );
+    Ok(Cow::Owned(resized(frame, width, height)?))
+}
+
+/// Width and height of the frame as an encoder takes it.
+fn prepared_size(frame: &Frame, resize: Option<usize>) -> (usize, usize) {
     let shorter = frame.width.min(frame.height);
     match resize {
         Some(wanted) if wanted != shorter => {
             let scale = wanted as f64 / shorter as f64;
             let side = |length: usize| ((length as f64 * scale).round() as usize).max(1);
-            let (width, height) = (side(frame.width), side(frame.height));
-            let most = Limits::default().pixels;
-            ensure!(
-                (width as u64).saturating_mul(height as u64) <= most,
-                "a shorter side of {wanted} pixels makes images of {width} x {height}, expected at \
-                 most {most} pixels"
-            );
-            Ok(Cow::Owned(resized(frame, width, height)?))
+            (side(frame.width), side(frame.height))
         }
-        _ => Ok(Cow::Borrowed(frame)),
+        _ => (frame.width, frame.height),
     }
 }
 

@@ -12,7 +12,7 @@ const CELL: (f64, f64) = (72.0, 56.0);
 const MARGIN: (f64, f64) = (52.0, 58.0);
 /// Between two methods.
 const GAP: f64 = 22.0;
-const COLOURS: [&str; 6] = [
+pub(super) const COLOURS: [&str; 6] = [
     "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00",
 ];
 

@@ -6,6 +6,7 @@ pub(crate) mod paper;
 pub(crate) mod predictions;
 pub(crate) mod published;
 mod selection;
+mod speed;
 pub(crate) mod statistics;
 mod table;
 mod tables;

@@ -2,12 +2,14 @@
 
 use super::paper::{self, PaperRow};
 use super::selection;
+use super::speed;
 use super::table::{Row, Table, number, with_interval};
 use crate::results::{Gain, MethodResult, Number, PerProperty, Results};
 
 /// The tables, in the order of the report.
 pub(crate) fn tables(results: &Results) -> Vec<Table> {
-    let mut tables = vec![means(results)];
+    let mut tables = speed::tables(results);
+    tables.push(means(results));
     if results.properties.len() > 1 {
         tables.push(per_property(results, &R2));
         tables.push(per_property(results, &PERCENT_ERROR));

@@ -1,6 +1,10 @@
 //! `results.json`: what an experiment measured. Keys are only ever added.
 
+mod adaptive;
+mod costs;
+mod ranges;
 mod score;
+pub(crate) mod speed;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,7 +12,11 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
-pub(crate) use score::{Costs, MethodOutcomes, Scoring, score};
+pub(crate) use adaptive::AdaptiveResult;
+pub(crate) use costs::Costs;
+pub(crate) use ranges::Ranges;
+pub(crate) use score::{MethodOutcomes, Scoring, score};
+pub(crate) use speed::Speed;
 
 use crate::files::{read_text, write_atomically};
 
@@ -32,6 +40,9 @@ pub(crate) struct Results {
     #[serde(default)]
     pub against: Vec<String>,
     pub methods: Vec<MethodResult>,
+    /// Speed against error, where the config asks for it.
+    #[serde(default)]
+    pub speed: Option<Speed>,
     /// What holds for the whole run, for example values out of range in the data.
     pub notes: Vec<String>,
 }
@@ -62,6 +73,12 @@ pub(crate) struct Dataset {
 pub(crate) struct MethodResult {
     pub id: String,
     pub label: String,
+    /// `head` or `ridge`.
+    #[serde(default)]
+    pub kind: String,
+    /// Its encoder, in words.
+    #[serde(default)]
+    pub encoder: String,
     pub reruns: usize,
     /// Mean over reruns of R² about the training mean (section 5 of the paper), and the standard
     /// deviation over reruns.
@@ -86,6 +103,9 @@ pub(crate) struct MethodResult {
     /// Over the eight properties with the least error in this run, and which they are.
     pub median_percent_error_best8: Number,
     pub best8: Vec<String>,
+    /// How much the means differ from rerun to rerun.
+    #[serde(default)]
+    pub over_reruns: Ranges,
     /// Gain in `r2_mean` over the first method, with its paired bootstrap interval.
     pub r2_mean_gain: Option<Gain>,
     /// The same over each method that the config compares with, by id.
@@ -97,8 +117,27 @@ pub(crate) struct MethodResult {
     pub frames_decoded_per_surface: f64,
     pub frames_encoded_per_surface: f64,
     pub predict_seconds_per_surface: Number,
+    /// The three parts of it; medians of their own.
+    #[serde(default)]
+    pub decode_seconds_per_surface: Number,
+    #[serde(default)]
+    pub encode_seconds_per_surface: Number,
+    #[serde(default)]
+    pub head_seconds_per_surface: Number,
+    /// The encoder, and the most that one estimate has allocated at any one time.
+    #[serde(default)]
+    pub peak_memory_bytes: Number,
+    /// Of encoder and heads.
+    #[serde(default)]
+    pub multiply_adds_per_surface: Number,
     /// All properties and reruns together.
     pub train_seconds: f64,
+    /// To train the encoder, all reruns together; 0 where it is left as it is.
+    #[serde(default)]
+    pub encoder_train_seconds: f64,
+    /// Where it looks at no more views than it needs.
+    #[serde(default)]
+    pub adaptive: Option<AdaptiveResult>,
     /// Per property, the views of each rerun.
     pub selected_views: PerProperty<Vec<Vec<usize>>>,
     /// Where a selector chose them: how it went, per property and rerun.

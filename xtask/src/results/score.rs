@@ -8,7 +8,10 @@ use sps_metrics::{
     mean_over_best, mean_over_named, over_reruns,
 };
 
-use super::{Gain, MethodResult, Number, PerProperty, SelectionResult};
+use super::{
+    AdaptiveResult, Costs, Gain, MethodResult, Number, PerProperty, SelectionResult, ranges,
+};
+use crate::config::Adaptive;
 use crate::journal::Outcome;
 
 /// How outcomes are scored.
@@ -24,20 +27,17 @@ pub(crate) struct Scoring<'a> {
 pub(crate) struct MethodOutcomes<'a> {
     pub id: &'a str,
     pub label: &'a str,
+    /// `head` or `ridge`.
+    pub kind: &'a str,
+    /// In words.
+    pub encoder: String,
+    pub adaptive: Option<Adaptive>,
     pub paper: Option<&'a str>,
     pub reruns: usize,
     /// In the order of the reruns, for each property.
     pub outcomes: PerProperty<Vec<&'a Outcome>>,
     pub costs: Costs,
     pub selections: PerProperty<Vec<SelectionResult>>,
-}
-
-/// What the estimate of one surface costs.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Costs {
-    pub frames_decoded: f64,
-    pub frames_encoded: f64,
-    pub seconds: Number,
 }
 
 /// Scores one of `methods`; `against` are those that gains are counted from.
@@ -67,6 +67,12 @@ pub(crate) fn score(
     MethodResult {
         id: method.id.to_owned(),
         label: method.label.to_owned(),
+        kind: method.kind.to_owned(),
+        encoder: method.encoder.clone(),
+        over_reruns: ranges::over_reruns(method, scoring),
+        adaptive: method
+            .adaptive
+            .and_then(|asked| AdaptiveResult::of(method, asked)),
         reruns: method.reruns,
         r2_interval: intervals(method, scoring, &mut notes),
         r2_mean: mean(&scored.r2, "mean R²", &mut notes),
@@ -86,6 +92,12 @@ pub(crate) fn score(
         frames_decoded_per_surface: method.costs.frames_decoded,
         frames_encoded_per_surface: method.costs.frames_encoded,
         predict_seconds_per_surface: method.costs.seconds,
+        decode_seconds_per_surface: method.costs.decode_seconds,
+        encode_seconds_per_surface: method.costs.encode_seconds,
+        head_seconds_per_surface: method.costs.head_seconds,
+        peak_memory_bytes: method.costs.peak_memory_bytes,
+        multiply_adds_per_surface: method.costs.multiply_adds,
+        encoder_train_seconds: method.costs.encoder_train_seconds,
         train_seconds: trials(method).map(|outcome| outcome.train_seconds).sum(),
         selected_views: method
             .outcomes
@@ -107,7 +119,7 @@ pub(crate) fn score(
     }
 }
 
-fn trials<'a>(method: &MethodOutcomes<'a>) -> impl Iterator<Item = &'a Outcome> {
+pub(super) fn trials<'a>(method: &MethodOutcomes<'a>) -> impl Iterator<Item = &'a Outcome> {
     method.outcomes.values().flatten().copied()
 }
 
@@ -156,7 +168,7 @@ impl PropertyTables {
     }
 }
 
-fn scores(outcome: &Outcome) -> Scores {
+pub(super) fn scores(outcome: &Outcome) -> Scores {
     Scores::of(samples(outcome), TrainingMean::new(outcome.training_mean))
 }
 
@@ -167,7 +179,7 @@ fn samples(outcome: &Outcome) -> Samples<'_> {
     }
 }
 
-fn listed(values: &PerProperty<Number>, properties: &[String]) -> Vec<PropertyScore> {
+pub(super) fn listed(values: &PerProperty<Number>, properties: &[String]) -> Vec<PropertyScore> {
     let of = |property: &String| PropertyScore {
         property: property.clone(),
         value: values

@@ -8,20 +8,29 @@ use anyhow::Result;
 use candle_core::{Device, Tensor};
 use sps_dataset::{Frame, FrameKey, RollAngle, Source, Split, Surface, TactileTable};
 use sps_models::Embeddings;
+use sps_models::ridge::{Ridge, RidgeConfig};
 
 use super::Stage;
 use super::fit::{Fitted, fit};
 use super::trials::{TrialSpec, plan};
+use super::views::TrialViews;
 use crate::config::{self, Method};
+use crate::journal::Stop;
+use crate::memory;
 use crate::results::Costs;
 
 /// Surfaces that the costs are measured on, all groups of properties together.
 const SURFACES: usize = 8;
 /// Surfaces that they are measured on at least in each group.
 const FEWEST: usize = 2;
+/// How often each surface is estimated at most, and seconds after which none is once more: other
+/// work on the machine only ever adds to a time, and the median of many bears more of it.
+const REPEATS: usize = 5;
+const ENOUGH_SECONDS: f64 = 1.0;
 
 /// Estimates properties of some held-out surfaces one by one, from the frame on: those together
-/// that look at the same views.
+/// that look at the same views. Of a method that looks at one view after the other, one property,
+/// at each number of views; these are weighed by how often the method stopped there.
 ///
 /// The time does not depend on what the weights are, so a model of the method's shape is fitted to
 /// a few surfaces for it: the run's own models need not be kept.
@@ -31,6 +40,7 @@ pub(crate) fn measure<S: Source>(
     method: &Method,
     split: &Split,
     trials: &[TrialSpec],
+    stops: &[Stop],
 ) -> Result<Costs> {
     let few = Split {
         train: split.train.iter().copied().take(2 * SURFACES).collect(),
@@ -42,79 +52,16 @@ pub(crate) fn measure<S: Source>(
         let reading = |&s: &usize| readings.get(s, column?);
         trial.rerun == 0 && few.train.iter().any(|s| reading(s).is_some())
     };
-    let mut groups: BTreeMap<&[Vec<usize>], Vec<&TrialSpec>> = BTreeMap::new();
-    for trial in trials.iter().filter(measured) {
-        groups.entry(&trial.views.fillings).or_default().push(trial);
-    }
-    let each = (SURFACES / groups.len().max(1)).max(FEWEST);
-    let surfaces = few.validation.len().min(each);
-    let counted = Counted::new(source);
-    let quick = quick(method)?;
-    let mut seconds = Vec::new();
-    let mut encoded = 0;
-    for (fillings, trials) in &groups {
-        let plan = plan(0, std::slice::from_ref(&few), trials.iter().copied());
-        let estimator = Estimator {
-            source: &counted,
-            stage,
-            model: fit(&quick, &stage.tables, &plan, &())?,
-            fillings,
-        };
-        let surfaces = &few.validation[..surfaces];
-        if seconds.is_empty() {
-            // Memory made ready and simulated surfaces built, so that the first method pays no
-            // more than the others.
-            for &surface in surfaces {
-                estimator.estimate(surface)?;
-            }
-            counted.frames.store(0, Ordering::Relaxed);
-        }
-        for &surface in surfaces {
-            let start = Instant::now();
-            encoded += estimator.estimate(surface)?;
-            seconds.push(start.elapsed().as_secs_f64());
-        }
-    }
-    seconds.sort_by(f64::total_cmp);
-    let estimates = seconds.len().max(1) as f64;
-    Ok(Costs {
-        frames_decoded: counted.frames.load(Ordering::Relaxed) as f64 / estimates,
-        frames_encoded: encoded as f64 / estimates,
-        seconds: seconds.get(seconds.len() / 2).copied(),
-    })
-}
-
-/// A model with all that it needs to estimate from frames.
-struct Estimator<'a, S> {
-    source: &'a Counted<'a, S>,
-    stage: &'a Stage,
-    model: Fitted,
-    fillings: &'a [Vec<usize>],
-}
-
-impl<S: Source> Estimator<'_, S> {
-    /// Estimates one surface; how many frames were encoded for it.
-    fn estimate(&self, surface: usize) -> Result<usize> {
-        let Stage {
-            embedder, tables, ..
-        } = self.stage;
-        let views: BTreeSet<usize> = self.fillings.iter().flatten().copied().collect();
-        let views: Vec<usize> = views.into_iter().collect();
-        let frames = views
-            .iter()
-            .map(|&view| self.source.frame(surface, tables.views[view]))
-            .collect::<Result<Vec<Frame>, _>>()?;
-        let values = embedder.embed(&frames)?;
-        let shape = (1, frames.len(), embedder.width());
-        let embeddings = Embeddings::new(&Tensor::from_vec(values, shape, &Device::Cpu)?)?;
-        for filling in self.fillings {
-            let slots = filling
-                .iter()
-                .filter_map(|view| views.binary_search(view).ok());
-            let slots: Vec<usize> = slots.collect();
-            self.model.predict(&embeddings.select(&[0], &slots)?)?;
-        }
-        Ok(frames.len())
+    let trials: Vec<&TrialSpec> = trials.iter().filter(measured).collect();
+    let measuring = Measuring {
+        source: &Counted::new(source),
+        stage,
+        method: quick(method)?,
+        few,
+    };
+    match trials.first() {
+        Some(trial) if method.adaptive.is_some() => measuring.one_by_one(trial, stops),
+        _ => measuring.together(&trials),
     }
 }
 
@@ -129,6 +76,248 @@ fn quick(method: &Method) -> Result<Method> {
     Ok(method)
 }
 
+/// What is measured, and on what.
+struct Measuring<'a, S> {
+    source: &'a Counted<'a, S>,
+    stage: &'a Stage,
+    method: Method,
+    few: Split,
+}
+
+/// What one estimate took.
+#[derive(Clone, Copy, Default)]
+struct Spent {
+    decode: f64,
+    encode: f64,
+    head: f64,
+    frames_decoded: usize,
+    frames_encoded: usize,
+    multiply_adds: Option<u64>,
+    /// Bytes allocated at most, beside what was there before.
+    memory: usize,
+}
+
+impl<S: Source> Measuring<'_, S> {
+    /// The costs of estimates that look at all their views at once.
+    fn together(&self, trials: &[&TrialSpec]) -> Result<Costs> {
+        let mut groups: BTreeMap<&[Vec<usize>], Vec<&TrialSpec>> = BTreeMap::new();
+        for trial in trials {
+            let group = groups.entry(&trial.views.fillings).or_default();
+            group.push(trial);
+        }
+        let each = (SURFACES / groups.len().max(1)).max(FEWEST);
+        let surfaces = &self.few.validation[..self.few.validation.len().min(each)];
+        let mut all = Vec::new();
+        for (fillings, trials) in &groups {
+            let plan = plan(0, std::slice::from_ref(&self.few), trials.iter().copied());
+            let model = fit(&self.method, &self.stage.tables, &plan, &())?;
+            if all.is_empty() {
+                // Memory made ready and simulated surfaces built, so that the first method pays no
+                // more than the others.
+                for &surface in surfaces {
+                    self.estimate(&model, fillings, surface)?;
+                }
+            }
+            all.extend(repeated(surfaces, |surface| {
+                let (spent, memory) = memory::peak(|| self.estimate(&model, fillings, surface));
+                Ok(Spent { memory, ..spent? })
+            })?);
+        }
+        Ok(self.costs(&all))
+    }
+
+    /// Estimates one surface.
+    fn estimate(&self, model: &Fitted, fillings: &[Vec<usize>], surface: usize) -> Result<Spent> {
+        let views: BTreeSet<usize> = fillings.iter().flatten().copied().collect();
+        let views: Vec<usize> = views.into_iter().collect();
+        let before = self.source.frames();
+        let (frames, decode) = timed(|| self.decode(surface, &views))?;
+        let frames_decoded = self.source.frames() - before;
+        let (values, encode) = timed(|| self.stage.embedder.embed(&frames))?;
+        let ((), head) = timed(|| {
+            let embeddings = self.embeddings(values)?;
+            for filling in fillings {
+                let slots = filling
+                    .iter()
+                    .filter_map(|view| views.binary_search(view).ok());
+                let slots: Vec<usize> = slots.collect();
+                model.predict(&embeddings.select(&[0], &slots)?)?;
+            }
+            Ok(())
+        })?;
+        let of_heads = fillings.len() as u64 * model.multiply_adds();
+        Ok(Spent {
+            decode,
+            encode,
+            head,
+            frames_decoded,
+            frames_encoded: frames.len(),
+            multiply_adds: self.of_encoder(&frames).map(|count| count + of_heads),
+            memory: 0,
+        })
+    }
+
+    /// The costs of estimating the property of `trial` one view after the other.
+    fn one_by_one(&self, trial: &TrialSpec, stops: &[Stop]) -> Result<Costs> {
+        let order = trial.views.shown();
+        let models = (1..=order.len()).map(|views| self.models(trial, &order[..views]));
+        let models = models.collect::<Result<Vec<_>>>()?;
+        for &surface in &self.few.validation {
+            self.walk(&models, &order, surface)?;
+        }
+        let walk = |surface| self.walk(&models, &order, surface);
+        let walks = repeated(&self.few.validation, walk)?;
+        let weighed = (0..order.len()).map(|at| {
+            let there = stops.iter().filter(|stop| stop.views == at + 1).count();
+            let spent: Vec<Spent> = walks.iter().map(|walk| walk[at]).collect();
+            (there as f64 / stops.len() as f64, self.costs(&spent))
+        });
+        let weighed: Vec<(f64, Costs)> = weighed.filter(|(share, _)| *share > 0.0).collect();
+        Ok(Costs::weighed(&weighed))
+    }
+
+    /// The estimator of some views, and the regression of its errors.
+    fn models(&self, trial: &TrialSpec, views: &[usize]) -> Result<[Fitted; 2]> {
+        let trial = TrialSpec {
+            views: TrialViews::fixed(views.to_vec()),
+            ..trial.clone()
+        };
+        let plan = plan(0, std::slice::from_ref(&self.few), [&trial].into_iter());
+        let tables = &self.stage.tables;
+        let method = self.method.with_views(views.len())?;
+        let errors = Ridge::new(RidgeConfig::default())?;
+        let errors = errors.train(&tables.training_data(), &plan)?;
+        Ok([fit(&method, tables, &plan, &())?, Fitted::Ridges(errors)])
+    }
+
+    /// What has been spent after each view.
+    fn walk(&self, models: &[[Fitted; 2]], order: &[usize], surface: usize) -> Result<Vec<Spent>> {
+        let mut values = Vec::new();
+        let mut sum = Spent {
+            multiply_adds: Some(0),
+            ..Spent::default()
+        };
+        let mut all = Vec::new();
+        for (models, &view) in models.iter().zip(order) {
+            let (step, memory) = memory::peak(|| self.step(models, view, surface, &mut values));
+            let step = step?;
+            let counts = sum.multiply_adds.zip(step.multiply_adds);
+            sum = Spent {
+                decode: sum.decode + step.decode,
+                encode: sum.encode + step.encode,
+                head: sum.head + step.head,
+                frames_decoded: sum.frames_decoded + step.frames_decoded,
+                frames_encoded: sum.frames_encoded + step.frames_encoded,
+                multiply_adds: counts.map(|(sum, step)| sum + step),
+                memory: sum.memory.max(memory),
+            };
+            all.push(sum);
+        }
+        Ok(all)
+    }
+
+    /// Looks at one view more; `values` are the embeddings so far.
+    fn step(
+        &self,
+        models: &[Fitted],
+        view: usize,
+        surface: usize,
+        values: &mut Vec<f32>,
+    ) -> Result<Spent> {
+        let before = self.source.frames();
+        let (frames, decode) = timed(|| self.decode(surface, &[view]))?;
+        let (embedding, encode) = timed(|| self.stage.embedder.embed(&frames))?;
+        values.extend(embedding);
+        let ((), head) = timed(|| {
+            let embeddings = self.embeddings(values.clone())?;
+            for model in models {
+                model.predict(&embeddings)?;
+            }
+            Ok(())
+        })?;
+        let of_heads: u64 = models.iter().map(Fitted::multiply_adds).sum();
+        Ok(Spent {
+            decode,
+            encode,
+            head,
+            frames_decoded: self.source.frames() - before,
+            frames_encoded: frames.len(),
+            multiply_adds: self.of_encoder(&frames).map(|count| count + of_heads),
+            memory: 0,
+        })
+    }
+
+    fn decode(&self, surface: usize, views: &[usize]) -> Result<Vec<Frame>> {
+        let views = views.iter().map(|&view| self.stage.tables.views[view]);
+        let frames = views.map(|view| self.source.frame(surface, view));
+        Ok(frames.collect::<Result<_, _>>()?)
+    }
+
+    /// Embeddings of one surface.
+    fn embeddings(&self, values: Vec<f32>) -> Result<Embeddings> {
+        let width = self.stage.embedder.width();
+        let shape = (1, values.len() / width, width);
+        let tensor = Tensor::from_vec(values, shape, &Device::Cpu)?;
+        Ok(Embeddings::new(&tensor)?)
+    }
+
+    fn of_encoder(&self, frames: &[Frame]) -> Option<u64> {
+        let embedder = &self.stage.embedder;
+        let counts = frames.iter().map(|frame| embedder.multiply_adds(frame));
+        counts.sum()
+    }
+
+    /// Medians of the seconds, means of the counts, and the most memory.
+    fn costs(&self, all: &[Spent]) -> Costs {
+        let count = all.len().max(1) as f64;
+        let mean = |of: fn(&Spent) -> usize| all.iter().map(of).sum::<usize>() as f64 / count;
+        let multiply_adds = all.iter().map(|spent| spent.multiply_adds);
+        let multiply_adds = multiply_adds
+            .sum::<Option<u64>>()
+            .filter(|_| !all.is_empty());
+        let memory = all.iter().map(|spent| spent.memory).max();
+        Costs {
+            frames_decoded: mean(|spent| spent.frames_decoded),
+            frames_encoded: mean(|spent| spent.frames_encoded),
+            seconds: median(all, |spent| spent.decode + spent.encode + spent.head),
+            decode_seconds: median(all, |spent| spent.decode),
+            encode_seconds: median(all, |spent| spent.encode),
+            head_seconds: median(all, |spent| spent.head),
+            peak_memory_bytes: memory.map(|bytes| (bytes + self.stage.encoder_bytes) as f64),
+            multiply_adds: multiply_adds.map(|sum| sum as f64 / count),
+            encoder_train_seconds: 0.0,
+        }
+    }
+}
+
+/// What `work` gives for each of `surfaces`, several times.
+fn repeated<T>(surfaces: &[usize], mut work: impl FnMut(usize) -> Result<T>) -> Result<Vec<T>> {
+    let begun = Instant::now();
+    let mut all = Vec::new();
+    for repeat in 0..REPEATS {
+        if repeat > 0 && begun.elapsed().as_secs_f64() > ENOUGH_SECONDS {
+            break;
+        }
+        for &surface in surfaces {
+            all.push(work(surface)?);
+        }
+    }
+    Ok(all)
+}
+
+fn median(all: &[Spent], of: fn(&Spent) -> f64) -> Option<f64> {
+    let mut values: Vec<f64> = all.iter().map(of).collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// What `work` gives, and its seconds.
+fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {
+    let start = Instant::now();
+    let done = work()?;
+    Ok((done, start.elapsed().as_secs_f64()))
+}
+
 /// A source that counts the frames it is asked for.
 struct Counted<'a, S> {
     source: &'a S,
@@ -141,6 +330,11 @@ impl<'a, S: Source> Counted<'a, S> {
             source,
             frames: AtomicUsize::new(0),
         }
+    }
+
+    /// How many so far.
+    fn frames(&self) -> usize {
+        self.frames.load(Ordering::Relaxed)
     }
 }
 

@@ -10,6 +10,7 @@ use sps_models::heads::{Estimates, Observer, Plan, TrainedHead, TrainedHeads, Tr
 use sps_models::ridge::{TrainedRidge, TrainedRidges};
 
 use super::Tables;
+use super::adaptive::Walking;
 use super::trials::{TrialSpec, plan};
 use crate::config::{Estimator, Experiment, Method};
 use crate::journal::{Journal, Outcome};
@@ -32,8 +33,16 @@ impl Fitted {
 }
 
 impl Fitted {
+    /// Multiply-adds to estimate one surface from its embeddings, all models together.
+    pub(crate) fn multiply_adds(&self) -> u64 {
+        match self {
+            Self::Heads(heads) => heads.multiply_adds(),
+            Self::Ridges(ridges) => ridges.multiply_adds(),
+        }
+    }
+
     /// Each model on its own.
-    fn each(&self) -> impl Iterator<Item = Self> + '_ {
+    pub(super) fn each(&self) -> impl Iterator<Item = Self> + '_ {
         let trials: Vec<&Trial> = match self {
             Self::Heads(heads) => heads.heads().iter().map(TrainedHead::trial).collect(),
             Self::Ridges(ridges) => ridges.ridges().iter().map(TrainedRidge::trial).collect(),
@@ -82,6 +91,19 @@ pub(crate) fn run_missing(
         .collect();
     if missing.is_empty() {
         return Ok(());
+    }
+    if let Some(adaptive) = &method.adaptive {
+        let walking = Walking {
+            experiment,
+            method,
+            adaptive,
+            tables,
+            splits,
+            trials: &missing,
+        };
+        let outcomes = walking.outcomes();
+        let named = || format!("method `{}`", method.id);
+        return journal.append(outcomes.with_context(named)?);
     }
     let plan = plan(experiment.seed, splits, missing.iter().copied());
     let recorder = Recorder {
@@ -164,35 +186,9 @@ impl Recorder<'_> {
             .iter()
             .find(of_model)
             .context("a trial that was not planned")?;
-        let readings = &self.tables.readings;
-        let column = readings
-            .column(&trained.property)
-            .context("a property that was not measured")?;
-        let split = &self.splits[rerun];
-        let training = split.train.iter().filter_map(|&s| readings.get(s, column));
-        let training: Vec<f64> = training.collect();
-        let held_out: Vec<(usize, f64)> = split
-            .validation
-            .iter()
-            .filter_map(|&surface| Some((surface, readings.get(surface, column)?)))
-            .collect();
-        let (surfaces, truth): (Vec<usize>, Vec<f64>) = held_out.into_iter().unzip();
-        let shown = trial.views.shown();
-        Ok(Outcome {
-            key: trial.key.clone(),
-            method: self.method.id.clone(),
-            property: trained.property.clone(),
-            rerun,
-            training_mean: sps_metrics::TrainingMean::of(&training)?.get(),
-            estimate: self.estimate(model, &trial.views.fillings, &surfaces)?,
-            surfaces: surfaces
-                .iter()
-                .map(|&surface| self.tables.surfaces[surface].id.clone())
-                .collect(),
-            truth,
-            views: shown.iter().map(|&view| self.tables.views[view]).collect(),
-            train_seconds: 0.0,
-        })
+        let held_out = HeldOut::of(self.tables, trial, &self.splits[rerun])?;
+        let estimate = self.estimate(model, &trial.views.fillings, &held_out.surfaces)?;
+        Ok(held_out.outcome(self.method, self.tables, trial, estimate))
     }
 
     /// The mean over the fillings of the model's slots, for each of `surfaces`.
@@ -214,4 +210,65 @@ impl Recorder<'_> {
         let fillings = fillings.len() as f64;
         Ok(sums.into_iter().map(|sum| sum / fillings).collect())
     }
+}
+
+/// What a trial is scored on.
+pub(super) struct HeldOut {
+    training_mean: f64,
+    /// Those that were measured.
+    pub surfaces: Vec<usize>,
+    truth: Vec<f64>,
+}
+
+impl HeldOut {
+    pub(super) fn of(tables: &Tables, trial: &TrialSpec, split: &Split) -> Result<Self> {
+        let training = measured(tables, trial, &split.train)?;
+        let training: Vec<f64> = training.into_iter().map(|(_, value)| value).collect();
+        let held_out = measured(tables, trial, &split.validation)?;
+        let (surfaces, truth) = held_out.into_iter().unzip();
+        Ok(Self {
+            training_mean: sps_metrics::TrainingMean::of(&training)?.get(),
+            surfaces,
+            truth,
+        })
+    }
+
+    /// The outcome with an estimate for each of the surfaces.
+    pub(super) fn outcome(
+        self,
+        method: &Method,
+        tables: &Tables,
+        trial: &TrialSpec,
+        estimate: Vec<f64>,
+    ) -> Outcome {
+        let names = self.surfaces.iter();
+        let shown = trial.views.shown();
+        Outcome {
+            key: trial.key.clone(),
+            method: method.id.clone(),
+            property: trial.property.to_string(),
+            rerun: trial.rerun,
+            training_mean: self.training_mean,
+            surfaces: names.map(|&s| tables.surfaces[s].id.clone()).collect(),
+            truth: self.truth,
+            estimate,
+            views: shown.iter().map(|&view| tables.views[view]).collect(),
+            stops: Vec::new(),
+            train_seconds: 0.0,
+        }
+    }
+}
+
+/// Those of `surfaces` whose property was measured, with the reading.
+pub(super) fn measured(
+    tables: &Tables,
+    trial: &TrialSpec,
+    surfaces: &[usize],
+) -> Result<Vec<(usize, f64)>> {
+    let readings = &tables.readings;
+    let column = readings
+        .column(trial.property.code())
+        .context("a property that was not measured")?;
+    let reading = |&surface: &usize| Some((surface, readings.get(surface, column)?));
+    Ok(surfaces.iter().filter_map(reading).collect())
 }

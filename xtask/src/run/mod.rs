@@ -1,5 +1,6 @@
 //! Running an experiment: embed, fit what is missing, score, report.
 
+mod adaptive;
 mod costs;
 mod fit;
 mod folder;
@@ -23,12 +24,14 @@ pub(crate) use stage::{Stage, Stages};
 pub(crate) use tables::Tables;
 pub(crate) use trials::splits;
 
-use crate::config::{Experiment, Method};
+use crate::config::{EncoderSpec, Estimator, Experiment, Method};
 use crate::data::{self, About, WithSource};
 use crate::encoder;
-use crate::journal::{Journal, Outcome};
+use crate::journal::{Journal, Outcome, Stop};
 use crate::report::{self, paper, predictions};
-use crate::results::{Costs, Dataset, MethodOutcomes, Results, Scoring, score};
+use crate::results::{
+    Costs, Dataset, MethodOutcomes, MethodResult, Results, Scoring, Speed, score,
+};
 use folder::RunFolder;
 use select::{Found, Selecting, Selections};
 use trials::TrialSpec;
@@ -62,49 +65,113 @@ impl WithSource for Run<'_> {
         let angles = source.view_angles();
         let methods = experiment.methods.iter().map(|m| m.on(angles.len()));
         let methods: Vec<Method> = methods.collect::<Result<_>>()?;
-        let groups = groups(experiment, source, &about, &splits, &methods)?;
-        let selections = self.select(&groups, &splits, &methods)?;
-        let mut journal = Journal::open(&self.folder.file(folder::TRIALS))?;
-        let mut rows = Vec::new();
-        for method in &methods {
-            let mut all = Vec::new();
-            for Group { stage, reruns } in &groups {
-                let tables = &stage.tables;
-                let reruns = reruns.clone();
-                let trials =
-                    trials::trials(experiment, method, tables, &splits, reruns, &selections)?;
-                fit::run_missing(experiment, method, tables, &splits, &trials, &mut journal)?;
-                all.extend(trials);
+        let mut journals = Journals {
+            trials: Journal::open(&self.folder.file(folder::TRIALS))?,
+            selections: Journal::open(&self.folder.file(folder::SELECTIONS))?,
+        };
+        let mut rows: Vec<Option<MethodRow<'_>>> = methods.iter().map(|_| None).collect();
+        let mut properties = Vec::new();
+        for (encoder, members) in by_encoder(&methods) {
+            let of_encoder: Vec<Method> = members.iter().map(|&at| methods[at].clone()).collect();
+            let needed = views::needed(&of_encoder, source)?;
+            let stages = Stages::new(experiment, encoder, source, &about, needed)?;
+            let groups = groups(&stages, encoder, &splits)?;
+            let selections = self.select(&groups, &splits, &of_encoder, &mut journals)?;
+            for at in members {
+                let with = (&groups[..], &selections);
+                rows[at] = Some(self.row(source, &methods[at], with, &splits, &mut journals)?);
             }
-            rows.push(MethodRow {
-                costs: costs::measure(source, &groups[0].stage, method, &splits[0], &all)?,
-                outcomes: outcomes(&all, &journal)?,
-                found: found(&all, method, &selections),
-                method,
-            });
+            properties = groups[0].stage.tables.codes();
         }
+        let rows: Vec<MethodRow<'_>> = rows.into_iter().flatten().collect();
         let all = rows.iter().flat_map(|row| row.outcomes.values().flatten());
         predictions::write(self.folder.path(), &predictions::of_outcomes(all))?;
-        let tables = &groups[0].stage.tables;
-        Ok(results(experiment, source, about, tables, &splits, &rows))
+        Ok(results(
+            experiment,
+            source,
+            about,
+            &properties,
+            &splits,
+            &rows,
+        ))
     }
+}
+
+/// What a run has written down.
+struct Journals {
+    trials: Journal<Outcome>,
+    selections: Journal<Found>,
+}
+
+/// The encoders of the methods in the order in which they come up, with the methods of each.
+fn by_encoder(methods: &[Method]) -> Vec<(&EncoderSpec, Vec<usize>)> {
+    let mut encoders: Vec<(&EncoderSpec, Vec<usize>)> = Vec::new();
+    for (at, method) in methods.iter().enumerate() {
+        match encoders
+            .iter_mut()
+            .find(|(spec, _)| **spec == method.encoder)
+        {
+            Some((_, members)) => members.push(at),
+            None => encoders.push((&method.encoder, vec![at])),
+        }
+    }
+    encoders
 }
 
 impl Run<'_> {
     /// The views of all methods that select some.
-    fn select(&self, groups: &[Group], splits: &[Split], methods: &[Method]) -> Result<Selections> {
+    fn select(
+        &self,
+        groups: &[Group],
+        splits: &[Split],
+        methods: &[Method],
+        journals: &mut Journals,
+    ) -> Result<Selections> {
         let mut selections = Selections::default();
-        let mut journal = Journal::open(&self.folder.file(folder::SELECTIONS))?;
         for Group { stage, reruns } in groups {
             let mut selecting = Selecting {
                 experiment: self.experiment,
                 tables: &stage.tables,
                 splits,
-                journal: &mut journal,
+                journal: &mut journals.selections,
             };
             selecting.run(methods, reruns.clone(), &mut selections)?;
         }
         Ok(selections)
+    }
+
+    /// Runs what is missing of a method.
+    fn row<'m, S: Source>(
+        &self,
+        source: &S,
+        method: &'m Method,
+        (groups, selections): (&[Group], &Selections),
+        splits: &[Split],
+        journals: &mut Journals,
+    ) -> Result<MethodRow<'m>> {
+        let experiment = self.experiment;
+        let journal = &mut journals.trials;
+        let mut all = Vec::new();
+        for Group { stage, reruns } in groups {
+            let tables = &stage.tables;
+            let reruns = reruns.clone();
+            let trials = trials::trials(experiment, method, tables, splits, reruns, selections)?;
+            fit::run_missing(experiment, method, tables, splits, &trials, journal)?;
+            all.extend(trials);
+        }
+        let outcomes = outcomes(&all, journal)?;
+        let stops = outcomes.values().flatten().flat_map(|o| &o.stops);
+        let stops: Vec<Stop> = stops.copied().collect();
+        let costs = costs::measure(source, &groups[0].stage, method, &splits[0], &all, &stops)?;
+        Ok(MethodRow {
+            costs: Costs {
+                encoder_train_seconds: groups.iter().map(|group| group.stage.train_seconds).sum(),
+                ..costs
+            },
+            found: found(&all, method, selections),
+            outcomes,
+            method,
+        })
     }
 }
 
@@ -116,19 +183,15 @@ struct Group {
 
 /// All reruns together, or each on its own where an encoder is trained for each.
 fn groups<S: Source>(
-    experiment: &Experiment,
-    source: &S,
-    about: &About,
+    stages: &Stages<'_, S>,
+    encoder: &EncoderSpec,
     splits: &[Split],
-    methods: &[Method],
 ) -> Result<Vec<Group>> {
-    let needed = views::needed(methods, source)?;
-    let stages = Stages::new(experiment, source, about, needed)?;
     let group = |reruns: Range<usize>| {
         let stage = stages.of(&splits[reruns.start].train)?;
         Ok(Group { stage, reruns })
     };
-    if experiment.encoder.training.is_none() {
+    if encoder.training.is_none() {
         return Ok(vec![group(0..splits.len())?]);
     }
     (0..splits.len())
@@ -177,12 +240,12 @@ fn results<S: Source>(
     experiment: &Experiment,
     source: &S,
     about: About,
-    tables: &Tables,
+    properties: &[String],
     splits: &[Split],
     rows: &[MethodRow<'_>],
 ) -> Results {
     let scoring = Scoring {
-        properties: &tables.codes(),
+        properties,
         top8: paper::top8(),
         bootstrap: experiment.bootstrap,
     };
@@ -191,6 +254,12 @@ fn results<S: Source>(
         .map(|row| MethodOutcomes {
             id: &row.method.id,
             label: &row.method.label,
+            kind: match row.method.estimator {
+                Estimator::Head(_) => "head",
+                Estimator::Ridge(_) => "ridge",
+            },
+            encoder: encoder::describe(&row.method.encoder),
+            adaptive: row.method.adaptive,
             paper: row.method.paper.as_deref(),
             reruns: splits.len(),
             outcomes: row
@@ -204,18 +273,28 @@ fn results<S: Source>(
         .collect();
     let against = experiment.against.iter().filter_map(|&at| methods.get(at));
     let against = against.map(|method| method.id.to_owned());
+    let methods: Vec<MethodResult> = methods
+        .iter()
+        .map(|method| score(method, &methods, &experiment.against, &scoring))
+        .collect();
     Results {
         experiment: experiment.name.clone(),
         description: experiment.description.clone(),
         dataset: dataset(experiment, source, &about),
-        properties: tables.codes(),
+        properties: properties.to_vec(),
         interval_level: experiment.interval_level.get(),
         against: against.collect(),
-        methods: methods
-            .iter()
-            .map(|method| score(method, &methods, &experiment.against, &scoring))
-            .collect(),
+        speed: experiment.speed.map(|asked| Speed::of(&methods, asked)),
+        methods,
         notes: about.notes,
+    }
+}
+
+/// The encoders of the methods in words; what each has stands beside it where there are several.
+fn encoders(methods: &[Method]) -> String {
+    match by_encoder(methods).as_slice() {
+        [(encoder, _)] => encoder::describe(encoder),
+        several => format!("{} settings, named beside each method", several.len()),
     }
 }
 
@@ -233,7 +312,7 @@ fn dataset<S: Source>(experiment: &Experiment, source: &S, about: &About) -> Dat
         surfaces: source.surfaces().len(),
         views: source.view_angles().len(),
         view_angles_deg: source.view_angles().iter().map(|angle| angle.0).collect(),
-        encoder: encoder::describe(&experiment.encoder),
+        encoder: encoders(&experiment.methods),
         ceiling_one_view: ceiling(|ceiling| ceiling.nadir),
         ceiling_all_views: ceiling(|ceiling| ceiling.all),
     }

@@ -37,7 +37,8 @@ fn is_optimum(method: &Method, other: &Method) -> bool {
         _ => false,
     };
     let exhaustive = matches!(two.selector, SelectorConfig::Exhaustive(_));
-    same_estimator && exhaustive && one.distinct == two.distinct
+    let same_encoder = method.encoder == other.encoder;
+    same_encoder && same_estimator && exhaustive && one.distinct == two.distinct
 }
 
 fn selected(method: &Method) -> Option<&Selected> {

@@ -9,13 +9,15 @@ use sps_dataset::{
 use sps_models::Readings;
 use sps_models::encoders::Encoder;
 use sps_models::training::{Classes, Parts, Targets, TrainingConfig};
+use sps_models::weights::Weights;
 use tracing::info;
 
 use super::tables::{Tables, readings};
-use crate::config::Experiment;
+use crate::config::{EncoderSpec, Experiment};
 use crate::data::{self, About};
 use crate::embeddings::{Embedder, EmbeddingCache, embed_views};
 use crate::encoder;
+use crate::memory;
 use crate::training::{FrameImages, Task, train};
 
 /// An encoder and the tables that it makes.
@@ -23,12 +25,17 @@ pub(crate) struct Stage {
     pub encoder: Encoder,
     pub embedder: Embedder,
     pub tables: Tables,
+    /// Seconds that the encoder was trained for; 0 where it was not.
+    pub train_seconds: f64,
+    /// Memory that the encoder takes, in bytes.
+    pub encoder_bytes: usize,
 }
 
 /// The stage of each part of the surfaces: one and the same where the encoder stays as it is, and
 /// one for each where it is trained on that part.
 pub(crate) struct Stages<'a, S> {
     experiment: &'a Experiment,
+    encoder: &'a EncoderSpec,
     source: &'a S,
     about: &'a About,
     /// The views to embed, as indices of the source.
@@ -38,24 +45,26 @@ pub(crate) struct Stages<'a, S> {
 }
 
 impl<'a, S: Source> Stages<'a, S> {
-    /// With embeddings of the given views.
+    /// With embeddings of the given views by an encoder.
     pub(crate) fn new(
         experiment: &'a Experiment,
+        encoder: &'a EncoderSpec,
         source: &'a S,
         about: &'a About,
         views: Vec<usize>,
     ) -> Result<Self> {
-        let start = encoder::load(&experiment.encoder, experiment.seed)?;
+        let start = encoder::load(encoder, experiment.seed)?;
         let mut stages = Self {
             experiment,
+            encoder,
             source,
             about,
             views,
             start,
             shared: None,
         };
-        if experiment.encoder.training.is_none() {
-            stages.shared = Some(Arc::new(stages.stage(stages.start.clone())?));
+        if encoder.training.is_none() {
+            stages.shared = Some(Arc::new(stages.stage(stages.start.clone(), 0.0)?));
         }
         Ok(stages)
     }
@@ -65,17 +74,17 @@ impl<'a, S: Source> Stages<'a, S> {
         if let Some(shared) = &self.shared {
             return Ok(Arc::clone(shared));
         }
-        let encoder = match &self.experiment.encoder.training {
+        let (encoder, seconds) = match &self.encoder.training {
             Some(config) => self.trained(config, training)?,
-            None => self.start.clone(),
+            None => (self.start.clone(), 0.0),
         };
-        Ok(Arc::new(self.stage(encoder)?))
+        Ok(Arc::new(self.stage(encoder, seconds)?))
     }
 
     /// Embeds the views, of every surface.
-    fn stage(&self, encoder: Encoder) -> Result<Stage> {
+    fn stage(&self, encoder: Encoder, train_seconds: f64) -> Result<Stage> {
         let experiment = self.experiment;
-        let embedder = Embedder::new(encoder.clone(), experiment.encoder.resize)?;
+        let embedder = Embedder::new(encoder.clone(), self.encoder.resize)?;
         let cache = EmbeddingCache::open(&experiment.cache, embedder.identity(), embedder.width())?;
         let views = &self.views;
         let embeddings = embed_views(self.source, views, &embedder, &cache)?;
@@ -87,15 +96,17 @@ impl<'a, S: Source> Stages<'a, S> {
         );
         let tables = Tables::new(self.source, self.about, &embeddings, &experiment.properties)?;
         Ok(Stage {
+            encoder_bytes: memory::of(|| copied(&encoder))?,
             encoder,
             embedder,
             tables,
+            train_seconds,
         })
     }
 
     /// The encoder after it was trained to say the readings of the surfaces `training` from the
-    /// view straight down.
-    fn trained(&self, config: &TrainingConfig, training: &[usize]) -> Result<Encoder> {
+    /// view straight down, and the seconds that took.
+    fn trained(&self, config: &TrainingConfig, training: &[usize]) -> Result<(Encoder, f64)> {
         let views = [data::nadir(self.source)?];
         let count = self.source.surfaces().len();
         let frames: Vec<FrameIndex> = (0..count)
@@ -120,10 +131,10 @@ impl<'a, S: Source> Stages<'a, S> {
             config,
             seed: self.experiment.seed,
         };
-        let images = FrameImages::new(self.source, frames, self.experiment.encoder.resize);
+        let images = FrameImages::new(self.source, frames, self.encoder.resize);
         let trained = train(task, &images, &self.experiment.cache.join("encoders"))?;
         info!("TensorBoard: {}", trained.folder.display());
-        Ok(trained.encoder)
+        Ok((trained.encoder, trained.seconds))
     }
 
     /// The images of the surfaces `training`, some of which say when to stop.
@@ -161,7 +172,7 @@ impl<'a, S: Source> Stages<'a, S> {
         classes: &Classes,
     ) -> Result<blake3::Hash> {
         let mut hasher = blake3::Hasher::new();
-        hasher.update(format!("{:?}", self.experiment.encoder.resize).as_bytes());
+        hasher.update(format!("{:?}", self.encoder.resize).as_bytes());
         for frame in frames {
             hasher.update(&self.source.frame_key(frame.surface, frame.view)?);
         }
@@ -173,6 +184,12 @@ impl<'a, S: Source> Stages<'a, S> {
         }
         Ok(hasher.finalize())
     }
+}
+
+/// The encoder with memory of its own.
+fn copied(encoder: &Encoder) -> Result<Encoder> {
+    let weights = Weights::from_bytes("an encoder", &encoder.weights().to_bytes()?)?;
+    Ok(Encoder::new(encoder.kind(), weights, encoder.device())?)
 }
 
 /// The material of each frame's surface, by the paper's rule.

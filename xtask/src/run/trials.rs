@@ -10,7 +10,7 @@ use sps_models::heads::{Plan, Rerun, Trial, Views};
 use super::Tables;
 use super::select::Selections;
 use super::views::{self, TrialViews};
-use crate::config::{Estimator, Experiment, Method};
+use crate::config::{AdaptiveKey, Estimator, Experiment, Method};
 use crate::journal::TrialKey;
 
 /// One trial, and what identifies it.
@@ -64,6 +64,7 @@ struct Inputs<'a> {
     seed: u64,
     id: &'a str,
     method: serde_json::Value,
+    adaptive: Option<AdaptiveKey>,
     property: &'a str,
     rerun: usize,
     split: &'a Split,
@@ -88,6 +89,7 @@ fn key(
             Estimator::Head(head) => serde_json::to_value(head.config())?,
             Estimator::Ridge(ridge) => serde_json::to_value(ridge.config())?,
         },
+        adaptive: method.adaptive.map(|adaptive| adaptive.key()),
         property: property.code(),
         rerun,
         split,

@@ -9,7 +9,7 @@ use sps_viewselect::{Problem, Relations, Selection, SetFunction, TemporalRelatio
 
 use super::Tables;
 use super::select::Selections;
-use crate::config::{Estimator, Experiment, Looks, Method, Selected};
+use crate::config::{Estimator, Experiment, Looks, Method, Selected, in_order};
 use crate::data;
 
 /// The views of a trial, as places in the tables.
@@ -80,11 +80,15 @@ pub(crate) fn of_trial(
     match &method.looks {
         Looks::Nadir => Ok(TrialViews::fixed(vec![tables.place(tables.nadir)?])),
         Looks::All => Ok(TrialViews::fixed((0..tables.views.len()).collect())),
-        Looks::Selected(_) => {
+        Looks::Selected(selected) => {
             let found = selections
                 .get(&method.id, property, rerun)
                 .context("views that were not selected")?;
-            let places = found.selection.picks.iter().map(|&view| tables.place(view));
+            let mut picks = found.selection.picks.clone();
+            if method.adaptive.is_some() {
+                picks = in_order(&selected.selector, picks);
+            }
+            let places = picks.iter().map(|&view| tables.place(view));
             Ok(TrialViews::fixed(places.collect::<Result<_>>()?))
         }
         Looks::Relations(relations) => match &method.estimator {

@@ -24,6 +24,7 @@ pub(crate) use images::FrameImages;
 const STATE: &str = "state.safetensors";
 const ENCODER: &str = "encoder.safetensors";
 const EPOCHS: &str = "epochs.json";
+const SECONDS: &str = "seconds.json";
 
 /// An encoder to train, and everything that its weights then depend on.
 pub(crate) struct Task<'a> {
@@ -42,6 +43,8 @@ pub(crate) struct Task<'a> {
 pub(crate) struct Trained {
     pub encoder: Encoder,
     pub history: Vec<Epoch>,
+    /// How long it took, all processes together that had a part in it.
+    pub seconds: f64,
     /// Where the record of the training is.
     pub folder: PathBuf,
 }
@@ -57,6 +60,7 @@ pub(crate) fn train(task: Task<'_>, images: &dyn ImageSource, folder: &Path) -> 
     let mut trainer = begin(task, &folder.join(STATE))?;
     let mut events = EventFile::create(&folder)?;
     let mut progress = None;
+    let mut seconds = seconds(&folder)?;
     while !trainer.is_finished() {
         let begun = Instant::now();
         let mut shown = 0;
@@ -69,6 +73,8 @@ pub(crate) fn train(task: Task<'_>, images: &dyn ImageSource, folder: &Path) -> 
             events.step(step);
         })?;
         events.epochs(trainer.history())?;
+        seconds += begun.elapsed().as_secs_f64();
+        write_atomically(&folder.join(SECONDS), &serde_json::to_vec(&seconds)?)?;
         write_atomically(&folder.join(STATE), &trainer.to_bytes()?)?;
     }
     drop(progress);
@@ -80,8 +86,19 @@ pub(crate) fn train(task: Task<'_>, images: &dyn ImageSource, folder: &Path) -> 
     Ok(Trained {
         encoder,
         history,
+        seconds,
         folder,
     })
+}
+
+/// How long a training has taken so far.
+fn seconds(folder: &Path) -> Result<f64> {
+    let path = folder.join(SECONDS);
+    if !path.exists() {
+        return Ok(0.0);
+    }
+    let text = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    serde_json::from_slice(&text).with_context(|| format!("{} is damaged", path.display()))
 }
 
 impl Task<'_> {
@@ -114,6 +131,7 @@ fn finished(task: &Task<'_>, folder: &Path) -> Result<Option<Trained>> {
     Ok(Some(Trained {
         encoder: Encoder::new(task.start.kind(), weights, &Device::Cpu)?,
         history: serde_json::from_slice(&history).context("the record of a training")?,
+        seconds: seconds(folder)?,
         folder: folder.to_owned(),
     }))
 }

@@ -106,6 +106,12 @@ pub(crate) fn results_without_timings(run: &Path) -> Value {
         let method = method.as_object_mut().expect("a method");
         assert!(method.remove("predict_seconds_per_surface").is_some());
         assert!(method.remove("train_seconds").is_some());
+        for part in ["decode", "encode", "head"] {
+            let key = format!("{part}_seconds_per_surface");
+            assert!(method.remove(&key).is_some());
+        }
+        // More threads hold more at once.
+        assert!(method.remove("peak_memory_bytes").is_some());
         let selections = method["selections"].as_object_mut().expect("selections");
         for selection in selections
             .values_mut()

@@ -61,6 +61,27 @@ impl EncoderKind {
         }
     }
 
+    /// Multiply-adds to embed one image of so many pixels: those of the convolutions and of the
+    /// squeeze-and-excitation gates, by shape. `None` for an image smaller than
+    /// [`EncoderKind::min_size`].
+    ///
+    /// ```
+    /// use sps_models::encoders::EncoderKind;
+    ///
+    /// let paper = EncoderKind::SeResNext50.multiply_adds(224, 224);
+    /// assert_eq!(paper.map(|count| count / 100_000_000), Some(42)); // 4.2 G
+    /// ```
+    pub fn multiply_adds(self, height: usize, width: usize) -> Option<u64> {
+        if height.min(width) < self.min_size() {
+            return None;
+        }
+        let size = [1, height, width];
+        match self.se_resnext() {
+            Some(config) => se_resnext::multiply_adds(&config, size),
+            None => squeezenet::multiply_adds(size),
+        }
+    }
+
     /// The tensors of the network, in the order of its layers.
     pub fn specs(self) -> Vec<TensorSpec> {
         match self.se_resnext() {

@@ -24,8 +24,8 @@ pub enum Precision {
     #[default]
     F32,
     /// Feature maps and weights of bf16, eight bits of precision, with sums of f32. On processors
-    /// with AVX512-BF16 about twice as fast as f32; slower on others. An embedding moves by about
-    /// a hundredth of its norm.
+    /// with AVX512-BF16 nearly twice as fast as f32; slower on others. An embedding moves by a few
+    /// thousandths of its norm.
     Bf16,
 }
 

@@ -4,7 +4,7 @@ use candle_core::{Device, Tensor};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::config::HeadConfig;
+use super::config::{HeadConfig, Input};
 use super::input::{self, InputStatistics};
 use super::job::Job;
 use super::network::{Dims, Fill, Network, Spec};
@@ -107,6 +107,14 @@ impl TrainedHead {
         self.parameters.get(name)
     }
 
+    /// Multiply-adds of the layers between embeddings and estimate.
+    fn multiply_adds(&self, config: &HeadConfig) -> u64 {
+        let weights = self.parameters.iter();
+        let weights = weights.filter(|(name, _)| name.ends_with(".weight"));
+        let counts = weights.map(|(name, weight)| times(config, name) * weight.elem_count());
+        counts.sum::<usize>() as u64
+    }
+
     /// Estimates in measured units, one per surface.
     ///
     /// The views of `embeddings` are the ones to use, in the order of the slots: as many as the
@@ -152,6 +160,21 @@ impl TrainedHead {
             expected,
         }
         .into())
+    }
+}
+
+/// How often an estimate goes through the layer of a weight; the layers that only training needs
+/// count for nothing.
+fn times(config: &HeadConfig, weight: &str) -> usize {
+    let mut parts = weight.split('.');
+    match (parts.next(), &config.input) {
+        (Some("visual" | "generator" | "value"), _) => 1,
+        (Some("relations"), Input::Relations { scales }) => {
+            let scale = parts.next().and_then(|at| at.parse::<usize>().ok());
+            let scale = scale.and_then(|at| scales.get(at));
+            scale.map_or(0, |scale| scale.relations)
+        }
+        _ => 0,
     }
 }
 
@@ -214,6 +237,12 @@ impl TrainedHeads {
                 .cloned()
                 .collect(),
         }
+    }
+
+    /// Multiply-adds to estimate one surface from its embeddings, all heads together.
+    pub fn multiply_adds(&self) -> u64 {
+        let heads = self.heads.iter();
+        heads.map(|head| head.multiply_adds(self.config())).sum()
     }
 
     /// The estimates of every head for every surface.

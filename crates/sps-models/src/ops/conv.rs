@@ -2,7 +2,7 @@
 
 use super::bands::{Threads, for_each_band};
 use super::format::{Format, pair};
-use super::grid::{Grid, Window, pixels};
+use super::grid::{Grid, Size, Window, pixels};
 use super::grouped::{GroupWeights, GroupedProduct};
 use super::panels::Panels;
 use super::product::{Epilogue, Product};
@@ -26,6 +26,13 @@ impl ConvShape {
     /// Channels of a group that come out.
     pub(crate) const fn group_outputs(&self) -> usize {
         self.outputs / self.groups
+    }
+
+    /// Multiply-adds on a feature map of so many pixels; `None` where the window does not fit.
+    pub(crate) fn multiply_adds(&self, input: Size) -> Option<u64> {
+        let places = pixels(self.window.output(input)?);
+        let taps = pixels(self.window.size) * self.group_inputs() * self.outputs;
+        Some((places * taps) as u64)
     }
 }
 

@@ -156,6 +156,12 @@ impl TrainedRidges {
         }
     }
 
+    /// Multiply-adds to estimate one surface from its embeddings, all regressions together.
+    pub fn multiply_adds(&self) -> u64 {
+        let ridges = self.ridges.iter();
+        ridges.map(|ridge| ridge.fit.weights.len() as u64).sum()
+    }
+
     /// The estimates of every regression for every surface, in measured units. The views of
     /// `embeddings` are the ones to use, in the order of the trial's views.
     ///

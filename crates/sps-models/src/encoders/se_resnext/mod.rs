@@ -7,6 +7,7 @@ pub(super) mod train;
 
 use crate::ops::Window;
 use crate::ops::conv::ConvShape;
+use crate::ops::grid::Size;
 use crate::weights::TensorSpec;
 
 /// The size of a squeeze-and-excitation ResNeXt.
@@ -178,6 +179,31 @@ impl Bottleneck {
             );
         }
     }
+}
+
+/// Multiply-adds for one image of so many pixels.
+pub(super) fn multiply_adds(config: &SeResNextConfig, size: Size) -> Option<u64> {
+    let stem = ConvShape {
+        window: STEM,
+        inputs: 3,
+        outputs: config.stem,
+        groups: 1,
+    };
+    let mut count = stem.multiply_adds(size)?;
+    let mut size = POOL.output_ceil(STEM.output(size)?);
+    for bottleneck in config.bottlenecks() {
+        let grouped = bottleneck.grouped();
+        let smaller = grouped.window.output(size)?;
+        count += bottleneck.reduce().multiply_adds(size)?;
+        count += grouped.multiply_adds(size)?;
+        count += bottleneck.expand().multiply_adds(smaller)?;
+        if bottleneck.downsample {
+            count += bottleneck.shortcut().multiply_adds(size)?;
+        }
+        count += 2 * (bottleneck.out * bottleneck.squeezed()) as u64;
+        size = smaller;
+    }
+    Some(count)
 }
 
 /// A 1x1 convolution.

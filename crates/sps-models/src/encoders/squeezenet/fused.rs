@@ -1,6 +1,6 @@
 //! The network in inference, on the CPU kernels.
 
-use super::{STEM, STEPS, Step, WIDTH};
+use super::{POINT, POOL, SQUARE, STEM, STEM_WINDOW, STEPS, Step, WIDTH};
 use crate::encoders::batch::{Images, Network};
 use crate::encoders::folded::{Folded, Layer};
 use crate::encoders::images::{image_grid, interleave};
@@ -9,7 +9,7 @@ use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
 use crate::ops::conv::ConvShape;
 use crate::ops::format::Format;
-use crate::ops::grid::{Grid, Window};
+use crate::ops::grid::Grid;
 use crate::ops::mean::frame_means;
 use crate::ops::pool::max_pool;
 use crate::ops::simd::Level;
@@ -48,9 +48,6 @@ struct Fire {
     square: Layer,
 }
 
-const POOL: Window = Window::square(3, 2, 0);
-const SQUARE: Window = Window::square(3, 1, 1);
-
 impl Fused {
     pub(in crate::encoders) fn new(
         weights: &Weights,
@@ -69,7 +66,7 @@ impl Fused {
         let layer = |name: &str, window, inputs, outputs| {
             folded(name, window, inputs, outputs).map(|folded| folded.pack(level, format))
         };
-        let stem = folded("features.0", Window::square(7, 2, 0), 3, STEM)?;
+        let stem = folded("features.0", STEM_WINDOW, 3, STEM)?;
         let inputs = image_grid([1; 3], format).channels;
         let step = |step: &Step| {
             let Step::Fire {
@@ -82,10 +79,9 @@ impl Fused {
                 return Ok(FusedStep::Pool);
             };
             let name = |leaf: &str| format!("features.{index}.{leaf}");
-            let point = Window::square(1, 1, 0);
             Ok(FusedStep::Fire(Box::new(Fire {
-                squeeze: layer(&name("squeeze"), point, input, squeeze)?,
-                point: layer(&name("expand1x1"), point, squeeze, expand)?,
+                squeeze: layer(&name("squeeze"), POINT, input, squeeze)?,
+                point: layer(&name("expand1x1"), POINT, squeeze, expand)?,
                 square: layer(&name("expand3x3"), SQUARE, squeeze, expand)?,
             })))
         };

@@ -3,6 +3,9 @@
 pub(super) mod fused;
 pub(super) mod plain;
 
+use crate::ops::Window;
+use crate::ops::conv::ConvShape;
+use crate::ops::grid::Size;
 use crate::weights::TensorSpec;
 
 /// Channels of the last feature map.
@@ -12,6 +15,11 @@ pub(super) const MIN_SIZE: usize = 7;
 
 /// Channels of the 7x7 stem.
 const STEM: usize = 96;
+/// The windows of the stem, of the pooling (in ceil mode), and of the two kinds of layer.
+const STEM_WINDOW: Window = Window::square(7, 2, 0);
+const POOL: Window = Window::square(3, 2, 0);
+const POINT: Window = Window::square(1, 1, 0);
+const SQUARE: Window = Window::square(3, 1, 1);
 
 /// A step after the stem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,6 +57,37 @@ const STEPS: [Step; 11] = [
     Step::Pool,
     fire(12, 512, 64, 256),
 ];
+
+/// Multiply-adds for one image of so many pixels.
+pub(super) fn multiply_adds(size: Size) -> Option<u64> {
+    let layer = |window, inputs, outputs, size| {
+        let shape = ConvShape {
+            window,
+            inputs,
+            outputs,
+            groups: 1,
+        };
+        shape.multiply_adds(size)
+    };
+    let mut count = layer(STEM_WINDOW, 3, STEM, size)?;
+    let mut size = STEM_WINDOW.output(size)?;
+    for step in STEPS {
+        match step {
+            Step::Pool => size = POOL.output_ceil(size),
+            Step::Fire {
+                input,
+                squeeze,
+                expand,
+                ..
+            } => {
+                count += layer(POINT, input, squeeze, size)?;
+                count += layer(POINT, squeeze, expand, size)?;
+                count += layer(SQUARE, squeeze, expand, size)?;
+            }
+        }
+    }
+    Some(count)
+}
 
 /// The tensors of the network.
 pub(super) fn specs() -> Vec<TensorSpec> {

@@ -19,6 +19,25 @@ fn relative(found: &Tensor, expected: &Tensor) -> f64 {
     norm(&differences) / norm(&expected)
 }
 
+/// Printed by the networks' authors and keepers, with the classifier, which is left out here:
+/// table 2 of "Squeeze-and-Excitation Networks" (CVPR 2018) has 4.25 G for SE-ResNeXt-50,
+/// torchvision's page of `squeezenet1_0` 0.82 G.
+#[test]
+fn multiply_adds_are_those_printed() {
+    let of = |kind: EncoderKind| kind.multiply_adds(224, 224).unwrap() as f64;
+    let paper = of(EncoderKind::SeResNext50) + 2048.0 * 1000.0;
+    assert!((paper / 4.25e9 - 1.0).abs() < 0.01, "{paper:e}");
+    let classifier = 13.0 * 13.0 * 512.0 * 1000.0;
+    let squeezenet = of(EncoderKind::SqueezeNet1_0) + classifier;
+    assert!((squeezenet / 0.82e9 - 1.0).abs() < 0.01, "{squeezenet:e}");
+}
+
+#[test]
+fn an_image_too_small_to_embed_has_no_multiply_adds() {
+    assert_eq!(EncoderKind::SqueezeNet1_0.multiply_adds(6, 64), None);
+    assert!(EncoderKind::SeResNextSmall.multiply_adds(1, 1).is_some());
+}
+
 /// Without rounding, the composition that the kernels are measured against is PyTorch's network:
 /// no gradient hangs on which side of zero a rectifier's input falls.
 #[test]

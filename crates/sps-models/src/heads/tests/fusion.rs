@@ -176,6 +176,11 @@ fn relations_are_a_sum_over_scales_of_means_over_relations() {
         trial.views = relation_steps();
     }
     let heads = set.train(&relations(), &plan);
+    // Slots and widths, hidden layers and outputs, each layer as often as it is gone through.
+    let width = set.embeddings.width();
+    let of_head = 3 * (2 * width * 6 + 6 * 6) + 2 * (3 * width * 6 + 6 * 6) + 6 * 5 + 5;
+    let count = heads.heads().len() * of_head;
+    assert_eq!(heads.multiply_adds(), count as u64);
     let head = &heads.heads()[0];
     let views = [0, 3, 6, 1, 2, 5, 0, 1, 2, 3, 4, 5];
     let embeddings = set.embeddings.select(&[8], &views).unwrap();

@@ -1,0 +1,338 @@
+//! Speed against error: the front drawn, every setting in a table, and two questions answered.
+
+use kuva::backend::svg::SvgBackend;
+use kuva::plot::line::LinePlot;
+use kuva::plot::scatter::MarkerShape;
+use kuva::plot::{LegendPosition, ScatterPlot};
+use kuva::render::layout::Layout;
+use kuva::render::plots::Plot;
+use kuva::render::render::render_multiple;
+
+use super::fan::COLOURS;
+use super::figures::Figure;
+use super::table::{Row, Table, number, with_interval};
+use crate::results::speed::{Point, front, points};
+use crate::results::{AdaptiveResult, MethodResult, Number, Results, Speed};
+
+/// What stands before the name of a method on the front.
+const ON_FRONT: &str = "●";
+
+/// The tables; none where the config does not ask for them.
+pub(super) fn tables(results: &Results) -> Vec<Table> {
+    let Some(speed) = &results.speed else {
+        return Vec::new();
+    };
+    let mut tables = vec![answers(results, speed), settings(results, speed)];
+    tables.extend(adaptive(results));
+    tables
+}
+
+fn answers(results: &Results, speed: &Speed) -> Table {
+    let row = |question: String, id: &Option<String>| {
+        let found = results.methods.iter().find(|m| Some(&m.id) == id.as_ref());
+        Row::measured(vec![
+            question,
+            found.map_or_else(|| "none".to_owned(), |method| method.label.clone()),
+            number(found.and_then(milliseconds), 2),
+            number(found.and_then(|method| method.r2_mean), 3),
+            number(found.and_then(|method| method.mae_mean), 2),
+        ])
+    };
+    let best = results.methods.iter().filter_map(|m| m.r2_mean);
+    let best = number(best.reduce(f64::max), 3);
+    let share = number(Some(100.0 * speed.within_error), 1);
+    let limit = number(Some(1e3 * speed.within_seconds), 1);
+    Table {
+        title: "Two questions".to_owned(),
+        caption: format!(
+            "The error is 1 - R², the share of variance left unexplained; the best R² is {best}. \
+             Which is best is decided on the surfaces that it is reported on: of methods that \
+             hardly differ chance picks one, so read the answer beside the intervals below."
+        ),
+        columns: ["Question", "Answer", "ms per surface", "R²", "MAE"]
+            .map(str::to_owned)
+            .to_vec(),
+        rows: vec![
+            row(
+                format!("The fastest setting within {share} % of the best error"),
+                &speed.fastest_within_error,
+            ),
+            row(
+                format!("The best error within {limit} ms per surface"),
+                &speed.best_within_seconds,
+            ),
+        ],
+    }
+}
+
+fn settings(results: &Results, speed: &Speed) -> Table {
+    let top8 = results.methods.iter();
+    let top8 = top8
+        .into_iter()
+        .any(|m| m.median_percent_error_top8.is_some());
+    let mut columns = vec!["Setting", "R²", "over reruns", "MAE", "% error"];
+    columns.extend(top8.then_some("% error, top 8"));
+    columns.extend([
+        "ms",
+        "decode",
+        "encode",
+        "head",
+        "frames",
+        "multiply-adds, G",
+        "memory, MiB",
+        "training, s",
+        "encoder training, s",
+        "encoder",
+    ]);
+    let mut methods: Vec<&MethodResult> = results.methods.iter().collect();
+    let slowest = |method: &MethodResult| method.predict_seconds_per_surface.unwrap_or(f64::MAX);
+    methods.sort_by(|a, b| slowest(a).total_cmp(&slowest(b)));
+    let rows = methods.into_iter().map(|method| {
+        let mark = if speed.front.contains(&method.id) {
+            ON_FRONT
+        } else {
+            ""
+        };
+        let mut cells = vec![
+            format!("{mark} {}", method.label).trim().to_owned(),
+            with_interval(method.r2_mean, method.r2_mean_interval, 3),
+            range(method.over_reruns.r2_mean, 3),
+            ranged(method.mae_mean, method.over_reruns.mae_mean, 2),
+            ranged(
+                method.median_percent_error_mean,
+                method.over_reruns.median_percent_error_mean,
+                1,
+            ),
+        ];
+        let of_top8 = || {
+            let range = method.over_reruns.median_percent_error_top8;
+            ranged(method.median_percent_error_top8, range, 1)
+        };
+        cells.extend(top8.then(of_top8));
+        cells.extend(costs(method));
+        cells.push(method.encoder.clone());
+        Row::measured(cells)
+    });
+    Table {
+        title: "Every setting, from fast to slow".to_owned(),
+        caption: format!(
+            "{ON_FRONT} marks the Pareto front: no other setting is both faster and better. R² with \
+             its {:.0} % bootstrap interval over surfaces; elsewhere, after the mean, the lowest and \
+             the highest of the reruns. Seconds, in ms, are medians over single surfaces, without \
+             the cache: all properties together, of an adaptive setting one; simulated frames are \
+             rendered where photographs would be decoded. Frames are decoded and encoded for one \
+             surface. Memory is the encoder's and the most that one estimate allocates at any time. \
+             Training is that of heads or ridges, all properties and reruns together.",
+            100.0 * results.interval_level
+        ),
+        columns: columns.into_iter().map(str::to_owned).collect(),
+        rows: rows.collect(),
+    }
+}
+
+/// The cells of what a setting costs.
+fn costs(method: &MethodResult) -> Vec<String> {
+    let ms = |seconds: Number| number(seconds.map(|s| 1e3 * s), 2);
+    let scaled = |value: Number, unit: f64| value.map(|value| value / unit);
+    let (decoded, encoded) = (
+        method.frames_decoded_per_surface,
+        method.frames_encoded_per_surface,
+    );
+    let whole = |count: f64| number(Some(count), usize::from(count.fract() != 0.0));
+    let frames = if decoded == encoded {
+        whole(encoded)
+    } else {
+        format!("{} decoded, {} encoded", whole(decoded), whole(encoded))
+    };
+    vec![
+        ms(method.predict_seconds_per_surface),
+        ms(method.decode_seconds_per_surface),
+        ms(method.encode_seconds_per_surface),
+        ms(method.head_seconds_per_surface),
+        frames,
+        number(scaled(method.multiply_adds_per_surface, 1e9), 3),
+        number(scaled(method.peak_memory_bytes, f64::from(1 << 20)), 1),
+        number(Some(method.train_seconds), 1),
+        number(Some(method.encoder_train_seconds), 1),
+    ]
+}
+
+fn range(range: Option<[f64; 2]>, decimals: usize) -> String {
+    match range {
+        Some([low, high]) => format!(
+            "{} to {}",
+            number(Some(low), decimals),
+            number(Some(high), decimals)
+        ),
+        None => number(None, decimals),
+    }
+}
+
+fn ranged(value: Number, of_reruns: Option<[f64; 2]>, decimals: usize) -> String {
+    let value = number(value, decimals);
+    match of_reruns {
+        Some(_) => format!("{value} ({})", range(of_reruns, decimals)),
+        None => value,
+    }
+}
+
+/// How the settings fared that spend what a scene needs; none where there are none.
+fn adaptive(results: &Results) -> Option<Table> {
+    let methods = results.methods.iter();
+    let adaptive = methods.filter_map(|method| Some((method, method.adaptive.as_ref()?)));
+    let rows: Vec<Row> = adaptive
+        .map(|(method, of)| adaptive_row(method, of))
+        .collect();
+    let columns = [
+        "Setting",
+        "width asked for",
+        "mean width",
+        "narrow enough, %",
+        "truths to hold, %",
+        "held, %",
+        "views, mean",
+        "estimates that took 1, 2, … views, %",
+    ];
+    (!rows.is_empty()).then(|| Table {
+        title: "Views until the interval is narrow enough".to_owned(),
+        caption: "One view after the other is looked at, until the interval of the estimate is as \
+                  narrow as asked for or there are no more. Widths are in standard deviations of \
+                  the training readings."
+            .to_owned(),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows,
+    })
+}
+
+fn adaptive_row(method: &MethodResult, of: &AdaptiveResult) -> Row {
+    let percent = |share: f64| number(Some(100.0 * share), 0);
+    let shares: Vec<String> = of
+        .share_of_views
+        .iter()
+        .map(|&share| percent(share))
+        .collect();
+    Row::measured(vec![
+        method.label.clone(),
+        number(Some(of.width), 2),
+        number(Some(of.mean_width), 2),
+        percent(of.narrow),
+        percent(of.level),
+        number(Some(100.0 * of.coverage), 1),
+        number(Some(of.mean_views), 2),
+        shares.join(", "),
+    ])
+}
+
+/// The settings in the plane of time and error, with the front; none where the config does not ask
+/// for it, or nothing has both numbers.
+pub(super) fn figure(results: &Results) -> Option<Figure> {
+    results.speed.as_ref()?;
+    let points = points(&results.methods);
+    if points.is_empty() {
+        return None;
+    }
+    let mut plots = vec![Plot::Line(staircase(&points))];
+    plots.extend(marks(results, &points));
+    let layout = Layout::auto_from_plots(&plots)
+        .with_width(1400.0)
+        .with_height(560.0)
+        .with_log_x()
+        .with_x_label("milliseconds per surface")
+        .with_y_label("error, 1 - R²")
+        .with_legend_position(LegendPosition::OutsideRightTop);
+    Some(Figure {
+        name: "speed-error",
+        title: "Speed against error".to_owned(),
+        caption: "One mark for each setting, a colour for each encoder; circles are heads, squares \
+                  ridge regressions, stars stop when they are sure enough. Down and left is better. \
+                  The line is the front: what lies above and right of it is slower and worse than a \
+                  setting on it. Hover over a mark in the HTML report for its name."
+            .to_owned(),
+        svg: SvgBackend::new().render_scene(&render_multiple(plots, layout)),
+    })
+}
+
+/// From each point of the front right to the next, then down to it.
+fn staircase(points: &[Point]) -> LinePlot {
+    let slowest = points.iter().map(|point| point.seconds).fold(0.0, f64::max);
+    let mut line: Vec<(f64, f64)> = Vec::new();
+    for point in front(points) {
+        if let Some(&(_, error)) = line.last() {
+            line.push((1e3 * point.seconds, error));
+        }
+        line.push((1e3 * point.seconds, point.error));
+    }
+    if let Some(&(_, error)) = line.last() {
+        line.push((1e3 * slowest, error));
+    }
+    LinePlot::new()
+        .with_data(line)
+        .with_color("#555555")
+        .with_stroke_width(1.4)
+        .with_dashed()
+}
+
+/// The marks, encoder by encoder and shape by shape.
+fn marks(results: &Results, points: &[Point]) -> Vec<Plot> {
+    let mut encoders: Vec<&str> = Vec::new();
+    let mut plots = Vec::new();
+    for point in points {
+        let encoder = results.methods[point.method].encoder.as_str();
+        if !encoders.contains(&encoder) {
+            encoders.push(encoder);
+        }
+    }
+    for (index, encoder) in encoders.into_iter().enumerate() {
+        let mut named = false;
+        for shape in [MarkerShape::Circle, MarkerShape::Square, MarkerShape::Star] {
+            let of_shape = points.iter().filter(|point| {
+                let method = &results.methods[point.method];
+                method.encoder == encoder && marker(method) == shape
+            });
+            let of_shape: Vec<&Point> = of_shape.collect();
+            if of_shape.is_empty() {
+                continue;
+            }
+            let hover = of_shape.iter().map(|point| hover(results, point));
+            let size = if shape == MarkerShape::Star { 7.0 } else { 4.5 };
+            let mut plot = ScatterPlot::new()
+                .with_data(of_shape.iter().map(|p| (1e3 * p.seconds, p.error)))
+                .with_color(COLOURS[index % COLOURS.len()])
+                .with_marker(shape)
+                .with_size(size)
+                .with_marker_opacity(0.85)
+                .with_tooltips()
+                .with_tooltip_labels(hover.collect::<Vec<_>>());
+            if !named {
+                plot = plot.with_legend(encoder);
+                named = true;
+            }
+            plots.push(Plot::Scatter(plot));
+        }
+    }
+    plots
+}
+
+fn marker(method: &MethodResult) -> MarkerShape {
+    match (&method.adaptive, method.kind.as_str()) {
+        (Some(_), _) => MarkerShape::Star,
+        (None, "ridge") => MarkerShape::Square,
+        (None, _) => MarkerShape::Circle,
+    }
+}
+
+fn hover(results: &Results, point: &Point) -> String {
+    let method = &results.methods[point.method];
+    format!(
+        "{}: {} ms, R² {}",
+        method.label,
+        number(Some(1e3 * point.seconds), 2),
+        with_interval(method.r2_mean, method.r2_mean_interval, 3)
+    )
+}
+
+fn milliseconds(method: &MethodResult) -> Number {
+    method
+        .predict_seconds_per_surface
+        .map(|seconds| 1e3 * seconds)
+}

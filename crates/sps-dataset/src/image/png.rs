@@ -29,6 +29,7 @@ pub(super) fn decode(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded,
     )?;
 
     let mut reader = decoder.read_info().map_err(refused)?;
+    check_palette(reader.info().palette.as_deref().unwrap_or_default())?;
     let size = reader
         .output_buffer_size()
         .filter(|&size| size <= buffer_limit);
@@ -60,6 +61,16 @@ pub(super) fn decode(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded,
         frame: orientation.apply(frame),
         light: LightCounts::default(),
     })
+}
+
+/// The decoder takes the colours for whole, and for no more than a byte can tell apart.
+fn check_palette(palette: &[u8]) -> Result<(), FrameErrorKind> {
+    let bytes = palette.len();
+    if bytes.is_multiple_of(3) && bytes <= 3 * 256 {
+        return Ok(());
+    }
+    let reason = format_args!("a palette of {bytes} bytes, expected three for each of 1 to 256");
+    Err(FrameErrorKind::damaged(ImageFormat::Png, reason))
 }
 
 fn refused(error: DecodingError) -> FrameErrorKind {

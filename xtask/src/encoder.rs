@@ -53,8 +53,5 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         Some(pixels) => format!(", on frames of {pixels} pixels"),
         None => String::new(),
     };
-    format!(
-        "{}{precision} with {weights}{resized}{trained}",
-        spec.kind
-    )
+    format!("{}{precision} with {weights}{resized}{trained}", spec.kind)
 }

@@ -1,22 +1,132 @@
 //! The encoder that a config asks for.
 
-use anyhow::{Result, bail};
-use candle_core::Device;
-use sps_models::encoders::{Encoder, EncoderKind, Precision};
+use anyhow::{Result, bail, ensure};
+use candle_core::{Device, Tensor};
+use sps_models::encoders::{Encoder, EncoderKind, I3d, Precision};
 use sps_models::weights::Weights;
 
-use crate::config::{EncoderSpec, WeightsSpec};
+use crate::config::{EncoderSpec, Network, WeightsSpec};
 
 /// Trained by `pretrain configs/pretrain.toml`.
 const SE_RESNEXT_SMALL: &[u8] =
     include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors");
 
-/// Loads the encoder; `seed` draws the weights where they are to be untrained.
-pub(crate) fn load(spec: &EncoderSpec, seed: u64) -> Result<Encoder> {
+/// A network with its weights.
+#[derive(Clone)]
+pub(crate) enum Loaded {
+    /// Embeds images one by one.
+    Images(Encoder),
+    /// Embeds sequences of so many images.
+    Sequences(I3d, usize),
+}
+
+impl Loaded {
+    /// The network; `seed` draws the weights where they are to be untrained.
+    pub(crate) fn new(spec: &EncoderSpec, seed: u64) -> Result<Self> {
+        match spec.network {
+            Network::Images(kind) => Ok(Self::Images(images(kind, spec, seed)?)),
+            Network::Sequences { frames } => {
+                let network = match &spec.weights {
+                    WeightsSpec::BuiltIn => bail!("{}", no_weights(I3d::NAME)),
+                    WeightsSpec::Untrained => I3d::seeded(seed)?,
+                    WeightsSpec::File(path) => I3d::load(path)?,
+                };
+                ensure!(
+                    spec.precision == Precision::F32,
+                    "{} computes in {} alone",
+                    I3d::NAME,
+                    Precision::F32
+                );
+                Ok(Self::Sequences(network, frames))
+            }
+        }
+    }
+
+    /// The same once more in memory, weights and all.
+    pub(crate) fn copied(&self) -> Result<Self> {
+        Ok(match self {
+            Self::Images(encoder) => {
+                let bytes = encoder.weights().to_bytes()?;
+                let weights = Weights::from_bytes("an encoder", &bytes)?;
+                let copy = Encoder::new(encoder.kind(), weights, encoder.device())?;
+                Self::Images(copy.with_precision(encoder.precision())?)
+            }
+            // Other weights take as much.
+            Self::Sequences(_, frames) => Self::Sequences(I3d::seeded(0)?, *frames),
+        })
+    }
+
+    /// The network's name.
+    pub(crate) fn name(&self) -> &'static str {
+        match self {
+            Self::Images(encoder) => encoder.kind().name(),
+            Self::Sequences(..) => I3d::NAME,
+        }
+    }
+
+    /// The network where it embeds single images.
+    pub(crate) fn of_images(&self) -> Result<&Encoder> {
+        match self {
+            Self::Images(encoder) => Ok(encoder),
+            Self::Sequences(..) => bail!(
+                "{} embeds sequences; expected an encoder of single images",
+                I3d::NAME
+            ),
+        }
+    }
+
+    /// Images that are embedded as one.
+    pub(crate) fn frames(&self) -> usize {
+        match self {
+            Self::Images(_) => 1,
+            Self::Sequences(_, frames) => *frames,
+        }
+    }
+
+    /// The length of an embedding.
+    pub(crate) fn width(&self) -> usize {
+        match self {
+            Self::Images(encoder) => encoder.width(),
+            Self::Sequences(..) => I3d::WIDTH,
+        }
+    }
+
+    /// A hash of the network and every weight.
+    pub(crate) fn content_hash(&self) -> [u8; 32] {
+        match self {
+            Self::Images(encoder) => encoder.content_hash(),
+            Self::Sequences(network, _) => network.content_hash(),
+        }
+    }
+
+    /// Multiply-adds to embed an image of this size, where they are known.
+    pub(crate) fn multiply_adds(&self, height: usize, width: usize) -> Option<u64> {
+        match self {
+            Self::Images(encoder) => encoder.kind().multiply_adds(height, width),
+            Self::Sequences(..) => None,
+        }
+    }
+
+    /// Embeds images `(n * frames, height, width, 3)`, row-major, to `(n, width)`.
+    pub(crate) fn embed(&self, pixels: Vec<f32>, height: usize, width: usize) -> Result<Vec<f32>> {
+        let images = pixels.len() / (height * width * 3).max(1);
+        let images = Tensor::from_vec(pixels, (images, height, width, 3), &Device::Cpu)?;
+        let embeddings = match self {
+            Self::Images(encoder) => encoder.embed(&images.permute((0, 3, 1, 2))?)?,
+            Self::Sequences(network, frames) => {
+                let sequences = images.reshape(((), *frames, height, width, 3))?;
+                network.embed(&sequences.permute((0, 4, 1, 2, 3))?)?
+            }
+        };
+        Ok(embeddings.flatten_all()?.to_vec1()?)
+    }
+}
+
+fn images(kind: EncoderKind, spec: &EncoderSpec, seed: u64) -> Result<Encoder> {
     let encoder = match &spec.weights {
-        WeightsSpec::BuiltIn => Encoder::new(spec.kind, built_in(spec.kind)?, &Device::Cpu)?,
-        WeightsSpec::Untrained => Encoder::seeded(spec.kind, seed, &Device::Cpu)?,
-        WeightsSpec::File(path) => Encoder::load(spec.kind, path, &Device::Cpu)?,
+        WeightsSpec::BuiltIn => Encoder::new(kind, built_in(kind)?, &Device::Cpu)?,
+        WeightsSpec::Untrained => Encoder::seeded(kind, seed, &Device::Cpu)?,
+        WeightsSpec::File(path) => Encoder::load(kind, path, &Device::Cpu)?,
     };
     Ok(encoder.with_precision(spec.precision)?)
 }
@@ -27,8 +137,12 @@ fn built_in(kind: EncoderKind) -> Result<Weights> {
             "the built-in weights",
             SE_RESNEXT_SMALL,
         )?),
-        kind => bail!("no weights for {kind} come with the project; name a file"),
+        kind => bail!("{}", no_weights(kind.name())),
     }
+}
+
+fn no_weights(network: &str) -> String {
+    format!("no weights for {network} come with the project; name a file, or `untrained`")
 }
 
 /// The encoder in words, for reports.
@@ -49,9 +163,14 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         Precision::F32 => String::new(),
         precision => format!(" in {precision}"),
     };
-    let resized = match spec.resize {
-        Some(pixels) => format!(", on frames of {pixels} pixels"),
-        None => String::new(),
+    let frames = match (spec.network, spec.resize) {
+        (Network::Sequences { frames }, Some(pixels)) => {
+            format!(", on {frames} equidistant frames of {pixels} pixels")
+        }
+        (Network::Sequences { frames }, None) => format!(", on {frames} equidistant frames"),
+        (Network::Images(_), Some(pixels)) => format!(", on frames of {pixels} pixels"),
+        (Network::Images(_), None) => String::new(),
     };
-    format!("{}{precision} with {weights}{resized}{trained}", spec.kind)
+    let name = spec.network.name();
+    format!("{name}{precision} with {weights}{frames}{trained}")
 }

@@ -16,6 +16,7 @@ mod progress;
 mod report;
 mod results;
 mod run;
+mod sequences;
 mod training;
 
 use std::process::ExitCode;

@@ -15,6 +15,7 @@ use sps_models::ridge::TrainedRidges;
 use sps_models::weights::Weights;
 
 use crate::embeddings::Embedder;
+use crate::encoder::Loaded;
 use crate::files::{read_text, write_atomically};
 use crate::run::Fitted;
 
@@ -103,7 +104,7 @@ impl Model {
             )?)?)
         };
         Ok(Self {
-            embedder: Embedder::new(encoder, card.resize)?,
+            embedder: Embedder::new(Loaded::Images(encoder), card.resize)?,
             card,
             fitted,
         })

@@ -14,6 +14,11 @@ label = "All"
 kind = "head"
 all-views = true
 [[methods]]
+id = "i3d"
+label = "I3D"
+kind = "head"
+encoder = { name = "i3d", weights = "untrained", frames = 3, resize = 16 }
+[[methods]]
 id = "pooling"
 label = "Pooling"
 kind = "head"
@@ -90,6 +95,7 @@ fn a_method_decodes_the_views_that_it_looks_at_and_no_other() {
         ("ridge", 1.0),
         ("cross-modal", 1.0),
         ("all", views),
+        ("i3d", 3.0),
         ("pooling", views),
         ("random", 2.0),
         ("nvs", 2.0),

@@ -1,16 +1,16 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow, ensure};
 use rayon::prelude::*;
 use safetensors::tensor::{Dtype, TensorView};
 use sps_dataset::{DecodeSettings, Frame, read_image};
-use sps_models::encoders::{EncoderKind, Precision};
+use sps_models::encoders::{I3d, Precision};
 use tracing::info;
 
-use crate::config::{EncoderSpec, WeightsSpec};
+use crate::config::{EncoderSpec, Network, WeightsSpec};
 use crate::embeddings::Embedder;
-use crate::encoder;
+use crate::encoder::Loaded;
 use crate::files::write_atomically;
 use crate::progress::Progress;
 
@@ -19,12 +19,16 @@ use crate::progress::Progress;
 #[command(
     after_help = "Writes the tensor `embeddings`, f32, (images, width), in the order given.\n\n\
     Example:\n  cargo xtask embed --encoder squeezenet1-0 --weights squeezenet1_0.safetensors \
-    --out embeddings.safetensors photographs/*.jpg"
+    --out embeddings.safetensors photographs/*.jpg\n\n\
+    With i3d, a row is a sequence of --frames images, which follow each other in the order given."
 )]
 pub(crate) struct Args {
-    /// se-resnext50-32x4d, se-resnext-small or squeezenet1-0
+    /// se-resnext50-32x4d, se-resnext-small, squeezenet1-0 or i3d
     #[arg(long, value_name = "NAME")]
-    encoder: EncoderKind,
+    encoder: String,
+    /// Images of a sequence, for i3d
+    #[arg(long, value_name = "N", default_value = "16", value_parser = clap::value_parser!(u64).range(1..))]
+    frames: u64,
     /// A weights file, or `built-in`, or `untrained`
     #[arg(long, value_name = "FILE")]
     weights: String,
@@ -56,24 +60,32 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             .context("--threads")?;
     }
     let spec = EncoderSpec {
-        kind: args.encoder,
+        network: Network::named(&args.encoder, args.frames as usize)
+            .map_err(|error| anyhow!("--encoder: {error}, {}", I3d::NAME))?,
         weights: WeightsSpec::named(&args.weights),
         precision: args.precision,
         resize: args.resize,
         training: None,
     };
-    let embedder = Embedder::new(encoder::load(&spec, 0)?, spec.resize)?;
+    let embedder = Embedder::new(Loaded::new(&spec, 0)?, spec.resize)?;
+    let each = embedder.encoder().frames();
+    ensure!(
+        args.images.len().is_multiple_of(each),
+        "{} images, expected a multiple of --frames {each}",
+        args.images.len()
+    );
     let progress = Progress::new("images encoded", args.images.len());
     let mut values = Vec::new();
     let mut seconds = 0.0;
-    for paths in args.images.chunks(args.batch as usize) {
+    for paths in args.images.chunks(each * args.batch as usize) {
         let frames = read(paths)?;
+        let sequences = stacked(&frames, each)?;
         let start = Instant::now();
-        values.extend(embedder.embed(&frames)?);
+        values.extend(embedder.embed(&sequences)?);
         seconds += start.elapsed().as_secs_f64();
         progress.advance(frames.len());
     }
-    write(&args.out, &values, args.images.len())?;
+    write(&args.out, &values, args.images.len() / each)?;
     info!(
         "{} images, {:.1} ms each to encode",
         args.images.len(),
@@ -94,4 +106,27 @@ fn write(path: &Path, values: &[f32], rows: usize) -> Result<()> {
     let shape = vec![rows, values.len() / rows];
     let view = TensorView::new(Dtype::F32, shape, &bytes)?;
     write_atomically(path, &safetensors::serialize([("embeddings", view)], None)?)
+}
+
+/// Each so many images, one below the other.
+fn stacked(frames: &[Frame], each: usize) -> Result<Vec<Frame>> {
+    let stack = |images: &[Frame]| {
+        let (width, height) = (images[0].width, images[0].height);
+        ensure!(
+            images
+                .iter()
+                .all(|image| (image.width, image.height) == (width, height)),
+            "images of one sequence have different sizes, expected one size"
+        );
+        Ok(Frame {
+            width,
+            height: each * height,
+            data: images
+                .iter()
+                .flat_map(|image| &image.data)
+                .copied()
+                .collect(),
+        })
+    };
+    frames.chunks_exact(each).map(stack).collect()
 }

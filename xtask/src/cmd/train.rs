@@ -68,6 +68,7 @@ impl WithSource for Train<'_> {
                 source,
                 &about,
                 vec![data::nadir(source)?],
+                None,
             )?,
         };
         trainer.print_check()?;
@@ -79,14 +80,15 @@ impl WithSource for Train<'_> {
             experiment: experiment.name.clone(),
             method: method.label.clone(),
             data: source.name().to_owned(),
-            encoder: method.encoder.kind.to_string(),
+            encoder: method.encoder.network.name().to_owned(),
             resize: method.encoder.resize,
             frame_size: [frame.height, frame.width],
             level: experiment.train.level.get(),
             radius: model.radius.clone(),
             checksums: BTreeMap::new(),
         };
-        model::save(self.out, card, &model.stage.encoder, &model.fitted)?;
+        let encoder = model.stage.embedder.encoder().of_images()?;
+        model::save(self.out, card, encoder, &model.fitted)?;
         println!("{}", self.out.display());
         Ok(())
     }

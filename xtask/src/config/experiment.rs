@@ -6,7 +6,7 @@ use anyhow::Result;
 use sps_dataset::simulate::SimulatorSpec;
 use sps_dataset::{Property, ReadSettings, SplitPlan};
 use sps_metrics::{Bootstrap, Level};
-use sps_models::encoders::{EncoderKind, Precision};
+use sps_models::encoders::{EncoderKind, I3d, Precision};
 use sps_models::heads::Head;
 use sps_models::ridge::Ridge;
 use sps_models::training::TrainingConfig;
@@ -70,13 +70,39 @@ pub(crate) struct SpeedSpec {
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct EncoderSpec {
-    pub kind: EncoderKind,
+    pub network: Network,
     pub weights: WeightsSpec,
     pub precision: Precision,
     /// Pixels of the shorter side.
     pub resize: Option<usize>,
     /// How it is trained on the training part of each rerun; `None` leaves it as it is.
     pub training: Option<TrainingConfig>,
+}
+
+/// What turns frames into embeddings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Network {
+    /// A network that takes one frame.
+    Images(EncoderKind),
+    /// I3D, which takes a sequence of so many.
+    Sequences { frames: usize },
+}
+
+impl Network {
+    /// The network of this name; `frames` is the length of a sequence.
+    pub(crate) fn named(name: &str, frames: usize) -> Result<Self, sps_models::Error> {
+        if name == I3d::NAME {
+            return Ok(Self::Sequences { frames });
+        }
+        name.parse().map(Self::Images)
+    }
+
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Images(kind) => kind.name(),
+            Self::Sequences { .. } => I3d::NAME,
+        }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -211,18 +237,24 @@ fn encoder(
     key: &str,
     encoder: &EncoderConfig,
 ) -> Result<EncoderSpec, ConfigError> {
-    let name = format!("{key}.name");
-    let kind: EncoderKind = encoder
-        .name
-        .parse()
-        .map_err(|error: sps_models::Error| layers.error(&name, error.to_string()))?;
+    let network = Network::named(&encoder.name, encoder.frames);
+    let network = network.map_err(|error| {
+        let problem = format!("{error}, {}", I3d::NAME);
+        layers.error(&format!("{key}.name"), problem)
+    })?;
+    if let Network::Sequences { frames } = network {
+        let at = |field: &str| format!("{key}.{field}");
+        require(layers, frames > 0, &at("frames"), "must be at least 1")?;
+        let frozen = !encoder.trainable;
+        require(layers, frozen, &at("trainable"), "i3d is not trained here")?;
+    }
     let precision = encoder.precision.parse();
     let precision = precision.map_err(|error: sps_models::Error| {
         layers.error(&format!("{key}.precision"), error.to_string())
     })?;
     check_training(layers, &format!("{key}.training"), &encoder.training)?;
     Ok(EncoderSpec {
-        kind,
+        network,
         weights: WeightsSpec::named(&encoder.weights),
         precision,
         resize: (encoder.resize > 0).then_some(encoder.resize),

@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 use serde::Serialize;
+use sps_models::encoders::I3d;
 use sps_models::heads::{Head, HeadConfig, Input, RelationScale};
 use sps_viewselect::{RelationSampler, Selector, TemporalRelations};
 
@@ -74,6 +75,12 @@ pub(super) fn of(method: &MethodConfig) -> Result<Looks, Problem> {
     let (one, other) = (given.next(), given.next());
     if let (Some((one, _)), Some((other, _))) = (one, other) {
         return Err((other, format!("cannot stand beside `{one}`")));
+    }
+    if let (I3d::NAME, Some((key, _))) = (method.encoder.name.as_str(), one) {
+        return Err((
+            key,
+            "cannot stand beside i3d, which looks at a sequence".to_owned(),
+        ));
     }
     if method.distinct && method.selector.is_none() {
         return Err(("distinct", "needs a `selector`".to_owned()));

@@ -10,7 +10,7 @@ mod sweep;
 
 pub(crate) use adaptive::{Adaptive, AdaptiveKey, in_order};
 pub(crate) use experiment::{
-    DataSpec, EncoderSpec, Estimator, Experiment, Method, SpeedSpec, WeightsSpec,
+    DataSpec, EncoderSpec, Estimator, Experiment, Method, Network, SpeedSpec, WeightsSpec,
 };
 pub(crate) use locate::Setting;
 pub(crate) use looks::{Looks, Selected};

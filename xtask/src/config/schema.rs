@@ -68,6 +68,7 @@ pub(crate) struct EncoderConfig {
     pub name: String,
     pub weights: String,
     pub precision: String,
+    pub frames: usize,
     pub resize: usize,
     pub trainable: bool,
     pub training: TrainingConfig,

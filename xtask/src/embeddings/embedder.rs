@@ -4,15 +4,15 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use anyhow::{Context, Result, ensure};
-use candle_core::{Device, Tensor};
 use image::Rgb32FImage;
 use image::imageops::{self, FilterType};
 use sps_dataset::{Frame, Limits};
-use sps_models::encoders::Encoder;
+
+use crate::encoder::Loaded;
 
 /// Turns frames into embeddings.
 pub(crate) struct Embedder {
-    encoder: Encoder,
+    encoder: Loaded,
     resize: Option<usize>,
     identity: String,
 }
@@ -20,7 +20,7 @@ pub(crate) struct Embedder {
 impl Embedder {
     /// Uses `encoder` on frames whose shorter side is first brought to `resize` pixels, or on
     /// frames as they are.
-    pub(crate) fn new(encoder: Encoder, resize: Option<usize>) -> Result<Self> {
+    pub(crate) fn new(encoder: Loaded, resize: Option<usize>) -> Result<Self> {
         let mut embedder = Self {
             encoder,
             resize,
@@ -28,6 +28,11 @@ impl Embedder {
         };
         embedder.identity = embedder.find_identity()?;
         Ok(embedder)
+    }
+
+    /// The network.
+    pub(crate) fn encoder(&self) -> &Loaded {
+        &self.encoder
     }
 
     /// The length of an embedding.
@@ -42,43 +47,39 @@ impl Embedder {
         &self.identity
     }
 
-    /// Multiply-adds to embed the frame.
+    /// Multiply-adds to embed the frame, where they are known.
     pub(crate) fn multiply_adds(&self, frame: &Frame) -> Option<u64> {
         let (width, height) = prepared_size(frame, self.resize);
-        self.encoder.kind().multiply_adds(height, width)
+        self.encoder.multiply_adds(height, width)
     }
 
     fn find_identity(&self) -> Result<String> {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&self.encoder.content_hash());
         hasher.update(format!("{:?}", self.resize).as_bytes());
-        for value in self.embed(&[test_frame()])? {
+        for value in self.embed(&[test_frame(self.encoder.frames())])? {
             hasher.update(&value.to_le_bytes());
         }
         let hash = hasher.finalize().to_hex();
-        Ok(format!("{}-{}", self.encoder.kind(), &hash[..16]))
+        Ok(format!("{}-{}", self.encoder.name(), &hash[..16]))
     }
 
-    /// Embeds frames in the order given: (frames, width), row-major.
+    /// Embeds frames in the order given: (frames, width), row-major. For an encoder of sequences
+    /// a frame is one sequence, its images one below the other.
     pub(crate) fn embed(&self, frames: &[Frame]) -> Result<Vec<f32>> {
         let mut by_size: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
-        let prepared = frames.iter().map(|frame| prepare(frame, self.resize));
+        let prepared = frames.iter().map(|frame| self.prepared(frame));
         let prepared = prepared.collect::<Result<Vec<_>>>()?;
-        for (index, frame) in prepared.iter().enumerate() {
-            let size = (frame.height, frame.width);
+        for (index, images) in prepared.iter().enumerate() {
+            let size = (images[0].height, images[0].width);
             by_size.entry(size).or_default().push(index);
         }
         let width = self.width();
         let mut values = vec![0.0; frames.len() * width];
         for ((height, columns), indices) in by_size {
-            let pixels: Vec<f32> = indices
-                .iter()
-                .flat_map(|&index| prepared[index].data.iter().copied())
-                .collect();
-            let images =
-                Tensor::from_vec(pixels, (indices.len(), height, columns, 3), &Device::Cpu)?;
-            let embedded = self.encoder.embed(&images.permute((0, 3, 1, 2))?)?;
-            let embedded = embedded.flatten_all()?.to_vec1::<f32>()?;
+            let images = indices.iter().flat_map(|&index| &prepared[index]);
+            let pixels = images.flat_map(|image| image.data.iter().copied());
+            let embedded = self.encoder.embed(pixels.collect(), height, columns)?;
             for (&index, row) in indices.iter().zip(embedded.chunks_exact(width)) {
                 values[index * width..][..width].copy_from_slice(row);
             }
@@ -86,9 +87,34 @@ impl Embedder {
         ensure!(
             values.iter().all(|value| value.is_finite()),
             "the encoder {} gave an embedding that is not finite",
-            self.encoder.kind()
+            self.encoder.name()
         );
         Ok(values)
+    }
+
+    /// The images that the frame holds, all of one size, as the encoder takes them.
+    fn prepared<'f>(&self, frame: &'f Frame) -> Result<Vec<Cow<'f, Frame>>> {
+        let count = self.encoder.frames();
+        if count == 1 {
+            return Ok(vec![prepare(frame, self.resize)?]);
+        }
+        let (width, height) = (frame.width, frame.height / count);
+        let images = frame.data.chunks_exact((width * height * 3).max(1));
+        let image = |data: &[f32]| {
+            let image = Frame {
+                width,
+                height,
+                data: data.to_vec(),
+            };
+            Ok(Cow::Owned(prepare(&image, self.resize)?.into_owned()))
+        };
+        let images = images.map(image).collect::<Result<Vec<_>>>()?;
+        ensure!(
+            images.len() == count,
+            "a sequence of {} images, expected {count} of one size",
+            images.len()
+        );
+        Ok(images)
     }
 }
 
@@ -133,27 +159,13 @@ fn resized(frame: &Frame, width: usize, height: usize) -> Result<Frame> {
     })
 }
 
-/// 64 x 64 pixels of every brightness and many gradients.
-fn test_frame() -> Frame {
+/// Images of 64 x 64 pixels, one below the other, of every brightness and many gradients.
+fn test_frame(images: usize) -> Frame {
     const SIDE: usize = 64;
     let value = |i: usize| ((i * i * 31 + i * 17) % 255) as f32 / 254.0;
     Frame {
         width: SIDE,
-        height: SIDE,
-        data: (0..SIDE * SIDE * 3).map(value).collect(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_size_beyond_the_limit_is_refused() {
-        assert_eq!(prepare(&test_frame(), Some(32)).unwrap().width, 32);
-        for wanted in [5793, 65_536, usize::MAX] {
-            let refused = prepare(&test_frame(), Some(wanted)).unwrap_err();
-            assert!(refused.to_string().contains("33554432"), "{refused}");
-        }
+        height: images * SIDE,
+        data: (0..images * SIDE * SIDE * 3).map(value).collect(),
     }
 }

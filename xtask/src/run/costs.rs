@@ -132,7 +132,8 @@ impl<S: Source> Measuring<'_, S> {
         let views: Vec<usize> = views.into_iter().collect();
         let before = self.source.frames();
         let (frames, decode) = timed(|| self.decode(surface, &views))?;
-        let frames_decoded = self.source.frames() - before;
+        let each = self.stage.embedder.encoder().frames();
+        let frames_decoded = each * (self.source.frames() - before);
         let (values, encode) = timed(|| self.stage.embedder.embed(&frames))?;
         let ((), head) = timed(|| {
             let embeddings = self.embeddings(values)?;
@@ -151,7 +152,7 @@ impl<S: Source> Measuring<'_, S> {
             encode,
             head,
             frames_decoded,
-            frames_encoded: frames.len(),
+            frames_encoded: each * frames.len(),
             multiply_adds: self.of_encoder(&frames).map(|count| count + of_heads),
             memory: 0,
         })

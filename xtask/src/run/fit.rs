@@ -252,7 +252,7 @@ impl HeldOut {
             surfaces: names.map(|&s| tables.surfaces[s].id.clone()).collect(),
             truth: self.truth,
             estimate,
-            views: shown.iter().map(|&view| tables.views[view]).collect(),
+            views: tables.shown(&shown),
             stops: Vec::new(),
             train_seconds: 0.0,
         }

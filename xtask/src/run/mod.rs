@@ -24,7 +24,7 @@ pub(crate) use stage::{Stage, Stages};
 pub(crate) use tables::Tables;
 pub(crate) use trials::splits;
 
-use crate::config::{EncoderSpec, Estimator, Experiment, Method};
+use crate::config::{EncoderSpec, Estimator, Experiment, Method, Network};
 use crate::data::{self, About, WithSource};
 use crate::encoder;
 use crate::journal::{Journal, Outcome, Stop};
@@ -32,6 +32,7 @@ use crate::report::{self, paper, predictions};
 use crate::results::{
     Costs, Dataset, MethodOutcomes, MethodResult, Results, Scoring, Speed, score,
 };
+use crate::sequences::Sequences;
 use folder::RunFolder;
 use select::{Found, Selecting, Selections};
 use trials::TrialSpec;
@@ -72,16 +73,25 @@ impl WithSource for Run<'_> {
         let mut rows: Vec<Option<MethodRow<'_>>> = methods.iter().map(|_| None).collect();
         let mut properties = Vec::new();
         for (encoder, members) in by_encoder(&methods) {
-            let of_encoder: Vec<Method> = members.iter().map(|&at| methods[at].clone()).collect();
-            let needed = views::needed(&of_encoder, source)?;
-            let stages = Stages::new(experiment, encoder, source, &about, needed)?;
-            let groups = groups(&stages, encoder, &splits)?;
-            let selections = self.select(&groups, &splits, &of_encoder, &mut journals)?;
-            for at in members {
-                let with = (&groups[..], &selections);
-                rows[at] = Some(self.row(source, &methods[at], with, &splits, &mut journals)?);
+            let encoded = Encoded {
+                run: &self,
+                about: &about,
+                encoder,
+                methods: members.iter().map(|&at| &methods[at]).collect(),
+                splits: &splits,
+            };
+            let (codes, done) = match encoder.network {
+                Network::Images(_) => encoded.rows(source, None, &mut journals)?,
+                Network::Sequences { frames } => {
+                    let views = views::equidistant(source, frames)?;
+                    let sequences = Sequences::new(source, views.clone());
+                    encoded.rows(&sequences, Some(views), &mut journals)?
+                }
+            };
+            for (at, row) in members.into_iter().zip(done) {
+                rows[at] = Some(row);
             }
-            properties = groups[0].stage.tables.codes();
+            properties = codes;
         }
         let rows: Vec<MethodRow<'_>> = rows.into_iter().flatten().collect();
         let all = rows.iter().flat_map(|row| row.outcomes.values().flatten());
@@ -118,13 +128,51 @@ fn by_encoder(methods: &[Method]) -> Vec<(&EncoderSpec, Vec<usize>)> {
     encoders
 }
 
+/// Methods that share an encoder.
+struct Encoded<'a, 'm> {
+    run: &'a Run<'a>,
+    about: &'a About,
+    encoder: &'a EncoderSpec,
+    methods: Vec<&'m Method>,
+    splits: &'a [Split],
+}
+
+impl<'m> Encoded<'_, 'm> {
+    /// The codes of the properties, and the rows of the methods. `sequence` says what the one view
+    /// of a source of sequences is made of.
+    fn rows<S: Source>(
+        &self,
+        source: &S,
+        sequence: Option<Vec<usize>>,
+        journals: &mut Journals,
+    ) -> Result<(Vec<String>, Vec<MethodRow<'m>>)> {
+        let Self {
+            run,
+            about,
+            encoder,
+            methods,
+            splits,
+        } = self;
+        let needed = views::needed(methods, source)?;
+        let stages = Stages::new(run.experiment, encoder, source, about, needed, sequence)?;
+        let groups = groups(&stages, encoder, splits)?;
+        let selections = run.select(&groups, splits, methods, journals)?;
+        let with = (&groups[..], &selections);
+        let rows = methods
+            .iter()
+            .map(|method| run.row(source, method, with, splits, journals));
+        let rows = rows.collect::<Result<_>>()?;
+        Ok((groups[0].stage.tables.codes(), rows))
+    }
+}
+
 impl Run<'_> {
     /// The views of all methods that select some.
     fn select(
         &self,
         groups: &[Group],
         splits: &[Split],
-        methods: &[Method],
+        methods: &[&Method],
         journals: &mut Journals,
     ) -> Result<Selections> {
         let mut selections = Selections::default();

@@ -62,7 +62,7 @@ impl Selecting<'_> {
     /// Selects views for those of the methods that want some, in the given reruns.
     pub(crate) fn run(
         &mut self,
-        methods: &[Method],
+        methods: &[&Method],
         reruns: Range<usize>,
         selections: &mut Selections,
     ) -> Result<()> {
@@ -252,7 +252,7 @@ struct Family<'m> {
     members: Vec<(&'m Method, &'m Selected)>,
 }
 
-fn families(methods: &[Method]) -> Result<BTreeMap<String, Family<'_>>> {
+fn families<'m>(methods: &[&'m Method]) -> Result<BTreeMap<String, Family<'m>>> {
     let mut families: BTreeMap<String, Family<'_>> = BTreeMap::new();
     for method in methods {
         let Looks::Selected(selected) = &method.looks else {

@@ -7,22 +7,19 @@ use sps_dataset::{
     FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, RandomSplit, Source, SplitPlan,
 };
 use sps_models::Readings;
-use sps_models::encoders::Encoder;
 use sps_models::training::{Classes, Parts, Targets, TrainingConfig};
-use sps_models::weights::Weights;
 use tracing::info;
 
 use super::tables::{Tables, readings};
 use crate::config::{EncoderSpec, Experiment};
 use crate::data::{self, About};
 use crate::embeddings::{Embedder, EmbeddingCache, embed_views};
-use crate::encoder;
+use crate::encoder::Loaded;
 use crate::memory;
 use crate::training::{FrameImages, Task, train};
 
 /// An encoder and the tables that it makes.
 pub(crate) struct Stage {
-    pub encoder: Encoder,
     pub embedder: Embedder,
     pub tables: Tables,
     /// Seconds that the encoder was trained for; 0 where it was not.
@@ -40,20 +37,24 @@ pub(crate) struct Stages<'a, S> {
     about: &'a About,
     /// The views to embed, as indices of the source.
     views: Vec<usize>,
-    start: Encoder,
+    start: Loaded,
+    /// What the source's one view is made of where it is a sequence.
+    sequence: Option<Vec<usize>>,
     shared: Option<Arc<Stage>>,
 }
 
 impl<'a, S: Source> Stages<'a, S> {
-    /// With embeddings of the given views by an encoder.
+    /// With embeddings of the given views by an encoder; `sequence` says what the one view of a
+    /// source of sequences is made of.
     pub(crate) fn new(
         experiment: &'a Experiment,
         encoder: &'a EncoderSpec,
         source: &'a S,
         about: &'a About,
         views: Vec<usize>,
+        sequence: Option<Vec<usize>>,
     ) -> Result<Self> {
-        let start = encoder::load(encoder, experiment.seed)?;
+        let start = Loaded::new(encoder, experiment.seed)?;
         let mut stages = Self {
             experiment,
             encoder,
@@ -61,6 +62,7 @@ impl<'a, S: Source> Stages<'a, S> {
             about,
             views,
             start,
+            sequence,
             shared: None,
         };
         if encoder.training.is_none() {
@@ -82,9 +84,9 @@ impl<'a, S: Source> Stages<'a, S> {
     }
 
     /// Embeds the views, of every surface.
-    fn stage(&self, encoder: Encoder, train_seconds: f64) -> Result<Stage> {
+    fn stage(&self, encoder: Loaded, train_seconds: f64) -> Result<Stage> {
         let experiment = self.experiment;
-        let embedder = Embedder::new(encoder.clone(), self.encoder.resize)?;
+        let embedder = Embedder::new(encoder, self.encoder.resize)?;
         let cache = EmbeddingCache::open(&experiment.cache, embedder.identity(), embedder.width())?;
         let views = &self.views;
         let embeddings = embed_views(self.source, views, &embedder, &cache)?;
@@ -94,10 +96,10 @@ impl<'a, S: Source> Stages<'a, S> {
             self.source.surfaces().len(),
             embeddings.frames_decoded
         );
-        let tables = Tables::new(self.source, self.about, &embeddings, &experiment.properties)?;
+        let mut tables = Tables::new(self.source, self.about, &embeddings, &experiment.properties)?;
+        tables.sequence.clone_from(&self.sequence);
         Ok(Stage {
-            encoder_bytes: memory::of(|| copied(&encoder))?,
-            encoder,
+            encoder_bytes: memory::of(|| embedder.encoder().copied())?,
             embedder,
             tables,
             train_seconds,
@@ -106,7 +108,7 @@ impl<'a, S: Source> Stages<'a, S> {
 
     /// The encoder after it was trained to say the readings of the surfaces `training` from the
     /// view straight down, and the seconds that took.
-    fn trained(&self, config: &TrainingConfig, training: &[usize]) -> Result<(Encoder, f64)> {
+    fn trained(&self, config: &TrainingConfig, training: &[usize]) -> Result<(Loaded, f64)> {
         let views = [data::nadir(self.source)?];
         let count = self.source.surfaces().len();
         let frames: Vec<FrameIndex> = (0..count)
@@ -121,7 +123,7 @@ impl<'a, S: Source> Stages<'a, S> {
         let classes = materials(self.source, &frames)?;
         let task = Task {
             name: "encoder",
-            start: &self.start,
+            start: self.start.of_images()?,
             key: self.key(&frames, &rows, &classes)?,
             targets: Targets {
                 values: Some(Readings::new(properties, &rows)?),
@@ -134,7 +136,7 @@ impl<'a, S: Source> Stages<'a, S> {
         let images = FrameImages::new(self.source, frames, self.encoder.resize);
         let trained = train(task, &images, &self.experiment.cache.join("encoders"))?;
         info!("TensorBoard: {}", trained.folder.display());
-        Ok((trained.encoder, trained.seconds))
+        Ok((Loaded::Images(trained.encoder), trained.seconds))
     }
 
     /// The images of the surfaces `training`, some of which say when to stop.
@@ -184,12 +186,6 @@ impl<'a, S: Source> Stages<'a, S> {
         }
         Ok(hasher.finalize())
     }
-}
-
-/// The encoder with memory of its own.
-fn copied(encoder: &Encoder) -> Result<Encoder> {
-    let weights = Weights::from_bytes("an encoder", &encoder.weights().to_bytes()?)?;
-    Ok(Encoder::new(encoder.kind(), weights, encoder.device())?)
 }
 
 /// The material of each frame's surface, by the paper's rule.

@@ -20,6 +20,8 @@ pub(crate) struct Tables {
     pub nadir: usize,
     /// Views that the source has.
     pub all_views: usize,
+    /// What the one view is made of where it is a sequence, as indices of the dataset.
+    pub sequence: Option<Vec<usize>>,
     /// (surfaces, views, width), of those views.
     pub embeddings: Embeddings,
     /// All properties that were measured: labels are formed from the whole tactile vector.
@@ -57,6 +59,7 @@ impl Tables {
             views: embeddings.views.clone(),
             nadir: data::nadir(source)?,
             all_views: source.view_angles().len(),
+            sequence: None,
             embeddings: tensor(embeddings, surfaces.len())?,
             readings: readings(source, about)?,
             materials: materials.collect(),
@@ -82,6 +85,14 @@ impl Tables {
     pub(crate) fn place(&self, view: usize) -> Result<usize> {
         let place = self.views.iter().position(|&other| other == view);
         place.with_context(|| format!("view {view} was not embedded"))
+    }
+
+    /// The dataset's views behind places in the embeddings.
+    pub(crate) fn shown(&self, places: &[usize]) -> Vec<usize> {
+        match &self.sequence {
+            Some(sequence) => sequence.clone(),
+            None => places.iter().map(|&place| self.views[place]).collect(),
+        }
     }
 
     /// Codes of the properties to estimate.

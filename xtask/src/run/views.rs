@@ -5,11 +5,11 @@ use std::collections::BTreeSet;
 use anyhow::{Context, Result};
 use sps_dataset::{Property, Source, Split};
 use sps_models::heads::{HeadConfig, Views};
-use sps_viewselect::{Problem, Relations, Selection, SetFunction, TemporalRelations};
+use sps_viewselect::{Equidistant, Problem, Relations, Selection, SetFunction, TemporalRelations};
 
 use super::Tables;
 use super::select::Selections;
-use crate::config::{Estimator, Experiment, Looks, Method, Selected, in_order};
+use crate::config::{Estimator, Experiment, Looks, Method, Selected, SelectorConfig, in_order};
 use crate::data;
 
 /// The views of a trial, as places in the tables.
@@ -44,7 +44,7 @@ impl TrialViews {
 }
 
 /// The views that any of the methods may look at, as indices of the source, ascending.
-pub(crate) fn needed<S: Source>(methods: &[Method], source: &S) -> Result<Vec<usize>> {
+pub(crate) fn needed<S: Source>(methods: &[&Method], source: &S) -> Result<Vec<usize>> {
     let count = source.view_angles().len();
     let mut needed = BTreeSet::new();
     for method in methods {
@@ -59,6 +59,16 @@ pub(crate) fn needed<S: Source>(methods: &[Method], source: &S) -> Result<Vec<us
         }
     }
     Ok(needed.into_iter().collect())
+}
+
+/// So many views of a source at equal distances.
+pub(crate) fn equidistant<S: Source>(source: &S, views: usize) -> Result<Vec<usize>> {
+    let selected = Selected {
+        picks: views,
+        distinct: false,
+        selector: SelectorConfig::Equidistant(Equidistant::default()),
+    };
+    Ok(without_loss(&selected, source.view_angles().len(), 0)?.picks)
 }
 
 /// The choice of a selector that asks for no loss.

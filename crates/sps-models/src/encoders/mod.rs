@@ -98,7 +98,7 @@ impl Encoder {
             kind,
             precision,
             engine: Engine::new(kind, &weights, device, precision)?,
-            hash: content_hash(kind, &weights, precision)?,
+            hash: content_hash(kind.name(), &weights, precision)?,
             weights: weights.to_device(device)?,
             device: device.clone(),
         })
@@ -120,7 +120,7 @@ impl Encoder {
         Ok(Self {
             precision,
             engine: Engine::new(self.kind, &self.weights, &self.device, precision)?,
-            hash: content_hash(self.kind, &self.weights, precision)?,
+            hash: content_hash(self.kind.name(), &self.weights, precision)?,
             ..self
         })
     }
@@ -266,13 +266,9 @@ impl Engine {
     }
 }
 
-fn content_hash(
-    kind: EncoderKind,
-    weights: &Weights,
-    precision: Precision,
-) -> Result<blake3::Hash> {
+fn content_hash(network: &str, weights: &Weights, precision: Precision) -> Result<blake3::Hash> {
     let mut hasher = blake3::Hasher::new_derive_key("sps-models encoder");
-    hasher.update(kind.name().as_bytes());
+    hasher.update(network.as_bytes());
     if precision != Precision::F32 {
         hasher.update(precision.name().as_bytes());
     }

@@ -10,7 +10,7 @@ use candle_core::{DType, Device, Tensor};
 
 use super::batch::{Images, Pooled};
 use super::images::Normalisation;
-use super::init;
+use super::{Precision, content_hash, init};
 use crate::error::{Error, Result};
 use crate::ops::simd::Level;
 use crate::weights::{TensorSpec, Weights};
@@ -88,6 +88,7 @@ const fn branches(input: usize, outs: [usize; 6]) -> [Branch; 6] {
 #[derive(Debug, Clone)]
 pub struct I3d {
     network: Arc<Pooled<Network>>,
+    hash: blake3::Hash,
 }
 
 impl I3d {
@@ -147,7 +148,13 @@ impl I3d {
         let network = Network::new(&weights, Level::detect())?;
         Ok(Self {
             network: Arc::new(Pooled::new(network)),
+            hash: content_hash(Self::NAME, &weights, Precision::F32)?,
         })
+    }
+
+    /// A hash of the network's name and of every weight, for cache keys.
+    pub fn content_hash(&self) -> [u8; 32] {
+        *self.hash.as_bytes()
     }
 
     /// Embeds sequences `(batch, 3, frames, height, width)`, f32 in 0..=1, display-referred RGB,

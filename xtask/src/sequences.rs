@@ -1,0 +1,59 @@
+//! A source whose one view of a surface is a sequence of another source's views.
+
+use sps_dataset::{Frame, FrameKey, RollAngle, Source, Surface, TactileTable};
+
+/// Frames of several views, one below the other, as one frame; it stands at angle 0.
+pub(crate) struct Sequences<'a, S> {
+    source: &'a S,
+    views: Vec<usize>,
+}
+
+impl<'a, S: Source> Sequences<'a, S> {
+    /// Of the given views, in their order.
+    pub(crate) fn new(source: &'a S, views: Vec<usize>) -> Self {
+        Self { source, views }
+    }
+}
+
+impl<S: Source> Source for Sequences<'_, S> {
+    type Error = S::Error;
+
+    fn name(&self) -> &str {
+        self.source.name()
+    }
+
+    fn surfaces(&self) -> &[Surface] {
+        self.source.surfaces()
+    }
+
+    fn view_angles(&self) -> &[RollAngle] {
+        &[RollAngle(0.0)]
+    }
+
+    fn tactile(&self) -> &TactileTable {
+        self.source.tactile()
+    }
+
+    fn frame(&self, surface: usize, _: usize) -> Result<Frame, S::Error> {
+        let mut stack = Frame {
+            width: 0,
+            height: 0,
+            data: Vec::new(),
+        };
+        for &view in &self.views {
+            let frame = self.source.frame(surface, view)?;
+            stack.width = frame.width;
+            stack.height += frame.height;
+            stack.data.extend(frame.data);
+        }
+        Ok(stack)
+    }
+
+    fn frame_key(&self, surface: usize, _: usize) -> Result<FrameKey, S::Error> {
+        let mut hasher = blake3::Hasher::new();
+        for &view in &self.views {
+            hasher.update(&self.source.frame_key(surface, view)?);
+        }
+        Ok(*hasher.finalize().as_bytes())
+    }
+}

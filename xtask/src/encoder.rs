@@ -108,17 +108,17 @@ impl Loaded {
     }
 
     /// Embeds images `(n * frames, height, width, 3)`, row-major, to `(n, width)`.
-    pub(crate) fn embed(&self, pixels: Vec<f32>, height: usize, width: usize) -> Result<Vec<f32>> {
+    pub(crate) fn embed(&self, pixels: &[f32], height: usize, width: usize) -> Result<Vec<f32>> {
         let images = pixels.len() / (height * width * 3).max(1);
-        let images = Tensor::from_vec(pixels, (images, height, width, 3), &Device::Cpu)?;
-        let embeddings = match self {
-            Self::Images(encoder) => encoder.embed(&images.permute((0, 3, 1, 2))?)?,
+        match self {
+            Self::Images(encoder) => Ok(encoder.embed_pixels(pixels, [images, height, width])?),
             Self::Sequences(network, frames) => {
-                let sequences = images.reshape(((), *frames, height, width, 3))?;
-                network.embed(&sequences.permute((0, 4, 1, 2, 3))?)?
+                let shape = (images / frames, *frames, height, width, 3);
+                let sequences = Tensor::from_slice(pixels, shape, &Device::Cpu)?;
+                let embeddings = network.embed(&sequences.permute((0, 4, 1, 2, 3))?)?;
+                Ok(embeddings.flatten_all()?.to_vec1()?)
             }
-        };
-        Ok(embeddings.flatten_all()?.to_vec1()?)
+        }
     }
 }
 

@@ -77,9 +77,11 @@ impl Embedder {
         let width = self.width();
         let mut values = vec![0.0; frames.len() * width];
         for ((height, columns), indices) in by_size {
-            let images = indices.iter().flat_map(|&index| &prepared[index]);
-            let pixels = images.flat_map(|image| image.data.iter().copied());
-            let embedded = self.encoder.embed(pixels.collect(), height, columns)?;
+            let mut pixels = Vec::new();
+            for image in indices.iter().flat_map(|&index| &prepared[index]) {
+                pixels.extend_from_slice(&image.data);
+            }
+            let embedded = self.encoder.embed(&pixels, height, columns)?;
             for (&index, row) in indices.iter().zip(embedded.chunks_exact(width)) {
                 values[index * width..][..width].copy_from_slice(row);
             }

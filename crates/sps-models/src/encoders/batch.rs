@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::images::Normalisation;
+use super::images::{Normalisation, Order};
 use crate::ops::bands::Threads;
 use crate::ops::grid::Size;
 
@@ -26,11 +26,12 @@ pub(super) trait Network: Sync {
     );
 }
 
-/// Images, channels first, and what is taken out of them.
+/// Images and what is taken out of them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Images<'a> {
-    /// `(frames, 3, ..size)`
+    /// `(frames, 3, ..size)`, or `(frames, ..size, 3)`
     pub(super) values: &'a [f32],
+    pub(super) order: Order,
     pub(super) size: Size,
     pub(super) normalisation: &'a Normalisation,
 }

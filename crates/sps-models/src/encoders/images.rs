@@ -2,6 +2,7 @@
 
 use half::bf16;
 
+use super::batch::Images;
 use crate::ops::format::Format;
 use crate::ops::grid::{Grid, Size};
 
@@ -35,13 +36,18 @@ pub(super) fn image_grid(size: Size, format: Format) -> Grid {
     Grid::tight(1, size, channels).in_format(format)
 }
 
-/// Lays one image `(3, time, height, width)` out channels last inside the first frame of `grid`.
-pub(super) fn interleave(
-    image: &[f32],
-    normalisation: &Normalisation,
-    grid: &Grid,
-    out: &mut [f32],
-) {
+/// Where the channels of an image in memory are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Order {
+    /// A plane for each.
+    Planes,
+    /// Those of a pixel together.
+    Pixels,
+}
+
+/// Lays one of the images out channels last inside the first frame of `grid`.
+pub(super) fn lay_out(image: &[f32], images: &Images<'_>, grid: &Grid, out: &mut [f32]) {
+    let normalisation = images.normalisation;
     let [time, height, width] = grid.size;
     let plane = time * height * width;
     for row in 0..time * height {
@@ -57,9 +63,12 @@ pub(super) fn interleave(
         }
         for channel in 0..3 {
             let (mean, std) = (normalisation.mean[channel], normalisation.std[channel]);
-            let from = channel * plane + row * width;
-            let values = &image[from..from + width];
-            let values = values.iter().map(|value| (value - mean) / std);
+            let (from, step) = match images.order {
+                Order::Planes => (channel * plane + row * width, 1),
+                Order::Pixels => (row * width * 3 + channel, 3),
+            };
+            let values = image[from..].iter().step_by(step).take(width);
+            let values = values.map(|value| (value - mean) / std);
             match grid.format {
                 Format::F32 => {
                     for (pixel, value) in out.chunks_exact_mut(3).zip(values) {

@@ -31,7 +31,7 @@ use crate::error::{Error, Result};
 use crate::ops::simd::Level;
 use crate::weights::Weights;
 use batch::{Images, Pooled};
-use images::Normalisation;
+use images::{Normalisation, Order};
 use plain::Plain;
 
 /// A network with its weights, ready to embed images.
@@ -171,6 +171,41 @@ impl Encoder {
         self.run(images, &Normalisation::IMAGENET)
     }
 
+    /// Embeds images as they lie in most decoders' memory, `(n, height, width, 3)` row-major, f32
+    /// in 0..=1, display-referred RGB, to `(n, width)`, row-major; as [`Encoder::embed`] does, but
+    /// without a tensor's copies.
+    ///
+    /// # Errors
+    ///
+    /// When the images do not fill their shape or are smaller than [`EncoderKind::min_size`].
+    pub fn embed_pixels(&self, pixels: &[f32], shape: [usize; 3]) -> Result<Vec<f32>> {
+        let [n, height, width] = shape;
+        let fits = (n.checked_mul(height))
+            .and_then(|rows| rows.checked_mul(width)?.checked_mul(3))
+            .is_some_and(|count| count == pixels.len());
+        if !fits || n == 0 || height.min(width) < self.kind.min_size() {
+            return Err(Error::input(
+                "pixels",
+                format_args!("{} values for {shape:?} pixels", pixels.len()),
+                format_args!(
+                    "three for each pixel of (n, height, width), n > 0, sides of at least {}",
+                    self.kind.min_size()
+                ),
+            ));
+        }
+        if let Engine::Plain = self.engine {
+            let images = Tensor::from_slice(pixels, (n, height, width, 3), &self.device)?;
+            let embeddings = self.embed(&images.permute((0, 3, 1, 2))?)?;
+            return Ok(embeddings.flatten_all()?.to_vec1()?);
+        }
+        Ok(self.engine.embed(Images {
+            values: pixels,
+            order: Order::Pixels,
+            size: [1, height, width],
+            normalisation: &Normalisation::IMAGENET,
+        }))
+    }
+
     /// Embeds images that are normalised already, as the network's layers take them.
     ///
     /// # Errors
@@ -198,16 +233,12 @@ impl Encoder {
         }
         let (n, _, height, width) = images.dims4()?;
         let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
-        let images = Images {
+        let embeddings = self.engine.embed(Images {
             values: &values,
+            order: Order::Planes,
             size: [1, height, width],
             normalisation,
-        };
-        let embeddings = match &self.engine {
-            Engine::Plain => Vec::new(),
-            Engine::SeResNext(network) => network.embed(images),
-            Engine::SqueezeNet(network) => network.embed(images),
-        };
+        });
         Ok(Tensor::from_vec(
             embeddings,
             (n, self.width()),
@@ -246,6 +277,15 @@ fn normalise(images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
 }
 
 impl Engine {
+    /// Embeds by the kernels; nothing where there are none.
+    fn embed(&self, images: Images<'_>) -> Vec<f32> {
+        match self {
+            Self::Plain => Vec::new(),
+            Self::SeResNext(network) => network.embed(images),
+            Self::SqueezeNet(network) => network.embed(images),
+        }
+    }
+
     fn new(
         kind: EncoderKind,
         weights: &Weights,

@@ -7,7 +7,7 @@ use candle_core::backprop::GradStore;
 use candle_core::{CpuStorage, CustomOp1, DType, Device, Layout, Shape, Tensor, Var};
 
 use super::batch::Images;
-use super::images::Normalisation;
+use super::images::{Normalisation, Order};
 use super::plain::{BatchStatistics, Plain};
 use super::se_resnext::train::{Context, Gradients, Tape};
 use super::{Encoder, EncoderKind, SeResNextConfig, check, normalise, se_resnext, squeezenet};
@@ -220,6 +220,7 @@ impl TrainableEncoder {
         let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
         let images = Images {
             values: &values,
+            order: Order::Planes,
             size: [1, height, width],
             normalisation,
         };

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use candle_core::{DType, Device, Tensor};
 
 use super::batch::{Images, Pooled};
-use super::images::Normalisation;
+use super::images::{Normalisation, Order};
 use super::{Precision, content_hash, init};
 use crate::error::{Error, Result};
 use crate::ops::simd::Level;
@@ -197,6 +197,7 @@ impl I3d {
         let values: Vec<f32> = sequences.flatten_all()?.to_vec1()?;
         let embeddings = self.network.embed(Images {
             values: &values,
+            order: Order::Planes,
             size,
             normalisation,
         });

@@ -6,7 +6,7 @@
 use super::{EPS, STEPS, Step, WIDTH, branches};
 use crate::encoders::batch::{self, Images};
 use crate::encoders::folded::{Folded, Layer};
-use crate::encoders::images::interleave;
+use crate::encoders::images::lay_out;
 use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
@@ -198,7 +198,7 @@ impl batch::Network for Network {
             workspace.features.resize(grid.len());
             grid.clear_border(&mut workspace.features);
             let memory = &mut workspace.features;
-            interleave(sequence, sequences.normalisation, &grid, memory);
+            lay_out(sequence, sequences, &grid, memory);
             for (index, layers) in self.layers.iter().enumerate() {
                 let next = STEPS.get(index + 1);
                 grid = self.step(threads, (STEPS[index], layers), &grid, next, workspace);

@@ -7,7 +7,7 @@
 
 use crate::encoders::batch::{Images, Network};
 use crate::encoders::folded::{Folded, Layer};
-use crate::encoders::images::{image_grid, interleave};
+use crate::encoders::images::{image_grid, lay_out};
 use crate::encoders::plain::BATCH_NORM_EPS;
 use crate::encoders::se_resnext::{Bottleneck, POOL, STEM, SeResNextConfig, point};
 use crate::error::Result;
@@ -116,7 +116,7 @@ impl Fused {
         let from = image_grid(images.size, self.format).padded(&STEM);
         padded.resize(from.len());
         from.clear_border(padded);
-        interleave(image, images.normalisation, &from, padded);
+        lay_out(image, images, &from, padded);
         let to = self.stem.output(&from);
         stem.resize(to.len());
         self.stem.apply(threads, (padded, &from), (stem, &to), true);

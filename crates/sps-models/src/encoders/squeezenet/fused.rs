@@ -3,7 +3,7 @@
 use super::{POINT, POOL, SQUARE, STEM, STEM_WINDOW, STEPS, Step, WIDTH};
 use crate::encoders::batch::{Images, Network};
 use crate::encoders::folded::{Folded, Layer};
-use crate::encoders::images::{image_grid, interleave};
+use crate::encoders::images::{image_grid, lay_out};
 use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
@@ -160,7 +160,7 @@ impl Network for Fused {
         for (image, embedding) in images.iter().zip(embeddings.chunks_exact_mut(WIDTH)) {
             let from = image_grid(images.size, self.format);
             workspace.image.resize(from.len());
-            interleave(image, images.normalisation, &from, &mut workspace.image);
+            lay_out(image, images, &from, &mut workspace.image);
             let mut grid = self.stem.output(&from);
             workspace.features.resize(grid.len());
             let target = (&mut workspace.features[..], &grid);

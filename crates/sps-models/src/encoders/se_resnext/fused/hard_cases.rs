@@ -4,7 +4,7 @@ use half::bf16;
 
 use super::*;
 use crate::encoders::EncoderKind;
-use crate::encoders::images::Normalisation;
+use crate::encoders::images::{Normalisation, Order};
 use crate::golden;
 
 /// The numbers of a feature map, pixel by pixel.
@@ -28,6 +28,7 @@ fn layers(weights: &Weights, format: Format, image: &[f32], size: [usize; 3]) ->
     let network = Fused::new(&config, weights, Level::detect(), format).unwrap();
     let images = Images {
         values: image,
+        order: Order::Planes,
         size,
         normalisation: &Normalisation::NONE,
     };

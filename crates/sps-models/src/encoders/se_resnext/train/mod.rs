@@ -11,7 +11,7 @@ mod layer;
 use std::sync::Arc;
 
 use crate::encoders::batch::Images;
-use crate::encoders::images::interleave;
+use crate::encoders::images::lay_out;
 use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::batch_norm::{Norm, NormGradients};
@@ -166,7 +166,7 @@ impl Stem {
         from.clear_border(&mut padded);
         let one = Grid { frames: 1, ..from };
         for (image, padded) in images.iter().zip(padded.chunks_exact_mut(from.frame_len())) {
-            interleave(image, images.normalisation, &one, padded);
+            lay_out(image, images, &one, padded);
         }
         let (conv, to) = context.conv(CONV, stem_shape(config), (&padded, &from))?;
         let (norm, moments) = context.norm(NORM, &conv, &to, Some(statistics))?;

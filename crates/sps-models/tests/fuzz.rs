@@ -20,8 +20,11 @@ use sps_models::ridge::{Ridge, RidgeConfig, TrainedRidges};
 use sps_models::training::{
     Augmentation, Classes, Image, ImageSource, Parts, Targets, Trainer, TrainingConfig,
 };
-use sps_models::weights::{Precision, Weights};
+use sps_models::weights::{Storage, Weights};
 use sps_models::{Embeddings, Readings};
+
+#[global_allocator]
+static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
 
 /// A safetensors file, damaged anywhere or in its header.
 fn broken(files: Vec<Vec<u8>>) -> impl Strategy<Value = Vec<u8>> {
@@ -71,8 +74,8 @@ fn safetensors() {
     let weights = weights();
     let write = |precision, note| weights.to_bytes_as(precision, note).unwrap();
     let files = vec![
-        write(Precision::F32, None),
-        write(Precision::F16, Some(("note", "a text of 12 words"))),
+        write(Storage::F32, None),
+        write(Storage::F16, Some(("note", "a text of 12 words"))),
     ];
     fuzz("safetensors", &broken(files), |bytes| {
         read_weights(&bytes);
@@ -301,7 +304,7 @@ fn training_states() {
     }
     nested("training states", |text| {
         let note = Some(("sps-training", text.as_str()));
-        let file = weights().to_bytes_as(Precision::F32, note).unwrap();
+        let file = weights().to_bytes_as(Storage::F32, note).unwrap();
         assert!(said(resume(&file)).is_none());
     });
 }
@@ -313,7 +316,7 @@ fn headers_that_nest() {
         let length = (text.len() as u64).to_le_bytes();
         read_weights(&[&length[..], text.as_bytes()].concat());
         let note = Some(("sps-heads", text.as_str()));
-        let file = weights().to_bytes_as(Precision::F32, note).unwrap();
+        let file = weights().to_bytes_as(Storage::F32, note).unwrap();
         assert!(said(TrainedHeads::from_bytes("file", &file)).is_none());
     });
 }

@@ -34,13 +34,12 @@ pub(super) mod bf16 {
     //! found to have the instructions.
 
     use std::arch::x86_64::{
-        __m256i, __m512bh, _mm512_cvtepu16_epi32, _mm512_cvtne2ps_pbh, _mm512_dpbf16_ps,
-        _mm512_slli_epi32,
+        __m256i, __m512, __m512bh, __m512i, _mm512_cvtepu16_epi32, _mm512_cvtne2ps_pbh,
+        _mm512_dpbf16_ps, _mm512_slli_epi32,
     };
 
-    use bytemuck::cast;
     use pulp::x86::V4;
-    use pulp::{f32x16, u32x8, u32x16};
+    use pulp::{Simd, f32x16};
 
     use crate::ops::format::{Format, WordKernel, Words};
     use crate::ops::simd::Lanes;
@@ -71,21 +70,30 @@ pub(super) mod bf16 {
         kernel.run(native.0, native)
     }
 
+    /// The same 16 numbers.
+    #[inline(always)]
+    fn vector(x: f32x16) -> __m512 {
+        // SAFETY: both are 16 numbers of f32.
+        unsafe { std::mem::transmute::<f32x16, __m512>(x) }
+    }
+
+    /// The same bits as 32 numbers of bf16.
+    #[inline(always)]
+    fn pairs(x: f32x16) -> __m512bh {
+        // SAFETY: both are 512 bits of which every pattern is a value.
+        unsafe { std::mem::transmute::<f32x16, __m512bh>(x) }
+    }
+
     impl Words<V4> for Native {
         const FORMAT: Format = Format::Bf16;
 
         #[inline(always)]
         fn multiply_add(self, _: V4, x: f32x16, y: f32x16, sum: f32x16) -> f32x16 {
-            // SAFETY: a vector of 16 words is one of 32 bf16, bit by bit.
-            let pairs = |x: f32x16| unsafe { std::mem::transmute::<f32x16, __m512bh>(x) };
             // SAFETY: `self` says that the processor has AVX512-BF16; `f32x16` and `__m512` are both
             // 16 numbers of f32.
             unsafe {
-                std::mem::transmute(_mm512_dpbf16_ps(
-                    std::mem::transmute(sum),
-                    pairs(x),
-                    pairs(y),
-                ))
+                let sum = _mm512_dpbf16_ps(vector(sum), pairs(x), pairs(y));
+                std::mem::transmute::<__m512, f32x16>(sum)
             }
         }
 
@@ -96,32 +104,29 @@ pub(super) mod bf16 {
 
         #[inline(always)]
         fn load<const NV: usize>(self, _: V4, from: &[f32]) -> [f32x16; NV] {
-            let from: &[u32] = bytemuck::cast_slice(from);
             let (from, _) = from.as_chunks::<8>();
             std::array::from_fn(|v| {
-                let [a, b, c, d, e, f, g, h] = from[v];
-                let words = u32x8(a, b, c, d, e, f, g, h);
                 // SAFETY: `V4` stands for AVX-512F, and the types are the same bits.
                 unsafe {
-                    let words: __m256i = std::mem::transmute(words);
-                    std::mem::transmute(_mm512_slli_epi32::<16>(_mm512_cvtepu16_epi32(words)))
+                    let words = std::mem::transmute::<[f32; 8], __m256i>(from[v]);
+                    let numbers = _mm512_slli_epi32::<16>(_mm512_cvtepu16_epi32(words));
+                    std::mem::transmute::<__m512i, f32x16>(numbers)
                 }
             })
         }
 
         #[inline(always)]
         fn store<const NV: usize>(self, lanes: V4, values: [f32x16; NV], to: &mut [f32]) {
-            use pulp::Simd;
             for (values, to) in values.chunks(2).zip(to.chunks_mut(16)) {
                 let first = values[0];
                 let second = values.get(1).copied().unwrap_or(first);
                 // SAFETY: `self` says that the processor has AVX512-BF16, and the types are the same
                 // bits.
-                let words: u32x16 = unsafe {
-                    let (first, second) = (std::mem::transmute(first), std::mem::transmute(second));
-                    std::mem::transmute(_mm512_cvtne2ps_pbh(second, first))
+                let words = unsafe {
+                    let words = _mm512_cvtne2ps_pbh(vector(second), vector(first));
+                    std::mem::transmute::<__m512bh, f32x16>(words)
                 };
-                lanes.partial_store_f32s(to, cast(words));
+                lanes.partial_store_f32s(to, words);
             }
         }
     }

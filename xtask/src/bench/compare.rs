@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use super::budgets::Budgets;
+use super::budgets::{Budgets, Ratio};
 use super::measured::{Measured, Wall};
 
 /// Everything measured, beside its baseline where there is one.
@@ -128,6 +128,21 @@ fn ratios(budgets: &Budgets, then: Option<&Measured>, now: &Measured) -> Part {
             judge,
         )
     })
+}
+
+/// The ratios that are past their budgets.
+pub(crate) fn ratios_past<'b>(
+    budgets: &'b Budgets,
+    then: Option<&Measured>,
+    now: &Measured,
+) -> Vec<&'b Ratio> {
+    let rows = ratios(budgets, then, now).rows;
+    let past = |name: &str| {
+        let mut rows = rows.iter();
+        rows.any(|row| row.name == name && row.judged.verdict == Verdict::Past)
+    };
+    let budgets = budgets.ratios.iter();
+    budgets.filter(|ratio| past(&ratio.name)).collect()
 }
 
 fn wall(then: Option<&Measured>, now: &Measured) -> Part {
@@ -302,7 +317,7 @@ fn thousands(count: u64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::budgets::{Instructions, Ratio, Scores};
+    use super::super::budgets::{Instructions, Scores};
     use super::super::machine::Machine;
     use super::*;
 

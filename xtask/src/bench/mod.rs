@@ -28,6 +28,10 @@ pub(crate) struct Asked<'a> {
     pub against: Option<&'a str>,
 }
 
+/// How often the ratios past their budgets are measured before that is believed: the shortest time
+/// of all attempts counts, and what else the machine does is not the same each time.
+const ATTEMPTS: usize = 3;
+
 /// Measures, prints, compares; an error where a budget is exceeded.
 pub(crate) fn run(asked: &Asked<'_>) -> Result<()> {
     // Before the minutes of measuring: what is asked for may not be there.
@@ -38,8 +42,15 @@ pub(crate) fn run(asked: &Asked<'_>) -> Result<()> {
         now.scores = scores::of_run(folder)?;
     }
     now.instructions = counts::count(&now.machine)?;
-    now.wall = wall::measure(&budgets, asked.guards)?;
-    now.ratios = wall::ratios(&budgets, &now)?;
+    now.wall = if asked.guards {
+        wall::of_ratios(&budgets.ratios.iter().collect::<Vec<_>>())?
+    } else {
+        wall::all()?
+    };
+    now.ratios = wall::ratios(&budgets, &now.wall)?;
+    for _ in 1..ATTEMPTS {
+        measure_again(&budgets, baseline.as_ref(), &mut now)?;
+    }
     let comparison = compare::compare(&budgets, baseline.as_ref(), &now);
     print!("{comparison}");
     if let Some(name) = asked.save {
@@ -52,5 +63,17 @@ pub(crate) fn run(asked: &Asked<'_>) -> Result<()> {
         budgets::FILE,
         past.join("; ")
     );
+    Ok(())
+}
+
+/// Measures again what ratios past their budgets are made of.
+fn measure_again(budgets: &Budgets, then: Option<&Measured>, now: &mut Measured) -> Result<()> {
+    let past = compare::ratios_past(budgets, then, now);
+    for (name, wall) in wall::of_ratios(&past)? {
+        if let Some(before) = now.wall.get_mut(&name) {
+            before.shortest = before.shortest.min(wall.shortest);
+        }
+    }
+    now.ratios = wall::ratios(budgets, &now.wall)?;
     Ok(())
 }

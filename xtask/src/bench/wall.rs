@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
 use serde::Deserialize;
@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 use tracing::info;
 
 use super::budgets::{Budgets, Ratio};
-use super::measured::{Measured, Wall};
+use super::measured::Wall;
 use crate::files::read_text;
 
 /// A stage of the way of the data.
@@ -59,39 +59,46 @@ static STAGES: [Stage; 6] = [
 /// Seconds that criterion takes over a benchmark, unless ten passes take longer.
 const WARM_UP: &str = "0.3";
 const MEASURING: &str = "1";
+/// Three passes of what takes longer than a second.
+const QUICK: [&str; 3] = ["--quick", "--measurement-time", MEASURING];
+const THOROUGH: [&str; 4] = ["--warm-up-time", WARM_UP, "--measurement-time", MEASURING];
 
-/// Measures every stage, or with `guards` only what the budgets' ratios need; by stage and
-/// benchmark.
-pub(crate) fn measure(budgets: &Budgets, guards: bool) -> Result<BTreeMap<String, Wall>> {
+/// Measures every stage; by stage and benchmark.
+pub(crate) fn all() -> Result<BTreeMap<String, Wall>> {
     let mut all = BTreeMap::new();
     for stage in &STAGES {
-        let filter = if guards {
-            match needed(stage, &budgets.ratios) {
-                Some(filter) => filter,
-                None => continue,
-            }
-        } else {
-            stage.filter.to_owned()
-        };
-        info!("measuring: {}", stage.name);
-        let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
-        run(stage, &filter, folder.path())?;
-        let found = collect(folder.path())?;
-        ensure!(
-            !found.is_empty(),
-            "the bench `{}` measured nothing that fits `{filter}`",
-            stage.bench
-        );
-        let named = found
-            .into_iter()
-            .map(|(id, wall)| (format!("{}: {id}", stage.name), wall));
-        all.extend(named);
+        all.extend(measure(stage, stage.filter, &THOROUGH)?);
     }
     Ok(all)
 }
 
+/// Measures, quickly, what the ratios are made of; likewise.
+pub(crate) fn of_ratios(ratios: &[&Ratio]) -> Result<BTreeMap<String, Wall>> {
+    let mut all = BTreeMap::new();
+    for stage in &STAGES {
+        if let Some(filter) = needed(stage, ratios) {
+            all.extend(measure(stage, &filter, &QUICK)?);
+        }
+    }
+    Ok(all)
+}
+
+fn measure(stage: &Stage, filter: &str, how: &[&str]) -> Result<BTreeMap<String, Wall>> {
+    info!("measuring: {}", stage.name);
+    let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
+    run(stage, filter, how, folder.path())?;
+    let found = collect(folder.path())?;
+    ensure!(
+        !found.is_empty(),
+        "the bench `{}` measured nothing that fits `{filter}`",
+        stage.bench
+    );
+    let named = |(id, wall)| (format!("{}: {id}", stage.name), wall);
+    Ok(found.into_iter().map(named).collect())
+}
+
 /// A regular expression for the benchmarks of the stage that ratios are made of.
-fn needed(stage: &Stage, ratios: &[Ratio]) -> Option<String> {
+fn needed(stage: &Stage, ratios: &[&Ratio]) -> Option<String> {
     let prefix = format!("{}: ", stage.name);
     let names = ratios.iter().flat_map(|ratio| [&ratio.of, &ratio.over]);
     let ids: Vec<String> = names
@@ -113,20 +120,24 @@ fn escaped(text: &str) -> String {
     escaped
 }
 
-fn run(stage: &Stage, filter: &str, folder: &Path) -> Result<()> {
+fn run(stage: &Stage, filter: &str, how: &[&str], folder: &Path) -> Result<()> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
     command
         .args(["bench", "--quiet", "--locked", "--workspace", "--bench"])
         .args([stage.bench, "--", "--noplot"])
-        .args(["--warm-up-time", WARM_UP, "--measurement-time", MEASURING])
-        .env("CRITERION_HOME", folder)
-        .stdout(Stdio::null());
+        .args(how)
+        .env("CRITERION_HOME", folder);
     if !filter.is_empty() {
         command.arg(filter);
     }
-    let status = command.status().context("cannot run `cargo bench`")?;
-    ensure!(status.success(), "the bench `{}` failed", stage.bench);
+    let output = command.output().context("cannot run `cargo bench`")?;
+    ensure!(
+        output.status.success(),
+        "the bench `{}` failed\n{}",
+        stage.bench,
+        String::from_utf8_lossy(&output.stderr)
+    );
     Ok(())
 }
 
@@ -213,9 +224,12 @@ fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
 
 /// The ratios that have a budget: of the shortest times, since other work on the machine only ever
 /// adds to a time.
-pub(crate) fn ratios(budgets: &Budgets, now: &Measured) -> Result<BTreeMap<String, f64>> {
+pub(crate) fn ratios(
+    budgets: &Budgets,
+    wall: &BTreeMap<String, Wall>,
+) -> Result<BTreeMap<String, f64>> {
     let each = |name: &str| {
-        let wall = now.wall.get(name);
+        let wall = wall.get(name);
         let wall = wall.with_context(|| format!("no benchmark is called `{name}`"))?;
         anyhow::Ok(wall.shortest / wall.elements)
     };
@@ -238,7 +252,7 @@ mod tests {
 
     #[test]
     fn guards_run_what_ratios_need() {
-        let ratios = [ratio("metrics: a/b (1)", "decode: c")];
+        let ratios = [&ratio("metrics: a/b (1)", "decode: c")];
         let of = |bench| STAGES.iter().find(|stage| stage.bench == bench).unwrap();
         let filter = needed(of("metrics"), &ratios);
         assert_eq!(filter.as_deref(), Some(r"^(a/b \(1\))$"));

@@ -53,7 +53,7 @@ fn a_few_faults_lose_nothing() {
 }
 
 #[test]
-#[ignore = "takes a quarter of an hour"]
+#[ignore = "takes minutes"]
 fn a_hundred_kills_and_all_other_faults_lose_nothing() {
     let mut faults = Faults::new();
     faults.kill(100);
@@ -312,8 +312,8 @@ impl Faults {
     /// Runs on disks that become full, and goes on when there is room.
     fn fill_disks(&mut self, disks: usize) {
         for _ in 0..disks {
-            // A run takes some 200 KiB, a cache some MiB.
-            for (folder, most) in [("run", 200), ("cache", 2000)] {
+            // A run takes some 90 KiB, a cache 10 MiB.
+            for (folder, most) in [("run", 80), ("cache", 8000)] {
                 self.begin_again();
                 let size = 4 + self.draw(most);
                 let path = self.path(folder);

@@ -71,7 +71,7 @@ fn training(c: &mut Criterion) -> sps_models::Result<()> {
     Ok(())
 }
 
-/// The encoders beside the paper's, with what their images have by default.
+/// The encoders beside the paper's, with the height and width of their images.
 const OTHERS: [(EncoderKind, usize); 2] = [
     (EncoderKind::SeResNextSmall, 128),
     (EncoderKind::SqueezeNet1_0, 224),

@@ -1,6 +1,6 @@
 //! Wall times: the benches of the crates, run one after the other, as criterion measures them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -101,10 +101,11 @@ fn measure(stage: &Stage, filter: &str, how: &[&str]) -> Result<BTreeMap<String,
 fn needed(stage: &Stage, ratios: &[&Ratio]) -> Option<String> {
     let prefix = format!("{}: ", stage.name);
     let names = ratios.iter().flat_map(|ratio| [&ratio.of, &ratio.over]);
-    let ids: Vec<String> = names
+    let ids: BTreeSet<String> = names
         .filter_map(|name| name.strip_prefix(&prefix))
         .map(escaped)
         .collect();
+    let ids: Vec<String> = ids.into_iter().collect();
     (!ids.is_empty()).then(|| format!("^({})$", ids.join("|")))
 }
 

@@ -1,5 +1,7 @@
 //! `cargo xtask`: runs experiments, and everything else that needs more than one crate.
 
+mod bench;
+mod checksums;
 mod cmd;
 mod config;
 mod data;
@@ -45,6 +47,7 @@ enum Command {
     Train(cmd::train::Args),
     Predict(cmd::predict::Args),
     Report(cmd::report::Args),
+    Bench(cmd::bench::Args),
 }
 
 fn main() -> ExitCode {
@@ -59,6 +62,7 @@ fn main() -> ExitCode {
         Command::Train(args) => cmd::train::run(&args),
         Command::Predict(args) => cmd::predict::run(&args),
         Command::Report(args) => cmd::report::run(&args),
+        Command::Bench(args) => cmd::bench::run(&args),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

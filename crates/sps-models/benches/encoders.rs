@@ -1,5 +1,6 @@
 //! The paper's encoder at 224 x 224: forward pass and training step, by the kernels and by
-//! candle's own operators, and a matrix product of as many multiply-adds as one frame needs.
+//! candle's own operators, and a matrix product of as many multiply-adds as one frame needs. The
+//! other encoders likewise, by the kernels alone.
 //!
 //! `cargo bench -p sps-models --bench encoders`; `docs/kernels.md` says what came out.
 
@@ -7,14 +8,19 @@ use std::hint::black_box;
 
 use candle_core::{DType, Device, Result, Tensor};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use sps_models::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder};
+use sps_models::encoders::{Encoder, EncoderKind, I3d, Precision, TrainableEncoder};
 
 const KIND: EncoderKind = EncoderKind::SeResNext50;
 
 fn images(batch: usize) -> Result<Tensor> {
-    let ramp = Tensor::arange(0.0_f32, (batch * 3 * 224 * 224) as f32, &Device::Cpu)?;
+    values(&[batch, 3, 224, 224])
+}
+
+fn values(shape: &[usize]) -> Result<Tensor> {
+    let count: usize = shape.iter().product();
+    let ramp = Tensor::arange(0.0_f32, count as f32, &Device::Cpu)?;
     let values = (ramp * 0.37)?.sin()?.affine(0.5, 0.5)?;
-    values.reshape((batch, 3, 224, 224))
+    values.reshape(shape)
 }
 
 fn forward(c: &mut Criterion) -> sps_models::Result<()> {
@@ -65,6 +71,47 @@ fn training(c: &mut Criterion) -> sps_models::Result<()> {
     Ok(())
 }
 
+/// The encoders beside the paper's, with the height and width of their images.
+const OTHERS: [(EncoderKind, usize); 2] = [
+    (EncoderKind::SeResNextSmall, 128),
+    (EncoderKind::SqueezeNet1_0, 224),
+];
+
+fn others(c: &mut Criterion) -> sps_models::Result<()> {
+    const BATCH: usize = 8;
+    for (kind, extent) in OTHERS {
+        let images = values(&[BATCH, 3, extent, extent])?;
+        let encoder = Encoder::seeded(kind, 0, &Device::Cpu)?;
+        let mut trainable = TrainableEncoder::new(&encoder)?;
+        let mut group = c.benchmark_group(kind.name());
+        group.sample_size(10);
+        group.throughput(Throughput::Elements(BATCH as u64));
+        group.bench_function(format!("forward, batch {BATCH}"), |b| {
+            b.iter(|| encoder.embed(black_box(&images)));
+        });
+        group.bench_function(format!("training step, batch {BATCH}"), |b| {
+            b.iter(|| step(&mut trainable, black_box(&images)));
+        });
+        group.finish();
+    }
+    sequences(c)
+}
+
+/// A short sequence.
+fn sequences(c: &mut Criterion) -> sps_models::Result<()> {
+    const FRAMES: usize = 16;
+    let sequence = values(&[1, 3, FRAMES, 224, 224])?;
+    let encoder = I3d::seeded(0)?;
+    let mut group = c.benchmark_group(I3d::NAME);
+    group.sample_size(10);
+    group.throughput(Throughput::Elements(FRAMES as u64));
+    group.bench_function(format!("forward, {FRAMES} frames"), |b| {
+        b.iter(|| encoder.embed(black_box(&sequence)));
+    });
+    group.finish();
+    Ok(())
+}
+
 /// The roof: 4.2 G multiply-adds as one product of candle's.
 fn product(c: &mut Criterion) -> sps_models::Result<()> {
     let (m, k, n) = (3584, 1024, 1152);
@@ -91,7 +138,18 @@ macro_rules! checked {
     )*};
 }
 
-checked!(bench_forward => forward, bench_training => training, bench_product => product);
+checked!(
+    bench_forward => forward,
+    bench_training => training,
+    bench_others => others,
+    bench_product => product
+);
 
-criterion_group!(benches, bench_forward, bench_training, bench_product);
+criterion_group!(
+    benches,
+    bench_forward,
+    bench_training,
+    bench_others,
+    bench_product
+);
 criterion_main!(benches);

@@ -1,5 +1,6 @@
 //! Training the paper's seven ablation rows, fifteen properties and three reruns each, for 30
-//! epochs from embeddings of 400 surfaces.
+//! epochs from embeddings of 400 surfaces; and in short, the full model and ridge regression for one
+//! rerun.
 //!
 //! `cargo bench -p sps-models --bench heads`; `docs/heads.md` says what came out.
 
@@ -11,6 +12,7 @@ use sps_models::heads::{
     Adversarial, Classification, CrossModal, Head, HeadConfig, Model, Plan, Rerun, TrainingData,
 };
 use sps_models::labels::LabelSource;
+use sps_models::ridge::{Ridge, RidgeConfig};
 use sps_models::{Embeddings, Readings, Result};
 
 const SURFACES: usize = 400;
@@ -53,9 +55,10 @@ fn value(index: usize) -> f64 {
     (index as f64 * 0.618_033_988_749_894_9).fract()
 }
 
-fn train(rows: &[Model], data: &TrainingData<'_>, plan: &Plan) -> Result<()> {
+fn train(rows: &[Model], epochs: usize, data: &TrainingData<'_>, plan: &Plan) -> Result<()> {
     for model in rows {
         let head = Head::new(HeadConfig {
+            epochs,
             model: model.clone(),
             ..HeadConfig::default()
         })?;
@@ -95,7 +98,16 @@ fn ablation(c: &mut Criterion) -> Result<()> {
     let mut group = c.benchmark_group("heads");
     group.sample_size(10);
     group.bench_function("seven rows, 15 properties, 3 reruns, 30 epochs", |b| {
-        b.iter(|| train(&rows, &data, &plan));
+        b.iter(|| train(&rows, 30, &data, &plan));
+    });
+    let one = Plan::each(1, &names, vec![rerun(0)]);
+    let full = &rows[rows.len() - 1..];
+    group.bench_function("short: full model, 15 properties, 1 rerun, 3 epochs", |b| {
+        b.iter(|| train(full, 3, &data, &one));
+    });
+    let ridge = Ridge::new(RidgeConfig::default())?;
+    group.bench_function("short: ridge, 15 properties, 1 rerun", |b| {
+        b.iter(|| ridge.train(&data, &one));
     });
     group.finish();
     Ok(())

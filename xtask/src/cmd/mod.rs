@@ -1,5 +1,6 @@
 //! One module per subcommand: its arguments, and `run`.
 
+pub(crate) mod bench;
 pub(crate) mod embed;
 pub(crate) mod experiment;
 pub(crate) mod inspect;

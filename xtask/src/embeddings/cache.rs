@@ -143,6 +143,24 @@ mod tests {
         }
     }
 
+    /// By its keys alone it would be a segment of frames that nobody wants.
+    #[test]
+    fn a_segment_whose_only_key_is_damaged_is_set_aside() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = EmbeddingCache::open(folder.path(), "e", 2).unwrap();
+        cache.put(&segment(7, 1)).unwrap();
+        let path = cache.segments().unwrap().remove(0);
+        let mut bytes = fs::read(&path).unwrap();
+        let key = bytes
+            .windows(32)
+            .position(|bytes| bytes == [7; 32])
+            .unwrap();
+        bytes[key] ^= 1;
+        fs::write(&path, bytes).unwrap();
+        assert!(cache.get(&wanted([7])).unwrap().is_empty());
+        assert!(path.with_extension("damaged").exists());
+    }
+
     #[test]
     fn any_damage_to_a_segment_costs_its_frames_alone() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,7 +1,7 @@
 //! One file of cached embeddings: a safetensors file that is written once and never changed.
 //!
 //! It holds `embeddings`, f32, (frames, width), and `keys`, u8, (frames, 32), one content key per
-//! row; `checksum` in its metadata is the blake3 hash of both.
+//! row; `checksum` in its metadata is the blake3 hash of both, `keys-checksum` that of the keys.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -17,6 +17,7 @@ use crate::files::write_atomically;
 const KEYS: &str = "keys";
 const EMBEDDINGS: &str = "embeddings";
 const CHECKSUM: &str = "checksum";
+const KEYS_CHECKSUM: &str = "keys-checksum";
 const KEY_BYTES: usize = size_of::<FrameKey>();
 
 /// Embeddings with the content keys of their frames, row by row.
@@ -27,9 +28,11 @@ pub(crate) struct Segment {
     pub values: Vec<f32>,
 }
 
-fn checksum(keys: &[u8], values: &[u8]) -> String {
+fn checksum(parts: &[&[u8]]) -> String {
     let mut hasher = blake3::Hasher::new();
-    hasher.update(keys).update(values);
+    for part in parts {
+        hasher.update(part);
+    }
     hasher.finalize().to_hex().to_string()
 }
 
@@ -40,7 +43,7 @@ impl Segment {
         let values: Vec<u8> = self.values.iter().flat_map(|v| v.to_le_bytes()).collect();
         let rows = self.keys.len();
         let width = self.values.len() / rows.max(1);
-        let checksum = checksum(&keys, &values);
+        let (of_keys, checksum) = (checksum(&[&keys]), checksum(&[&keys, &values]));
         let tensors = [
             (
                 EMBEDDINGS,
@@ -51,7 +54,10 @@ impl Segment {
                 TensorView::new(Dtype::U8, vec![rows, KEY_BYTES], &keys)?,
             ),
         ];
-        let metadata = HashMap::from([(CHECKSUM.to_owned(), checksum.clone())]);
+        let metadata = HashMap::from([
+            (CHECKSUM.to_owned(), checksum.clone()),
+            (KEYS_CHECKSUM.to_owned(), of_keys),
+        ]);
         let bytes = safetensors::serialize(tensors, Some(metadata))?;
         write_atomically(
             &folder.join(format!("{}.safetensors", &checksum[..32])),
@@ -69,7 +75,7 @@ impl Segment {
         let values = tensors.tensor(EMBEDDINGS).with_context(failed)?;
         let stored = metadata.metadata().as_ref().and_then(|m| m.get(CHECKSUM));
         ensure!(
-            stored == Some(&checksum(keys.data(), values.data())),
+            stored == Some(&checksum(&[keys.data(), values.data()])),
             "{}: the checksum does not match its content",
             path.display()
         );
@@ -91,7 +97,7 @@ impl Segment {
         })
     }
 
-    /// Reads the keys alone, unchecked: enough to tell whether the rest is worth reading.
+    /// Reads the keys alone, checked: enough to tell whether the rest is worth reading.
     pub(crate) fn read_keys(path: &Path) -> Result<Vec<FrameKey>> {
         let failed = || format!("cannot read {}", path.display());
         let mut file = File::open(path).with_context(failed)?;
@@ -120,7 +126,13 @@ impl Segment {
             .with_context(failed)?;
         let mut keys = vec![0; end - start];
         file.read_exact(&mut keys).with_context(failed)?;
-        Ok(frame_keys(&keys))
+        let stored = metadata.metadata().as_ref();
+        let stored = stored.and_then(|stored| stored.get(KEYS_CHECKSUM));
+        if stored == Some(&checksum(&[&keys])) {
+            return Ok(frame_keys(&keys));
+        }
+        // Damaged, or of a time when keys had no checksum of their own: the whole file tells.
+        Ok(Self::read(path)?.keys)
     }
 }
 

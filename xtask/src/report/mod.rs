@@ -24,6 +24,9 @@ use figures::{Figure, figures};
 use table::Table;
 use tables::tables;
 
+/// What a report is made from.
+pub(crate) const INPUTS: [&str; 2] = ["results.json", predictions::FILE];
+
 const MARKDOWN: &str = include_str!("report.md.j2");
 const HTML: &str = include_str!("report.html.j2");
 

@@ -19,7 +19,8 @@ pub(crate) struct Prediction {
     pub estimate: f64,
 }
 
-const FILE: &str = "predictions.csv";
+/// The file in the folder of a run.
+pub(super) const FILE: &str = "predictions.csv";
 
 /// The predictions of finished trials, in their order.
 pub(crate) fn of_outcomes<'a>(outcomes: impl Iterator<Item = &'a Outcome>) -> Vec<Prediction> {

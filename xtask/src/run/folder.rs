@@ -1,17 +1,19 @@
 //! The folder of a run, which one process at a time writes to.
 
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use tracing::info;
+use tracing::warn;
 
-use crate::files::{create_folder, write_atomically};
+use crate::checksums;
+use crate::files::{create_folder, lock, remove_unfinished, write_atomically};
 
 /// The journal of finished trials.
 pub(crate) const TRIALS: &str = "trials.jsonl";
 /// The journal of selected views.
 pub(crate) const SELECTIONS: &str = "selections.jsonl";
+const LOCK: &str = "lock";
 
 /// A locked folder; the lock goes with the process, however that ends.
 pub(crate) struct RunFolder {
@@ -24,11 +26,20 @@ impl RunFolder {
     /// the trials that were finished in it.
     pub(crate) fn open(path: &Path, fresh: bool) -> Result<Self> {
         create_folder(path)?;
-        let lock = lock(&path.join("lock"))?;
+        let lock = lock(&path.join(LOCK))?;
         let folder = Self {
             path: path.to_owned(),
             _lock: lock,
         };
+        for name in checksums::damaged(path)? {
+            let path = folder.file(&name);
+            warn!(
+                "{}: the checksum does not match its content; it is written again",
+                path.display()
+            );
+        }
+        checksums::unseal(path)?;
+        remove_unfinished(path)?;
         for journal in [TRIALS, SELECTIONS].map(|name| folder.file(name)) {
             if fresh && journal.exists() {
                 std::fs::remove_file(&journal)
@@ -48,26 +59,18 @@ impl RunFolder {
         self.path.join(name)
     }
 
+    /// Notes the checksums of everything that is finished; journals have theirs in each line.
+    pub(crate) fn seal(&self) -> Result<()> {
+        seal(&self.path)
+    }
+
     /// Writes a text file into it.
     pub(crate) fn write(&self, name: &str, text: &str) -> Result<()> {
         write_atomically(&self.file(name), text.as_bytes())
     }
 }
 
-fn lock(path: &Path) -> Result<File> {
-    let failed = || format!("cannot lock {}", path.display());
-    let file = OpenOptions::new()
-        .create(true)
-        .append(true)
-        .open(path)
-        .with_context(failed)?;
-    match file.try_lock() {
-        Ok(()) => {}
-        Err(TryLockError::WouldBlock) => {
-            info!("another run is at work in this folder; waiting for it to end");
-            file.lock().with_context(failed)?;
-        }
-        Err(TryLockError::Error(error)) => return Err(error).with_context(failed),
-    }
-    Ok(file)
+/// Notes the checksums of everything that is finished in the folder of a run.
+pub(crate) fn seal(path: &Path) -> Result<()> {
+    checksums::seal(path, &[LOCK, TRIALS, SELECTIONS])
 }

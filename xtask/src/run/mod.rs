@@ -20,6 +20,7 @@ use anyhow::{Context, Result};
 use sps_dataset::{Source, Split};
 
 pub(crate) use fit::{Fitted, fit};
+pub(crate) use folder::seal;
 pub(crate) use stage::{Stage, Stages};
 pub(crate) use tables::Tables;
 pub(crate) use trials::splits;
@@ -49,7 +50,8 @@ pub(crate) fn run(experiment: &Experiment, folder: &Path, fresh: bool) -> Result
         },
     )?;
     results.write(folder.path())?;
-    report::write(folder.path())
+    report::write(folder.path())?;
+    folder.seal()
 }
 
 struct Run<'a> {

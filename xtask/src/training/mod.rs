@@ -3,7 +3,6 @@
 mod events;
 mod images;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -16,7 +15,8 @@ use sps_models::training::{
 use sps_models::weights::Weights;
 use tracing::info;
 
-use crate::files::write_atomically;
+use crate::checksums;
+use crate::files::{create_folder, lock};
 use crate::progress::Progress;
 use events::EventFile;
 pub(crate) use images::FrameImages;
@@ -25,6 +25,7 @@ const STATE: &str = "state.safetensors";
 const ENCODER: &str = "encoder.safetensors";
 const EPOCHS: &str = "epochs.json";
 const SECONDS: &str = "seconds.json";
+const LOCK: &str = "lock";
 
 /// An encoder to train, and everything that its weights then depend on.
 pub(crate) struct Task<'a> {
@@ -53,14 +54,18 @@ pub(crate) struct Trained {
 /// each task.
 pub(crate) fn train(task: Task<'_>, images: &dyn ImageSource, folder: &Path) -> Result<Trained> {
     let folder = folder.join(&task.identity()?[..16]);
+    create_folder(&folder)?;
+    // Runs share this folder.
+    let _lock = lock(&folder.join(LOCK))?;
     if let Some(trained) = finished(&task, &folder)? {
         return Ok(trained);
     }
     let name = task.name.to_owned();
-    let mut trainer = begin(task, &folder.join(STATE))?;
+    let seconds = seconds(&folder)?;
+    let mut trainer = begin(task, &folder.join(STATE), seconds.is_some())?;
     let mut events = EventFile::create(&folder)?;
     let mut progress = None;
-    let mut seconds = seconds(&folder)?;
+    let mut seconds = seconds.unwrap_or(0.0);
     while !trainer.is_finished() {
         let begun = Instant::now();
         let mut shown = 0;
@@ -74,15 +79,16 @@ pub(crate) fn train(task: Task<'_>, images: &dyn ImageSource, folder: &Path) -> 
         })?;
         events.epochs(trainer.history())?;
         seconds += begun.elapsed().as_secs_f64();
-        write_atomically(&folder.join(SECONDS), &serde_json::to_vec(&seconds)?)?;
-        write_atomically(&folder.join(STATE), &trainer.to_bytes()?)?;
+        checksums::write(&folder.join(SECONDS), &serde_json::to_vec(&seconds)?)?;
+        checksums::write(&folder.join(STATE), &trainer.to_bytes()?)?;
     }
     drop(progress);
     let history = trainer.history().to_vec();
     let encoder = trainer.into_encoder()?;
-    write_atomically(&folder.join(EPOCHS), &serde_json::to_vec_pretty(&history)?)?;
-    write_atomically(&folder.join(ENCODER), &encoder.weights().to_bytes()?)?;
-    fs::remove_file(folder.join(STATE)).context("a training state that is done with")?;
+    let record = serde_json::to_vec_pretty(&history)?;
+    checksums::write(&folder.join(EPOCHS), &record)?;
+    checksums::write(&folder.join(ENCODER), &encoder.weights().to_bytes()?)?;
+    checksums::remove(&folder.join(STATE))?;
     Ok(Trained {
         encoder,
         history,
@@ -91,14 +97,16 @@ pub(crate) fn train(task: Task<'_>, images: &dyn ImageSource, folder: &Path) -> 
     })
 }
 
-/// How long a training has taken so far.
-fn seconds(folder: &Path) -> Result<f64> {
-    let path = folder.join(SECONDS);
-    if !path.exists() {
-        return Ok(0.0);
+/// How long a training has taken so far; none where it begins, or begins again.
+fn seconds(folder: &Path) -> Result<Option<f64>> {
+    if folder.join(ENCODER).exists() {
+        return Ok(None);
     }
-    let text = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    serde_json::from_slice(&text).with_context(|| format!("{} is damaged", path.display()))
+    let Some(text) = checksums::read(&folder.join(SECONDS))? else {
+        return Ok(None);
+    };
+    let seconds = serde_json::from_slice(&text).context("the seconds of a training")?;
+    Ok(Some(seconds))
 }
 
 impl Task<'_> {
@@ -125,18 +133,23 @@ fn finished(task: &Task<'_>, folder: &Path) -> Result<Option<Trained>> {
     if !path.exists() {
         return Ok(None);
     }
-    let weights = Weights::read(&path)?;
-    let history = fs::read(folder.join(EPOCHS)).context("the record of a training")?;
+    let [weights, history, seconds] =
+        [ENCODER, EPOCHS, SECONDS].map(|name| checksums::read(&folder.join(name)));
+    let (Some(weights), Some(history), Some(seconds)) = (weights?, history?, seconds?) else {
+        return Ok(None);
+    };
+    let weights = Weights::from_bytes(&path.display().to_string(), &weights)?;
     info!("{}: trained before, {}", task.name, folder.display());
     Ok(Some(Trained {
         encoder: Encoder::new(task.start.kind(), weights, &Device::Cpu)?,
         history: serde_json::from_slice(&history).context("the record of a training")?,
-        seconds: seconds(folder)?,
+        seconds: serde_json::from_slice(&seconds).context("the seconds of a training")?,
         folder: folder.to_owned(),
     }))
 }
 
-fn begin(task: Task<'_>, state: &Path) -> Result<Trainer> {
+/// At the state in which the task was stopped, if it `goes_on`.
+fn begin(task: Task<'_>, state: &Path, goes_on: bool) -> Result<Trainer> {
     let Task {
         name,
         start,
@@ -147,10 +160,14 @@ fn begin(task: Task<'_>, state: &Path) -> Result<Trainer> {
         ..
     } = task;
     let config = config.clone();
-    if !state.exists() {
+    let bytes = if goes_on {
+        checksums::read(state)?
+    } else {
+        None
+    };
+    let Some(bytes) = bytes else {
         return Ok(Trainer::new(start, targets, parts, config, seed)?);
-    }
-    let bytes = fs::read(state).with_context(|| format!("cannot read {}", state.display()))?;
+    };
     let path = state.display().to_string();
     let trainer = Trainer::resume(&path, &bytes, targets, parts, config, seed)?;
     info!("{name}: goes on after epoch {}", trainer.history().len());

@@ -1,0 +1,297 @@
+//! Small pieces of work that are the same every time, for counting their instructions.
+
+use std::hint::black_box;
+
+use anyhow::{Context, Result};
+use candle_core::{Device, Tensor, Var};
+use sps_dataset::simulate::{Simulator, SimulatorSpec};
+use sps_dataset::{DecodeSettings, decode_image};
+use sps_metrics::{Bootstrap, Metric, Samples, Scored, Scores, TrainingMean};
+use sps_models::encoders::{Encoder, EncoderKind, TrainableEncoder};
+use sps_models::heads::{
+    Adversarial, Classification, CrossModal, Head, HeadConfig, Model, Plan, Rerun, TrainingData,
+};
+use sps_models::labels::LabelSource;
+use sps_models::ops::{self, Window};
+use sps_models::ridge::{Ridge, RidgeConfig};
+use sps_models::{Embeddings, Readings};
+use sps_viewselect::{Exhaustive, Nvs, Problem, Selector, SetFunction};
+
+/// A pass of a kernel, on data that is made beforehand.
+type Pass = Box<dyn FnMut() -> Result<()>>;
+
+pub(crate) struct Kernel {
+    pub name: &'static str,
+    prepare: fn() -> Result<Pass>,
+}
+
+const fn kernel(name: &'static str, prepare: fn() -> Result<Pass>) -> Kernel {
+    Kernel { name, prepare }
+}
+
+pub(crate) static KERNELS: [Kernel; 18] = [
+    kernel("decode-png", || {
+        decode("fixtures/tiny-dataset/frames/denim-01/000.png")
+    }),
+    kernel("decode-jpeg", || {
+        decode("fixtures/tiny-dataset/frames/oak-01/000.jpg")
+    }),
+    kernel("decode-exr", || {
+        decode("fixtures/tiny-dataset/frames/tile-01/000.exr")
+    }),
+    kernel("render", render),
+    kernel("convolution-1x1", || {
+        convolution((28, 128), (1, 1), (128, 128))
+    }),
+    kernel("convolution-7x7", || convolution((64, 3), (7, 2), (64, 3))),
+    kernel("convolution-grouped", || {
+        convolution((28, 128), (3, 1), (128, 4))
+    }),
+    kernel("convolution-gradients", convolution_gradients),
+    kernel("max-pool", max_pool),
+    kernel("batch-norm", batch_norm),
+    kernel("gated-residual", gated_residual),
+    kernel("encoder", encoder),
+    kernel("encoder-training-step", training_step),
+    kernel("ridge", ridge),
+    kernel("head", head),
+    kernel("scores", scores),
+    kernel("exhaustive", || search(Exhaustive::default())),
+    kernel("nvs", || {
+        search(Nvs {
+            evaluations: 1000,
+            ..Nvs::default()
+        })
+    }),
+];
+
+/// Runs a kernel twice, the second time in [`counted`].
+pub(crate) fn run(name: &str) -> Result<()> {
+    // The calling thread is the pool, so that all work is done by the one that is counted.
+    let pool = rayon::ThreadPoolBuilder::new();
+    pool.num_threads(1).use_current_thread().build_global()?;
+    let kernel = KERNELS.iter().find(|kernel| kernel.name == name);
+    let kernel = kernel.with_context(|| format!("no kernel is called `{name}`"))?;
+    let mut pass = (kernel.prepare)()?;
+    pass()?;
+    counted(&mut pass)
+}
+
+/// What callgrind counts.
+#[inline(never)]
+fn counted(pass: &mut Pass) -> Result<()> {
+    black_box(pass())
+}
+
+/// Values of any shape, in -0.5..0.5.
+fn ramp(shape: &[usize]) -> Result<Tensor> {
+    let count = shape.iter().product::<usize>();
+    let values = (0..count).map(|i| (i * 7919 % 251) as f32 / 251.0 - 0.5);
+    Ok(Tensor::from_iter(values, &Device::Cpu)?.reshape(shape)?)
+}
+
+fn decode(path: &str) -> Result<Pass> {
+    let bytes = std::fs::read(path).with_context(|| format!("cannot read {path}"))?;
+    Ok(Box::new(move || {
+        black_box(decode_image(&bytes, &DecodeSettings::default())?);
+        Ok(())
+    }))
+}
+
+fn render() -> Result<Pass> {
+    let simulator = Simulator::new(SimulatorSpec {
+        surfaces: 1,
+        size: 32,
+        views: 3,
+        ..SimulatorSpec::default()
+    })?;
+    Ok(Box::new(move || {
+        black_box(simulator.frame_bytes(0, 1)?);
+        Ok(())
+    }))
+}
+
+/// Of a square feature map of so many channels, by windows of a size and stride, to outputs that
+/// see so many inputs each.
+fn convolution(
+    (extent, channels): (usize, usize),
+    (size, stride): (usize, usize),
+    (outputs, inputs): (usize, usize),
+) -> Result<Pass> {
+    let x = ramp(&[1, extent, extent, channels])?;
+    let weight = ramp(&[outputs, inputs, size, size])?;
+    let window = Window::square(size, stride, size / 2);
+    Ok(Box::new(move || {
+        black_box(ops::conv(&x, &weight, window, channels / inputs)?);
+        Ok(())
+    }))
+}
+
+fn convolution_gradients() -> Result<Pass> {
+    let x = Var::from_tensor(&ramp(&[1, 14, 14, 64])?)?;
+    let weight = Var::from_tensor(&ramp(&[64, 64, 3, 3])?)?;
+    Ok(Box::new(move || {
+        let y = ops::conv(&x, &weight, Window::square(3, 1, 1), 1)?;
+        black_box(y.sum_all()?.backward()?);
+        Ok(())
+    }))
+}
+
+fn max_pool() -> Result<Pass> {
+    let x = ramp(&[1, 56, 56, 64])?;
+    Ok(Box::new(move || {
+        black_box(ops::max_pool(&x, Window::square(3, 2, 0), true)?);
+        Ok(())
+    }))
+}
+
+fn batch_norm() -> Result<Pass> {
+    let x = ramp(&[2, 28, 28, 64])?;
+    let (gamma, beta) = (ramp(&[64])?, ramp(&[64])?);
+    Ok(Box::new(move || {
+        black_box(ops::batch_norm(&x, &gamma, &beta, 1e-5, true)?);
+        Ok(())
+    }))
+}
+
+fn gated_residual() -> Result<Pass> {
+    let (x, shortcut) = (ramp(&[2, 28, 28, 64])?, ramp(&[2, 28, 28, 64])?);
+    let gate = ramp(&[2, 64])?;
+    Ok(Box::new(move || {
+        black_box(ops::gated_residual(&x, &gate, &shortcut)?);
+        Ok(())
+    }))
+}
+
+fn small_encoder() -> Result<Encoder> {
+    Ok(Encoder::seeded(
+        EncoderKind::SeResNextSmall,
+        0,
+        &Device::Cpu,
+    )?)
+}
+
+fn encoder() -> Result<Pass> {
+    let encoder = small_encoder()?;
+    let images = (ramp(&[1, 3, 32, 32])? + 0.5)?;
+    Ok(Box::new(move || {
+        black_box(encoder.embed(&images)?);
+        Ok(())
+    }))
+}
+
+fn training_step() -> Result<Pass> {
+    let mut encoder = TrainableEncoder::new(&small_encoder()?)?;
+    let images = (ramp(&[2, 3, 32, 32])? + 0.5)?;
+    Ok(Box::new(move || {
+        let loss = encoder.forward(&images)?.sqr()?.mean_all()?;
+        black_box(encoder.backward(&loss)?);
+        Ok(())
+    }))
+}
+
+/// Surfaces with an embedding and three readings each.
+struct Tables {
+    embeddings: Embeddings,
+    readings: Readings,
+}
+
+impl Tables {
+    const SURFACES: usize = 40;
+
+    fn new() -> Result<Self> {
+        let values: Vec<Vec<f32>> = (ramp(&[Self::SURFACES, 3])? * 100.0)?.to_vec2()?;
+        let row = |row: &Vec<f32>| row.iter().map(|&value| Some(f64::from(value))).collect();
+        let rows: Vec<Vec<Option<f64>>> = values.iter().map(row).collect();
+        Ok(Self {
+            embeddings: Embeddings::new(&ramp(&[Self::SURFACES, 64])?)?,
+            readings: Readings::new(names(), &rows)?,
+        })
+    }
+
+    fn training_data(&self) -> TrainingData<'_> {
+        TrainingData {
+            embeddings: &self.embeddings,
+            readings: &self.readings,
+            materials: None,
+            label_features: None,
+        }
+    }
+}
+
+fn names() -> Vec<String> {
+    ["fRS", "mTX", "tCO"].map(str::to_owned).to_vec()
+}
+
+fn plan() -> Plan {
+    let rerun = Rerun {
+        number: 0,
+        training: (0..Tables::SURFACES).collect(),
+    };
+    Plan::each(1, &names(), vec![rerun])
+}
+
+fn ridge() -> Result<Pass> {
+    let (tables, plan, ridge) = (Tables::new()?, plan(), Ridge::new(RidgeConfig::default())?);
+    Ok(Box::new(move || {
+        black_box(ridge.train(&tables.training_data(), &plan)?);
+        Ok(())
+    }))
+}
+
+/// One epoch of the paper's full model.
+fn head() -> Result<Pass> {
+    let labels = LabelSource::VisuoTactileCluster {
+        clusters: 5,
+        components: 5,
+        standardise_tactile: true,
+    };
+    let head = Head::new(HeadConfig {
+        epochs: 1,
+        model: Model::CrossModal(CrossModal {
+            adversarial: Some(Adversarial::default()),
+            classification: Some(Classification::new(labels)),
+            ..CrossModal::default()
+        }),
+        ..HeadConfig::default()
+    })?;
+    let (tables, plan) = (Tables::new()?, plan());
+    Ok(Box::new(move || {
+        black_box(head.train(&tables.training_data(), &plan, &())?);
+        Ok(())
+    }))
+}
+
+/// Every score, and an interval around one.
+fn scores() -> Result<Pass> {
+    let truth: Vec<f64> = (0..50).map(|i| f64::from(i) * 37.7 % 100.0).collect();
+    let wander = |(i, truth): (usize, &f64)| truth + 8.0 * (i as f64 * 1.3).sin();
+    let estimate: Vec<f64> = truth.iter().enumerate().map(wander).collect();
+    let mean = TrainingMean::of(&truth)?;
+    Ok(Box::new(move || {
+        let samples = Samples {
+            truth: &truth,
+            estimate: &estimate,
+        };
+        black_box(Scores::of(samples, Ok(mean)));
+        let scored = Scored {
+            metric: Metric::R2(mean),
+            samples,
+            surfaces: None,
+        };
+        black_box(Bootstrap::new(1).with_resamples(200).interval(&scored)?);
+        Ok(())
+    }))
+}
+
+/// Three of twenty views, where a set's loss costs next to nothing.
+fn search(selector: impl Selector + 'static) -> Result<Pass> {
+    let loss = SetFunction::new(20, 3, |set: &[usize]| {
+        set.iter().map(|&view| (view as f64 - 7.0).powi(2)).sum()
+    });
+    Ok(Box::new(move || {
+        let problem = Problem::new(&loss)?;
+        black_box(selector.select(&problem)?);
+        Ok(())
+    }))
+}

@@ -1,0 +1,90 @@
+//! What one call measured, and baselines: the same on disk.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, ensure};
+use serde::{Deserialize, Serialize};
+
+use super::machine::Machine;
+use crate::files::{read_text, write_atomically};
+
+const FOLDER: &str = "benches/baselines";
+
+/// Everything by its name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct Measured {
+    pub machine: Machine,
+    pub ratios: BTreeMap<String, f64>,
+    pub instructions: BTreeMap<String, u64>,
+    /// Of a finished run; `null` where there is none.
+    pub scores: BTreeMap<String, Option<f64>>,
+    pub wall: BTreeMap<String, Wall>,
+}
+
+/// Seconds of one pass.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct Wall {
+    pub median: f64,
+    /// Of the median, 95 %, by bootstrap.
+    pub interval: [f64; 2],
+    pub shortest: f64,
+    /// Frames or other elements of a pass; 1 where the benchmark states none.
+    pub elements: f64,
+}
+
+impl Measured {
+    /// Nothing yet, on this machine.
+    pub(crate) fn new() -> Result<Self> {
+        Ok(Self {
+            machine: Machine::here()?,
+            ratios: BTreeMap::new(),
+            instructions: BTreeMap::new(),
+            scores: BTreeMap::new(),
+            wall: BTreeMap::new(),
+        })
+    }
+
+    /// Reads the baseline of that name.
+    pub(crate) fn read(name: &str) -> Result<Self> {
+        let path = path(name)?;
+        serde_json::from_str(&read_text(&path)?)
+            .with_context(|| format!("{} is not a baseline", path.display()))
+    }
+
+    /// Writes the baseline of that name; says where.
+    pub(crate) fn write(&self, name: &str) -> Result<PathBuf> {
+        let path = path(name)?;
+        let mut text = serde_json::to_string_pretty(self)?;
+        text.push('\n');
+        write_atomically(&path, text.as_bytes())?;
+        Ok(path)
+    }
+}
+
+fn path(name: &str) -> Result<PathBuf> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+    ensure!(
+        !name.is_empty() && name.chars().all(plain),
+        "`{name}` names no baseline, expected letters, digits, `-`, `_` and `.`"
+    );
+    Ok(PathBuf::from(FOLDER).join(format!("{name}.json")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_stays_in_its_folder() {
+        assert_eq!(
+            path("main").unwrap(),
+            PathBuf::from("benches/baselines/main.json")
+        );
+        for name in ["", "../main", "a/b", "a b"] {
+            assert!(path(name).is_err(), "{name}");
+        }
+    }
+}

@@ -1,0 +1,28 @@
+//! The scores of a finished run.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::Result;
+
+use crate::results::Results;
+
+/// Every score of every method and property.
+pub(crate) fn of_run(folder: &Path) -> Result<BTreeMap<String, Option<f64>>> {
+    let results = Results::read(folder)?;
+    let mut scores = BTreeMap::new();
+    for method in &results.methods {
+        let kinds = [
+            ("R²", &method.r2),
+            ("MAE", &method.mae),
+            ("median % error", &method.median_percent_error),
+        ];
+        for (kind, values) in kinds {
+            let named = values
+                .iter()
+                .map(|(property, value)| (format!("{}: {kind} {property}", method.id), *value));
+            scores.extend(named);
+        }
+    }
+    Ok(scores)
+}

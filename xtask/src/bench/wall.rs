@@ -1,0 +1,288 @@
+//! Wall times: the benches of the crates, run one after the other, as criterion measures them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::{Context, Result, ensure};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use tracing::info;
+
+use super::budgets::{Budgets, Ratio};
+use super::measured::Wall;
+use crate::files::read_text;
+
+/// A stage of the way of the data.
+struct Stage {
+    name: &'static str,
+    /// The bench that measures it, one of the workspace.
+    bench: &'static str,
+    /// A regular expression for those of its benchmarks that are run here.
+    filter: &'static str,
+}
+
+static STAGES: [Stage; 6] = [
+    Stage {
+        name: "decode",
+        bench: "decode",
+        filter: "",
+    },
+    Stage {
+        name: "render",
+        bench: "simulate",
+        filter: "128 px, (ceramic|denim|towel)|PNG|touching",
+    },
+    Stage {
+        name: "encoders",
+        bench: "encoders",
+        filter: "",
+    },
+    Stage {
+        name: "heads",
+        bench: "heads",
+        filter: "short",
+    },
+    Stage {
+        name: "selectors",
+        bench: "search",
+        filter: "",
+    },
+    Stage {
+        name: "metrics",
+        bench: "metrics",
+        filter: "",
+    },
+];
+
+/// Seconds that criterion takes over a benchmark, unless ten passes take longer.
+const WARM_UP: &str = "0.3";
+const MEASURING: &str = "1";
+/// Three passes of what takes longer than a second.
+const QUICK: [&str; 3] = ["--quick", "--measurement-time", MEASURING];
+const THOROUGH: [&str; 4] = ["--warm-up-time", WARM_UP, "--measurement-time", MEASURING];
+
+/// Measures every stage; by stage and benchmark.
+pub(crate) fn all() -> Result<BTreeMap<String, Wall>> {
+    let mut all = BTreeMap::new();
+    for stage in &STAGES {
+        all.extend(measure(stage, stage.filter, &THOROUGH)?);
+    }
+    Ok(all)
+}
+
+/// Measures, quickly, what the ratios are made of; likewise.
+pub(crate) fn of_ratios(ratios: &[&Ratio]) -> Result<BTreeMap<String, Wall>> {
+    let mut all = BTreeMap::new();
+    for stage in &STAGES {
+        if let Some(filter) = needed(stage, ratios) {
+            all.extend(measure(stage, &filter, &QUICK)?);
+        }
+    }
+    Ok(all)
+}
+
+fn measure(stage: &Stage, filter: &str, how: &[&str]) -> Result<BTreeMap<String, Wall>> {
+    info!("measuring: {}", stage.name);
+    let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
+    run(stage, filter, how, folder.path())?;
+    let found = collect(folder.path())?;
+    ensure!(
+        !found.is_empty(),
+        "the bench `{}` measured nothing that fits `{filter}`",
+        stage.bench
+    );
+    let named = |(id, wall)| (format!("{}: {id}", stage.name), wall);
+    Ok(found.into_iter().map(named).collect())
+}
+
+/// A regular expression for the benchmarks of the stage that ratios are made of.
+fn needed(stage: &Stage, ratios: &[&Ratio]) -> Option<String> {
+    let prefix = format!("{}: ", stage.name);
+    let names = ratios.iter().flat_map(|ratio| [&ratio.of, &ratio.over]);
+    let ids: BTreeSet<String> = names
+        .filter_map(|name| name.strip_prefix(&prefix))
+        .map(escaped)
+        .collect();
+    let ids: Vec<String> = ids.into_iter().collect();
+    (!ids.is_empty()).then(|| format!("^({})$", ids.join("|")))
+}
+
+/// A regular expression for the text itself.
+fn escaped(text: &str) -> String {
+    let mut escaped = String::new();
+    for c in text.chars() {
+        if !(c.is_alphanumeric() || matches!(c, ' ' | ',' | '/' | '_')) {
+            escaped.push('\\');
+        }
+        escaped.push(c);
+    }
+    escaped
+}
+
+fn run(stage: &Stage, filter: &str, how: &[&str], folder: &Path) -> Result<()> {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(cargo);
+    command
+        .args(["bench", "--quiet", "--locked", "--workspace", "--bench"])
+        .args([stage.bench, "--", "--noplot"])
+        .args(how)
+        .env("CRITERION_HOME", folder);
+    if !filter.is_empty() {
+        command.arg(filter);
+    }
+    let output = command.output().context("cannot run `cargo bench`")?;
+    ensure!(
+        output.status.success(),
+        "the bench `{}` failed\n{}",
+        stage.bench,
+        String::from_utf8_lossy(&output.stderr)
+    );
+    Ok(())
+}
+
+/// `benchmark.json` of criterion.
+#[derive(Deserialize)]
+struct Benchmark {
+    full_id: String,
+    throughput: Option<Throughput>,
+}
+
+#[derive(Deserialize)]
+struct Throughput {
+    #[serde(rename = "Elements")]
+    elements: Option<f64>,
+}
+
+/// `estimates.json`, in nanoseconds.
+#[derive(Deserialize)]
+struct Estimates {
+    median: Estimate,
+}
+
+#[derive(Deserialize)]
+struct Estimate {
+    point_estimate: f64,
+    confidence_interval: Interval,
+}
+
+#[derive(Deserialize)]
+struct Interval {
+    lower_bound: f64,
+    upper_bound: f64,
+}
+
+/// `sample.json`, in nanoseconds.
+#[derive(Deserialize)]
+struct Sample {
+    iters: Vec<f64>,
+    times: Vec<f64>,
+}
+
+/// What criterion left in `folder`, by the benchmarks' ids.
+fn collect(folder: &Path) -> Result<BTreeMap<String, Wall>> {
+    let mut found = BTreeMap::new();
+    let new = folder.join("new");
+    if new.is_dir() {
+        let (id, wall) = read(&new)?;
+        found.insert(id, wall);
+    }
+    let failed = || format!("cannot read {}", folder.display());
+    for entry in fs::read_dir(folder).with_context(failed)? {
+        let path = entry.with_context(failed)?.path();
+        if path.is_dir() {
+            found.extend(collect(&path)?);
+        }
+    }
+    Ok(found)
+}
+
+fn read(folder: &Path) -> Result<(String, Wall)> {
+    const NANO: f64 = 1e-9;
+    let benchmark: Benchmark = json(&folder.join("benchmark.json"))?;
+    let Estimates { median } = json(&folder.join("estimates.json"))?;
+    let sample: Sample = json(&folder.join("sample.json"))?;
+    let passes = sample.times.iter().zip(&sample.iters);
+    let shortest = passes
+        .map(|(time, passes)| time / passes)
+        .fold(f64::INFINITY, f64::min);
+    let elements = benchmark.throughput.and_then(|t| t.elements);
+    let interval = median.confidence_interval;
+    let wall = Wall {
+        median: NANO * median.point_estimate,
+        interval: [interval.lower_bound, interval.upper_bound].map(|bound| NANO * bound),
+        shortest: NANO * shortest,
+        elements: elements.unwrap_or(1.0),
+    };
+    Ok((benchmark.full_id, wall))
+}
+
+fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    serde_json::from_str(&read_text(path)?)
+        .with_context(|| format!("{} is not what criterion writes", path.display()))
+}
+
+/// The ratios that have a budget: of the shortest times, since other work on the machine only ever
+/// adds to a time.
+pub(crate) fn ratios(
+    budgets: &Budgets,
+    wall: &BTreeMap<String, Wall>,
+) -> Result<BTreeMap<String, f64>> {
+    let each = |name: &str| {
+        let wall = wall.get(name);
+        let wall = wall.with_context(|| format!("no benchmark is called `{name}`"))?;
+        anyhow::Ok(wall.shortest / wall.elements)
+    };
+    let ratio = |ratio: &Ratio| Ok((ratio.name.clone(), each(&ratio.of)? / each(&ratio.over)?));
+    budgets.ratios.iter().map(ratio).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ratio(of: &str, over: &str) -> Ratio {
+        Ratio {
+            name: "r".to_owned(),
+            of: of.to_owned(),
+            over: over.to_owned(),
+            more: 0.4,
+        }
+    }
+
+    #[test]
+    fn guards_run_what_ratios_need() {
+        let ratios = [&ratio("metrics: a/b (1)", "decode: c")];
+        let of = |bench| STAGES.iter().find(|stage| stage.bench == bench).unwrap();
+        let filter = needed(of("metrics"), &ratios);
+        assert_eq!(filter.as_deref(), Some(r"^(a/b \(1\))$"));
+        assert_eq!(needed(of("encoders"), &ratios), None);
+    }
+
+    #[test]
+    fn reads_what_criterion_writes() {
+        let folder = tempfile::tempdir().unwrap();
+        let new = folder.path().join("group/name/new");
+        fs::create_dir_all(&new).unwrap();
+        let write = |name, text| fs::write(new.join(name), text).unwrap();
+        write(
+            "benchmark.json",
+            r#"{"group_id":"g","full_id":"g/n","throughput":{"Elements":8}}"#,
+        );
+        write(
+            "estimates.json",
+            r#"{"median":{"confidence_interval":{"confidence_level":0.95,"lower_bound":2e9,
+            "upper_bound":4e9},"point_estimate":3e9,"standard_error":1.0}}"#,
+        );
+        write(
+            "sample.json",
+            r#"{"sampling_mode":"Flat","iters":[1,2],"times":[3e9,5e9]}"#,
+        );
+        let found = collect(folder.path()).unwrap();
+        let wall = found["g/n"];
+        assert!((wall.median - 3.0).abs() < 1e-12 && (wall.shortest - 2.5).abs() < 1e-12);
+        assert!((wall.interval[1] - 4.0).abs() < 1e-12);
+        assert_eq!(wall.elements, 8.0);
+    }
+}

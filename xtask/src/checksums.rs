@@ -1,0 +1,190 @@
+//! Checksums of stored files, so that a damaged one is found before it is believed.
+//!
+//! Files that are read again have theirs beside them, as `NAME.blake3`. The files of a finished run
+//! have theirs together in `checksums`, which `b3sum --check` reads too.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use tracing::warn;
+
+use crate::files::write_atomically;
+
+/// The checksums of a folder.
+const FOLDER: &str = "checksums";
+
+fn of(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
+}
+
+fn beside(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".blake3");
+    path.with_file_name(name)
+}
+
+/// Writes `bytes` to `path` with its checksum beside it. Whenever it is killed, one of the two
+/// checksums that are kept is that of the file.
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    let kept = fs::read(beside(path)).unwrap_or_default();
+    let kept = String::from_utf8_lossy(&kept).into_owned();
+    let last = kept.lines().last().unwrap_or_default();
+    let both = format!("{last}\n{}\n", of(bytes));
+    write_atomically(&beside(path), both.as_bytes())?;
+    write_atomically(path, bytes)
+}
+
+/// Reads what [`write`] wrote: nothing where there is no such file or, with a line in the log,
+/// where it is damaged.
+pub(crate) fn read(path: &Path) -> Result<Option<Vec<u8>>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let bytes = fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let checksum = of(&bytes);
+    let kept = fs::read(beside(path)).unwrap_or_default();
+    if kept
+        .split(|byte| *byte == b'\n')
+        .any(|kept| kept == checksum.as_bytes())
+    {
+        return Ok(Some(bytes));
+    }
+    warn!(
+        "{}: the checksum does not match its content; it is made again",
+        path.display()
+    );
+    Ok(None)
+}
+
+/// Removes what [`write`] wrote.
+pub(crate) fn remove(path: &Path) -> Result<()> {
+    for path in [path, &beside(path)] {
+        fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;
+    }
+    Ok(())
+}
+
+/// Notes the checksums of the files of a folder, those called `but` aside.
+pub(crate) fn seal(folder: &Path, but: &[&str]) -> Result<()> {
+    let mut names = Vec::new();
+    list(folder, "", &mut names)?;
+    names.retain(|name| name != FOLDER && !but.contains(&name.as_str()));
+    names.sort();
+    let mut text = String::new();
+    for name in names {
+        let path = folder.join(&name);
+        let bytes = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        text.push_str(&format!("{}  {name}\n", of(&bytes)));
+    }
+    write_atomically(&folder.join(FOLDER), text.as_bytes())
+}
+
+/// Forgets the checksums of a folder whose files are about to change.
+pub(crate) fn unseal(folder: &Path) -> Result<()> {
+    let path = folder.join(FOLDER);
+    if path.exists() {
+        fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+    }
+    Ok(())
+}
+
+/// The files of a sealed folder that are no longer what they were, and `checksums` itself where a
+/// line of it cannot be read; none where the folder is not sealed.
+pub(crate) fn damaged(folder: &Path) -> Result<Vec<String>> {
+    let path = folder.join(FOLDER);
+    if !path.exists() {
+        return Ok(Vec::new());
+    }
+    let text = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let lines = text
+        .split(|byte| *byte == b'\n')
+        .filter(|line| !line.is_empty());
+    let damaged = lines.filter_map(|line| {
+        let line = String::from_utf8_lossy(line);
+        let Some((checksum, name)) = line.split_once("  ") else {
+            return Some(FOLDER.to_owned());
+        };
+        let same = fs::read(folder.join(name)).is_ok_and(|bytes| of(&bytes) == checksum);
+        (!same).then(|| name.to_owned())
+    });
+    Ok(damaged.collect())
+}
+
+/// The files below `folder`, with `/` between the parts of their names.
+fn list(folder: &Path, prefix: &str, names: &mut Vec<String>) -> Result<()> {
+    let failed = || format!("cannot read {}", folder.display());
+    for entry in fs::read_dir(folder).with_context(failed)? {
+        let entry = entry.with_context(failed)?;
+        let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
+        if entry.path().is_dir() {
+            list(&entry.path(), &format!("{name}/"), names)?;
+        } else {
+            names.push(name);
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flipped_bit_is_found_wherever_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.json");
+        assert_eq!(read(&path).unwrap(), None);
+        write(&path, b"one").unwrap();
+        assert_eq!(read(&path).unwrap().unwrap(), b"one");
+        for file in [path.clone(), beside(&path)] {
+            let whole = fs::read(&file).unwrap();
+            for at in 0..whole.len() {
+                let mut bytes = whole.clone();
+                bytes[at] ^= 4;
+                fs::write(&file, &bytes).unwrap();
+                // The empty line of the checksum before the first says nothing.
+                let harmless = file != path && at == 0;
+                assert_eq!(read(&path).unwrap().is_some(), harmless, "{at}");
+            }
+            fs::write(&file, &whole).unwrap();
+        }
+        remove(&path).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    /// Killed between the checksum and the file.
+    #[test]
+    fn what_was_there_before_is_still_believed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.json");
+        for content in ["one", "two"] {
+            write(&path, content.as_bytes()).unwrap();
+        }
+        fs::write(&path, b"one").unwrap();
+        assert_eq!(read(&path).unwrap().unwrap(), b"one");
+        write(&path, b"three").unwrap();
+        fs::write(&path, b"one").unwrap();
+        assert_eq!(read(&path).unwrap(), None);
+    }
+
+    #[test]
+    fn a_sealed_folder_knows_what_changed() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        assert!(damaged(folder).unwrap().is_empty());
+        fs::create_dir(folder.join("figures")).unwrap();
+        for name in ["results.json", "figures/a b.svg", "lock"] {
+            fs::write(folder.join(name), name).unwrap();
+        }
+        seal(folder, &["lock"]).unwrap();
+        fs::write(folder.join("lock"), "other").unwrap();
+        assert!(damaged(folder).unwrap().is_empty());
+        fs::write(folder.join("figures/a b.svg"), "other").unwrap();
+        assert_eq!(damaged(folder).unwrap(), ["figures/a b.svg"]);
+        fs::remove_file(folder.join("results.json")).unwrap();
+        assert_eq!(damaged(folder).unwrap().len(), 2);
+        unseal(folder).unwrap();
+        assert!(damaged(folder).unwrap().is_empty());
+    }
+}

@@ -71,12 +71,12 @@ pub(crate) fn seal(folder: &Path, but: &[&str]) -> Result<()> {
     list(folder, "", &mut names)?;
     names.retain(|name| name != FOLDER && !but.contains(&name.as_str()));
     names.sort();
-    let mut text = String::new();
-    for name in names {
-        let path = folder.join(&name);
+    let lines = names.iter().map(|name| {
+        let path = folder.join(name);
         let bytes = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        text.push_str(&format!("{}  {name}\n", of(&bytes)));
-    }
+        Ok(format!("{}  {name}\n", of(&bytes)))
+    });
+    let text = lines.collect::<Result<String>>()?;
     write_atomically(&folder.join(FOLDER), text.as_bytes())
 }
 

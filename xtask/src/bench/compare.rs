@@ -259,11 +259,11 @@ impl fmt::Display for Comparison {
             };
             let widths: [usize; 6] = std::array::from_fn(width);
             for [name, numbers @ .., verdict] in &table {
-                let mut line = format!("  {name:<0$}", widths[0]);
-                for (cell, width) in numbers.iter().zip(&widths[1..]) {
-                    line.push_str(&format!("  {cell:>width$}"));
-                }
-                line.push_str(&format!("  {verdict}"));
+                let cells = numbers.iter().zip(&widths[1..]);
+                let cells: Vec<String> = cells
+                    .map(|(cell, width)| format!("  {cell:>width$}"))
+                    .collect();
+                let line = format!("  {name:<0$}{1}  {verdict}", widths[0], cells.concat());
                 writeln!(f, "{}", line.trim_end())?;
             }
         }
@@ -377,15 +377,27 @@ mod tests {
 
     #[test]
     fn each_kind_has_its_budget() {
-        let count = |count| past(|m| drop(m.instructions.insert("kernel".to_owned(), count)));
+        let count = |count| {
+            past(|m| {
+                m.instructions.insert("kernel".to_owned(), count);
+            })
+        };
         assert_eq!(
             count(1_030_000),
             ["kernel (1 000 000 to 1 030 000: +3.0 %, budget +2.0 %)"]
         );
         assert!(count(1_020_000).is_empty() && count(10).is_empty());
-        let ratio = |ratio| past(|m| drop(m.ratios.insert("a over b".to_owned(), ratio)));
+        let ratio = |ratio| {
+            past(|m| {
+                m.ratios.insert("a over b".to_owned(), ratio);
+            })
+        };
         assert_eq!((ratio(0.27).len(), ratio(0.29).len()), (0, 1));
-        let score = |name: &str, score| past(|m| drop(m.scores.insert(name.to_owned(), score)));
+        let score = |name: &str, score| {
+            past(|m| {
+                m.scores.insert(name.to_owned(), score);
+            })
+        };
         assert_eq!(score("r", Some(0.505)).len(), 0);
         // A score that became better is no longer what was committed either.
         assert_eq!(

@@ -35,7 +35,7 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomically(path, bytes)
 }
 
-/// Reads what [`write`] wrote: nothing where there is no such file or, with a line in the log,
+/// Reads what [`write()`] wrote: nothing where there is no such file or, with a line in the log,
 /// where it is damaged.
 pub(crate) fn read(path: &Path) -> Result<Option<Vec<u8>>> {
     if !path.exists() {
@@ -57,7 +57,7 @@ pub(crate) fn read(path: &Path) -> Result<Option<Vec<u8>>> {
     Ok(None)
 }
 
-/// Removes what [`write`] wrote.
+/// Removes what [`write()`] wrote.
 pub(crate) fn remove(path: &Path) -> Result<()> {
     for path in [path, &beside(path)] {
         fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;

@@ -377,16 +377,28 @@ mod tests {
 
     #[test]
     fn each_kind_has_its_budget() {
-        let count = |count| past(|m| drop(m.instructions.insert("kernel".to_owned(), count)));
+        let count = |count| {
+            past(|m| {
+                m.instructions.insert("kernel".to_owned(), count);
+            })
+        };
         assert_eq!(
             count(1_030_000),
             ["kernel (1 000 000 to 1 030 000: +3.0 %, budget +2.0 %)"]
         );
-        assert!(count(1_020_000).is_empty() && count(10).is_empty());
-        let ratio = |ratio| past(|m| drop(m.ratios.insert("a over b".to_owned(), ratio)));
+        assert!(count(1_019_000).is_empty() && count(10).is_empty());
+        let ratio = |ratio| {
+            past(|m| {
+                m.ratios.insert("a over b".to_owned(), ratio);
+            })
+        };
         assert_eq!((ratio(0.27).len(), ratio(0.29).len()), (0, 1));
-        let score = |name: &str, score| past(|m| drop(m.scores.insert(name.to_owned(), score)));
-        assert_eq!(score("r", Some(0.505)).len(), 0);
+        let score = |name: &str, score| {
+            past(|m| {
+                m.scores.insert(name.to_owned(), score);
+            })
+        };
+        assert!(score("r", Some(0.505)).is_empty());
         // A score that became better is no longer what was committed either.
         assert_eq!(
             score("r", Some(0.52)),

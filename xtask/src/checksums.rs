@@ -27,12 +27,19 @@ fn beside(path: &Path) -> PathBuf {
 /// Writes `bytes` to `path` with its checksum beside it. Whenever it is killed, one of the two
 /// checksums that are kept is that of the file.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    let kept = fs::read(beside(path)).unwrap_or_default();
-    let kept = String::from_utf8_lossy(&kept).into_owned();
-    let last = kept.lines().last().unwrap_or_default();
-    let both = format!("{last}\n{}\n", of(bytes));
+    let before = fs::read(path).ok().filter(|bytes| is_kept(path, bytes));
+    let before = before.map(|bytes| of(&bytes)).unwrap_or_default();
+    let both = format!("{before}\n{}\n", of(bytes));
     write_atomically(&beside(path), both.as_bytes())?;
     write_atomically(path, bytes)
+}
+
+/// Whether one of the checksums beside `path` is that of `bytes`.
+fn is_kept(path: &Path, bytes: &[u8]) -> bool {
+    let kept = fs::read(beside(path)).unwrap_or_default();
+    let mut kept = kept.split(|byte| *byte == b'\n');
+    let checksum = of(bytes);
+    kept.any(|kept| kept == checksum.as_bytes())
 }
 
 /// Reads what [`write()`] wrote: nothing where there is no such file or, with a line in the log,
@@ -42,12 +49,7 @@ pub(crate) fn read(path: &Path) -> Result<Option<Vec<u8>>> {
         return Ok(None);
     }
     let bytes = fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let checksum = of(&bytes);
-    let kept = fs::read(beside(path)).unwrap_or_default();
-    if kept
-        .split(|byte| *byte == b'\n')
-        .any(|kept| kept == checksum.as_bytes())
-    {
+    if is_kept(path, &bytes) {
         return Ok(Some(bytes));
     }
     warn!(
@@ -143,9 +145,7 @@ mod tests {
                 let mut bytes = whole.clone();
                 bytes[at] ^= 4;
                 fs::write(&file, &bytes).unwrap();
-                // The empty line of the checksum before the first says nothing.
-                let harmless = file != path && at == 0;
-                assert_eq!(read(&path).unwrap().is_some(), harmless, "{at}");
+                assert_eq!(read(&path).unwrap(), None, "{at}");
             }
             fs::write(&file, &whole).unwrap();
         }
@@ -153,18 +153,18 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
-    /// Killed between the checksum and the file.
+    /// Killed between the checksum and the file, twice.
     #[test]
     fn what_was_there_before_is_still_believed() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json");
-        for content in ["one", "two"] {
-            write(&path, content.as_bytes()).unwrap();
+        write(&path, b"one").unwrap();
+        for next in ["two", "three"] {
+            write(&path, next.as_bytes()).unwrap();
+            fs::write(&path, b"one").unwrap();
+            assert_eq!(read(&path).unwrap().unwrap(), b"one", "{next}");
         }
-        fs::write(&path, b"one").unwrap();
-        assert_eq!(read(&path).unwrap().unwrap(), b"one");
-        write(&path, b"three").unwrap();
-        fs::write(&path, b"one").unwrap();
+        fs::write(&path, b"two").unwrap();
         assert_eq!(read(&path).unwrap(), None);
     }
 

@@ -30,6 +30,10 @@ fn forward(c: &mut Criterion) -> sps_models::Result<()> {
     group.sample_size(10);
     for batch in [8, 1] {
         let images = images(batch)?;
+        // What fails would be fast: once beforehand.
+        encoder.embed(&images)?;
+        bf16.embed(&images)?;
+        encoder.embed_plain(&images)?;
         group.throughput(Throughput::Elements(batch as u64));
         group.bench_function(format!("kernels, batch {batch}"), |b| {
             b.iter(|| encoder.embed(black_box(&images)));
@@ -62,6 +66,7 @@ fn training(c: &mut Criterion) -> sps_models::Result<()> {
             encoder = encoder.with_plain_operators();
         }
         let images = images(batch)?;
+        step(&mut encoder, &images)?;
         group.throughput(Throughput::Elements(batch as u64));
         group.bench_function(format!("{name}, batch {batch}"), |b| {
             b.iter(|| step(&mut encoder, black_box(&images)));
@@ -83,6 +88,8 @@ fn others(c: &mut Criterion) -> sps_models::Result<()> {
         let images = values(&[BATCH, 3, extent, extent])?;
         let encoder = Encoder::seeded(kind, 0, &Device::Cpu)?;
         let mut trainable = TrainableEncoder::new(&encoder)?;
+        encoder.embed(&images)?;
+        step(&mut trainable, &images)?;
         let mut group = c.benchmark_group(kind.name());
         group.sample_size(10);
         group.throughput(Throughput::Elements(BATCH as u64));

@@ -7,7 +7,7 @@ use sps_dataset::{RandomSplit, Source, Split, SplitPlan};
 use sps_metrics::{PredictionInterval, Samples, SplitConformal, TrainingMean, coverage};
 use sps_models::heads::{Plan, Rerun, Trial, Views};
 
-use crate::config::{Experiment, Looks, Method, Setting};
+use crate::config::{Experiment, Looks, Method, Network, Setting};
 use crate::data::{self, About, WithSource};
 use crate::model::{self, Card};
 use crate::run::{Fitted, Stage, Stages, Tables, fit, splits};
@@ -57,6 +57,12 @@ impl WithSource for Train<'_> {
             method.looks == Looks::Nadir,
             "method `{}` looks at several views; a model that is kept looks at the one straight down",
             method.id
+        );
+        ensure!(
+            matches!(method.encoder.network, Network::Images(_)),
+            "method `{}` looks at a sequence by {}; a model that is kept looks at one photograph",
+            method.id,
+            method.encoder.network.name()
         );
         let trainer = Trainer {
             experiment,

@@ -120,71 +120,82 @@ mod tests {
         assert!(other.get(&wanted([1])).unwrap().is_empty());
     }
 
+    /// A cache with one segment.
+    struct Stored {
+        _folder: tempfile::TempDir,
+        cache: EmbeddingCache,
+        path: PathBuf,
+        whole: Vec<u8>,
+    }
+
+    impl Stored {
+        fn new(first: u8, rows: u8) -> Self {
+            let folder = tempfile::tempdir().unwrap();
+            let cache = EmbeddingCache::open(folder.path(), "e", 2).unwrap();
+            cache.put(&segment(first, rows)).unwrap();
+            let path = cache.segments().unwrap().remove(0);
+            let whole = fs::read(&path).unwrap();
+            Self {
+                _folder: folder,
+                cache,
+                path,
+                whole,
+            }
+        }
+
+        /// What is found of four frames where the segment's file holds `bytes` is what was put.
+        fn holds_no_other(&self, bytes: &[u8]) {
+            let _ = fs::remove_file(self.path.with_extension("damaged"));
+            fs::write(&self.path, bytes).unwrap();
+            for (key, row) in self.cache.get(&wanted(0..4)).unwrap() {
+                assert_eq!(row, [f32::from(key[0]), 0.5]);
+            }
+        }
+    }
+
     #[test]
     fn a_damaged_segment_is_never_believed() {
-        let folder = tempfile::tempdir().unwrap();
-        let cache = EmbeddingCache::open(folder.path(), "e", 2).unwrap();
-        cache.put(&segment(0, 4)).unwrap();
-        let path = cache.segments().unwrap().remove(0);
-        let whole = fs::read(&path).unwrap();
-        let expected = cache.get(&wanted(0..4)).unwrap();
-        let damaged = |bytes: &[u8]| {
-            let _ = fs::remove_file(path.with_extension("damaged"));
-            fs::write(&path, bytes).unwrap();
-            for (key, row) in cache.get(&wanted(0..4)).unwrap() {
-                assert_eq!(expected[&key], row);
-            }
-        };
+        let stored = Stored::new(0, 4);
+        let whole = &stored.whole;
         for at in 0..whole.len() {
-            damaged(&whole[..at]);
+            stored.holds_no_other(&whole[..at]);
             let mut bytes = whole.clone();
             bytes[at] ^= 0x10;
-            damaged(&bytes);
+            stored.holds_no_other(&bytes);
         }
     }
 
     /// By its keys alone it would be a segment of frames that nobody wants.
     #[test]
     fn a_segment_whose_only_key_is_damaged_is_set_aside() {
-        let folder = tempfile::tempdir().unwrap();
-        let cache = EmbeddingCache::open(folder.path(), "e", 2).unwrap();
-        cache.put(&segment(7, 1)).unwrap();
-        let path = cache.segments().unwrap().remove(0);
-        let mut bytes = fs::read(&path).unwrap();
+        let Stored {
+            cache, path, whole, ..
+        } = &Stored::new(7, 1);
+        let mut bytes = whole.clone();
         let key = bytes
             .windows(32)
             .position(|bytes| bytes == [7; 32])
             .unwrap();
         bytes[key] ^= 1;
-        fs::write(&path, bytes).unwrap();
+        fs::write(path, bytes).unwrap();
         assert!(cache.get(&wanted([7])).unwrap().is_empty());
         assert!(path.with_extension("damaged").exists());
     }
 
     #[test]
     fn any_damage_to_a_segment_costs_its_frames_alone() {
-        let folder = tempfile::tempdir().unwrap();
-        let cache = EmbeddingCache::open(folder.path(), "e", 2).unwrap();
-        cache.put(&segment(0, 4)).unwrap();
-        let path = cache.segments().unwrap().remove(0);
-        let whole = fs::read(&path).unwrap();
-        let expected = cache.get(&wanted(0..4)).unwrap();
-        let read = |bytes: Vec<u8>| {
-            fs::write(&path, bytes).unwrap();
-            for (key, row) in cache.get(&wanted(0..4)).unwrap() {
-                assert_eq!(expected[&key], row);
-            }
-        };
+        let stored = Stored::new(0, 4);
+        let whole = &stored.whole;
         let input = (Damage::some(), any::<bool>());
         fuzz("segments of the cache", &input, |(damages, in_header)| {
-            read(if in_header {
-                with_header(&whole, |header| damaged(header, &damages))
+            stored.holds_no_other(&if in_header {
+                with_header(whole, |header| damaged(header, &damages))
             } else {
                 damaged(whole.clone(), &damages)
             });
         });
         nested("segments of the cache", |text| {
-            read(with_header(&whole, |_| text.into_bytes()));
+            stored.holds_no_other(&with_header(whole, |_| text.into_bytes()));
         });
         // Tensors that are as long as an address reaches, and keys at its end.
         let far = |at: u64, length: u64| {
@@ -201,6 +212,6 @@ mod tests {
         header.push(format!("\"t15\":{}", far(last, long - 40)));
         header.push(format!("\"keys\":{}", far(last + long - 40, 32)));
         let header = format!("{{{}}}", header.join(","));
-        read(with_header(&whole, |_| header.into_bytes()));
+        stored.holds_no_other(&with_header(whole, |_| header.into_bytes()));
     }
 }

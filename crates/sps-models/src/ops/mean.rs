@@ -1,8 +1,7 @@
 //! The mean of a feature map over space.
 
-use rayon::prelude::*;
-
 use half::bf16;
+use rayon::prelude::*;
 
 use super::bands::Threads;
 use super::format::Format;

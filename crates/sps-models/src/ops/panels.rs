@@ -12,8 +12,8 @@ pub(super) const PANEL_VECTORS: usize = 2;
 /// Rows whose cache lines a transposition holds at once.
 const BLOCK: usize = 64;
 
-/// A matrix of words `(k, n)` cut into panels of columns: each panel is stored row by row, so that the
-/// kernel reads it from front to back.
+/// A matrix of words `(k, n)` cut into panels of columns: each panel is stored row by row, so that
+/// the kernel reads it from front to back.
 ///
 /// A panel is [`PANEL_VECTORS`] vectors wide; the last one is a single vector wide where that is
 /// enough. Columns beyond `n` are zero.

@@ -1,8 +1,7 @@
 //! Max pooling of feature maps, channels last.
 
-use rayon::prelude::*;
-
 use half::bf16;
+use rayon::prelude::*;
 
 use super::bands::{Threads, for_each_band};
 use super::format::Format;

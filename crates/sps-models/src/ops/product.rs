@@ -111,9 +111,7 @@ impl Product<'_> {
         };
         self.panels.level().run_on(self.panels.format(), write);
     }
-}
 
-impl Product<'_> {
     /// Has rows that are soon read brought near.
     #[inline(always)]
     fn prefetch_rows(&self, first: usize, count: usize) {

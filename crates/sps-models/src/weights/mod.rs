@@ -93,8 +93,8 @@ impl Weights {
         self.to_bytes_as(Storage::F32, None)
     }
 
-    /// The tensors as a safetensors file with numbers kept in the given way, with a note (its name and text)
-    /// in the file's metadata.
+    /// The tensors as a safetensors file with numbers kept in the given way, with a note (its name
+    /// and text) in the file's metadata.
     ///
     /// # Errors
     ///

@@ -3,11 +3,11 @@
 mod hard_cases;
 mod i3d;
 
-use candle_core::{DType, Tensor, Var};
+use candle_core::{DType, Device, Tensor, Var};
 
 use super::plain::Plain;
 use super::se_resnext::plain::embed;
-use super::{EncoderKind, SeResNextConfig};
+use super::{Encoder, EncoderKind, Precision, SeResNextConfig};
 use crate::golden::{self, error, values};
 use crate::weights::Weights;
 
@@ -78,4 +78,30 @@ fn plain_operators_in_f64() {
         }
     }
     assert_eq!(seen, 8);
+}
+
+#[test]
+fn pixels_embed_as_the_same_images_do() {
+    let (count, height, width) = (3, 40, 33);
+    let images = golden::tensor("pixels", &[count, 3, height, width]);
+    let images = images.to_dtype(DType::F32).unwrap().abs().unwrap();
+    let pixels = images.permute((0, 2, 3, 1)).unwrap().flatten_all().unwrap();
+    let pixels: Vec<f32> = pixels.to_vec1().unwrap();
+    for kind in [EncoderKind::SeResNextSmall, EncoderKind::SqueezeNet1_0] {
+        for precision in Precision::ALL {
+            let encoder = Encoder::seeded(kind, 1, &Device::Cpu).unwrap();
+            let encoder = encoder.with_precision(precision).unwrap();
+            let expected = encoder.embed(&images).unwrap().flatten_all().unwrap();
+            let shape = [count, height, width];
+            let found = encoder.embed_pixels(&pixels, shape).unwrap();
+            assert_eq!(
+                found,
+                expected.to_vec1::<f32>().unwrap(),
+                "{kind} {precision}"
+            );
+            for wrong in [[0, height, width], [2, height, width], [usize::MAX; 3]] {
+                assert!(encoder.embed_pixels(&pixels, wrong).is_err(), "{wrong:?}");
+            }
+        }
+    }
 }

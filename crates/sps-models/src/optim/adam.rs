@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Elements, Gradient};
 use crate::error::{Error, Result};
+use crate::ops::simd::{Kernel, Lanes, Level};
 
 /// Adam's settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -211,35 +212,71 @@ struct Update<'a> {
     trial: usize,
 }
 
-/// One pass: `m <- b1 m + (1 - b1) g`, `v <- b2 v + (1 - b2) g²`,
-/// `p <- p - rate m / (unbias sqrt(v) + epsilon)`.
-macro_rules! update {
-    ($type:ty, $update:expr, $parameter:expr, $gradient:expr, $mean:expr, $square:expr) => {{
-        let f = $update.factors;
-        let (b1, b2) = (f.beta1 as $type, f.beta2 as $type);
-        let (c1, c2) = ((1.0 - f.beta1) as $type, (1.0 - f.beta2) as $type);
-        let (rate, unbias) = (f.rate as $type, f.unbias as $type);
-        let epsilon = f.epsilon as $type;
-        let trial = $update.trial.max(1);
-        let trials = $parameter
-            .chunks_exact_mut(trial)
-            .zip($gradient.chunks_exact(trial))
-            .zip(
-                $mean
-                    .chunks_exact_mut(trial)
-                    .zip($square.chunks_exact_mut(trial)),
-            );
-        for (index, ((p, g), (m, v))) in trials.enumerate() {
-            let scale = $update.scales.get(index).map_or(1.0, |&s| s as $type);
-            for (((p, g), m), v) in p.iter_mut().zip(g).zip(m).zip(v) {
-                let g = g * scale;
-                *m = b1 * *m + c1 * g;
-                *v = b2 * *v + c2 * g * g;
-                *p -= rate * *m / (unbias * v.sqrt() + epsilon);
+impl Update<'_> {
+    /// One pass over all trials, by the widest vectors of the machine: products and sums are rounded
+    /// one by one at every width, so the bits are the same.
+    fn apply<T: Copy>(&self, parameter: &mut [T], gradient: &[T], mean: &mut [T], square: &mut [T])
+    where
+        for<'a> Trial<'a, T>: Kernel,
+    {
+        let level = Level::detect();
+        let len = self.trial.max(1);
+        let trials = parameter
+            .chunks_exact_mut(len)
+            .zip(gradient.chunks_exact(len));
+        let moments = mean.chunks_exact_mut(len).zip(square.chunks_exact_mut(len));
+        for (index, ((parameter, gradient), (mean, square))) in trials.zip(moments).enumerate() {
+            level.run(Trial {
+                factors: self.factors,
+                scale: self.scales.get(index).copied().unwrap_or(1.0),
+                parameter,
+                gradient,
+                mean,
+                square,
+            });
+        }
+    }
+}
+
+/// One trial's part of a parameter.
+struct Trial<'a, T> {
+    factors: Factors,
+    /// Of the gradient.
+    scale: f64,
+    parameter: &'a mut [T],
+    gradient: &'a [T],
+    mean: &'a mut [T],
+    square: &'a mut [T],
+}
+
+/// `m <- b1 m + (1 - b1) g`, `v <- b2 v + (1 - b2) g²`, `p <- p - rate m / (unbias sqrt(v) + epsilon)`.
+macro_rules! kernel {
+    ($type:ty) => {
+        impl Kernel for Trial<'_, $type> {
+            type Output = ();
+
+            #[inline(always)]
+            fn run<S: Lanes>(self, _: S) {
+                let f = self.factors;
+                let (b1, b2) = (f.beta1 as $type, f.beta2 as $type);
+                let (c1, c2) = ((1.0 - f.beta1) as $type, (1.0 - f.beta2) as $type);
+                let (rate, unbias) = (f.rate as $type, f.unbias as $type);
+                let (epsilon, scale) = (f.epsilon as $type, self.scale as $type);
+                let elements = self.parameter.iter_mut().zip(self.gradient);
+                let moments = self.mean.iter_mut().zip(self.square);
+                for ((p, &g), (m, v)) in elements.zip(moments) {
+                    let g = g * scale;
+                    *m = b1 * *m + c1 * g;
+                    *v = b2 * *v + c2 * g * g;
+                    *p -= rate * *m / (unbias * v.sqrt() + epsilon);
+                }
             }
         }
-    }};
+    };
 }
+
+kernel!(f32);
+kernel!(f64);
 
 impl InplaceOp1 for Update<'_> {
     fn name(&self) -> &'static str {
@@ -256,10 +293,10 @@ impl InplaceOp1 for Update<'_> {
         }
         match (parameter, self.gradient, &mut **self.moments.borrow_mut()) {
             (CpuStorage::F32(p), Elements::F32(g), Moments::F32(m, v)) => {
-                update!(f32, self, &mut p[start..end], g, m, v);
+                self.apply(&mut p[start..end], g, m, v);
             }
             (CpuStorage::F64(p), Elements::F64(g), Moments::F64(m, v)) => {
-                update!(f64, self, &mut p[start..end], g, m, v);
+                self.apply(&mut p[start..end], g, m, v);
             }
             (parameter, ..) => candle_core::bail!(
                 "adam: the gradient's type is not the parameter's, {:?}",

@@ -1,5 +1,6 @@
 //! bf16 beside f32, layer by layer.
 
+use candle_core::{Device, Tensor};
 use half::bf16;
 
 use super::*;
@@ -49,29 +50,46 @@ fn relative(found: &[f64], expected: &[f64]) -> f64 {
     difference / norm(&mut expected.iter().copied())
 }
 
-/// Each layer rounds its weights and what it stores to eight bits, at most 2⁻⁹ off and evenly to
-/// both sides. Such errors add up as a walk does, with the square root of the number of layers;
-/// numbers cut off to eight bits instead would all err to one side, and twice as far.
+/// The weights of a checkpoint, each number as `change` makes it.
+fn weights(change: impl Fn(f32) -> f32) -> Weights {
+    let tensors = EncoderKind::SeResNext50.specs();
+    let tensors = tensors.iter().map(|spec| {
+        let tensor = golden::weight(spec);
+        let numbers: Vec<f32> = tensor.flatten_all().unwrap().to_vec1().unwrap();
+        let numbers = numbers.into_iter().map(&change).collect();
+        let tensor = Tensor::from_vec(numbers, spec.shape.as_slice(), &Device::Cpu);
+        (spec.name.clone(), tensor.unwrap())
+    });
+    Weights::sharing("the golden rule", tensors)
+}
+
+/// A number of bf16 with what follows cut off.
+fn cut(number: f32) -> f32 {
+    f32::from_bits(number.to_bits() & 0xffff_0000)
+}
+
+/// Rounding to the eight bits of a bf16 is off by at most 2⁻⁸ of a number, to both sides alike.
+/// What all layers so far have added to the error then grows as a walk does, with the square root of
+/// their number. Numbers cut off to eight bits err to one side, and their errors add up.
 #[test]
 fn bf16_beside_f32_layer_by_layer() {
-    let tensors = EncoderKind::SeResNext50.specs();
-    let tensors = tensors
-        .iter()
-        .map(|spec| (spec.name.clone(), golden::weight(spec)));
-    let weights = Weights::sharing("the golden rule", tensors);
     let image = golden::tensor("golden/eval97", &[1, 3, 97, 131]);
     let image: Vec<f32> = golden::values(&image).iter().map(|&x| x as f32).collect();
     let size = [1, 97, 131];
-    let exact = layers(&weights, Format::F32, &image, size);
-    let rounded = layers(&weights, Format::Bf16, &image, size);
+    let given = weights(|weight| weight);
+    let exact = layers(&given, Format::F32, &image, size);
+    let rounded = layers(&given, Format::Bf16, &image, size);
+    let naive = layers(&weights(cut), Format::Bf16, &image, size);
     assert_eq!(exact.len(), 17);
     for (layer, (found, expected)) in rounded.iter().zip(&exact).enumerate() {
+        let bound = 2.0_f64.powi(-8) * ((1 + layer) as f64).sqrt();
         let error = relative(found, expected);
-        println!("after layer {layer}: relative error {error:.1e}");
-        let bound = 4e-3 * ((1 + layer) as f64).sqrt();
+        let of_cut = relative(&naive[layer], expected);
+        println!("after layer {layer}: {error:.1e} of {bound:.1e}, cut off {of_cut:.1e}");
         assert!(
             error < bound,
             "after layer {layer}: {error:.1e} of {bound:.1e}"
         );
+        assert!(of_cut > bound);
     }
 }

@@ -23,46 +23,158 @@ use crate::results::Costs;
 const SURFACES: usize = 8;
 /// Surfaces that they are measured on at least in each group.
 const FEWEST: usize = 2;
-/// How often each surface is estimated at most, and seconds after which none is once more: other
-/// work on the machine only ever adds to a time, and the median of many bears more of it.
-const REPEATS: usize = 5;
+/// How often each surface is estimated at most, and seconds after which a method's are no more.
+const ROUNDS: usize = 5;
 const ENOUGH_SECONDS: f64 = 1.0;
+
+/// Whose costs are asked for.
+pub(crate) struct Asked<'a> {
+    pub stage: &'a Stage,
+    pub method: &'a Method,
+    pub trials: &'a [TrialSpec],
+    /// Where the method stopped, if it looks at one view after the other.
+    pub stops: &'a [Stop],
+}
 
 /// Estimates properties of some held-out surfaces one by one, from the frame on: those together
 /// that look at the same views. Of a method that looks at one view after the other, one property,
 /// at each number of views; these are weighed by how often the method stopped there.
 ///
-/// The time does not depend on what the weights are, so a model of the method's shape is fitted to
-/// a few surfaces for it: the run's own models need not be kept.
+/// The methods take turns, round by round: what else the machine does comes and goes within
+/// seconds, and falls on all of them alike. The time does not depend on what the weights are, so a
+/// model of each method's shape is fitted to a few surfaces for it: the run's own models need not
+/// be kept.
 pub(crate) fn measure<S: Source>(
     source: &S,
-    stage: &Stage,
-    method: &Method,
     split: &Split,
-    trials: &[TrialSpec],
-    stops: &[Stop],
-) -> Result<Costs> {
-    let few = Split {
-        train: split.train.iter().copied().take(2 * SURFACES).collect(),
-        validation: split.validation.iter().copied().take(SURFACES).collect(),
-    };
-    let readings = &stage.tables.readings;
-    let measured = |trial: &&TrialSpec| {
-        let column = readings.column(trial.property.code());
-        let reading = |&s: &usize| readings.get(s, column?);
-        trial.rerun == 0 && few.train.iter().any(|s| reading(s).is_some())
-    };
-    let trials: Vec<&TrialSpec> = trials.iter().filter(measured).collect();
-    let measuring = Measuring {
-        source: &Counted::new(source),
-        stage,
-        method: quick(method)?,
-        few,
-    };
-    match trials.first() {
-        Some(trial) if method.adaptive.is_some() => measuring.one_by_one(trial, stops),
-        _ => measuring.together(&trials),
+    asked: &[Asked<'_>],
+) -> Result<Vec<Costs>> {
+    let source = Counted::new(source);
+    let turns = asked.iter().map(|asked| Turn::new(&source, split, asked));
+    let mut turns = turns.collect::<Result<Vec<_>>>()?;
+    // Memory made ready and simulated surfaces built, so that the first pays no more than others.
+    for turn in &turns {
+        turn.pass()?;
     }
+    for _ in 0..ROUNDS {
+        for turn in &mut turns {
+            turn.take()?;
+        }
+    }
+    Ok(turns.iter().map(Turn::costs).collect())
+}
+
+/// A method whose costs are measured.
+struct Turn<'a, S> {
+    measuring: Measuring<'a, S>,
+    way: Way,
+    /// The share of estimates that end after each step.
+    ends: Vec<f64>,
+    /// What had been spent after each step of each estimate.
+    estimates: Vec<Vec<Spent>>,
+    seconds: f64,
+}
+
+/// How a method looks at its views.
+enum Way {
+    /// At once: the models of properties that look at the same views, with these.
+    Together(Vec<(Vec<Vec<usize>>, Fitted)>),
+    /// One after the other, in this order: for each number of views an estimator, and a regression
+    /// of its errors.
+    OneByOne(Vec<usize>, Vec<[Fitted; 2]>),
+}
+
+impl<'a, S: Source> Turn<'a, S> {
+    fn new(source: &'a Counted<'a, S>, split: &Split, asked: &Asked<'a>) -> Result<Self> {
+        let few = Split {
+            train: split.train.iter().copied().take(2 * SURFACES).collect(),
+            validation: split.validation.iter().copied().take(SURFACES).collect(),
+        };
+        let readings = &asked.stage.tables.readings;
+        let measured = |trial: &&TrialSpec| {
+            let column = readings.column(trial.property.code());
+            let reading = |&s: &usize| readings.get(s, column?);
+            trial.rerun == 0 && few.train.iter().any(|s| reading(s).is_some())
+        };
+        let trials: Vec<&TrialSpec> = asked.trials.iter().filter(measured).collect();
+        let mut measuring = Measuring {
+            source,
+            stage: asked.stage,
+            method: quick(asked.method)?,
+            few,
+        };
+        let (way, ends) = match trials.first() {
+            Some(trial) if asked.method.adaptive.is_some() => {
+                let order = trial.views.shown();
+                let models =
+                    (1..=order.len()).map(|views| measuring.models(trial, &order[..views]));
+                let models = models.collect::<Result<_>>()?;
+                let ends = shares(asked.stops, order.len());
+                (Way::OneByOne(order, models), ends)
+            }
+            _ => {
+                let groups = measuring.groups(&trials)?;
+                let each = (SURFACES / groups.len().max(1)).max(FEWEST);
+                measuring.few.validation.truncate(each);
+                (Way::Together(groups), vec![1.0])
+            }
+        };
+        Ok(Self {
+            measuring,
+            way,
+            ends,
+            estimates: Vec::new(),
+            seconds: 0.0,
+        })
+    }
+
+    /// One more pass, unless there have been enough.
+    fn take(&mut self) -> Result<()> {
+        if self.seconds < ENOUGH_SECONDS {
+            let (estimates, seconds) = timed(|| self.pass())?;
+            self.estimates.extend(estimates);
+            self.seconds += seconds;
+        }
+        Ok(())
+    }
+
+    /// Each surface estimated once: what had been spent after each step.
+    fn pass(&self) -> Result<Vec<Vec<Spent>>> {
+        let measuring = &self.measuring;
+        let surfaces = &measuring.few.validation;
+        let mut all = Vec::new();
+        match &self.way {
+            Way::Together(groups) => {
+                for (fillings, model) in groups {
+                    for &surface in surfaces {
+                        all.push(vec![measuring.estimate(model, fillings, surface)?]);
+                    }
+                }
+            }
+            Way::OneByOne(order, models) => {
+                for &surface in surfaces {
+                    all.push(measuring.walk(models, order, surface)?);
+                }
+            }
+        }
+        Ok(all)
+    }
+
+    fn costs(&self) -> Costs {
+        let ends = self.ends.iter().enumerate();
+        let weighed = ends.filter(|(_, share)| **share > 0.0).map(|(at, &share)| {
+            let spent: Vec<Spent> = self.estimates.iter().map(|steps| steps[at]).collect();
+            (share, self.measuring.costs(&spent))
+        });
+        Costs::weighed(&weighed.collect::<Vec<_>>())
+    }
+}
+
+/// The share of `stops` at each number of views.
+fn shares(stops: &[Stop], most: usize) -> Vec<f64> {
+    let at = |views| stops.iter().filter(|stop| stop.views == views).count();
+    let shares = (1..=most).map(|views| at(views) as f64 / stops.len().max(1) as f64);
+    shares.collect()
 }
 
 /// The method, trained for one epoch.
@@ -98,36 +210,28 @@ struct Spent {
 }
 
 impl<S: Source> Measuring<'_, S> {
-    /// The costs of estimates that look at all their views at once.
-    fn together(&self, trials: &[&TrialSpec]) -> Result<Costs> {
+    /// Models of the trials that look at the same views, with these.
+    fn groups(&self, trials: &[&TrialSpec]) -> Result<Vec<(Vec<Vec<usize>>, Fitted)>> {
         let mut groups: BTreeMap<&[Vec<usize>], Vec<&TrialSpec>> = BTreeMap::new();
         for trial in trials {
             let group = groups.entry(&trial.views.fillings).or_default();
             group.push(trial);
         }
-        let each = (SURFACES / groups.len().max(1)).max(FEWEST);
-        let surfaces = &self.few.validation[..self.few.validation.len().min(each)];
-        let mut all = Vec::new();
-        for (fillings, trials) in &groups {
-            let plan = plan(0, std::slice::from_ref(&self.few), trials.iter().copied());
+        let fitted = groups.into_iter().map(|(fillings, trials)| {
+            let plan = plan(0, std::slice::from_ref(&self.few), trials.into_iter());
             let model = fit(&self.method, &self.stage.tables, &plan, &())?;
-            if all.is_empty() {
-                // Memory made ready and simulated surfaces built, so that the first method pays no
-                // more than the others.
-                for &surface in surfaces {
-                    self.estimate(&model, fillings, surface)?;
-                }
-            }
-            all.extend(repeated(surfaces, |surface| {
-                let (spent, memory) = memory::peak(|| self.estimate(&model, fillings, surface));
-                Ok(Spent { memory, ..spent? })
-            })?);
-        }
-        Ok(self.costs(&all))
+            Ok((fillings.to_vec(), model))
+        });
+        fitted.collect()
     }
 
     /// Estimates one surface.
     fn estimate(&self, model: &Fitted, fillings: &[Vec<usize>], surface: usize) -> Result<Spent> {
+        let (spent, memory) = memory::peak(|| self.estimated(model, fillings, surface));
+        Ok(Spent { memory, ..spent? })
+    }
+
+    fn estimated(&self, model: &Fitted, fillings: &[Vec<usize>], surface: usize) -> Result<Spent> {
         let views: BTreeSet<usize> = fillings.iter().flatten().copied().collect();
         let views: Vec<usize> = views.into_iter().collect();
         let before = self.source.frames();
@@ -156,25 +260,6 @@ impl<S: Source> Measuring<'_, S> {
             multiply_adds: self.of_encoder(&frames).map(|count| count + of_heads),
             memory: 0,
         })
-    }
-
-    /// The costs of estimating the property of `trial` one view after the other.
-    fn one_by_one(&self, trial: &TrialSpec, stops: &[Stop]) -> Result<Costs> {
-        let order = trial.views.shown();
-        let models = (1..=order.len()).map(|views| self.models(trial, &order[..views]));
-        let models = models.collect::<Result<Vec<_>>>()?;
-        for &surface in &self.few.validation {
-            self.walk(&models, &order, surface)?;
-        }
-        let walk = |surface| self.walk(&models, &order, surface);
-        let walks = repeated(&self.few.validation, walk)?;
-        let weighed = (0..order.len()).map(|at| {
-            let there = stops.iter().filter(|stop| stop.views == at + 1).count();
-            let spent: Vec<Spent> = walks.iter().map(|walk| walk[at]).collect();
-            (there as f64 / stops.len() as f64, self.costs(&spent))
-        });
-        let weighed: Vec<(f64, Costs)> = weighed.filter(|(share, _)| *share > 0.0).collect();
-        Ok(Costs::weighed(&weighed))
     }
 
     /// The estimator of some views, and the regression of its errors.
@@ -289,21 +374,6 @@ impl<S: Source> Measuring<'_, S> {
             encoder_train_seconds: 0.0,
         }
     }
-}
-
-/// What `work` gives for each of `surfaces`, several times.
-fn repeated<T>(surfaces: &[usize], mut work: impl FnMut(usize) -> Result<T>) -> Result<Vec<T>> {
-    let begun = Instant::now();
-    let mut all = Vec::new();
-    for repeat in 0..REPEATS {
-        if repeat > 0 && begun.elapsed().as_secs_f64() > ENOUGH_SECONDS {
-            break;
-        }
-        for &surface in surfaces {
-            all.push(work(surface)?);
-        }
-    }
-    Ok(all)
 }
 
 fn median(all: &[Spent], of: fn(&Spent) -> f64) -> Option<f64> {

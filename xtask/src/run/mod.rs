@@ -19,6 +19,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use sps_dataset::{Source, Split};
 
+use costs::Asked;
 pub(crate) use fit::{Fitted, fit};
 pub(crate) use folder::seal;
 pub(crate) use stage::{Stage, Stages};
@@ -159,11 +160,22 @@ impl<'m> Encoded<'_, 'm> {
         let stages = Stages::new(run.experiment, encoder, source, about, needed, sequence)?;
         let groups = groups(&stages, encoder, splits)?;
         let selections = run.select(&groups, splits, methods, journals)?;
-        let with = (&groups[..], &selections);
-        let rows = methods
+        let trained = methods
             .iter()
-            .map(|method| run.row(source, method, with, splits, journals));
-        let rows = rows.collect::<Result<_>>()?;
+            .map(|method| run.train(method, (&groups, &selections), splits, journals));
+        let trained = trained.collect::<Result<Vec<_>>>()?;
+        let stage = &groups[0].stage;
+        let asked: Vec<Asked<'_>> = trained.iter().map(|method| method.asked(stage)).collect();
+        let costs = costs::measure(source, &splits[0], &asked)?;
+        let train_seconds = groups.iter().map(|group| group.stage.train_seconds).sum();
+        let rows = trained.into_iter().zip(costs).map(|(trained, costs)| {
+            let costs = Costs {
+                encoder_train_seconds: train_seconds,
+                ..costs
+            };
+            trained.row(costs, &selections)
+        });
+        let rows = rows.collect();
         Ok((groups[0].stage.tables.codes(), rows))
     }
 }
@@ -191,14 +203,13 @@ impl Run<'_> {
     }
 
     /// Runs what is missing of a method.
-    fn row<'m, S: Source>(
+    fn train<'m>(
         &self,
-        source: &S,
         method: &'m Method,
         (groups, selections): (&[Group], &Selections),
         splits: &[Split],
         journals: &mut Journals,
-    ) -> Result<MethodRow<'m>> {
+    ) -> Result<Trained<'m>> {
         let experiment = self.experiment;
         let journal = &mut journals.trials;
         let mut all = Vec::new();
@@ -211,17 +222,42 @@ impl Run<'_> {
         }
         let outcomes = outcomes(&all, journal)?;
         let stops = outcomes.values().flatten().flat_map(|o| &o.stops);
-        let stops: Vec<Stop> = stops.copied().collect();
-        let costs = costs::measure(source, &groups[0].stage, method, &splits[0], &all, &stops)?;
-        Ok(MethodRow {
-            costs: Costs {
-                encoder_train_seconds: groups.iter().map(|group| group.stage.train_seconds).sum(),
-                ..costs
-            },
-            found: found(&all, method, selections),
-            outcomes,
+        Ok(Trained {
             method,
+            stops: stops.copied().collect(),
+            trials: all,
+            outcomes,
         })
+    }
+}
+
+/// A method whose trials have all been run.
+struct Trained<'m> {
+    method: &'m Method,
+    trials: Vec<TrialSpec>,
+    /// By property, in the order of the reruns.
+    outcomes: BTreeMap<String, Vec<Outcome>>,
+    /// Where it stopped, if it looks at one view after the other.
+    stops: Vec<Stop>,
+}
+
+impl<'m> Trained<'m> {
+    fn asked<'a>(&'a self, stage: &'a Stage) -> Asked<'a> {
+        Asked {
+            stage,
+            method: self.method,
+            trials: &self.trials,
+            stops: &self.stops,
+        }
+    }
+
+    fn row(self, costs: Costs, selections: &Selections) -> MethodRow<'m> {
+        MethodRow {
+            costs,
+            found: found(&self.trials, self.method, selections),
+            outcomes: self.outcomes,
+            method: self.method,
+        }
     }
 }
 

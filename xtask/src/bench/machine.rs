@@ -43,7 +43,15 @@ impl Machine {
 
     /// Why ratios of wall times of `self` and `other` are not compared, if so.
     pub(crate) fn other_ratios(&self, other: &Self) -> Option<String> {
-        let of = |machine: &Self| format!("{} cores with {}", machine.cores, machine.vectors);
+        let of = |machine: &Self| {
+            let Self {
+                processor,
+                cores,
+                vectors,
+                ..
+            } = machine;
+            format!("{cores} cores of {processor} with {vectors}")
+        };
         let (one, two) = (of(self), of(other));
         (one != two).then(|| format!("the baseline is of {one}, here are {two}"))
     }

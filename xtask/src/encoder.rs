@@ -107,14 +107,14 @@ impl Loaded {
         }
     }
 
-    /// Embeds images `(n * frames, height, width, 3)`, row-major, to `(n, width)`.
-    pub(crate) fn embed(&self, pixels: &[f32], height: usize, width: usize) -> Result<Vec<f32>> {
-        let images = pixels.len() / (height * width * 3).max(1);
+    /// Embeds `n * frames` images, each `(height, width, 3)`, row-major, to `(n, width)`.
+    pub(crate) fn embed(&self, images: &[&[f32]], size: [usize; 2]) -> Result<Vec<f32>> {
         match self {
-            Self::Images(encoder) => Ok(encoder.embed_pixels(pixels, [images, height, width])?),
+            Self::Images(encoder) => Ok(encoder.embed_pixels(images, size)?),
             Self::Sequences(network, frames) => {
-                let shape = (images / frames, *frames, height, width, 3);
-                let sequences = Tensor::from_slice(pixels, shape, &Device::Cpu)?;
+                let [height, width] = size;
+                let shape = (images.len() / frames, *frames, height, width, 3);
+                let sequences = Tensor::from_vec(images.concat(), shape, &Device::Cpu)?;
                 let embeddings = network.embed(&sequences.permute((0, 4, 1, 2, 3))?)?;
                 Ok(embeddings.flatten_all()?.to_vec1()?)
             }

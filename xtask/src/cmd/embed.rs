@@ -87,7 +87,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     write(&args.out, &values, args.images.len() / each)?;
     info!(
-        "{} images, {:.1} ms each to encode",
+        "{} images, {:.2} ms each to encode",
         args.images.len(),
         1e3 * seconds / args.images.len() as f64
     );

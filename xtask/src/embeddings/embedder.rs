@@ -67,21 +67,19 @@ impl Embedder {
     /// Embeds frames in the order given: (frames, width), row-major. For an encoder of sequences
     /// a frame is one sequence, its images one below the other.
     pub(crate) fn embed(&self, frames: &[Frame]) -> Result<Vec<f32>> {
-        let mut by_size: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        let mut by_size: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
         let prepared = frames.iter().map(|frame| self.prepared(frame));
         let prepared = prepared.collect::<Result<Vec<_>>>()?;
         for (index, images) in prepared.iter().enumerate() {
-            let size = (images[0].height, images[0].width);
+            let size = [images[0].height, images[0].width];
             by_size.entry(size).or_default().push(index);
         }
         let width = self.width();
         let mut values = vec![0.0; frames.len() * width];
-        for ((height, columns), indices) in by_size {
-            let mut pixels = Vec::new();
-            for image in indices.iter().flat_map(|&index| &prepared[index]) {
-                pixels.extend_from_slice(&image.data);
-            }
-            let embedded = self.encoder.embed(&pixels, height, columns)?;
+        for (size, indices) in by_size {
+            let images = indices.iter().flat_map(|&index| &prepared[index]);
+            let images: Vec<&[f32]> = images.map(|image| &image.data[..]).collect();
+            let embedded = self.encoder.embed(&images, size)?;
             for (&index, row) in indices.iter().zip(embedded.chunks_exact(width)) {
                 values[index * width..][..width].copy_from_slice(row);
             }

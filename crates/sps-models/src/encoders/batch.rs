@@ -29,40 +29,39 @@ pub(super) trait Network: Sync {
 /// Images and what is taken out of them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Images<'a> {
-    /// `(frames, 3, ..size)`, or `(frames, ..size, 3)`
-    pub(super) values: &'a [f32],
+    /// `(3, ..size)` or `(..size, 3)` each
+    pub(super) images: &'a [&'a [f32]],
     pub(super) order: Order,
     pub(super) size: Size,
     pub(super) normalisation: &'a Normalisation,
 }
 
 impl<'a> Images<'a> {
-    /// Elements of one image.
-    fn len(&self) -> usize {
-        3 * self.size.iter().product::<usize>()
-    }
-
     pub(super) fn frames(&self) -> usize {
-        self.values.len() / self.len()
+        self.images.len()
     }
 
     /// The images one by one.
     pub(super) fn iter(&self) -> impl Iterator<Item = &'a [f32]> {
-        self.values.chunks_exact(self.len())
+        self.images.iter().copied()
     }
 
     fn split_at(self, frames: usize) -> (Self, Self) {
-        let (left, right) = self.values.split_at(frames * self.len());
-        let with = |values| Self { values, ..self };
+        let (left, right) = self.images.split_at(frames);
+        let with = |images| Self { images, ..self };
         (with(left), with(right))
     }
 
     fn chunks(self, frames: usize) -> impl Iterator<Item = Self> {
-        let len = frames * self.len();
-        self.values
-            .chunks(len)
-            .map(move |values| Self { values, ..self })
+        let chunks = self.images.chunks(frames);
+        chunks.map(move |images| Self { images, ..self })
     }
+}
+
+/// The images of a batch that lies in memory as a whole.
+pub(super) fn each(values: &[f32], size: Size) -> Vec<&[f32]> {
+    let len = 3 * size.iter().product::<usize>();
+    values.chunks_exact(len.max(1)).collect()
 }
 
 /// Frames that go through the network together: enough that a layer's weights, read once, serve

@@ -1,9 +1,7 @@
 //! Images as the kernels take them.
 
-use half::bf16;
-
 use super::batch::Images;
-use crate::ops::format::Format;
+use crate::ops::format::{Format, pair};
 use crate::ops::grid::{Grid, Size};
 
 /// What a network takes out of its input: `(value - mean) / std` of each channel.
@@ -47,39 +45,39 @@ pub(super) enum Order {
 
 /// Lays one of the images out channels last inside the first frame of `grid`.
 pub(super) fn lay_out(image: &[f32], images: &Images<'_>, grid: &Grid, out: &mut [f32]) {
-    let normalisation = images.normalisation;
     let [time, height, width] = grid.size;
     let plane = time * height * width;
+    // Of each number of a row, so that a vector of them is normalised at once.
+    let Normalisation { mean, std } = images.normalisation;
+    let (means, stds) = (mean.repeat(width), std.repeat(width));
+    let mut pixels = vec![0.0; 3 * width];
     for row in 0..time * height {
+        match images.order {
+            Order::Planes => {
+                for channel in 0..3 {
+                    let values = &image[channel * plane + row * width..][..width];
+                    for (pixel, value) in pixels.chunks_exact_mut(3).zip(values) {
+                        pixel[channel] = *value;
+                    }
+                }
+            }
+            Order::Pixels => pixels.copy_from_slice(&image[3 * row * width..][..3 * width]),
+        }
+        for ((value, mean), std) in pixels.iter_mut().zip(&means).zip(&stds) {
+            *value = (*value - mean) / std;
+        }
         let place = [
             grid.before[0] + row / height,
             grid.before[1] + row % height,
             grid.before[2],
         ];
-        let start = grid.index(0, place);
-        let out = &mut out[start..start + width * grid.pitch];
-        if grid.format == Format::Bf16 {
-            out.fill(0.0);
-        }
-        for channel in 0..3 {
-            let (mean, std) = (normalisation.mean[channel], normalisation.std[channel]);
-            let (from, step) = match images.order {
-                Order::Planes => (channel * plane + row * width, 1),
-                Order::Pixels => (row * width * 3 + channel, 3),
-            };
-            let values = image[from..].iter().step_by(step).take(width);
-            let values = values.map(|value| (value - mean) / std);
-            match grid.format {
-                Format::F32 => {
-                    for (pixel, value) in out.chunks_exact_mut(3).zip(values) {
-                        pixel[channel] = value;
-                    }
-                }
-                Format::Bf16 => {
-                    let out: &mut [bf16] = bytemuck::cast_slice_mut(out);
-                    for (pixel, value) in out.chunks_exact_mut(4).zip(values) {
-                        pixel[channel] = bf16::from_f32(value);
-                    }
+        let out = &mut out[grid.index(0, place)..][..width * grid.pitch];
+        match grid.format {
+            Format::F32 => out.copy_from_slice(&pixels),
+            Format::Bf16 => {
+                for (words, pixel) in out.chunks_exact_mut(2).zip(pixels.chunks_exact(3)) {
+                    words[0] = pair(pixel[0], pixel[1]);
+                    words[1] = pair(pixel[2], 0.0);
                 }
             }
         }

@@ -30,7 +30,7 @@ pub use trainable::TrainableEncoder;
 use crate::error::{Error, Result};
 use crate::ops::simd::Level;
 use crate::weights::Weights;
-use batch::{Images, Pooled};
+use batch::{Images, Pooled, each};
 use images::{Normalisation, Order};
 use plain::Plain;
 
@@ -171,35 +171,33 @@ impl Encoder {
         self.run(images, &Normalisation::IMAGENET)
     }
 
-    /// Embeds images as they lie in most decoders' memory, `(n, height, width, 3)` row-major, f32
-    /// in 0..=1, display-referred RGB, to `(n, width)`, row-major; as [`Encoder::embed`] does, but
-    /// without a tensor's copies.
+    /// Embeds images as they lie in most decoders' memory, each `(height, width, 3)` row-major, f32
+    /// in 0..=1, display-referred RGB, to `(images, width)`, row-major; as [`Encoder::embed`] does,
+    /// but without copies.
     ///
     /// # Errors
     ///
-    /// When the images do not fill their shape or are smaller than [`EncoderKind::min_size`].
-    pub fn embed_pixels(&self, pixels: &[f32], shape: [usize; 3]) -> Result<Vec<f32>> {
-        let [n, height, width] = shape;
-        let fits = (n.checked_mul(height))
-            .and_then(|rows| rows.checked_mul(width)?.checked_mul(3))
-            .is_some_and(|count| count == pixels.len());
-        if !fits || n == 0 || height.min(width) < self.kind.min_size() {
+    /// When an image does not fill its size, or the size is below [`EncoderKind::min_size`].
+    pub fn embed_pixels(&self, images: &[&[f32]], size: [usize; 2]) -> Result<Vec<f32>> {
+        let [height, width] = size;
+        let min = self.kind.min_size();
+        let len = height.checked_mul(width).and_then(|n| n.checked_mul(3));
+        let misfit = images.iter().find(|image| Some(image.len()) != len);
+        if misfit.is_some() || height.min(width) < min {
             return Err(Error::input(
                 "pixels",
-                format_args!("{} values for {shape:?} pixels", pixels.len()),
-                format_args!(
-                    "three for each pixel of (n, height, width), n > 0, sides of at least {}",
-                    self.kind.min_size()
-                ),
+                format_args!("{} values for {size:?}", misfit.map_or(0, |m| m.len())),
+                format_args!("three for each pixel, sides of at least {min}"),
             ));
         }
         if let Engine::Plain = self.engine {
-            let images = Tensor::from_slice(pixels, (n, height, width, 3), &self.device)?;
+            let shape = (images.len(), height, width, 3);
+            let images = Tensor::from_vec(images.concat(), shape, &self.device)?;
             let embeddings = self.embed(&images.permute((0, 3, 1, 2))?)?;
             return Ok(embeddings.flatten_all()?.to_vec1()?);
         }
         Ok(self.engine.embed(Images {
-            values: pixels,
+            images,
             order: Order::Pixels,
             size: [1, height, width],
             normalisation: &Normalisation::IMAGENET,
@@ -233,10 +231,11 @@ impl Encoder {
         }
         let (n, _, height, width) = images.dims4()?;
         let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
+        let size = [1, height, width];
         let embeddings = self.engine.embed(Images {
-            values: &values,
+            images: &each(&values, size),
             order: Order::Planes,
-            size: [1, height, width],
+            size,
             normalisation,
         });
         Ok(Tensor::from_vec(

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use candle_core::backprop::GradStore;
 use candle_core::{CpuStorage, CustomOp1, DType, Device, Layout, Shape, Tensor, Var};
 
-use super::batch::Images;
+use super::batch::{Images, each};
 use super::images::{Normalisation, Order};
 use super::plain::{BatchStatistics, Plain};
 use super::se_resnext::train::{Context, Gradients, Tape};
@@ -218,10 +218,11 @@ impl TrainableEncoder {
     ) -> Result<(Tensor, Vec<BatchStatistics>)> {
         let (_, _, height, width) = images.dims4()?;
         let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
+        let size = [1, height, width];
         let images = Images {
-            values: &values,
+            images: &each(&values, size),
             order: Order::Planes,
-            size: [1, height, width],
+            size,
             normalisation,
         };
         let bridge = Bridge {

@@ -245,14 +245,14 @@ impl Tile<'_, '_> {
             let sums = sums;
             for (i, sums) in sums.iter().enumerate() {
                 let out = &mut target[row(i)..][..W::FORMAT.words(columns)];
-                let stored = words.load_part(lanes, out);
+                let stored = finish.accumulate.then(|| words.load_part(lanes, out));
                 words.store_part(lanes, finish.apply(lanes, sums, stored), out);
             }
             return;
         }
         each_row!(H, i, {
             let out = &mut target[row(i)..][..W::FORMAT.words(NV * S::F32_LANES)];
-            let stored = words.load(lanes, out);
+            let stored = finish.accumulate.then(|| words.load(lanes, out));
             words.store::<NV>(lanes, finish.apply(lanes, &sums[i], stored), out);
         });
     }
@@ -295,7 +295,7 @@ impl Tile<'_, '_> {
         let (panel, _) = panel.as_chunks::<NV>();
         let mut total = [[lanes.splat_f32s(0.0); NV]; H];
         let mut sums = total;
-        let mut summed = 0;
+        let (mut summed, mut blocks) = (0, 0);
         for (&tap, panel) in taps.iter().zip(panel.chunks_exact(run)) {
             let left: [&[f32]; H] = std::array::from_fn(|i| {
                 let start = (rows[i] + tap) as usize;
@@ -316,6 +316,7 @@ impl Tile<'_, '_> {
                 summed += panel.len();
                 if summed >= BLOCK {
                     summed = 0;
+                    blocks += 1;
                     each_row!(H, i, {
                         for v in 0..NV {
                             total[i][v] = lanes.add_f32s(total[i][v], sums[i][v]);
@@ -325,11 +326,14 @@ impl Tile<'_, '_> {
                 }
             }
         }
-        each_row!(H, i, {
-            for v in 0..NV {
-                sums[i][v] = lanes.add_f32s(total[i][v], sums[i][v]);
-            }
-        });
+        // Short rows are one block: their total is nothing.
+        if blocks > 0 {
+            each_row!(H, i, {
+                for v in 0..NV {
+                    sums[i][v] = lanes.add_f32s(total[i][v], sums[i][v]);
+                }
+            });
+        }
         sums
     }
 }
@@ -359,15 +363,19 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
         }
     }
 
-    /// What is stored of a row's sums, where `stored` is stored already.
+    /// What is stored of a row's sums, where `stored` is there already and counts.
     #[inline(always)]
-    fn apply(self, lanes: S, sums: &[S::f32s; NV], stored: [S::f32s; NV]) -> [S::f32s; NV] {
+    fn apply(
+        self,
+        lanes: S,
+        sums: &[S::f32s; NV],
+        stored: Option<[S::f32s; NV]>,
+    ) -> [S::f32s; NV] {
         std::array::from_fn(|v| {
             let y = lanes.fma(sums[v], self.scale[v], self.shift[v]);
-            let y = if self.accumulate {
-                lanes.add_f32s(y, stored[v])
-            } else {
-                y
+            let y = match stored {
+                Some(stored) => lanes.add_f32s(y, stored[v]),
+                None => y,
             };
             lanes.at_least(self.floor, y)
         })

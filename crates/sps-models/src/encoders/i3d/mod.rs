@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use candle_core::{DType, Device, Tensor};
 
-use super::batch::{Images, Pooled};
+use super::batch::{Images, Pooled, each};
 use super::images::{Normalisation, Order};
 use super::{Precision, content_hash, init};
 use crate::error::{Error, Result};
@@ -196,7 +196,7 @@ impl I3d {
         };
         let values: Vec<f32> = sequences.flatten_all()?.to_vec1()?;
         let embeddings = self.network.embed(Images {
-            values: &values,
+            images: &each(&values, size),
             order: Order::Planes,
             size,
             normalisation,

@@ -92,14 +92,14 @@ fn pixels_embed_as_the_same_images_do() {
             let encoder = Encoder::seeded(kind, 1, &Device::Cpu).unwrap();
             let encoder = encoder.with_precision(precision).unwrap();
             let expected = encoder.embed(&images).unwrap().flatten_all().unwrap();
-            let shape = [count, height, width];
-            let found = encoder.embed_pixels(&pixels, shape).unwrap();
+            let pixels: Vec<&[f32]> = pixels.chunks_exact(3 * height * width).collect();
+            let found = encoder.embed_pixels(&pixels, [height, width]).unwrap();
             assert_eq!(
                 found,
                 expected.to_vec1::<f32>().unwrap(),
                 "{kind} {precision}"
             );
-            for wrong in [[0, height, width], [2, height, width], [usize::MAX; 3]] {
+            for wrong in [[height, width + 1], [0, width], [usize::MAX; 2]] {
                 assert!(encoder.embed_pixels(&pixels, wrong).is_err(), "{wrong:?}");
             }
         }

@@ -103,16 +103,19 @@ pub(super) mod bf16 {
         }
 
         #[inline(always)]
-        fn load<const NV: usize>(self, _: V4, from: &[f32]) -> [f32x16; NV] {
+        fn load<const NV: usize>(self, lanes: V4, from: &[f32]) -> [f32x16; NV] {
             let (from, _) = from.as_chunks::<8>();
-            std::array::from_fn(|v| {
+            let mut all = [lanes.splat_f32s(0.0); NV];
+            // No closure: one that is not inlined is compiled without the instructions.
+            for (numbers, words) in all.iter_mut().zip(from) {
                 // SAFETY: `V4` stands for AVX-512F, and the types are the same bits.
                 unsafe {
-                    let words = std::mem::transmute::<[f32; 8], __m256i>(from[v]);
-                    let numbers = _mm512_slli_epi32::<16>(_mm512_cvtepu16_epi32(words));
-                    std::mem::transmute::<__m512i, f32x16>(numbers)
+                    let words = std::mem::transmute::<[f32; 8], __m256i>(*words);
+                    let wide = _mm512_slli_epi32::<16>(_mm512_cvtepu16_epi32(words));
+                    *numbers = std::mem::transmute::<__m512i, f32x16>(wide);
                 }
-            })
+            }
+            all
         }
 
         #[inline(always)]

@@ -245,14 +245,22 @@ impl Tile<'_, '_> {
             let sums = sums;
             for (i, sums) in sums.iter().enumerate() {
                 let out = &mut target[row(i)..][..W::FORMAT.words(columns)];
-                let stored = finish.accumulate.then(|| words.load_part(lanes, out));
+                let stored = if finish.accumulate {
+                    words.load_part(lanes, out)
+                } else {
+                    [lanes.splat_f32s(0.0); NV]
+                };
                 words.store_part(lanes, finish.apply(lanes, sums, stored), out);
             }
             return;
         }
         each_row!(H, i, {
             let out = &mut target[row(i)..][..W::FORMAT.words(NV * S::F32_LANES)];
-            let stored = finish.accumulate.then(|| words.load(lanes, out));
+            let stored = if finish.accumulate {
+                words.load(lanes, out)
+            } else {
+                [lanes.splat_f32s(0.0); NV]
+            };
             words.store::<NV>(lanes, finish.apply(lanes, &sums[i], stored), out);
         });
     }
@@ -363,21 +371,12 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
         }
     }
 
-    /// What is stored of a row's sums, where `stored` is there already and counts.
+    /// What is stored of a row's sums, where `stored` is added to them.
     #[inline(always)]
-    fn apply(
-        self,
-        lanes: S,
-        sums: &[S::f32s; NV],
-        stored: Option<[S::f32s; NV]>,
-    ) -> [S::f32s; NV] {
+    fn apply(self, lanes: S, sums: &[S::f32s; NV], stored: [S::f32s; NV]) -> [S::f32s; NV] {
         std::array::from_fn(|v| {
             let y = lanes.fma(sums[v], self.scale[v], self.shift[v]);
-            let y = match stored {
-                Some(stored) => lanes.add_f32s(y, stored[v]),
-                None => y,
-            };
-            lanes.at_least(self.floor, y)
+            lanes.at_least(self.floor, lanes.add_f32s(y, stored[v]))
         })
     }
 }

@@ -245,22 +245,14 @@ impl Tile<'_, '_> {
             let sums = sums;
             for (i, sums) in sums.iter().enumerate() {
                 let out = &mut target[row(i)..][..W::FORMAT.words(columns)];
-                let stored = if finish.accumulate {
-                    words.load_part(lanes, out)
-                } else {
-                    [lanes.splat_f32s(0.0); NV]
-                };
+                let stored = words.load_part(lanes, out);
                 words.store_part(lanes, finish.apply(lanes, sums, stored), out);
             }
             return;
         }
         each_row!(H, i, {
             let out = &mut target[row(i)..][..W::FORMAT.words(NV * S::F32_LANES)];
-            let stored = if finish.accumulate {
-                words.load(lanes, out)
-            } else {
-                [lanes.splat_f32s(0.0); NV]
-            };
+            let stored = words.load(lanes, out);
             words.store::<NV>(lanes, finish.apply(lanes, &sums[i], stored), out);
         });
     }
@@ -303,7 +295,7 @@ impl Tile<'_, '_> {
         let (panel, _) = panel.as_chunks::<NV>();
         let mut total = [[lanes.splat_f32s(0.0); NV]; H];
         let mut sums = total;
-        let (mut summed, mut blocks) = (0, 0);
+        let mut summed = 0;
         for (&tap, panel) in taps.iter().zip(panel.chunks_exact(run)) {
             let left: [&[f32]; H] = std::array::from_fn(|i| {
                 let start = (rows[i] + tap) as usize;
@@ -324,7 +316,6 @@ impl Tile<'_, '_> {
                 summed += panel.len();
                 if summed >= BLOCK {
                     summed = 0;
-                    blocks += 1;
                     each_row!(H, i, {
                         for v in 0..NV {
                             total[i][v] = lanes.add_f32s(total[i][v], sums[i][v]);
@@ -334,14 +325,11 @@ impl Tile<'_, '_> {
                 }
             }
         }
-        // Short rows are one block: their total is nothing.
-        if blocks > 0 {
-            each_row!(H, i, {
-                for v in 0..NV {
-                    sums[i][v] = lanes.add_f32s(total[i][v], sums[i][v]);
-                }
-            });
-        }
+        each_row!(H, i, {
+            for v in 0..NV {
+                sums[i][v] = lanes.add_f32s(total[i][v], sums[i][v]);
+            }
+        });
         sums
     }
 }
@@ -371,12 +359,17 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
         }
     }
 
-    /// What is stored of a row's sums, where `stored` is added to them.
+    /// What is stored of a row's sums, where `stored` is stored already.
     #[inline(always)]
     fn apply(self, lanes: S, sums: &[S::f32s; NV], stored: [S::f32s; NV]) -> [S::f32s; NV] {
         std::array::from_fn(|v| {
             let y = lanes.fma(sums[v], self.scale[v], self.shift[v]);
-            lanes.at_least(self.floor, lanes.add_f32s(y, stored[v]))
+            let y = if self.accumulate {
+                lanes.add_f32s(y, stored[v])
+            } else {
+                y
+            };
+            lanes.at_least(self.floor, y)
         })
     }
 }

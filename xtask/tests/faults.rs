@@ -2,7 +2,7 @@
 //! that were set. What counts as a loss: a result that differs, a trial or an embedding that was on
 //! disk and is computed again without a line in the log, a run that cannot be finished.
 //!
-//! `cargo test --release -p xtask --test faults -- --ignored --nocapture` does it at length;
+//! `cargo test --workspace --release --test faults -- --ignored --nocapture` does it at length;
 //! docs/benchmarks.md shows what came out.
 
 mod support;

@@ -30,7 +30,7 @@ pub(super) trait Network: Sync {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Images<'a> {
     /// `(3, ..size)` or `(..size, 3)` each
-    pub(super) images: &'a [&'a [f32]],
+    pub(super) pixels: &'a [&'a [f32]],
     pub(super) order: Order,
     pub(super) size: Size,
     pub(super) normalisation: &'a Normalisation,
@@ -38,23 +38,23 @@ pub(super) struct Images<'a> {
 
 impl<'a> Images<'a> {
     pub(super) fn frames(&self) -> usize {
-        self.images.len()
+        self.pixels.len()
     }
 
     /// The images one by one.
     pub(super) fn iter(&self) -> impl Iterator<Item = &'a [f32]> {
-        self.images.iter().copied()
+        self.pixels.iter().copied()
     }
 
     fn split_at(self, frames: usize) -> (Self, Self) {
-        let (left, right) = self.images.split_at(frames);
-        let with = |images| Self { images, ..self };
+        let (left, right) = self.pixels.split_at(frames);
+        let with = |pixels| Self { pixels, ..self };
         (with(left), with(right))
     }
 
     fn chunks(self, frames: usize) -> impl Iterator<Item = Self> {
-        let chunks = self.images.chunks(frames);
-        chunks.map(move |images| Self { images, ..self })
+        let chunks = self.pixels.chunks(frames);
+        chunks.map(move |pixels| Self { pixels, ..self })
     }
 }
 

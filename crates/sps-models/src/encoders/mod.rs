@@ -197,7 +197,7 @@ impl Encoder {
             return Ok(embeddings.flatten_all()?.to_vec1()?);
         }
         Ok(self.engine.embed(Images {
-            images,
+            pixels: images,
             order: Order::Pixels,
             size: [1, height, width],
             normalisation: &Normalisation::IMAGENET,
@@ -233,7 +233,7 @@ impl Encoder {
         let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
         let size = [1, height, width];
         let embeddings = self.engine.embed(Images {
-            images: &each(&values, size),
+            pixels: &each(&values, size),
             order: Order::Planes,
             size,
             normalisation,

@@ -220,7 +220,7 @@ impl TrainableEncoder {
         let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
         let size = [1, height, width];
         let images = Images {
-            images: &each(&values, size),
+            pixels: &each(&values, size),
             order: Order::Planes,
             size,
             normalisation,

@@ -196,7 +196,7 @@ impl I3d {
         };
         let values: Vec<f32> = sequences.flatten_all()?.to_vec1()?;
         let embeddings = self.network.embed(Images {
-            images: &each(&values, size),
+            pixels: &each(&values, size),
             order: Order::Planes,
             size,
             normalisation,

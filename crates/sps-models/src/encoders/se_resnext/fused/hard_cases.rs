@@ -28,7 +28,7 @@ fn layers(weights: &Weights, format: Format, image: &[f32], size: [usize; 3]) ->
     let config = SeResNextConfig::RESNEXT50_32X4D;
     let network = Fused::new(&config, weights, Level::detect(), format).unwrap();
     let images = Images {
-        images: &[image],
+        pixels: &[image],
         order: Order::Planes,
         size,
         normalisation: &Normalisation::NONE,

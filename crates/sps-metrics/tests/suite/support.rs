@@ -71,8 +71,15 @@ impl FromIterator<Units> for Exact {
 }
 
 impl Exact {
+    /// The count times the sum of squares about the mean. The difference fits in 128 bits where its
+    /// terms need not: what they lose beyond is the same on both sides.
+    fn spread(self) -> i128 {
+        let squares = self.count.wrapping_mul(self.squares);
+        squares.wrapping_sub(self.sum.wrapping_mul(self.sum))
+    }
+
     pub(crate) fn r2_own_mean(self) -> f64 {
-        let total = self.count * self.squares - self.sum * self.sum;
+        let total = self.spread();
         (total - self.count * self.squared) as f64 / total as f64
     }
 
@@ -91,7 +98,7 @@ impl Exact {
     }
 
     pub(crate) fn variance(self) -> f64 {
-        let total = self.count * self.squares - self.sum * self.sum;
+        let total = self.spread();
         total as f64 / (self.count * (self.count - 1)) as f64 * UNIT * UNIT
     }
 }

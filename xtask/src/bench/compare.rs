@@ -231,18 +231,31 @@ impl From<Verdict> for Judged {
 }
 
 impl Comparison {
-    /// What is past its budget, in words.
+    /// What is past its budget, in words: also what has one and is no longer measured.
     pub(crate) fn past(&self) -> Vec<String> {
         let rows = self.0.iter().flat_map(|part| &part.rows);
-        let past = rows.filter(|row| row.judged.verdict == Verdict::Past);
-        past.map(|row| {
-            let Judged { change, budget, .. } = &row.judged;
-            format!(
-                "{} ({} to {}: {change}, budget {budget})",
-                row.name, row.then, row.now
-            )
-        })
-        .collect()
+        let past = rows.filter_map(
+            |Row {
+                 name,
+                 then,
+                 now,
+                 judged,
+             }| {
+                let Judged {
+                    change,
+                    budget,
+                    verdict,
+                } = judged;
+                match verdict {
+                    Verdict::Past => Some(format!(
+                        "{name} ({then} to {now}: {change}, budget {budget})"
+                    )),
+                    Verdict::NotMeasured => Some(format!("{name} ({then}, not measured)")),
+                    _ => None,
+                }
+            },
+        );
+        past.collect()
     }
 }
 
@@ -408,6 +421,10 @@ mod tests {
             (score("r", None).len(), score("s", Some(0.1)).len()),
             (1, 1)
         );
+        let lost = past(|m| {
+            m.scores.remove("r");
+        });
+        assert_eq!(lost, ["r (0.5000, not measured)"]);
         let slow = past(|m| m.wall.values_mut().for_each(|wall| wall.median = 90.0));
         assert!(slow.is_empty(), "{slow:?}");
     }

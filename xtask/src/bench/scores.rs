@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 
 use crate::results::Results;
 
@@ -24,5 +24,6 @@ pub(crate) fn of_run(folder: &Path) -> Result<BTreeMap<String, Option<f64>>> {
             scores.extend(named);
         }
     }
+    ensure!(!scores.is_empty(), "{} has no scores", folder.display());
     Ok(scores)
 }

@@ -177,17 +177,22 @@ impl Encoder {
     ///
     /// # Errors
     ///
-    /// When an image does not fill its size, or the size is below [`EncoderKind::min_size`].
+    /// When there is no image, one does not fill its size, or a side is below
+    /// [`EncoderKind::min_size`].
     pub fn embed_pixels(&self, images: &[&[f32]], size: [usize; 2]) -> Result<Vec<f32>> {
         let [height, width] = size;
         let min = self.kind.min_size();
         let len = height.checked_mul(width).and_then(|n| n.checked_mul(3));
         let misfit = images.iter().find(|image| Some(image.len()) != len);
-        if misfit.is_some() || height.min(width) < min {
+        if images.is_empty() || misfit.is_some() || height.min(width) < min {
+            let values = misfit.or(images.first()).map_or(0, |image| image.len());
             return Err(Error::input(
                 "pixels",
-                format_args!("{} values for {size:?}", misfit.map_or(0, |m| m.len())),
-                format_args!("three for each pixel, sides of at least {min}"),
+                format_args!(
+                    "{} images, one of {values} values for {size:?}",
+                    images.len()
+                ),
+                format_args!("images of three values a pixel, sides of at least {min}"),
             ));
         }
         if let Engine::Plain = self.engine {

@@ -99,6 +99,7 @@ fn pixels_embed_as_the_same_images_do() {
                 expected.to_vec1::<f32>().unwrap(),
                 "{kind} {precision}"
             );
+            assert!(encoder.embed_pixels(&[], [height, width]).is_err());
             for wrong in [[height, width + 1], [0, width], [usize::MAX; 2]] {
                 assert!(encoder.embed_pixels(&pixels, wrong).is_err(), "{wrong:?}");
             }

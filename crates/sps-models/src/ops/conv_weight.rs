@@ -33,7 +33,9 @@ pub(crate) fn weight_gradient(
         places: &to.places(),
     };
     let [time, height, width] = shape.window.size;
-    if shape.groups == 1 {
+    if shape.groups == 1 && pixels(shape.window.size) == 1 {
+        pointwise(level, shape, &pairs, target);
+    } else if shape.groups == 1 {
         let taps = from.taps([time, height, 1]);
         let run = width * shape.inputs;
         dense(level, shape, &pairs, &taps, run, target);
@@ -48,6 +50,30 @@ struct Pairs<'a> {
     starts: &'a [u32],
     gradient: &'a [f32],
     places: &'a [u32],
+}
+
+/// Pixels of which both feature maps stay in the cache.
+const NEAR: usize = 256;
+
+/// One matrix: rows are outputs, columns inputs. Both feature maps are read where they lie.
+fn pointwise(level: Level, shape: &ConvShape, pairs: &Pairs<'_>, target: &mut [f32]) {
+    let rows = shape.outputs.div_ceil(2 * rayon::current_num_threads());
+    let parts = target.par_chunks_mut(rows * shape.inputs).enumerate();
+    parts.for_each(|(part, target)| {
+        target.fill(0.0);
+        let blocks = pairs.starts.chunks(NEAR).zip(pairs.places.chunks(NEAR));
+        for (starts, places) in blocks {
+            let outer = Outer {
+                left: &pairs.gradient[part * rows..],
+                left_rows: places,
+                right: pairs.source,
+                right_rows: starts,
+                height: target.len() / shape.inputs,
+                width: shape.inputs,
+            };
+            outer.add(level, target, shape.inputs);
+        }
+    });
 }
 
 /// One matrix: rows are outputs, columns the runs' elements.

@@ -92,9 +92,15 @@ impl Add<'_, '_> {
         each_row!(H, i, {
             let start = (row + i) * self.stride + column;
             let target = &mut self.target[start..start + columns];
-            for (v, part) in target.chunks_mut(S::F32_LANES).enumerate() {
-                let sum = lanes.add_f32s(sums[i][v], lanes.partial_load_f32s(part));
-                lanes.partial_store_f32s(part, sum);
+            if WHOLE {
+                for (v, part) in S::as_mut_simd_f32s(target).0.iter_mut().enumerate() {
+                    *part = lanes.add_f32s(sums[i][v], *part);
+                }
+            } else {
+                for (v, part) in target.chunks_mut(S::F32_LANES).enumerate() {
+                    let sum = lanes.add_f32s(sums[i][v], lanes.partial_load_f32s(part));
+                    lanes.partial_store_f32s(part, sum);
+                }
             }
         });
     }

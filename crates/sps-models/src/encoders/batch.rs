@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 
 use super::images::{Normalisation, Order};
-use crate::ops::bands::Threads;
+use crate::ops::bands::{Threads, inside_pool};
 use crate::ops::grid::Size;
 
 /// A network on the CPU kernels.
@@ -88,6 +88,10 @@ impl<N: Network> Pooled<N> {
     /// As many frames as the threads can share evenly are each embedded by one thread; the
     /// threads then work together on those that are left.
     pub(super) fn embed(&self, images: Images<'_>) -> Vec<f32> {
+        inside_pool(|| self.embed_inside(images))
+    }
+
+    fn embed_inside(&self, images: Images<'_>) -> Vec<f32> {
         let width = self.network.width();
         let mut embeddings = vec![0.0; images.frames() * width];
         let threads = rayon::current_num_threads();

@@ -11,7 +11,8 @@ use super::images::{Normalisation, Order};
 use super::plain::{BatchStatistics, Plain};
 use super::se_resnext::train::{Context, Gradients, Tape};
 use super::{Encoder, EncoderKind, SeResNextConfig, check, normalise, se_resnext, squeezenet};
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::ops::bands::inside_pool;
 use crate::ops::buffer::Recycler;
 use crate::ops::simd::Level;
 use crate::ops::with_values;
@@ -235,14 +236,17 @@ impl TrainableEncoder {
         };
         let mut statistics = Vec::new();
         let context = bridge.context();
-        let tape = Tape::record(
-            &config,
-            &context,
-            &images,
-            self.checkpointing,
-            &mut statistics,
-        )?;
-        let embeddings = tape.embeddings(&context);
+        let (tape, embeddings) = inside_pool(|| {
+            let tape = Tape::record(
+                &config,
+                &context,
+                &images,
+                self.checkpointing,
+                &mut statistics,
+            )?;
+            let embeddings = tape.embeddings(&context);
+            Ok::<_, Error>((tape, embeddings))
+        })?;
         let bridge = Bridge {
             tape: Some(tape),
             embeddings,
@@ -312,7 +316,7 @@ impl CustomOp1 for Bridge {
             return Ok(None);
         };
         let gradients = with_values(cotangent, |cotangent| {
-            let gradients = tape.backward(&self.context(), cotangent);
+            let gradients = inside_pool(|| tape.backward(&self.context(), cotangent));
             gradients.map_err(candle_core::Error::wrap)
         })?;
         let mut all = self

@@ -28,6 +28,12 @@ pub(crate) struct Band<'a> {
     pub(crate) target: &'a mut [f32],
 }
 
+/// Runs `work` on a thread of the pool that the caller is in: from outside, each parallel step in it
+/// would be handed over and waited for asleep.
+pub(crate) fn inside_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::scope(|_| work())
+}
+
 /// Calls `work` on bands that cover the grid: one band of all frames for [`Threads::One`], and
 /// several of each frame for [`Threads::All`].
 pub(crate) fn for_each_band(

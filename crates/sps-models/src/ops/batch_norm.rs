@@ -53,8 +53,8 @@ impl Norm {
         (n, &self.mean[..n], &self.factor[..n], &self.beta[..n])
     }
 
-    /// Writes `y`, rectified where `relu` says so, from `x` without a border to a target that
-    /// may have one.
+    /// Writes `y`, rectified where `relu` says so, from `x`, which lies as the target does but
+    /// has no border.
     pub(crate) fn apply(
         &self,
         level: Level,
@@ -63,11 +63,11 @@ impl Norm {
         relu: bool,
     ) {
         let places = to.places();
-        let channels = to.channels;
         for_each_band(Threads::All, to, target, |band| {
             level.run(Apply {
                 norm: self,
-                x: &x[band.pixels.start * channels..band.pixels.end * channels],
+                pitch: to.pitch,
+                x: &x[band.pixels.start * to.pitch..band.pixels.end * to.pitch],
                 places: &places[band.pixels],
                 origin: band.origin,
                 target: band.target,
@@ -90,6 +90,7 @@ impl Norm {
         FrameSums::of(grid, |range| {
             level.run(Sums {
                 norm: self,
+                pitch: grid.pitch,
                 x: &x[range.clone()],
                 gradient: &gradient[range],
                 relu,
@@ -97,8 +98,8 @@ impl Norm {
         })
     }
 
-    /// The gradient of `x` from that of `y` by `slopes`; the output may have a border, which
-    /// stays as it is.
+    /// The gradient of `x` from that of `y` by `slopes`; both lie as the target does but have no
+    /// border. The target's stays as it is.
     pub(crate) fn backward(
         &self,
         level: Level,
@@ -109,11 +110,11 @@ impl Norm {
         relu: bool,
     ) {
         let places = to.places();
-        let channels = to.channels;
         for_each_band(Threads::All, to, target, |band| {
-            let range = band.pixels.start * channels..band.pixels.end * channels;
+            let range = band.pixels.start * to.pitch..band.pixels.end * to.pitch;
             level.run(Backward {
                 norm: self,
+                pitch: to.pitch,
                 slopes,
                 x: &x[range.clone()],
                 gradient: &gradient[range],
@@ -196,7 +197,7 @@ impl FrameSums {
 
 /// Cuts a feature map into runs; none reaches over two frames.
 fn runs(grid: &Grid) -> Vec<Range<usize>> {
-    let (frame_len, step) = (grid.frame_len(), run_rows(grid.channels) * grid.channels);
+    let (frame_len, step) = (grid.frame_len(), run_rows(grid.channels) * grid.pitch);
     (0..grid.frames)
         .flat_map(|frame| {
             let (start, end) = (frame * frame_len, (frame + 1) * frame_len);
@@ -264,6 +265,7 @@ impl NormGradients {
 
 struct Apply<'a> {
     norm: &'a Norm,
+    pitch: usize,
     x: &'a [f32],
     places: &'a [u32],
     origin: usize,
@@ -277,7 +279,8 @@ impl Kernel for Apply<'_> {
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) {
         let (n, mean, factor, beta) = self.norm.channels();
-        for (x, &place) in self.x.chunks_exact(n).zip(self.places) {
+        for (x, &place) in self.x.chunks_exact(self.pitch).zip(self.places) {
+            let x = &x[..n];
             let y = &mut self.target[place as usize - self.origin..][..n];
             for c in 0..n {
                 let value = (x[c] - mean[c]) * factor[c] + beta[c];
@@ -293,6 +296,7 @@ impl Kernel for Apply<'_> {
 
 struct Sums<'a> {
     norm: &'a Norm,
+    pitch: usize,
     x: &'a [f32],
     gradient: &'a [f32],
     relu: bool,
@@ -308,8 +312,9 @@ impl Kernel for Sums<'_> {
         let mut sums = [vec![0.0_f32; n], vec![0.0_f32; n]];
         let [total, product] = &mut sums;
         let (total, product) = (&mut total[..n], &mut product[..n]);
-        let rows = self.x.chunks_exact(n);
-        for (x, gradient) in rows.zip(self.gradient.chunks_exact(n)) {
+        let rows = self.x.chunks_exact(self.pitch);
+        for (x, gradient) in rows.zip(self.gradient.chunks_exact(self.pitch)) {
+            let (x, gradient) = (&x[..n], &gradient[..n]);
             for c in 0..n {
                 let deviation = x[c] - mean[c];
                 let passes = deviation * factor[c] + beta[c] > floor;
@@ -324,6 +329,7 @@ impl Kernel for Sums<'_> {
 
 struct Backward<'a> {
     norm: &'a Norm,
+    pitch: usize,
     slopes: &'a Slopes,
     x: &'a [f32],
     gradient: &'a [f32],
@@ -342,9 +348,10 @@ impl Kernel for Backward<'_> {
         let (of_gradient, of_x) = (&self.slopes.of_gradient[..n], &self.slopes.of_x[..n]);
         let constant = &self.slopes.constant[..n];
         let floor = if self.relu { 0.0 } else { f32::NEG_INFINITY };
-        let rows = self.x.chunks_exact(n);
-        let rows = rows.zip(self.gradient.chunks_exact(n));
+        let rows = self.x.chunks_exact(self.pitch);
+        let rows = rows.zip(self.gradient.chunks_exact(self.pitch));
         for ((x, gradient), &place) in rows.zip(self.places) {
+            let (x, gradient) = (&x[..n], &gradient[..n]);
             let out = &mut self.target[place as usize - self.origin..][..n];
             for c in 0..n {
                 let deviation = x[c] - mean[c];

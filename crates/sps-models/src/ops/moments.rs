@@ -36,12 +36,17 @@ impl Moments {
     /// A run's deviations are taken from its own mean, and runs are joined in f64 (Chan et al.,
     /// 1979): a large common offset costs no digits.
     pub(crate) fn of(level: Level, source: &[f32], grid: &Grid) -> Self {
-        let channels = grid.channels;
+        let (channels, pitch) = (grid.channels, grid.pitch);
         let runs = |frame: &[f32]| -> Vec<Spread> {
-            frame
-                .par_chunks(run_rows(channels) * channels)
-                .map(|run| level.run(RunMoments { run, channels }))
-                .collect()
+            let moments = |run| {
+                level.run(RunMoments {
+                    run,
+                    channels,
+                    pitch,
+                })
+            };
+            let runs = frame.par_chunks(run_rows(channels) * pitch);
+            runs.map(moments).collect()
         };
         let mut all = Spread::empty(channels);
         let mut frame_means = Vec::with_capacity(grid.frames * channels);
@@ -101,6 +106,7 @@ impl Spread {
 struct RunMoments<'a> {
     run: &'a [f32],
     channels: usize,
+    pitch: usize,
 }
 
 impl Kernel for RunMoments<'_> {
@@ -108,9 +114,9 @@ impl Kernel for RunMoments<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) -> Spread {
-        let count = self.run.len() / self.channels;
+        let count = self.run.len() / self.pitch;
         let mut sum = vec![0.0_f32; self.channels];
-        for row in self.run.chunks_exact(self.channels) {
+        for row in self.run.chunks_exact(self.pitch) {
             for (sum, x) in sum.iter_mut().zip(row) {
                 *sum += x;
             }
@@ -119,7 +125,7 @@ impl Kernel for RunMoments<'_> {
         // `near` is the mean but for rounding; what is left of the deviations corrects it.
         let mut left = vec![0.0_f32; self.channels];
         let mut squares = vec![0.0_f32; self.channels];
-        for row in self.run.chunks_exact(self.channels) {
+        for row in self.run.chunks_exact(self.pitch) {
             let sums = left.iter_mut().zip(&mut squares);
             for ((x, near), (left, squares)) in row.iter().zip(&near).zip(sums) {
                 let deviation = x - near;

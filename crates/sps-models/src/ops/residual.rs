@@ -46,6 +46,7 @@ impl Branch<'_> {
         self.for_each_frame(target, |frame, range, target| {
             level.run(End {
                 norm: self.norm,
+                pitch: self.grid.pitch,
                 x: &self.x[range.clone()],
                 gate: self.of_frame(self.gate, frame),
                 shortcut: match shortcut {
@@ -63,6 +64,7 @@ impl Branch<'_> {
         FrameSums::of_mut(self.grid, gradient, |range, gradient| {
             level.run(Mask {
                 mean: &self.norm.mean,
+                pitch: self.grid.pitch,
                 x: &self.x[range.clone()],
                 end: &end[range],
                 gradient,
@@ -81,6 +83,7 @@ impl Branch<'_> {
         self.for_each_frame(target, |frame, range, target| {
             level.run(Backward {
                 mean: &self.norm.mean,
+                pitch: self.grid.pitch,
                 of_gradient: self.of_frame(&slopes.of_gradient, frame),
                 of_x: &slopes.of_x,
                 constant: self.of_frame(&slopes.constant, frame),
@@ -100,8 +103,8 @@ impl Branch<'_> {
     ) {
         let per_frame = pixels(self.grid.size);
         for_each_band(Threads::All, self.grid, target, |band| {
-            let range = band.pixels.start * self.grid.channels..;
-            let range = range.start..range.start + band.target.len();
+            let start = band.pixels.start * self.grid.pitch;
+            let range = start..start + band.target.len();
             work(band.pixels.start / per_frame, range, band.target);
         });
     }
@@ -109,6 +112,7 @@ impl Branch<'_> {
 
 struct End<'a> {
     norm: &'a Norm,
+    pitch: usize,
     x: &'a [f32],
     gate: &'a [f32],
     shortcut: Shortcut<'a>,
@@ -122,10 +126,13 @@ impl Kernel for End<'_> {
     fn run<S: Lanes>(self, _: S) {
         let (n, mean, factor, beta) = self.norm.channels();
         let gate = &self.gate[..n];
-        let rows = self.x.chunks_exact(n).zip(self.target.chunks_exact_mut(n));
+        let pitch = self.pitch;
+        let rows = self.x.chunks_exact(pitch);
+        let rows = rows.zip(self.target.chunks_exact_mut(pitch));
         match self.shortcut {
             Shortcut::Plain(shortcut) => {
-                for ((x, out), shortcut) in rows.zip(shortcut.chunks_exact(n)) {
+                for ((x, out), shortcut) in rows.zip(shortcut.chunks_exact(pitch)) {
+                    let (x, out, shortcut) = (&x[..n], &mut out[..n], &shortcut[..n]);
                     for c in 0..n {
                         let y = (x[c] - mean[c]) * factor[c] + beta[c];
                         out[c] = relu(y * gate[c] + shortcut[c]);
@@ -135,7 +142,8 @@ impl Kernel for End<'_> {
             Shortcut::Normed(shortcut, norm) => {
                 let (_, m, f, b) = norm.channels();
                 let (m, f, b) = (&m[..n], &f[..n], &b[..n]);
-                for ((x, out), shortcut) in rows.zip(shortcut.chunks_exact(n)) {
+                for ((x, out), shortcut) in rows.zip(shortcut.chunks_exact(pitch)) {
+                    let (x, out, shortcut) = (&x[..n], &mut out[..n], &shortcut[..n]);
                     for c in 0..n {
                         let y = (x[c] - mean[c]) * factor[c] + beta[c];
                         let z = (shortcut[c] - m[c]) * f[c] + b[c];
@@ -155,6 +163,7 @@ fn relu(x: f32) -> f32 {
 
 struct Mask<'a> {
     mean: &'a [f32],
+    pitch: usize,
     x: &'a [f32],
     end: &'a [f32],
     gradient: &'a mut [f32],
@@ -166,16 +175,22 @@ impl Kernel for Mask<'_> {
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) -> [Vec<f32>; 2] {
         let n = self.mean.len();
+        let mean = &self.mean[..n];
         let mut sums = [vec![0.0_f32; n], vec![0.0_f32; n]];
         let [total, product] = &mut sums;
         let (total, product) = (&mut total[..n], &mut product[..n]);
-        let rows = self.x.chunks_exact(n).zip(self.end.chunks_exact(n));
-        for ((x, end), gradient) in rows.zip(self.gradient.chunks_exact_mut(n)) {
+        let pitch = self.pitch;
+        let rows = self.x.chunks_exact(pitch).zip(self.end.chunks_exact(pitch));
+        for ((x, end), gradient) in rows.zip(self.gradient.chunks_exact_mut(pitch)) {
+            let (x, end, gradient) = (&x[..n], &end[..n], &mut gradient[..n]);
             for c in 0..n {
-                let g = if end[c] > 0.0 { gradient[c] } else { 0.0 };
+                // Read whether it is kept or not: a read that depends on `end` would keep the
+                // compiler from taking several channels at a time.
+                let g = gradient[c];
+                let g = if end[c] > 0.0 { g } else { 0.0 };
                 gradient[c] = g;
                 total[c] += g;
-                product[c] += g * (x[c] - self.mean[c]);
+                product[c] += g * (x[c] - mean[c]);
             }
         }
         sums
@@ -184,6 +199,7 @@ impl Kernel for Mask<'_> {
 
 struct Backward<'a> {
     mean: &'a [f32],
+    pitch: usize,
     of_gradient: &'a [f32],
     of_x: &'a [f32],
     constant: &'a [f32],
@@ -200,8 +216,11 @@ impl Kernel for Backward<'_> {
         let n = self.mean.len();
         let (of_gradient, of_x) = (&self.of_gradient[..n], &self.of_x[..n]);
         let constant = &self.constant[..n];
-        let rows = self.x.chunks_exact(n).zip(self.gradient.chunks_exact(n));
-        for ((x, g), out) in rows.zip(self.target.chunks_exact_mut(n)) {
+        let pitch = self.pitch;
+        let rows = self.x.chunks_exact(pitch);
+        let rows = rows.zip(self.gradient.chunks_exact(pitch));
+        for ((x, g), out) in rows.zip(self.target.chunks_exact_mut(pitch)) {
+            let (x, g, out) = (&x[..n], &g[..n], &mut out[..n]);
             for c in 0..n {
                 out[c] = g[c] * of_gradient[c] + (x[c] - self.mean[c]) * of_x[c] + constant[c];
             }

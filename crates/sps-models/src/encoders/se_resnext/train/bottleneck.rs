@@ -137,6 +137,7 @@ impl Kept {
         let transpose = context.transpose(&b.name("conv2"), shape)?;
         let reduced_grid = &self.reduced.grid;
         let layout = transpose.layout(reduced_grid.frames, reduced_grid.size, middle_grid.size);
+        let layout = layout.staggered();
         let grouped = self
             .grouped
             .backward(context, &b.name("bn2"), &middle, &layout, gradients);

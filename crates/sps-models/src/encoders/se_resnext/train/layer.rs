@@ -83,7 +83,7 @@ impl Context<'_> {
                 "larger ones",
             ));
         };
-        let to = Grid::tight(from.frames, size, shape.outputs);
+        let to = Grid::tight(from.frames, size, shape.outputs).staggered();
         let mut target = self.recycler.take(to.len());
         let epilogue = Epilogue::default();
         conv.apply(Threads::All, (source, from), (&mut target, &to), epilogue);

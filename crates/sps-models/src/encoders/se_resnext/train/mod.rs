@@ -110,7 +110,7 @@ impl Tape {
         let share = 1.0 / pixels(self.grid.size) as f32;
         let frames = gradient.chunks_exact_mut(self.grid.frame_len());
         for (frame, cotangent) in frames.zip(cotangent.chunks_exact(self.grid.channels)) {
-            for pixel in frame.chunks_exact_mut(self.grid.channels) {
+            for pixel in frame.chunks_exact_mut(self.grid.pitch) {
                 for (gradient, cotangent) in pixel.iter_mut().zip(cotangent) {
                     *gradient = cotangent * share;
                 }

@@ -1,6 +1,9 @@
 //! Images as the kernels take them.
 
+use std::ops::Range;
+
 use super::batch::Images;
+use crate::ops::bands::{Threads, for_each_band};
 use crate::ops::format::{Format, pair};
 use crate::ops::grid::{Grid, Size};
 
@@ -43,15 +46,36 @@ pub(super) enum Order {
     Pixels,
 }
 
-/// Lays one of the images out channels last inside the first frame of `grid`.
-pub(super) fn lay_out(image: &[f32], images: &Images<'_>, grid: &Grid, out: &mut [f32]) {
+/// Lays one of the images out channels last, as `grid` says of a single frame.
+pub(super) fn lay_out(
+    threads: Threads,
+    image: &[f32],
+    images: &Images<'_>,
+    grid: &Grid,
+    out: &mut [f32],
+) {
+    let width = grid.size[2].max(1);
+    for_each_band(threads, grid, out, |band| {
+        let rows = band.pixels.start / width..band.pixels.end / width;
+        lay_out_rows(image, images, grid, rows, (band.target, band.origin));
+    });
+}
+
+/// The same for some rows, into memory that begins at `origin`.
+fn lay_out_rows(
+    image: &[f32],
+    images: &Images<'_>,
+    grid: &Grid,
+    rows: Range<usize>,
+    (out, origin): (&mut [f32], usize),
+) {
     let [time, height, width] = grid.size;
     let plane = time * height * width;
     // Of each number of a row, so that a vector of them is normalised at once.
     let Normalisation { mean, std } = images.normalisation;
     let (means, stds) = (mean.repeat(width), std.repeat(width));
     let mut pixels = vec![0.0; 3 * width];
-    for row in 0..time * height {
+    for row in rows {
         match images.order {
             Order::Planes => {
                 for channel in 0..3 {
@@ -71,7 +95,7 @@ pub(super) fn lay_out(image: &[f32], images: &Images<'_>, grid: &Grid, out: &mut
             grid.before[1] + row % height,
             grid.before[2],
         ];
-        let out = &mut out[grid.index(0, place)..][..width * grid.pitch];
+        let out = &mut out[grid.index(0, place) - origin..][..width * grid.pitch];
         match grid.format {
             Format::F32 => out.copy_from_slice(&pixels),
             Format::Bf16 => {

@@ -11,6 +11,9 @@ use super::simd::{Kernel, Lanes, Level};
 /// Pixels whose sum is taken in f32 before it joins a longer one.
 const RUN: usize = 64;
 
+/// Words that are summed sooner than another thread is called for help.
+const FEW: usize = 64 << 10;
+
 /// Writes `(frames, channels)`, the mean of each channel over a frame's pixels.
 ///
 /// `grid` has no border. The order of the sums is that of the pixels, whatever the threads.
@@ -29,8 +32,8 @@ pub(crate) fn frame_means(
         let runs: Vec<&[f32]> = frame.chunks(RUN * grid.pitch).collect();
         let sum = |run: &&[f32]| level.run(Sum { run, grid });
         let sums: Vec<Vec<f32>> = match threads {
-            Threads::One => runs.iter().map(sum).collect(),
-            Threads::All => runs.par_iter().map(sum).collect(),
+            Threads::All if frame.len() > FEW => runs.par_iter().map(sum).collect(),
+            _ => runs.iter().map(sum).collect(),
         };
         let pixels = (frame.len() / grid.pitch) as f64;
         for (channel, mean) in means.iter_mut().enumerate() {

@@ -5,7 +5,7 @@
 //! source that has its zero padding around it this is every convolution there is; a 1x1
 //! convolution has one tap.
 
-use super::format::{WordKernel, Words};
+use super::format::{Format, WordKernel, Words};
 use super::native::prefetch;
 use super::panels::{PANEL_VECTORS, Panel, Panels};
 use super::simd::{Lanes, load};
@@ -132,8 +132,14 @@ struct Write<'a, 'b> {
 }
 
 /// Words that are summed before their sum joins a longer one: rounding then grows with this
-/// and with the number of blocks, not with a row's length.
-const BLOCK: usize = 96;
+/// and with the number of blocks, not with a row's length. None where all are summed together:
+/// beside the rounding of numbers to bf16, that of their sums in f32 is nothing.
+const fn block(format: Format) -> Option<usize> {
+    match format {
+        Format::F32 => Some(96),
+        Format::Bf16 => None,
+    }
+}
 
 /// What a core's second-level cache holds beside what streams through it, in words.
 const CACHE: usize = 160 << 10;
@@ -295,14 +301,16 @@ impl Tile<'_, '_> {
         let (panel, _) = panel.as_chunks::<NV>();
         let mut total = [[lanes.splat_f32s(0.0); NV]; H];
         let mut sums = total;
+        let block = const { block(W::FORMAT) };
+        let length = block.unwrap_or(usize::MAX);
         let mut summed = 0;
         for (&tap, panel) in taps.iter().zip(panel.chunks_exact(run)) {
             let left: [&[f32]; H] = std::array::from_fn(|i| {
                 let start = (rows[i] + tap) as usize;
                 &source[start..start + run]
             });
-            for (block, panel) in panel.chunks(BLOCK).enumerate() {
-                let from = block * BLOCK;
+            for (part, panel) in panel.chunks(length).enumerate() {
+                let from = part * length;
                 let left: [&[f32]; H] = std::array::from_fn(|i| &left[i][from..from + panel.len()]);
                 for p in 0..panel.len() {
                     let right = panel[p];
@@ -314,7 +322,7 @@ impl Tile<'_, '_> {
                     }
                 }
                 summed += panel.len();
-                if summed >= BLOCK {
+                if block.is_some() && summed >= length {
                     summed = 0;
                     each_row!(H, i, {
                         for v in 0..NV {
@@ -325,11 +333,13 @@ impl Tile<'_, '_> {
                 }
             }
         }
-        each_row!(H, i, {
-            for v in 0..NV {
-                sums[i][v] = lanes.add_f32s(total[i][v], sums[i][v]);
-            }
-        });
+        if block.is_some() {
+            each_row!(H, i, {
+                for v in 0..NV {
+                    sums[i][v] = lanes.add_f32s(total[i][v], sums[i][v]);
+                }
+            });
+        }
         sums
     }
 }

@@ -198,7 +198,7 @@ impl batch::Network for Network {
             workspace.features.resize(grid.len());
             grid.clear_border(&mut workspace.features);
             let memory = &mut workspace.features;
-            lay_out(sequence, sequences, &grid, memory);
+            lay_out(threads, sequence, sequences, &grid, memory);
             for (index, layers) in self.layers.iter().enumerate() {
                 let next = STEPS.get(index + 1);
                 grid = self.step(threads, (STEPS[index], layers), &grid, next, workspace);

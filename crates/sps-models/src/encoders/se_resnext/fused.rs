@@ -116,7 +116,7 @@ impl Fused {
         let from = image_grid(images.size, self.format).padded(&STEM);
         padded.resize(from.len());
         from.clear_border(padded);
-        lay_out(image, images, &from, padded);
+        lay_out(threads, image, images, &from, padded);
         let to = self.stem.output(&from);
         stem.resize(to.len());
         self.stem.apply(threads, (padded, &from), (stem, &to), true);
@@ -146,20 +146,23 @@ impl Network for Fused {
     ) {
         let (large, small) = self.stages.split_at(LARGE_STAGES);
         let mut grid = image_grid(images.size, self.format);
+        let frames = images.frames();
         for (frame, image) in images.iter().enumerate() {
             let mut one = self.enter(threads, image, images, workspace);
             for bottleneck in large.iter().flatten() {
                 one = bottleneck.apply(threads, self.level, one, workspace);
             }
-            grid = Grid {
-                frames: images.frames(),
-                ..one
-            };
-            workspace.group.resize(grid.len());
-            let len = one.len();
-            workspace.group[frame * len..(frame + 1) * len].copy_from_slice(&workspace.features);
+            grid = Grid { frames, ..one };
+            if frames > 1 {
+                workspace.group.resize(grid.len());
+                let len = one.len();
+                workspace.group[frame * len..(frame + 1) * len]
+                    .copy_from_slice(&workspace.features);
+            }
         }
-        std::mem::swap(&mut workspace.features, &mut workspace.group);
+        if frames > 1 {
+            std::mem::swap(&mut workspace.features, &mut workspace.group);
+        }
         for bottleneck in small.iter().flatten() {
             grid = bottleneck.apply(threads, self.level, grid, workspace);
         }

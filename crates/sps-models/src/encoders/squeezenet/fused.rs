@@ -160,7 +160,7 @@ impl Network for Fused {
         for (image, embedding) in images.iter().zip(embeddings.chunks_exact_mut(WIDTH)) {
             let from = image_grid(images.size, self.format);
             workspace.image.resize(from.len());
-            lay_out(image, images, &from, &mut workspace.image);
+            lay_out(threads, image, images, &from, &mut workspace.image);
             let mut grid = self.stem.output(&from);
             workspace.features.resize(grid.len());
             let target = (&mut workspace.features[..], &grid);

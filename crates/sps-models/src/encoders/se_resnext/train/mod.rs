@@ -166,7 +166,7 @@ impl Stem {
         from.clear_border(&mut padded);
         let one = Grid { frames: 1, ..from };
         for (image, padded) in images.iter().zip(padded.chunks_exact_mut(from.frame_len())) {
-            lay_out(image, images, &one, padded);
+            lay_out(Threads::All, image, images, &one, padded);
         }
         let (conv, to) = context.conv(CONV, stem_shape(config), (&padded, &from))?;
         let (norm, moments) = context.norm(NORM, &conv, &to, Some(statistics))?;

@@ -8,7 +8,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::bands::{Threads, for_each_band};
-use super::grid::Grid;
+use super::grid::{Grid, rows};
 use super::moments::{Moments, run_rows};
 use super::simd::{Kernel, Lanes, Level};
 
@@ -279,8 +279,7 @@ impl Kernel for Apply<'_> {
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) {
         let (n, mean, factor, beta) = self.norm.channels();
-        for (x, &place) in self.x.chunks_exact(self.pitch).zip(self.places) {
-            let x = &x[..n];
+        for (x, &place) in rows(self.x, self.pitch, n).zip(self.places) {
             let y = &mut self.target[place as usize - self.origin..][..n];
             for c in 0..n {
                 let value = (x[c] - mean[c]) * factor[c] + beta[c];
@@ -312,9 +311,8 @@ impl Kernel for Sums<'_> {
         let mut sums = [vec![0.0_f32; n], vec![0.0_f32; n]];
         let [total, product] = &mut sums;
         let (total, product) = (&mut total[..n], &mut product[..n]);
-        let rows = self.x.chunks_exact(self.pitch);
-        for (x, gradient) in rows.zip(self.gradient.chunks_exact(self.pitch)) {
-            let (x, gradient) = (&x[..n], &gradient[..n]);
+        let pixels = rows(self.x, self.pitch, n);
+        for (x, gradient) in pixels.zip(rows(self.gradient, self.pitch, n)) {
             for c in 0..n {
                 let deviation = x[c] - mean[c];
                 let passes = deviation * factor[c] + beta[c] > floor;
@@ -348,10 +346,8 @@ impl Kernel for Backward<'_> {
         let (of_gradient, of_x) = (&self.slopes.of_gradient[..n], &self.slopes.of_x[..n]);
         let constant = &self.slopes.constant[..n];
         let floor = if self.relu { 0.0 } else { f32::NEG_INFINITY };
-        let rows = self.x.chunks_exact(self.pitch);
-        let rows = rows.zip(self.gradient.chunks_exact(self.pitch));
-        for ((x, gradient), &place) in rows.zip(self.places) {
-            let (x, gradient) = (&x[..n], &gradient[..n]);
+        let pixels = rows(self.x, self.pitch, n).zip(rows(self.gradient, self.pitch, n));
+        for ((x, gradient), &place) in pixels.zip(self.places) {
             let out = &mut self.target[place as usize - self.origin..][..n];
             for c in 0..n {
                 let deviation = x[c] - mean[c];

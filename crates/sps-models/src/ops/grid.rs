@@ -81,6 +81,25 @@ impl Window {
     }
 }
 
+/// The pixels of a feature map of f32 without a border, `pitch` words from one to the next.
+#[inline(always)]
+pub(super) fn rows(memory: &[f32], pitch: usize, channels: usize) -> impl Iterator<Item = &[f32]> {
+    // Never shorter than its channels, which the compiler then need not check for each pixel.
+    let pixels = memory.chunks_exact(pitch.max(channels));
+    pixels.map(move |pixel| &pixel[..channels])
+}
+
+/// The same, to be written.
+#[inline(always)]
+pub(super) fn rows_mut(
+    memory: &mut [f32],
+    pitch: usize,
+    channels: usize,
+) -> impl Iterator<Item = &mut [f32]> {
+    let pixels = memory.chunks_exact_mut(pitch.max(channels));
+    pixels.map(move |pixel| &mut pixel[..channels])
+}
+
 /// Words after which addresses fall on few sets of a first-level cache.
 const SAME_SETS: usize = 512;
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::grid::Grid;
+use super::grid::{Grid, rows};
 use super::simd::{Kernel, Lanes, Level};
 
 /// Elements of a run, whose sums are taken in f32: a run is read twice and stays in the cache.
@@ -116,7 +116,7 @@ impl Kernel for RunMoments<'_> {
     fn run<S: Lanes>(self, _: S) -> Spread {
         let count = self.run.len() / self.pitch;
         let mut sum = vec![0.0_f32; self.channels];
-        for row in self.run.chunks_exact(self.pitch) {
+        for row in rows(self.run, self.pitch, self.channels) {
             for (sum, x) in sum.iter_mut().zip(row) {
                 *sum += x;
             }
@@ -125,7 +125,7 @@ impl Kernel for RunMoments<'_> {
         // `near` is the mean but for rounding; what is left of the deviations corrects it.
         let mut left = vec![0.0_f32; self.channels];
         let mut squares = vec![0.0_f32; self.channels];
-        for row in self.run.chunks_exact(self.pitch) {
+        for row in rows(self.run, self.pitch, self.channels) {
             let sums = left.iter_mut().zip(&mut squares);
             for ((x, near), (left, squares)) in row.iter().zip(&near).zip(sums) {
                 let deviation = x - near;

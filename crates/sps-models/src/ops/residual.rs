@@ -2,7 +2,7 @@
 
 use super::bands::{Threads, for_each_band};
 use super::batch_norm::{FrameSums, Norm};
-use super::grid::{Grid, pixels};
+use super::grid::{Grid, pixels, rows, rows_mut};
 use super::simd::{Kernel, Lanes, Level};
 
 /// What is added to the gated branch.
@@ -127,12 +127,10 @@ impl Kernel for End<'_> {
         let (n, mean, factor, beta) = self.norm.channels();
         let gate = &self.gate[..n];
         let pitch = self.pitch;
-        let rows = self.x.chunks_exact(pitch);
-        let rows = rows.zip(self.target.chunks_exact_mut(pitch));
+        let pixels = rows(self.x, pitch, n).zip(rows_mut(self.target, pitch, n));
         match self.shortcut {
             Shortcut::Plain(shortcut) => {
-                for ((x, out), shortcut) in rows.zip(shortcut.chunks_exact(pitch)) {
-                    let (x, out, shortcut) = (&x[..n], &mut out[..n], &shortcut[..n]);
+                for ((x, out), shortcut) in pixels.zip(rows(shortcut, pitch, n)) {
                     for c in 0..n {
                         let y = (x[c] - mean[c]) * factor[c] + beta[c];
                         out[c] = relu(y * gate[c] + shortcut[c]);
@@ -142,8 +140,7 @@ impl Kernel for End<'_> {
             Shortcut::Normed(shortcut, norm) => {
                 let (_, m, f, b) = norm.channels();
                 let (m, f, b) = (&m[..n], &f[..n], &b[..n]);
-                for ((x, out), shortcut) in rows.zip(shortcut.chunks_exact(pitch)) {
-                    let (x, out, shortcut) = (&x[..n], &mut out[..n], &shortcut[..n]);
+                for ((x, out), shortcut) in pixels.zip(rows(shortcut, pitch, n)) {
                     for c in 0..n {
                         let y = (x[c] - mean[c]) * factor[c] + beta[c];
                         let z = (shortcut[c] - m[c]) * f[c] + b[c];
@@ -180,9 +177,8 @@ impl Kernel for Mask<'_> {
         let [total, product] = &mut sums;
         let (total, product) = (&mut total[..n], &mut product[..n]);
         let pitch = self.pitch;
-        let rows = self.x.chunks_exact(pitch).zip(self.end.chunks_exact(pitch));
-        for ((x, end), gradient) in rows.zip(self.gradient.chunks_exact_mut(pitch)) {
-            let (x, end, gradient) = (&x[..n], &end[..n], &mut gradient[..n]);
+        let pixels = rows(self.x, pitch, n).zip(rows(self.end, pitch, n));
+        for ((x, end), gradient) in pixels.zip(rows_mut(self.gradient, pitch, n)) {
             for c in 0..n {
                 // Read whether it is kept or not: a read that depends on `end` would keep the
                 // compiler from taking several channels at a time.
@@ -217,10 +213,8 @@ impl Kernel for Backward<'_> {
         let (of_gradient, of_x) = (&self.of_gradient[..n], &self.of_x[..n]);
         let constant = &self.constant[..n];
         let pitch = self.pitch;
-        let rows = self.x.chunks_exact(pitch);
-        let rows = rows.zip(self.gradient.chunks_exact(pitch));
-        for ((x, g), out) in rows.zip(self.target.chunks_exact_mut(pitch)) {
-            let (x, g, out) = (&x[..n], &g[..n], &mut out[..n]);
+        let pixels = rows(self.x, pitch, n).zip(rows(self.gradient, pitch, n));
+        for ((x, g), out) in pixels.zip(rows_mut(self.target, pitch, n)) {
             for c in 0..n {
                 out[c] = g[c] * of_gradient[c] + (x[c] - self.mean[c]) * of_x[c] + constant[c];
             }

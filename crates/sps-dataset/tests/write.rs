@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use sps_dataset::{
     DatasetFolder, DecodeSettings, Frame, FrameFormat, FrameKey, LinearFrame, ReadSettings,
-    RollAngle, Source, Surface, TactileTable, WriteErrorKind, WriteOptions, Written, decode_image,
-    write_dataset,
+    RollAngle, Source, Surface, TactileTable, WriteError, WriteErrorKind, WriteOptions, Written,
+    decode_image, write_dataset,
 };
 use tempfile::TempDir;
 
@@ -75,6 +75,11 @@ fn options(format: FrameFormat) -> WriteOptions {
     }
 }
 
+/// Writes frames as PNG.
+fn write_png(source: &impl Source, folder: &Path) -> Result<Written, WriteError> {
+    write_dataset(source, folder, &options(FrameFormat::Png), |_, _| {})
+}
+
 fn open(folder: &Path) -> DatasetFolder {
     DatasetFolder::open(folder, &ReadSettings::default()).unwrap()
 }
@@ -103,12 +108,7 @@ fn check_copy(folder: &Path, bound: f32) {
 #[test]
 fn png_reads_back_within_half_a_level() {
     let folder = TempDir::new().unwrap();
-    let written = write_dataset(
-        &Counted::new(usize::MAX),
-        folder.path(),
-        &options(FrameFormat::Png),
-        |_, _| {},
-    );
+    let written = write_png(&Counted::new(usize::MAX), folder.path());
     assert_eq!(
         written.unwrap(),
         Written {
@@ -184,12 +184,7 @@ fn light_is_kept_by_exr_and_shown_by_png() {
 #[test]
 fn stopped_and_started_again_it_goes_on_from_finished_surfaces() {
     let folder = TempDir::new().unwrap();
-    let stopped = write_dataset(
-        &Counted::new(14),
-        folder.path(),
-        &options(FrameFormat::Png),
-        |_, _| {},
-    );
+    let stopped = write_png(&Counted::new(14), folder.path());
     let stopped = stopped.unwrap_err();
     assert!(
         matches!(stopped.kind(), WriteErrorKind::Frame { .. }),
@@ -232,8 +227,7 @@ fn stopped_and_started_again_it_goes_on_from_finished_surfaces() {
     // Once more does nothing, and a frame that was lost is made again.
     std::fs::remove_file(folder.path().join("frames/oak-01/003.png")).unwrap();
     let again = Counted::new(usize::MAX);
-    let written =
-        write_dataset(&again, folder.path(), &options(FrameFormat::Png), |_, _| {}).unwrap();
+    let written = write_png(&again, folder.path()).unwrap();
     assert_eq!((written.written, again.frames.into_inner()), (1, 5));
     check_copy(folder.path(), 0.5 / 255.0 + 1e-6);
 }
@@ -242,13 +236,7 @@ fn stopped_and_started_again_it_goes_on_from_finished_surfaces() {
 fn two_datasets_do_not_mix() {
     let folder = TempDir::new().unwrap();
     let source = Counted::new(usize::MAX);
-    write_dataset(
-        &source,
-        folder.path(),
-        &options(FrameFormat::Png),
-        |_, _| {},
-    )
-    .unwrap();
+    write_png(&source, folder.path()).unwrap();
     let other = WriteOptions {
         source: "another".to_owned(),
         ..options(FrameFormat::Png)
@@ -261,12 +249,7 @@ fn two_datasets_do_not_mix() {
 
     let foreign = TempDir::new().unwrap();
     std::fs::write(foreign.path().join("dataset.toml"), "name = \"theirs\"").unwrap();
-    let refused = write_dataset(
-        &source,
-        foreign.path(),
-        &options(FrameFormat::Png),
-        |_, _| {},
-    );
+    let refused = write_png(&source, foreign.path());
     assert!(matches!(
         refused.unwrap_err().kind(),
         WriteErrorKind::Occupied(_)
@@ -277,21 +260,10 @@ fn two_datasets_do_not_mix() {
 fn two_processes_do_not_write_into_one_folder() {
     let folder = TempDir::new().unwrap();
     let source = Counted::new(usize::MAX);
-    write_dataset(
-        &source,
-        folder.path(),
-        &options(FrameFormat::Png),
-        |_, _| {},
-    )
-    .unwrap();
+    write_png(&source, folder.path()).unwrap();
     let lock = std::fs::File::open(folder.path().join(".write-plan")).unwrap();
     lock.lock().unwrap();
-    let refused = write_dataset(
-        &source,
-        folder.path(),
-        &options(FrameFormat::Png),
-        |_, _| {},
-    );
+    let refused = write_png(&source, folder.path());
     assert!(matches!(refused.unwrap_err().kind(), WriteErrorKind::InUse));
 }
 
@@ -299,23 +271,11 @@ fn two_processes_do_not_write_into_one_folder() {
 fn a_plan_that_was_cut_short_is_written_again() {
     let folder = TempDir::new().unwrap();
     let source = Counted::new(usize::MAX);
-    write_dataset(
-        &source,
-        folder.path(),
-        &options(FrameFormat::Png),
-        |_, _| {},
-    )
-    .unwrap();
+    write_png(&source, folder.path()).unwrap();
     let plan = folder.path().join(".write-plan");
     let whole = std::fs::read(&plan).unwrap();
     std::fs::write(&plan, &whole[..whole.len() / 2]).unwrap();
-    write_dataset(
-        &source,
-        folder.path(),
-        &options(FrameFormat::Png),
-        |_, _| {},
-    )
-    .unwrap();
+    write_png(&source, folder.path()).unwrap();
     assert_eq!(std::fs::read(&plan).unwrap(), whole);
 }
 
@@ -324,12 +284,7 @@ fn a_file_where_a_folder_belongs_is_an_error() {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("taken");
     std::fs::write(&file, "").unwrap();
-    let refused = write_dataset(
-        &Counted::new(0),
-        &file,
-        &options(FrameFormat::Png),
-        |_, _| {},
-    );
+    let refused = write_png(&Counted::new(0), &file);
     assert!(matches!(refused.unwrap_err().kind(), WriteErrorKind::Io(_)));
 }
 
@@ -389,12 +344,7 @@ fn a_full_disk_leaves_whole_surfaces_only() {
         return;
     };
     let source = Counted::new(usize::MAX);
-    let refused = write_dataset(
-        &source,
-        disk.0.path(),
-        &options(FrameFormat::Png),
-        |_, _| {},
-    );
+    let refused = write_png(&source, disk.0.path());
     let refused = refused.unwrap_err();
     assert!(
         matches!(refused.kind(), WriteErrorKind::StorageFull),

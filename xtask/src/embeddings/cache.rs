@@ -165,6 +165,18 @@ mod tests {
         }
     }
 
+    /// In the header too, whose fields lie in another order in every file.
+    #[test]
+    fn every_flipped_bit_of_a_segment_is_noticed() {
+        let stored = Stored::new(0, 1);
+        for bit in 0..8 * stored.whole.len() {
+            let mut bytes = stored.whole.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            stored.holds_no_other(&bytes);
+            assert!(!stored.path.exists(), "bit {} of byte {}", bit % 8, bit / 8);
+        }
+    }
+
     /// By its keys alone it would be a segment of frames that nobody wants.
     #[test]
     fn a_segment_whose_only_key_is_damaged_is_set_aside() {

@@ -128,11 +128,12 @@ impl Segment {
         file.read_exact(&mut keys).with_context(failed)?;
         let stored = metadata.metadata().as_ref();
         let stored = stored.and_then(|stored| stored.get(KEYS_CHECKSUM));
-        if stored == Some(&checksum(&[&keys])) {
-            return Ok(frame_keys(&keys));
-        }
-        // Damaged, or of a time when keys had no checksum of their own: the whole file tells.
-        Ok(Self::read(path)?.keys)
+        ensure!(
+            stored == Some(&checksum(&[&keys])),
+            "{}: the checksum does not match its keys",
+            path.display()
+        );
+        Ok(frame_keys(&keys))
     }
 }
 

@@ -38,18 +38,12 @@ impl Case {
         let (inputs, outputs) = (self.inputs / self.groups, self.outputs / self.groups);
         let taps = pixels(self.window.size);
         let mut y = vec![0.0; self.frames * pixels(to) * self.outputs];
-        for (i, y) in y.iter_mut().enumerate() {
-            let (pixel, output) = (i / self.outputs, i % self.outputs);
-            let (frame, place) = (pixel / pixels(to), unflatten(pixel % pixels(to), to));
-            for tap in 0..taps {
-                let under = unflatten(tap, self.window.size);
-                let Some(from) = self.source(place, under) else {
-                    continue;
-                };
-                let from = (frame * pixels(self.size) + from) * self.inputs;
-                for input in 0..inputs {
-                    let group = output / outputs * inputs;
-                    *y += x[from + group + input] * weight[(output * inputs + input) * taps + tap];
+        for [pixel, tap, from] in self.pairs() {
+            for output in 0..self.outputs {
+                let x = &x[from * self.inputs + output / outputs * inputs..][..inputs];
+                for (input, x) in x.iter().enumerate() {
+                    let weight = weight[(output * inputs + input) * taps + tap];
+                    y[pixel * self.outputs + output] += x * weight;
                 }
             }
         }
@@ -58,24 +52,33 @@ impl Case {
 
     /// The gradient of the weights by its definition; of one group.
     fn weight_gradient(&self, x: &[f64], cotangent: &[f64]) -> Vec<f64> {
-        let to = self.window.output(self.size).unwrap();
         let taps = pixels(self.window.size);
         let mut gradient = vec![0.0; self.outputs * self.inputs * taps];
-        for (pixel, cotangent) in cotangent.chunks_exact(self.outputs).enumerate() {
-            let (frame, place) = (pixel / pixels(to), unflatten(pixel % pixels(to), to));
-            for tap in 0..taps {
-                let under = unflatten(tap, self.window.size);
-                let Some(from) = self.source(place, under) else {
-                    continue;
-                };
-                let from = (frame * pixels(self.size) + from) * self.inputs;
-                for (i, gradient) in gradient.iter_mut().skip(tap).step_by(taps).enumerate() {
-                    let (output, input) = (i / self.inputs, i % self.inputs);
-                    *gradient += cotangent[output] * x[from + input];
-                }
+        for [pixel, tap, from] in self.pairs() {
+            for (i, gradient) in gradient.iter_mut().skip(tap).step_by(taps).enumerate() {
+                let (output, input) = (i / self.inputs, i % self.inputs);
+                *gradient +=
+                    cotangent[pixel * self.outputs + output] * x[from * self.inputs + input];
             }
         }
         gradient
+    }
+
+    /// Each pixel of the output with each tap of the window and the pixel of the input under it,
+    /// pixels counted over all frames.
+    fn pairs(&self) -> Vec<[usize; 3]> {
+        let to = self.window.output(self.size).unwrap();
+        let mut pairs = Vec::new();
+        for pixel in 0..self.frames * pixels(to) {
+            let (frame, place) = (pixel / pixels(to), unflatten(pixel % pixels(to), to));
+            for tap in 0..pixels(self.window.size) {
+                let under = unflatten(tap, self.window.size);
+                if let Some(from) = self.source(place, under) {
+                    pairs.push([pixel, tap, frame * pixels(self.size) + from]);
+                }
+            }
+        }
+        pairs
     }
 
     /// The pixel under the window, `None` in the padding.

@@ -61,10 +61,20 @@ impl From<Level> for f64 {
 pub(crate) fn steps(count: usize, share: f64) -> f64 {
     let product = count as f64 * share;
     let nearest = product.round();
-    let slack = 4.0 * f64::EPSILON * product.max(1.0);
-    if (product - nearest).abs() <= slack {
+    if (product - nearest).abs() <= slack(product) {
         nearest
     } else {
         product
     }
+}
+
+/// Whether a sum of fractions reaches what [`steps`] gave, as decimals have it: 9 + 9/10 reaches
+/// 11 * 0.9. A whole sum reaches it exactly where it is no smaller.
+pub(crate) fn reaches(sum: f64, steps: f64) -> bool {
+    steps - sum <= slack(steps)
+}
+
+/// What binary rounding may put between a product and its decimal value.
+fn slack(product: f64) -> f64 {
+    4.0 * f64::EPSILON * product.max(1.0)
 }

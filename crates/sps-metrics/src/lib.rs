@@ -52,7 +52,8 @@
 //! - Reruns: [`over_reruns`] gives mean and sample standard deviation.
 //! - Surfaces: [`Bootstrap`] gives the interval of a score, of a mean over properties, and of the
 //!   difference of two methods on the same drawn surfaces.
-//! - Predictions: [`SplitConformal`] gives intervals that cover at a promised rate, [`coverage`]
+//! - Predictions: [`SplitConformal`] gives intervals that cover at a promised rate, and
+//!   [`GroupConformal`] where samples come in groups and the next is of a new one; [`coverage`]
 //!   says whether they did.
 //!
 //! The feature `serde` (off by default) makes scores, reasons and intervals readable and writable.
@@ -75,7 +76,9 @@ mod table;
 
 pub use accumulate::ScoreAccumulator;
 pub use bootstrap::{Bootstrap, BootstrapError, BootstrapInterval, Compared, Scored};
-pub use conformal::{ConformalError, Coverage, PredictionInterval, SplitConformal, coverage};
+pub use conformal::{
+    ConformalError, Coverage, GroupConformal, PredictionInterval, SplitConformal, coverage,
+};
 pub use level::{InvalidLevel, Level};
 pub use metric::{Better, Metric, Scores};
 pub use moments::Moments;

@@ -3,6 +3,7 @@
 mod bootstrap;
 mod conformal;
 mod golden;
+mod group_conformal;
 mod hard_cases;
 mod laws;
 mod paper;

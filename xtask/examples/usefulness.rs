@@ -224,7 +224,7 @@ fn gains(first: &[HeldOut], second: &[HeldOut]) -> Result<Vec<String>> {
             truth: &a.truth,
             first: &b.estimate,
             second: &a.estimate,
-            surfaces: None,
+            units: None,
         })?;
         let (low, high) = (interval.low, interval.high);
         Ok(format!("{:.3} [{low:.3}, {high:.3}]", interval.estimate))

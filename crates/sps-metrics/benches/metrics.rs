@@ -1,4 +1,4 @@
-//! What scoring costs: streaming, every score of a test split, and intervals over surfaces.
+//! What scoring costs: streaming, every score of a test split, and intervals over units.
 
 use std::hint::black_box;
 
@@ -91,7 +91,7 @@ fn intervals(criterion: &mut Criterion) {
         let scored = Scored {
             metric,
             samples,
-            surfaces: None,
+            units: None,
         };
         group.bench_function(metric.id(), |bencher| {
             bencher.iter(|| bootstrap.interval(black_box(&scored)));
@@ -102,7 +102,7 @@ fn intervals(criterion: &mut Criterion) {
         truth: &truth,
         first: &rough,
         second: &fine,
-        surfaces: None,
+        units: None,
     };
     group.bench_function("r2_difference", |bencher| {
         bencher.iter(|| bootstrap.difference(black_box(&compared)));

@@ -30,7 +30,7 @@
 //! let interval = Bootstrap::new(1).interval(&Scored {
 //!     metric: Metric::R2(training_mean),
 //!     samples,
-//!     surfaces: None,
+//!     units: None,
 //! })?;
 //! assert!(interval.low < r2.value && r2.value < interval.high);
 //!
@@ -50,8 +50,8 @@
 //! - Streams: [`ScoreAccumulator`], [`PercentErrorAccumulator`] and [`Moments`] take one value at a
 //!   time and merge. Any order and any split give the same result within 1e-12 relative.
 //! - Reruns: [`over_reruns`] gives mean and sample standard deviation.
-//! - Surfaces: [`Bootstrap`] gives the interval of a score, of a mean over properties, and of the
-//!   difference of two methods on the same drawn surfaces.
+//! - Units, which are surfaces or groups of them: [`Bootstrap`] gives the interval of a score, of a
+//!   mean over properties, and of the difference of two methods on the same drawn units.
 //! - Predictions: [`SplitConformal`] gives intervals that cover at a promised rate, and
 //!   [`GroupConformal`] where samples come in groups and the next is of a new one; [`coverage`]
 //!   says whether they did.

@@ -277,7 +277,7 @@ fn scores() -> Result<Pass> {
         let scored = Scored {
             metric: Metric::R2(mean),
             samples,
-            surfaces: None,
+            units: None,
         };
         black_box(Bootstrap::new(1).with_resamples(200).interval(&scored)?);
         Ok(())

@@ -245,7 +245,7 @@ fn interval_over<'a>(
         Ok(Scored {
             metric: Metric::R2(TrainingMean::new(outcome.training_mean)?),
             samples: samples(outcome),
-            surfaces: Some(surfaces),
+            units: Some(surfaces),
         })
     });
     let scored = scored.collect::<Result<Vec<_>, Undefined>>()?;
@@ -280,7 +280,7 @@ fn gain(
                 truth: &mine.truth,
                 first: &mine.estimate,
                 second: &theirs.estimate,
-                surfaces: Some(surfaces),
+                units: Some(surfaces),
             })
         });
     let difference = compared

@@ -1,7 +1,7 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 
-/// How often each surface occurs in each resample: one stream per resample, so that none depends
+/// How often each unit occurs in each resample: one stream per resample, so that none depends
 /// on how many others are drawn, in which order, or by which thread.
 pub(super) struct Draws {
     key: [u8; 32],
@@ -18,13 +18,13 @@ impl Draws {
         Self { key }
     }
 
-    /// Draws as many surfaces as there are, with replacement, and counts each.
-    pub(super) fn fill(&self, resample: u64, counts: &mut [u32], surfaces: u32) {
+    /// Draws as many units as there are, with replacement, and counts each.
+    pub(super) fn fill(&self, resample: u64, counts: &mut [u32], units: u32) {
         let mut stream = ChaCha8Rng::from_seed(self.key);
         stream.set_stream(resample);
         counts.fill(0);
-        for _ in 0..surfaces {
-            counts[below(&mut stream, surfaces) as usize] += 1;
+        for _ in 0..units {
+            counts[below(&mut stream, units) as usize] += 1;
         }
     }
 }
@@ -48,7 +48,7 @@ mod tests {
     /// Pearson's statistic of 10 000 resamples of seven has six degrees of freedom: above 27.9 once
     /// in ten thousand.
     #[test]
-    fn surfaces_are_equally_likely() {
+    fn units_are_equally_likely() {
         const RESAMPLES: u64 = 10_000;
         let draws = Draws::new(1);
         let (mut counts, mut totals) = ([0; 7], [0_u32; 7]);

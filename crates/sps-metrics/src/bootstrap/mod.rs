@@ -1,4 +1,4 @@
-//! Intervals over surfaces.
+//! Intervals over units: surfaces, or groups of surfaces.
 
 mod draw;
 mod kernel;
@@ -13,14 +13,16 @@ use crate::samples::Samples;
 use draw::Draws;
 use plan::{Plan, Side};
 
-/// Percentile bootstrap over surfaces (Efron and Tibshirani, "An Introduction to the Bootstrap",
-/// 1993, chapter 13): how far a score would move if other surfaces of the same kind had been
-/// tested.
+/// Percentile bootstrap over units (Efron and Tibshirani, "An Introduction to the Bootstrap",
+/// 1993, chapter 13): how far a score would move if other units of the same kind had been tested.
 ///
-/// Surfaces are drawn with replacement, each with all of its samples, as many as there are. With
-/// B resamples and k = floor((B + 1)(1 - level) / 2) the interval runs from the k-th smallest to
-/// the k-th largest score. The same seed draws the same surfaces for every score and method; draws
-/// come from one `ChaCha` stream per resample, so the result is the same bits on every machine.
+/// A unit is what was drawn independently: a surface, or where surfaces come in groups whose
+/// members are alike (pieces of one material) the group. Units are drawn with replacement, each
+/// with all of its samples, as many as there are (the cluster bootstrap: Davison and Hinkley,
+/// "Bootstrap Methods and their Application", 1997, section 3.8). With B resamples and
+/// k = floor((B + 1)(1 - level) / 2) the interval runs from the k-th smallest to the k-th largest
+/// score. The same seed draws the same units for every score and method; draws come from one
+/// `ChaCha` stream per resample, so the result is the same bits on every machine.
 ///
 /// ```
 /// use sps_metrics::{Bootstrap, Compared, Metric, Samples, Scored};
@@ -33,7 +35,7 @@ use plan::{Plan, Side};
 /// let mae = bootstrap.interval(&Scored {
 ///     metric: Metric::Mae,
 ///     samples: Samples { truth: &truth, estimate: &rough },
-///     surfaces: None, // each sample is a surface of its own
+///     units: None, // each sample is a unit of its own
 /// })?;
 /// assert!(mae.low < mae.estimate && mae.estimate < mae.high);
 ///
@@ -42,7 +44,7 @@ use plan::{Plan, Side};
 ///     truth: &truth,
 ///     first: &rough,
 ///     second: &fine,
-///     surfaces: None,
+///     units: None,
 /// })?;
 /// assert!(gain.excludes_zero() && gain.estimate > 0.0);
 /// # Ok::<(), sps_metrics::BootstrapError>(())
@@ -61,9 +63,10 @@ pub struct Scored<'a> {
     pub metric: Metric,
     /// The samples, `(samples)`.
     pub samples: Samples<'a>,
-    /// The surface that each sample comes from, by any numbers, `(samples)`; `None` where each
-    /// sample is a surface of its own. Over several properties equal numbers are one surface.
-    pub surfaces: Option<&'a [usize]>,
+    /// The unit that each sample comes from, by any numbers, `(samples)`: its surface, or its group
+    /// of surfaces where those of a group are alike. `None` where each sample is a unit of its own.
+    /// Over several properties equal numbers are one unit.
+    pub units: Option<&'a [usize]>,
 }
 
 /// Two methods' estimates of one property, `(samples)` each in the same order, to be compared.
@@ -77,8 +80,8 @@ pub struct Compared<'a> {
     pub first: &'a [f64],
     /// The second method's values.
     pub second: &'a [f64],
-    /// As [`Scored::surfaces`].
-    pub surfaces: Option<&'a [usize]>,
+    /// As [`Scored::units`].
+    pub units: Option<&'a [usize]>,
 }
 
 /// A score with its bootstrap interval.
@@ -93,8 +96,8 @@ pub struct BootstrapInterval {
     pub high: f64,
     /// The share of resamples between the ends.
     pub level: Level,
-    /// How many surfaces were drawn from.
-    pub surfaces: usize,
+    /// How many units were drawn from: surfaces, or groups of them.
+    pub units: usize,
     /// How many resamples were drawn.
     pub resamples: usize,
     /// How many resamples have no score (for example because they drew equal truths only). Each
@@ -110,14 +113,14 @@ pub enum BootstrapError {
     #[error("the score is undefined: {0}")]
     Undefined(#[from] Undefined),
     /// Every resample would be the same.
-    #[error("{found} surface(s), a bootstrap needs at least 2")]
-    TooFewSurfaces {
+    #[error("{found} unit(s) (surfaces or groups) to draw from, a bootstrap needs at least 2")]
+    TooFewUnits {
         /// How many there are.
         found: usize,
     },
-    /// Surfaces are counted in 32 bits.
-    #[error("{found} surfaces, more than 2^32 - 1")]
-    TooManySurfaces {
+    /// Units are counted in 32 bits.
+    #[error("{found} units, more than 2^32 - 1")]
+    TooManyUnits {
         /// How many there are.
         found: usize,
     },
@@ -141,13 +144,13 @@ pub enum BootstrapError {
         /// Why the first of them has none.
         first: Undefined,
     },
-    /// Samples and surface numbers do not pair up.
-    #[error("{surfaces} surface numbers for {samples} samples")]
-    SurfaceMismatch {
+    /// Samples and unit numbers do not pair up.
+    #[error("{units} unit numbers for {samples} samples")]
+    UnitMismatch {
         /// How many samples there are.
         samples: usize,
-        /// How many surface numbers there are.
-        surfaces: usize,
+        /// How many unit numbers there are.
+        units: usize,
     },
 }
 
@@ -196,8 +199,8 @@ impl Bootstrap {
         self.mean_interval(std::slice::from_ref(scored))
     }
 
-    /// The interval of the mean of several scores, such as R² over all properties. Where a surface
-    /// is drawn, it is drawn for all of them.
+    /// The interval of the mean of several scores, such as R² over all properties. Where a unit is
+    /// drawn, it is drawn for all of them.
     ///
     /// # Errors
     ///
@@ -213,7 +216,7 @@ impl Bootstrap {
     }
 
     /// The interval of the difference between two methods' scores, first less second, where both
-    /// are scored on the same drawn surfaces.
+    /// are scored on the same drawn units.
     ///
     /// # Errors
     ///
@@ -247,7 +250,7 @@ impl Bootstrap {
         let mut scores = Vec::new();
         let mut first_undefined = None;
         for resample in 0..self.resamples as u64 {
-            draws.fill(resample, &mut scratch.counts, plan.surfaces);
+            draws.fill(resample, &mut scratch.counts, plan.units);
             match plan.value(&mut scratch) {
                 Ok(score) => scores.push(score),
                 Err(reason) => first_undefined = first_undefined.or(Some(reason)),
@@ -271,7 +274,7 @@ impl Bootstrap {
             low: scores[outside - 1],
             high: scores[scores.len() - outside],
             level: self.level,
-            surfaces: plan.surfaces as usize,
+            units: plan.units as usize,
             resamples: self.resamples,
             undefined_resamples: undefined,
         })
@@ -307,7 +310,7 @@ impl<'a> Compared<'a> {
                 truth: self.truth,
                 estimate,
             },
-            surfaces: self.surfaces,
+            units: self.units,
         }
     }
 }

@@ -12,22 +12,22 @@ pub(super) enum Side {
 /// The mean of the first side's scores less that of the second's, for any resample.
 pub(super) struct Plan<'a> {
     columns: Vec<PlannedColumn<'a>>,
-    /// How many surfaces there are to draw from: those that have a sample in any column.
-    pub(super) surfaces: u32,
+    /// How many units there are to draw from: those that have a sample in any column.
+    pub(super) units: u32,
     /// The value for the samples as they are.
     pub(super) estimate: f64,
 }
 
 struct PlannedColumn<'a> {
     kernel: Kernel<'a>,
-    /// Position of each sample's surface among the drawn; `None` where that is the sample's own.
-    surface_of: Option<Vec<u32>>,
+    /// Position of each sample's unit among the drawn; `None` where that is the sample's own.
+    unit_of: Option<Vec<u32>>,
     side: Side,
 }
 
 /// Room for one resample.
 pub(super) struct Scratch {
-    /// How often each surface was drawn.
+    /// How often each unit was drawn.
     pub(super) counts: Vec<u32>,
     weights: Vec<u32>,
 }
@@ -41,17 +41,17 @@ impl<'a> Plan<'a> {
         for (side, scored) in &columns {
             means.add(*side, scored.metric.score(scored.samples)?.value);
         }
-        let numbers = surface_numbers(&columns)?;
-        let surfaces = match u32::try_from(numbers.len()) {
-            Ok(surfaces) if surfaces >= 2 => surfaces,
+        let numbers = unit_numbers(&columns)?;
+        let units = match u32::try_from(numbers.len()) {
+            Ok(units) if units >= 2 => units,
             Ok(_) if columns.is_empty() => return Err(Undefined::Empty.into()),
             Ok(_) => {
-                return Err(BootstrapError::TooFewSurfaces {
+                return Err(BootstrapError::TooFewUnits {
                     found: numbers.len(),
                 });
             }
             Err(_) => {
-                return Err(BootstrapError::TooManySurfaces {
+                return Err(BootstrapError::TooManyUnits {
                     found: numbers.len(),
                 });
             }
@@ -61,14 +61,14 @@ impl<'a> Plan<'a> {
             .map(|(side, scored)| PlannedColumn::new(side, scored, &numbers));
         Ok(Self {
             columns: planned.collect::<Result<_, Undefined>>()?,
-            surfaces,
+            units,
             estimate: means.difference(),
         })
     }
 
     pub(super) fn scratch(&self) -> Scratch {
         Scratch {
-            counts: vec![0; self.surfaces as usize],
+            counts: vec![0; self.units as usize],
             weights: Vec::new(),
         }
     }
@@ -77,12 +77,12 @@ impl<'a> Plan<'a> {
     pub(super) fn value(&self, scratch: &mut Scratch) -> Result<f64, Undefined> {
         let mut means = Means::default();
         for column in &self.columns {
-            let weights = match &column.surface_of {
+            let weights = match &column.unit_of {
                 None => &scratch.counts,
-                Some(surface_of) => {
-                    let count = |&surface: &u32| scratch.counts[surface as usize];
+                Some(unit_of) => {
+                    let count = |&unit: &u32| scratch.counts[unit as usize];
                     scratch.weights.clear();
-                    scratch.weights.extend(surface_of.iter().map(count));
+                    scratch.weights.extend(unit_of.iter().map(count));
                     &scratch.weights
                 }
             };
@@ -96,32 +96,32 @@ impl<'a> PlannedColumn<'a> {
     fn new(side: Side, scored: Scored<'a>, numbers: &[usize]) -> Result<Self, Undefined> {
         let position = |number: &usize| numbers.partition_point(|known| known < number) as u32;
         let samples = scored.samples.truth.len();
-        let surface_of = match scored.surfaces {
-            Some(surfaces) => Some(surfaces.iter().map(position).collect()),
+        let unit_of = match scored.units {
+            Some(units) => Some(units.iter().map(position).collect()),
             None if numbers.len() == samples => None,
             None => Some((0..samples).map(|sample| position(&sample)).collect()),
         };
         Ok(Self {
             kernel: Kernel::new(scored.metric, scored.samples)?,
-            surface_of,
+            unit_of,
             side,
         })
     }
 }
 
-/// The numbers of all surfaces that have a sample, ascending.
-fn surface_numbers(columns: &[(Side, Scored<'_>)]) -> Result<Vec<usize>, BootstrapError> {
+/// The numbers of all units that have a sample, ascending.
+fn unit_numbers(columns: &[(Side, Scored<'_>)]) -> Result<Vec<usize>, BootstrapError> {
     let mut numbers = Vec::new();
     for (_, scored) in columns {
         let samples = scored.samples.truth.len();
-        match scored.surfaces {
-            Some(surfaces) if surfaces.len() != samples => {
-                return Err(BootstrapError::SurfaceMismatch {
+        match scored.units {
+            Some(units) if units.len() != samples => {
+                return Err(BootstrapError::UnitMismatch {
                     samples,
-                    surfaces: surfaces.len(),
+                    units: units.len(),
                 });
             }
-            Some(surfaces) => numbers.extend_from_slice(surfaces),
+            Some(units) => numbers.extend_from_slice(units),
             None => numbers.extend(0..samples),
         }
         numbers.sort_unstable();

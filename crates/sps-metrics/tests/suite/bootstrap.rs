@@ -11,7 +11,7 @@ fn scored<'a>(metric: Metric, truth: &'a [f64], estimate: &'a [f64]) -> Scored<'
     Scored {
         metric,
         samples: Samples { truth, estimate },
-        surfaces: None,
+        units: None,
     }
 }
 
@@ -126,7 +126,7 @@ fn the_difference_of_two_methods_is_covered() {
             truth: &truth,
             first: &plus(&truth, &errors),
             second: &plus(&truth, &mixed.collect::<Vec<f64>>()),
-            surfaces: None,
+            units: None,
         });
         found.expect("80 surfaces")
     });
@@ -149,7 +149,7 @@ fn surfaces_are_drawn_with_all_their_samples() {
         let errors = shared.iter().flat_map(|shared| [*shared; PHOTOGRAPHS]);
         let estimate = plus(&truth, &errors.collect::<Vec<f64>>());
         let scored = Scored {
-            surfaces,
+            units: surfaces,
             ..scored(Metric::Mae, &truth, &estimate)
         };
         QUICK.interval(&scored).expect("60 surfaces")
@@ -176,7 +176,7 @@ fn methods_are_compared_on_the_same_surfaces() {
         truth: &truth,
         first: &first,
         second: &second,
-        surfaces: None,
+        units: None,
     };
     let bootstrap = Bootstrap::new(5);
     let found = bootstrap.difference(&compared).expect("50 surfaces");
@@ -204,12 +204,12 @@ fn surfaces_may_have_any_numbers_and_properties_may_lack_some() {
     let plain = scored(Metric::Mae, &truth, &estimate);
     let sparse: Vec<usize> = (0..30).map(|i| usize::MAX - 1000 + 7 * i).collect();
     let renamed = Scored {
-        surfaces: Some(&sparse),
+        units: Some(&sparse),
         ..plain
     };
     let expected = bootstrap.interval(&plain).expect("30 surfaces");
     assert_eq!(bootstrap.interval(&renamed), Ok(expected));
-    assert_eq!(expected.surfaces, 30);
+    assert_eq!(expected.units, 30);
     assert_eq!(bootstrap.mean_interval(&[plain, plain]), Ok(expected));
 
     // The second property was measured on the first twenty surfaces only.
@@ -218,7 +218,7 @@ fn surfaces_may_have_any_numbers_and_properties_may_lack_some() {
         .mean_interval(&[plain, partial])
         .expect("30 surfaces");
     let of_partial = bootstrap.interval(&partial).expect("20 surfaces");
-    assert_eq!(mean.surfaces, 30);
+    assert_eq!(mean.units, 30);
     assert!((mean.estimate - f64::midpoint(expected.estimate, of_partial.estimate)).abs() < 1e-15);
     assert!(mean.low < mean.estimate && mean.estimate < mean.high);
 }
@@ -283,18 +283,18 @@ fn what_has_no_interval_says_why() {
     assert!(bootstrap.with_resamples(39).interval(&good).is_ok());
 
     let one = bootstrap.interval(&Scored {
-        surfaces: Some(&[7, 7, 7]),
+        units: Some(&[7, 7, 7]),
         ..good
     });
-    assert_eq!(one, Err(BootstrapError::TooFewSurfaces { found: 1 }));
+    assert_eq!(one, Err(BootstrapError::TooFewUnits { found: 1 }));
 
     let unpaired = bootstrap.interval(&Scored {
-        surfaces: Some(&[7, 8]),
+        units: Some(&[7, 8]),
         ..good
     });
-    let reason = BootstrapError::SurfaceMismatch {
+    let reason = BootstrapError::UnitMismatch {
         samples: 3,
-        surfaces: 2,
+        units: 2,
     };
     assert_eq!(unpaired, Err(reason));
 
@@ -309,7 +309,7 @@ fn what_has_no_interval_says_why() {
         truth: &truth,
         first: &estimate,
         second: &estimate[..2],
-        surfaces: None,
+        units: None,
     });
     assert!(matches!(
         unequal,

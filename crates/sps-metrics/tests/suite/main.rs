@@ -1,6 +1,7 @@
 //! Every test of the crate's public face, in one binary.
 
 mod bootstrap;
+mod cluster_bootstrap;
 mod conformal;
 mod golden;
 mod group_conformal;

@@ -19,7 +19,7 @@ fn scores_and_intervals_survive_json() {
     let interval = Bootstrap::new(1).interval(&Scored {
         metric: Metric::Mae,
         samples,
-        surfaces: None,
+        units: None,
     });
     let interval = interval.expect("four surfaces");
     let text = serde_json::to_string(&interval).expect("it is plain data");

@@ -4,7 +4,7 @@ use sps_metrics::{Outcome, Pair, TrainingMean};
 
 /// Numbers in [-1, 1) by the rule of `fixtures/golden/make_golden.py`: FNV-1a of a name seeds
 /// SplitMix64, whose top 24 bits are taken.
-pub(crate) fn uniform(name: &str) -> impl Iterator<Item = f64> {
+pub(crate) fn uniform(name: &str) -> impl Iterator<Item = f64> + use<> {
     let mut state = name.bytes().fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3)
     });

@@ -17,7 +17,7 @@ fn constant_resamples_are_not_scored() {
     let found = Bootstrap::new(1).interval(&Scored {
         metric: Metric::R2OwnMean,
         samples: samples(&truth, &estimate),
-        surfaces: Some(&surfaces),
+        units: Some(&surfaces),
     });
     match found {
         Err(BootstrapError::UndefinedResamples { undefined, .. }) => {
@@ -49,7 +49,7 @@ fn bootstrap_at_1e8_equals_bootstrap_at_zero() {
         let found = Bootstrap::new(9).interval(&Scored {
             metric: Metric::R2OwnMean,
             samples: samples(&truth, &estimate),
-            surfaces: None,
+            units: None,
         });
         let silent = naive::r2(&truth, &estimate, naive::mean(&truth));
         (found.expect("100 surfaces"), silent)

@@ -106,9 +106,9 @@ fn one_sample_has_errors_but_no_own_mean() {
     let found = Bootstrap::new(1).interval(&Scored {
         metric: Metric::Mae,
         samples: one,
-        surfaces: None,
+        units: None,
     });
-    assert_eq!(found, Err(BootstrapError::TooFewSurfaces { found: 1 }));
+    assert_eq!(found, Err(BootstrapError::TooFewUnits { found: 1 }));
 }
 
 #[test]

@@ -26,7 +26,7 @@ fn selectors(criterion: &mut Criterion) {
         ("random", Box::new(Random::default())),
         ("random_20000", Box::new(Random { draws: 20_000 })),
         ("nadir", Box::new(Nadir::default())),
-        ("equidistant", Box::new(Equidistant {})),
+        ("equidistant", Box::new(Equidistant::default())),
         ("nvs_20000", Box::new(Nvs::default())),
         ("vb_nvs_20000", Box::new(VbNvs::default())),
         ("greedy", Box::new(Greedy::default())),

@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("random", Box::new(Random::default())),
         ("random, 20,000", Box::new(Random { draws: 20_000 })),
         ("nadir", Box::new(Nadir::default())),
-        ("equidistant", Box::new(Equidistant {})),
+        ("equidistant", Box::new(Equidistant::default())),
         ("nvs, plain", Box::new(plain_nvs())),
         ("nvs", Box::new(Nvs::default())),
         ("vb-nvs", Box::new(VbNvs::default())),

@@ -52,29 +52,69 @@ pub(crate) fn best_of(sets: Sets<'_>, losses: &[f64]) -> Vec<usize> {
         .map_or_else(Vec::new, |(set, _)| set.to_vec())
 }
 
-/// A fixed interval: the views are cut into M equal parts, and the middle view of each is picked
-/// (of two middle views the lower). Always distinct.
+/// A fixed interval between the picked views, which are always distinct and in increasing order.
+///
+/// The paper says "sampling at a fixed interval (equidistant)" and no more (section "Viewpoint
+/// Selector Framework"): neither where the first view lies nor where the last. Both readings of
+/// [`EquidistantAt`] are that. Centres are the default: no view is farther than half an interval from
+/// a picked one, and intervals are as short as they can be.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(
     feature = "serde",
     serde(default, deny_unknown_fields, rename_all = "kebab-case")
 )]
-pub struct Equidistant {}
+pub struct Equidistant {
+    /// Where the views lie. Default [`EquidistantAt::Centres`].
+    pub at: EquidistantAt,
+}
+
+/// Where equidistant views lie among all N.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
+pub enum EquidistantAt {
+    /// The views are cut into M equal parts, and the middle view of each is picked (of two middle
+    /// views the lower).
+    #[default]
+    Centres,
+    /// The first view, the last, and those that cut what lies between into M - 1 equal parts (of
+    /// two nearest views the lower). One view alone is the middle one, as with centres.
+    Ends,
+}
 
 impl Selector for Equidistant {
     fn select(&self, problem: &Problem<'_>) -> Result<Selection, SelectError> {
-        Evaluator::new(problem).finish(equidistant(problem.views(), problem.picks()))
+        let (views, picks) = (problem.views(), problem.picks());
+        Evaluator::new(problem).finish(match self.at {
+            EquidistantAt::Centres => at_centres(views, picks),
+            EquidistantAt::Ends => at_ends(views, picks),
+        })
     }
 }
 
-/// `picks` of `views` views at a fixed interval, in increasing order; `picks` is at most `views`.
+/// The middles of `picks` equal parts of `views` views, in increasing order; `picks` is at most
+/// `views`.
 ///
 /// The middle of part i of M is `(2i + 1) N / (2M) - 1/2`, here rounded half down.
-pub(crate) fn equidistant(views: usize, picks: usize) -> Vec<usize> {
+pub(crate) fn at_centres(views: usize, picks: usize) -> Vec<usize> {
     let (views, parts) = (views as u128, picks as u128);
     (0..parts)
         .map(|part| (((2 * part + 1) * views - 1) / (2 * parts)) as usize)
+        .collect()
+}
+
+/// `picks` of `views` views from the first to the last, in increasing order; `picks` is at most
+/// `views`.
+///
+/// View i of M is `i (N - 1) / (M - 1)`, here rounded half down.
+fn at_ends(views: usize, picks: usize) -> Vec<usize> {
+    if picks < 2 {
+        return at_centres(views, picks);
+    }
+    let (last, intervals) = (views as u128 - 1, picks as u128 - 1);
+    (0..=intervals)
+        .map(|place| ((2 * place * last + intervals - 1) / (2 * intervals)) as usize)
         .collect()
 }
 

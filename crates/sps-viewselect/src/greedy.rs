@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::baselines::{best_of, equidistant};
+use crate::baselines::{at_centres, best_of};
 use crate::error::{SelectError, require};
 use crate::evaluator::Evaluator;
 use crate::problem::{Problem, Selector};
@@ -64,7 +64,7 @@ impl Selector for Greedy {
 fn start_set(problem: &Problem<'_>, start: u64) -> Vec<usize> {
     let (views, picks) = (problem.views(), problem.picks());
     if start == 0 {
-        return equidistant(views, picks);
+        return at_centres(views, picks);
     }
     let mut stream = Stream::new(problem.seed_value(), Purpose::GreedyStarts, start);
     stream.set(views, picks, problem.is_distinct())

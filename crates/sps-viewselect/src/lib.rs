@@ -29,7 +29,7 @@
 //! let optimum = Exhaustive::default().select(&problem)?;
 //! assert_eq!((optimum.picks, optimum.evaluations), (vec![8, 31], 40 * 39));
 //!
-//! let equidistant = Equidistant {}.select(&problem)?;
+//! let equidistant = Equidistant::default().select(&problem)?;
 //! let learned = VbNvs { evaluations: 5000, ..VbNvs::default() }.select(&problem)?;
 //! assert!(optimum.loss <= learned.loss && learned.loss < equidistant.loss);
 //! # Ok::<(), sps_viewselect::SelectError>(())
@@ -42,7 +42,7 @@
 //!   common: whether views must be distinct, and the seed.
 //! - The answer: every [`Selector`] returns a [`Selection`], with picks, loss curve, evaluations
 //!   and wall time.
-//! - Baselines: [`Random`], [`Equidistant`], [`Nadir`].
+//! - Baselines: [`Random`], [`Equidistant`] at centres or from end to end, [`Nadir`].
 //! - Learned: [`Nvs`], trained by REINFORCE as [`PolicyTraining`] says, and [`VbNvs`], with a value
 //!   network as [`ValueTraining`] and [`ValueSearch`] say. [`Policy`] is the distribution over sets
 //!   with its gradient, for those who train it beside something else.
@@ -84,7 +84,7 @@ mod value_search;
 mod vb_nvs;
 mod vector;
 
-pub use baselines::{Equidistant, Nadir, Random};
+pub use baselines::{Equidistant, EquidistantAt, Nadir, Random};
 pub use error::SelectError;
 pub use exhaustive::Exhaustive;
 pub use greedy::Greedy;

@@ -1,7 +1,7 @@
 //! What holds of every selector on every problem.
 
 use proptest::prelude::*;
-use sps_viewselect::{Equidistant, Nadir, Random, SetFunction, SetLoss, Sets};
+use sps_viewselect::{Equidistant, EquidistantAt, Nadir, Random, SetFunction, SetLoss, Sets};
 
 use crate::problems::LateFusion;
 use crate::support::{Counted, all_selectors, problem, select};
@@ -52,31 +52,56 @@ proptest! {
     fn equidistant_views_mirror_themselves(views in 1..200_usize, picks in 1..200_usize) {
         prop_assume!(picks <= views);
         let loss = SetFunction::new(views, picks, |_: &[usize]| 0.0);
-        let set = select(&Equidistant {}, &problem(&loss)).picks;
-        prop_assert!(set.is_sorted_by(|a, b| a < b));
-        // Mirrored they are the same, but for the rounding of halves.
-        for (one, other) in set.iter().zip(set.iter().rev()) {
-            let sum = one + other;
-            prop_assert!(sum + 1 == views || sum + 2 == views, "{:?}", set);
-        }
-        // Neighbours are views / picks apart, rounded.
-        for pair in set.windows(2) {
-            let apart = (pair[1] - pair[0]) as f64;
-            prop_assert!((apart - views as f64 / picks as f64).abs() < 1.0, "{:?}", set);
+        for at in [EquidistantAt::Centres, EquidistantAt::Ends] {
+            let set = select(&Equidistant { at }, &problem(&loss)).picks;
+            prop_assert!(set.is_sorted_by(|a, b| a < b));
+            // Mirrored they are the same, but for the rounding of halves.
+            for (one, other) in set.iter().zip(set.iter().rev()) {
+                let sum = one + other;
+                prop_assert!(sum + 1 == views || sum + 2 == views, "{:?}", set);
+            }
+            // Neighbours are one interval apart, rounded.
+            let interval = match at {
+                EquidistantAt::Centres => views as f64 / picks as f64,
+                EquidistantAt::Ends => (views as f64 - 1.0) / (picks as f64 - 1.0),
+            };
+            for pair in set.windows(2) {
+                let apart = (pair[1] - pair[0]) as f64;
+                prop_assert!((apart - interval).abs() < 1.0, "{:?}", set);
+            }
+            let first_and_last = [set[0], set[set.len() - 1]] == [0, views - 1];
+            prop_assert!(at == EquidistantAt::Centres || picks == 1 || first_and_last);
         }
     }
+}
+
+/// By hand: the middle of part i of M is (2i + 1) N / 2M - 1/2, and place i from end to end
+/// i (N - 1) / (M - 1), both rounded half down.
+#[test]
+fn equidistant_views_are_where_they_should_be() {
+    let cases: [(usize, &[usize], &[usize]); 8] = [
+        (21, &[3, 10, 17], &[0, 10, 20]),
+        (100, &[16, 49, 83], &[0, 49, 99]),
+        (10, &[1, 3, 6, 8], &[0, 3, 6, 9]),
+        (5, &[0, 1, 3, 4], &[0, 1, 3, 4]),
+        (100, &[24, 74], &[0, 99]),
+        (100, &[49], &[49]),
+        (21, &[10], &[10]),
+        (4, &[0, 1, 2, 3], &[0, 1, 2, 3]),
+    ];
+    for (views, centres, ends) in cases {
+        let loss = SetFunction::new(views, centres.len(), |_: &[usize]| 0.0);
+        let picks = |at| select(&Equidistant { at }, &problem(&loss)).picks;
+        assert_eq!(picks(EquidistantAt::Centres), centres, "of {views}");
+        assert_eq!(picks(EquidistantAt::Ends), ends, "of {views}");
+    }
+    assert_eq!(Equidistant::default().at, EquidistantAt::Centres);
 }
 
 #[test]
 fn fixed_selections_are_where_they_should_be() {
     let of = |views, picks| SetFunction::new(views, picks, |_: &[usize]| 0.0);
-    let (three, one, all) = (of(100, 3), of(100, 1), of(4, 4));
-    assert_eq!(
-        select(&Equidistant {}, &problem(&three)).picks,
-        [16, 49, 83]
-    );
-    assert_eq!(select(&Equidistant {}, &problem(&one)).picks, [49]);
-    assert_eq!(select(&Equidistant {}, &problem(&all)).picks, [0, 1, 2, 3]);
+    let three = of(100, 3);
     let nadir = Nadir::default();
     assert_eq!(select(&nadir, &problem(&three)).picks, [49, 49, 49]);
     let distinct = problem(&three).distinct(true);

@@ -1,6 +1,9 @@
 //! Selectors are read from a config, selections are written.
 
-use sps_viewselect::{Baseline, Greedy, Nvs, Selection, SetFunction, TemporalRelations, VbNvs};
+use sps_viewselect::{
+    Baseline, Equidistant, EquidistantAt, Greedy, Nvs, Selection, SetFunction, TemporalRelations,
+    VbNvs,
+};
 
 use crate::support::{problem, select};
 
@@ -27,6 +30,12 @@ fn a_selector_is_read_from_toml() {
     assert_eq!(plain.policy.baseline, Baseline::None);
     let relations: TemporalRelations = toml::from_str("scales = [2]").expect("relations");
     assert_eq!(relations.scales, [2]);
+    let ends: Equidistant = toml::from_str("at = \"ends\"").expect("a selector");
+    assert_eq!(ends.at, EquidistantAt::Ends);
+    let centres: Equidistant = toml::from_str("at = \"centres\"").expect("a selector");
+    let default: Equidistant = toml::from_str("").expect("a selector");
+    assert_eq!((centres, default), (Equidistant::default(), centres));
+    assert!(toml::from_str::<Equidistant>("at = \"middle\"").is_err());
 }
 
 #[test]

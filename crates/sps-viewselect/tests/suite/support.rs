@@ -3,8 +3,8 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use sps_viewselect::{
-    Equidistant, Exhaustive, Greedy, LossError, Nadir, Nvs, Problem, Random, Selection, Selector,
-    SetLoss, Sets, VbNvs,
+    Equidistant, EquidistantAt, Exhaustive, Greedy, LossError, Nadir, Nvs, Problem, Random,
+    Selection, Selector, SetLoss, Sets, VbNvs,
 };
 
 /// Every selector, the learned ones with few evaluations.
@@ -12,7 +12,13 @@ pub(crate) fn all_selectors() -> Vec<(&'static str, Box<dyn Selector>)> {
     vec![
         ("random", Box::new(Random::default())),
         ("random of 20", Box::new(Random { draws: 20 })),
-        ("equidistant", Box::new(Equidistant {})),
+        ("equidistant", Box::new(Equidistant::default())),
+        (
+            "equidistant ends",
+            Box::new(Equidistant {
+                at: EquidistantAt::Ends,
+            }),
+        ),
         ("nadir", Box::new(Nadir::default())),
         ("nvs", Box::new(short_nvs())),
         ("vb-nvs", Box::new(short_vb_nvs())),

@@ -135,7 +135,11 @@ fn a_loss_that_is_no_number_is_an_error_that_names_the_set() {
                     assert!(loss.is_nan() || loss == strange);
                 }
                 Err(other) => panic!("{name}: {other}"),
-                Ok(selection) => assert!(name.starts_with("random"), "{name}: {selection:?}"),
+                // Who does not ask for them does not find them.
+                Ok(selection) => assert!(
+                    name.starts_with("random") || name == "equidistant ends",
+                    "{name}: {selection:?}"
+                ),
             }
         }
     }

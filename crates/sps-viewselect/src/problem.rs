@@ -68,11 +68,13 @@ impl<'a> Problem<'a> {
         self.distinct
     }
 
-    pub(crate) fn seed_value(&self) -> u64 {
+    /// The seed of every draw, for a selector to key its streams by.
+    pub fn seed_value(&self) -> u64 {
         self.seed
     }
 
-    pub(crate) fn loss(&self) -> &'a dyn SetLoss {
+    /// The loss, for a selector to ask.
+    pub fn loss(&self) -> &'a dyn SetLoss {
         self.loss
     }
 }
@@ -99,7 +101,42 @@ pub(crate) fn check_sizes(views: usize, picks: usize) -> Result<(), SelectError>
     }
 }
 
-/// A way to select views.
+/// A way to select views; also one that is not of this crate.
+///
+/// ```
+/// use std::time::Instant;
+///
+/// use sps_viewselect::{CurvePoint, Problem, SelectError, Selection, Selector, SetFunction, Sets};
+///
+/// /// The first views there are.
+/// struct First;
+///
+/// impl Selector for First {
+///     fn select(&self, problem: &Problem<'_>) -> Result<Selection, SelectError> {
+///         let start = Instant::now();
+///         let picks: Vec<usize> = (0..problem.picks()).collect();
+///         let mut loss = [0.0];
+///         let sets = Sets::new(&picks, problem.picks())?;
+///         problem.loss().losses(sets, &mut loss).map_err(|source| SelectError::Loss {
+///             sets: 1,
+///             first: picks.clone(),
+///             source,
+///         })?;
+///         Ok(Selection {
+///             picks,
+///             loss: loss[0],
+///             curve: vec![CurvePoint { evaluations: 1, mean: loss[0], best: loss[0] }],
+///             evaluations: 1,
+///             computed: 1,
+///             seconds: start.elapsed().as_secs_f64(),
+///         })
+///     }
+/// }
+///
+/// let loss = SetFunction::new(9, 2, |set: &[usize]| (set[0] + set[1]) as f64);
+/// assert_eq!(First.select(&Problem::new(&loss)?)?.loss, 1.0);
+/// # Ok::<(), SelectError>(())
+/// ```
 pub trait Selector: Send + Sync {
     /// Selects one set of views. The same problem and seed give the same picks, whatever the number
     /// of threads.

@@ -56,8 +56,8 @@ pub(crate) fn best_of(sets: Sets<'_>, losses: &[f64]) -> Vec<usize> {
 ///
 /// The paper says "sampling at a fixed interval (equidistant)" and no more (section "Viewpoint
 /// Selector Framework"): neither where the first view lies nor where the last. Both readings of
-/// [`EquidistantAt`] are that. Centres are the default: no view is farther than half an interval from
-/// a picked one, and intervals are as short as they can be.
+/// [`EquidistantAt`] are that. Centres are the default: the view farthest from any picked one is as
+/// near as it can be.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(

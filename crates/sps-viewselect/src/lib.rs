@@ -40,6 +40,9 @@
 //! - The question: [`SetLoss`], implemented for the loss at hand in ten lines, or [`SetFunction`]
 //!   around a plain function. [`Problem`] checks it once and holds what all selectors have in
 //!   common: whether views must be distinct, and the seed.
+//! - Several questions at once: a [`SharedLoss`] gives a set's losses for all properties,
+//!   [`Pooled`] is the loss of one of them drawn towards the mean over all, and [`Remembered`]
+//!   computes each set once.
 //! - The answer: every [`Selector`] returns a [`Selection`], with picks, loss curve, evaluations
 //!   and wall time.
 //! - Baselines: [`Random`], [`Equidistant`] at centres or from end to end, [`Nadir`].
@@ -72,8 +75,10 @@ mod policy;
 mod problem;
 mod reinforce;
 mod relations;
+mod remembered;
 mod selection;
 mod sets;
+mod shared;
 mod softmax;
 mod stream;
 #[cfg(test)]
@@ -94,8 +99,10 @@ pub use policy::Policy;
 pub use problem::{Problem, Selector};
 pub use reinforce::{Baseline, PolicyTraining};
 pub use relations::{RelationSampler, Relations, TemporalRelations};
+pub use remembered::Remembered;
 pub use selection::{CurvePoint, Selection};
 pub use sets::{SetList, Sets};
+pub use shared::{Pooled, SharedLoss};
 pub use vb_nvs::{ValueSearch, ValueTraining, VbNvs};
 
 /// Runs the example of the README.

@@ -11,6 +11,7 @@ mod regret;
 mod relations;
 #[cfg(feature = "serde")]
 mod serde;
+mod shared;
 mod support;
 mod threads;
 mod uniform;

@@ -30,7 +30,8 @@
 //!   ([`encoders::TrainableEncoder`]).
 //! - [`weights`]: their tensors by name, from safetensors and from PyTorch's `.pth` files.
 //! - [`ops`]: the operators below them, channels last, differentiable, for networks of your own.
-//! - [`heads`]: from an embedding to tactile values; [`ridge`] is the linear baseline.
+//! - [`heads`]: from an embedding to tactile values; [`ridge`] and [`kernel_ridge`] are the linear
+//!   and the kernel baseline.
 //! - [`labels`]: the classes that the cross-modal estimator learns from.
 //! - [`optim`]: Adam as PyTorch has it, and gradient clipping.
 //!
@@ -42,7 +43,9 @@ pub mod encoders;
 mod error;
 #[cfg(test)]
 mod golden;
+mod groups;
 pub mod heads;
+pub mod kernel_ridge;
 pub mod labels;
 pub mod ops;
 pub mod optim;

@@ -1,6 +1,7 @@
 //! Trials that are fitted together, because they see the same views of the same surfaces.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -65,4 +66,19 @@ pub(crate) fn fit_groups<T: Send>(
     }
     models.sort_by_key(|(at, _)| *at);
     Ok(models.into_iter().map(|(_, model)| model).collect())
+}
+
+/// The models that share what `shared` points to, by their place among all, in the order of the
+/// first of each.
+pub(crate) fn sharing<'a, T>(
+    shared: impl Iterator<Item = &'a Arc<T>>,
+) -> Vec<(&'a Arc<T>, Vec<usize>)> {
+    let mut all: Vec<(&Arc<T>, Vec<usize>)> = Vec::new();
+    for (at, one) in shared.enumerate() {
+        match all.iter_mut().find(|(other, _)| Arc::ptr_eq(other, one)) {
+            Some((_, places)) => places.push(at),
+            None => all.push((one, vec![at])),
+        }
+    }
+    all
 }

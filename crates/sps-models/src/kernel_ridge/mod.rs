@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
-use crate::groups::{Group, fit_groups};
+use crate::groups::{Group, fit_groups, sharing};
 use crate::heads::{Estimates, Plan, TrainingData, Trial};
 use fit::{Fit, Spectrum};
 pub use kernel::Kernel;
@@ -46,7 +46,7 @@ impl Default for KernelRidgeConfig {
             penalties: vec![
                 1e-5, 3.16e-5, 1e-4, 3.16e-4, 1e-3, 3.16e-3, 0.01, 0.0316, 0.1, 0.316, 1.0, 3.16,
             ],
-            widths: vec![0.5, 1.0, 2.0, 4.0],
+            widths: vec![1.0, 4.0],
         }
     }
 }
@@ -361,25 +361,20 @@ impl TrainedKernelRidges {
     }
 
     fn sharing(&self) -> Vec<Sharing<'_>> {
-        let mut all: Vec<Sharing<'_>> = Vec::new();
-        for (at, ridge) in self.ridges.iter().enumerate() {
-            let known = |one: &Sharing<'_>| Arc::ptr_eq(one.support, &ridge.support);
-            let place = all.iter().position(known).unwrap_or_else(|| {
-                all.push(Sharing {
-                    support: &ridge.support,
-                    ridges: Vec::new(),
-                    widths: Vec::new(),
-                });
-                all.len() - 1
-            });
-            let sharing = &mut all[place];
-            sharing.ridges.push(at);
-            sharing.widths.extend(
-                ridge
-                    .width()
-                    .filter(|width| !sharing.widths.contains(width)),
-            );
-        }
-        all
+        let shared = sharing(self.ridges.iter().map(|ridge| &ridge.support));
+        let of = |(support, ridges): (_, Vec<usize>)| {
+            let mut widths = Vec::new();
+            for width in ridges.iter().filter_map(|&at| self.ridges[at].width()) {
+                if !widths.contains(&width) {
+                    widths.push(width);
+                }
+            }
+            Sharing {
+                support,
+                ridges,
+                widths,
+            }
+        };
+        shared.into_iter().map(of).collect()
     }
 }

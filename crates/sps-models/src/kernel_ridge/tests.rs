@@ -8,13 +8,13 @@ use crate::golden::uniform;
 use crate::heads::{Rerun, Views};
 use crate::ridge::{Ridge, RidgeConfig};
 
-struct Set {
-    embeddings: Embeddings,
-    readings: Readings,
+pub(super) struct Set {
+    pub(super) embeddings: Embeddings,
+    pub(super) readings: Readings,
 }
 
 impl Set {
-    fn new(shape: (usize, usize, usize), columns: &[Vec<Option<f64>>]) -> Self {
+    pub(super) fn new(shape: (usize, usize, usize), columns: &[Vec<Option<f64>>]) -> Self {
         let values = uniform("kernel.x", shape.0 * shape.1 * shape.2);
         let values: Vec<f32> = values.into_iter().map(|x| x as f32).collect();
         Self::of(
@@ -34,7 +34,7 @@ impl Set {
     }
 
     /// The first `training` surfaces, and some of the views.
-    fn train(
+    pub(super) fn train(
         &self,
         config: &KernelRidgeConfig,
         training: usize,
@@ -44,7 +44,7 @@ impl Set {
         KernelRidge::new(config.clone())?.train(&self.data(), &plan)
     }
 
-    fn data(&self) -> TrainingData<'_> {
+    pub(super) fn data(&self) -> TrainingData<'_> {
         TrainingData {
             embeddings: &self.embeddings,
             readings: &self.readings,
@@ -66,20 +66,20 @@ impl Set {
     }
 }
 
-fn column(name: &str, surfaces: usize) -> Vec<Option<f64>> {
+pub(super) fn column(name: &str, surfaces: usize) -> Vec<Option<f64>> {
     let values = uniform(name, surfaces).into_iter();
     values.map(|value| Some(3.0 + value)).collect()
 }
 
 /// Values that a kernel can predict from view 0 of `Set::new`.
-fn smooth(shape: (usize, usize, usize)) -> Vec<Option<f64>> {
+pub(super) fn smooth(shape: (usize, usize, usize)) -> Vec<Option<f64>> {
     let features = uniform("kernel.x", shape.0 * shape.1 * shape.2);
     let rows = features.chunks(shape.1 * shape.2);
     rows.map(|x| Some(20.0 + (2.0 * x[0]).sin() + x[1] * x[2]))
         .collect()
 }
 
-fn config(kernel: Kernel, penalties: &[f64], widths: &[f64]) -> KernelRidgeConfig {
+pub(super) fn config(kernel: Kernel, penalties: &[f64], widths: &[f64]) -> KernelRidgeConfig {
     KernelRidgeConfig {
         kernel,
         penalties: penalties.to_vec(),

@@ -3,6 +3,7 @@
 
 mod fit;
 mod kernel;
+mod set_losses;
 mod store;
 #[cfg(test)]
 mod tests;
@@ -21,6 +22,7 @@ use crate::heads::{Estimates, Plan, TrainingData, Trial};
 use fit::{Fit, Spectrum};
 pub use kernel::Kernel;
 use kernel::{Points, Terms};
+pub use set_losses::SetLosses;
 
 /// Surfaces that are estimated at once.
 const ROWS: usize = 512;

@@ -54,6 +54,7 @@ mod regressor;
 pub mod ridge;
 mod rng;
 mod stacked;
+pub mod stacking;
 pub mod training;
 pub mod weights;
 

@@ -30,7 +30,8 @@
 //!   ([`encoders::TrainableEncoder`]).
 //! - [`weights`]: their tensors by name, from safetensors and from PyTorch's `.pth` files.
 //! - [`ops`]: the operators below them, channels last, differentiable, for networks of your own.
-//! - [`heads`]: from an embedding to tactile values; [`ridge`] is the linear baseline.
+//! - [`heads`]: from an embedding to tactile values; [`ridge`], [`kernel_ridge`] and [`nearest`] are
+//!   the floors under it, and all of them a [`Regressor`].
 //! - [`labels`]: the classes that the cross-modal estimator learns from.
 //! - [`optim`]: Adam as PyTorch has it, and gradient clipping.
 //!
@@ -42,18 +43,24 @@ pub mod encoders;
 mod error;
 #[cfg(test)]
 mod golden;
+mod groups;
 pub mod heads;
+pub mod kernel_ridge;
 pub mod labels;
+pub mod nearest;
 pub mod ops;
 pub mod optim;
+mod regressor;
 pub mod ridge;
 mod rng;
 mod stacked;
+pub mod stacking;
 pub mod training;
 pub mod weights;
 
 pub use data::{Embeddings, Readings};
 pub use error::{Error, Result};
+pub use regressor::{FittedRegressor, Regressor};
 
 /// Runs the example of the README.
 #[cfg(doctest)]

@@ -16,6 +16,7 @@ use sps_models::heads::{
     Adversarial, CrossModal, Head, HeadConfig, Input, Model, Plan, RelationScale, Rerun,
     TrainedHeads, TrainingData, Views,
 };
+use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig, TrainedKernelRidges};
 use sps_models::ridge::{Ridge, RidgeConfig, TrainedRidges};
 use sps_models::training::{
     Augmentation, Classes, Image, ImageSource, Parts, Targets, Trainer, TrainingConfig,
@@ -246,6 +247,19 @@ fn ridges() {
     nested("ridge regressions", |text| read(text.as_bytes()));
 }
 
+#[test]
+fn kernel_ridges() {
+    let made = Made::new();
+    let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+    let trained = ridge.train(&made.data(), &made.plan());
+    let file = trained.unwrap().to_bytes().unwrap();
+    fuzz("kernel ridge regressions", &broken(vec![file]), |bytes| {
+        if let Some(ridges) = said(TrainedKernelRidges::from_bytes(&bytes)) {
+            said(ridges.predict(&made.embeddings));
+        }
+    });
+}
+
 /// Grey images, darker from one to the next.
 struct Greys;
 
@@ -318,5 +332,8 @@ fn headers_that_nest() {
         let note = Some(("sps-heads", text.as_str()));
         let file = weights().to_bytes_as(Storage::F32, note).unwrap();
         assert!(said(TrainedHeads::from_bytes("file", &file)).is_none());
+        let note = Some(("sps-kernel-ridges", text.as_str()));
+        let file = weights().to_bytes_as(Storage::F32, note).unwrap();
+        assert!(said(TrainedKernelRidges::from_bytes(&file)).is_none());
     });
 }

@@ -3,14 +3,13 @@
 mod fit;
 mod store;
 
-use std::collections::BTreeMap;
-
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
-use crate::heads::{Estimates, Plan, TrainingData, Trial, Views};
+use crate::groups::fit_groups;
+use crate::heads::{Estimates, Plan, TrainingData, Trial};
 use fit::{Axes, Fit};
 
 /// Settings of [`Ridge`].
@@ -75,45 +74,17 @@ impl Ridge {
     /// A plan that does not fit the data, a trial without fixed views, a property without a
     /// training reading.
     pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedRidges> {
-        plan.check(None, data)?;
-        let mut groups: BTreeMap<(&[usize], Vec<usize>), Vec<Job<'_>>> = BTreeMap::new();
-        for (at, trial) in plan.trials.iter().enumerate() {
-            let Views::Fixed(views) = &trial.views else {
-                return Err(Error::input(
-                    "ridge views",
-                    "ones that change",
-                    "fixed ones",
-                ));
-            };
-            let (surfaces, values) = plan.readings(data, trial).into_iter().unzip();
-            let job = Job { at, trial, values };
-            groups.entry((views, surfaces)).or_default().push(job);
-        }
-        let fitted: Vec<Result<Vec<_>>> = groups
-            .par_iter()
-            .map(|((views, surfaces), jobs)| {
-                let axes = Axes::new(&data.embeddings.select(surfaces, views)?)?;
-                let fits = jobs.par_iter().map(|job| {
-                    let trial = job.trial.clone();
-                    let fit = axes.fit(&job.values, &self.0.penalties)?;
-                    Ok((job.at, TrainedRidge { trial, fit }))
-                });
-                fits.collect()
-            })
-            .collect();
-        let mut ridges = fitted.into_iter().collect::<Result<Vec<_>>>()?.concat();
-        ridges.sort_by_key(|(at, _)| *at);
-        Ok(TrainedRidges {
-            ridges: ridges.into_iter().map(|(_, ridge)| ridge).collect(),
-        })
+        let ridges = fit_groups(data, plan, |group| {
+            let axes = Axes::new(&group.embeddings)?;
+            let fits = group.jobs.par_iter().map(|job| {
+                let trial = job.trial.clone();
+                let fit = axes.fit(&job.values, &self.0.penalties)?;
+                Ok(TrainedRidge { trial, fit })
+            });
+            fits.collect::<Vec<_>>().into_iter().collect()
+        })?;
+        Ok(TrainedRidges { ridges })
     }
-}
-
-/// A trial of a plan, with its training values.
-struct Job<'a> {
-    at: usize,
-    trial: &'a Trial,
-    values: Vec<f64>,
 }
 
 /// One fitted ridge regression.

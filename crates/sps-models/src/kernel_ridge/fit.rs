@@ -1,0 +1,229 @@
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::evd::{self, ComputeEigenvectors};
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Col, Mat, MatRef, Par, Spec};
+
+use crate::error::{Error, Result};
+
+/// The centred kernel matrix of some surfaces on its principal axes, where every penalty is
+/// compared in closed form. All fits to the same surfaces share it.
+pub(super) struct Spectrum {
+    width: f64,
+    penalties: Vec<f64>,
+    /// Mean of each column of the kernel matrix.
+    means: Vec<f64>,
+    /// Trace of the centred kernel matrix: what a penalty is told in.
+    trace: f64,
+    /// Eigenvalues of the centred kernel matrix, none below zero.
+    values: Vec<f64>,
+    /// Its eigenvectors, as columns.
+    vectors: Mat<f64>,
+    /// One less the leverage of each surface under each penalty, `(surfaces, penalties)`.
+    slack: Mat<f64>,
+}
+
+/// The surfaces' kernel expansion `f(x) = intercept + sum of coefficient times k(x, surface)`.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Fit {
+    pub(super) intercept: f64,
+    /// Mean squared error of the surfaces when each is left out; none of one surface alone.
+    pub(super) left_out_error: Option<f64>,
+    /// None where the mean of the readings does best.
+    pub(super) expansion: Option<Expansion>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Expansion {
+    pub(super) width: f64,
+    pub(super) penalty: f64,
+    /// One per training surface.
+    pub(super) coefficients: Vec<f64>,
+}
+
+impl Spectrum {
+    /// Decomposes a kernel matrix, of which both triangles are there.
+    pub(super) fn new(mut kernel: Mat<f64>, width: f64, penalties: &[f64]) -> Result<Self> {
+        let means = centre(&mut kernel);
+        let (values, vectors) = decompose(&kernel)?;
+        let mut spectrum = Self {
+            width,
+            penalties: penalties.to_vec(),
+            means,
+            trace: (0..kernel.nrows()).map(|i| kernel[(i, i)]).sum(),
+            values,
+            vectors,
+            slack: Mat::new(),
+        };
+        spectrum.slack = spectrum.slack();
+        Ok(spectrum)
+    }
+
+    fn slack(&self) -> Mat<f64> {
+        let surfaces = self.values.len();
+        let squared = Mat::from_fn(surfaces, surfaces, |i, j| self.vectors[(i, j)].powi(2));
+        let kept = Mat::from_fn(surfaces, self.penalties.len(), |k, p| self.kept(k, p));
+        let mut slack = product(squared.as_ref(), &kept);
+        for value in slack.col_iter_mut().flat_map(|column| column.iter_mut()) {
+            // The intercept's own leverage. A surface that alone decides its own fit is predicted
+            // by nothing.
+            *value = (*value - 1.0 / surfaces as f64).max(f64::EPSILON);
+        }
+        slack
+    }
+
+    /// The part of the readings along an axis that a penalty leaves as residual.
+    fn kept(&self, axis: usize, penalty: usize) -> f64 {
+        let ridge = self.penalties[penalty] * self.trace;
+        ridge / (self.values[axis] + ridge)
+    }
+
+    /// The mean squared error when each surface is left out, by penalty: the residual over one
+    /// minus the leverage (Golub, Heath and Wahba 1979). The values are centred.
+    fn left_out_errors(&self, values: &[f64]) -> Vec<f64> {
+        let along = self.along(values);
+        let kept = Mat::from_fn(values.len(), self.penalties.len(), |k, p| {
+            along[k] * self.kept(k, p)
+        });
+        let residuals = product(self.vectors.as_ref(), &kept);
+        let columns = residuals.col_iter().zip(self.slack.col_iter());
+        let error = columns.map(|(residuals, slack)| {
+            let errors = residuals.iter().zip(slack.iter());
+            let squared = errors.map(|(residual, slack)| (residual / slack).powi(2));
+            squared.sum::<f64>() / values.len() as f64
+        });
+        error.collect()
+    }
+
+    /// The values on the principal axes.
+    fn along(&self, values: &[f64]) -> Vec<f64> {
+        let on_axis = |axis: faer::ColRef<'_, f64>| {
+            let products = axis.iter().zip(values).map(|(a, v)| a * v);
+            products.sum()
+        };
+        self.vectors.col_iter().map(on_axis).collect()
+    }
+
+    fn expansion(&self, values: &[f64], penalty: usize) -> Expansion {
+        let ridge = self.penalties[penalty] * self.trace;
+        let along = self.along(values);
+        let mut coefficients = vec![0.0; values.len()];
+        for ((axis, along), value) in self.vectors.col_iter().zip(along).zip(&self.values) {
+            let factor = along / (value + ridge);
+            for (coefficient, &direction) in coefficients.iter_mut().zip(axis.iter()) {
+                *coefficient += factor * direction;
+            }
+        }
+        Expansion {
+            width: self.width,
+            penalty: self.penalties[penalty],
+            coefficients,
+        }
+    }
+}
+
+impl Fit {
+    /// The width and penalty of least error when each surface is left out, or the mean of `values`
+    /// where that is as good.
+    pub(super) fn best(spectra: &[Spectrum], values: &[f64]) -> Self {
+        let level = mean(values);
+        let centred: Vec<f64> = values.iter().map(|value| value - level).collect();
+        let mut best = (error_of_the_mean(&centred), None);
+        // Surfaces that do not differ leave nothing to learn from.
+        for spectrum in spectra.iter().filter(|spectrum| spectrum.trace > 0.0) {
+            let errors = spectrum.left_out_errors(&centred);
+            for (penalty, error) in errors.into_iter().enumerate() {
+                if best.0.is_some_and(|least| error < least) {
+                    best = (Some(error), Some((spectrum, penalty)));
+                }
+            }
+        }
+        let (left_out_error, chosen) = best;
+        let Some((spectrum, penalty)) = chosen else {
+            return Self {
+                intercept: level,
+                left_out_error,
+                expansion: None,
+            };
+        };
+        Self {
+            left_out_error,
+            ..Self::with(spectrum, values, penalty)
+        }
+    }
+
+    /// The fit with one of the penalties; its error is still to be told.
+    pub(super) fn with(spectrum: &Spectrum, values: &[f64], penalty: usize) -> Self {
+        let level = mean(values);
+        let centred: Vec<f64> = values.iter().map(|value| value - level).collect();
+        let expansion = spectrum.expansion(&centred, penalty);
+        let terms = expansion.coefficients.iter().zip(&spectrum.means);
+        Self {
+            intercept: level - terms.map(|(c, m)| c * m).sum::<f64>(),
+            left_out_error: None,
+            expansion: Some(expansion),
+        }
+    }
+}
+
+/// The mean squared error of the mean of all others.
+fn error_of_the_mean(centred: &[f64]) -> Option<f64> {
+    let samples = centred.len() as f64;
+    let error = |centred: &f64| (centred * samples / (samples - 1.0)).powi(2);
+    (centred.len() > 1).then(|| centred.iter().map(error).sum::<f64>() / samples)
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// Takes the mean off each column and row of a symmetric matrix; returns the means of the columns.
+fn centre(kernel: &mut Mat<f64>) -> Vec<f64> {
+    let samples = kernel.nrows().max(1) as f64;
+    let sum = |column: faer::ColRef<'_, f64>| column.iter().sum::<f64>() / samples;
+    let means: Vec<f64> = kernel.col_iter().map(sum).collect();
+    let all = mean(&means);
+    for (column, of_column) in kernel.col_iter_mut().zip(&means) {
+        for (value, of_row) in column.iter_mut().zip(&means) {
+            *value += all - of_column - of_row;
+        }
+    }
+    means
+}
+
+/// Eigenvalues, none below zero, and eigenvectors as columns.
+///
+/// The call names sequential execution, so that no setting elsewhere can change a bit.
+fn decompose(matrix: &Mat<f64>) -> Result<(Vec<f64>, Mat<f64>)> {
+    let size = matrix.nrows();
+    let mut vectors = Mat::zeros(size, size);
+    let mut values = Col::<f64>::zeros(size);
+    let scratch = evd::self_adjoint_evd_scratch::<f64>(
+        size,
+        ComputeEigenvectors::Yes,
+        Par::Seq,
+        Spec::default(),
+    );
+    evd::self_adjoint_evd(
+        matrix.as_ref(),
+        values.as_mut().as_diagonal_mut(),
+        Some(vectors.as_mut()),
+        Par::Seq,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+        Spec::default(),
+    )
+    .map_err(|_| Error::input("kernel matrix", "no decomposition", "one that converges"))?;
+    Ok((values.iter().map(|value| value.max(0.0)).collect(), vectors))
+}
+
+fn product(left: MatRef<'_, f64>, right: &Mat<f64>) -> Mat<f64> {
+    let mut product = Mat::zeros(left.nrows(), right.ncols());
+    matmul(
+        product.as_mut(),
+        Accum::Replace,
+        left,
+        right.as_ref(),
+        1.0,
+        Par::Seq,
+    );
+    product
+}

@@ -1,0 +1,180 @@
+use std::ops::Range;
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, Par};
+use serde::{Deserialize, Serialize};
+
+use crate::data::Embeddings;
+
+/// Squared distances below this part of the squared norms are rounding, and count as none.
+const ROUNDING: f64 = 1e-13;
+
+/// How alike two embeddings `x` and `y` of one view are; `w` is the width, a multiple of the view's
+/// median distance between training surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kernel {
+    /// `exp(-|x - y| / w)` with the Euclidean norm, as the Matérn kernel of smoothness 1/2
+    /// (Rasmussen and Williams 2006, section 4.2.1).
+    Exponential,
+    /// `exp(-|x - y|² / 2w²)`.
+    Gaussian,
+    /// The mean over the features of `(x - m)(y - m)`, with `m` the training mean: ridge
+    /// regression. It has no width.
+    Linear,
+}
+
+impl Kernel {
+    /// The kernel at a [proximity](Points::proximities), with the view's scale.
+    fn at(self, proximity: f64, scale: f64, width: f64) -> f64 {
+        match self {
+            Self::Exponential => (-proximity / (width * scale)).exp(),
+            Self::Gaussian => (-0.5 * (proximity / (width * scale)).powi(2)).exp(),
+            Self::Linear => proximity / scale,
+        }
+    }
+
+    /// The scale of a view's proximities: the median distance of the training surfaces that
+    /// differ, or the number of features.
+    fn scale(self, proximities: &Mat<f64>, features: usize) -> f64 {
+        if self == Self::Linear {
+            return features as f64;
+        }
+        let columns = 0..proximities.ncols();
+        let pairs = columns.flat_map(|j| (0..j).map(move |i| proximities[(i, j)]));
+        let mut distances: Vec<f64> = pairs.filter(|&distance| distance > 0.0).collect();
+        if distances.is_empty() {
+            return 1.0;
+        }
+        let middle = distances.len() / 2;
+        let odd = distances.len() % 2 == 1;
+        let (below, &mut upper, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
+        let lower = below.iter().copied().fold(0.0, f64::max);
+        if odd { upper } else { 0.5 * (lower + upper) }
+    }
+}
+
+/// How a view's kernel enters the kernel of a set.
+#[derive(Clone, Copy)]
+pub(super) struct Terms {
+    /// One over the number of views.
+    pub(super) weight: f64,
+    pub(super) scale: f64,
+    pub(super) width: f64,
+}
+
+/// One view of the training surfaces, ready to be compared with.
+pub(super) struct Points {
+    kernel: Kernel,
+    /// Mean of each feature.
+    centre: Vec<f64>,
+    /// `(width, surfaces)`, less the centre.
+    points: Mat<f64>,
+    /// Squared lengths of the points.
+    norms: Vec<f64>,
+}
+
+impl Points {
+    pub(super) fn new(kernel: Kernel, embeddings: &Embeddings, view: usize) -> Self {
+        let centre = centre(embeddings, view);
+        let points = centred(embeddings, 0..embeddings.surfaces(), view, &centre);
+        Self {
+            kernel,
+            norms: norms(&points),
+            centre,
+            points,
+        }
+    }
+
+    /// Distances between training surfaces, products where the kernel is linear; `(surfaces,
+    /// surfaces)`, and the unit in which they shall be told.
+    pub(super) fn among_themselves(&self) -> (Mat<f64>, f64) {
+        let proximities = self.compared(&self.points, &self.norms);
+        let scale = self.kernel.scale(&proximities, self.points.nrows());
+        (proximities, scale)
+    }
+
+    /// The same from the training surfaces to some of other embeddings; `(training surfaces, those
+    /// in the range)`. The embeddings must have this view, and the width of the training surfaces.
+    pub(super) fn proximities(
+        &self,
+        embeddings: &Embeddings,
+        range: Range<usize>,
+        view: usize,
+    ) -> Mat<f64> {
+        let others = centred(embeddings, range, view, &self.centre);
+        self.compared(&others, &norms(&others))
+    }
+
+    /// Adds the kernel at these proximities to `sum`, times `weight`.
+    pub(super) fn add(&self, sum: &mut Mat<f64>, proximities: &Mat<f64>, terms: Terms) {
+        let Terms {
+            weight,
+            scale,
+            width,
+        } = terms;
+        for (sum, proximities) in sum.col_iter_mut().zip(proximities.col_iter()) {
+            for (sum, &proximity) in sum.iter_mut().zip(proximities.iter()) {
+                *sum += weight * self.kernel.at(proximity, scale, width);
+            }
+        }
+    }
+
+    fn compared(&self, others: &Mat<f64>, others_norms: &[f64]) -> Mat<f64> {
+        let mut products = Mat::zeros(self.points.ncols(), others.ncols());
+        matmul(
+            products.as_mut(),
+            Accum::Replace,
+            self.points.transpose(),
+            others.as_ref(),
+            1.0,
+            Par::Seq,
+        );
+        if self.kernel == Kernel::Linear {
+            return products;
+        }
+        for (column, other) in products.col_iter_mut().zip(others_norms) {
+            for (value, norm) in column.iter_mut().zip(&self.norms) {
+                let lengths = norm + other;
+                let squared = lengths - 2.0 * *value;
+                *value = if squared > ROUNDING * lengths {
+                    squared.sqrt()
+                } else {
+                    0.0
+                };
+            }
+        }
+        products
+    }
+}
+
+/// The mean of each feature of a view, exact where all surfaces are equal.
+fn centre(embeddings: &Embeddings, view: usize) -> Vec<f64> {
+    let mut sums = vec![0.0; embeddings.width()];
+    if embeddings.surfaces() == 0 {
+        return sums;
+    }
+    let first = embeddings.view(0, view);
+    for surface in 0..embeddings.surfaces() {
+        let values = embeddings.view(surface, view).iter().zip(first);
+        for (sum, (&value, &first)) in sums.iter_mut().zip(values) {
+            *sum += f64::from(value) - f64::from(first);
+        }
+    }
+    let surfaces = embeddings.surfaces() as f64;
+    let means = sums.iter().zip(first);
+    means
+        .map(|(sum, &first)| f64::from(first) + sum / surfaces)
+        .collect()
+}
+
+fn centred(embeddings: &Embeddings, range: Range<usize>, view: usize, centre: &[f64]) -> Mat<f64> {
+    Mat::from_fn(centre.len(), range.len(), |feature, column| {
+        f64::from(embeddings.view(range.start + column, view)[feature]) - centre[feature]
+    })
+}
+
+fn norms(points: &Mat<f64>) -> Vec<f64> {
+    let squared = |column: faer::ColRef<'_, f64>| column.iter().map(|v| v * v).sum();
+    points.col_iter().map(squared).collect()
+}

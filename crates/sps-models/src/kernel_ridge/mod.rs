@@ -1,0 +1,382 @@
+//! Kernel ridge regression from embeddings to tactile values: the strong, cheap floor under every
+//! network.
+
+mod fit;
+mod kernel;
+mod set_losses;
+mod store;
+#[cfg(test)]
+mod tests;
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use faer::Mat;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::data::Embeddings;
+use crate::error::{Error, Result};
+use crate::groups::{Group, fit_groups, sharing};
+use crate::heads::{Estimates, Plan, TrainingData, Trial};
+use fit::{Fit, Spectrum};
+pub use kernel::Kernel;
+use kernel::{Points, Terms};
+pub use set_losses::SetLosses;
+
+/// Surfaces that are estimated at once.
+const ROWS: usize = 512;
+
+/// Settings of [`KernelRidge`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct KernelRidgeConfig {
+    /// The kernel.
+    pub kernel: Kernel,
+    /// The penalties to choose from, each in units of the kernel's variance: `l` in
+    /// `|y - f|² / n + l v |f|²`, with `v` the mean diagonal element of the centred kernel matrix.
+    pub penalties: Vec<f64>,
+    /// The widths to choose from, each a multiple of the median distance between the training
+    /// surfaces' embeddings of a view. The linear kernel has none.
+    pub widths: Vec<f64>,
+}
+
+impl Default for KernelRidgeConfig {
+    fn default() -> Self {
+        Self {
+            kernel: Kernel::Exponential,
+            penalties: vec![
+                1e-5, 3.16e-5, 1e-4, 3.16e-4, 1e-3, 3.16e-3, 0.01, 0.0316, 0.1, 0.316, 1.0, 3.16,
+            ],
+            widths: vec![1.0, 4.0],
+        }
+    }
+}
+
+/// Kernel ridge regression (Saunders, Gammerman and Vovk 1998) with an intercept; width and penalty
+/// are those that predict best when each training surface is left out in turn, which has a closed
+/// form (Golub, Heath and Wahba 1979).
+///
+/// The mean of the training readings is one of the choices, and is taken where nothing predicts
+/// better: an unpredictable property falls back to it.
+///
+/// The kernel of several views is the mean of theirs: views are alike in pairs, first with first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KernelRidge(KernelRidgeConfig);
+
+impl KernelRidge {
+    /// Checks a configuration.
+    ///
+    /// # Errors
+    ///
+    /// No penalty or width, or one that is not above zero.
+    pub fn new(config: KernelRidgeConfig) -> Result<Self> {
+        let lists = [
+            ("penalties of kernel ridge regression", &config.penalties),
+            ("widths of kernel ridge regression", &config.widths),
+        ];
+        for (what, list) in lists {
+            if list.is_empty() {
+                return Err(Error::input(what, "none", "at least one"));
+            }
+            if let Some(value) = list.iter().find(|&&v| !(v.is_finite() && v > 0.0)) {
+                return Err(Error::input(what, value, "numbers above 0"));
+            }
+        }
+        Ok(Self(config))
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &KernelRidgeConfig {
+        &self.0
+    }
+
+    /// Fits every trial of the plan, on the threads of the current rayon pool. A trial's fit
+    /// depends on its own data alone.
+    ///
+    /// # Errors
+    ///
+    /// A plan that does not fit the data, a trial without fixed views, a property without a
+    /// training reading.
+    pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedKernelRidges> {
+        let ridges = fit_groups(data, plan, |group| self.fit(group))?;
+        Ok(TrainedKernelRidges { ridges })
+    }
+
+    fn fit(&self, group: &Group<'_>) -> Result<Vec<TrainedKernelRidge>> {
+        let (scales, kernels) = self.kernels(&group.embeddings);
+        let spectra: Vec<Result<Spectrum>> = kernels
+            .into_par_iter()
+            .map(|(width, kernel)| Spectrum::new(kernel, width, &self.0.penalties))
+            .collect();
+        let spectra = spectra.into_iter().collect::<Result<Vec<_>>>()?;
+        let support = Arc::new(Support {
+            kernel: self.0.kernel,
+            embeddings: group.embeddings.clone(),
+            scales,
+        });
+        let fits = group.jobs.par_iter().map(|job| TrainedKernelRidge {
+            trial: job.trial.clone(),
+            fit: Fit::best(&spectra, &job.values),
+            support: Arc::clone(&support),
+        });
+        Ok(fits.collect())
+    }
+
+    /// The scale of each view, and the kernel matrix of the surfaces with each width.
+    fn kernels(&self, embeddings: &Embeddings) -> (Vec<f64>, Vec<(f64, Mat<f64>)>) {
+        let surfaces = embeddings.surfaces();
+        let sums = self.widths().iter();
+        let mut sums: Vec<_> = sums
+            .map(|&width| (width, Mat::zeros(surfaces, surfaces)))
+            .collect();
+        let weight = 1.0 / embeddings.views() as f64;
+        let mut scales = Vec::with_capacity(embeddings.views());
+        for view in 0..embeddings.views() {
+            let points = Points::new(self.0.kernel, embeddings, view);
+            let (proximities, scale) = points.among_themselves();
+            scales.push(scale);
+            sums.par_iter_mut().for_each(|(width, sum)| {
+                let width = *width;
+                points.add(
+                    sum,
+                    &proximities,
+                    Terms {
+                        weight,
+                        scale,
+                        width,
+                    },
+                );
+            });
+        }
+        (scales, sums)
+    }
+
+    /// The widths that make a difference.
+    fn widths(&self) -> &[f64] {
+        match self.0.kernel {
+            Kernel::Linear => &self.0.widths[..1],
+            Kernel::Exponential | Kernel::Gaussian => &self.0.widths,
+        }
+    }
+}
+
+/// The training surfaces of some regressions.
+#[derive(Debug, PartialEq)]
+struct Support {
+    kernel: Kernel,
+    /// The views in the order of the trial's.
+    embeddings: Embeddings,
+    /// Of each view.
+    scales: Vec<f64>,
+}
+
+impl Support {
+    /// Kernel matrices `(training surfaces, those in the range)`, one for each of the widths.
+    fn kernels(
+        &self,
+        embeddings: &Embeddings,
+        range: &Range<usize>,
+        widths: &[f64],
+    ) -> Vec<Mat<f64>> {
+        let zeros = |_: &f64| Mat::zeros(self.embeddings.surfaces(), range.len());
+        let mut sums: Vec<Mat<f64>> = widths.iter().map(zeros).collect();
+        let weight = 1.0 / self.scales.len() as f64;
+        for (view, &scale) in self.scales.iter().enumerate() {
+            let points = Points::new(self.kernel, &self.embeddings, view);
+            let proximities = points.proximities(embeddings, range.clone(), view);
+            for (sum, &width) in sums.iter_mut().zip(widths) {
+                points.add(
+                    sum,
+                    &proximities,
+                    Terms {
+                        weight,
+                        scale,
+                        width,
+                    },
+                );
+            }
+        }
+        sums
+    }
+
+    fn check(&self, embeddings: &Embeddings) -> Result<()> {
+        let (views, width) = (self.embeddings.views(), self.embeddings.width());
+        if (embeddings.views(), embeddings.width()) == (views, width) {
+            return Ok(());
+        }
+        Err(Error::input(
+            "embeddings for kernel ridge regression",
+            format_args!(
+                "{} views of width {}",
+                embeddings.views(),
+                embeddings.width()
+            ),
+            format_args!("{views} of width {width}"),
+        ))
+    }
+}
+
+/// One fitted kernel ridge regression.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainedKernelRidge {
+    trial: Trial,
+    fit: Fit,
+    /// Shared by the regressions on the same views of the same surfaces.
+    support: Arc<Support>,
+}
+
+impl TrainedKernelRidge {
+    /// What it was fitted for.
+    pub fn trial(&self) -> &Trial {
+        &self.trial
+    }
+
+    /// The penalty that was chosen, in the units of [`KernelRidgeConfig::penalties`]; `None` where
+    /// the mean of the training readings is the estimate.
+    pub fn penalty(&self) -> Option<f64> {
+        self.fit.expansion.as_ref().map(|e| e.penalty)
+    }
+
+    /// The width that was chosen, in the units of [`KernelRidgeConfig::widths`]; `None` where the
+    /// mean of the training readings is the estimate.
+    pub fn width(&self) -> Option<f64> {
+        self.fit.expansion.as_ref().map(|e| e.width)
+    }
+
+    /// Mean squared error, in measured units, for each training surface by the fit to all others,
+    /// with the width and penalty that were chosen; `None` of one surface alone. The least of many
+    /// choices: a little less than the error of a new surface.
+    pub fn left_out_error(&self) -> Option<f64> {
+        self.fit.left_out_error
+    }
+}
+
+/// Fitted kernel ridge regressions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainedKernelRidges {
+    ridges: Vec<TrainedKernelRidge>,
+}
+
+/// The regressions that share their training surfaces, by their place among all, and the widths
+/// that they chose.
+struct Sharing<'a> {
+    support: &'a Arc<Support>,
+    ridges: Vec<usize>,
+    widths: Vec<f64>,
+}
+
+impl TrainedKernelRidges {
+    /// The regressions, in the order of the plan.
+    pub fn ridges(&self) -> &[TrainedKernelRidge] {
+        &self.ridges
+    }
+
+    /// The regressions for which `keep` says so.
+    #[must_use]
+    pub fn filter(&self, keep: impl Fn(&Trial) -> bool) -> Self {
+        let kept = self.ridges.iter().filter(|ridge| keep(&ridge.trial));
+        Self {
+            ridges: kept.cloned().collect(),
+        }
+    }
+
+    /// Multiply-adds to estimate one surface from its embeddings, all regressions together;
+    /// regressions on the same surfaces share the distances to them, and those of one width the
+    /// kernel. An element of a kernel counts as one.
+    pub fn multiply_adds(&self) -> u64 {
+        let of = |sharing: &Sharing<'_>| {
+            let embeddings = &sharing.support.embeddings;
+            let expansions = sharing.ridges.iter();
+            let expansions = expansions.filter(|&&at| self.ridges[at].fit.expansion.is_some());
+            let distances = match sharing.widths.len() {
+                0 => 0,
+                widths => embeddings.views() * (embeddings.width() + widths),
+            };
+            (embeddings.surfaces() * (distances + expansions.count())) as u64
+        };
+        self.sharing().iter().map(of).sum()
+    }
+
+    /// The estimates of every regression for every surface, in measured units, on the threads of
+    /// the current rayon pool. The views of `embeddings` are the ones to use, in the order of the
+    /// trial's views. Regressions that share training surfaces and width are estimated together,
+    /// which takes little more time than one.
+    ///
+    /// # Errors
+    ///
+    /// Embeddings of another width or number of views than were fitted.
+    pub fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
+        let sharing = self.sharing();
+        for sharing in &sharing {
+            sharing.support.check(embeddings)?;
+        }
+        let starts: Vec<usize> = (0..embeddings.surfaces()).step_by(ROWS).collect();
+        let parts: Vec<Vec<Vec<f64>>> = starts
+            .into_par_iter()
+            .map(|start| {
+                let range = start..embeddings.surfaces().min(start + ROWS);
+                self.estimate(&sharing, embeddings, &range)
+            })
+            .collect();
+        let estimates = self.ridges.iter().enumerate().map(|(at, ridge)| Estimates {
+            property: ridge.trial.property.clone(),
+            rerun: ridge.trial.rerun,
+            values: parts
+                .iter()
+                .flat_map(|part| part[at].iter().copied())
+                .collect(),
+        });
+        Ok(estimates.collect())
+    }
+
+    /// The estimates for some surfaces, by regression.
+    fn estimate(
+        &self,
+        sharing: &[Sharing<'_>],
+        embeddings: &Embeddings,
+        range: &Range<usize>,
+    ) -> Vec<Vec<f64>> {
+        let mean = |ridge: &TrainedKernelRidge| vec![ridge.fit.intercept; range.len()];
+        let mut estimates: Vec<Vec<f64>> = self.ridges.iter().map(mean).collect();
+        for Sharing {
+            support,
+            ridges,
+            widths,
+        } in sharing
+        {
+            let kernels = support.kernels(embeddings, range, widths);
+            for &at in ridges {
+                let Some(expansion) = &self.ridges[at].fit.expansion else {
+                    continue;
+                };
+                let of_width = widths.iter().zip(&kernels);
+                for (_, kernel) in of_width.filter(|(width, _)| **width == expansion.width) {
+                    for (estimate, column) in estimates[at].iter_mut().zip(kernel.col_iter()) {
+                        let terms = column.iter().zip(&expansion.coefficients);
+                        *estimate += terms.map(|(k, c)| k * c).sum::<f64>();
+                    }
+                }
+            }
+        }
+        estimates
+    }
+
+    fn sharing(&self) -> Vec<Sharing<'_>> {
+        let shared = sharing(self.ridges.iter().map(|ridge| &ridge.support));
+        let of = |(support, ridges): (_, Vec<usize>)| {
+            let mut widths = Vec::new();
+            for width in ridges.iter().filter_map(|&at| self.ridges[at].width()) {
+                if !widths.contains(&width) {
+                    widths.push(width);
+                }
+            }
+            Sharing {
+                support,
+                ridges,
+                widths,
+            }
+        };
+        shared.into_iter().map(of).collect()
+    }
+}

@@ -1,0 +1,241 @@
+//! The nearest neighbour in the embedding: a floor that learns nothing.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use crate::data::Embeddings;
+use crate::error::{Error, Result};
+use crate::groups::{fit_groups, sharing};
+use crate::heads::{Estimates, Plan, TrainingData, Trial};
+
+/// Sums that a distance is added up in side by side.
+const LANES: usize = 16;
+
+/// The reading of the training surface whose embedding is nearest (Fix and Hodges 1951), by
+/// Euclidean distance over all views side by side. Only surfaces with a reading of the property
+/// count; of equally near ones, that of the lowest index.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Nearest;
+
+impl Nearest {
+    /// Keeps the training surfaces of every trial of the plan.
+    ///
+    /// # Errors
+    ///
+    /// A plan that does not fit the data, a trial without fixed views, a property without a
+    /// training reading.
+    pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedNearests> {
+        let nearests = fit_groups(data, plan, |group| {
+            let embeddings = Arc::new(group.embeddings.clone());
+            let nearests = group.jobs.iter().map(|job| TrainedNearest {
+                trial: job.trial.clone(),
+                embeddings: Arc::clone(&embeddings),
+                values: job.values.clone(),
+            });
+            Ok(nearests.collect())
+        })?;
+        Ok(TrainedNearests { nearests })
+    }
+}
+
+/// The training surfaces of one trial.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainedNearest {
+    trial: Trial,
+    /// `(surfaces, views, width)`, shared by the trials on the same views of the same surfaces.
+    embeddings: Arc<Embeddings>,
+    /// One reading per surface.
+    values: Vec<f64>,
+}
+
+impl TrainedNearest {
+    /// What it was kept for.
+    pub fn trial(&self) -> &Trial {
+        &self.trial
+    }
+}
+
+/// The training surfaces of a plan's trials.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainedNearests {
+    nearests: Vec<TrainedNearest>,
+}
+
+impl TrainedNearests {
+    /// Each trial's, in the order of the plan.
+    pub fn nearests(&self) -> &[TrainedNearest] {
+        &self.nearests
+    }
+
+    /// Those for which `keep` says so.
+    #[must_use]
+    pub fn filter(&self, keep: impl Fn(&Trial) -> bool) -> Self {
+        let kept = self.nearests.iter().filter(|one| keep(&one.trial));
+        Self {
+            nearests: kept.cloned().collect(),
+        }
+    }
+
+    /// Multiply-adds to estimate one surface from its embeddings, all trials together; those on
+    /// the same surfaces share the distances to them.
+    pub fn multiply_adds(&self) -> u64 {
+        let shared = sharing(self.nearests.iter().map(|one| &one.embeddings));
+        let distances = |of: &Embeddings| (of.surfaces() * of.views() * of.width()) as u64;
+        shared
+            .iter()
+            .map(|(embeddings, _)| distances(embeddings))
+            .sum()
+    }
+
+    /// The estimates of every trial for every surface, in measured units. The views of
+    /// `embeddings` are the ones to use, in the order of the trial's views.
+    ///
+    /// # Errors
+    ///
+    /// Embeddings of another width or number of views than were kept.
+    pub fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
+        let estimates = |one: &TrainedNearest| Estimates {
+            property: one.trial.property.clone(),
+            rerun: one.trial.rerun,
+            values: Vec::new(),
+        };
+        let mut all: Vec<Estimates> = self.nearests.iter().map(estimates).collect();
+        for (training, places) in sharing(self.nearests.iter().map(|one| &one.embeddings)) {
+            check(training, embeddings)?;
+            let nearest: Vec<usize> = (0..embeddings.surfaces())
+                .into_par_iter()
+                .map(|surface| nearest(training, embeddings.surface(surface)))
+                .collect();
+            for at in places {
+                let values = &self.nearests[at].values;
+                all[at].values = nearest.iter().map(|&surface| values[surface]).collect();
+            }
+        }
+        Ok(all)
+    }
+}
+
+fn check(training: &Embeddings, found: &Embeddings) -> Result<()> {
+    let (views, width) = (training.views(), training.width());
+    if (found.views(), found.width()) == (views, width) {
+        return Ok(());
+    }
+    Err(Error::input(
+        "embeddings for the nearest neighbour",
+        format_args!("{} views of width {}", found.views(), found.width()),
+        format_args!("{views} of width {width}"),
+    ))
+}
+
+/// The surface at the least distance; the first of several.
+fn nearest(training: &Embeddings, features: &[f32]) -> usize {
+    let distances = (0..training.surfaces()).map(|surface| {
+        (
+            surface,
+            squared_distance(training.surface(surface), features),
+        )
+    });
+    let least = distances.min_by(|(_, a), (_, b)| a.total_cmp(b));
+    least.map_or(0, |(surface, _)| surface)
+}
+
+fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
+    let (a, rest_of_a) = a.as_chunks::<LANES>();
+    let (b, rest_of_b) = b.as_chunks::<LANES>();
+    let mut sums = [0.0; LANES];
+    for (a, b) in a.iter().zip(b) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += (a - b) * (a - b);
+        }
+    }
+    let rest = rest_of_a
+        .iter()
+        .zip(rest_of_b)
+        .map(|(a, b)| (a - b) * (a - b));
+    sums.iter().sum::<f32>() + rest.sum::<f32>()
+}
+
+#[cfg(test)]
+mod tests {
+    use candle_core::{Device, Tensor};
+
+    use super::*;
+    use crate::data::Readings;
+    use crate::heads::{Rerun, Views};
+
+    /// Five surfaces on a line, of two views each, and the readings of two properties.
+    fn fitted(properties: [[Option<f64>; 5]; 2]) -> Result<TrainedNearests> {
+        let places = [0.0_f32, 1.0, 1.0, 4.0, 9.0];
+        let values: Vec<f32> = places
+            .iter()
+            .flat_map(|&x| [x, 0.5, 2.0 * x, 0.5])
+            .collect();
+        let embeddings = Embeddings::new(&Tensor::from_vec(values, (5, 2, 2), &Device::Cpu)?)?;
+        let rows: Vec<Vec<_>> = (0..5).map(|s| properties.map(|p| p[s]).to_vec()).collect();
+        let readings = Readings::new(vec!["a".into(), "b".into()], &rows)?;
+        let data = TrainingData {
+            embeddings: &embeddings,
+            readings: &readings,
+            materials: None,
+            label_features: None,
+        };
+        let rerun = Rerun {
+            number: 4,
+            training: vec![4, 2, 1, 0],
+        };
+        let mut plan = Plan::each(1, readings.properties(), vec![rerun]);
+        for trial in &mut plan.trials {
+            trial.views = Views::Fixed(vec![1, 0]);
+        }
+        Nearest.train(&data, &plan)
+    }
+
+    fn predict(nearests: &TrainedNearests, places: &[f32]) -> Vec<Vec<f64>> {
+        let values: Vec<f32> = places
+            .iter()
+            .flat_map(|&x| [2.0 * x, 0.5, x, 0.5])
+            .collect();
+        let shape = (places.len(), 2, 2);
+        let tensor = Tensor::from_vec(values, shape, &Device::Cpu).unwrap();
+        let estimates = nearests
+            .predict(&Embeddings::new(&tensor).unwrap())
+            .unwrap();
+        estimates.into_iter().map(|e| e.values).collect()
+    }
+
+    #[test]
+    fn the_nearest_surface_with_a_reading_answers() {
+        let a = [10.0, 11.0, 12.0, 13.0, 14.0].map(Some);
+        let b = [Some(20.0), None, Some(22.0), Some(23.0), None];
+        let nearests = fitted([a, b]).unwrap();
+        // Surface 3 is no training surface; 1 and 2 are equal; 5 is half way from 1 to 9.
+        let found = predict(&nearests, &[-3.0, 0.4, 0.6, 4.0, 5.0, 5.1, 90.0]);
+        assert_eq!(found[0], [10.0, 10.0, 11.0, 11.0, 11.0, 14.0, 14.0]);
+        assert_eq!(found[1], [20.0, 20.0, 22.0, 22.0, 22.0, 22.0, 22.0]);
+        assert_eq!(nearests.multiply_adds(), 4 * 4 + 2 * 4);
+        let second = nearests.filter(|trial| trial.property == "b");
+        assert_eq!(second.nearests()[0].trial().rerun, 4);
+        assert_eq!(predict(&second, &[0.6, 90.0]), [[22.0, 22.0]]);
+    }
+
+    #[test]
+    fn distances_are_sums_of_squares() {
+        let a: Vec<f32> = (0..35).map(|i| i as f32).collect();
+        let b = vec![1.0_f32; 35];
+        // The squares of 1, 0, 1, .. 33.
+        assert_eq!(squared_distance(&a, &b), 1.0 + (33 * 34 * 67 / 6) as f32);
+    }
+
+    #[test]
+    fn hard_cases() {
+        let error = fitted([[Some(1.0); 5], [None, None, None, Some(1.0), None]]).unwrap_err();
+        assert!(error.to_string().contains('b'), "{error}");
+        let nearests = fitted([[Some(1.0); 5]; 2]).unwrap();
+        let tensor = Tensor::zeros((3, 2), candle_core::DType::F32, &Device::Cpu).unwrap();
+        let error = nearests
+            .predict(&Embeddings::new(&tensor).unwrap())
+            .unwrap_err();
+        assert!(error.to_string().contains("1 views of width 2"), "{error}");
+    }
+}

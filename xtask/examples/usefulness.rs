@@ -81,6 +81,7 @@ impl Set {
         let folds = splits.into_iter().zip(0..).map(|(split, number)| Rerun {
             number,
             training: split.train,
+            validation: Vec::new(),
         });
         Ok(Self {
             embeddings: embed(encoder, &simulator)?,

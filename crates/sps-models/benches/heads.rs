@@ -92,6 +92,7 @@ fn ablation(c: &mut Criterion) -> Result<()> {
         training: (0..SURFACES)
             .filter(|&s| !(s as u64 + number).is_multiple_of(10))
             .collect(),
+        validation: Vec::new(),
     };
     let plan = Plan::each(1, &names, (0..3).map(rerun).collect());
     let rows = rows();

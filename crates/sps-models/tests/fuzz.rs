@@ -162,6 +162,7 @@ impl Made {
         let rerun = Rerun {
             number: 0,
             training: (0..10).collect(),
+            validation: Vec::new(),
         };
         Plan::each(1, self.readings.properties(), vec![rerun])
     }

@@ -227,6 +227,7 @@ fn plan() -> Plan {
     let rerun = Rerun {
         number: 0,
         training: (0..Tables::SURFACES).collect(),
+        validation: Vec::new(),
     };
     Plan::each(1, &names(), vec![rerun])
 }

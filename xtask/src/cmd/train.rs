@@ -131,6 +131,7 @@ impl<S: Source> Trainer<'_, S> {
             reruns: vec![Rerun {
                 number,
                 training: split.train,
+                validation: Vec::new(),
             }],
             trials: trials.collect(),
         };

@@ -123,6 +123,7 @@ impl Walking<'_> {
                 plan.reruns.push(Rerun {
                     number: number(rerun, fold),
                     training: others.flat_map(|(_, part)| part).copied().collect(),
+                    validation: Vec::new(),
                 });
             }
         }
@@ -143,6 +144,7 @@ impl Walking<'_> {
         let rerun = |rerun| Rerun {
             number: rerun as u64,
             training: self.parts(rerun).folds.concat(),
+            validation: Vec::new(),
         };
         let trials = self.trials.iter().zip(&names).map(|(trial, name)| Trial {
             property: name.clone(),

@@ -3,10 +3,12 @@
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use sps_dataset::Split;
 use sps_models::Embeddings;
-use sps_models::heads::{Estimates, Observer, Plan, TrainedHead, TrainedHeads, Trial};
+use sps_models::heads::{
+    DivergedTrial, Estimates, Observer, Plan, TrainedHead, TrainedHeads, Trial,
+};
 use sps_models::ridge::{TrainedRidge, TrainedRidges};
 
 use super::Tables;
@@ -68,10 +70,20 @@ pub(crate) fn fit(
     tables: &Tables,
     plan: &Plan,
     observer: &dyn Observer,
-) -> sps_models::Result<Fitted> {
+) -> Result<Fitted> {
     let data = tables.training_data();
     Ok(match &method.estimator {
-        Estimator::Head(head) => Fitted::Heads(head.train(&data, plan, observer)?),
+        Estimator::Head(head) => {
+            let heads = head.train(&data, plan, observer)?;
+            if let Some(DivergedTrial { trial, reason }) = heads.diverged().first() {
+                bail!(
+                    "training {}, rerun {}: {reason}",
+                    trial.property,
+                    trial.rerun
+                );
+            }
+            Fitted::Heads(heads)
+        }
         Estimator::Ridge(ridge) => Fitted::Ridges(ridge.train(&data, plan)?),
     })
 }

@@ -165,6 +165,7 @@ impl Selecting<'_> {
         let reruns = numbered.map(|(rerun, fold)| Rerun {
             number: self.number(rerun, fold),
             training: self.parts(rerun, fold).0,
+            validation: Vec::new(),
         });
         let observer = Trained(Progress::new("estimators for random views", trials.len()));
         let plan = Plan {

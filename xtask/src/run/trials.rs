@@ -107,6 +107,7 @@ pub(crate) fn plan<'a>(
     let reruns = splits.iter().enumerate().map(|(number, split)| Rerun {
         number: number as u64,
         training: split.train.clone(),
+        validation: Vec::new(),
     });
     let trials = trials.map(|trial| Trial {
         property: trial.property.to_string(),

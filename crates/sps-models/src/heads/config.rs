@@ -27,6 +27,31 @@ pub struct HeadConfig {
     /// Largest norm of a trial's gradient, generator and discriminator side each on its own.
     /// Default: none, as the paper mentions none; Adam's step does not grow with the gradient.
     pub clip_norm: Option<f64>,
+    /// Whether the weights of the best epoch on a validation part are kept. Default: no, as the
+    /// paper mentions none, and the last epoch's are kept.
+    pub early_stopping: Option<EarlyStopping>,
+}
+
+/// Which epoch's weights are kept: for each trial those with the least `L_est` on the validation
+/// part of its rerun ([`Rerun::validation`](super::Rerun::validation)). Where no epoch beats the
+/// training mean there, the training mean is the estimate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct EarlyStopping {
+    /// Epochs without a better one after which a trial ends; 0: all epochs are run.
+    pub patience: usize,
+    /// Share of a rerun's training surfaces to hold out, for who draws the validation part: the
+    /// heads take the part that the plan names, whatever its size.
+    pub validation: f64,
+}
+
+impl Default for EarlyStopping {
+    fn default() -> Self {
+        Self {
+            patience: 0,
+            validation: 0.15,
+        }
+    }
 }
 
 impl Default for HeadConfig {
@@ -39,6 +64,7 @@ impl Default for HeadConfig {
             batch_size: 8,
             adam: AdamConfig::default(),
             clip_norm: None,
+            early_stopping: None,
         }
     }
 }
@@ -215,8 +241,14 @@ impl HeadConfig {
         positive("adam.epsilon", self.adam.epsilon)?;
         decay("adam.beta1", self.adam.beta1)?;
         decay("adam.beta2", self.adam.beta2)?;
+        weight("adam.weight-decay", self.adam.weight_decay)?;
         if let Some(norm) = self.clip_norm {
             positive("clip-norm", norm)?;
+        }
+        if let Some(EarlyStopping { validation, .. }) = self.early_stopping {
+            let share = validation > 0.0 && validation < 1.0;
+            let expected = "above 0, below 1";
+            require(share, "early-stopping.validation", validation, expected)?;
         }
         self.input.check(&self.model)?;
         match &self.model {

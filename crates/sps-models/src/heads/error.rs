@@ -30,18 +30,6 @@ pub enum HeadError {
         /// The rerun's number.
         rerun: u64,
     },
-    /// The losses of a trial are no longer finite.
-    #[error("training {property}, rerun {rerun}: the loss is {loss} in epoch {epoch}")]
-    Diverged {
-        /// The property.
-        property: String,
-        /// The rerun's number.
-        rerun: u64,
-        /// The epoch, from 1.
-        epoch: usize,
-        /// The loss.
-        loss: f64,
-    },
     /// A parameter received no gradient: the model and its losses do not fit together.
     #[error("parameter {name} has no gradient")]
     NoGradient {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::config::HeadConfig;
-use super::input::InputStatistics;
+use super::input::{self, InputStatistics};
 use super::network::Dims;
 use super::plan::{Plan, TrainingData, Trial, Views};
 use crate::data::Embeddings;
@@ -21,13 +21,40 @@ const LARGEST_STACK: usize = 250_000;
 
 pub(super) struct Job<'a> {
     pub(super) trial: &'a Trial,
-    /// The training surfaces, ascending.
-    pub(super) surfaces: Arc<Vec<usize>>,
+    pub(super) training: Part,
+    /// Empty without early stopping.
+    pub(super) validation: Part,
     pub(super) statistics: Arc<InputStatistics>,
     pub(super) target: Spread,
-    /// The standardised reading of each training surface.
-    pub(super) tactile: Vec<Option<f32>>,
+    /// Of the training surfaces.
     pub(super) labels: Option<Arc<Labels>>,
+}
+
+/// Some surfaces of a trial.
+pub(super) struct Part {
+    /// Ascending.
+    pub(super) surfaces: Arc<Vec<usize>>,
+    /// The standardised reading of each.
+    pub(super) tactile: Vec<Option<f32>>,
+}
+
+impl Part {
+    /// How many surfaces it has.
+    pub(super) fn len(&self) -> usize {
+        self.surfaces.len()
+    }
+
+    fn new(
+        surfaces: &Arc<Vec<usize>>,
+        reading: impl Fn(usize) -> Option<f64>,
+        target: Spread,
+    ) -> Self {
+        let standard = |&s: &usize| reading(s).map(|t| target.standardise(t) as f32);
+        Self {
+            tactile: surfaces.iter().map(standard).collect(),
+            surfaces: Arc::clone(surfaces),
+        }
+    }
 }
 
 impl Job<'_> {
@@ -42,6 +69,19 @@ impl Job<'_> {
             classes: self.classes(),
         }
     }
+
+    /// Appends the visual input of one surface, scaled as in training.
+    pub(super) fn push_visual(
+        &self,
+        config: &HeadConfig,
+        data: &TrainingData<'_>,
+        surface: usize,
+        views: &[usize],
+        out: &mut Vec<f32>,
+    ) {
+        let (input, statistics) = (&config.input, &self.statistics);
+        input::push(input, statistics, data.embeddings, surface, views, out);
+    }
 }
 
 /// The jobs of a checked plan, in its order.
@@ -54,13 +94,12 @@ pub(super) fn prepare<'a>(
     let jobs = plan.trials.iter().filter_map(|trial| {
         let rerun = shared.reruns.get(&trial.rerun)?;
         let column = data.readings.column(&trial.property)?;
-        let readings = rerun.surfaces.iter().map(|&s| data.readings.get(s, column));
-        let target = Spread::of(readings.clone().flatten())?;
-        let tactile = readings.map(|t| t.map(|t| target.standardise(t) as f32));
+        let reading = |surface| data.readings.get(surface, column);
+        let target = Spread::of(rerun.training.iter().filter_map(|&s| reading(s)))?;
         Some(Job {
             trial,
-            tactile: tactile.collect(),
-            surfaces: Arc::clone(&rerun.surfaces),
+            training: Part::new(&rerun.training, reading, target),
+            validation: Part::new(&rerun.validation, reading, target),
             statistics: Arc::clone(shared.statistics.get(&(trial.rerun, &trial.views))?),
             target,
             labels: rerun.labels.clone(),
@@ -76,7 +115,8 @@ struct Shared<'a> {
 }
 
 struct SharedRerun {
-    surfaces: Arc<Vec<usize>>,
+    training: Arc<Vec<usize>>,
+    validation: Arc<Vec<usize>>,
     labels: Option<Arc<Labels>>,
 }
 
@@ -90,17 +130,21 @@ impl<'a> Shared<'a> {
         let reruns: Vec<Result<_>> = wanted
             .into_par_iter()
             .map(|rerun| {
-                let mut surfaces = rerun.training.clone();
-                surfaces.sort_unstable();
+                let training = ascending(&rerun.training);
+                let validation = match config.early_stopping {
+                    Some(_) => ascending(&rerun.validation),
+                    None => Arc::default(),
+                };
                 let labels = config.model.labels().map(|source| {
                     let tables = data.label_tables();
-                    labels::label(source, &tables, &surfaces, plan.seed, rerun.number)
+                    labels::label(source, &tables, &training, plan.seed, rerun.number)
                 });
                 Ok((
                     rerun.number,
                     SharedRerun {
                         labels: labels.transpose()?.map(Arc::new),
-                        surfaces: Arc::new(surfaces),
+                        training,
+                        validation,
                     },
                 ))
             })
@@ -108,16 +152,22 @@ impl<'a> Shared<'a> {
         let reruns: BTreeMap<_, _> = reruns.into_iter().collect::<Result<_>>()?;
         let mut statistics = BTreeMap::new();
         for Trial { rerun, views, .. } in &plan.trials {
-            if let Some(SharedRerun { surfaces, .. }) = reruns.get(rerun) {
+            if let Some(SharedRerun { training, .. }) = reruns.get(rerun) {
                 statistics.entry((*rerun, views)).or_insert_with(|| {
                     let (scale, input) = (config.scale, &config.input);
                     let embeddings = data.embeddings;
-                    InputStatistics::new(scale, input, embeddings, surfaces, views).into()
+                    InputStatistics::new(scale, input, embeddings, training, views).into()
                 });
             }
         }
         Ok(Self { reruns, statistics })
     }
+}
+
+fn ascending(surfaces: &[usize]) -> Arc<Vec<usize>> {
+    let mut surfaces = surfaces.to_vec();
+    surfaces.sort_unstable();
+    Arc::new(surfaces)
 }
 
 /// Groups the jobs (by index) into stacks of equal shape.
@@ -130,7 +180,7 @@ pub(super) fn stacks<'a>(
 ) -> Vec<Vec<usize>> {
     let mut groups = BTreeMap::<_, Vec<usize>>::new();
     for (index, job) in jobs.iter().enumerate() {
-        let shape = (job.surfaces.len(), job.classes());
+        let shape = (job.training.len(), job.validation.len(), job.classes());
         groups.entry(shape).or_default().push(index);
     }
     let per_thread = jobs.len().div_ceil(threads.max(1)).max(1);

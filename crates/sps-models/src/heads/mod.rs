@@ -4,7 +4,9 @@
 //! There is one network per property and rerun. All networks of a plan are trained together, a
 //! stack at a time, and each has the bits that it would have alone, on any number of threads.
 
+mod batches;
 mod config;
+mod course;
 mod error;
 mod fusion;
 mod input;
@@ -17,15 +19,16 @@ mod store;
 mod tests;
 mod train;
 mod trained;
+mod validation;
 
 pub use config::{
-    Adversarial, Classification, CrossModal, GeneratorLoss, HeadConfig, Input, Model,
-    RelationScale, Scale,
+    Adversarial, Classification, CrossModal, EarlyStopping, GeneratorLoss, HeadConfig, Input,
+    Model, RelationScale, Scale,
 };
 pub use error::HeadError;
 pub use fusion::FusionLoss;
 pub use plan::{Plan, Rerun, TrainingData, Trial, Views};
-pub use trained::{EpochLosses, Estimates, TrainedHead, TrainedHeads};
+pub use trained::{DivergedTrial, EpochLosses, Estimates, KeptEpoch, TrainedHead, TrainedHeads};
 
 use rayon::prelude::*;
 
@@ -37,13 +40,19 @@ pub struct Head(HeadConfig);
 
 /// Hears of the progress of a training; calls come from several threads.
 pub trait Observer: Sync {
-    /// `trials` trials have ended epoch `epoch` of `epochs`, from 1.
+    /// `trials` trials have ended epoch `epoch` of `epochs`, from 1; where all of them stop early
+    /// or diverge, the last ones do not come.
     fn epoch(&self, trials: usize, epoch: usize, epochs: usize) {
         let _ = (trials, epoch, epochs);
     }
 
-    /// Some of the plan's trials are trained, in no particular order; those that never come here
-    /// are what is missing after a run was stopped.
+    /// A trial has diverged; the others go on. It comes again in [`Observer::finished`].
+    fn diverged(&self, trial: &DivergedTrial) {
+        let _ = trial;
+    }
+
+    /// Some of the plan's trials are trained or have diverged, in no particular order; those that
+    /// never come here are what is missing after a run was stopped.
     fn finished(&self, heads: &TrainedHeads) {
         let _ = heads;
     }
@@ -71,12 +80,14 @@ impl Head {
     /// Trains every trial of the plan, on the threads of the current rayon pool.
     ///
     /// A trial depends on the configuration, the data, the seed, its own property, rerun and
-    /// views, and on nothing else: training a part of a plan gives the same bits.
+    /// views, and on nothing else: training a part of a plan gives the same bits. A trial whose
+    /// loss is no longer finite is among [`TrainedHeads::diverged`], and the others have the bits
+    /// that they have without it.
     ///
     /// # Errors
     ///
     /// A plan that does not fit the data, labels that cannot be formed, a property without a
-    /// training reading, a loss that is no longer finite.
+    /// training reading, or under early stopping without one on the validation part.
     pub fn train(
         &self,
         data: &TrainingData<'_>,
@@ -85,6 +96,9 @@ impl Head {
     ) -> Result<TrainedHeads> {
         self.check_drawn(plan)?;
         plan.check(self.0.input.views(), data)?;
+        if self.0.early_stopping.is_some() {
+            plan.check_validation(data)?;
+        }
         let jobs = job::prepare(&self.0, data, plan)?;
         let size = |job: &_| train::parameter_count(&self.0, data, job);
         let stacks = job::stacks(&jobs, size, rayon::current_num_threads());
@@ -92,18 +106,19 @@ impl Head {
             .par_iter()
             .map(|stack| {
                 let jobs: Vec<_> = stack.iter().map(|&index| &jobs[index]).collect();
-                let heads = train::train_stack(&self.0, data, plan.seed, &jobs, observer)?;
-                let finished = self.trained(heads);
+                let outcomes = train::train_stack(&self.0, data, plan.seed, &jobs, observer)?;
+                let finished = self.trained(outcomes.iter().cloned());
+                finished.diverged.iter().for_each(|d| observer.diverged(d));
                 observer.finished(&finished);
-                Ok(stack.iter().copied().zip(finished.heads).collect())
+                Ok(stack.iter().copied().zip(outcomes).collect())
             })
             .collect();
-        let mut heads = Vec::with_capacity(jobs.len());
+        let mut outcomes = Vec::with_capacity(jobs.len());
         for stack in trained {
-            heads.extend(stack?);
+            outcomes.extend(stack?);
         }
-        heads.sort_by_key(|&(index, _)| index);
-        Ok(self.trained(heads.into_iter().map(|(_, head)| head).collect()))
+        outcomes.sort_by_key(|&(index, _)| index);
+        Ok(self.trained(outcomes.into_iter().map(|(_, outcome)| outcome)))
     }
 
     /// Relations hold between views in order, which random ones are not.
@@ -120,10 +135,18 @@ impl Head {
         }
     }
 
-    fn trained(&self, heads: Vec<TrainedHead>) -> TrainedHeads {
-        TrainedHeads {
+    fn trained(&self, outcomes: impl Iterator<Item = train::Outcome>) -> TrainedHeads {
+        let mut trained = TrainedHeads {
             head: self.clone(),
-            heads,
+            heads: Vec::new(),
+            diverged: Vec::new(),
+        };
+        for outcome in outcomes {
+            match outcome {
+                Ok(head) => trained.heads.push(head),
+                Err(diverged) => trained.diverged.push(diverged),
+            }
         }
+        trained
     }
 }

@@ -50,6 +50,10 @@ pub struct Rerun {
     pub number: u64,
     /// The training surfaces, as indices into the tables; their order does not matter.
     pub training: Vec<usize>,
+    /// Surfaces that are not trained on and tell which epoch is the best, under
+    /// [`EarlyStopping`](super::EarlyStopping); empty without. Who writes the plan draws them, by
+    /// group where surfaces come in groups.
+    pub validation: Vec<usize>,
 }
 
 /// One network: it depends on the configuration, the data, the seed, its property, its rerun and
@@ -133,6 +137,21 @@ impl Plan {
         readings
     }
 
+    /// Refuses a checked plan with a trial that no validation surface says anything about.
+    pub(super) fn check_validation(&self, data: &TrainingData<'_>) -> Result<()> {
+        for trial in &self.trials {
+            let column = data.readings.column(&trial.property);
+            let validation = self.rerun(trial.rerun).map(|rerun| &rerun.validation);
+            let mut read = validation.into_iter().flatten().copied();
+            if !read.any(|s| column.is_some_and(|column| data.readings.get(s, column).is_some())) {
+                let what = format!("validation surfaces of rerun {}", trial.rerun);
+                let found = format!("none with a reading of {}", trial.property);
+                return wrong(what, found, "at least one, for early stopping");
+            }
+        }
+        Ok(())
+    }
+
     pub(super) fn rerun(&self, number: u64) -> Option<&Rerun> {
         self.reruns.iter().find(|rerun| rerun.number == number)
     }
@@ -163,22 +182,25 @@ fn check_tables(data: &TrainingData<'_>) -> Result<()> {
 
 impl Rerun {
     fn check(&self, data: &TrainingData<'_>) -> Result<()> {
-        let what = || format!("training surfaces of rerun {}", self.number);
-        let surfaces = data.embeddings.surfaces();
         if self.training.is_empty() {
-            return wrong(what(), "none", "at least one");
+            let what = format!("training surfaces of rerun {}", self.number);
+            return wrong(what, "none", "at least one");
         }
+        let surfaces = data.embeddings.surfaces();
         let mut seen = BTreeSet::new();
-        for &surface in &self.training {
-            if surface >= surfaces {
-                return wrong(
-                    what(),
-                    format!("index {surface}"),
-                    format!("below {surfaces}"),
-                );
-            }
-            if !seen.insert(surface) {
-                return wrong(what(), format!("index {surface} twice"), "each once");
+        for (part, indices) in [
+            ("training", &self.training),
+            ("validation", &self.validation),
+        ] {
+            let what = || format!("{part} surfaces of rerun {}", self.number);
+            for &surface in indices {
+                let index = format!("index {surface}");
+                if surface >= surfaces {
+                    return wrong(what(), index, format!("below {surfaces}"));
+                }
+                if !seen.insert(surface) {
+                    return wrong(what(), format!("{index} twice"), "each once");
+                }
             }
         }
         Ok(())

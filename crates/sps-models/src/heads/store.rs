@@ -13,7 +13,7 @@ use super::config::HeadConfig;
 use super::input::InputStatistics;
 use super::network::{Dims, Fill, Network, Spec};
 use super::plan::Trial;
-use super::trained::{EpochLosses, TrainedHead, TrainedHeads};
+use super::trained::{DivergedTrial, EpochLosses, KeptEpoch, TrainedHead, TrainedHeads};
 use super::{Head, HeadError};
 use crate::error::Result;
 use crate::labels::standardise::Spread;
@@ -32,6 +32,8 @@ struct Metadata {
     format: u32,
     config: HeadConfig,
     heads: Vec<HeadMetadata>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    diverged: Vec<DivergedTrial>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -46,6 +48,8 @@ struct HeadMetadata {
     target_mean: f64,
     target_std: f64,
     history: Vec<EpochLosses>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    kept: Option<KeptEpoch>,
 }
 
 impl TrainedHeads {
@@ -59,6 +63,7 @@ impl TrainedHeads {
             format: FORMAT,
             config: self.head.config().clone(),
             heads: self.heads.iter().map(HeadMetadata::of).collect(),
+            diverged: self.diverged.clone(),
         };
         let metadata = serde_json::to_string(&metadata)
             .map_err(|source| format("trained heads", "metadata", source, "JSON"))?;
@@ -148,7 +153,11 @@ impl TrainedHeads {
                 return Err(format(name, other, "a tensor of this name", "none").into());
             }
         }
-        Ok(Self { head, heads })
+        Ok(Self {
+            head,
+            heads,
+            diverged: metadata.diverged,
+        })
     }
 }
 
@@ -184,6 +193,7 @@ impl HeadMetadata {
             target_mean: head.target.mean,
             target_std: head.target.std,
             history: head.history.clone(),
+            kept: head.kept.clone(),
         }
     }
 }
@@ -219,6 +229,7 @@ impl Reader<'_> {
             },
             parameters: std::mem::take(&mut self.parameters),
             history: metadata.history,
+            kept: metadata.kept,
         })
     }
 

@@ -2,29 +2,36 @@
 
 use candle_core::{Device, Tensor, Var};
 use rand::Rng;
-use rand::seq::SliceRandom;
-use rand_chacha::ChaCha8Rng;
 
+use super::batches::Batches;
 use super::config::HeadConfig;
+use super::course::Course;
 use super::job::Job;
-use super::losses::{Batch, Losses};
+use super::losses::Losses;
 use super::network::{Fill, Network, Spec, is_discriminator};
-use super::plan::{TrainingData, Views};
-use super::trained::{EpochLosses, TrainedHead};
-use super::{HeadError, Observer, input};
+use super::plan::TrainingData;
+use super::trained::{DivergedTrial, EpochLosses, Parameters, TrainedHead};
+use super::validation::Validation;
+use super::{HeadError, Observer};
 use crate::error::Result;
 use crate::optim::{Adam, clip_scales, squared_norms};
 use crate::rng;
 use crate::stacked::{GradientSlot, Parameter};
 
-/// Trains the jobs together, one stacked network for all.
+/// What became of a trial.
+pub(super) type Outcome = std::result::Result<TrainedHead, DivergedTrial>;
+
+/// Trains the jobs together, one stacked network for all; the outcomes are in their order.
+///
+/// A trial that has diverged or stopped early stays in the stack until all have: what it computes
+/// from there on reaches no other trial, and is not looked at.
 pub(super) fn train_stack(
     config: &HeadConfig,
     data: &TrainingData<'_>,
     seed: u64,
     jobs: &[&Job<'_>],
     observer: &dyn Observer,
-) -> Result<Vec<TrainedHead>> {
+) -> Result<Vec<Outcome>> {
     let Some(first) = jobs.first() else {
         return Ok(Vec::new());
     };
@@ -34,38 +41,57 @@ pub(super) fn train_stack(
     let parameters = parameters.parameters;
     let mut sides = Side::of(config, &parameters, jobs.len())?;
     let mut batches = Batches::new(config, data, seed, jobs);
-    let mut histories = vec![Vec::with_capacity(config.epochs); jobs.len()];
+    let validation = Validation::new(config, data, seed, jobs);
+    let mut courses = Course::start(jobs, validation.as_ref());
     for epoch in 0..config.epochs {
         batches.shuffle(epoch);
-        let mut means = Means::new(jobs.len());
-        for start in (0..batches.rows()).step_by(config.batch_size) {
-            let (batch, counts) = batches.at(start)?;
-            let losses = Losses::of(&config.model, &network, &batch)?;
-            means.add(&losses, &counts)?;
-            sides.iter().for_each(Side::clear);
-            losses.total(&config.model)?.backward()?;
-            for side in &mut sides {
-                side.step(config)?;
+        let losses = pass(config, &network, &mut batches, &mut sides)?;
+        let losses = courses.iter_mut().zip(losses);
+        losses.for_each(|(course, losses)| course.record(losses));
+        if let Some(validation) = &validation {
+            let errors = validation.errors(&network)?;
+            for (at, (course, error)) in courses.iter_mut().zip(errors).enumerate() {
+                course.validate(validation.patience(), error, || of_trial(&parameters, at))?;
             }
         }
-        for ((job, history), losses) in jobs.iter().zip(&mut histories).zip(means.finish()) {
-            losses.check(job, epoch)?;
-            history.push(losses);
-        }
         observer.epoch(jobs.len(), epoch + 1, config.epochs);
+        if courses.iter().all(Course::has_ended) {
+            break;
+        }
     }
-    jobs.iter()
-        .zip(histories)
-        .enumerate()
-        .map(|(at, (job, history))| {
-            let own = parameters.iter().map(|parameter| {
-                let tensor = parameter.variable.as_detached_tensor().get(at)?.copy()?;
-                Ok((parameter.name.clone(), tensor))
-            });
-            let own = own.collect::<Result<_>>()?;
-            Ok(TrainedHead::new(job, dims, own, history))
-        })
+    let ends = jobs.iter().zip(courses).enumerate();
+    ends.map(|(at, (job, course))| course.end(job, dims, of_trial(&parameters, at)?))
         .collect()
+}
+
+/// One pass over the training surfaces, and the mean of each trial's losses over it.
+fn pass(
+    config: &HeadConfig,
+    network: &Network,
+    batches: &mut Batches<'_>,
+    sides: &mut [Side],
+) -> Result<Vec<EpochLosses>> {
+    let mut means = Means::new(batches.trials());
+    for start in (0..batches.rows()).step_by(config.batch_size) {
+        let (batch, counts) = batches.at(start)?;
+        let losses = Losses::of(&config.model, network, &batch)?;
+        means.add(&losses, &counts)?;
+        sides.iter().for_each(Side::clear);
+        losses.total(&config.model)?.backward()?;
+        for side in &mut *sides {
+            side.step(config)?;
+        }
+    }
+    Ok(means.finish().collect())
+}
+
+/// A copy of one trial's part of the stack.
+fn of_trial(parameters: &[Trained], at: usize) -> Result<Parameters> {
+    let own = parameters.iter().map(|parameter| {
+        let tensor = parameter.variable.as_detached_tensor().get(at)?.copy()?;
+        Ok((parameter.name.clone(), tensor))
+    });
+    own.collect()
 }
 
 /// How many parameters one trial has.
@@ -188,125 +214,6 @@ impl Side {
     }
 }
 
-/// The mini-batches of a stack. Trials of one rerun go through the same surfaces in the same order.
-struct Batches<'a> {
-    config: &'a HeadConfig,
-    data: &'a TrainingData<'a>,
-    seed: u64,
-    jobs: &'a [&'a Job<'a>],
-    /// Positions among the training surfaces, by trial.
-    orders: Vec<Vec<usize>>,
-    /// Draws the views of trials that have no fixed ones.
-    views: Vec<ChaCha8Rng>,
-    /// Batches given so far.
-    step: usize,
-}
-
-impl<'a> Batches<'a> {
-    fn new(
-        config: &'a HeadConfig,
-        data: &'a TrainingData<'a>,
-        seed: u64,
-        jobs: &'a [&'a Job<'a>],
-    ) -> Self {
-        let views = jobs.iter().map(|job| {
-            let purpose = format!("views/{}", job.trial.property);
-            rng::stream(seed, &purpose, job.trial.rerun)
-        });
-        Self {
-            config,
-            data,
-            seed,
-            jobs,
-            orders: vec![Vec::new(); jobs.len()],
-            views: views.collect(),
-            step: 0,
-        }
-    }
-
-    fn rows(&self) -> usize {
-        self.orders.first().map_or(0, Vec::len)
-    }
-
-    fn shuffle(&mut self, epoch: usize) {
-        for (order, job) in self.orders.iter_mut().zip(self.jobs) {
-            let purpose = format!("order/{}", job.trial.rerun);
-            order.clear();
-            order.extend(0..job.surfaces.len());
-            order.shuffle(&mut rng::stream(self.seed, &purpose, epoch as u64));
-        }
-    }
-
-    /// The batch from `start` on, and how many readings each trial has in it.
-    fn at(&mut self, start: usize) -> Result<(Batch, Vec<f64>)> {
-        let end = (start + self.config.batch_size).min(self.rows());
-        let (trials, rows) = (self.jobs.len(), end - start);
-        let width = self.data.embeddings.width();
-        let inputs = self.config.input.slots() * width;
-        let mut visual = Vec::with_capacity(trials * rows * inputs);
-        let mut tactile = Vec::with_capacity(trials * rows);
-        let mut measured = Vec::with_capacity(trials * rows);
-        let mut labels = Vec::with_capacity(trials * rows);
-        for ((job, order), rng) in self.jobs.iter().zip(&self.orders).zip(&mut self.views) {
-            for &at in &order[start..end] {
-                let drawn;
-                let views = match &job.trial.views {
-                    Views::Fixed(views) => views,
-                    Views::Steps(steps) => &steps[self.step % steps.len()],
-                    Views::Random => {
-                        drawn = self.config.input.draw(self.data.embeddings.views(), rng);
-                        &drawn
-                    }
-                };
-                push_visual(self.config, self.data, job, at, views, &mut visual);
-                tactile.push(job.tactile[at].unwrap_or(0.0));
-                measured.push(job.tactile[at].is_some());
-                labels.push(job.labels.as_ref().and_then(|labels| labels.of()[at]));
-            }
-        }
-        let labelled: Vec<bool> = labels.iter().map(Option::is_some).collect();
-        self.step += 1;
-        let (weight, counts) = mean_weights(&measured, rows);
-        let (label_weight, _) = mean_weights(&labelled, rows);
-        let cpu = &Device::Cpu;
-        let batch = Batch {
-            visual: Tensor::from_vec(visual, (trials, rows, inputs), cpu)?,
-            width,
-            tactile: Tensor::from_vec(tactile, (trials, rows, 1), cpu)?,
-            weight: Tensor::from_vec(weight, (trials, rows), cpu)?,
-            labels,
-            label_weight: Tensor::from_vec(label_weight, (trials, rows), cpu)?,
-        };
-        Ok((batch, counts))
-    }
-}
-
-fn push_visual(
-    config: &HeadConfig,
-    data: &TrainingData<'_>,
-    job: &Job<'_>,
-    at: usize,
-    views: &[usize],
-    out: &mut Vec<f32>,
-) {
-    let surface = job.surfaces[at];
-    let (input, statistics) = (&config.input, &job.statistics);
-    input::push(input, statistics, data.embeddings, surface, views, out);
-}
-
-/// For each trial, one over the number of rows that count in each of these, and that number.
-fn mean_weights(counts: &[bool], rows: usize) -> (Vec<f32>, Vec<f64>) {
-    let mut weights = Vec::with_capacity(counts.len());
-    let mut numbers = Vec::new();
-    for trial in counts.chunks(rows.max(1)) {
-        let number = trial.iter().filter(|&&counts| counts).count();
-        let weight = 1.0 / number.max(1) as f32;
-        weights.extend(trial.iter().map(|&c| if c { weight } else { 0.0 }));
-        numbers.push(number as f64);
-    }
-    (weights, numbers)
-}
-
 /// Where a loss is recorded.
 type LossField = fn(&mut EpochLosses) -> &mut f64;
 
@@ -351,20 +258,5 @@ impl Means {
             .into_iter()
             .zip(self.counts)
             .map(|(sum, count)| sum.scaled(1.0 / count.max(1.0)))
-    }
-}
-
-impl EpochLosses {
-    fn check(&self, job: &Job<'_>, epoch: usize) -> Result<()> {
-        match self.all().into_iter().find(|loss| !loss.is_finite()) {
-            None => Ok(()),
-            Some(loss) => Err(HeadError::Diverged {
-                property: job.trial.property.clone(),
-                rerun: job.trial.rerun,
-                epoch: epoch + 1,
-                loss,
-            }
-            .into()),
-        }
     }
 }

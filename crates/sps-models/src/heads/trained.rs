@@ -61,6 +61,31 @@ impl EpochLosses {
     }
 }
 
+/// Parameters by name, without the trials' axis.
+pub(super) type Parameters = BTreeMap<String, Tensor>;
+
+/// The epoch whose weights a head has, under [`EarlyStopping`](super::EarlyStopping).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct KeptEpoch {
+    /// Its number, from 1; 0 where none was better than the training mean, which the head then
+    /// says for every surface.
+    pub epoch: usize,
+    /// `L_est` on the validation part, in units of the training readings' variance: of the
+    /// training mean, and after each epoch that was run.
+    pub errors: Vec<f64>,
+}
+
+/// A trial whose training came to nothing, while the others of its plan went on.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct DivergedTrial {
+    /// Which.
+    pub trial: Trial,
+    /// What is no longer finite, and where; to be read.
+    pub reason: String,
+}
+
 /// One trained network, for one property and rerun.
 #[derive(Clone, Debug)]
 pub struct TrainedHead {
@@ -68,17 +93,18 @@ pub struct TrainedHead {
     pub(super) dims: Dims,
     pub(super) statistics: InputStatistics,
     pub(super) target: Spread,
-    /// Without the trials' axis.
-    pub(super) parameters: BTreeMap<String, Tensor>,
+    pub(super) parameters: Parameters,
     pub(super) history: Vec<EpochLosses>,
+    pub(super) kept: Option<KeptEpoch>,
 }
 
 impl TrainedHead {
     pub(super) fn new(
         job: &Job<'_>,
         dims: Dims,
-        parameters: BTreeMap<String, Tensor>,
+        parameters: Parameters,
         history: Vec<EpochLosses>,
+        kept: Option<KeptEpoch>,
     ) -> Self {
         Self {
             trial: job.trial.clone(),
@@ -87,6 +113,7 @@ impl TrainedHead {
             target: job.target,
             parameters,
             history,
+            kept,
         }
     }
 
@@ -98,6 +125,11 @@ impl TrainedHead {
     /// The losses, epoch by epoch.
     pub fn history(&self) -> &[EpochLosses] {
         &self.history
+    }
+
+    /// Which epoch's weights it has; `None` without early stopping, for the last one's.
+    pub fn kept_epoch(&self) -> Option<&KeptEpoch> {
+        self.kept.as_ref()
     }
 
     /// A parameter by its name, f32: a weight as `(inputs, outputs)`, a bias as `(outputs)`.
@@ -179,7 +211,7 @@ fn times(config: &HeadConfig, weight: &str) -> usize {
 }
 
 /// The parameters of one head as a stack of one.
-struct Stored<'a>(&'a BTreeMap<String, Tensor>);
+struct Stored<'a>(&'a Parameters);
 
 impl Fill for Stored<'_> {
     fn fill(&mut self, spec: &Spec<'_>) -> Result<Parameter> {
@@ -201,6 +233,7 @@ impl Fill for Stored<'_> {
 pub struct TrainedHeads {
     pub(super) head: Head,
     pub(super) heads: Vec<TrainedHead>,
+    pub(super) diverged: Vec<DivergedTrial>,
 }
 
 /// The estimates of one head.
@@ -220,12 +253,17 @@ impl TrainedHeads {
         self.head.config()
     }
 
-    /// The networks, in the order of the plan.
+    /// The networks, in the order of the plan; those of [`TrainedHeads::diverged`] are not there.
     pub fn heads(&self) -> &[TrainedHead] {
         &self.heads
     }
 
-    /// The heads for which `keep` says so.
+    /// The trials without a network, in the order of the plan.
+    pub fn diverged(&self) -> &[DivergedTrial] {
+        &self.diverged
+    }
+
+    /// The heads and diverged trials for which `keep` says so.
     #[must_use]
     pub fn filter(&self, keep: impl Fn(&Trial) -> bool) -> Self {
         Self {
@@ -234,6 +272,12 @@ impl TrainedHeads {
                 .heads
                 .iter()
                 .filter(|h| keep(&h.trial))
+                .cloned()
+                .collect(),
+            diverged: self
+                .diverged
+                .iter()
+                .filter(|d| keep(&d.trial))
                 .cloned()
                 .collect(),
         }

@@ -20,6 +20,10 @@ pub struct AdamConfig {
     pub beta2: f64,
     /// Added to the root of the mean square. PyTorch's default.
     pub epsilon: f64,
+    /// Share of a parameter that a step takes away, relative to the step size: AdamW's decoupled
+    /// weight decay (Loshchilov and Hutter 2019, algorithm 2), which the adaptive scale of the
+    /// gradient leaves alone. Default: none, plain Adam.
+    pub weight_decay: f64,
 }
 
 impl Default for AdamConfig {
@@ -29,11 +33,13 @@ impl Default for AdamConfig {
             beta1: 0.9,
             beta2: 0.999,
             epsilon: 1e-8,
+            weight_decay: 0.0,
         }
     }
 }
 
-/// Adam (Kingma and Ba 2015) as PyTorch computes it, one pass over each parameter.
+/// Adam (Kingma and Ba 2015) as PyTorch computes it, one pass over each parameter; with a weight
+/// decay PyTorch's `AdamW`, which lets every parameter decay, biases too.
 ///
 /// A parameter holds the weights of several independent trials, stacked along its first axis; a
 /// step may scale the gradient of each trial by its own factor. The update is elementwise, so a
@@ -188,6 +194,8 @@ struct Factors {
     /// `1 / sqrt(1 - beta2^t)`.
     unbias: f64,
     epsilon: f64,
+    /// `1 - learning rate * weight decay`.
+    keep: f64,
 }
 
 impl Factors {
@@ -199,6 +207,7 @@ impl Factors {
             rate: config.learning_rate / (1.0 - power(config.beta1)),
             unbias: 1.0 / (1.0 - power(config.beta2)).sqrt(),
             epsilon: config.epsilon,
+            keep: 1.0 - config.learning_rate * config.weight_decay,
         }
     }
 }
@@ -249,7 +258,9 @@ struct Trial<'a, T> {
     square: &'a mut [T],
 }
 
-/// `m <- b1 m + (1 - b1) g`, `v <- b2 v + (1 - b2) g²`, `p <- p - rate m / (unbias sqrt(v) + epsilon)`.
+/// `m <- b1 m + (1 - b1) g`, `v <- b2 v + (1 - b2) g²`,
+/// `p <- keep p - rate m / (unbias sqrt(v) + epsilon)`; without a decay `keep` is 1 and `keep p` has
+/// the bits of `p`.
 macro_rules! kernel {
     ($type:ty) => {
         impl Kernel for Trial<'_, $type> {
@@ -262,13 +273,14 @@ macro_rules! kernel {
                 let (c1, c2) = ((1.0 - f.beta1) as $type, (1.0 - f.beta2) as $type);
                 let (rate, unbias) = (f.rate as $type, f.unbias as $type);
                 let (epsilon, scale) = (f.epsilon as $type, self.scale as $type);
+                let keep = f.keep as $type;
                 let elements = self.parameter.iter_mut().zip(self.gradient);
                 let moments = self.mean.iter_mut().zip(self.square);
                 for ((p, &g), (m, v)) in elements.zip(moments) {
                     let g = g * scale;
                     *m = b1 * *m + c1 * g;
                     *v = b2 * *v + c2 * g * g;
-                    *p -= rate * *m / (unbias * v.sqrt() + epsilon);
+                    *p = keep * *p - rate * *m / (unbias * v.sqrt() + epsilon);
                 }
             }
         }

@@ -49,6 +49,69 @@ fn a_scale_multiplies_the_gradient_of_its_trial() {
     assert!(error(&moved[3..], &[-1e-4; 3]) < 1e-7);
 }
 
+/// Three steps of `torch.optim.AdamW(lr=0.1, weight_decay=0.5)` on `p = [1, -2]` under the
+/// constant gradient `[2, -3]`, from its documented formula: with a constant gradient both
+/// corrected means are the gradient and its square, so `p <- 0.95 p - 0.1 g / (|g| + 1e-8)`.
+/// With gradient 0, `p <- 0.95 p` alone, where an L2 penalty in the gradient would move by 0.1.
+#[test]
+fn weight_decay_is_adamws() {
+    let config = AdamConfig {
+        learning_rate: 0.1,
+        weight_decay: 0.5,
+        ..AdamConfig::default()
+    };
+    for (dtype, bound) in [(DType::F64, 1e-14), (DType::F32, 1e-6)] {
+        let as_type = |values: [f64; 3]| {
+            let tensor = Tensor::new(&[values], &Device::Cpu).unwrap();
+            tensor.to_dtype(dtype).unwrap()
+        };
+        let gradient = [2.0, -3.0, 0.0];
+        let mut expected = [1.0, -2.0, 4.0];
+        let p = Var::from_tensor(&as_type(expected)).unwrap();
+        let mut adam = Adam::new(config.clone(), [p.clone()]).unwrap();
+        for _ in 0..3 {
+            adam.step(&[as_type(gradient)], &[]).unwrap();
+            for (p, g) in expected.iter_mut().zip(gradient) {
+                *p = 0.95 * *p - 0.1 * g / (g.abs() + 1e-8);
+            }
+            assert!(error(&values(&p), &expected) < bound, "{:?}", values(&p));
+        }
+        // In numbers: 0.95³ - 0.1 (1 + 0.95 + 0.95²), and its like.
+        let printed = [0.572_125, -1.429_5, 3.429_5];
+        assert!(error(&values(&p), &printed) < 1e-6, "{:?}", values(&p));
+    }
+}
+
+/// No decay: the bits of the update written without the factor.
+#[test]
+fn no_weight_decay_changes_no_bit() {
+    let start = golden::tensor("golden/adam.param", &[5, 3]);
+    let start = start.to_dtype(DType::F32).unwrap();
+    let p = Var::from_tensor(&start).unwrap();
+    let config = AdamConfig::default();
+    let mut adam = Adam::new(config.clone(), [p.clone()]).unwrap();
+    let mut expected: Vec<f32> = start.flatten_all().unwrap().to_vec1().unwrap();
+    let (mut mean, mut square) = ([0.0_f32; 15], [0.0_f32; 15]);
+    for step in 0..10 {
+        let gradient = golden::tensor(&format!("golden/adam.coef.{step}"), &[5, 3]);
+        let gradient = gradient.to_dtype(DType::F32).unwrap();
+        adam.step(std::slice::from_ref(&gradient), &[]).unwrap();
+        let gradient: Vec<f32> = gradient.flatten_all().unwrap().to_vec1().unwrap();
+        let rate = config.learning_rate / (1.0 - config.beta1.powi(step + 1));
+        let unbias = 1.0 / (1.0 - config.beta2.powi(step + 1)).sqrt();
+        for i in 0..15 {
+            let (b1, b2, g) = (config.beta1 as f32, config.beta2 as f32, gradient[i]);
+            mean[i] = b1 * mean[i] + (1.0 - config.beta1) as f32 * g;
+            square[i] = b2 * square[i] + (1.0 - config.beta2) as f32 * g * g;
+            let root = unbias as f32 * square[i].sqrt() + config.epsilon as f32;
+            expected[i] -= rate as f32 * mean[i] / root;
+        }
+        let found: Vec<f32> = p.flatten_all().unwrap().to_vec1().unwrap();
+        let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&found), bits(&expected), "step {step}");
+    }
+}
+
 #[test]
 fn a_gradient_that_does_not_fit_is_an_error() {
     let p = Var::zeros((2, 3), DType::F32, &Device::Cpu).unwrap();

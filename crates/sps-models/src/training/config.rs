@@ -101,6 +101,9 @@ impl TrainingConfig {
         let rate = self.adam.learning_rate;
         let sensible = rate.is_finite() && rate > 0.0;
         require(sensible, "adam.learning-rate", rate, "above 0")?;
+        let decay = self.adam.weight_decay;
+        let sensible = decay.is_finite() && decay >= 0.0;
+        require(sensible, "adam.weight-decay", decay, "0 or more")?;
         let share = |value: f64| (0.0..1.0).contains(&value);
         let expected = "at least 0 and below 1";
         require(share(self.warmup), "warmup", self.warmup, expected)?;
@@ -191,6 +194,7 @@ mod tests {
         refused(|c| c.epochs = 0, "epochs");
         refused(|c| c.batch_size = 1, "batch-size");
         refused(|c| c.adam.learning_rate = f64::NAN, "adam.learning-rate");
+        refused(|c| c.adam.weight_decay = -0.1, "adam.weight-decay");
         refused(|c| c.warmup = 1.0, "warmup");
         refused(|c| c.validation = -0.1, "validation");
         refused(|c| c.clip_norm = Some(0.0), "clip-norm");

@@ -5,6 +5,8 @@ fn the_papers_settings_are_the_defaults() {
     let config = HeadConfig::default();
     assert_eq!(config.epochs, 30);
     assert_eq!(config.adam.learning_rate, 1e-4);
+    assert_eq!(config.adam.weight_decay, 0.0);
+    assert_eq!(config.early_stopping, None);
     let Model::CrossModal(model) = config.model else {
         panic!("not the cross-modal network")
     };
@@ -27,11 +29,21 @@ fn a_configuration_reads_and_writes_as_toml() {
 
         [adam]
         learning-rate = 1e-3
+        weight-decay = 0.1
+
+        [early-stopping]
+        patience = 5
     "#;
     let config: HeadConfig = toml::from_str(text).unwrap();
     assert_eq!(config.batch_size, 4);
     assert_eq!(config.epochs, 30);
     assert_eq!(config.input, Input::LateFusion { views: 3 });
+    assert_eq!(config.adam.weight_decay, 0.1);
+    let expected = EarlyStopping {
+        patience: 5,
+        validation: 0.15,
+    };
+    assert_eq!(config.early_stopping, Some(expected));
     let again = toml::to_string(&config).unwrap();
     assert_eq!(toml::from_str::<HeadConfig>(&again).unwrap(), config);
     let regression = "model = { kind = \"regression\" }";
@@ -44,6 +56,7 @@ fn a_misspelt_key_is_refused_at_every_level() {
     for text in [
         "epoch = 3",
         "adam = { learning_rate = 1e-3 }",
+        "early-stopping = { epochs = 3 }",
         "input = { kind = \"single\", views = 1 }",
         "model = { kind = \"regression\", latent = 50 }",
         "model = { kind = \"cross-modal\", latents = 50 }",
@@ -66,6 +79,16 @@ fn each_value_out_of_range_is_named() {
         ("adam = { epsilon = 0.0 }", "adam.epsilon"),
         ("adam = { beta1 = 1.0 }", "adam.beta1"),
         ("adam = { beta2 = -0.1 }", "adam.beta2"),
+        ("adam = { weight-decay = -0.1 }", "adam.weight-decay"),
+        ("adam = { weight-decay = inf }", "adam.weight-decay"),
+        (
+            "early-stopping = { validation = 0.0 }",
+            "early-stopping.validation",
+        ),
+        (
+            "early-stopping = { validation = 1.0 }",
+            "early-stopping.validation",
+        ),
         (
             "input = { kind = \"late-fusion\", views = 0 }",
             "input.views",

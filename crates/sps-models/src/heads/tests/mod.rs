@@ -1,10 +1,12 @@
 mod configuration;
+mod divergence;
 mod equality;
 mod fusion;
 mod gradients;
 mod hard_cases;
 mod learning;
 mod plans;
+mod stopping;
 mod storage;
 
 use candle_core::{Device, Tensor};
@@ -64,6 +66,7 @@ impl Set {
             training: (0..self.embeddings.surfaces())
                 .filter(|s| !(*s as u64 + number).is_multiple_of(10))
                 .collect(),
+            validation: Vec::new(),
         };
         Plan::each(
             11,

@@ -1,0 +1,140 @@
+//! How the training of one trial goes, apart from those that are trained beside it.
+
+use super::job::Job;
+use super::network::Dims;
+use super::train::Outcome;
+use super::trained::{DivergedTrial, EpochLosses, KeptEpoch, Parameters, TrainedHead};
+use super::validation::Validation;
+use crate::error::Result;
+
+/// The losses of a trial so far, whether it goes on, and what is kept of it.
+pub(super) struct Course {
+    history: Vec<EpochLosses>,
+    state: State,
+    /// Under early stopping.
+    best: Option<Best>,
+}
+
+enum State {
+    Running,
+    Stopped,
+    /// Why it is of no use.
+    Diverged(String),
+}
+
+/// The best epoch so far.
+struct Best {
+    kept: KeptEpoch,
+    /// `None` for the training mean.
+    parameters: Option<Parameters>,
+}
+
+impl Course {
+    /// One for each of the jobs.
+    pub(super) fn start(jobs: &[&Job<'_>], validation: Option<&Validation<'_>>) -> Vec<Self> {
+        let means = validation.map(Validation::errors_of_the_mean);
+        let course = |(at, job): (usize, &&Job<'_>)| Self {
+            history: Vec::new(),
+            state: match job.target.mean + job.target.std {
+                spread if spread.is_finite() => State::Running,
+                _ => State::Diverged("the readings' mean or spread leaves f64".into()),
+            },
+            best: means.as_ref().map(|means| Best {
+                kept: KeptEpoch {
+                    epoch: 0,
+                    errors: vec![means[at]],
+                },
+                parameters: None,
+            }),
+        };
+        jobs.iter().enumerate().map(course).collect()
+    }
+
+    pub(super) fn has_ended(&self) -> bool {
+        !matches!(self.state, State::Running)
+    }
+
+    /// The losses of one more epoch.
+    pub(super) fn record(&mut self, losses: EpochLosses) {
+        if self.has_ended() {
+            return;
+        }
+        self.history.push(losses);
+        if let Some(loss) = losses.all().into_iter().find(|loss| !loss.is_finite()) {
+            let epoch = self.history.len();
+            self.state = State::Diverged(format!("the loss is {loss} in epoch {epoch}"));
+        }
+    }
+
+    /// The error on the validation part after the epoch that was recorded last; `parameters`
+    /// copies the trial's weights, when they are the best so far.
+    pub(super) fn validate(
+        &mut self,
+        patience: usize,
+        error: f64,
+        parameters: impl FnOnce() -> Result<Parameters>,
+    ) -> Result<()> {
+        if self.has_ended() {
+            return Ok(());
+        }
+        let Some(Best {
+            kept,
+            parameters: best,
+        }) = &mut self.best
+        else {
+            return Ok(());
+        };
+        let epoch = kept.errors.len();
+        // No number is below an error that is none.
+        if error < kept.errors[kept.epoch] {
+            kept.epoch = epoch;
+            *best = Some(parameters()?);
+        }
+        kept.errors.push(error);
+        if patience > 0 && epoch - kept.epoch >= patience {
+            self.state = State::Stopped;
+        }
+        Ok(())
+    }
+
+    /// What became of the trial; `last` are its weights after the last epoch.
+    pub(super) fn end(self, job: &Job<'_>, dims: Dims, last: Parameters) -> Result<Outcome> {
+        let diverged = |reason| {
+            Ok(Err(DivergedTrial {
+                trial: job.trial.clone(),
+                reason,
+            }))
+        };
+        if let State::Diverged(reason) = self.state {
+            return diverged(reason);
+        }
+        let (parameters, kept) = match self.best {
+            None => (last, None),
+            Some(best) => (
+                best.parameters.map_or_else(|| mean(&last), Ok)?,
+                Some(best.kept),
+            ),
+        };
+        for (name, tensor) in &parameters {
+            let values = tensor.flatten_all()?.to_vec1::<f32>()?;
+            if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+                return diverged(format!("{name} holds {value} after the last epoch"));
+            }
+        }
+        Ok(Ok(TrainedHead::new(
+            job,
+            dims,
+            parameters,
+            self.history,
+            kept,
+        )))
+    }
+}
+
+/// The network that says 0, the training mean in standardised units, to everything: all of its
+/// weights are 0.
+fn mean(like: &Parameters) -> Result<Parameters> {
+    let zeros = like.iter();
+    let zeros = zeros.map(|(name, tensor)| Ok((name.clone(), tensor.zeros_like()?)));
+    zeros.collect()
+}

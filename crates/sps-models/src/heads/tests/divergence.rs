@@ -1,0 +1,129 @@
+//! A trial that diverges is told, and takes nothing from the others.
+
+use std::sync::Mutex;
+
+use super::*;
+
+/// What an observer hears.
+#[derive(Default)]
+struct Record {
+    diverged: Mutex<Vec<DivergedTrial>>,
+    epochs: Mutex<usize>,
+}
+
+impl Observer for Record {
+    fn epoch(&self, trials: usize, _: usize, _: usize) {
+        *self.epochs.lock().unwrap() += trials;
+    }
+    fn diverged(&self, trial: &DivergedTrial) {
+        self.diverged.lock().unwrap().push(trial.clone());
+    }
+}
+
+/// Trains the plan in one stack, expects the trial `lost` alone to diverge for a reason with
+/// `expected` in it, and each other to be what it is when trained alone.
+fn others_go_on(set: &Set, config: &HeadConfig, plan: &Plan, lost: &Trial, expected: &str) {
+    let head = Head::new(config.clone()).unwrap();
+    let record = Record::default();
+    let trained = on_threads(1, || head.train(&set.data(), plan, &record).unwrap());
+    let [diverged] = trained.diverged() else {
+        panic!("{:?}", trained.diverged())
+    };
+    assert_eq!(&diverged.trial, lost);
+    assert!(diverged.reason.contains(expected), "{}", diverged.reason);
+    assert_eq!(record.diverged.into_inner().unwrap(), trained.diverged());
+    let others: Vec<_> = plan.trials.iter().filter(|trial| *trial != lost).collect();
+    assert_eq!(trained.heads().len(), others.len());
+    for (head, &trial) in trained.heads().iter().zip(&others) {
+        assert_eq!(head.trial(), trial);
+        let plan = Plan {
+            trials: vec![trial.clone()],
+            ..plan.clone()
+        };
+        assert_eq!(bits(head), bits(&set.train(config, &plan).heads()[0]));
+    }
+    let back = TrainedHeads::from_bytes("f", &trained.to_bytes().unwrap()).unwrap();
+    assert_eq!(back.diverged(), trained.diverged());
+    assert!(trained.filter(|trial| trial != lost).diverged().is_empty());
+}
+
+/// Pixels gone wrong in one view, whose trial stands in one stack with those of another view.
+#[test]
+fn an_absurd_view_takes_nothing_from_another() {
+    let mut set = Set::new(40, 2, 9, 2);
+    let factor = Tensor::new(&[[[1.0_f32], [1e25]]], &Device::Cpu).unwrap();
+    let rows: Vec<f32> = (0..40)
+        .flat_map(|s| [set.embeddings.view(s, 0), set.embeddings.view(s, 1)].concat())
+        .collect();
+    let table = Tensor::from_vec(rows, (40, 2, 9), &Device::Cpu).unwrap();
+    set.embeddings = Embeddings::new(&table.broadcast_mul(&factor).unwrap()).unwrap();
+    let mut plan = set.plan(1);
+    plan.trials[1].property = "p0".into();
+    plan.trials[1].views = Views::Fixed(vec![1]);
+    plan.trials.push(Trial {
+        property: "p1".into(),
+        ..plan.trials[0].clone()
+    });
+    for clip_norm in [None, Some(0.5)] {
+        let config = HeadConfig {
+            scale: Scale::None,
+            clip_norm,
+            ..full()
+        };
+        let lost = &plan.trials[1];
+        others_go_on(&set, &config, &plan, lost, "the loss is");
+    }
+}
+
+/// Readings whose squares leave f64: nothing can be estimated in their units.
+#[test]
+fn absurd_readings_take_nothing_from_another_property() {
+    let mut set = Set::new(40, 1, 9, 3);
+    let rows: Vec<_> = (0..40)
+        .map(|s| {
+            let read = |p| set.readings.get(s, p);
+            vec![read(0), read(1).map(|t| 1e200 * t), read(2)]
+        })
+        .collect();
+    set.readings = Readings::new(set.readings.properties().to_vec(), &rows).unwrap();
+    let plan = set.plan(1);
+    others_go_on(&set, &full(), &plan, &plan.trials[1], "spread leaves f64");
+}
+
+#[test]
+fn a_stack_in_which_all_have_diverged_ends() {
+    let set = Set::new(30, 1, 4, 2);
+    let mut config = full();
+    config.adam.learning_rate = 1e30;
+    let (head, record) = (Head::new(config).unwrap(), Record::default());
+    let trained = on_threads(1, || head.train(&set.data(), &set.plan(1), &record));
+    let trained = trained.unwrap();
+    assert!(trained.heads().is_empty());
+    assert_eq!(trained.diverged().len(), 2);
+    for diverged in trained.diverged() {
+        assert!(
+            diverged.reason.starts_with("the loss is "),
+            "{}",
+            diverged.reason
+        );
+        assert!(
+            diverged.reason.ends_with(" in epoch 1"),
+            "{}",
+            diverged.reason
+        );
+    }
+    assert_eq!(record.epochs.into_inner().unwrap(), 2);
+}
+
+/// One step, too long for f32: no loss is taken after it, but the weights are looked at.
+#[test]
+fn weights_that_the_last_step_ruins_are_found() {
+    let set = Set::new(30, 1, 4, 1);
+    let mut config = full();
+    (config.epochs, config.batch_size) = (1, 30);
+    config.adam.learning_rate = 1e300;
+    let trained = set.train(&config, &set.plan(1));
+    assert!(trained.heads().is_empty());
+    let reason = &trained.diverged()[0].reason;
+    assert!(reason.ends_with("after the last epoch"), "{reason}");
+}

@@ -1,0 +1,238 @@
+//! Early stopping: which epoch is kept, what falls back to the mean, and what a plan must hold.
+
+use super::*;
+
+/// Every sixth training surface held out for validation.
+fn with_validation(mut plan: Plan) -> Plan {
+    for rerun in &mut plan.reruns {
+        let (validation, training) = rerun.training.iter().partition(|&&s| s % 6 == 1);
+        (rerun.training, rerun.validation) = (training, validation);
+    }
+    plan
+}
+
+/// Steps so long that some trials are best after a few epochs.
+fn stopping(patience: usize) -> HeadConfig {
+    let mut config = full();
+    config.epochs = 8;
+    config.adam.learning_rate = 2e-2;
+    config.early_stopping = Some(EarlyStopping {
+        patience,
+        ..EarlyStopping::default()
+    });
+    config
+}
+
+fn kept(head: &TrainedHead) -> &KeptEpoch {
+    head.kept_epoch().unwrap()
+}
+
+/// The epoch kept is the one of least error, found by training for one epoch, for two, and so on
+/// without early stopping, and estimating the validation part from outside.
+#[test]
+fn the_weights_are_those_of_the_epoch_that_is_best_on_the_validation_part() {
+    let set = Set::new(60, 1, 9, 4);
+    let plan = with_validation(set.plan(2));
+    let stopped = set.train(&stopping(0), &plan);
+    let mut errors: Vec<Vec<f64>> = vec![Vec::new(); plan.trials.len()];
+    let mut by_epochs = Vec::new();
+    for epochs in 1..=8 {
+        let config = HeadConfig {
+            early_stopping: None,
+            epochs,
+            ..stopping(0)
+        };
+        let trained = set.train(&config, &plan);
+        let estimates = trained.predict(&set.embeddings).unwrap();
+        for ((trial, estimates), errors) in plan.trials.iter().zip(estimates).zip(&mut errors) {
+            let (mean, variance) = moments(&set, &plan, trial);
+            let error = |estimate: &dyn Fn(usize) -> f64| {
+                let validation = &plan.rerun(trial.rerun).unwrap().validation;
+                let squares = validation
+                    .iter()
+                    .map(|&s| (estimate(s) - reading(&set, trial, s)).powi(2));
+                squares.sum::<f64>() / validation.len() as f64 / variance
+            };
+            if errors.is_empty() {
+                errors.push(error(&|_| mean));
+            }
+            errors.push(error(&|s| estimates.values[s]));
+        }
+        by_epochs.push(trained);
+    }
+    let mut epochs = Vec::new();
+    for ((head, errors), at) in stopped.heads().iter().zip(errors).zip(0..) {
+        let found = kept(head);
+        let off = found.errors.iter().zip(&errors);
+        assert!(
+            off.clone().all(|(f, e)| (f / e - 1.0).abs() < 1e-5),
+            "{off:?}"
+        );
+        let best = (0..errors.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b]));
+        assert_eq!(Some(found.epoch), best);
+        assert_eq!(head.history().len(), 8);
+        if found.epoch > 0 {
+            let there = &by_epochs[found.epoch - 1].heads()[at];
+            let weights = |head: &TrainedHead| {
+                let values = head.parameters.values().flat_map(crate::golden::values);
+                values.map(f64::to_bits).collect::<Vec<_>>()
+            };
+            assert_eq!(weights(head), weights(there));
+        }
+        epochs.push(found.epoch);
+    }
+    epochs.sort_unstable();
+    epochs.dedup();
+    assert!(
+        epochs.len() > 1,
+        "trials differ in their best epochs: {epochs:?}"
+    );
+}
+
+fn reading(set: &Set, trial: &Trial, surface: usize) -> f64 {
+    let column = set.readings.column(&trial.property).unwrap();
+    set.readings.get(surface, column).unwrap()
+}
+
+/// Mean and variance of a trial's training readings.
+fn moments(set: &Set, plan: &Plan, trial: &Trial) -> (f64, f64) {
+    let training = &plan.rerun(trial.rerun).unwrap().training;
+    let values = training.iter().map(|&s| reading(set, trial, s));
+    let mean = values.clone().sum::<f64>() / training.len() as f64;
+    let squares = values.map(|v| (v - mean).powi(2));
+    (mean, squares.sum::<f64>() / training.len() as f64)
+}
+
+/// Readings that have nothing to do with the images, learnt by heart: the estimate is the training
+/// mean, to rounding, and the same for every surface.
+#[test]
+fn what_cannot_be_seen_falls_back_to_the_training_mean() {
+    let mut set = Set::new(60, 1, 30, 1);
+    let noise = crate::golden::uniform("heads.unseen", 60);
+    let rows: Vec<_> = noise.iter().map(|&n| vec![Some(50.0 + 10.0 * n)]).collect();
+    set.readings = Readings::new(vec!["p0".into()], &rows).unwrap();
+    let plan = with_validation(set.plan(1));
+    let mut config = stopping(0);
+    config.adam.learning_rate = 0.2;
+    let trained = set.train(&config, &plan);
+    let found = kept(&trained.heads()[0]);
+    assert!(
+        found.errors[1..]
+            .iter()
+            .all(|error| *error > found.errors[0])
+    );
+    assert_eq!(found.epoch, 0);
+    let (mean, _) = moments(&set, &plan, &plan.trials[0]);
+    for value in &trained.predict(&set.embeddings).unwrap()[0].values {
+        assert!((value - mean).abs() < 1e-12, "{value} {mean}");
+    }
+}
+
+#[test]
+fn patience_ends_a_trial_after_so_many_epochs_without_a_better_one() {
+    let set = Set::new(60, 1, 9, 5);
+    let plan = with_validation(set.plan(2));
+    let all = set.train(&stopping(0), &plan);
+    for patience in [1, 2] {
+        let mut early = 0;
+        for (head, all) in set
+            .train(&stopping(patience), &plan)
+            .heads()
+            .iter()
+            .zip(all.heads())
+        {
+            let (found, whole) = (kept(head), kept(all));
+            let run = found.errors.len() - 1;
+            assert_eq!(found.errors[..], whole.errors[..=run]);
+            assert_eq!(head.history(), &all.history()[..run]);
+            assert!(run == 8 || run == found.epoch + patience);
+            early += usize::from(run < 8);
+        }
+        assert!(early > 0, "no trial ends early");
+    }
+}
+
+/// Trials that end at different epochs, in one stack, each in a stack of its own, on one thread
+/// and on several; the views fixed and drawn.
+#[test]
+fn a_trial_stops_alike_in_any_company() {
+    let set = Set::new(60, 3, 9, 5);
+    for random in [false, true] {
+        let mut plan = with_validation(set.plan(2));
+        if random {
+            plan.trials.iter_mut().for_each(|t| t.views = Views::Random);
+        }
+        let mut config = stopping(2);
+        config.adam.weight_decay = 0.5;
+        let together = on_threads(1, || set.train(&config, &plan));
+        let threads = on_threads(3, || set.train(&config, &plan));
+        for ((trial, head), other) in plan
+            .trials
+            .iter()
+            .zip(together.heads())
+            .zip(threads.heads())
+        {
+            let plan = Plan {
+                trials: vec![trial.clone()],
+                ..plan.clone()
+            };
+            let alone = set.train(&config, &plan);
+            for other in [&alone.heads()[0], other] {
+                assert_eq!(bits(head), bits(other), "{trial:?}");
+                assert_eq!(head.kept_epoch(), other.kept_epoch());
+            }
+        }
+    }
+}
+
+#[test]
+fn validation_surfaces_are_not_trained_on_and_ignored_without_early_stopping() {
+    let set = Set::new(40, 1, 9, 2);
+    let plan = with_validation(set.plan(1));
+    let mut without = plan.clone();
+    without.reruns[0].validation.clear();
+    let (one, other) = (set.train(&full(), &plan), set.train(&full(), &without));
+    for (one, other) in one.heads().iter().zip(other.heads()) {
+        assert_eq!(bits(one), bits(other));
+        assert_eq!(one.kept_epoch(), None);
+    }
+}
+
+#[test]
+fn a_plan_without_a_validation_part_that_fits_is_refused_by_name() {
+    let mut set = Set::new(40, 1, 9, 2);
+    let refused = |set: &Set, change: fn(&mut Rerun), expected: &str| {
+        let mut plan = with_validation(set.plan(1));
+        change(&mut plan.reruns[0]);
+        let head = Head::new(stopping(0)).unwrap();
+        let message = head.train(&set.data(), &plan, &()).unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+    };
+    let none = "validation surfaces of rerun 0: found none with a reading of p0";
+    refused(&set, |rerun| rerun.validation.clear(), none);
+    let outside = "validation surfaces of rerun 0: found index 40, expected below 40";
+    refused(&set, |rerun| rerun.validation.push(40), outside);
+    let twice = "validation surfaces of rerun 0: found index 2 twice";
+    refused(&set, |rerun| rerun.validation.push(2), twice);
+    let rows: Vec<_> = (0..40)
+        .map(|s| {
+            vec![
+                set.readings.get(s, 0),
+                set.readings.get(s, 1).filter(|_| s % 6 != 1),
+            ]
+        })
+        .collect();
+    set.readings = Readings::new(set.readings.properties().to_vec(), &rows).unwrap();
+    refused(&set, |_| (), "none with a reading of p1");
+}
+
+#[test]
+fn a_file_tells_which_epoch_was_kept() {
+    let set = Set::new(40, 1, 9, 2);
+    let trained = set.train(&stopping(1), &with_validation(set.plan(1)));
+    let back = TrainedHeads::from_bytes("f", &trained.to_bytes().unwrap()).unwrap();
+    for (one, other) in back.heads().iter().zip(trained.heads()) {
+        assert_eq!(one.kept_epoch(), other.kept_epoch());
+        assert!(one.kept_epoch().is_some());
+    }
+}

@@ -33,8 +33,8 @@ pub(crate) const CEILING_SURFACES: usize = 4000;
 /// Opens the data and hands it to `work`.
 pub(crate) fn with_source<W: WithSource>(data: &DataSpec, work: W) -> Result<W::Output> {
     match data {
-        DataSpec::Simulated(spec) => {
-            let source = Simulator::new(spec.clone()).context("data.simulated")?;
+        DataSpec::Simulated { spec, indices } => {
+            let source = Simulator::of(spec.clone(), indices).context("data.simulated")?;
             work.call(&source, about_simulated(spec))
         }
         DataSpec::Folder {

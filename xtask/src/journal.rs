@@ -47,6 +47,9 @@ pub(crate) struct Outcome {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stops: Vec<Stop>,
     pub train_seconds: f64,
+    /// Why there is no estimate: `surfaces` and the lists beside it are then empty.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failed: Option<String>,
 }
 
 /// Where looking at one view after the other ended.
@@ -190,6 +193,7 @@ mod tests {
             views: vec![49],
             stops: Vec::new(),
             train_seconds: 0.5,
+            failed: None,
         }
     }
 

@@ -5,6 +5,7 @@ mod checksums;
 mod cmd;
 mod config;
 mod data;
+mod docs;
 mod embeddings;
 mod encoder;
 mod files;
@@ -47,6 +48,7 @@ enum Command {
     Train(cmd::train::Args),
     Predict(cmd::predict::Args),
     Report(cmd::report::Args),
+    Docs(cmd::docs::Args),
     Bench(cmd::bench::Args),
 }
 
@@ -62,6 +64,7 @@ fn main() -> ExitCode {
         Command::Train(args) => cmd::train::run(&args),
         Command::Predict(args) => cmd::predict::run(&args),
         Command::Report(args) => cmd::report::run(&args),
+        Command::Docs(args) => cmd::docs::run(&args),
         Command::Bench(args) => cmd::bench::run(&args),
     };
     match outcome {

@@ -11,6 +11,7 @@ use sps_dataset::{Frame, Property};
 use sps_models::Embeddings;
 use sps_models::encoders::{Encoder, EncoderKind};
 use sps_models::heads::TrainedHeads;
+use sps_models::kernel_ridge::TrainedKernelRidges;
 use sps_models::ridge::TrainedRidges;
 use sps_models::weights::Weights;
 
@@ -24,6 +25,7 @@ const CARD: &str = "model.json";
 const ENCODER: &str = "encoder.safetensors";
 const HEADS: &str = "heads.safetensors";
 const RIDGES: &str = "ridges.json";
+const KERNEL_RIDGES: &str = "kernel-ridges.safetensors";
 
 /// What the model is: `model.json`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -43,6 +45,9 @@ pub(crate) struct Card {
     pub level: f64,
     /// Half the width of the interval of each property, in its measured units.
     pub radius: BTreeMap<String, f64>,
+    /// Why a property has no interval.
+    #[serde(default)]
+    pub no_interval: BTreeMap<String, String>,
     /// blake3 of the other files, by name.
     pub checksums: BTreeMap<String, String>,
 }
@@ -60,8 +65,9 @@ pub(crate) struct Estimate {
     pub property: String,
     pub name: String,
     pub value: f64,
-    pub low: f64,
-    pub high: f64,
+    /// The interval; `None` where there is none, and the model's card says why.
+    pub low: Option<f64>,
+    pub high: Option<f64>,
 }
 
 /// Writes a model; `model.json` comes last, so that a folder without it holds no model.
@@ -74,6 +80,10 @@ pub(crate) fn save(
     let (name, bytes) = match fitted {
         Fitted::Heads(heads) => (HEADS, heads.to_bytes()?),
         Fitted::Ridges(ridges) => (RIDGES, ridges.to_bytes()?),
+        Fitted::KernelRidges(ridges) => (KERNEL_RIDGES, ridges.to_bytes()?),
+        Fitted::Other(_) => {
+            bail!("a model of this kind is not kept: ridge, kernel-ridge and head are")
+        }
     };
     card.format = FORMAT;
     for (name, bytes) in [(name, bytes), (ENCODER, encoder.weights().to_bytes()?)] {
@@ -97,7 +107,10 @@ impl Model {
         let encoder = Encoder::new(kind, weights, &Device::Cpu)?;
         let fitted = if card.checksums.contains_key(HEADS) {
             let bytes = read_checked(folder, HEADS, &card)?;
-            Fitted::Heads(TrainedHeads::from_bytes(HEADS, &bytes)?)
+            Fitted::Heads(Box::new(TrainedHeads::from_bytes(HEADS, &bytes)?))
+        } else if card.checksums.contains_key(KERNEL_RIDGES) {
+            let bytes = read_checked(folder, KERNEL_RIDGES, &card)?;
+            Fitted::KernelRidges(TrainedKernelRidges::from_bytes(&bytes)?)
         } else {
             Fitted::Ridges(TrainedRidges::from_bytes(&read_checked(
                 folder, RIDGES, &card,
@@ -116,19 +129,17 @@ impl Model {
         let values = self.embedder.embed(photographs)?;
         let shape = (photographs.len(), 1, self.embedder.width());
         let embeddings = Embeddings::new(&Tensor::from_vec(values, shape, &Device::Cpu)?)?;
-        let estimates = self.fitted.predict(&embeddings)?;
+        let estimates = self.fitted.models().predict(&embeddings)?;
         let of_property = estimates.iter().map(|estimate| {
             let radius = self.card.radius.get(&estimate.property);
-            let radius =
-                radius.with_context(|| format!("no interval for {}", estimate.property))?;
             let value = estimate.values.iter().sum::<f64>() / photographs.len() as f64;
             let property: Property = estimate.property.parse()?;
             Ok(Estimate {
                 property: estimate.property.clone(),
                 name: property.name().to_owned(),
                 value,
-                low: value - radius,
-                high: value + radius,
+                low: radius.map(|radius| value - radius),
+                high: radius.map(|radius| value + radius),
             })
         });
         of_property.collect()

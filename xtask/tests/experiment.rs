@@ -15,6 +15,9 @@ fn an_experiment_ends_with_results_and_a_report() {
     assert_eq!(results["properties"], serde_json::json!(["fRS", "cDF"]));
     for method in results["methods"].as_array().unwrap() {
         assert!(method["r2"]["fRS"].is_f64(), "{method}");
+        if ["mean", "label-mean"].contains(&method["kind"].as_str().unwrap()) {
+            continue;
+        }
         assert_eq!(method["frames_decoded_per_surface"], 1.0);
         assert_eq!(method["frames_encoded_per_surface"], 1.0);
         assert_eq!(
@@ -211,4 +214,103 @@ fn embeddings_are_written_in_the_order_given() {
     let forwards = embed(&[a, b], "1");
     let backwards = embed(&[b, a, b], "2");
     assert_eq!(forwards, [backwards[1].clone(), backwards[0].clone()]);
+}
+
+#[test]
+fn results_say_where_they_come_from() {
+    let scratch = Scratch::new();
+    scratch.experiment().assert().success();
+    let read = || -> serde_json::Value {
+        let text = fs::read_to_string(scratch.path("run/results.json")).unwrap();
+        serde_json::from_str(&text).unwrap()
+    };
+    let results = read();
+    assert_eq!(results["schema"], 1);
+    let config = fs::read(scratch.path("run/config.toml")).unwrap();
+    let hash = blake3::hash(&config).to_string();
+    assert_eq!(results["config_hash"], hash);
+    assert_eq!(results["precision"], serde_json::json!(["f32"]));
+    assert_eq!(results["methods"][0]["precision"], "f32");
+    assert_eq!(
+        (&results["seed"], &results["data_seed"]),
+        (&0.into(), &serde_json::Value::Null)
+    );
+    for key in ["source_hash", "data_hash", "cpu"] {
+        assert!(!results[key].as_str().unwrap().is_empty(), "{key}");
+    }
+    assert!(results["threads"].as_u64().unwrap() > 0);
+
+    // Another config, the same data; then another reading.
+    let again = |scratch: &Scratch| {
+        let mut command = scratch.experiment();
+        command
+            .args(["--set", "report.resamples=50"])
+            .assert()
+            .success();
+        read()
+    };
+    let other = again(&scratch);
+    assert_ne!(other["config_hash"], results["config_hash"]);
+    assert_eq!(other["data_hash"], results["data_hash"]);
+    let table = fs::read_to_string(scratch.path("data/tactile.csv")).unwrap();
+    let digit = table.rfind(|c: char| c.is_ascii_digit()).unwrap();
+    let new = if &table[digit..=digit] == "1" {
+        "2"
+    } else {
+        "1"
+    };
+    let table = format!("{}{new}{}", &table[..digit], &table[digit + 1..]);
+    fs::write(scratch.path("data/tactile.csv"), table).unwrap();
+    assert_ne!(again(&scratch)["data_hash"], results["data_hash"]);
+}
+
+#[test]
+fn a_method_that_diverges_has_a_reason_and_the_others_go_on() {
+    let scratch = Scratch::new();
+    scratch.edit(
+        "tiny.toml",
+        "head.model = { kind = \"cross-modal\" }",
+        "head.model = { kind = \"cross-modal\" }\nhead.adam.learning-rate = 1e30",
+    );
+    scratch.experiment().assert().success();
+    let results = scratch.results();
+    let of = |id: &str| {
+        let mut methods = results["methods"].as_array().unwrap().iter();
+        methods.find(|method| method["id"] == id).unwrap()
+    };
+    assert!(of("ridge")["r2"]["fRS"].is_f64());
+    let row = of("cross-modal");
+    assert!(row["r2"]["fRS"].is_null(), "{row}");
+    assert_eq!(row["held_out_surfaces"], 0);
+    let notes = row["notes"].as_array().unwrap().iter();
+    let reasons = notes.filter(|note| note.as_str().unwrap().contains("left out: "));
+    assert_eq!(reasons.count(), 4, "two properties in two reruns: {row}");
+    let report = fs::read_to_string(scratch.path("run/report.md")).unwrap();
+    assert!(report.contains("fRS, rerun 0, left out"), "{report}");
+
+    // They are finished: nothing is trained again, and nothing changes.
+    let trials = fs::read(scratch.path("run/trials.jsonl")).unwrap();
+    scratch.experiment().assert().success();
+    assert_eq!(scratch.results(), results);
+    assert_eq!(fs::read(scratch.path("run/trials.jsonl")).unwrap(), trials);
+}
+
+#[test]
+fn a_list_shows_settings_and_opens_no_data() {
+    let scratch = Scratch::new();
+    fs::remove_dir_all(scratch.path("data")).unwrap();
+    let output = scratch.experiment().arg("--list").assert().success();
+    let text = String::from_utf8_lossy(&output.get_output().stdout).into_owned();
+    let head = text.split("\ncross-modal\t").nth(1).unwrap();
+    let head = head.split("\n    kind = \"mean\"").next().unwrap();
+    for line in [
+        "    kind = \"head\"\n",
+        "    encoder = \"se-resnext-small with untrained, random weights\"\n",
+        "    views = 1 # the one straight down\n",
+        "    head.epochs = 3\n",
+        "    head.batch-size = 8\n",
+    ] {
+        assert!(head.contains(line), "`{line}` is not in: {head}");
+    }
+    assert!(!scratch.path("run").exists());
 }

@@ -196,6 +196,7 @@ fn a_simulated_dataset_reads_back_as_it_was_simulated() {
     let in_memory = run(&[
         "data.from=simulator".to_owned(),
         "data.simulated.surfaces=6".to_owned(),
+        "data.simulated.test-surfaces=0".to_owned(),
         "data.simulated.views=3".to_owned(),
         "data.simulated.size=32".to_owned(),
         "data.simulated.seed=5".to_owned(),

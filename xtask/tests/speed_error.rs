@@ -51,6 +51,7 @@ const SURFACES: &str = r#"
 from = "simulator"
 [data.simulated]
 surfaces = 40
+test-surfaces = 0
 size = 32
 views = 5
 "#;

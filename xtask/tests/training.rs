@@ -81,7 +81,8 @@ fn an_encoder_is_trained_once_for_each_rerun() {
         for setting in [
             "reruns=2",
             "properties=[\"fRS\", \"mTX\"]",
-            "data.simulated.surfaces=24",
+            "data.simulated.surfaces=20",
+            "data.simulated.test-surfaces=10",
             "data.simulated.size=32",
             "encoder.training.epochs=2",
             "head.epochs=2",

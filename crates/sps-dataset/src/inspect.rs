@@ -3,6 +3,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::intraclass::intraclass;
 use crate::{
     DatasetFolder, FrameIndex, LightCounts, OutOfRange, Property, Source, TactileSettings,
 };
@@ -48,6 +49,13 @@ pub struct PropertySummary {
     pub quantiles: Option<[f64; 5]>,
     /// Median over the surfaces of the standard deviation of repeats.
     pub repeat_std: Option<f64>,
+    /// The share of the variance of the surfaces' values that lies between groups: the intraclass
+    /// correlation ICC(1) of the one-way random effects model, by the analysis of variance (Donner,
+    /// International Statistical Review 54, 1986). Unlike the share of the sum of squares between
+    /// group means it does not grow as groups get smaller; it may be below 0 by chance where groups
+    /// mean little. `None` where no group has two surfaces with a value, where one group has all of
+    /// them, and where all values are equal.
+    pub between_groups: Option<f64>,
 }
 
 /// What decoding every frame showed.
@@ -118,6 +126,11 @@ impl DatasetFolder {
     fn property_summaries(&self, settings: TactileSettings) -> Vec<PropertySummary> {
         let averages = self.tactile().averages(&settings, self.surfaces().len());
         let summary = |(column, &(property, out_of_range)): (usize, &(Property, OutOfRange))| {
+            let surfaces = self.surfaces().iter().enumerate();
+            let of_groups = surfaces.filter_map(|(s, surface)| {
+                let value = averages.value(s, property)?;
+                Some((surface.group.as_str(), value))
+            });
             let cells = (0..self.surfaces().len()).filter_map(|s| averages.cell(s, property));
             let values: Vec<f64> = cells.clone().map(|cell| cell.value).collect();
             let spreads: Vec<f64> = cells.filter_map(|cell| cell.repeat_std).collect();
@@ -132,6 +145,7 @@ impl DatasetFolder {
                 out_of_range,
                 quantiles: quantiles(values),
                 repeat_std: quantiles(spreads).map(|[_, _, median, _, _]| median),
+                between_groups: intraclass(of_groups),
             }
         };
         self.out_of_range()

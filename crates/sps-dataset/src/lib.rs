@@ -60,6 +60,7 @@ mod folder;
 mod frame;
 mod image;
 mod inspect;
+mod intraclass;
 mod material;
 mod nearest;
 mod property;
@@ -72,6 +73,7 @@ mod stream;
 mod table;
 mod tactile;
 mod toml_text;
+mod units;
 
 pub use error::{DatasetError, DatasetErrorKind, Place};
 pub use folder::{
@@ -100,6 +102,7 @@ pub use tactile::{
     TactileSettings, TactileTable,
 };
 pub use toml_text::parse_toml;
+pub use units::{KeepGroups, Unit, Units};
 
 /// Runs the examples of the README as tests.
 #[cfg(doctest)]

@@ -1,9 +1,7 @@
-use std::collections::HashMap;
-
 use serde::{Deserialize, Serialize};
 
 use crate::Surface;
-use crate::stream::Stream;
+use crate::units::{KeepGroups, Unit, Units};
 
 /// Which surfaces a model is fitted on and which it is judged by, as indices in ascending order.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -33,6 +31,9 @@ pub enum SplitPlan {
     Random(RandomSplit),
     /// Every surface kept aside once.
     KFold(KFold),
+    /// Every group kept aside once, on its own: what a model knows of a group that it has not seen.
+    /// The same splits in every rerun.
+    LeaveOneGroupOut {},
 }
 
 /// The settings of [`SplitPlan::Random`].
@@ -41,8 +42,8 @@ pub enum SplitPlan {
 pub struct RandomSplit {
     /// The share that is kept aside, between 0 and 1. Default 0.1, as in the paper (section 5).
     pub validation: f64,
-    /// Whether surfaces of one group stay together. Default false, as in the paper.
-    pub keep_groups: bool,
+    /// Whether surfaces of one group stay together. Default: where any group has several.
+    pub keep_groups: KeepGroups,
 }
 
 /// The settings of [`SplitPlan::KFold`].
@@ -51,19 +52,19 @@ pub struct RandomSplit {
 pub struct KFold {
     /// How many parts the surfaces are dealt into. Default 10.
     pub folds: usize,
-    /// Whether surfaces of one group stay together. Default false.
-    pub keep_groups: bool,
+    /// Whether surfaces of one group stay together. Default: where any group has several.
+    pub keep_groups: KeepGroups,
 }
 
 /// Surfaces that cannot be split as asked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SplitError {
-    /// Fewer units than parts. A unit is a surface, or a group where groups are kept.
+    /// Fewer units than parts.
     #[error("{found} {unit} cannot be split into {wanted} parts")]
     TooFew {
-        /// `surfaces` or `groups`.
-        unit: &'static str,
+        /// What is kept together.
+        unit: Unit,
         /// How many there are.
         found: usize,
         /// How many parts were asked for.
@@ -87,7 +88,7 @@ impl Default for RandomSplit {
     fn default() -> Self {
         Self {
             validation: 0.1,
-            keep_groups: false,
+            keep_groups: KeepGroups::Auto,
         }
     }
 }
@@ -96,14 +97,27 @@ impl Default for KFold {
     fn default() -> Self {
         Self {
             folds: 10,
-            keep_groups: false,
+            keep_groups: KeepGroups::Auto,
         }
     }
 }
 
 impl SplitPlan {
-    /// The splits of one rerun: one at random, or one per fold. They depend on nothing but the
-    /// plan, the number and groups of the surfaces, the seed and the rerun.
+    /// What the plan keeps together of these surfaces. Whoever splits one of its parts again
+    /// (calibration, folds, early stopping) or resamples them does so by the same units.
+    pub fn units(&self, surfaces: &[Surface]) -> Units {
+        Units::of(
+            surfaces,
+            match self {
+                Self::Random(random) => random.keep_groups,
+                Self::KFold(folds) => folds.keep_groups,
+                Self::LeaveOneGroupOut {} => KeepGroups::Always,
+            },
+        )
+    }
+
+    /// The splits of one rerun: one at random, one per fold, or one per group. They depend on
+    /// nothing but the plan, the number and groups of the surfaces, the seed and the rerun.
     ///
     /// # Errors
     /// Where there are too few surfaces or groups, or the plan makes no sense.
@@ -113,112 +127,17 @@ impl SplitPlan {
         seed: u64,
         rerun: u64,
     ) -> Result<Vec<Split>, SplitError> {
-        let parts = match *self {
-            Self::Random(RandomSplit {
-                validation,
-                keep_groups,
-            }) => {
-                if !(validation > 0.0 && validation < 1.0) {
-                    return Err(SplitError::Share(validation));
-                }
-                let units = shuffled(surfaces, keep_groups, 2, seed, "random split", rerun)?;
-                vec![kept_aside(&units, surfaces.len(), validation)]
+        let units = self.units(surfaces);
+        let all: Vec<usize> = (0..surfaces.len()).collect();
+        match *self {
+            Self::Random(RandomSplit { validation, .. }) => {
+                let split = units.keep_aside(&all, validation, seed, "random split", rerun)?;
+                Ok(vec![split])
             }
-            Self::KFold(KFold { folds, keep_groups }) => {
-                if folds < 2 {
-                    return Err(SplitError::Folds(folds));
-                }
-                deal(
-                    shuffled(surfaces, keep_groups, folds, seed, "folds", rerun)?,
-                    folds,
-                )
-            }
-        };
-        Ok(parts
-            .into_iter()
-            .map(|part| Split::keeping_aside(part, surfaces.len()))
-            .collect())
-    }
-}
-
-impl Split {
-    fn keeping_aside(mut validation: Vec<usize>, surfaces: usize) -> Self {
-        validation.sort_unstable();
-        let train = (0..surfaces)
-            .filter(|i| validation.binary_search(i).is_err())
-            .collect();
-        Self { train, validation }
-    }
-}
-
-/// The units that stay together, in random order; at least `parts` of them.
-fn shuffled(
-    surfaces: &[Surface],
-    keep_groups: bool,
-    parts: usize,
-    seed: u64,
-    purpose: &str,
-    rerun: u64,
-) -> Result<Vec<Vec<usize>>, SplitError> {
-    let mut units: Vec<Vec<usize>> = Vec::new();
-    let mut unit_of: HashMap<&str, usize> = HashMap::new();
-    for (index, surface) in surfaces.iter().enumerate() {
-        let own = units.len();
-        let unit = if keep_groups {
-            *unit_of.entry(&surface.group).or_insert(own)
-        } else {
-            own
-        };
-        if unit == own {
-            units.push(Vec::new());
-        }
-        units[unit].push(index);
-    }
-    if units.len() < parts {
-        let unit = if keep_groups { "groups" } else { "surfaces" };
-        return Err(SplitError::TooFew {
-            unit,
-            found: units.len(),
-            wanted: parts,
-        });
-    }
-    Stream::new(seed, purpose, rerun).shuffle(&mut units);
-    Ok(units)
-}
-
-/// Takes, in order, each unit that brings the part nearer to the share asked for; the smallest
-/// where none does. At least one unit is left over.
-fn kept_aside(units: &[Vec<usize>], surfaces: usize, share: f64) -> Vec<usize> {
-    let wanted = ((surfaces as f64 * share).round() as usize).clamp(1, surfaces - 1);
-    let mut part: Vec<usize> = Vec::new();
-    for unit in units {
-        let with_it = part.len() + unit.len();
-        if with_it.abs_diff(wanted) < part.len().abs_diff(wanted) && with_it < surfaces {
-            part.extend(unit);
+            Self::KFold(KFold { folds, .. }) => units.folds(&all, folds, seed, "folds", rerun),
+            Self::LeaveOneGroupOut {} => units.each_aside(&all),
         }
     }
-    if part.is_empty() {
-        part.extend(
-            units
-                .iter()
-                .min_by_key(|unit| unit.len())
-                .into_iter()
-                .flatten(),
-        );
-    }
-    part
-}
-
-/// Deals units out, large ones first, each to the part that is smallest so far.
-fn deal(mut units: Vec<Vec<usize>>, parts: usize) -> Vec<Vec<usize>> {
-    units.sort_by_key(|unit| std::cmp::Reverse(unit.len()));
-    let mut dealt: Vec<Vec<usize>> = vec![Vec::new(); parts];
-    for unit in units {
-        if let Some(smallest) = dealt.iter_mut().min_by_key(|part| part.len()) {
-            smallest.extend(unit);
-        }
-    }
-    dealt
 }
 
 #[cfg(test)]
@@ -236,15 +155,26 @@ mod tests {
         groups.iter().enumerate().map(surface).collect()
     }
 
-    fn random(validation: f64, keep_groups: bool) -> SplitPlan {
+    fn random(validation: f64, keep: bool) -> SplitPlan {
         SplitPlan::Random(RandomSplit {
             validation,
-            keep_groups,
+            keep_groups: kept(keep),
         })
     }
 
-    fn k_fold(folds: usize, keep_groups: bool) -> SplitPlan {
-        SplitPlan::KFold(KFold { folds, keep_groups })
+    fn k_fold(folds: usize, keep: bool) -> SplitPlan {
+        SplitPlan::KFold(KFold {
+            folds,
+            keep_groups: kept(keep),
+        })
+    }
+
+    fn kept(keep: bool) -> KeepGroups {
+        if keep {
+            KeepGroups::Always
+        } else {
+            KeepGroups::Never
+        }
     }
 
     #[test]
@@ -259,15 +189,15 @@ mod tests {
         };
         assert_eq!(
             random(0.1, true).splits(&two, 0, 0),
-            too_few("groups", 1, 2)
+            too_few(Unit::Group, 1, 2)
         );
         assert_eq!(
             random(0.1, false).splits(&two[..1], 0, 0),
-            too_few("surfaces", 1, 2)
+            too_few(Unit::Surface, 1, 2)
         );
         assert_eq!(
             k_fold(3, false).splits(&two, 0, 0),
-            too_few("surfaces", 2, 3)
+            too_few(Unit::Surface, 2, 3)
         );
         assert_eq!(
             k_fold(1, false).splits(&two, 0, 0),
@@ -299,6 +229,38 @@ mod tests {
         assert_eq!(draw(1, 0), draw(1, 0));
         assert_ne!(draw(1, 0), draw(1, 1));
         assert_ne!(draw(1, 0), draw(2, 0));
+    }
+
+    #[test]
+    fn groups_are_kept_where_any_has_several_surfaces() {
+        let plan = SplitPlan::default();
+        assert_eq!(plan.units(&surfaces(&[0, 1, 2])).unit(), Unit::Surface);
+        assert_eq!(plan.units(&surfaces(&[0, 1, 1])).unit(), Unit::Group);
+        assert_eq!(plan.units(&surfaces(&[0, 1, 1])).of_surface(), [0, 1, 1]);
+        assert_eq!(
+            random(0.1, false).units(&surfaces(&[0, 1, 1])).unit(),
+            Unit::Surface
+        );
+    }
+
+    #[test]
+    fn leave_one_group_out_holds_each_group_out_once() {
+        let plan = SplitPlan::LeaveOneGroupOut {};
+        let splits = plan.splits(&surfaces(&[5, 3, 5, 8]), 1, 0).unwrap();
+        let held: Vec<_> = splits
+            .iter()
+            .map(|split| split.validation.clone())
+            .collect();
+        assert_eq!(held, [vec![0, 2], vec![1], vec![3]]);
+        assert_eq!(splits[0].train, [1, 3]);
+        assert_eq!(
+            plan.splits(&surfaces(&[0, 0]), 1, 0),
+            Err(SplitError::TooFew {
+                unit: Unit::Group,
+                found: 1,
+                wanted: 2
+            })
+        );
     }
 
     proptest! {

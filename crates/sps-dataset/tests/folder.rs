@@ -61,6 +61,21 @@ fn the_tiny_dataset_is_what_its_readme_says() {
 }
 
 #[test]
+fn inspection_says_how_much_lies_between_groups() {
+    let table = "surface,location,repeat,fRS,cDF\n\
+                 a,0,0,0,1\nb,0,0,2,\nc,0,0,10,2\nd,0,0,12,\ne,0,0,,3\n";
+    let made = Made::new("", "tactile.csv", table);
+    let surfaces = "surface,material,group\na,wood,x\nb,wood,x\nc,wood,y\nd,wood,y\ne,wood,z\n";
+    made.write("surfaces.csv", surfaces);
+    let inspection = made.open().unwrap().inspect(&TactileSettings::default());
+    let properties = inspection.properties;
+    // Means 1 and 11 of pairs: mean squares 100 and 2, n0 = 2. Of cDF no group has two values.
+    let found = properties[0].between_groups.unwrap();
+    assert!((found - 98.0 / 102.0).abs() < 1e-12, "{found}");
+    assert_eq!(properties[1].between_groups, None);
+}
+
+#[test]
 fn the_four_forms_of_its_table_agree() {
     let read = |table: &str| {
         #[derive(serde::Deserialize)]

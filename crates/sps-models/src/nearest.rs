@@ -183,6 +183,7 @@ mod tests {
         let rerun = Rerun {
             number: 4,
             training: vec![4, 2, 1, 0],
+            validation: Vec::new(),
         };
         let mut plan = Plan::each(1, readings.properties(), vec![rerun]);
         for trial in &mut plan.trials {

@@ -65,7 +65,8 @@ fn version(program: &str, argument: &str) -> Option<String> {
     output.status.success().then(|| line.trim().to_owned())
 }
 
-fn processor() -> String {
+/// The model of the processor, or else its architecture.
+pub(crate) fn processor() -> String {
     let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = text.lines().find_map(|line| {
         let (key, value) = line.split_once(':')?;

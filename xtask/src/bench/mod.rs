@@ -16,6 +16,7 @@ use anyhow::{Result, ensure};
 
 use budgets::Budgets;
 pub(crate) use kernels::run as run_kernel;
+pub(crate) use machine::processor;
 use measured::Measured;
 
 /// What to measure, and what to do with it.

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 
-use crate::config::{Experiment, Setting};
+use crate::config::{self, Experiment, Setting};
 use crate::run;
 
 /// Run an experiment, or finish one that was stopped
@@ -23,7 +23,7 @@ pub(crate) struct Args {
     /// Forget the trials that were finished in the folder
     #[arg(long)]
     fresh: bool,
-    /// List the methods and exit
+    /// List the methods with their settings, defaults and inherited ones included, and exit
     #[arg(long)]
     list: bool,
 }
@@ -31,9 +31,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<()> {
     let experiment = Experiment::read(&args.config, &args.settings)?;
     if args.list {
-        for method in &experiment.methods {
-            println!("{}\t{}", method.id, method.label);
-        }
+        print!("{}", config::list(&experiment)?);
         return Ok(());
     }
     let folder = args

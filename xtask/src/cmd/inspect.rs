@@ -11,6 +11,7 @@ use crate::files::write_atomically;
 use crate::progress::Progress;
 use crate::report::published::published;
 use crate::report::statistics;
+use crate::report::table::number;
 
 /// Check a dataset and show its statistics
 #[derive(clap::Args)]
@@ -115,17 +116,19 @@ fn print(inspection: &Inspection, labels: &[(String, usize)]) {
     }
     print_labels(inspection.surfaces, labels);
     println!(
-        "\n{:<6}{:>9}{:>9}  {:<47}{:>9}{:>8}    published",
+        "\n{:<6}{:>9}{:>9}  {:<47}{:>9}{:>8}{:>9}    published",
         "",
         "measured",
         "missing",
         "minimum  quartile    median  quartile   maximum",
         "outside",
-        "repeat"
+        "repeat",
+        "between"
     );
     for property in &inspection.properties {
         println!("{}", line(property));
     }
+    print_grouped(&inspection.properties);
     if !inspection.untouched.is_empty() {
         println!("\nwithout a reading: {}", inspection.untouched.join(", "));
     }
@@ -141,6 +144,23 @@ fn print(inspection: &Inspection, labels: &[(String, usize)]) {
     }
     for folder in &frames.unknown_folders {
         println!("  no surface is called `{folder}`");
+    }
+}
+
+/// The share of the variance between groups above which a split at random flatters most.
+const MOSTLY_BETWEEN: f64 = 0.5;
+
+fn print_grouped(properties: &[PropertySummary]) {
+    let grouped = properties
+        .iter()
+        .filter(|property| property.between_groups > Some(MOSTLY_BETWEEN));
+    let codes: Vec<String> = grouped.map(|p| p.property.to_string()).collect();
+    if !codes.is_empty() {
+        println!(
+            "\nmore than half of the variance of {} lies between groups (column `between`): a \
+             random split would measure recognition of known groups: keep-groups",
+            codes.join(", ")
+        );
     }
 }
 
@@ -174,8 +194,9 @@ fn line(property: &PropertySummary) -> String {
     let repeat = property
         .repeat_std
         .map_or("–".to_owned(), |std| format!("{std:.2}"));
+    let between = number(property.between_groups, 2);
     format!(
-        "{code:<6}{:>9}{:>9}  {quantiles:>47}{outside:>9}{repeat:>8}  {printed}",
+        "{code:<6}{:>9}{:>9}  {quantiles:>47}{outside:>9}{repeat:>8}{between:>9}  {printed}",
         property.measured, property.missing_cells
     )
 }

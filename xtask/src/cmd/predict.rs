@@ -37,7 +37,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let estimates = model.predict(&frames.collect::<Result<Vec<_>>>()?)?;
     let level = model.card.level;
     if args.json {
-        let answer = json!({ "images": args.images, "level": level, "estimates": estimates });
+        let answer = json!({
+            "images": args.images,
+            "level": level,
+            "estimates": estimates,
+            "no_interval": model.card.no_interval,
+        });
         println!("{}", serde_json::to_string_pretty(&answer)?);
         return Ok(());
     }
@@ -49,11 +54,17 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         100.0 * level
     );
     for e in estimates {
-        let interval = format!("{:.1} to {:.1}", e.low, e.high);
+        let interval = match e.low.zip(e.high) {
+            Some((low, high)) => format!("{low:.1} to {high:.1}"),
+            None => "none".to_owned(),
+        };
         println!(
             "{:<4}  {:<26} {:>7.1}   {interval}",
             e.property, e.name, e.value
         );
+    }
+    for (property, reason) in &model.card.no_interval {
+        println!("{property}: no interval, {reason}");
     }
     Ok(())
 }

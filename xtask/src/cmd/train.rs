@@ -1,16 +1,15 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
-use sps_dataset::{RandomSplit, Source, Split, SplitPlan};
-use sps_metrics::{PredictionInterval, Samples, SplitConformal, TrainingMean, coverage};
-use sps_models::heads::{Plan, Rerun, Trial, Views};
+use sps_dataset::Source;
+use sps_metrics::{PredictionInterval, TrainingMean, coverage};
+use sps_models::heads::{Estimates, Plan, Rerun, Trial, Views};
 
 use crate::config::{Experiment, Looks, Method, Network, Setting};
 use crate::data::{self, About, WithSource};
 use crate::model::{self, Card};
-use crate::run::{Fitted, Stage, Stages, Tables, fit, splits};
+use crate::run::{Encodings, Fitted, Splits, Stages, Tables, conformal, fit};
 
 /// Fit a model that `predict` can use
 #[derive(clap::Args)]
@@ -64,23 +63,21 @@ impl WithSource for Train<'_> {
             method.id,
             method.encoder.network.name()
         );
+        let splits = Splits::of(experiment, source.surfaces())?;
+        let views = vec![data::nadir(source)?];
+        let data = (source, &about);
         let trainer = Trainer {
             experiment,
             method,
             source,
-            stages: Stages::new(
-                experiment,
-                &method.encoder,
-                source,
-                &about,
-                vec![data::nadir(source)?],
-                None,
-            )?,
+            splits: &splits,
+            stages: Stages::new(experiment, &method.encoder, data, &splits, views, None)?,
         };
         trainer.print_check()?;
-        let all: Vec<usize> = (0..source.surfaces().len()).collect();
+        let all: Vec<usize> = (0..splits.pool).collect();
         let model = trainer.calibrated(&all, 0)?;
-        let frame = source.frame(0, model.stage.tables.views[0])?;
+        let stage = &model.encodings.stage;
+        let frame = source.frame(0, stage.tables.views[0])?;
         let card = Card {
             format: 0,
             experiment: experiment.name.clone(),
@@ -91,9 +88,10 @@ impl WithSource for Train<'_> {
             frame_size: [frame.height, frame.width],
             level: experiment.train.level.get(),
             radius: model.radius.clone(),
+            no_interval: model.no_interval.clone(),
             checksums: BTreeMap::new(),
         };
-        let encoder = model.stage.embedder.encoder().of_images()?;
+        let encoder = stage.embedder.encoder().of_images()?;
         model::save(self.out, card, encoder, &model.fitted)?;
         println!("{}", self.out.display());
         Ok(())
@@ -104,148 +102,202 @@ struct Trainer<'a, S> {
     experiment: &'a Experiment,
     method: &'a Method,
     source: &'a S,
+    splits: &'a Splits,
     stages: Stages<'a, S>,
 }
 
 /// A fitted model with the half-width of each property's interval.
 struct Calibrated {
-    stage: Arc<Stage>,
+    encodings: Encodings,
     fitted: Fitted,
     radius: BTreeMap<String, f64>,
+    /// Why a property has none.
+    no_interval: BTreeMap<String, String>,
+}
+
+impl Calibrated {
+    /// The property and the estimate for each of `surfaces`.
+    fn estimates(&self, surfaces: &[usize]) -> Result<Vec<Estimates>> {
+        Ok(self
+            .fitted
+            .models()
+            .predict(&self.encodings.select(surfaces, &[0])?)?)
+    }
 }
 
 impl<S: Source> Trainer<'_, S> {
-    /// Fits on part of `surfaces` and calibrates on the rest.
+    /// Fits on part of `surfaces` and calibrates on the rest; units stay whole.
     fn calibrated(&self, surfaces: &[usize], number: u64) -> Result<Calibrated> {
-        let split = self.calibration_split(surfaces, number)?;
+        let (experiment, units) = (self.experiment, &self.splits.units);
+        let (seed, train) = (experiment.seed, &experiment.train);
+        let splits = self.splits;
+        let split = splits.kept_aside(surfaces, train.calibration, seed, number);
+        let split = split.context("train.calibration")?;
         let stage = self.stages.of(&split.train)?;
-        let tables = &stage.tables;
-        let properties = tables.codes();
-        let trials = properties.iter().map(|property| Trial {
-            property: property.clone(),
+        let plan = self.plan(&stage.tables, &split.train, number);
+        let fitted = fit(self.method, (&stage.tables, units), &plan, &())?;
+        let beyond = self.source.surfaces().len() - self.splits.pool;
+        let encodings = Encodings::with_test_views(experiment, self.source, stage, &[0], beyond)?;
+        let mut calibrated = Calibrated {
+            encodings,
+            fitted,
+            radius: BTreeMap::new(),
+            no_interval: BTreeMap::new(),
+        };
+        let tables = &calibrated.encodings.stage.tables;
+        for estimates in calibrated.estimates(&split.validation)? {
+            let kept = Measured::of(tables, &estimates, &split.validation)?;
+            match conformal::radius(units, &kept.residuals(), train.level) {
+                Ok(radius) => drop(calibrated.radius.insert(estimates.property, radius)),
+                Err(reason) => {
+                    let reason = reason.to_string();
+                    calibrated.no_interval.insert(estimates.property, reason);
+                }
+            }
+        }
+        Ok(calibrated)
+    }
+
+    /// A trial for each property on the view straight down.
+    fn plan(&self, tables: &Tables, training: &[usize], number: u64) -> Plan {
+        let trials = tables.codes().into_iter().map(|property| Trial {
+            property,
             rerun: number,
             views: Views::Fixed(vec![0]),
         });
-        let plan = Plan {
+        Plan {
             seed: self.experiment.seed,
             reruns: vec![Rerun {
                 number,
-                training: split.train,
+                training: training.to_vec(),
                 validation: Vec::new(),
             }],
             trials: trials.collect(),
-        };
-        let fitted = fit(self.method, tables, &plan, &())?;
-        let mut radius = BTreeMap::new();
-        for estimates in fitted.predict(&tables.embeddings)? {
-            let (property, values) = (&estimates.property, &estimates.values);
-            let kept = Measured::of(tables, property, values, &split.validation)?;
-            let conformal = SplitConformal::calibrate(kept.samples(), self.experiment.train.level)
-                .with_context(|| format!("calibrating {}", estimates.property))?;
-            radius.insert(estimates.property, conformal.radius());
         }
-        Ok(Calibrated {
-            stage,
-            fitted,
-            radius,
-        })
-    }
-
-    /// Splits `surfaces` into a part to fit on and a part to calibrate with.
-    fn calibration_split(&self, surfaces: &[usize], number: u64) -> Result<Split> {
-        let chosen: Vec<_> = surfaces
-            .iter()
-            .map(|&s| self.source.surfaces()[s].clone())
-            .collect();
-        let plan = SplitPlan::Random(RandomSplit {
-            validation: self.experiment.train.calibration,
-            keep_groups: false,
-        });
-        let splits = plan.splits(&chosen, self.experiment.seed, number)?;
-        let split = splits.into_iter().next().context("no split")?;
-        let back = |part: Vec<usize>| part.into_iter().map(|i| surfaces[i]).collect();
-        Ok(Split {
-            train: back(split.train),
-            validation: back(split.validation),
-        })
     }
 
     /// Prints what such models do on the surfaces that each split of the config holds out.
     fn print_check(&self) -> Result<()> {
+        let splits = &self.splits.all;
         let mut held_out: BTreeMap<String, HeldOut> = BTreeMap::new();
-        let splits = splits(self.experiment, self.source.surfaces())?;
         for (number, split) in splits.iter().enumerate() {
             let model = self.calibrated(&split.train, number as u64)?;
-            let tables = &model.stage.tables;
-            for estimates in model.fitted.predict(&tables.embeddings)? {
-                let (property, values) = (&estimates.property, &estimates.values);
-                let training = Measured::of(tables, property, values, &split.train)?;
-                let kept = Measured::of(tables, property, values, &split.validation)?;
-                let mean = TrainingMean::of(&training.truth)?;
-                let all = held_out.entry(property.clone()).or_default();
-                all.r2
-                    .push(kept.samples().r2(mean).map(|score| score.value));
-                let radius = model.radius[property];
-                all.intervals
-                    .extend(kept.estimate.iter().map(|value| PredictionInterval {
-                        low: value - radius,
-                        high: value + radius,
-                    }));
-                all.truth.extend(kept.truth);
+            let tables = &model.encodings.stage.tables;
+            for estimates in model.estimates(&split.validation)? {
+                let kept = Measured::of(tables, &estimates, &split.validation)?;
+                let mean = training_mean(tables, &estimates.property, &split.train)?;
+                let all = held_out.entry(estimates.property.clone()).or_default();
+                all.add(&kept, mean, &model, &estimates.property);
             }
         }
         println!(
-            "{} on surfaces held out, {} splits:",
+            "{} on {} held out, {} splits:",
             self.method.label,
+            self.splits.units.unit(),
             splits.len()
         );
         println!("{:<6}{:>7}{:>14}{:>10}", "", "R²", "± interval", "covered");
         for (property, all) in &held_out {
-            let r2 = sps_metrics::over_reruns(all.r2.iter().cloned());
-            let coverage = coverage(&all.intervals, &all.truth)?;
-            println!(
-                "{property:<6}{:>7}{:>14.2}{:>9.1}%",
-                r2.mean.map_or("–".to_owned(), |r2| format!("{r2:.3}")),
-                coverage.mean_width / 2.0,
-                100.0 * coverage.fraction()
-            );
+            println!("{property:<6}{:>7}{}", all.r2(), all.coverage()?);
+        }
+        for (property, all) in &held_out {
+            if let Some(reason) = &all.no_interval {
+                println!("{property}: no interval, {reason}");
+            }
         }
         Ok(())
     }
 }
 
-/// Truths and estimates in the same order.
+/// The mean of what was measured of the training surfaces.
+fn training_mean(tables: &Tables, property: &str, training: &[usize]) -> Result<TrainingMean> {
+    let column = tables.readings.column(property).context(NOT_MEASURED)?;
+    let reading = |&surface: &usize| tables.readings.get(surface, column);
+    let readings: Vec<f64> = training.iter().filter_map(reading).collect();
+    Ok(TrainingMean::of(&readings)?)
+}
+
+const NOT_MEASURED: &str = "a property that was not measured";
+
+/// Surfaces with truths and estimates, in the same order.
 struct Measured {
+    surfaces: Vec<usize>,
     truth: Vec<f64>,
     estimate: Vec<f64>,
 }
 
 impl Measured {
-    /// Truths and estimates of those of `surfaces` that were measured.
-    fn of(tables: &Tables, property: &str, estimates: &[f64], surfaces: &[usize]) -> Result<Self> {
+    /// Those of `surfaces` that were measured; there is an estimate for each of all.
+    fn of(tables: &Tables, estimates: &Estimates, surfaces: &[usize]) -> Result<Self> {
         let readings = &tables.readings;
-        let column = readings
-            .column(property)
-            .context("a property that was not measured")?;
-        let pairs = surfaces
-            .iter()
-            .filter_map(|&surface| Some((readings.get(surface, column)?, estimates[surface])));
-        let (truth, estimate) = pairs.unzip();
-        Ok(Self { truth, estimate })
+        let column = readings.column(&estimates.property).context(NOT_MEASURED)?;
+        let mut measured = Self {
+            surfaces: Vec::new(),
+            truth: Vec::new(),
+            estimate: Vec::new(),
+        };
+        for (&surface, &estimate) in surfaces.iter().zip(&estimates.values) {
+            if let Some(truth) = readings.get(surface, column) {
+                measured.surfaces.push(surface);
+                measured.truth.push(truth);
+                measured.estimate.push(estimate);
+            }
+        }
+        Ok(measured)
     }
 
-    fn samples(&self) -> Samples<'_> {
-        Samples {
-            truth: &self.truth,
-            estimate: &self.estimate,
-        }
+    fn residuals(&self) -> Vec<(usize, f64)> {
+        let pairs = self.truth.iter().zip(&self.estimate);
+        let residuals = pairs.map(|(truth, estimate)| truth - estimate);
+        self.surfaces.iter().copied().zip(residuals).collect()
     }
 }
 
 /// One property over all splits.
 #[derive(Default)]
 struct HeldOut {
-    r2: Vec<Result<f64, sps_metrics::Undefined>>,
+    /// Squared errors, and squared distances from the training mean, all splits together.
+    errors: f64,
+    distances: f64,
     intervals: Vec<PredictionInterval>,
+    /// Of the splits that have intervals.
     truth: Vec<f64>,
+    no_interval: Option<String>,
+}
+
+impl HeldOut {
+    fn add(&mut self, kept: &Measured, mean: TrainingMean, model: &Calibrated, property: &str) {
+        for (truth, estimate) in kept.truth.iter().zip(&kept.estimate) {
+            self.errors += (truth - estimate).powi(2);
+            self.distances += (truth - mean.get()).powi(2);
+        }
+        let Some(&radius) = model.radius.get(property) else {
+            self.no_interval = model.no_interval.get(property).cloned();
+            return;
+        };
+        let around = |value: &f64| PredictionInterval {
+            low: value - radius,
+            high: value + radius,
+        };
+        self.intervals.extend(kept.estimate.iter().map(around));
+        self.truth.extend(&kept.truth);
+    }
+
+    /// About the training mean of each split.
+    fn r2(&self) -> String {
+        if self.distances > 0.0 {
+            format!("{:.3}", 1.0 - self.errors / self.distances)
+        } else {
+            "–".to_owned()
+        }
+    }
+
+    fn coverage(&self) -> Result<String> {
+        if self.intervals.is_empty() {
+            return Ok(format!("{:>14}{:>10}", "–", "–"));
+        }
+        let coverage = coverage(&self.intervals, &self.truth)?;
+        let (half, share) = (coverage.mean_width / 2.0, 100.0 * coverage.fraction());
+        Ok(format!("{half:>14.2}{share:>9.1}%"))
+    }
 }

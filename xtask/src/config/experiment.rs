@@ -3,18 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use sps_dataset::simulate::SimulatorSpec;
-use sps_dataset::{Property, ReadSettings, SplitPlan};
+use sps_dataset::Property;
 use sps_metrics::{Bootstrap, Level};
 use sps_models::encoders::{EncoderKind, I3d, Precision};
-use sps_models::heads::Head;
-use sps_models::ridge::Ridge;
 use sps_models::training::TrainingConfig;
 
 use super::adaptive::{self, Adaptive};
+use super::data::{DataSpec, Protocol, data};
+use super::estimator::{self, Estimator};
 use super::locate::{ConfigError, Layers, Setting, nearest};
 use super::looks::{self, Looks};
-use super::schema::{Config, DataOrigin, EncoderConfig, MethodConfig, MethodKind};
+use super::schema::{Config, EncoderConfig, MethodConfig, SelectorConfig};
 use super::sweep::{self, Written};
 use crate::files::read_text;
 use crate::report::paper;
@@ -32,7 +31,7 @@ pub(crate) struct Experiment {
     /// None: all that the dataset has.
     pub properties: Vec<Property>,
     pub data: DataSpec,
-    pub split: SplitPlan,
+    pub protocol: Protocol,
     pub methods: Vec<Method>,
     /// Parts of the training surfaces between which selections are cross-validated; 1: none.
     pub selection_folds: usize,
@@ -46,17 +45,6 @@ pub(crate) struct Experiment {
     pub cache: PathBuf,
     /// Every key with its value, as TOML.
     pub resolved: String,
-}
-
-/// Where surfaces come from.
-#[derive(Clone, Debug)]
-pub(crate) enum DataSpec {
-    Simulated(SimulatorSpec),
-    Folder {
-        path: PathBuf,
-        read: Box<ReadSettings>,
-        published_sps: bool,
-    },
 }
 
 /// The two questions about speed and error.
@@ -138,12 +126,23 @@ pub(crate) struct Method {
     pub adaptive: Option<Adaptive>,
     /// The printed row beside it.
     pub paper: Option<String>,
+    /// Scored on the first so many of the held-out surfaces; `None`: on all.
+    pub test_surfaces: Option<usize>,
+    /// Trained on so many of a rerun's training surfaces; `None`: on all.
+    pub training_surfaces: Option<usize>,
 }
 
-#[derive(Clone, Debug)]
-pub(crate) enum Estimator {
-    Head(Head),
-    Ridge(Ridge),
+impl Method {
+    /// What its encoder computes in; none where it looks at nothing.
+    pub(crate) fn precision(&self) -> Option<String> {
+        (self.looks != Looks::Nothing).then(|| self.encoder.precision.to_string())
+    }
+
+    /// Those of the held-out surfaces that the method is scored on.
+    pub(crate) fn scored_on<'a>(&self, held_out: &'a [usize]) -> &'a [usize] {
+        let count = self.test_surfaces.unwrap_or(held_out.len());
+        &held_out[..count.min(held_out.len())]
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -173,10 +172,12 @@ impl Experiment {
         require(layers, config.reruns > 0, "reruns", "must be at least 1")?;
         encoder(layers, "encoder", &config.encoder)?;
         let written = sweep::written(&config);
-        require(layers, !written.is_empty(), "methods", "lists no method")?;
+        let listed = !sweep::asked_for(&config).is_empty();
+        require(layers, listed, "methods", "lists no method")?;
         let folds = config.selection.folds > 0;
         require(layers, folds, "selection.folds", "must be at least 1")?;
         let interval_level = level(layers, "report.level", config.report.level)?;
+        let (data, protocol) = data(layers, &config)?;
         Ok(Self {
             name: path
                 .file_stem()
@@ -184,9 +185,9 @@ impl Experiment {
             seed: config.seed,
             reruns: config.reruns,
             properties: properties.collect::<Result<_, _>>()?,
-            data: data(layers, &config)?,
-            split: config.split,
-            methods: methods(layers, &config, &written)?,
+            methods: methods(layers, &config, &written, protocol)?,
+            data,
+            protocol,
             selection_folds: config.selection.folds,
             bootstrap: Bootstrap::new(config.seed)
                 .with_level(interval_level)
@@ -212,23 +213,6 @@ fn require(layers: &Layers<'_>, holds: bool, key: &str, problem: &str) -> Result
 
 fn level(layers: &Layers<'_>, key: &str, value: f64) -> Result<Level, ConfigError> {
     Level::new(value).map_err(|error| layers.error(key, error.to_string()))
-}
-
-fn data(layers: &Layers<'_>, config: &Config) -> Result<DataSpec, ConfigError> {
-    let data = &config.data;
-    match data.from {
-        DataOrigin::Simulator => Ok(DataSpec::Simulated(data.simulated.clone())),
-        DataOrigin::Folder => {
-            let path = data.folder.path.clone();
-            let given = !path.as_os_str().is_empty();
-            require(layers, given, "data.folder.path", "names no folder")?;
-            Ok(DataSpec::Folder {
-                path,
-                read: Box::new(data.folder.read.clone()),
-                published_sps: data.folder.published_sps,
-            })
-        }
-    }
 }
 
 /// The encoder of the table at `key`.
@@ -286,6 +270,7 @@ fn methods(
     layers: &Layers<'_>,
     config: &Config,
     written: &[Written],
+    protocol: Protocol,
 ) -> Result<Vec<Method>, ConfigError> {
     let mut methods: Vec<Method> = Vec::new();
     for Written { at, method } in written {
@@ -301,35 +286,53 @@ fn methods(
         {
             return Err(layers.error(&key("paper"), unknown_row(name)));
         }
-        let looks =
-            looks::of(method).map_err(|(field, problem)| layers.error(&key(field), problem))?;
+        let looks = looks::of(config, method)
+            .map_err(|(field, problem)| layers.error(&key(field), problem))?;
         methods.push(Method {
             id: method.id.clone(),
             label: method.label.clone(),
             encoder: encoder(layers, &key("encoder"), &method.encoder)?,
-            estimator: estimator(config, method)
-                .map_err(|error| layers.error(&key(kind_key(method)), error.to_string()))?,
+            estimator: estimator::of(config, method)
+                .map_err(|(field, problem)| layers.error(&key(field), problem))?,
             adaptive: adaptive::of(method, &looks)
                 .map_err(|(field, problem)| layers.error(&key(field), problem))?,
             looks,
             paper: method.paper.clone(),
+            test_surfaces: test_surfaces(method, protocol)
+                .map_err(|problem| layers.error(&key("test-surfaces"), problem))?,
+            training_surfaces: training_surfaces(method)
+                .map_err(|problem| layers.error(&key("training-surfaces"), problem))?,
         });
     }
     Ok(methods)
 }
 
-fn kind_key(method: &MethodConfig) -> &'static str {
-    match method.kind {
-        MethodKind::Head => "head",
-        MethodKind::Ridge => "kind",
+fn test_surfaces(method: &MethodConfig, protocol: Protocol) -> Result<Option<usize>, String> {
+    let Some(count) = method.test_surfaces else {
+        return Ok(None);
+    };
+    match protocol {
+        Protocol::TestSurfaces(all) if (1..=all.test).contains(&count) => Ok(Some(count)),
+        Protocol::TestSurfaces(all) => Err(format!("is {count}, expected 1 to {}", all.test)),
+        Protocol::Split(_) => Err("needs surfaces that exist for scoring alone".to_owned()),
     }
 }
 
-fn estimator(config: &Config, method: &MethodConfig) -> sps_models::Result<Estimator> {
-    Ok(match method.kind {
-        MethodKind::Head => Estimator::Head(Head::new(method.head.clone())?),
-        MethodKind::Ridge => Estimator::Ridge(Ridge::new(config.ridge.clone())?),
-    })
+fn training_surfaces(method: &MethodConfig) -> Result<Option<usize>, String> {
+    let learned = method.adaptive.is_some() || method.relations.is_some();
+    let fixed = method
+        .selector
+        .as_ref()
+        .is_none_or(SelectorConfig::is_fixed);
+    match method.training_surfaces {
+        None => Ok(None),
+        Some(0) => Err("must be at least 1".to_owned()),
+        Some(_) if learned || !fixed => Err("needs views that do not depend on them".to_owned()),
+        Some(_) if method.encoder.trainable => {
+            Err("needs an encoder that is not trained".to_owned())
+        }
+        some => Ok(some),
+    }
 }
 
 fn unknown_row(name: &str) -> String {
@@ -390,7 +393,7 @@ fn train(
 ) -> Result<TrainSpec, ConfigError> {
     let train = &config.train;
     let method = if train.method.is_empty() {
-        written.len().saturating_sub(1)
+        sweep::asked_for(config).len().saturating_sub(1)
     } else {
         position(layers, written, "train.method", &train.method)?
     };
@@ -415,7 +418,9 @@ mod tests {
     use crate::fuzz::{Damage, damaged, fuzz, nested};
     use proptest::sample::select;
     use sps_dataset::TactileSettings;
+    use sps_dataset::simulate::SimulatorSpec;
     use sps_models::heads::HeadConfig;
+    use sps_models::kernel_ridge::KernelRidgeConfig;
     use sps_models::ridge::RidgeConfig;
 
     fn read(text: &str) -> Result<Experiment, ConfigError> {
@@ -430,11 +435,15 @@ mod tests {
     #[test]
     fn the_written_defaults_are_those_of_the_crates() {
         let config: Config = toml::from_str(DEFAULTS).unwrap();
-        assert_eq!(config.data.simulated, SimulatorSpec::default());
+        let simulated = SimulatorSpec {
+            surfaces: config.data.simulated.surfaces,
+            ..SimulatorSpec::default()
+        };
+        assert_eq!(config.data.simulated.spec(), simulated);
         assert_eq!(config.data.folder.read.tactile, TactileSettings::default());
         assert_eq!(config.head, HeadConfig::default());
         assert_eq!(config.ridge, RidgeConfig::default());
-        assert_eq!(config.split, SplitPlan::default());
+        assert_eq!(config.kernel_ridge, KernelRidgeConfig::default());
         assert_eq!(config.encoder.training, TrainingConfig::default());
     }
 

@@ -9,6 +9,8 @@ use serde_path_to_error::{Path as KeyPath, Segment};
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
+use super::merge::{apply, inherit, merge, take_back};
+
 /// One `--set KEY=VALUE`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Setting {
@@ -120,6 +122,7 @@ impl<'a> Layers<'a> {
                 inherit(&mut merged, base, list);
             }
         }
+        take_back(&mut merged);
         Ok(Self {
             path,
             text,
@@ -178,91 +181,6 @@ impl<'a> Layers<'a> {
                 |span| place_of_span(self.path, self.text, span),
             )
     }
-}
-
-/// Keys that say which of several kinds of table a table is.
-const TAGS: [&str; 2] = ["kind", "source"];
-
-/// Lays one table over another; a table of another kind replaces the one below it.
-fn merge(under: &mut Table, over: Table) {
-    for (key, value) in over {
-        match (under.get_mut(&key), value) {
-            (Some(Value::Table(under)), Value::Table(over)) if same_kind(under, &over) => {
-                merge(under, over);
-            }
-            (_, value) => {
-                under.insert(key, value);
-            }
-        }
-    }
-}
-
-fn same_kind(under: &Table, over: &Table) -> bool {
-    let differs = |tag: &str| {
-        over.get(tag)
-            .is_some_and(|kind| Some(kind) != under.get(tag))
-    };
-    !TAGS.iter().any(|tag| differs(tag))
-}
-
-/// Lays each item of `list` over the top-level table `base`, under that name.
-fn inherit(table: &mut Table, base: &str, list: &str) {
-    let Some(base_value @ Value::Table(_)) = table.get(base).cloned() else {
-        return;
-    };
-    let Some(Value::Array(items)) = table.get_mut(list) else {
-        return;
-    };
-    for item in items {
-        if let Value::Table(item) = item {
-            let mut inherited = Table::from_iter([(base.to_owned(), base_value.clone())]);
-            if let Some(own) = item.remove(base) {
-                merge(&mut inherited, Table::from_iter([(base.to_owned(), own)]));
-            }
-            item.extend(inherited);
-        }
-    }
-}
-
-fn apply(table: &mut Table, setting: &Setting) -> Result<(), String> {
-    let (parents, last) = match setting.key.rsplit_once('.') {
-        Some((parents, last)) => (parents.split('.').collect(), last),
-        None => (Vec::new(), setting.key.as_str()),
-    };
-    let mut root = Value::Table(std::mem::take(table));
-    let mut at = &mut root;
-    let outcome = (|| {
-        for step in parents {
-            at = match at {
-                Value::Table(table) => table
-                    .entry(step)
-                    .or_insert_with(|| Value::Table(Table::new())),
-                Value::Array(list) => element(list, step)?,
-                other => return Err(format!("`{step}` lies inside a {}", other.type_str())),
-            };
-        }
-        match at {
-            Value::Table(table) => {
-                table.insert(last.to_owned(), setting.value.clone());
-            }
-            Value::Array(list) => *element(list, last)? = setting.value.clone(),
-            other => return Err(format!("`{last}` lies inside a {}", other.type_str())),
-        }
-        Ok(())
-    })();
-    if let Value::Table(merged) = root {
-        *table = merged;
-    }
-    outcome
-}
-
-fn element<'v>(list: &'v mut [Value], index: &str) -> Result<&'v mut Value, String> {
-    let length = list.len();
-    index
-        .parse::<usize>()
-        .ok()
-        .and_then(|index| list.get_mut(index))
-        .ok_or_else(|| format!("`{index}` is not an index of a list of {length}"))
 }
 
 fn segments(path: &KeyPath) -> Vec<String> {

@@ -1,18 +1,21 @@
 //! Which views of a surface a method looks at.
 
 use anyhow::Result;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use sps_models::encoders::I3d;
-use sps_models::heads::{Head, HeadConfig, Input, RelationScale};
+use sps_models::heads::{Head, Input, RelationScale};
+use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_viewselect::{RelationSampler, Selector, TemporalRelations};
 
-use super::experiment::{Estimator, Method};
-use super::schema::{MethodConfig, MethodKind, SelectorConfig};
+use super::experiment::Method;
+use super::schema::{Config, JudgedOn, MethodConfig, MethodKind, SelectorConfig};
 
 /// The views that an estimate looks at.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Looks {
+    /// None.
+    Nothing,
     /// The one straight down.
     Nadir,
     All,
@@ -28,6 +31,23 @@ pub(crate) struct Selected {
     pub picks: usize,
     pub distinct: bool,
     pub selector: SelectorConfig,
+    /// What it asks of a set; `None`: a frozen network.
+    pub refit: Option<Refit>,
+}
+
+/// The loss of kernel ridge regression that is fitted anew to each set of views.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) struct Refit {
+    #[serde(serialize_with = "settings")]
+    pub ridge: KernelRidge,
+    /// How far each property's loss is drawn towards that of all; `None`: chosen.
+    pub pooled: Option<f64>,
+    pub judged_on: JudgedOn,
+}
+
+fn settings<S: Serializer>(ridge: &KernelRidge, serializer: S) -> Result<S::Ok, S::Error> {
+    ridge.config().serialize(serializer)
 }
 
 impl Selected {
@@ -64,8 +84,8 @@ impl SelectorConfig {
 pub(super) type Problem = (&'static str, String);
 
 /// What the config of a method says about its views.
-pub(super) fn of(method: &MethodConfig) -> Result<Looks, Problem> {
-    let head = method.kind == MethodKind::Head;
+pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Looks, Problem> {
+    let head = method.kind == MethodKind::Head || method.members.contains(&MethodKind::Head);
     let given = [
         ("all-views", method.all_views),
         ("selector", method.selector.is_some()),
@@ -73,6 +93,12 @@ pub(super) fn of(method: &MethodConfig) -> Result<Looks, Problem> {
     ];
     let mut given = given.iter().filter(|(_, given)| *given);
     let (one, other) = (given.next(), given.next());
+    if !method.kind.looks() {
+        return match one {
+            Some((key, _)) => Err((key, format!("`{}` looks at no view", method.kind.name()))),
+            None => Ok(Looks::Nothing),
+        };
+    }
     if let (Some((one, _)), Some((other, _))) = (one, other) {
         return Err((other, format!("cannot stand beside `{one}`")));
     }
@@ -107,15 +133,53 @@ pub(super) fn of(method: &MethodConfig) -> Result<Looks, Problem> {
         picks: method.views,
         distinct: method.distinct,
         selector: selector.clone(),
+        refit: refit(config, method)?,
     };
-    if selected.learns() && !(head && method.head.input != Input::ViewPooling {}) {
+    if selected.refit.is_some() && !selected.learns() {
+        let problem = "needs a selector that asks for a loss";
+        return Err(("refit", problem.to_owned()));
+    }
+    if selected.learns()
+        && selected.refit.is_none()
+        && !(head && method.head.input != Input::ViewPooling {})
+    {
         let problem = "is learned on a late fusion: it needs a method of the kind `head`";
         return Err(("selector", problem.to_owned()));
     }
     Ok(Looks::Selected(selected))
 }
 
+fn refit(config: &Config, method: &MethodConfig) -> Result<Option<Refit>, Problem> {
+    let Some(refit) = method.refit else {
+        return Ok(None);
+    };
+    if refit
+        .pooled
+        .is_some_and(|amount| !(0.0..=1.0).contains(&amount))
+    {
+        return Err(("refit.pooled", "must lie between 0 and 1".to_owned()));
+    }
+    let ridge = KernelRidge::new(KernelRidgeConfig {
+        kernel: refit.kernel,
+        ..config.kernel_ridge.clone()
+    });
+    Ok(Some(Refit {
+        ridge: ridge.map_err(|error| ("refit", error.to_string()))?,
+        pooled: refit.pooled,
+        judged_on: refit.judged_on,
+    }))
+}
+
 impl Method {
+    /// Whether its views are chosen in hindsight.
+    pub(crate) fn in_hindsight(&self) -> bool {
+        let Looks::Selected(selected) = &self.looks else {
+            return false;
+        };
+        let refit = selected.refit.as_ref();
+        refit.is_some_and(|refit| refit.judged_on == JudgedOn::HeldOut)
+    }
+
     /// The method for the first so many of its views.
     pub(crate) fn with_views(&self, views: usize) -> Result<Self> {
         let mut method = self.clone();
@@ -129,36 +193,23 @@ impl Method {
     pub(crate) fn on(&self, views: usize) -> Result<Self> {
         let mut method = self.clone();
         let slots = match &self.looks {
-            Looks::Nadir => return Ok(method),
+            Looks::Nothing | Looks::Nadir => return Ok(method),
             Looks::All => views,
             Looks::Selected(selected) => selected.picks,
             Looks::Relations(relations) => {
                 let sampler = relations.clone().sampler(views, 0)?;
                 let input = relation_input(&sampler);
-                method.estimator = self.estimator.with_input(input)?;
+                method.estimator = self.estimator.with_input(&input)?;
                 return Ok(method);
             }
         };
-        if let Estimator::Head(head) = &self.estimator
-            && head.config().input != (Input::ViewPooling {})
-        {
+        let pools = |head: &Head| head.config().input == (Input::ViewPooling {});
+        if !self.estimator.head().is_some_and(pools) {
             method.estimator = self
                 .estimator
-                .with_input(Input::LateFusion { views: slots })?;
+                .with_input(&Input::LateFusion { views: slots })?;
         }
         Ok(method)
-    }
-}
-
-impl Estimator {
-    fn with_input(&self, input: Input) -> Result<Self> {
-        Ok(match self {
-            Self::Head(head) => Self::Head(Head::new(HeadConfig {
-                input,
-                ..head.config().clone()
-            })?),
-            Self::Ridge(ridge) => Self::Ridge(ridge.clone()),
-        })
     }
 }
 

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
-use sps_dataset::simulate::SimulatorSpec;
 use sps_dataset::{ReadSettings, SplitPlan};
 use sps_models::heads::HeadConfig;
+use sps_models::kernel_ridge::{Kernel, KernelRidgeConfig};
 use sps_models::ridge::RidgeConfig;
 use sps_models::training::TrainingConfig;
 use sps_viewselect::{
@@ -20,15 +20,12 @@ pub(crate) struct Config {
     pub reruns: usize,
     pub properties: Vec<String>,
     pub data: DataConfig,
-    #[serde(default)]
-    pub split: SplitPlan,
+    pub split: Option<SplitPlan>,
     pub encoder: EncoderConfig,
-    #[cfg_attr(
-        not(test),
-        expect(dead_code, reason = "checked here; the methods inherit it")
-    )]
     pub head: HeadConfig,
     pub ridge: RidgeConfig,
+    pub kernel_ridge: KernelRidgeConfig,
+    pub floors: Vec<MethodKind>,
     pub selection: SelectionConfig,
     #[serde(default)]
     pub methods: Vec<MethodConfig>,
@@ -43,8 +40,23 @@ pub(crate) struct Config {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct DataConfig {
     pub from: DataOrigin,
-    pub simulated: SimulatorSpec,
+    pub simulated: SimulatedConfig,
     pub folder: FolderConfig,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct SimulatedConfig {
+    pub surfaces: usize,
+    pub test_surfaces: usize,
+    pub pool: usize,
+    pub seed: u64,
+    pub size: usize,
+    pub views: usize,
+    pub from_deg: f64,
+    pub to_deg: f64,
+    pub locations: u32,
+    pub repeats: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -100,6 +112,17 @@ pub(crate) struct SweepConfig {
     /// Chooses the views where there are several.
     #[serde(default = "equidistant")]
     pub selector: SelectorConfig,
+    /// As of a method.
+    #[serde(default)]
+    pub members: Vec<MethodKind>,
+    /// As of a method.
+    #[serde(default = "five")]
+    pub folds: usize,
+    /// As of a method.
+    pub test_surfaces: Option<usize>,
+    /// As of a method, each number in turn; all that there are where none is given.
+    #[serde(default)]
+    pub training_surfaces: Vec<usize>,
 }
 
 fn equidistant() -> SelectorConfig {
@@ -115,6 +138,13 @@ pub(crate) struct MethodConfig {
     /// Names it in the report.
     pub label: String,
     pub kind: MethodKind,
+    /// What is stacked, where the kind is `stacked`.
+    #[serde(default)]
+    pub members: Vec<MethodKind>,
+    /// Parts of the training surfaces, of which each is estimated by members that were trained on
+    /// the others to weigh them.
+    #[serde(default = "five")]
+    pub folds: usize,
     /// The printed row that stands beside it in the report.
     pub paper: Option<String>,
     /// The top-level `encoder` with the method's own laid over it.
@@ -133,10 +163,41 @@ pub(crate) struct MethodConfig {
     /// Whether the selector may not choose a view twice.
     #[serde(default)]
     pub distinct: bool,
+    /// The selector's loss is that of kernel ridge regression, fitted anew to each set of views;
+    /// elsewhere it is that of a network that was trained on random sets and frozen.
+    pub refit: Option<RefitConfig>,
     /// Related views of a temporal relation network, instead.
     pub relations: Option<TemporalRelations>,
     /// Looks at the selected views one at a time, and at no more than a surface needs.
     pub adaptive: Option<AdaptiveConfig>,
+    /// Scored on the first so many of the surfaces that exist for scoring alone.
+    pub test_surfaces: Option<usize>,
+    /// Trained on so many of a rerun's training surfaces, drawn at random.
+    pub training_surfaces: Option<usize>,
+}
+
+/// How sets of views are compared by regression that is fitted anew to each.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct RefitConfig {
+    #[serde(default)]
+    pub kernel: Kernel,
+    /// How far the loss of each property is drawn towards the mean over all: 0 for each its own
+    /// views, 1 for one choice for all. Chosen on the training part where it is not given.
+    pub pooled: Option<f64>,
+    #[serde(default)]
+    pub judged_on: JudgedOn,
+}
+
+/// Which surfaces say what a set is worth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum JudgedOn {
+    /// The training surfaces, each left out in turn.
+    #[default]
+    Training,
+    /// Those held out, in hindsight: no method, but what was there to be had.
+    HeldOut,
 }
 
 /// When a surface has been looked at enough.
@@ -166,6 +227,10 @@ fn one() -> usize {
     1
 }
 
+fn five() -> usize {
+    5
+}
+
 /// A selector of `sps-viewselect` with its settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
@@ -184,6 +249,36 @@ pub(crate) enum SelectorConfig {
 pub(crate) enum MethodKind {
     Head,
     Ridge,
+    KernelRidge,
+    /// The reading of the nearest neighbour in the embedding.
+    Nearest,
+    /// Several kinds, weighed by how well each does out of fold.
+    Stacked,
+    /// The mean of the training readings.
+    Mean,
+    /// The mean of the training readings of the surface's own material: what a perfect reader of
+    /// labels would say.
+    LabelMean,
+}
+
+impl MethodKind {
+    /// As a config writes it.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Head => "head",
+            Self::Ridge => "ridge",
+            Self::KernelRidge => "kernel-ridge",
+            Self::Nearest => "nearest",
+            Self::Stacked => "stacked",
+            Self::Mean => "mean",
+            Self::LabelMean => "label-mean",
+        }
+    }
+
+    /// Whether it looks at the embeddings of views.
+    pub(crate) const fn looks(self) -> bool {
+        !matches!(self, Self::Mean | Self::LabelMean)
+    }
 }
 
 #[derive(Clone, Debug, Deserialize)]

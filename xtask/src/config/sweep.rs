@@ -1,4 +1,4 @@
-//! A sweep in a config: several methods, written at once.
+//! Methods that a config does not list one by one: sweeps, and the floors under all others.
 
 use super::schema::{Config, MethodConfig, MethodKind, SweepConfig};
 
@@ -9,8 +9,54 @@ pub(super) struct Written {
     pub method: MethodConfig,
 }
 
-/// All methods: those listed, then those of the sweeps.
+/// All methods: those listed, those of the sweeps, and the floors that are not among them.
 pub(super) fn written(config: &Config) -> Vec<Written> {
+    let mut all = asked_for(config);
+    let floors = config.floors.iter().map(|&kind| floor(config, kind));
+    let missing: Vec<MethodConfig> = floors
+        .filter(|floor| !all.iter().any(|written| written.method.id == floor.id))
+        .collect();
+    all.extend(missing.into_iter().map(|method| Written {
+        at: "floors".to_owned(),
+        method,
+    }));
+    all
+}
+
+/// One view, the encoder of the config.
+fn floor(config: &Config, kind: MethodKind) -> MethodConfig {
+    let label = match kind {
+        MethodKind::Head => "Head",
+        MethodKind::Ridge => "Ridge regression",
+        MethodKind::KernelRidge => "Kernel ridge regression",
+        MethodKind::Nearest => "Nearest neighbour",
+        MethodKind::Stacked => "Stacked",
+        MethodKind::Mean => "Mean of the training part",
+        MethodKind::LabelMean => "Mean of the surface's material",
+    };
+    MethodConfig {
+        id: kind.name().to_owned(),
+        label: label.to_owned(),
+        kind,
+        members: Vec::new(),
+        folds: 0,
+        paper: None,
+        encoder: config.encoder.clone(),
+        head: config.head.clone(),
+        views: 1,
+        all_views: false,
+        selector: None,
+        distinct: false,
+        refit: None,
+        relations: None,
+        adaptive: None,
+        test_surfaces: None,
+        training_surfaces: None,
+    }
+}
+
+/// Those listed, then those of the sweeps.
+pub(super) fn asked_for(config: &Config) -> Vec<Written> {
     let listed = config.methods.iter().enumerate();
     let listed = listed.map(|(index, method)| Written {
         at: format!("methods.{index}"),
@@ -26,20 +72,44 @@ pub(super) fn written(config: &Config) -> Vec<Written> {
     listed.chain(swept).collect()
 }
 
-/// For each kind, from few views to many.
+/// For each kind, from few views to many, from few training surfaces to many.
 fn methods(sweep: &SweepConfig) -> impl Iterator<Item = MethodConfig> + '_ {
+    let numbers = sweep.training_surfaces.iter().copied().map(Some);
+    let numbers: Vec<Option<usize>> = if sweep.training_surfaces.is_empty() {
+        vec![None]
+    } else {
+        numbers.collect()
+    };
     sweep.kinds.iter().flat_map(move |&kind| {
         let some = sweep.views.iter().map(move |&views| Some(views));
         let all = sweep.all_views.then_some(None);
-        some.chain(all).map(move |views| method(sweep, kind, views))
+        let numbers = numbers.clone();
+        some.chain(all).flat_map(move |views| {
+            let method = method(sweep, kind, views);
+            let trained = numbers.clone().into_iter();
+            trained.map(move |number| trained_on(method.clone(), number))
+        })
     })
+}
+
+fn trained_on(method: MethodConfig, surfaces: Option<usize>) -> MethodConfig {
+    let Some(surfaces) = surfaces else {
+        return method;
+    };
+    MethodConfig {
+        id: format!("{}-{surfaces}", method.id),
+        label: format!("{}, {surfaces} training surfaces", method.label),
+        training_surfaces: Some(surfaces),
+        ..method
+    }
 }
 
 /// Looks at so many views, or at all.
 fn method(sweep: &SweepConfig, kind: MethodKind, views: Option<usize>) -> MethodConfig {
-    let (name, word) = match kind {
-        MethodKind::Head => ("head", "cross-modal"),
-        MethodKind::Ridge => ("ridge", "ridge"),
+    let name = kind.name();
+    let word = match kind {
+        MethodKind::Head => "cross-modal",
+        _ => name,
     };
     let count = views.map_or("all".to_owned(), |views| views.to_string());
     let noun = if views == Some(1) { "view" } else { "views" };
@@ -47,6 +117,8 @@ fn method(sweep: &SweepConfig, kind: MethodKind, views: Option<usize>) -> Method
         id: format!("{}-{count}-{name}", sweep.id),
         label: format!("{}, {count} {noun}, {word}", sweep.label),
         kind,
+        members: sweep.members.clone(),
+        folds: sweep.folds,
         paper: None,
         encoder: sweep.encoder.clone(),
         head: sweep.head.clone(),
@@ -56,7 +128,10 @@ fn method(sweep: &SweepConfig, kind: MethodKind, views: Option<usize>) -> Method
             .filter(|&views| views != 1)
             .map(|_| sweep.selector.clone()),
         distinct: false,
+        refit: None,
         relations: None,
         adaptive: None,
+        test_surfaces: sweep.test_surfaces,
+        training_surfaces: None,
     }
 }

@@ -8,7 +8,7 @@ use std::collections::{HashMap, HashSet};
 
 use anyhow::{Context, Result};
 use rayon::prelude::*;
-use sps_dataset::{Frame, FrameKey, Source};
+use sps_dataset::{Frame, FrameIndex, FrameKey, Source};
 
 pub(crate) use cache::EmbeddingCache;
 pub(crate) use embedder::{Embedder, prepare};
@@ -19,58 +19,47 @@ use crate::progress::Progress;
 /// Frames decoded ahead while as many are encoded.
 const FRAMES_AT_ONCE: usize = 32;
 
-/// Embeddings of the same views of every surface.
+/// Embeddings of some frames.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Embeddings {
-    /// The views, as indices of the source, in the order of the second axis.
-    pub views: Vec<usize>,
     pub width: usize,
-    /// (surfaces, views, width), row-major.
+    /// (frames, width), row-major.
     pub values: Vec<f32>,
     /// Frames that had to be decoded or rendered, because the cache did not have them.
     pub frames_decoded: usize,
 }
 
-/// Embeds the given views of every surface of `source`, decoding only what `cache` lacks.
-pub(crate) fn embed_views<S: Source>(
+/// Embeds the given frames of `source`, decoding only what `cache` lacks.
+pub(crate) fn embed<S: Source>(
     source: &S,
-    views: &[usize],
+    frames: &[FrameIndex],
     embedder: &Embedder,
     cache: &EmbeddingCache,
 ) -> Result<Embeddings> {
-    let frames: Vec<(usize, usize)> = (0..source.surfaces().len())
-        .flat_map(|surface| views.iter().map(move |&view| (surface, view)))
-        .collect();
     let keys = frames
         .par_iter()
-        .map(|&(surface, view)| source.frame_key(surface, view))
+        .map(|frame| source.frame_key(frame.surface, frame.view))
         .collect::<Result<Vec<FrameKey>, _>>()?;
     let mut rows = cache.get(&keys.iter().copied().collect())?;
-    let missing = missing(&frames, &keys, &rows);
+    let missing = missing(frames, &keys, &rows);
     encode_missing(source, &missing, embedder, cache, &mut rows)?;
-    let values = keys
-        .iter()
-        .map(|key| {
-            Ok(rows
-                .get(key)
-                .context("a frame changed while it was read")?
-                .as_slice())
-        })
-        .collect::<Result<Vec<_>>>()?
-        .concat();
+    let mut values = Vec::with_capacity(frames.len() * embedder.width());
+    for key in &keys {
+        let row = rows.get(key);
+        values.extend(row.context("a frame changed while it was read")?);
+    }
     Ok(Embeddings {
-        views: views.to_vec(),
         width: embedder.width(),
         values,
         frames_decoded: missing.len(),
     })
 }
 
-/// A frame to encode: its key, surface and view.
-type Wanted = (FrameKey, usize, usize);
+/// A frame to encode.
+type Wanted = (FrameKey, FrameIndex);
 
 fn missing(
-    frames: &[(usize, usize)],
+    frames: &[FrameIndex],
     keys: &[FrameKey],
     cached: &HashMap<FrameKey, Vec<f32>>,
 ) -> Vec<Wanted> {
@@ -79,7 +68,7 @@ fn missing(
         .iter()
         .zip(keys)
         .filter(|(_, key)| !cached.contains_key(*key) && seen.insert(**key))
-        .map(|(&(surface, view), &key)| (key, surface, view))
+        .map(|(&frame, &key)| (key, frame))
         .collect()
 }
 
@@ -93,7 +82,7 @@ fn encode_missing<S: Source>(
     let decode = |chunk: &[Wanted]| -> Result<Vec<Frame>> {
         let frames = chunk
             .par_iter()
-            .map(|&(_, surface, view)| source.frame(surface, view));
+            .map(|(_, frame)| source.frame(frame.surface, frame.view));
         Ok(frames.collect::<Result<_, _>>()?)
     };
     let progress = Progress::new("frames encoded", missing.len());

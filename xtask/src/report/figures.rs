@@ -90,20 +90,26 @@ fn r2_bars(results: &Results) -> Figure {
         name: "r2",
         title: "R² per property and method".to_owned(),
         caption: format!(
-            "Whiskers are {:.0} % bootstrap intervals over surfaces. Bars and whiskers below \
+            "Whiskers are {:.0} % bootstrap intervals over {}. Bars and whiskers below \
              {LOWEST_R2} are cut there; the table has their values.",
-            100.0 * results.interval_level
+            100.0 * results.interval_level,
+            results.dataset.units_in_words()
         ),
         svg: SvgBackend::new().render_scene(&render_multiple(plots, layout)),
     }
 }
 
+/// Points of a panel: more hide one another, and make a page that is slow to open.
+const MOST_POINTS: usize = 400;
+
 fn scatter(results: &Results, method: &MethodResult, predictions: &[Prediction]) -> Figure {
     let of_method = |property: &str| {
-        predictions
+        let all: Vec<&Prediction> = predictions
             .iter()
             .filter(|prediction| prediction.method == method.id && prediction.property == property)
-            .collect::<Vec<_>>()
+            .collect();
+        let step = all.len().div_ceil(MOST_POINTS).max(1);
+        all.into_iter().step_by(step).collect::<Vec<_>>()
     };
     let panels = results.properties.iter().map(|property| {
         let points = of_method(property);
@@ -124,9 +130,10 @@ fn scatter(results: &Results, method: &MethodResult, predictions: &[Prediction])
     Figure {
         name: "estimated-against-measured",
         title: format!("Estimated against measured: {}", method.label),
-        caption: "Held-out surfaces of all reruns. The dashed line is a perfect estimate. This \
-                  is the method with the highest mean R²."
-            .to_owned(),
+        caption: format!(
+            "Held-out surfaces of all reruns, at most {MOST_POINTS} of them, evenly picked. The \
+             dashed line is a perfect estimate. This is the method with the highest mean R²."
+        ),
         svg: SvgBackend::new().render_scene(&grid.render()),
     }
 }

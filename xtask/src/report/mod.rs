@@ -8,21 +8,23 @@ pub(crate) mod published;
 mod selection;
 mod speed;
 pub(crate) mod statistics;
-mod table;
+pub(crate) mod table;
 mod tables;
 
+use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Result;
 use minijinja::value::Serde;
 use minijinja::{AutoEscape, Environment};
 use serde::Serialize;
+use sps_dataset::Unit;
 
 use crate::files::write_atomically;
-use crate::results::Results;
+use crate::results::{MethodResult, Results};
 use figures::{Figure, figures};
-use table::Table;
-use tables::tables;
+use table::{Table, counted};
+pub(crate) use tables::tables;
 
 /// What a report is made from.
 pub(crate) const INPUTS: [&str; 2] = ["results.json", predictions::FILE];
@@ -76,18 +78,25 @@ pub(crate) fn write(folder: &Path) -> Result<()> {
 }
 
 /// What was measured on, and how that stands to the paper's numbers.
-fn about_the_data(results: &Results) -> String {
+pub(crate) fn about_the_data(results: &Results) -> String {
     let data = &results.dataset;
     let kind = if data.simulated {
-        "simulated surfaces"
+        "simulated surface"
     } else {
-        "surfaces"
+        "surface"
     };
-    let views = if data.views == 1 { "view" } else { "views" };
-    let measured = format!(
-        "Measured on {} {kind} ({}), {} {views} each; encoder {}.",
-        data.surfaces, data.name, data.views, data.encoder
+    let mut measured = format!(
+        "Measured on {} ({}), {} each; encoder {}.",
+        counted(data.surfaces, kind),
+        data.name,
+        counted(data.views, "view"),
+        data.encoder
     );
+    // Old results do not say.
+    if data.training_surfaces > 0 {
+        measured.push(' ');
+        measured.push_str(&training_and_held_out(results));
+    }
     if data.published_sps || results.methods.iter().all(|m| m.paper.is_none()) {
         return measured;
     }
@@ -96,6 +105,25 @@ fn about_the_data(results: &Results) -> String {
          readings: they come from different data, so compare which method is ahead of which, not \
          the numbers."
     )
+}
+
+fn training_and_held_out(results: &Results) -> String {
+    let data = &results.dataset;
+    let most = |of: fn(&MethodResult) -> usize| results.methods.iter().map(of).max().unwrap_or(0);
+    let held_out = most(|method| method.held_out_surfaces);
+    let mut text = format!(
+        "A rerun trains on {} and is scored on others: {} different ones, all reruns together.",
+        counted(data.training_surfaces, "surface"),
+        held_out
+    );
+    if data.unit == Some(Unit::Group) {
+        let groups = counted(data.units, "group");
+        let _ = write!(
+            text,
+            " The surfaces lie in {groups}, which splits, folds and resamples keep whole."
+        );
+    }
+    text
 }
 
 fn notes(results: &Results) -> Vec<String> {

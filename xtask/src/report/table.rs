@@ -53,6 +53,12 @@ pub(crate) fn number(value: Option<f64>, decimals: usize) -> String {
     }
 }
 
+/// So many of what `noun` names in the singular.
+pub(crate) fn counted(count: usize, noun: &str) -> String {
+    let plural = if count == 1 { "" } else { "s" };
+    format!("{count} {noun}{plural}")
+}
+
 /// A number with its interval.
 pub(crate) fn with_interval(
     value: Option<f64>,

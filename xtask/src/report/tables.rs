@@ -1,9 +1,11 @@
 //! The tables of an experiment's report.
 
+use sps_dataset::Unit;
+
 use super::paper::{self, PaperRow};
 use super::selection;
 use super::speed;
-use super::table::{Row, Table, number, with_interval};
+use super::table::{Row, Table, counted, number, with_interval};
 use crate::results::{Gain, MethodResult, Number, PerProperty, Results};
 
 /// The tables, in the order of the report.
@@ -30,7 +32,7 @@ struct Mean {
 const MEANS: [Mean; 4] = [
     Mean {
         title: "R²",
-        measured: |method| with_interval(method.r2_mean, method.r2_mean_interval, 2),
+        measured: |method| with_interval(method.r2_mean, method.r2_mean_interval, 3),
         printed: |row| number(Some(row.r2_mean), 2),
     },
     Mean {
@@ -57,7 +59,7 @@ fn means(results: &Results) -> Table {
         .iter()
         .any(|m| m.median_percent_error_top8.is_some());
     let shown = &MEANS[..if top8 { 4 } else { 3 }];
-    let mut columns = vec!["Method".to_owned()];
+    let mut columns = vec!["Method".to_owned(), "held out".to_owned()];
     for mean in shown {
         columns.push(mean.title.to_owned());
         columns.extend(compared.then(|| "paper".to_owned()));
@@ -70,7 +72,7 @@ fn means(results: &Results) -> Table {
     );
     let rows = methods.iter().map(|method| {
         let paper = printed(method);
-        let mut cells = vec![method.label.clone()];
+        let mut cells = vec![method.label.clone(), held_out(results, method)];
         for mean in shown {
             cells.push((mean.measured)(method));
             let printed = || paper.as_ref().map_or_else(|| number(None, 0), mean.printed);
@@ -90,6 +92,19 @@ fn means(results: &Results) -> Table {
     }
 }
 
+/// How much a row stands on.
+fn held_out(results: &Results, method: &MethodResult) -> String {
+    let surfaces = method.held_out_surfaces;
+    if surfaces == 0 {
+        return number(None, 0);
+    }
+    let surfaces = counted(surfaces, "surface");
+    match results.dataset.unit {
+        Some(Unit::Group) => format!("{}, {surfaces}", counted(method.held_out_units, "group")),
+        Some(Unit::Surface) | None => surfaces,
+    }
+}
+
 fn compared_with(results: &Results) -> Vec<&MethodResult> {
     let methods = |id: &String| results.methods.iter().find(|method| &method.id == id);
     results.against.iter().filter_map(methods).collect()
@@ -98,9 +113,11 @@ fn compared_with(results: &Results) -> Vec<&MethodResult> {
 fn means_caption(results: &Results, compared: bool) -> String {
     let mut caption = format!(
         "R² about the mean of the training part, mean absolute error in the properties' own units, \
-         median absolute percentage error; means over reruns and properties. In brackets: {:.0} % \
-         bootstrap intervals over surfaces, paired for differences.",
-        100.0 * results.interval_level
+         median absolute percentage error; means over reruns and properties. Held out are the \
+         different surfaces that a row is scored on, all reruns together. In brackets: {:.0} % \
+         bootstrap intervals over {}, paired for differences.",
+        100.0 * results.interval_level,
+        results.dataset.units_in_words()
     );
     if compared {
         caption.push_str(" Columns headed \"paper\" are the printed values.");
@@ -112,7 +129,7 @@ fn gain(gain: Gain) -> String {
     let sign = if gain.value >= 0.0 { "+" } else { "" };
     format!(
         "{sign}{}",
-        with_interval(Some(gain.value), Some(gain.interval), 2)
+        with_interval(Some(gain.value), Some(gain.interval), 3)
     )
 }
 
@@ -262,4 +279,59 @@ fn costs_caption(results: &Results) -> String {
 
 fn printed(method: &MethodResult) -> Option<PaperRow> {
     method.paper.as_deref().and_then(paper::row)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::about_the_data;
+    use crate::results::schema::old_file;
+
+    fn results() -> Results {
+        let mut results: Results = serde_json::from_value(old_file()).unwrap();
+        results.dataset.training_surfaces = 290;
+        results.methods[0].held_out_surfaces = 323;
+        results.methods[0].held_out_units = 8;
+        results.dataset.units = 8;
+        results
+    }
+
+    #[test]
+    fn a_row_says_on_how_much_it_stands() {
+        let mut results = results();
+        for (unit, cell, words) in [
+            (None, "323 surfaces", "over surfaces"),
+            (Some(Unit::Surface), "323 surfaces", "over surfaces"),
+            (Some(Unit::Group), "8 groups, 323 surfaces", "over groups"),
+        ] {
+            results.dataset.unit = unit;
+            let table = means(&results);
+            assert_eq!(table.columns[..3], ["Method", "held out", "R²"]);
+            let cells = &table.rows[0].cells;
+            assert_eq!(cells[..3], ["Ridge", cell, "0.500 [0.400, 0.600]"]);
+            assert!(table.caption.contains(words), "{}", table.caption);
+        }
+    }
+
+    #[test]
+    fn a_row_without_a_score_stands_on_nothing() {
+        let mut results = results();
+        results.methods[0].held_out_surfaces = 0;
+        assert_eq!(means(&results).rows[0].cells[1], "–");
+    }
+
+    #[test]
+    fn training_and_held_out_surfaces_are_told_apart() {
+        let mut results = results();
+        let text = about_the_data(&results);
+        assert!(text.contains("trains on 290 surfaces"), "{text}");
+        assert!(text.contains("323 different ones"), "{text}");
+        assert!(!text.contains("groups"), "{text}");
+        results.dataset.unit = Some(Unit::Group);
+        let text = about_the_data(&results);
+        assert!(text.contains("lie in 8 groups"), "{text}");
+        // Files that do not say.
+        results.dataset.training_surfaces = 0;
+        assert!(!about_the_data(&results).contains("trains on"));
+    }
 }

@@ -3,13 +3,14 @@
 use serde::{Deserialize, Serialize};
 use sps_metrics::{PredictionInterval, coverage};
 
-use super::MethodOutcomes;
 use super::score::trials;
+use super::{Judged, MethodOutcomes};
 use crate::config::Adaptive;
 use crate::journal::Stop;
 
 /// Over all held-out surfaces of all properties and reruns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct AdaptiveResult {
     /// The width asked for, in standard deviations of the training readings.
     pub width: f64,
@@ -30,8 +31,8 @@ pub(crate) struct AdaptiveResult {
 impl AdaptiveResult {
     /// `None` where nothing was estimated.
     pub(super) fn of(method: &MethodOutcomes<'_>, asked: Adaptive) -> Option<Self> {
-        let stops: Vec<Stop> = trials(method).flat_map(|o| &o.stops).copied().collect();
-        let truth: Vec<f64> = trials(method).flat_map(|o| &o.truth).copied().collect();
+        let stops: Vec<Stop> = trials(method).flat_map(Judged::stops).collect();
+        let truth: Vec<f64> = trials(method).flat_map(Judged::truth).copied().collect();
         let intervals = stops.iter().map(|stop| PredictionInterval {
             low: stop.low,
             high: stop.high,
@@ -42,7 +43,10 @@ impl AdaptiveResult {
             stops.iter().filter(|stop| holds(stop)).count() as f64 / count
         };
         let mean = |of: fn(&Stop) -> f64| stops.iter().map(of).sum::<f64>() / count;
-        let most = trials(method).map(|outcome| outcome.views.len()).max()?;
+        let most = trials(method)
+            .flat_map(Judged::views)
+            .map(|views| views.len())
+            .max()?;
         Some(Self {
             width: asked.width,
             level: asked.level.get(),

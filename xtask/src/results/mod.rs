@@ -2,7 +2,12 @@
 
 mod adaptive;
 mod costs;
+mod judged;
+mod notes;
+mod provenance;
 mod ranges;
+#[cfg(test)]
+pub(crate) mod schema;
 mod score;
 pub(crate) mod speed;
 
@@ -11,9 +16,12 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
+use sps_dataset::Unit;
 
 pub(crate) use adaptive::AdaptiveResult;
 pub(crate) use costs::Costs;
+pub(crate) use judged::Judged;
+pub(crate) use provenance::{Provenance, SCHEMA};
 pub(crate) use ranges::Ranges;
 pub(crate) use score::{MethodOutcomes, Scoring, score};
 pub(crate) use speed::Speed;
@@ -28,7 +36,11 @@ pub(crate) type Number = Option<f64>;
 
 /// The whole of `results.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Results {
+    #[serde(flatten)]
+    pub provenance: Provenance,
+    /// The name of the config's file.
     pub experiment: String,
     pub description: String,
     pub dataset: Dataset,
@@ -49,6 +61,7 @@ pub(crate) struct Results {
 
 /// What the experiment ran on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Dataset {
     pub name: String,
     /// Whether its images and values come from the simulator.
@@ -56,6 +69,16 @@ pub(crate) struct Dataset {
     /// Whether it is the paper's own dataset.
     pub published_sps: bool,
     pub surfaces: usize,
+    /// Surfaces that each rerun was trained on, on average.
+    #[serde(default)]
+    pub training_surfaces: usize,
+    /// What splits, folds, calibration and resamples keep together: `surface` or `group`.
+    #[serde(default)]
+    #[cfg_attr(test, schemars(with = "Option<String>"))]
+    pub unit: Option<Unit>,
+    /// How many of them there are.
+    #[serde(default)]
+    pub units: usize,
     pub views: usize,
     /// Their roll angles in degrees, in order.
     #[serde(default)]
@@ -68,18 +91,37 @@ pub(crate) struct Dataset {
     pub ceiling_all_views: PerProperty<f64>,
 }
 
+impl Dataset {
+    /// What intervals are over, in the plural.
+    pub(crate) fn units_in_words(&self) -> String {
+        self.unit.unwrap_or(Unit::Surface).to_string()
+    }
+}
+
 /// One method over all properties and reruns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct MethodResult {
+    /// In files.
     pub id: String,
+    /// In reports.
     pub label: String,
-    /// `head` or `ridge`.
+    /// As the config names it: `head`, `ridge`, `stacked` and so on.
     #[serde(default)]
     pub kind: String,
-    /// Its encoder, in words.
+    /// Its encoder, in words; empty where it looks at nothing.
     #[serde(default)]
     pub encoder: String,
+    /// What its encoder computes in, `f32` or `bf16`; empty where it looks at nothing.
+    #[serde(default)]
+    pub precision: String,
+    /// That were asked for; the notes name those that came to nothing.
     pub reruns: usize,
+    /// Different surfaces that it was scored on, all reruns together, and units of them.
+    #[serde(default)]
+    pub held_out_surfaces: usize,
+    #[serde(default)]
+    pub held_out_units: usize,
     /// Mean over reruns of R² about the training mean (section 5 of the paper), and the standard
     /// deviation over reruns.
     pub r2: PerProperty<Number>,
@@ -89,7 +131,7 @@ pub(crate) struct MethodResult {
     pub median_percent_error: PerProperty<Number>,
     pub rmse: PerProperty<Number>,
     pub spearman: PerProperty<Number>,
-    /// Bootstrap interval over surfaces of `r2`.
+    /// Bootstrap interval of `r2` over units of the dataset.
     pub r2_interval: PerProperty<Option<[f64; 2]>>,
     /// Held-out samples, all reruns together, whose truth is zero: they have no percentage error.
     pub zero_truths: PerProperty<usize>,
@@ -150,6 +192,7 @@ pub(crate) struct MethodResult {
 /// estimator on the training part, in units of the variance of its readings; where no loss was
 /// asked for they are `null`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct SelectionResult {
     pub loss: Number,
     /// Mean loss of random sets.
@@ -170,6 +213,7 @@ pub(crate) struct SelectionResult {
 
 /// The difference of two methods' scores.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Gain {
     pub value: f64,
     pub interval: [f64; 2],

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use sps_metrics::{Outcome, PropertyMean, PropertyScore, Scores, mean_over_all, mean_over_named};
 
-use super::score::{listed, scores};
+use super::score::listed;
 use super::{MethodOutcomes, Number, PerProperty, Scoring};
 
 /// The lowest and the highest value of the reruns; `null` where a rerun has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Ranges {
     pub r2_mean: Option<[f64; 2]>,
     pub mae_mean: Option<[f64; 2]>,
@@ -21,7 +22,7 @@ pub(super) fn over_reruns(method: &MethodOutcomes<'_>, scoring: &Scoring<'_>) ->
     let of_rerun = |rerun: usize| -> PerProperty<Scores> {
         let outcomes = method.outcomes.iter();
         let scored = outcomes
-            .filter_map(|(property, all)| Some((property.clone(), scores(all.get(rerun)?))));
+            .filter_map(|(property, all)| Some((property.clone(), all.get(rerun)?.scores())));
         scored.collect()
     };
     let reruns: Vec<PerProperty<Scores>> = (0..method.reruns).map(of_rerun).collect();

@@ -1,23 +1,25 @@
 //! From outcomes of trials to the numbers of one method.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use sps_metrics::{
-    Better, Bootstrap, BootstrapError, BootstrapInterval, Compared, Metric, PropertyMean,
-    PropertyScore, RerunSummary, Samples, Scored, Scores, TrainingMean, Undefined, mean_over_all,
-    mean_over_best, mean_over_named, over_reruns,
+    Better, Bootstrap, BootstrapError, BootstrapInterval, Compared, PropertyScore, Scored, Scores,
+    Undefined, mean_over_all, mean_over_best, mean_over_named, over_reruns,
 };
 
+use super::judged::Judged;
+use super::notes::Notes;
 use super::{
     AdaptiveResult, Costs, Gain, MethodResult, Number, PerProperty, SelectionResult, ranges,
 };
 use crate::config::Adaptive;
-use crate::journal::Outcome;
 
 /// How outcomes are scored.
 pub(crate) struct Scoring<'a> {
     /// Codes of the properties, in the order of the reports.
     pub properties: &'a [String],
+    /// The unit of each surface, by the surface's name: what a resample keeps together.
+    pub units: &'a HashMap<String, usize>,
     /// The paper's fixed list.
     pub top8: &'a [String],
     pub bootstrap: Bootstrap,
@@ -27,15 +29,16 @@ pub(crate) struct Scoring<'a> {
 pub(crate) struct MethodOutcomes<'a> {
     pub id: &'a str,
     pub label: &'a str,
-    /// `head` or `ridge`.
+    /// As the config names it.
     pub kind: &'a str,
     /// In words.
     pub encoder: String,
+    pub precision: String,
     pub adaptive: Option<Adaptive>,
     pub paper: Option<&'a str>,
     pub reruns: usize,
     /// In the order of the reruns, for each property.
-    pub outcomes: PerProperty<Vec<&'a Outcome>>,
+    pub outcomes: PerProperty<Vec<Judged<'a>>>,
     pub costs: Costs,
     pub selections: PerProperty<Vec<SelectionResult>>,
 }
@@ -48,6 +51,7 @@ pub(crate) fn score(
     scoring: &Scoring<'_>,
 ) -> MethodResult {
     let mut notes = Notes::default();
+    notes.failures(method);
     let scored = PropertyTables::of(method, &mut notes);
     let mut over = |at: usize| {
         let other = methods.get(at)?;
@@ -56,24 +60,34 @@ pub(crate) fn score(
             gain(method, other, scoring, &mut notes)?,
         ))
     };
-    let first = over(0).map(|(_, gain)| gain);
-    let gains = against.iter().filter_map(|&at| over(at)).collect();
+    let gains: BTreeMap<String, Gain> = against.iter().filter_map(|&at| over(at)).collect();
+    let first = methods.first().and_then(|first| gains.get(first.id));
+    let first = match first {
+        Some(gain) => Some(*gain),
+        // One that has failed has its note already.
+        None if against.contains(&0) => None,
+        None => over(0).map(|(_, gain)| gain),
+    };
     let mean = |values: &PerProperty<Number>, what: &str, notes: &mut Notes| {
         notes.mean(what, mean_over_all(&listed(values, scoring.properties)))
     };
     let percent = listed(&scored.median_percent_error, scoring.properties);
     let top8 = mean_over_named(&percent, scoring.top8);
     let best8 = mean_over_best(&percent, scoring.top8.len(), Better::Lower);
+    let (held_out_surfaces, held_out_units) = held_out(method, scoring);
     MethodResult {
         id: method.id.to_owned(),
         label: method.label.to_owned(),
         kind: method.kind.to_owned(),
         encoder: method.encoder.clone(),
+        precision: method.precision.clone(),
         over_reruns: ranges::over_reruns(method, scoring),
         adaptive: method
             .adaptive
             .and_then(|asked| AdaptiveResult::of(method, asked)),
         reruns: method.reruns,
+        held_out_surfaces,
+        held_out_units,
         r2_interval: intervals(method, scoring, &mut notes),
         r2_mean: mean(&scored.r2, "mean R²", &mut notes),
         r2_mean_interval: mean_interval(method, scoring, &mut notes),
@@ -98,12 +112,12 @@ pub(crate) fn score(
         peak_memory_bytes: method.costs.peak_memory_bytes,
         multiply_adds_per_surface: method.costs.multiply_adds,
         encoder_train_seconds: method.costs.encoder_train_seconds,
-        train_seconds: trials(method).map(|outcome| outcome.train_seconds).sum(),
+        train_seconds: trials(method).map(Judged::train_seconds).sum(),
         selected_views: method
             .outcomes
             .iter()
             .map(|(property, outcomes)| {
-                let views = outcomes.iter().map(|outcome| outcome.views.clone());
+                let views = outcomes.iter().flat_map(Judged::views);
                 (property.clone(), views.collect())
             })
             .collect(),
@@ -119,8 +133,10 @@ pub(crate) fn score(
     }
 }
 
-pub(super) fn trials<'a>(method: &MethodOutcomes<'a>) -> impl Iterator<Item = &'a Outcome> {
-    method.outcomes.values().flatten().copied()
+pub(super) fn trials<'m, 'a>(
+    method: &'m MethodOutcomes<'a>,
+) -> impl Iterator<Item = &'m Judged<'a>> {
+    method.outcomes.values().flatten()
 }
 
 /// Means over reruns, per property.
@@ -139,10 +155,14 @@ impl PropertyTables {
     fn of(method: &MethodOutcomes<'_>, notes: &mut Notes) -> Self {
         let mut tables = Self::default();
         for (property, outcomes) in &method.outcomes {
-            let scores: Vec<Scores> = outcomes.iter().map(|outcome| scores(outcome)).collect();
+            let scores: Vec<Scores> = outcomes.iter().map(Judged::scores).collect();
             let mut summary = |what: &str, of: &dyn Fn(&Scores) -> sps_metrics::Outcome| {
                 let values = scores.iter().map(|s| of(s).map(|score| score.value));
-                notes.reruns(&format!("{what} of {property}"), over_reruns(values))
+                let mut summary = over_reruns(values);
+                // Those have a note of their own.
+                let failed = |rerun: usize| outcomes.get(rerun).is_some_and(Judged::is_empty);
+                summary.left_out.retain(|&(rerun, _)| !failed(rerun));
+                notes.reruns(&format!("{what} of {property}"), summary)
             };
             let r2 = summary("R²", &|s| s.r2.clone());
             let mae = summary("MAE", &|s| s.mae.clone());
@@ -168,17 +188,6 @@ impl PropertyTables {
     }
 }
 
-pub(super) fn scores(outcome: &Outcome) -> Scores {
-    Scores::of(samples(outcome), TrainingMean::new(outcome.training_mean))
-}
-
-fn samples(outcome: &Outcome) -> Samples<'_> {
-    Samples {
-        truth: &outcome.truth,
-        estimate: &outcome.estimate,
-    }
-}
-
 pub(super) fn listed(values: &PerProperty<Number>, properties: &[String]) -> Vec<PropertyScore> {
     let of = |property: &String| PropertyScore {
         property: property.clone(),
@@ -191,31 +200,13 @@ pub(super) fn listed(values: &PerProperty<Number>, properties: &[String]) -> Vec
     properties.iter().map(of).collect()
 }
 
-/// Numbers for the surfaces' names: equal names are one surface in the bootstrap.
-struct SurfaceNumbers(BTreeMap<String, usize>);
-
-impl SurfaceNumbers {
-    fn new<'a>(outcomes: impl Iterator<Item = &'a Outcome>) -> Self {
-        let mut numbers = BTreeMap::new();
-        for surface in outcomes.flat_map(|outcome| &outcome.surfaces) {
-            let next = numbers.len();
-            numbers.entry(surface.clone()).or_insert(next);
-        }
-        Self(numbers)
-    }
-
-    fn of(&self, outcome: &Outcome) -> Vec<usize> {
-        outcome.surfaces.iter().map(|name| self.0[name]).collect()
-    }
-}
-
 fn intervals(
     method: &MethodOutcomes<'_>,
     scoring: &Scoring<'_>,
     notes: &mut Notes,
 ) -> PerProperty<Option<[f64; 2]>> {
     let intervals = method.outcomes.iter().map(|(property, outcomes)| {
-        let interval = interval_over(outcomes.iter().copied(), scoring);
+        let interval = interval_over(outcomes.iter(), scoring);
         let what = format!("the interval of R² of {property}");
         (property.clone(), notes.interval(&what, interval))
     });
@@ -232,27 +223,24 @@ fn mean_interval(
 }
 
 /// The interval of the mean R² over trials that have one.
-fn interval_over<'a>(
-    outcomes: impl Iterator<Item = &'a Outcome>,
+fn interval_over<'m, 'a: 'm>(
+    outcomes: impl Iterator<Item = &'m Judged<'a>>,
     scoring: &Scoring<'_>,
 ) -> Result<BootstrapInterval, BootstrapError> {
-    let defined: Vec<&Outcome> = outcomes
-        .filter(|outcome| scores(outcome).r2.is_ok())
-        .collect();
-    let numbers = SurfaceNumbers::new(defined.iter().copied());
-    let surfaces: Vec<Vec<usize>> = defined.iter().map(|o| numbers.of(o)).collect();
-    let scored = defined.iter().zip(&surfaces).map(|(outcome, surfaces)| {
+    let defined: Vec<&Judged<'_>> = outcomes.filter(|judged| judged.has_r2()).collect();
+    let units: Vec<Vec<usize>> = defined.iter().map(|o| o.units(scoring.units)).collect();
+    let scored = defined.iter().zip(&units).map(|(judged, units)| {
         Ok(Scored {
-            metric: Metric::R2(TrainingMean::new(outcome.training_mean)?),
-            samples: samples(outcome),
-            units: Some(surfaces),
+            metric: judged.r2_metric()?,
+            samples: judged.r2_samples(),
+            units: Some(units),
         })
     });
     let scored = scored.collect::<Result<Vec<_>, Undefined>>()?;
     scoring.bootstrap.mean_interval(&scored)
 }
 
-/// The gain over `first` on the trials that both have on the same surfaces.
+/// The gain over `first` on the surfaces that both were scored on.
 fn gain(
     method: &MethodOutcomes<'_>,
     first: &MethodOutcomes<'_>,
@@ -262,27 +250,25 @@ fn gain(
     if method.id == first.id {
         return None;
     }
-    let pairs: Vec<(&Outcome, &Outcome)> = method
+    let pairs: Vec<(Judged<'_>, Judged<'_>)> = method
         .outcomes
         .iter()
         .filter_map(|(property, mine)| Some((mine, first.outcomes.get(property)?)))
-        .flat_map(|(mine, theirs)| mine.iter().copied().zip(theirs.iter().copied()))
-        .filter(|(mine, theirs)| mine.surfaces == theirs.surfaces && scores(mine).r2.is_ok())
+        .flat_map(|(mine, theirs)| mine.iter().zip(theirs))
+        .map(|(mine, theirs)| mine.common(theirs))
+        .filter(|(mine, theirs)| mine.has_r2() && !theirs.is_empty())
         .collect();
-    let numbers = SurfaceNumbers::new(pairs.iter().map(|(mine, _)| *mine));
-    let surfaces: Vec<Vec<usize>> = pairs.iter().map(|(mine, _)| numbers.of(mine)).collect();
-    let compared = pairs
-        .iter()
-        .zip(&surfaces)
-        .map(|((mine, theirs), surfaces)| {
-            Ok(Compared {
-                metric: Metric::R2(TrainingMean::new(mine.training_mean)?),
-                truth: &mine.truth,
-                first: &mine.estimate,
-                second: &theirs.estimate,
-                units: Some(surfaces),
-            })
-        });
+    let units: Vec<Vec<usize>> = pairs.iter().map(|(o, _)| o.units(scoring.units)).collect();
+    let compared = pairs.iter().zip(&units).map(|((mine, theirs), units)| {
+        let (mine_samples, theirs_samples) = (mine.r2_samples(), theirs.r2_samples());
+        Ok(Compared {
+            metric: mine.r2_metric()?,
+            truth: mine_samples.truth,
+            first: mine_samples.estimate,
+            second: theirs_samples.estimate,
+            units: Some(units),
+        })
+    });
     let difference = compared
         .collect::<Result<Vec<_>, Undefined>>()
         .map_err(BootstrapError::from)
@@ -299,53 +285,129 @@ fn gain(
     }
 }
 
-/// Why values are missing.
-#[derive(Default)]
-struct Notes {
-    lines: Vec<String>,
+/// How many different surfaces a method was scored on, and units of them.
+fn held_out(method: &MethodOutcomes<'_>, scoring: &Scoring<'_>) -> (usize, usize) {
+    let surfaces = trials(method).flat_map(|judged| judged.surfaces().iter());
+    let surfaces: BTreeSet<&String> = surfaces.collect();
+    let units = surfaces.iter().filter_map(|name| scoring.units.get(*name));
+    (surfaces.len(), units.collect::<BTreeSet<_>>().len())
 }
 
-impl Notes {
-    fn add(&mut self, what: &str, reason: &dyn std::fmt::Display) {
-        self.lines.push(format!("{what}: {reason}"));
-    }
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::journal::{Outcome, TrialKey};
 
-    fn reruns(&mut self, what: &str, summary: RerunSummary) -> RerunSummary {
-        for (rerun, reason) in &summary.left_out {
-            self.add(&format!("{what}, rerun {rerun}"), reason);
+    /// Of four surfaces, each estimate off by `error`; a failed one where there is none.
+    fn outcome(rerun: usize, error: Option<f64>) -> Outcome {
+        let truth = vec![1.0, 2.0, 3.0, 6.0];
+        let estimated = error.is_some();
+        let some = |values: Vec<f64>| if estimated { values } else { Vec::new() };
+        let estimate = truth.iter().map(|truth| truth + error.unwrap_or(0.0));
+        let names = ["a", "b", "c", "d"].map(str::to_owned).to_vec();
+        Outcome {
+            key: TrialKey(rerun.to_string()),
+            method: "one".to_owned(),
+            property: "fRS".to_owned(),
+            rerun,
+            training_mean: 3.0,
+            surfaces: if estimated { names } else { Vec::new() },
+            estimate: some(estimate.collect()),
+            truth: some(truth),
+            views: vec![0],
+            stops: Vec::new(),
+            train_seconds: 1.0,
+            failed: error
+                .is_none()
+                .then(|| "the loss is inf in epoch 3".to_owned()),
         }
-        summary
     }
 
-    fn mean(&mut self, what: &str, mean: PropertyMean) -> Number {
-        for (property, reason) in &mean.left_out {
-            self.add(&format!("{what}, without {property}"), reason);
+    fn method<'a>(id: &'a str, outcomes: &'a [Outcome], of_rerun: usize) -> MethodOutcomes<'a> {
+        let outcomes: Vec<&Outcome> = outcomes.iter().collect();
+        let reruns = outcomes.chunks(of_rerun).filter_map(Judged::of);
+        let judged: Vec<Judged<'_>> = reruns.collect();
+        MethodOutcomes {
+            id,
+            label: id,
+            kind: "head",
+            encoder: String::new(),
+            precision: String::new(),
+            adaptive: None,
+            paper: None,
+            reruns: judged.len(),
+            outcomes: PerProperty::from([("fRS".to_owned(), judged)]),
+            costs: Costs::default(),
+            selections: PerProperty::new(),
         }
-        mean.value.ok()
     }
 
-    /// A mean that says nothing unless every property is in it.
-    fn whole_mean(&mut self, what: &str, mean: PropertyMean) -> Number {
-        if mean.is_complete() {
-            return self.mean(what, mean);
-        }
-        let found = mean.properties.len();
-        let reason = format!("needs {} properties, {found} have a score", mean.wanted);
-        self.add(what, &reason);
-        None
+    fn scored(methods: &[MethodOutcomes<'_>]) -> Vec<MethodResult> {
+        let names = ["a", "b", "c", "d"].iter().zip(0..);
+        let units = names.map(|(name, at)| ((*name).to_owned(), at)).collect();
+        let properties = ["fRS".to_owned()];
+        let scoring = Scoring {
+            properties: &properties,
+            units: &units,
+            top8: &[],
+            bootstrap: Bootstrap::new(0).with_resamples(50),
+        };
+        let score = |method| score(method, methods, &[0], &scoring);
+        methods.iter().map(score).collect()
     }
 
-    fn interval(
-        &mut self,
-        what: &str,
-        interval: Result<BootstrapInterval, BootstrapError>,
-    ) -> Option<[f64; 2]> {
-        match interval {
-            Ok(interval) => Some([interval.low, interval.high]),
-            Err(reason) => {
-                self.add(what, &reason);
-                None
-            }
+    /// About the training mean 3 the truths have the sum of squares 4 + 1 + 0 + 9 = 14; an error of
+    /// 0.5 on each of four leaves 1.
+    const R2: f64 = 1.0 - 1.0 / 14.0;
+
+    #[test]
+    fn a_failed_rerun_is_left_out_with_its_reason() {
+        let baseline = [outcome(0, Some(1.0)), outcome(1, Some(1.0))];
+        let some = [outcome(0, None), outcome(1, Some(0.5))];
+        let all = scored(&[method("zero", &baseline, 1), method("one", &some, 1)]);
+        let row = &all[1];
+        assert_eq!(row.reruns, 2);
+        assert!((row.r2["fRS"].unwrap() - R2).abs() < 1e-12);
+        assert_eq!(row.mae["fRS"], Some(0.5));
+        assert!(row.r2_interval["fRS"].is_some());
+        assert_eq!(row.over_reruns.r2_mean, None);
+        // Paired with the baseline's second rerun, which leaves 4 of 14.
+        let gain = row.r2_mean_gains["zero"].value;
+        assert!((gain - 3.0 / 14.0).abs() < 1e-12, "{gain}");
+        let left_out = "fRS, rerun 0, left out: the loss is inf in epoch 3";
+        assert_eq!(row.notes.iter().filter(|note| *note == left_out).count(), 1);
+        assert!(!row.notes.iter().any(|note| note.contains("no samples")));
+    }
+
+    #[test]
+    fn a_failed_fold_leaves_the_others_of_its_rerun() {
+        let some = [outcome(0, Some(0.5)), outcome(1, None)];
+        let row = &scored(&[method("one", &some, 2)])[0];
+        assert!((row.r2["fRS"].unwrap() - R2).abs() < 1e-12);
+        assert_eq!(row.selected_views["fRS"], [[0], [0]]);
+        let left_out = row.notes.iter().filter(|note| note.contains("left out"));
+        assert_eq!(left_out.count(), 1, "{:?}", row.notes);
+    }
+
+    #[test]
+    fn a_method_that_always_fails_has_a_row_without_numbers() {
+        let baseline = [outcome(0, Some(1.0))];
+        let none = [outcome(0, None)];
+        for (at, methods) in [
+            [method("zero", &baseline, 1), method("one", &none, 1)],
+            [method("one", &none, 1), method("zero", &baseline, 1)],
+        ]
+        .iter()
+        .enumerate()
+        {
+            let all = scored(methods);
+            let row = &all[1 - at];
+            assert_eq!(
+                (row.r2["fRS"], row.r2_mean, row.held_out_surfaces),
+                (None, None, 0)
+            );
+            assert!(row.notes.iter().any(|note| note.contains("inf in epoch 3")));
+            assert!(all[at].r2_mean.is_some());
         }
     }
 }

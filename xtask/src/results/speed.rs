@@ -7,6 +7,7 @@ use crate::config::SpeedSpec;
 
 /// The front of the methods and the answers to two questions, as ids of methods.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Speed {
     /// The methods that no other is both faster and better than, from fast to slow.
     pub front: Vec<String>,

@@ -11,21 +11,19 @@
 //! Because of the largest, the intervals of a new surface hold its truth for all m at once at the
 //! promised rate, and so at the m where one stops, however that is decided.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use sps_dataset::Split;
-use sps_metrics::SplitConformal;
-use sps_models::Readings;
 use sps_models::heads::{Plan, Rerun, TrainingData, Trial, Views};
+use sps_models::{FittedRegressor, Readings};
+
 use sps_models::ridge::{Ridge, RidgeConfig};
 
-use super::Tables;
-use super::fit::{Fitted, HeldOut, fit, measured};
+use super::fit::{Judge, each, fit, measured};
 use super::trials::TrialSpec;
-use super::views::seed;
-use crate::config::{Adaptive, Experiment, Method};
+use super::{Encodings, conformal};
+use crate::config::{Adaptive, Experiment};
 use crate::journal::{Outcome, Stop};
 use crate::progress::Progress;
 
@@ -38,10 +36,9 @@ const LEAST_ERROR: f64 = 0.25;
 /// The trials of a method that stops when it is sure.
 pub(super) struct Walking<'a> {
     pub experiment: &'a Experiment,
-    pub method: &'a Method,
+    pub judge: Judge<'a>,
     pub adaptive: &'a Adaptive,
-    pub tables: &'a Tables,
-    pub splits: &'a [Split],
+    pub encodings: &'a Encodings,
     pub trials: &'a [&'a TrialSpec],
 }
 
@@ -51,7 +48,7 @@ impl Walking<'_> {
         let begun = Instant::now();
         let most = self.trials.iter().map(|trial| order(trial).len()).max();
         let most = most.unwrap_or(0);
-        let progress = Progress::new(&self.method.label, most);
+        let progress = Progress::new(&self.judge.method.label, most);
         let mut walks = vec![Walks::default(); self.trials.len()];
         for views in 1..=most {
             for (walks, step) in walks.iter_mut().zip(self.step(views)?) {
@@ -72,52 +69,69 @@ impl Walking<'_> {
     /// What each trial makes of its first `views` views.
     fn step(&self, views: usize) -> Result<Vec<Step>> {
         let fitted = self.estimators(views)?;
-        let surfaces: Vec<usize> = (0..self.tables.surfaces.len()).collect();
-        let mut residuals = vec![vec![None; self.trials.len()]; surfaces.len()];
+        let tables = self.judge.tables;
+        let mut residuals = vec![vec![None; self.trials.len()]; tables.pool()];
         let mut steps = Vec::new();
         for (at, (trial, models)) in self.trials.iter().zip(fitted.chunks(FOLDS + 1)).enumerate() {
-            let embeddings = self
-                .tables
-                .embeddings
-                .select(&surfaces, &order(trial)[..views])?;
-            let parts = self.parts(trial.rerun);
+            let parts = self.parts(trial.rerun)?;
             let mut sum = 0.0;
             let mut count = 0;
             for (model, held) in models.iter().zip(&parts.folds) {
-                let estimates = values(model, &embeddings)?;
-                for (surface, truth) in measured(self.tables, trial, held)? {
-                    let residual = (truth - estimates[surface]).abs();
+                let held = measured(tables, trial, held)?;
+                let surfaces: Vec<usize> = held.iter().map(|(surface, _)| *surface).collect();
+                let estimates = self.values(model.as_ref(), trial, views, &surfaces)?;
+                for (surface, truth) in held {
+                    let residual = (truth - estimates[&surface]).abs();
                     residuals[surface][at] = Some(residual);
                     sum += residual;
                     count += 1;
                 }
             }
+            let last = models.last().context("no estimator")?;
             steps.push(Step {
-                estimates: values(models.last().context("no estimator")?, &embeddings)?,
-                errors: Vec::new(),
+                estimates: self.values(last.as_ref(), trial, views, &self.walked(trial)?)?,
+                errors: BTreeMap::new(),
                 least: LEAST_ERROR * sum / f64::from(count.max(1)),
             });
         }
         let errors = self.errors(views, &residuals)?;
         for ((trial, step), model) in self.trials.iter().zip(&mut steps).zip(errors) {
-            let embeddings = self
-                .tables
-                .embeddings
-                .select(&surfaces, &order(trial)[..views])?;
-            step.errors = values(&model, &embeddings)?;
+            step.errors = self.values(model.as_ref(), trial, views, &self.walked(trial)?)?;
         }
         Ok(steps)
     }
 
+    /// The surfaces whose walk is asked for: those that calibrate, and those held out.
+    fn walked(&self, trial: &TrialSpec) -> Result<Vec<usize>> {
+        let split = &self.judge.splits.all[trial.rerun];
+        let mut surfaces = self.parts(trial.rerun)?.calibration;
+        surfaces.extend(self.judge.method.scored_on(&split.validation));
+        Ok(surfaces)
+    }
+
+    /// What a model says of each of the surfaces from the trial's first views.
+    fn values(
+        &self,
+        model: &dyn FittedRegressor,
+        trial: &TrialSpec,
+        views: usize,
+        surfaces: &[usize],
+    ) -> Result<BTreeMap<usize, f64>> {
+        let embeddings = self.encodings.select(surfaces, &order(trial)[..views])?;
+        let estimates = model.predict(&embeddings)?;
+        let values = estimates.into_iter().next().context("no estimate")?.values;
+        Ok(surfaces.iter().copied().zip(values).collect())
+    }
+
     /// For each trial an estimator without each fold, and one with all.
-    fn estimators(&self, views: usize) -> Result<Vec<Fitted>> {
+    fn estimators(&self, views: usize) -> Result<Vec<Box<dyn FittedRegressor>>> {
         let mut plan = Plan {
             seed: self.experiment.seed,
             reruns: Vec::new(),
             trials: Vec::new(),
         };
         for rerun in self.reruns() {
-            let Parts { folds, .. } = self.parts(rerun);
+            let Parts { folds, .. } = self.parts(rerun)?;
             for fold in 0..=FOLDS {
                 let others = folds.iter().enumerate().filter(|(at, _)| *at != fold);
                 plan.reruns.push(Rerun {
@@ -134,17 +148,24 @@ impl Walking<'_> {
                 views: Views::Fixed(order(trial)[..views].to_vec()),
             }));
         }
-        let method = self.method.with_views(views)?;
-        Ok(fit(&method, self.tables, &plan, &())?.each().collect())
+        let method = self.judge.method.with_views(views)?;
+        let data = (self.judge.tables, &self.judge.splits.units);
+        Ok(each(fit(&method, data, &plan, &())?.models()))
     }
 
     /// For each trial a regression of its residuals, `(surfaces, trials)`.
-    fn errors(&self, views: usize, residuals: &[Vec<Option<f64>>]) -> Result<Vec<Fitted>> {
+    fn errors(
+        &self,
+        views: usize,
+        residuals: &[Vec<Option<f64>>],
+    ) -> Result<Vec<Box<dyn FittedRegressor>>> {
         let names: Vec<String> = (0..self.trials.len()).map(|at| at.to_string()).collect();
-        let rerun = |rerun| Rerun {
-            number: rerun as u64,
-            training: self.parts(rerun).folds.concat(),
-            validation: Vec::new(),
+        let rerun = |rerun| {
+            Ok(Rerun {
+                number: rerun as u64,
+                training: self.parts(rerun)?.folds.concat(),
+                validation: Vec::new(),
+            })
         };
         let trials = self.trials.iter().zip(&names).map(|(trial, name)| Trial {
             property: name.clone(),
@@ -153,62 +174,52 @@ impl Walking<'_> {
         });
         let plan = Plan {
             seed: self.experiment.seed,
-            reruns: self.reruns().into_iter().map(rerun).collect(),
+            reruns: self
+                .reruns()
+                .into_iter()
+                .map(rerun)
+                .collect::<Result<_>>()?,
             trials: trials.collect(),
         };
         let data = TrainingData {
             readings: &Readings::new(names, residuals)?,
-            ..self.tables.training_data()
+            ..self.judge.tables.training_data()
         };
         let ridges = Ridge::new(RidgeConfig::default())?.train(&data, &plan)?;
-        Ok(Fitted::Ridges(ridges).each().collect())
+        Ok(each(&ridges))
     }
 
     fn reruns(&self) -> BTreeSet<usize> {
         self.trials.iter().map(|trial| trial.rerun).collect()
     }
 
-    /// The training surfaces of a rerun, by what they are used for.
-    fn parts(&self, rerun: usize) -> Parts {
-        let mut all = self.splits[rerun].train.clone();
-        // By hash, so that the order of the surfaces means nothing.
-        all.sort_by_key(|&surface| seed(self.experiment.seed, "calibration", surface));
-        let share = self.adaptive.calibration;
-        let count = (share * all.len() as f64).round() as usize;
-        let fitted = all.split_off(count);
-        let fold = |fold| fitted.iter().copied().skip(fold).step_by(FOLDS).collect();
-        Parts {
-            calibration: all,
-            folds: (0..FOLDS).map(fold).collect(),
-        }
+    /// The training surfaces of a rerun, by what they are used for; units stay whole.
+    fn parts(&self, rerun: usize) -> Result<Parts> {
+        let (share, seed) = (self.adaptive.calibration, self.experiment.seed);
+        let (calibration, folds) = self.judge.splits.to_walk(rerun, share, FOLDS, seed)?;
+        Ok(Parts { calibration, folds })
     }
 
     fn outcome(&self, trial: &TrialSpec, walks: &Walks) -> Result<Outcome> {
-        let calibration = self.parts(trial.rerun).calibration;
-        let calibration = measured(self.tables, trial, &calibration)?;
+        let judge = &self.judge;
+        let calibration = self.parts(trial.rerun)?.calibration;
+        let calibration = measured(judge.tables, trial, &calibration)?;
         let scores = calibration
             .iter()
-            .map(|&(surface, truth)| walks.of(surface).score(truth));
-        let scores: Vec<f64> = scores.collect();
-        let calibrated = SplitConformal::from_residuals(&scores, self.adaptive.level);
-        let quantile = calibrated
-            .with_context(|| format!("{}: adaptive.calibration", trial.property))?
-            .radius();
-        let split = &self.splits[trial.rerun];
-        let training = measured(self.tables, trial, &split.train)?;
-        let deviation = deviation(&training);
-        let held_out = HeldOut::of(self.tables, trial, split)?;
-        let stops: Vec<(f64, Stop)> = held_out
-            .surfaces
-            .iter()
-            .map(|&surface| {
-                walks
-                    .of(surface)
-                    .stop(quantile, self.adaptive.width, deviation)
-            })
-            .collect();
+            .map(|&(surface, truth)| Ok((surface, walks.of(surface)?.score(truth))));
+        let scores: Vec<(usize, f64)> = scores.collect::<Result<_>>()?;
+        let quantile = conformal::radius(&judge.splits.units, &scores, self.adaptive.level)
+            .with_context(|| format!("{}: adaptive.calibration", trial.property))?;
+        let split = &judge.splits.all[trial.rerun];
+        let deviation = deviation(&measured(judge.tables, trial, &split.train)?);
+        let held_out = judge.held_out(trial)?;
+        let stops = held_out.surfaces.iter().map(|&surface| {
+            let walk = walks.of(surface)?;
+            Ok(walk.stop(quantile, self.adaptive.width, deviation))
+        });
+        let stops = stops.collect::<Result<Vec<(f64, Stop)>>>()?;
         let (estimates, stops) = stops.into_iter().unzip();
-        let mut outcome = held_out.outcome(self.method, self.tables, trial, estimates);
+        let mut outcome = judge.outcome(trial, held_out, estimates);
         outcome.stops = stops;
         Ok(outcome)
     }
@@ -232,11 +243,6 @@ fn order(trial: &TrialSpec) -> Vec<usize> {
     trial.views.shown()
 }
 
-fn values(model: &Fitted, embeddings: &sps_models::Embeddings) -> Result<Vec<f64>> {
-    let estimates = model.predict(embeddings)?;
-    Ok(estimates.into_iter().next().context("no estimate")?.values)
-}
-
 /// The standard deviation of readings; 1 where they do not differ.
 fn deviation(readings: &[(usize, f64)]) -> f64 {
     let count = readings.len().max(1) as f64;
@@ -246,32 +252,36 @@ fn deviation(readings: &[(usize, f64)]) -> f64 {
     if deviation > 0.0 { deviation } else { 1.0 }
 }
 
-/// What so many views say of every surface.
+/// What so many views say of the surfaces that are walked.
 struct Step {
-    estimates: Vec<f64>,
-    errors: Vec<f64>,
+    estimates: BTreeMap<usize, f64>,
+    errors: BTreeMap<usize, f64>,
     /// What an expected error is at least.
     least: f64,
 }
 
 /// The walks of all surfaces, a step for each view.
 #[derive(Clone, Default)]
-struct Walks(Vec<(Vec<f64>, Vec<f64>)>);
+struct Walks(BTreeMap<usize, Walk>);
 
 impl Walks {
     fn push(&mut self, step: Step) {
         let least = step.least.max(f64::MIN_POSITIVE);
-        let errors = step.errors.into_iter().map(|error| error.max(least));
-        self.0.push((step.estimates, errors.collect()));
+        for ((surface, estimate), error) in step.estimates.into_iter().zip(step.errors.values()) {
+            let walk = self.0.entry(surface).or_default();
+            walk.0.push((estimate, error.max(least)));
+        }
     }
 
-    fn of(&self, surface: usize) -> Walk {
-        let at = |(estimates, errors): &(Vec<f64>, Vec<f64>)| (estimates[surface], errors[surface]);
-        Walk(self.0.iter().map(at).collect())
+    fn of(&self, surface: usize) -> Result<&Walk> {
+        self.0
+            .get(&surface)
+            .context("a surface that was not walked")
     }
 }
 
 /// The estimates of one surface and the errors to expect of them, from one view on.
+#[derive(Clone, Default)]
 struct Walk(Vec<(f64, f64)>);
 
 impl Walk {
@@ -307,7 +317,7 @@ mod tests {
     use super::*;
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{RngCore, SeedableRng};
-    use sps_metrics::Level;
+    use sps_metrics::{Level, SplitConformal};
 
     #[test]
     fn looking_ends_at_the_first_interval_that_is_narrow_enough() {

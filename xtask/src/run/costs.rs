@@ -6,15 +6,16 @@ use std::time::Instant;
 
 use anyhow::Result;
 use candle_core::{Device, Tensor};
-use sps_dataset::{Frame, FrameKey, RollAngle, Source, Split, Surface, TactileTable};
+use sps_dataset::{Frame, FrameKey, RollAngle, Source, Split, Surface, TactileTable, Units};
 use sps_models::Embeddings;
+use sps_models::heads::HeadConfig;
 use sps_models::ridge::{Ridge, RidgeConfig};
 
-use super::Stage;
-use super::fit::{Fitted, fit};
+use super::fit::{Fitted, fit, fit_some};
 use super::trials::{TrialSpec, plan};
 use super::views::TrialViews;
-use crate::config::{self, Method};
+use super::{Splits, Stage};
+use crate::config::Method;
 use crate::journal::Stop;
 use crate::memory;
 use crate::results::Costs;
@@ -46,11 +47,11 @@ pub(crate) struct Asked<'a> {
 /// be kept.
 pub(crate) fn measure<S: Source>(
     source: &S,
-    split: &Split,
+    splits: &Splits,
     asked: &[Asked<'_>],
 ) -> Result<Vec<Costs>> {
     let source = Counted::new(source);
-    let turns = asked.iter().map(|asked| Turn::new(&source, split, asked));
+    let turns = asked.iter().map(|asked| Turn::new(&source, splits, asked));
     let mut turns = turns.collect::<Result<Vec<_>>>()?;
     // Memory made ready and simulated surfaces built, so that the first pays no more than others.
     for turn in &turns {
@@ -85,7 +86,8 @@ enum Way {
 }
 
 impl<'a, S: Source> Turn<'a, S> {
-    fn new(source: &'a Counted<'a, S>, split: &Split, asked: &Asked<'a>) -> Result<Self> {
+    fn new(source: &'a Counted<'a, S>, splits: &'a Splits, asked: &Asked<'a>) -> Result<Self> {
+        let split = &splits.all[0];
         let few = Split {
             train: split.train.iter().copied().take(2 * SURFACES).collect(),
             validation: split.validation.iter().copied().take(SURFACES).collect(),
@@ -101,6 +103,7 @@ impl<'a, S: Source> Turn<'a, S> {
             source,
             stage: asked.stage,
             method: quick(asked.method)?,
+            units: &splits.units,
             few,
         };
         let (way, ends) = match trials.first() {
@@ -180,11 +183,10 @@ fn shares(stops: &[Stop], most: usize) -> Vec<f64> {
 /// The method, trained for one epoch.
 fn quick(method: &Method) -> Result<Method> {
     let mut method = method.clone();
-    if let config::Estimator::Head(head) = &mut method.estimator {
-        let mut config = head.config().clone();
-        config.epochs = 1;
-        *head = sps_models::heads::Head::new(config)?;
-    }
+    method.estimator = method.estimator.with_heads(&|config| HeadConfig {
+        epochs: 1,
+        ..config.clone()
+    })?;
     Ok(method)
 }
 
@@ -193,6 +195,7 @@ struct Measuring<'a, S> {
     source: &'a Counted<'a, S>,
     stage: &'a Stage,
     method: Method,
+    units: &'a Units,
     few: Split,
 }
 
@@ -219,7 +222,8 @@ impl<S: Source> Measuring<'_, S> {
         }
         let fitted = groups.into_iter().map(|(fillings, trials)| {
             let plan = plan(0, std::slice::from_ref(&self.few), trials.into_iter());
-            let model = fit(&self.method, &self.stage.tables, &plan, &())?;
+            let data = (&self.stage.tables, self.units);
+            let model = fit_some(&self.method, data, &plan, &())?;
             Ok((fillings.to_vec(), model))
         });
         fitted.collect()
@@ -246,11 +250,11 @@ impl<S: Source> Measuring<'_, S> {
                     .iter()
                     .filter_map(|view| views.binary_search(view).ok());
                 let slots: Vec<usize> = slots.collect();
-                model.predict(&embeddings.select(&[0], &slots)?)?;
+                model.models().predict(&embeddings.select(&[0], &slots)?)?;
             }
             Ok(())
         })?;
-        let of_heads = fillings.len() as u64 * model.multiply_adds();
+        let of_heads = fillings.len() as u64 * model.models().multiply_adds();
         Ok(Spent {
             decode,
             encode,
@@ -273,7 +277,8 @@ impl<S: Source> Measuring<'_, S> {
         let method = self.method.with_views(views.len())?;
         let errors = Ridge::new(RidgeConfig::default())?;
         let errors = errors.train(&tables.training_data(), &plan)?;
-        Ok([fit(&method, tables, &plan, &())?, Fitted::Ridges(errors)])
+        let estimator = fit(&method, (tables, self.units), &plan, &())?;
+        Ok([estimator, Fitted::Ridges(errors)])
     }
 
     /// What has been spent after each view.
@@ -317,11 +322,14 @@ impl<S: Source> Measuring<'_, S> {
         let ((), head) = timed(|| {
             let embeddings = self.embeddings(values.clone())?;
             for model in models {
-                model.predict(&embeddings)?;
+                model.models().predict(&embeddings)?;
             }
             Ok(())
         })?;
-        let of_heads: u64 = models.iter().map(Fitted::multiply_adds).sum();
+        let of_heads: u64 = models
+            .iter()
+            .map(|fitted| fitted.models().multiply_adds())
+            .sum();
         Ok(Spent {
             decode,
             encode,

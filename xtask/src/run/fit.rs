@@ -1,90 +1,110 @@
 //! Fitting a method's trials, each outcome on disk as soon as it is there.
 
+use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use sps_dataset::Split;
-use sps_models::Embeddings;
-use sps_models::heads::{
-    DivergedTrial, Estimates, Observer, Plan, TrainedHead, TrainedHeads, Trial,
-};
-use sps_models::ridge::{TrainedRidge, TrainedRidges};
+use sps_dataset::Units;
+use sps_models::heads::{DivergedTrial, Observer, Plan, TrainedHeads, Trial};
+use sps_models::kernel_ridge::TrainedKernelRidges;
+use sps_models::nearest::Nearest;
+use sps_models::ridge::TrainedRidges;
+use sps_models::stacking::Stacking;
+use sps_models::{FittedRegressor, Regressor};
+use tracing::warn;
 
-use super::Tables;
 use super::adaptive::Walking;
 use super::trials::{TrialSpec, plan};
+use super::{Encodings, Splits, Tables, floors, splits};
 use crate::config::{Estimator, Experiment, Method};
 use crate::journal::{Journal, Outcome};
 use crate::progress::Progress;
 
 /// Fitted models of one method.
 pub(crate) enum Fitted {
-    Heads(TrainedHeads),
+    Heads(Box<TrainedHeads>),
     Ridges(TrainedRidges),
+    KernelRidges(TrainedKernelRidges),
+    /// Those that are not kept.
+    Other(Box<dyn FittedRegressor>),
 }
 
 impl Fitted {
-    /// The estimates of every model for every surface.
-    pub(crate) fn predict(&self, embeddings: &Embeddings) -> sps_models::Result<Vec<Estimates>> {
+    /// The models, of whatever kind.
+    pub(crate) fn models(&self) -> &dyn FittedRegressor {
         match self {
-            Self::Heads(heads) => heads.predict(embeddings),
-            Self::Ridges(ridges) => ridges.predict(embeddings),
+            Self::Heads(heads) => heads.as_ref(),
+            Self::Ridges(ridges) => ridges,
+            Self::KernelRidges(ridges) => ridges,
+            Self::Other(models) => models.as_ref(),
+        }
+    }
+
+    /// Trials whose training came to nothing, and that have no model.
+    fn diverged(&self) -> &[DivergedTrial] {
+        match self {
+            Self::Heads(heads) => heads.diverged(),
+            _ => &[],
         }
     }
 }
 
-impl Fitted {
-    /// Multiply-adds to estimate one surface from its embeddings, all models together.
-    pub(crate) fn multiply_adds(&self) -> u64 {
-        match self {
-            Self::Heads(heads) => heads.multiply_adds(),
-            Self::Ridges(ridges) => ridges.multiply_adds(),
-        }
-    }
-
-    /// Each model on its own.
-    pub(super) fn each(&self) -> impl Iterator<Item = Self> + '_ {
-        let trials: Vec<&Trial> = match self {
-            Self::Heads(heads) => heads.heads().iter().map(TrainedHead::trial).collect(),
-            Self::Ridges(ridges) => ridges.ridges().iter().map(TrainedRidge::trial).collect(),
-        };
-        trials.into_iter().map(move |trial| match self {
-            Self::Heads(heads) => Self::Heads(heads.filter(|other| other == trial)),
-            Self::Ridges(ridges) => Self::Ridges(ridges.filter(|other| other == trial)),
-        })
-    }
-
-    /// What the first model was trained for.
-    fn trial(&self) -> Option<&Trial> {
-        match self {
-            Self::Heads(heads) => heads.heads().first().map(TrainedHead::trial),
-            Self::Ridges(ridges) => ridges.ridges().first().map(TrainedRidge::trial),
-        }
-    }
+/// Each model on its own.
+pub(super) fn each(models: &dyn FittedRegressor) -> Vec<Box<dyn FittedRegressor>> {
+    let trials = models.trials().into_iter();
+    let of = |trial: &Trial| models.filtered(&|other| other == trial);
+    trials.map(of).collect()
 }
 
-/// Fits the method to the trials of a plan.
+/// Fits the method to the trials of a plan; an error where one of them comes to nothing.
 pub(crate) fn fit(
     method: &Method,
-    tables: &Tables,
+    data: (&Tables, &Units),
+    plan: &Plan,
+    observer: &dyn Observer,
+) -> Result<Fitted> {
+    let fitted = fit_some(method, data, plan, observer)?;
+    if let Some(DivergedTrial { trial, reason }) = fitted.diverged().first() {
+        bail!("{}, rerun {}: {reason}", trial.property, trial.rerun);
+    }
+    Ok(fitted)
+}
+
+/// Fits the method to the trials of a plan; those that come to nothing have no model.
+pub(super) fn fit_some(
+    method: &Method,
+    (tables, units): (&Tables, &Units),
     plan: &Plan,
     observer: &dyn Observer,
 ) -> Result<Fitted> {
     let data = tables.training_data();
     Ok(match &method.estimator {
         Estimator::Head(head) => {
-            let heads = head.train(&data, plan, observer)?;
-            if let Some(DivergedTrial { trial, reason }) = heads.diverged().first() {
-                bail!(
-                    "training {}, rerun {}: {reason}",
-                    trial.property,
-                    trial.rerun
-                );
-            }
-            Fitted::Heads(heads)
+            let plan = splits::early_stopped(head, units, plan.clone())?;
+            Fitted::Heads(Box::new(head.train(&data, &plan, observer)?))
         }
         Estimator::Ridge(ridge) => Fitted::Ridges(ridge.train(&data, plan)?),
+        Estimator::KernelRidge(ridge) => Fitted::KernelRidges(ridge.train(&data, plan)?),
+        Estimator::Nearest => Fitted::Other(Nearest.fit(&data, plan)?),
+        Estimator::Stacked(stacked) => {
+            let members = stacked.members.iter().map(member);
+            let members = members.collect::<Result<Vec<Box<dyn Regressor>>>>()?;
+            let of_surface = Some(&units.of_surface()[..tables.pool()]);
+            let stacking = Stacking::new(members, stacked.folds)?;
+            Fitted::Other(Box::new(stacking.train(&data, plan, of_surface)?))
+        }
+        Estimator::Mean | Estimator::LabelMean => bail!("a mean is not trained"),
+    })
+}
+
+fn member(estimator: &Estimator) -> Result<Box<dyn Regressor>> {
+    Ok(match estimator {
+        Estimator::Head(head) => Box::new(head.clone()),
+        Estimator::Ridge(ridge) => Box::new(ridge.clone()),
+        Estimator::KernelRidge(ridge) => Box::new(ridge.clone()),
+        Estimator::Nearest => Box::new(Nearest),
+        other => bail!("`{}` cannot be stacked", other.kind()),
     })
 }
 
@@ -92,8 +112,8 @@ pub(crate) fn fit(
 pub(crate) fn run_missing(
     experiment: &Experiment,
     method: &Method,
-    tables: &Tables,
-    splits: &[Split],
+    encodings: &Encodings,
+    splits: &Splits,
     trials: &[TrialSpec],
     journal: &mut Journal<Outcome>,
 ) -> Result<()> {
@@ -104,24 +124,30 @@ pub(crate) fn run_missing(
     if missing.is_empty() {
         return Ok(());
     }
+    let judge = Judge {
+        method,
+        tables: &encodings.stage.tables,
+        splits,
+    };
+    if let Some(outcomes) = floors::outcomes(&judge, &missing)? {
+        return journal.append(outcomes);
+    }
     if let Some(adaptive) = &method.adaptive {
         let walking = Walking {
             experiment,
-            method,
+            judge,
             adaptive,
-            tables,
-            splits,
+            encodings,
             trials: &missing,
         };
         let outcomes = walking.outcomes();
         let named = || format!("method `{}`", method.id);
         return journal.append(outcomes.with_context(named)?);
     }
-    let plan = plan(experiment.seed, splits, missing.iter().copied());
+    let plan = plan(experiment.seed, &splits.all, missing.iter().copied());
     let recorder = Recorder {
-        method,
-        tables,
-        splits,
+        judge,
+        encodings,
         trials: &missing,
         progress: Progress::new(&method.label, missing.len()),
         state: Mutex::new(State {
@@ -130,10 +156,10 @@ pub(crate) fn run_missing(
             failed: None,
         }),
     };
-    let fitted =
-        fit(method, tables, &plan, &recorder).with_context(|| format!("method `{}`", method.id))?;
-    if let Fitted::Ridges(_) = &fitted {
-        recorder.record(&fitted);
+    let fitted = fit_some(method, (judge.tables, &splits.units), &plan, &recorder);
+    let fitted = fitted.with_context(|| format!("method `{}`", method.id))?;
+    if !matches!(fitted, Fitted::Heads(_)) {
+        recorder.record(fitted.models(), &[]);
     }
     match recorder.into_failure() {
         Some(error) => Err(error),
@@ -143,9 +169,8 @@ pub(crate) fn run_missing(
 
 /// Turns fitted models into outcomes and writes them down.
 struct Recorder<'a> {
-    method: &'a Method,
-    tables: &'a Tables,
-    splits: &'a [Split],
+    judge: Judge<'a>,
+    encodings: &'a Encodings,
     trials: &'a [&'a TrialSpec],
     progress: Progress,
     state: Mutex<State<'a>>,
@@ -160,13 +185,18 @@ struct State<'a> {
 
 impl Observer for Recorder<'_> {
     fn finished(&self, heads: &TrainedHeads) {
-        self.record(&Fitted::Heads(heads.clone()));
+        self.record(heads, heads.diverged());
     }
 }
 
 impl Recorder<'_> {
-    fn record(&self, fitted: &Fitted) {
-        let outcomes = fitted.each().map(|model| self.outcome(&model)).collect();
+    fn record(&self, models: &dyn FittedRegressor, diverged: &[DivergedTrial]) {
+        let outcomes = self.outcomes(models).and_then(|mut outcomes| {
+            for one in diverged {
+                outcomes.push(self.failure(one)?);
+            }
+            Ok(outcomes)
+        });
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let written = Result::and_then(outcomes, |mut outcomes: Vec<Outcome>| {
             let seconds = state.since.elapsed().as_secs_f64() / outcomes.len().max(1) as f64;
@@ -187,41 +217,85 @@ impl Recorder<'_> {
         state.unwrap_or_else(PoisonError::into_inner).failed
     }
 
-    /// The outcome of one model: its estimates for the surfaces held out that were measured.
-    fn outcome(&self, model: &Fitted) -> Result<Outcome> {
-        let trained = model.trial().context("a model of no trial")?;
-        let rerun = trained.rerun as usize;
-        let of_model =
-            |trial: &&&TrialSpec| trial.rerun == rerun && trial.property.code() == trained.property;
-        let trial = self
-            .trials
-            .iter()
-            .find(of_model)
-            .context("a trial that was not planned")?;
-        let held_out = HeldOut::of(self.tables, trial, &self.splits[rerun])?;
-        let estimate = self.estimate(model, &trial.views.fillings, &held_out.surfaces)?;
-        Ok(held_out.outcome(self.method, self.tables, trial, estimate))
-    }
-
-    /// The mean over the fillings of the model's slots, for each of `surfaces`.
-    fn estimate(
-        &self,
-        model: &Fitted,
-        fillings: &[Vec<usize>],
-        surfaces: &[usize],
-    ) -> Result<Vec<f64>> {
-        let mut sums = vec![0.0; surfaces.len()];
-        for views in fillings {
-            let embeddings = self.tables.embeddings.select(surfaces, views)?;
-            let estimates = model.predict(&embeddings)?;
-            let values = &estimates.first().context("no estimate")?.values;
-            for (sum, value) in sums.iter_mut().zip(values) {
-                *sum += value;
+    /// The outcome of each model: its estimates for the surfaces held out that were measured.
+    /// Models that look at the same surfaces and views are asked together.
+    fn outcomes(&self, models: &dyn FittedRegressor) -> Result<Vec<Outcome>> {
+        let mut alike: BTreeMap<Looked<'_>, Vec<(&TrialSpec, HeldOut)>> = BTreeMap::new();
+        for trained in models.trials() {
+            let spec = self.spec(trained)?;
+            let held_out = self.judge.held_out(spec)?;
+            let key = (held_out.surfaces.clone(), spec.views.fillings.as_slice());
+            alike.entry(key).or_default().push((spec, held_out));
+        }
+        let mut outcomes = Vec::new();
+        for ((surfaces, fillings), specs) in alike {
+            let some = models.filtered(&|trained| {
+                let wanted = |(spec, _): &(&TrialSpec, HeldOut)| is_of(spec, trained);
+                specs.iter().any(wanted)
+            });
+            let mut estimates = self.estimates(some.as_ref(), fillings, &surfaces)?;
+            for (spec, held_out) in specs {
+                let place = some
+                    .trials()
+                    .iter()
+                    .position(|trained| is_of(spec, trained));
+                let estimate = std::mem::take(&mut estimates[place.context("no model")?]);
+                outcomes.push(self.judge.outcome(spec, held_out, estimate));
             }
         }
-        let fillings = fillings.len() as f64;
-        Ok(sums.into_iter().map(|sum| sum / fillings).collect())
+        Ok(outcomes)
     }
+
+    /// The outcome of a trial without a model.
+    fn failure(&self, diverged: &DivergedTrial) -> Result<Outcome> {
+        let DivergedTrial { trial, reason } = diverged;
+        let label = &self.judge.method.label;
+        warn!(
+            "{label}, {}, rerun {}: {reason}",
+            trial.property, trial.rerun
+        );
+        self.judge.failure(self.spec(trial)?, reason)
+    }
+
+    /// The trial that a model was trained for.
+    fn spec(&self, trained: &Trial) -> Result<&TrialSpec> {
+        let spec = self.trials.iter().find(|spec| is_of(spec, trained));
+        spec.copied().context("a trial that was not planned")
+    }
+
+    /// The mean over the fillings of the models' slots: for each model, of each of `surfaces`.
+    fn estimates(
+        &self,
+        models: &dyn FittedRegressor,
+        fillings: &[Vec<usize>],
+        surfaces: &[usize],
+    ) -> Result<Vec<Vec<f64>>> {
+        let mut sums = vec![vec![0.0; surfaces.len()]; models.trials().len()];
+        for views in fillings {
+            let embeddings = self.encodings.select(surfaces, views)?;
+            for (sums, estimates) in sums.iter_mut().zip(models.predict(&embeddings)?) {
+                for (sum, value) in sums.iter_mut().zip(estimates.values) {
+                    *sum += value / fillings.len() as f64;
+                }
+            }
+        }
+        Ok(sums)
+    }
+}
+
+/// Surfaces, and the fillings of the slots with their views.
+type Looked<'a> = (Vec<usize>, &'a [Vec<usize>]);
+
+fn is_of(spec: &TrialSpec, trained: &Trial) -> bool {
+    spec.rerun as u64 == trained.rerun && spec.property.code() == trained.property
+}
+
+/// Makes outcomes of what a method estimates.
+#[derive(Clone, Copy)]
+pub(super) struct Judge<'a> {
+    pub method: &'a Method,
+    pub tables: &'a Tables,
+    pub splits: &'a Splits,
 }
 
 /// What a trial is scored on.
@@ -232,13 +306,14 @@ pub(super) struct HeldOut {
     truth: Vec<f64>,
 }
 
-impl HeldOut {
-    pub(super) fn of(tables: &Tables, trial: &TrialSpec, split: &Split) -> Result<Self> {
-        let training = measured(tables, trial, &split.train)?;
+impl Judge<'_> {
+    pub(super) fn held_out(&self, trial: &TrialSpec) -> Result<HeldOut> {
+        let split = &self.splits.all[trial.rerun];
+        let training = measured(self.tables, trial, &split.train)?;
         let training: Vec<f64> = training.into_iter().map(|(_, value)| value).collect();
-        let held_out = measured(tables, trial, &split.validation)?;
-        let (surfaces, truth) = held_out.into_iter().unzip();
-        Ok(Self {
+        let scored_on = self.method.scored_on(&split.validation);
+        let (surfaces, truth) = measured(self.tables, trial, scored_on)?.into_iter().unzip();
+        Ok(HeldOut {
             training_mean: sps_metrics::TrainingMean::of(&training)?.get(),
             surfaces,
             truth,
@@ -247,27 +322,40 @@ impl HeldOut {
 
     /// The outcome with an estimate for each of the surfaces.
     pub(super) fn outcome(
-        self,
-        method: &Method,
-        tables: &Tables,
+        &self,
         trial: &TrialSpec,
+        held_out: HeldOut,
         estimate: Vec<f64>,
     ) -> Outcome {
-        let names = self.surfaces.iter();
-        let shown = trial.views.shown();
+        let tables = self.tables;
+        let names = held_out.surfaces.iter();
         Outcome {
             key: trial.key.clone(),
-            method: method.id.clone(),
+            method: self.method.id.clone(),
             property: trial.property.to_string(),
             rerun: trial.rerun,
-            training_mean: self.training_mean,
+            training_mean: held_out.training_mean,
             surfaces: names.map(|&s| tables.surfaces[s].id.clone()).collect(),
-            truth: self.truth,
+            truth: held_out.truth,
             estimate,
-            views: tables.shown(&shown),
+            views: tables.shown(&trial.views.shown()),
             stops: Vec::new(),
             train_seconds: 0.0,
+            failed: None,
         }
+    }
+
+    /// The outcome of a trial that came to nothing.
+    fn failure(&self, trial: &TrialSpec, reason: &str) -> Result<Outcome> {
+        let held_out = HeldOut {
+            surfaces: Vec::new(),
+            truth: Vec::new(),
+            ..self.held_out(trial)?
+        };
+        Ok(Outcome {
+            failed: Some(reason.to_owned()),
+            ..self.outcome(trial, held_out, Vec::new())
+        })
     }
 }
 

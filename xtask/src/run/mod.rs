@@ -1,43 +1,52 @@
 //! Running an experiment: embed, fit what is missing, score, report.
 
 mod adaptive;
+pub(crate) mod conformal;
 mod costs;
+mod encodings;
 mod fit;
+mod floors;
 mod folder;
+mod provenance;
+mod refit;
 mod select;
 mod selection;
+mod splits;
 mod stage;
 mod tables;
+mod test_views;
 mod trials;
 mod views;
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use sps_dataset::{Source, Split};
+use rayon::prelude::*;
+use sps_dataset::Source;
 
 use costs::Asked;
+pub(crate) use encodings::Encodings;
 pub(crate) use fit::{Fitted, fit};
 pub(crate) use folder::seal;
-pub(crate) use stage::{Stage, Stages};
+pub(crate) use splits::Splits;
+use stage::Stage;
+pub(crate) use stage::Stages;
 pub(crate) use tables::Tables;
-pub(crate) use trials::splits;
 
-use crate::config::{EncoderSpec, Estimator, Experiment, Method, Network};
+use crate::config::{EncoderSpec, Experiment, Looks, Method, Network};
 use crate::data::{self, About, WithSource};
 use crate::encoder;
 use crate::journal::{Journal, Outcome, Stop};
 use crate::report::{self, paper, predictions};
 use crate::results::{
-    Costs, Dataset, MethodOutcomes, MethodResult, Results, Scoring, Speed, score,
+    Costs, Dataset, Judged, MethodOutcomes, MethodResult, PerProperty, Provenance, Results,
+    Scoring, Speed, score,
 };
 use crate::sequences::Sequences;
 use folder::RunFolder;
 use select::{Found, Selecting, Selections};
-use trials::TrialSpec;
+use trials::{Planned, TrialSpec};
 
 /// Runs the experiment into `folder`, or finishes what was begun there; `fresh` begins again.
 pub(crate) fn run(experiment: &Experiment, folder: &Path, fresh: bool) -> Result<()> {
@@ -65,7 +74,7 @@ impl WithSource for Run<'_> {
 
     fn call<S: Source>(self, source: &S, about: About) -> Result<Results> {
         let experiment = self.experiment;
-        let splits = splits(experiment, source.surfaces())?;
+        let splits = Splits::of(experiment, source.surfaces())?;
         let angles = source.view_angles();
         let methods = experiment.methods.iter().map(|m| m.on(angles.len()));
         let methods: Vec<Method> = methods.collect::<Result<_>>()?;
@@ -99,10 +108,12 @@ impl WithSource for Run<'_> {
         let rows: Vec<MethodRow<'_>> = rows.into_iter().flatten().collect();
         let all = rows.iter().flat_map(|row| row.outcomes.values().flatten());
         predictions::write(self.folder.path(), &predictions::of_outcomes(all))?;
+        let provenance = provenance::of(experiment, source, &about)?;
         Ok(results(
             experiment,
             source,
             about,
+            provenance,
             &properties,
             &splits,
             &rows,
@@ -137,7 +148,7 @@ struct Encoded<'a, 'm> {
     about: &'a About,
     encoder: &'a EncoderSpec,
     methods: Vec<&'m Method>,
-    splits: &'a [Split],
+    splits: &'a Splits,
 }
 
 impl<'m> Encoded<'_, 'm> {
@@ -157,16 +168,43 @@ impl<'m> Encoded<'_, 'm> {
             splits,
         } = self;
         let needed = views::needed(methods, source)?;
-        let stages = Stages::new(run.experiment, encoder, source, about, needed, sequence)?;
-        let groups = groups(&stages, encoder, splits)?;
+        let experiment = run.experiment;
+        let stages = Stages::new(
+            experiment,
+            encoder,
+            (source, about),
+            splits,
+            needed,
+            sequence,
+        )?;
+        let mut groups = Encodings::of_splits(&stages, encoder, &splits.all)?;
+        if methods.iter().any(|method| method.in_hindsight()) {
+            for group in &mut groups {
+                group.look_at_all(experiment, source, &splits.all)?;
+            }
+        }
         let selections = run.select(&groups, splits, methods, journals)?;
-        let trained = methods
-            .iter()
-            .map(|method| run.train(method, (&groups, &selections), splits, journals));
+        let mut trials: Vec<Vec<TrialSpec>> = methods.iter().map(|_| Vec::new()).collect();
+        for group in &mut groups {
+            let planned = self.planned(group, &selections)?;
+            let of_method = methods
+                .iter()
+                .copied()
+                .zip(planned.iter().map(Vec::as_slice));
+            group.look(experiment, source, &splits.all, of_method)?;
+            for ((method, planned), all) in methods.iter().zip(planned).zip(&mut trials) {
+                let own = splits.of_method(method, experiment.seed)?;
+                let specs = trials::keyed(experiment, method, group, &own.all, planned)?;
+                let journal = &mut journals.trials;
+                fit::run_missing(experiment, method, group, &own, &specs, journal)?;
+                all.extend(specs);
+            }
+        }
+        let trained = methods.iter().zip(trials);
+        let trained = trained.map(|(method, trials)| Trained::of(method, trials, &journals.trials));
         let trained = trained.collect::<Result<Vec<_>>>()?;
         let stage = &groups[0].stage;
-        let asked: Vec<Asked<'_>> = trained.iter().map(|method| method.asked(stage)).collect();
-        let costs = costs::measure(source, &splits[0], &asked)?;
+        let costs = self.costs(source, stage, &trained)?;
         let train_seconds = groups.iter().map(|group| group.stage.train_seconds).sum();
         let rows = trained.into_iter().zip(costs).map(|(trained, costs)| {
             let costs = Costs {
@@ -176,7 +214,39 @@ impl<'m> Encoded<'_, 'm> {
             trained.row(costs, &selections)
         });
         let rows = rows.collect();
-        Ok((groups[0].stage.tables.codes(), rows))
+        Ok((stage.tables.codes(), rows))
+    }
+
+    /// The trials of each method on the splits of a group.
+    fn planned(&self, group: &Encodings, selections: &Selections) -> Result<Vec<Vec<Planned>>> {
+        let (experiment, splits) = (self.run.experiment, &self.splits.all);
+        let tables = &group.stage.tables;
+        let of = |method: &&Method| {
+            let some = group.splits.clone();
+            trials::planned(experiment, method, tables, splits, some, selections)
+        };
+        self.methods.iter().map(of).collect()
+    }
+
+    /// What an estimate of each method costs; nothing where it looks at nothing.
+    fn costs<S: Source>(
+        &self,
+        source: &S,
+        stage: &Stage,
+        trained: &[Trained<'_>],
+    ) -> Result<Vec<Costs>> {
+        let looks = |trained: &&Trained<'_>| trained.method.looks != Looks::Nothing;
+        let asked = trained
+            .iter()
+            .filter(looks)
+            .map(|method| method.asked(stage));
+        let asked: Vec<Asked<'_>> = asked.collect();
+        let mut measured = costs::measure(source, self.splits, &asked)?.into_iter();
+        let of = |trained: &Trained<'_>| match trained.method.looks {
+            Looks::Nothing => Costs::default(),
+            _ => measured.next().unwrap_or_default(),
+        };
+        Ok(trained.iter().map(of).collect())
     }
 }
 
@@ -184,50 +254,22 @@ impl Run<'_> {
     /// The views of all methods that select some.
     fn select(
         &self,
-        groups: &[Group],
-        splits: &[Split],
+        groups: &[Encodings],
+        splits: &Splits,
         methods: &[&Method],
         journals: &mut Journals,
     ) -> Result<Selections> {
         let mut selections = Selections::default();
-        for Group { stage, reruns } in groups {
+        for group in groups {
             let mut selecting = Selecting {
                 experiment: self.experiment,
-                tables: &stage.tables,
+                encodings: group,
                 splits,
                 journal: &mut journals.selections,
             };
-            selecting.run(methods, reruns.clone(), &mut selections)?;
+            selecting.run(methods, group.splits.clone(), &mut selections)?;
         }
         Ok(selections)
-    }
-
-    /// Runs what is missing of a method.
-    fn train<'m>(
-        &self,
-        method: &'m Method,
-        (groups, selections): (&[Group], &Selections),
-        splits: &[Split],
-        journals: &mut Journals,
-    ) -> Result<Trained<'m>> {
-        let experiment = self.experiment;
-        let journal = &mut journals.trials;
-        let mut all = Vec::new();
-        for Group { stage, reruns } in groups {
-            let tables = &stage.tables;
-            let reruns = reruns.clone();
-            let trials = trials::trials(experiment, method, tables, splits, reruns, selections)?;
-            fit::run_missing(experiment, method, tables, splits, &trials, journal)?;
-            all.extend(trials);
-        }
-        let outcomes = outcomes(&all, journal)?;
-        let stops = outcomes.values().flatten().flat_map(|o| &o.stops);
-        Ok(Trained {
-            method,
-            stops: stops.copied().collect(),
-            trials: all,
-            outcomes,
-        })
     }
 }
 
@@ -242,6 +284,17 @@ struct Trained<'m> {
 }
 
 impl<'m> Trained<'m> {
+    fn of(method: &'m Method, trials: Vec<TrialSpec>, journal: &Journal<Outcome>) -> Result<Self> {
+        let outcomes = outcomes(&trials, journal)?;
+        let stops = outcomes.values().flatten().flat_map(|o| &o.stops);
+        Ok(Self {
+            method,
+            stops: stops.copied().collect(),
+            trials,
+            outcomes,
+        })
+    }
+
     fn asked<'a>(&'a self, stage: &'a Stage) -> Asked<'a> {
         Asked {
             stage,
@@ -261,30 +314,6 @@ impl<'m> Trained<'m> {
     }
 }
 
-/// Reruns that look at the same embeddings.
-struct Group {
-    stage: Arc<Stage>,
-    reruns: Range<usize>,
-}
-
-/// All reruns together, or each on its own where an encoder is trained for each.
-fn groups<S: Source>(
-    stages: &Stages<'_, S>,
-    encoder: &EncoderSpec,
-    splits: &[Split],
-) -> Result<Vec<Group>> {
-    let group = |reruns: Range<usize>| {
-        let stage = stages.of(&splits[reruns.start].train)?;
-        Ok(Group { stage, reruns })
-    };
-    if encoder.training.is_none() {
-        return Ok(vec![group(0..splits.len())?]);
-    }
-    (0..splits.len())
-        .map(|rerun| group(rerun..rerun + 1))
-        .collect()
-}
-
 /// A method with all its outcomes, by property, in the order of the reruns.
 struct MethodRow<'a> {
     method: &'a Method,
@@ -292,6 +321,18 @@ struct MethodRow<'a> {
     /// What its selector found, likewise.
     found: BTreeMap<String, Vec<Found>>,
     costs: Costs,
+}
+
+impl MethodRow<'_> {
+    /// Its outcomes, the folds of a rerun together.
+    fn judged(&self, of_rerun: usize) -> PerProperty<Vec<Judged<'_>>> {
+        let of_property = self.outcomes.iter().map(|(property, outcomes)| {
+            let outcomes: Vec<&Outcome> = outcomes.iter().collect();
+            let reruns = outcomes.chunks(of_rerun).filter_map(Judged::of);
+            (property.clone(), reruns.collect())
+        });
+        of_property.collect()
+    }
 }
 
 fn found(
@@ -326,12 +367,18 @@ fn results<S: Source>(
     experiment: &Experiment,
     source: &S,
     about: About,
+    provenance: Provenance,
     properties: &[String],
-    splits: &[Split],
+    splits: &Splits,
     rows: &[MethodRow<'_>],
 ) -> Results {
+    let numbers = source.surfaces().iter().zip(splits.units.of_surface());
+    let units = numbers
+        .map(|(surface, &unit)| (surface.id.clone(), unit))
+        .collect();
     let scoring = Scoring {
         properties,
+        units: &units,
         top8: paper::top8(),
         bootstrap: experiment.bootstrap,
     };
@@ -340,19 +387,16 @@ fn results<S: Source>(
         .map(|row| MethodOutcomes {
             id: &row.method.id,
             label: &row.method.label,
-            kind: match row.method.estimator {
-                Estimator::Head(_) => "head",
-                Estimator::Ridge(_) => "ridge",
+            kind: row.method.estimator.kind(),
+            encoder: match row.method.looks {
+                Looks::Nothing => String::new(),
+                _ => encoder::describe(&row.method.encoder),
             },
-            encoder: encoder::describe(&row.method.encoder),
+            precision: row.method.precision().unwrap_or_default(),
             adaptive: row.method.adaptive,
             paper: row.method.paper.as_deref(),
-            reruns: splits.len(),
-            outcomes: row
-                .outcomes
-                .iter()
-                .map(|(property, outcomes)| (property.clone(), outcomes.iter().collect()))
-                .collect(),
+            reruns: experiment.reruns,
+            outcomes: row.judged(splits.of_rerun),
             costs: row.costs,
             selections: selection::summaries(row, rows, source.view_angles()),
         })
@@ -360,13 +404,14 @@ fn results<S: Source>(
     let against = experiment.against.iter().filter_map(|&at| methods.get(at));
     let against = against.map(|method| method.id.to_owned());
     let methods: Vec<MethodResult> = methods
-        .iter()
+        .par_iter()
         .map(|method| score(method, &methods, &experiment.against, &scoring))
         .collect();
     Results {
+        provenance,
         experiment: experiment.name.clone(),
         description: experiment.description.clone(),
-        dataset: dataset(experiment, source, &about),
+        dataset: dataset(experiment, source, &about, splits),
         properties: properties.to_vec(),
         interval_level: experiment.interval_level.get(),
         against: against.collect(),
@@ -384,7 +429,12 @@ fn encoders(methods: &[Method]) -> String {
     }
 }
 
-fn dataset<S: Source>(experiment: &Experiment, source: &S, about: &About) -> Dataset {
+fn dataset<S: Source>(
+    experiment: &Experiment,
+    source: &S,
+    about: &About,
+    splits: &Splits,
+) -> Dataset {
     let ceiling = |of: fn(&sps_dataset::simulate::Ceiling) -> f64| {
         let ceilings = about.ceilings.iter().flat_map(|c| &c.properties);
         ceilings
@@ -396,6 +446,9 @@ fn dataset<S: Source>(experiment: &Experiment, source: &S, about: &About) -> Dat
         simulated: about.simulated,
         published_sps: about.published_sps,
         surfaces: source.surfaces().len(),
+        training_surfaces: splits.training_surfaces(),
+        unit: Some(splits.units.unit()),
+        units: splits.units.count(),
         views: source.view_angles().len(),
         view_angles_deg: source.view_angles().iter().map(|angle| angle.0).collect(),
         encoder: encoders(&experiment.methods),

@@ -14,9 +14,11 @@ use sps_dataset::{Property, Split};
 use sps_models::heads::{FusionLoss, Head, Observer, Plan, Rerun, TrainedHeads, Trial, Views};
 use sps_viewselect::{LossError, Problem, Random, Selection, Selector, SetLoss, Sets};
 
-use super::Tables;
+use super::refit::Refits;
+use super::splits::early_stopped;
 use super::views::{seed, without_loss};
-use crate::config::{Estimator, Experiment, Looks, Method, Selected};
+use super::{Encodings, Splits};
+use crate::config::{Experiment, Looks, Method, Refit, Selected};
 use crate::journal::{Journal, Record, TrialKey};
 use crate::progress::Progress;
 
@@ -53,8 +55,8 @@ impl Selections {
 /// What selections are made on.
 pub(crate) struct Selecting<'a> {
     pub experiment: &'a Experiment,
-    pub tables: &'a Tables,
-    pub splits: &'a [Split],
+    pub encodings: &'a Encodings,
+    pub splits: &'a Splits,
     pub journal: &'a mut Journal<Found>,
 }
 
@@ -89,7 +91,7 @@ impl Selecting<'_> {
     /// Every selection that the methods of a family need, property by property.
     fn wanted<'m>(&self, family: &Family<'m>, reruns: Range<usize>) -> Result<Vec<Wanted<'m>>> {
         let mut wanted = Vec::new();
-        for &property in &self.tables.properties {
+        for &property in &self.encodings.stage.tables.properties {
             for rerun in reruns.clone() {
                 for &(method, selected) in &family.members {
                     wanted.push(Wanted {
@@ -114,15 +116,21 @@ impl Selecting<'_> {
     ) -> Result<TrialKey> {
         TrialKey::of(&Inputs {
             code: env!("SOURCE_HASH"),
-            data: self.tables.fingerprint().to_hex().to_string(),
-            views: self.tables.all_views,
+            data: self
+                .encodings
+                .stage
+                .tables
+                .fingerprint()
+                .to_hex()
+                .to_string(),
+            views: self.encodings.stage.tables.all_views,
             seed: self.experiment.seed,
             folds: self.experiment.selection_folds,
             frozen: family.frozen.map(Head::config),
             selected,
             property: property.code(),
             rerun,
-            split: &self.splits[rerun],
+            training: &self.splits.all[rerun].train,
         })
     }
 
@@ -135,6 +143,7 @@ impl Selecting<'_> {
             Some(head) if !missing.is_empty() => Some(self.estimators(head, &missing)?),
             _ => None,
         };
+        let mut refits = Refits::new(self.encodings, self.splits, self.experiment.seed);
         let progress = Progress::new("views selected", missing.len());
         let of_trial = |a: &&Wanted<'_>, b: &&Wanted<'_>| a.pair() == b.pair();
         for chunk in missing.chunk_by(of_trial) {
@@ -144,7 +153,12 @@ impl Selecting<'_> {
             };
             for wanted in chunk {
                 progress.say(&format!("{}, {}", wanted.method.label, wanted.property));
-                let found = self.select(search.as_ref(), wanted)?;
+                let found = match &wanted.selected.refit {
+                    Some(refit) => self.refitted(&mut refits, refit, wanted),
+                    None => self.select(search.as_ref(), wanted),
+                };
+                let doing = || format!("method `{}`, {}", wanted.method.id, wanted.property);
+                let found = found.with_context(doing)?;
                 self.journal.append(vec![found])?;
                 progress.advance(1);
             }
@@ -161,34 +175,43 @@ impl Selecting<'_> {
             .flat_map(|pair| folds.clone().map(|fold| self.trial(pair[0], fold)))
             .collect();
         let of_rerun = |rerun| folds.clone().map(move |fold| (rerun, fold));
-        let numbered = (0..self.splits.len()).flat_map(of_rerun);
-        let reruns = numbered.map(|(rerun, fold)| Rerun {
-            number: self.number(rerun, fold),
-            training: self.parts(rerun, fold).0,
-            validation: Vec::new(),
+        let numbered = (0..self.splits.all.len()).flat_map(of_rerun);
+        let reruns = numbered.map(|(rerun, fold)| {
+            Ok(Rerun {
+                number: self.number(rerun, fold),
+                training: self.part(rerun, fold)?.train,
+                validation: Vec::new(),
+            })
         });
         let observer = Trained(Progress::new("estimators for random views", trials.len()));
         let plan = Plan {
             seed: self.experiment.seed,
-            reruns: reruns.collect(),
+            reruns: reruns.collect::<Result<_>>()?,
             trials,
         };
-        Ok(head.train(&self.tables.training_data(), &plan, &observer)?)
+        let plan = early_stopped(head, &self.splits.units, plan)?;
+        Ok(head.train(
+            &self.encodings.stage.tables.training_data(),
+            &plan,
+            &observer,
+        )?)
     }
 
     /// What is searched for one property and rerun.
     fn search(&self, estimators: &TrainedHeads, wanted: &Wanted<'_>) -> Result<Frozen> {
-        let data = self.tables.training_data();
+        let data = self.encodings.stage.tables.training_data();
         let column = data.readings.column(wanted.property.code());
         let read = |&s: &usize| column.is_some_and(|column| data.readings.get(s, column).is_some());
-        let folds = (0..self.experiment.selection_folds).filter_map(|fold| {
-            let held = self.parts(wanted.rerun, fold).1;
-            let trial = self.trial(wanted, fold);
+        let mut folds = Vec::new();
+        for fold in 0..self.experiment.selection_folds {
+            let held = self.part(wanted.rerun, fold)?.validation;
             // A part without a reading says nothing.
-            let measured = held.iter().any(read);
-            measured.then(|| estimators.fusion_loss(&trial, &data, &held))
-        });
-        Ok(Frozen(folds.collect::<sps_models::Result<_>>()?))
+            if held.iter().any(read) {
+                let trial = self.trial(wanted, fold);
+                folds.push(estimators.fusion_loss(&trial, &data, &held)?);
+            }
+        }
+        Ok(Frozen(folds))
     }
 
     /// The estimator of one fold.
@@ -206,21 +229,31 @@ impl Selecting<'_> {
     }
 
     /// The training surfaces of a rerun that a fold's estimator is trained on, and those that its
-    /// loss is measured on.
-    fn parts(&self, rerun: usize, fold: usize) -> (Vec<usize>, Vec<usize>) {
-        let mut all = self.splits[rerun].train.clone();
-        let folds = self.experiment.selection_folds;
-        if folds == 1 {
-            return (all.clone(), all);
-        }
-        // By hash, so that the order of the surfaces means nothing.
-        all.sort_by_key(|&surface| seed(self.experiment.seed, "fold", surface));
-        let (held, rest): (Vec<_>, Vec<_>) = all
-            .into_iter()
-            .enumerate()
-            .partition(|(at, _)| at % folds == fold);
-        let surfaces = |part: Vec<(usize, usize)>| part.into_iter().map(|(_, s)| s).collect();
-        (surfaces(rest), surfaces(held))
+    /// loss is measured on. Units stay whole.
+    fn part(&self, rerun: usize, fold: usize) -> Result<Split> {
+        let (folds, seed) = (self.experiment.selection_folds, self.experiment.seed);
+        let parts = self.splits.to_select(rerun, folds, seed)?;
+        parts.into_iter().nth(fold).context("no such fold")
+    }
+
+    /// The choice by a regression that is fitted anew to each set.
+    fn refitted(
+        &self,
+        refits: &mut Refits<'_>,
+        refit: &Refit,
+        wanted: &Wanted<'_>,
+    ) -> Result<Found> {
+        let properties = &self.encodings.stage.tables.properties;
+        let place = properties
+            .iter()
+            .position(|property| *property == wanted.property);
+        let place = place.context("a property that is not estimated")?;
+        let chosen = refits.select(wanted.selected, refit, place, wanted.rerun)?;
+        Ok(Found {
+            key: wanted.key.clone(),
+            selection: thinned(chosen.selection),
+            random_loss: chosen.random_loss,
+        })
     }
 
     /// Stage 2.
@@ -230,17 +263,16 @@ impl Selecting<'_> {
         let Some(frozen) = search else {
             return Ok(Found {
                 key,
-                selection: without_loss(selected, self.tables.all_views, seed)?,
+                selection: without_loss(selected, self.encodings.stage.tables.all_views, seed)?,
                 random_loss: None,
             });
         };
         let problem = Problem::new(frozen)?.distinct(selected.distinct).seed(seed);
         let random = Random { draws: RANDOM_SETS }.select(&problem)?;
         let selection = selected.selector.selector().select(&problem);
-        let doing = || format!("method `{}`, {}", wanted.method.id, wanted.property);
         Ok(Found {
             key,
-            selection: thinned(selection.with_context(doing)?),
+            selection: thinned(selection?),
             random_loss: random.curve.first().map(|point| point.mean),
         })
     }
@@ -259,16 +291,13 @@ fn families<'m>(methods: &[&'m Method]) -> Result<BTreeMap<String, Family<'m>>> 
         let Looks::Selected(selected) = &method.looks else {
             continue;
         };
-        let head = match &method.estimator {
-            Estimator::Head(head) => Some(head),
-            Estimator::Ridge(_) => None,
-        };
+        let head = method.estimator.head();
         let name = serde_json::to_string(&head.map(Head::config))?;
         let family = families.entry(name).or_insert(Family {
             frozen: None,
             members: Vec::new(),
         });
-        if selected.learns() {
+        if selected.learns() && selected.refit.is_none() {
             family.frozen = head;
         }
         family.members.push((method, selected));
@@ -303,7 +332,7 @@ struct Inputs<'a> {
     selected: &'a Selected,
     property: &'a str,
     rerun: usize,
-    split: &'a Split,
+    training: &'a [usize],
 }
 
 /// The loss of frozen estimators, as selectors ask for it: the mean over the surfaces of all.

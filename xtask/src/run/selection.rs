@@ -4,7 +4,7 @@ use sps_dataset::RollAngle;
 
 use super::MethodRow;
 use super::select::Found;
-use crate::config::{Estimator, Looks, Method, Selected, SelectorConfig};
+use crate::config::{Looks, Method, Selected, SelectorConfig};
 use crate::results::{PerProperty, SelectionResult};
 
 /// The selections of one row, by property, in the order of the reruns. Regrets are counted from
@@ -32,13 +32,15 @@ fn is_optimum(method: &Method, other: &Method) -> bool {
     let (Some(one), Some(two)) = (selected(method), selected(other)) else {
         return false;
     };
-    let same_estimator = match (&method.estimator, &other.estimator) {
-        (Estimator::Head(one), Estimator::Head(two)) => one == two,
-        _ => false,
-    };
+    let heads = method.estimator.head().zip(other.estimator.head());
+    let same_estimator = heads.is_some_and(|(one, two)| one == two);
     let exhaustive = matches!(two.selector, SelectorConfig::Exhaustive(_));
     let same_encoder = method.encoder == other.encoder;
-    same_encoder && same_estimator && exhaustive && one.distinct == two.distinct
+    let same_loss = match (&one.refit, &two.refit) {
+        (None, None) => same_estimator,
+        (one, two) => one == two,
+    };
+    same_encoder && same_loss && exhaustive && one.distinct == two.distinct
 }
 
 fn selected(method: &Method) -> Option<&Selected> {

@@ -2,18 +2,17 @@
 
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
-use sps_dataset::{
-    FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, RandomSplit, Source, SplitPlan,
-};
+use anyhow::Result;
+use sps_dataset::{FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, Source};
 use sps_models::Readings;
 use sps_models::training::{Classes, Parts, Targets, TrainingConfig};
 use tracing::info;
 
-use super::tables::{Tables, readings};
+use super::Splits;
+use super::tables::{Tables, readings, table};
 use crate::config::{EncoderSpec, Experiment};
 use crate::data::{self, About};
-use crate::embeddings::{Embedder, EmbeddingCache, embed_views};
+use crate::embeddings::{Embedder, EmbeddingCache, embed};
 use crate::encoder::Loaded;
 use crate::memory;
 use crate::training::{FrameImages, Task, train};
@@ -35,6 +34,7 @@ pub(crate) struct Stages<'a, S> {
     encoder: &'a EncoderSpec,
     source: &'a S,
     about: &'a About,
+    splits: &'a Splits,
     /// The views to embed, as indices of the source.
     views: Vec<usize>,
     start: Loaded,
@@ -49,8 +49,8 @@ impl<'a, S: Source> Stages<'a, S> {
     pub(crate) fn new(
         experiment: &'a Experiment,
         encoder: &'a EncoderSpec,
-        source: &'a S,
-        about: &'a About,
+        (source, about): (&'a S, &'a About),
+        splits: &'a Splits,
         views: Vec<usize>,
         sequence: Option<Vec<usize>>,
     ) -> Result<Self> {
@@ -60,6 +60,7 @@ impl<'a, S: Source> Stages<'a, S> {
             encoder,
             source,
             about,
+            splits,
             views,
             start,
             sequence,
@@ -83,20 +84,22 @@ impl<'a, S: Source> Stages<'a, S> {
         Ok(Arc::new(self.stage(encoder, seconds)?))
     }
 
-    /// Embeds the views, of every surface.
+    /// Embeds the views of every surface that may be trained on.
     fn stage(&self, encoder: Loaded, train_seconds: f64) -> Result<Stage> {
         let experiment = self.experiment;
         let embedder = Embedder::new(encoder, self.encoder.resize)?;
         let cache = EmbeddingCache::open(&experiment.cache, embedder.identity(), embedder.width())?;
-        let views = &self.views;
-        let embeddings = embed_views(self.source, views, &embedder, &cache)?;
+        let (views, pool) = (&self.views, self.splits.pool);
+        let frames = frames(pool, views);
+        let embedded = embed(self.source, &frames, &embedder, &cache)?;
         info!(
-            "{} embeddings of {} surfaces, {} of them encoded now",
-            self.source.surfaces().len() * views.len(),
-            self.source.surfaces().len(),
-            embeddings.frames_decoded
+            "{} embeddings of {pool} surfaces, {} of them encoded now",
+            frames.len(),
+            embedded.frames_decoded
         );
-        let mut tables = Tables::new(self.source, self.about, &embeddings, &experiment.properties)?;
+        let embeddings = table(embedded.values, pool, embedded.width)?;
+        let wanted = &experiment.properties;
+        let mut tables = Tables::new(self.source, self.about, views, embeddings, wanted)?;
         tables.sequence.clone_from(&self.sequence);
         Ok(Stage {
             encoder_bytes: memory::of(|| embedder.encoder().copied())?,
@@ -110,11 +113,8 @@ impl<'a, S: Source> Stages<'a, S> {
     /// view straight down, and the seconds that took.
     fn trained(&self, config: &TrainingConfig, training: &[usize]) -> Result<(Loaded, f64)> {
         let views = [data::nadir(self.source)?];
-        let count = self.source.surfaces().len();
-        let frames: Vec<FrameIndex> = (0..count)
-            .flat_map(|surface| views.iter().map(move |&view| FrameIndex { surface, view }))
-            .collect();
-        let readings = readings(self.source, self.about)?;
+        let frames = frames(self.splits.pool, &views);
+        let readings = readings(self.source, self.about, self.splits.pool)?;
         let rows: Vec<Vec<Option<f64>>> = frames
             .iter()
             .map(|frame| row(&readings, frame.surface))
@@ -151,18 +151,13 @@ impl<'a, S: Source> Stages<'a, S> {
                 validation: Vec::new(),
             });
         }
-        let all = self.source.surfaces();
-        let chosen: Vec<_> = training.iter().map(|&s| all[s].clone()).collect();
-        let plan = SplitPlan::Random(RandomSplit {
-            validation: config.validation,
-            keep_groups: false,
-        });
-        let splits = plan.splits(&chosen, self.experiment.seed, 0)?;
-        let split = splits.into_iter().next().context("no split")?;
-        let back = |part: &[usize]| -> Vec<usize> { part.iter().map(|&i| training[i]).collect() };
+        let seed = self.experiment.seed;
+        let split = self
+            .splits
+            .kept_aside(training, config.validation, seed, 0)?;
         Ok(Parts {
-            training: images(&back(&split.train)),
-            validation: images(&back(&split.validation)),
+            training: images(&split.train),
+            validation: images(&split.validation),
         })
     }
 
@@ -186,6 +181,12 @@ impl<'a, S: Source> Stages<'a, S> {
         }
         Ok(hasher.finalize())
     }
+}
+
+/// The given views of the first so many surfaces.
+fn frames(surfaces: usize, views: &[usize]) -> Vec<FrameIndex> {
+    let of_surface = |surface| views.iter().map(move |&view| FrameIndex { surface, view });
+    (0..surfaces).flat_map(of_surface).collect()
 }
 
 /// The material of each frame's surface, by the paper's rule.

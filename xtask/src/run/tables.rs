@@ -7,10 +7,10 @@ use sps_models::heads::TrainingData;
 use sps_models::{Embeddings, Readings};
 
 use crate::data::{self, About};
-use crate::embeddings;
 
 /// One row per surface in each.
 pub(crate) struct Tables {
+    /// All, those that may be trained on first.
     pub surfaces: Vec<Surface>,
     /// Those to estimate.
     pub properties: Vec<Property>,
@@ -22,24 +22,30 @@ pub(crate) struct Tables {
     pub all_views: usize,
     /// What the one view is made of where it is a sequence, as indices of the dataset.
     pub sequence: Option<Vec<usize>>,
-    /// (surfaces, views, width), of those views.
+    /// (surfaces that may be trained on, views, width), of those views.
     pub embeddings: Embeddings,
-    /// All properties that were measured: labels are formed from the whole tactile vector.
+    /// Of all surfaces. All properties that were measured: labels are formed from the whole
+    /// tactile vector.
     pub readings: Readings,
-    /// Material labels by the paper's rule: rare materials are `other`.
+    /// Of the surfaces that may be trained on.
+    training_readings: Readings,
+    /// Material labels of these by the paper's rule: rare materials are `other`.
     materials: Vec<String>,
     fingerprint: blake3::Hash,
 }
 
 impl Tables {
-    /// Tables to estimate the properties `wanted`, or all that the source measures.
+    /// Tables to estimate the properties `wanted`, or all that the source measures, from
+    /// embeddings of `views` of the first surfaces.
     pub(crate) fn new<S: Source>(
         source: &S,
         about: &About,
-        embeddings: &embeddings::Embeddings,
+        views: &[usize],
+        embeddings: Embeddings,
         wanted: &[Property],
     ) -> Result<Self> {
         let surfaces = source.surfaces().to_vec();
+        let pool = embeddings.surfaces();
         let measured = &source.tactile().properties;
         let properties = if wanted.is_empty() {
             measured.clone()
@@ -53,29 +59,35 @@ impl Tables {
                 source.name()
             );
         }
-        let labels = MaterialLabels::of(&surfaces, FEWEST_PER_MATERIAL);
+        let labels = MaterialLabels::of(&surfaces[..pool], FEWEST_PER_MATERIAL);
         let materials = labels.labels().iter().map(|&l| labels.names()[l].clone());
         let mut tables = Self {
-            views: embeddings.views.clone(),
+            views: views.to_vec(),
             nadir: data::nadir(source)?,
             all_views: source.view_angles().len(),
             sequence: None,
-            embeddings: tensor(embeddings, surfaces.len())?,
-            readings: readings(source, about)?,
+            embeddings,
+            readings: readings(source, about, surfaces.len())?,
+            training_readings: readings(source, about, pool)?,
             materials: materials.collect(),
             fingerprint: blake3::hash(&[]),
             surfaces,
             properties,
         };
-        tables.fingerprint = tables.hash(embeddings);
+        tables.fingerprint = tables.hash()?;
         Ok(tables)
+    }
+
+    /// Surfaces that may be trained on; those from here on are only scored on.
+    pub(crate) fn pool(&self) -> usize {
+        self.embeddings.surfaces()
     }
 
     /// For training.
     pub(crate) fn training_data(&self) -> TrainingData<'_> {
         TrainingData {
             embeddings: &self.embeddings,
-            readings: &self.readings,
+            readings: &self.training_readings,
             materials: Some(&self.materials),
             label_features: None,
         }
@@ -100,37 +112,50 @@ impl Tables {
         codes(&self.properties)
     }
 
-    /// A hash of everything in the tables.
+    /// A hash of everything that is known of the surfaces that may be trained on.
     pub(crate) fn fingerprint(&self) -> blake3::Hash {
         self.fingerprint
     }
 
-    fn hash(&self, embeddings: &embeddings::Embeddings) -> blake3::Hash {
+    fn hash(&self) -> Result<blake3::Hash> {
         let mut hasher = blake3::Hasher::new();
-        for value in &embeddings.values {
-            hasher.update(&value.to_le_bytes());
-        }
-        let columns = self.readings.properties().len();
-        for surface in 0..self.surfaces.len() {
-            for column in 0..columns {
-                let cell = self.readings.get(surface, column);
-                hasher.update(&cell.map_or([0xff; 8], f64::to_le_bytes));
+        for surface in 0..self.pool() {
+            for view in 0..self.views.len() {
+                let row = self.embeddings.get(surface, view);
+                for value in row.context("a view that was not embedded")? {
+                    hasher.update(&value.to_le_bytes());
+                }
             }
         }
+        self.hash_readings(0..self.pool(), &mut hasher);
         for (surface, material) in self.surfaces.iter().zip(&self.materials) {
             for text in [&surface.id, &surface.group, material] {
                 hasher.update(&(text.len() as u64).to_le_bytes());
                 hasher.update(text.as_bytes());
             }
         }
-        hasher.finalize()
+        Ok(hasher.finalize())
+    }
+
+    /// Hashes what was measured of some surfaces.
+    pub(crate) fn hash_readings(
+        &self,
+        surfaces: impl Iterator<Item = usize>,
+        hasher: &mut blake3::Hasher,
+    ) {
+        for surface in surfaces {
+            for &cell in self.readings.row(surface).into_iter().flatten() {
+                hasher.update(&cell.map_or([0xff; 8], f64::to_le_bytes));
+            }
+        }
     }
 }
 
-/// The readings of every surface, averaged as the data's settings say.
-pub(crate) fn readings<S: Source>(source: &S, about: &About) -> Result<Readings> {
-    let surfaces = source.surfaces().len();
-    let averages = source.tactile().averages(&about.tactile, surfaces);
+/// The readings of the first so many surfaces, averaged as the data's settings say.
+pub(crate) fn readings<S: Source>(source: &S, about: &About, surfaces: usize) -> Result<Readings> {
+    let averages = source
+        .tactile()
+        .averages(&about.tactile, source.surfaces().len());
     let row = |surface| {
         let value = |&property: &Property| averages.value(surface, property);
         averages.properties().iter().map(value).collect()
@@ -143,8 +168,9 @@ fn codes(properties: &[Property]) -> Vec<String> {
     properties.iter().map(Property::to_string).collect()
 }
 
-fn tensor(embeddings: &embeddings::Embeddings, surfaces: usize) -> Result<Embeddings> {
-    let shape = (surfaces, embeddings.views.len(), embeddings.width);
-    let tensor = Tensor::from_slice(&embeddings.values, shape, &Device::Cpu)?;
+/// The tensor (surfaces, views, width) of embedded frames, view after view of each surface.
+pub(crate) fn table(values: Vec<f32>, surfaces: usize, width: usize) -> Result<Embeddings> {
+    let views = values.len() / (surfaces * width).max(1);
+    let tensor = Tensor::from_vec(values, (surfaces, views, width), &Device::Cpu)?;
     Ok(Embeddings::new(&tensor)?)
 }

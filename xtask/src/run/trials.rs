@@ -4,56 +4,77 @@ use std::ops::Range;
 
 use anyhow::Result;
 use serde::Serialize;
-use sps_dataset::{Property, Split, Surface};
+use sps_dataset::{Property, Split};
 use sps_models::heads::{Plan, Rerun, Trial, Views};
 
-use super::Tables;
 use super::select::Selections;
 use super::views::{self, TrialViews};
-use crate::config::{AdaptiveKey, Estimator, Experiment, Method};
+use super::{Encodings, Tables};
+use crate::config::{AdaptiveKey, Experiment, Method};
 use crate::journal::TrialKey;
 
 /// One trial, and what identifies it.
 #[derive(Clone, Debug)]
 pub(crate) struct TrialSpec {
     pub property: Property,
+    /// Which of all splits.
     pub rerun: usize,
     pub views: TrialViews,
     pub key: TrialKey,
 }
 
-/// The splits of all reruns, in order; with k folds, a rerun has k.
-pub(crate) fn splits(experiment: &Experiment, surfaces: &[Surface]) -> Result<Vec<Split>> {
-    let mut splits = Vec::new();
-    for rerun in 0..experiment.reruns as u64 {
-        splits.extend(experiment.split.splits(surfaces, experiment.seed, rerun)?);
-    }
-    Ok(splits)
+/// A trial that has its views, but no key yet: the key depends on embeddings of these views.
+#[derive(Clone, Debug)]
+pub(crate) struct Planned {
+    pub property: Property,
+    /// Which of all splits.
+    pub split: usize,
+    pub views: TrialViews,
 }
 
-/// The trials of one method over some reruns, property by property.
-pub(crate) fn trials(
+/// The trials of one method on some of the splits, property by property.
+pub(crate) fn planned(
     experiment: &Experiment,
     method: &Method,
     tables: &Tables,
     splits: &[Split],
-    reruns: Range<usize>,
+    some: Range<usize>,
     selections: &Selections,
-) -> Result<Vec<TrialSpec>> {
-    let mut trials = Vec::new();
+) -> Result<Vec<Planned>> {
+    let mut all = Vec::new();
     for &property in &tables.properties {
-        for rerun in reruns.clone() {
-            let (split, trial) = (&splits[rerun], (property, rerun));
+        for at in some.clone() {
+            let trial = (property, at);
+            let split = &splits[at];
             let views = views::of_trial(experiment, method, tables, split, trial, selections)?;
-            trials.push(TrialSpec {
-                key: key(experiment, method, tables, split, trial, &views)?,
+            all.push(Planned {
                 property,
-                rerun,
+                split: at,
                 views,
             });
         }
     }
-    Ok(trials)
+    Ok(all)
+}
+
+/// The same trials with their keys.
+pub(crate) fn keyed(
+    experiment: &Experiment,
+    method: &Method,
+    encodings: &Encodings,
+    splits: &[Split],
+    planned: Vec<Planned>,
+) -> Result<Vec<TrialSpec>> {
+    let keyed = planned.into_iter().map(|planned| {
+        let split = &splits[planned.split];
+        Ok(TrialSpec {
+            key: key(experiment, method, encodings, split, &planned)?,
+            property: planned.property,
+            rerun: planned.split,
+            views: planned.views,
+        })
+    });
+    keyed.collect()
 }
 
 /// All that the outcome of a trial depends on.
@@ -61,13 +82,15 @@ pub(crate) fn trials(
 struct Inputs<'a> {
     code: &'static str,
     data: String,
+    held_out: String,
     seed: u64,
     id: &'a str,
     method: serde_json::Value,
     adaptive: Option<AdaptiveKey>,
     property: &'a str,
     rerun: usize,
-    split: &'a Split,
+    training: &'a [usize],
+    scored_on: &'a [usize],
     training_views: &'a Views,
     views: &'a [Vec<usize>],
 }
@@ -75,24 +98,25 @@ struct Inputs<'a> {
 fn key(
     experiment: &Experiment,
     method: &Method,
-    tables: &Tables,
+    encodings: &Encodings,
     split: &Split,
-    (property, rerun): (Property, usize),
-    views: &TrialViews,
+    planned: &Planned,
 ) -> Result<TrialKey> {
+    let scored_on = method.scored_on(&split.validation);
+    let views = &planned.views;
+    let held_out = encodings.fingerprint(&views.shown(), scored_on);
     TrialKey::of(&Inputs {
         code: env!("SOURCE_HASH"),
-        data: tables.fingerprint().to_hex().to_string(),
+        data: encodings.stage.tables.fingerprint().to_hex().to_string(),
+        held_out: held_out.to_hex().to_string(),
         seed: experiment.seed,
         id: &method.id,
-        method: match &method.estimator {
-            Estimator::Head(head) => serde_json::to_value(head.config())?,
-            Estimator::Ridge(ridge) => serde_json::to_value(ridge.config())?,
-        },
+        method: method.estimator.settings()?,
         adaptive: method.adaptive.map(|adaptive| adaptive.key()),
-        property: property.code(),
-        rerun,
-        split,
+        property: planned.property.code(),
+        rerun: planned.split,
+        training: &split.train,
+        scored_on,
         training_views: &views.training,
         views: &views.fillings,
     })

@@ -9,7 +9,7 @@ use sps_viewselect::{Equidistant, Problem, Relations, Selection, SetFunction, Te
 
 use super::Tables;
 use super::select::Selections;
-use crate::config::{Estimator, Experiment, Looks, Method, Selected, SelectorConfig, in_order};
+use crate::config::{Experiment, Looks, Method, Selected, SelectorConfig, in_order};
 use crate::data;
 
 /// The views of a trial, as places in the tables.
@@ -49,6 +49,7 @@ pub(crate) fn needed<S: Source>(methods: &[&Method], source: &S) -> Result<Vec<u
     let mut needed = BTreeSet::new();
     for method in methods {
         match &method.looks {
+            Looks::Nothing => {}
             Looks::Nadir => {
                 needed.insert(data::nadir(source)?);
             }
@@ -57,6 +58,9 @@ pub(crate) fn needed<S: Source>(methods: &[&Method], source: &S) -> Result<Vec<u
             }
             _ => return Ok((0..count).collect()),
         }
+    }
+    if needed.is_empty() {
+        needed.insert(data::nadir(source)?);
     }
     Ok(needed.into_iter().collect())
 }
@@ -67,6 +71,7 @@ pub(crate) fn equidistant<S: Source>(source: &S, views: usize) -> Result<Vec<usi
         picks: views,
         distinct: false,
         selector: SelectorConfig::Equidistant(Equidistant::default()),
+        refit: None,
     };
     Ok(without_loss(&selected, source.view_angles().len(), 0)?.picks)
 }
@@ -88,6 +93,7 @@ pub(crate) fn of_trial(
     selections: &Selections,
 ) -> Result<TrialViews> {
     match &method.looks {
+        Looks::Nothing => Ok(TrialViews::fixed(Vec::new())),
         Looks::Nadir => Ok(TrialViews::fixed(vec![tables.place(tables.nadir)?])),
         Looks::All => Ok(TrialViews::fixed((0..tables.views.len()).collect())),
         Looks::Selected(selected) => {
@@ -101,13 +107,14 @@ pub(crate) fn of_trial(
             let places = picks.iter().map(|&view| tables.place(view));
             Ok(TrialViews::fixed(places.collect::<Result<_>>()?))
         }
-        Looks::Relations(relations) => match &method.estimator {
-            Estimator::Head(head) => {
-                let seed = seed(experiment.seed, "relations", rerun);
-                related(relations, head.config(), tables, split, seed)
-            }
-            Estimator::Ridge(_) => anyhow::bail!("ridge regression relates no views"),
-        },
+        Looks::Relations(relations) => {
+            let head = method
+                .estimator
+                .head()
+                .context("only networks relate views")?;
+            let seed = seed(experiment.seed, "relations", rerun);
+            related(relations, head.config(), tables, split, seed)
+        }
     }
 }
 

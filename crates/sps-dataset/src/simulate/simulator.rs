@@ -8,7 +8,7 @@ use super::fingerprint;
 use super::material::Material;
 use super::parameters::{Parameters, Specimen};
 use super::render::{self, Linear, Pose, Texels};
-use super::spec::{SimulateError, SimulatorSpec};
+use super::spec::{MOST_SURFACES, SimulateError, SimulatorSpec};
 use super::touch;
 
 /// A simulated gonioreflectometer and tactile sensor.
@@ -46,9 +46,39 @@ impl Simulator {
     /// # Errors
     /// [`SimulateError::Spec`] where a field is out of range.
     pub fn new(spec: SimulatorSpec) -> Result<Self, SimulateError> {
+        let indices: Vec<usize> = (0..spec.surfaces.min(MOST_SURFACES + 1)).collect();
+        Self::of(spec, &indices)
+    }
+
+    /// Draws and touches those surfaces of the seed that have these indices, in this order,
+    /// instead of the first so many.
+    ///
+    /// ```
+    /// use sps_dataset::Source;
+    /// use sps_dataset::simulate::{Simulator, SimulatorSpec};
+    ///
+    /// let spec = SimulatorSpec { size: 32, ..SimulatorSpec::default() };
+    /// let some = Simulator::of(spec.clone(), &[7, 500_000])?;
+    /// let first = Simulator::new(SimulatorSpec { surfaces: 8, ..spec })?;
+    /// assert_eq!(some.surfaces()[0], first.surfaces()[7]);
+    /// assert_eq!(some.frame_key(0, 3)?, first.frame_key(7, 3)?);
+    /// # Ok::<(), sps_dataset::simulate::SimulateError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`SimulateError::Spec`] where a field or an index is out of range.
+    pub fn of(mut spec: SimulatorSpec, indices: &[usize]) -> Result<Self, SimulateError> {
+        spec.surfaces = indices.len();
         let angles = spec.check()?;
-        let specimens: Vec<Specimen> = (0..spec.surfaces)
-            .map(|index| Specimen::draw(spec.seed, index))
+        if let Some(&index) = indices.iter().find(|&&index| index >= MOST_SURFACES) {
+            return Err(SimulateError::Surface {
+                found: index,
+                count: MOST_SURFACES,
+            });
+        }
+        let specimens: Vec<Specimen> = indices
+            .iter()
+            .map(|&index| Specimen::draw(spec.seed, index))
             .collect();
         let surfaces = specimens
             .iter()

@@ -5,6 +5,9 @@ use thiserror::Error;
 
 use crate::RollAngle;
 
+/// Surfaces of one seed.
+pub(super) const MOST_SURFACES: usize = 1_000_000;
+
 /// What to simulate; every surface is a function of `seed` and its index alone, so sets of
 /// different lengths agree in the surfaces that both hold.
 ///
@@ -89,7 +92,7 @@ impl SimulatorSpec {
     pub(crate) fn check(&self) -> Result<Vec<RollAngle>, SimulateError> {
         require(self.surfaces >= 1, "surfaces", self.surfaces, "at least 1")?;
         require(
-            self.surfaces <= 1_000_000,
+            self.surfaces <= MOST_SURFACES,
             "surfaces",
             self.surfaces,
             "at most 1000000",

@@ -31,7 +31,65 @@ pub(super) enum Kernel<'a> {
     Spearman(RankPairs<'a>),
 }
 
+/// R² as sums over units: of squared errors, and of squared differences from the reference.
+pub(super) struct Ratio {
+    errors: Vec<f64>,
+    total: Vec<f64>,
+}
+
+impl Ratio {
+    /// R² when unit i occurs `factors[i]` times; `None` where the total is too small to divide by.
+    pub(super) fn value(&self, factors: &[f64]) -> Option<f64> {
+        let total = product(&self.total, factors);
+        let value = 1.0 - product(&self.errors, factors) / total;
+        (total >= LEAST_SUM_OF_SQUARES && value.is_finite()).then_some(value)
+    }
+}
+
+/// In a fixed order that leaves eight sums in flight.
+fn product(values: &[f64], factors: &[f64]) -> f64 {
+    const LANES: usize = 8;
+    let (values, last_values) = values.as_chunks::<LANES>();
+    let (factors, last_factors) = factors.as_chunks::<LANES>();
+    let mut lanes = [0.0; LANES];
+    for (values, factors) in values.iter().zip(factors) {
+        for lane in 0..LANES {
+            lanes[lane] += factors[lane] * values[lane];
+        }
+    }
+    let last = last_values.iter().zip(last_factors);
+    let last: f64 = last.map(|(&value, &factor)| factor * value).sum();
+    lanes.iter().sum::<f64>() + last
+}
+
 impl<'a> Kernel<'a> {
+    /// The metric as sums over `units`, where it is a ratio of such; `unit_of` says which unit each
+    /// sample is of, its own where there is none.
+    pub(super) fn ratio(&self, unit_of: Option<&[u32]>, units: usize) -> Option<Ratio> {
+        let Self::R2 {
+            squared_errors,
+            squared_deviations,
+            ..
+        } = self
+        else {
+            return None;
+        };
+        let sums = |values: &[f64]| match unit_of {
+            None => values.to_vec(),
+            Some(unit_of) => {
+                let mut sums = vec![0.0; units];
+                for (value, &unit) in values.iter().zip(unit_of) {
+                    sums[unit as usize] += value;
+                }
+                sums
+            }
+        };
+        Some(Ratio {
+            errors: sums(squared_errors),
+            total: sums(squared_deviations),
+        })
+    }
+
     /// Of samples that are known to pair up and to be finite.
     pub(super) fn new(metric: Metric, samples: Samples<'a>) -> Result<Self, Undefined> {
         let pairs: Vec<Pair> = samples.pairs()?.collect();
@@ -120,7 +178,7 @@ fn ascending_percent_errors(pairs: &[Pair]) -> Vec<(f64, usize)> {
     ascending
 }
 
-/// In a fixed order that leaves eight sums in flight.
+/// As [`product`], of whole numbers.
 fn weighted_sum(values: &[f64], weights: &[u32], term: impl Fn(f64) -> f64) -> f64 {
     const LANES: usize = 8;
     let (values, last_values) = values.as_chunks::<LANES>();

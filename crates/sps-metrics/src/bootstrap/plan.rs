@@ -1,4 +1,4 @@
-use super::kernel::Kernel;
+use super::kernel::{Kernel, Ratio};
 use super::{BootstrapError, Scored};
 use crate::outcome::Undefined;
 
@@ -20,6 +20,8 @@ pub(super) struct Plan<'a> {
 
 struct PlannedColumn<'a> {
     kernel: Kernel<'a>,
+    /// The same where it is a ratio of sums over units, which needs no look at single samples.
+    ratio: Option<Ratio>,
     /// Position of each sample's unit among the drawn; `None` where that is the sample's own.
     unit_of: Option<Vec<u32>>,
     side: Side,
@@ -29,6 +31,8 @@ struct PlannedColumn<'a> {
 pub(super) struct Scratch {
     /// How often each unit was drawn.
     pub(super) counts: Vec<u32>,
+    /// The same numbers.
+    factors: Vec<f64>,
     weights: Vec<u32>,
 }
 
@@ -69,6 +73,7 @@ impl<'a> Plan<'a> {
     pub(super) fn scratch(&self) -> Scratch {
         Scratch {
             counts: vec![0; self.units as usize],
+            factors: Vec::new(),
             weights: Vec::new(),
         }
     }
@@ -76,7 +81,15 @@ impl<'a> Plan<'a> {
     /// The value for the resample whose counts are in `scratch`.
     pub(super) fn value(&self, scratch: &mut Scratch) -> Result<f64, Undefined> {
         let mut means = Means::default();
+        scratch.factors.clear();
+        let counts = scratch.counts.iter().copied();
+        scratch.factors.extend(counts.map(f64::from));
         for column in &self.columns {
+            let ratio = column.ratio.as_ref();
+            if let Some(value) = ratio.and_then(|ratio| ratio.value(&scratch.factors)) {
+                means.add(column.side, value);
+                continue;
+            }
             let weights = match &column.unit_of {
                 None => &scratch.counts,
                 Some(unit_of) => {
@@ -101,8 +114,10 @@ impl<'a> PlannedColumn<'a> {
             None if numbers.len() == samples => None,
             None => Some((0..samples).map(|sample| position(&sample)).collect()),
         };
+        let kernel = Kernel::new(scored.metric, scored.samples)?;
         Ok(Self {
-            kernel: Kernel::new(scored.metric, scored.samples)?,
+            ratio: kernel.ratio(unit_of.as_deref(), numbers.len()),
+            kernel,
             unit_of,
             side,
         })

@@ -61,8 +61,11 @@ impl Default for HeadConfig {
             scale: Scale::Common,
             model: Model::CrossModal(CrossModal::default()),
             epochs: 30,
-            batch_size: 8,
-            adam: AdamConfig::default(),
+            batch_size: 16,
+            adam: AdamConfig {
+                weight_decay: 5.0,
+                ..AdamConfig::default()
+            },
             clip_norm: None,
             early_stopping: None,
         }

@@ -63,7 +63,7 @@ impl Spectrum {
         let squared = Mat::from_fn(surfaces, surfaces, |i, j| self.vectors[(i, j)].powi(2));
         let kept = Mat::from_fn(surfaces, self.penalties.len(), |k, p| self.kept(k, p));
         let mut slack = product(squared.as_ref(), &kept);
-        for value in slack.col_iter_mut().flat_map(|column| column.iter_mut()) {
+        for value in slack.col_iter_mut().flat_map(faer::ColMut::iter_mut) {
             // The intercept's own leverage. A surface that alone decides its own fit is predicted
             // by nothing.
             *value = (*value - 1.0 / surfaces as f64).max(f64::EPSILON);

@@ -11,11 +11,12 @@ const ROUNDING: f64 = 1e-13;
 
 /// How alike two embeddings `x` and `y` of one view are; `w` is the width, a multiple of the view's
 /// median distance between training surfaces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Default, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kernel {
     /// `exp(-|x - y| / w)` with the Euclidean norm, as the Matérn kernel of smoothness 1/2
     /// (Rasmussen and Williams 2006, section 4.2.1).
+    #[default]
     Exponential,
     /// `exp(-|x - y|² / 2w²)`.
     Gaussian,
@@ -69,8 +70,8 @@ pub(super) struct Points {
     /// Mean of each feature.
     centre: Vec<f64>,
     /// `(width, surfaces)`, less the centre.
-    points: Mat<f64>,
-    /// Squared lengths of the points.
+    centred: Mat<f64>,
+    /// Squared lengths of these.
     norms: Vec<f64>,
 }
 
@@ -82,15 +83,15 @@ impl Points {
             kernel,
             norms: norms(&points),
             centre,
-            points,
+            centred: points,
         }
     }
 
     /// Distances between training surfaces, products where the kernel is linear; `(surfaces,
     /// surfaces)`, and the unit in which they shall be told.
     pub(super) fn among_themselves(&self) -> (Mat<f64>, f64) {
-        let proximities = self.compared(&self.points, &self.norms);
-        let scale = self.kernel.scale(&proximities, self.points.nrows());
+        let proximities = self.compared(&self.centred, &self.norms);
+        let scale = self.kernel.scale(&proximities, self.centred.nrows());
         (proximities, scale)
     }
 
@@ -121,11 +122,11 @@ impl Points {
     }
 
     fn compared(&self, others: &Mat<f64>, others_norms: &[f64]) -> Mat<f64> {
-        let mut products = Mat::zeros(self.points.ncols(), others.ncols());
+        let mut products = Mat::zeros(self.centred.ncols(), others.ncols());
         matmul(
             products.as_mut(),
             Accum::Replace,
-            self.points.transpose(),
+            self.centred.transpose(),
             others.as_ref(),
             1.0,
             Par::Seq,

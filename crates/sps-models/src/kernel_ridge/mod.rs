@@ -46,9 +46,10 @@ impl Default for KernelRidgeConfig {
         Self {
             kernel: Kernel::Exponential,
             penalties: vec![
-                1e-5, 3.16e-5, 1e-4, 3.16e-4, 1e-3, 3.16e-3, 0.01, 0.0316, 0.1, 0.316, 1.0, 3.16,
+                1e-6, 1e-5, 3.16e-5, 1e-4, 3.16e-4, 1e-3, 3.16e-3, 0.01, 0.0316, 0.1, 0.316, 1.0,
+                3.16,
             ],
-            widths: vec![1.0, 4.0],
+            widths: vec![4.0],
         }
     }
 }

@@ -121,10 +121,10 @@ impl TrainedKernelRidges {
             };
             ridges.push(stored.with(support, rows)?);
         }
-        match supports.iter_mut().any(|(_, rows)| rows.next().is_some()) {
-            true => Err(refused("coefficients of no regression", "none such")),
-            false => Ok(Self { ridges }),
+        if supports.iter_mut().any(|(_, rows)| rows.next().is_some()) {
+            return Err(refused("coefficients of no regression", "none such"));
         }
+        Ok(Self { ridges })
     }
 }
 

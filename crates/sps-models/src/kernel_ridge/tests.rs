@@ -57,6 +57,7 @@ impl Set {
         let rerun = |number| Rerun {
             number,
             training: (0..training).collect(),
+            validation: Vec::new(),
         };
         let mut plan = Plan::each(3, self.readings.properties(), vec![rerun(0)]);
         for trial in &mut plan.trials {
@@ -444,6 +445,7 @@ mod hard_cases {
             reruns: vec![Rerun {
                 number: 0,
                 training: (6..30).collect(),
+                validation: Vec::new(),
             }],
             ..set.plan(30, &[0])
         };

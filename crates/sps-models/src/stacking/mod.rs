@@ -164,6 +164,7 @@ impl Folds {
         let reruns = self.0.iter().filter(used).map(|fold| Rerun {
             number: fold.number,
             training: fold.training.clone(),
+            validation: Vec::new(),
         });
         Ok(Plan {
             seed: plan.seed,

@@ -42,6 +42,7 @@ impl Set {
         let rerun = |number| Rerun {
             number,
             training: (number as usize..number as usize + 24).collect(),
+            validation: Vec::new(),
         };
         let reruns = (0..reruns).map(rerun).collect();
         Plan::each(5, self.readings.properties(), reruns)

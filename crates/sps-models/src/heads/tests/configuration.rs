@@ -5,7 +5,6 @@ fn the_papers_settings_are_the_defaults() {
     let config = HeadConfig::default();
     assert_eq!(config.epochs, 30);
     assert_eq!(config.adam.learning_rate, 1e-4);
-    assert_eq!(config.adam.weight_decay, 0.0);
     assert_eq!(config.early_stopping, None);
     let Model::CrossModal(model) = config.model else {
         panic!("not the cross-modal network")

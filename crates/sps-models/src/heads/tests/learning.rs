@@ -44,8 +44,12 @@ fn the_cross_modal_network_follows_a_bend_that_regression_cannot() {
     let set = bent();
     let plan = set.plan(2);
     // A larger step stands in for the epochs that a small test has no time for.
-    let mut config = HeadConfig::default();
+    let mut config = HeadConfig {
+        batch_size: 8,
+        ..HeadConfig::default()
+    };
     config.adam.learning_rate = 3e-3;
+    config.adam.weight_decay = 0.0;
     let cross_modal = r2(&set, &set.train(&config, &plan), &plan);
     config.model = Model::Regression {};
     let regression = r2(&set, &set.train(&config, &plan), &plan);

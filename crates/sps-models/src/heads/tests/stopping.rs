@@ -113,7 +113,9 @@ fn what_cannot_be_seen_falls_back_to_the_training_mean() {
     set.readings = Readings::new(vec!["p0".into()], &rows).unwrap();
     let plan = with_validation(set.plan(1));
     let mut config = stopping(0);
+    config.batch_size = 8;
     config.adam.learning_rate = 0.2;
+    config.adam.weight_decay = 0.0;
     let trained = set.train(&config, &plan);
     let found = kept(&trained.heads()[0]);
     assert!(

@@ -1,0 +1,203 @@
+//! How one layer of a config is laid over another.
+
+use toml::{Table, Value};
+
+use super::locate::Setting;
+
+/// Keys that say which of several kinds of table a table is.
+const TAGS: [&str; 2] = ["kind", "source"];
+
+/// Tables that a config need not have; `false` in the place of one takes it back.
+const OPTIONAL: [&str; 3] = ["adversarial", "classification", "early-stopping"];
+
+/// Lays one table over another; a table that says its kind begins anew, and nothing of the one
+/// below shows through.
+pub(super) fn merge(under: &mut Table, over: Table) {
+    for (key, value) in over {
+        match (under.get_mut(&key), value) {
+            (Some(Value::Table(under)), Value::Table(over)) if !begins_anew(&over) => {
+                merge(under, over);
+            }
+            (_, value) => {
+                under.insert(key, value);
+            }
+        }
+    }
+}
+
+fn begins_anew(over: &Table) -> bool {
+    TAGS.iter().any(|tag| over.contains_key(*tag))
+}
+
+/// Lays each item of `list` over the top-level table `base`, under that name.
+pub(super) fn inherit(table: &mut Table, base: &str, list: &str) {
+    let Some(base_value @ Value::Table(_)) = table.get(base).cloned() else {
+        return;
+    };
+    let Some(Value::Array(items)) = table.get_mut(list) else {
+        return;
+    };
+    for item in items {
+        if let Value::Table(item) = item {
+            let mut inherited = Table::from_iter([(base.to_owned(), base_value.clone())]);
+            if let Some(own) = item.remove(base) {
+                merge(&mut inherited, Table::from_iter([(base.to_owned(), own)]));
+            }
+            item.extend(inherited);
+        }
+    }
+}
+
+/// Removes the optional tables that are `false`.
+pub(super) fn take_back(table: &mut Table) {
+    table.retain(|key, value| {
+        let taken_back = OPTIONAL.contains(&key) && *value == Value::Boolean(false);
+        !taken_back
+    });
+    for (_, value) in table.iter_mut() {
+        take_back_inside(value);
+    }
+}
+
+fn take_back_inside(value: &mut Value) {
+    match value {
+        Value::Table(table) => take_back(table),
+        Value::Array(list) => list.iter_mut().for_each(take_back_inside),
+        _ => {}
+    }
+}
+
+/// Puts the setting's value in its place.
+pub(super) fn apply(table: &mut Table, setting: &Setting) -> Result<(), String> {
+    let (parents, last) = match setting.key.rsplit_once('.') {
+        Some((parents, last)) => (parents.split('.').collect(), last),
+        None => (Vec::new(), setting.key.as_str()),
+    };
+    let mut root = Value::Table(std::mem::take(table));
+    let mut at = &mut root;
+    let outcome = (|| {
+        for step in parents {
+            at = match at {
+                Value::Table(table) => table
+                    .entry(step)
+                    .or_insert_with(|| Value::Table(Table::new())),
+                Value::Array(list) => element(list, step)?,
+                other => return Err(format!("`{step}` lies inside a {}", other.type_str())),
+            };
+        }
+        match at {
+            Value::Table(table) => {
+                table.insert(last.to_owned(), setting.value.clone());
+            }
+            Value::Array(list) => *element(list, last)? = setting.value.clone(),
+            other => return Err(format!("`{last}` lies inside a {}", other.type_str())),
+        }
+        Ok(())
+    })();
+    if let Value::Table(merged) = root {
+        *table = merged;
+    }
+    outcome
+}
+
+fn element<'v>(list: &'v mut [Value], index: &str) -> Result<&'v mut Value, String> {
+    let length = list.len();
+    index
+        .parse::<usize>()
+        .ok()
+        .and_then(|index| list.get_mut(index))
+        .ok_or_else(|| format!("`{index}` is not an index of a list of {length}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TOP: &str = "[head]\nepochs = 30\n[head.model]\nkind = \"cross-modal\"\nlatent = 100\n\
+                       adversarial = { weight = 0.5 }\n";
+
+    /// The `head` of the only method (or sweep), `own` laid over [`TOP`].
+    fn head_in(list: &str, own: &str) -> Table {
+        let text = format!("{TOP}[[{list}]]\n{own}");
+        let mut table: Table = text.parse().unwrap();
+        inherit(&mut table, "head", list);
+        take_back(&mut table);
+        table[list][0]["head"].as_table().unwrap().clone()
+    }
+
+    fn head(own: &str) -> Table {
+        head_in("methods", own)
+    }
+
+    fn table(text: &str) -> Table {
+        text.parse().unwrap()
+    }
+
+    #[test]
+    fn a_kind_begins_its_table_anew_and_no_other() {
+        for list in ["methods", "sweep"] {
+            assert_eq!(
+                head_in(list, "head.model = { kind = \"cross-modal\" }"),
+                table("epochs = 30\nmodel = { kind = \"cross-modal\" }")
+            );
+        }
+        assert_eq!(
+            head("head.model = { kind = \"cross-modal\", adversarial = {} }"),
+            table("epochs = 30\nmodel = { kind = \"cross-modal\", adversarial = {} }")
+        );
+        assert_eq!(
+            head("head.model = { kind = \"regression\" }"),
+            table("epochs = 30\nmodel = { kind = \"regression\" }")
+        );
+    }
+
+    #[test]
+    fn a_table_without_a_kind_is_laid_over_the_inherited_one() {
+        assert_eq!(
+            head("head.model.latent = 50\nhead.epochs = 9"),
+            table(
+                "epochs = 9\nmodel = { kind = \"cross-modal\", latent = 50, \
+                 adversarial = { weight = 0.5 } }"
+            )
+        );
+    }
+
+    #[test]
+    fn false_takes_an_optional_table_back_inherited_or_not() {
+        assert_eq!(
+            head("head.model.adversarial = false"),
+            table("epochs = 30\nmodel = { kind = \"cross-modal\", latent = 100 }")
+        );
+        assert_eq!(
+            head("head.model.classification = false\nhead.early-stopping = false"),
+            head("")
+        );
+        assert_eq!(
+            head("head.model = { kind = \"cross-modal\", adversarial = false }"),
+            head("head.model = { kind = \"cross-modal\" }")
+        );
+    }
+
+    #[test]
+    fn false_elsewhere_is_a_value() {
+        let mut layered = table("a = { adversarial = true, trainable = false }");
+        take_back(&mut layered);
+        assert_eq!(
+            layered,
+            table("a = { adversarial = true, trainable = false }")
+        );
+    }
+
+    /// What a run writes down as `config.toml` says the same when it is read again.
+    #[test]
+    fn inheriting_twice_changes_nothing() {
+        let own = "head.model.adversarial = false";
+        let mut once: Table = format!("{TOP}[[methods]]\n{own}").parse().unwrap();
+        inherit(&mut once, "head", "methods");
+        take_back(&mut once);
+        let mut twice = once.clone();
+        inherit(&mut twice, "head", "methods");
+        take_back(&mut twice);
+        assert_eq!(once, twice);
+    }
+}

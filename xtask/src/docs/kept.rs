@@ -1,0 +1,125 @@
+//! What the documents keep of a finished run: `docs/measured/RUN.json`.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use serde_json::{Number, Value};
+
+use crate::checksums;
+use crate::files::{read_text, write_atomically};
+use crate::results::{MethodResult, Results};
+
+const FOLDER: &str = "docs/measured";
+
+/// All that is kept, by the names of the runs' folders.
+pub(super) struct Runs(BTreeMap<String, Results>);
+
+impl Runs {
+    /// Reads what is kept below `root`.
+    pub(super) fn read(root: &Path) -> Result<Self> {
+        let folder = root.join(FOLDER);
+        let mut runs = BTreeMap::new();
+        if !folder.exists() {
+            return Ok(Self(runs));
+        }
+        let failed = || format!("cannot read {}", folder.display());
+        for entry in fs::read_dir(&folder).with_context(failed)? {
+            let path = entry.with_context(failed)?.path();
+            let (Some(name), true) = (
+                path.file_stem(),
+                path.extension().is_some_and(|ending| ending == "json"),
+            ) else {
+                continue;
+            };
+            let results = serde_json::from_str(&read_text(&path)?).with_context(|| {
+                let path = path.display();
+                format!("{path} is damaged; `cargo xtask docs RUN_DIR` writes it again")
+            });
+            runs.insert(name.to_string_lossy().into_owned(), results?);
+        }
+        Ok(Self(runs))
+    }
+
+    /// The run of that name.
+    pub(super) fn get(&self, run: &str) -> Result<&Results> {
+        self.0.get(run).with_context(|| {
+            format!("{FOLDER}/{run}.json is not there; `cargo xtask docs RUN_DIR` writes it")
+        })
+    }
+}
+
+/// Keeps a finished run below `root`, without what no table needs; returns the file.
+pub(crate) fn keep(root: &Path, run: &Path) -> Result<PathBuf> {
+    let damaged = checksums::damaged(run)?;
+    ensure!(
+        !damaged.iter().any(|name| name == "results.json"),
+        "{}: the checksum of results.json does not match its content",
+        run.display()
+    );
+    let mut results = Results::read(run)?;
+    results.methods.iter_mut().for_each(lighten);
+    let folder = run.canonicalize();
+    let folder = folder.with_context(|| format!("cannot read {}", run.display()))?;
+    let name = folder.file_name().and_then(|name| name.to_str());
+    let name = name.with_context(|| format!("{} has no name", run.display()))?;
+    ensure!(
+        !name.contains(char::is_whitespace),
+        "{}: a marker cannot name a run with a space in it",
+        run.display()
+    );
+    let path = root.join(FOLDER).join(format!("{name}.json"));
+    write_atomically(&path, text(&results)?.as_bytes())?;
+    Ok(path)
+}
+
+/// Drops what is large and in no table.
+fn lighten(method: &mut MethodResult) {
+    method.r2_std.clear();
+    method.rmse.clear();
+    method.spearman.clear();
+    method.zero_truths.clear();
+    method.r2_interval.clear();
+    method.selected_views.clear();
+    for selection in method.selections.values_mut().flatten() {
+        selection.curve.clear();
+    }
+}
+
+/// JSON with a line for each method, so that a difference shows which has changed.
+fn text(results: &Results) -> Result<String> {
+    let mut whole = serde_json::to_value(results)?;
+    round(&mut whole);
+    let keys = whole.as_object().into_iter().flatten();
+    let lines = keys.map(|(key, value)| {
+        let key = Value::from(key.as_str());
+        match value.as_array().filter(|_| key == "methods") {
+            Some(methods) => {
+                let methods: Vec<String> = methods.iter().map(Value::to_string).collect();
+                format!("{key}: [\n{}\n]", methods.join(",\n"))
+            }
+            None => format!("{key}: {value}"),
+        }
+    });
+    Ok(format!(
+        "{{\n{}\n}}\n",
+        lines.collect::<Vec<_>>().join(",\n")
+    ))
+}
+
+/// Rounds to eight digits: more than any table prints.
+fn round(value: &mut Value) {
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            let digits = number.as_f64().map(|x| format!("{x:.7e}"));
+            let rounded = digits.and_then(|digits| digits.parse().ok());
+            if let Some(rounded) = rounded.and_then(Number::from_f64) {
+                *number = rounded;
+            }
+        }
+        Value::Array(values) => values.iter_mut().for_each(round),
+        Value::Object(values) => values.values_mut().for_each(round),
+        _ => {}
+    }
+}

@@ -1,0 +1,238 @@
+use serde_json::{Value, json};
+
+use super::*;
+
+/// A method with what tables need.
+fn method(id: &str, label: &str, r2: f64) -> Value {
+    json!({
+        "id": id, "label": label, "reruns": 3, "held_out_surfaces": 2000,
+        "r2": {"fRS": r2 + 0.1, "mTX": r2 - 0.1}, "r2_std": {"fRS": 0.01, "mTX": 0.01},
+        "mae": {"fRS": 4.0, "mTX": 5.0}, "median_percent_error": {"fRS": 20.0, "mTX": null},
+        "rmse": {}, "spearman": {}, "r2_interval": {}, "zero_truths": {"fRS": 0, "mTX": 3},
+        "r2_mean": r2, "r2_mean_interval": [r2 - 0.012_345_678_912, r2 + 0.01],
+        "mae_mean": 4.5, "median_percent_error_mean": 20.0, "median_percent_error_top8": null,
+        "median_percent_error_best8": null, "best8": [], "r2_mean_gain": null, "paper": null,
+        "frames_decoded_per_surface": 1.0, "frames_encoded_per_surface": 1.0,
+        "predict_seconds_per_surface": 0.003_25, "train_seconds": 4.0,
+        "selected_views": {"fRS": [[0], [0], [0]]}, "notes": [],
+    })
+}
+
+fn results() -> Value {
+    let mut network = method("full", "Whole | network", 0.622);
+    network["r2_mean_gains"] = json!({"ridge": {"value": 0.05, "interval": [0.0401, 0.0604]}});
+    json!({
+        "experiment": "ablation", "description": "",
+        "dataset": {
+            "name": "simulated", "simulated": true, "published_sps": false, "surfaces": 2360,
+            "views": 1, "encoder": "small", "ceiling_one_view": {"fRS": 0.9, "mTX": 0.8},
+            "ceiling_all_views": {},
+        },
+        "properties": ["fRS", "mTX"], "interval_level": 0.95, "against": ["ridge"],
+        "methods": [method("ridge", "Ridge", 0.575), network], "notes": [],
+    })
+}
+
+/// A repository with a finished run and a page.
+struct Repository(tempfile::TempDir);
+
+impl Repository {
+    fn with(page: &str) -> Self {
+        let repository = Self(tempfile::tempdir().unwrap());
+        for folder in ["docs/deep", "runs/ablation"] {
+            fs::create_dir_all(repository.path(folder)).unwrap();
+        }
+        fs::write(repository.path("README.md"), "Nothing measured.\n").unwrap();
+        fs::write(repository.path("docs/deep/page.md"), page).unwrap();
+        let run = repository.path("runs/ablation/results.json");
+        fs::write(run, results().to_string()).unwrap();
+        repository
+    }
+
+    fn path(&self, path: &str) -> PathBuf {
+        self.0.path().join(path)
+    }
+
+    fn page(&self) -> String {
+        fs::read_to_string(self.path("docs/deep/page.md")).unwrap()
+    }
+
+    /// Keeps the run and writes the page.
+    fn written(page: &str) -> Self {
+        let repository = Self::with(page);
+        let kept = keep(repository.0.path(), &repository.path("runs/ablation")).unwrap();
+        assert_eq!(kept, repository.path("docs/measured/ablation.json"));
+        write(repository.0.path()).unwrap();
+        repository
+    }
+
+    fn problems(&self) -> String {
+        check(self.0.path()).unwrap_err().to_string()
+    }
+}
+
+const GAINS: &str = "\
+# Page
+<!-- measured: ablation gains -->
+<!-- /measured -->
+In all <!-- value: ablation full r2_mean decimals=2 --><!-- /value -->.
+";
+
+const WRITTEN: &str = "\
+# Page
+<!-- measured: ablation gains -->
+| Method | R² | over Ridge |
+|---|---:|---:|
+| Ridge | 0.575 |  |
+| Whole \\| network | 0.622 | +0.050 [0.040, 0.060] |
+<!-- /measured -->
+In all <!-- value: ablation full r2_mean decimals=2 -->0.62<!-- /value -->.
+";
+
+#[test]
+fn pages_are_written_once_and_stay() {
+    let repository = Repository::written(GAINS);
+    assert_eq!(repository.page(), WRITTEN);
+    check(repository.0.path()).unwrap();
+    assert_eq!(write(repository.0.path()).unwrap(), [] as [PathBuf; 0]);
+    assert_eq!(repository.page(), WRITTEN);
+    // What is kept serves without the run.
+    fs::remove_dir_all(repository.path("runs")).unwrap();
+    fs::write(repository.path("docs/deep/page.md"), GAINS).unwrap();
+    assert_eq!(write(repository.0.path()).unwrap().len(), 1);
+    assert_eq!(repository.page(), WRITTEN);
+}
+
+#[test]
+fn what_was_edited_is_found_with_its_line() {
+    for (from, to, line) in [("0.575", "0.675", 2), ("0.62<", "0.63<", 8)] {
+        let repository = Repository::written(GAINS);
+        fs::write(
+            repository.path("docs/deep/page.md"),
+            WRITTEN.replace(from, to),
+        )
+        .unwrap();
+        let problems = repository.problems();
+        assert!(
+            problems.contains(&format!("page.md:{line}: ")),
+            "{problems}"
+        );
+        assert_eq!(problems.lines().count(), 1, "{problems}");
+        write(repository.0.path()).unwrap();
+        assert_eq!(repository.page(), WRITTEN);
+    }
+}
+
+#[test]
+fn what_cannot_be_written_is_named_and_left() {
+    for (page, expected) in [
+        (
+            "\n<!-- measured: other means -->\n<!-- /measured -->\n",
+            "2: docs/measured/other.json",
+        ),
+        (
+            "<!-- measured: ablation meens -->\n<!-- /measured -->\n",
+            "1: no table",
+        ),
+        (
+            "<!-- measured: ablation error -->\n<!-- /measured -->\n",
+            "1: more than one table",
+        ),
+        (
+            "<!-- measured: ablation means rows=fool -->\n<!-- /measured -->\n",
+            "no method `fool`",
+        ),
+        (
+            "<!-- measured: ablation means columns=x -->\n<!-- /measured -->\n",
+            "no column `x`",
+        ),
+        (
+            "<!-- measured: ablation means row=full -->\n<!-- /measured -->\n",
+            "`row`",
+        ),
+        (
+            "<!-- value: ablation full r3 -->1<!-- /value -->\n",
+            "1: `r3` of `full`",
+        ),
+        (
+            "<!-- value: ablation full best8 -->1<!-- /value -->\n",
+            "`best8`",
+        ),
+        (
+            "a\n\n<!-- measured: ablation means -->\n",
+            "3: `ablation means` has no",
+        ),
+        ("a\n<!-- /value -->\n", "2: `/value` closes nothing"),
+        (
+            "<!-- measured: ablation means -->\n<!-- value: ablation full r2_mean --><!-- /value -->",
+            "1: `ablation means` has no",
+        ),
+    ] {
+        let repository = Repository::with(page);
+        keep(repository.0.path(), &repository.path("runs/ablation")).unwrap();
+        let problems = repository.problems();
+        assert!(problems.contains(expected), "{problems}");
+        assert!(write(repository.0.path()).is_err(), "{page}");
+    }
+}
+
+#[test]
+fn tables_of_the_report_can_be_cut_to_rows_and_columns() {
+    let page = "<!-- measured: ablation r2 rows=full columns=mean,frs -->\n<!-- /measured -->\n";
+    let repository = Repository::with(page);
+    keep(repository.0.path(), &repository.path("runs/ablation")).unwrap();
+    write(repository.0.path()).unwrap();
+    let page = repository.page();
+    let lines: Vec<&str> = page.lines().collect();
+    assert_eq!(
+        lines[1..4],
+        [
+            "| Method | mean | fRS |",
+            "|---|---:|---:|",
+            "| Whole \\| network | 0.62 | 0.72 |",
+        ]
+    );
+}
+
+#[test]
+fn values_are_shown_as_what_they_are() {
+    for (asked, expected) in [
+        ("full r2_mean", "0.622"),
+        ("full r2_mean_interval decimals=2", "[0.61, 0.63]"),
+        ("full r2_mean_gains/ridge decimals=2", "+0.05 [0.04, 0.06]"),
+        ("full r2/fRS decimals=1", "0.7"),
+        (
+            "ridge predict_seconds_per_surface times=1000 decimals=2",
+            "3.25",
+        ),
+        ("ridge held_out_surfaces", "2000"),
+        ("- dataset/encoder", "small"),
+        ("- interval_level times=100 decimals=0", "95"),
+    ] {
+        let page = format!("<!-- value: ablation {asked} --><!-- /value -->");
+        let written = Repository::written(&page).page();
+        assert!(written.contains(&format!("-->{expected}<!--")), "{written}");
+    }
+}
+
+#[test]
+fn code_that_shows_markers_is_left_alone() {
+    let page = "```\n<!-- measured: other means -->\n```\nand `<!-- value: x y z -->`\n";
+    let repository = Repository::written(page);
+    check(repository.0.path()).unwrap();
+    assert_eq!(repository.page(), page);
+}
+
+#[test]
+fn what_is_kept_is_rounded_and_has_a_line_for_each_method() {
+    let repository = Repository::written("");
+    let kept = fs::read_to_string(repository.path("docs/measured/ablation.json")).unwrap();
+    let line = kept
+        .lines()
+        .find(|line| line.contains("\"ridge\","))
+        .unwrap();
+    let kept: Value = serde_json::from_str(line.trim_end_matches(',')).unwrap();
+    // 0.575 - 0.012345678912 to eight digits.
+    assert_eq!(kept["r2_mean_interval"][0], json!(0.562_654_32));
+    assert_eq!(kept["selected_views"], json!({}));
+}

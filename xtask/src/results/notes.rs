@@ -1,0 +1,69 @@
+//! Why numbers of a row are missing.
+
+use std::fmt::Display;
+
+use sps_metrics::{BootstrapError, BootstrapInterval, PropertyMean, RerunSummary};
+
+use super::{MethodOutcomes, Number};
+
+/// Lines for the reader of a row.
+#[derive(Default)]
+pub(super) struct Notes {
+    pub lines: Vec<String>,
+}
+
+impl Notes {
+    /// The trials that came to nothing.
+    pub(super) fn failures(&mut self, method: &MethodOutcomes<'_>) {
+        for (property, outcomes) in &method.outcomes {
+            for (rerun, judged) in outcomes.iter().enumerate() {
+                for reason in judged.failures() {
+                    self.add(&format!("{property}, rerun {rerun}, left out"), &reason);
+                }
+            }
+        }
+    }
+
+    pub(super) fn add(&mut self, what: &str, reason: &dyn Display) {
+        self.lines.push(format!("{what}: {reason}"));
+    }
+
+    pub(super) fn reruns(&mut self, what: &str, summary: RerunSummary) -> RerunSummary {
+        for (rerun, reason) in &summary.left_out {
+            self.add(&format!("{what}, rerun {rerun}"), reason);
+        }
+        summary
+    }
+
+    pub(super) fn mean(&mut self, what: &str, mean: PropertyMean) -> Number {
+        for (property, reason) in &mean.left_out {
+            self.add(&format!("{what}, without {property}"), reason);
+        }
+        mean.value.ok()
+    }
+
+    /// A mean that says nothing unless every property is in it.
+    pub(super) fn whole_mean(&mut self, what: &str, mean: PropertyMean) -> Number {
+        if mean.is_complete() {
+            return self.mean(what, mean);
+        }
+        let found = mean.properties.len();
+        let reason = format!("needs {} properties, {found} have a score", mean.wanted);
+        self.add(what, &reason);
+        None
+    }
+
+    pub(super) fn interval(
+        &mut self,
+        what: &str,
+        interval: Result<BootstrapInterval, BootstrapError>,
+    ) -> Option<[f64; 2]> {
+        match interval {
+            Ok(interval) => Some([interval.low, interval.high]),
+            Err(reason) => {
+                self.add(what, &reason);
+                None
+            }
+        }
+    }
+}

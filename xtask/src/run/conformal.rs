@@ -1,0 +1,25 @@
+//! The radius of intervals that hold what they promise for a new unit.
+
+use sps_dataset::{Unit, Units};
+use sps_metrics::{ConformalError, GroupConformal, Level, SplitConformal};
+
+/// Half the width of intervals that hold the truth of a surface of a new unit at this level, from
+/// the residuals of calibration surfaces that the model has not seen.
+pub(crate) fn radius(
+    units: &Units,
+    residuals: &[(usize, f64)],
+    level: Level,
+) -> Result<f64, ConformalError> {
+    let (surfaces, residuals): (Vec<usize>, Vec<f64>) = residuals.iter().copied().unzip();
+    match units.unit() {
+        Unit::Surface => Ok(SplitConformal::from_residuals(&residuals, level)?.radius()),
+        Unit::Group => {
+            let of_surface = units.of_surface();
+            let groups: Vec<usize> = surfaces
+                .iter()
+                .map(|&surface| of_surface[surface])
+                .collect();
+            Ok(GroupConformal::from_residuals(&residuals, &groups, level)?.radius())
+        }
+    }
+}

@@ -1,0 +1,257 @@
+//! The loss of a set of views for kernel ridge regression that is fitted anew to each set: of all
+//! properties at once, on the training surfaces or, in hindsight, on those held out.
+
+use std::collections::BTreeMap;
+
+use anyhow::{Context, Result, bail};
+use sps_dataset::Split;
+use sps_models::heads::{Plan, Rerun, Trial, Views};
+use sps_models::kernel_ridge::{KernelRidge, SetLosses};
+use sps_viewselect::{
+    LossError, Pooled, Problem, Random, Remembered, Selection, Selector, Sets, SharedLoss,
+};
+
+use super::views::seed;
+use super::{Encodings, Splits};
+use crate::config::{JudgedOn, Refit, Selected};
+
+/// Random sets whose mean loss stands for that of a random set.
+const RANDOM_SETS: usize = 100;
+
+/// How far the loss of a property may be drawn towards that of all.
+const AMOUNTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+
+/// The losses of one rerun, by what they depend on; each set is fitted once.
+pub(super) struct Refits<'a> {
+    pub encodings: &'a Encodings,
+    pub splits: &'a Splits,
+    pub seed: u64,
+    known: BTreeMap<String, Known<'a>>,
+}
+
+struct Known<'a> {
+    loss: Remembered<Loss<'a>>,
+    /// How far the losses are drawn together.
+    amount: f64,
+}
+
+/// The choice for one property, and the mean loss of random sets.
+pub(super) struct Chosen {
+    pub selection: Selection,
+    pub random_loss: Option<f64>,
+}
+
+impl<'a> Refits<'a> {
+    pub(super) fn new(encodings: &'a Encodings, splits: &'a Splits, seed: u64) -> Self {
+        Self {
+            encodings,
+            splits,
+            seed,
+            known: BTreeMap::new(),
+        }
+    }
+
+    /// Chooses views for the property with this place among those to estimate.
+    pub(super) fn select(
+        &mut self,
+        selected: &Selected,
+        refit: &Refit,
+        property: usize,
+        rerun: usize,
+    ) -> Result<Chosen> {
+        let name = format!("{rerun} {}", serde_json::to_string(selected)?);
+        if !self.known.contains_key(&name) {
+            let known = self.prepare(selected, refit, rerun)?;
+            self.known.insert(name.clone(), known);
+        }
+        let known = self.known.get(&name).context("a loss that was prepared")?;
+        let draws = seed(self.seed, "refit", rerun);
+        let pooled = Pooled::new(&known.loss, property, known.amount)?;
+        let problem = Problem::new(&pooled)?
+            .distinct(selected.distinct)
+            .seed(draws);
+        let random = Random { draws: RANDOM_SETS }.select(&problem)?;
+        Ok(Chosen {
+            selection: selected.selector.selector().select(&problem)?,
+            random_loss: random.curve.first().map(|point| point.mean),
+        })
+    }
+
+    fn prepare(&self, selected: &Selected, refit: &Refit, rerun: usize) -> Result<Known<'a>> {
+        let split = &self.splits.all[rerun];
+        let loss = match refit.judged_on {
+            JudgedOn::Training => self.left_out(selected, refit, &split.train)?,
+            JudgedOn::HeldOut => self.loss(
+                selected,
+                Judge::HeldOut(HeldOut {
+                    encodings: self.encodings,
+                    split,
+                    ridge: refit.ridge.clone(),
+                }),
+            ),
+        };
+        let amount = match refit.pooled {
+            Some(amount) => amount,
+            None => self.amount(selected, refit, rerun)?,
+        };
+        Ok(Known { loss, amount })
+    }
+
+    fn left_out(
+        &self,
+        selected: &Selected,
+        refit: &Refit,
+        training: &[usize],
+    ) -> Result<Remembered<Loss<'a>>> {
+        let tables = &self.encodings.stage.tables;
+        let (data, config) = (tables.training_data(), refit.ridge.config());
+        let losses = SetLosses::new(&data, &tables.codes(), training, config)?;
+        Ok(self.loss(selected, Judge::LeftOut(losses)))
+    }
+
+    fn loss(&self, selected: &Selected, judge: Judge<'a>) -> Remembered<Loss<'a>> {
+        let tables = &self.encodings.stage.tables;
+        Remembered::new(Loss {
+            judge,
+            views: tables.views.len(),
+            picks: selected.picks,
+            properties: tables.properties.len(),
+        })
+    }
+
+    /// The amount whose choices on one half of the training surfaces have the least loss on the
+    /// other; units stay whole.
+    fn amount(&self, selected: &Selected, refit: &Refit, rerun: usize) -> Result<f64> {
+        let halves = self.splits.to_select(rerun, 2, self.seed)?;
+        let halves = halves
+            .iter()
+            .map(|half| self.left_out(selected, refit, &half.validation));
+        let halves = halves.collect::<Result<Vec<_>>>()?;
+        let [one, other] = halves.as_slice() else {
+            bail!("two halves are needed");
+        };
+        let mut best = (f64::INFINITY, 1.0);
+        for amount in AMOUNTS {
+            let sum =
+                crossed(selected, one, other, amount)? + crossed(selected, other, one, amount)?;
+            // Of equal ones the one that is drawn together most.
+            if sum <= best.0 {
+                best = (sum, amount);
+            }
+        }
+        Ok(best.1)
+    }
+}
+
+/// The sum of the properties' losses by `judge`, each of the set that `chooser` chooses for it.
+fn crossed(
+    selected: &Selected,
+    chooser: &Remembered<Loss<'_>>,
+    judge: &Remembered<Loss<'_>>,
+    amount: f64,
+) -> Result<f64> {
+    let properties = judge.properties();
+    let mut losses = vec![0.0; properties];
+    let mut sum = 0.0;
+    for property in 0..properties {
+        let pooled = Pooled::new(chooser, property, amount)?;
+        let problem = Problem::new(&pooled)?.distinct(selected.distinct);
+        let picks = selected.selector.selector().select(&problem)?.picks;
+        let judged = judge.losses(Sets::new(&picks, picks.len())?, &mut losses);
+        judged.map_err(|error| anyhow::anyhow!(error))?;
+        sum += losses[property];
+    }
+    Ok(sum)
+}
+
+/// The loss of a set for each property, in units of the variance of its readings.
+struct Loss<'a> {
+    judge: Judge<'a>,
+    views: usize,
+    picks: usize,
+    properties: usize,
+}
+
+enum Judge<'a> {
+    /// The training surfaces, each left out in turn.
+    LeftOut(SetLosses),
+    HeldOut(HeldOut<'a>),
+}
+
+impl SharedLoss for Loss<'_> {
+    fn views(&self) -> usize {
+        self.views
+    }
+
+    fn picks(&self) -> usize {
+        self.picks
+    }
+
+    fn properties(&self) -> usize {
+        self.properties
+    }
+
+    fn ordered(&self) -> bool {
+        false
+    }
+
+    fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
+        for (set, losses) in sets.iter().zip(losses.chunks_exact_mut(self.properties)) {
+            losses.copy_from_slice(&match &self.judge {
+                Judge::LeftOut(left_out) => left_out.losses(set)?,
+                Judge::HeldOut(held_out) => held_out.losses(set)?,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// The surfaces held out: what no selector may look at, to say what was there to be had.
+struct HeldOut<'a> {
+    encodings: &'a Encodings,
+    split: &'a Split,
+    ridge: KernelRidge,
+}
+
+impl HeldOut<'_> {
+    fn losses(&self, set: &[usize]) -> Result<Vec<f64>> {
+        let tables = &self.encodings.stage.tables;
+        let trials = tables.codes().into_iter().map(|property| Trial {
+            property,
+            rerun: 0,
+            views: Views::Fixed(set.to_vec()),
+        });
+        let plan = Plan {
+            seed: 0,
+            reruns: vec![Rerun {
+                number: 0,
+                training: self.split.train.clone(),
+                validation: Vec::new(),
+            }],
+            trials: trials.collect(),
+        };
+        let fitted = self.ridge.train(&tables.training_data(), &plan)?;
+        let held_out = &self.split.validation;
+        let estimates = fitted.predict(&self.encodings.select(held_out, set)?)?;
+        let losses = estimates.iter().map(|estimates| {
+            let column = tables.readings.column(&estimates.property);
+            let column = column.context("a property that was not measured")?;
+            let reading = |surface: &usize| tables.readings.get(*surface, column);
+            let training: Vec<f64> = self.split.train.iter().filter_map(reading).collect();
+            let mean = training.iter().sum::<f64>() / training.len().max(1) as f64;
+            let (mut errors, mut distances) = (0.0, 0.0);
+            for (surface, estimate) in held_out.iter().zip(&estimates.values) {
+                if let Some(truth) = reading(surface) {
+                    errors += (truth - estimate).powi(2);
+                    distances += (truth - mean).powi(2);
+                }
+            }
+            Ok(if distances > 0.0 {
+                errors / distances
+            } else {
+                0.0
+            })
+        });
+        losses.collect()
+    }
+}

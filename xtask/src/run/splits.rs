@@ -1,0 +1,294 @@
+//! Which surfaces each rerun trains on and is scored on, and every further parting of what it trains
+//! on: all of them go by the same units, and nothing else in this program parts surfaces.
+
+use std::borrow::Cow;
+
+use anyhow::{Context, Result, ensure};
+use sps_dataset::{KeepGroups, Split, SplitError, Surface, Units};
+use sps_models::heads::{Head, Plan};
+
+use crate::config::{Experiment, Method, Protocol, TestSurfaces};
+
+/// The splits of an experiment.
+#[derive(Clone)]
+pub(crate) struct Splits {
+    /// Of all reruns, in order.
+    pub all: Vec<Split>,
+    /// How many each rerun has.
+    pub of_rerun: usize,
+    /// What every split, fold and resample keeps together.
+    pub units: Units,
+    /// Surfaces before this one may be trained on; from here on they are only scored on.
+    pub pool: usize,
+}
+
+impl Splits {
+    pub(crate) fn of(experiment: &Experiment, surfaces: &[Surface]) -> Result<Self> {
+        match &experiment.protocol {
+            Protocol::TestSurfaces(protocol) => Self::apart(experiment, protocol, surfaces),
+            Protocol::Split(plan) => {
+                let mut all = Vec::new();
+                for rerun in 0..experiment.reruns as u64 {
+                    all.extend(plan.splits(surfaces, experiment.seed, rerun)?);
+                }
+                Ok(Self {
+                    of_rerun: all.len() / experiment.reruns,
+                    all,
+                    units: plan.units(surfaces),
+                    pool: surfaces.len(),
+                })
+            }
+        }
+    }
+
+    /// The splits that a method is trained on: with fewer training surfaces where it asks for fewer,
+    /// drawn at random by whole units.
+    pub(crate) fn of_method(&self, method: &Method, seed: u64) -> Result<Cow<'_, Self>> {
+        let Some(wanted) = method.training_surfaces else {
+            return Ok(Cow::Borrowed(self));
+        };
+        let mut fewer = self.clone();
+        for (index, split) in fewer.all.iter_mut().enumerate() {
+            let count = split.train.len();
+            ensure!(
+                wanted <= count,
+                "method `{}`: {wanted} `training-surfaces` of {count}",
+                method.id
+            );
+            if wanted < count {
+                let share = wanted as f64 / count as f64;
+                let drawn = self
+                    .units
+                    .keep_aside(&split.train, share, seed, "fewer", index as u64);
+                split.train = drawn.context("training-surfaces")?.validation;
+            }
+        }
+        Ok(Cow::Owned(fewer))
+    }
+
+    /// Surfaces that a split trains on, on average.
+    pub(crate) fn training_surfaces(&self) -> usize {
+        let sum: usize = self.all.iter().map(|split| split.train.len()).sum();
+        sum / self.all.len().max(1)
+    }
+
+    /// A share of some surfaces kept aside at random: those that calibrate intervals, or say when an
+    /// encoder has trained enough.
+    pub(crate) fn kept_aside(
+        &self,
+        surfaces: &[usize],
+        share: f64,
+        seed: u64,
+        number: u64,
+    ) -> Result<Split, SplitError> {
+        let units = &self.units;
+        units.keep_aside(surfaces, share, seed, "random split", number)
+    }
+
+    /// The training surfaces of a split that an estimator to search is trained on, and those that
+    /// its loss is measured on; with one fold both are all of them.
+    pub(super) fn to_select(&self, split: usize, folds: usize, seed: u64) -> Result<Vec<Split>> {
+        let all = &self.all[split].train;
+        if folds == 1 {
+            return Ok(vec![Split {
+                train: all.clone(),
+                validation: all.clone(),
+            }]);
+        }
+        let parts = self
+            .units
+            .folds(all, folds, seed, "selection", split as u64);
+        parts.context("selection.folds")
+    }
+
+    /// The training surfaces of a split for a method that stops when it is sure: a share that says
+    /// how wide its intervals are, and the rest in folds.
+    pub(super) fn to_walk(
+        &self,
+        split: usize,
+        share: f64,
+        folds: usize,
+        seed: u64,
+    ) -> Result<(Vec<usize>, Vec<Vec<usize>>)> {
+        let (all, index) = (&self.all[split].train, split as u64);
+        let units = &self.units;
+        let parts = units.keep_aside(all, share, seed, "adaptive calibration", index);
+        let parts = parts.context("adaptive.calibration")?;
+        let fitted = units.folds(&parts.train, folds, seed, "adaptive folds", index)?;
+        let fitted = fitted.into_iter().map(|fold| fold.validation);
+        Ok((parts.validation, fitted.collect()))
+    }
+
+    /// Training surfaces first, those that are only scored on after them.
+    fn apart(
+        experiment: &Experiment,
+        protocol: &TestSurfaces,
+        surfaces: &[Surface],
+    ) -> Result<Self> {
+        let units = Units::of(surfaces, KeepGroups::Auto);
+        let pool = protocol.pool(experiment.reruns);
+        ensure!(
+            pool + protocol.test == surfaces.len(),
+            "another number of surfaces"
+        );
+        let training = protocol.training;
+        let of_rerun = |rerun: usize| -> Result<Vec<usize>> {
+            if protocol.pool.is_none() {
+                return Ok((rerun * training..(rerun + 1) * training).collect());
+            }
+            let all: Vec<usize> = (0..pool).collect();
+            if training == pool {
+                return Ok(all);
+            }
+            let share = training as f64 / pool as f64;
+            let drawn = units.keep_aside(&all, share, experiment.seed, "training", rerun as u64);
+            Ok(drawn.context("data.simulated.pool")?.validation)
+        };
+        let split = |rerun| {
+            Ok(Split {
+                train: of_rerun(rerun)?,
+                validation: (pool..surfaces.len()).collect(),
+            })
+        };
+        Ok(Self {
+            all: (0..experiment.reruns).map(split).collect::<Result<_>>()?,
+            of_rerun: 1,
+            units,
+            pool,
+        })
+    }
+}
+
+/// The plan with a validation part of each rerun where the head stops early; units stay whole.
+pub(super) fn early_stopped(head: &Head, units: &Units, mut plan: Plan) -> Result<Plan> {
+    let Some(stopping) = head.config().early_stopping else {
+        return Ok(plan);
+    };
+    for rerun in &mut plan.reruns {
+        let (share, number) = (stopping.validation, rerun.number);
+        let split = units.keep_aside(&rerun.training, share, plan.seed, "early stopping", number);
+        let split = split.context("head.early-stopping")?;
+        rerun.training = split.train;
+        rerun.validation = split.validation;
+    }
+    Ok(plan)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::{Path, PathBuf};
+
+    use proptest::prelude::*;
+    use sps_dataset::{KFold, RandomSplit, SplitPlan};
+
+    use super::*;
+
+    fn splits(groups: &[u8], plan: SplitPlan) -> Option<Splits> {
+        let surface = |(i, group): (usize, &u8)| Surface {
+            id: i.to_string(),
+            material: String::new(),
+            group: group.to_string(),
+        };
+        let surfaces: Vec<Surface> = groups.iter().enumerate().map(surface).collect();
+        let all = plan.splits(&surfaces, 3, 0).ok()?;
+        Some(Splits {
+            of_rerun: all.len(),
+            all,
+            units: plan.units(&surfaces),
+            pool: surfaces.len(),
+        })
+    }
+
+    fn apart(groups: &[u8], one: &[usize], other: &[usize]) -> bool {
+        one.iter()
+            .all(|&a| other.iter().all(|&b| groups[a] != groups[b]))
+    }
+
+    /// Words that part surfaces, draw at random, resample or calibrate, with the files in which
+    /// they may stand and are seen to go by units.
+    const PARTING: [(&str, &[&str]); 11] = [
+        (".keep_aside(", &["run/splits.rs"]),
+        (".folds(", &["run/splits.rs"]),
+        (".each_aside(", &["run/splits.rs"]),
+        (".splits(", &["run/splits.rs"]),
+        // Costs are timed on the first few surfaces of either side.
+        (" Split {", &["run/splits.rs", "run/costs.rs"]),
+        (".shuffle(", &[]),
+        ("use rand", &[]),
+        (" rand::", &[]),
+        ("rand_chacha::", &[]),
+        ("Conformal::", &["run/conformal.rs"]),
+        // A bootstrap of made-up numbers is timed.
+        ("units: None", &["bench/kernels.rs"]),
+    ];
+
+    fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                sources(&path, found);
+            } else if path.extension().is_some_and(|ending| ending == "rs") {
+                found.push(path);
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_else_parts_surfaces() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+        let mut paths = Vec::new();
+        sources(&root, &mut paths);
+        assert!(paths.len() > 50);
+        for path in paths {
+            let name = path.strip_prefix(&root).unwrap().to_string_lossy();
+            let text = fs::read_to_string(&path).unwrap();
+            let code = text.split("#[cfg(test)]\nmod tests").next().unwrap();
+            for line in code
+                .lines()
+                .filter(|line| !line.trim_start().starts_with("//"))
+            {
+                for (word, files) in PARTING {
+                    let allowed = !line.contains(word) || files.contains(&name.as_ref());
+                    assert!(allowed, "{name}: {line}");
+                }
+            }
+        }
+    }
+
+    proptest! {
+        /// Whatever learns, what says when to stop, how wide an interval is and which views are
+        /// best has seen no member of a group that it judges by.
+        #[test]
+        fn no_part_of_a_training_part_separates_a_group(
+            groups in prop::collection::vec(0_u8..9, 12..60),
+            (share, folds) in (0.05_f64..0.6, 2_usize..5),
+            (seed, number) in any::<(u64, u64)>(),
+            plan in prop_oneof![
+                Just(SplitPlan::Random(RandomSplit::default())),
+                Just(SplitPlan::KFold(KFold { folds: 3, ..KFold::default() })),
+                Just(SplitPlan::LeaveOneGroupOut {}),
+            ],
+        ) {
+            let Some(splits) = splits(&groups, plan) else { return Ok(()) };
+            for (at, split) in splits.all.iter().enumerate() {
+                prop_assert!(apart(&groups, &split.train, &split.validation));
+                if let Ok(part) = splits.kept_aside(&split.train, share, seed, number) {
+                    prop_assert!(apart(&groups, &part.train, &part.validation));
+                }
+                for part in splits.to_select(at, folds, seed).unwrap_or_default() {
+                    prop_assert!(apart(&groups, &part.train, &part.validation));
+                }
+                let Ok((calibration, fitted)) = splits.to_walk(at, share, folds, seed) else {
+                    continue;
+                };
+                for (place, fold) in fitted.iter().enumerate() {
+                    prop_assert!(apart(&groups, fold, &calibration));
+                    for other in &fitted[..place] {
+                        prop_assert!(apart(&groups, fold, other));
+                    }
+                }
+            }
+        }
+    }
+}

@@ -308,7 +308,7 @@ fn a_list_shows_settings_and_opens_no_data() {
         "    encoder = \"se-resnext-small with untrained, random weights\"\n",
         "    views = 1 # the one straight down\n",
         "    head.epochs = 3\n",
-        "    head.batch-size = 8\n",
+        "    head.batch-size = 16\n",
     ] {
         assert!(head.contains(line), "`{line}` is not in: {head}");
     }

@@ -42,15 +42,15 @@ const REFERENCE_RINGS: i32 = 127;
 /// same draws in the rings that both hold.
 pub(crate) fn pair(n: usize, fractal: Fractal, stream: &mut Stream) -> (Grid, Grid) {
     let amplitude = Amplitude::new(fractal, n);
+    let phases: &[(f32, f32)] = &PHASES;
     let (mut re, mut im) = (vec![0.0; n * n], vec![0.0; n * n]);
     // A power of two, so that a negative wave number wraps by its low bits.
     let low_bits = n as i32 - 1;
     let mut power = 0.0;
-    for ring in 1..n as i32 / 2 {
-        let counts = ring <= REFERENCE_RINGS;
-        for_each_on_ring(ring, |kx, ky| {
-            let size = amplitude.at(kx, ky);
-            let (c, s) = PHASES[(stream.bits() >> 22) as usize];
+    for radius in 1..n as i32 / 2 {
+        let counts = radius <= REFERENCE_RINGS;
+        amplitude.ring(radius).for_each(|kx, ky, size| {
+            let (c, s) = phases[(stream.bits() >> 22) as usize];
             let at = (ky & low_bits) as usize * n + (kx & low_bits) as usize;
             re[at] = size * c;
             im[at] = size * s;
@@ -59,9 +59,8 @@ pub(crate) fn pair(n: usize, fractal: Fractal, stream: &mut Stream) -> (Grid, Gr
             }
         });
     }
-    for ring in n as i32 / 2..=REFERENCE_RINGS {
-        for_each_on_ring(ring, |kx, ky| {
-            let size = amplitude.at(kx, ky);
+    for radius in n as i32 / 2..=REFERENCE_RINGS {
+        amplitude.ring(radius).for_each(|_, _, size| {
             power += f64::from(size * size);
         });
     }
@@ -82,14 +81,30 @@ pub(crate) fn field(n: usize, fractal: Fractal, stream: &mut Stream) -> Grid {
     pair(n, fractal, stream).0
 }
 
-fn for_each_on_ring(ring: i32, mut f: impl FnMut(i32, i32)) {
-    for kx in -ring..=ring {
-        f(kx, -ring);
-        f(kx, ring);
-    }
-    for ky in 1 - ring..ring {
-        f(-ring, ky);
-        f(ring, ky);
+/// The amplitudes on the edge of the square of wave vectors whose larger component is `radius`. Opposite
+/// wave vectors have the same, so two of the four sides tell all.
+struct Ring {
+    radius: i32,
+    /// At `(i - radius, radius)`.
+    top: Vec<f32>,
+    /// At `(radius, i - radius)`.
+    right: Vec<f32>,
+}
+
+impl Ring {
+    /// Calls `f` with each wave vector and its amplitude.
+    fn for_each(&self, mut f: impl FnMut(i32, i32, f32)) {
+        let r = self.radius;
+        let top = |kx: i32| self.top[(kx + r) as usize];
+        let right = |ky: i32| self.right[(ky + r) as usize];
+        for kx in -r..=r {
+            f(kx, -r, top(-kx));
+            f(kx, r, top(kx));
+        }
+        for ky in 1 - r..r {
+            f(-r, ky, right(-ky));
+            f(r, ky, right(ky));
+        }
     }
 }
 
@@ -137,14 +152,32 @@ impl Amplitude {
         }
     }
 
-    fn at(&self, kx: i32, ky: i32) -> f32 {
-        let (x, y) = (kx as f32, ky as f32);
-        let along = (x * self.along.0 + y * self.along.1) * self.stretch;
-        let across = y * self.along.0 - x * self.along.1;
-        let place = (along * along + across * across).sqrt().sqrt() * PER_ROOT;
-        let i = (place as usize).min(self.table.len() - 2);
-        let t = (place - i as f32).min(1.0);
-        numeric::mix(self.table[i], self.table[i + 1], t)
+    fn ring(&self, radius: i32) -> Ring {
+        let r = radius as f32;
+        Ring {
+            radius,
+            top: self.edge(radius, |k| (k, r)),
+            right: self.edge(radius, |k| (r, k)),
+        }
+    }
+
+    /// The amplitudes at the wave vectors `at(-radius)` to `at(radius)`. The roots of a whole edge
+    /// are taken in a loop of their own, so that they are taken several at once.
+    fn edge(&self, radius: i32, at: impl Fn(f32) -> (f32, f32)) -> Vec<f32> {
+        let mut edge: Vec<f32> = (-radius..=radius)
+            .map(|k| {
+                let (x, y) = at(k as f32);
+                let along = (x * self.along.0 + y * self.along.1) * self.stretch;
+                let across = y * self.along.0 - x * self.along.1;
+                (along * along + across * across).sqrt().sqrt() * PER_ROOT
+            })
+            .collect();
+        for place in &mut edge {
+            let i = (*place as usize).min(self.table.len() - 2);
+            let t = (*place - i as f32).min(1.0);
+            *place = numeric::mix(self.table[i], self.table[i + 1], t);
+        }
+        edge
     }
 }
 

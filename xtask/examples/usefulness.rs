@@ -111,6 +111,7 @@ impl Set {
             readings: &self.readings,
             materials: None,
             label_features: None,
+            units: None,
         };
         let ridges = Ridge::new(RidgeConfig::default())?.train(&data, &plan)?;
         let all: Vec<usize> = (0..self.embeddings.surfaces()).collect();

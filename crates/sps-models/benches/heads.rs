@@ -86,6 +86,7 @@ fn ablation(c: &mut Criterion) -> Result<()> {
         readings: &readings,
         materials: Some(&materials),
         label_features: None,
+        units: None,
     };
     let rerun = |number: u64| Rerun {
         number,

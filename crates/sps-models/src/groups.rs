@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
 use crate::heads::{Plan, TrainingData, Trial, Views};
+use crate::left_out::LeftOut;
 
 /// A trial of a plan, with its training values.
 pub(crate) struct Job<'a> {
@@ -21,6 +22,7 @@ pub(crate) struct Job<'a> {
 pub(crate) struct Group<'a> {
     /// `(surfaces, views, width)`, the training surfaces in ascending order.
     pub(crate) embeddings: Embeddings,
+    pub(crate) left_out: LeftOut,
     /// In the order of the plan.
     pub(crate) jobs: Vec<Job<'a>>,
 }
@@ -55,7 +57,11 @@ pub(crate) fn fit_groups<T: Send>(
         .into_par_iter()
         .map(|((views, surfaces), jobs)| {
             let embeddings = data.embeddings.select(&surfaces, views)?;
-            let group = Group { embeddings, jobs };
+            let group = Group {
+                left_out: LeftOut::of(&surfaces, data.units),
+                embeddings,
+                jobs,
+            };
             let models = fit(&group)?;
             Ok(group.jobs.iter().map(|job| job.at).zip(models).collect())
         })

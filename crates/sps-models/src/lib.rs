@@ -47,6 +47,7 @@ mod groups;
 pub mod heads;
 pub mod kernel_ridge;
 pub mod labels;
+mod left_out;
 pub mod nearest;
 pub mod ops;
 pub mod optim;

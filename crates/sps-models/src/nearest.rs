@@ -179,6 +179,7 @@ mod tests {
             readings: &readings,
             materials: None,
             label_features: None,
+            units: None,
         };
         let rerun = Rerun {
             number: 4,

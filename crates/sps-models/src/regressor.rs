@@ -1,8 +1,10 @@
 //! What all estimators of tactile values have in common, for code that takes any of them.
 
 use crate::data::Embeddings;
-use crate::error::Result;
-use crate::heads::{Estimates, Head, Plan, TrainedHead, TrainedHeads, TrainingData, Trial};
+use crate::error::{Error, Result};
+use crate::heads::{
+    DivergedTrial, Estimates, Head, Plan, TrainedHead, TrainedHeads, TrainingData, Trial,
+};
 use crate::kernel_ridge::{KernelRidge, TrainedKernelRidge, TrainedKernelRidges};
 use crate::nearest::{Nearest, TrainedNearest, TrainedNearests};
 use crate::ridge::{Ridge, TrainedRidge, TrainedRidges};
@@ -14,7 +16,8 @@ pub trait Regressor: Sync {
     ///
     /// # Errors
     ///
-    /// A plan that does not fit the data or the estimator, and what the estimator says.
+    /// A plan that does not fit the data or the estimator, what the estimator says, and a trial that
+    /// comes to nothing: there is a model for every trial.
     fn fit(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<Box<dyn FittedRegressor>>;
 }
 
@@ -40,7 +43,12 @@ pub trait FittedRegressor: Send + Sync {
 
 impl Regressor for Head {
     fn fit(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<Box<dyn FittedRegressor>> {
-        Ok(Box::new(self.train(data, plan, &())?))
+        let heads = self.train(data, plan, &())?;
+        if let Some(DivergedTrial { trial, reason }) = heads.diverged().first() {
+            let found = format!("{}, rerun {}: {reason}", trial.property, trial.rerun);
+            return Err(Error::input("training", found, "losses that stay finite"));
+        }
+        Ok(Box::new(heads))
     }
 }
 

@@ -155,6 +155,7 @@ impl Made {
             readings: &self.readings,
             materials: None,
             label_features: None,
+            units: None,
         }
     }
 

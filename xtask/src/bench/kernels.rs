@@ -215,6 +215,7 @@ impl Tables {
             readings: &self.readings,
             materials: None,
             label_features: None,
+            units: None,
         }
     }
 }

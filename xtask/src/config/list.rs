@@ -37,6 +37,9 @@ fn settings(method: &Method) -> Result<Vec<(String, String)>> {
     if let Some(count) = method.test_surfaces {
         lines.push(("test-surfaces".to_owned(), count.to_string()));
     }
+    if let Some(count) = method.training_surfaces {
+        lines.push(("training-surfaces".to_owned(), count.to_string()));
+    }
     lines.extend(estimator(&method.estimator)?);
     Ok(lines)
 }

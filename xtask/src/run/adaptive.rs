@@ -183,7 +183,7 @@ impl Walking<'_> {
         };
         let data = TrainingData {
             readings: &Readings::new(names, residuals)?,
-            ..self.judge.tables.training_data()
+            ..self.judge.tables.training_data(&self.judge.splits.units)
         };
         let ridges = Ridge::new(RidgeConfig::default())?.train(&data, &plan)?;
         Ok(each(&ridges))

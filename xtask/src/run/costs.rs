@@ -276,7 +276,7 @@ impl<S: Source> Measuring<'_, S> {
         let tables = &self.stage.tables;
         let method = self.method.with_views(views.len())?;
         let errors = Ridge::new(RidgeConfig::default())?;
-        let errors = errors.train(&tables.training_data(), &plan)?;
+        let errors = errors.train(&tables.training_data(self.units), &plan)?;
         let estimator = fit(&method, (tables, self.units), &plan, &())?;
         Ok([estimator, Fitted::Ridges(errors)])
     }

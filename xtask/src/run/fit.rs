@@ -78,7 +78,7 @@ pub(super) fn fit_some(
     plan: &Plan,
     observer: &dyn Observer,
 ) -> Result<Fitted> {
-    let data = tables.training_data();
+    let data = tables.training_data(units);
     Ok(match &method.estimator {
         Estimator::Head(head) => {
             let plan = splits::early_stopped(head, units, plan.clone())?;
@@ -90,9 +90,8 @@ pub(super) fn fit_some(
         Estimator::Stacked(stacked) => {
             let members = stacked.members.iter().map(member);
             let members = members.collect::<Result<Vec<Box<dyn Regressor>>>>()?;
-            let of_surface = Some(&units.of_surface()[..tables.pool()]);
             let stacking = Stacking::new(members, stacked.folds)?;
-            Fitted::Other(Box::new(stacking.train(&data, plan, of_surface)?))
+            Fitted::Other(Box::new(stacking.train(&data, plan)?))
         }
         Estimator::Mean | Estimator::LabelMean => bail!("a mean is not trained"),
     })

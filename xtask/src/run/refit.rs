@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Context, Result, bail};
-use sps_dataset::Split;
+use sps_dataset::{Split, Units};
 use sps_models::heads::{Plan, Rerun, Trial, Views};
 use sps_models::kernel_ridge::{KernelRidge, SetLosses};
 use sps_viewselect::{
@@ -21,18 +21,15 @@ const RANDOM_SETS: usize = 100;
 /// How far the loss of a property may be drawn towards that of all.
 const AMOUNTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
-/// The losses of one rerun, by what they depend on; each set is fitted once.
+/// The losses of sets of views: each set is fitted once, whichever method and property asks.
 pub(super) struct Refits<'a> {
-    pub encodings: &'a Encodings,
-    pub splits: &'a Splits,
-    pub seed: u64,
-    known: BTreeMap<String, Known<'a>>,
-}
-
-struct Known<'a> {
-    loss: Remembered<Loss<'a>>,
-    /// How far the losses are drawn together.
-    amount: f64,
+    encodings: &'a Encodings,
+    splits: &'a Splits,
+    seed: u64,
+    /// By rerun and regression, number of views, and whom they are judged on.
+    losses: BTreeMap<String, Remembered<Loss<'a>>>,
+    /// How far the losses of a selector are drawn together, by rerun and selector.
+    amounts: BTreeMap<String, f64>,
 }
 
 /// The choice for one property, and the mean loss of random sets.
@@ -47,7 +44,8 @@ impl<'a> Refits<'a> {
             encodings,
             splits,
             seed,
-            known: BTreeMap::new(),
+            losses: BTreeMap::new(),
+            amounts: BTreeMap::new(),
         }
     }
 
@@ -59,14 +57,9 @@ impl<'a> Refits<'a> {
         property: usize,
         rerun: usize,
     ) -> Result<Chosen> {
-        let name = format!("{rerun} {}", serde_json::to_string(selected)?);
-        if !self.known.contains_key(&name) {
-            let known = self.prepare(selected, refit, rerun)?;
-            self.known.insert(name.clone(), known);
-        }
-        let known = self.known.get(&name).context("a loss that was prepared")?;
+        let amount = self.amount(selected, refit, rerun)?;
         let draws = seed(self.seed, "refit", rerun);
-        let pooled = Pooled::new(&known.loss, property, known.amount)?;
+        let pooled = Pooled::new(self.loss(selected, refit, rerun)?, property, amount)?;
         let problem = Problem::new(&pooled)?
             .distinct(selected.distinct)
             .seed(draws);
@@ -77,24 +70,32 @@ impl<'a> Refits<'a> {
         })
     }
 
-    fn prepare(&self, selected: &Selected, refit: &Refit, rerun: usize) -> Result<Known<'a>> {
-        let split = &self.splits.all[rerun];
-        let loss = match refit.judged_on {
-            JudgedOn::Training => self.left_out(selected, refit, &split.train)?,
-            JudgedOn::HeldOut => self.loss(
-                selected,
-                Judge::HeldOut(HeldOut {
-                    encodings: self.encodings,
-                    split,
-                    ridge: refit.ridge.clone(),
-                }),
-            ),
-        };
-        let amount = match refit.pooled {
-            Some(amount) => amount,
-            None => self.amount(selected, refit, rerun)?,
-        };
-        Ok(Known { loss, amount })
+    /// The losses that a selector asks for.
+    fn loss(
+        &mut self,
+        selected: &Selected,
+        refit: &Refit,
+        rerun: usize,
+    ) -> Result<&Remembered<Loss<'a>>> {
+        let asked = (rerun, refit.ridge.config(), refit.judged_on, selected.picks);
+        let name = serde_json::to_string(&asked)?;
+        if !self.losses.contains_key(&name) {
+            let split = &self.splits.all[rerun];
+            let loss = match refit.judged_on {
+                JudgedOn::Training => self.left_out(selected, refit, &split.train)?,
+                JudgedOn::HeldOut => self.judged_by(
+                    selected,
+                    Judge::HeldOut(HeldOut {
+                        encodings: self.encodings,
+                        split,
+                        units: &self.splits.units,
+                        ridge: refit.ridge.clone(),
+                    }),
+                ),
+            };
+            self.losses.insert(name.clone(), loss);
+        }
+        self.losses.get(&name).context("a loss that was prepared")
     }
 
     fn left_out(
@@ -104,12 +105,15 @@ impl<'a> Refits<'a> {
         training: &[usize],
     ) -> Result<Remembered<Loss<'a>>> {
         let tables = &self.encodings.stage.tables;
-        let (data, config) = (tables.training_data(), refit.ridge.config());
+        let (data, config) = (
+            tables.training_data(&self.splits.units),
+            refit.ridge.config(),
+        );
         let losses = SetLosses::new(&data, &tables.codes(), training, config)?;
-        Ok(self.loss(selected, Judge::LeftOut(losses)))
+        Ok(self.judged_by(selected, Judge::LeftOut(losses)))
     }
 
-    fn loss(&self, selected: &Selected, judge: Judge<'a>) -> Remembered<Loss<'a>> {
+    fn judged_by(&self, selected: &Selected, judge: Judge<'a>) -> Remembered<Loss<'a>> {
         let tables = &self.encodings.stage.tables;
         Remembered::new(Loss {
             judge,
@@ -119,9 +123,23 @@ impl<'a> Refits<'a> {
         })
     }
 
+    /// How far the losses are drawn together: as asked, or as far as pays.
+    fn amount(&mut self, selected: &Selected, refit: &Refit, rerun: usize) -> Result<f64> {
+        if let Some(amount) = refit.pooled {
+            return Ok(amount);
+        }
+        let name = serde_json::to_string(&(rerun, selected))?;
+        if let Some(&amount) = self.amounts.get(&name) {
+            return Ok(amount);
+        }
+        let amount = self.best_amount(selected, refit, rerun)?;
+        self.amounts.insert(name, amount);
+        Ok(amount)
+    }
+
     /// The amount whose choices on one half of the training surfaces have the least loss on the
     /// other; units stay whole.
-    fn amount(&self, selected: &Selected, refit: &Refit, rerun: usize) -> Result<f64> {
+    fn best_amount(&self, selected: &Selected, refit: &Refit, rerun: usize) -> Result<f64> {
         let halves = self.splits.to_select(rerun, 2, self.seed)?;
         let halves = halves
             .iter()
@@ -210,6 +228,7 @@ impl SharedLoss for Loss<'_> {
 struct HeldOut<'a> {
     encodings: &'a Encodings,
     split: &'a Split,
+    units: &'a Units,
     ridge: KernelRidge,
 }
 
@@ -230,7 +249,7 @@ impl HeldOut<'_> {
             }],
             trials: trials.collect(),
         };
-        let fitted = self.ridge.train(&tables.training_data(), &plan)?;
+        let fitted = self.ridge.train(&tables.training_data(self.units), &plan)?;
         let held_out = &self.split.validation;
         let estimates = fitted.predict(&self.encodings.select(held_out, set)?)?;
         let losses = estimates.iter().map(|estimates| {

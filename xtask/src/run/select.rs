@@ -11,14 +11,16 @@ use std::ops::Range;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 use sps_dataset::{Property, Split};
-use sps_models::heads::{FusionLoss, Head, Observer, Plan, Rerun, TrainedHeads, Trial, Views};
+use sps_models::heads::{
+    FusionLoss, Head, Observer, Plan, Rerun, TrainedHeads, TrainingData, Trial, Views,
+};
 use sps_viewselect::{LossError, Problem, Random, Selection, Selector, SetLoss, Sets};
 
 use super::refit::Refits;
 use super::splits::early_stopped;
 use super::views::{seed, without_loss};
 use super::{Encodings, Splits};
-use crate::config::{Experiment, Looks, Method, Refit, Selected};
+use crate::config::{Experiment, JudgedOn, Looks, Method, Refit, Selected};
 use crate::journal::{Journal, Record, TrialKey};
 use crate::progress::Progress;
 
@@ -128,10 +130,32 @@ impl Selecting<'_> {
             folds: self.experiment.selection_folds,
             frozen: family.frozen.map(Head::config),
             selected,
+            refit: selected
+                .refit
+                .as_ref()
+                .map(|refit| self.refit_inputs(refit, rerun)),
             property: property.code(),
             rerun,
             training: &self.splits.all[rerun].train,
         })
+    }
+
+    /// What a choice by refits depends on beside the training surfaces and the property's own
+    /// readings: the properties that it is pooled over, and what hindsight looks at.
+    fn refit_inputs(&self, refit: &Refit, rerun: usize) -> RefitInputs {
+        let tables = &self.encodings.stage.tables;
+        let held_out = || {
+            let places: Vec<usize> = (0..tables.views.len()).collect();
+            let surfaces = &self.splits.all[rerun].validation;
+            self.encodings
+                .fingerprint(&places, surfaces)
+                .to_hex()
+                .to_string()
+        };
+        RefitInputs {
+            properties: tables.codes(),
+            held_out: (refit.judged_on == JudgedOn::HeldOut).then(held_out),
+        }
     }
 
     fn run_missing(&mut self, family: &Family<'_>, wanted: &[Wanted<'_>]) -> Result<()> {
@@ -190,16 +214,17 @@ impl Selecting<'_> {
             trials,
         };
         let plan = early_stopped(head, &self.splits.units, plan)?;
-        Ok(head.train(
-            &self.encodings.stage.tables.training_data(),
-            &plan,
-            &observer,
-        )?)
+        Ok(head.train(&self.training_data(), &plan, &observer)?)
+    }
+
+    fn training_data(&self) -> TrainingData<'_> {
+        let tables = &self.encodings.stage.tables;
+        tables.training_data(&self.splits.units)
     }
 
     /// What is searched for one property and rerun.
     fn search(&self, estimators: &TrainedHeads, wanted: &Wanted<'_>) -> Result<Frozen> {
-        let data = self.encodings.stage.tables.training_data();
+        let data = self.training_data();
         let column = data.readings.column(wanted.property.code());
         let read = |&s: &usize| column.is_some_and(|column| data.readings.get(s, column).is_some());
         let mut folds = Vec::new();
@@ -330,9 +355,16 @@ struct Inputs<'a> {
     folds: usize,
     frozen: Option<&'a sps_models::heads::HeadConfig>,
     selected: &'a Selected,
+    refit: Option<RefitInputs>,
     property: &'a str,
     rerun: usize,
     training: &'a [usize],
+}
+
+#[derive(Serialize)]
+struct RefitInputs {
+    properties: Vec<String>,
+    held_out: Option<String>,
 }
 
 /// The loss of frozen estimators, as selectors ask for it: the mean over the surfaces of all.

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 use candle_core::{Device, Tensor};
-use sps_dataset::{FEWEST_PER_MATERIAL, MaterialLabels, Property, Source, Surface};
+use sps_dataset::{FEWEST_PER_MATERIAL, MaterialLabels, Property, Source, Surface, Units};
 use sps_models::heads::TrainingData;
 use sps_models::{Embeddings, Readings};
 
@@ -83,13 +83,14 @@ impl Tables {
         self.embeddings.surfaces()
     }
 
-    /// For training.
-    pub(crate) fn training_data(&self) -> TrainingData<'_> {
+    /// For training on surfaces of which these units stay whole.
+    pub(crate) fn training_data<'a>(&'a self, units: &'a Units) -> TrainingData<'a> {
         TrainingData {
             embeddings: &self.embeddings,
             readings: &self.training_readings,
             materials: Some(&self.materials),
             label_features: None,
+            units: Some(&units.of_surface()[..self.pool()]),
         }
     }
 

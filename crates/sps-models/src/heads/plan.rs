@@ -20,9 +20,38 @@ pub struct TrainingData<'a> {
     /// Features from a network trained on ImageNet, for visuo-tactile labels; `embeddings` where
     /// none are given.
     pub label_features: Option<&'a Embeddings>,
+    /// A number for each surface: those of one number are never parted, neither by what is left out
+    /// to choose a penalty nor by the folds of a stack. Each surface is for itself where none are
+    /// given.
+    pub units: Option<&'a [usize]>,
 }
 
 impl<'a> TrainingData<'a> {
+    /// Refuses tables of different numbers of surfaces.
+    pub(crate) fn check(&self) -> Result<()> {
+        let surfaces = self.embeddings.surfaces();
+        let others = [
+            ("readings", Some(self.readings.surfaces())),
+            ("materials", self.materials.map(<[_]>::len)),
+            ("units", self.units.map(<[_]>::len)),
+            (
+                "label features",
+                self.label_features.map(Embeddings::surfaces),
+            ),
+        ];
+        match others
+            .iter()
+            .find(|(_, n)| n.is_some_and(|n| n != surfaces))
+        {
+            None => Ok(()),
+            Some((what, found)) => wrong(
+                what,
+                format!("{} surfaces", found.unwrap_or_default()),
+                format!("{surfaces}, as there are embeddings"),
+            ),
+        }
+    }
+
     pub(super) fn label_tables(&self) -> LabelTables<'a> {
         LabelTables {
             readings: self.readings,
@@ -105,7 +134,7 @@ impl Plan {
     /// Refuses a plan that does not fit the data, or a model that takes `views` views; `None` is
     /// a model that takes any number of fixed ones.
     pub(crate) fn check(&self, views: Option<usize>, data: &TrainingData<'_>) -> Result<()> {
-        check_tables(data)?;
+        data.check()?;
         for (at, rerun) in self.reruns.iter().enumerate() {
             if self.reruns[..at].iter().any(|r| r.number == rerun.number) {
                 let number = rerun.number;
@@ -154,29 +183,6 @@ impl Plan {
 
     pub(super) fn rerun(&self, number: u64) -> Option<&Rerun> {
         self.reruns.iter().find(|rerun| rerun.number == number)
-    }
-}
-
-fn check_tables(data: &TrainingData<'_>) -> Result<()> {
-    let surfaces = data.embeddings.surfaces();
-    let others = [
-        ("readings", Some(data.readings.surfaces())),
-        ("materials", data.materials.map(<[_]>::len)),
-        (
-            "label features",
-            data.label_features.map(Embeddings::surfaces),
-        ),
-    ];
-    match others
-        .iter()
-        .find(|(_, n)| n.is_some_and(|n| n != surfaces))
-    {
-        None => Ok(()),
-        Some((what, found)) => wrong(
-            what,
-            format!("{} surfaces", found.unwrap_or_default()),
-            format!("{surfaces}, as there are embeddings"),
-        ),
     }
 }
 

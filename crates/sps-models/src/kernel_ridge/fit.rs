@@ -4,6 +4,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Col, Mat, MatRef, Par, Spec};
 
 use crate::error::{Error, Result};
+use crate::left_out::LeftOut;
 
 /// The centred kernel matrix of some surfaces on its principal axes, where every penalty is
 /// compared in closed form. All fits to the same surfaces share it.
@@ -26,7 +27,7 @@ pub(super) struct Spectrum {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Fit {
     pub(super) intercept: f64,
-    /// Mean squared error of the surfaces when each is left out; none of one surface alone.
+    /// Mean squared error when each part is left out; none of one surface alone.
     pub(super) left_out_error: Option<f64>,
     /// None where the mean of the readings does best.
     pub(super) expansion: Option<Expansion>,
@@ -64,9 +65,8 @@ impl Spectrum {
         let kept = Mat::from_fn(surfaces, self.penalties.len(), |k, p| self.kept(k, p));
         let mut slack = product(squared.as_ref(), &kept);
         for value in slack.col_iter_mut().flat_map(faer::ColMut::iter_mut) {
-            // The intercept's own leverage. A surface that alone decides its own fit is predicted
-            // by nothing.
-            *value = (*value - 1.0 / surfaces as f64).max(f64::EPSILON);
+            // The intercept's own leverage.
+            *value -= 1.0 / surfaces as f64;
         }
         slack
     }
@@ -77,21 +77,27 @@ impl Spectrum {
         ridge / (self.values[axis] + ridge)
     }
 
-    /// The mean squared error when each surface is left out, by penalty: the residual over one
-    /// minus the leverage (Golub, Heath and Wahba 1979). The values are centred.
-    fn left_out_errors(&self, values: &[f64]) -> Vec<f64> {
+    /// The mean squared error when each part is left out, by penalty. The values are centred.
+    fn left_out_errors(&self, values: &[f64], left_out: &LeftOut) -> Vec<f64> {
         let along = self.along(values);
         let kept = Mat::from_fn(values.len(), self.penalties.len(), |k, p| {
             along[k] * self.kept(k, p)
         });
         let residuals = product(self.vectors.as_ref(), &kept);
-        let columns = residuals.col_iter().zip(self.slack.col_iter());
-        let error = columns.map(|(residuals, slack)| {
-            let errors = residuals.iter().zip(slack.iter());
-            let squared = errors.map(|(residual, slack)| (residual / slack).powi(2));
-            squared.sum::<f64>() / values.len() as f64
-        });
-        error.collect()
+        let error = |penalty: usize| {
+            let slack = |i: usize, j: usize| {
+                if i == j {
+                    return self.slack[(i, penalty)];
+                }
+                let axes = self.vectors.row(i).iter().zip(self.vectors.row(j).iter());
+                let terms = axes
+                    .enumerate()
+                    .map(|(k, (a, b))| a * b * self.kept(k, penalty));
+                terms.sum::<f64>() - 1.0 / values.len() as f64
+            };
+            left_out.squared_error(|i| residuals[(i, penalty)], slack)
+        };
+        (0..self.penalties.len()).map(error).collect()
     }
 
     /// The values on the principal axes.
@@ -122,15 +128,15 @@ impl Spectrum {
 }
 
 impl Fit {
-    /// The width and penalty of least error when each surface is left out, or the mean of `values`
+    /// The width and penalty of least error when each part is left out, or the mean of `values`
     /// where that is as good.
-    pub(super) fn best(spectra: &[Spectrum], values: &[f64]) -> Self {
+    pub(super) fn best(spectra: &[Spectrum], values: &[f64], left_out: &LeftOut) -> Self {
         let level = mean(values);
         let centred: Vec<f64> = values.iter().map(|value| value - level).collect();
-        let mut best = (error_of_the_mean(&centred), None);
+        let mut best = (left_out.error_of_the_mean(&centred), None);
         // Surfaces that do not differ leave nothing to learn from.
         for spectrum in spectra.iter().filter(|spectrum| spectrum.trace > 0.0) {
-            let errors = spectrum.left_out_errors(&centred);
+            let errors = spectrum.left_out_errors(&centred, left_out);
             for (penalty, error) in errors.into_iter().enumerate() {
                 if best.0.is_some_and(|least| error < least) {
                     best = (Some(error), Some((spectrum, penalty)));
@@ -163,13 +169,6 @@ impl Fit {
             expansion: Some(expansion),
         }
     }
-}
-
-/// The mean squared error of the mean of all others.
-fn error_of_the_mean(centred: &[f64]) -> Option<f64> {
-    let samples = centred.len() as f64;
-    let error = |centred: &f64| (centred * samples / (samples - 1.0)).powi(2);
-    (centred.len() > 1).then(|| centred.iter().map(error).sum::<f64>() / samples)
 }
 
 fn mean(values: &[f64]) -> f64 {

@@ -55,8 +55,9 @@ impl Default for KernelRidgeConfig {
 }
 
 /// Kernel ridge regression (Saunders, Gammerman and Vovk 1998) with an intercept; width and penalty
-/// are those that predict best when each training surface is left out in turn, which has a closed
-/// form (Golub, Heath and Wahba 1979).
+/// are those that predict best when each training surface, or unit of them
+/// ([`TrainingData::units`]), is left out in turn, which has a closed form (Golub, Heath and Wahba
+/// 1979).
 ///
 /// The mean of the training readings is one of the choices, and is taken where nothing predicts
 /// better: an unpredictable property falls back to it.
@@ -118,7 +119,7 @@ impl KernelRidge {
         });
         let fits = group.jobs.par_iter().map(|job| TrainedKernelRidge {
             trial: job.trial.clone(),
-            fit: Fit::best(&spectra, &job.values),
+            fit: Fit::best(&spectra, &job.values, &group.left_out),
             support: Arc::clone(&support),
         });
         Ok(fits.collect())
@@ -245,9 +246,9 @@ impl TrainedKernelRidge {
         self.fit.expansion.as_ref().map(|e| e.width)
     }
 
-    /// Mean squared error, in measured units, for each training surface by the fit to all others,
-    /// with the width and penalty that were chosen; `None` of one surface alone. The least of many
-    /// choices: a little less than the error of a new surface.
+    /// Mean squared error, in measured units, for each training surface by the fit to all others, or to
+    /// all others' units, with the width and penalty that were chosen; `None` of one surface alone. The least of many
+    /// choices: a little less than the error of a new surface or unit.
     pub fn left_out_error(&self) -> Option<f64> {
         self.fit.left_out_error
     }

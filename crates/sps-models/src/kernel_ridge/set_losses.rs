@@ -7,9 +7,10 @@ use super::{KernelRidge, KernelRidgeConfig};
 use crate::data::{Embeddings, check_indices};
 use crate::error::{Error, Result};
 use crate::heads::TrainingData;
+use crate::left_out::LeftOut;
 
 /// What a set of views is worth: the error of a [`KernelRidge`] that is fitted anew to the set, each
-/// training surface left out in turn, in closed form. With [`Kernel::Linear`](super::Kernel) it is
+/// training surface, or unit of them, left out in turn, in closed form. With [`Kernel::Linear`](super::Kernel) it is
 /// that of ridge regression.
 ///
 /// Properties with readings of the same training surfaces share one decomposition for each width;
@@ -29,6 +30,7 @@ pub struct SetLosses {
 #[derive(Debug)]
 struct Pattern {
     surfaces: Vec<usize>,
+    left_out: LeftOut,
     columns: Vec<Column>,
     /// By width and view: the columns of the lower triangle, one after the other.
     kernels: Vec<(f64, Vec<Vec<f32>>)>,
@@ -47,7 +49,7 @@ impl SetLosses {
     ///
     /// # Errors
     ///
-    /// A configuration that [`KernelRidge::new`] refuses, no training surface or one twice, a
+    /// A configuration that [`KernelRidge::new`] refuses, tables that do not fit each other, no training surface or one twice, a
     /// surface or property that is not in the tables, a property without a training reading.
     pub fn new(
         data: &TrainingData<'_>,
@@ -56,6 +58,7 @@ impl SetLosses {
         config: &KernelRidgeConfig,
     ) -> Result<Self> {
         let ridge = KernelRidge::new(config.clone())?;
+        data.check()?;
         check_indices("training surface", training, data.embeddings.surfaces())?;
         let mut training = training.to_vec();
         training.sort_unstable();
@@ -68,6 +71,7 @@ impl SetLosses {
             match patterns.iter_mut().find(|one| one.surfaces == surfaces) {
                 Some(pattern) => pattern.columns.push(column),
                 None => patterns.push(Pattern {
+                    left_out: LeftOut::of(&surfaces, data.units),
                     surfaces,
                     columns: vec![column],
                     kernels: Vec::new(),
@@ -110,7 +114,7 @@ impl SetLosses {
             });
             let spectra = spectra.collect::<Result<Vec<_>>>()?;
             for column in pattern.columns.iter().filter(|one| one.variance > 0.0) {
-                let error = Fit::best(&spectra, &column.values).left_out_error;
+                let error = Fit::best(&spectra, &column.values, &pattern.left_out).left_out_error;
                 losses[column.property] = error.unwrap_or(0.0) / column.variance;
             }
         }
@@ -271,25 +275,5 @@ mod tests {
             let refused = SetLosses::new(&data, properties, training, &config);
             assert!(matches!(refused, Err(Error::Input { .. })));
         }
-    }
-
-    /// `cargo test --release -p sps-models --lib set_losses -- --ignored --nocapture`
-    #[test]
-    #[ignore = "measures"]
-    fn measure() {
-        let shape = (360, 20, 64);
-        let columns: Vec<_> = (0..15)
-            .map(|p| column(&format!("kernel.{p}"), 360))
-            .collect();
-        let set = Set::new(shape, &columns);
-        let training: Vec<usize> = (0..360).collect();
-        let config = KernelRidgeConfig::default();
-        let properties = set.readings.properties();
-        let losses = SetLosses::new(&set.data(), properties, &training, &config).unwrap();
-        let start = std::time::Instant::now();
-        for first in 0..10 {
-            losses.losses(&[first, 5, 9]).unwrap();
-        }
-        println!("{:?} a set", start.elapsed() / 10);
     }
 }

@@ -6,6 +6,7 @@ use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, s};
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
 use crate::labels::Pca;
+use crate::left_out::LeftOut;
 
 /// Sweeps of coordinate descent over orthogonal columns: one that arrives, and one that mends its
 /// rounding. linfa itself would not stop there: without an L1 penalty the duality gap that it waits
@@ -45,12 +46,13 @@ impl Axes {
     }
 
     /// Fits `values`, one per surface, with the best of the penalties.
-    pub(super) fn fit(&self, values: &[f64], penalties: &[f64]) -> Result<Fit> {
+    pub(super) fn fit(&self, values: &[f64], penalties: &[f64], left_out: &LeftOut) -> Result<Fit> {
         let values = ArrayView1::from(values);
         let level = values.mean().unwrap_or_default();
         let centred = &values - level;
         let error = |penalty: f64| {
-            left_out_error(self.scores.view(), centred.view(), penalty * self.variance)
+            let penalty = penalty * self.variance;
+            left_out_error(self.scores.view(), centred.view(), penalty, left_out)
         };
         let errors = penalties.iter().map(|&penalty| (penalty, error(penalty)));
         let best = errors.min_by(|(_, a), (_, b)| a.total_cmp(b));
@@ -88,10 +90,14 @@ fn table(features: &Embeddings) -> Array2<f64> {
     })
 }
 
-/// Mean squared error for each surface by the fit to all others, in closed form: the residual
-/// over one minus the leverage (Golub, Heath and Wahba 1979). The columns of `scores` are centred
-/// and orthogonal.
-fn left_out_error(scores: ArrayView2<'_, f64>, values: ArrayView1<'_, f64>, penalty: f64) -> f64 {
+/// Mean squared error by the fits that leave each part out. The columns of `scores` are centred and
+/// orthogonal.
+fn left_out_error(
+    scores: ArrayView2<'_, f64>,
+    values: ArrayView1<'_, f64>,
+    penalty: f64,
+    left_out: &LeftOut,
+) -> f64 {
     let samples = scores.nrows() as f64;
     let shrunk: Array1<f64> = scores
         .columns()
@@ -99,19 +105,13 @@ fn left_out_error(scores: ArrayView2<'_, f64>, values: ArrayView1<'_, f64>, pena
         .map(|column| 1.0 / (column.dot(&column) + samples * penalty))
         .collect();
     let weights = scores.t().dot(&values) * &shrunk;
-    let fitted = scores.dot(&weights);
-    let squared_errors =
-        scores
-            .rows()
-            .into_iter()
-            .zip(&values)
-            .zip(&fitted)
-            .map(|((row, value), fitted)| {
-                let leverage = 1.0 / samples + (&row * &row).dot(&shrunk);
-                // A surface that alone decides its own fit is predicted by nothing.
-                ((value - fitted) / (1.0 - leverage).max(f64::EPSILON)).powi(2)
-            });
-    squared_errors.sum::<f64>() / samples
+    let residuals = &values - &scores.dot(&weights);
+    let slack = |i: usize, j: usize| {
+        let products = &scores.row(i) * &scores.row(j);
+        let identity = if i == j { 1.0 } else { 0.0 };
+        identity - 1.0 / samples - products.dot(&shrunk)
+    };
+    left_out.squared_error(|i| residuals[i], slack)
 }
 
 fn descend(scores: ArrayView2<'_, f64>, values: Array1<f64>, penalty: f64) -> Result<Array1<f64>> {
@@ -173,7 +173,13 @@ mod tests {
     }
 
     fn fit(features: &Embeddings, values: &[f64], penalties: &[f64]) -> Fit {
-        Axes::new(features).unwrap().fit(values, penalties).unwrap()
+        let axes = Axes::new(features).unwrap();
+        axes.fit(values, penalties, &alone(values.len())).unwrap()
+    }
+
+    /// Each surface is left out for itself.
+    fn alone(surfaces: usize) -> LeftOut {
+        LeftOut::of(&(0..surfaces).collect::<Vec<_>>(), None)
     }
 
     fn mean_variance(rows: &Array2<f64>) -> f64 {
@@ -195,37 +201,50 @@ mod tests {
         }
     }
 
+    /// Surfaces one by one, and in units of 1 to 7 of them.
     #[test]
-    fn the_penalty_is_the_best_when_each_surface_is_left_out() {
+    fn the_penalty_is_the_best_when_each_unit_is_left_out() {
         let penalties = [0.01, 0.1, 1.0, 10.0];
         let features = embeddings(25, 10);
         let values = values(25);
         let rows = table(&features);
         let scale = mean_variance(&rows);
-        let error = |penalty: f64| -> f64 {
-            let left_out = |out: usize| {
-                let others: Vec<usize> = (0..25).filter(|&i| i != out).collect();
-                let kept: Vec<f64> = others.iter().map(|&i| values[i]).collect();
-                // n times the penalty stays what it is with all surfaces.
-                let penalty = penalty * scale * 25.0 / 24.0;
-                let (weights, intercept) = direct(&rows.select(Axis(0), &others), &kept, penalty);
-                let estimate: f64 = rows.row(out).iter().zip(&weights).map(|(x, w)| x * w).sum();
-                (values[out] - intercept - estimate).powi(2)
-            };
-            (0..25).map(left_out).sum::<f64>() / 25.0
-        };
+        let all: Vec<usize> = (0..25).collect();
         let axes = Pca::fit(rows.view(), 10).unwrap();
         let scores = axes.transform(rows.view()).unwrap();
         let level = values.iter().sum::<f64>() / 25.0;
         let centred: Array1<f64> = values.iter().map(|v| v - level).collect();
-        for penalty in penalties {
-            let found = left_out_error(scores.view(), centred.view(), penalty * scale);
-            assert!((found / error(penalty) - 1.0).abs() < 1e-9);
+        let uneven = |i: usize| (f64::from(i as u32) * 2.0 + 0.25).sqrt() as usize;
+        for units in [all.clone(), all.iter().map(|&i| uneven(i)).collect()] {
+            let error = |penalty: f64| -> f64 {
+                let left_out = |out: usize| {
+                    let others = all.iter().copied().filter(|&i| units[i] != units[out]);
+                    let others: Vec<usize> = others.collect();
+                    let kept: Vec<f64> = others.iter().map(|&i| values[i]).collect();
+                    // n times the penalty stays what it is with all surfaces.
+                    let penalty = penalty * scale * 25.0 / others.len() as f64;
+                    let (weights, intercept) =
+                        direct(&rows.select(Axis(0), &others), &kept, penalty);
+                    let row = rows.row(out);
+                    let estimate: f64 = row.iter().zip(&weights).map(|(x, w)| x * w).sum();
+                    (values[out] - intercept - estimate).powi(2)
+                };
+                all.iter().map(|&out| left_out(out)).sum::<f64>() / 25.0
+            };
+            let parts = LeftOut::of(&all, Some(&units));
+            for penalty in penalties {
+                let penalised = penalty * scale;
+                let found = left_out_error(scores.view(), centred.view(), penalised, &parts);
+                assert!((found / error(penalty) - 1.0).abs() < 1e-9);
+            }
+            let best = penalties
+                .into_iter()
+                .min_by(|a, b| error(*a).total_cmp(&error(*b)));
+            let fit = Axes::new(&features)
+                .unwrap()
+                .fit(&values, &penalties, &parts);
+            assert_eq!(Some(fit.unwrap().penalty), best);
         }
-        let best = penalties
-            .into_iter()
-            .min_by(|a, b| error(*a).total_cmp(&error(*b)));
-        assert_eq!(Some(fit(&features, &values, &penalties).penalty), best);
     }
 
     #[test]

@@ -32,7 +32,8 @@ impl Default for RidgeConfig {
 }
 
 /// Ridge regression (Hoerl and Kennard 1970) with the penalty that predicts best when each
-/// training surface is left out in turn, as scikit-learn's `RidgeCV`.
+/// training surface is left out in turn, as scikit-learn's `RidgeCV`, or each unit of them
+/// ([`TrainingData::units`]).
 ///
 /// Several views of a surface enter side by side. The fit is linfa's; the features are turned to
 /// their principal axes first, which changes nothing but the time it takes.
@@ -78,7 +79,7 @@ impl Ridge {
             let axes = Axes::new(&group.embeddings)?;
             let fits = group.jobs.par_iter().map(|job| {
                 let trial = job.trial.clone();
-                let fit = axes.fit(&job.values, &self.0.penalties)?;
+                let fit = axes.fit(&job.values, &self.0.penalties, &group.left_out)?;
                 Ok(TrainedRidge { trial, fit })
             });
             fits.collect::<Vec<_>>().into_iter().collect()

@@ -49,25 +49,13 @@ impl Stacking {
     /// Fits every trial of the plan: each member to each fold's other surfaces, and to all. A
     /// trial's fit has the bits that it would have alone.
     ///
-    /// `units` holds a number for each surface of the tables: surfaces of one number come into one
-    /// fold. `None`: each surface is for itself.
-    ///
     /// # Errors
     ///
-    /// A plan that does not fit the data, a trial without fixed views, not one unit a surface, a
-    /// rerun whose number is too large to number its folds, what the members say.
-    pub fn train(
-        &self,
-        data: &TrainingData<'_>,
-        plan: &Plan,
-        units: Option<&[usize]>,
-    ) -> Result<TrainedStacks> {
+    /// A plan that does not fit the data, a trial without fixed views, a rerun whose number is too
+    /// large to number its folds, what the members say.
+    pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedStacks> {
         plan.check(None, data)?;
-        let surfaces = data.embeddings.surfaces();
-        if let Some(units) = units.filter(|units| units.len() != surfaces) {
-            return Err(Error::input("units of a stack", units.len(), surfaces));
-        }
-        let folds = Folds::deal(plan, self.folds, units)?;
+        let folds = Folds::deal(plan, self.folds, data.units)?;
         let inner = folds.plan(data, plan)?;
         let mut out_of_fold = Vec::with_capacity(self.members.len());
         for member in &self.members {
@@ -312,9 +300,8 @@ impl FittedRegressor for TrainedStacks {
     }
 }
 
-/// Each surface is a unit.
 impl Regressor for Stacking {
     fn fit(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<Box<dyn FittedRegressor>> {
-        Ok(Box::new(self.train(data, plan, None)?))
+        Ok(Box::new(self.train(data, plan)?))
     }
 }

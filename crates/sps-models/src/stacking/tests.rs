@@ -35,6 +35,14 @@ impl Set {
             readings: &self.readings,
             materials: None,
             label_features: None,
+            units: None,
+        }
+    }
+
+    fn in_units<'a>(&'a self, units: &'a [usize]) -> TrainingData<'a> {
+        TrainingData {
+            units: Some(units),
+            ..self.data()
         }
     }
 
@@ -124,7 +132,7 @@ fn a_perfect_member_has_all_the_weight() {
     let stacking = Stacking::new(vec![Box::new(wrong), Box::new(perfect)], 3).unwrap();
     let mut plan = set.plan(1);
     plan.trials.truncate(1);
-    let stacks = stacking.train(&set.data(), &plan, None).unwrap();
+    let stacks = stacking.train(&set.data(), &plan).unwrap();
     let weights = stacks.stacks()[0].weights();
     assert!(
         weights[0].abs() < 1e-12 && (weights[1] - 1.0).abs() < 1e-12,
@@ -143,14 +151,14 @@ fn what_cannot_be_predicted_gets_the_mean() {
     // It says the contrary of what is: a weight below zero would fit.
     let contrary = Rule::new(|x| f64::from(-x[0]));
     let stacking = Stacking::new(vec![Box::new(contrary), Box::new(kernel)], 4).unwrap();
-    let stacks = stacking.train(&set.data(), &set.plan(1), None).unwrap();
+    let stacks = stacking.train(&set.data(), &set.plan(1)).unwrap();
     assert_eq!(stacks.stacks()[0].weights()[0], 0.0);
     let mut plan = set.plan(1);
     plan.trials.remove(0);
     let rule = Rule::new(|_| 1e3);
     let stacks = Stacking::new(vec![Box::new(rule)], 4).unwrap();
     // A constant far from the mean helps nowhere but by chance of the sign of the sum.
-    let stacks = stacks.train(&set.data(), &plan, None).unwrap();
+    let stacks = stacks.train(&set.data(), &plan).unwrap();
     let readings: Vec<f64> = (0..24).filter_map(|s| set.readings.get(s, 1)).collect();
     let mean = readings.iter().sum::<f64>() / 24.0;
     for value in &stacks.predict(&set.embeddings).unwrap()[0].values {
@@ -171,7 +179,7 @@ fn folds_never_split_a_unit() {
             seed,
             ..set.plan(2)
         };
-        stacking.train(&set.data(), &plan, Some(&units)).unwrap();
+        stacking.train(&set.in_units(&units), &plan).unwrap();
         let plans = plans.lock().unwrap();
         let (inner, whole) = (&plans[0], &plans[1]);
         assert_eq!((inner.reruns.len(), &whole.reruns), (6, &plan.reruns));
@@ -194,7 +202,7 @@ fn folds_never_split_a_unit() {
 fn company_changes_nothing() {
     let set = Set::new(40);
     let plan = set.plan(3);
-    let all = three().train(&set.data(), &plan, None).unwrap();
+    let all = three().train(&set.data(), &plan).unwrap();
     let estimates = all.predict(&set.embeddings).unwrap();
     for (at, trial) in plan.trials.iter().enumerate() {
         let alone = Plan {
@@ -202,7 +210,7 @@ fn company_changes_nothing() {
             trials: vec![trial.clone()],
             ..plan
         };
-        let alone = three().train(&set.data(), &alone, None).unwrap();
+        let alone = three().train(&set.data(), &alone).unwrap();
         assert_eq!(alone.stacks(), &all.stacks()[at..=at]);
         assert_eq!(alone.predict(&set.embeddings).unwrap(), estimates[at..=at]);
         let kept = all.filter(|other| other == trial);
@@ -215,7 +223,7 @@ fn hard_cases() {
     let set = Set::new(40);
     // One unit: nothing can be held out, and the mean is what is left.
     let stacks = three()
-        .train(&set.data(), &set.plan(1), Some(&[7; 40]))
+        .train(&set.in_units(&[7; 40]), &set.plan(1))
         .unwrap();
     assert!(
         stacks
@@ -231,19 +239,16 @@ fn hard_cases() {
             .unwrap_or_default();
         assert!(error.contains(part), "{error}");
     };
-    refused(
-        three().train(&set.data(), &set.plan(1), Some(&[1])),
-        "units",
-    );
+    refused(three().train(&set.in_units(&[1]), &set.plan(1)), "units");
     let mut plan = set.plan(1);
     plan.trials[1].views = Views::Random;
-    refused(three().train(&set.data(), &plan, None), "views");
+    refused(three().train(&set.data(), &plan), "views");
     let mut plan = set.plan(1);
     plan.reruns[0].number = u64::MAX;
     plan.trials
         .iter_mut()
         .for_each(|trial| trial.rerun = u64::MAX);
-    refused(three().train(&set.data(), &plan, None), "number of a rerun");
+    refused(three().train(&set.data(), &plan), "number of a rerun");
     let members = || -> Vec<Box<dyn Regressor>> { vec![Box::new(Nearest)] };
     assert!(Stacking::new(members(), 1).is_err());
     assert!(Stacking::new(Vec::new(), 2).is_err());

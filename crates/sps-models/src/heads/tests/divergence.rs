@@ -127,3 +127,15 @@ fn weights_that_the_last_step_ruins_are_found() {
     let reason = &trained.diverged()[0].reason;
     assert!(reason.ends_with("after the last epoch"), "{reason}");
 }
+
+/// Who takes any estimator has a model for every trial, or an error that names the one without.
+#[test]
+fn a_regressor_without_a_model_for_a_trial_is_an_error() {
+    let set = Set::new(30, 1, 4, 2);
+    let mut config = full();
+    config.adam.learning_rate = 1e30;
+    let head = Head::new(config).unwrap();
+    let error = crate::Regressor::fit(&head, &set.data(), &set.plan(1));
+    let error = error.err().unwrap().to_string();
+    assert!(error.contains("p0, rerun 0: the loss is "), "{error}");
+}

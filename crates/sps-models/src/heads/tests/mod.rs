@@ -56,6 +56,7 @@ impl Set {
             readings: &self.readings,
             materials: Some(&self.materials),
             label_features: None,
+            units: None,
         }
     }
 

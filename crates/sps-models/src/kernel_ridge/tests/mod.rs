@@ -1,3 +1,5 @@
+mod hard_cases;
+
 use candle_core::{Device, Tensor};
 use faer::linalg::solvers::Solve;
 use ndarray::{Array1, Array2, Axis};
@@ -50,6 +52,7 @@ impl Set {
             readings: &self.readings,
             materials: None,
             label_features: None,
+            units: None,
         }
     }
 
@@ -249,43 +252,59 @@ fn predictions_are_scikit_learns() {
     }
 }
 
+/// Surfaces one by one, and in units of 1 to 7 of them.
 #[test]
-fn the_choice_is_the_best_when_each_surface_is_left_out() {
+fn the_choice_is_the_best_when_each_unit_is_left_out() {
     let shape = (25, 2, 4);
     let (penalties, widths) = ([1e-4, 0.01, 1.0], [0.5, 2.0]);
     let set = Set::new(shape, &[smooth(shape)]);
     let values: Vec<f64> = smooth(shape).into_iter().flatten().collect();
-    let trained = set.train(
-        &config(Kernel::Exponential, &penalties, &widths),
-        25,
-        &[0, 1],
-    );
-    let trained = trained.unwrap();
-    let mut errors = Vec::new();
-    for width in widths {
-        let kernel = matrix(&set, Kernel::Exponential, width, 25, &[0, 1]);
-        for penalty in penalties {
-            let ridge = penalty * trace(&kernel);
-            let squared = (0..25).map(|out| {
-                let others: Vec<usize> = (0..25).filter(|&s| s != out).collect();
-                let kept: Vec<f64> = others.iter().map(|&s| values[s]).collect();
-                let (c, intercept) = direct(&part(&kernel, &others, &others), &kept, ridge);
-                let estimate = part(&kernel, &[out], &others).dot(&c)[0] + intercept;
-                (values[out] - estimate).powi(2)
-            });
-            errors.push((squared.sum::<f64>() / 25.0, width, penalty));
+    let config = config(Kernel::Exponential, &penalties, &widths);
+    let uneven = |i: usize| (f64::from(i as u32) * 2.0 + 0.25).sqrt() as usize;
+    for units in [(0..25).collect(), (0..25).map(uneven).collect::<Vec<_>>()] {
+        let data = TrainingData {
+            units: Some(&units),
+            ..set.data()
+        };
+        let ridge = KernelRidge::new(config.clone()).unwrap();
+        let trained = ridge.train(&data, &set.plan(25, &[0, 1])).unwrap();
+        let mut errors = Vec::new();
+        for width in widths {
+            let kernel = matrix(&set, Kernel::Exponential, width, 25, &[0, 1]);
+            for penalty in penalties {
+                let ridge = penalty * trace(&kernel);
+                let squared = (0..25).map(|out| {
+                    let others = (0..25).filter(|&s| units[s] != units[out]);
+                    let others: Vec<usize> = others.collect();
+                    let kept: Vec<f64> = others.iter().map(|&s| values[s]).collect();
+                    let (c, intercept) = direct(&part(&kernel, &others, &others), &kept, ridge);
+                    let estimate = part(&kernel, &[out], &others).dot(&c)[0] + intercept;
+                    (values[out] - estimate).powi(2)
+                });
+                errors.push((squared.sum::<f64>() / 25.0, width, penalty));
+            }
         }
+        let (error, width, penalty) = errors
+            .into_iter()
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .unwrap();
+        let ridge = &trained.ridges()[0];
+        assert_eq!(
+            (ridge.width(), ridge.penalty()),
+            (Some(width), Some(penalty))
+        );
+        assert!((ridge.left_out_error().unwrap() / error - 1.0).abs() < 1e-9);
+        let losses = SetLosses::new(
+            &data,
+            set.readings.properties(),
+            &(0..25).collect::<Vec<_>>(),
+            &config,
+        );
+        let level = values.iter().sum::<f64>() / 25.0;
+        let variance = values.iter().map(|v| (v - level).powi(2)).sum::<f64>() / 25.0;
+        let loss = losses.unwrap().losses(&[0, 1]).unwrap()[0];
+        assert!((loss * variance / error - 1.0).abs() < 1e-4);
     }
-    let (error, width, penalty) = errors
-        .into_iter()
-        .min_by(|a, b| a.0.total_cmp(&b.0))
-        .unwrap();
-    let ridge = &trained.ridges()[0];
-    assert_eq!(
-        (ridge.width(), ridge.penalty()),
-        (Some(width), Some(penalty))
-    );
-    assert!((ridge.left_out_error().unwrap() / error - 1.0).abs() < 1e-9);
 }
 
 #[test]
@@ -309,6 +328,23 @@ fn what_cannot_be_predicted_gets_the_mean() {
         .iter()
         .map(|v| (v - (mean * 30.0 - v) / 29.0).powi(2));
     let error = errors.sum::<f64>() / 30.0;
+    assert!((ridge.left_out_error().unwrap() / error - 1.0).abs() < 1e-12);
+    // The mean of all other units.
+    let units: Vec<usize> = (0..40).map(|s| s / 10).collect();
+    let data = TrainingData {
+        units: Some(&units),
+        ..set.data()
+    };
+    let config = config(Kernel::Exponential, &penalties, &[1.0]);
+    let trained = KernelRidge::new(config).unwrap();
+    let trained = trained.train(&data, &set.plan(30, &[0])).unwrap();
+    let errors = values.iter().enumerate().map(|(s, v)| {
+        let others = values.iter().enumerate().filter(|(o, _)| o / 10 != s / 10);
+        (v - others.map(|(_, v)| v).sum::<f64>() / 20.0).powi(2)
+    });
+    let error = errors.sum::<f64>() / 30.0;
+    let ridge = &trained.ridges()[0];
+    assert_eq!(ridge.penalty(), None);
     assert!((ridge.left_out_error().unwrap() / error - 1.0).abs() < 1e-12);
 }
 
@@ -370,131 +406,5 @@ fn company_and_threads_change_nothing() {
         assert_eq!(estimate, estimates[at..=at]);
         let kept = all.filter(|trial| trial == ridge.trial());
         assert_eq!(kept.predict(&set.embeddings).unwrap(), estimate);
-    }
-}
-
-mod hard_cases {
-    use super::*;
-
-    #[test]
-    fn one_surface_is_its_own_mean() {
-        let set = Set::new((3, 1, 4), &[vec![Some(7.0), None, None]]);
-        for kernel in [Kernel::Exponential, Kernel::Gaussian, Kernel::Linear] {
-            let config = config(kernel, &[0.1], &[1.0]);
-            let trained = set.train(&config, 3, &[0]).unwrap();
-            assert_eq!(
-                trained.predict(&set.embeddings).unwrap()[0].values,
-                [7.0; 3]
-            );
-            assert_eq!(trained.ridges()[0].left_out_error(), None);
-        }
-    }
-
-    #[test]
-    fn equal_surfaces_get_the_mean() {
-        let values = [0.1_f32, 0.2, 0.7].repeat(5);
-        let tensor = Tensor::from_vec(values, (5, 3), &Device::Cpu).unwrap();
-        let set = Set::of(&tensor, &[[1.0, 2.0, 3.0, 4.0, 5.0].map(Some).to_vec()]);
-        for kernel in [Kernel::Exponential, Kernel::Gaussian, Kernel::Linear] {
-            let config = config(kernel, &[1e-9, 0.1], &[1.0]);
-            let trained = set.train(&config, 5, &[0]).unwrap();
-            assert_eq!(
-                trained.predict(&set.embeddings).unwrap()[0].values,
-                [3.0; 5]
-            );
-        }
-    }
-
-    /// Two equal surfaces with unlike readings, among others.
-    #[test]
-    fn two_equal_surfaces_are_fitted_alike() {
-        let mut values: Vec<f32> = uniform("kernel.x", 30).iter().map(|&x| x as f32).collect();
-        values.copy_within(0..3, 3);
-        let readings: Vec<_> = values.chunks(3).map(|x| Some(f64::from(x[0]))).collect();
-        let mut unlike = readings.clone();
-        unlike[0] = Some(0.5);
-        let tensor = Tensor::from_vec(values, (10, 3), &Device::Cpu).unwrap();
-        let set = Set::of(&tensor, &[unlike]);
-        let config = config(Kernel::Exponential, &[1e-12, 1e-3], &[1.0]);
-        let trained = set.train(&config, 10, &[0]).unwrap();
-        let estimates = trained.predict(&set.embeddings).unwrap();
-        assert!(estimates[0].values.iter().all(|value| value.is_finite()));
-        assert_eq!(estimates[0].values[0], estimates[0].values[1]);
-    }
-
-    #[test]
-    fn constant_readings_are_kept() {
-        let set = Set::new((12, 1, 3), &[vec![Some(0.1); 12]]);
-        let trained = set.train(&KernelRidgeConfig::default(), 12, &[0]).unwrap();
-        close(
-            &trained.predict(&set.embeddings).unwrap()[0].values,
-            &[0.1; 12],
-            1e-15,
-        );
-    }
-
-    /// The surfaces without a reading are not there for that property.
-    #[test]
-    fn gaps_are_left_out() {
-        let shape = (40, 1, 5);
-        let mut gaps = smooth(shape);
-        gaps[..6].fill(None);
-        let set = Set::new(shape, &[smooth(shape), gaps.clone()]);
-        let trained = set.train(&KernelRidgeConfig::default(), 30, &[0]).unwrap();
-        let plan = Plan {
-            reruns: vec![Rerun {
-                number: 0,
-                training: (6..30).collect(),
-                validation: Vec::new(),
-            }],
-            ..set.plan(30, &[0])
-        };
-        let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
-        let without = ridge.train(&set.data(), &plan).unwrap();
-        assert_eq!(trained.ridges()[1], without.ridges()[1]);
-        assert_ne!(trained.ridges()[0].fit, without.ridges()[0].fit);
-    }
-
-    #[test]
-    fn what_does_not_fit_is_refused() {
-        let shape = (20, 2, 3);
-        let set = Set::new(shape, &[smooth(shape)]);
-        for (penalties, widths) in [
-            (&[][..], &[1.0][..]),
-            (&[0.1], &[]),
-            (&[0.0], &[1.0]),
-            (&[f64::INFINITY], &[1.0]),
-            (&[0.1], &[-1.0]),
-            (&[0.1], &[f64::NAN]),
-        ] {
-            let config = config(Kernel::Gaussian, penalties, widths);
-            assert!(matches!(KernelRidge::new(config), Err(Error::Input { .. })));
-        }
-        let trained = set.train(&KernelRidgeConfig::default(), 20, &[0]).unwrap();
-        let error = trained.predict(&set.embeddings).unwrap_err();
-        assert!(error.to_string().contains("2 views of width 3"), "{error}");
-        let mut plan = set.plan(20, &[0]);
-        plan.trials[0].views = Views::Random;
-        let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
-        assert!(ridge.train(&set.data(), &plan).is_err());
-    }
-
-    #[test]
-    fn stored_regressions_are_what_they_were() {
-        let shape = (30, 2, 4);
-        let mut gaps = smooth(shape);
-        gaps[0] = None;
-        let columns = [smooth(shape), column("kernel.noise", 30), gaps];
-        let set = Set::new(shape, &columns);
-        let trained = set
-            .train(&KernelRidgeConfig::default(), 25, &[0, 1])
-            .unwrap();
-        let bytes = trained.to_bytes().unwrap();
-        let again = TrainedKernelRidges::from_bytes(&bytes).unwrap();
-        assert_eq!(trained, again);
-        assert_eq!(again.to_bytes().unwrap(), bytes);
-        for length in 0..bytes.len() {
-            assert!(TrainedKernelRidges::from_bytes(&bytes[..length]).is_err());
-        }
     }
 }

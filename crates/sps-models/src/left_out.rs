@@ -1,0 +1,80 @@
+//! Errors of surfaces by fits to all others, in closed form.
+
+use std::collections::BTreeMap;
+
+use faer::linalg::solvers::Solve;
+use faer::{Mat, Side};
+
+/// Which of the surfaces of a fit are left out together: those of one unit.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct LeftOut {
+    /// Places among the surfaces of the fit.
+    parts: Vec<Vec<usize>>,
+    surfaces: usize,
+}
+
+impl LeftOut {
+    /// Of these surfaces of the tables; `units` has a number for each surface of the tables. Where
+    /// there are none, or one alone, each surface is left out for itself.
+    pub(crate) fn of(surfaces: &[usize], units: Option<&[usize]>) -> Self {
+        let mut parts: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (place, &surface) in surfaces.iter().enumerate() {
+            let unit = units.map_or(surface, |units| units[surface]);
+            parts.entry(unit).or_default().push(place);
+        }
+        if parts.len() == 1 {
+            return Self::singly(surfaces.len());
+        }
+        Self {
+            parts: parts.into_values().collect(),
+            surfaces: surfaces.len(),
+        }
+    }
+
+    fn singly(surfaces: usize) -> Self {
+        Self {
+            parts: (0..surfaces).map(|place| vec![place]).collect(),
+            surfaces,
+        }
+    }
+
+    /// The mean squared error when each part is left out of a linear fit: `residuals` are those of
+    /// the fit to all, and `slack(i, j)` the elements of the identity less the hat matrix `H`. The
+    /// errors of a part `B` solve `(I - H_BB) e = r_B` (Golub, Heath and Wahba 1979 for one
+    /// surface; Cook and Weisberg 1982, section 3.2, for several).
+    pub(crate) fn squared_error(
+        &self,
+        residuals: impl Fn(usize) -> f64,
+        slack: impl Fn(usize, usize) -> f64,
+    ) -> f64 {
+        let errors = self.parts.iter().map(|part| match part.as_slice() {
+            // Surfaces that alone decide their own fit are predicted by nothing.
+            &[one] => (residuals(one) / slack(one, one).max(f64::EPSILON)).powi(2),
+            several => {
+                let size = several.len();
+                let block = Mat::from_fn(size, size, |i, j| {
+                    let least = if i == j { f64::EPSILON } else { 0.0 };
+                    slack(several[i], several[j]) + least
+                });
+                let residuals = Mat::from_fn(size, 1, |i, _| residuals(several[i]));
+                match block.llt(Side::Lower) {
+                    Ok(factor) => factor.solve(&residuals).col(0).iter().map(|e| e * e).sum(),
+                    Err(_) => f64::INFINITY,
+                }
+            }
+        });
+        errors.sum::<f64>() / self.surfaces as f64
+    }
+
+    /// The mean squared error of the mean of all other parts, for values less their mean; none of
+    /// one surface alone.
+    pub(crate) fn error_of_the_mean(&self, centred: &[f64]) -> Option<f64> {
+        let errors = self.parts.iter().map(|part| {
+            let others = (self.surfaces - part.len()) as f64;
+            let mean = -part.iter().map(|&i| centred[i]).sum::<f64>() / others;
+            let squared = part.iter().map(|&i| (centred[i] - mean).powi(2));
+            squared.sum::<f64>()
+        });
+        (self.parts.len() > 1).then(|| errors.sum::<f64>() / self.surfaces as f64)
+    }
+}

@@ -27,7 +27,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         return docs::check(root);
     }
     for run in &args.runs {
-        println!("{}", docs::keep(root, run)?.display());
+        for file in docs::keep(root, run)? {
+            println!("{}", file.display());
+        }
     }
     for page in docs::write(root)? {
         println!("{}", page.display());

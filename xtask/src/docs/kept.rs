@@ -50,8 +50,9 @@ impl Runs {
     }
 }
 
-/// Keeps a finished run below `root`, without what no table needs; returns the file.
-pub(crate) fn keep(root: &Path, run: &Path) -> Result<PathBuf> {
+/// Keeps the numbers of a finished run below `root`, without what no table needs; returns the run's
+/// name and the file.
+pub(super) fn numbers(root: &Path, run: &Path) -> Result<(String, PathBuf)> {
     let damaged = checksums::damaged(run)?;
     ensure!(
         !damaged.iter().any(|name| name == "results.json"),
@@ -71,7 +72,7 @@ pub(crate) fn keep(root: &Path, run: &Path) -> Result<PathBuf> {
     );
     let path = root.join(FOLDER).join(format!("{name}.json"));
     write_atomically(&path, text(&results)?.as_bytes())?;
-    Ok(path)
+    Ok((name.to_owned(), path))
 }
 
 /// Drops what is large and in no table.

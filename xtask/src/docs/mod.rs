@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 
 use crate::files::{read_text, write_atomically};
+use crate::report;
 use kept::Runs;
-pub(crate) use kept::keep;
 use markers::{Marker, markers};
 
 /// A page as it should be.
@@ -25,6 +25,31 @@ struct Page {
     edited: Vec<String>,
     /// Markers that nothing can be written for, with their lines.
     wrong: Vec<String>,
+}
+
+/// Keeps what the documents need of a finished run below `root`: its numbers, and the figures that a
+/// page shows as `images/RUN-FIGURE.svg`. Returns the files.
+///
+/// # Errors
+/// A run that is not finished, or damaged; a file that cannot be written.
+pub(crate) fn keep(root: &Path, run: &Path) -> Result<Vec<PathBuf>> {
+    let (name, numbers) = kept::numbers(root, run)?;
+    let mut kept = vec![numbers];
+    let pages = paths(root)?;
+    let pages: Vec<String> = pages
+        .iter()
+        .map(|path| read_text(path))
+        .collect::<Result<_>>()?;
+    for figure in report::figure_files(run)? {
+        let file = figure.file_name().unwrap_or_default().to_string_lossy();
+        let image = format!("images/{name}-{file}");
+        if pages.iter().any(|page| page.contains(&image)) {
+            let path = root.join("docs").join(image);
+            write_atomically(&path, read_text(&figure)?.as_bytes())?;
+            kept.push(path);
+        }
+    }
+    Ok(kept)
 }
 
 /// Writes every marked place below `root` anew, from what `docs/measured` keeps; returns the pages
@@ -65,13 +90,18 @@ fn none_of<'a>(problems: impl Iterator<Item = &'a String>) -> Result<()> {
 /// `README.md` and the pages below `docs`, each as it should be.
 fn pages(root: &Path) -> Result<Vec<Page>> {
     let runs = Runs::read(root)?;
-    let mut paths = vec![root.join("README.md")];
-    below(&root.join("docs"), &mut paths)?;
     let page = |path: PathBuf| {
         let text = read_text(&path)?;
         Ok(Page::of(path, &text, &runs))
     };
-    paths.into_iter().map(page).collect()
+    paths(root)?.into_iter().map(page).collect()
+}
+
+/// `README.md` and the Markdown files below `docs`.
+fn paths(root: &Path) -> Result<Vec<PathBuf>> {
+    let mut paths = vec![root.join("README.md")];
+    below(&root.join("docs"), &mut paths)?;
+    Ok(paths)
 }
 
 fn below(folder: &Path, pages: &mut Vec<PathBuf>) -> Result<()> {

@@ -39,7 +39,7 @@ struct Repository(tempfile::TempDir);
 impl Repository {
     fn with(page: &str) -> Self {
         let repository = Self(tempfile::tempdir().unwrap());
-        for folder in ["docs/deep", "runs/ablation"] {
+        for folder in ["docs/deep", "docs/images", "runs/ablation/figures"] {
             fs::create_dir_all(repository.path(folder)).unwrap();
         }
         fs::write(repository.path("README.md"), "Nothing measured.\n").unwrap();
@@ -61,7 +61,7 @@ impl Repository {
     fn written(page: &str) -> Self {
         let repository = Self::with(page);
         let kept = keep(repository.0.path(), &repository.path("runs/ablation")).unwrap();
-        assert_eq!(kept, repository.path("docs/measured/ablation.json"));
+        assert_eq!(kept, [repository.path("docs/measured/ablation.json")]);
         write(repository.0.path()).unwrap();
         repository
     }
@@ -174,6 +174,19 @@ fn what_cannot_be_written_is_named_and_left() {
         assert!(problems.contains(expected), "{problems}");
         assert!(write(repository.0.path()).is_err(), "{page}");
     }
+}
+
+#[test]
+fn figures_that_a_page_shows_are_kept() {
+    let repository = Repository::with("![R²](../images/ablation-r2.svg)\n");
+    for figure in ["r2", "search"] {
+        let path = repository.path(&format!("runs/ablation/figures/{figure}.svg"));
+        fs::write(path, format!("<svg>{figure}</svg>")).unwrap();
+    }
+    let kept = keep(repository.0.path(), &repository.path("runs/ablation")).unwrap();
+    let image = repository.path("docs/images/ablation-r2.svg");
+    assert_eq!(kept[1..], [image.clone()]);
+    assert_eq!(fs::read_to_string(image).unwrap(), "<svg>r2</svg>");
 }
 
 #[test]

@@ -27,6 +27,7 @@ pub(crate) struct Figure {
 /// The figures, in the order of the report.
 pub(crate) fn figures(results: &Results, predictions: &[Prediction]) -> Vec<Figure> {
     let mut figures: Vec<Figure> = super::speed::figure(results).into_iter().collect();
+    figures.extend(super::learning::figure(results));
     figures.push(r2_bars(results));
     figures.extend(super::fan::fan(results));
     figures.extend(super::selection::curves(results));

@@ -2,6 +2,7 @@
 
 mod fan;
 mod figures;
+mod learning;
 pub(crate) mod paper;
 pub(crate) mod predictions;
 pub(crate) mod published;
@@ -12,9 +13,10 @@ pub(crate) mod table;
 mod tables;
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use minijinja::value::Serde;
 use minijinja::{AutoEscape, Environment};
 use serde::Serialize;
@@ -28,6 +30,9 @@ pub(crate) use tables::tables;
 
 /// What a report is made from.
 pub(crate) const INPUTS: [&str; 2] = ["results.json", predictions::FILE];
+
+/// The folder of the figures in that of a run.
+const FIGURES: &str = "figures";
 
 const MARKDOWN: &str = include_str!("report.md.j2");
 const HTML: &str = include_str!("report.html.j2");
@@ -48,7 +53,7 @@ pub(crate) fn write(folder: &Path) -> Result<()> {
     let results = Results::read(folder)?;
     let figures = figures(&results, &predictions::read(folder)?);
     for Figure { name, svg, .. } in &figures {
-        let path = folder.join("figures").join(format!("{name}.svg"));
+        let path = folder.join(FIGURES).join(format!("{name}.svg"));
         write_atomically(&path, svg.as_bytes())?;
     }
     let mut environment = Environment::new();
@@ -75,6 +80,17 @@ pub(crate) fn write(folder: &Path) -> Result<()> {
         write_atomically(&folder.join(name), text.as_bytes())?;
     }
     Ok(())
+}
+
+/// The figures of a finished run, in the order of their names.
+pub(crate) fn figure_files(run: &Path) -> Result<Vec<PathBuf>> {
+    let folder = run.join(FIGURES);
+    let failed = || format!("cannot read {}", folder.display());
+    let entries = fs::read_dir(&folder).with_context(failed)?;
+    let entries = entries.map(|entry| Ok(entry.with_context(failed)?.path()));
+    let mut files: Vec<PathBuf> = entries.collect::<Result<_>>()?;
+    files.sort();
+    Ok(files)
 }
 
 /// What was measured on, and how that stands to the paper's numbers.

@@ -2,6 +2,7 @@
 
 use sps_dataset::Unit;
 
+use super::learning;
 use super::paper::{self, PaperRow};
 use super::selection;
 use super::speed;
@@ -11,6 +12,7 @@ use crate::results::{Gain, MethodResult, Number, PerProperty, Results};
 /// The tables, in the order of the report.
 pub(crate) fn tables(results: &Results) -> Vec<Table> {
     let mut tables = speed::tables(results);
+    tables.extend(learning::table(results));
     tables.push(means(results));
     if results.properties.len() > 1 {
         tables.push(per_property(results, &R2));

@@ -117,6 +117,9 @@ pub(crate) struct MethodResult {
     pub precision: String,
     /// That were asked for; the notes name those that came to nothing.
     pub reruns: usize,
+    /// Surfaces that each rerun was trained on, on average.
+    #[serde(default)]
+    pub training_surfaces: usize,
     /// Different surfaces that it was scored on, all reruns together, and units of them.
     #[serde(default)]
     pub held_out_surfaces: usize,

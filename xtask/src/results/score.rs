@@ -37,6 +37,8 @@ pub(crate) struct MethodOutcomes<'a> {
     pub adaptive: Option<Adaptive>,
     pub paper: Option<&'a str>,
     pub reruns: usize,
+    /// That a rerun trains on, on average.
+    pub training_surfaces: usize,
     /// In the order of the reruns, for each property.
     pub outcomes: PerProperty<Vec<Judged<'a>>>,
     pub costs: Costs,
@@ -86,6 +88,7 @@ pub(crate) fn score(
             .adaptive
             .and_then(|asked| AdaptiveResult::of(method, asked)),
         reruns: method.reruns,
+        training_surfaces: method.training_surfaces,
         held_out_surfaces,
         held_out_units,
         r2_interval: intervals(method, scoring, &mut notes),
@@ -336,6 +339,7 @@ mod tests {
             adaptive: None,
             paper: None,
             reruns: judged.len(),
+            training_surfaces: 0,
             outcomes: PerProperty::from([("fRS".to_owned(), judged)]),
             costs: Costs::default(),
             selections: PerProperty::new(),

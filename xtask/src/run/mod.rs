@@ -382,6 +382,7 @@ fn results<S: Source>(
         top8: paper::top8(),
         bootstrap: experiment.bootstrap,
     };
+    let training_surfaces = splits.training_surfaces();
     let methods: Vec<MethodOutcomes<'_>> = rows
         .iter()
         .map(|row| MethodOutcomes {
@@ -396,6 +397,7 @@ fn results<S: Source>(
             adaptive: row.method.adaptive,
             paper: row.method.paper.as_deref(),
             reruns: experiment.reruns,
+            training_surfaces: row.method.training_surfaces.unwrap_or(training_surfaces),
             outcomes: row.judged(splits.of_rerun),
             costs: row.costs,
             selections: selection::summaries(row, rows, source.view_angles()),

@@ -1,0 +1,165 @@
+//! R² against the number of training surfaces, for methods that were trained on several numbers.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use kuva::backend::svg::SvgBackend;
+use kuva::plot::LegendPosition;
+use kuva::plot::line::LinePlot;
+use kuva::render::layout::Layout;
+use kuva::render::plots::Plot;
+use kuva::render::render::render_multiple;
+
+use super::fan::COLOURS;
+use super::figures::Figure;
+use super::table::{Row, Table, number, with_interval};
+use crate::results::{MethodResult, PerProperty, Results};
+
+/// One method, by the number of surfaces that it was trained on.
+struct Curve<'a> {
+    label: &'a str,
+    points: BTreeMap<usize, &'a MethodResult>,
+}
+
+/// The methods that differ in their training surfaces alone, in the order of the report.
+fn curves(results: &Results) -> Vec<Curve<'_>> {
+    let mut curves: Vec<Curve<'_>> = Vec::new();
+    for method in &results.methods {
+        let surfaces = method.training_surfaces;
+        let Some(label) = base_label(method) else {
+            continue;
+        };
+        match curves.iter_mut().find(|curve| curve.label == label) {
+            Some(curve) => {
+                curve.points.insert(surfaces, method);
+            }
+            None => curves.push(Curve {
+                label,
+                points: BTreeMap::from([(surfaces, method)]),
+            }),
+        }
+    }
+    curves.retain(|curve| curve.points.len() > 1);
+    curves
+}
+
+/// The label without the number that a sweep has put at its end.
+fn base_label(method: &MethodResult) -> Option<&str> {
+    let swept = format!(", {} training surfaces", method.training_surfaces);
+    method.label.strip_suffix(&swept)
+}
+
+/// Means over the properties that a perfect reader of the images would reach.
+fn ceilings(results: &Results) -> impl Iterator<Item = (&'static str, f64)> + '_ {
+    let mean = |ceiling: &PerProperty<f64>| {
+        let values = results.properties.iter().map(|code| ceiling.get(code));
+        let sum = values.sum::<Option<f64>>();
+        sum.map(|sum| sum / results.properties.len() as f64)
+    };
+    let data = &results.dataset;
+    [
+        ("Ceiling, one view", mean(&data.ceiling_one_view)),
+        ("Ceiling, all views", mean(&data.ceiling_all_views)),
+    ]
+    .into_iter()
+    .filter_map(|(label, mean)| Some((label, mean?)))
+}
+
+/// Mean R² with its interval; none where every method has one number of training surfaces.
+pub(super) fn table(results: &Results) -> Option<Table> {
+    let curves = curves(results);
+    let numbers: BTreeSet<usize> = curves
+        .iter()
+        .flat_map(|c| c.points.keys().copied())
+        .collect();
+    if curves.is_empty() {
+        return None;
+    }
+    let mut columns = vec!["Method".to_owned()];
+    columns.extend(numbers.iter().map(usize::to_string));
+    let row = |curve: &Curve<'_>| {
+        let cell = |surfaces: &usize| {
+            let method = curve.points.get(surfaces);
+            let interval = method.and_then(|m| m.r2_mean_interval);
+            with_interval(method.and_then(|m| m.r2_mean), interval, 3)
+        };
+        let label = [curve.label.to_owned()].into_iter();
+        Row::measured(label.chain(numbers.iter().map(cell)).collect())
+    };
+    let ceiling = |(label, value): (&str, f64)| {
+        let cells = numbers.iter().map(|_| number(Some(value), 3));
+        Row::reference([label.to_owned()].into_iter().chain(cells).collect())
+    };
+    Some(Table {
+        title: "Learning curves".to_owned(),
+        caption: format!(
+            "R² against training surfaces: the mean over the properties, with {:.0} % bootstrap \
+             intervals over {}. A ceiling is what a perfect reader of the images would reach.",
+            100.0 * results.interval_level,
+            results.dataset.units_in_words()
+        ),
+        columns,
+        rows: curves
+            .iter()
+            .map(row)
+            .chain(ceilings(results).map(ceiling))
+            .collect(),
+    })
+}
+
+/// The same, drawn; none where every method has one number of training surfaces.
+pub(super) fn figure(results: &Results) -> Option<Figure> {
+    let curves = curves(results);
+    let numbers = || curves.iter().flat_map(|curve| curve.points.keys());
+    let (least, most) = (*numbers().min()? as f64, *numbers().max()? as f64);
+    let mut plots: Vec<Plot> = Vec::new();
+    for (index, curve) in curves.iter().enumerate() {
+        let points = curve.points.iter().filter_map(|(&surfaces, method)| {
+            let r2 = method.r2_mean?;
+            let [low, high] = method.r2_mean_interval.unwrap_or([r2; 2]);
+            Some((surfaces as f64, r2, low, high))
+        });
+        let points: Vec<_> = points.collect();
+        let line = LinePlot::new()
+            .with_data(points.iter().map(|&(surfaces, r2, ..)| (surfaces, r2)))
+            .with_band(
+                points.iter().map(|&(_, _, low, _)| low),
+                points.iter().map(|&(_, _, _, high)| high),
+            )
+            .with_color(COLOURS[index % COLOURS.len()])
+            .with_stroke_width(1.8)
+            .with_legend(curve.label);
+        // Where colours come again, the lines differ.
+        let again = index >= COLOURS.len();
+        plots.push(Plot::Line(if again { line.with_dashed() } else { line }));
+    }
+    for (label, value) in ceilings(results) {
+        let line = LinePlot::new()
+            .with_data(vec![(least, value), (most, value)])
+            .with_color("#555555")
+            .with_stroke_width(1.4);
+        let line = if label.ends_with("one view") {
+            line.with_dashed()
+        } else {
+            line.with_dotted()
+        };
+        plots.push(Plot::Line(line.with_legend(label)));
+    }
+    let layout = Layout::auto_from_plots(&plots)
+        .with_width(1000.0)
+        .with_height(460.0)
+        .with_log_x()
+        .with_x_label("training surfaces")
+        .with_y_label("R², mean over properties")
+        .with_legend_position(LegendPosition::OutsideRightTop);
+    Some(Figure {
+        name: "learning",
+        title: "R² against training surfaces".to_owned(),
+        caption: format!(
+            "Bands are {:.0} % bootstrap intervals over {}. The ceilings are what a perfect reader \
+             of the images would reach.",
+            100.0 * results.interval_level,
+            results.dataset.units_in_words()
+        ),
+        svg: SvgBackend::new().render_scene(&render_multiple(plots, layout)),
+    })
+}

@@ -185,7 +185,7 @@ fn figures_that_a_page_shows_are_kept() {
     }
     let kept = keep(repository.0.path(), &repository.path("runs/ablation")).unwrap();
     let image = repository.path("docs/images/ablation-r2.svg");
-    assert_eq!(kept[1..], [image.clone()]);
+    assert_eq!((kept.len(), kept.last()), (2, Some(&image)));
     assert_eq!(fs::read_to_string(image).unwrap(), "<svg>r2</svg>");
 }
 

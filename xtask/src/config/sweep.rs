@@ -1,5 +1,7 @@
 //! Methods that a config does not list one by one: sweeps, and the floors under all others.
 
+use sps_models::heads::Model;
+
 use super::schema::{Config, MethodConfig, MethodKind, SweepConfig};
 
 /// A method, and where the config has it.
@@ -107,8 +109,9 @@ fn trained_on(method: MethodConfig, surfaces: Option<usize>) -> MethodConfig {
 /// Looks at so many views, or at all.
 fn method(sweep: &SweepConfig, kind: MethodKind, views: Option<usize>) -> MethodConfig {
     let name = kind.name();
-    let word = match kind {
-        MethodKind::Head => "cross-modal",
+    let word = match (kind, &sweep.head.model) {
+        (MethodKind::Head, Model::CrossModal(_)) => "cross-modal",
+        (MethodKind::Head, Model::Regression {}) => "regression",
         _ => name,
     };
     let count = views.map_or("all".to_owned(), |views| views.to_string());

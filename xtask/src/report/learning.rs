@@ -113,18 +113,11 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
     let (least, most) = (*numbers().min()? as f64, *numbers().max()? as f64);
     let mut plots: Vec<Plot> = Vec::new();
     for (index, curve) in curves.iter().enumerate() {
-        let points = curve.points.iter().filter_map(|(&surfaces, method)| {
-            let r2 = method.r2_mean?;
-            let [low, high] = method.r2_mean_interval.unwrap_or([r2; 2]);
-            Some((surfaces as f64, r2, low, high))
-        });
-        let points: Vec<_> = points.collect();
+        let points = curve.points.iter();
+        let points =
+            points.filter_map(|(&surfaces, method)| Some((surfaces as f64, method.r2_mean?)));
         let line = LinePlot::new()
-            .with_data(points.iter().map(|&(surfaces, r2, ..)| (surfaces, r2)))
-            .with_band(
-                points.iter().map(|&(_, _, low, _)| low),
-                points.iter().map(|&(_, _, _, high)| high),
-            )
+            .with_data(points.collect::<Vec<_>>())
             .with_color(COLOURS[index % COLOURS.len()])
             .with_stroke_width(1.8)
             .with_legend(curve.label);
@@ -148,18 +141,17 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
         .with_width(1000.0)
         .with_height(460.0)
         .with_log_x()
+        .with_x_axis_min(0.8 * least)
+        .with_x_axis_max(1.25 * most)
         .with_x_label("training surfaces")
         .with_y_label("R², mean over properties")
         .with_legend_position(LegendPosition::OutsideRightTop);
     Some(Figure {
         name: "learning",
         title: "R² against training surfaces".to_owned(),
-        caption: format!(
-            "Bands are {:.0} % bootstrap intervals over {}. The ceilings are what a perfect reader \
-             of the images would reach.",
-            100.0 * results.interval_level,
-            results.dataset.units_in_words()
-        ),
+        caption: "Mean over properties; the table has the intervals. The ceilings are what a \
+                  perfect reader of the images would reach."
+            .to_owned(),
         svg: SvgBackend::new().render_scene(&render_multiple(plots, layout)),
     })
 }

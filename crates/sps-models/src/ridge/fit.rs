@@ -1,17 +1,9 @@
-use linfa::Dataset;
-use linfa::prelude::Fit as _;
-use linfa_elasticnet::ElasticNet;
-use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, s};
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
 use crate::labels::Pca;
 use crate::left_out::LeftOut;
-
-/// Sweeps of coordinate descent over orthogonal columns: one that arrives, and one that mends its
-/// rounding. linfa itself would not stop there: without an L1 penalty the duality gap that it waits
-/// for stays as large as the residuals, and all of its 1000 sweeps are made.
-const SWEEPS: u32 = 2;
 
 /// A fitted plane over the features of all views side by side.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,8 +15,7 @@ pub(super) struct Fit {
 }
 
 /// The features of some surfaces on their principal axes, where the columns are centred and
-/// orthogonal: penalties can be compared in closed form, and linfa's coordinate descent arrives in
-/// [one sweep](SWEEPS). All fits to the same surfaces share it.
+/// orthogonal, and each penalty's fit has a closed form. All fits to the same surfaces share it.
 pub(super) struct Axes {
     components: Pca,
     mean: Array1<f64>,
@@ -46,7 +37,7 @@ impl Axes {
     }
 
     /// Fits `values`, one per surface, with the best of the penalties.
-    pub(super) fn fit(&self, values: &[f64], penalties: &[f64], left_out: &LeftOut) -> Result<Fit> {
+    pub(super) fn fit(&self, values: &[f64], penalties: &[f64], left_out: &LeftOut) -> Fit {
         let values = ArrayView1::from(values);
         let level = values.mean().unwrap_or_default();
         let centred = &values - level;
@@ -57,13 +48,14 @@ impl Axes {
         let errors = penalties.iter().map(|&penalty| (penalty, error(penalty)));
         let best = errors.min_by(|(_, a), (_, b)| a.total_cmp(b));
         let penalty = best.map_or(1.0, |(penalty, _)| penalty);
-        let on_axes = descend(self.scores.view(), centred, penalty * self.variance)?;
+        let shrinking = shrinking(self.scores.view(), penalty * self.variance);
+        let on_axes = self.scores.t().dot(&centred) * shrinking;
         let weights = self.components.components().t().dot(&on_axes);
-        Ok(Fit {
+        Fit {
             penalty,
             intercept: level - self.mean.dot(&weights),
             weights,
-        })
+        }
     }
 }
 
@@ -99,39 +91,24 @@ fn left_out_error(
     left_out: &LeftOut,
 ) -> f64 {
     let samples = scores.nrows() as f64;
-    let shrunk: Array1<f64> = scores
-        .columns()
-        .into_iter()
-        .map(|column| 1.0 / (column.dot(&column) + samples * penalty))
-        .collect();
-    let weights = scores.t().dot(&values) * &shrunk;
-    let residuals = &values - &scores.dot(&weights);
+    let shrinking = shrinking(scores, penalty);
+    let residuals = &values - &scores.dot(&(scores.t().dot(&values) * &shrinking));
     let slack = |i: usize, j: usize| {
         let products = &scores.row(i) * &scores.row(j);
         let identity = if i == j { 1.0 } else { 0.0 };
-        identity - 1.0 / samples - products.dot(&shrunk)
+        identity - 1.0 / samples - products.dot(&shrinking)
     };
     left_out.squared_error(|i| residuals[i], slack)
 }
 
-fn descend(scores: ArrayView2<'_, f64>, values: Array1<f64>, penalty: f64) -> Result<Array1<f64>> {
-    let (samples, columns) = scores.dim();
-    if columns == 0 {
-        return Ok(Array1::zeros(0));
-    }
-    // With fewer columns than samples linfa also inverts their Gram matrix, for a variance that
-    // nothing here asks for and that costs far more than the fit. It skips empty columns.
-    let mut padded = Array2::zeros((samples, columns.max(samples)));
-    padded.slice_mut(s![.., ..columns]).assign(&scores);
-    let fit = ElasticNet::ridge()
-        .penalty(penalty)
-        .with_intercept(false)
-        .max_iterations(SWEEPS)
-        .fit(&Dataset::new(padded, values));
-    match fit {
-        Ok(fit) => Ok(fit.hyperplane().slice(s![..columns]).to_owned()),
-        Err(error) => Err(Error::input("ridge regression", error, "a table that fits")),
-    }
+/// What turns the product of values with a column into its weight; none for columns of zeros.
+fn shrinking(scores: ArrayView2<'_, f64>, penalty: f64) -> Array1<f64> {
+    let samples = scores.nrows() as f64;
+    let one = |column: ArrayView1<'_, f64>| {
+        let size = column.dot(&column) + samples * penalty;
+        if size > 0.0 { 1.0 / size } else { 0.0 }
+    };
+    scores.columns().into_iter().map(one).collect()
 }
 
 #[cfg(test)]
@@ -174,7 +151,7 @@ mod tests {
 
     fn fit(features: &Embeddings, values: &[f64], penalties: &[f64]) -> Fit {
         let axes = Axes::new(features).unwrap();
-        axes.fit(values, penalties, &alone(values.len())).unwrap()
+        axes.fit(values, penalties, &alone(values.len()))
     }
 
     /// Each surface is left out for itself.
@@ -243,7 +220,7 @@ mod tests {
             let fit = Axes::new(&features)
                 .unwrap()
                 .fit(&values, &penalties, &parts);
-            assert_eq!(Some(fit.unwrap().penalty), best);
+            assert_eq!(Some(fit.penalty), best);
         }
     }
 

@@ -35,8 +35,8 @@ impl Default for RidgeConfig {
 /// training surface is left out in turn, as scikit-learn's `RidgeCV`, or each unit of them
 /// ([`TrainingData::units`]).
 ///
-/// Several views of a surface enter side by side. The fit is linfa's; the features are turned to
-/// their principal axes first, which changes nothing but the time it takes.
+/// Several views of a surface enter side by side. The features are turned to their principal axes,
+/// where every penalty's fit and errors have a closed form.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ridge(RidgeConfig);
 
@@ -77,12 +77,11 @@ impl Ridge {
     pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedRidges> {
         let ridges = fit_groups(data, plan, |group| {
             let axes = Axes::new(&group.embeddings)?;
-            let fits = group.jobs.par_iter().map(|job| {
-                let trial = job.trial.clone();
-                let fit = axes.fit(&job.values, &self.0.penalties, &group.left_out)?;
-                Ok(TrainedRidge { trial, fit })
+            let fits = group.jobs.par_iter().map(|job| TrainedRidge {
+                trial: job.trial.clone(),
+                fit: axes.fit(&job.values, &self.0.penalties, &group.left_out),
             });
-            fits.collect::<Vec<_>>().into_iter().collect()
+            Ok(fits.collect())
         })?;
         Ok(TrainedRidges { ridges })
     }

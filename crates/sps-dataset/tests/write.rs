@@ -267,6 +267,27 @@ fn two_processes_do_not_write_into_one_folder() {
     assert!(matches!(refused.unwrap_err().kind(), WriteErrorKind::InUse));
 }
 
+/// A child has the files of its parent until it becomes its own program.
+#[cfg(unix)]
+#[test]
+fn a_child_that_another_thread_starts_does_not_keep_the_folder() {
+    let folder = TempDir::new().unwrap();
+    let source = Counted::new(usize::MAX);
+    let (done, refused) = std::sync::mpsc::channel::<()>();
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            while refused.try_recv() == Err(std::sync::mpsc::TryRecvError::Empty) {
+                let _ = std::process::Command::new("true").status();
+            }
+        });
+        let written: Result<Vec<_>, _> = (0..200)
+            .map(|_| write_png(&source, folder.path()))
+            .collect();
+        drop(done);
+        written.unwrap();
+    });
+}
+
 #[test]
 fn a_plan_that_was_cut_short_is_written_again() {
     let folder = TempDir::new().unwrap();

@@ -78,3 +78,45 @@ impl LeftOut {
         (self.parts.len() > 1).then(|| errors.sum::<f64>() / self.surfaces as f64)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CENTRED: [f64; 5] = [-3.0, -1.0, 0.0, 1.5, 2.5];
+
+    /// The mean of the others, unit by unit, written down surface by surface.
+    fn directly(units: &[usize]) -> f64 {
+        let error = |(out, value): (usize, &f64)| {
+            let others = (0..CENTRED.len()).filter(|&s| units[s] != units[out]);
+            let others: Vec<f64> = others.map(|s| CENTRED[s]).collect();
+            (value - others.iter().sum::<f64>() / others.len() as f64).powi(2)
+        };
+        CENTRED.iter().enumerate().map(error).sum::<f64>() / CENTRED.len() as f64
+    }
+
+    #[test]
+    fn the_mean_is_that_of_all_other_units() {
+        let all = [0, 1, 2, 3, 4];
+        for units in [[0, 1, 2, 3, 4], [7, 7, 2, 2, 2], [1, 0, 1, 0, 5]] {
+            let found = LeftOut::of(&all, Some(&units)).error_of_the_mean(&CENTRED);
+            assert!((found.unwrap() / directly(&units) - 1.0).abs() < 1e-12);
+        }
+        // Units are those of the tables, of which these are some surfaces.
+        let some = LeftOut::of(&[1, 4], Some(&[0, 7, 0, 0, 7, 0]));
+        assert_eq!(some, LeftOut::of(&[0, 1], None));
+    }
+
+    #[test]
+    fn hard_cases() {
+        // One unit: each surface for itself. One surface: nothing.
+        let all = [0, 1, 2, 3, 4];
+        assert_eq!(LeftOut::of(&all, Some(&[3; 5])), LeftOut::of(&all, None));
+        assert_eq!(LeftOut::of(&[2], None).error_of_the_mean(&[0.0]), None);
+        // A unit that alone decides its own fit.
+        let units = [0, 0, 1, 1, 1];
+        let left_out = LeftOut::of(&all, Some(&units));
+        let error = left_out.squared_error(|i| CENTRED[i], |_, _| 0.0);
+        assert!(error > 1e20, "{error}");
+    }
+}

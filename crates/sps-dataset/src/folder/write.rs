@@ -159,6 +159,24 @@ pub fn write_dataset<S: Source>(
     })
 }
 
+/// A folder that no other process writes into meanwhile.
+struct Claim(File);
+
+impl Claim {
+    fn of(file: File) -> Result<Self, TryLockError> {
+        file.try_lock()?;
+        Ok(Self(file))
+    }
+}
+
+impl Drop for Claim {
+    /// Closing the file would not always do: a child that another thread is just starting has it as
+    /// well until it becomes its own program, and holds the lock with it.
+    fn drop(&mut self) {
+        let _ = self.0.unlock();
+    }
+}
+
 struct Writer<'a, S> {
     source: &'a S,
     folder: &'a Path,
@@ -227,8 +245,8 @@ impl<S: Source> Writer<'_, S> {
         ])
     }
 
-    /// Makes the folder this dataset's own, or finds that it is; locked as long as the file lives.
-    fn claim(&self, files: &[(&'static str, String)]) -> Result<File, WriteError> {
+    /// Makes the folder this dataset's own, or finds that it is.
+    fn claim(&self, files: &[(&'static str, String)]) -> Result<Claim, WriteError> {
         let frames = self.folder.join("frames");
         let path = self.folder.join(PLAN);
         let error = |error: io::Error| WriteError::new(&path, error.into());
@@ -245,16 +263,16 @@ impl<S: Source> Writer<'_, S> {
             .create(true)
             .truncate(false)
             .open(&path);
-        let mut file = file.map_err(error)?;
-        file.try_lock().map_err(|refused| match refused {
+        let mut claim = Claim::of(file.map_err(error)?).map_err(|refused| match refused {
             TryLockError::WouldBlock => WriteError::new(self.folder, WriteErrorKind::InUse),
             TryLockError::Error(refused) => error(refused),
         })?;
         let plan = self.plan(files)?;
         let mut found = Vec::new();
+        let file = &mut claim.0;
         file.read_to_end(&mut found).map_err(error)?;
         if found == plan.as_bytes() {
-            return Ok(file);
+            return Ok(claim);
         }
         // A program that was stopped may have left only the beginning.
         if !plan.as_bytes().starts_with(&found) {
@@ -266,7 +284,7 @@ impl<S: Source> Writer<'_, S> {
             .and_then(|()| file.write_all(plan.as_bytes()))
             .map_err(error)?;
         file.sync_all().map_err(error)?;
-        Ok(file)
+        Ok(claim)
     }
 
     /// Differs whenever anything that is to be written does.

@@ -329,23 +329,6 @@ fn what_cannot_be_predicted_gets_the_mean() {
         .map(|v| (v - (mean * 30.0 - v) / 29.0).powi(2));
     let error = errors.sum::<f64>() / 30.0;
     assert!((ridge.left_out_error().unwrap() / error - 1.0).abs() < 1e-12);
-    // The mean of all other units.
-    let units: Vec<usize> = (0..40).map(|s| s / 10).collect();
-    let data = TrainingData {
-        units: Some(&units),
-        ..set.data()
-    };
-    let config = config(Kernel::Exponential, &penalties, &[1.0]);
-    let trained = KernelRidge::new(config).unwrap();
-    let trained = trained.train(&data, &set.plan(30, &[0])).unwrap();
-    let errors = values.iter().enumerate().map(|(s, v)| {
-        let others = values.iter().enumerate().filter(|(o, _)| o / 10 != s / 10);
-        (v - others.map(|(_, v)| v).sum::<f64>() / 20.0).powi(2)
-    });
-    let error = errors.sum::<f64>() / 30.0;
-    let ridge = &trained.ridges()[0];
-    assert_eq!(ridge.penalty(), None);
-    assert!((ridge.left_out_error().unwrap() / error - 1.0).abs() < 1e-12);
 }
 
 #[test]

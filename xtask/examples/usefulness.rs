@@ -6,7 +6,6 @@
 use anyhow::{Context, Result, ensure};
 use candle_core::{Device, Tensor};
 use clap::Parser;
-use sps_dataset::simulate::{Simulator, SimulatorSpec};
 use sps_dataset::{
     FrameIndex, KFold, KeepGroups, Property, Source, SplitPlan, TactileSettings, decode_frames,
 };
@@ -15,6 +14,7 @@ use sps_models::encoders::{Encoder, EncoderKind};
 use sps_models::heads::{Plan, Rerun, TrainingData, Trial, Views};
 use sps_models::ridge::{Ridge, RidgeConfig};
 use sps_models::{Embeddings, Readings};
+use sps_simulate::{Simulator, SimulatorSpec};
 
 /// R² of ridge regression on simulated surfaces, every surface held out once
 #[derive(Parser)]

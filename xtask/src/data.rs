@@ -1,8 +1,8 @@
 //! The surfaces that an experiment runs on.
 
 use anyhow::{Context, Result};
-use sps_dataset::simulate::{Ceilings, Simulator, SimulatorSpec, ceilings};
 use sps_dataset::{DatasetFolder, OutOfRange, Property, RollAngle, Source, TactileSettings};
+use sps_simulate::{Ceilings, Simulator, SimulatorSpec, ceilings};
 use tracing::info;
 
 use crate::config::DataSpec;

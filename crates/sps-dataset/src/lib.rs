@@ -4,7 +4,8 @@
 //!
 //! Take this crate to read such a dataset from a folder, frame by frame as frames are asked for, to
 //! bring tactile tables of several forms into one, to split surfaces and label their materials, or
-//! to write a dataset. What reads the same from a folder and from a simulator is a [`Source`].
+//! to write a dataset. What reads the same from a folder and from a simulator (the crate
+//! `sps-simulate`) is a [`Source`].
 //!
 //! ```
 //! use sps_dataset::{
@@ -51,8 +52,7 @@
 //!
 //! # Features
 //!
-//! `exr` (default) reads and writes OpenEXR frames; `npz` reads tactile tables from NumPy archives;
-//! `simulate` adds the simulator.
+//! `exr` (default) reads and writes OpenEXR frames; `npz` reads tactile tables from NumPy archives.
 
 mod error;
 mod files;
@@ -65,8 +65,6 @@ mod material;
 mod nearest;
 mod property;
 mod settings;
-#[cfg(feature = "simulate")]
-pub mod simulate;
 mod source;
 mod split;
 mod stream;

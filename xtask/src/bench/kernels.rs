@@ -4,7 +4,6 @@ use std::hint::black_box;
 
 use anyhow::{Context, Result};
 use candle_core::{Device, Tensor, Var};
-use sps_dataset::simulate::{Simulator, SimulatorSpec};
 use sps_dataset::{DecodeSettings, decode_image};
 use sps_metrics::{Bootstrap, Metric, Samples, Scored, Scores, TrainingMean};
 use sps_models::encoders::{Encoder, EncoderKind, TrainableEncoder};
@@ -15,6 +14,7 @@ use sps_models::labels::LabelSource;
 use sps_models::ops::{self, Window};
 use sps_models::ridge::{Ridge, RidgeConfig};
 use sps_models::{Embeddings, Readings};
+use sps_simulate::{Simulator, SimulatorSpec};
 use sps_viewselect::{Exhaustive, Nvs, Problem, Selector, SetFunction};
 
 /// A pass of a kernel, on data that is made beforehand.

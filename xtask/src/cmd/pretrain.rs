@@ -3,11 +3,11 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use candle_core::Device;
 use sps_dataset::FrameIndex;
-use sps_dataset::simulate::{Material, Simulator};
 use sps_models::Readings;
 use sps_models::encoders::Encoder;
 use sps_models::training::{Classes, Parts, Targets};
 use sps_models::weights::Storage;
+use sps_simulate::{Material, Simulator};
 
 use crate::config::{Pretraining, Setting};
 use crate::files::write_atomically;

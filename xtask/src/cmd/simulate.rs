@@ -2,8 +2,8 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::ValueEnum;
-use sps_dataset::simulate::{Simulator, SimulatorSpec, ceilings};
 use sps_dataset::{FrameFormat, WriteOptions, write_dataset};
+use sps_simulate::{Simulator, SimulatorSpec, ceilings};
 use tracing::info;
 
 use crate::data::CEILING_SURFACES;

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use sps_dataset::simulate::SimulatorSpec;
 use sps_dataset::{ReadSettings, SplitPlan};
+use sps_simulate::SimulatorSpec;
 
 use super::locate::{ConfigError, Layers};
 use super::schema::{Config, DataOrigin, SimulatedConfig};

@@ -418,10 +418,10 @@ mod tests {
     use crate::fuzz::{Damage, damaged, fuzz, nested};
     use proptest::sample::select;
     use sps_dataset::TactileSettings;
-    use sps_dataset::simulate::SimulatorSpec;
     use sps_models::heads::HeadConfig;
     use sps_models::kernel_ridge::KernelRidgeConfig;
     use sps_models::ridge::RidgeConfig;
+    use sps_simulate::SimulatorSpec;
 
     fn read(text: &str) -> Result<Experiment, ConfigError> {
         let defaults = DEFAULTS.parse().unwrap();

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use anyhow::Result;
 use serde::Deserialize;
-use sps_dataset::simulate::SimulatorSpec;
 use sps_models::encoders::EncoderKind;
 use sps_models::training::TrainingConfig;
+use sps_simulate::SimulatorSpec;
 
 use super::experiment::check_training;
 use super::locate::{Layers, Setting};

@@ -437,7 +437,7 @@ fn dataset<S: Source>(
     about: &About,
     splits: &Splits,
 ) -> Dataset {
-    let ceiling = |of: fn(&sps_dataset::simulate::Ceiling) -> f64| {
+    let ceiling = |of: fn(&sps_simulate::Ceiling) -> f64| {
         let ceilings = about.ceilings.iter().flat_map(|c| &c.properties);
         ceilings
             .map(|(code, ceiling)| ((*code).clone(), of(ceiling)))

@@ -1,8 +1,4 @@
-//! A simulated gonioreflectometer and tactile sensor (feature `simulate`).
-//!
-//! Surfaces of 45 materials, photographed at any roll angle and touched as the paper's were. A
-//! [`Simulator`] is a [`Source`](crate::Source) like a dataset on disk. The model, its ranges,
-//! their sources and what was measured on it are in the repository's `docs/simulator.md`.
+#![doc = include_str!("../README.md")]
 
 mod ceiling;
 mod fingerprint;

@@ -7,7 +7,7 @@ use std::time::Duration;
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use image::{ExtendedColorType, ImageEncoder};
 use sps_dataset::Source;
-use sps_dataset::simulate::{Simulator, SimulatorSpec, ceilings};
+use sps_simulate::{Simulator, SimulatorSpec, ceilings};
 
 /// The named classes of the paper's figure 2a.
 const CLASSES: [&str; 14] = [

@@ -1,8 +1,7 @@
 //! The known limit.
-#![cfg(feature = "simulate")]
 
 use sps_dataset::Property;
-use sps_dataset::simulate::ceilings;
+use sps_simulate::ceilings;
 
 #[test]
 fn limits_are_ordered_and_certain_enough() {

@@ -98,7 +98,7 @@ pub(super) const RESPONSES: [[f64; 29]; 15] = [
 
 #[cfg(test)]
 mod tests {
-    use crate::Property;
+    use sps_dataset::Property;
 
     use super::super::super::parameters::Specimen;
     use super::super::responses;
@@ -127,7 +127,7 @@ mod tests {
     }
 
     /// Where this fails after a change of the measurement model, put what it prints into
-    /// `RESPONSES`: `cargo test -p sps-dataset --features simulate calibration -- --nocapture`.
+    /// `RESPONSES`: `cargo test -p sps-simulate calibration -- --nocapture`.
     #[test]
     fn the_constants_are_what_is_measured() {
         let found = measured();

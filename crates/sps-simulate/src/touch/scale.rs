@@ -101,7 +101,7 @@ fn rate(reach: f64, slope: f64) -> f64 {
 mod tests {
     use std::collections::BTreeMap;
 
-    use crate::Property;
+    use sps_dataset::Property;
 
     use super::*;
 
@@ -111,7 +111,7 @@ mod tests {
         struct Published {
             quantiles: BTreeMap<String, [f64; 5]>,
         }
-        let text = include_str!("../../../../../fixtures/paper/dataset-statistics.toml");
+        let text = include_str!("../../../../fixtures/paper/dataset-statistics.toml");
         let published: Published = toml::from_str(text).unwrap();
         for (property, ours) in Property::ALL.into_iter().zip(PUBLISHED) {
             assert_eq!(ours, published.quantiles[property.code()], "{property}");

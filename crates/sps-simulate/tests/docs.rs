@@ -1,9 +1,8 @@
 //! The ranges printed in `docs/simulator.md` are those of the code.
-#![cfg(feature = "simulate")]
 
 use std::fmt::Write as _;
 
-use sps_dataset::simulate::{Material, Profile, Range};
+use sps_simulate::{Material, Profile, Range};
 
 const HEADER: &str = "\
 | material | kind | weight | pitch mm | relief mm | order | micro um | micro length mm | alpha | sheen | f0 | coated | printed | modulus kPa | loss | relaxation | creep | thickness mm | effusivity | adhesion | tack |

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use crate::{FrameKey, RollAngle};
+use sps_dataset::{FrameKey, RollAngle};
 
 use super::material::Material;
 use super::parameters::Specimen;

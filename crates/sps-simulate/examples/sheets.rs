@@ -1,12 +1,12 @@
 //! Draws the pictures of `docs/simulator/`: each material at -45, 0 and 45 degrees.
 //!
-//! `cargo run --release -p sps-dataset --features simulate --example simulate_sheets -- docs/simulator`
+//! `cargo run --release -p sps-simulate --example sheets -- docs/simulator`
 
 use std::path::PathBuf;
 
 use image::{ExtendedColorType, ImageEncoder};
 use sps_dataset::Source;
-use sps_dataset::simulate::{Simulator, SimulatorSpec};
+use sps_simulate::{Simulator, SimulatorSpec};
 
 const SIZE: usize = 128;
 const GAP: usize = 2;
@@ -56,7 +56,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 fn sheet(
     simulator: &Simulator,
     materials: &[&str],
-) -> Result<(usize, Vec<u8>), sps_dataset::simulate::SimulateError> {
+) -> Result<(usize, Vec<u8>), sps_simulate::SimulateError> {
     let columns = 9;
     let width = columns * (SIZE + GAP);
     let mut pixels = vec![255; width * materials.len() * (SIZE + GAP) * 3];

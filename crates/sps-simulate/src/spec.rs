@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::RollAngle;
+use sps_dataset::RollAngle;
 
 /// Surfaces of one seed.
 pub(super) const MOST_SURFACES: usize = 1_000_000;
@@ -12,7 +12,7 @@ pub(super) const MOST_SURFACES: usize = 1_000_000;
 /// different lengths agree in the surfaces that both hold.
 ///
 /// ```
-/// use sps_dataset::simulate::SimulatorSpec;
+/// use sps_simulate::SimulatorSpec;
 ///
 /// let spec = SimulatorSpec { surfaces: 40, ..SimulatorSpec::default() };
 /// assert_eq!((spec.views, spec.from_deg, spec.to_deg), (100, -45.0, 45.0));

@@ -1,11 +1,10 @@
 //! The simulator as a source: the same surfaces and frames whatever else is asked for.
-#![cfg(feature = "simulate")]
 
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
-use sps_dataset::simulate::{SimulateError, Simulator, SimulatorSpec};
 use sps_dataset::{Property, Source};
+use sps_simulate::{SimulateError, Simulator, SimulatorSpec};
 
 fn simulator(spec: SimulatorSpec) -> Simulator {
     Simulator::new(spec).unwrap()
@@ -151,7 +150,6 @@ fn indices_out_of_range_are_errors() {
 }
 
 /// A brushed metal near the mirror direction of the light: what a display clips is in the file.
-#[cfg(feature = "exr")]
 #[test]
 fn an_exr_file_keeps_highlights_above_white() {
     use sps_dataset::{DecodeSettings, FrameFormat, WriteOptions, read_image, write_dataset};

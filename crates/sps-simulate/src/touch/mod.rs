@@ -11,7 +11,7 @@ mod scale;
 mod texture;
 mod thermal;
 
-use crate::{Property, Reading, TactileTable};
+use sps_dataset::{Property, Reading, TactileTable};
 
 use super::latent::Scores;
 use super::parameters::{Parameters, Specimen};

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use crate::{Frame, FrameKey, LinearFrame, RollAngle, Source, Surface, TactileTable};
+use sps_dataset::{Frame, FrameKey, LinearFrame, RollAngle, Source, Surface, TactileTable};
 
 use super::fingerprint;
 use super::material::Material;
@@ -18,13 +18,13 @@ use super::touch;
 ///
 /// ```
 /// use sps_dataset::Source;
-/// use sps_dataset::simulate::{Simulator, SimulatorSpec};
+/// use sps_simulate::{Simulator, SimulatorSpec};
 ///
 /// let spec = SimulatorSpec { surfaces: 3, size: 32, views: 3, ..SimulatorSpec::default() };
 /// let simulator = Simulator::new(spec)?;
 /// let frame = simulator.frame(2, 1)?;
 /// assert_eq!((frame.width, frame.height), (32, 32));
-/// # Ok::<(), sps_dataset::simulate::SimulateError>(())
+/// # Ok::<(), sps_simulate::SimulateError>(())
 /// ```
 #[derive(Debug)]
 pub struct Simulator {
@@ -55,14 +55,14 @@ impl Simulator {
     ///
     /// ```
     /// use sps_dataset::Source;
-    /// use sps_dataset::simulate::{Simulator, SimulatorSpec};
+    /// use sps_simulate::{Simulator, SimulatorSpec};
     ///
     /// let spec = SimulatorSpec { size: 32, ..SimulatorSpec::default() };
     /// let some = Simulator::of(spec.clone(), &[7, 500_000])?;
     /// let first = Simulator::new(SimulatorSpec { surfaces: 8, ..spec })?;
     /// assert_eq!(some.surfaces()[0], first.surfaces()[7]);
     /// assert_eq!(some.frame_key(0, 3)?, first.frame_key(7, 3)?);
-    /// # Ok::<(), sps_dataset::simulate::SimulateError>(())
+    /// # Ok::<(), sps_simulate::SimulateError>(())
     /// ```
     ///
     /// # Errors

@@ -1,12 +1,11 @@
 //! Laws that the reflectance model must obey, against quadrature in f64 that shares no code with
 //! it.
-#![cfg(feature = "simulate")]
 
 use std::f64::consts::{PI, TAU};
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
-use sps_dataset::simulate::{Brdf, Vector};
+use sps_simulate::{Brdf, Vector};
 
 const UP: Vector = [0.0, 0.0, 1.0];
 

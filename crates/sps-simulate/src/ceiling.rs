@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::Property;
+use sps_dataset::Property;
 
 use super::latent::{Latent, Scores};
 use super::parameters::Specimen;

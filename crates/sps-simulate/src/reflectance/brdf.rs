@@ -14,7 +14,7 @@ pub type Vector = [f32; 3];
 /// All roughness values are GGX alphas; squared roughness below 1e-8 is taken as 1e-8.
 ///
 /// ```
-/// use sps_dataset::simulate::Brdf;
+/// use sps_simulate::Brdf;
 ///
 /// let plaster = Brdf { albedo: [0.8; 3], alpha: [0.6, 0.6], ..Brdf::default() };
 /// let [red, _, _] = plaster.eval([0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.3, 0.95]);

@@ -295,6 +295,42 @@ fn manifest_errors_name_the_line_and_the_nearest_key() {
 }
 
 #[test]
+fn the_table_may_not_be_outside_the_folder() {
+    let outside = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(outside.path(), TABLE).unwrap();
+    let absolute = outside.path().to_str().unwrap();
+    let up = "../".repeat(20) + absolute;
+    for file in [
+        absolute,
+        &up,
+        "../tactile.csv",
+        "a/../../tactile.csv",
+        "C:tactile.csv",
+        "",
+    ] {
+        let tactile = format!("[tactile.long-csv]\nfile = '{file}'\n");
+        let refused = Made::new(&tactile, "tactile.csv", TABLE)
+            .open()
+            .unwrap_err();
+        let found =
+            format!("tactile table: found `{file}`, expected a path below the dataset's folder");
+        assert!(refused.to_string().contains(&found), "{refused}");
+        assert!(matches!(
+            refused.kind(),
+            DatasetErrorKind::Unexpected { .. }
+        ));
+    }
+    let made = Made::new(
+        "[tactile.long-csv]\nfile = \"tables/a.csv\"\n",
+        "tactile.csv",
+        TABLE,
+    );
+    std::fs::create_dir(made.path().join("tables")).unwrap();
+    made.write("tables/a.csv", TABLE);
+    made.open().unwrap();
+}
+
+#[test]
 fn surface_errors_name_the_line() {
     let cases = [
         (

@@ -20,7 +20,7 @@ use crate::{
 
 pub use angles::{InvalidAngles, ViewAngles};
 pub use manifest::Manifest;
-use surfaces::read_surfaces;
+use surfaces::{check_table, read_surfaces};
 pub use write::{WriteError, WriteErrorKind, WriteOptions, Written, write_dataset};
 
 /// What a frame's file may end in.
@@ -50,7 +50,7 @@ impl DatasetFolder {
     /// # Errors
     /// Where the folder is no dataset, or `dataset.toml`, `surfaces.csv` or the tactile table
     /// breaks its format, speaks of a surface or property that does not exist, or has a value that
-    /// `settings` reject.
+    /// `settings` reject; where the table would be outside the folder.
     pub fn open(folder: &Path, settings: &ReadSettings) -> Result<Self, DatasetError> {
         let limit = settings.table_bytes;
         let path = folder.join("dataset.toml");
@@ -67,12 +67,14 @@ impl DatasetFolder {
 
         let path = folder.join("surfaces.csv");
         let surfaces = read_surfaces(&path, &read_file(&path, limit)?)?;
+        let format = settings.table.as_ref().unwrap_or(&manifest.tactile);
+        check_table(folder, format.file())?;
         let TactileRead {
             table,
             out_of_range,
         } = read_table(
             folder,
-            settings.table.as_ref().unwrap_or(&manifest.tactile),
+            format,
             &surfaces,
             &manifest.properties,
             settings.tactile.out_of_range,

@@ -50,6 +50,18 @@ pub(super) fn read_surfaces(path: &Path, bytes: &[u8]) -> Result<Vec<Surface>, D
     Ok(surfaces)
 }
 
+/// A table is read from below the dataset's folder and from nowhere else: each part of its path is
+/// held to the rules of an id, which names a folder too.
+pub(super) fn check_table(folder: &Path, file: &str) -> Result<(), DatasetError> {
+    let refused = |(_, expected)| {
+        let expected = format!("a path below the dataset's folder, each part {expected}");
+        let found = format!("`{}`", file.escape_debug());
+        let kind = DatasetErrorKind::unexpected("the `file` of the tactile table", found, expected);
+        DatasetError::file(folder, kind)
+    };
+    file.split('/').try_for_each(check_id).map_err(refused)
+}
+
 /// An id names a folder, so it must stay inside the one above; what was found and expected if not.
 pub(super) fn check_id(id: &str) -> Result<(), (String, String)> {
     let bad = |c: char| matches!(c, '/' | '\\' | ':') || c.is_control();

@@ -2,7 +2,7 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::{Property, UnknownProperty};
+use crate::{Property, UnknownName, UnknownProperty};
 
 /// A dataset, or a table of one, that cannot be read: which file, where in it, and why.
 ///
@@ -52,18 +52,9 @@ pub enum DatasetErrorKind {
         /// What is wrong.
         reason: String,
     },
-    /// A key that the format does not have.
-    #[error("unknown {what} `{found}`, {}", one_of(.nearest.as_deref(), .expected))]
-    UnknownName {
-        /// What kind of name it is, for example `key`.
-        what: &'static str,
-        /// The name in the file.
-        found: String,
-        /// The name that was probably meant.
-        nearest: Option<String>,
-        /// Every name that would have been right; empty where there are too many to list.
-        expected: Vec<String>,
-    },
+    /// A key, value or surface that there is not.
+    #[error("{0}")]
+    UnknownName(UnknownName),
     /// A property code that is none of the fifteen.
     #[error("{0}")]
     UnknownProperty(UnknownProperty),
@@ -192,19 +183,5 @@ impl fmt::Display for Place {
             Self::Line(line) => write!(f, "line {line}"),
             Self::Key(key) => write!(f, "key `{key}`"),
         }
-    }
-}
-
-fn one_of(nearest: Option<&str>, expected: &[String]) -> String {
-    let list = expected
-        .iter()
-        .map(|name| format!("`{name}`"))
-        .collect::<Vec<_>>()
-        .join(", ");
-    match (nearest, expected) {
-        (Some(nearest), []) => format!("did you mean `{nearest}`?"),
-        (Some(nearest), _) => format!("did you mean `{nearest}`? Expected one of {list}"),
-        (None, []) => "which is not one of those known".to_owned(),
-        (None, _) => format!("expected one of {list}"),
     }
 }

@@ -62,7 +62,6 @@ mod image;
 mod inspect;
 mod intraclass;
 mod material;
-mod nearest;
 mod property;
 mod settings;
 mod source;
@@ -91,6 +90,7 @@ pub use source::{
     FrameIndex, FrameKey, RollAngle, Source, Surface, decode_frames, map_frames, nearest_view,
 };
 pub use split::{KFold, RandomSplit, Split, SplitError, SplitPlan};
+pub use sps_base::names::UnknownName;
 pub use table::{
     Header, InvalidOrder, Json, JsonLayout, LongCsv, Npz, NpzLayout, PropertyOrder, Stacked,
     Statistics, TableFormat, WideCsv,

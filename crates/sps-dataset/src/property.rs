@@ -3,7 +3,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-use crate::nearest::nearest;
+use sps_base::names::nearest;
 
 /// One of the fifteen tactile properties that the SynTouch Toccare measures (Purri and Dana, ECCV
 /// 2020, table 1). All are unitless, nominally 0 to 100.

@@ -1,7 +1,6 @@
 //! Named random streams: every draw is fixed by (seed, purpose, index) and moves no other.
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{RngCore, SeedableRng};
+use sps_base::streams::{ChaCha8Rng, below, hashed_stream};
 
 /// The ChaCha stream of one purpose.
 pub(crate) struct Stream(ChaCha8Rng);
@@ -9,28 +8,15 @@ pub(crate) struct Stream(ChaCha8Rng);
 impl Stream {
     /// `index` tells streams of one purpose apart: the rerun, the fold.
     pub(crate) fn new(seed: u64, purpose: &str, index: u64) -> Self {
-        let mut hasher = blake3::Hasher::new_derive_key("sps-dataset 0.1 random stream");
-        hasher.update(&seed.to_le_bytes());
-        hasher.update(&index.to_le_bytes());
-        hasher.update(purpose.as_bytes());
-        Self(ChaCha8Rng::from_seed(hasher.finalize().into()))
-    }
-
-    /// Uniform in `0..bound`, without the bias of a plain remainder.
-    fn below(&mut self, bound: u64) -> u64 {
-        let reject_below = bound.wrapping_neg() % bound;
-        loop {
-            let product = u128::from(self.0.next_u64()) * u128::from(bound);
-            if product as u64 >= reject_below {
-                return (product >> 64) as u64;
-            }
-        }
+        let (seed, index) = (seed.to_le_bytes(), index.to_le_bytes());
+        let name = [&seed, &index, purpose.as_bytes()];
+        Self(hashed_stream("sps-dataset 0.1 random stream", name))
     }
 
     /// Every order equally likely (Fisher and Yates).
     pub(crate) fn shuffle<T>(&mut self, items: &mut [T]) {
         for last in (1..items.len()).rev() {
-            let chosen = self.below(last as u64 + 1) as usize;
+            let chosen = below(&mut self.0, last as u64 + 1) as usize;
             items.swap(last, chosen);
         }
     }
@@ -38,16 +24,24 @@ impl Stream {
 
 #[cfg(test)]
 mod tests {
-    use super::Stream;
+    use super::*;
 
     #[test]
     fn streams_differ_by_seed_purpose_and_index_and_repeat_themselves() {
-        let draw = |seed, purpose, index| Stream::new(seed, purpose, index).below(u64::MAX);
+        let draw = |seed, purpose, index| below(&mut Stream::new(seed, purpose, index).0, u64::MAX);
         let first = draw(1, "split", 0);
         assert_eq!(first, draw(1, "split", 0));
         for other in [draw(2, "split", 0), draw(1, "fold", 0), draw(1, "split", 1)] {
             assert_ne!(first, other);
         }
+    }
+
+    /// As drawn before this crate shared its streams with others: every split depends on them.
+    #[test]
+    fn an_order_is_what_it_always_was() {
+        let mut items = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
+        Stream::new(7, "split", 3).shuffle(&mut items);
+        assert_eq!(items, [6, 3, 7, 1, 9, 2, 5, 11, 10, 0, 8, 4]);
     }
 
     /// Chi-squared over the 24 orders of four items; 60 exceeds the 99.99 % point for 23 degrees.

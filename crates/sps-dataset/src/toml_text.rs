@@ -2,8 +2,7 @@ use std::path::Path;
 
 use serde::de::DeserializeOwned;
 
-use crate::nearest::nearest;
-use crate::{DatasetError, DatasetErrorKind, Place};
+use crate::{DatasetError, DatasetErrorKind, Place, UnknownName};
 
 /// Reads a TOML text into `T`; an error names the line and, for an unknown key, the nearest valid
 /// one.
@@ -44,24 +43,12 @@ fn line_of(text: &str, byte: usize) -> u64 {
     1 + before.filter(|&&byte| byte == b'\n').count() as u64
 }
 
-/// Serde says which name it did not know, and which it did, only in words.
 fn kind_of(message: &str) -> DatasetErrorKind {
-    for (start, what) in [("unknown field ", "key"), ("unknown variant ", "value")] {
-        if let Some(rest) = message.strip_prefix(start) {
-            let mut names = rest.split('`').skip(1).step_by(2).map(str::to_owned);
-            let found = names.next().unwrap_or_default();
-            let expected: Vec<String> = names.collect();
-            let nearest = nearest(&found, expected.iter().map(String::as_str)).map(str::to_owned);
-            return DatasetErrorKind::UnknownName {
-                what,
-                found,
-                nearest,
-                expected,
-            };
-        }
-    }
-    DatasetErrorKind::Malformed {
-        format: "TOML",
-        reason: message.trim_end().to_owned(),
-    }
+    UnknownName::of_serde(message).map_or_else(
+        || DatasetErrorKind::Malformed {
+            format: "TOML",
+            reason: message.trim_end().to_owned(),
+        },
+        DatasetErrorKind::UnknownName,
+    )
 }

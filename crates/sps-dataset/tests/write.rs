@@ -233,6 +233,19 @@ fn stopped_and_started_again_it_goes_on_from_finished_surfaces() {
 }
 
 #[test]
+fn what_a_killed_run_left_half_written_is_removed() {
+    let folder = TempDir::new().unwrap();
+    let source = Counted::new(usize::MAX);
+    write_png(&source, folder.path()).unwrap();
+    let left = folder.path().join("frames/.writing-1-0");
+    std::fs::create_dir(&left).unwrap();
+    std::fs::write(left.join("000.png"), b"half").unwrap();
+    std::fs::write(folder.path().join(".writing-1-0"), b"half").unwrap();
+    write_png(&source, folder.path()).unwrap();
+    assert!(!left.exists() && !folder.path().join(".writing-1-0").exists());
+}
+
+#[test]
 fn two_datasets_do_not_mix() {
     let folder = TempDir::new().unwrap();
     let source = Counted::new(usize::MAX);

@@ -1,7 +1,6 @@
 //! Named random streams: every draw comes from a ChaCha stream keyed by (seed, purpose, index).
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{RngCore, SeedableRng};
+use sps_base::streams::{ChaCha8Rng, RngCore, hashed_stream};
 
 use super::numeric;
 
@@ -54,13 +53,9 @@ pub(crate) struct Stream(ChaCha8Rng);
 impl Stream {
     /// The stream of `seed` and `purpose` for the thing that `index` names.
     pub(crate) fn new(seed: u64, purpose: Purpose, index: &[u64]) -> Self {
-        let mut hasher = blake3::Hasher::new_derive_key("sps-dataset simulate stream 1");
-        hasher.update(&seed.to_le_bytes());
-        hasher.update(purpose.name().as_bytes());
-        for part in index {
-            hasher.update(&part.to_le_bytes());
-        }
-        Self(ChaCha8Rng::from_seed(*hasher.finalize().as_bytes()))
+        let index: Vec<u8> = index.iter().flat_map(|part| part.to_le_bytes()).collect();
+        let name = [&seed.to_le_bytes(), purpose.name().as_bytes(), &index];
+        Self(hashed_stream("sps-dataset simulate stream 1", name))
     }
 
     pub(crate) fn bits(&mut self) -> u32 {

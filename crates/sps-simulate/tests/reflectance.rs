@@ -3,8 +3,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{RngCore, SeedableRng};
+use sps_base::streams::{ChaCha8Rng, RngCore, SeedableRng};
 use sps_simulate::{Brdf, Vector};
 
 const UP: Vector = [0.0, 0.0, 1.0];

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use sps_base::names::nearest;
 use sps_dataset::Property;
 use sps_metrics::{Bootstrap, Level};
 use sps_models::encoders::{EncoderKind, I3d, Precision};
@@ -11,7 +12,7 @@ use sps_models::training::TrainingConfig;
 use super::adaptive::{self, Adaptive};
 use super::data::{DataSpec, Protocol, data};
 use super::estimator::{self, Estimator};
-use super::locate::{ConfigError, Layers, Setting, nearest};
+use super::locate::{ConfigError, Layers, Setting};
 use super::looks::{self, Looks};
 use super::schema::{Config, EncoderConfig, MethodConfig, SelectorConfig};
 use super::sweep::{self, Written};
@@ -337,8 +338,7 @@ fn training_surfaces(method: &MethodConfig) -> Result<Option<usize>, String> {
 
 fn unknown_row(name: &str) -> String {
     let names = paper::names();
-    let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    match nearest(name, &names) {
+    match nearest(name, names.iter().map(String::as_str)) {
         Some(nearest) => format!("the paper has no row `{name}`, did you mean `{nearest}`?"),
         None => format!("the paper has no row `{name}`; it has {}", names.join(", ")),
     }

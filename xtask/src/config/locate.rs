@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 use serde_path_to_error::{Path as KeyPath, Segment};
+use sps_base::names::UnknownName;
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
@@ -140,13 +141,17 @@ impl<'a> Layers<'a> {
     pub(crate) fn read<T: DeserializeOwned>(&self) -> Result<T, ConfigError> {
         serde_path_to_error::deserialize(Value::Table(self.merged.clone())).map_err(|error| {
             let mut key = segments(error.path());
-            let message = error.inner().message().to_owned();
-            if let Some(unknown) = quoted_after(&message, "unknown field ")
-                && key.last().is_none_or(|last| last != unknown)
+            let message = error.inner().message();
+            let unknown = UnknownName::of_serde(message);
+            if let Some(UnknownName {
+                what: "key", found, ..
+            }) = &unknown
+                && key.last() != Some(found)
             {
-                key.push(unknown.to_owned());
+                key.push(found.clone());
             }
-            self.error_at(&key, with_nearest(message))
+            let problem = unknown.map_or_else(|| message.to_owned(), |name| name.to_string());
+            self.error_at(&key, problem)
         })
     }
 
@@ -222,42 +227,6 @@ fn place_of_span(path: &Path, text: &str, span: Range<usize>) -> Place {
         line,
         text: text.lines().nth(line - 1).unwrap_or_default().to_owned(),
     }
-}
-
-fn quoted_after<'m>(message: &'m str, start: &str) -> Option<&'m str> {
-    message
-        .strip_prefix(start)?
-        .strip_prefix('`')?
-        .split('`')
-        .next()
-}
-
-/// Turns serde's "unknown field `x`, expected one of ..." into a message that leads with the
-/// nearest valid name.
-fn with_nearest(message: String) -> String {
-    let unknown = quoted_after(&message, "unknown field ")
-        .or_else(|| quoted_after(&message, "unknown variant "));
-    let Some(unknown) = unknown else {
-        return message;
-    };
-    let valid: Vec<&str> = message.split('`').skip(3).step_by(2).collect();
-    match nearest(unknown, &valid) {
-        Some(nearest) => format!(
-            "unknown name `{unknown}`, did you mean `{nearest}`? (valid here: {})",
-            valid.join(", ")
-        ),
-        None => message,
-    }
-}
-
-/// The candidate with the fewest edits from `name`, if it is at all alike.
-pub(crate) fn nearest<'c>(name: &str, candidates: &[&'c str]) -> Option<&'c str> {
-    candidates
-        .iter()
-        .map(|candidate| (strsim::damerau_levenshtein(name, candidate), *candidate))
-        .filter(|(distance, candidate)| *distance <= candidate.len().max(name.len()) / 2)
-        .min()
-        .map(|(_, candidate)| candidate)
 }
 
 #[cfg(test)]

@@ -207,7 +207,7 @@ mod tests {
 
     /// Words that part surfaces, draw at random, resample or calibrate, with the files in which
     /// they may stand and are seen to go by units.
-    const PARTING: [(&str, &[&str]); 11] = [
+    const PARTING: [(&str, &[&str]); 12] = [
         (".keep_aside(", &["run/splits.rs"]),
         (".folds(", &["run/splits.rs"]),
         (".each_aside(", &["run/splits.rs"]),
@@ -218,6 +218,7 @@ mod tests {
         ("use rand", &[]),
         (" rand::", &[]),
         ("rand_chacha::", &[]),
+        ("streams::", &[]),
         ("Conformal::", &["run/conformal.rs"]),
         // A bootstrap of made-up numbers is timed.
         ("units: None", &["bench/kernels.rs"]),

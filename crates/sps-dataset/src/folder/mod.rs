@@ -1,7 +1,6 @@
 //! A dataset in a folder.
 
 mod angles;
-mod atomic;
 mod manifest;
 mod surfaces;
 mod tables;

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
+use sps_base::files::{remove_unfinished, write_file, write_folder, write_new};
 
-use super::atomic::{write_file, write_folder, write_new};
 use super::surfaces::check_id;
 use super::tables::{surfaces_csv, tactile_csv};
 use crate::{EncodeError, FrameFormat, Manifest, PropertyOrder, Source, TableFormat, ViewAngles};
@@ -267,6 +267,9 @@ impl<S: Source> Writer<'_, S> {
             TryLockError::WouldBlock => WriteError::new(self.folder, WriteErrorKind::InUse),
             TryLockError::Error(refused) => error(refused),
         })?;
+        for folder in [self.folder, &frames] {
+            remove_unfinished(folder).map_err(|left| WriteError::new(folder, left.into()))?;
+        }
         let plan = self.plan(files)?;
         let mut found = Vec::new();
         let file = &mut claim.0;

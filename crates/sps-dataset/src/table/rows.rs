@@ -1,11 +1,10 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use crate::nearest::nearest;
 use crate::tactile::is_plausible;
 use crate::{
     DatasetError, DatasetErrorKind, NOMINAL_RANGE, OutOfRange, Place, Property, RangePolicy,
-    Reading, Surface, TactileTable,
+    Reading, Surface, TactileTable, UnknownName,
 };
 
 /// A table as its file has it, before anything is made of its values.
@@ -129,12 +128,10 @@ impl Wanted<'_> {
 
     fn unknown(&self, row: &RawRow) -> DatasetError {
         let known = self.surfaces.iter().map(|surface| surface.id.as_str());
-        let kind = DatasetErrorKind::UnknownName {
-            what: "surface",
-            found: row.surface.clone(),
-            nearest: nearest(&row.surface, known).map(str::to_owned),
+        let kind = DatasetErrorKind::UnknownName(UnknownName {
             expected: Vec::new(),
-        };
+            ..UnknownName::new("surface", &row.surface, known)
+        });
         DatasetError::new(self.path, row.place.clone(), kind)
     }
 

@@ -2,7 +2,7 @@
 
 use candle_core::{Device, Tensor};
 use rand::seq::SliceRandom;
-use rand_chacha::ChaCha8Rng;
+use sps_base::streams::ChaCha8Rng;
 
 use super::config::HeadConfig;
 use super::job::Job;

@@ -1,7 +1,7 @@
 //! From the embeddings of a surface's views to the network's visual input.
 
 use rand::seq::index;
-use rand_chacha::ChaCha8Rng;
+use sps_base::streams::ChaCha8Rng;
 
 use super::config::{Input, RelationScale, Scale};
 use super::plan::Views;

@@ -1,0 +1,77 @@
+//! Named random streams: every draw is fixed by (seed, purpose, index) and moves no other.
+//!
+//! A stream is ChaCha with eight rounds, the same bits on every machine; generators of the `rand`
+//! family take it as it is.
+//!
+//! ```
+//! use sps_base::streams::{RngCore, stream};
+//!
+//! let first = |seed, index| stream(seed, *b"example: noise of pixels", index).next_u32();
+//! assert_eq!(first(1, 0), first(1, 0));
+//! assert_ne!(first(1, 0), first(2, 0));
+//! assert_ne!(first(1, 0), first(1, 1));
+//! ```
+
+pub use rand_chacha::ChaCha8Rng;
+pub use rand_chacha::rand_core::{RngCore, SeedableRng};
+
+/// The stream of `seed` and `purpose` that `index` names: the rerun, the resample, the step.
+///
+/// `index` is ChaCha's own stream number, so streams of one purpose never overlap.
+pub fn stream(seed: u64, purpose: [u8; 24], index: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::from_seed(key(seed, purpose));
+    rng.set_stream(index);
+    rng
+}
+
+/// The key of [`stream`], for other versions of the generator: the seed's eight bytes, the lowest
+/// first, and those of the purpose.
+pub fn key(seed: u64, purpose: [u8; 24]) -> [u8; 32] {
+    let mut key = [0; 32];
+    let (of_seed, of_purpose) = key.split_at_mut(8);
+    of_seed.copy_from_slice(&seed.to_le_bytes());
+    of_purpose.copy_from_slice(&purpose);
+    key
+}
+
+/// The stream whose key is BLAKE3's key derivation in `context` from all `parts`, joined.
+///
+/// Nothing is put between the parts: let all but one have a fixed length.
+#[cfg(feature = "hashed-streams")]
+pub fn hashed_stream<const N: usize>(context: &str, parts: [&[u8]; N]) -> ChaCha8Rng {
+    let mut hasher = blake3::Hasher::new_derive_key(context);
+    for part in parts {
+        hasher.update(part);
+    }
+    ChaCha8Rng::from_seed(hasher.finalize().into())
+}
+
+/// Uniform in `0..bound`, from 64 bits; 0 where `bound` is 0.
+///
+/// The high half of a product; where its low half is one of the few that would favour some values,
+/// it is drawn again (Lemire, "Fast random integer generation in an interval", ACM Transactions on
+/// Modeling and Computer Simulation 29(1), 2019).
+#[inline]
+pub fn below(stream: &mut impl RngCore, bound: u64) -> u64 {
+    let mut product = u128::from(stream.next_u64()) * u128::from(bound);
+    if (product as u64) < bound {
+        let threshold = bound.wrapping_neg() % bound;
+        while (product as u64) < threshold {
+            product = u128::from(stream.next_u64()) * u128::from(bound);
+        }
+    }
+    (product >> 64) as u64
+}
+
+/// As [`below`], from 32 bits at a time: other draws of the same stream, at half the cost.
+#[inline]
+pub fn below_u32(stream: &mut impl RngCore, bound: u32) -> u32 {
+    let mut product = u64::from(stream.next_u32()) * u64::from(bound);
+    if (product as u32) < bound {
+        let threshold = bound.wrapping_neg() % bound;
+        while (product as u32) < threshold {
+            product = u64::from(stream.next_u32()) * u64::from(bound);
+        }
+    }
+    (product >> 32) as u32
+}

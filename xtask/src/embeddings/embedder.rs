@@ -3,11 +3,10 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use anyhow::{Context, Result, ensure};
-use image::Rgb32FImage;
-use image::imageops::{self, FilterType};
+use anyhow::{Result, ensure};
 use sps_dataset::{Frame, Limits};
 
+use super::resample::resample;
 use crate::encoder::Loaded;
 
 /// Turns frames into embeddings.
@@ -130,7 +129,7 @@ pub(crate) fn prepare(frame: &Frame, resize: Option<usize>) -> Result<Cow<'_, Fr
         "a shorter side of {} pixels makes images of {width} x {height}, expected at most {most} pixels",
         width.min(height)
     );
-    Ok(Cow::Owned(resized(frame, width, height)?))
+    Ok(Cow::Owned(resample(frame, width, height)?))
 }
 
 /// Width and height of the frame as an encoder takes it.
@@ -144,19 +143,6 @@ fn prepared_size(frame: &Frame, resize: Option<usize>) -> (usize, usize) {
         }
         _ => (frame.width, frame.height),
     }
-}
-
-/// Resampled with a triangle filter as wide as the pixels that it takes together.
-fn resized(frame: &Frame, width: usize, height: usize) -> Result<Frame> {
-    let size = |length: usize| u32::try_from(length).context("an image of over 2^32 pixels a side");
-    let image = Rgb32FImage::from_raw(size(frame.width)?, size(frame.height)?, frame.data.clone())
-        .context("a frame whose values do not fill its size")?;
-    let image = imageops::resize(&image, size(width)?, size(height)?, FilterType::Triangle);
-    Ok(Frame {
-        width,
-        height,
-        data: image.into_raw(),
-    })
 }
 
 /// Images of 64 x 64 pixels, one below the other, of every brightness and many gradients.

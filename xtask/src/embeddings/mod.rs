@@ -2,6 +2,7 @@
 
 mod cache;
 mod embedder;
+mod resample;
 mod segment;
 
 use std::collections::{HashMap, HashSet};

@@ -15,6 +15,7 @@ mod fuzz;
 mod journal;
 mod memory;
 mod model;
+mod paper;
 mod progress;
 mod report;
 mod results;

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
 /// What numbers depend on beside the code.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) struct Machine {
     pub processor: String,
@@ -44,13 +44,8 @@ impl Machine {
     /// Why ratios of wall times of `self` and `other` are not compared, if so.
     pub(crate) fn other_ratios(&self, other: &Self) -> Option<String> {
         let of = |machine: &Self| {
-            let Self {
-                processor,
-                cores,
-                vectors,
-                ..
-            } = machine;
-            format!("{cores} cores of {processor} with {vectors}")
+            let (processor, vectors) = (&machine.processor, &machine.vectors);
+            format!("{} cores of {processor} with {vectors}", machine.cores)
         };
         let (one, two) = (of(self), of(other));
         (one != two).then(|| format!("the baseline is of {one}, here are {two}"))

@@ -12,7 +12,7 @@ use crate::files::{read_text, write_atomically};
 const FOLDER: &str = "benches/baselines";
 
 /// Everything by its name.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct Measured {
     pub machine: Machine,
@@ -40,10 +40,7 @@ impl Measured {
     pub(crate) fn new() -> Result<Self> {
         Ok(Self {
             machine: Machine::here()?,
-            ratios: BTreeMap::new(),
-            instructions: BTreeMap::new(),
-            scores: BTreeMap::new(),
-            wall: BTreeMap::new(),
+            ..Self::default()
         })
     }
 

@@ -20,7 +20,7 @@ pub(crate) use machine::processor;
 use measured::Measured;
 
 /// What to measure, and what to do with it.
-pub(crate) struct Asked<'a> {
+pub(crate) struct Options<'a> {
     /// Only what has a budget.
     pub guards: bool,
     /// A finished run whose scores are checked too.
@@ -34,16 +34,16 @@ pub(crate) struct Asked<'a> {
 const ATTEMPTS: usize = 3;
 
 /// Measures, prints, compares; an error where a budget is exceeded.
-pub(crate) fn run(asked: &Asked<'_>) -> Result<()> {
+pub(crate) fn run(options: &Options<'_>) -> Result<()> {
     // Before the minutes of measuring: what is asked for may not be there.
-    let baseline = asked.against.map(Measured::read).transpose()?;
+    let baseline = options.against.map(Measured::read).transpose()?;
     let budgets = Budgets::read()?;
     let mut now = Measured::new()?;
-    if let Some(folder) = asked.results {
+    if let Some(folder) = options.results {
         now.scores = scores::of_run(folder)?;
     }
     now.instructions = counts::count(&now.machine)?;
-    now.wall = if asked.guards {
+    now.wall = if options.guards {
         wall::of_ratios(&budgets.ratios.iter().collect::<Vec<_>>())?
     } else {
         wall::all()?
@@ -54,7 +54,7 @@ pub(crate) fn run(asked: &Asked<'_>) -> Result<()> {
     }
     let comparison = compare::compare(&budgets, baseline.as_ref(), &now);
     print!("{comparison}");
-    if let Some(name) = asked.save {
+    if let Some(name) = options.save {
         println!("saved {}", now.write(name)?.display());
     }
     let past = comparison.past();

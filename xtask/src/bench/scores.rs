@@ -13,9 +13,9 @@ pub(crate) fn of_run(folder: &Path) -> Result<BTreeMap<String, Option<f64>>> {
     let mut scores = BTreeMap::new();
     for method in &results.methods {
         let kinds = [
-            ("R²", &method.r2),
-            ("MAE", &method.mae),
-            ("median % error", &method.median_percent_error),
+            ("R²", &method.scores.r2),
+            ("MAE", &method.scores.mae),
+            ("median % error", &method.scores.median_percent_error),
         ];
         for (kind, values) in kinds {
             let named = values

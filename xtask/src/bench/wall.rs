@@ -14,46 +14,37 @@ use super::budgets::{Budgets, Ratio};
 use super::measured::Wall;
 use crate::files::read_text;
 
-/// A stage of the way of the data.
-struct Stage {
+/// A bench of the workspace.
+struct Bench {
+    /// The stage of the way of the data that it measures.
+    stage: &'static str,
+    /// As cargo calls it.
     name: &'static str,
-    /// The bench that measures it, one of the workspace.
-    bench: &'static str,
     /// A regular expression for those of its benchmarks that are run here.
     filter: &'static str,
 }
 
-static STAGES: [Stage; 6] = [
-    Stage {
-        name: "decode",
-        bench: "decode",
-        filter: "",
-    },
-    Stage {
-        name: "render",
-        bench: "simulate",
-        filter: "128 px, (ceramic|denim|towel)|PNG|touching",
-    },
-    Stage {
-        name: "encoders",
-        bench: "encoders",
-        filter: "",
-    },
-    Stage {
-        name: "heads",
-        bench: "heads",
-        filter: "short",
-    },
-    Stage {
-        name: "selectors",
-        bench: "search",
-        filter: "",
-    },
-    Stage {
-        name: "metrics",
-        bench: "metrics",
-        filter: "",
-    },
+impl Bench {
+    const fn new(stage: &'static str, name: &'static str, filter: &'static str) -> Self {
+        Self {
+            stage,
+            name,
+            filter,
+        }
+    }
+}
+
+static BENCHES: [Bench; 6] = [
+    Bench::new("decode", "decode", ""),
+    Bench::new(
+        "render",
+        "simulate",
+        "128 px, (ceramic|denim|towel)|PNG|touching",
+    ),
+    Bench::new("encoders", "encoders", ""),
+    Bench::new("heads", "heads", "short"),
+    Bench::new("selectors", "search", ""),
+    Bench::new("metrics", "metrics", ""),
 ];
 
 /// Seconds that criterion takes over a benchmark, unless ten passes take longer.
@@ -63,11 +54,11 @@ const MEASURING: &str = "1";
 const QUICK: [&str; 3] = ["--quick", "--measurement-time", MEASURING];
 const THOROUGH: [&str; 4] = ["--warm-up-time", WARM_UP, "--measurement-time", MEASURING];
 
-/// Measures every stage; by stage and benchmark.
+/// Runs every bench; by stage and benchmark.
 pub(crate) fn all() -> Result<BTreeMap<String, Wall>> {
     let mut all = BTreeMap::new();
-    for stage in &STAGES {
-        all.extend(measure(stage, stage.filter, &THOROUGH)?);
+    for bench in &BENCHES {
+        all.extend(measure(bench, bench.filter, &THOROUGH)?);
     }
     Ok(all)
 }
@@ -75,31 +66,31 @@ pub(crate) fn all() -> Result<BTreeMap<String, Wall>> {
 /// Measures, quickly, what the ratios are made of; likewise.
 pub(crate) fn of_ratios(ratios: &[&Ratio]) -> Result<BTreeMap<String, Wall>> {
     let mut all = BTreeMap::new();
-    for stage in &STAGES {
-        if let Some(filter) = needed(stage, ratios) {
-            all.extend(measure(stage, &filter, &QUICK)?);
+    for bench in &BENCHES {
+        if let Some(filter) = needed(bench, ratios) {
+            all.extend(measure(bench, &filter, &QUICK)?);
         }
     }
     Ok(all)
 }
 
-fn measure(stage: &Stage, filter: &str, how: &[&str]) -> Result<BTreeMap<String, Wall>> {
-    info!("measuring: {}", stage.name);
+fn measure(bench: &Bench, filter: &str, how: &[&str]) -> Result<BTreeMap<String, Wall>> {
+    info!("measuring: {}", bench.stage);
     let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
-    run(stage, filter, how, folder.path())?;
+    run(bench, filter, how, folder.path())?;
     let found = collect(folder.path())?;
     ensure!(
         !found.is_empty(),
         "the bench `{}` measured nothing that fits `{filter}`",
-        stage.bench
+        bench.name
     );
-    let named = |(id, wall)| (format!("{}: {id}", stage.name), wall);
+    let named = |(id, wall)| (format!("{}: {id}", bench.stage), wall);
     Ok(found.into_iter().map(named).collect())
 }
 
-/// A regular expression for the benchmarks of the stage that ratios are made of.
-fn needed(stage: &Stage, ratios: &[&Ratio]) -> Option<String> {
-    let prefix = format!("{}: ", stage.name);
+/// A regular expression for the benchmarks of the bench that ratios are made of.
+fn needed(bench: &Bench, ratios: &[&Ratio]) -> Option<String> {
+    let prefix = format!("{}: ", bench.stage);
     let names = ratios.iter().flat_map(|ratio| [&ratio.of, &ratio.over]);
     let ids: BTreeSet<String> = names
         .filter_map(|name| name.strip_prefix(&prefix))
@@ -121,12 +112,12 @@ fn escaped(text: &str) -> String {
     escaped
 }
 
-fn run(stage: &Stage, filter: &str, how: &[&str], folder: &Path) -> Result<()> {
+fn run(bench: &Bench, filter: &str, how: &[&str], folder: &Path) -> Result<()> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
     command
         .args(["bench", "--quiet", "--locked", "--workspace", "--bench"])
-        .args([stage.bench, "--", "--noplot"])
+        .args([bench.name, "--", "--noplot"])
         .args(how)
         .env("CRITERION_HOME", folder);
     if !filter.is_empty() {
@@ -136,7 +127,7 @@ fn run(stage: &Stage, filter: &str, how: &[&str], folder: &Path) -> Result<()> {
     ensure!(
         output.status.success(),
         "the bench `{}` failed\n{}",
-        stage.bench,
+        bench.name,
         String::from_utf8_lossy(&output.stderr)
     );
     Ok(())
@@ -254,7 +245,7 @@ mod tests {
     #[test]
     fn guards_run_what_ratios_need() {
         let ratios = [&ratio("metrics: a/b (1)", "decode: c")];
-        let of = |bench| STAGES.iter().find(|stage| stage.bench == bench).unwrap();
+        let of = |bench| BENCHES.iter().find(|one| one.name == bench).unwrap();
         let filter = needed(of("metrics"), &ratios);
         assert_eq!(filter.as_deref(), Some(r"^(a/b \(1\))$"));
         assert_eq!(needed(of("encoders"), &ratios), None);

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 
-use crate::bench::{self, Asked};
+use crate::bench::{self, Options};
 
 /// Measure every stage, and what moved since a baseline
 ///
@@ -35,7 +35,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if let Some(kernel) = &args.kernel {
         return bench::run_kernel(kernel);
     }
-    bench::run(&Asked {
+    bench::run(&Options {
         guards: args.guards,
         results: args.results.as_deref(),
         save: args.save.as_deref(),

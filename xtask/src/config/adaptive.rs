@@ -1,71 +1,33 @@
 //! When a method that looks at one view after the other has looked enough.
 
-use serde::Serialize;
-use sps_metrics::Level;
-
-use super::looks::{Looks, Problem};
-use super::schema::{MethodConfig, SelectorConfig};
-
-/// Stops at the first number of views whose interval is narrow enough.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Adaptive {
-    /// In standard deviations of the training readings.
-    pub width: f64,
-    pub level: Level,
-    /// Share of the training surfaces that the intervals are calibrated on.
-    pub calibration: f64,
-}
-
-/// An [`Adaptive`] as it enters keys.
-#[derive(Serialize)]
-pub(crate) struct AdaptiveKey {
-    width: f64,
-    level: f64,
-    calibration: f64,
-}
-
-impl Adaptive {
-    pub(crate) fn key(&self) -> AdaptiveKey {
-        AdaptiveKey {
-            width: self.width,
-            level: self.level.get(),
-            calibration: self.calibration,
-        }
-    }
-}
+use super::looks::{Looks, Problem, refuse};
+use super::schema::{Adaptive, MethodConfig, SelectorConfig};
 
 /// What the config of a method says of it.
 pub(super) fn of(method: &MethodConfig, looks: &Looks) -> Result<Option<Adaptive>, Problem> {
     let Some(adaptive) = method.adaptive else {
         return Ok(None);
     };
-    let refused = |problem: &str| Err(("adaptive", problem.to_owned()));
     let Looks::Selected(selected) = looks else {
-        return refused("needs a `selector`, and `views` that says how many at most");
+        let why = "needs a `selector`, and `views` that says how many at most";
+        return refuse("adaptive", why);
     };
     // Whatever has seen the readings of the calibration surfaces is surer of them than of others.
     if selected.learns() {
-        return refused("needs a selector that learns nothing: its intervals would be too narrow");
+        let why = "needs a selector that learns nothing: its intervals would be too narrow";
+        return refuse("adaptive", why);
     }
     if method.encoder.trainable {
-        return refused("needs an encoder that is not trained: its intervals would be too narrow");
+        let why = "needs an encoder that is not trained: its intervals would be too narrow";
+        return refuse("adaptive", why);
     }
     if !(adaptive.width.is_finite() && adaptive.width > 0.0) {
-        return Err(("adaptive.width", "must be above 0".to_owned()));
+        return refuse("adaptive.width", "must be above 0");
     }
     if !(adaptive.calibration > 0.0 && adaptive.calibration < 1.0) {
-        return Err((
-            "adaptive.calibration",
-            "must lie between 0 and 1".to_owned(),
-        ));
+        return refuse("adaptive.calibration", "must lie between 0 and 1");
     }
-    let level =
-        Level::new(adaptive.level).map_err(|error| ("adaptive.level", error.to_string()))?;
-    Ok(Some(Adaptive {
-        width: adaptive.width,
-        level,
-        calibration: adaptive.calibration,
-    }))
+    Ok(Some(adaptive))
 }
 
 /// The picks of a selector in the order in which they are looked at. Most selectors have an order;

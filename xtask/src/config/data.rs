@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use sps_dataset::{ReadSettings, SplitPlan};
 use sps_simulate::SimulatorSpec;
 
-use super::locate::{ConfigError, Layers};
+use super::layers::Layers;
+use super::locate::ConfigError;
 use super::schema::{Config, DataOrigin, SimulatedConfig};
 
 /// The index of the first surface that is only scored on: far beyond any that is trained on, so

@@ -6,7 +6,7 @@ use sps_models::heads::{Head, HeadConfig, Input};
 use sps_models::kernel_ridge::KernelRidge;
 use sps_models::ridge::Ridge;
 
-use super::looks::Problem;
+use super::looks::{Problem, refuse};
 use super::schema::{Config, MethodConfig, MethodKind};
 
 #[derive(Clone, Debug)]
@@ -100,23 +100,20 @@ impl Estimator {
 pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Estimator, Problem> {
     let stacked = method.kind == MethodKind::Stacked;
     if !stacked && !method.members.is_empty() {
-        return Err(("members", "need a method of the kind `stacked`".to_owned()));
+        return refuse("members", "need a method of the kind `stacked`");
     }
     if !stacked {
         return single(config, method, method.kind);
     }
     if method.members.is_empty() {
-        return Err(("members", "lists none to stack".to_owned()));
+        return refuse("members", "lists none to stack");
     }
     if method.folds < 2 {
-        return Err(("folds", "must be at least 2".to_owned()));
+        return refuse("folds", "must be at least 2");
     }
     let member = |&kind: &MethodKind| match kind {
-        MethodKind::Mean | MethodKind::LabelMean => {
-            let problem = format!("`{}` cannot be stacked", kind.name());
-            Err(("members", problem))
-        }
-        kind => single(config, method, kind),
+        kind if kind.looks() => single(config, method, kind),
+        kind => refuse("members", format!("`{}` cannot be stacked", kind.name())),
     };
     Ok(Estimator::Stacked(Stacked {
         members: method
@@ -129,19 +126,21 @@ pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Estimator, Pr
 }
 
 fn single(config: &Config, method: &MethodConfig, kind: MethodKind) -> Result<Estimator, Problem> {
-    let wrong = |field| move |error: sps_models::Error| (field, error.to_string());
+    let refused = |field| move |error: sps_models::Error| (field, error.to_string());
     Ok(match kind {
-        MethodKind::Head => Estimator::Head(Head::new(method.head.clone()).map_err(wrong("head"))?),
+        MethodKind::Head => {
+            Estimator::Head(Head::new(method.head.clone()).map_err(refused("head"))?)
+        }
         MethodKind::Ridge => {
-            Estimator::Ridge(Ridge::new(config.ridge.clone()).map_err(wrong("kind"))?)
+            Estimator::Ridge(Ridge::new(config.ridge.clone()).map_err(refused("kind"))?)
         }
         MethodKind::KernelRidge => {
             let ridge = KernelRidge::new(config.kernel_ridge.clone());
-            Estimator::KernelRidge(ridge.map_err(wrong("kind"))?)
+            Estimator::KernelRidge(ridge.map_err(refused("kind"))?)
         }
         MethodKind::Nearest => Estimator::Nearest,
         MethodKind::Mean => Estimator::Mean,
         MethodKind::LabelMean => Estimator::LabelMean,
-        MethodKind::Stacked => return Err(("members", "`stacked` cannot be stacked".to_owned())),
+        MethodKind::Stacked => return refuse("members", "`stacked` cannot be stacked"),
     })
 }

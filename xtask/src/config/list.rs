@@ -6,8 +6,9 @@ use anyhow::Result;
 use serde_json::Value;
 
 use super::estimator::Estimator;
-use super::experiment::{Experiment, Method};
+use super::experiment::Experiment;
 use super::looks::Looks;
+use super::method::Method;
 use crate::encoder;
 
 /// For each method a line with its id and label, and below it its settings as a config would write
@@ -32,7 +33,7 @@ fn settings(method: &Method) -> Result<Vec<(String, String)>> {
     }
     lines.extend(looks(&method.looks)?);
     if let Some(adaptive) = &method.adaptive {
-        lines.push(("adaptive".to_owned(), inline(&json(&adaptive.key())?)));
+        lines.push(("adaptive".to_owned(), inline(&json(adaptive)?)));
     }
     if let Some(count) = method.test_surfaces {
         lines.push(("test-surfaces".to_owned(), count.to_string()));

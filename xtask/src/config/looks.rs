@@ -7,7 +7,7 @@ use sps_models::heads::{Head, Input, RelationScale};
 use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_viewselect::{RelationSampler, Selector, TemporalRelations};
 
-use super::experiment::Method;
+use super::method::Method;
 use super::schema::{Config, JudgedOn, MethodConfig, MethodKind, SelectorConfig};
 
 /// The views that an estimate looks at.
@@ -80,8 +80,13 @@ impl SelectorConfig {
     }
 }
 
-/// A wrong key of a method, and what is wrong with it.
+/// A key of a method that is refused, and why.
 pub(super) type Problem = (&'static str, String);
+
+/// Refuses a key.
+pub(super) fn refuse<T>(key: &'static str, why: impl Into<String>) -> Result<T, Problem> {
+    Err((key, why.into()))
+}
 
 /// What the config of a method says about its views.
 pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Looks, Problem> {
@@ -95,31 +100,28 @@ pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Looks, Proble
     let (one, other) = (given.next(), given.next());
     if !method.kind.looks() {
         return match one {
-            Some((key, _)) => Err((key, format!("`{}` looks at no view", method.kind.name()))),
+            Some((key, _)) => refuse(key, format!("`{}` looks at no view", method.kind.name())),
             None => Ok(Looks::Nothing),
         };
     }
     if let (Some((one, _)), Some((other, _))) = (one, other) {
-        return Err((other, format!("cannot stand beside `{one}`")));
+        return refuse(other, format!("cannot stand beside `{one}`"));
     }
     if let (I3d::NAME, Some((key, _))) = (method.encoder.name.as_str(), one) {
-        return Err((
-            key,
-            "cannot stand beside i3d, which looks at a sequence".to_owned(),
-        ));
+        return refuse(key, "cannot stand beside i3d, which looks at a sequence");
     }
     if method.distinct && method.selector.is_none() {
-        return Err(("distinct", "needs a `selector`".to_owned()));
+        return refuse("distinct", "needs a `selector`");
     }
     if method.views == 0 {
-        return Err(("views", "must be at least 1".to_owned()));
+        return refuse("views", "must be at least 1");
     }
     if method.views > 1 && method.selector.is_none() {
-        return Err(("views", "needs a `selector` that chooses them".to_owned()));
+        return refuse("views", "needs a `selector` that chooses them");
     }
     if let Some(relations) = &method.relations {
         if !head {
-            return Err(("relations", "need a method of the kind `head`".to_owned()));
+            return refuse("relations", "need a method of the kind `head`");
         }
         return Ok(Looks::Relations(relations.clone()));
     }
@@ -136,15 +138,14 @@ pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Looks, Proble
         refit: refit(config, method)?,
     };
     if selected.refit.is_some() && !selected.learns() {
-        let problem = "needs a selector that asks for a loss";
-        return Err(("refit", problem.to_owned()));
+        return refuse("refit", "needs a selector that asks for a loss");
     }
     if selected.learns()
         && selected.refit.is_none()
         && !(head && method.head.input != Input::ViewPooling {})
     {
-        let problem = "is learned on a late fusion: it needs a method of the kind `head`";
-        return Err(("selector", problem.to_owned()));
+        let why = "is learned on a late fusion: it needs a method of the kind `head`";
+        return refuse("selector", why);
     }
     Ok(Looks::Selected(selected))
 }
@@ -157,7 +158,7 @@ fn refit(config: &Config, method: &MethodConfig) -> Result<Option<Refit>, Proble
         .pooled
         .is_some_and(|amount| !(0.0..=1.0).contains(&amount))
     {
-        return Err(("refit.pooled", "must lie between 0 and 1".to_owned()));
+        return refuse("refit.pooled", "must lie between 0 and 1");
     }
     let ridge = KernelRidge::new(KernelRidgeConfig {
         kernel: refit.kernel,

@@ -2,7 +2,7 @@
 
 use toml::{Table, Value};
 
-use super::locate::Setting;
+use super::setting::Setting;
 
 /// Keys that say which of several kinds of table a table is.
 const TAGS: [&str; 2] = ["kind", "source"];

@@ -2,22 +2,29 @@
 
 mod adaptive;
 mod data;
+mod encoder;
 mod estimator;
 mod experiment;
+mod layers;
 mod list;
 mod locate;
 mod looks;
 mod merge;
+mod method;
 mod pretrain;
+mod report;
 mod schema;
+mod setting;
 mod sweep;
 
-pub(crate) use adaptive::{Adaptive, AdaptiveKey, in_order};
+pub(crate) use adaptive::in_order;
 pub(crate) use data::{DataSpec, Protocol, TestSurfaces};
+pub(crate) use encoder::{EncoderSpec, Network, WeightsSpec};
 pub(crate) use estimator::Estimator;
-pub(crate) use experiment::{EncoderSpec, Experiment, Method, Network, SpeedSpec, WeightsSpec};
+pub(crate) use experiment::Experiment;
 pub(crate) use list::list;
-pub(crate) use locate::Setting;
 pub(crate) use looks::{Looks, Refit, Selected};
+pub(crate) use method::Method;
 pub(crate) use pretrain::Pretraining;
-pub(crate) use schema::{JudgedOn, SelectorConfig};
+pub(crate) use schema::{Adaptive, JudgedOn, SelectorConfig, SpeedConfig};
+pub(crate) use setting::Setting;

@@ -8,8 +8,9 @@ use sps_models::encoders::EncoderKind;
 use sps_models::training::TrainingConfig;
 use sps_simulate::SimulatorSpec;
 
-use super::experiment::check_training;
-use super::locate::{Layers, Setting};
+use super::encoder::check_training;
+use super::layers::Layers;
+use super::setting::Setting;
 use crate::files::read_text;
 
 const DEFAULTS: &str = include_str!("pretrain.toml");

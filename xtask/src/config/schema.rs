@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use sps_dataset::{ReadSettings, SplitPlan};
+use sps_metrics::Level;
 use sps_models::heads::HeadConfig;
 use sps_models::kernel_ridge::{Kernel, KernelRidgeConfig};
 use sps_models::ridge::RidgeConfig;
@@ -169,7 +170,7 @@ pub(crate) struct MethodConfig {
     /// Related views of a temporal relation network, instead.
     pub relations: Option<TemporalRelations>,
     /// Looks at the selected views one at a time, and at no more than a surface needs.
-    pub adaptive: Option<AdaptiveConfig>,
+    pub adaptive: Option<Adaptive>,
     /// Scored on the first so many of the surfaces that exist for scoring alone.
     pub test_surfaces: Option<usize>,
     /// Trained on so many of a rerun's training surfaces, drawn at random.
@@ -200,23 +201,24 @@ pub(crate) enum JudgedOn {
     HeldOut,
 }
 
-/// When a surface has been looked at enough.
-#[derive(Clone, Copy, Debug, Deserialize)]
+/// When a surface has been looked at enough: at the first number of views whose interval is narrow
+/// enough.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(crate) struct AdaptiveConfig {
+pub(crate) struct Adaptive {
     /// The width of an interval that is narrow enough, in standard deviations of the training
     /// readings.
     pub width: f64,
     /// Share of surfaces that an interval must hold.
     #[serde(default = "ninety_percent")]
-    pub level: f64,
+    pub level: Level,
     /// Share of the training surfaces that the intervals are calibrated on.
     #[serde(default = "a_fifth")]
     pub calibration: f64,
 }
 
-fn ninety_percent() -> f64 {
-    0.9
+fn ninety_percent() -> Level {
+    Level::P90
 }
 
 fn a_fifth() -> f64 {
@@ -284,18 +286,21 @@ impl MethodKind {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct ReportConfig {
-    pub level: f64,
+    pub level: Level,
     pub resamples: usize,
     pub against: Vec<String>,
     pub speed: SpeedConfig,
 }
 
-/// Speed against error.
+/// The two questions about speed and error.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct SpeedConfig {
+    /// Whether they are asked.
     pub front: bool,
+    /// Share of the best error that the fastest method may lie above it.
     pub within_error: f64,
+    /// Seconds per surface that the method of least error may take.
     pub within_seconds: f64,
 }
 
@@ -304,7 +309,7 @@ pub(crate) struct SpeedConfig {
 pub(crate) struct TrainConfig {
     pub method: String,
     pub calibration: f64,
-    pub level: f64,
+    pub level: Level,
 }
 
 #[derive(Clone, Debug, Deserialize)]

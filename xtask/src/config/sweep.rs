@@ -66,7 +66,8 @@ pub(super) fn asked_for(config: &Config) -> Vec<Written> {
     });
     let swept = config.sweep.iter().enumerate().flat_map(|(index, sweep)| {
         let at = format!("sweep.{index}");
-        methods(sweep).map(move |method| Written {
+        let methods = methods(config, sweep).into_iter();
+        methods.map(move |method| Written {
             at: at.clone(),
             method,
         })
@@ -75,39 +76,38 @@ pub(super) fn asked_for(config: &Config) -> Vec<Written> {
 }
 
 /// For each kind, from few views to many, from few training surfaces to many.
-fn methods(sweep: &SweepConfig) -> impl Iterator<Item = MethodConfig> + '_ {
-    let numbers = sweep.training_surfaces.iter().copied().map(Some);
-    let numbers: Vec<Option<usize>> = if sweep.training_surfaces.is_empty() {
-        vec![None]
-    } else {
-        numbers.collect()
-    };
-    sweep.kinds.iter().flat_map(move |&kind| {
-        let some = sweep.views.iter().map(move |&views| Some(views));
-        let all = sweep.all_views.then_some(None);
-        let numbers = numbers.clone();
-        some.chain(all).flat_map(move |views| {
-            let method = method(sweep, kind, views);
-            let trained = numbers.clone().into_iter();
-            trained.map(move |number| trained_on(method.clone(), number))
-        })
-    })
+fn methods(config: &Config, sweep: &SweepConfig) -> Vec<MethodConfig> {
+    let mut methods = Vec::new();
+    let all_views = sweep.all_views.then_some(None);
+    for &kind in &sweep.kinds {
+        for views in sweep.views.iter().copied().map(Some).chain(all_views) {
+            let method = method(config, sweep, kind, views);
+            let numbers = sweep.training_surfaces.iter();
+            methods.extend(numbers.map(|&surfaces| trained_on(&method, surfaces)));
+            if sweep.training_surfaces.is_empty() {
+                methods.push(method);
+            }
+        }
+    }
+    methods
 }
 
-fn trained_on(method: MethodConfig, surfaces: Option<usize>) -> MethodConfig {
-    let Some(surfaces) = surfaces else {
-        return method;
-    };
+fn trained_on(method: &MethodConfig, surfaces: usize) -> MethodConfig {
     MethodConfig {
         id: format!("{}-{surfaces}", method.id),
         label: format!("{}, {surfaces} training surfaces", method.label),
         training_surfaces: Some(surfaces),
-        ..method
+        ..method.clone()
     }
 }
 
 /// Looks at so many views, or at all.
-fn method(sweep: &SweepConfig, kind: MethodKind, views: Option<usize>) -> MethodConfig {
+fn method(
+    config: &Config,
+    sweep: &SweepConfig,
+    kind: MethodKind,
+    views: Option<usize>,
+) -> MethodConfig {
     let name = kind.name();
     let word = match (kind, &sweep.head.model) {
         (MethodKind::Head, Model::CrossModal(_)) => "cross-modal",
@@ -116,25 +116,18 @@ fn method(sweep: &SweepConfig, kind: MethodKind, views: Option<usize>) -> Method
     };
     let count = views.map_or("all".to_owned(), |views| views.to_string());
     let noun = if views == Some(1) { "view" } else { "views" };
+    let several = views.filter(|&views| views != 1);
     MethodConfig {
         id: format!("{}-{count}-{name}", sweep.id),
         label: format!("{}, {count} {noun}, {word}", sweep.label),
-        kind,
         members: sweep.members.clone(),
         folds: sweep.folds,
-        paper: None,
         encoder: sweep.encoder.clone(),
         head: sweep.head.clone(),
         views: views.unwrap_or(1),
         all_views: views.is_none(),
-        selector: views
-            .filter(|&views| views != 1)
-            .map(|_| sweep.selector.clone()),
-        distinct: false,
-        refit: None,
-        relations: None,
-        adaptive: None,
+        selector: several.map(|_| sweep.selector.clone()),
         test_surfaces: sweep.test_surfaces,
-        training_surfaces: None,
+        ..floor(config, kind)
     }
 }

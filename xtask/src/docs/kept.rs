@@ -77,11 +77,7 @@ pub(super) fn numbers(root: &Path, run: &Path) -> Result<(String, PathBuf)> {
 
 /// Drops what is large and in no table.
 fn lighten(method: &mut MethodResult) {
-    method.r2_std.clear();
-    method.rmse.clear();
-    method.spearman.clear();
-    method.zero_truths.clear();
-    method.r2_interval.clear();
+    method.scores.lighten();
     method.selected_views.clear();
     for selection in method.selections.values_mut().flatten() {
         selection.curve.clear();

@@ -33,14 +33,14 @@ const CLOSE: &str = "-->";
 /// The markers of a page, and lines with what is wrong there.
 pub(super) fn markers(text: &str) -> (Vec<Marker>, Vec<(usize, String)>) {
     let text = without_code(text);
-    let (mut found, mut wrong) = (Vec::new(), Vec::new());
+    let (mut found, mut problems) = (Vec::new(), Vec::new());
     let mut at = 0;
     while let Some((start, comment)) = next_comment(&text, at) {
         at = start + OPEN.len() + comment.len() + CLOSE.len();
         let line = 1 + text[..start].matches('\n').count();
         let comment = comment.trim();
         if let Some((_, _, stray)) = FORMS.iter().find(|(_, _, closing)| *closing == comment) {
-            wrong.push((line, format!("`{stray}` closes nothing")));
+            problems.push((line, format!("`{stray}` closes nothing")));
         }
         let opened = FORMS.iter().find_map(|&(form, opening, closing)| {
             Some((form, comment.strip_prefix(opening)?.trim(), closing))
@@ -58,10 +58,10 @@ pub(super) fn markers(text: &str) -> (Vec<Marker>, Vec<(usize, String)>) {
                 });
                 at = end + OPEN.len() + closing.len() + 1 + CLOSE.len();
             }
-            None => wrong.push((line, format!("`{words}` has no `{OPEN}{closing} {CLOSE}`"))),
+            None => problems.push((line, format!("`{words}` has no `{OPEN}{closing} {CLOSE}`"))),
         }
     }
-    (found, wrong)
+    (found, problems)
 }
 
 /// The next comment from a byte on, with its start.

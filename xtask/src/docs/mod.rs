@@ -24,7 +24,7 @@ struct Page {
     /// Places that differ, with their lines.
     edited: Vec<String>,
     /// Markers that nothing can be written for, with their lines.
-    wrong: Vec<String>,
+    unanswered: Vec<String>,
 }
 
 /// Keeps what the documents need of a finished run below `root`: its numbers, and the figures that a
@@ -59,11 +59,11 @@ pub(crate) fn keep(root: &Path, run: &Path) -> Result<Vec<PathBuf>> {
 /// Names every marker that nothing can be written for; all others are written.
 pub(crate) fn write(root: &Path) -> Result<Vec<PathBuf>> {
     let mut pages = pages(root)?;
-    pages.retain(|page| !page.edited.is_empty() || !page.wrong.is_empty());
+    pages.retain(|page| !page.edited.is_empty() || !page.unanswered.is_empty());
     for page in pages.iter().filter(|page| !page.edited.is_empty()) {
         write_atomically(&page.path, page.text.as_bytes())?;
     }
-    none_of(pages.iter().flat_map(|page| &page.wrong))?;
+    none_of(pages.iter().flat_map(|page| &page.unanswered))?;
     Ok(pages.into_iter().map(|page| page.path).collect())
 }
 
@@ -75,7 +75,7 @@ pub(crate) fn check(root: &Path) -> Result<()> {
     let pages = pages(root)?;
     let problems = pages
         .iter()
-        .flat_map(|page| page.wrong.iter().chain(&page.edited));
+        .flat_map(|page| page.unanswered.iter().chain(&page.edited));
     none_of(problems)
 }
 
@@ -122,10 +122,10 @@ fn below(folder: &Path, pages: &mut Vec<PathBuf>) -> Result<()> {
 
 impl Page {
     fn of(path: PathBuf, text: &str, runs: &Runs) -> Self {
-        let (mut edited, mut wrong) = (Vec::new(), Vec::new());
+        let (mut edited, mut unanswered) = (Vec::new(), Vec::new());
         let at = |line: usize, what: &str| format!("{}:{line}: {what}", path.display());
         let (markers, unclosed) = markers(text);
-        wrong.extend(unclosed.iter().map(|(line, what)| at(*line, what)));
+        unanswered.extend(unclosed.iter().map(|(line, what)| at(*line, what)));
         let (mut written, mut end) = (String::with_capacity(text.len()), 0);
         for Marker {
             line,
@@ -136,7 +136,7 @@ impl Page {
         {
             let found = &text[inner.clone()];
             let wanted = render::render(runs, form, &words).unwrap_or_else(|error| {
-                wrong.push(at(line, &format!("{error:#}")));
+                unanswered.push(at(line, &format!("{error:#}")));
                 found.to_owned()
             });
             if wanted != found {
@@ -153,7 +153,7 @@ impl Page {
             path,
             text: written,
             edited,
-            wrong,
+            unanswered,
         }
     }
 }

@@ -7,7 +7,7 @@ use super::kept::Runs;
 use super::markers::Form;
 use crate::report::table::{Row, Table, number, with_interval};
 use crate::report::{about_the_data, tables};
-use crate::results::Results;
+use crate::results::{MethodResult, Results};
 
 /// Decimals where a marker does not say how many.
 const DECIMALS: usize = 3;
@@ -21,12 +21,12 @@ pub(super) fn render(runs: &Runs, form: Form, words: &str) -> Result<String> {
 }
 
 /// The words of a marker: some in order, and options.
-struct Asked<'w> {
+struct Request<'w> {
     words: Vec<&'w str>,
     options: Vec<(&'w str, &'w str)>,
 }
 
-impl<'w> Asked<'w> {
+impl<'w> Request<'w> {
     fn of(text: &'w str, count: usize, known: &[&str]) -> Result<Self> {
         let (options, words): (Vec<&str>, Vec<&str>) =
             text.split_whitespace().partition(|word| word.contains('='));
@@ -54,16 +54,16 @@ impl<'w> Asked<'w> {
 
 /// `RUN TABLE [rows=ID,ID] [columns=TITLE,TITLE]`, or `RUN about`.
 fn block(runs: &Runs, text: &str) -> Result<String> {
-    let asked = Asked::of(text, 2, &["rows", "columns"])?;
-    let results = runs.get(asked.words[0])?;
-    if asked.words[1] == "about" {
+    let request = Request::of(text, 2, &["rows", "columns"])?;
+    let results = runs.get(request.words[0])?;
+    if request.words[1] == "about" {
         return Ok(about_the_data(results));
     }
-    let mut table = find(results, asked.words[1])?;
-    if let Some(ids) = asked.option("rows") {
+    let mut table = find(results, request.words[1])?;
+    if let Some(ids) = request.option("rows") {
         table.rows = rows(&table, results, ids)?;
     }
-    if let Some(titles) = asked.option("columns") {
+    if let Some(titles) = request.option("columns") {
         table = columns(&table, titles)?;
     }
     Ok(markdown(&table))
@@ -90,17 +90,13 @@ fn find(results: &Results, words: &str) -> Result<Table> {
 
 /// Every method's gains over those that all are compared with, to more decimals than the means.
 fn gains(results: &Results) -> Option<Table> {
-    let methods = || results.methods.iter();
-    let against = results.against.iter();
-    let against: Vec<_> = against
-        .filter_map(|id| methods().find(|method| &method.id == id))
-        .collect();
+    let against = results.compared_with();
     let mut columns = vec!["Method".to_owned(), "R²".to_owned()];
     columns.extend(against.iter().map(|other| format!("over {}", other.label)));
-    let rows = methods().map(|method| {
-        let mut cells = vec![method.label.clone(), number(method.r2_mean, DECIMALS)];
+    let rows = results.methods.iter().map(|method| {
+        let mut cells = vec![method.label.clone(), number(method.means.r2_mean, DECIMALS)];
         cells.extend(against.iter().map(|other| {
-            let gain = method.r2_mean_gains.get(&other.id);
+            let gain = method.gains.r2_mean_gains.get(&other.id);
             gain.map_or_else(String::new, |gain| {
                 signed(gain.value, gain.interval, 1.0, DECIMALS)
             })
@@ -126,8 +122,7 @@ fn signed(value: f64, interval: [f64; 2], times: f64, decimals: usize) -> String
 fn rows(table: &Table, results: &Results, ids: &str) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for id in ids.split(',') {
-        let method = results.methods.iter().find(|method| method.id == id);
-        let method = method.with_context(|| format!("the run has no method `{id}`"))?;
+        let method = method(results, id)?;
         let of_method = |row: &&Row| {
             let name = row.cells.first().map(String::as_str).unwrap_or_default();
             let name = name.trim_start_matches(['●', ' ']);
@@ -139,6 +134,11 @@ fn rows(table: &Table, results: &Results, ids: &str) -> Result<Vec<Row>> {
         ensure!(rows.len() > before, "the table has no row of `{id}`");
     }
     Ok(rows)
+}
+
+fn method<'r>(results: &'r Results, id: &str) -> Result<&'r MethodResult> {
+    let method = results.method(id);
+    method.with_context(|| format!("the run has no method `{id}`"))
 }
 
 /// The first column and those with these titles, or titles that begin so.
@@ -210,18 +210,17 @@ fn markdown(table: &Table) -> String {
 /// `RUN METHOD KEY [decimals=N] [times=X]`: a value of a method of `results.json`, or with `-` in
 /// place of the method of the run; KEY has a slash before every further key.
 fn inline(runs: &Runs, text: &str) -> Result<String> {
-    let asked = Asked::of(text, 3, &["decimals", "times"])?;
-    let (run, id, key) = (asked.words[0], asked.words[1], asked.words[2]);
+    let request = Request::of(text, 3, &["decimals", "times"])?;
+    let (run, id, key) = (request.words[0], request.words[1], request.words[2]);
     let results = runs.get(run)?;
     let within = if id == "-" {
         serde_json::to_value(results)?
     } else {
-        let method = results.methods.iter().find(|method| method.id == id);
-        serde_json::to_value(method.with_context(|| format!("the run has no method `{id}`"))?)?
+        serde_json::to_value(method(results, id)?)?
     };
-    let decimals = asked.option("decimals").map(str::parse::<usize>);
+    let decimals = request.option("decimals").map(str::parse::<usize>);
     let decimals = decimals.transpose().context("`decimals` is not a number")?;
-    let times = asked.option("times").map(str::parse::<f64>);
+    let times = request.option("times").map(str::parse::<f64>);
     let times = times.transpose().context("`times` is not a number")?;
     let value = within.pointer(&format!("/{key}"));
     let shown = value.and_then(|value| show(value, times, decimals));

@@ -36,10 +36,11 @@ pub(crate) fn figures(results: &Results, predictions: &[Prediction]) -> Vec<Figu
 }
 
 fn best(results: &Results) -> Option<&MethodResult> {
-    let scored = results.methods.iter().filter(|m| m.r2_mean.is_some());
+    let scored = results.methods.iter().filter(|m| m.means.r2_mean.is_some());
     scored.max_by(|a, b| {
-        a.r2_mean
-            .partial_cmp(&b.r2_mean)
+        a.means
+            .r2_mean
+            .partial_cmp(&b.means.r2_mean)
             .unwrap_or(std::cmp::Ordering::Equal)
     })
 }
@@ -59,8 +60,8 @@ fn r2_bars(results: &Results) -> Figure {
     for property in &results.properties {
         let mut group = Vec::new();
         for (index, method) in results.methods.iter().enumerate() {
-            let value = method.r2.get(property).copied().flatten();
-            let interval = method.r2_interval.get(property).copied().flatten();
+            let value = method.scores.r2.get(property).copied().flatten();
+            let interval = method.scores.r2_interval.get(property).copied().flatten();
             let shown = value.unwrap_or(0.0).max(LOWEST_R2);
             let [low, high] = interval.unwrap_or([shown; 2]);
             errors.push((
@@ -114,7 +115,7 @@ fn scatter(results: &Results, method: &MethodResult, predictions: &[Prediction])
     };
     let panels = results.properties.iter().map(|property| {
         let points = of_method(property);
-        let r2 = method.r2.get(property).copied().flatten();
+        let r2 = method.scores.r2.get(property).copied().flatten();
         panel(&format!("{property}, R² {}", number(r2, 2)), &points)
     });
     let (plots, layouts): (Vec<_>, Vec<_>) = panels.unzip();

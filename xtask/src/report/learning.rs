@@ -79,8 +79,8 @@ pub(super) fn table(results: &Results) -> Option<Table> {
     let row = |curve: &Curve<'_>| {
         let cell = |surfaces: &usize| {
             let method = curve.points.get(surfaces);
-            let interval = method.and_then(|m| m.r2_mean_interval);
-            with_interval(method.and_then(|m| m.r2_mean), interval, 3)
+            let interval = method.and_then(|m| m.means.r2_mean_interval);
+            with_interval(method.and_then(|m| m.means.r2_mean), interval, 3)
         };
         let label = [curve.label.to_owned()].into_iter();
         Row::measured(label.chain(numbers.iter().map(cell)).collect())
@@ -115,7 +115,7 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
     for (index, curve) in curves.iter().enumerate() {
         let points = curve.points.iter();
         let points =
-            points.filter_map(|(&surfaces, method)| Some((surfaces as f64, method.r2_mean?)));
+            points.filter_map(|(&surfaces, method)| Some((surfaces as f64, method.means.r2_mean?)));
         let line = LinePlot::new()
             .with_data(points.collect::<Vec<_>>())
             .with_color(COLOURS[index % COLOURS.len()])

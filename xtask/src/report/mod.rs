@@ -3,7 +3,6 @@
 mod fan;
 mod figures;
 mod learning;
-pub(crate) mod paper;
 pub(crate) mod predictions;
 pub(crate) mod published;
 mod selection;
@@ -17,8 +16,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use minijinja::Environment;
 use minijinja::value::Serde;
-use minijinja::{AutoEscape, Environment};
 use serde::Serialize;
 use sps_dataset::Unit;
 
@@ -56,15 +55,8 @@ pub(crate) fn write(folder: &Path) -> Result<()> {
         let path = folder.join(FIGURES).join(format!("{name}.svg"));
         write_atomically(&path, svg.as_bytes())?;
     }
+    // What is filled into a name that ends in `.html` is escaped.
     let mut environment = Environment::new();
-    environment.set_auto_escape_callback(|name| {
-        let html = Path::new(name).extension().is_some_and(|e| e == "html");
-        if html {
-            AutoEscape::Html
-        } else {
-            AutoEscape::None
-        }
-    });
     environment.add_template("report.md", MARKDOWN)?;
     environment.add_template("report.html", HTML)?;
     let report = Report {

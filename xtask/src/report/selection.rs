@@ -35,7 +35,7 @@ pub(super) fn table(results: &Results) -> Option<Table> {
         let count = |of: fn(&SelectionResult) -> u64| mean(all().map(|one| of(one) as f64));
         Row::measured(vec![
             method.label.clone(),
-            number(method.r2_mean, 3),
+            number(method.means.r2_mean, 3),
             number(mean(all().filter_map(|one| one.loss)), 4),
             number(median(&regrets).map(|regret| 100.0 * regret), 1),
             number(regrets.last().map(|regret| 100.0 * regret), 1),

@@ -11,8 +11,9 @@ use kuva::render::render::render_multiple;
 use super::fan::COLOURS;
 use super::figures::Figure;
 use super::table::{Row, Table, number, with_interval};
+use super::tables::frames;
 use crate::results::speed::{Point, front, points};
-use crate::results::{AdaptiveResult, MethodResult, Number, Results, Speed};
+use crate::results::{AdaptiveResult, Costs, MethodResult, Number, Results, Speed};
 
 /// What stands before the name of a method on the front.
 const ON_FRONT: &str = "●";
@@ -29,16 +30,16 @@ pub(super) fn tables(results: &Results) -> Vec<Table> {
 
 fn answers(results: &Results, speed: &Speed) -> Table {
     let row = |question: String, id: &Option<String>| {
-        let found = results.methods.iter().find(|m| Some(&m.id) == id.as_ref());
+        let found = id.as_ref().and_then(|id| results.method(id));
         Row::measured(vec![
             question,
             found.map_or_else(|| "none".to_owned(), |method| method.label.clone()),
             number(found.and_then(milliseconds), 2),
-            number(found.and_then(|method| method.r2_mean), 3),
-            number(found.and_then(|method| method.mae_mean), 2),
+            number(found.and_then(|method| method.means.r2_mean), 3),
+            number(found.and_then(|method| method.means.mae_mean), 2),
         ])
     };
-    let best = results.methods.iter().filter_map(|m| m.r2_mean);
+    let best = results.methods.iter().filter_map(|m| m.means.r2_mean);
     let best = number(best.reduce(f64::max), 3);
     let share = number(Some(100.0 * speed.within_error), 1);
     let limit = number(Some(1e3 * speed.within_seconds), 1);
@@ -66,10 +67,7 @@ fn answers(results: &Results, speed: &Speed) -> Table {
 }
 
 fn settings(results: &Results, speed: &Speed) -> Table {
-    let top8 = results.methods.iter();
-    let top8 = top8
-        .into_iter()
-        .any(|m| m.median_percent_error_top8.is_some());
+    let top8 = results.has_top8();
     let mut columns = vec!["Setting", "R²", "over reruns", "MAE", "% error"];
     columns.extend(top8.then_some("% error, top 8"));
     columns.extend([
@@ -85,9 +83,11 @@ fn settings(results: &Results, speed: &Speed) -> Table {
         "encoder",
     ]);
     let mut methods: Vec<&MethodResult> = results.methods.iter().collect();
-    let slowest = |method: &MethodResult| method.predict_seconds_per_surface.unwrap_or(f64::MAX);
+    let slowest =
+        |method: &MethodResult| method.costs.predict_seconds_per_surface.unwrap_or(f64::MAX);
     methods.sort_by(|a, b| slowest(a).total_cmp(&slowest(b)));
     let rows = methods.into_iter().map(|method| {
+        let (means, reruns) = (&method.means, &method.means.over_reruns);
         let mark = if speed.front.contains(&method.id) {
             ON_FRONT
         } else {
@@ -95,21 +95,21 @@ fn settings(results: &Results, speed: &Speed) -> Table {
         };
         let mut cells = vec![
             format!("{mark} {}", method.label).trim().to_owned(),
-            with_interval(method.r2_mean, method.r2_mean_interval, 3),
-            range(method.over_reruns.r2_mean, 3),
-            ranged(method.mae_mean, method.over_reruns.mae_mean, 2),
+            with_interval(means.r2_mean, means.r2_mean_interval, 3),
+            range(reruns.r2_mean, 3),
+            ranged(means.mae_mean, reruns.mae_mean, 2),
             ranged(
-                method.median_percent_error_mean,
-                method.over_reruns.median_percent_error_mean,
+                means.median_percent_error_mean,
+                reruns.median_percent_error_mean,
                 1,
             ),
         ];
         let of_top8 = || {
-            let range = method.over_reruns.median_percent_error_top8;
-            ranged(method.median_percent_error_top8, range, 1)
+            let range = reruns.median_percent_error_top8;
+            ranged(means.median_percent_error_top8, range, 1)
         };
         cells.extend(top8.then(of_top8));
-        cells.extend(costs(method));
+        cells.extend(costs(&method.costs));
         cells.push(method.encoder.clone());
         Row::measured(cells)
     });
@@ -132,29 +132,28 @@ fn settings(results: &Results, speed: &Speed) -> Table {
 }
 
 /// The cells of what a setting costs.
-fn costs(method: &MethodResult) -> Vec<String> {
+fn costs(costs: &Costs) -> Vec<String> {
     let ms = |seconds: Number| number(seconds.map(|s| 1e3 * s), 2);
     let scaled = |value: Number, unit: f64| value.map(|value| value / unit);
     let (decoded, encoded) = (
-        method.frames_decoded_per_surface,
-        method.frames_encoded_per_surface,
+        costs.frames_decoded_per_surface,
+        costs.frames_encoded_per_surface,
     );
-    let whole = |count: f64| number(Some(count), usize::from(count.fract() != 0.0));
-    let frames = if decoded == encoded {
-        whole(encoded)
+    let looked_at = if decoded == encoded {
+        frames(encoded)
     } else {
-        format!("{} decoded, {} encoded", whole(decoded), whole(encoded))
+        format!("{} decoded, {} encoded", frames(decoded), frames(encoded))
     };
     vec![
-        ms(method.predict_seconds_per_surface),
-        ms(method.decode_seconds_per_surface),
-        ms(method.encode_seconds_per_surface),
-        ms(method.head_seconds_per_surface),
-        frames,
-        number(scaled(method.multiply_adds_per_surface, 1e9), 3),
-        number(scaled(method.peak_memory_bytes, f64::from(1 << 20)), 1),
-        number(Some(method.train_seconds), 1),
-        number(Some(method.encoder_train_seconds), 1),
+        ms(costs.predict_seconds_per_surface),
+        ms(costs.decode_seconds_per_surface),
+        ms(costs.encode_seconds_per_surface),
+        ms(costs.head_seconds_per_surface),
+        looked_at,
+        number(scaled(costs.multiply_adds_per_surface, 1e9), 3),
+        number(scaled(costs.peak_memory_bytes, f64::from(1 << 20)), 1),
+        number(Some(costs.train_seconds), 1),
+        number(Some(costs.encoder_train_seconds), 1),
     ]
 }
 
@@ -328,12 +327,13 @@ fn hover(results: &Results, point: &Point) -> String {
         "{}: {} ms, R² {}",
         method.label,
         number(Some(1e3 * point.seconds), 2),
-        with_interval(method.r2_mean, method.r2_mean_interval, 3)
+        with_interval(method.means.r2_mean, method.means.r2_mean_interval, 3)
     )
 }
 
 fn milliseconds(method: &MethodResult) -> Number {
     method
+        .costs
         .predict_seconds_per_surface
         .map(|seconds| 1e3 * seconds)
 }

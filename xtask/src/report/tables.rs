@@ -3,10 +3,10 @@
 use sps_dataset::Unit;
 
 use super::learning;
-use super::paper::{self, PaperRow};
 use super::selection;
 use super::speed;
 use super::table::{Row, Table, counted, number, with_interval};
+use crate::paper::{self, PaperRow};
 use crate::results::{Gain, MethodResult, Number, PerProperty, Results};
 
 /// The tables, in the order of the report.
@@ -34,22 +34,22 @@ struct Mean {
 const MEANS: [Mean; 4] = [
     Mean {
         title: "R²",
-        measured: |method| with_interval(method.r2_mean, method.r2_mean_interval, 3),
+        measured: |method| with_interval(method.means.r2_mean, method.means.r2_mean_interval, 3),
         printed: |row| number(Some(row.r2_mean), 2),
     },
     Mean {
         title: "MAE",
-        measured: |method| number(method.mae_mean, 2),
+        measured: |method| number(method.means.mae_mean, 2),
         printed: |row| number(Some(row.mae_mean), 2),
     },
     Mean {
         title: "% error",
-        measured: |method| number(method.median_percent_error_mean, 1),
+        measured: |method| number(method.means.median_percent_error_mean, 1),
         printed: |row| number(Some(row.median_percent_error_mean), 1),
     },
     Mean {
         title: "% error, top 8",
-        measured: |method| number(method.median_percent_error_top8, 1),
+        measured: |method| number(method.means.median_percent_error_top8, 1),
         printed: |row| number(Some(row.median_percent_error_top8), 1),
     },
 ];
@@ -57,16 +57,13 @@ const MEANS: [Mean; 4] = [
 fn means(results: &Results) -> Table {
     let methods = &results.methods;
     let compared = methods.iter().any(|method| method.paper.is_some());
-    let top8 = methods
-        .iter()
-        .any(|m| m.median_percent_error_top8.is_some());
-    let shown = &MEANS[..if top8 { 4 } else { 3 }];
+    let shown = &MEANS[..if results.has_top8() { 4 } else { 3 }];
     let mut columns = vec!["Method".to_owned(), "held out".to_owned()];
     for mean in shown {
         columns.push(mean.title.to_owned());
         columns.extend(compared.then(|| "paper".to_owned()));
     }
-    let against = compared_with(results);
+    let against = results.compared_with();
     columns.extend(
         against
             .iter()
@@ -82,7 +79,7 @@ fn means(results: &Results) -> Table {
         }
         let gains = against
             .iter()
-            .map(|other| method.r2_mean_gains.get(&other.id));
+            .map(|other| method.gains.r2_mean_gains.get(&other.id));
         cells.extend(gains.map(|found| found.copied().map_or_else(String::new, gain)));
         Row::measured(cells)
     });
@@ -105,11 +102,6 @@ fn held_out(results: &Results, method: &MethodResult) -> String {
         Some(Unit::Group) => format!("{}, {surfaces}", counted(method.held_out_units, "group")),
         Some(Unit::Surface) | None => surfaces,
     }
-}
-
-fn compared_with(results: &Results) -> Vec<&MethodResult> {
-    let methods = |id: &String| results.methods.iter().find(|method| &method.id == id);
-    results.against.iter().filter_map(methods).collect()
 }
 
 fn means_caption(results: &Results, compared: bool) -> String {
@@ -154,8 +146,8 @@ const R2: Shown = Shown {
     caption: "Rows in italics are not measured here: the paper's printed values, and for \
               simulated data the ceiling that a perfect reader of the images would reach.",
     decimals: 2,
-    value: |method| &method.r2,
-    mean: |method| method.r2_mean,
+    value: |method| &method.scores.r2,
+    mean: |method| method.means.r2_mean,
     printed: |row| (!row.r2.is_empty()).then_some((&row.r2, row.r2_mean)),
     ceilings: true,
 };
@@ -165,8 +157,8 @@ const PERCENT_ERROR: Shown = Shown {
     caption: "Surfaces whose measured value is exactly zero have no percentage and are left out. \
               Rows in italics are the paper's printed values.",
     decimals: 1,
-    value: |method| &method.median_percent_error,
-    mean: |method| method.median_percent_error_mean,
+    value: |method| &method.scores.median_percent_error,
+    mean: |method| method.means.median_percent_error_mean,
     printed: |row| {
         (!row.median_percent_error.is_empty())
             .then_some((&row.median_percent_error, row.median_percent_error_mean))
@@ -178,8 +170,8 @@ const MAE: Shown = Shown {
     title: "Mean absolute error per property",
     caption: "In the properties' own units. The paper prints the means alone.",
     decimals: 2,
-    value: |method| &method.mae,
-    mean: |method| method.mae_mean,
+    value: |method| &method.scores.mae,
+    mean: |method| method.means.mae_mean,
     printed: |_| None,
     ceilings: false,
 };
@@ -240,13 +232,14 @@ fn costs(results: &Results) -> Table {
         "reruns",
     ];
     let rows = results.methods.iter().map(|method| {
-        let milliseconds = method.predict_seconds_per_surface.map(|s| 1e3 * s);
+        let costs = &method.costs;
+        let milliseconds = costs.predict_seconds_per_surface.map(|s| 1e3 * s);
         Row::measured(vec![
             method.label.clone(),
-            frames(method.frames_decoded_per_surface),
-            frames(method.frames_encoded_per_surface),
+            frames(costs.frames_decoded_per_surface),
+            frames(costs.frames_encoded_per_surface),
             number(milliseconds, 1),
-            number(Some(method.train_seconds), 1),
+            number(Some(costs.train_seconds), 1),
             method.reruns.to_string(),
         ])
     });
@@ -259,7 +252,7 @@ fn costs(results: &Results) -> Table {
 }
 
 /// Whole where all properties look at as many frames.
-fn frames(count: f64) -> String {
+pub(super) fn frames(count: f64) -> String {
     number(Some(count), usize::from(count.fract() != 0.0))
 }
 

@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 use sps_metrics::{PredictionInterval, coverage};
 
-use super::score::trials;
 use super::{Judged, MethodOutcomes};
 use crate::config::Adaptive;
 use crate::journal::Stop;
@@ -31,8 +30,8 @@ pub(crate) struct AdaptiveResult {
 impl AdaptiveResult {
     /// `None` where nothing was estimated.
     pub(super) fn of(method: &MethodOutcomes<'_>, asked: Adaptive) -> Option<Self> {
-        let stops: Vec<Stop> = trials(method).flat_map(Judged::stops).collect();
-        let truth: Vec<f64> = trials(method).flat_map(Judged::truth).copied().collect();
+        let stops: Vec<Stop> = method.trials().flat_map(Judged::stops).collect();
+        let truth: Vec<f64> = method.trials().flat_map(Judged::truth).copied().collect();
         let intervals = stops.iter().map(|stop| PredictionInterval {
             low: stop.low,
             high: stop.high,
@@ -43,7 +42,8 @@ impl AdaptiveResult {
             stops.iter().filter(|stop| holds(stop)).count() as f64 / count
         };
         let mean = |of: fn(&Stop) -> f64| stops.iter().map(of).sum::<f64>() / count;
-        let most = trials(method)
+        let most = method
+            .trials()
             .flat_map(Judged::views)
             .map(|views| views.len())
             .max()?;

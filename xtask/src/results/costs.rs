@@ -1,20 +1,35 @@
 //! What the estimate of one surface costs.
 
+use serde::{Deserialize, Serialize};
+
 use super::Number;
 
 /// Of one method.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Costs {
-    pub frames_decoded: f64,
-    pub frames_encoded: f64,
+    /// At prediction.
+    pub frames_decoded_per_surface: f64,
+    pub frames_encoded_per_surface: f64,
     /// From the frame on.
-    pub seconds: Number,
-    pub decode_seconds: Number,
-    pub encode_seconds: Number,
-    pub head_seconds: Number,
+    pub predict_seconds_per_surface: Number,
+    /// The three parts of it; medians of their own.
+    #[serde(default)]
+    pub decode_seconds_per_surface: Number,
+    #[serde(default)]
+    pub encode_seconds_per_surface: Number,
+    #[serde(default)]
+    pub head_seconds_per_surface: Number,
+    /// The encoder, and the most that one estimate has allocated at any one time.
+    #[serde(default)]
     pub peak_memory_bytes: Number,
-    pub multiply_adds: Number,
-    /// All reruns together.
+    /// Of encoder and heads.
+    #[serde(default)]
+    pub multiply_adds_per_surface: Number,
+    /// All properties and reruns together.
+    pub train_seconds: f64,
+    /// To train the encoder, all reruns together; 0 where it is left as it is.
+    #[serde(default)]
     pub encoder_train_seconds: f64,
 }
 
@@ -27,15 +42,17 @@ impl Costs {
         };
         let memory = all.iter().filter_map(|(_, costs)| costs.peak_memory_bytes);
         Self {
-            frames_decoded: sum(|costs| Some(costs.frames_decoded)).unwrap_or_default(),
-            frames_encoded: sum(|costs| Some(costs.frames_encoded)).unwrap_or_default(),
-            seconds: sum(|costs| costs.seconds),
-            decode_seconds: sum(|costs| costs.decode_seconds),
-            encode_seconds: sum(|costs| costs.encode_seconds),
-            head_seconds: sum(|costs| costs.head_seconds),
+            frames_decoded_per_surface: sum(|costs| Some(costs.frames_decoded_per_surface))
+                .unwrap_or_default(),
+            frames_encoded_per_surface: sum(|costs| Some(costs.frames_encoded_per_surface))
+                .unwrap_or_default(),
+            predict_seconds_per_surface: sum(|costs| costs.predict_seconds_per_surface),
+            decode_seconds_per_surface: sum(|costs| costs.decode_seconds_per_surface),
+            encode_seconds_per_surface: sum(|costs| costs.encode_seconds_per_surface),
+            head_seconds_per_surface: sum(|costs| costs.head_seconds_per_surface),
             peak_memory_bytes: memory.reduce(f64::max),
-            multiply_adds: sum(|costs| costs.multiply_adds),
-            encoder_train_seconds: 0.0,
+            multiply_adds_per_surface: sum(|costs| costs.multiply_adds_per_surface),
+            ..Self::default()
         }
     }
 }
@@ -47,17 +64,17 @@ mod tests {
     #[test]
     fn costs_are_weighed_by_how_often_they_are_paid() {
         let costs = |seconds, memory| Costs {
-            frames_decoded: seconds,
-            seconds: Some(seconds),
+            frames_decoded_per_surface: seconds,
+            predict_seconds_per_surface: Some(seconds),
             peak_memory_bytes: Some(memory),
             ..Costs::default()
         };
         let all = [(0.75, costs(1.0, 9.0)), (0.25, costs(5.0, 7.0))];
         let weighed = Costs::weighed(&all);
-        assert_eq!(weighed.seconds, Some(2.0));
-        assert_eq!(weighed.frames_decoded, 2.0);
+        assert_eq!(weighed.predict_seconds_per_surface, Some(2.0));
+        assert_eq!(weighed.frames_decoded_per_surface, 2.0);
         assert_eq!(weighed.peak_memory_bytes, Some(9.0));
-        assert_eq!(weighed.multiply_adds, None);
-        assert_eq!(Costs::weighed(&[]).seconds, None);
+        assert_eq!(weighed.multiply_adds_per_surface, None);
+        assert_eq!(Costs::weighed(&[]).predict_seconds_per_surface, None);
     }
 }

@@ -1,6 +1,5 @@
 //! The outcome of one trial, as it is scored: that of one split, or those of all folds of a rerun.
 
-use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 
 use sps_metrics::{Metric, Samples, Scores, TrainingMean, Undefined};
@@ -17,18 +16,18 @@ pub(crate) struct Judged<'a> {
     folds: Vec<&'a Outcome>,
     /// How many of them are scored.
     scored: usize,
-    surfaces: Cow<'a, [String]>,
-    truth: Cow<'a, [f64]>,
-    estimate: Cow<'a, [f64]>,
+    surfaces: Vec<String>,
+    truth: Vec<f64>,
+    estimate: Vec<f64>,
     /// Truth, estimate and training mean that R² is computed from.
-    about_training: About<'a>,
+    about_training: About,
 }
 
 /// Values with the mean that they are judged about.
 #[derive(Clone)]
-struct About<'a> {
-    truth: Cow<'a, [f64]>,
-    estimate: Cow<'a, [f64]>,
+struct About {
+    truth: Vec<f64>,
+    estimate: Vec<f64>,
     mean: f64,
 }
 
@@ -36,23 +35,13 @@ impl<'a> Judged<'a> {
     /// `None` where there is no fold.
     pub(crate) fn of(all: &[&'a Outcome]) -> Option<Self> {
         all.first()?;
-        let folds: Vec<&'a Outcome> = all.iter().copied().filter(|f| f.failed.is_none()).collect();
-        if let [one] = folds.as_slice() {
-            let about_training = About {
-                truth: Cow::from(&one.truth),
-                estimate: Cow::from(&one.estimate),
-                mean: one.training_mean,
-            };
-            return Some(Self {
-                folds: all.to_vec(),
-                scored: 1,
-                surfaces: Cow::from(&one.surfaces),
-                truth: Cow::from(&one.truth),
-                estimate: Cow::from(&one.estimate),
-                about_training,
-            });
-        }
-        let concat = |of: fn(&Outcome) -> &Vec<f64>, less_mean: bool| -> Vec<f64> {
+        let folds = all.iter().copied().filter(|fold| fold.failed.is_none());
+        let folds: Vec<&'a Outcome> = folds.collect();
+        let (less_mean, mean) = match folds.as_slice() {
+            [one] => (false, one.training_mean),
+            _ => (true, 0.0),
+        };
+        let values = |of: fn(&Outcome) -> &Vec<f64>, less_mean: bool| -> Vec<f64> {
             let values = folds.iter().flat_map(|fold| {
                 let mean = if less_mean { fold.training_mean } else { 0.0 };
                 of(fold).iter().map(move |value| value - mean)
@@ -60,18 +49,17 @@ impl<'a> Judged<'a> {
             values.collect()
         };
         let surfaces = folds.iter().flat_map(|fold| fold.surfaces.iter().cloned());
-        let about_training = About {
-            truth: Cow::from(concat(|fold| &fold.truth, true)),
-            estimate: Cow::from(concat(|fold| &fold.estimate, true)),
-            mean: 0.0,
-        };
         Some(Self {
             folds: all.to_vec(),
             scored: folds.len(),
             surfaces: surfaces.collect(),
-            truth: Cow::from(concat(|fold| &fold.truth, false)),
-            estimate: Cow::from(concat(|fold| &fold.estimate, false)),
-            about_training,
+            truth: values(|fold| &fold.truth, false),
+            estimate: values(|fold| &fold.estimate, false),
+            about_training: About {
+                truth: values(|fold| &fold.truth, less_mean),
+                estimate: values(|fold| &fold.estimate, less_mean),
+                mean,
+            },
         })
     }
 
@@ -113,13 +101,9 @@ impl<'a> Judged<'a> {
             estimate: &self.estimate,
         };
         let mean = TrainingMean::new(self.about_training.mean);
-        let scores = Scores::of(samples, mean.clone());
-        match self.scored {
-            1 => scores,
-            _ => Scores {
-                r2: Scores::of(self.r2_samples(), mean).r2,
-                ..scores
-            },
+        Scores {
+            r2: Scores::of(self.r2_samples(), mean.clone()).r2,
+            ..Scores::of(samples, mean)
         }
     }
 

@@ -2,13 +2,15 @@
 
 mod adaptive;
 mod costs;
+mod gains;
 mod judged;
+mod means;
 mod notes;
 mod provenance;
-mod ranges;
 #[cfg(test)]
 pub(crate) mod schema;
 mod score;
+mod scores;
 pub(crate) mod speed;
 
 use std::collections::BTreeMap;
@@ -20,10 +22,12 @@ use sps_dataset::Unit;
 
 pub(crate) use adaptive::AdaptiveResult;
 pub(crate) use costs::Costs;
+pub(crate) use gains::{Gain, Gains};
 pub(crate) use judged::Judged;
+pub(crate) use means::Means;
 pub(crate) use provenance::{Provenance, SCHEMA};
-pub(crate) use ranges::Ranges;
 pub(crate) use score::{MethodOutcomes, Scoring, score};
+pub(crate) use scores::PropertyScores;
 pub(crate) use speed::Speed;
 
 use crate::files::{read_text, write_atomically};
@@ -99,7 +103,7 @@ impl Dataset {
 }
 
 /// One method over all properties and reruns.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct MethodResult {
     /// In files.
@@ -125,61 +129,16 @@ pub(crate) struct MethodResult {
     pub held_out_surfaces: usize,
     #[serde(default)]
     pub held_out_units: usize,
-    /// Mean over reruns of R² about the training mean (section 5 of the paper), and the standard
-    /// deviation over reruns.
-    pub r2: PerProperty<Number>,
-    pub r2_std: PerProperty<Number>,
-    pub mae: PerProperty<Number>,
-    /// Percent.
-    pub median_percent_error: PerProperty<Number>,
-    pub rmse: PerProperty<Number>,
-    pub spearman: PerProperty<Number>,
-    /// Bootstrap interval of `r2` over units of the dataset.
-    pub r2_interval: PerProperty<Option<[f64; 2]>>,
-    /// Held-out samples, all reruns together, whose truth is zero: they have no percentage error.
-    pub zero_truths: PerProperty<usize>,
-    /// Means over properties.
-    pub r2_mean: Number,
-    pub r2_mean_interval: Option<[f64; 2]>,
-    pub mae_mean: Number,
-    pub median_percent_error_mean: Number,
-    /// Over the paper's fixed list of eight.
-    pub median_percent_error_top8: Number,
-    /// Over the eight properties with the least error in this run, and which they are.
-    pub median_percent_error_best8: Number,
-    pub best8: Vec<String>,
-    /// How much the means differ from rerun to rerun.
-    #[serde(default)]
-    pub over_reruns: Ranges,
-    /// Gain in `r2_mean` over the first method, with its paired bootstrap interval.
-    pub r2_mean_gain: Option<Gain>,
-    /// The same over each method that the config compares with, by id.
-    #[serde(default)]
-    pub r2_mean_gains: BTreeMap<String, Gain>,
+    #[serde(flatten)]
+    pub scores: PropertyScores,
+    #[serde(flatten)]
+    pub means: Means,
+    #[serde(flatten)]
+    pub gains: Gains,
     /// The printed row beside it, if the config names one.
     pub paper: Option<String>,
-    /// At prediction.
-    pub frames_decoded_per_surface: f64,
-    pub frames_encoded_per_surface: f64,
-    pub predict_seconds_per_surface: Number,
-    /// The three parts of it; medians of their own.
-    #[serde(default)]
-    pub decode_seconds_per_surface: Number,
-    #[serde(default)]
-    pub encode_seconds_per_surface: Number,
-    #[serde(default)]
-    pub head_seconds_per_surface: Number,
-    /// The encoder, and the most that one estimate has allocated at any one time.
-    #[serde(default)]
-    pub peak_memory_bytes: Number,
-    /// Of encoder and heads.
-    #[serde(default)]
-    pub multiply_adds_per_surface: Number,
-    /// All properties and reruns together.
-    pub train_seconds: f64,
-    /// To train the encoder, all reruns together; 0 where it is left as it is.
-    #[serde(default)]
-    pub encoder_train_seconds: f64,
+    #[serde(flatten)]
+    pub costs: Costs,
     /// Where it looks at no more views than it needs.
     #[serde(default)]
     pub adaptive: Option<AdaptiveResult>,
@@ -214,15 +173,26 @@ pub(crate) struct SelectionResult {
     pub curve: Vec<(u64, f64, f64)>,
 }
 
-/// The difference of two methods' scores.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub(crate) struct Gain {
-    pub value: f64,
-    pub interval: [f64; 2],
-}
-
 impl Results {
+    /// The method of that id.
+    pub(crate) fn method(&self, id: &str) -> Option<&MethodResult> {
+        self.methods.iter().find(|method| method.id == id)
+    }
+
+    /// The methods that all others are compared with.
+    pub(crate) fn compared_with(&self) -> Vec<&MethodResult> {
+        self.against
+            .iter()
+            .filter_map(|id| self.method(id))
+            .collect()
+    }
+
+    /// Whether any method has all eight of the paper's list.
+    pub(crate) fn has_top8(&self) -> bool {
+        let mut methods = self.methods.iter();
+        methods.any(|method| method.means.median_percent_error_top8.is_some())
+    }
+
     /// Writes `results.json` into `folder`.
     pub(crate) fn write(&self, folder: &Path) -> Result<()> {
         let mut text = serde_json::to_string_pretty(self)?;

@@ -87,7 +87,7 @@ fn a_file_without_the_later_keys_is_read() {
     let old = old_file();
     let results: Results = serde_json::from_value(old.clone()).unwrap();
     assert_eq!(
-        (results.provenance.schema, results.methods[0].r2_mean),
+        (results.provenance.schema, results.methods[0].means.r2_mean),
         (0, Some(0.5))
     );
     assert_eq!(results.dataset.unit, None);

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::MethodResult;
-use crate::config::SpeedSpec;
+use crate::config::SpeedConfig;
 
 /// The front of the methods and the answers to two questions, as ids of methods.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,8 +44,8 @@ pub(crate) fn points(methods: &[MethodResult]) -> Vec<Point> {
     let points = all.filter_map(|(method, result)| {
         Some(Point {
             method,
-            seconds: result.predict_seconds_per_surface?,
-            error: 1.0 - result.r2_mean?,
+            seconds: result.costs.predict_seconds_per_surface?,
+            error: 1.0 - result.means.r2_mean?,
         })
     });
     points.collect()
@@ -83,7 +83,7 @@ fn by(a: &Point, b: &Point, of: fn(&Point) -> [f64; 2]) -> std::cmp::Ordering {
 }
 
 impl Speed {
-    pub(crate) fn of(methods: &[MethodResult], asked: SpeedSpec) -> Self {
+    pub(crate) fn of(methods: &[MethodResult], asked: SpeedConfig) -> Self {
         let points = points(methods);
         let id = |point: Point| methods[point.method].id.clone();
         Self {

@@ -46,7 +46,11 @@ impl Walking<'_> {
     /// The outcome of each trial.
     pub(super) fn outcomes(&self) -> Result<Vec<Outcome>> {
         let begun = Instant::now();
-        let most = self.trials.iter().map(|trial| order(trial).len()).max();
+        let most = self
+            .trials
+            .iter()
+            .map(|trial| trial.views.shown().len())
+            .max();
         let most = most.unwrap_or(0);
         let progress = Progress::new(&self.judge.method.label, most);
         let mut walks = vec![Walks::default(); self.trials.len()];
@@ -117,7 +121,9 @@ impl Walking<'_> {
         views: usize,
         surfaces: &[usize],
     ) -> Result<BTreeMap<usize, f64>> {
-        let embeddings = self.encodings.select(surfaces, &order(trial)[..views])?;
+        let embeddings = self
+            .encodings
+            .select(surfaces, &trial.views.shown()[..views])?;
         let estimates = model.predict(&embeddings)?;
         let values = estimates.into_iter().next().context("no estimate")?.values;
         Ok(surfaces.iter().copied().zip(values).collect())
@@ -145,7 +151,7 @@ impl Walking<'_> {
             plan.trials.extend((0..=FOLDS).map(|fold| Trial {
                 property: trial.property.to_string(),
                 rerun: number(trial.rerun, fold),
-                views: Views::Fixed(order(trial)[..views].to_vec()),
+                views: Views::Fixed(trial.views.shown()[..views].to_vec()),
             }));
         }
         let method = self.judge.method.with_views(views)?;
@@ -170,7 +176,7 @@ impl Walking<'_> {
         let trials = self.trials.iter().zip(&names).map(|(trial, name)| Trial {
             property: name.clone(),
             rerun: trial.rerun as u64,
-            views: Views::Fixed(order(trial)[..views].to_vec()),
+            views: Views::Fixed(trial.views.shown()[..views].to_vec()),
         });
         let plan = Plan {
             seed: self.experiment.seed,
@@ -236,11 +242,6 @@ struct Parts {
 /// A number for each rerun and fold; the last fold leaves nothing out.
 fn number(rerun: usize, fold: usize) -> u64 {
     (rerun * (FOLDS + 1) + fold) as u64
-}
-
-/// The places of a trial's views, in the order in which they are looked at.
-fn order(trial: &TrialSpec) -> Vec<usize> {
-    trial.views.shown()
 }
 
 /// The standard deviation of readings; 1 where they do not differ.

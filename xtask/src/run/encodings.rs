@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use sps_dataset::{Source, Split};
 
 use super::stage::{Stage, Stages};
-use super::tables::table;
+use super::tables::{Tables, table};
 use super::test_views::{TestViews, Wanted};
 use super::trials::Planned;
 use crate::config::{EncoderSpec, Experiment, Method};
@@ -57,15 +57,13 @@ impl Encodings {
         for (method, planned) in trials {
             for trial in planned {
                 let scored_on = method.scored_on(&splits[trial.split].validation);
-                let last = scored_on.last().map_or(0, |last| last + 1);
-                let beyond = last.saturating_sub(tables.pool());
+                let beyond = beyond(tables, scored_on.last());
                 for place in trial.views.shown() {
                     wanted.add(tables.views[place], beyond);
                 }
             }
         }
-        let stage = &self.stage;
-        self.test = TestViews::embed(experiment, source, stage, tables.pool(), &wanted)?;
+        self.test = TestViews::embed(experiment, source, &self.stage, &wanted)?;
         Ok(())
     }
 
@@ -77,18 +75,10 @@ impl Encodings {
         splits: &[Split],
     ) -> Result<()> {
         let tables = &self.stage.tables;
-        let last = splits
-            .iter()
-            .filter_map(|split| split.validation.last())
-            .max();
-        let beyond = last
-            .map_or(0, |last| last + 1)
-            .saturating_sub(tables.pool());
-        let mut wanted = Wanted::default();
-        for &view in &tables.views {
-            wanted.add(view, beyond);
-        }
-        self.test = TestViews::embed(experiment, source, &self.stage, tables.pool(), &wanted)?;
+        let last = splits.iter().filter_map(|split| split.validation.last());
+        let beyond = beyond(tables, last.max());
+        let wanted = Wanted::of(&tables.views, beyond);
+        self.test = TestViews::embed(experiment, source, &self.stage, &wanted)?;
         Ok(())
     }
 
@@ -100,16 +90,12 @@ impl Encodings {
         places: &[usize],
         surfaces: usize,
     ) -> Result<Self> {
-        let tables = &stage.tables;
-        let mut wanted = Wanted::default();
-        for &place in places {
-            wanted.add(tables.views[place], surfaces);
-        }
-        let test = TestViews::embed(experiment, source, &stage, tables.pool(), &wanted)?;
+        let views = places.iter().map(|&place| &stage.tables.views[place]);
+        let wanted = Wanted::of(views, surfaces);
         Ok(Self {
+            test: TestViews::embed(experiment, source, &stage, &wanted)?,
             stage,
             splits: 0..0,
-            test,
         })
     }
 
@@ -150,4 +136,10 @@ impl Encodings {
         tables.hash_readings(beyond.copied(), &mut hasher);
         hasher.finalize()
     }
+}
+
+/// How many of the surfaces that are only scored on there are up to this one.
+fn beyond(tables: &Tables, last: Option<&usize>) -> usize {
+    last.map_or(0, |last| last + 1)
+        .saturating_sub(tables.pool())
 }

@@ -38,8 +38,8 @@ struct Means<'a> {
 impl<'a> Means<'a> {
     fn of(judge: &Judge<'a>, trial: &TrialSpec, by_label: bool) -> Result<Self> {
         let split = &judge.splits.all[trial.rerun];
-        let mut all = Mean::default();
-        let mut of_material: HashMap<&str, Mean> = HashMap::new();
+        let mut all = Vec::new();
+        let mut of_material: HashMap<&str, Vec<f64>> = HashMap::new();
         for (surface, value) in measured(judge.tables, trial, &split.train)? {
             all.push(value);
             if by_label {
@@ -49,9 +49,9 @@ impl<'a> Means<'a> {
         }
         let of_material = of_material.into_iter();
         Ok(Self {
-            all: all.value(),
+            all: mean(&all),
             of_material: of_material
-                .map(|(name, mean)| (name, mean.value()))
+                .map(|(name, values)| (name, mean(&values)))
                 .collect(),
         })
     }
@@ -63,19 +63,6 @@ impl<'a> Means<'a> {
     }
 }
 
-#[derive(Default)]
-struct Mean {
-    sum: f64,
-    count: f64,
-}
-
-impl Mean {
-    fn push(&mut self, value: f64) {
-        self.sum += value;
-        self.count += 1.0;
-    }
-
-    fn value(&self) -> f64 {
-        self.sum / self.count
-    }
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use anyhow::Result;
 use sps_dataset::{Source, Surface};
 
-use super::tables::readings;
+use super::tables::{hash_row, hash_text, readings};
 use crate::bench;
 use crate::config::{DataSpec, Experiment, Method};
 use crate::data::{self, About};
@@ -45,7 +45,7 @@ fn data_hash<S: Source>(source: &S, about: &About) -> Result<blake3::Hash> {
     let surfaces = source.surfaces();
     let readings = readings(source, about, surfaces.len())?;
     for property in readings.properties() {
-        update(&mut hasher, property);
+        hash_text(&mut hasher, property);
     }
     let nadir = data::nadir(source)?;
     for (at, surface) in surfaces.iter().enumerate() {
@@ -55,18 +55,10 @@ fn data_hash<S: Source>(source: &S, about: &About) -> Result<blake3::Hash> {
             material,
         } = surface;
         for text in [id, group, material] {
-            update(&mut hasher, text);
+            hash_text(&mut hasher, text);
         }
-        for &cell in readings.row(at).into_iter().flatten() {
-            hasher.update(&cell.map_or([0xff; 8], f64::to_le_bytes));
-        }
+        hash_row(&mut hasher, &readings, at);
         hasher.update(&source.frame_key(at, nadir)?);
     }
     Ok(hasher.finalize())
-}
-
-/// So that no two lists of texts have the same bytes.
-fn update(hasher: &mut blake3::Hasher, text: &str) {
-    hasher.update(&(text.len() as u64).to_le_bytes());
-    hasher.update(text.as_bytes());
 }

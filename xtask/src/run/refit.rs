@@ -7,13 +7,13 @@ use anyhow::{Context, Result, bail};
 use sps_dataset::{Split, Units};
 use sps_models::heads::{Plan, Rerun, Trial, Views};
 use sps_models::kernel_ridge::{KernelRidge, SetLosses};
-use sps_viewselect::{
-    LossError, Pooled, Problem, Random, Remembered, Selection, Selector, Sets, SharedLoss,
-};
+use sps_viewselect::{LossError, Pooled, Problem, Remembered, Sets, SharedLoss};
 
+use super::found::Found;
 use super::views::seed;
 use super::{Encodings, Splits};
 use crate::config::{JudgedOn, Refit, Selected};
+use crate::journal::TrialKey;
 
 /// Random sets whose mean loss stands for that of a random set.
 const RANDOM_SETS: usize = 100;
@@ -32,12 +32,6 @@ pub(super) struct Refits<'a> {
     amounts: BTreeMap<String, f64>,
 }
 
-/// The choice for one property, and the mean loss of random sets.
-pub(super) struct Chosen {
-    pub selection: Selection,
-    pub random_loss: Option<f64>,
-}
-
 impl<'a> Refits<'a> {
     pub(super) fn new(encodings: &'a Encodings, splits: &'a Splits, seed: u64) -> Self {
         Self {
@@ -52,22 +46,19 @@ impl<'a> Refits<'a> {
     /// Chooses views for the property with this place among those to estimate.
     pub(super) fn select(
         &mut self,
+        key: TrialKey,
         selected: &Selected,
         refit: &Refit,
         property: usize,
         rerun: usize,
-    ) -> Result<Chosen> {
+    ) -> Result<Found> {
         let amount = self.amount(selected, refit, rerun)?;
         let draws = seed(self.seed, "refit", rerun);
         let pooled = Pooled::new(self.loss(selected, refit, rerun)?, property, amount)?;
         let problem = Problem::new(&pooled)?
             .distinct(selected.distinct)
             .seed(draws);
-        let random = Random { draws: RANDOM_SETS }.select(&problem)?;
-        Ok(Chosen {
-            selection: selected.selector.selector().select(&problem)?,
-            random_loss: random.curve.first().map(|point| point.mean),
-        })
+        Found::search(key, selected, &problem, RANDOM_SETS)
     }
 
     /// The losses that a selector asks for.
@@ -77,27 +68,28 @@ impl<'a> Refits<'a> {
         refit: &Refit,
         rerun: usize,
     ) -> Result<&Remembered<Loss<'a>>> {
-        let asked = (rerun, refit.ridge.config(), refit.judged_on, selected.picks);
-        let name = serde_json::to_string(&asked)?;
+        let settings = (rerun, refit.ridge.config(), refit.judged_on, selected.picks);
+        let name = serde_json::to_string(&settings)?;
         if !self.losses.contains_key(&name) {
             let split = &self.splits.all[rerun];
             let loss = match refit.judged_on {
                 JudgedOn::Training => self.left_out(selected, refit, &split.train)?,
-                JudgedOn::HeldOut => self.judged_by(
-                    selected,
-                    Judge::HeldOut(HeldOut {
+                JudgedOn::HeldOut => {
+                    let held_out = HeldOut {
                         encodings: self.encodings,
                         split,
                         units: &self.splits.units,
                         ridge: refit.ridge.clone(),
-                    }),
-                ),
+                    };
+                    self.judged_by(selected, move |set| held_out.losses(set))
+                }
             };
             self.losses.insert(name.clone(), loss);
         }
         self.losses.get(&name).context("a loss that was prepared")
     }
 
+    /// Judged by the training surfaces, each left out in turn.
     fn left_out(
         &self,
         selected: &Selected,
@@ -105,18 +97,19 @@ impl<'a> Refits<'a> {
         training: &[usize],
     ) -> Result<Remembered<Loss<'a>>> {
         let tables = &self.encodings.stage.tables;
-        let (data, config) = (
-            tables.training_data(&self.splits.units),
-            refit.ridge.config(),
-        );
-        let losses = SetLosses::new(&data, &tables.codes(), training, config)?;
-        Ok(self.judged_by(selected, Judge::LeftOut(losses)))
+        let data = tables.training_data(&self.splits.units);
+        let losses = SetLosses::new(&data, &tables.codes(), training, refit.ridge.config())?;
+        Ok(self.judged_by(selected, move |set| Ok(losses.losses(set)?)))
     }
 
-    fn judged_by(&self, selected: &Selected, judge: Judge<'a>) -> Remembered<Loss<'a>> {
+    fn judged_by(
+        &self,
+        selected: &Selected,
+        of_set: impl Fn(&[usize]) -> Result<Vec<f64>> + Sync + 'a,
+    ) -> Remembered<Loss<'a>> {
         let tables = &self.encodings.stage.tables;
         Remembered::new(Loss {
-            judge,
+            of_set: Box::new(of_set),
             views: tables.views.len(),
             picks: selected.picks,
             properties: tables.properties.len(),
@@ -182,18 +175,14 @@ fn crossed(
     Ok(sum)
 }
 
+type OfSet<'a> = Box<dyn Fn(&[usize]) -> Result<Vec<f64>> + Sync + 'a>;
+
 /// The loss of a set for each property, in units of the variance of its readings.
 struct Loss<'a> {
-    judge: Judge<'a>,
+    of_set: OfSet<'a>,
     views: usize,
     picks: usize,
     properties: usize,
-}
-
-enum Judge<'a> {
-    /// The training surfaces, each left out in turn.
-    LeftOut(SetLosses),
-    HeldOut(HeldOut<'a>),
 }
 
 impl SharedLoss for Loss<'_> {
@@ -215,10 +204,7 @@ impl SharedLoss for Loss<'_> {
 
     fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
         for (set, losses) in sets.iter().zip(losses.chunks_exact_mut(self.properties)) {
-            losses.copy_from_slice(&match &self.judge {
-                Judge::LeftOut(left_out) => left_out.losses(set)?,
-                Judge::HeldOut(held_out) => held_out.losses(set)?,
-            });
+            losses.copy_from_slice(&(self.of_set)(set)?);
         }
         Ok(())
     }

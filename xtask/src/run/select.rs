@@ -1,64 +1,30 @@
 //! Choosing views: an estimator is trained on random sets of views and frozen, and selectors search
 //! for the set of lowest loss on the training part (section "Viewpoint Selector Framework" of the
 //! paper, stages 1 and 2). Stage 3, training with the found set, is a trial like any other.
-//!
-//! With folds, there is an estimator for each part of the training surfaces, trained on the other
-//! parts: a set of views is not rewarded for surfaces that its estimator has learned by heart.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 use anyhow::{Context, Result};
-use serde::{Deserialize, Serialize};
-use sps_dataset::{Property, Split};
-use sps_models::heads::{
-    FusionLoss, Head, Observer, Plan, Rerun, TrainedHeads, TrainingData, Trial, Views,
-};
-use sps_viewselect::{LossError, Problem, Random, Selection, Selector, SetLoss, Sets};
+use serde::Serialize;
+use sps_dataset::Property;
+use sps_models::heads::Head;
+use sps_viewselect::Problem;
 
+use super::found::{Found, Selections};
+use super::frozen::{Folds, FrozenLoss};
 use super::refit::Refits;
-use super::splits::early_stopped;
 use super::views::{seed, without_loss};
-use super::{Encodings, Splits};
-use crate::config::{Experiment, JudgedOn, Looks, Method, Refit, Selected};
-use crate::journal::{Journal, Record, TrialKey};
+use crate::config::{JudgedOn, Looks, Method, Refit, Selected};
+use crate::journal::{Journal, TrialKey};
 use crate::progress::Progress;
 
 /// Random sets whose mean loss stands for that of a random set.
 const RANDOM_SETS: usize = 2000;
 
-/// What a selector found for one property and rerun.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Found {
-    pub key: TrialKey,
-    /// Picks are indices of the source's views; losses are in units of the variance of the training
-    /// readings.
-    pub selection: Selection,
-    /// Mean loss of random sets; none where no loss was asked for.
-    pub random_loss: Option<f64>,
-}
-
-impl Record for Found {
-    fn key(&self) -> &TrialKey {
-        &self.key
-    }
-}
-
-/// What all selectors found, by method, property and rerun.
-#[derive(Default)]
-pub(crate) struct Selections(BTreeMap<(String, Property, usize), Found>);
-
-impl Selections {
-    pub(crate) fn get(&self, method: &str, property: Property, rerun: usize) -> Option<&Found> {
-        self.0.get(&(method.to_owned(), property, rerun))
-    }
-}
-
 /// What selections are made on.
 pub(crate) struct Selecting<'a> {
-    pub experiment: &'a Experiment,
-    pub encodings: &'a Encodings,
-    pub splits: &'a Splits,
+    pub folds: Folds<'a>,
     pub journal: &'a mut Journal<Found>,
 }
 
@@ -74,17 +40,10 @@ impl Selecting<'_> {
         for family in families.values() {
             let wanted = self.wanted(family, reruns.clone())?;
             self.run_missing(family, &wanted)?;
-            for Wanted {
-                method,
-                property,
-                rerun,
-                key,
-                ..
-            } in wanted
-            {
-                let found = self.journal.get(&key).context("views were not selected")?;
-                let key = (method.id.clone(), property, rerun);
-                selections.0.insert(key, found.clone());
+            for one in wanted {
+                let found = self.journal.get(&one.key);
+                let found = found.context("views were not selected")?.clone();
+                selections.insert(&one.method.id, one.property, one.rerun, found);
             }
         }
         Ok(())
@@ -93,7 +52,7 @@ impl Selecting<'_> {
     /// Every selection that the methods of a family need, property by property.
     fn wanted<'m>(&self, family: &Family<'m>, reruns: Range<usize>) -> Result<Vec<Wanted<'m>>> {
         let mut wanted = Vec::new();
-        for &property in &self.encodings.stage.tables.properties {
+        for &property in &self.folds.encodings.stage.tables.properties {
             for rerun in reruns.clone() {
                 for &(method, selected) in &family.members {
                     wanted.push(Wanted {
@@ -116,18 +75,13 @@ impl Selecting<'_> {
         property: Property,
         rerun: usize,
     ) -> Result<TrialKey> {
+        let tables = &self.folds.encodings.stage.tables;
         TrialKey::of(&Inputs {
             code: env!("SOURCE_HASH"),
-            data: self
-                .encodings
-                .stage
-                .tables
-                .fingerprint()
-                .to_hex()
-                .to_string(),
-            views: self.encodings.stage.tables.all_views,
-            seed: self.experiment.seed,
-            folds: self.experiment.selection_folds,
+            data: tables.fingerprint().to_hex().to_string(),
+            views: tables.all_views,
+            seed: self.folds.experiment.seed,
+            folds: self.folds.experiment.selection_folds,
             frozen: family.frozen.map(Head::config),
             selected,
             refit: selected
@@ -136,18 +90,19 @@ impl Selecting<'_> {
                 .map(|refit| self.refit_inputs(refit, rerun)),
             property: property.code(),
             rerun,
-            training: &self.splits.all[rerun].train,
+            training: &self.folds.splits.all[rerun].train,
         })
     }
 
     /// What a choice by refits depends on beside the training surfaces and the property's own
     /// readings: the properties that it is pooled over, and what hindsight looks at.
     fn refit_inputs(&self, refit: &Refit, rerun: usize) -> RefitInputs {
-        let tables = &self.encodings.stage.tables;
+        let tables = &self.folds.encodings.stage.tables;
         let held_out = || {
             let places: Vec<usize> = (0..tables.views.len()).collect();
-            let surfaces = &self.splits.all[rerun].validation;
-            self.encodings
+            let surfaces = &self.folds.splits.all[rerun].validation;
+            self.folds
+                .encodings
                 .fingerprint(&places, surfaces)
                 .to_hex()
                 .to_string()
@@ -163,23 +118,30 @@ impl Selecting<'_> {
             .iter()
             .filter(|wanted| self.journal.get(&wanted.key).is_none())
             .collect();
+        let same_trial = |a: &&Wanted<'_>, b: &&Wanted<'_>| a.trial() == b.trial();
         let estimators = match family.frozen {
-            Some(head) if !missing.is_empty() => Some(self.estimators(head, &missing)?),
+            Some(head) if !missing.is_empty() => {
+                let trials = missing.chunk_by(same_trial).map(|chunk| chunk[0].trial());
+                Some(self.folds.train(head, trials)?)
+            }
             _ => None,
         };
-        let mut refits = Refits::new(self.encodings, self.splits, self.experiment.seed);
+        let mut refits = Refits::new(
+            self.folds.encodings,
+            self.folds.splits,
+            self.folds.experiment.seed,
+        );
         let progress = Progress::new("views selected", missing.len());
-        let of_trial = |a: &&Wanted<'_>, b: &&Wanted<'_>| a.pair() == b.pair();
-        for chunk in missing.chunk_by(of_trial) {
-            let search = match &estimators {
-                Some(estimators) => Some(self.search(estimators, chunk[0])?),
-                None => None,
-            };
+        for chunk in missing.chunk_by(same_trial) {
+            let (property, rerun) = chunk[0].trial();
+            let loss = estimators.as_ref();
+            let loss = loss.map(|estimators| self.folds.loss(estimators, property, rerun));
+            let loss = loss.transpose()?;
             for wanted in chunk {
                 progress.say(&format!("{}, {}", wanted.method.label, wanted.property));
                 let found = match &wanted.selected.refit {
                     Some(refit) => self.refitted(&mut refits, refit, wanted),
-                    None => self.select(search.as_ref(), wanted),
+                    None => self.select(loss.as_ref(), wanted),
                 };
                 let doing = || format!("method `{}`, {}", wanted.method.id, wanted.property);
                 let found = found.with_context(doing)?;
@@ -190,77 +152,6 @@ impl Selecting<'_> {
         Ok(())
     }
 
-    /// Stage 1: estimators for all properties, reruns and folds of `wanted`, trained on random
-    /// sets.
-    fn estimators(&self, head: &Head, wanted: &[&Wanted<'_>]) -> Result<TrainedHeads> {
-        let folds = 0..self.experiment.selection_folds;
-        let pairs = wanted.chunk_by(|a, b| a.pair() == b.pair());
-        let trials: Vec<Trial> = pairs
-            .flat_map(|pair| folds.clone().map(|fold| self.trial(pair[0], fold)))
-            .collect();
-        let of_rerun = |rerun| folds.clone().map(move |fold| (rerun, fold));
-        let numbered = (0..self.splits.all.len()).flat_map(of_rerun);
-        let reruns = numbered.map(|(rerun, fold)| {
-            Ok(Rerun {
-                number: self.number(rerun, fold),
-                training: self.part(rerun, fold)?.train,
-                validation: Vec::new(),
-            })
-        });
-        let observer = Trained(Progress::new("estimators for random views", trials.len()));
-        let plan = Plan {
-            seed: self.experiment.seed,
-            reruns: reruns.collect::<Result<_>>()?,
-            trials,
-        };
-        let plan = early_stopped(head, &self.splits.units, plan)?;
-        Ok(head.train(&self.training_data(), &plan, &observer)?)
-    }
-
-    fn training_data(&self) -> TrainingData<'_> {
-        let tables = &self.encodings.stage.tables;
-        tables.training_data(&self.splits.units)
-    }
-
-    /// What is searched for one property and rerun.
-    fn search(&self, estimators: &TrainedHeads, wanted: &Wanted<'_>) -> Result<Frozen> {
-        let data = self.training_data();
-        let column = data.readings.column(wanted.property.code());
-        let read = |&s: &usize| column.is_some_and(|column| data.readings.get(s, column).is_some());
-        let mut folds = Vec::new();
-        for fold in 0..self.experiment.selection_folds {
-            let held = self.part(wanted.rerun, fold)?.validation;
-            // A part without a reading says nothing.
-            if held.iter().any(read) {
-                let trial = self.trial(wanted, fold);
-                folds.push(estimators.fusion_loss(&trial, &data, &held)?);
-            }
-        }
-        Ok(Frozen(folds))
-    }
-
-    /// The estimator of one fold.
-    fn trial(&self, wanted: &Wanted<'_>, fold: usize) -> Trial {
-        Trial {
-            property: wanted.property.to_string(),
-            rerun: self.number(wanted.rerun, fold),
-            views: Views::Random,
-        }
-    }
-
-    /// A number for each rerun and fold.
-    fn number(&self, rerun: usize, fold: usize) -> u64 {
-        (rerun * self.experiment.selection_folds + fold) as u64
-    }
-
-    /// The training surfaces of a rerun that a fold's estimator is trained on, and those that its
-    /// loss is measured on. Units stay whole.
-    fn part(&self, rerun: usize, fold: usize) -> Result<Split> {
-        let (folds, seed) = (self.experiment.selection_folds, self.experiment.seed);
-        let parts = self.splits.to_select(rerun, folds, seed)?;
-        parts.into_iter().nth(fold).context("no such fold")
-    }
-
     /// The choice by a regression that is fitted anew to each set.
     fn refitted(
         &self,
@@ -268,38 +159,36 @@ impl Selecting<'_> {
         refit: &Refit,
         wanted: &Wanted<'_>,
     ) -> Result<Found> {
-        let properties = &self.encodings.stage.tables.properties;
+        let properties = &self.folds.encodings.stage.tables.properties;
         let place = properties
             .iter()
             .position(|property| *property == wanted.property);
         let place = place.context("a property that is not estimated")?;
-        let chosen = refits.select(wanted.selected, refit, place, wanted.rerun)?;
-        Ok(Found {
-            key: wanted.key.clone(),
-            selection: thinned(chosen.selection),
-            random_loss: chosen.random_loss,
-        })
+        let key = wanted.key.clone();
+        refits.select(key, wanted.selected, refit, place, wanted.rerun)
     }
 
     /// Stage 2.
-    fn select(&self, search: Option<&Frozen>, wanted: &Wanted<'_>) -> Result<Found> {
+    fn select(&self, loss: Option<&FrozenLoss>, wanted: &Wanted<'_>) -> Result<Found> {
         let (selected, key) = (wanted.selected, wanted.key.clone());
-        let seed = seed(self.experiment.seed, wanted.property.code(), wanted.rerun);
-        let Some(frozen) = search else {
+        let seed = seed(
+            self.folds.experiment.seed,
+            wanted.property.code(),
+            wanted.rerun,
+        );
+        let Some(loss) = loss else {
             return Ok(Found {
                 key,
-                selection: without_loss(selected, self.encodings.stage.tables.all_views, seed)?,
+                selection: without_loss(
+                    selected,
+                    self.folds.encodings.stage.tables.all_views,
+                    seed,
+                )?,
                 random_loss: None,
             });
         };
-        let problem = Problem::new(frozen)?.distinct(selected.distinct).seed(seed);
-        let random = Random { draws: RANDOM_SETS }.select(&problem)?;
-        let selection = selected.selector.selector().select(&problem);
-        Ok(Found {
-            key,
-            selection: thinned(selection?),
-            random_loss: random.curve.first().map(|point| point.mean),
-        })
+        let problem = Problem::new(loss)?.distinct(selected.distinct).seed(seed);
+        Found::search(key, selected, &problem, RANDOM_SETS)
     }
 }
 
@@ -340,7 +229,7 @@ struct Wanted<'m> {
 }
 
 impl Wanted<'_> {
-    fn pair(&self) -> (Property, usize) {
+    fn trial(&self) -> (Property, usize) {
         (self.property, self.rerun)
     }
 }
@@ -365,54 +254,4 @@ struct Inputs<'a> {
 struct RefitInputs {
     properties: Vec<String>,
     held_out: Option<String>,
-}
-
-/// The loss of frozen estimators, as selectors ask for it: the mean over the surfaces of all.
-struct Frozen(Vec<FusionLoss>);
-
-impl SetLoss for Frozen {
-    fn views(&self) -> usize {
-        self.0.first().map_or(0, FusionLoss::views)
-    }
-
-    fn picks(&self) -> usize {
-        self.0.first().map_or(0, FusionLoss::slots)
-    }
-
-    fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
-        let surfaces: usize = self.0.iter().map(FusionLoss::surfaces).sum();
-        let mut of_fold = vec![0.0; losses.len()];
-        losses.fill(0.0);
-        for fold in &self.0 {
-            fold.losses(sets.as_flat(), &mut of_fold)?;
-            let share = fold.surfaces() as f64 / surfaces as f64;
-            for (sum, loss) in losses.iter_mut().zip(&of_fold) {
-                *sum += share * loss;
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Counts estimators as they are trained.
-struct Trained(Progress);
-
-impl Observer for Trained {
-    fn finished(&self, heads: &TrainedHeads) {
-        self.0.advance(heads.heads().len());
-    }
-}
-
-/// Points that are kept of a search's curve.
-const CURVE_POINTS: usize = 60;
-
-/// The selection with a curve of few points, the last among them.
-fn thinned(mut selection: Selection) -> Selection {
-    let count = selection.curve.len();
-    let keep = |at: usize| at * CURVE_POINTS / count != (at + 1) * CURVE_POINTS / count;
-    let mut at = 0..;
-    if count > CURVE_POINTS {
-        selection.curve.retain(|_| at.next().is_some_and(keep));
-    }
-    selection
 }

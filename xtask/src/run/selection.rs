@@ -2,8 +2,8 @@
 
 use sps_dataset::RollAngle;
 
-use super::MethodRow;
-use super::select::Found;
+use super::found::Found;
+use super::results::MethodRow;
 use crate::config::{Looks, Method, Selected, SelectorConfig};
 use crate::results::{PerProperty, SelectionResult};
 

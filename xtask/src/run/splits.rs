@@ -213,7 +213,7 @@ mod tests {
         (".each_aside(", &["run/splits.rs"]),
         (".splits(", &["run/splits.rs"]),
         // Costs are timed on the first few surfaces of either side.
-        (" Split {", &["run/splits.rs", "run/costs.rs"]),
+        (" Split {", &["run/splits.rs", "run/costs/turn.rs"]),
         (".shuffle(", &[]),
         ("use rand", &[]),
         (" rand::", &[]),

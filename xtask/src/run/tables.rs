@@ -131,8 +131,7 @@ impl Tables {
         self.hash_readings(0..self.pool(), &mut hasher);
         for (surface, material) in self.surfaces.iter().zip(&self.materials) {
             for text in [&surface.id, &surface.group, material] {
-                hasher.update(&(text.len() as u64).to_le_bytes());
-                hasher.update(text.as_bytes());
+                hash_text(&mut hasher, text);
             }
         }
         Ok(hasher.finalize())
@@ -145,10 +144,21 @@ impl Tables {
         hasher: &mut blake3::Hasher,
     ) {
         for surface in surfaces {
-            for &cell in self.readings.row(surface).into_iter().flatten() {
-                hasher.update(&cell.map_or([0xff; 8], f64::to_le_bytes));
-            }
+            hash_row(hasher, &self.readings, surface);
         }
+    }
+}
+
+/// So that no two lists of texts have the same bytes.
+pub(super) fn hash_text(hasher: &mut blake3::Hasher, text: &str) {
+    hasher.update(&(text.len() as u64).to_le_bytes());
+    hasher.update(text.as_bytes());
+}
+
+/// Hashes what was measured of a surface.
+pub(super) fn hash_row(hasher: &mut blake3::Hasher, readings: &Readings, surface: usize) {
+    for &cell in readings.row(surface).into_iter().flatten() {
+        hasher.update(&cell.map_or([0xff; 8], f64::to_le_bytes));
     }
 }
 

@@ -25,6 +25,10 @@ pub(crate) struct TestViews {
 pub(crate) struct Wanted(BTreeMap<usize, usize>);
 
 impl Wanted {
+    pub(crate) fn of<'a>(views: impl IntoIterator<Item = &'a usize>, surfaces: usize) -> Self {
+        Self(views.into_iter().map(|&view| (view, surfaces)).collect())
+    }
+
     pub(crate) fn add(&mut self, view: usize, surfaces: usize) {
         let most = self.0.entry(view).or_default();
         *most = surfaces.max(*most);
@@ -32,15 +36,14 @@ impl Wanted {
 }
 
 impl TestViews {
-    /// Embeds what is wanted of the surfaces from `first` on.
+    /// Embeds what is wanted of the surfaces that are only scored on.
     pub(crate) fn embed<S: Source>(
         experiment: &Experiment,
         source: &S,
         stage: &Stage,
-        first: usize,
         wanted: &Wanted,
     ) -> Result<Self> {
-        let embedder = &stage.embedder;
+        let (embedder, first) = (&stage.embedder, stage.tables.pool());
         let cache = EmbeddingCache::open(&experiment.cache, embedder.identity(), embedder.width())?;
         let most = wanted.0.values().copied().max().unwrap_or(0);
         let frames: Vec<FrameIndex> = (0..most)

@@ -7,10 +7,10 @@ use serde::Serialize;
 use sps_dataset::{Property, Split};
 use sps_models::heads::{Plan, Rerun, Trial, Views};
 
-use super::select::Selections;
+use super::found::Selections;
 use super::views::{self, TrialViews};
 use super::{Encodings, Tables};
-use crate::config::{AdaptiveKey, Experiment, Method};
+use crate::config::{Adaptive, Experiment, Method};
 use crate::journal::TrialKey;
 
 /// One trial, and what identifies it.
@@ -86,7 +86,7 @@ struct Inputs<'a> {
     seed: u64,
     id: &'a str,
     method: serde_json::Value,
-    adaptive: Option<AdaptiveKey>,
+    adaptive: Option<Adaptive>,
     property: &'a str,
     rerun: usize,
     training: &'a [usize],
@@ -112,7 +112,7 @@ fn key(
         seed: experiment.seed,
         id: &method.id,
         method: method.estimator.settings()?,
-        adaptive: method.adaptive.map(|adaptive| adaptive.key()),
+        adaptive: method.adaptive,
         property: planned.property.code(),
         rerun: planned.split,
         training: &split.train,

@@ -8,7 +8,7 @@ use sps_models::heads::{HeadConfig, Views};
 use sps_viewselect::{Equidistant, Problem, Relations, Selection, SetFunction, TemporalRelations};
 
 use super::Tables;
-use super::select::Selections;
+use super::found::Selections;
 use crate::config::{Experiment, Looks, Method, Selected, SelectorConfig, in_order};
 use crate::data;
 

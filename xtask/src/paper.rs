@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use serde::Deserialize;
 
-const TABLES: &str = include_str!("../../../fixtures/paper/tables.toml");
+const TABLES: &str = include_str!("../../fixtures/paper/tables.toml");
 
 /// One printed row; what the paper does not print is `None`.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,67 +1,14 @@
 //! What moved since a baseline.
 
+mod change;
+mod table;
+
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt;
 
 use super::budgets::{Budgets, Ratio};
 use super::measured::{Measured, Wall};
-
-/// Everything measured, beside its baseline where there is one.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Comparison(Vec<Part>);
-
-/// Numbers of one kind.
-#[derive(Clone, Debug, PartialEq)]
-struct Part {
-    title: String,
-    rows: Vec<Row>,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-struct Row {
-    name: String,
-    then: String,
-    now: String,
-    judged: Judged,
-}
-
-/// What a change amounts to.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Judged {
-    change: String,
-    budget: String,
-    verdict: Verdict,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Verdict {
-    #[default]
-    None,
-    Within,
-    Past,
-    Slower,
-    Faster,
-    New,
-    NotMeasured,
-}
-
-impl Verdict {
-    fn within(within: bool) -> Self {
-        if within { Self::Within } else { Self::Past }
-    }
-
-    const fn text(self) -> &'static str {
-        match self {
-            Self::None => "",
-            Self::Within => "within",
-            Self::Past => "PAST",
-            Self::Slower => "slower",
-            Self::Faster => "faster",
-            Self::New => "new",
-            Self::NotMeasured => "not measured",
-        }
-    }
-}
+use change::{Change, Verdict, percent};
+use table::{Comparison, Part, Row};
 
 /// Sets `now` beside `then`.
 pub(crate) fn compare(budgets: &Budgets, then: Option<&Measured>, now: &Measured) -> Comparison {
@@ -79,16 +26,13 @@ fn scores(budgets: &Budgets, then: Option<&Measured>, now: &Measured) -> Part {
     let judge = |_: &str, then: &Option<f64>, now: &Option<f64>| match (then, now) {
         (Some(then), Some(now)) => {
             let around = budgets.scores.around(*then);
-            Judged {
-                change: format!("{:+.4}", now - then),
+            Change {
+                by: format!("{:+.4}", now - then),
                 budget: format!("±{around:.4}"),
                 verdict: Verdict::within((now - then).abs() <= around),
             }
         }
-        _ => Judged {
-            verdict: Verdict::within(then == now),
-            ..Judged::default()
-        },
+        _ => Verdict::within(then == now).into(),
     };
     Part {
         title: "Scores of the run".to_owned(),
@@ -99,17 +43,15 @@ fn scores(budgets: &Budgets, then: Option<&Measured>, now: &Measured) -> Part {
 fn instructions(budgets: &Budgets, then: Option<&Measured>, now: &Measured) -> Part {
     let other = then.and_then(|then| then.machine.other_instructions(&now.machine));
     let judge = |_: &str, then: &u64, now: &u64| {
-        growth(*then as f64, *now as f64, budgets.instructions.more)
+        Change::growth(*then as f64, *now as f64, budgets.instructions.more)
     };
+    let then = then.filter(|_| other.is_none());
     let then = then.map(|then| &then.instructions);
-    part("Instructions of the kernels", other, |compared| {
-        rows(
-            then.filter(|_| compared),
-            &now.instructions,
-            |&n| thousands(n),
-            judge,
-        )
-    })
+    let show = |&count: &u64| thousands(count);
+    Part {
+        title: title("Instructions of the kernels", other),
+        rows: rows(then, &now.instructions, show, judge),
+    }
 }
 
 fn ratios(budgets: &Budgets, then: Option<&Measured>, now: &Measured) -> Part {
@@ -117,17 +59,17 @@ fn ratios(budgets: &Budgets, then: Option<&Measured>, now: &Measured) -> Part {
     let judge = |name: &str, then: &f64, now: &f64| {
         let mut budgets = budgets.ratios.iter();
         let budget = budgets.find(|ratio| ratio.name == name);
-        budget.map_or_else(Judged::default, |budget| growth(*then, *now, budget.more))
+        budget.map_or_else(Change::default, |budget| {
+            Change::growth(*then, *now, budget.more)
+        })
     };
+    let then = then.filter(|_| other.is_none());
     let then = then.map(|then| &then.ratios);
-    part("Ratios of wall times within the run", other, |compared| {
-        rows(
-            then.filter(|_| compared),
-            &now.ratios,
-            |r| format!("{r:.3}"),
-            judge,
-        )
-    })
+    let show = |ratio: &f64| format!("{ratio:.3}");
+    Part {
+        title: title("Ratios of wall times within the run", other),
+        rows: rows(then, &now.ratios, show, judge),
+    }
 }
 
 /// The ratios that are past their budgets.
@@ -139,7 +81,7 @@ pub(crate) fn ratios_past<'b>(
     let rows = ratios(budgets, then, now).rows;
     let past = |name: &str| {
         let mut rows = rows.iter();
-        rows.any(|row| row.name == name && row.judged.verdict == Verdict::Past)
+        rows.any(|row| row.name == name && row.change.verdict == Verdict::Past)
     };
     let budgets = budgets.ratios.iter();
     budgets.filter(|ratio| past(&ratio.name)).collect()
@@ -151,8 +93,8 @@ fn wall(then: Option<&Measured>, now: &Measured) -> Part {
         let low = now.interval[0] / then.interval[1] - 1.0;
         let high = now.interval[1] / then.interval[0] - 1.0;
         let change = now.median / then.median - 1.0;
-        Judged {
-            change: format!("{} [{}, {}]", percent(change), percent(low), percent(high)),
+        Change {
+            by: format!("{} [{}, {}]", percent(change), percent(low), percent(high)),
             budget: String::new(),
             verdict: match (low > 0.0, high < 0.0) {
                 (true, _) => Verdict::Slower,
@@ -162,33 +104,17 @@ fn wall(then: Option<&Measured>, now: &Measured) -> Part {
         }
     };
     let mut rows = rows(then.map(|then| &then.wall), &now.wall, show, judge);
-    rows.retain(|row| row.judged.verdict != Verdict::NotMeasured);
+    rows.retain(|row| row.change.verdict != Verdict::NotMeasured);
     Part {
         title: "Wall times: median of a pass; no budget".to_owned(),
         rows,
     }
 }
 
-/// A part whose baseline counts only where there is no reason against it.
-fn part(title: &str, other: Option<String>, rows: impl FnOnce(bool) -> Vec<Row>) -> Part {
-    let rows = rows(other.is_none());
-    Part {
-        title: match other {
-            Some(reason) => format!("{title}: not compared, {reason}"),
-            None => title.to_owned(),
-        },
-        rows,
-    }
-}
-
-/// A number that may grow by the share `more`, and shrink as it likes.
-fn growth(then: f64, now: f64, more: f64) -> Judged {
-    let change = now / then - 1.0;
-    Judged {
-        change: percent(change),
-        budget: percent(more),
-        verdict: Verdict::within(change <= more),
-    }
+/// With the reason why the baseline does not count, if there is one.
+fn title(title: &str, other: Option<String>) -> String {
+    let reason = other.map(|reason| format!(": not compared, {reason}"));
+    format!("{title}{}", reason.unwrap_or_default())
 }
 
 /// The rows of everything that is on either side; nothing where nothing is there now.
@@ -196,7 +122,7 @@ fn rows<T>(
     then: Option<&BTreeMap<String, T>>,
     now: &BTreeMap<String, T>,
     show: impl Fn(&T) -> String,
-    judge: impl Fn(&str, &T, &T) -> Judged,
+    judge: impl Fn(&str, &T, &T) -> Change,
 ) -> Vec<Row> {
     if now.is_empty() {
         return Vec::new();
@@ -205,106 +131,20 @@ fn rows<T>(
     let names: BTreeSet<&String> = names.collect();
     let row = |name: &String| {
         let (before, after) = (then.and_then(|then| then.get(name)), now.get(name));
-        let judged = match (before, after) {
+        let change = match (before, after) {
             (Some(then), Some(now)) => judge(name, then, now),
             (Some(_), None) => Verdict::NotMeasured.into(),
             _ if then.is_some() => Verdict::New.into(),
-            _ => Judged::default(),
+            _ => Change::default(),
         };
         Row {
             name: name.clone(),
             then: before.map(&show).unwrap_or_default(),
             now: after.map(&show).unwrap_or_default(),
-            judged,
+            change,
         }
     };
     names.into_iter().map(row).collect()
-}
-
-impl From<Verdict> for Judged {
-    fn from(verdict: Verdict) -> Self {
-        Self {
-            verdict,
-            ..Self::default()
-        }
-    }
-}
-
-impl Comparison {
-    /// What is past its budget, in words: also what has one and is no longer measured.
-    pub(crate) fn past(&self) -> Vec<String> {
-        let rows = self.0.iter().flat_map(|part| &part.rows);
-        let past = rows.filter_map(
-            |Row {
-                 name,
-                 then,
-                 now,
-                 judged,
-             }| {
-                let Judged {
-                    change,
-                    budget,
-                    verdict,
-                } = judged;
-                match verdict {
-                    Verdict::Past => Some(format!(
-                        "{name} ({then} to {now}: {change}, budget {budget})"
-                    )),
-                    Verdict::NotMeasured => Some(format!("{name} ({then}, not measured)")),
-                    _ => None,
-                }
-            },
-        );
-        past.collect()
-    }
-}
-
-impl fmt::Display for Comparison {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for Part { title, rows } in &self.0 {
-            writeln!(f, "\n{title}")?;
-            let cells = rows.iter().map(Row::cells);
-            let header = ["", "then", "now", "change", "budget", ""].map(str::to_owned);
-            let table: Vec<[String; 6]> = [header].into_iter().chain(cells).collect();
-            let width = |column: usize| {
-                let widths = table.iter().map(|cells| cells[column].chars().count());
-                widths.max().unwrap_or_default()
-            };
-            let widths: [usize; 6] = std::array::from_fn(width);
-            for [name, numbers @ .., verdict] in &table {
-                let cells = numbers.iter().zip(&widths[1..]);
-                let cells: Vec<String> = cells
-                    .map(|(cell, width)| format!("  {cell:>width$}"))
-                    .collect();
-                let line = format!("  {name:<0$}{1}  {verdict}", widths[0], cells.concat());
-                writeln!(f, "{}", line.trim_end())?;
-            }
-        }
-        Ok(())
-    }
-}
-
-impl Row {
-    fn cells(&self) -> [String; 6] {
-        let Judged {
-            change,
-            budget,
-            verdict,
-        } = &self.judged;
-        [
-            &self.name,
-            &self.then,
-            &self.now,
-            change,
-            budget,
-            verdict.text(),
-        ]
-        .map(ToString::to_string)
-    }
-}
-
-fn percent(share: f64) -> String {
-    format!("{:+.1} %", 100.0 * share)
 }
 
 fn seconds(seconds: f64) -> String {
@@ -330,9 +170,9 @@ fn thousands(count: u64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::budgets::{Instructions, Scores};
-    use super::super::machine::Machine;
     use super::*;
+    use crate::bench::budgets::{Instructions, Scores};
+    use crate::bench::machine::Machine;
 
     fn budgets() -> Budgets {
         Budgets {

@@ -1,0 +1,82 @@
+//! A comparison as it is printed.
+
+use std::fmt;
+
+use super::change::{Change, Verdict};
+
+/// Everything measured, beside its baseline where there is one.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Comparison(pub(super) Vec<Part>);
+
+/// Numbers of one kind.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Part {
+    pub title: String,
+    pub rows: Vec<Row>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Row {
+    pub name: String,
+    pub then: String,
+    pub now: String,
+    pub change: Change,
+}
+
+impl Comparison {
+    /// What is past its budget, in words: also what has one and is no longer measured.
+    pub(crate) fn past(&self) -> Vec<String> {
+        let rows = self.0.iter().flat_map(|part| &part.rows);
+        let past = rows.filter_map(|row| {
+            let (name, then, now) = (&row.name, &row.then, &row.now);
+            let Change {
+                by,
+                budget,
+                verdict,
+            } = &row.change;
+            match verdict {
+                Verdict::Past => Some(format!("{name} ({then} to {now}: {by}, budget {budget})")),
+                Verdict::NotMeasured => Some(format!("{name} ({then}, not measured)")),
+                _ => None,
+            }
+        });
+        past.collect()
+    }
+}
+
+impl fmt::Display for Comparison {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for Part { title, rows } in &self.0 {
+            writeln!(f, "\n{title}")?;
+            let cells = rows.iter().map(Row::cells);
+            let header = ["", "then", "now", "change", "budget", ""].map(str::to_owned);
+            let table: Vec<[String; 6]> = [header].into_iter().chain(cells).collect();
+            let width = |column: usize| {
+                let widths = table.iter().map(|cells| cells[column].chars().count());
+                widths.max().unwrap_or_default()
+            };
+            let widths: [usize; 6] = std::array::from_fn(width);
+            for [name, numbers @ .., verdict] in &table {
+                let cells = numbers.iter().zip(&widths[1..]);
+                let cells: Vec<String> = cells
+                    .map(|(cell, width)| format!("  {cell:>width$}"))
+                    .collect();
+                let line = format!("  {name:<0$}{1}  {verdict}", widths[0], cells.concat());
+                writeln!(f, "{}", line.trim_end())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Row {
+    fn cells(&self) -> [String; 6] {
+        let Change {
+            by,
+            budget,
+            verdict,
+        } = &self.change;
+        let (name, then, now) = (&self.name, &self.then, &self.now);
+        [name, then, now, by, budget, verdict.text()].map(ToString::to_string)
+    }
+}

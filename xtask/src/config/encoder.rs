@@ -1,0 +1,120 @@
+//! What turns frames into embeddings.
+
+use std::path::PathBuf;
+
+use sps_models::encoders::{EncoderKind, I3d, Precision};
+use sps_models::training::TrainingConfig;
+
+use super::layers::Layers;
+use super::locate::ConfigError;
+use super::schema::EncoderConfig;
+
+/// An encoder as methods use it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct EncoderSpec {
+    pub network: Network,
+    pub weights: WeightsSpec,
+    pub precision: Precision,
+    /// Pixels of the shorter side.
+    pub resize: Option<usize>,
+    /// How it is trained on the training part of each rerun; `None` leaves it as it is.
+    pub training: Option<TrainingConfig>,
+}
+
+/// What turns frames into embeddings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Network {
+    /// A network that takes one frame.
+    Images(EncoderKind),
+    /// I3D, which takes a sequence of so many.
+    Sequences { frames: usize },
+}
+
+impl Network {
+    /// The network of this name; `frames` is the length of a sequence.
+    pub(crate) fn named(name: &str, frames: usize) -> Result<Self, sps_models::Error> {
+        if name == I3d::NAME {
+            return Ok(Self::Sequences { frames });
+        }
+        name.parse().map(Self::Images)
+    }
+
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Images(kind) => kind.name(),
+            Self::Sequences { .. } => I3d::NAME,
+        }
+    }
+}
+
+/// The weights that an encoder begins with.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum WeightsSpec {
+    /// Those that come with the project.
+    BuiltIn,
+    /// Random ones.
+    Untrained,
+    File(PathBuf),
+}
+
+impl WeightsSpec {
+    /// `built-in`, `untrained`, or a file.
+    pub(crate) fn named(name: &str) -> Self {
+        match name {
+            "built-in" => Self::BuiltIn,
+            "untrained" => Self::Untrained,
+            path => Self::File(PathBuf::from(path)),
+        }
+    }
+}
+
+/// The encoder of the table at `key`.
+pub(super) fn encoder(
+    layers: &Layers<'_>,
+    key: &str,
+    encoder: &EncoderConfig,
+) -> Result<EncoderSpec, ConfigError> {
+    let network = Network::named(&encoder.name, encoder.frames);
+    let network = network.map_err(|error| {
+        let problem = format!("{error}, {}", I3d::NAME);
+        layers.error(&format!("{key}.name"), problem)
+    })?;
+    if let Network::Sequences { frames } = network {
+        let at = |field: &str| format!("{key}.{field}");
+        layers.require(frames > 0, &at("frames"), "must be at least 1")?;
+        let frozen = !encoder.trainable;
+        layers.require(frozen, &at("trainable"), "i3d is not trained here")?;
+    }
+    let precision = encoder.precision.parse();
+    let precision = precision.map_err(|error: sps_models::Error| {
+        layers.error(&format!("{key}.precision"), error.to_string())
+    })?;
+    check_training(layers, &format!("{key}.training"), &encoder.training)?;
+    Ok(EncoderSpec {
+        network,
+        weights: WeightsSpec::named(&encoder.weights),
+        precision,
+        resize: (encoder.resize > 0).then_some(encoder.resize),
+        training: encoder.trainable.then(|| encoder.training.clone()),
+    })
+}
+
+/// Refuses a training that cannot be, at the line of its first such key.
+pub(super) fn check_training(
+    layers: &Layers<'_>,
+    table: &str,
+    training: &TrainingConfig,
+) -> Result<(), ConfigError> {
+    match training.check() {
+        Ok(()) => Ok(()),
+        Err(sps_models::Error::Input {
+            what,
+            found,
+            expected,
+        }) => {
+            let problem = format!("is {found}, expected {expected}");
+            Err(layers.error(&format!("{table}.{what}"), problem))
+        }
+        Err(other) => Err(layers.error(table, other.to_string())),
+    }
+}

@@ -1,0 +1,121 @@
+//! The rows of the report.
+
+use sps_base::names::nearest;
+
+use super::adaptive;
+use super::data::Protocol;
+use super::encoder::{EncoderSpec, encoder};
+use super::estimator::{self, Estimator};
+use super::layers::Layers;
+use super::locate::ConfigError;
+use super::looks::{self, Looks, Problem, refuse};
+use super::schema::{Adaptive, Config, MethodConfig, SelectorConfig};
+use super::sweep::Written;
+use crate::paper;
+
+/// One row of the report.
+#[derive(Clone, Debug)]
+pub(crate) struct Method {
+    pub id: String,
+    pub label: String,
+    pub encoder: EncoderSpec,
+    pub estimator: Estimator,
+    /// The views that an estimate looks at.
+    pub looks: Looks,
+    /// Whether it looks at them one at a time, and at no more than needed.
+    pub adaptive: Option<Adaptive>,
+    /// The printed row beside it.
+    pub paper: Option<String>,
+    /// Scored on the first so many of the held-out surfaces; `None`: on all.
+    pub test_surfaces: Option<usize>,
+    /// Trained on so many of a rerun's training surfaces; `None`: on all.
+    pub training_surfaces: Option<usize>,
+}
+
+impl Method {
+    /// What its encoder computes in; none where it looks at nothing.
+    pub(crate) fn precision(&self) -> Option<String> {
+        (self.looks != Looks::Nothing).then(|| self.encoder.precision.to_string())
+    }
+
+    /// Those of the held-out surfaces that the method is scored on.
+    pub(crate) fn scored_on<'a>(&self, held_out: &'a [usize]) -> &'a [usize] {
+        let count = self.test_surfaces.unwrap_or(held_out.len());
+        &held_out[..count.min(held_out.len())]
+    }
+}
+
+/// All methods, checked in their order.
+pub(super) fn methods(
+    layers: &Layers<'_>,
+    config: &Config,
+    written: &[Written],
+    protocol: Protocol,
+) -> Result<Vec<Method>, ConfigError> {
+    let mut methods: Vec<Method> = Vec::new();
+    for Written { at, method } in written {
+        let key = |field: &str| format!("{at}.{field}");
+        let refused = |(field, problem): Problem| layers.error(&key(field), problem);
+        if methods.iter().any(|other| other.id == method.id) {
+            let problem = format!("two methods have the id `{}`", method.id);
+            return Err(refused(("id", problem)));
+        }
+        check_printed_row(method).map_err(refused)?;
+        let looks = looks::of(config, method).map_err(refused)?;
+        methods.push(Method {
+            id: method.id.clone(),
+            label: method.label.clone(),
+            encoder: encoder(layers, &key("encoder"), &method.encoder)?,
+            estimator: estimator::of(config, method).map_err(refused)?,
+            adaptive: adaptive::of(method, &looks).map_err(refused)?,
+            looks,
+            paper: method.paper.clone(),
+            test_surfaces: test_surfaces(method, protocol).map_err(refused)?,
+            training_surfaces: training_surfaces(method).map_err(refused)?,
+        });
+    }
+    Ok(methods)
+}
+
+fn test_surfaces(method: &MethodConfig, protocol: Protocol) -> Result<Option<usize>, Problem> {
+    let Some(count) = method.test_surfaces else {
+        return Ok(None);
+    };
+    let why = match protocol {
+        Protocol::TestSurfaces(all) if (1..=all.test).contains(&count) => return Ok(Some(count)),
+        Protocol::TestSurfaces(all) => format!("is {count}, expected 1 to {}", all.test),
+        Protocol::Split(_) => "needs surfaces that exist for scoring alone".to_owned(),
+    };
+    refuse("test-surfaces", why)
+}
+
+fn training_surfaces(method: &MethodConfig) -> Result<Option<usize>, Problem> {
+    let learned = method.adaptive.is_some() || method.relations.is_some();
+    let mut selector = method.selector.iter();
+    let why = match method.training_surfaces {
+        None => return Ok(None),
+        Some(0) => "must be at least 1",
+        Some(_) if learned || !selector.all(SelectorConfig::is_fixed) => {
+            "needs views that do not depend on them"
+        }
+        Some(_) if method.encoder.trainable => "needs an encoder that is not trained",
+        some => return Ok(some),
+    };
+    refuse("training-surfaces", why)
+}
+
+/// Whether the paper has the row that is to stand beside the method.
+fn check_printed_row(method: &MethodConfig) -> Result<(), Problem> {
+    let Some(name) = &method.paper else {
+        return Ok(());
+    };
+    if paper::row(name).is_some() {
+        return Ok(());
+    }
+    let names = paper::names();
+    let hint = match nearest(name, names.iter().map(String::as_str)) {
+        Some(nearest) => format!(", did you mean `{nearest}`?"),
+        None => format!("; it has {}", names.join(", ")),
+    };
+    refuse("paper", format!("the paper has no row `{name}`{hint}"))
+}

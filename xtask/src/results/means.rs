@@ -1,0 +1,113 @@
+//! Means of one method over its properties.
+
+use serde::{Deserialize, Serialize};
+use sps_metrics::{
+    Better, Outcome, PropertyMean, PropertyScore, Scores, Undefined, mean_over_all, mean_over_best,
+    mean_over_named,
+};
+
+use super::notes::Notes;
+use super::scores::{PropertyScores, interval_over};
+use super::{MethodOutcomes, Number, PerProperty, Scoring};
+
+/// Of one method.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Means {
+    /// Means over properties.
+    pub r2_mean: Number,
+    pub r2_mean_interval: Option<[f64; 2]>,
+    pub mae_mean: Number,
+    pub median_percent_error_mean: Number,
+    /// Over the paper's fixed list of eight.
+    pub median_percent_error_top8: Number,
+    /// Over the eight properties with the least error in this run, and which they are.
+    pub median_percent_error_best8: Number,
+    pub best8: Vec<String>,
+    /// How much the means differ from rerun to rerun.
+    #[serde(default)]
+    pub over_reruns: Ranges,
+}
+
+/// The lowest and the highest value of the reruns; `null` where a rerun has none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Ranges {
+    pub r2_mean: Option<[f64; 2]>,
+    pub mae_mean: Option<[f64; 2]>,
+    pub median_percent_error_mean: Option<[f64; 2]>,
+    pub median_percent_error_top8: Option<[f64; 2]>,
+}
+
+impl Means {
+    pub(super) fn of(
+        scores: &PropertyScores,
+        method: &MethodOutcomes<'_>,
+        scoring: &Scoring<'_>,
+        notes: &mut Notes,
+    ) -> Self {
+        let listed = |values| listed(values, scoring.properties);
+        let percent = listed(&scores.median_percent_error);
+        let best8 = mean_over_best(&percent, scoring.top8.len(), Better::Lower);
+        let r2_mean = notes.mean("mean R²", mean_over_all(&listed(&scores.r2)));
+        let interval = interval_over(method.trials(), scoring);
+        Self {
+            r2_mean,
+            r2_mean_interval: notes.interval("the interval of mean R²", interval),
+            mae_mean: notes.mean("mean MAE", mean_over_all(&listed(&scores.mae))),
+            median_percent_error_mean: notes.mean("mean median % error", mean_over_all(&percent)),
+            median_percent_error_top8: notes.whole_mean(
+                "top-8 median % error",
+                mean_over_named(&percent, scoring.top8),
+            ),
+            best8: best8.properties.clone(),
+            median_percent_error_best8: notes.whole_mean("best-8 median % error", best8),
+            over_reruns: Ranges::of(method, scoring),
+        }
+    }
+}
+
+impl Ranges {
+    fn of(method: &MethodOutcomes<'_>, scoring: &Scoring<'_>) -> Self {
+        let of_rerun = |rerun: usize| -> PerProperty<Scores> {
+            let outcomes = method.outcomes.iter();
+            let scored = outcomes
+                .filter_map(|(property, all)| Some((property.clone(), all.get(rerun)?.scores())));
+            scored.collect()
+        };
+        let reruns: Vec<PerProperty<Scores>> = (0..method.row.reruns).map(of_rerun).collect();
+        let range = |of: fn(&Scores) -> &Outcome,
+                     mean: &dyn Fn(&[PropertyScore]) -> PropertyMean| {
+            let values = reruns.iter().map(|scores| {
+                let value = |s| of(s).as_ref().ok().map(|score| score.value);
+                let values = scores
+                    .iter()
+                    .map(|(property, s)| (property.clone(), value(s)));
+                let mean = mean(&listed(&values.collect(), scoring.properties));
+                mean.is_complete().then_some(mean.value.ok()).flatten()
+            });
+            let values = values.collect::<Option<Vec<f64>>>()?;
+            let low = values.iter().copied().reduce(f64::min)?;
+            Some([low, values.iter().copied().reduce(f64::max)?])
+        };
+        let top8 = |scores: &[PropertyScore]| mean_over_named(scores, scoring.top8);
+        Self {
+            r2_mean: range(|s| &s.r2, &mean_over_all),
+            mae_mean: range(|s| &s.mae, &mean_over_all),
+            median_percent_error_mean: range(|s| &s.median_percent_error, &mean_over_all),
+            median_percent_error_top8: range(|s| &s.median_percent_error, &top8),
+        }
+    }
+}
+
+fn listed(values: &PerProperty<Number>, properties: &[String]) -> Vec<PropertyScore> {
+    let of = |property: &String| PropertyScore {
+        property: property.clone(),
+        value: values
+            .get(property)
+            .copied()
+            .flatten()
+            .ok_or(Undefined::NotScored),
+    };
+    properties.iter().map(of).collect()
+}

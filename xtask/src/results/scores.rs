@@ -1,0 +1,105 @@
+//! Scores of one method per property: a metric that `sps-metrics` computes becomes a key of
+//! `results.json` here, and `report/tables.rs` shows it.
+
+use serde::{Deserialize, Serialize};
+use sps_metrics::{
+    BootstrapError, BootstrapInterval, Outcome, Scored, Scores, Undefined, over_reruns,
+};
+
+use super::notes::Notes;
+use super::{Judged, MethodOutcomes, Number, PerProperty, Scoring};
+
+/// Means over reruns, per property.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct PropertyScores {
+    /// Mean over reruns of R² about the training mean (section 5 of the paper), and the standard
+    /// deviation over reruns.
+    pub r2: PerProperty<Number>,
+    pub r2_std: PerProperty<Number>,
+    pub mae: PerProperty<Number>,
+    /// Percent.
+    pub median_percent_error: PerProperty<Number>,
+    pub rmse: PerProperty<Number>,
+    pub spearman: PerProperty<Number>,
+    /// Bootstrap interval of `r2` over units of the dataset.
+    pub r2_interval: PerProperty<Option<[f64; 2]>>,
+    /// Held-out samples, all reruns together, whose truth is zero: they have no percentage error.
+    pub zero_truths: PerProperty<usize>,
+}
+
+impl PropertyScores {
+    /// All but the intervals.
+    pub(super) fn of(method: &MethodOutcomes<'_>, notes: &mut Notes) -> Self {
+        let mut all = Self::default();
+        for (property, outcomes) in &method.outcomes {
+            let scores: Vec<Scores> = outcomes.iter().map(Judged::scores).collect();
+            let mut summary = |what: &str, of: fn(&Scores) -> &Outcome| {
+                let values = scores
+                    .iter()
+                    .map(|s| of(s).clone().map(|score| score.value));
+                let mut summary = over_reruns(values);
+                // Those have a note of their own.
+                let failed = |rerun: usize| outcomes.get(rerun).is_some_and(Judged::is_empty);
+                summary.left_out.retain(|&(rerun, _)| !failed(rerun));
+                notes.reruns(&format!("{what} of {property}"), summary)
+            };
+            let r2 = summary("R²", |s| &s.r2);
+            all.r2.insert(property.clone(), r2.mean.ok());
+            all.r2_std.insert(property.clone(), r2.std.ok());
+            let mut mean = |values: &mut PerProperty<Number>, what, of| {
+                values.insert(property.clone(), summary(what, of).mean.ok());
+            };
+            mean(&mut all.mae, "MAE", |s| &s.mae);
+            let percent = &mut all.median_percent_error;
+            mean(percent, "median % error", |s| &s.median_percent_error);
+            mean(&mut all.rmse, "RMSE", |s| &s.rmse);
+            mean(&mut all.spearman, "Spearman", |s| &s.spearman);
+            let percent = scores.iter().flat_map(|s| &s.median_percent_error);
+            let zeros = percent.map(|score| score.zero_truths).sum();
+            all.zero_truths.insert(property.clone(), zeros);
+        }
+        all
+    }
+
+    /// Drops what is in no table.
+    pub(crate) fn lighten(&mut self) {
+        self.r2_std.clear();
+        self.rmse.clear();
+        self.spearman.clear();
+        self.r2_interval.clear();
+        self.zero_truths.clear();
+    }
+}
+
+/// The interval of `r2` of each property.
+pub(super) fn intervals(
+    method: &MethodOutcomes<'_>,
+    scoring: &Scoring<'_>,
+    notes: &mut Notes,
+) -> PerProperty<Option<[f64; 2]>> {
+    let intervals = method.outcomes.iter().map(|(property, outcomes)| {
+        let interval = interval_over(outcomes.iter(), scoring);
+        let what = format!("the interval of R² of {property}");
+        (property.clone(), notes.interval(&what, interval))
+    });
+    intervals.collect()
+}
+
+/// The interval of the mean R² over trials that have one.
+pub(super) fn interval_over<'m, 'a: 'm>(
+    outcomes: impl Iterator<Item = &'m Judged<'a>>,
+    scoring: &Scoring<'_>,
+) -> Result<BootstrapInterval, BootstrapError> {
+    let defined: Vec<&Judged<'_>> = outcomes.filter(|judged| judged.has_r2()).collect();
+    let units: Vec<Vec<usize>> = defined.iter().map(|o| o.units(scoring.units)).collect();
+    let scored = defined.iter().zip(&units).map(|(judged, units)| {
+        Ok(Scored {
+            metric: judged.r2_metric()?,
+            samples: judged.r2_samples(),
+            units: Some(units),
+        })
+    });
+    let scored = scored.collect::<Result<Vec<_>, Undefined>>()?;
+    scoring.bootstrap.mean_interval(&scored)
+}

@@ -1,0 +1,176 @@
+//! The methods that share an encoder, from its embeddings to their outcomes.
+
+use anyhow::{Context, Result};
+use sps_dataset::{Property, Source};
+
+use super::costs;
+use super::found::{Found, Selections};
+use super::frozen::Folds;
+use super::results::MethodRow;
+use super::select::Selecting;
+use super::stage::{Stage, Stages};
+use super::trials::{self, TrialSpec};
+use super::{Encodings, Journals, Splits, fit, views};
+use crate::config::{EncoderSpec, Experiment, Looks, Method};
+use crate::data::About;
+use crate::journal::{Journal, Outcome, Stop};
+use crate::results::{Costs, PerProperty};
+
+/// Methods that share an encoder.
+pub(super) struct Encoded<'a, 'm> {
+    pub experiment: &'a Experiment,
+    pub about: &'a About,
+    pub encoder: &'a EncoderSpec,
+    pub methods: Vec<&'m Method>,
+    pub splits: &'a Splits,
+}
+
+impl<'m> Encoded<'_, 'm> {
+    /// The codes of the properties, and the rows of the methods. `sequence` says what the one view
+    /// of a source of sequences is made of.
+    pub(super) fn rows<S: Source>(
+        &self,
+        source: &S,
+        sequence: Option<Vec<usize>>,
+        journals: &mut Journals,
+    ) -> Result<(Vec<String>, Vec<MethodRow<'m>>)> {
+        let (experiment, splits) = (self.experiment, self.splits);
+        let needed = views::needed(&self.methods, source)?;
+        let data = (source, self.about);
+        let stages = Stages::new(experiment, self.encoder, data, splits, needed, sequence)?;
+        let mut groups = Encodings::of_splits(&stages, self.encoder, &splits.all)?;
+        if self.methods.iter().any(|method| method.in_hindsight()) {
+            for group in &mut groups {
+                group.look_at_all(experiment, source, &splits.all)?;
+            }
+        }
+        let selections = self.select(&groups, &mut journals.selections)?;
+        let trials = self.fit(source, &mut groups, &selections, &mut journals.trials)?;
+        let finished = self.methods.iter().zip(trials);
+        let finished =
+            finished.map(|(method, trials)| Finished::of(method, trials, &journals.trials));
+        let finished = finished.collect::<Result<Vec<_>>>()?;
+        let stage = &groups[0].stage;
+        let costs = self.costs(source, stage, &finished)?;
+        let encoder_train_seconds = groups.iter().map(|group| group.stage.train_seconds).sum();
+        let rows = finished.into_iter().zip(costs).map(|(finished, costs)| {
+            let costs = Costs {
+                encoder_train_seconds,
+                ..costs
+            };
+            finished.row(costs, &selections)
+        });
+        Ok((stage.tables.codes(), rows.collect()))
+    }
+
+    /// The views of all methods that select some.
+    fn select(&self, groups: &[Encodings], journal: &mut Journal<Found>) -> Result<Selections> {
+        let mut selections = Selections::default();
+        for group in groups {
+            let folds = Folds {
+                experiment: self.experiment,
+                encodings: group,
+                splits: self.splits,
+            };
+            let mut selecting = Selecting { folds, journal };
+            selecting.run(&self.methods, group.splits.clone(), &mut selections)?;
+        }
+        Ok(selections)
+    }
+
+    /// Fits what the journal lacks; the trials of each method.
+    fn fit<S: Source>(
+        &self,
+        source: &S,
+        groups: &mut [Encodings],
+        selections: &Selections,
+        journal: &mut Journal<Outcome>,
+    ) -> Result<Vec<Vec<TrialSpec>>> {
+        let (experiment, splits) = (self.experiment, &self.splits.all);
+        let mut trials: Vec<Vec<TrialSpec>> = self.methods.iter().map(|_| Vec::new()).collect();
+        for group in groups {
+            let tables = &group.stage.tables;
+            let of = |method: &&Method| {
+                let some = group.splits.clone();
+                trials::planned(experiment, method, tables, splits, some, selections)
+            };
+            let planned = self.methods.iter().map(of).collect::<Result<Vec<_>>>()?;
+            let of_method = planned.iter().map(Vec::as_slice);
+            let of_method = self.methods.iter().copied().zip(of_method);
+            group.look(experiment, source, splits, of_method)?;
+            for ((method, planned), all) in self.methods.iter().zip(planned).zip(&mut trials) {
+                let own = self.splits.of_method(method, experiment.seed)?;
+                let specs = trials::keyed(experiment, method, group, &own.all, planned)?;
+                fit::run_missing(experiment, method, group, &own, &specs, journal)?;
+                all.extend(specs);
+            }
+        }
+        Ok(trials)
+    }
+
+    /// What an estimate of each method costs; nothing where it looks at nothing.
+    fn costs<S: Source>(
+        &self,
+        source: &S,
+        stage: &Stage,
+        finished: &[Finished<'_>],
+    ) -> Result<Vec<Costs>> {
+        let looks = |finished: &&Finished<'_>| finished.method.looks != Looks::Nothing;
+        let looking: Vec<&Finished<'_>> = finished.iter().filter(looks).collect();
+        let mut measured = costs::measure(source, self.splits, stage, &looking)?.into_iter();
+        let of = |finished: &Finished<'_>| match finished.method.looks {
+            Looks::Nothing => Costs::default(),
+            _ => measured.next().unwrap_or_default(),
+        };
+        Ok(finished.iter().map(of).collect())
+    }
+}
+
+/// A method whose trials have all been run.
+pub(super) struct Finished<'m> {
+    pub method: &'m Method,
+    pub trials: Vec<TrialSpec>,
+    outcomes: PerProperty<Vec<Outcome>>,
+    /// Where it stopped, if it looks at one view after the other.
+    pub stops: Vec<Stop>,
+}
+
+impl<'m> Finished<'m> {
+    fn of(method: &'m Method, trials: Vec<TrialSpec>, journal: &Journal<Outcome>) -> Result<Self> {
+        let outcome = |trial: &TrialSpec| {
+            let outcome = journal.get(&trial.key).context("a trial was not run")?;
+            Ok((trial.property, outcome.clone()))
+        };
+        let outcomes = trials.iter().map(outcome).collect::<Result<Vec<_>>>()?;
+        let outcomes = by_property(outcomes);
+        let stops = outcomes.values().flatten().flat_map(|o| &o.stops);
+        Ok(Self {
+            method,
+            stops: stops.copied().collect(),
+            trials,
+            outcomes,
+        })
+    }
+
+    fn row(self, costs: Costs, selections: &Selections) -> MethodRow<'m> {
+        let found = self.trials.iter().filter_map(|trial| {
+            let found = selections.get(&self.method.id, trial.property, trial.rerun)?;
+            Some((trial.property, found.clone()))
+        });
+        MethodRow {
+            costs,
+            found: by_property(found),
+            outcomes: self.outcomes,
+            method: self.method,
+        }
+    }
+}
+
+fn by_property<T>(all: impl IntoIterator<Item = (Property, T)>) -> PerProperty<Vec<T>> {
+    let mut by_property = PerProperty::<Vec<T>>::new();
+    for (property, one) in all {
+        let of_property = by_property.entry(property.to_string()).or_default();
+        of_property.push(one);
+    }
+    by_property
+}

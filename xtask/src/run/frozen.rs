@@ -1,0 +1,142 @@
+//! Stage 1 of the choice of views: estimators that are trained on random sets of views and frozen,
+//! and their loss of a set.
+//!
+//! With folds, there is an estimator for each part of the training surfaces, trained on the other
+//! parts: a set of views is not rewarded for surfaces that its estimator has learned by heart.
+
+use anyhow::{Context, Result};
+use sps_dataset::{Property, Split};
+use sps_models::heads::{
+    FusionLoss, Head, Observer, Plan, Rerun, TrainedHeads, TrainingData, Trial, Views,
+};
+use sps_viewselect::{LossError, SetLoss, Sets};
+
+use super::splits::early_stopped;
+use super::{Encodings, Splits};
+use crate::config::Experiment;
+use crate::progress::Progress;
+
+/// What estimators are trained on.
+pub(super) struct Folds<'a> {
+    pub experiment: &'a Experiment,
+    pub encodings: &'a Encodings,
+    pub splits: &'a Splits,
+}
+
+impl Folds<'_> {
+    /// Estimators of these properties and reruns, for all folds.
+    pub(super) fn train(
+        &self,
+        head: &Head,
+        wanted: impl Iterator<Item = (Property, usize)>,
+    ) -> Result<TrainedHeads> {
+        let folds = 0..self.experiment.selection_folds;
+        let of_wanted = |(property, rerun)| {
+            let of_fold = move |fold| self.trial(property, rerun, fold);
+            folds.clone().map(of_fold)
+        };
+        let trials: Vec<Trial> = wanted.flat_map(of_wanted).collect();
+        let of_rerun = |rerun| folds.clone().map(move |fold| (rerun, fold));
+        let numbered = (0..self.splits.all.len()).flat_map(of_rerun);
+        let reruns = numbered.map(|(rerun, fold)| {
+            Ok(Rerun {
+                number: self.number(rerun, fold),
+                training: self.part(rerun, fold)?.train,
+                validation: Vec::new(),
+            })
+        });
+        let observer = TrainingProgress(Progress::new("estimators for random views", trials.len()));
+        let plan = Plan {
+            seed: self.experiment.seed,
+            reruns: reruns.collect::<Result<_>>()?,
+            trials,
+        };
+        let plan = early_stopped(head, &self.splits.units, plan)?;
+        Ok(head.train(&self.training_data(), &plan, &observer)?)
+    }
+
+    /// The loss of sets for one property and rerun.
+    pub(super) fn loss(
+        &self,
+        estimators: &TrainedHeads,
+        property: Property,
+        rerun: usize,
+    ) -> Result<FrozenLoss> {
+        let data = self.training_data();
+        let column = data.readings.column(property.code());
+        let read = |&s: &usize| column.is_some_and(|column| data.readings.get(s, column).is_some());
+        let mut folds = Vec::new();
+        for fold in 0..self.experiment.selection_folds {
+            let held = self.part(rerun, fold)?.validation;
+            // A part without a reading says nothing.
+            if held.iter().any(read) {
+                let trial = self.trial(property, rerun, fold);
+                folds.push(estimators.fusion_loss(&trial, &data, &held)?);
+            }
+        }
+        Ok(FrozenLoss(folds))
+    }
+
+    fn training_data(&self) -> TrainingData<'_> {
+        let tables = &self.encodings.stage.tables;
+        tables.training_data(&self.splits.units)
+    }
+
+    /// The estimator of one fold.
+    fn trial(&self, property: Property, rerun: usize, fold: usize) -> Trial {
+        Trial {
+            property: property.to_string(),
+            rerun: self.number(rerun, fold),
+            views: Views::Random,
+        }
+    }
+
+    /// A number for each rerun and fold.
+    fn number(&self, rerun: usize, fold: usize) -> u64 {
+        (rerun * self.experiment.selection_folds + fold) as u64
+    }
+
+    /// The training surfaces of a rerun that a fold's estimator is trained on, and those that its
+    /// loss is measured on. Units stay whole.
+    fn part(&self, rerun: usize, fold: usize) -> Result<Split> {
+        let (folds, seed) = (self.experiment.selection_folds, self.experiment.seed);
+        let parts = self.splits.to_select(rerun, folds, seed)?;
+        parts.into_iter().nth(fold).context("no such fold")
+    }
+}
+
+/// The loss of frozen estimators, as selectors ask for it: the mean over the surfaces of all.
+pub(super) struct FrozenLoss(Vec<FusionLoss>);
+
+impl SetLoss for FrozenLoss {
+    fn views(&self) -> usize {
+        self.0.first().map_or(0, FusionLoss::views)
+    }
+
+    fn picks(&self) -> usize {
+        self.0.first().map_or(0, FusionLoss::slots)
+    }
+
+    fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
+        let surfaces: usize = self.0.iter().map(FusionLoss::surfaces).sum();
+        let mut of_fold = vec![0.0; losses.len()];
+        losses.fill(0.0);
+        for fold in &self.0 {
+            fold.losses(sets.as_flat(), &mut of_fold)?;
+            let share = fold.surfaces() as f64 / surfaces as f64;
+            for (sum, loss) in losses.iter_mut().zip(&of_fold) {
+                *sum += share * loss;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Counts estimators as they are trained.
+struct TrainingProgress(Progress);
+
+impl Observer for TrainingProgress {
+    fn finished(&self, heads: &TrainedHeads) {
+        self.0.advance(heads.heads().len());
+    }
+}

@@ -6,7 +6,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail, ensure};
 use tracing::warn;
 
 use crate::files::write_atomically;
@@ -67,12 +67,8 @@ pub(crate) fn remove(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Notes the checksums of the files of a folder, those called `but` aside.
-pub(crate) fn seal(folder: &Path, but: &[&str]) -> Result<()> {
-    let mut names = Vec::new();
-    list(folder, "", &mut names)?;
-    names.retain(|name| name != FOLDER && !but.contains(&name.as_str()));
-    names.sort();
+/// Writes the checksums of these files of a folder, with `/` between the parts of their names.
+pub(crate) fn seal(folder: &Path, names: &[String]) -> Result<()> {
     let lines = names.iter().map(|name| {
         let path = folder.join(name);
         let bytes = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -113,19 +109,22 @@ pub(crate) fn damaged(folder: &Path) -> Result<Vec<String>> {
     Ok(damaged.collect())
 }
 
-/// The files below `folder`, with `/` between the parts of their names.
-fn list(folder: &Path, prefix: &str, names: &mut Vec<String>) -> Result<()> {
-    let failed = || format!("cannot read {}", folder.display());
-    for entry in fs::read_dir(folder).with_context(failed)? {
-        let entry = entry.with_context(failed)?;
-        let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
-        if entry.path().is_dir() {
-            list(&entry.path(), &format!("{name}/"), names)?;
-        } else {
-            names.push(name);
-        }
+/// That the run in `folder` has ended, and that its `files` are what it wrote.
+pub(crate) fn ensure_finished(folder: &Path, files: &[&str]) -> Result<()> {
+    const AGAIN: &str = "`cargo xtask experiment` writes it again";
+    let shown = folder.display();
+    ensure!(
+        folder.join(FOLDER).exists(),
+        "{shown}: no run has finished here since the last one began; {AGAIN}"
+    );
+    let damaged = damaged(folder)?;
+    match files
+        .iter()
+        .find(|file| damaged.iter().any(|name| name == *file))
+    {
+        Some(file) => bail!("{shown}/{file}: the checksum does not match its content; {AGAIN}"),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -174,14 +173,18 @@ mod tests {
         let folder = folder.path();
         assert!(damaged(folder).unwrap().is_empty());
         fs::create_dir(folder.join("figures")).unwrap();
-        for name in ["results.json", "figures/a b.svg", "lock"] {
+        let names = ["results.json", "figures/a b.svg"].map(str::to_owned);
+        for name in &names {
             fs::write(folder.join(name), name).unwrap();
         }
-        seal(folder, &["lock"]).unwrap();
+        assert!(ensure_finished(folder, &[]).is_err());
+        seal(folder, &names).unwrap();
         fs::write(folder.join("lock"), "other").unwrap();
         assert!(damaged(folder).unwrap().is_empty());
         fs::write(folder.join("figures/a b.svg"), "other").unwrap();
         assert_eq!(damaged(folder).unwrap(), ["figures/a b.svg"]);
+        ensure_finished(folder, &["results.json"]).unwrap();
+        assert!(ensure_finished(folder, &["figures/a b.svg"]).is_err());
         fs::remove_file(folder.join("results.json")).unwrap();
         assert_eq!(damaged(folder).unwrap().len(), 2);
         unseal(folder).unwrap();

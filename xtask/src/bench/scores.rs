@@ -5,10 +5,12 @@ use std::path::Path;
 
 use anyhow::{Result, ensure};
 
+use crate::checksums;
 use crate::results::Results;
 
 /// Every score of every method and property.
 pub(crate) fn of_run(folder: &Path) -> Result<BTreeMap<String, Option<f64>>> {
+    checksums::ensure_finished(folder, &["results.json"])?;
     let results = Results::read(folder)?;
     let mut scores = BTreeMap::new();
     for method in &results.methods {

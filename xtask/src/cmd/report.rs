@@ -1,8 +1,9 @@
 use std::path::PathBuf;
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 
-use crate::{checksums, report, run};
+use crate::report;
+use crate::run::RunFolder;
 
 /// Render the report of a finished run again
 #[derive(clap::Args)]
@@ -13,16 +14,9 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let damaged = checksums::damaged(&args.run_dir)?;
-    for input in report::INPUTS {
-        ensure!(
-            !damaged.iter().any(|name| name == input),
-            "{}: the checksum does not match its content; `cargo xtask experiment` writes it again",
-            args.run_dir.join(input).display()
-        );
-    }
-    report::write(&args.run_dir)?;
-    run::seal(&args.run_dir)?;
-    println!("{}", args.run_dir.join("report.html").display());
+    let folder = RunFolder::finished(&args.run_dir)?;
+    report::write(folder.path())?;
+    folder.seal()?;
+    println!("{}", folder.file("report.html").display());
     Ok(())
 }

@@ -53,12 +53,7 @@ impl Runs {
 /// Keeps the numbers of a finished run below `root`, without what no table needs; returns the run's
 /// name and the file.
 pub(super) fn numbers(root: &Path, run: &Path) -> Result<(String, PathBuf)> {
-    let damaged = checksums::damaged(run)?;
-    ensure!(
-        !damaged.iter().any(|name| name == "results.json"),
-        "{}: the checksum of results.json does not match its content",
-        run.display()
-    );
+    checksums::ensure_finished(run, &["results.json"])?;
     let mut results = Results::read(run)?;
     results.methods.iter_mut().for_each(lighten);
     let folder = run.canonicalize();

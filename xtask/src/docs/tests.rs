@@ -44,8 +44,9 @@ impl Repository {
         }
         fs::write(repository.path("README.md"), "Nothing measured.\n").unwrap();
         fs::write(repository.path("docs/deep/page.md"), page).unwrap();
-        let run = repository.path("runs/ablation/results.json");
-        fs::write(run, results().to_string()).unwrap();
+        let run = repository.path("runs/ablation");
+        fs::write(run.join("results.json"), results().to_string()).unwrap();
+        crate::checksums::seal(&run, &["results.json".to_owned()]).unwrap();
         repository
     }
 

@@ -30,6 +30,8 @@ pub(crate) use tables::tables;
 /// What a report is made from.
 pub(crate) const INPUTS: [&str; 2] = ["results.json", predictions::FILE];
 
+const PAGES: [&str; 2] = ["report.md", "report.html"];
+
 /// The folder of the figures in that of a run.
 const FIGURES: &str = "figures";
 
@@ -55,6 +57,12 @@ pub(crate) fn write(folder: &Path) -> Result<()> {
         let path = folder.join(FIGURES).join(format!("{name}.svg"));
         write_atomically(&path, svg.as_bytes())?;
     }
+    for path in figure_files(folder)? {
+        let is_old = |figure: &Figure| path.file_stem() != Some(figure.name.as_ref());
+        if figures.iter().all(is_old) {
+            fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+        }
+    }
     // What is filled into a name that ends in `.html` is escaped.
     let mut environment = Environment::new();
     environment.add_template("report.md", MARKDOWN)?;
@@ -67,7 +75,7 @@ pub(crate) fn write(folder: &Path) -> Result<()> {
         notes: notes(&results),
         figures,
     };
-    for name in ["report.md", "report.html"] {
+    for name in PAGES {
         let text = environment.get_template(name)?.render(Serde(&report))?;
         write_atomically(&folder.join(name), text.as_bytes())?;
     }
@@ -81,8 +89,21 @@ pub(crate) fn figure_files(run: &Path) -> Result<Vec<PathBuf>> {
     let entries = fs::read_dir(&folder).with_context(failed)?;
     let entries = entries.map(|entry| Ok(entry.with_context(failed)?.path()));
     let mut files: Vec<PathBuf> = entries.collect::<Result<_>>()?;
+    files.retain(|path| path.extension().is_some_and(|ending| ending == "svg"));
     files.sort();
     Ok(files)
+}
+
+/// The names of all files of the report in the folder of a run.
+pub(crate) fn files(run: &Path) -> Result<Vec<String>> {
+    let figures = figure_files(run)?;
+    let names = figures.iter().filter_map(|path| path.file_name());
+    let figures = names.map(|name| format!("{FIGURES}/{}", name.to_string_lossy()));
+    Ok(PAGES
+        .map(str::to_owned)
+        .into_iter()
+        .chain(figures)
+        .collect())
 }
 
 /// What was measured on, and how that stands to the paper's numbers.

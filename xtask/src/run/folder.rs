@@ -3,16 +3,19 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use tracing::warn;
 
 use crate::checksums;
 use crate::files::{create_folder, lock, remove_unfinished, write_atomically};
+use crate::report;
 
 /// The journal of finished trials.
 pub(crate) const TRIALS: &str = "trials.jsonl";
 /// The journal of selected views.
 pub(crate) const SELECTIONS: &str = "selections.jsonl";
+/// The config with its defaults and all that was set.
+pub(crate) const CONFIG: &str = "config.toml";
 const LOCK: &str = "lock";
 
 /// A locked folder; the lock goes with the process, however that ends.
@@ -26,11 +29,7 @@ impl RunFolder {
     /// the trials that were finished in it.
     pub(crate) fn open(path: &Path, fresh: bool) -> Result<Self> {
         create_folder(path)?;
-        let lock = lock(&path.join(LOCK))?;
-        let folder = Self {
-            path: path.to_owned(),
-            _lock: lock,
-        };
+        let folder = Self::locked(path)?;
         for name in checksums::damaged(path)? {
             let path = folder.file(&name);
             warn!(
@@ -49,6 +48,26 @@ impl RunFolder {
         Ok(folder)
     }
 
+    /// Opens the folder of a finished run to render its report again, waiting for a run that is at
+    /// work there.
+    pub(crate) fn finished(path: &Path) -> Result<Self> {
+        ensure!(
+            path.join(CONFIG).exists(),
+            "{} is not the folder of a run",
+            path.display()
+        );
+        let folder = Self::locked(path)?;
+        checksums::ensure_finished(path, &report::INPUTS)?;
+        Ok(folder)
+    }
+
+    fn locked(path: &Path) -> Result<Self> {
+        Ok(Self {
+            path: path.to_owned(),
+            _lock: lock(&path.join(LOCK))?,
+        })
+    }
+
     /// The folder.
     pub(crate) fn path(&self) -> &Path {
         &self.path
@@ -59,18 +78,17 @@ impl RunFolder {
         self.path.join(name)
     }
 
-    /// Notes the checksums of everything that is finished; journals have theirs in each line.
+    /// Writes the checksums of everything that a run has written; journals have theirs in each
+    /// line.
     pub(crate) fn seal(&self) -> Result<()> {
-        seal(&self.path)
+        let mut names: Vec<String> = vec![CONFIG.to_owned()];
+        names.extend(report::INPUTS.map(str::to_owned));
+        names.extend(report::files(&self.path)?);
+        checksums::seal(&self.path, &names)
     }
 
     /// Writes a text file into it.
     pub(crate) fn write(&self, name: &str, text: &str) -> Result<()> {
         write_atomically(&self.file(name), text.as_bytes())
     }
-}
-
-/// Notes the checksums of everything that is finished in the folder of a run.
-pub(crate) fn seal(path: &Path) -> Result<()> {
-    checksums::seal(path, &[LOCK, TRIALS, SELECTIONS])
 }

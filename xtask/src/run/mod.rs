@@ -29,7 +29,7 @@ use sps_dataset::Source;
 
 pub(crate) use encodings::Encodings;
 pub(crate) use fit::{Fitted, fit};
-pub(crate) use folder::seal;
+pub(crate) use folder::RunFolder;
 pub(crate) use splits::Splits;
 use stage::Stage;
 pub(crate) use stage::Stages;
@@ -42,14 +42,13 @@ use crate::report::{self, predictions};
 use crate::results::Results;
 use crate::sequences::Sequences;
 use encoded::Encoded;
-use folder::RunFolder;
 use found::Found;
 use results::{MethodRow, results};
 
 /// Runs the experiment into `folder`, or finishes what was begun there; `fresh` begins again.
 pub(crate) fn run(experiment: &Experiment, folder: &Path, fresh: bool) -> Result<()> {
     let folder = RunFolder::open(folder, fresh)?;
-    folder.write("config.toml", &experiment.resolved)?;
+    folder.write(folder::CONFIG, &experiment.resolved)?;
     let results = data::with_source(
         &experiment.data,
         Run {

@@ -1,0 +1,99 @@
+//! Reports of finished runs, and what is left in their folders.
+
+mod support;
+
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+
+use support::{Scratch, expect, message, root, xtask};
+
+fn report(scratch: &Scratch) -> assert_cmd::Command {
+    let mut command = xtask();
+    command.arg("report").arg(scratch.path("run"));
+    command
+}
+
+#[test]
+fn a_report_waits_for_the_run_in_its_folder() {
+    let scratch = Scratch::new();
+    scratch.experiment().assert().success();
+    let lock = File::options().append(true).open(scratch.path("run/lock"));
+    let lock = lock.unwrap();
+    lock.lock().unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_xtask"))
+        .current_dir(root())
+        .env_remove("RUST_LOG")
+        .arg("report")
+        .arg(scratch.path("run"))
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut log = BufReader::new(child.stderr.take().unwrap()).lines();
+    let waits = log.any(|line| line.unwrap().contains("waiting"));
+    lock.unlock().unwrap();
+    assert!(child.wait().unwrap().success());
+    assert!(waits);
+}
+
+/// The old results would stand beside a config that they were not computed by.
+#[test]
+fn results_that_are_older_than_the_last_run_are_refused() {
+    let scratch = Scratch::new();
+    scratch.experiment().assert().success();
+    let frame = scratch.path("data/frames/denim-01/002.png");
+    let whole = fs::read(&frame).unwrap();
+    fs::write(&frame, &whole[..whole.len() / 2]).unwrap();
+    let mut again = scratch.experiment();
+    message(again.args(["--set", "report.resamples=50"]).assert());
+    let text = message(report(&scratch).assert());
+    expect(
+        &text,
+        &["run", "no run has finished", "cargo xtask experiment"],
+    );
+    let mut bench = xtask();
+    bench.args(["bench", "--guards", "--results"]);
+    let text = message(bench.arg(scratch.path("run")).assert());
+    expect(&text, &["no run has finished"]);
+    fs::write(&frame, &whole).unwrap();
+    scratch.experiment().assert().success();
+    report(&scratch).assert().success();
+}
+
+#[test]
+fn what_a_run_did_not_write_is_neither_sealed_nor_reported() {
+    let scratch = Scratch::new();
+    scratch.experiment().assert().success();
+    let old = scratch.path("run/figures/of-another-config.svg");
+    fs::write(&old, "<svg/>").unwrap();
+    fs::create_dir(scratch.path("run/target")).unwrap();
+    fs::write(scratch.path("run/target/large"), "").unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(scratch.path("data"), scratch.path("run/link")).unwrap();
+    for mut command in [report(&scratch), scratch.experiment()] {
+        command.assert().success();
+        assert!(!old.exists());
+        let sealed = fs::read_to_string(scratch.path("run/checksums")).unwrap();
+        let mut names: Vec<&str> = sealed.lines().map(|line| &line[66..]).collect();
+        names.retain(|name| !name.starts_with("figures/"));
+        names.sort_unstable();
+        let written = [
+            "config.toml",
+            "predictions.csv",
+            "report.html",
+            "report.md",
+            "results.json",
+        ];
+        assert_eq!(names, written);
+        fs::write(&old, "<svg/>").unwrap();
+    }
+}
+
+#[test]
+fn a_folder_without_a_run_is_left_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = message(xtask().arg("report").arg(folder.path()).assert());
+    expect(&text, &["is not the folder of a run"]);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}

@@ -123,10 +123,15 @@ impl<R: Record> Journal<R> {
             text.push_str(&serde_json::to_string(&line)?);
             text.push('\n');
         }
-        self.file
-            .write_all(text.as_bytes())
-            .and_then(|()| self.file.sync_data())
-            .with_context(|| format!("cannot add to {}", self.path.display()))?;
+        let failed = || format!("cannot add to {}", self.path.display());
+        let before = self.file.metadata().with_context(failed)?.len();
+        let written = self.file.write_all(text.as_bytes());
+        let written = written.and_then(|()| self.file.sync_data());
+        if written.is_err() {
+            // Or the next line would be glued to what a full disk has left of this one.
+            self.file.set_len(before).with_context(failed)?;
+        }
+        written.with_context(failed)?;
         self.records
             .extend(records.into_iter().map(|r| (r.key().clone(), r)));
         Ok(())

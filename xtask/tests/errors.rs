@@ -182,6 +182,30 @@ fn a_full_disk_loses_nothing_that_was_written() {
 }
 
 #[test]
+fn a_full_disk_leaves_whole_lines() {
+    let mut filled = 0;
+    for kib in [12, 24, 36] {
+        let scratch = Scratch::new();
+        let run = scratch.path("run");
+        let Some(_mounted) = Mounted::new(&run, &format!("size={kib}k")) else {
+            return;
+        };
+        let mut many = scratch.experiment();
+        let text = message(many.args(["--set", "reruns=20"]).assert());
+        filled += usize::from(text.contains("cannot add to"));
+        let kept = fs::read_to_string(run.join("trials.jsonl")).unwrap_or_default();
+        assert!(kept.is_empty() || kept.ends_with('\n'), "{kib} KiB: {kept}");
+        for line in kept.lines() {
+            assert!(
+                serde_json::from_str::<serde_json::Value>(line).is_ok(),
+                "{line}"
+            );
+        }
+    }
+    assert!(filled > 0, "no disk was full while trials were added");
+}
+
+#[test]
 fn a_read_only_output_folder() {
     let scratch = Scratch::new();
     let run = scratch.path("run");

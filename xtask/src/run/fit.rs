@@ -1,7 +1,7 @@
 //! Fitting a method's trials, each outcome on disk as soon as it is there.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
@@ -156,14 +156,15 @@ pub(crate) fn run_missing(
         }),
     };
     let fitted = fit_some(method, (judge.tables, &splits.units), &plan, &recorder);
-    let fitted = fitted.with_context(|| format!("method `{}`", method.id))?;
-    if !matches!(fitted, Fitted::Heads(_)) {
+    if let Ok(fitted) = &fitted
+        && !matches!(fitted, Fitted::Heads(_))
+    {
         recorder.record(fitted.models(), &[]);
     }
-    match recorder.into_failure() {
-        Some(error) => Err(error),
-        None => Ok(()),
-    }
+    // A training that was stopped says less than what stopped it.
+    recorder.into_failure().map_or(Ok(()), Err)?;
+    fitted.with_context(|| format!("method `{}`", method.id))?;
+    Ok(())
 }
 
 /// Turns fitted models into outcomes and writes them down.
@@ -186,9 +187,13 @@ impl Observer for Recorder<'_> {
     fn finished(&self, heads: &TrainedHeads) {
         self.record(heads, heads.diverged());
     }
+
+    fn stops(&self) -> bool {
+        self.state().failed.is_some()
+    }
 }
 
-impl Recorder<'_> {
+impl<'a> Recorder<'a> {
     fn record(&self, models: &dyn FittedRegressor, diverged: &[DivergedTrial]) {
         let outcomes = self.outcomes(models).and_then(|mut outcomes| {
             for one in diverged {
@@ -196,7 +201,7 @@ impl Recorder<'_> {
             }
             Ok(outcomes)
         });
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.state();
         let written = Result::and_then(outcomes, |mut outcomes: Vec<Outcome>| {
             let seconds = state.since.elapsed().as_secs_f64() / outcomes.len().max(1) as f64;
             for outcome in &mut outcomes {
@@ -209,6 +214,10 @@ impl Recorder<'_> {
         if let Err(error) = written {
             state.failed.get_or_insert(error);
         }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State<'a>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn into_failure(self) -> Option<anyhow::Error> {

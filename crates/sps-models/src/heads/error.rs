@@ -36,6 +36,9 @@ pub enum HeadError {
         /// The parameter.
         name: String,
     },
+    /// The observer has stopped the training.
+    #[error("the training was stopped")]
+    Stopped,
     /// Embeddings that the heads were not trained for.
     #[error("embeddings for prediction: found {found}, expected {expected}")]
     Embeddings {

@@ -51,6 +51,12 @@ pub trait Observer: Sync {
         let _ = trial;
     }
 
+    /// Whether nothing more is to be trained, for example because what is finished can no longer be
+    /// kept; asked before every epoch. [`Head::train`] then ends with [`HeadError::Stopped`].
+    fn stops(&self) -> bool {
+        false
+    }
+
     /// Some of the plan's trials are trained or have diverged, in no particular order; those that
     /// never come here are what is missing after a run was stopped.
     fn finished(&self, heads: &TrainedHeads) {
@@ -87,7 +93,8 @@ impl Head {
     /// # Errors
     ///
     /// A plan that does not fit the data, labels that cannot be formed, a property without a
-    /// training reading, or under early stopping without one on the validation part.
+    /// training reading, or under early stopping without one on the validation part; an observer
+    /// that [stops](Observer::stops) it.
     pub fn train(
         &self,
         data: &TrainingData<'_>,

@@ -44,6 +44,9 @@ pub(super) fn train_stack(
     let validation = Validation::new(config, data, seed, jobs);
     let mut courses = Course::start(jobs, validation.as_ref());
     for epoch in 0..config.epochs {
+        if observer.stops() {
+            return Err(HeadError::Stopped.into());
+        }
         batches.shuffle(epoch);
         let losses = pass(config, &network, &mut batches, &mut sides)?;
         let losses = courses.iter_mut().zip(losses);

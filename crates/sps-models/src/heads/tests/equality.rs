@@ -123,6 +123,26 @@ fn a_surface_is_estimated_alike_whichever_surfaces_stand_beside_it() {
 }
 
 #[test]
+fn a_training_ends_where_its_observer_stops_it() {
+    struct Stop(std::sync::Mutex<usize>);
+    impl Observer for Stop {
+        fn epoch(&self, _: usize, epoch: usize, _: usize) {
+            *self.0.lock().unwrap() = epoch;
+        }
+        fn stops(&self) -> bool {
+            *self.0.lock().unwrap() == 2
+        }
+    }
+    let set = Set::new(20, 1, 5, 1);
+    let stop = Stop(std::sync::Mutex::default());
+    let head = Head::new(full()).unwrap();
+    assert!(full().epochs > 2);
+    let ended = head.train(&set.data(), &set.plan(1), &stop).unwrap_err();
+    assert!(ended.to_string().contains("stopped"), "{ended}");
+    assert_eq!(*stop.0.lock().unwrap(), 2);
+}
+
+#[test]
 fn finished_trials_are_reported_once_each() {
     struct Record(std::sync::Mutex<(usize, Vec<Trial>)>);
     impl Observer for Record {

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use candle_core::{Device, Tensor};
@@ -18,6 +19,7 @@ use sps_models::weights::Weights;
 use crate::embeddings::Embedder;
 use crate::encoder::Loaded;
 use crate::files::{read_text, write_atomically};
+use crate::memory;
 use crate::run::Fitted;
 
 const FORMAT: u32 = 1;
@@ -123,16 +125,38 @@ impl Model {
         })
     }
 
-    /// Estimates every property of one surface from photographs of it; the mean over the
-    /// photographs where there are several.
-    pub(crate) fn predict(&self, photographs: &[Frame]) -> Result<Vec<Estimate>> {
-        let values = self.embedder.embed(photographs)?;
-        let shape = (photographs.len(), 1, self.embedder.width());
+    /// The embedding of a photograph.
+    pub(crate) fn embed(&self, photograph: &Frame) -> Result<Vec<f32>> {
+        self.embedder.embed(std::slice::from_ref(photograph))
+    }
+
+    /// Seconds and bytes that it takes to embed the photograph, told from a small one: both grow
+    /// with the pixels.
+    pub(crate) fn expected_cost(&self, photograph: &Frame) -> Result<(f64, f64)> {
+        const SIDE: usize = 256;
+        let small = Frame {
+            width: SIDE,
+            height: SIDE,
+            data: vec![0.5; 3 * SIDE * SIDE],
+        };
+        let times = photograph.data.len() as f64 / small.data.len() as f64;
+        let start = Instant::now();
+        let (embedded, bytes) = memory::peak(|| self.embed(&small));
+        embedded?;
+        let bytes = bytes + size_of_val(&small.data[..]);
+        Ok((times * start.elapsed().as_secs_f64(), times * bytes as f64))
+    }
+
+    /// Estimates every property of one surface from the embeddings of photographs of it, one after
+    /// the other; the mean over the photographs where there are several.
+    pub(crate) fn predict(&self, values: Vec<f32>) -> Result<Vec<Estimate>> {
+        let photographs = values.len() / self.embedder.width();
+        let shape = (photographs, 1, self.embedder.width());
         let embeddings = Embeddings::new(&Tensor::from_vec(values, shape, &Device::Cpu)?)?;
         let estimates = self.fitted.models().predict(&embeddings)?;
         let of_property = estimates.iter().map(|estimate| {
             let radius = self.card.radius.get(&estimate.property);
-            let value = estimate.values.iter().sum::<f64>() / photographs.len() as f64;
+            let value = estimate.values.iter().sum::<f64>() / photographs as f64;
             let property: Property = estimate.property.parse()?;
             Ok(Estimate {
                 property: estimate.property.clone(),

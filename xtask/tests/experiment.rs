@@ -140,49 +140,6 @@ fn damaged_trials_and_embeddings_are_computed_again() {
 }
 
 #[test]
-fn a_model_answers_for_a_photograph() {
-    let scratch = Scratch::new();
-    scratch.edit(
-        "tiny.toml",
-        "[cache]",
-        "[train]\ncalibration = 0.5\nlevel = 0.5\n[cache]",
-    );
-    scratch.edit("tiny.toml", "validation = 0.34", "validation = 0.2");
-    let model = scratch.path("model");
-    xtask()
-        .arg("train")
-        .arg(scratch.path("tiny.toml"))
-        .arg("--out")
-        .arg(&model)
-        .assert()
-        .success();
-    let predict = |images: &[&str]| -> serde_json::Value {
-        let mut command = xtask();
-        command
-            .arg("predict")
-            .arg("--model")
-            .arg(&model)
-            .arg("--json");
-        for image in images {
-            command.arg(scratch.path(image));
-        }
-        let output = command.assert().success().get_output().stdout.clone();
-        serde_json::from_slice(&output).unwrap()
-    };
-    let one = predict(&["data/frames/oak-01/002.jpg"]);
-    let estimate = &one["estimates"][0];
-    let at = |key: &str| estimate[key].as_f64().unwrap();
-    assert!(
-        at("low") < at("value") && at("value") < at("high"),
-        "{estimate}"
-    );
-    let other = predict(&["data/frames/tile-01/002.exr"]);
-    let mean = predict(&["data/frames/oak-01/002.jpg", "data/frames/tile-01/002.exr"]);
-    let value = |answer: &serde_json::Value| answer["estimates"][0]["value"].as_f64().unwrap();
-    assert!((value(&mean) - f64::midpoint(value(&one), value(&other))).abs() < 1e-9);
-}
-
-#[test]
 fn embeddings_are_written_in_the_order_given() {
     let scratch = Scratch::new();
     let embed = |images: &[&str], threads: &str| {

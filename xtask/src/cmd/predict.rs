@@ -1,11 +1,12 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use serde_json::json;
 use sps_dataset::{DecodeSettings, Frame, read_image};
 use tracing::warn;
 
-use crate::model::{Card, Model};
+use crate::embeddings::prepare;
+use crate::model::Model;
 
 /// Estimate the tactile properties of one surface from photographs of it
 #[derive(clap::Args)]
@@ -17,6 +18,10 @@ pub(crate) struct Args {
     /// A folder that `train` wrote
     #[arg(long, value_name = "MODEL_DIR")]
     model: PathBuf,
+    /// Bring the shorter side to so many pixels, as many as show the same of a surface in the frames
+    /// that the model was fitted on; by default photographs keep their size, unless the model says so
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u64).range(1..))]
+    resize: Option<u64>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -29,12 +34,21 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let model =
         Model::load(&args.model).with_context(|| format!("model {}", args.model.display()))?;
     let settings = DecodeSettings::default();
-    let frames = args.images.iter().map(|path| {
+    if let (Some(own), Some(_)) = (model.card.resize, args.resize) {
+        bail!(
+            "--resize: the model itself brings the shorter side of every photograph to {own} pixels"
+        );
+    }
+    let mut embeddings = Vec::new();
+    for path in &args.images {
         let frame = read_image(path, &settings)?.frame;
-        warn_of_scale(&model.card, path, &frame);
-        Ok(frame)
-    });
-    let estimates = model.predict(&frames.collect::<Result<Vec<_>>>()?)?;
+        let frame = prepare(&frame, args.resize.map(|pixels| pixels as usize))?;
+        if model.card.resize.is_none() {
+            warn_of_scale(&model, path, &frame)?;
+        }
+        embeddings.extend(model.embed(&frame)?);
+    }
+    let estimates = model.predict(embeddings)?;
     let level = model.card.level;
     if args.json {
         let answer = json!({
@@ -69,18 +83,29 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Texture means something at one scale only: a photograph at another is worth a word.
-fn warn_of_scale(card: &Card, path: &std::path::Path, frame: &Frame) {
-    let fitted = card.frame_size.into_iter().min().unwrap_or(1).max(1) as f64;
-    let ratio = frame.width.min(frame.height) as f64 / fitted;
-    if card.resize.is_none() && !(0.5..=2.0).contains(&ratio) {
-        warn!(
-            "{} is {} x {} pixels; the model was fitted on {} x {} and expects surfaces at that scale",
-            path.display(),
-            frame.width,
-            frame.height,
-            card.frame_size[1],
-            card.frame_size[0]
-        );
-    }
+/// Texture means something at one scale only: a photograph at another is worth a word, and what it
+/// costs if it is large.
+fn warn_of_scale(model: &Model, path: &Path, frame: &Frame) -> Result<()> {
+    let [height, width] = model.card.frame_size;
+    let shorter = width.min(height);
+    let ratio = frame.width.min(frame.height) as f64 / shorter.max(1) as f64;
+    let cost = match ratio {
+        0.5..=2.0 => return Ok(()),
+        ..0.5 => String::new(),
+        _ => {
+            let (seconds, bytes) = model.expected_cost(frame)?;
+            format!(
+                " Now it takes about {seconds:.1} s and {:.1} GB.",
+                bytes / 1e9
+            )
+        }
+    };
+    warn!(
+        "{} is {} x {} pixels; the model was fitted on {width} x {height} and expects surfaces at \
+         that scale: `--resize {shorter}` where it shows as much of a surface as those did.{cost}",
+        path.display(),
+        frame.width,
+        frame.height,
+    );
+    Ok(())
 }

@@ -6,6 +6,8 @@ mod resample;
 mod segment;
 
 use std::collections::{HashMap, HashSet};
+use std::iter;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, Result};
 use rayon::prelude::*;
@@ -17,8 +19,10 @@ use segment::Segment;
 
 use crate::progress::Progress;
 
-/// Frames decoded ahead while as many are encoded.
+/// Frames decoded ahead while as many are encoded, and bytes of them: each thread may be at work on
+/// one frame more.
 const FRAMES_AT_ONCE: usize = 32;
+const BYTES_AT_ONCE: usize = 256 << 20;
 
 /// Embeddings of some frames.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,20 +84,14 @@ fn encode_missing<S: Source>(
     cache: &EmbeddingCache,
     rows: &mut HashMap<FrameKey, Vec<f32>>,
 ) -> Result<()> {
-    let decode = |chunk: &[Wanted]| -> Result<Vec<Frame>> {
-        let frames = chunk
-            .par_iter()
-            .map(|(_, frame)| source.frame(frame.surface, frame.view));
-        Ok(frames.collect::<Result<_, _>>()?)
-    };
     let progress = Progress::new("frames encoded", missing.len());
-    let chunks: Vec<&[Wanted]> = missing.chunks(FRAMES_AT_ONCE).collect();
-    let mut ready = chunks.first().map(|chunk| decode(chunk)).transpose()?;
-    for (index, chunk) in chunks.iter().enumerate() {
-        let Some(frames) = ready.take() else { break };
+    let mut frames = decode_some(source, missing, BYTES_AT_ONCE)?;
+    let mut missing = missing;
+    while !frames.is_empty() {
+        let (chunk, rest) = missing.split_at(frames.len());
         let (encoded, next) = rayon::join(
             || embedder.embed(&frames),
-            || chunks.get(index + 1).map(|chunk| decode(chunk)).transpose(),
+            || decode_some(source, rest, BYTES_AT_ONCE),
         );
         let values = encoded?;
         let keys: Vec<FrameKey> = chunk.iter().map(|(key, ..)| *key).collect();
@@ -105,7 +103,39 @@ fn encode_missing<S: Source>(
         );
         cache.put(&Segment { keys, values })?;
         progress.advance(chunk.len());
-        ready = next?;
+        (frames, missing) = (next?, rest);
     }
     Ok(())
 }
+
+/// Decodes the first of the frames: those that so many bytes hold, at least one where there is one.
+fn decode_some<S: Source>(source: &S, wanted: &[Wanted], room: usize) -> Result<Vec<Frame>> {
+    let decode = |(_, frame): &Wanted| source.frame(frame.surface, frame.view);
+    let bytes = |frame: &Frame| size_of_val(&frame.data[..]);
+    let Some((first, others)) = wanted.split_first() else {
+        return Ok(Vec::new());
+    };
+    let first = decode(first)?;
+    // Frames of one source are mostly of one size; where they are not, what is held stops more.
+    let most = (room / bytes(&first).max(1)).clamp(1, FRAMES_AT_ONCE);
+    let held = AtomicUsize::new(bytes(&first));
+    let decode_if_room = |wanted| {
+        if held.load(Ordering::Relaxed) >= room {
+            return Ok(None);
+        }
+        let frame = decode(wanted)?;
+        held.fetch_add(bytes(&frame), Ordering::Relaxed);
+        Ok(Some(frame))
+    };
+    let others = &others[..others.len().min(most - 1)];
+    let others: Vec<Option<Frame>> = others
+        .par_iter()
+        .map(decode_if_room)
+        .collect::<Result<_, S::Error>>()?;
+    Ok(iter::once(first)
+        .chain(others.into_iter().map_while(|frame| frame))
+        .collect())
+}
+
+#[cfg(test)]
+mod tests;

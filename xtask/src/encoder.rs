@@ -42,20 +42,6 @@ impl Loaded {
         }
     }
 
-    /// The same once more in memory, weights and all.
-    pub(crate) fn copied(&self) -> Result<Self> {
-        Ok(match self {
-            Self::Images(encoder) => {
-                let bytes = encoder.weights().to_bytes()?;
-                let weights = Weights::from_bytes("an encoder", &bytes)?;
-                let copy = Encoder::new(encoder.kind(), weights, encoder.device())?;
-                Self::Images(copy.with_precision(encoder.precision())?)
-            }
-            // Other weights take as much.
-            Self::Sequences(_, frames) => Self::Sequences(I3d::seeded(0)?, *frames),
-        })
-    }
-
     /// The network's name.
     pub(crate) fn name(&self) -> &'static str {
         match self {

@@ -38,6 +38,8 @@ pub(crate) struct Stages<'a, S> {
     /// The views to embed, as indices of the source.
     views: Vec<usize>,
     start: Loaded,
+    /// Memory that it takes, in bytes; a trained one takes as much.
+    encoder_bytes: usize,
     /// What the source's one view is made of where it is a sequence.
     sequence: Option<Vec<usize>>,
     shared: Option<Arc<Stage>>,
@@ -54,7 +56,7 @@ impl<'a, S: Source> Stages<'a, S> {
         views: Vec<usize>,
         sequence: Option<Vec<usize>>,
     ) -> Result<Self> {
-        let start = Loaded::new(encoder, experiment.seed)?;
+        let (start, encoder_bytes) = memory::kept(|| Loaded::new(encoder, experiment.seed));
         let mut stages = Self {
             experiment,
             encoder,
@@ -62,7 +64,8 @@ impl<'a, S: Source> Stages<'a, S> {
             about,
             splits,
             views,
-            start,
+            start: start?,
+            encoder_bytes,
             sequence,
             shared: None,
         };
@@ -102,7 +105,7 @@ impl<'a, S: Source> Stages<'a, S> {
         let mut tables = Tables::new(self.source, self.about, views, embeddings, wanted)?;
         tables.sequence.clone_from(&self.sequence);
         Ok(Stage {
-            encoder_bytes: memory::of(|| embedder.encoder().copied())?,
+            encoder_bytes: self.encoder_bytes,
             embedder,
             tables,
             train_seconds,
@@ -136,7 +139,8 @@ impl<'a, S: Source> Stages<'a, S> {
         let images = FrameImages::new(self.source, frames, self.encoder.resize);
         let trained = train(task, &images, &self.experiment.cache.join("encoders"))?;
         info!("TensorBoard: {}", trained.folder.display());
-        Ok((Loaded::Images(trained.encoder), trained.seconds))
+        let encoder = trained.encoder.with_precision(self.encoder.precision)?;
+        Ok((Loaded::Images(encoder), trained.seconds))
     }
 
     /// The images of the surfaces `training`, some of which say when to stop.

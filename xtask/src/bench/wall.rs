@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
 use serde::Deserialize;
@@ -116,20 +116,16 @@ fn run(bench: &Bench, filter: &str, how: &[&str], folder: &Path) -> Result<()> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
     command
-        .args(["bench", "--quiet", "--locked", "--workspace", "--bench"])
+        .args(["bench", "--locked", "--workspace", "--bench"])
         .args([bench.name, "--", "--noplot"])
         .args(how)
-        .env("CRITERION_HOME", folder);
+        .env("CRITERION_HOME", folder)
+        .stderr(Stdio::inherit());
     if !filter.is_empty() {
         command.arg(filter);
     }
     let output = command.output().context("cannot run `cargo bench`")?;
-    ensure!(
-        output.status.success(),
-        "the bench `{}` failed\n{}",
-        bench.name,
-        String::from_utf8_lossy(&output.stderr)
-    );
+    ensure!(output.status.success(), "the bench `{}` failed", bench.name);
     Ok(())
 }
 

@@ -11,7 +11,7 @@ use sps_simulate::{Material, Simulator};
 
 use crate::config::{Pretraining, Setting};
 use crate::files::write_atomically;
-use crate::training::{FrameImages, Task, Trained, in_words, train};
+use crate::training::{FrameImages, Task, TrainedEncoder, in_words, train};
 
 /// Train an encoder on simulated surfaces to tell material and visible parameters
 #[derive(clap::Args)]
@@ -133,7 +133,7 @@ fn targets(simulator: &Simulator, frames: &[FrameIndex]) -> Result<Targets> {
     })
 }
 
-fn quality(trained: &Trained) -> String {
+fn quality(trained: &TrainedEncoder) -> String {
     let kept = trained.history.iter().rfind(|epoch| epoch.best);
     match kept.and_then(|epoch| Some((epoch.number, epoch.validation?))) {
         Some((number, losses)) => format!(
@@ -145,7 +145,7 @@ fn quality(trained: &Trained) -> String {
 }
 
 /// Where the weights come from, for the file's metadata.
-fn note(pretraining: &Pretraining, trained: &Trained) -> Result<String> {
+fn note(pretraining: &Pretraining, trained: &TrainedEncoder) -> Result<String> {
     let note = serde_json::json!({
         "config": pretraining.resolved,
         "quality": quality(trained),

@@ -71,7 +71,7 @@ impl Walking<'_> {
     }
 
     /// What each trial makes of its first `views` views.
-    fn step(&self, views: usize) -> Result<Vec<Step>> {
+    fn step(&self, views: usize) -> Result<Vec<FirstViews>> {
         let fitted = self.estimators(views)?;
         let tables = self.judge.tables;
         let mut residuals = vec![vec![None; self.trials.len()]; tables.pool()];
@@ -92,7 +92,7 @@ impl Walking<'_> {
                 }
             }
             let last = models.last().context("no estimator")?;
-            steps.push(Step {
+            steps.push(FirstViews {
                 estimates: self.values(last.as_ref(), trial, views, &self.walked(trial)?)?,
                 errors: BTreeMap::new(),
                 least: LEAST_ERROR * sum / f64::from(count.max(1)),
@@ -254,7 +254,7 @@ fn deviation(readings: &[(usize, f64)]) -> f64 {
 }
 
 /// What so many views say of the surfaces that are walked.
-struct Step {
+struct FirstViews {
     estimates: BTreeMap<usize, f64>,
     errors: BTreeMap<usize, f64>,
     /// What an expected error is at least.
@@ -266,7 +266,7 @@ struct Step {
 struct Walks(BTreeMap<usize, Walk>);
 
 impl Walks {
-    fn push(&mut self, step: Step) {
+    fn push(&mut self, step: FirstViews) {
         let least = step.least.max(f64::MIN_POSITIVE);
         for ((surface, estimate), error) in step.estimates.into_iter().zip(step.errors.values()) {
             let walk = self.0.entry(surface).or_default();

@@ -41,7 +41,7 @@ pub(crate) struct Task<'a> {
 }
 
 /// A trained encoder, with what each epoch did.
-pub(crate) struct Trained {
+pub(crate) struct TrainedEncoder {
     pub encoder: Encoder,
     pub history: Vec<Epoch>,
     /// How long it took, all processes together that had a part in it.
@@ -52,7 +52,11 @@ pub(crate) struct Trained {
 
 /// Trains, or goes on where a training of the same task was stopped; `folder` holds a folder of
 /// each task.
-pub(crate) fn train(task: Task<'_>, images: &dyn ImageSource, folder: &Path) -> Result<Trained> {
+pub(crate) fn train(
+    task: Task<'_>,
+    images: &dyn ImageSource,
+    folder: &Path,
+) -> Result<TrainedEncoder> {
     let folder = folder.join(&task.identity()?[..16]);
     create_folder(&folder)?;
     // Runs share this folder.
@@ -89,7 +93,7 @@ pub(crate) fn train(task: Task<'_>, images: &dyn ImageSource, folder: &Path) -> 
     checksums::write(&folder.join(EPOCHS), &record)?;
     checksums::write(&folder.join(ENCODER), &encoder.weights().to_bytes()?)?;
     checksums::remove(&folder.join(STATE))?;
-    Ok(Trained {
+    Ok(TrainedEncoder {
         encoder,
         history,
         seconds,
@@ -128,7 +132,7 @@ impl Task<'_> {
 }
 
 /// What the same task came to before.
-fn finished(task: &Task<'_>, folder: &Path) -> Result<Option<Trained>> {
+fn finished(task: &Task<'_>, folder: &Path) -> Result<Option<TrainedEncoder>> {
     let path = folder.join(ENCODER);
     if !path.exists() {
         return Ok(None);
@@ -140,7 +144,7 @@ fn finished(task: &Task<'_>, folder: &Path) -> Result<Option<Trained>> {
     };
     let weights = Weights::from_bytes(&path.display().to_string(), &weights)?;
     info!("{}: trained before, {}", task.name, folder.display());
-    Ok(Some(Trained {
+    Ok(Some(TrainedEncoder {
         encoder: Encoder::new(task.start.kind(), weights, &Device::Cpu)?,
         history: serde_json::from_slice(&history).context("the record of a training")?,
         seconds: serde_json::from_slice(&seconds).context("the seconds of a training")?,

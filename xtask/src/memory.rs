@@ -1,7 +1,7 @@
 //! How much memory a piece of work takes, by what it allocates.
 //!
-//! Counting stands under every time that is measured. It costs nothing that is seen: embedding an image
-//! takes 708.6 million instructions with it and 708.8 without (callgrind).
+//! Counting stands under every time that is measured. It costs nothing that is seen: a dozen embeddings
+//! take 708.6 million instructions with it and 708.8 without (callgrind).
 
 use peak_alloc::PeakAlloc;
 

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use serde_json::Value;
 use support::{Scratch, results_without_timings, xtask};
 
 const PRETRAIN: &str = "
@@ -71,46 +72,55 @@ fn pretraining_that_was_killed_ends_with_the_same_weights() {
     );
 }
 
+/// An experiment in which the encoder of each of two reruns is trained.
+fn fine_tune(scratch: &Scratch, more: &[&str]) -> (Value, String) {
+    let cache = format!("cache.folder={}", scratch.path("cache").display());
+    let mut command = xtask();
+    command.args(["experiment", "configs/fine-tuning.toml", "--fresh"]);
+    let settings = [
+        "reruns=2",
+        "properties=[\"fRS\", \"mTX\"]",
+        "data.simulated.surfaces=20",
+        "data.simulated.test-surfaces=10",
+        "data.simulated.size=32",
+        "encoder.training.epochs=2",
+        "head.epochs=2",
+        &cache,
+    ];
+    for setting in settings.iter().chain(more) {
+        command.args(["--set", setting]);
+    }
+    command.arg("--out").arg(scratch.path("run"));
+    let done = command.assert().success();
+    let log = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+    (results_without_timings(&scratch.path("run")), log)
+}
+
+fn entries(folder: &Path) -> usize {
+    fs::read_dir(folder).unwrap().count()
+}
+
 #[test]
 fn an_encoder_is_trained_once_for_each_rerun() {
     let scratch = Scratch::new();
-    let run = || {
-        let cache = format!("cache.folder={}", scratch.path("cache").display());
-        let mut command = xtask();
-        command.args(["experiment", "configs/fine-tuning.toml", "--fresh"]);
-        for setting in [
-            "reruns=2",
-            "properties=[\"fRS\", \"mTX\"]",
-            "data.simulated.surfaces=20",
-            "data.simulated.test-surfaces=10",
-            "data.simulated.size=32",
-            "encoder.training.epochs=2",
-            "head.epochs=2",
-            &cache,
-        ] {
-            command.args(["--set", setting]);
-        }
-        let done = command
-            .arg("--out")
-            .arg(scratch.path("run"))
-            .assert()
-            .success();
-        let log = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
-        (results_without_timings(&scratch.path("run")), log)
-    };
-    let (results, log) = run();
+    let (results, log) = fine_tune(&scratch, &[]);
     assert!(!log.contains("trained before"), "{log}");
-    assert_eq!(
-        fs::read_dir(scratch.path("cache/encoders"))
-            .unwrap()
-            .count(),
-        2
-    );
+    assert_eq!(entries(&scratch.path("cache/encoders")), 2);
     let encoder = results["dataset"]["encoder"].as_str().unwrap();
     assert!(encoder.contains("then trained"), "{encoder}");
-    let (again, log) = run();
+    let (again, log) = fine_tune(&scratch, &[]);
     assert_eq!(log.matches("trained before").count(), 2, "{log}");
     assert_eq!(again, results);
+}
+
+/// Embeddings are kept by what computes them.
+#[test]
+fn a_trained_encoder_computes_in_the_precision_that_is_asked_for() {
+    let scratch = Scratch::new();
+    fine_tune(&scratch, &[]);
+    assert_eq!(entries(&scratch.path("cache/embeddings")), 2);
+    fine_tune(&scratch, &["encoder.precision=bf16"]);
+    assert_eq!(entries(&scratch.path("cache/embeddings")), 4);
 }
 
 #[test]

@@ -40,6 +40,9 @@ pub(crate) struct Card {
     /// What it was fitted on, in words.
     pub data: String,
     pub encoder: String,
+    /// What the encoder computes in; f32 where nothing is said.
+    #[serde(default)]
+    pub precision: Option<String>,
     pub resize: Option<usize>,
     /// Height and width of the frames it was fitted on.
     pub frame_size: [usize; 2],
@@ -107,6 +110,8 @@ impl Model {
         let kind: EncoderKind = card.encoder.parse()?;
         let weights = Weights::from_bytes(ENCODER, &encoder)?;
         let encoder = Encoder::new(kind, weights, &Device::Cpu)?;
+        let precision = card.precision.as_deref().map(str::parse).transpose()?;
+        let encoder = encoder.with_precision(precision.unwrap_or_default())?;
         let fitted = if card.checksums.contains_key(HEADS) {
             let bytes = read_checked(folder, HEADS, &card)?;
             Fitted::Heads(Box::new(TrainedHeads::from_bytes(HEADS, &bytes)?))

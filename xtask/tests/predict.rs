@@ -94,6 +94,17 @@ fn a_large_photograph_says_what_it_costs_and_how_to_resize() {
     assert!(moved < 1.0, "{resized}, not {expected}");
 }
 
+/// What it was fitted on was computed in bf16.
+#[test]
+fn a_model_keeps_the_precision_of_its_encoder() {
+    let scratch = fitted(&["encoder.precision=bf16"]);
+    let image = [scratch.path("data/frames/oak-01/002.jpg")];
+    let (in_bf16, _) = estimate(predict(&scratch, &[], &image));
+    scratch.edit("model/model.json", "\"bf16\"", "\"f32\"");
+    let (in_f32, _) = estimate(predict(&scratch, &[], &image));
+    assert_ne!(in_bf16["value"], in_f32["value"]);
+}
+
 #[test]
 fn a_model_that_resizes_is_not_resized() {
     let scratch = fitted(&["encoder.resize=16"]);

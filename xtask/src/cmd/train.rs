@@ -84,6 +84,7 @@ impl WithSource for Train<'_> {
             method: method.label.clone(),
             data: source.name().to_owned(),
             encoder: method.encoder.network.name().to_owned(),
+            precision: method.precision(),
             resize: method.encoder.resize,
             frame_size: [frame.height, frame.width],
             level: experiment.train.level.get(),

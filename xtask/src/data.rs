@@ -34,6 +34,10 @@ pub(crate) const CEILING_SURFACES: usize = 4000;
 pub(crate) fn with_source<W: WithSource>(data: &DataSpec, work: W) -> Result<W::Output> {
     match data {
         DataSpec::Simulated { spec, indices } => {
+            let (surfaces, views) = (spec.surfaces, spec.views);
+            info!(
+                "simulated: {surfaces} surfaces in {views} views, rendered when they are looked at"
+            );
             let source = Simulator::of(spec.clone(), indices).context("data.simulated")?;
             work.call(&source, about_simulated(spec))
         }

@@ -222,7 +222,7 @@ mod tests {
             .collect();
         let last = 15 * long;
         header.push(format!("\"t15\":{}", far(last, long - 40)));
-        header.push(format!("\"keys\":{}", far(last + long - 40, 32)));
+        header.push(format!("\"keys\":{}", far(last + (long - 40), 32)));
         let header = format!("{{{}}}", header.join(","));
         stored.holds_no_other(&with_header(whole, |_| header.into_bytes()));
     }

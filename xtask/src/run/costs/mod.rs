@@ -8,6 +8,7 @@ use sps_dataset::Source;
 
 use super::encoded::Finished;
 use super::{Splits, Stage};
+use crate::progress::Progress;
 use crate::results::Costs;
 use turn::Turn;
 
@@ -35,9 +36,11 @@ pub(crate) fn measure<S: Source>(
     for turn in &turns {
         turn.pass()?;
     }
+    let progress = Progress::new("estimates timed", ROUNDS * turns.len());
     for _ in 0..ROUNDS {
         for turn in &mut turns {
             turn.take()?;
+            progress.advance(1);
         }
     }
     Ok(turns.iter().map(Turn::costs).collect())

@@ -11,17 +11,22 @@ use crate::selection::{CurvePoint, Selection};
 use crate::sets::{SetList, is_distinct};
 use crate::vector::mean;
 
-/// Sets of up to this many views are always gone through, whatever their number.
-const ALWAYS: usize = 3;
+/// Far beyond what any loss gains from.
+const LARGEST_BLOCK: usize = 1 << 24;
+
+/// Blocks whose results are kept side by side until they are in the curve.
+const BLOCKS_AT_ONCE: u64 = 1024;
 
 /// Every set, in lexicographic order; of several optima the lexicographically first.
 ///
 /// Sets are handed to the loss in blocks, several blocks in parallel. A block is one or more whole
-/// runs, and a run is all sets that share the first M - 1 views. Memory stays below
-/// `threads * max(block, N) * (8 M + 8)` bytes, and 24 bytes a block for the curve.
+/// runs, and a run is all sets that share the first M - 1 views. Besides what the loss takes, memory
+/// stays below `max(block, N) * (8 M + 8)` bytes a thread and 1024 results of blocks. What grows with
+/// the problem is the curve alone: a point of 24 bytes a block, and up to three times that at the
+/// moments when it is moved to a larger place. (A loss that starts work on rayon's pool itself lets a
+/// thread begin further blocks while it waits.)
 ///
-/// For M up to 3 every problem is gone through; beyond, an N^M above `limit` is
-/// [`SelectError::TooManySets`].
+/// An N^M above `limit` is [`SelectError::TooManySets`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(
@@ -29,11 +34,11 @@ const ALWAYS: usize = 3;
     serde(default, deny_unknown_fields, rename_all = "kebab-case")
 )]
 pub struct Exhaustive {
-    /// Sets per call of the loss, rounded down to whole runs, at least one run. Default 4096: large
-    /// enough that a loss can walk over its surfaces outside and over the sets inside, so that a
-    /// surface's terms stay in the cache.
+    /// Sets per call of the loss, 1 to 2^24, rounded down to whole runs, at least one run. Default
+    /// 4096: large enough that a loss can walk over its surfaces outside and over the sets inside, so
+    /// that a surface's terms stay in the cache.
     pub block: usize,
-    /// The largest N^M for M above 3. Default 2^24, 17 million.
+    /// The largest N^M. Default 2^24, 17 million: three of 256 views, two of 4096.
     pub limit: u64,
 }
 
@@ -48,18 +53,36 @@ impl Default for Exhaustive {
 
 impl Selector for Exhaustive {
     fn select(&self, problem: &Problem<'_>) -> Result<Selection, SelectError> {
-        require(self.block > 0, "block", self.block, "at least 1")?;
+        let fits = (1..=LARGEST_BLOCK).contains(&self.block);
+        require(fits, "block", self.block, "1 to 16777216")?;
         let start = Instant::now();
         let runs = self.runs(problem)?;
         let runs_per_block = (self.block / problem.views()).max(1) as u64;
-        let blocks: Vec<Option<Block>> = (0..runs.div_ceil(runs_per_block))
-            .into_par_iter()
-            .map(|block| {
-                let first = block * runs_per_block;
-                best_of_runs(problem, first..(first + runs_per_block).min(runs))
-            })
-            .collect::<Result<_, _>>()?;
-        Ok(report(blocks.into_iter().flatten(), start))
+        let blocks = runs.div_ceil(runs_per_block);
+        let mut selection = Selection {
+            picks: Vec::new(),
+            loss: f64::INFINITY,
+            curve: Vec::new(),
+            evaluations: 0,
+            computed: 0,
+            seconds: 0.0,
+        };
+        for first in (0..blocks).step_by(BLOCKS_AT_ONCE as usize) {
+            let found: Vec<Option<Block>> = (first..(first + BLOCKS_AT_ONCE).min(blocks))
+                .into_par_iter()
+                .map(|block| {
+                    let first = block * runs_per_block;
+                    best_of_runs(problem, first..(first + runs_per_block).min(runs))
+                })
+                .collect::<Result<_, _>>()?;
+            found
+                .into_iter()
+                .flatten()
+                .for_each(|block| add(&mut selection, block));
+        }
+        selection.computed = selection.evaluations;
+        selection.seconds = start.elapsed().as_secs_f64();
+        Ok(selection)
     }
 }
 
@@ -84,7 +107,7 @@ impl Exhaustive {
         let (views, picks) = (problem.views(), problem.picks());
         let sets = (views as u64).checked_pow(u32::try_from(picks).unwrap_or(u32::MAX));
         match sets {
-            Some(sets) if picks <= ALWAYS || sets <= self.limit => Ok(sets / views as u64),
+            Some(sets) if sets <= self.limit => Ok(sets / views as u64),
             _ => Err(SelectError::TooManySets {
                 views,
                 picks,
@@ -125,7 +148,8 @@ fn best_of_runs(
 }
 
 fn sets_of_runs(problem: &Problem<'_>, runs: std::ops::Range<u64>) -> SetList {
-    let mut sets = SetList::new(problem.picks());
+    let most = (runs.end - runs.start) as usize * problem.views();
+    let mut sets = SetList::with_capacity(problem.picks(), most);
     let mut set = vec![0; problem.picks()];
     let last = problem.picks() - 1;
     for run in runs {
@@ -145,29 +169,16 @@ fn sets_of_runs(problem: &Problem<'_>, runs: std::ops::Range<u64>) -> SetList {
     sets
 }
 
-/// Blocks in order; there is at least one, since M is at most N.
-fn report(blocks: impl Iterator<Item = Block>, start: Instant) -> Selection {
-    let mut selection = Selection {
-        picks: Vec::new(),
-        loss: f64::INFINITY,
-        curve: Vec::new(),
-        evaluations: 0,
-        computed: 0,
-        seconds: 0.0,
-    };
-    for block in blocks {
-        if block.loss < selection.loss {
-            selection.loss = block.loss;
-            selection.picks = block.picks;
-        }
-        selection.evaluations += block.sets;
-        selection.curve.push(CurvePoint {
-            evaluations: selection.evaluations,
-            mean: block.mean,
-            best: selection.loss,
-        });
+/// Takes the next block, in order.
+fn add(selection: &mut Selection, block: Block) {
+    if block.loss < selection.loss {
+        selection.loss = block.loss;
+        selection.picks = block.picks;
     }
-    selection.computed = selection.evaluations;
-    selection.seconds = start.elapsed().as_secs_f64();
-    selection
+    selection.evaluations += block.sets;
+    selection.curve.push(CurvePoint {
+        evaluations: selection.evaluations,
+        mean: block.mean,
+        best: selection.loss,
+    });
 }

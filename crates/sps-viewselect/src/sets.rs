@@ -72,8 +72,13 @@ pub struct SetList {
 impl SetList {
     /// No sets yet. `picks` is at least 1, as a `Problem` has it.
     pub(crate) fn new(picks: usize) -> Self {
+        Self::with_capacity(picks, 0)
+    }
+
+    /// No sets yet, and room for as many.
+    pub(crate) fn with_capacity(picks: usize, sets: usize) -> Self {
         Self {
-            flat: Vec::new(),
+            flat: Vec::with_capacity(sets * picks),
             picks,
         }
     }

@@ -107,7 +107,7 @@ fn blocks_are_whole_runs_in_order_and_bounded() {
 }
 
 #[test]
-fn more_sets_than_allowed_are_refused_beyond_three_picks() {
+fn more_sets_than_allowed_are_refused() {
     let sum = |set: &[usize]| set.iter().sum::<usize>() as f64;
     let four = SetFunction::new(65, 4, sum);
     let error = Exhaustive::default().select(&problem(&four));
@@ -121,12 +121,25 @@ fn more_sets_than_allowed_are_refused_beyond_three_picks() {
         Exhaustive::default().select(&problem(&many)),
         Err(SelectError::TooManySets { picks: 100, .. })
     ));
-    let small = Exhaustive {
-        limit: 1,
-        ..Exhaustive::default()
-    };
-    let three = SetFunction::new(5, 3, sum);
-    assert_eq!(select(&small, &problem(&three)).picks, [0, 0, 0]);
-    let distinct = select(&small, &problem(&three).distinct(true));
-    assert_eq!(distinct.picks, [0, 1, 2]);
+    for (views, picks) in [(5, 3), (12, 2), (125, 1)] {
+        let few = SetFunction::new(views, picks, sum);
+        let up_to = |limit| Exhaustive {
+            limit,
+            ..Exhaustive::default()
+        };
+        let sets = (views as u64).pow(picks as u32);
+        let found = select(&up_to(sets), &problem(&few));
+        assert_eq!(found.picks, vec![0; picks]);
+        // Of distinct views there are fewer, but all are looked at.
+        for distinct in [false, true] {
+            let refused = up_to(sets - 1).select(&problem(&few).distinct(distinct));
+            assert!(matches!(refused, Err(SelectError::TooManySets { .. })));
+        }
+    }
+    // A trillion: days, and a curve of gigabytes.
+    let triples = SetFunction::new(10_000, 3, sum);
+    assert!(matches!(
+        Exhaustive::default().evaluations(&problem(&triples)),
+        Err(SelectError::TooManySets { .. })
+    ));
 }

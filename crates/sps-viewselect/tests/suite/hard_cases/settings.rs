@@ -37,7 +37,9 @@ fn each_setting_out_of_range_is_named() {
         }),
         "starts"
     );
-    assert_eq!(refused(&Exhaustive { block: 0, limit: 9 }), "block");
+    for block in [0, (1 << 24) + 1, usize::MAX] {
+        assert_eq!(refused(&Exhaustive { block, limit: 99 }), "block");
+    }
     assert_eq!(refused(&nvs(|nvs| nvs.evaluations = 0)), "evaluations");
     assert_eq!(refused(&nvs(|nvs| nvs.policy.batch = 0)), "batch");
     for strange in [f64::NAN, f64::INFINITY, -1.0] {

@@ -82,6 +82,8 @@ pub use conformal::{
 pub use level::{InvalidLevel, Level};
 pub use metric::{Better, Metric, Scores};
 pub use moments::Moments;
+/// The arrays of [`Table`], in the version that this crate takes.
+pub use ndarray;
 pub use outcome::{NonFiniteKind, Outcome, Quantity, Score, Undefined};
 pub use percent::PercentErrorAccumulator;
 pub use properties::{

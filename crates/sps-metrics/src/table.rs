@@ -6,6 +6,23 @@ use crate::outcome::Undefined;
 use crate::samples::{Samples, TrainingMean};
 
 /// Truths and estimates of several properties, each `(samples, properties)`, f64.
+///
+/// ```
+/// use sps_metrics::ndarray::array;
+/// use sps_metrics::{Table, TableParts, TrainingMean};
+///
+/// let truth = array![[12.0, 3.0], [35.0, f64::NAN], [61.0, 5.0]];
+/// let estimate = array![[15.0, 3.5], [33.0, 4.0], [58.0, 4.5]];
+/// let measured = truth.mapv(f64::is_finite);
+/// let table = Table::new(TableParts {
+///     truth: truth.view(),
+///     estimate: estimate.view(),
+///     measured: Some(measured.view()),
+/// })?;
+/// let scores = table.scores(&[TrainingMean::new(36.0), TrainingMean::new(4.0)])?;
+/// assert_eq!((scores[1].mae.clone()?.value, scores[1].mae.clone()?.samples), (0.5, 2));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Table<'a> {
     truth: ArrayView2<'a, f64>,

@@ -59,6 +59,8 @@ pub mod stacking;
 pub mod training;
 pub mod weights;
 
+/// The tensors that go in and come out, in the one version that this crate takes.
+pub use candle_core as candle;
 pub use data::{Embeddings, Readings};
 pub use error::{Error, Result};
 pub use regressor::{FittedRegressor, Regressor};

@@ -3,6 +3,33 @@
 //!
 //! There is one network per property and rerun. All networks of a plan are trained together, a
 //! stack at a time, and each has the bits that it would have alone, on any number of threads.
+//!
+//! ```
+//! use candle_core::{DType, Device, Tensor};
+//! use sps_models::heads::{Head, HeadConfig, Plan, Rerun, TrainingData};
+//! use sps_models::{Embeddings, Readings};
+//!
+//! // Six surfaces, one view of each; a reading that was not taken is `None`.
+//! let embeddings = Embeddings::new(&Tensor::eye(6, DType::F32, &Device::Cpu)?)?;
+//! let readings = [Some(31.0), None, Some(55.0), Some(48.0), Some(40.0), None].map(|r| vec![r]);
+//! let readings = Readings::new(vec!["friction".into()], &readings)?;
+//! let data = TrainingData {
+//!     embeddings: &embeddings,
+//!     readings: &readings,
+//!     materials: None,
+//!     label_features: None,
+//!     units: None,
+//! };
+//! let rerun = Rerun { number: 0, training: vec![0, 1, 2, 3], validation: vec![] };
+//! let plan = Plan::each(7, readings.properties(), vec![rerun]);
+//!
+//! let head = Head::new(HeadConfig { epochs: 2, ..HeadConfig::default() })?;
+//! let trained = head.train(&data, &plan, &())?;
+//! // Of surfaces 4 and 5, view 0: one list per property and rerun, in measured units.
+//! let estimates = trained.predict(&embeddings.select(&[4, 5], &[0])?)?;
+//! assert_eq!((estimates[0].property.as_str(), estimates[0].values.len()), ("friction", 2));
+//! # Ok::<(), sps_models::Error>(())
+//! ```
 
 mod batches;
 mod config;

@@ -3,6 +3,24 @@
 //! Three kinds, as in the paper's ablation: material classes, clusters of tactile values, and
 //! clusters of visual and tactile values together. All are formed from the training surfaces of a
 //! rerun alone.
+//!
+//! ```
+//! use candle_core::{DType, Device, Tensor};
+//! use sps_models::labels::{LabelSource, LabelTables, label};
+//! use sps_models::{Embeddings, Readings};
+//!
+//! let rows = [Some(31.0), Some(78.0), None, Some(30.0), Some(80.0)].map(|reading| vec![reading]);
+//! let readings = Readings::new(vec!["friction".into()], &rows)?;
+//! let visual = Embeddings::new(&Tensor::zeros((5, 2), DType::F32, &Device::Cpu)?)?;
+//! let tables = LabelTables { readings: &readings, visual: &visual, materials: None };
+//!
+//! let source = LabelSource::TactileCluster { clusters: 2, standardise_tactile: true };
+//! let labels = label(&source, &tables, &[0, 1, 2, 3, 4], 7, 0)?;
+//! let of = labels.of();
+//! assert!(of[0] == of[3] && of[1] == of[4] && of[0] != of[1]);
+//! assert_eq!((labels.classes(), of[2]), (2, None)); // not touched, not labelled
+//! # Ok::<(), sps_models::Error>(())
+//! ```
 
 mod cluster;
 mod pca;

@@ -1,4 +1,32 @@
 //! Ridge regression from embeddings to tactile values: the honest floor under every network.
+//!
+//! ```
+//! use candle_core::{Device, Tensor};
+//! use sps_models::heads::{Plan, Rerun, TrainingData};
+//! use sps_models::ridge::{Ridge, RidgeConfig};
+//! use sps_models::{Embeddings, Readings};
+//!
+//! // One feature, and a reading that is a line in it.
+//! let features = Tensor::from_slice(&[1.0_f32, 2.0, 3.0, 4.0, 5.0], (5, 1), &Device::Cpu)?;
+//! let embeddings = Embeddings::new(&features)?;
+//! let rows: Vec<_> = (1..6).map(|surface| vec![Some(10.0 * f64::from(surface))]).collect();
+//! let readings = Readings::new(vec!["friction".into()], &rows)?;
+//! let data = TrainingData {
+//!     embeddings: &embeddings,
+//!     readings: &readings,
+//!     materials: None,
+//!     label_features: None,
+//!     units: None,
+//! };
+//! let rerun = Rerun { number: 0, training: vec![0, 1, 3, 4], validation: vec![] };
+//! let plan = Plan::each(7, readings.properties(), vec![rerun]);
+//!
+//! let trained = Ridge::new(RidgeConfig::default())?.train(&data, &plan)?;
+//! assert_eq!(trained.ridges()[0].penalty(), 0.01); // the least of those tried
+//! let estimates = trained.predict(&embeddings.select(&[2], &[0])?)?;
+//! assert!((estimates[0].values[0] - 30.0).abs() < 1e-3);
+//! # Ok::<(), sps_models::Error>(())
+//! ```
 
 mod fit;
 mod store;

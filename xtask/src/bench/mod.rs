@@ -13,9 +13,11 @@ mod wall;
 use std::path::Path;
 
 use anyhow::{Result, ensure};
+use tracing::warn;
 
 use budgets::Budgets;
 pub(crate) use kernels::run as run_kernel;
+use machine::Machine;
 pub(crate) use machine::processor;
 use measured::Measured;
 
@@ -33,12 +35,23 @@ pub(crate) struct Options<'a> {
 /// of all attempts counts, and what else the machine does is not the same each time.
 const ATTEMPTS: usize = 3;
 
-/// Measures, prints, compares; an error where a budget is exceeded.
+/// Says what may stay unguarded under `CI=true`: `instructions`, `ratios`, or both with a comma.
+const UNGUARDED: &str = "SPS_UNGUARDED";
+
+/// Measures, prints, compares; an error where a budget is exceeded, and under `CI=true` where a guard
+/// is silent that [`UNGUARDED`] does not name.
 pub(crate) fn run(options: &Options<'_>) -> Result<()> {
     // Before the minutes of measuring: what is asked for may not be there.
     let baseline = options.against.map(Measured::read).transpose()?;
     let budgets = Budgets::read()?;
     let mut now = Measured::new()?;
+    if let Some(then) = baseline.as_ref().filter(|_| options.guards) {
+        let ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
+        let accepted = std::env::var(UNGUARDED).unwrap_or_default();
+        let all = "instructions,ratios";
+        let accepted = if ci { &accepted } else { all };
+        check_guarded(&then.machine, &now.machine, accepted)?;
+    }
     if let Some(folder) = options.results {
         now.scores = scores::of_run(folder)?;
     }
@@ -67,6 +80,23 @@ pub(crate) fn run(options: &Options<'_>) -> Result<()> {
     Ok(())
 }
 
+/// Names what `now` cannot be compared with `then` in; an error unless it is `accepted`.
+fn check_guarded(then: &Machine, now: &Machine, accepted: &str) -> Result<()> {
+    let reasons = [
+        ("instructions", then.other_instructions(now)),
+        ("ratios", then.other_ratios(now)),
+    ];
+    for (what, reason) in reasons {
+        let Some(reason) = reason else { continue };
+        ensure!(
+            accepted.split(',').any(|name| name == what),
+            "{what} are not guarded: {reason}; `{UNGUARDED}={what}` accepts that"
+        );
+        warn!("{what} are not guarded: {reason}");
+    }
+    Ok(())
+}
+
 /// Measures again what ratios past their budgets are made of.
 fn measure_again(budgets: &Budgets, then: Option<&Measured>, now: &mut Measured) -> Result<()> {
     let past = compare::ratios_past(budgets, then, now);
@@ -77,4 +107,50 @@ fn measure_again(budgets: &Budgets, then: Option<&Measured>, now: &mut Measured)
     }
     now.ratios = wall::ratios(budgets, &now.wall)?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_guard_is_silent_only_where_that_is_accepted() {
+        let then = Machine {
+            processor: "one".to_owned(),
+            cores: 2,
+            vectors: "AVX2".to_owned(),
+            rustc: "rustc 1".to_owned(),
+            valgrind: Some("valgrind 3".to_owned()),
+        };
+        let refused = |now: &Machine, accepted| {
+            let error = check_guarded(&then, now, accepted).err();
+            error.map(|error| error.to_string())
+        };
+        assert_eq!(refused(&then, ""), None);
+        let bare = Machine {
+            valgrind: None,
+            ..then.clone()
+        };
+        assert_eq!(
+            refused(&bare, "ratios").unwrap(),
+            "instructions are not guarded: the baseline is of rustc 1 under valgrind 3, here is rustc 1 under no \
+             valgrind; `SPS_UNGUARDED=instructions` accepts that"
+        );
+        assert_eq!(refused(&bare, "ratios,instructions"), None);
+        let newer = Machine {
+            rustc: "rustc 2".to_owned(),
+            ..then.clone()
+        };
+        assert!(refused(&newer, "").is_some());
+        let larger = Machine {
+            cores: 64,
+            ..then.clone()
+        };
+        assert!(
+            refused(&larger, "instructions")
+                .unwrap()
+                .starts_with("ratios")
+        );
+        assert_eq!(refused(&larger, "ratios"), None);
+    }
 }

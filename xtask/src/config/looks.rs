@@ -90,64 +90,69 @@ pub(super) fn refuse<T>(key: &'static str, why: impl Into<String>) -> Result<T, 
 
 /// What the config of a method says about its views.
 pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Looks, Problem> {
-    let head = method.kind == MethodKind::Head || method.members.contains(&MethodKind::Head);
     let given = [
         ("all-views", method.all_views),
         ("selector", method.selector.is_some()),
         ("relations", method.relations.is_some()),
     ];
-    let mut given = given.iter().filter(|(_, given)| *given);
-    let (one, other) = (given.next(), given.next());
-    if !method.kind.looks() {
-        return match one {
-            Some((key, _)) => refuse(key, format!("`{}` looks at no view", method.kind.name())),
-            None => Ok(Looks::Nothing),
-        };
-    }
-    if let (Some((one, _)), Some((other, _))) = (one, other) {
-        return refuse(other, format!("cannot stand beside `{one}`"));
-    }
-    if let (I3d::NAME, Some((key, _))) = (method.encoder.name.as_str(), one) {
-        return refuse(key, "cannot stand beside i3d, which looks at a sequence");
-    }
-    if method.distinct && method.selector.is_none() {
-        return refuse("distinct", "needs a `selector`");
+    let mut given = given.into_iter().filter(|(_, given)| *given);
+    match (given.next(), given.next()) {
+        (Some((key, _)), _) if !method.kind.looks() => {
+            return refuse(key, format!("`{}` looks at no view", method.kind.name()));
+        }
+        (Some((one, _)), Some((other, _))) => {
+            return refuse(other, format!("cannot stand beside `{one}`"));
+        }
+        (Some((key, _)), None) if method.encoder.name == I3d::NAME => {
+            return refuse(key, "cannot stand beside i3d, which looks at a sequence");
+        }
+        _ if !method.kind.looks() => return Ok(Looks::Nothing),
+        _ => {}
     }
     if method.views == 0 {
         return refuse("views", "must be at least 1");
     }
-    if method.views > 1 && method.selector.is_none() {
+    if let Some(selector) = &method.selector {
+        return selected(config, method, selector).map(Looks::Selected);
+    }
+    if method.distinct {
+        return refuse("distinct", "needs a `selector`");
+    }
+    if method.views > 1 {
         return refuse("views", "needs a `selector` that chooses them");
     }
-    if let Some(relations) = &method.relations {
-        if !head {
-            return refuse("relations", "need a method of the kind `head`");
-        }
-        return Ok(Looks::Relations(relations.clone()));
+    match &method.relations {
+        Some(_) if !has_head(method) => refuse("relations", "need a method of the kind `head`"),
+        Some(relations) => Ok(Looks::Relations(relations.clone())),
+        None if method.all_views => Ok(Looks::All),
+        None => Ok(Looks::Nadir),
     }
-    if method.all_views {
-        return Ok(Looks::All);
-    }
-    let Some(selector) = &method.selector else {
-        return Ok(Looks::Nadir);
-    };
+}
+
+fn has_head(method: &MethodConfig) -> bool {
+    method.kind == MethodKind::Head || method.members.contains(&MethodKind::Head)
+}
+
+fn selected(
+    config: &Config,
+    method: &MethodConfig,
+    selector: &SelectorConfig,
+) -> Result<Selected, Problem> {
     let selected = Selected {
         picks: method.views,
         distinct: method.distinct,
         selector: selector.clone(),
         refit: refit(config, method)?,
     };
-    if selected.refit.is_some() && !selected.learns() {
-        return refuse("refit", "needs a selector that asks for a loss");
+    let fused_late = has_head(method) && method.head.input != Input::ViewPooling {};
+    match (selected.learns(), &selected.refit) {
+        (false, Some(_)) => refuse("refit", "needs a selector that asks for a loss"),
+        (true, None) if !fused_late => {
+            let why = "is learned on a late fusion: it needs a method of the kind `head`";
+            refuse("selector", why)
+        }
+        _ => Ok(selected),
     }
-    if selected.learns()
-        && selected.refit.is_none()
-        && !(head && method.head.input != Input::ViewPooling {})
-    {
-        let why = "is learned on a late fusion: it needs a method of the kind `head`";
-        return refuse("selector", why);
-    }
-    Ok(Looks::Selected(selected))
 }
 
 fn refit(config: &Config, method: &MethodConfig) -> Result<Option<Refit>, Problem> {

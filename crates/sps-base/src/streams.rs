@@ -28,9 +28,8 @@ pub fn stream(seed: u64, purpose: [u8; 24], index: u64) -> ChaCha8Rng {
 /// first, and those of the purpose.
 pub fn key(seed: u64, purpose: [u8; 24]) -> [u8; 32] {
     let mut key = [0; 32];
-    let (of_seed, of_purpose) = key.split_at_mut(8);
-    of_seed.copy_from_slice(&seed.to_le_bytes());
-    of_purpose.copy_from_slice(&purpose);
+    key[..8].copy_from_slice(&seed.to_le_bytes());
+    key[8..].copy_from_slice(&purpose);
     key
 }
 

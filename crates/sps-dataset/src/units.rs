@@ -6,7 +6,7 @@ use std::fmt;
 use serde::de::{self, Deserializer, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 
-use crate::stream::Stream;
+use crate::stream::shuffle;
 use crate::{Split, SplitError, Surface};
 
 /// What a split keeps together, a resample draws and an interval speaks of.
@@ -220,7 +220,7 @@ impl Units {
         index: u64,
     ) -> Result<Vec<Vec<usize>>, SplitError> {
         let mut units = self.at_least(parts, surfaces)?;
-        Stream::new(seed, purpose, index).shuffle(&mut units);
+        shuffle(&mut units, seed, purpose, index);
         Ok(units)
     }
 

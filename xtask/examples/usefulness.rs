@@ -106,13 +106,7 @@ impl Set {
             trials: trials.collect(),
             reruns: self.folds.clone(),
         };
-        let data = TrainingData {
-            embeddings: &self.embeddings,
-            readings: &self.readings,
-            materials: None,
-            label_features: None,
-            units: None,
-        };
+        let data = TrainingData::new(&self.embeddings, &self.readings);
         let ridges = Ridge::new(RidgeConfig::default())?.train(&data, &plan)?;
         let all: Vec<usize> = (0..self.embeddings.surfaces()).collect();
         let estimates = ridges.predict(&self.embeddings.select(&all, views)?)?;

@@ -81,13 +81,7 @@ fn ablation(c: &mut Criterion) -> Result<()> {
     let readings = Readings::new(names.clone(), &table)?;
     let embeddings = Embeddings::new(&embeddings)?;
     let materials: Vec<String> = (0..SURFACES).map(|s| format!("m{}", s % 15)).collect();
-    let data = TrainingData {
-        embeddings: &embeddings,
-        readings: &readings,
-        materials: Some(&materials),
-        label_features: None,
-        units: None,
-    };
+    let data = TrainingData::new(&embeddings, &readings).with_materials(&materials);
     let rerun = |number: u64| Rerun {
         number,
         training: (0..SURFACES)

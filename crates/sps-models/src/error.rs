@@ -1,6 +1,8 @@
 use std::fmt;
 
+#[cfg(feature = "heads")]
 use crate::heads::HeadError;
+#[cfg(feature = "heads")]
 use crate::labels::LabelError;
 use crate::weights::WeightsError;
 
@@ -15,9 +17,11 @@ pub enum Error {
     #[error(transparent)]
     Weights(#[from] WeightsError),
     /// A head could not be configured, trained, stored or used.
+    #[cfg(feature = "heads")]
     #[error(transparent)]
     Head(#[from] HeadError),
     /// Labels could not be formed.
+    #[cfg(feature = "heads")]
     #[error(transparent)]
     Label(#[from] LabelError),
     /// A tensor or table handed in has the wrong shape, type or values.

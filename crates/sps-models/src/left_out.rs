@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use faer::linalg::solvers::Solve;
+use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, Side};
 
 /// Which of the surfaces of a fit are left out together: those of one unit.
@@ -11,6 +11,13 @@ pub(crate) struct LeftOut {
     /// Places among the surfaces of the fit.
     parts: Vec<Vec<usize>>,
     surfaces: usize,
+}
+
+/// The block of one part.
+pub(crate) enum LeftOutBlock {
+    One(f64),
+    /// None where the fit to the others says nothing of it.
+    Several(Option<Llt<f64>>),
 }
 
 impl LeftOut {
@@ -38,31 +45,47 @@ impl LeftOut {
         }
     }
 
+    /// The parts' blocks of the identity less the hat matrix `H` of a linear fit, made ready for any
+    /// readings: `alone(i)` is the element of a surface, `several` the block of a part.
+    pub(crate) fn blocks(
+        &self,
+        alone: impl Fn(usize) -> f64,
+        several: impl Fn(&[usize]) -> Mat<f64>,
+    ) -> Vec<LeftOutBlock> {
+        let block = |part: &Vec<usize>| match part.as_slice() {
+            // Surfaces that alone decide their own fit are predicted by nothing.
+            &[one] => LeftOutBlock::One(alone(one).max(f64::EPSILON)),
+            part => {
+                let mut block = several(part);
+                let diagonal = block.diagonal_mut().column_vector_mut();
+                diagonal.iter_mut().for_each(|value| *value += f64::EPSILON);
+                LeftOutBlock::Several(block.llt(Side::Lower).ok())
+            }
+        };
+        self.parts.iter().map(block).collect()
+    }
+
     /// The mean squared error when each part is left out of a linear fit: `residuals` are those of
-    /// the fit to all, and `slack(i, j)` the elements of the identity less the hat matrix `H`. The
-    /// errors of a part `B` solve `(I - H_BB) e = r_B` (Golub, Heath and Wahba 1979 for one
-    /// surface; Cook and Weisberg 1982, section 3.2, for several).
+    /// the fit to all, and `blocks` the fit's. The errors of a part `B` solve `(I - H_BB) e = r_B`
+    /// (Golub, Heath and Wahba 1979 for one surface; Cook and Weisberg 1982, section 3.2, for
+    /// several).
     pub(crate) fn squared_error(
         &self,
         residuals: impl Fn(usize) -> f64,
-        slack: impl Fn(usize, usize) -> f64,
+        blocks: &[LeftOutBlock],
     ) -> f64 {
-        let errors = self.parts.iter().map(|part| match part.as_slice() {
-            // Surfaces that alone decide their own fit are predicted by nothing.
-            &[one] => (residuals(one) / slack(one, one).max(f64::EPSILON)).powi(2),
-            several => {
-                let size = several.len();
-                let block = Mat::from_fn(size, size, |i, j| {
-                    let least = if i == j { f64::EPSILON } else { 0.0 };
-                    slack(several[i], several[j]) + least
-                });
-                let residuals = Mat::from_fn(size, 1, |i, _| residuals(several[i]));
-                match block.llt(Side::Lower) {
-                    Ok(factor) => factor.solve(&residuals).col(0).iter().map(|e| e * e).sum(),
-                    Err(_) => f64::INFINITY,
+        let errors = self
+            .parts
+            .iter()
+            .zip(blocks)
+            .map(|(part, block)| match block {
+                LeftOutBlock::One(slack) => (residuals(part[0]) / slack).powi(2),
+                LeftOutBlock::Several(Some(factor)) => {
+                    let residuals = Mat::from_fn(part.len(), 1, |i, _| residuals(part[i]));
+                    factor.solve(&residuals).col(0).iter().map(|e| e * e).sum()
                 }
-            }
-        });
+                LeftOutBlock::Several(None) => f64::INFINITY,
+            });
         errors.sum::<f64>() / self.surfaces as f64
     }
 
@@ -116,7 +139,8 @@ mod tests {
         // A unit that alone decides its own fit.
         let units = [0, 0, 1, 1, 1];
         let left_out = LeftOut::of(&all, Some(&units));
-        let error = left_out.squared_error(|i| CENTRED[i], |_, _| 0.0);
+        let blocks = left_out.blocks(|_| 0.0, |part| Mat::zeros(part.len(), part.len()));
+        let error = left_out.squared_error(|i| CENTRED[i], &blocks);
         assert!(error > 1e20, "{error}");
     }
 }

@@ -33,36 +33,68 @@
 //! - [`heads`]: from an embedding to tactile values; [`ridge`], [`kernel_ridge`] and [`nearest`] are
 //!   the floors under it, and all of them a [`Regressor`].
 //! - [`labels`]: the classes that the cross-modal estimator learns from.
-//! - [`optim`]: Adam as PyTorch has it, and gradient clipping.
+//! - [`training`]: an encoder learns from images, end to end.
+//! - [`optim`]: Adam as PyTorch has it.
 //!
-//! The features `cuda` and `metal` (off by default) are candle's. On such a device the encoders
-//! run by candle's own operators; the kernels of this crate are for the CPU.
+//! # Features
+//!
+//! Encoders, operators and weights are always there. The others are on by default:
+//!
+//! | feature | modules | packages that it brings |
+//! |---|---|---|
+//! | `heads` | [`heads`], [`labels`] by material, [`optim`] | faer |
+//! | `regressions` | `heads`, [`ridge`], [`kernel_ridge`], [`nearest`], [`stacking`] | faer, ndarray |
+//! | `clusters` | `regressions`, [`labels`] by k-means | faer, ndarray, linfa |
+//! | `training` | [`training`], [`optim`] | |
+//!
+//! `cuda` and `metal` (off by default) are candle's. On such a device the encoders run by candle's
+//! own operators; the kernels of this crate are for the CPU.
 
+#[cfg(any(feature = "heads", feature = "training"))]
 mod data;
 pub mod encoders;
 mod error;
 #[cfg(test)]
 mod golden;
+#[cfg(feature = "regressions")]
 mod groups;
+#[cfg(feature = "heads")]
 pub mod heads;
+#[cfg(feature = "regressions")]
 pub mod kernel_ridge;
+#[cfg(feature = "heads")]
 pub mod labels;
+#[cfg(feature = "regressions")]
 mod left_out;
+#[cfg(feature = "regressions")]
 pub mod nearest;
 pub mod ops;
+#[cfg(any(feature = "heads", feature = "training"))]
 pub mod optim;
+#[cfg(feature = "regressions")]
+mod pca;
+#[cfg(feature = "regressions")]
 mod regressor;
+#[cfg(feature = "regressions")]
 pub mod ridge;
+#[cfg(any(feature = "heads", feature = "training"))]
 mod rng;
+#[cfg(feature = "heads")]
 mod stacked;
+#[cfg(feature = "regressions")]
 pub mod stacking;
+#[cfg(any(feature = "heads", feature = "training"))]
+mod standardise;
+#[cfg(feature = "training")]
 pub mod training;
 pub mod weights;
 
 /// The tensors that go in and come out, in the one version that this crate takes.
 pub use candle_core as candle;
+#[cfg(any(feature = "heads", feature = "training"))]
 pub use data::{Embeddings, Readings};
 pub use error::{Error, Result};
+#[cfg(feature = "regressions")]
 pub use regressor::{FittedRegressor, Regressor};
 
 /// Runs the example of the README.

@@ -174,13 +174,7 @@ mod tests {
         let embeddings = Embeddings::new(&Tensor::from_vec(values, (5, 2, 2), &Device::Cpu)?)?;
         let rows: Vec<Vec<_>> = (0..5).map(|s| properties.map(|p| p[s]).to_vec()).collect();
         let readings = Readings::new(vec!["a".into(), "b".into()], &rows)?;
-        let data = TrainingData {
-            embeddings: &embeddings,
-            readings: &readings,
-            materials: None,
-            label_features: None,
-            units: None,
-        };
+        let data = TrainingData::new(&embeddings, &readings);
         let rerun = Rerun {
             number: 4,
             training: vec![4, 2, 1, 0],

@@ -19,6 +19,12 @@ pub trait Regressor: Sync {
     /// A plan that does not fit the data or the estimator, what the estimator says, and a trial that
     /// comes to nothing: there is a model for every trial.
     fn fit(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<Box<dyn FittedRegressor>>;
+
+    /// Whether the plans that it is fitted to must name a validation part
+    /// ([`Rerun::validation`](crate::heads::Rerun::validation)).
+    fn needs_validation(&self) -> bool {
+        false
+    }
 }
 
 /// Fitted models, one for each trial of a plan.
@@ -49,6 +55,10 @@ impl Regressor for Head {
             return Err(Error::input("training", found, "losses that stay finite"));
         }
         Ok(Box::new(heads))
+    }
+
+    fn needs_validation(&self) -> bool {
+        self.config().early_stopping.is_some()
     }
 }
 
@@ -95,4 +105,15 @@ fitted! {
     TrainedRidges, ridges, TrainedRidge;
     TrainedKernelRidges, ridges, TrainedKernelRidge;
     TrainedNearests, nearests, TrainedNearest;
+}
+
+/// Refuses the first number that is not finite.
+pub(crate) fn check_finite(
+    what: &'static str,
+    numbers: impl IntoIterator<Item = f64>,
+) -> Result<()> {
+    match numbers.into_iter().find(|number| !number.is_finite()) {
+        None => Ok(()),
+        Some(number) => Err(Error::input(what, number, "finite numbers")),
+    }
 }

@@ -11,6 +11,7 @@ pub(crate) fn stream(seed: u64, purpose: &str, index: u64) -> ChaCha8Rng {
 }
 
 /// The same stream for packages that still take rand 0.8 (linfa).
+#[cfg(feature = "clusters")]
 pub(crate) fn stream_for_linfa(seed: u64, purpose: &str, index: u64) -> rand_chacha_03::ChaCha8Rng {
     use rand_chacha_03::rand_core::SeedableRng as _;
     let mut rng = rand_chacha_03::ChaCha8Rng::from_seed(streams::key(seed, name(purpose)));
@@ -51,6 +52,7 @@ mod tests {
         }
     }
 
+    #[cfg(feature = "clusters")]
     #[test]
     fn a_stream_repeats_and_is_the_same_for_both_versions_of_rand() {
         use rand_chacha_03::rand_core::RngCore as _;

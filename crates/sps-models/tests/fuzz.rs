@@ -150,13 +150,7 @@ impl Made {
     }
 
     fn data(&self) -> TrainingData<'_> {
-        TrainingData {
-            embeddings: &self.embeddings,
-            readings: &self.readings,
-            materials: None,
-            label_features: None,
-            units: None,
-        }
+        TrainingData::new(&self.embeddings, &self.readings)
     }
 
     fn plan(&self) -> Plan {

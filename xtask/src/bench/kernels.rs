@@ -210,13 +210,7 @@ impl Tables {
     }
 
     fn training_data(&self) -> TrainingData<'_> {
-        TrainingData {
-            embeddings: &self.embeddings,
-            readings: &self.readings,
-            materials: None,
-            label_features: None,
-            units: None,
-        }
+        TrainingData::new(&self.embeddings, &self.readings)
     }
 }
 

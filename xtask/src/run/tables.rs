@@ -85,13 +85,9 @@ impl Tables {
 
     /// For training on surfaces of which these units stay whole.
     pub(crate) fn training_data<'a>(&'a self, units: &'a Units) -> TrainingData<'a> {
-        TrainingData {
-            embeddings: &self.embeddings,
-            readings: &self.training_readings,
-            materials: Some(&self.materials),
-            label_features: None,
-            units: Some(&units.of_surface()[..self.pool()]),
-        }
+        TrainingData::new(&self.embeddings, &self.training_readings)
+            .with_materials(&self.materials)
+            .with_units(&units.of_surface()[..self.pool()])
     }
 
     /// Where a view of the source stands in the embeddings.

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result};
-use sps_models::training::{Epoch, Losses, Step};
+use sps_models::training::{Epoch, Losses, TrainingStep};
 
 use crate::files::create_folder;
 
@@ -39,7 +39,7 @@ impl EventFile {
     }
 
     /// What a step did; it reaches the file with the next [`EventFile::epochs`].
-    pub(crate) fn step(&mut self, step: &Step) {
+    pub(crate) fn step(&mut self, step: &TrainingStep) {
         let mut scalars = losses("training", &step.losses);
         scalars.push(("training/gradient-norm".into(), step.gradient_norm));
         scalars.push(("training/learning-rate".into(), step.learning_rate));

@@ -10,7 +10,7 @@ use anyhow::{Context, Result};
 use candle_core::Device;
 use sps_models::encoders::Encoder;
 use sps_models::training::{
-    Epoch, ImageSource, Losses, Parts, Step, Targets, Trainer, TrainingConfig,
+    Epoch, ImageSource, Losses, Parts, Targets, Trainer, TrainingConfig, TrainingStep,
 };
 use sps_models::weights::Weights;
 use tracing::info;
@@ -178,7 +178,7 @@ fn begin(task: Task<'_>, state: &Path, goes_on: bool) -> Result<Trainer> {
     Ok(trainer)
 }
 
-fn line(step: &Step, images_per_second: f64) -> String {
+fn line(step: &TrainingStep, images_per_second: f64) -> String {
     format!(
         "loss {:.3}, {images_per_second:.0} images/s",
         step.losses.total()

@@ -85,7 +85,6 @@ impl Course {
             return Ok(());
         };
         let epoch = kept.errors.len();
-        // No number is below an error that is none.
         if error < kept.errors[kept.epoch] {
             kept.epoch = epoch;
             *best = Some(parameters()?);

@@ -39,7 +39,7 @@ impl InputStatistics {
         let rows = surfaces
             .iter()
             .flat_map(|&surface| rows(input, embeddings, surface, views));
-        Moments::of(width, rows).statistics(scale)
+        Welford::of(width, rows).statistics(scale)
     }
 
     /// Appends `features`, scaled.
@@ -79,33 +79,33 @@ fn rows<'a>(
 }
 
 /// Running mean and sum of squared deviations of each feature (Welford).
-struct Moments {
+struct Welford {
     count: f64,
     mean: Vec<f64>,
     squares: Vec<f64>,
     largest: f64,
 }
 
-impl Moments {
+impl Welford {
     fn of<R: AsRef<[f32]>>(width: usize, rows: impl Iterator<Item = R>) -> Self {
-        let mut moments = Self {
+        let mut welford = Self {
             count: 0.0,
             mean: vec![0.0; width],
             squares: vec![0.0; width],
             largest: 0.0,
         };
         for row in rows {
-            moments.count += 1.0;
-            let parameters = moments.mean.iter_mut().zip(&mut moments.squares);
+            welford.count += 1.0;
+            let parameters = welford.mean.iter_mut().zip(&mut welford.squares);
             for (&x, (mean, squares)) in row.as_ref().iter().zip(parameters) {
                 let x = f64::from(x);
                 let before = x - *mean;
-                *mean += before / moments.count;
+                *mean += before / welford.count;
                 *squares += before * (x - *mean);
-                moments.largest = moments.largest.max(x.abs());
+                welford.largest = welford.largest.max(x.abs());
             }
         }
-        moments
+        welford
     }
 
     fn statistics(&self, scale: Scale) -> InputStatistics {

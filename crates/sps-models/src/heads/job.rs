@@ -11,8 +11,8 @@ use super::network::Dims;
 use super::plan::{Plan, TrainingData, Trial, Views};
 use crate::data::Embeddings;
 use crate::error::Result;
-use crate::labels::standardise::Spread;
 use crate::labels::{self, Labels};
+use crate::standardise::Standardiser;
 
 /// The most trials in one stack, which spreads the cost of a tensor operation over them.
 const WIDEST_STACK: usize = 8;
@@ -25,7 +25,7 @@ pub(super) struct Job<'a> {
     /// Empty without early stopping.
     pub(super) validation: Part,
     pub(super) statistics: Arc<InputStatistics>,
-    pub(super) target: Spread,
+    pub(super) target: Standardiser,
     /// Of the training surfaces.
     pub(super) labels: Option<Arc<Labels>>,
 }
@@ -47,7 +47,7 @@ impl Part {
     fn new(
         surfaces: &Arc<Vec<usize>>,
         reading: impl Fn(usize) -> Option<f64>,
-        target: Spread,
+        target: Standardiser,
     ) -> Self {
         let standard = |&s: &usize| reading(s).map(|t| target.standardise(t) as f32);
         Self {
@@ -95,7 +95,7 @@ pub(super) fn prepare<'a>(
         let rerun = shared.reruns.get(&trial.rerun)?;
         let column = data.readings.column(&trial.property)?;
         let reading = |surface| data.readings.get(surface, column);
-        let target = Spread::of(rerun.training.iter().filter_map(|&s| reading(s)))?;
+        let target = Standardiser::of(rerun.training.iter().filter_map(|&s| reading(s)))?;
         Some(Job {
             trial,
             training: Part::new(&rerun.training, reading, target),

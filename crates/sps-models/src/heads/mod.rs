@@ -42,7 +42,7 @@ mod losses;
 mod network;
 mod plan;
 mod store;
-#[cfg(test)]
+#[cfg(all(test, feature = "clusters"))]
 mod tests;
 mod train;
 mod trained;

@@ -4,6 +4,7 @@ use candle_core::{Result, Tensor};
 
 use super::config::{CrossModal, HeadConfig, Input, Model, RelationScale};
 use crate::stacked::{Parameter, leaky_relu, linear, matmul};
+use crate::weights::TensorSpec;
 
 /// Sizes that the data decide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,6 +29,21 @@ pub(super) struct Spec<'a> {
 /// Gives the stacked tensor `(trials, ..shape)` for each parameter asked for.
 pub(super) trait Fill {
     fn fill(&mut self, spec: &Spec<'_>) -> crate::Result<Parameter>;
+}
+
+/// The parameters of one trial's network.
+pub(super) fn specs(config: &HeadConfig, dims: Dims) -> crate::Result<Vec<TensorSpec>> {
+    struct Specs(Vec<TensorSpec>);
+    impl Fill for Specs {
+        fn fill(&mut self, spec: &Spec<'_>) -> crate::Result<Parameter> {
+            self.0.push(TensorSpec::new(spec.name, spec.shape));
+            let nothing = Tensor::zeros(0, candle_core::DType::F32, &candle_core::Device::Cpu)?;
+            Ok(Parameter::constant(nothing))
+        }
+    }
+    let mut specs = Specs(Vec::new());
+    Network::new(&mut specs, config, dims)?;
+    Ok(specs.0)
 }
 
 /// A linear layer, `(inputs, outputs)`.

@@ -27,6 +27,38 @@ pub struct TrainingData<'a> {
 }
 
 impl<'a> TrainingData<'a> {
+    /// Embeddings and readings alone; the other tables are set by name.
+    pub fn new(embeddings: &'a Embeddings, readings: &'a Readings) -> Self {
+        Self {
+            embeddings,
+            readings,
+            materials: None,
+            label_features: None,
+            units: None,
+        }
+    }
+
+    /// With the material of each surface.
+    #[must_use]
+    pub fn with_materials(mut self, materials: &'a [String]) -> Self {
+        self.materials = Some(materials);
+        self
+    }
+
+    /// With features from a network trained on ImageNet.
+    #[must_use]
+    pub fn with_label_features(mut self, label_features: &'a Embeddings) -> Self {
+        self.label_features = Some(label_features);
+        self
+    }
+
+    /// With the unit of each surface.
+    #[must_use]
+    pub fn with_units(mut self, units: &'a [usize]) -> Self {
+        self.units = Some(units);
+        self
+    }
+
     /// Refuses tables of different numbers of surfaces.
     pub(crate) fn check(&self) -> Result<()> {
         let surfaces = self.embeddings.surfaces();
@@ -44,7 +76,7 @@ impl<'a> TrainingData<'a> {
             .find(|(_, n)| n.is_some_and(|n| n != surfaces))
         {
             None => Ok(()),
-            Some((what, found)) => wrong(
+            Some((what, found)) => refuse_plan(
                 what,
                 format!("{} surfaces", found.unwrap_or_default()),
                 format!("{surfaces}, as there are embeddings"),
@@ -138,7 +170,7 @@ impl Plan {
         for (at, rerun) in self.reruns.iter().enumerate() {
             if self.reruns[..at].iter().any(|r| r.number == rerun.number) {
                 let number = rerun.number;
-                return wrong(
+                return refuse_plan(
                     "reruns",
                     format!("number {number} twice"),
                     "each number once",
@@ -149,7 +181,7 @@ impl Plan {
         for (at, trial) in self.trials.iter().enumerate() {
             if self.trials[..at].contains(trial) {
                 let found = format!("{} of rerun {} twice", trial.property, trial.rerun);
-                return wrong("trials", found, "each trial once");
+                return refuse_plan("trials", found, "each trial once");
             }
             trial.check(self, views, data)?;
         }
@@ -157,6 +189,7 @@ impl Plan {
     }
 
     /// The training surfaces of a checked plan's trial that have a reading, with it; ascending.
+    #[cfg(feature = "regressions")]
     pub(crate) fn readings(&self, data: &TrainingData<'_>, trial: &Trial) -> Vec<(usize, f64)> {
         let column = data.readings.column(&trial.property);
         let training = self.rerun(trial.rerun).map(|rerun| &rerun.training);
@@ -175,7 +208,7 @@ impl Plan {
             if !read.any(|s| column.is_some_and(|column| data.readings.get(s, column).is_some())) {
                 let what = format!("validation surfaces of rerun {}", trial.rerun);
                 let found = format!("none with a reading of {}", trial.property);
-                return wrong(what, found, "at least one, for early stopping");
+                return refuse_plan(what, found, "at least one, for early stopping");
             }
         }
         Ok(())
@@ -190,7 +223,7 @@ impl Rerun {
     fn check(&self, data: &TrainingData<'_>) -> Result<()> {
         if self.training.is_empty() {
             let what = format!("training surfaces of rerun {}", self.number);
-            return wrong(what, "none", "at least one");
+            return refuse_plan(what, "none", "at least one");
         }
         let surfaces = data.embeddings.surfaces();
         let mut seen = BTreeSet::new();
@@ -202,10 +235,10 @@ impl Rerun {
             for &surface in indices {
                 let index = format!("index {surface}");
                 if surface >= surfaces {
-                    return wrong(what(), index, format!("below {surfaces}"));
+                    return refuse_plan(what(), index, format!("below {surfaces}"));
                 }
                 if !seen.insert(surface) {
-                    return wrong(what(), format!("{index} twice"), "each once");
+                    return refuse_plan(what(), format!("{index} twice"), "each once");
                 }
             }
         }
@@ -218,10 +251,10 @@ impl Trial {
         let what = || format!("trial {} of rerun {}", self.property, self.rerun);
         let Some(column) = data.readings.column(&self.property) else {
             let known = data.readings.properties().join(", ");
-            return wrong(what(), "unknown property", format!("one of {known}"));
+            return refuse_plan(what(), "unknown property", format!("one of {known}"));
         };
         let Some(rerun) = plan.rerun(self.rerun) else {
-            return wrong(what(), "no such rerun", "a rerun of the plan");
+            return refuse_plan(what(), "no such rerun", "a rerun of the plan");
         };
         let mut readings = rerun.training.iter().map(|&s| data.readings.get(s, column));
         if !readings.any(|reading| reading.is_some()) {
@@ -232,7 +265,7 @@ impl Trial {
             .into());
         }
         self.check_views(views, data.embeddings.views())
-            .or_else(|(found, expected)| wrong(what(), found, expected))
+            .or_else(|(found, expected)| refuse_plan(what(), found, expected))
     }
 
     fn check_views(&self, wanted: Option<usize>, views: usize) -> Result<(), (String, String)> {
@@ -280,7 +313,7 @@ impl Model {
     }
 }
 
-fn wrong(
+fn refuse_plan(
     what: impl std::fmt::Display,
     found: impl std::fmt::Display,
     expected: impl std::fmt::Display,

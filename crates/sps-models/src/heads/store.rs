@@ -1,23 +1,20 @@
 //! Trained heads as safetensors: the tensors of head `i` are named `i/<parameter>`, and the
 //! metadata hold the configuration and what each head was trained for.
 
-use std::borrow::Cow;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
 use candle_core::{Device, Tensor};
-use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
 use super::config::HeadConfig;
 use super::input::InputStatistics;
-use super::network::{Dims, Fill, Network, Spec};
+use super::network::{self, Dims};
 use super::plan::Trial;
 use super::trained::{DivergedTrial, EpochLosses, KeptEpoch, TrainedHead, TrainedHeads};
 use super::{Head, HeadError};
 use crate::error::Result;
-use crate::labels::standardise::Spread;
-use crate::stacked::Parameter;
+use crate::standardise::Standardiser;
+use crate::weights::{Storage, TensorSpec, Weights};
 
 /// The one key of the metadata: several would be written in an order that changes.
 const KEY: &str = "sps-heads";
@@ -57,7 +54,7 @@ impl TrainedHeads {
     ///
     /// # Errors
     ///
-    /// A parameter that cannot be read as f32.
+    /// A parameter that is not finite.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let metadata = Metadata {
             format: FORMAT,
@@ -69,23 +66,16 @@ impl TrainedHeads {
             .map_err(|source| format("trained heads", "metadata", source, "JSON"))?;
         let mut tensors = Vec::new();
         for (at, head) in self.heads.iter().enumerate() {
-            let width = head.statistics.mean.len();
-            for (name, values) in [
-                (MEAN, &head.statistics.mean),
-                (FACTOR, &head.statistics.factor),
-            ] {
-                tensors.push((format!("{at}/{name}"), Values::new(vec![width], values)));
+            let InputStatistics { mean, factor } = &head.statistics;
+            for (name, values) in [(MEAN, mean), (FACTOR, factor)] {
+                let tensor = Tensor::from_slice(values, values.len(), &Device::Cpu)?;
+                tensors.push((format!("{at}/{name}"), tensor));
             }
-            for (name, tensor) in &head.parameters {
-                let values = tensor.flatten_all()?.to_vec1::<f32>()?;
-                let values = Values::new(tensor.dims().to_vec(), &values);
-                tensors.push((format!("{at}/{name}"), values));
-            }
+            let parameters = head.parameters.iter();
+            tensors.extend(parameters.map(|(name, t)| (format!("{at}/{name}"), t.clone())));
         }
-        let metadata = HashMap::from([(KEY.to_owned(), metadata)]);
-        let bytes = safetensors::serialize(tensors, Some(metadata))
-            .map_err(|source| format("trained heads", "content", source, "safetensors"))?;
-        Ok(bytes)
+        let tensors = Weights::from_tensors("trained heads", tensors)?;
+        Ok(tensors.to_bytes_as(Storage::F32, Some((KEY, &metadata)))?)
     }
 
     /// Writes the heads to a file, which is there whole or not at all.
@@ -130,58 +120,48 @@ impl TrainedHeads {
     /// # Errors
     ///
     /// Metadata that are missing, of another format or not valid; a tensor that is missing, of
-    /// another shape or type than the configuration asks for, not finite, or not asked for.
+    /// another shape than the configuration asks for, not finite, or not asked for.
     pub fn from_bytes(name: &str, bytes: &[u8]) -> Result<Self> {
         let metadata = read_metadata(name, bytes)?;
         let head = Head::new(metadata.config)?;
-        let tensors = SafeTensors::deserialize(bytes)
-            .map_err(|source| format(name, "content", source, "safetensors"))?;
-        let mut reader = Reader {
-            name,
-            tensors: &tensors,
-            head: 0,
-            read: BTreeSet::new(),
-            parameters: BTreeMap::new(),
-        };
-        let mut heads = Vec::with_capacity(metadata.heads.len());
-        for (at, one) in metadata.heads.into_iter().enumerate() {
-            reader.head = at;
-            heads.push(reader.head(head.config(), one)?);
-        }
-        for other in tensors.names() {
-            if !reader.read.contains(other) {
-                return Err(format(name, other, "a tensor of this name", "none").into());
-            }
-        }
+        let tensors = check(name, bytes, head.config(), &metadata.heads)?;
+        let heads = metadata.heads.into_iter().enumerate();
+        let heads =
+            heads.map(|(at, one)| one.with(head.config(), &tensors.part(&format!("{at}/"))));
         Ok(Self {
+            heads: heads.collect::<Result<_>>()?,
             head,
-            heads,
             diverged: metadata.diverged,
         })
     }
 }
 
 fn read_metadata(name: &str, bytes: &[u8]) -> Result<Metadata> {
-    let (_, header) = SafeTensors::read_metadata(bytes)
-        .map_err(|source| format(name, "content", source, "safetensors"))?;
-    let text = header
-        .metadata()
-        .as_ref()
-        .and_then(|metadata| metadata.get(KEY))
-        .ok_or_else(|| {
-            format(
-                name,
-                "metadata",
-                format_args!("no {KEY:?}"),
-                "trained heads",
-            )
-        })?;
-    let metadata: Metadata = serde_json::from_str(text)
+    let text = Weights::note(name, bytes, KEY)?;
+    let metadata: Metadata = serde_json::from_str(&text)
         .map_err(|source| format(name, "metadata", source, "a valid configuration"))?;
     if metadata.format != FORMAT {
         return Err(format(name, "format", metadata.format, FORMAT).into());
     }
     Ok(metadata)
+}
+
+/// The tensors, when they are those that the heads have.
+fn check(name: &str, bytes: &[u8], config: &HeadConfig, heads: &[HeadMetadata]) -> Result<Weights> {
+    const NETWORK: &str = "trained heads";
+    let tensors = Weights::from_bytes(name, bytes)?;
+    let mut specs = Vec::new();
+    for (at, head) in heads.iter().enumerate() {
+        let statistics = [MEAN, FACTOR].map(|name| (format!("{at}/{name}"), [head.width]));
+        specs.extend(statistics.map(|(name, shape)| TensorSpec::new(name, &shape)));
+    }
+    // Once there are as many features, the sizes made of their number are no larger than memory.
+    tensors.clone().fit(NETWORK, &specs, |_| true)?;
+    for (at, head) in heads.iter().enumerate() {
+        let own = network::specs(config, head.dims(config))?.into_iter();
+        specs.extend(own.map(|spec| TensorSpec::new(format!("{at}/{}", spec.name), &spec.shape)));
+    }
+    Ok(tensors.fit(NETWORK, &specs, |_| false)?)
 }
 
 impl HeadMetadata {
@@ -196,73 +176,37 @@ impl HeadMetadata {
             kept: head.kept.clone(),
         }
     }
-}
 
-/// Reads and checks the tensors of one head after the other.
-struct Reader<'a> {
-    name: &'a str,
-    tensors: &'a SafeTensors<'a>,
-    head: usize,
-    read: BTreeSet<String>,
-    parameters: BTreeMap<String, Tensor>,
-}
-
-impl Reader<'_> {
-    fn head(&mut self, config: &HeadConfig, metadata: HeadMetadata) -> Result<TrainedHead> {
-        let dims = Dims {
+    fn dims(&self, config: &HeadConfig) -> Dims {
+        Dims {
             slots: config.input.slots(),
-            width: metadata.width,
-            classes: metadata.classes,
-        };
-        let statistics = InputStatistics {
-            mean: self.values(MEAN, &[dims.width])?,
-            factor: self.values(FACTOR, &[dims.width])?,
-        };
-        Network::new(self, config, dims)?;
+            width: self.width,
+            classes: self.classes,
+        }
+    }
+
+    /// The head of these tensors.
+    fn with(self, config: &HeadConfig, tensors: &Weights) -> Result<TrainedHead> {
+        let parameters = tensors
+            .iter()
+            .filter(|(name, _)| ![MEAN, FACTOR].contains(name));
         Ok(TrainedHead {
-            trial: metadata.trial,
-            dims,
-            statistics,
-            target: Spread {
-                mean: metadata.target_mean,
-                std: metadata.target_std,
+            dims: self.dims(config),
+            statistics: InputStatistics {
+                mean: tensors.get(MEAN)?.to_vec1()?,
+                factor: tensors.get(FACTOR)?.to_vec1()?,
             },
-            parameters: std::mem::take(&mut self.parameters),
-            history: metadata.history,
-            kept: metadata.kept,
+            target: Standardiser {
+                mean: self.target_mean,
+                std: self.target_std,
+            },
+            parameters: parameters
+                .map(|(name, tensor)| (name.to_owned(), tensor.clone()))
+                .collect(),
+            trial: self.trial,
+            history: self.history,
+            kept: self.kept,
         })
-    }
-
-    fn values(&mut self, parameter: &str, shape: &[usize]) -> Result<Vec<f32>> {
-        let key = format!("{}/{parameter}", self.head);
-        let expected = format!("f32 of shape {shape:?}");
-        let tensor = self
-            .tensors
-            .tensor(&key)
-            .map_err(|_| format(self.name, &key, "no such tensor", &expected))?;
-        if tensor.dtype() != Dtype::F32 || tensor.shape() != shape {
-            let found = format!("{:?} of shape {:?}", tensor.dtype(), tensor.shape());
-            return Err(format(self.name, &key, found, &expected).into());
-        }
-        let values: Vec<f32> = tensor
-            .data()
-            .chunks_exact(4)
-            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-            .collect();
-        if let Some(value) = values.iter().find(|value| !value.is_finite()) {
-            return Err(format(self.name, &key, value, "finite values").into());
-        }
-        self.read.insert(key);
-        Ok(values)
-    }
-}
-
-impl Fill for Reader<'_> {
-    fn fill(&mut self, spec: &Spec<'_>) -> Result<Parameter> {
-        let values = self.values(spec.name, spec.shape)?;
-        let tensor = Tensor::from_vec(values, spec.shape, &Device::Cpu)?;
-        self.parameters.insert(spec.name.to_owned(), tensor.clone());
-        Ok(Parameter::constant(tensor))
     }
 }
 
@@ -277,38 +221,5 @@ fn format(
         what: what.to_owned(),
         found: found.to_string(),
         expected: expected.to_string(),
-    }
-}
-
-/// An f32 tensor on its way into a file.
-struct Values {
-    shape: Vec<usize>,
-    bytes: Vec<u8>,
-}
-
-impl Values {
-    fn new(shape: Vec<usize>, values: &[f32]) -> Self {
-        Self {
-            shape,
-            bytes: values.iter().flat_map(|v| v.to_le_bytes()).collect(),
-        }
-    }
-}
-
-impl View for Values {
-    fn dtype(&self) -> Dtype {
-        Dtype::F32
-    }
-
-    fn shape(&self) -> &[usize] {
-        &self.shape
-    }
-
-    fn data(&self) -> Cow<'_, [u8]> {
-        Cow::Borrowed(&self.bytes)
-    }
-
-    fn data_len(&self) -> usize {
-        self.bytes.len()
     }
 }

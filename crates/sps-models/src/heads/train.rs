@@ -8,7 +8,7 @@ use super::config::HeadConfig;
 use super::course::Course;
 use super::job::Job;
 use super::losses::Losses;
-use super::network::{Fill, Network, Spec, is_discriminator};
+use super::network::{Fill, Network, Spec, is_discriminator, specs};
 use super::plan::TrainingData;
 use super::trained::{DivergedTrial, EpochLosses, Parameters, TrainedHead};
 use super::validation::Validation;
@@ -89,7 +89,7 @@ fn pass(
 }
 
 /// A copy of one trial's part of the stack.
-fn of_trial(parameters: &[Trained], at: usize) -> Result<Parameters> {
+fn of_trial(parameters: &[StackParameter], at: usize) -> Result<Parameters> {
     let own = parameters.iter().map(|parameter| {
         let tensor = parameter.variable.as_detached_tensor().get(at)?.copy()?;
         Ok((parameter.name.clone(), tensor))
@@ -103,31 +103,22 @@ pub(super) fn parameter_count(
     data: &TrainingData<'_>,
     job: &Job<'_>,
 ) -> usize {
-    struct Count(usize);
-    impl Fill for Count {
-        fn fill(&mut self, spec: &Spec<'_>) -> Result<Parameter> {
-            self.0 += spec.shape.iter().product::<usize>();
-            let nothing = Tensor::zeros(0, candle_core::DType::F32, &Device::Cpu)?;
-            Ok(Parameter::constant(nothing))
-        }
-    }
-    let mut count = Count(0);
-    let dims = job.dims(config, data.embeddings);
-    match Network::new(&mut count, config, dims) {
-        Ok(_) => count.0,
-        Err(_) => 0,
-    }
+    let specs = specs(config, job.dims(config, data.embeddings)).unwrap_or_default();
+    specs
+        .iter()
+        .map(|s| s.shape.iter().product::<usize>())
+        .sum()
 }
 
 /// Fresh weights: uniform within one over the root of the layer's inputs, as PyTorch's `Linear`.
 struct Initial<'a> {
     seed: u64,
     jobs: &'a [&'a Job<'a>],
-    parameters: Vec<Trained>,
+    parameters: Vec<StackParameter>,
 }
 
 /// A parameter of the stack while it is trained.
-struct Trained {
+struct StackParameter {
     name: String,
     variable: Var,
     gradient: GradientSlot,
@@ -158,7 +149,7 @@ impl Fill for Initial<'_> {
             .collect();
         let variable = Var::from_vec(values, shape, &Device::Cpu)?;
         let parameter = Parameter::variable(&variable);
-        self.parameters.push(Trained {
+        self.parameters.push(StackParameter {
             name: spec.name.to_owned(),
             variable,
             gradient: parameter.gradient().cloned().unwrap_or_default(),
@@ -176,7 +167,7 @@ struct Side {
 }
 
 impl Side {
-    fn of(config: &HeadConfig, parameters: &[Trained], trials: usize) -> Result<Vec<Self>> {
+    fn of(config: &HeadConfig, parameters: &[StackParameter], trials: usize) -> Result<Vec<Self>> {
         let (against, with): (Vec<_>, Vec<_>) = parameters
             .iter()
             .partition(|parameter| is_discriminator(&parameter.name));

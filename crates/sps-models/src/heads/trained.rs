@@ -12,8 +12,8 @@ use super::plan::Trial;
 use super::{Head, HeadError};
 use crate::data::Embeddings;
 use crate::error::Result;
-use crate::labels::standardise::Spread;
 use crate::stacked::Parameter;
+use crate::standardise::Standardiser;
 
 /// Rows that prediction computes at once. Always this many, the last ones filled with zeros: so
 /// a surface's estimate has the same bits whichever surfaces stand beside it.
@@ -72,7 +72,7 @@ pub struct KeptEpoch {
     /// says for every surface.
     pub epoch: usize,
     /// `L_est` on the validation part, in units of the training readings' variance: of the
-    /// training mean, and after each epoch that was run.
+    /// training mean, and after each epoch that was run; [`f64::MAX`] where it is not finite.
     pub errors: Vec<f64>,
 }
 
@@ -92,7 +92,7 @@ pub struct TrainedHead {
     pub(super) trial: Trial,
     pub(super) dims: Dims,
     pub(super) statistics: InputStatistics,
-    pub(super) target: Spread,
+    pub(super) target: Standardiser,
     pub(super) parameters: Parameters,
     pub(super) history: Vec<EpochLosses>,
     pub(super) kept: Option<KeptEpoch>,

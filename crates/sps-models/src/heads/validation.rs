@@ -120,7 +120,8 @@ impl Mean {
         self.count += 1.0;
     }
 
+    /// The largest number there is for none: worse than any, and files can hold it.
     fn of_squares(self) -> f64 {
-        self.sum / self.count.max(1.0)
+        (self.sum / self.count.max(1.0)).min(f64::MAX)
     }
 }

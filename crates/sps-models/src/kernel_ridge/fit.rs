@@ -4,7 +4,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Col, Mat, MatRef, Par, Spec};
 
 use crate::error::{Error, Result};
-use crate::left_out::LeftOut;
+use crate::left_out::{LeftOut, LeftOutBlock};
 
 /// The centred kernel matrix of some surfaces on its principal axes, where every penalty is
 /// compared in closed form. All fits to the same surfaces share it.
@@ -19,8 +19,8 @@ pub(super) struct Spectrum {
     values: Vec<f64>,
     /// Its eigenvectors, as columns.
     vectors: Mat<f64>,
-    /// One less the leverage of each surface under each penalty, `(surfaces, penalties)`.
-    slack: Mat<f64>,
+    /// The identity less the hat matrix, by penalty.
+    blocks: Vec<Vec<LeftOutBlock>>,
 }
 
 /// The surfaces' kernel expansion `f(x) = intercept + sum of coefficient times k(x, surface)`.
@@ -43,7 +43,12 @@ pub(super) struct Expansion {
 
 impl Spectrum {
     /// Decomposes a kernel matrix, of which both triangles are there.
-    pub(super) fn new(mut kernel: Mat<f64>, width: f64, penalties: &[f64]) -> Result<Self> {
+    pub(super) fn new(
+        mut kernel: Mat<f64>,
+        width: f64,
+        penalties: &[f64],
+        left_out: &LeftOut,
+    ) -> Result<Self> {
         let means = centre(&mut kernel);
         let (values, vectors) = decompose(&kernel)?;
         let mut spectrum = Self {
@@ -53,22 +58,31 @@ impl Spectrum {
             trace: (0..kernel.nrows()).map(|i| kernel[(i, i)]).sum(),
             values,
             vectors,
-            slack: Mat::new(),
+            blocks: Vec::new(),
         };
-        spectrum.slack = spectrum.slack();
+        spectrum.blocks = spectrum.blocks(left_out);
         Ok(spectrum)
     }
 
-    fn slack(&self) -> Mat<f64> {
+    fn blocks(&self, left_out: &LeftOut) -> Vec<Vec<LeftOutBlock>> {
         let surfaces = self.values.len();
+        // The intercept's own leverage.
+        let level = 1.0 / surfaces as f64;
         let squared = Mat::from_fn(surfaces, surfaces, |i, j| self.vectors[(i, j)].powi(2));
         let kept = Mat::from_fn(surfaces, self.penalties.len(), |k, p| self.kept(k, p));
-        let mut slack = product(squared.as_ref(), &kept);
-        for value in slack.col_iter_mut().flat_map(faer::ColMut::iter_mut) {
-            // The intercept's own leverage.
-            *value -= 1.0 / surfaces as f64;
-        }
-        slack
+        let slack = product(squared.as_ref(), &kept);
+        let several = |part: &[usize], penalty: usize| {
+            let rows = Mat::from_fn(part.len(), surfaces, |i, k| self.vectors[(part[i], k)]);
+            let kept = Mat::from_fn(surfaces, part.len(), |k, i| {
+                rows[(i, k)] * kept[(k, penalty)]
+            });
+            let mut block = product(rows.as_ref(), &kept);
+            let values = block.col_iter_mut().flat_map(faer::ColMut::iter_mut);
+            values.for_each(|value| *value -= level);
+            block
+        };
+        let of = |p| left_out.blocks(|i| slack[(i, p)] - level, |part| several(part, p));
+        (0..self.penalties.len()).map(of).collect()
     }
 
     /// The part of the readings along an axis that a penalty leaves as residual.
@@ -84,20 +98,10 @@ impl Spectrum {
             along[k] * self.kept(k, p)
         });
         let residuals = product(self.vectors.as_ref(), &kept);
-        let error = |penalty: usize| {
-            let slack = |i: usize, j: usize| {
-                if i == j {
-                    return self.slack[(i, penalty)];
-                }
-                let axes = self.vectors.row(i).iter().zip(self.vectors.row(j).iter());
-                let terms = axes
-                    .enumerate()
-                    .map(|(k, (a, b))| a * b * self.kept(k, penalty));
-                terms.sum::<f64>() - 1.0 / values.len() as f64
-            };
-            left_out.squared_error(|i| residuals[(i, penalty)], slack)
+        let error = |(penalty, blocks): (usize, &Vec<LeftOutBlock>)| {
+            left_out.squared_error(|i| residuals[(i, penalty)], blocks)
         };
-        (0..self.penalties.len()).map(error).collect()
+        self.blocks.iter().enumerate().map(error).collect()
     }
 
     /// The values on the principal axes.

@@ -109,7 +109,7 @@ impl KernelRidge {
         let (scales, kernels) = self.kernels(&group.embeddings);
         let spectra: Vec<Result<Spectrum>> = kernels
             .into_par_iter()
-            .map(|(width, kernel)| Spectrum::new(kernel, width, &self.0.penalties))
+            .map(|(width, kernel)| Spectrum::new(kernel, width, &self.0.penalties, &group.left_out))
             .collect();
         let spectra = spectra.into_iter().collect::<Result<Vec<_>>>()?;
         let support = Arc::new(Support {

@@ -110,7 +110,7 @@ impl SetLosses {
         for pattern in &self.patterns {
             let spectra = pattern.kernels.iter().map(|(width, views)| {
                 let kernel = mean(views, &set, pattern.surfaces.len());
-                Spectrum::new(kernel, *width, &self.config.penalties)
+                Spectrum::new(kernel, *width, &self.config.penalties, &pattern.left_out)
             });
             let spectra = spectra.collect::<Result<Vec<_>>>()?;
             for column in pattern.columns.iter().filter(|one| one.variance > 0.0) {

@@ -16,9 +16,12 @@ use super::{Kernel, Support, TrainedKernelRidge, TrainedKernelRidges};
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
 use crate::heads::Trial;
+use crate::regressor::check_finite;
 
 const KEY: &str = "sps-kernel-ridges";
 const FORMAT: u32 = 1;
+/// What errors call a file.
+const WHAT: &str = "kernel ridge regressions";
 
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
@@ -63,6 +66,14 @@ impl TrainedKernelRidges {
     ///
     /// A number that is not finite.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        for TrainedKernelRidge { fit, support, .. } in &self.ridges {
+            let numbers = fit.left_out_error.iter().chain(&support.scales).chain(
+                fit.expansion
+                    .iter()
+                    .flat_map(|expansion| &expansion.coefficients),
+            );
+            check_finite(WHAT, numbers.copied().chain([fit.intercept]))?;
+        }
         let mut metadata = Metadata {
             format: FORMAT,
             supports: Vec::new(),
@@ -279,5 +290,5 @@ fn positive(what: &str, value: f64) -> Result<()> {
 }
 
 fn refused(found: impl Display, expected: impl Display) -> Error {
-    Error::input("kernel ridge regressions", found, expected)
+    Error::input(WHAT, found, expected)
 }

@@ -22,22 +22,20 @@
 //! # Ok::<(), sps_models::Error>(())
 //! ```
 
-mod cluster;
-mod pca;
-pub(crate) mod standardise;
-#[cfg(test)]
+#[cfg(feature = "clusters")]
+mod clusters;
+#[cfg(all(test, feature = "clusters"))]
 mod tests;
 
 use std::collections::BTreeSet;
 
-use ndarray::{Array2, Axis, concatenate};
 use serde::{Deserialize, Serialize};
 
-pub use pca::Pca;
-use standardise::Spread;
+#[cfg(feature = "clusters")]
+use clusters::{beside, cluster, spread_out, tactile, visual};
 
 use crate::data::{Embeddings, Readings, check_indices};
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// Why labels could not be formed.
 #[derive(Debug, thiserror::Error)]
@@ -57,14 +55,6 @@ pub enum LabelError {
         /// The value.
         value: f64,
     },
-    /// A table with another number of features than the fit.
-    #[error("principal components: found {found} features, expected {expected}")]
-    Features {
-        /// What the table has.
-        found: usize,
-        /// What the fit had.
-        expected: usize,
-    },
     /// Material labels were asked for, and no materials given.
     #[error("labels: material classes need the surfaces' materials, found none")]
     NoMaterials,
@@ -77,6 +67,9 @@ pub enum LabelError {
     /// The singular value decomposition did not converge.
     #[error("principal components: the decomposition did not converge")]
     Decomposition,
+    /// Clusters were asked for, and the crate was built without them.
+    #[error("labels: clusters need the feature `clusters` of sps-models")]
+    WithoutClusters,
     /// The clustering failed.
     #[error("k-means: {0}")]
     Clustering(String),
@@ -155,8 +148,11 @@ impl LabelSource {
         }
     }
 
-    /// Refuses counts of zero.
+    /// Refuses counts of zero, and clusters where there are none.
     pub(crate) fn check(&self) -> Result<(), LabelError> {
+        if cfg!(not(feature = "clusters")) && *self != (Self::Material {}) {
+            return Err(LabelError::WithoutClusters);
+        }
         let counts: &[_] = match self {
             Self::Material {} => &[],
             Self::TactileCluster { clusters, .. } => &[("clusters", *clusters)],
@@ -214,7 +210,8 @@ pub struct LabelTables<'a> {
 /// # Errors
 ///
 /// No surfaces, indices outside the tables, no tactile readings or materials where they are
-/// needed, a count of zero.
+/// needed, a count of zero; clusters without the feature `clusters`.
+#[cfg_attr(not(feature = "clusters"), expect(unused_variables))]
 pub fn label(
     source: &LabelSource,
     tables: &LabelTables<'_>,
@@ -229,15 +226,17 @@ pub fn label(
     check_indices("labelled surface", training, tables.readings.surfaces())?;
     match source {
         LabelSource::Material {} => by_material(tables.materials, training),
+        #[cfg(feature = "clusters")]
         LabelSource::TactileCluster {
             clusters,
             standardise_tactile,
         } => {
             let (touched, points) =
                 tactile(tables.readings, training, *standardise_tactile, false)?;
-            let (of, classes) = cluster::cluster(points, *clusters, seed, rerun)?;
+            let (of, classes) = cluster(points, *clusters, seed, rerun)?;
             Ok(spread_out(training.len(), &touched, &of, classes))
         }
+        #[cfg(feature = "clusters")]
         LabelSource::VisuoTactileCluster {
             clusters,
             components,
@@ -246,11 +245,11 @@ pub fn label(
             check_indices("labelled surface", training, tables.visual.surfaces())?;
             let (all, touch) = tactile(tables.readings, training, *standardise_tactile, true)?;
             let sight = visual(tables.visual, training, *components)?;
-            let points = concatenate(Axis(1), &[sight.view(), touch.view()])
-                .map_err(|source| LabelError::Clustering(source.to_string()))?;
-            let (of, classes) = cluster::cluster(points, *clusters, seed, rerun)?;
+            let (of, classes) = cluster(beside(&sight, &touch)?, *clusters, seed, rerun)?;
             Ok(spread_out(training.len(), &all, &of, classes))
         }
+        #[cfg(not(feature = "clusters"))]
+        _ => Err(LabelError::WithoutClusters.into()),
     }
 }
 
@@ -272,61 +271,14 @@ fn by_material(materials: Option<&[String]>, training: &[usize]) -> Result<Label
     })
 }
 
-/// The tactile values of the surfaces, and which of them (positions in `training`) the rows are.
-fn tactile(
-    readings: &Readings,
-    training: &[usize],
-    standardise: bool,
-    keep_unmeasured: bool,
-) -> Result<(Vec<usize>, Array2<f64>)> {
-    let measured = |surface| {
-        readings
-            .row(surface)
-            .is_some_and(|r| r.iter().any(Option::is_some))
-    };
-    if !training.iter().any(|&surface| measured(surface)) {
-        return Err(LabelError::NotMeasured.into());
-    }
-    let rows: Vec<usize> = (0..training.len())
-        .filter(|&at| keep_unmeasured || measured(training[at]))
-        .collect();
-    let mut points = Array2::zeros((rows.len(), readings.properties().len()));
-    for (property, mut column) in points.columns_mut().into_iter().enumerate() {
-        let values = training.iter().filter_map(|&s| readings.get(s, property));
-        let Some(spread) = Spread::of(values) else {
-            continue; // never measured: the same for all
-        };
-        for (cell, &at) in column.iter_mut().zip(&rows) {
-            let value = readings.get(training[at], property).unwrap_or(spread.mean);
-            *cell = if standardise {
-                spread.standardise(value)
-            } else {
-                value
-            };
-        }
-    }
-    Ok((rows, points))
-}
+#[cfg(all(test, not(feature = "clusters")))]
+mod tests {
+    use super::*;
 
-fn visual(features: &Embeddings, training: &[usize], components: usize) -> Result<Array2<f64>> {
-    let view = (features.views() - 1) / 2;
-    let mut rows = Array2::zeros((training.len(), features.width()));
-    for (mut row, &surface) in rows.rows_mut().into_iter().zip(training) {
-        for (cell, &value) in row.iter_mut().zip(features.view(surface, view)) {
-            *cell = f64::from(value);
-        }
-    }
-    let pca = Pca::fit(rows.view(), components).map_err(Error::from)?;
-    Ok(standardise::columns(pca.transform(rows.view())?))
-}
-
-fn spread_out(surfaces: usize, rows: &[usize], of: &[usize], classes: usize) -> Labels {
-    let mut labels = vec![None; surfaces];
-    for (&at, &class) in rows.iter().zip(of) {
-        labels[at] = Some(class as u32);
-    }
-    Labels {
-        classes,
-        of: labels,
+    #[test]
+    fn clusters_are_refused_by_the_name_of_their_feature() {
+        LabelSource::Material {}.check().unwrap();
+        let error = LabelSource::tactile_cluster().check().unwrap_err();
+        assert!(error.to_string().contains("feature `clusters`"), "{error}");
     }
 }

@@ -38,6 +38,33 @@ impl Default for AdamConfig {
     }
 }
 
+impl AdamConfig {
+    /// The first value that is out of its range: its key, the value, and what it may be.
+    pub(crate) fn out_of_range(&self) -> Option<(&'static str, f64, &'static str)> {
+        let above_zero = (f64::MIN_POSITIVE..=f64::MAX, "above 0");
+        let not_below_zero = (0.0..=f64::MAX, "0 or more");
+        let share = (0.0..=1.0_f64.next_down(), "0 or more, below 1");
+        let values = [
+            ("adam.learning-rate", self.learning_rate, &above_zero),
+            ("adam.epsilon", self.epsilon, &above_zero),
+            ("adam.beta1", self.beta1, &share),
+            ("adam.beta2", self.beta2, &share),
+            ("adam.weight-decay", self.weight_decay, &not_below_zero),
+        ];
+        let mut values = values.into_iter();
+        let refused = values.find(|(_, value, (range, _))| !range.contains(value));
+        refused.map(|(key, value, (_, expected))| (key, value, *expected))
+    }
+
+    /// Refuses a value that is out of its range, by its key.
+    pub(crate) fn check(&self) -> Result<()> {
+        match self.out_of_range() {
+            None => Ok(()),
+            Some((key, found, expected)) => Err(Error::input(key, found, expected)),
+        }
+    }
+}
+
 /// Adam (Kingma and Ba 2015) as PyTorch computes it, one pass over each parameter; with a weight
 /// decay PyTorch's `AdamW`, which lets every parameter decay, biases too.
 ///
@@ -47,13 +74,13 @@ impl Default for AdamConfig {
 #[derive(Debug)]
 pub struct Adam {
     config: AdamConfig,
-    parameters: Vec<(Var, Moments)>,
+    parameters: Vec<(Var, RunningMeans)>,
     steps: u32,
 }
 
 /// Running means of the gradient and of its square.
 #[derive(Debug)]
-enum Moments {
+enum RunningMeans {
     F32(Vec<f32>, Vec<f32>),
     F64(Vec<f64>, Vec<f64>),
 }
@@ -63,15 +90,16 @@ impl Adam {
     ///
     /// # Errors
     ///
-    /// A parameter of another type.
+    /// A value of the configuration that is out of its range, a parameter of another type.
     pub fn new(config: AdamConfig, parameters: impl IntoIterator<Item = Var>) -> Result<Self> {
+        config.check()?;
         let parameters = parameters
             .into_iter()
             .map(|parameter| {
                 let count = parameter.elem_count();
                 let moments = match parameter.dtype() {
-                    DType::F32 => Moments::F32(vec![0.0; count], vec![0.0; count]),
-                    DType::F64 => Moments::F64(vec![0.0; count], vec![0.0; count]),
+                    DType::F32 => RunningMeans::F32(vec![0.0; count], vec![0.0; count]),
+                    DType::F64 => RunningMeans::F64(vec![0.0; count], vec![0.0; count]),
                     other => {
                         return Err(Error::input("parameter", other.as_str(), "f32 or f64"));
                     }
@@ -106,11 +134,11 @@ impl Adam {
         let tensors = self.parameters.iter().map(|(parameter, moments)| {
             let (shape, device) = (parameter.dims(), parameter.device());
             Ok(match moments {
-                Moments::F32(mean, square) => (
+                RunningMeans::F32(mean, square) => (
                     Tensor::from_slice(mean, shape, device)?,
                     Tensor::from_slice(square, shape, device)?,
                 ),
-                Moments::F64(mean, square) => (
+                RunningMeans::F64(mean, square) => (
                     Tensor::from_slice(mean, shape, device)?,
                     Tensor::from_slice(square, shape, device)?,
                 ),
@@ -141,8 +169,8 @@ impl Adam {
             }
             let (mean, square) = (mean.flatten_all()?, square.flatten_all()?);
             match kept {
-                Moments::F32(m, v) => (*m, *v) = (mean.to_vec1()?, square.to_vec1()?),
-                Moments::F64(m, v) => (*m, *v) = (mean.to_vec1()?, square.to_vec1()?),
+                RunningMeans::F32(m, v) => (*m, *v) = (mean.to_vec1()?, square.to_vec1()?),
+                RunningMeans::F64(m, v) => (*m, *v) = (mean.to_vec1()?, square.to_vec1()?),
             }
         }
         self.steps = steps;
@@ -214,7 +242,7 @@ impl Factors {
 
 struct Update<'a> {
     gradient: Elements<'a>,
-    moments: RefCell<&'a mut Moments>,
+    moments: RefCell<&'a mut RunningMeans>,
     factors: Factors,
     scales: &'a [f64],
     /// Elements per trial.
@@ -304,10 +332,10 @@ impl InplaceOp1 for Update<'_> {
             candle_core::bail!("adam: {found} gradients for {} parameters", end - start)
         }
         match (parameter, self.gradient, &mut **self.moments.borrow_mut()) {
-            (CpuStorage::F32(p), Elements::F32(g), Moments::F32(m, v)) => {
+            (CpuStorage::F32(p), Elements::F32(g), RunningMeans::F32(m, v)) => {
                 self.apply(&mut p[start..end], g, m, v);
             }
-            (CpuStorage::F64(p), Elements::F64(g), Moments::F64(m, v)) => {
+            (CpuStorage::F64(p), Elements::F64(g), RunningMeans::F64(m, v)) => {
                 self.apply(&mut p[start..end], g, m, v);
             }
             (parameter, ..) => candle_core::bail!(

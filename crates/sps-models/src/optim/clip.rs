@@ -6,11 +6,8 @@ use super::{Elements, Gradient};
 ///
 /// In f64: the square of 1e30 is beyond f32, and a sum that has overflowed would scale every
 /// gradient to zero.
-///
-/// # Errors
-///
-/// A gradient that cannot be read, or that does not divide into as many trials as `sums` has.
-pub fn squared_norms(gradient: &impl Gradient, sums: &mut [f64]) -> Result<()> {
+/// Refuses a gradient that does not divide into as many trials as `sums` has.
+pub(crate) fn squared_norms(gradient: &impl Gradient, sums: &mut [f64]) -> Result<()> {
     gradient.read(&mut |elements| {
         let trial = elements.len() / sums.len().max(1);
         if trial == 0 || trial * sums.len() != elements.len() {
@@ -38,7 +35,7 @@ fn add<'a, T: Copy + Into<f64> + 'a>(sums: &mut [f64], trials: impl Iterator<Ite
 /// The factor that brings each gradient's norm down to `largest`; 1 where it is not above.
 ///
 /// `norm` itself is scaled out, without PyTorch's 1e-6 in the denominator.
-pub fn clip_scales(squared_norms: &[f64], largest: f64) -> Vec<f64> {
+pub(crate) fn clip_scales(squared_norms: &[f64], largest: f64) -> Vec<f64> {
     squared_norms
         .iter()
         .map(|square| {

@@ -24,5 +24,5 @@ mod gradient;
 mod tests;
 
 pub use adam::{Adam, AdamConfig};
-pub use clip::{clip_scales, squared_norms};
+pub(crate) use clip::{clip_scales, squared_norms};
 pub use gradient::{Elements, Gradient};

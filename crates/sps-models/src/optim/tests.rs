@@ -175,3 +175,19 @@ mod hard_cases {
         assert_eq!(1.0 / naive.sqrt(), 0.0, "the naive form");
     }
 }
+
+/// A decay of 1 divides by zero in the first step.
+#[test]
+fn settings_out_of_their_range_are_refused_by_name() {
+    let refused = |change: fn(&mut AdamConfig), key: &str| {
+        let mut config = AdamConfig::default();
+        change(&mut config);
+        let message = Adam::new(config, []).unwrap_err().to_string();
+        assert!(message.starts_with(key), "{message}");
+    };
+    refused(|c| c.learning_rate = 0.0, "adam.learning-rate");
+    refused(|c| c.beta1 = 1.0, "adam.beta1");
+    refused(|c| c.beta2 = f64::NAN, "adam.beta2");
+    refused(|c| c.epsilon = -1e-8, "adam.epsilon");
+    refused(|c| c.weight_decay = f64::INFINITY, "adam.weight-decay");
+}

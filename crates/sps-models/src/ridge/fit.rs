@@ -1,9 +1,10 @@
-use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
+use faer::Mat;
+use ndarray::{Array1, Array2, ArrayView1, Axis};
 
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
-use crate::labels::Pca;
-use crate::left_out::LeftOut;
+use crate::left_out::{LeftOut, LeftOutBlock};
+use crate::pca::Pca;
 
 /// A fitted plane over the features of all views side by side.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,45 +17,103 @@ pub(super) struct Fit {
 
 /// The features of some surfaces on their principal axes, where the columns are centred and
 /// orthogonal, and each penalty's fit has a closed form. All fits to the same surfaces share it.
-pub(super) struct Axes {
+pub(super) struct Axes<'a> {
     components: Pca,
     mean: Array1<f64>,
     scores: Array2<f64>,
-    /// Mean variance of a feature.
-    variance: f64,
+    penalties: Vec<Penalty>,
+    left_out: &'a LeftOut,
 }
 
-impl Axes {
-    pub(super) fn new(features: &Embeddings) -> Result<Self> {
+/// One of the penalties to choose from.
+struct Penalty {
+    /// In units of the features' mean variance.
+    relative: f64,
+    /// What turns the product of values with a column into its weight; none for columns of zeros.
+    shrinking: Array1<f64>,
+    blocks: Vec<LeftOutBlock>,
+}
+
+impl<'a> Axes<'a> {
+    pub(super) fn new(
+        features: &Embeddings,
+        penalties: &[f64],
+        left_out: &'a LeftOut,
+    ) -> Result<Self> {
         let rows = table(features);
         let components = Pca::fit(rows.view(), rows.ncols())?;
+        let scores = components.transform(rows.view());
+        // Mean variance of a feature.
+        let variance = components.explained_variance().iter().sum::<f64>() / rows.ncols() as f64;
+        let penalties = penalties.iter();
         Ok(Self {
-            scores: components.transform(rows.view())?,
-            variance: components.explained_variance().iter().sum::<f64>() / rows.ncols() as f64,
+            penalties: penalties
+                .map(|&penalty| Penalty::new(&scores, penalty, variance, left_out))
+                .collect(),
             mean: rows.mean_axis(Axis(0)).unwrap_or_default(),
+            scores,
             components,
+            left_out,
         })
     }
 
     /// Fits `values`, one per surface, with the best of the penalties.
-    pub(super) fn fit(&self, values: &[f64], penalties: &[f64], left_out: &LeftOut) -> Fit {
+    pub(super) fn fit(&self, values: &[f64]) -> Fit {
         let values = ArrayView1::from(values);
         let level = values.mean().unwrap_or_default();
         let centred = &values - level;
-        let error = |penalty: f64| {
-            let penalty = penalty * self.variance;
-            left_out_error(self.scores.view(), centred.view(), penalty, left_out)
-        };
-        let errors = penalties.iter().map(|&penalty| (penalty, error(penalty)));
+        let penalties = self.penalties.iter();
+        let errors = penalties.map(|penalty| (penalty, self.left_out_error(&centred, penalty)));
         let best = errors.min_by(|(_, a), (_, b)| a.total_cmp(b));
-        let penalty = best.map_or(1.0, |(penalty, _)| penalty);
-        let shrinking = shrinking(self.scores.view(), penalty * self.variance);
-        let on_axes = self.scores.t().dot(&centred) * shrinking;
-        let weights = self.components.components().t().dot(&on_axes);
+        let weights = best.map_or_else(
+            || Array1::zeros(self.mean.len()),
+            |(best, _)| {
+                let on_axes = self.scores.t().dot(&centred) * &best.shrinking;
+                self.components.components().t().dot(&on_axes)
+            },
+        );
         Fit {
-            penalty,
+            penalty: best.map_or(1.0, |(best, _)| best.relative),
             intercept: level - self.mean.dot(&weights),
             weights,
+        }
+    }
+
+    /// Mean squared error by the fits that leave each part out.
+    fn left_out_error(&self, centred: &Array1<f64>, penalty: &Penalty) -> f64 {
+        let on_axes = self.scores.t().dot(centred) * &penalty.shrinking;
+        let residuals = centred - &self.scores.dot(&on_axes);
+        let left_out = self.left_out;
+        left_out.squared_error(|i| residuals[i], &penalty.blocks)
+    }
+}
+
+impl Penalty {
+    fn new(scores: &Array2<f64>, relative: f64, variance: f64, left_out: &LeftOut) -> Self {
+        let absolute = relative * variance;
+        let samples = scores.nrows() as f64;
+        let one = |column: ArrayView1<'_, f64>| {
+            let size = column.dot(&column) + samples * absolute;
+            if size > 0.0 { 1.0 / size } else { 0.0 }
+        };
+        let shrinking: Array1<f64> = scores.columns().into_iter().map(one).collect();
+        let alone = |i: usize| {
+            let products = &scores.row(i) * &scores.row(i);
+            1.0 - 1.0 / samples - products.dot(&shrinking)
+        };
+        let several = |part: &[usize]| {
+            let rows = scores.select(Axis(0), part);
+            let leverage = rows.dot(&(&rows * &shrinking).t());
+            Mat::from_fn(part.len(), part.len(), |i, j| {
+                let identity = if i == j { 1.0 } else { 0.0 };
+                identity - 1.0 / samples - leverage[[i, j]]
+            })
+        };
+        let blocks = left_out.blocks(alone, several);
+        Self {
+            relative,
+            shrinking,
+            blocks,
         }
     }
 }
@@ -80,35 +139,6 @@ fn table(features: &Embeddings) -> Array2<f64> {
     Array2::from_shape_fn((features.surfaces(), columns), |(surface, column)| {
         f64::from(features.surface(surface)[column])
     })
-}
-
-/// Mean squared error by the fits that leave each part out. The columns of `scores` are centred and
-/// orthogonal.
-fn left_out_error(
-    scores: ArrayView2<'_, f64>,
-    values: ArrayView1<'_, f64>,
-    penalty: f64,
-    left_out: &LeftOut,
-) -> f64 {
-    let samples = scores.nrows() as f64;
-    let shrinking = shrinking(scores, penalty);
-    let residuals = &values - &scores.dot(&(scores.t().dot(&values) * &shrinking));
-    let slack = |i: usize, j: usize| {
-        let products = &scores.row(i) * &scores.row(j);
-        let identity = if i == j { 1.0 } else { 0.0 };
-        identity - 1.0 / samples - products.dot(&shrinking)
-    };
-    left_out.squared_error(|i| residuals[i], slack)
-}
-
-/// What turns the product of values with a column into its weight; none for columns of zeros.
-fn shrinking(scores: ArrayView2<'_, f64>, penalty: f64) -> Array1<f64> {
-    let samples = scores.nrows() as f64;
-    let one = |column: ArrayView1<'_, f64>| {
-        let size = column.dot(&column) + samples * penalty;
-        if size > 0.0 { 1.0 / size } else { 0.0 }
-    };
-    scores.columns().into_iter().map(one).collect()
 }
 
 #[cfg(test)]
@@ -150,8 +180,8 @@ mod tests {
     }
 
     fn fit(features: &Embeddings, values: &[f64], penalties: &[f64]) -> Fit {
-        let axes = Axes::new(features).unwrap();
-        axes.fit(values, penalties, &alone(values.len()))
+        let alone = alone(values.len());
+        Axes::new(features, penalties, &alone).unwrap().fit(values)
     }
 
     /// Each surface is left out for itself.
@@ -187,8 +217,6 @@ mod tests {
         let rows = table(&features);
         let scale = mean_variance(&rows);
         let all: Vec<usize> = (0..25).collect();
-        let axes = Pca::fit(rows.view(), 10).unwrap();
-        let scores = axes.transform(rows.view()).unwrap();
         let level = values.iter().sum::<f64>() / 25.0;
         let centred: Array1<f64> = values.iter().map(|v| v - level).collect();
         let uneven = |i: usize| (f64::from(i as u32) * 2.0 + 0.25).sqrt() as usize;
@@ -209,18 +237,15 @@ mod tests {
                 all.iter().map(|&out| left_out(out)).sum::<f64>() / 25.0
             };
             let parts = LeftOut::of(&all, Some(&units));
-            for penalty in penalties {
-                let penalised = penalty * scale;
-                let found = left_out_error(scores.view(), centred.view(), penalised, &parts);
-                assert!((found / error(penalty) - 1.0).abs() < 1e-9);
+            let axes = Axes::new(&features, &penalties, &parts).unwrap();
+            for one in &axes.penalties {
+                let found = axes.left_out_error(&centred, one);
+                assert!((found / error(one.relative) - 1.0).abs() < 1e-9);
             }
             let best = penalties
                 .into_iter()
                 .min_by(|a, b| error(*a).total_cmp(&error(*b)));
-            let fit = Axes::new(&features)
-                .unwrap()
-                .fit(&values, &penalties, &parts);
-            assert_eq!(Some(fit.penalty), best);
+            assert_eq!(Some(axes.fit(&values).penalty), best);
         }
     }
 

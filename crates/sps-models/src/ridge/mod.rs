@@ -104,10 +104,10 @@ impl Ridge {
     /// training reading.
     pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedRidges> {
         let ridges = fit_groups(data, plan, |group| {
-            let axes = Axes::new(&group.embeddings)?;
+            let axes = Axes::new(&group.embeddings, &self.0.penalties, &group.left_out)?;
             let fits = group.jobs.par_iter().map(|job| TrainedRidge {
                 trial: job.trial.clone(),
-                fit: axes.fit(&job.values, &self.0.penalties, &group.left_out),
+                fit: axes.fit(&job.values),
             });
             Ok(fits.collect())
         })?;

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{Fit, TrainedRidge, TrainedRidges};
 use crate::error::{Error, Result};
 use crate::heads::Trial;
+use crate::regressor::check_finite;
 
 const FORMAT: u32 = 1;
 
@@ -31,6 +32,19 @@ impl TrainedRidges {
     ///
     /// A weight that is not finite.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        let numbers = |Fit {
+                           penalty,
+                           intercept,
+                           weights,
+                       }: &Fit| {
+            weights
+                .iter()
+                .copied()
+                .chain([*penalty, *intercept])
+                .collect::<Vec<_>>()
+        };
+        let all = self.ridges.iter().flat_map(|ridge| numbers(&ridge.fit));
+        check_finite("ridge regressions", all)?;
         let ridges = self.ridges.iter().map(|ridge| Stored {
             trial: ridge.trial.clone(),
             penalty: ridge.fit.penalty,

@@ -34,11 +34,20 @@ impl Stacking {
     ///
     /// # Errors
     ///
-    /// No member or more than 4, fewer than 2 folds.
+    /// No member or more than 4, one that [needs a validation part](Regressor::needs_validation),
+    /// as the folds name none; fewer than 2 folds.
     pub fn new(members: Vec<Box<dyn Regressor>>, folds: usize) -> Result<Self> {
         if members.is_empty() || members.len() > MOST_MEMBERS {
             let expected = format_args!("1 to {MOST_MEMBERS}");
             return Err(Error::input("members of a stack", members.len(), expected));
+        }
+        if members.iter().any(|member| member.needs_validation()) {
+            let expected = "members that need no validation part, such as no early stopping";
+            return Err(Error::input(
+                "members of a stack",
+                "early stopping",
+                expected,
+            ));
         }
         if folds < 2 {
             return Err(Error::input("folds of a stack", folds, "at least 2"));

@@ -5,6 +5,7 @@ use candle_core::{Device, Tensor};
 use super::*;
 use crate::data::Readings;
 use crate::golden::uniform;
+use crate::heads::{EarlyStopping, Head, HeadConfig};
 use crate::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use crate::nearest::Nearest;
 use crate::ridge::{Ridge, RidgeConfig};
@@ -30,20 +31,7 @@ impl Set {
     }
 
     fn data(&self) -> TrainingData<'_> {
-        TrainingData {
-            embeddings: &self.embeddings,
-            readings: &self.readings,
-            materials: None,
-            label_features: None,
-            units: None,
-        }
-    }
-
-    fn in_units<'a>(&'a self, units: &'a [usize]) -> TrainingData<'a> {
-        TrainingData {
-            units: Some(units),
-            ..self.data()
-        }
+        TrainingData::new(&self.embeddings, &self.readings)
     }
 
     fn plan(&self, reruns: u64) -> Plan {
@@ -179,7 +167,9 @@ fn folds_never_split_a_unit() {
             seed,
             ..set.plan(2)
         };
-        stacking.train(&set.in_units(&units), &plan).unwrap();
+        stacking
+            .train(&set.data().with_units(&units), &plan)
+            .unwrap();
         let plans = plans.lock().unwrap();
         let (inner, whole) = (&plans[0], &plans[1]);
         assert_eq!((inner.reruns.len(), &whole.reruns), (6, &plan.reruns));
@@ -223,7 +213,7 @@ fn hard_cases() {
     let set = Set::new(40);
     // One unit: nothing can be held out, and the mean is what is left.
     let stacks = three()
-        .train(&set.in_units(&[7; 40]), &set.plan(1))
+        .train(&set.data().with_units(&[7; 40]), &set.plan(1))
         .unwrap();
     assert!(
         stacks
@@ -239,7 +229,10 @@ fn hard_cases() {
             .unwrap_or_default();
         assert!(error.contains(part), "{error}");
     };
-    refused(three().train(&set.in_units(&[1]), &set.plan(1)), "units");
+    refused(
+        three().train(&set.data().with_units(&[1]), &set.plan(1)),
+        "units",
+    );
     let mut plan = set.plan(1);
     plan.trials[1].views = Views::Random;
     refused(three().train(&set.data(), &plan), "views");
@@ -252,6 +245,13 @@ fn hard_cases() {
     let members = || -> Vec<Box<dyn Regressor>> { vec![Box::new(Nearest)] };
     assert!(Stacking::new(members(), 1).is_err());
     assert!(Stacking::new(Vec::new(), 2).is_err());
+    let stopping = HeadConfig {
+        early_stopping: Some(EarlyStopping::default()),
+        ..HeadConfig::default()
+    };
+    let head = Head::new(stopping).unwrap();
+    let error = Stacking::new(vec![Box::new(head)], 2).err().unwrap();
+    assert!(error.to_string().contains("early stopping"), "{error}");
     let many = (0..5).flat_map(|_| members()).collect();
     assert!(Stacking::new(many, 2).is_err());
 }

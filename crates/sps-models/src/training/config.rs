@@ -98,12 +98,7 @@ impl TrainingConfig {
         require(self.epochs > 0, "epochs", self.epochs, "at least 1")?;
         let batch = self.batch_size;
         require(batch > 1, "batch-size", batch, "at least 2")?;
-        let rate = self.adam.learning_rate;
-        let sensible = rate.is_finite() && rate > 0.0;
-        require(sensible, "adam.learning-rate", rate, "above 0")?;
-        let decay = self.adam.weight_decay;
-        let sensible = decay.is_finite() && decay >= 0.0;
-        require(sensible, "adam.weight-decay", decay, "0 or more")?;
+        self.adam.check()?;
         let share = |value: f64| (0.0..1.0).contains(&value);
         let expected = "at least 0 and below 1";
         require(share(self.warmup), "warmup", self.warmup, expected)?;
@@ -195,6 +190,9 @@ mod tests {
         refused(|c| c.batch_size = 1, "batch-size");
         refused(|c| c.adam.learning_rate = f64::NAN, "adam.learning-rate");
         refused(|c| c.adam.weight_decay = -0.1, "adam.weight-decay");
+        refused(|c| c.adam.beta1 = 1.0, "adam.beta1");
+        refused(|c| c.adam.beta2 = -0.1, "adam.beta2");
+        refused(|c| c.adam.epsilon = 0.0, "adam.epsilon");
         refused(|c| c.warmup = 1.0, "warmup");
         refused(|c| c.validation = -0.1, "validation");
         refused(|c| c.clip_norm = Some(0.0), "clip-norm");

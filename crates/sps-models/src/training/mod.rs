@@ -48,4 +48,4 @@ pub use config::{Augmentation, TrainingConfig};
 pub use image::Image;
 pub use objective::Losses;
 pub use targets::{Classes, Targets};
-pub use trainer::{Epoch, Parts, Step, Trainer};
+pub use trainer::{Epoch, Parts, Trainer, TrainingStep};

@@ -3,7 +3,7 @@ use candle_nn::ops::log_softmax;
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 
-use super::targets::{Classes, Standard, Targets};
+use super::targets::{Classes, Standards, Targets};
 use crate::data::Readings;
 use crate::error::Result;
 use crate::rng::stream;
@@ -14,7 +14,7 @@ use crate::rng::stream;
 /// classes, each a mean over the batch.
 #[derive(Debug)]
 pub(super) struct Objective {
-    values: Option<(Readings, Standard, Layer)>,
+    values: Option<(Readings, Standards, Layer)>,
     classes: Option<(Classes, Layer)>,
 }
 
@@ -54,8 +54,8 @@ impl Objective {
         let values = match targets.values {
             Some(readings) => {
                 let layer = layer("values", readings.properties().len())?;
-                let standard = Standard::of(&readings, training);
-                Some((readings, standard, layer))
+                let standards = Standards::of(&readings, training);
+                Some((readings, standards, layer))
             }
             None => None,
         };
@@ -81,8 +81,8 @@ impl Objective {
     pub(super) fn loss(&self, embeddings: &Tensor, images: &[usize]) -> Result<(Tensor, Losses)> {
         let mut losses = Losses::default();
         let mut total = Tensor::zeros((), embeddings.dtype(), embeddings.device())?;
-        if let Some((readings, standard, layer)) = &self.values {
-            let (values, present) = standard.tensors(readings, images)?;
+        if let Some((readings, standards, layer)) = &self.values {
+            let (values, present) = standards.tensors(readings, images)?;
             let error = layer.apply(embeddings)?.sub(&values)?;
             let count = present.sum_all()?.to_scalar::<f32>()?.max(1.0);
             let squares = (error.sqr()? * present)?;

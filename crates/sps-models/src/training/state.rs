@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::weights::{Storage, Weights};
 
 const KEY: &str = "sps-training";
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
@@ -21,6 +21,8 @@ struct Metadata {
     encoder: String,
     config: TrainingConfig,
     seed: u64,
+    /// The hash of targets and parts.
+    data: String,
     steps: u32,
     history: Vec<Epoch>,
     best: Option<(usize, f64)>,
@@ -38,6 +40,7 @@ impl Trainer {
             encoder: self.encoder.kind().to_string(),
             config: self.config.clone(),
             seed: self.seed,
+            data: self.data.clone(),
             steps: self.adam.steps(),
             history: self.history.clone(),
             best: self.best.as_ref().map(|best| (best.epoch, best.loss)),
@@ -91,6 +94,10 @@ impl Trainer {
         let kind: EncoderKind = metadata.encoder.parse()?;
         let encoder = Encoder::new(kind, tensors.part("encoder/"), &Device::Cpu)?;
         let mut trainer = Self::new(&encoder, targets, parts, config, seed)?;
+        if trainer.data != metadata.data {
+            let expected = "a state of these targets and parts";
+            return Err(Error::input("training state", name, expected));
+        }
         let layers = tensors.part("objective/");
         for (name, variable) in trainer.objective.parameters() {
             variable.set(layers.get(&name)?)?;
@@ -101,11 +108,15 @@ impl Trainer {
             Ok((mean, moments.get(&format!("{index}/square"))?.clone()))
         })?;
         trainer.check_progress(&metadata)?;
-        trainer.best = metadata.best.map(|(epoch, loss)| Best {
-            epoch,
-            loss,
-            weights: tensors.part("best/"),
-        });
+        if let Some((epoch, loss)) = metadata.best {
+            let network = Encoder::new(kind, tensors.part("best/"), &Device::Cpu)?;
+            let weights = network.weights().clone();
+            trainer.best = Some(Best {
+                epoch,
+                loss,
+                weights,
+            });
+        }
         trainer.history = metadata.history;
         Ok(trainer)
     }
@@ -128,4 +139,17 @@ impl Trainer {
         let best = metadata.best.map_or(0, |(epoch, _)| epoch);
         of_all("best epoch of a training state", best, epochs)
     }
+}
+
+/// A hash of what is learnt and from which images.
+pub(super) fn hash(targets: &Targets, parts: &Parts) -> Result<String> {
+    let values = targets.values.as_ref().map(|values| {
+        let rows = (0..values.surfaces()).map(|image| values.row(image));
+        (values.properties(), rows.collect::<Vec<_>>())
+    });
+    let classes = targets.classes.as_ref();
+    let classes = classes.map(|classes| (&classes.of_image, classes.count));
+    let text = serde_json::to_vec(&(values, classes, &parts.training, &parts.validation))
+        .map_err(|error| Error::input("targets", error, "numbers that JSON has"))?;
+    Ok(blake3::hash(&text).to_hex().to_string())
 }

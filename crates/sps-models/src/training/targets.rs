@@ -2,6 +2,7 @@ use candle_core::{Device, Tensor};
 
 use crate::data::Readings;
 use crate::error::{Error, Result};
+use crate::standardise::Standardiser;
 
 /// What an image is to say: values, a class, or both.
 #[derive(Clone, Debug)]
@@ -46,23 +47,18 @@ impl Targets {
     }
 }
 
-/// Mean and standard deviation of each value over the training images.
+/// How each value is standardised, by the training images; one that never changes in them becomes 0.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Standard(Vec<(f64, f64)>);
+pub(super) struct Standards(Vec<Standardiser>);
 
-impl Standard {
+impl Standards {
     pub(super) fn of(readings: &Readings, training: &[usize]) -> Self {
         let columns = 0..readings.properties().len();
-        let column = |column| {
+        let standard = |column| {
             let values = training.iter().filter_map(|&row| readings.get(row, column));
-            let values: Vec<f64> = values.collect();
-            let count = values.len().max(1) as f64;
-            let mean = values.iter().sum::<f64>() / count;
-            let square = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
-            // A value that never changes has nothing to be learnt.
-            (mean, if square > 0.0 { square.sqrt() } else { 1.0 })
+            Standardiser::of(values).unwrap_or_default()
         };
-        Self(columns.map(column).collect())
+        Self(columns.map(standard).collect())
     }
 
     /// The standardised values of `images`, and 1 where there is one; `(images, columns)` each.
@@ -75,13 +71,32 @@ impl Standard {
         let mut values = Vec::with_capacity(shape.0 * shape.1);
         let mut present = Vec::with_capacity(shape.0 * shape.1);
         for &image in images {
-            for (column, (mean, std)) in self.0.iter().enumerate() {
+            for (column, standard) in self.0.iter().enumerate() {
                 let value = readings.get(image, column);
-                values.push(value.map_or(0.0, |value| ((value - mean) / std) as f32));
+                values.push(value.map_or(0.0, |value| standard.standardise(value) as f32));
                 present.push(f32::from(u8::from(value.is_some())));
             }
         }
         let tensor = |values| Tensor::from_vec(values, shape, &Device::Cpu);
         Ok((tensor(values)?, tensor(present)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The mean of ten times 0.1 is not 0.1: its rounding must not pass for a spread, by which
+    /// another value would come to 1e16.
+    #[test]
+    fn a_value_that_hardly_changes_in_training_stays_small() {
+        let mut rows = vec![vec![Some(0.1)]; 10];
+        rows.push(vec![Some(0.2)]);
+        let readings = Readings::new(vec!["p".into()], &rows).unwrap();
+        let training: Vec<usize> = (0..10).collect();
+        let standards = Standards::of(&readings, &training);
+        let (values, _) = standards.tensors(&readings, &[0, 10]).unwrap();
+        let values: Vec<f32> = values.flatten_all().unwrap().to_vec1().unwrap();
+        assert_eq!(values, [0.0, 0.0]);
     }
 }

@@ -9,6 +9,7 @@ use crate::data::Readings;
 use crate::encoders::{Encoder, EncoderKind};
 use crate::error::Result;
 use crate::rng::stream;
+use crate::weights::{Storage, Weights};
 use rand::Rng;
 
 /// Stripes: even images are striped along, odd ones across; brightness is the value.
@@ -150,6 +151,65 @@ fn a_state_of_another_training_is_refused() {
     assert!(resume(&state, 6).is_err());
     assert!(resume(&state[..state.len() / 2], 5).is_err());
     assert!(resume(b"nothing", 5).is_err());
+}
+
+/// The state knows targets and parts by their hash, and holds a best network that can be used.
+#[test]
+fn a_state_of_other_targets_or_parts_or_without_its_best_network_is_refused() {
+    let stripes = Stripes::new(24);
+    let mut trainer = trainer(&stripes);
+    trainer.epoch(&stripes, |_| ()).unwrap();
+    let state = trainer.to_bytes().unwrap();
+    let refused = |state: &[u8], targets, parts, expected: &str| {
+        let resumed = Trainer::resume("a state", state, targets, parts, config(), 5);
+        let message = resumed.unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+    };
+    let mut bright = Stripes::new(24);
+    bright.brightness[0] += 0.1;
+    let other = "a state of these targets and parts";
+    refused(&state, bright.targets(), stripes.parts(), other);
+    let mut parts = stripes.parts();
+    parts.training.swap(0, 1);
+    refused(&state, stripes.targets(), parts, other);
+
+    let note = Weights::note("a state", &state, "sps-training").unwrap();
+    let all = Weights::from_bytes("a state", &state).unwrap();
+    let kept = all
+        .iter()
+        .filter(|(name, _)| *name != "best/layer0.conv1.weight");
+    let kept = kept.map(|(name, tensor)| (name.to_owned(), tensor.clone()));
+    let without = Weights::from_tensors("a state", kept).unwrap();
+    assert_eq!(without.iter().count() + 1, all.iter().count());
+    let note = Some(("sps-training", note.as_str()));
+    let without = without.to_bytes_as(Storage::F32, note).unwrap();
+    refused(&without, stripes.targets(), stripes.parts(), "conv1.weight");
+}
+
+/// Images that are as they should be in training and beyond all bounds in validation.
+struct Blinding<'a>(&'a Stripes);
+
+impl ImageSource for Blinding<'_> {
+    fn image(&self, index: usize) -> Result<Image, Box<dyn StdError + Send + Sync>> {
+        if self.0.parts().training.contains(&index) {
+            return self.0.image(index);
+        }
+        Ok(Image::new(32, 32, vec![1e22; 32 * 32 * 3])?)
+    }
+}
+
+/// It would be the best for good, and its state could not be read back.
+#[test]
+fn a_validation_loss_that_is_not_finite_is_an_error() {
+    let stripes = Stripes::new(24);
+    let mut trainer = trainer(&stripes);
+    let error = trainer.epoch(&Blinding(&stripes), |_| ()).unwrap_err();
+    let message = error.to_string();
+    assert!(message.starts_with("validation loss: found"), "{message}");
+    let state = trainer.to_bytes().unwrap();
+    let (targets, parts) = (stripes.targets(), stripes.parts());
+    let resumed = Trainer::resume("a state", &state, targets, parts, config(), 5);
+    assert!(resumed.unwrap().history().is_empty());
 }
 
 #[test]

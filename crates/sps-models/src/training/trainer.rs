@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use super::batches::{self, Batch, ImageSource, Vary};
 use super::config::TrainingConfig;
 use super::objective::{Losses, Objective};
+use super::state;
 use super::targets::Targets;
 use crate::encoders::{Encoder, TrainableEncoder};
 use crate::error::{Error, Result};
@@ -32,6 +33,8 @@ pub struct Trainer {
     pub(super) objective: Objective,
     pub(super) adam: Adam,
     parts: Parts,
+    /// A hash of targets and parts.
+    pub(super) data: String,
     pub(super) history: Vec<Epoch>,
     pub(super) best: Option<Best>,
 }
@@ -64,7 +67,7 @@ pub struct Epoch {
 
 /// A step that was made.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
+pub struct TrainingStep {
     /// Counted from 1, since training began.
     pub number: usize,
     /// Steps of the whole training, should it not end early.
@@ -94,6 +97,7 @@ impl Trainer {
     ) -> Result<Self> {
         config.check()?;
         check(&targets, &parts)?;
+        let data = state::hash(&targets, &parts)?;
         let encoder = TrainableEncoder::new(encoder)?.with_checkpointing(config.checkpointing);
         let width = encoder.kind().width();
         let objective = Objective::new(targets, &parts.training, width, seed)?;
@@ -105,6 +109,7 @@ impl Trainer {
             objective,
             adam,
             parts,
+            data,
             history: Vec::new(),
             best: None,
         })
@@ -127,12 +132,12 @@ impl Trainer {
     ///
     /// # Errors
     ///
-    /// An image that cannot be had or is of another size than its batch; a loss that is no longer
-    /// finite.
+    /// An image that cannot be had or is of another size than its batch; a loss, of a step or of the
+    /// validation images, that is no longer finite.
     pub fn epoch(
         &mut self,
         source: &dyn ImageSource,
-        mut observe: impl FnMut(&Step),
+        mut observe: impl FnMut(&TrainingStep),
     ) -> Result<&Epoch> {
         let epoch = self.history.len();
         let size = self.config.batch_size;
@@ -189,14 +194,11 @@ impl Trainer {
         self.config.epochs.saturating_mul(epoch)
     }
 
-    fn step(&mut self, batch: Batch, done: usize) -> Result<Step> {
+    fn step(&mut self, batch: Batch, done: usize) -> Result<TrainingStep> {
         let Batch { tensor, images } = batch;
         let embeddings = self.encoder.forward(&tensor)?;
         let (loss, losses) = self.objective.loss(&embeddings, &images)?;
-        if !losses.total().is_finite() {
-            let expected = "a finite loss; a smaller learning rate may help";
-            return Err(Error::input("loss", losses.total(), expected));
-        }
+        check_finite("loss", &losses)?;
         let store = self.encoder.backward(&loss)?;
         let parameters = parameters(&self.encoder, &self.objective);
         let frozen = if self.history.len() < self.config.frozen_epochs {
@@ -216,7 +218,7 @@ impl Trainer {
         let learning_rate = self.config.learning_rate(done, self.steps());
         self.adam.set_learning_rate(learning_rate);
         self.adam.step(&gradients, &[])?;
-        Ok(Step {
+        Ok(TrainingStep {
             number: done + 1,
             of: self.steps(),
             images: images.len(),
@@ -256,6 +258,7 @@ impl Trainer {
         let (_, losses) = self
             .objective
             .loss(&Tensor::cat(&embeddings, 0)?.detach(), images)?;
+        check_finite("validation loss", &losses)?;
         Ok(Some(losses))
     }
 
@@ -281,6 +284,14 @@ fn parameters(encoder: &TrainableEncoder, objective: &Objective) -> impl Iterato
     let encoder = encoder.variables().map(|(_, variable)| variable.clone());
     let objective = objective.parameters().map(|(_, variable)| variable.clone());
     encoder.chain(objective).collect::<Vec<_>>().into_iter()
+}
+
+fn check_finite(what: &'static str, losses: &Losses) -> Result<()> {
+    if losses.total().is_finite() {
+        return Ok(());
+    }
+    let expected = "a finite loss; a smaller learning rate may help";
+    Err(Error::input(what, losses.total(), expected))
 }
 
 fn check(targets: &Targets, parts: &Parts) -> Result<()> {

@@ -51,13 +51,7 @@ impl Set {
     }
 
     pub(super) fn data(&self) -> TrainingData<'_> {
-        TrainingData {
-            embeddings: &self.embeddings,
-            readings: &self.readings,
-            materials: Some(&self.materials),
-            label_features: None,
-            units: None,
-        }
+        TrainingData::new(&self.embeddings, &self.readings).with_materials(&self.materials)
     }
 
     /// Reruns that keep another tenth of the surfaces out each.

@@ -228,6 +228,27 @@ fn a_plan_without_a_validation_part_that_fits_is_refused_by_name() {
     refused(&set, |_| (), "none with a reading of p1");
 }
 
+/// A validation surface whose estimate is no number: no epoch is better than the mean, and the file
+/// can be read.
+#[test]
+fn an_error_that_is_not_finite_is_worse_than_any() {
+    let mut set = Set::new(40, 1, 9, 1);
+    let mut seen: Vec<f32> = (0..40)
+        .flat_map(|s| set.embeddings.surface(s).to_vec())
+        .collect();
+    seen[9..18].fill(f32::MAX);
+    let seen = Tensor::from_vec(seen, (40, 9), &Device::Cpu).unwrap();
+    set.embeddings = Embeddings::new(&seen).unwrap();
+    let mut config = stopping(0);
+    config.model = Model::Regression {};
+    let trained = set.train(&config, &with_validation(set.plan(1)));
+    let back = TrainedHeads::from_bytes("f", &trained.to_bytes().unwrap()).unwrap();
+    let found = kept(&back.heads()[0]);
+    assert_eq!(found, kept(&trained.heads()[0]));
+    assert_eq!(found.epoch, 0);
+    assert_eq!(found.errors[1..], [f64::MAX; 8]);
+}
+
 #[test]
 fn a_file_tells_which_epoch_was_kept() {
     let set = Set::new(40, 1, 9, 2);

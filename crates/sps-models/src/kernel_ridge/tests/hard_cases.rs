@@ -121,3 +121,25 @@ fn stored_regressions_are_what_they_were() {
         assert!(TrainedKernelRidges::from_bytes(&bytes[..length]).is_err());
     }
 }
+
+/// Readings whose mean leaves f64, and such whose squares do.
+#[test]
+fn numbers_that_are_not_finite_cannot_be_stored() {
+    for reading in [f64::MAX, 1e200] {
+        let signs = [1.0, 1.0, 1.0, -1.0, 1.0];
+        let set = Set::new(
+            (5, 1, 4),
+            &[signs.map(|sign| Some(sign * reading)).to_vec()],
+        );
+        let config = KernelRidgeConfig::default();
+        let stored = set.train(&config, 5, &[0]).unwrap().to_bytes();
+        let message = stored.unwrap_err().to_string();
+        assert!(message.contains("finite"), "{message}");
+        let ridge = Ridge::new(RidgeConfig::default()).unwrap();
+        let trained = ridge.train(&set.data(), &set.plan(5, &[0])).unwrap();
+        if reading == f64::MAX {
+            let message = trained.to_bytes().unwrap_err().to_string();
+            assert!(message.contains("finite"), "{message}");
+        }
+    }
+}

@@ -47,13 +47,7 @@ impl Set {
     }
 
     pub(super) fn data(&self) -> TrainingData<'_> {
-        TrainingData {
-            embeddings: &self.embeddings,
-            readings: &self.readings,
-            materials: None,
-            label_features: None,
-            units: None,
-        }
+        TrainingData::new(&self.embeddings, &self.readings)
     }
 
     fn plan(&self, training: usize, views: &[usize]) -> Plan {
@@ -230,7 +224,8 @@ fn predictions_are_scikit_learns() {
         let embeddings = data.embeddings.select(&training, &[0]).unwrap();
         let (scales, kernels) = ridge.kernels(&embeddings);
         let (width, matrix) = kernels.into_iter().next().unwrap();
-        let spectrum = Spectrum::new(matrix, width, &config.penalties).unwrap();
+        let alone = crate::left_out::LeftOut::of(&training, None);
+        let spectrum = Spectrum::new(matrix, width, &config.penalties, &alone).unwrap();
         let support = Support {
             kernel,
             embeddings,
@@ -262,10 +257,7 @@ fn the_choice_is_the_best_when_each_unit_is_left_out() {
     let config = config(Kernel::Exponential, &penalties, &widths);
     let uneven = |i: usize| (f64::from(i as u32) * 2.0 + 0.25).sqrt() as usize;
     for units in [(0..25).collect(), (0..25).map(uneven).collect::<Vec<_>>()] {
-        let data = TrainingData {
-            units: Some(&units),
-            ..set.data()
-        };
+        let data = set.data().with_units(&units);
         let ridge = KernelRidge::new(config.clone()).unwrap();
         let trained = ridge.train(&data, &set.plan(25, &[0, 1])).unwrap();
         let mut errors = Vec::new();

@@ -5,6 +5,7 @@ mod bf16;
 mod conv;
 mod golden3d;
 mod hard_cases;
+#[cfg(feature = "regressions")]
 mod measure;
 mod others;
 

@@ -3,7 +3,7 @@ use faer::linalg::svd::{self, ComputeSvdVectors};
 use faer::{Mat, Par, Spec};
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 
-use super::LabelError;
+use crate::labels::LabelError;
 
 /// Principal components of a table, by a full singular value decomposition in f64.
 ///
@@ -12,7 +12,7 @@ use super::LabelError;
 ///
 /// Checked against scikit-learn's `PCA(svd_solver="full")`.
 #[derive(Clone, Debug)]
-pub struct Pca {
+pub(crate) struct Pca {
     mean: Array1<f64>,
     components: Array2<f64>,
     explained_variance: Vec<f64>,
@@ -28,7 +28,7 @@ impl Pca {
     /// # Errors
     ///
     /// No rows, a value that is not finite, or a decomposition that did not converge.
-    pub fn fit(rows: ArrayView2<'_, f64>, components: usize) -> Result<Self, LabelError> {
+    pub(crate) fn fit(rows: ArrayView2<'_, f64>, components: usize) -> Result<Self, LabelError> {
         let mean = rows.mean_axis(Axis(0)).ok_or(LabelError::NoSurfaces)?;
         if let Some(((row, _), &value)) = rows.indexed_iter().find(|(_, v)| !v.is_finite()) {
             return Err(LabelError::NotFinite { row, value });
@@ -59,28 +59,19 @@ impl Pca {
     }
 
     /// The components, `(components, features)`, each of unit length.
-    pub fn components(&self) -> ArrayView2<'_, f64> {
+    pub(crate) fn components(&self) -> ArrayView2<'_, f64> {
         self.components.view()
     }
 
     /// Variance explained by each component, with `samples - 1` in the denominator.
-    pub fn explained_variance(&self) -> &[f64] {
+    pub(crate) fn explained_variance(&self) -> &[f64] {
         &self.explained_variance
     }
 
-    /// The scores of `rows`, `(samples, features)`, as `(samples, components)`.
-    ///
-    /// # Errors
-    ///
-    /// Another number of features than the fit had.
-    pub fn transform(&self, rows: ArrayView2<'_, f64>) -> Result<Array2<f64>, LabelError> {
-        if rows.ncols() != self.mean.len() {
-            return Err(LabelError::Features {
-                found: rows.ncols(),
-                expected: self.mean.len(),
-            });
-        }
-        Ok((&rows - &self.mean).dot(&self.components.t()))
+    /// The scores of `rows`, `(samples, features)` with the features of the fit, as
+    /// `(samples, components)`.
+    pub(crate) fn transform(&self, rows: ArrayView2<'_, f64>) -> Array2<f64> {
+        (&rows - &self.mean).dot(&self.components.t())
     }
 }
 

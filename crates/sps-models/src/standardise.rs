@@ -1,14 +1,14 @@
-use ndarray::{Array2, ArrayView1};
+//! One column of numbers to zero mean and unit variance.
 
 /// Mean and spread of one column, over the rows where it was measured.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Spread {
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Standardiser {
     pub(crate) mean: f64,
     /// Population standard deviation; exactly 0 when the column is constant up to rounding.
     pub(crate) std: f64,
 }
 
-impl Spread {
+impl Standardiser {
     /// `None` for no values at all.
     pub(crate) fn of(values: impl Iterator<Item = f64> + Clone) -> Option<Self> {
         let count = values.clone().count();
@@ -35,18 +35,4 @@ impl Spread {
             (value - self.mean) / self.std
         }
     }
-}
-
-/// Each column to zero mean and unit variance; a constant column becomes zero.
-pub(super) fn columns(mut table: Array2<f64>) -> Array2<f64> {
-    for mut column in table.columns_mut() {
-        if let Some(spread) = spread(column.view()) {
-            column.mapv_inplace(|value| spread.standardise(value));
-        }
-    }
-    table
-}
-
-fn spread(column: ArrayView1<'_, f64>) -> Option<Spread> {
-    Spread::of(column.iter().copied())
 }

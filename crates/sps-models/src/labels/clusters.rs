@@ -1,0 +1,138 @@
+//! Clusters of tactile values, and of visual ones beside them.
+
+use std::collections::HashSet;
+
+use linfa::DatasetBase;
+use linfa::traits::{Fit, Predict};
+use linfa_clustering::{KMeans, KMeansInit};
+use ndarray::{Array2, Axis, concatenate};
+
+use super::{LabelError, Labels};
+use crate::data::{Embeddings, Readings};
+use crate::error::{Error, Result};
+use crate::pca::Pca;
+use crate::rng;
+use crate::standardise::Standardiser;
+
+/// Restarts, of which the one with the least inertia is kept.
+const RESTARTS: usize = 10;
+/// The centroids rest when they move by less than this (the points have unit variance).
+const TOLERANCE: f64 = 1e-7;
+const MAX_ITERATIONS: u64 = 1000;
+
+/// The tactile values of the surfaces, and which of them (positions in `training`) the rows are.
+pub(super) fn tactile(
+    readings: &Readings,
+    training: &[usize],
+    standardise: bool,
+    keep_unmeasured: bool,
+) -> Result<(Vec<usize>, Array2<f64>)> {
+    let measured = |surface| {
+        readings
+            .row(surface)
+            .is_some_and(|r| r.iter().any(Option::is_some))
+    };
+    if !training.iter().any(|&surface| measured(surface)) {
+        return Err(LabelError::NotMeasured.into());
+    }
+    let rows: Vec<usize> = (0..training.len())
+        .filter(|&at| keep_unmeasured || measured(training[at]))
+        .collect();
+    let mut points = Array2::zeros((rows.len(), readings.properties().len()));
+    for (property, mut column) in points.columns_mut().into_iter().enumerate() {
+        let values = training.iter().filter_map(|&s| readings.get(s, property));
+        let Some(standard) = Standardiser::of(values) else {
+            continue; // never measured: the same for all
+        };
+        for (cell, &at) in column.iter_mut().zip(&rows) {
+            let value = readings
+                .get(training[at], property)
+                .unwrap_or(standard.mean);
+            *cell = if standardise {
+                standard.standardise(value)
+            } else {
+                value
+            };
+        }
+    }
+    Ok((rows, points))
+}
+
+/// The standardised principal components of the middle view of the surfaces.
+pub(super) fn visual(
+    features: &Embeddings,
+    training: &[usize],
+    components: usize,
+) -> Result<Array2<f64>> {
+    let view = (features.views() - 1) / 2;
+    let mut rows = Array2::zeros((training.len(), features.width()));
+    for (mut row, &surface) in rows.rows_mut().into_iter().zip(training) {
+        for (cell, &value) in row.iter_mut().zip(features.view(surface, view)) {
+            *cell = f64::from(value);
+        }
+    }
+    let pca = Pca::fit(rows.view(), components).map_err(Error::from)?;
+    Ok(columns(pca.transform(rows.view())))
+}
+
+/// The labels of all surfaces, of which the rows are some.
+pub(super) fn spread_out(surfaces: usize, rows: &[usize], of: &[usize], classes: usize) -> Labels {
+    let mut labels = vec![None; surfaces];
+    for (&at, &class) in rows.iter().zip(of) {
+        labels[at] = Some(class as u32);
+    }
+    Labels {
+        classes,
+        of: labels,
+    }
+}
+
+/// Two tables of equal height side by side.
+pub(super) fn beside(left: &Array2<f64>, right: &Array2<f64>) -> Result<Array2<f64>, LabelError> {
+    concatenate(Axis(1), &[left.view(), right.view()])
+        .map_err(|source| LabelError::Clustering(source.to_string()))
+}
+
+/// Each column to zero mean and unit variance; a constant column becomes zero.
+pub(super) fn columns(mut table: Array2<f64>) -> Array2<f64> {
+    for mut column in table.columns_mut() {
+        if let Some(standard) = Standardiser::of(column.iter().copied()) {
+            column.mapv_inplace(|value| standard.standardise(value));
+        }
+    }
+    table
+}
+
+/// The cluster of each row of `points`, and how many clusters there are.
+///
+/// k-means with k-means++ starts (the parallel start of linfa depends on the number of threads).
+/// `clusters` is reduced to the number of distinct points.
+pub(super) fn cluster(
+    points: Array2<f64>,
+    clusters: usize,
+    seed: u64,
+    rerun: u64,
+) -> Result<(Vec<usize>, usize), LabelError> {
+    let clusters = clusters.min(distinct(&points));
+    let points = DatasetBase::from(points);
+    let rng = rng::stream_for_linfa(seed, "labels/k-means", rerun);
+    let model = KMeans::params_with_rng(clusters, rng)
+        .init_method(KMeansInit::KMeansPlusPlus)
+        .n_runs(RESTARTS)
+        .tolerance(TOLERANCE)
+        .max_n_iterations(MAX_ITERATIONS)
+        .fit(&points)
+        .map_err(|source| LabelError::Clustering(source.to_string()))?;
+    let of = model.predict(points.records());
+    Ok((of.to_vec(), clusters))
+}
+
+fn distinct(points: &Array2<f64>) -> usize {
+    points
+        .rows()
+        .into_iter()
+        // Adding zero makes the two zeros one.
+        .map(|row| row.iter().map(|v| (v + 0.0).to_bits()).collect::<Vec<_>>())
+        .collect::<HashSet<_>>()
+        .len()
+}

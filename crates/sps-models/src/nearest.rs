@@ -5,9 +5,10 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use crate::data::Embeddings;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::groups::{fit_groups, sharing};
 use crate::heads::{Estimates, Plan, TrainingData, Trial};
+use crate::regressor::check_fits;
 
 /// Sums that a distance is added up in side by side.
 const LANES: usize = 16;
@@ -102,7 +103,7 @@ impl TrainedNearests {
         };
         let mut all: Vec<Estimates> = self.nearests.iter().map(estimates).collect();
         for (training, places) in sharing(self.nearests.iter().map(|one| &one.embeddings)) {
-            check(training, embeddings)?;
+            check_fits("embeddings for the nearest neighbour", embeddings, training)?;
             let nearest: Vec<usize> = (0..embeddings.surfaces())
                 .into_par_iter()
                 .map(|surface| nearest(training, embeddings.surface(surface)))
@@ -114,18 +115,6 @@ impl TrainedNearests {
         }
         Ok(all)
     }
-}
-
-fn check(training: &Embeddings, found: &Embeddings) -> Result<()> {
-    let (views, width) = (training.views(), training.width());
-    if (found.views(), found.width()) == (views, width) {
-        return Ok(());
-    }
-    Err(Error::input(
-        "embeddings for the nearest neighbour",
-        format_args!("{} views of width {}", found.views(), found.width()),
-        format_args!("{views} of width {width}"),
-    ))
 }
 
 /// The surface at the least distance; the first of several.

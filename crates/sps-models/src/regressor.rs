@@ -107,6 +107,19 @@ fitted! {
     TrainedNearests, nearests, TrainedNearest;
 }
 
+/// Refuses embeddings of another number of views or width than those of the training surfaces.
+pub(crate) fn check_fits(
+    what: &'static str,
+    found: &Embeddings,
+    training: &Embeddings,
+) -> Result<()> {
+    let told = |of: &Embeddings| format!("{} views of width {}", of.views(), of.width());
+    if (found.views(), found.width()) == (training.views(), training.width()) {
+        return Ok(());
+    }
+    Err(Error::input(what, told(found), told(training)))
+}
+
 /// Refuses the first number that is not finite.
 pub(crate) fn check_finite(
     what: &'static str,

@@ -19,6 +19,7 @@ use crate::data::Embeddings;
 use crate::error::{Error, Result};
 use crate::groups::{Group, fit_groups, sharing};
 use crate::heads::{Estimates, Plan, TrainingData, Trial};
+use crate::regressor::check_fits;
 use fit::{Fit, Spectrum};
 pub use kernel::Kernel;
 use kernel::{Points, Terms};
@@ -201,22 +202,6 @@ impl Support {
         }
         sums
     }
-
-    fn check(&self, embeddings: &Embeddings) -> Result<()> {
-        let (views, width) = (self.embeddings.views(), self.embeddings.width());
-        if (embeddings.views(), embeddings.width()) == (views, width) {
-            return Ok(());
-        }
-        Err(Error::input(
-            "embeddings for kernel ridge regression",
-            format_args!(
-                "{} views of width {}",
-                embeddings.views(),
-                embeddings.width()
-            ),
-            format_args!("{views} of width {width}"),
-        ))
-    }
 }
 
 /// One fitted kernel ridge regression.
@@ -311,7 +296,12 @@ impl TrainedKernelRidges {
     pub fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
         let sharing = self.sharing();
         for sharing in &sharing {
-            sharing.support.check(embeddings)?;
+            let training = &sharing.support.embeddings;
+            check_fits(
+                "embeddings for kernel ridge regression",
+                embeddings,
+                training,
+            )?;
         }
         let starts: Vec<usize> = (0..embeddings.surfaces()).step_by(ROWS).collect();
         let parts: Vec<Vec<Vec<f64>>> = starts

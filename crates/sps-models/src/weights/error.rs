@@ -46,12 +46,12 @@ pub enum WeightsErrorKind {
         found: String,
     },
     /// The network has a tensor that the weights lack.
-    #[error("tensor {tensor:?} of shape {expected:?} is missing")]
+    #[error("tensor {tensor:?}{} is missing", of_shape(expected.as_ref()))]
     Missing {
         /// The tensor's name.
         tensor: String,
-        /// The shape the network needs.
-        expected: Vec<usize>,
+        /// The shape the network needs, where a network asks.
+        expected: Option<Vec<usize>>,
     },
     /// The weights have a tensor that the network lacks.
     #[error("tensor {tensor:?} of shape {found:?} has no place in {network}")]
@@ -91,4 +91,8 @@ pub enum WeightsErrorKind {
         /// The type in the file.
         found: String,
     },
+}
+
+fn of_shape(shape: Option<&Vec<usize>>) -> String {
+    shape.map_or_else(String::new, |shape| format!(" of shape {shape:?}"))
 }

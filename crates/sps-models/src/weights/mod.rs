@@ -1,4 +1,19 @@
 //! Named tensors of a network, and the files they are read from.
+//!
+//! ```
+//! use candle_core::{Device, Tensor};
+//! use sps_models::weights::Weights;
+//!
+//! let bias = Tensor::new(&[0.5_f32, -1.0], &Device::Cpu)?;
+//! let weights = Weights::from_tensors("by hand", [("head.bias".to_owned(), bias)])?;
+//!
+//! // Written as safetensors; `Weights::read` takes that and PyTorch's files from a path.
+//! let again = Weights::from_bytes("a copy", &weights.to_bytes()?)?;
+//! assert_eq!(again.get("head.bias")?.to_vec1::<f32>()?, [0.5, -1.0]);
+//! let error = again.get("head.weight").unwrap_err();
+//! assert_eq!(error.to_string(), r#"a copy: tensor "head.weight" is missing"#);
+//! # Ok::<(), sps_models::Error>(())
+//! ```
 
 mod error;
 mod pytorch;
@@ -213,7 +228,7 @@ impl Weights {
             let Some(tensor) = self.tensors.remove(&spec.name) else {
                 return Err(self.error(WeightsErrorKind::Missing {
                     tensor: spec.name.clone(),
-                    expected: spec.shape.clone(),
+                    expected: Some(spec.shape.clone()),
                 }));
             };
             if tensor.dims() != spec.shape {
@@ -236,12 +251,16 @@ impl Weights {
         Ok(self)
     }
 
-    /// A tensor of a set that went through [`Weights::fit`].
-    pub(crate) fn get(&self, name: &str) -> Result<&Tensor, WeightsError> {
+    /// A tensor by its name, f32.
+    ///
+    /// # Errors
+    ///
+    /// When there is none of this name.
+    pub fn get(&self, name: &str) -> Result<&Tensor, WeightsError> {
         self.tensors.get(name).ok_or_else(|| {
             self.error(WeightsErrorKind::Missing {
                 tensor: name.to_owned(),
-                expected: Vec::new(),
+                expected: None,
             })
         })
     }
@@ -293,6 +312,13 @@ fn finite(name: &str, raw: RawTensor) -> Result<Tensor, WeightsErrorKind> {
             index,
             found,
         });
+    }
+    let size = |size: usize, &extent: &usize| size.checked_mul(extent.max(1));
+    if raw.shape.iter().try_fold(1, size).is_none() {
+        let shape = raw.shape;
+        return Err(WeightsErrorKind::Format(format!(
+            "tensor {name:?} has extents of {shape:?}, whose product no number holds"
+        )));
     }
     Tensor::from_vec(raw.values, raw.shape, &Device::Cpu)
         .map_err(|error| WeightsErrorKind::Format(format!("tensor {name:?}: {error}")))

@@ -83,3 +83,19 @@ fn elements<const N: usize>(data: &[u8], decode: impl Fn([u8; N]) -> f32) -> Vec
     let (elements, _) = data.as_chunks::<N>();
     elements.iter().map(|bytes| decode(*bytes)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::weights::Weights;
+
+    #[test]
+    fn extents_whose_product_no_number_holds() {
+        // No element, so that nothing else is wrong with it.
+        let header =
+            br#"{"a":{"dtype":"F32","shape":[0,4294967296,4294967296],"data_offsets":[0,0]}}"#;
+        let bytes = [&(header.len() as u64).to_le_bytes()[..], header].concat();
+        let error = Weights::from_bytes("file", &bytes).unwrap_err();
+        let found = "[0, 4294967296, 4294967296], whose product no number holds";
+        assert!(error.to_string().ends_with(found), "{error}");
+    }
+}

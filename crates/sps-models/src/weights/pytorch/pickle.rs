@@ -37,8 +37,8 @@ pub(super) fn run(bytes: &[u8], heap: &mut Heap) -> Result<(Value, usize), Weigh
     }
 }
 
-/// What is refused, in words.
-type Step<T> = Result<T, String>;
+/// What was read, or what is refused, in words.
+type Parsed<T> = Result<T, String>;
 
 struct Machine<'a> {
     bytes: &'a [u8],
@@ -50,7 +50,7 @@ struct Machine<'a> {
 
 impl Machine<'_> {
     /// One instruction; the result, when it was the last.
-    fn step(&mut self) -> Step<Option<Value>> {
+    fn step(&mut self) -> Parsed<Option<Value>> {
         let opcode = self.byte()?;
         match opcode {
             b'.' => return self.pop().map(Some),
@@ -79,7 +79,7 @@ impl Machine<'_> {
         Ok(None)
     }
 
-    fn take(&mut self, len: usize) -> Step<std::ops::Range<usize>> {
+    fn take(&mut self, len: usize) -> Parsed<std::ops::Range<usize>> {
         let end = self.at.checked_add(len);
         let Some(end) = end.filter(|&end| end <= self.bytes.len()) else {
             return Err(format!(
@@ -92,23 +92,23 @@ impl Machine<'_> {
         Ok(range)
     }
 
-    fn skip(&mut self, len: usize) -> Step<()> {
+    fn skip(&mut self, len: usize) -> Parsed<()> {
         self.take(len).map(|_| ())
     }
 
-    fn byte(&mut self) -> Step<u8> {
+    fn byte(&mut self) -> Parsed<u8> {
         let range = self.take(1)?;
         Ok(self.bytes[range.start])
     }
 
     /// A little-endian number of one to four bytes.
-    fn unsigned(&mut self, len: usize) -> Step<u32> {
+    fn unsigned(&mut self, len: usize) -> Parsed<u32> {
         let range = self.take(len)?;
         let bytes = self.bytes[range].iter().rev();
         Ok(bytes.fold(0, |value, byte| value << 8 | u32::from(*byte)))
     }
 
-    fn pop(&mut self) -> Step<Value> {
+    fn pop(&mut self) -> Parsed<Value> {
         match self.stack.pop() {
             Some(Value::Mark) | None => Err("a value where the stack holds none".to_owned()),
             Some(value) => Ok(value),
@@ -116,7 +116,7 @@ impl Machine<'_> {
     }
 
     /// What lies above the last mark, which goes too.
-    fn pop_to_mark(&mut self) -> Step<Vec<Value>> {
+    fn pop_to_mark(&mut self) -> Parsed<Vec<Value>> {
         let mark = self.stack.iter().rposition(|value| *value == Value::Mark);
         let mark = mark.ok_or("the end of a part that has no beginning")?;
         let values = self.stack.split_off(mark + 1);
@@ -124,14 +124,14 @@ impl Machine<'_> {
         Ok(values)
     }
 
-    fn protocol(&mut self) -> Step<()> {
+    fn protocol(&mut self) -> Parsed<()> {
         match self.byte()? {
             2..=5 => Ok(()),
             other => Err(format!("protocol {other}, expected 2 to 5")),
         }
     }
 
-    fn integer(&mut self, opcode: u8) -> Step<()> {
+    fn integer(&mut self, opcode: u8) -> Parsed<()> {
         let value = match opcode {
             b'J' => i128::from(self.unsigned(4)?.cast_signed()),
             b'K' => i128::from(self.unsigned(1)?),
@@ -142,7 +142,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    fn long(&mut self) -> Step<i128> {
+    fn long(&mut self) -> Parsed<i128> {
         let len = self.byte()?;
         if len > 16 {
             return Err(format!("an integer of {len} bytes"));
@@ -157,7 +157,7 @@ impl Machine<'_> {
             .fold(start, |value, byte| value << 8 | i128::from(*byte)))
     }
 
-    fn text(&mut self, opcode: u8) -> Step<()> {
+    fn text(&mut self, opcode: u8) -> Parsed<()> {
         let len = self.unsigned(if opcode == b'X' { 4 } else { 1 })?;
         let range = self.take(len as usize)?;
         let text = std::str::from_utf8(&self.bytes[range]);
@@ -167,7 +167,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    fn tuple(&mut self, opcode: u8) -> Step<()> {
+    fn tuple(&mut self, opcode: u8) -> Parsed<()> {
         let items = match opcode {
             b')' => Vec::new(),
             b't' => self.pop_to_mark()?,
@@ -195,7 +195,7 @@ impl Machine<'_> {
         self.stack.push(value);
     }
 
-    fn append(&mut self, opcode: u8) -> Step<()> {
+    fn append(&mut self, opcode: u8) -> Parsed<()> {
         let items = if opcode == b'e' {
             self.pop_to_mark()?
         } else {
@@ -208,7 +208,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    fn set(&mut self, opcode: u8) -> Step<()> {
+    fn set(&mut self, opcode: u8) -> Parsed<()> {
         let items = if opcode == b'u' {
             self.pop_to_mark()?
         } else {
@@ -227,7 +227,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    fn remember(&mut self, opcode: u8) -> Step<()> {
+    fn remember(&mut self, opcode: u8) -> Parsed<()> {
         let key = match opcode {
             b'q' => self.unsigned(1)?,
             b'r' => self.unsigned(4)?,
@@ -239,7 +239,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    fn recall(&mut self, opcode: u8) -> Step<()> {
+    fn recall(&mut self, opcode: u8) -> Parsed<()> {
         let key = self.unsigned(if opcode == b'h' { 1 } else { 4 })?;
         let value = self.memo.get(&key);
         let value = value.ok_or_else(|| format!("memo {key}, which holds nothing"))?;
@@ -247,7 +247,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    fn global(&mut self, opcode: u8) -> Step<()> {
+    fn global(&mut self, opcode: u8) -> Parsed<()> {
         let global = if opcode == b'c' {
             let (module, name) = (self.line()?, self.line()?);
             Global::find(&module, &name)?
@@ -263,7 +263,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    fn line(&mut self) -> Step<String> {
+    fn line(&mut self) -> Parsed<String> {
         let rest = &self.bytes[self.at..];
         let len = rest.iter().position(|byte| *byte == b'\n');
         let len = len.ok_or("a line that does not end")?;
@@ -272,14 +272,14 @@ impl Machine<'_> {
         Ok(line)
     }
 
-    fn persistent(&mut self) -> Step<()> {
+    fn persistent(&mut self) -> Parsed<()> {
         let id = self.pop()?;
         let value = self.heap.storage(id)?;
         self.stack.push(value);
         Ok(())
     }
 
-    fn reduce(&mut self) -> Step<()> {
+    fn reduce(&mut self) -> Parsed<()> {
         let (arguments, callable) = (self.pop()?, self.pop()?);
         let Value::Global(global) = callable else {
             return Err("a call of what is no global".to_owned());
@@ -293,7 +293,7 @@ impl Machine<'_> {
     }
 
     /// PyTorch notes versions beside the dictionary; they are not used.
-    fn build(&mut self) -> Step<()> {
+    fn build(&mut self) -> Parsed<()> {
         match (self.pop()?, self.stack.last()) {
             (Value::Dictionary(_), Some(Value::Dictionary(_))) => Ok(()),
             _ => Err("a state for what is no dictionary".to_owned()),

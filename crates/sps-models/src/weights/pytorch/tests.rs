@@ -183,6 +183,7 @@ mod hard_cases {
         assert!(run(view(b"K\0", b"K\x02K\x03\x86", b"K\x03K\x01\x86")).is_ok());
         assert!(run(view(b"K\x09", b"K\0K\x03\x86", b"K\x03K\x01\x86")).is_ok());
         let huge: &[u8] = b"J\xff\xff\xff\x7fJ\xff\xff\xff\x7fJ\xff\xff\xff\x7f\x87";
+        let no_elements: &[u8] = b"(J\xff\xff\xff\x7fJ\xff\xff\xff\x7fJ\xff\xff\xff\x7fK\0t";
         for (offset, shape, strides) in [
             (
                 &b"K\x01"[..],
@@ -193,6 +194,8 @@ mod hard_cases {
             (b"K\0", b"K\x02\x85", b"K\x01K\x01\x86"),
             (b"K\0", huge, b"K\0K\0K\0\x87"),
             (b"K\0", huge, huge),
+            // No element, and a product of extents that no number holds.
+            (b"K\0", no_elements, no_elements),
             (b"J\xff\xff\xff\xff", b"K\x02\x85", b"K\x01\x85"),
             (b"K\0", b"J\xff\xff\xff\xff\x85", b"K\x01\x85"),
         ] {
@@ -213,6 +216,49 @@ mod hard_cases {
         }
         let long = vec![b'('; 8 << 20];
         refused(&long, 4 << 20, "1 bytes where 0 are left");
+    }
+
+    /// Parts that a pickle names again in a few bytes: work must grow with its own bytes alone.
+    #[test]
+    fn parts_that_are_named_again() {
+        let axes = |count: usize| [&b"("[..], &b"K\x01".repeat(count), b"t"].concat();
+        let run = |bytes: Vec<u8>| pickle::run(&bytes, &mut Heap::default());
+        assert!(run(view(b"K\0", &axes(16), &axes(16))).is_ok());
+        let error = run(view(b"K\0", &axes(17), &axes(17))).unwrap_err();
+        assert!(error.to_string().contains("a tensor of 17 axes"), "{error}");
+
+        let name = |len: u32| [&b"}X"[..], &len.to_le_bytes(), &vec![b'a'; len as usize]].concat();
+        assert!(run([&name(256)[..], b"Ns."].concat()).is_ok());
+        let error = run([&name(257)[..], b"Ns."].concat()).unwrap_err();
+        assert!(error.to_string().contains("a name of 257 bytes"), "{error}");
+
+        // A list of pairs that two dictionaries are made of: it can be used up once.
+        let pairs = b"]q\0X\x01\0\0\0aN\x86a";
+        let dictionary = b"ccollections\nOrderedDict\nh\0\x85R";
+        let heap = &mut Heap::default();
+        let (last, _) =
+            pickle::run(&[&pairs[..], dictionary, dictionary, b"."].concat(), heap).unwrap();
+        let super::super::value::Value::Dictionary(last) = last else {
+            panic!("{last:?}");
+        };
+        assert_eq!(heap.entries(last).count(), 0);
+    }
+
+    /// As many storages as a pickle has room for; compared with one another they take minutes.
+    #[test]
+    fn storages_without_number() {
+        let mut pickle =
+            b"(X\x07\0\0\0storageq\0ctorch\nFloatStorage\nq\x01X\x01\0\0\x000q\x02".to_vec();
+        let count = 200_000_u32;
+        for len in 0..count {
+            pickle.extend(b"(h\0h\x01h\x02NJ");
+            pickle.extend(len.to_le_bytes());
+            pickle.extend(b"tQ");
+        }
+        pickle.extend(b"t.");
+        let mut heap = Heap::default();
+        assert!(pickle::run(&pickle, &mut heap).is_ok());
+        assert_eq!(heap.storages().len(), count as usize);
     }
 
     #[test]

@@ -1,6 +1,13 @@
 //! What a pickle of tensors builds.
 
+use std::collections::HashMap;
+
 use super::super::WeightsErrorKind;
+
+/// The most axes of a tensor, and the longest name of one in bytes: a pickle can name a part again
+/// in two bytes, and each time costs as much as the part is long.
+const MOST_AXES: usize = 16;
+const LONGEST_NAME: usize = 256;
 
 /// The names that a pickle may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,7 +38,7 @@ impl Global {
 }
 
 /// The elements of a storage.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum ElementType {
     F16,
     BF16,
@@ -90,7 +97,7 @@ pub(super) enum Value {
 }
 
 /// Elements that a file holds outside of its pickle.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(super) struct Storage {
     pub(super) key: String,
     pub(super) element: ElementType,
@@ -115,6 +122,8 @@ pub(super) struct Heap {
     sequences: Vec<Vec<Value>>,
     dictionaries: Vec<Vec<(usize, Value)>>,
     storages: Vec<Storage>,
+    /// The number of each storage.
+    numbers: HashMap<Storage, usize>,
     views: Vec<View>,
 }
 
@@ -164,6 +173,7 @@ impl Heap {
         let Value::Text(key) = key else {
             return Err("a key that is no text".to_owned());
         };
+        short(&self.texts[key])?;
         self.dictionaries[dictionary].push((key, value));
         Ok(())
     }
@@ -202,16 +212,16 @@ impl Heap {
             return Err(wrong());
         };
         let storage = Storage {
-            key: key.to_owned(),
+            key: short(key)?.to_owned(),
             element,
             len: natural(len)?,
         };
-        let index = self.storages.iter().rposition(|s| *s == storage);
-        let index = index.unwrap_or_else(|| {
+        let next = self.storages.len();
+        let number = *self.numbers.entry(storage.clone()).or_insert(next);
+        if number == next {
             self.storages.push(storage);
-            self.storages.len() - 1
-        });
-        Ok(Value::Storage(index))
+        }
+        Ok(Value::Storage(number))
     }
 
     /// What a global returns for a tuple of arguments.
@@ -229,9 +239,9 @@ impl Heap {
         }
     }
 
-    /// A dictionary of a list of pairs, as Python 2 wrote it.
+    /// A dictionary of a list of pairs, as Python 2 wrote it; the pairs leave the list.
     fn ordered(&mut self, pairs: usize) -> Result<Value, String> {
-        let pairs: Vec<Value> = self.items(pairs).to_vec();
+        let pairs = std::mem::take(&mut self.sequences[pairs]);
         let all = self.dictionary();
         for pair in pairs {
             let (Value::List(pair) | Value::Tuple(pair)) = pair else {
@@ -257,8 +267,12 @@ impl Heap {
         else {
             return Err("a tensor of what is no storage, shape and strides".to_owned());
         };
-        let numbers = |tuple: usize| -> Result<Vec<usize>, String> {
-            self.items(tuple).iter().copied().map(natural).collect()
+        let numbers = |tuple: usize| match self.items(tuple) {
+            items if items.len() > MOST_AXES => Err(format!(
+                "a tensor of {} axes, expected at most {MOST_AXES}",
+                items.len()
+            )),
+            items => items.iter().copied().map(natural).collect(),
         };
         let view = View {
             storage,
@@ -290,20 +304,21 @@ impl View {
         if self.shape.len() != self.strides.len() {
             return Err(wrong());
         }
-        let mut count = 1_usize;
+        // Without axes of no extent, so that the number of elements is no more than this.
+        let mut count = Some(1_usize);
         let mut last = Some(self.offset);
         for (&extent, &stride) in self.shape.iter().zip(&self.strides) {
-            count = count.saturating_mul(extent);
+            count = count.and_then(|count| count.checked_mul(extent.max(1)));
             let reach = extent.saturating_sub(1).checked_mul(stride);
             last = last
                 .zip(reach)
                 .and_then(|(last, reach)| last.checked_add(reach));
         }
         let inside = last.is_some_and(|last| last < storage.len);
-        if count == 0 || (inside && count <= storage.len) {
-            Ok(())
-        } else {
-            Err(wrong())
+        match count {
+            Some(_) if self.shape.contains(&0) => Ok(()),
+            Some(count) if inside && count <= storage.len => Ok(()),
+            _ => Err(wrong()),
         }
     }
 
@@ -319,6 +334,17 @@ impl View {
             place
         })
     }
+}
+
+/// A name, which is copied wherever it is used.
+fn short(name: &str) -> Result<&str, String> {
+    if name.len() <= LONGEST_NAME {
+        return Ok(name);
+    }
+    let found = name.len();
+    Err(format!(
+        "a name of {found} bytes, expected at most {LONGEST_NAME}"
+    ))
 }
 
 /// A count, an extent or an offset.

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail, ensure};
 use candle_core::{Device, Tensor};
-use sps_models::encoders::{Encoder, EncoderKind, I3d, Precision};
+use sps_models::encoders::{Embed, Encoder, EncoderKind, I3d, Precision};
 use sps_models::weights::Weights;
 
 use crate::config::{EncoderSpec, Network, WeightsSpec};
@@ -42,12 +42,16 @@ impl Loaded {
         }
     }
 
+    fn network(&self) -> &dyn Embed {
+        match self {
+            Self::Images(encoder) => encoder,
+            Self::Sequences(network, _) => network,
+        }
+    }
+
     /// The network's name.
     pub(crate) fn name(&self) -> &'static str {
-        match self {
-            Self::Images(encoder) => encoder.kind().name(),
-            Self::Sequences(..) => I3d::NAME,
-        }
+        self.network().name()
     }
 
     /// The network where it embeds single images.
@@ -71,18 +75,12 @@ impl Loaded {
 
     /// The length of an embedding.
     pub(crate) fn width(&self) -> usize {
-        match self {
-            Self::Images(encoder) => encoder.width(),
-            Self::Sequences(..) => I3d::WIDTH,
-        }
+        self.network().width()
     }
 
     /// A hash of the network and every weight.
     pub(crate) fn content_hash(&self) -> [u8; 32] {
-        match self {
-            Self::Images(encoder) => encoder.content_hash(),
-            Self::Sequences(network, _) => network.content_hash(),
-        }
+        self.network().content_hash()
     }
 
     /// Multiply-adds to embed an image of this size, where they are known.

@@ -29,7 +29,7 @@ const fn kernel(name: &'static str, prepare: fn() -> Result<Pass>) -> Kernel {
     Kernel { name, prepare }
 }
 
-pub(crate) static KERNELS: [Kernel; 18] = [
+pub(crate) static KERNELS: [Kernel; 16] = [
     kernel("decode-png", || {
         decode("fixtures/tiny-dataset/frames/denim-01/000.png")
     }),
@@ -49,8 +49,6 @@ pub(crate) static KERNELS: [Kernel; 18] = [
     }),
     kernel("convolution-gradients", convolution_gradients),
     kernel("max-pool", max_pool),
-    kernel("batch-norm", batch_norm),
-    kernel("gated-residual", gated_residual),
     kernel("encoder", encoder),
     kernel("encoder-training-step", training_step),
     kernel("ridge", ridge),
@@ -141,24 +139,6 @@ fn max_pool() -> Result<Pass> {
     let x = ramp(&[1, 56, 56, 64])?;
     Ok(Box::new(move || {
         black_box(ops::max_pool(&x, Window::square(3, 2, 0), true)?);
-        Ok(())
-    }))
-}
-
-fn batch_norm() -> Result<Pass> {
-    let x = ramp(&[2, 28, 28, 64])?;
-    let (gamma, beta) = (ramp(&[64])?, ramp(&[64])?);
-    Ok(Box::new(move || {
-        black_box(ops::batch_norm(&x, &gamma, &beta, 1e-5, true)?);
-        Ok(())
-    }))
-}
-
-fn gated_residual() -> Result<Pass> {
-    let (x, shortcut) = (ramp(&[2, 28, 28, 64])?, ramp(&[2, 28, 28, 64])?);
-    let gate = ramp(&[2, 64])?;
-    Ok(Box::new(move || {
-        black_box(ops::gated_residual(&x, &gate, &shortcut)?);
         Ok(())
     }))
 }

@@ -1,5 +1,6 @@
 //! How a batch of images is shared among threads.
 
+use std::fmt::Debug;
 use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
@@ -11,7 +12,7 @@ use crate::ops::grid::Size;
 /// A network on the CPU kernels.
 pub(super) trait Network: Sync {
     /// Memory that a thread's passes reuse.
-    type Workspace: Default + Send + std::fmt::Debug;
+    type Workspace: Default + Send + Debug;
 
     /// The length of an embedding.
     fn width(&self) -> usize;
@@ -68,6 +69,21 @@ pub(super) fn each(values: &[f32], size: Size) -> Vec<&[f32]> {
 /// several frames; few enough that their feature maps stay in the cache.
 const GROUP: usize = 4;
 
+/// A network of any kind and of any words on the CPU kernels.
+pub(super) trait Kernels: Debug + Send + Sync {
+    /// Embeds a batch, `(frames, width)`.
+    ///
+    /// As many frames as the threads can share evenly are each embedded by one thread; the
+    /// threads then work together on those that are left.
+    fn embed(&self, images: Images<'_>) -> Vec<f32>;
+}
+
+impl<N: Network + Debug + Send> Kernels for Pooled<N> {
+    fn embed(&self, images: Images<'_>) -> Vec<f32> {
+        inside_pool(|| self.embed_inside(images))
+    }
+}
+
 /// A network and the workspaces that are not in use.
 #[derive(Debug)]
 pub(super) struct Pooled<N: Network> {
@@ -81,14 +97,6 @@ impl<N: Network> Pooled<N> {
             network,
             workspaces: Mutex::new(Vec::new()),
         }
-    }
-
-    /// Embeds a batch, `(frames, width)`.
-    ///
-    /// As many frames as the threads can share evenly are each embedded by one thread; the
-    /// threads then work together on those that are left.
-    pub(super) fn embed(&self, images: Images<'_>) -> Vec<f32> {
-        inside_pool(|| self.embed_inside(images))
     }
 
     fn embed_inside(&self, images: Images<'_>) -> Vec<f32> {

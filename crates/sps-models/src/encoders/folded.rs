@@ -3,11 +3,11 @@
 use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::conv::{Conv, ConvShape};
-use crate::ops::format::Format;
 use crate::ops::grid::{Grid, pixels};
 use crate::ops::panels::Panels;
 use crate::ops::product::{Columns, Epilogue, Product};
 use crate::ops::simd::Level;
+use crate::ops::words::Word;
 use crate::weights::Weights;
 
 /// The weights of a convolution and what it adds to each channel.
@@ -59,13 +59,13 @@ impl Folded {
     }
 
     /// This 1x1 convolution of what `inner`, another, makes of its input: one convolution again.
-    pub(super) fn after(&self, inner: &Self, level: Level) -> Self {
+    pub(super) fn compose(&self, inner: &Self, level: Level) -> Self {
         let (outputs, middle) = (self.shape.outputs, self.shape.inputs);
         let inputs = inner.shape.inputs;
         let product = |n: usize, right: &[f32]| {
             let panels = Panels::pack(level, middle, n, |row, column| right[row * n + column]);
-            let rows: Vec<u32> = (0..outputs).map(|row| (row * middle) as u32).collect();
-            let places: Vec<u32> = (0..outputs).map(|row| (row * n) as u32).collect();
+            let rows: Vec<usize> = (0..outputs).map(|row| row * middle).collect();
+            let places: Vec<usize> = (0..outputs).map(|row| row * n).collect();
             let mut out = vec![0.0; outputs * n];
             let product = Product {
                 source: &self.weights,
@@ -108,10 +108,10 @@ impl Folded {
         self
     }
 
-    /// Lays it out for the kernels, for feature maps of a format.
-    pub(super) fn pack(self, level: Level, format: Format) -> Layer {
+    /// Lays it out for the kernels, for feature maps of such words.
+    pub(super) fn pack<W: Word>(self, level: Level) -> Layer<W> {
         Layer {
-            conv: Conv::pack_as(level, format, self.shape, &self.weights),
+            conv: Conv::pack(level, self.shape, &self.weights),
             shift: self.shift,
         }
     }
@@ -123,18 +123,18 @@ fn values(weights: &Weights, name: &str) -> Result<Vec<f32>> {
 
 /// A convolution laid out for the kernels, and what it adds to each channel.
 #[derive(Debug)]
-pub(super) struct Layer {
-    pub(super) conv: Conv,
+pub(super) struct Layer<W = f32> {
+    pub(super) conv: Conv<W>,
     pub(super) shift: Vec<f32>,
 }
 
-impl Layer {
+impl<W: Word> Layer<W> {
     /// The feature map that comes of one, without a border.
     pub(super) fn output(&self, from: &Grid) -> Grid {
         let shape = self.conv.shape();
         let size = shape.window.output(from.size).unwrap_or_default();
         Grid::tight(from.frames, size, shape.outputs)
-            .in_format(self.conv.format())
+            .of::<W>()
             .staggered()
     }
 
@@ -142,8 +142,8 @@ impl Layer {
     pub(super) fn apply(
         &self,
         threads: Threads,
-        source: (&[f32], &Grid),
-        target: (&mut [f32], &Grid),
+        source: (&[W], &Grid),
+        target: (&mut [W], &Grid),
         relu: bool,
     ) {
         let epilogue = Epilogue {

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::batch::Images;
 use crate::ops::bands::{Threads, for_each_band};
-use crate::ops::format::{Format, pair};
 use crate::ops::grid::{Grid, Size};
+use crate::ops::words::Word;
 
 /// What a network takes out of its input: `(value - mean) / std` of each channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,14 +27,15 @@ impl Normalisation {
     };
 }
 
-/// The layout of one image for the kernels. A pixel of bf16 has a fourth channel, which is zero, so
-/// that it fills whole words.
-pub(super) fn image_grid(size: Size, format: Format) -> Grid {
-    let channels = match format {
-        Format::F32 => 3,
-        Format::Bf16 => 4,
-    };
-    Grid::tight(1, size, channels).in_format(format)
+/// Channels of an image for the kernels: those of bf16 are four, of which the last is zero, so that a
+/// pixel fills whole words.
+pub(super) fn image_channels<W: Word>() -> usize {
+    3_usize.next_multiple_of(W::NUMBERS)
+}
+
+/// The layout of one image for the kernels.
+pub(super) fn image_grid<W: Word>(size: Size) -> Grid {
+    Grid::tight(1, size, image_channels::<W>()).of::<W>()
 }
 
 /// Where the channels of an image in memory are.
@@ -47,12 +48,12 @@ pub(super) enum Order {
 }
 
 /// Lays one of the images out channels last, as `grid` says of a single frame.
-pub(super) fn lay_out(
+pub(super) fn lay_out<W: Word>(
     threads: Threads,
     image: &[f32],
     images: &Images<'_>,
     grid: &Grid,
-    out: &mut [f32],
+    out: &mut [W],
 ) {
     let width = grid.size[2].max(1);
     for_each_band(threads, grid, out, |band| {
@@ -62,12 +63,12 @@ pub(super) fn lay_out(
 }
 
 /// The same for some rows, into memory that begins at `origin`.
-fn lay_out_rows(
+fn lay_out_rows<W: Word>(
     image: &[f32],
     images: &Images<'_>,
     grid: &Grid,
     rows: Range<usize>,
-    (out, origin): (&mut [f32], usize),
+    (out, origin): (&mut [W], usize),
 ) {
     let [time, height, width] = grid.size;
     let plane = time * height * width;
@@ -96,13 +97,10 @@ fn lay_out_rows(
             grid.before[2],
         ];
         let out = &mut out[grid.index(0, place) - origin..][..width * grid.pitch];
-        match grid.format {
-            Format::F32 => out.copy_from_slice(&pixels),
-            Format::Bf16 => {
-                for (words, pixel) in out.chunks_exact_mut(2).zip(pixels.chunks_exact(3)) {
-                    words[0] = pair(pixel[0], pixel[1]);
-                    words[1] = pair(pixel[2], 0.0);
-                }
+        let words = out.chunks_exact_mut(W::words(3));
+        for (words, pixel) in words.zip(pixels.chunks_exact(3)) {
+            for (word, first) in words.iter_mut().zip((0..3).step_by(W::NUMBERS)) {
+                *word = W::of(|i| pixel.get(first + i).copied().unwrap_or_default());
             }
         }
     }

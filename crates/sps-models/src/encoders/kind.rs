@@ -24,8 +24,8 @@ pub enum EncoderKind {
     /// `se-resnext50-32x4d`: the paper's encoder, squeeze-and-excitation ResNeXt of 50 layers
     /// (Hu et al., CVPR 2018), with the tensor names of timm's `legacy_seresnext50_32x4d`.
     SeResNext50,
-    /// `se-resnext-small`: the same family, narrower and shallower; see
-    /// [`SeResNextConfig::SMALL`].
+    /// `se-resnext-small`: the same family, a quarter as wide and half as deep, 8 groups of 4
+    /// channels: 1.2 M parameters, 0.2 G multiply-adds for an image of 224 x 224.
     SeResNextSmall,
     /// `squeezenet1-0`: `SqueezeNet` 1.0 (Iandola et al., 2016), with the tensor names of
     /// torchvision's `squeezenet1_0`.

@@ -24,15 +24,47 @@ use candle_core::{DType, Device, Tensor};
 pub use i3d::I3d;
 pub use kind::EncoderKind;
 pub use precision::Precision;
-pub use se_resnext::SeResNextConfig;
 pub use trainable::TrainableEncoder;
 
 use crate::error::{Error, Result};
 use crate::ops::simd::Level;
+use crate::ops::words::{Bf16Pair, Word};
 use crate::weights::Weights;
-use batch::{Images, Pooled, each};
+use batch::{Images, Kernels, Pooled, each};
 use images::{Normalisation, Order};
 use plain::Plain;
+
+/// What turns images into embeddings: an [`Encoder`] each of them, an [`I3d`] sequences of them.
+///
+/// ```
+/// use candle_core::Device;
+/// use sps_models::encoders::{Embed, Encoder, EncoderKind, I3d};
+///
+/// let small = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
+/// let i3d = I3d::seeded(0)?;
+/// let networks: [&dyn Embed; 2] = [&small, &i3d];
+/// let found = networks.map(|network| (network.name(), network.width()));
+/// assert_eq!(found, [("se-resnext-small", 512), ("i3d", 1024)]);
+/// # Ok::<(), sps_models::Error>(())
+/// ```
+pub trait Embed: std::fmt::Debug + Send + Sync {
+    /// The network's name.
+    fn name(&self) -> &'static str;
+
+    /// The length of an embedding.
+    fn width(&self) -> usize;
+
+    /// A hash of all that embeddings hang on, for cache keys; see [`Encoder::content_hash`].
+    fn content_hash(&self) -> [u8; 32];
+
+    /// Embeds a batch, f32 in 0..=1, display-referred RGB: images `(n, 3, height, width)` or
+    /// sequences `(n, 3, frames, height, width)`, to `(n, width)`.
+    ///
+    /// # Errors
+    ///
+    /// When the tensor is of another shape or type, or computed from a variable.
+    fn embed(&self, images: &Tensor) -> Result<Tensor>;
+}
 
 /// A network with its weights, ready to embed images.
 ///
@@ -52,18 +84,8 @@ pub struct Encoder {
     weights: Weights,
     device: Device,
     hash: blake3::Hash,
-    engine: Engine,
-}
-
-/// What carries out the network.
-#[derive(Debug, Clone)]
-enum Engine {
-    /// Candle's own operators, on any device.
-    Plain,
-    /// The kernels of this crate, on the CPU.
-    SeResNext(Arc<Pooled<se_resnext::fused::Fused>>),
-    /// The kernels of this crate, on the CPU.
-    SqueezeNet(Arc<Pooled<squeezenet::fused::Fused>>),
+    /// The kernels of this crate on the CPU; candle's own operators where there are none.
+    kernels: Option<Arc<dyn Kernels>>,
 }
 
 impl Encoder {
@@ -97,8 +119,8 @@ impl Encoder {
         Ok(Self {
             kind,
             precision,
-            engine: Engine::new(kind, &weights, device, precision)?,
-            hash: content_hash(kind.name(), &weights, precision)?,
+            kernels: kernels(kind, &weights, device, precision)?,
+            hash: content_hash(kind.name(), &weights, device, precision)?,
             weights: weights.to_device(device)?,
             device: device.clone(),
         })
@@ -119,8 +141,8 @@ impl Encoder {
         }
         Ok(Self {
             precision,
-            engine: Engine::new(self.kind, &self.weights, &self.device, precision)?,
-            hash: content_hash(self.kind.name(), &self.weights, precision)?,
+            kernels: kernels(self.kind, &self.weights, &self.device, precision)?,
+            hash: content_hash(self.kind.name(), &self.weights, &self.device, precision)?,
             ..self
         })
     }
@@ -150,8 +172,12 @@ impl Encoder {
         &self.device
     }
 
-    /// A hash of the network's name, its precision and every weight, for cache keys: two encoders
-    /// with one hash give the same embeddings.
+    /// A hash of the network's name, its precision, every weight and the way sums are rounded on this
+    /// processor, for cache keys: two encoders with one hash give the same embeddings.
+    ///
+    /// bf16 by the processor's own instructions and without them are two ways, as are f32 with fused
+    /// multiply-add and without. That the gates' `exp`, which is the platform's, may differ in its last
+    /// bit is not in it.
     pub fn content_hash(&self) -> [u8; 32] {
         *self.hash.as_bytes()
     }
@@ -164,8 +190,8 @@ impl Encoder {
     ///
     /// # Errors
     ///
-    /// When the tensor is of another shape or type, or smaller than
-    /// [`EncoderKind::min_size`].
+    /// When the tensor is of another shape or type, smaller than [`EncoderKind::min_size`], or
+    /// computed from a variable: there is no gradient for images.
     pub fn embed(&self, images: &Tensor) -> Result<Tensor> {
         check(self.kind, images)?;
         self.run(images, &Normalisation::IMAGENET)
@@ -195,13 +221,13 @@ impl Encoder {
                 format_args!("images of three values a pixel, sides of at least {min}"),
             ));
         }
-        if let Engine::Plain = self.engine {
+        let Some(kernels) = &self.kernels else {
             let shape = (images.len(), height, width, 3);
             let images = Tensor::from_vec(images.concat(), shape, &self.device)?;
             let embeddings = self.embed(&images.permute((0, 3, 1, 2))?)?;
             return Ok(embeddings.flatten_all()?.to_vec1()?);
-        }
-        Ok(self.engine.embed(Images {
+        };
+        Ok(kernels.embed(Images {
             pixels: images,
             order: Order::Pixels,
             size: [1, height, width],
@@ -219,25 +245,26 @@ impl Encoder {
         self.run(images, &Normalisation::NONE)
     }
 
-    /// Embeds images as [`Encoder::embed`] does, by candle's own operators: what the kernels are
-    /// measured against, and what runs on devices other than the CPU.
+    /// Embeds images as [`Encoder::embed`] does, by candle's own operators: what benchmarks hold the
+    /// kernels against. No part of the public interface.
     ///
     /// # Errors
     ///
     /// As [`Encoder::embed`].
+    #[doc(hidden)]
     pub fn embed_plain(&self, images: &Tensor) -> Result<Tensor> {
         check(self.kind, images)?;
         self.run_plain(images, &Normalisation::IMAGENET)
     }
 
     fn run(&self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
-        if let Engine::Plain = self.engine {
+        let Some(kernels) = &self.kernels else {
             return self.run_plain(images, normalisation);
-        }
+        };
         let (n, _, height, width) = images.dims4()?;
         let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
         let size = [1, height, width];
-        let embeddings = self.engine.embed(Images {
+        let embeddings = kernels.embed(Images {
             pixels: &each(&values, size),
             order: Order::Planes,
             size,
@@ -263,14 +290,26 @@ impl Encoder {
 fn check(kind: EncoderKind, images: &Tensor) -> Result<()> {
     let min = kind.min_size();
     let fits = matches!(*images.dims(), [n, 3, h, w] if n > 0 && h >= min && w >= min);
-    if fits && images.dtype() == DType::F32 {
-        return Ok(());
+    if !fits || images.dtype() != DType::F32 {
+        return Err(Error::input(
+            "images",
+            format_args!("{:?} of {:?}", images.dims(), images.dtype()),
+            format_args!("(n, 3, height, width) of F32, n > 0, sides of at least {min}"),
+        ));
     }
-    Err(Error::input(
-        "images",
-        format_args!("{:?} of {:?}", images.dims(), images.dtype()),
-        format_args!("(n, 3, height, width) of F32, n > 0, sides of at least {min}"),
-    ))
+    constant(images)
+}
+
+/// The kernels have no gradient for images; one that is asked for is not left out silently.
+fn constant(images: &Tensor) -> Result<()> {
+    if images.track_op() {
+        return Err(Error::input(
+            "images",
+            "a variable, or computed from one",
+            "constants: `Tensor::detach` gives them",
+        ));
+    }
+    Ok(())
 }
 
 fn normalise(images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
@@ -280,42 +319,67 @@ fn normalise(images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
     Ok(centred.broadcast_div(&row(&normalisation.std)?)?)
 }
 
-impl Engine {
-    /// Embeds by the kernels; nothing where there are none.
-    fn embed(&self, images: Images<'_>) -> Vec<f32> {
-        match self {
-            Self::Plain => Vec::new(),
-            Self::SeResNext(network) => network.embed(images),
-            Self::SqueezeNet(network) => network.embed(images),
-        }
+fn kernels(
+    kind: EncoderKind,
+    weights: &Weights,
+    device: &Device,
+    precision: Precision,
+) -> Result<Option<Arc<dyn Kernels>>> {
+    if !device.is_cpu() {
+        return Ok(None);
+    }
+    Ok(Some(match precision {
+        Precision::F32 => kernels_of::<f32>(kind, weights)?,
+        Precision::Bf16 => kernels_of::<Bf16Pair>(kind, weights)?,
+    }))
+}
+
+fn kernels_of<W: Word>(kind: EncoderKind, weights: &Weights) -> Result<Arc<dyn Kernels>> {
+    let level = Level::detect();
+    Ok(if let Some(config) = kind.se_resnext() {
+        let network = se_resnext::fused::Fused::<W>::new(&config, weights, level)?;
+        Arc::new(Pooled::new(network))
+    } else {
+        let network = squeezenet::fused::Fused::<W>::new(weights, level)?;
+        Arc::new(Pooled::new(network))
+    })
+}
+
+impl Embed for Encoder {
+    fn name(&self) -> &'static str {
+        self.kind.name()
     }
 
-    fn new(
-        kind: EncoderKind,
-        weights: &Weights,
-        device: &Device,
-        precision: Precision,
-    ) -> Result<Self> {
-        if !device.is_cpu() {
-            return Ok(Self::Plain);
-        }
-        let (level, format) = (Level::detect(), precision.format());
-        Ok(if let Some(config) = kind.se_resnext() {
-            let network = se_resnext::fused::Fused::new(&config, weights, level, format)?;
-            Self::SeResNext(Arc::new(Pooled::new(network)))
-        } else {
-            let network = squeezenet::fused::Fused::new(weights, level, format)?;
-            Self::SqueezeNet(Arc::new(Pooled::new(network)))
-        })
+    fn width(&self) -> usize {
+        self.width()
+    }
+
+    fn content_hash(&self) -> [u8; 32] {
+        self.content_hash()
+    }
+
+    fn embed(&self, images: &Tensor) -> Result<Tensor> {
+        self.embed(images)
     }
 }
 
-fn content_hash(network: &str, weights: &Weights, precision: Precision) -> Result<blake3::Hash> {
+fn content_hash(
+    network: &str,
+    weights: &Weights,
+    device: &Device,
+    precision: Precision,
+) -> Result<blake3::Hash> {
     let mut hasher = blake3::Hasher::new_derive_key("sps-models encoder");
     hasher.update(network.as_bytes());
     if precision != Precision::F32 {
         hasher.update(precision.name().as_bytes());
     }
+    let rounding = if device.is_cpu() {
+        Level::detect().rounding(precision == Precision::Bf16)
+    } else {
+        Some("candle's operators")
+    };
+    hasher.update(rounding.unwrap_or_default().as_bytes());
     for (name, tensor) in weights.iter() {
         hasher.update(&(name.len() as u64).to_le_bytes());
         hasher.update(name.as_bytes());

@@ -1,21 +1,23 @@
 //! Encoders whose weights are variables.
 
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, ThreadId};
 
 use candle_core::backprop::GradStore;
-use candle_core::{CpuStorage, CustomOp1, DType, Device, Layout, Shape, Tensor, Var};
+use candle_core::{DType, Device, Tensor, Var};
 
 use super::batch::{Images, each};
 use super::images::{Normalisation, Order};
 use super::plain::{BatchStatistics, Plain};
+use super::se_resnext::SeResNextConfig;
 use super::se_resnext::train::{Context, Gradients, Tape};
-use super::{Encoder, EncoderKind, SeResNextConfig, check, normalise, se_resnext, squeezenet};
+use super::{Encoder, EncoderKind, check, normalise, se_resnext, squeezenet};
 use crate::error::{Error, Result};
 use crate::ops::bands::inside_pool;
 use crate::ops::buffer::Recycler;
+use crate::ops::differentiable;
 use crate::ops::simd::Level;
-use crate::ops::with_values;
 use crate::weights::Weights;
 
 /// How much a batch's statistics count in the running ones, as PyTorch's default.
@@ -24,7 +26,8 @@ const MOMENTUM: f64 = 0.1;
 /// A network whose weights can be trained.
 ///
 /// On the CPU, a squeeze-and-excitation ResNeXt runs on this crate's kernels with a backward pass
-/// of its own, which [`TrainableEncoder::backward`] joins to candle's.
+/// of its own, which [`TrainableEncoder::backward`] joins to candle's; `Tensor::backward` alone, which
+/// would leave the weights out, fails.
 ///
 /// ```
 /// use candle_core::{DType, Device, Tensor};
@@ -53,7 +56,38 @@ pub struct TrainableEncoder {
     /// What candle's backward pass ends in, in front of the kernels' own.
     anchor: Var,
     recycler: Arc<Recycler>,
-    gradients: Arc<Mutex<Gradients>>,
+    received: Arc<Received>,
+}
+
+/// The weights' gradients of backward passes that are under way, each on a thread of its own.
+#[derive(Debug, Default)]
+struct Received(Mutex<HashMap<ThreadId, Gradients>>);
+
+impl Received {
+    fn passes(&self) -> MutexGuard<'_, HashMap<ThreadId, Gradients>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Runs candle's backward pass; returns what it says, and what the kernels handed over in it.
+    fn listen(&self, loss: &Tensor) -> candle_core::Result<(GradStore, Gradients)> {
+        let thread = thread::current().id();
+        self.passes().insert(thread, Gradients::default());
+        let store = loss.backward();
+        let gradients = self.passes().remove(&thread).unwrap_or_default();
+        Ok((store?, gradients))
+    }
+
+    /// Hands gradients over to the pass on this thread.
+    fn add(&self, gradients: Gradients) -> candle_core::Result<()> {
+        match self.passes().get_mut(&thread::current().id()) {
+            Some(sum) => sum.add(gradients),
+            None => candle_core::bail!(
+                "an encoder's weights have gradients by `TrainableEncoder::backward` of that encoder \
+                 alone, not by `Tensor::backward`"
+            ),
+        }
+        Ok(())
+    }
 }
 
 impl TrainableEncoder {
@@ -84,12 +118,13 @@ impl TrainableEncoder {
             anchor: Var::zeros(1, DType::F32, &device)?,
             device,
             recycler: Arc::default(),
-            gradients: Arc::default(),
+            received: Arc::default(),
         })
     }
 
-    /// Trains by candle's own operators even where the kernels could: what they are measured
-    /// against.
+    /// Trains by candle's own operators even where the kernels could: what tests and benchmarks hold
+    /// them against. No part of the public interface.
+    #[doc(hidden)]
     #[must_use]
     pub fn with_plain_operators(mut self) -> Self {
         self.plain = true;
@@ -142,8 +177,8 @@ impl TrainableEncoder {
     ///
     /// # Errors
     ///
-    /// When the tensor is of another shape or type, or a batch norm sees a single number in each
-    /// channel.
+    /// When the tensor is of another shape or type or computed from a variable (there is no gradient
+    /// for images), or a batch norm sees a single number in each channel.
     pub fn forward(&mut self, images: &Tensor) -> Result<Tensor> {
         self.run(images, &Normalisation::IMAGENET)
     }
@@ -160,15 +195,14 @@ impl TrainableEncoder {
     /// The gradients of a loss that was computed from this encoder's embeddings: candle's for
     /// everything else, and those of this encoder's variables.
     ///
-    /// Use it in place of `loss.backward()`, which does not know of them.
+    /// Use it in place of `loss.backward()`, which fails. Embeddings of several passes may be in the
+    /// loss, all by one encoder.
     ///
     /// # Errors
     ///
-    /// When candle's backward pass fails.
+    /// When candle's backward pass fails, or another encoder's embeddings are in the loss.
     pub fn backward(&self, loss: &Tensor) -> Result<GradStore> {
-        std::mem::take(&mut *self.noted());
-        let mut store = loss.backward()?;
-        let Gradients(gradients) = std::mem::take(&mut *self.noted());
+        let (mut store, Gradients(gradients)) = self.received.listen(loss)?;
         for (name, values) in gradients {
             if let Some(variable) = self.variables.get(&name) {
                 let gradient = Tensor::from_vec(values, variable.dims(), &self.device)?;
@@ -176,12 +210,6 @@ impl TrainableEncoder {
             }
         }
         Ok(store)
-    }
-
-    fn noted(&self) -> std::sync::MutexGuard<'_, Gradients> {
-        self.gradients
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
     }
 
     fn run(&mut self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
@@ -226,33 +254,28 @@ impl TrainableEncoder {
             size,
             normalisation,
         };
-        let bridge = Bridge {
+        let context = Context {
             weights: self.weights.clone(),
             recycler: Arc::clone(&self.recycler),
-            gradients: Arc::clone(&self.gradients),
-            tape: None,
-            embeddings: Vec::new(),
-            frames: images.frames(),
+            level: Level::detect(),
         };
         let mut statistics = Vec::new();
-        let context = bridge.context();
         let (tape, embeddings) = inside_pool(|| {
-            let tape = Tape::record(
-                &config,
-                &context,
-                &images,
-                self.checkpointing,
-                &mut statistics,
-            )?;
+            let checkpointing = self.checkpointing;
+            let tape = Tape::record(&config, &context, &images, checkpointing, &mut statistics)?;
             let embeddings = tape.embeddings(&context);
             Ok::<_, Error>((tape, embeddings))
         })?;
-        let bridge = Bridge {
-            tape: Some(tape),
-            embeddings,
-            ..bridge
+        let received = Arc::clone(&self.received);
+        let backward = move |_: &[f32], gradient: &[f32]| {
+            let gradients = inside_pool(|| tape.backward(&context, gradient));
+            received.add(gradients.map_err(candle_core::Error::wrap)?)?;
+            Ok([const { None }; 3])
         };
-        Ok((self.anchor.apply_op1(bridge)?, statistics))
+        let shape = (images.frames(), config.width());
+        let anchor = self.anchor.as_tensor();
+        let embeddings = differentiable([anchor; 3], embeddings, shape, backward)?;
+        Ok((embeddings, statistics))
     }
 
     /// Moves a batch norm's running statistics towards a batch's.
@@ -271,59 +294,5 @@ impl TrainableEncoder {
             self.weights.replace(&name, new);
         }
         Ok(())
-    }
-}
-
-/// A forward pass of the kernels as candle sees it: an operator whose output is the embeddings.
-///
-/// Its backward pass leaves the parameters' gradients where the encoder finds them.
-struct Bridge {
-    weights: Weights,
-    recycler: Arc<Recycler>,
-    gradients: Arc<Mutex<Gradients>>,
-    tape: Option<Tape>,
-    embeddings: Vec<f32>,
-    frames: usize,
-}
-
-impl Bridge {
-    fn context(&self) -> Context<'_> {
-        Context {
-            weights: &self.weights,
-            recycler: &self.recycler,
-            level: Level::detect(),
-        }
-    }
-}
-
-impl CustomOp1 for Bridge {
-    fn name(&self) -> &'static str {
-        "encoder"
-    }
-
-    fn cpu_fwd(&self, _: &CpuStorage, _: &Layout) -> candle_core::Result<(CpuStorage, Shape)> {
-        let shape = Shape::from((self.frames, self.embeddings.len() / self.frames));
-        Ok((CpuStorage::F32(self.embeddings.clone()), shape))
-    }
-
-    fn bwd(
-        &self,
-        _: &Tensor,
-        _: &Tensor,
-        cotangent: &Tensor,
-    ) -> candle_core::Result<Option<Tensor>> {
-        let Some(tape) = &self.tape else {
-            return Ok(None);
-        };
-        let gradients = with_values(cotangent, |cotangent| {
-            let gradients = inside_pool(|| tape.backward(&self.context(), cotangent));
-            gradients.map_err(candle_core::Error::wrap)
-        })?;
-        let mut all = self
-            .gradients
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        all.add(gradients);
-        Ok(None)
     }
 }

@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::grid::{Grid, pixels};
+use super::words::Word;
 
 /// Whether a kernel may use more than the calling thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,7 +18,7 @@ pub(crate) enum Threads {
 
 /// Rows of a feature map, and the part of its memory that holds them.
 #[derive(Debug)]
-pub(crate) struct Band<'a> {
+pub(crate) struct Band<'a, W = f32> {
     /// The frames that the rows belong to.
     pub(crate) frames: Range<usize>,
     /// The pixels' numbers, counted over all frames.
@@ -25,7 +26,7 @@ pub(crate) struct Band<'a> {
     /// The index in the whole memory at which `target` begins.
     pub(crate) origin: usize,
     /// The memory.
-    pub(crate) target: &'a mut [f32],
+    pub(crate) target: &'a mut [W],
 }
 
 /// Runs `work` on a thread of the pool that the caller is in: from outside, each parallel step in it
@@ -36,11 +37,11 @@ pub(crate) fn inside_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 
 /// Calls `work` on bands that cover the grid: one band of all frames for [`Threads::One`], and
 /// several of each frame for [`Threads::All`].
-pub(crate) fn for_each_band(
+pub(crate) fn for_each_band<W: Word>(
     threads: Threads,
     grid: &Grid,
-    target: &mut [f32],
-    work: impl Fn(Band<'_>) + Send + Sync,
+    target: &mut [W],
+    work: impl Fn(Band<'_, W>) + Send + Sync,
 ) {
     let frame_pixels = pixels(grid.size);
     match threads {
@@ -50,12 +51,12 @@ pub(crate) fn for_each_band(
             origin: 0,
             target,
         }),
-        Threads::All => cut(grid, target).into_par_iter().for_each(work),
+        Threads::All => bands(grid, target).into_par_iter().for_each(work),
     }
 }
 
 /// Bands of whole rows; none reaches over two frames.
-fn cut<'a>(grid: &Grid, target: &'a mut [f32]) -> Vec<Band<'a>> {
+fn bands<'a, W>(grid: &Grid, target: &'a mut [W]) -> Vec<Band<'a, W>> {
     let [time, height, width] = grid.size;
     let rows = time * height;
     let per_frame = (2 * rayon::current_num_threads())

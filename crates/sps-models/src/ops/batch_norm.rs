@@ -9,8 +9,8 @@ use rayon::prelude::*;
 
 use super::bands::{Threads, for_each_band};
 use super::grid::{Grid, rows};
-use super::moments::{Moments, run_rows};
 use super::simd::{Kernel, Lanes, Level};
+use super::statistics::{ChannelStatistics, run_rows};
 
 /// What batch norm does to each channel of one batch.
 #[derive(Debug, Clone)]
@@ -24,7 +24,7 @@ pub(crate) struct Norm {
 }
 
 impl Norm {
-    pub(crate) fn new(moments: &Moments, gamma: &[f32], beta: &[f32], eps: f64) -> Self {
+    pub(crate) fn new(moments: &ChannelStatistics, gamma: &[f32], beta: &[f32], eps: f64) -> Self {
         let inverse: Vec<f32> = moments
             .variance
             .iter()
@@ -267,7 +267,7 @@ struct Apply<'a> {
     norm: &'a Norm,
     pitch: usize,
     x: &'a [f32],
-    places: &'a [u32],
+    places: &'a [usize],
     origin: usize,
     target: &'a mut [f32],
     floor: f32,
@@ -280,7 +280,7 @@ impl Kernel for Apply<'_> {
     fn run<S: Lanes>(self, _: S) {
         let (n, mean, factor, beta) = self.norm.channels();
         for (x, &place) in rows(self.x, self.pitch, n).zip(self.places) {
-            let y = &mut self.target[place as usize - self.origin..][..n];
+            let y = &mut self.target[place - self.origin..][..n];
             for c in 0..n {
                 let value = (x[c] - mean[c]) * factor[c] + beta[c];
                 y[c] = if value < self.floor {
@@ -331,7 +331,7 @@ struct Backward<'a> {
     slopes: &'a Slopes,
     x: &'a [f32],
     gradient: &'a [f32],
-    places: &'a [u32],
+    places: &'a [usize],
     origin: usize,
     target: &'a mut [f32],
     relu: bool,
@@ -348,7 +348,7 @@ impl Kernel for Backward<'_> {
         let floor = if self.relu { 0.0 } else { f32::NEG_INFINITY };
         let pixels = rows(self.x, self.pitch, n).zip(rows(self.gradient, self.pitch, n));
         for ((x, gradient), &place) in pixels.zip(self.places) {
-            let out = &mut self.target[place as usize - self.origin..][..n];
+            let out = &mut self.target[place - self.origin..][..n];
             for c in 0..n {
                 let deviation = x[c] - mean[c];
                 let passes = deviation * factor[c] + beta[c] > floor;

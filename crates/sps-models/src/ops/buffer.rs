@@ -1,9 +1,12 @@
 //! Memory for kernels.
 
+use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bytemuck::{Pod, Zeroable};
+
+use super::words::Word;
 
 /// One cache line: what a vector load must not straddle.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -12,19 +15,21 @@ struct Line([f32; LINE]);
 
 const LINE: usize = 16;
 
-/// Numbers that begin at a cache line.
+/// Words that begin at a cache line.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Buffer {
+pub(crate) struct Buffer<W = f32> {
     lines: Vec<Line>,
     len: usize,
+    words: PhantomData<W>,
 }
 
-impl Buffer {
+impl<W: Word> Buffer<W> {
     /// `len` zeros.
     pub(crate) fn zeros(len: usize) -> Self {
         Self {
             lines: vec![Line([0.0; LINE]); len.div_ceil(LINE)],
             len,
+            words: PhantomData,
         }
     }
 
@@ -43,16 +48,16 @@ impl Buffer {
     }
 }
 
-impl Deref for Buffer {
-    type Target = [f32];
+impl<W: Word> Deref for Buffer<W> {
+    type Target = [W];
 
-    fn deref(&self) -> &[f32] {
+    fn deref(&self) -> &[W] {
         &bytemuck::cast_slice(&self.lines)[..self.len]
     }
 }
 
-impl DerefMut for Buffer {
-    fn deref_mut(&mut self) -> &mut [f32] {
+impl<W: Word> DerefMut for Buffer<W> {
+    fn deref_mut(&mut self) -> &mut [W] {
         &mut bytemuck::cast_slice_mut(&mut self.lines)[..self.len]
     }
 }

@@ -1,12 +1,12 @@
 //! Convolution of feature maps, channels last.
 
 use super::bands::{Threads, for_each_band};
-use super::format::{Format, pair};
 use super::grid::{Grid, Size, Window, pixels};
 use super::grouped::{GroupWeights, GroupedProduct};
 use super::panels::Panels;
 use super::product::{Epilogue, Product};
 use super::simd::Level;
+use super::words::Word;
 
 /// The shape of a convolution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,71 +38,50 @@ impl ConvShape {
 
 /// A convolution with its weights laid out for the kernels.
 #[derive(Debug, Clone)]
-pub(crate) struct Conv {
+pub(crate) struct Conv<W = f32> {
     shape: ConvShape,
-    format: Format,
-    weights: Weights,
+    packed: Packed<W>,
 }
 
+/// A convolution's weights.
 #[derive(Debug, Clone)]
-enum Weights {
+enum Packed<W> {
     /// Each group as a matrix. Where there is one group, a run of the source spans a row of the
     /// window, else a pixel.
-    Matrices(Vec<Panels>),
+    Matrices(Vec<Panels<W>>),
     /// Groups narrower than a vector.
-    Narrow(GroupWeights),
+    Narrow(GroupWeights<W>),
 }
 
-impl Conv {
-    /// Packs weights `(outputs, inputs / groups, time, height, width)`, for feature maps of f32.
+impl<W: Word> Conv<W> {
+    /// Packs weights `(outputs, inputs / groups, time, height, width)`, for feature maps of such
+    /// words. A group's inputs and outputs fill whole words.
     pub(crate) fn pack(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
-        Self::pack_as(level, Format::F32, shape, weights)
-    }
-
-    /// Packs weights `(outputs, inputs / groups, time, height, width)`, for feature maps of a
-    /// format.
-    ///
-    /// With [`Format::Bf16`] a group has an even number of inputs and of outputs.
-    pub(crate) fn pack_as(level: Level, format: Format, shape: ConvShape, weights: &[f32]) -> Self {
         let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
-        debug_assert!(inputs.is_multiple_of(format.numbers()), "{shape:?}");
-        debug_assert!(outputs.is_multiple_of(format.numbers()), "{shape:?}");
+        debug_assert!(inputs.is_multiple_of(W::NUMBERS), "{shape:?}");
+        debug_assert!(outputs.is_multiple_of(W::NUMBERS), "{shape:?}");
         let taps = pixels(shape.window.size);
         let at =
             |out: usize, tap: usize, input: usize| weights[(out * inputs + input) * taps + tap];
-        let narrow =
-            inputs == outputs && GroupWeights::serves(level, format, shape.outputs, outputs);
-        let weights = if narrow {
-            let packed = GroupWeights::pack(level, format, shape.outputs, outputs, taps, at);
-            Weights::Narrow(packed)
+        let narrow = GroupWeights::<W>::serves(level, shape.outputs, outputs);
+        let packed = if inputs == outputs && narrow {
+            Packed::Narrow(GroupWeights::pack(level, shape.outputs, outputs, taps, at))
         } else {
             let group = |group: usize| {
-                if taps == 1 && format == Format::F32 {
-                    let matrix = &weights[group * outputs * inputs..][..outputs * inputs];
+                let matrix = &weights[group * outputs * inputs * taps..];
+                if let (1, Some(matrix)) = (taps, W::from_numbers(matrix)) {
                     return Panels::pack_transposed(level, inputs, outputs, matrix);
                 }
                 let number = |row: usize, column: usize| {
                     at(group * outputs + column, row / inputs, row % inputs)
                 };
-                let word = |row: usize, column: usize| match format {
-                    Format::F32 => number(row, column),
-                    Format::Bf16 => pair(number(2 * row, column), number(2 * row + 1, column)),
-                };
-                let rows = format.words(taps * inputs);
-                Panels::pack(level, rows, outputs, word).in_format(format)
+                Panels::pack(level, W::words(taps * inputs), outputs, |row, column| {
+                    W::of(|i| number(W::NUMBERS * row + i, column))
+                })
             };
-            Weights::Matrices((0..shape.groups).map(group).collect())
+            Packed::Matrices((0..shape.groups).map(group).collect())
         };
-        Self {
-            shape,
-            format,
-            weights,
-        }
-    }
-
-    /// The format of the feature maps that go in and come out.
-    pub(crate) fn format(&self) -> Format {
-        self.format
+        Self { shape, packed }
     }
 
     /// The convolution's shape.
@@ -116,11 +95,10 @@ impl Conv {
     pub(crate) fn apply(
         &self,
         threads: Threads,
-        (source, from): (&[f32], &Grid),
-        (target, to): (&mut [f32], &Grid),
+        (source, from): (&[W], &Grid),
+        (target, to): (&mut [W], &Grid),
         epilogue: Epilogue<'_>,
     ) {
-        debug_assert_eq!((from.format, to.format), (self.format, self.format));
         debug_assert_eq!(
             self.shape.window.output(from.size),
             Some(to.size),
@@ -132,8 +110,8 @@ impl Conv {
         for_each_band(threads, to, target, |band| {
             let starts = &starts[band.pixels.clone()];
             let places = &places[band.pixels];
-            match &self.weights {
-                Weights::Narrow(weights) => GroupedProduct {
+            match &self.packed {
+                Packed::Narrow(weights) => GroupedProduct {
                     source,
                     starts,
                     taps: &taps,
@@ -141,11 +119,11 @@ impl Conv {
                     epilogue,
                 }
                 .write(band.target, places, band.origin),
-                Weights::Matrices(groups) => {
+                Packed::Matrices(groups) => {
                     for (group, panels) in groups.iter().enumerate() {
                         let column = group * self.shape.group_outputs();
                         let product = Product {
-                            source: &source[self.format.words(group * self.shape.group_inputs())..],
+                            source: &source[W::words(group * self.shape.group_inputs())..],
                             rows: starts,
                             frame_rows: places.len() / band.frames.len().max(1),
                             taps: &taps,
@@ -153,7 +131,7 @@ impl Conv {
                             panels,
                             epilogue: epilogue.from(band.frames.start, column),
                         };
-                        let target = &mut band.target[self.format.words(column)..];
+                        let target = &mut band.target[W::words(column)..];
                         product.write(target, places, band.origin);
                     }
                 }
@@ -162,7 +140,7 @@ impl Conv {
     }
 
     /// The beginnings of a window's runs, from its own beginning.
-    fn taps(&self, from: &Grid) -> Vec<u32> {
+    fn taps(&self, from: &Grid) -> Vec<usize> {
         let [time, height, width] = self.shape.window.size;
         if self.shape.groups == 1 {
             from.taps([time, height, 1])

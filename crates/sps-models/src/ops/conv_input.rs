@@ -6,7 +6,6 @@
 
 use super::bands::{Threads, for_each_band};
 use super::conv::ConvShape;
-use super::format::Format;
 use super::grid::{Grid, Size, pixels};
 use super::grouped::{GroupWeights, GroupedProduct};
 use super::panels::Panels;
@@ -26,11 +25,12 @@ struct Phase {
     first: Size,
     /// How far from a pixel's number within the phase the output's pixels lie that it feeds.
     offsets: Vec<[isize; 3]>,
-    weights: Weights,
+    packed: Packed,
 }
 
+/// The part of the weights that reaches a phase.
 #[derive(Debug, Clone)]
-enum Weights {
+enum Packed {
     /// No pixel of the phase is under the window anywhere.
     None,
     /// `(offsets * group outputs, group inputs)` for each group.
@@ -87,7 +87,7 @@ impl ConvTranspose {
         for_each_band(Threads::All, to, target, |band| {
             for (phase, table) in self.phases.iter().zip(&tables) {
                 let end = band.origin + band.target.len();
-                let within = |limit: usize| table.places.partition_point(|&p| (p as usize) < limit);
+                let within = |limit: usize| table.places.partition_point(|&place| place < limit);
                 let range = within(band.origin)..within(end);
                 let rows = Rows {
                     source: gradient,
@@ -109,13 +109,13 @@ impl ConvTranspose {
             places,
             origin,
         } = *rows;
-        match &phase.weights {
-            Weights::None => {
+        match &phase.packed {
+            Packed::None => {
                 for &place in places.iter().filter(|_| !accumulate) {
-                    target[place as usize - origin..][..self.shape.inputs].fill(0.0);
+                    target[place - origin..][..self.shape.inputs].fill(0.0);
                 }
             }
-            Weights::Narrow(weights) => GroupedProduct {
+            Packed::Narrow(weights) => GroupedProduct {
                 source,
                 starts,
                 taps,
@@ -126,7 +126,7 @@ impl ConvTranspose {
                 },
             }
             .write(target, places, origin),
-            Weights::Matrices(groups) => {
+            Packed::Matrices(groups) => {
                 for (group, panels) in groups.iter().enumerate() {
                     let product = Product {
                         source: &source[group * self.shape.group_outputs()..],
@@ -151,17 +151,17 @@ impl ConvTranspose {
 /// The rows of a product, and where they go.
 struct Rows<'a> {
     source: &'a [f32],
-    starts: &'a [u32],
-    taps: &'a [u32],
-    places: &'a [u32],
+    starts: &'a [usize],
+    taps: &'a [usize],
+    places: &'a [usize],
     origin: usize,
 }
 
 /// Where a phase reads and writes.
 struct Table {
-    starts: Vec<u32>,
-    taps: Vec<u32>,
-    places: Vec<u32>,
+    starts: Vec<usize>,
+    taps: Vec<usize>,
+    places: Vec<usize>,
 }
 
 impl Phase {
@@ -185,7 +185,7 @@ impl Phase {
             .unzip();
         Self {
             first,
-            weights: Weights::pack(level, shape, &taps, weights),
+            packed: Packed::pack(level, shape, &taps, weights),
             offsets,
         }
     }
@@ -208,7 +208,7 @@ impl Phase {
             let place = std::array::from_fn(|axis| {
                 (from.before[axis] as isize + offset[axis]).max(0) as usize
             });
-            from.index(0, place) as u32
+            from.index(0, place)
         };
         Table {
             starts,
@@ -218,7 +218,7 @@ impl Phase {
     }
 }
 
-impl Weights {
+impl Packed {
     /// Those of the given taps.
     fn pack(level: Level, shape: &ConvShape, taps: &[usize], weights: &[f32]) -> Self {
         let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
@@ -229,19 +229,13 @@ impl Weights {
         if taps.is_empty() {
             return Self::None;
         }
-        if inputs == outputs && GroupWeights::serves(level, Format::F32, shape.inputs, inputs) {
+        if inputs == outputs && GroupWeights::<f32>::serves(level, shape.inputs, inputs) {
             let element = |channel: usize, tap: usize, output: usize| {
                 let (group, input) = (channel / inputs, channel % inputs);
                 at(group * outputs + output, input, tap)
             };
-            return Self::Narrow(GroupWeights::pack(
-                level,
-                Format::F32,
-                shape.inputs,
-                inputs,
-                taps.len(),
-                element,
-            ));
+            let (channels, taps) = (shape.inputs, taps.len());
+            return Self::Narrow(GroupWeights::pack(level, channels, inputs, taps, element));
         }
         let group = |group: usize| {
             if all == 1 {

@@ -47,9 +47,9 @@ pub(crate) fn weight_gradient(
 /// Pixels of the output with the places of the input where their windows begin.
 struct Pairs<'a> {
     source: &'a [f32],
-    starts: &'a [u32],
+    starts: &'a [usize],
     gradient: &'a [f32],
-    places: &'a [u32],
+    places: &'a [usize],
 }
 
 /// Pixels of which both feature maps stay in the cache.
@@ -81,7 +81,7 @@ fn dense(
     level: Level,
     shape: &ConvShape,
     pairs: &Pairs<'_>,
-    taps: &[u32],
+    taps: &[usize],
     run: usize,
     target: &mut [f32],
 ) {
@@ -113,11 +113,11 @@ fn parts(rows: usize, columns: usize) -> Vec<Part> {
     let wanted = 2 * rayon::current_num_threads();
     let across = wanted.min(rows.div_ceil(56)).max(1);
     let along = wanted.div_ceil(across).min(columns.div_ceil(128)).max(1);
-    let cut = |len: usize, parts: usize, i: usize| len * i / parts..len * (i + 1) / parts;
+    let share = |len: usize, parts: usize, i: usize| len * i / parts..len * (i + 1) / parts;
     (0..across * along)
         .map(|i| Part {
-            rows: cut(rows, across, i / along),
-            columns: cut(columns, along, i % along),
+            rows: share(rows, across, i / along),
+            columns: share(columns, along, i % along),
         })
         .collect()
 }
@@ -125,18 +125,18 @@ fn parts(rows: usize, columns: usize) -> Vec<Part> {
 impl Part {
     /// The part, `(rows, columns)`: block by block, the gradient's columns stand as rows against
     /// the gathered input.
-    fn compute(&self, level: Level, pairs: &Pairs<'_>, taps: &[u32], run: usize) -> Vec<f32> {
+    fn compute(&self, level: Level, pairs: &Pairs<'_>, taps: &[usize], run: usize) -> Vec<f32> {
         let (height, width) = (self.rows.len(), self.columns.len());
         let mut sums = vec![0.0; height * width];
         let mut left = Buffer::zeros(height * BLOCK);
         let mut right = Panels::empty(level);
-        let places: Vec<u32> = (0..height).map(|row| (row * width) as u32).collect();
-        let rows: Vec<u32> = (0..height).map(|row| (row * BLOCK) as u32).collect();
+        let places: Vec<usize> = (0..height).map(|row| row * width).collect();
+        let rows: Vec<usize> = (0..height).map(|row| row * BLOCK).collect();
         let blocks = pairs.starts.chunks(BLOCK).zip(pairs.places.chunks(BLOCK));
         for (starts, pixels) in blocks {
             transpose(pairs.gradient, pixels, self.rows.start, height, &mut left);
             right.gather(starts.len(), width, |row, column, out| {
-                let start = starts[row] as usize;
+                let start = starts[row];
                 gather(
                     &pairs.source[start..],
                     taps,
@@ -164,12 +164,12 @@ impl Part {
 }
 
 /// Lays `height` channels from `channel` on out as rows of [`BLOCK`] pixels.
-fn transpose(source: &[f32], pixels: &[u32], channel: usize, height: usize, target: &mut [f32]) {
+fn transpose(source: &[f32], pixels: &[usize], channel: usize, height: usize, target: &mut [f32]) {
     const TILE: usize = 16;
     for from in (0..height).step_by(TILE) {
         let to = (from + TILE).min(height);
         for (i, &pixel) in pixels.iter().enumerate() {
-            let start = pixel as usize + channel;
+            let start = pixel + channel;
             for (row, value) in (from..to).zip(&source[start + from..start + to]) {
                 target[row * BLOCK + i] = *value;
             }
@@ -178,14 +178,14 @@ fn transpose(source: &[f32], pixels: &[u32], channel: usize, height: usize, targ
 }
 
 /// Copies a window's elements from number `from` on, its runs one after the other.
-fn gather(window: &[f32], taps: &[u32], run: usize, from: usize, out: &mut [f32]) {
+fn gather(window: &[f32], taps: &[usize], run: usize, from: usize, out: &mut [f32]) {
     let mut at = from;
     let mut rest = out;
     while !rest.is_empty() {
         let (tap, offset) = (at / run, at % run);
         let len = (run - offset).min(rest.len());
         let (now, later) = rest.split_at_mut(len);
-        let start = taps[tap] as usize + offset;
+        let start = taps[tap] + offset;
         now.copy_from_slice(&window[start..start + len]);
         rest = later;
         at += len;
@@ -193,7 +193,7 @@ fn gather(window: &[f32], taps: &[u32], run: usize, from: usize, out: &mut [f32]
 }
 
 /// A small matrix for each group and tap.
-fn grouped(level: Level, shape: &ConvShape, pairs: &Pairs<'_>, taps: &[u32], target: &mut [f32]) {
+fn grouped(level: Level, shape: &ConvShape, pairs: &Pairs<'_>, taps: &[usize], target: &mut [f32]) {
     let outer = GroupedOuter::new(level, shape.outputs, shape.group_inputs(), taps);
     if let Some(outer) = outer.filter(|_| shape.group_inputs() == shape.group_outputs()) {
         outer.write(
@@ -217,7 +217,7 @@ fn grouped(level: Level, shape: &ConvShape, pairs: &Pairs<'_>, taps: &[u32], tar
                 let blocks = pairs.starts.chunks(BLOCK).zip(pairs.places.chunks(BLOCK));
                 for (starts, places) in blocks {
                     let outer = Outer {
-                        left: &pairs.source[offset as usize + group * inputs..],
+                        left: &pairs.source[offset + group * inputs..],
                         left_rows: starts,
                         right: &pairs.gradient[group * outputs..],
                         right_rows: places,

@@ -1,6 +1,6 @@
 //! Where the pixels of a feature map lie in memory, channels last, with room for padding.
 
-use super::format::Format;
+use super::words::Word;
 
 /// Time, height, width. A still image has one time step.
 pub(crate) type Size = [usize; 3];
@@ -10,18 +10,21 @@ pub(crate) fn pixels(size: Size) -> usize {
     size.iter().product()
 }
 
+/// The largest extent and stride of a window.
+const LARGEST: usize = 1024;
+
 /// A window that slides over a feature map, for a convolution or for pooling.
 ///
 /// Each axis is time, height or width; a still image has one time step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
-    /// Pixels under the window.
+    /// Pixels under the window, 1 to 1024 along each axis.
     pub size: [usize; 3],
-    /// Pixels from one place of the window to the next; none is 0.
+    /// Pixels from one place of the window to the next, 1 to 1024.
     pub stride: [usize; 3],
-    /// Padding at the lower end of each axis.
+    /// Padding at the lower end of each axis, less than the window's size.
     pub before: [usize; 3],
-    /// Padding at the upper end of each axis.
+    /// Padding at the upper end of each axis, less than the window's size.
     pub after: [usize; 3],
 }
 
@@ -42,8 +45,10 @@ impl Window {
     pub fn same(size: [usize; 3], stride: [usize; 3], input: [usize; 3]) -> Self {
         let (mut before, mut after) = ([0; 3], [0; 3]);
         for axis in 0..3 {
-            let reach = (input[axis].div_ceil(stride[axis]).max(1) - 1) * stride[axis] + size[axis];
-            let padding = reach.saturating_sub(input[axis]);
+            // Of a stride of 0, which operators refuse, as of 1.
+            let stride = stride[axis].max(1);
+            let last = (input[axis].div_ceil(stride).max(1) - 1) * stride;
+            let padding = last.saturating_add(size[axis]).saturating_sub(input[axis]);
             before[axis] = padding / 2;
             after[axis] = padding - padding / 2;
         }
@@ -53,6 +58,17 @@ impl Window {
             before,
             after,
         }
+    }
+
+    /// Itself, where its extents are as its fields say.
+    pub(crate) fn checked(self) -> Option<Self> {
+        let sound = |axis: usize| {
+            let (size, extents) = (self.size[axis], 1..=LARGEST);
+            extents.contains(&size)
+                && extents.contains(&self.stride[axis])
+                && self.before[axis].max(self.after[axis]) < size
+        };
+        (0..3).all(sound).then_some(self)
     }
 
     /// How often the window fits if its last place may hang over the upper end; 1 where it does
@@ -112,8 +128,8 @@ pub(crate) struct Grid {
     pub(crate) frames: usize,
     pub(crate) size: Size,
     pub(crate) channels: usize,
-    /// How a pixel's channels lie in the words of memory.
-    pub(crate) format: Format,
+    /// Words of memory that a pixel's channels take.
+    pub(crate) words: usize,
     /// Words from one pixel to the next.
     pub(crate) pitch: usize,
     /// The border, zero where it serves as padding.
@@ -128,23 +144,18 @@ impl Grid {
             frames,
             size,
             channels,
-            format: Format::F32,
+            words: channels,
             pitch: channels,
             before: [0; 3],
             after: [0; 3],
         }
     }
 
-    /// In another format.
-    pub(crate) const fn in_format(mut self, format: Format) -> Self {
-        self.format = format;
-        self.pitch = format.words(self.channels);
+    /// In memory of such words.
+    pub(crate) fn of<W: Word>(mut self) -> Self {
+        self.words = W::words(self.channels);
+        self.pitch = self.words;
         self
-    }
-
-    /// Words of memory that a pixel's channels take.
-    pub(crate) const fn words(&self) -> usize {
-        self.format.words(self.channels)
     }
 
     /// With pixels moved a cache line further from each other where they would lie at multiples
@@ -187,12 +198,12 @@ impl Grid {
     }
 
     /// The index of each pixel's first channel, frame by frame, row by row.
-    pub(crate) fn places(&self) -> Vec<u32> {
+    pub(crate) fn places(&self) -> Vec<usize> {
         self.steps(self.before, self.size, [1; 3])
     }
 
     /// Where a window begins at each of its places.
-    pub(crate) fn starts(&self, window: &Window, output: Size) -> Vec<u32> {
+    pub(crate) fn starts(&self, window: &Window, output: Size) -> Vec<usize> {
         let mut from = [0; 3];
         for (axis, from) in from.iter_mut().enumerate() {
             *from = self.before[axis] - window.before[axis];
@@ -201,7 +212,7 @@ impl Grid {
     }
 
     /// The index of `count` places from `from` in steps of `stride`, in every frame.
-    pub(crate) fn steps(&self, from: Size, count: Size, stride: Size) -> Vec<u32> {
+    pub(crate) fn steps(&self, from: Size, count: Size, stride: Size) -> Vec<usize> {
         let mut steps = Vec::with_capacity(self.frames * pixels(count));
         for frame in 0..self.frames {
             for t in 0..count[0] {
@@ -209,7 +220,7 @@ impl Grid {
                     let row = [from[0] + t * stride[0], from[1] + y * stride[1], from[2]];
                     let start = self.index(frame, row);
                     let step = stride[2] * self.pitch;
-                    steps.extend((0..count[2]).map(|x| (start + x * step) as u32));
+                    steps.extend((0..count[2]).map(|x| start + x * step));
                 }
             }
         }
@@ -217,7 +228,7 @@ impl Grid {
     }
 
     /// Sets the border to zero.
-    pub(crate) fn clear_border(&self, memory: &mut [f32]) {
+    pub(crate) fn clear_border<W: Word>(&self, memory: &mut [W]) {
         let [time, height, width] = [0, 1, 2].map(|axis| self.extent(axis));
         let inside = |axis: usize, at: usize| {
             (self.before[axis]..self.before[axis] + self.size[axis]).contains(&at)
@@ -229,16 +240,16 @@ impl Grid {
         for (row, memory) in memory.chunks_exact_mut(row_len).enumerate() {
             if inside(0, row / height % time) && inside(1, row % height) {
                 let (left, rest) = memory.split_at_mut(self.before[2] * self.pitch);
-                left.fill(0.0);
-                rest[self.size[2] * self.pitch..].fill(0.0);
+                left.fill(W::zeroed());
+                rest[self.size[2] * self.pitch..].fill(W::zeroed());
             } else {
-                memory.fill(0.0);
+                memory.fill(W::zeroed());
             }
         }
     }
 
     /// How far from a window's beginning its pixels lie, in steps of one pixel.
-    pub(crate) fn taps(&self, size: Size) -> Vec<u32> {
+    pub(crate) fn taps(&self, size: Size) -> Vec<usize> {
         let one = Self { frames: 1, ..*self };
         one.steps([0; 3], size, [1; 3])
     }

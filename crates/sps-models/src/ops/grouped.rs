@@ -7,27 +7,26 @@
 use rayon::prelude::*;
 
 use super::buffer::Buffer;
-use super::format::{Format, WordKernel, Words, pair};
 use super::product::Epilogue;
 use super::simd::{Kernel, Lanes, Level};
+use super::words::{Arithmetic, Word, WordKernel, lanes_of};
 
 /// The weights of a grouped convolution, `group` channels in and out of each group.
 #[derive(Debug, Clone)]
-pub(crate) struct GroupWeights {
+pub(crate) struct GroupWeights<W = f32> {
     level: Level,
-    format: Format,
     group: usize,
     taps: usize,
     /// `(channels / (vectors * lanes), taps, words of a group, vectors, lanes)`, with as many
     /// vectors as a word has numbers
-    data: Buffer,
+    data: Buffer<W>,
 }
 
-impl GroupWeights {
+impl<W: Word> GroupWeights<W> {
     /// Whether groups of this width are narrow enough for the kernel.
-    pub(crate) fn serves(level: Level, format: Format, channels: usize, group: usize) -> bool {
+    pub(crate) fn serves(level: Level, channels: usize, group: usize) -> bool {
         let lanes = level.lanes();
-        channels.is_multiple_of(format.numbers() * lanes)
+        channels.is_multiple_of(W::NUMBERS * lanes)
             && ((group == 4 && lanes >= 4) || (group == 8 && lanes == 16))
     }
 
@@ -35,31 +34,23 @@ impl GroupWeights {
     /// is `element(out, tap, input)`.
     pub(crate) fn pack(
         level: Level,
-        format: Format,
         channels: usize,
         group: usize,
         taps: usize,
         element: impl Fn(usize, usize, usize) -> f32,
     ) -> Self {
-        let (lanes, vectors) = (level.lanes(), format.numbers());
-        let mut data = Buffer::zeros(channels * taps * format.words(group));
+        let (lanes, vectors, words) = (level.lanes(), W::NUMBERS, W::words(group));
+        let mut data = Buffer::zeros(channels * taps * words);
         for (i, out) in data.iter_mut().enumerate() {
             let (i, lane) = (i / lanes, i % lanes);
             let (i, vector) = (i / vectors, i % vectors);
-            let (i, word) = (i / format.words(group), i % format.words(group));
+            let (i, word) = (i / words, i % words);
             let (block, tap) = (i / taps, i % taps);
             let channel = (block * vectors + vector) * lanes + lane;
-            *out = match format {
-                Format::F32 => element(channel, tap, word),
-                Format::Bf16 => pair(
-                    element(channel, tap, 2 * word),
-                    element(channel, tap, 2 * word + 1),
-                ),
-            };
+            *out = W::of(|number| element(channel, tap, W::NUMBERS * word + number));
         }
         Self {
             level,
-            format,
             group,
             taps,
             data,
@@ -69,93 +60,90 @@ impl GroupWeights {
 
 /// A grouped convolution over a source that has its padding around it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct GroupedProduct<'a> {
-    pub(crate) source: &'a [f32],
+pub(crate) struct GroupedProduct<'a, W = f32> {
+    pub(crate) source: &'a [W],
     /// Where the window begins for each pixel.
-    pub(crate) starts: &'a [u32],
+    pub(crate) starts: &'a [usize],
     /// How far from there its pixels lie.
-    pub(crate) taps: &'a [u32],
-    pub(crate) weights: &'a GroupWeights,
+    pub(crate) taps: &'a [usize],
+    pub(crate) weights: &'a GroupWeights<W>,
     /// What happens to the sums; factors are not applied, and shifts are those of frame 0.
     pub(crate) epilogue: Epilogue<'a>,
 }
 
-impl GroupedProduct<'_> {
+impl<W: Word> GroupedProduct<'_, W> {
     /// Writes pixel `i` at `places[i] - origin` of the target.
-    pub(crate) fn write(&self, target: &mut [f32], places: &[u32], origin: usize) {
+    pub(crate) fn write(&self, target: &mut [W], places: &[usize], origin: usize) {
         debug_assert_eq!(self.taps.len(), self.weights.taps);
-        let GroupWeights { level, format, .. } = *self.weights;
-        level.run_on(
-            format,
-            Write {
-                product: self,
-                target,
-                places,
-                origin,
-            },
-        );
+        let write = Write {
+            product: self,
+            target,
+            places,
+            origin,
+        };
+        W::run(self.weights.level, write);
     }
 }
 
-struct Write<'a, 'b> {
-    product: &'a GroupedProduct<'b>,
-    target: &'a mut [f32],
-    places: &'a [u32],
+struct Write<'a, 'b, W> {
+    product: &'a GroupedProduct<'b, W>,
+    target: &'a mut [W],
+    places: &'a [usize],
     origin: usize,
 }
 
-impl WordKernel for Write<'_, '_> {
+impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes, W: Words<S>>(mut self, lanes: S, words: W) {
-        match (W::FORMAT, self.product.weights.group) {
-            (Format::F32, 4) => self.tiles::<S, W, 4, 1, 12>(lanes, words),
-            (Format::F32, _) => self.tiles::<S, W, 8, 1, 12>(lanes, words),
-            (Format::Bf16, 4) => self.tiles::<S, W, 4, 2, 6>(lanes, words),
-            (Format::Bf16, _) => self.tiles::<S, W, 8, 2, 6>(lanes, words),
+    fn run<S: Lanes, A: Arithmetic<S, Word = W>>(mut self, lanes: S, arithmetic: A) {
+        match (W::NUMBERS, self.product.weights.group) {
+            (1, 4) => self.tiles::<S, A, 4, 1, 12>(lanes, arithmetic),
+            (1, _) => self.tiles::<S, A, 8, 1, 12>(lanes, arithmetic),
+            (_, 4) => self.tiles::<S, A, 4, 2, 6>(lanes, arithmetic),
+            _ => self.tiles::<S, A, 8, 2, 6>(lanes, arithmetic),
         }
     }
 }
 
-impl Write<'_, '_> {
+impl<W: Word> Write<'_, '_, W> {
     /// All pixels, `TALLEST` at once where there are registers for it.
     #[inline(always)]
-    fn tiles<S, W, const G: usize, const NV: usize, const TALLEST: usize>(
+    fn tiles<S, A, const G: usize, const NV: usize, const TALLEST: usize>(
         &mut self,
         lanes: S,
-        words: W,
+        arithmetic: A,
     ) where
         S: Lanes,
-        W: Words<S>,
+        A: Arithmetic<S, Word = W>,
     {
         let count = self.places.len();
         let mut first = 0;
         if S::REGISTER_COUNT >= 32 {
             while first + TALLEST <= count {
-                self.tile::<S, W, G, NV, TALLEST>(lanes, words, first);
+                self.tile::<S, A, G, NV, TALLEST>(lanes, arithmetic, first);
                 first += TALLEST;
             }
         }
         while first + 4 <= count {
-            self.tile::<S, W, G, NV, 4>(lanes, words, first);
+            self.tile::<S, A, G, NV, 4>(lanes, arithmetic, first);
             first += 4;
         }
         for first in first..count {
-            self.tile::<S, W, G, NV, 1>(lanes, words, first);
+            self.tile::<S, A, G, NV, 1>(lanes, arithmetic, first);
         }
     }
 
     /// `H` pixels, all channels; a vector of words makes `NV` of channels.
     #[inline(always)]
-    fn tile<S, W, const G: usize, const NV: usize, const H: usize>(
+    fn tile<S, A, const G: usize, const NV: usize, const H: usize>(
         &mut self,
         lanes: S,
-        words: W,
+        arithmetic: A,
         first: usize,
     ) where
         S: Lanes,
-        W: Words<S>,
+        A: Arithmetic<S, Word = W>,
     {
         let GroupedProduct {
             source,
@@ -165,24 +153,23 @@ impl Write<'_, '_> {
             epilogue,
         } = *self.product;
         let floor = lanes.splat_f32s(epilogue.floor());
-        let starts: [usize; H] = std::array::from_fn(|i| starts[first + i] as usize);
-        let places: [usize; H] =
-            std::array::from_fn(|i| self.places[first + i] as usize - self.origin);
-        let (all, _) = S::as_simd_f32s(&weights.data);
+        let starts: [usize; H] = std::array::from_fn(|i| starts[first + i]);
+        let places: [usize; H] = std::array::from_fn(|i| self.places[first + i] - self.origin);
+        let (all, _) = S::as_simd_f32s(lanes_of(&weights.data));
         let (all, _) = all.as_chunks::<G>();
         for (block, weights) in all.chunks_exact(taps.len()).enumerate() {
             let word = block * S::F32_LANES;
             let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
             for (&tap, weights) in taps.iter().zip(weights) {
                 let x: [S::f32s; H] = std::array::from_fn(|i| {
-                    let from = starts[i] + tap as usize + word;
+                    let from = starts[i] + tap + word;
                     vector(lanes, &source[from..from + S::F32_LANES])
                 });
                 for (g, &weight) in weights.iter().enumerate() {
                     let (index, v) = (g / NV, g % NV);
                     for i in 0..H {
-                        let x = words.spread::<G>(lanes, x[i], v, index);
-                        sums[i][v] = words.multiply_add(lanes, x, weight, sums[i][v]);
+                        let x = arithmetic.spread::<G>(lanes, x[i], v, index);
+                        sums[i][v] = arithmetic.multiply_add(lanes, x, weight, sums[i][v]);
                     }
                 }
             }
@@ -194,7 +181,7 @@ impl Write<'_, '_> {
                 let from = places[i] + word;
                 let out = &mut self.target[from..from + S::F32_LANES];
                 let stored: [S::f32s; NV] = if epilogue.accumulate {
-                    words.load(lanes, out)
+                    arithmetic.load(lanes, out)
                 } else {
                     [lanes.splat_f32s(0.0); NV]
                 };
@@ -202,15 +189,15 @@ impl Write<'_, '_> {
                     let sum = lanes.add_f32s(sums[i][v], shifts[v]);
                     lanes.at_least(floor, lanes.add_f32s(sum, stored[v]))
                 });
-                words.store::<NV>(lanes, sums, out);
+                arithmetic.store::<NV>(lanes, sums, out);
             }
         }
     }
 }
 
 #[inline(always)]
-fn vector<S: Lanes>(_lanes: S, from: &[f32]) -> S::f32s {
-    S::as_simd_f32s(from).0[0]
+fn vector<S: Lanes, W: Word>(_lanes: S, from: &[W]) -> S::f32s {
+    S::as_simd_f32s(lanes_of(from)).0[0]
 }
 
 /// The gradient of a grouped convolution's weights.
@@ -219,7 +206,7 @@ pub(crate) struct GroupedOuter<'a> {
     level: Level,
     channels: usize,
     group: usize,
-    taps: &'a [u32],
+    taps: &'a [usize],
 }
 
 /// Taps whose sums are held in registers together.
@@ -234,9 +221,9 @@ impl<'a> GroupedOuter<'a> {
         level: Level,
         channels: usize,
         group: usize,
-        taps: &'a [u32],
+        taps: &'a [usize],
     ) -> Option<Self> {
-        GroupWeights::serves(level, Format::F32, channels, group).then_some(Self {
+        GroupWeights::<f32>::serves(level, channels, group).then_some(Self {
             level,
             channels,
             group,
@@ -249,9 +236,9 @@ impl<'a> GroupedOuter<'a> {
     pub(crate) fn write(
         &self,
         source: &[f32],
-        starts: &[u32],
+        starts: &[usize],
         gradient: &[f32],
-        places: &[u32],
+        places: &[usize],
         target: &mut [f32],
     ) {
         let lanes = self.level.lanes();
@@ -276,9 +263,9 @@ impl<'a> GroupedOuter<'a> {
 struct WriteOuter<'a, 'b> {
     outer: &'a GroupedOuter<'b>,
     source: &'a [f32],
-    starts: &'a [u32],
+    starts: &'a [usize],
     gradient: &'a [f32],
-    places: &'a [u32],
+    places: &'a [usize],
     target: &'a mut [f32],
 }
 
@@ -318,16 +305,15 @@ impl WriteOuter<'_, '_> {
         &mut self,
         lanes: S,
         first: usize,
-        taps: [u32; T],
+        taps: [usize; T],
     ) {
         let pixels = self.starts.chunks(PIXELS).zip(self.places.chunks(PIXELS));
         for (starts, places) in pixels {
             let mut sums = [[lanes.splat_f32s(0.0); G]; T];
             for (&start, &place) in starts.iter().zip(places) {
-                let place = place as usize;
                 let y = vector(lanes, &self.gradient[place..place + S::F32_LANES]);
                 for t in 0..T {
-                    let from = (start + taps[t]) as usize;
+                    let from = start + taps[t];
                     let x = vector(lanes, &self.source[from..from + S::F32_LANES]);
                     for (g, sum) in sums[t].iter_mut().enumerate() {
                         *sum = lanes.fma(lanes.spread::<G>(x, g), y, *sum);

@@ -3,6 +3,22 @@
 //! A feature map is `(frames, [time,] height, width, channels)`, f32. The operators here are
 //! operators of candle with gradients; below them lie kernels that run on the widest vectors the
 //! machine has.
+//!
+//! ```
+//! use candle_core::{DType, Device, Tensor, Var};
+//! use sps_models::ops::{Window, conv, max_pool};
+//!
+//! // Two images of 32 x 24 pixels with 3 channels each, and 8 windows of 3 x 3.
+//! let images = Tensor::rand(0.0_f32, 1.0, (2, 32, 24, 3), &Device::Cpu)?;
+//! let weight = Var::rand(-0.1_f32, 0.1, (8, 3, 3, 3), &Device::Cpu)?;
+//! let features = conv(&images, &weight, Window::square(3, 1, 1), 1)?;
+//! let pooled = max_pool(&features, Window::square(2, 2, 0), false)?;
+//! assert_eq!(pooled.dims(), [2, 16, 12, 8]);
+//!
+//! let gradients = pooled.sum_all()?.backward()?;
+//! assert_eq!(gradients.get(&weight).map(Tensor::dtype), Some(DType::F32));
+//! # Ok::<(), sps_models::Error>(())
+//! ```
 
 // A kernel is compiled with its level's instructions only if all of it is inlined; see `simd`.
 #![allow(clippy::inline_always)]
@@ -16,23 +32,23 @@ pub(crate) mod buffer;
 pub(crate) mod conv;
 pub(crate) mod conv_input;
 pub(crate) mod conv_weight;
-mod custom;
-pub(crate) mod format;
 pub(crate) mod grid;
 mod grouped;
 pub(crate) mod mean;
-pub(crate) mod moments;
 mod native;
+mod operators;
 pub(crate) mod outer;
 pub(crate) mod panels;
 pub(crate) mod pool;
 pub(crate) mod product;
 pub(crate) mod residual;
 pub(crate) mod simd;
+pub(crate) mod statistics;
+pub(crate) mod words;
 
 #[cfg(test)]
 mod tests;
 
-pub(crate) use custom::with_values;
-pub use custom::{BatchNorm, batch_norm, conv, conv_bias, gated_residual, max_pool};
 pub use grid::Window;
+pub use operators::{conv, conv_bias, max_pool};
+pub(crate) use operators::{differentiable, with_values};

@@ -4,13 +4,15 @@
 
 #![allow(unsafe_code)]
 
+use super::words::Word;
+
 /// Words of a cache line.
 const LINE: usize = 16;
 
 /// Has memory brought near, as far as the processor cares to: into the first-level cache if `now`,
 /// else into the second.
 #[inline(always)]
-pub(super) fn prefetch(memory: &[f32], now: bool) {
+pub(super) fn prefetch<W: Word>(memory: &[W], now: bool) {
     #[cfg(target_arch = "x86_64")]
     for line in memory.chunks(LINE) {
         use std::arch::x86_64::{_MM_HINT_T0, _MM_HINT_T1, _mm_prefetch};
@@ -41,8 +43,8 @@ pub(super) mod bf16 {
     use pulp::x86::V4;
     use pulp::{Simd, f32x16};
 
-    use crate::ops::format::{Format, WordKernel, Words};
     use crate::ops::simd::Lanes;
+    use crate::ops::words::{Arithmetic, Bf16Pair, WordKernel};
 
     /// A processor with AVX-512 and AVX512-BF16.
     #[derive(Debug, Clone, Copy)]
@@ -57,7 +59,7 @@ pub(super) mod bf16 {
 
         /// Runs a kernel compiled with the instructions.
         #[inline]
-        pub(crate) fn run<K: WordKernel>(self, kernel: K) -> K::Output {
+        pub(crate) fn run<K: WordKernel<Bf16Pair>>(self, kernel: K) -> K::Output {
             // SAFETY: `self` says that the processor has AVX512-BF16, and `V4` the rest.
             unsafe { with_instructions(self, kernel) }
         }
@@ -66,7 +68,7 @@ pub(super) mod bf16 {
     #[target_feature(
         enable = "avx512bf16,avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt"
     )]
-    fn with_instructions<K: WordKernel>(native: Native, kernel: K) -> K::Output {
+    fn with_instructions<K: WordKernel<Bf16Pair>>(native: Native, kernel: K) -> K::Output {
         kernel.run(native.0, native)
     }
 
@@ -84,8 +86,8 @@ pub(super) mod bf16 {
         unsafe { std::mem::transmute::<f32x16, __m512bh>(x) }
     }
 
-    impl Words<V4> for Native {
-        const FORMAT: Format = Format::Bf16;
+    impl Arithmetic<V4> for Native {
+        type Word = Bf16Pair;
 
         #[inline(always)]
         fn multiply_add(self, _: V4, x: f32x16, y: f32x16, sum: f32x16) -> f32x16 {
@@ -103,14 +105,14 @@ pub(super) mod bf16 {
         }
 
         #[inline(always)]
-        fn load<const NV: usize>(self, lanes: V4, from: &[f32]) -> [f32x16; NV] {
+        fn load<const NV: usize>(self, lanes: V4, from: &[Bf16Pair]) -> [f32x16; NV] {
             let (from, _) = from.as_chunks::<8>();
             let mut all = [lanes.splat_f32s(0.0); NV];
             // No closure: one that is not inlined is compiled without the instructions.
             for (numbers, words) in all.iter_mut().zip(from) {
                 // SAFETY: `V4` stands for AVX-512F, and the types are the same bits.
                 unsafe {
-                    let words = std::mem::transmute::<[f32; 8], __m256i>(*words);
+                    let words = std::mem::transmute::<[Bf16Pair; 8], __m256i>(*words);
                     let wide = _mm512_slli_epi32::<16>(_mm512_cvtepu16_epi32(words));
                     *numbers = std::mem::transmute::<__m512i, f32x16>(wide);
                 }
@@ -119,7 +121,7 @@ pub(super) mod bf16 {
         }
 
         #[inline(always)]
-        fn store<const NV: usize>(self, lanes: V4, values: [f32x16; NV], to: &mut [f32]) {
+        fn store<const NV: usize>(self, lanes: V4, values: [f32x16; NV], to: &mut [Bf16Pair]) {
             for (values, to) in values.chunks(2).zip(to.chunks_mut(16)) {
                 let first = values[0];
                 let second = values.get(1).copied().unwrap_or(first);
@@ -129,7 +131,7 @@ pub(super) mod bf16 {
                     let words = _mm512_cvtne2ps_pbh(vector(second), vector(first));
                     std::mem::transmute::<__m512bh, f32x16>(words)
                 };
-                lanes.partial_store_f32s(to, words);
+                lanes.partial_store_f32s(bytemuck::cast_slice_mut(to), words);
             }
         }
     }

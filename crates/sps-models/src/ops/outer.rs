@@ -8,10 +8,10 @@ use super::unroll::{tallest, tiles};
 pub(crate) struct Outer<'a> {
     pub(crate) left: &'a [f32],
     /// Where each row of the left begins.
-    pub(crate) left_rows: &'a [u32],
+    pub(crate) left_rows: &'a [usize],
     pub(crate) right: &'a [f32],
     /// Where each row of the right begins.
-    pub(crate) right_rows: &'a [u32],
+    pub(crate) right_rows: &'a [usize],
     /// Elements of a row of the left: rows of the sum.
     pub(crate) height: usize,
     /// Elements of a row of the right: columns of the sum.
@@ -78,9 +78,9 @@ impl Add<'_, '_> {
         } = *self.outer;
         let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
         for (&l, &r) in left_rows.iter().zip(right_rows) {
-            let l = l as usize + row;
+            let l = l + row;
             let x = &left[l..l + H];
-            let r = r as usize + column;
+            let r = r + column;
             let y = vectors::<S, NV, WHOLE>(lanes, &right[r..r + columns]);
             for i in 0..H {
                 let x = lanes.splat_f32s(x[i]);

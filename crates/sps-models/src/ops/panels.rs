@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::buffer::Buffer;
-use super::format::Format;
 use super::simd::Level;
+use super::words::Word;
 
 /// Vectors of a panel's row.
 pub(super) const PANEL_VECTORS: usize = 2;
@@ -18,17 +18,16 @@ const BLOCK: usize = 64;
 /// A panel is [`PANEL_VECTORS`] vectors wide; the last one is a single vector wide where that is
 /// enough. Columns beyond `n` are zero.
 #[derive(Debug, Clone)]
-pub(crate) struct Panels {
+pub(crate) struct Panels<W = f32> {
     level: Level,
-    format: Format,
     k: usize,
     n: usize,
-    data: Buffer,
+    data: Buffer<W>,
 }
 
 /// One panel.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Panel<'a> {
+pub(super) struct Panel<'a, W> {
     /// Its first column.
     pub(super) column: usize,
     /// Columns that are the matrix's own.
@@ -36,16 +35,16 @@ pub(super) struct Panel<'a> {
     /// Vectors of a row.
     pub(super) vectors: usize,
     /// `(k, vectors * lanes)`.
-    pub(super) data: &'a [f32],
+    pub(super) data: &'a [W],
 }
 
-impl Panels {
+impl<W: Word> Panels<W> {
     /// Packs the matrix whose element `(row, column)` is `element(row, column)`.
     pub(crate) fn pack(
         level: Level,
         k: usize,
         n: usize,
-        element: impl Fn(usize, usize) -> f32,
+        element: impl Fn(usize, usize) -> W,
     ) -> Self {
         let mut panels = Self::empty(level);
         panels.gather(k, n, |row, column, out| {
@@ -57,7 +56,7 @@ impl Panels {
     }
 
     /// Packs the transpose of a row-major matrix `(n, k)`.
-    pub(crate) fn pack_transposed(level: Level, k: usize, n: usize, matrix: &[f32]) -> Self {
+    pub(crate) fn pack_transposed(level: Level, k: usize, n: usize, matrix: &[W]) -> Self {
         let mut panels = Self::resized(level, k, n);
         panels.for_each_panel(|column, columns, width, panel| {
             // Blocks of rows and columns whose cache lines are all at hand.
@@ -76,7 +75,7 @@ impl Panels {
     }
 
     /// Packs a row-major matrix `(k, n)`.
-    pub(crate) fn pack_rows(level: Level, k: usize, n: usize, matrix: &[f32]) -> Self {
+    pub(crate) fn pack_rows(level: Level, k: usize, n: usize, matrix: &[W]) -> Self {
         let mut panels = Self::resized(level, k, n);
         panels.for_each_panel(|column, columns, width, panel| {
             for (out, row) in panel.chunks_exact_mut(width).zip(matrix.chunks_exact(n)) {
@@ -90,7 +89,6 @@ impl Panels {
         let lanes = level.lanes();
         Self {
             level,
-            format: Format::F32,
             k,
             n,
             data: Buffer::zeros(k * n.div_ceil(lanes) * lanes),
@@ -98,11 +96,11 @@ impl Panels {
     }
 
     /// Calls `fill` on the panels, in parallel: first column, columns, width, memory.
-    fn for_each_panel(&mut self, fill: impl Fn(usize, usize, usize, &mut [f32]) + Send + Sync) {
+    fn for_each_panel(&mut self, fill: impl Fn(usize, usize, usize, &mut [W]) + Send + Sync) {
         let (k, n, lanes) = (self.k, self.n, self.level.lanes());
         let mut panels = Vec::new();
-        let mut rest: &mut [f32] = &mut self.data;
-        for (column, vectors) in cuts(n, lanes) {
+        let mut rest: &mut [W] = &mut self.data;
+        for (column, vectors) in columns(n, lanes) {
             let width = vectors * lanes;
             let (panel, tail) = rest.split_at_mut(k * width);
             panels.push((column, width, panel));
@@ -117,10 +115,9 @@ impl Panels {
     pub(crate) fn empty(level: Level) -> Self {
         Self {
             level,
-            format: Format::F32,
             k: 0,
             n: 0,
-            data: Buffer::default(),
+            data: Buffer::zeros(0),
         }
     }
 
@@ -130,31 +127,21 @@ impl Panels {
         &mut self,
         k: usize,
         n: usize,
-        mut fill: impl FnMut(usize, usize, &mut [f32]),
+        mut fill: impl FnMut(usize, usize, &mut [W]),
     ) {
         let lanes = self.level.lanes();
         (self.k, self.n) = (k, n);
         self.data.resize(k * n.div_ceil(lanes) * lanes);
-        for (column, vectors) in cuts(n, lanes) {
+        for (column, vectors) in columns(n, lanes) {
             let width = vectors * lanes;
             // Panels before this one are `column` wide together.
             let panel = &mut self.data[k * column..k * (column + width)];
             for (row, out) in panel.chunks_exact_mut(width).enumerate() {
                 let (own, beyond) = out.split_at_mut(width.min(n - column));
                 fill(row, column, own);
-                beyond.fill(0.0);
+                beyond.fill(W::zeroed());
             }
         }
-    }
-
-    /// The same words, said to be of another format.
-    pub(crate) fn in_format(self, format: Format) -> Self {
-        Self { format, ..self }
-    }
-
-    /// What the words hold.
-    pub(crate) fn format(&self) -> Format {
-        self.format
     }
 
     /// The level whose vectors the panels are cut for.
@@ -173,10 +160,10 @@ impl Panels {
     }
 
     /// The panels from left to right.
-    pub(super) fn iter(&self) -> impl Iterator<Item = Panel<'_>> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = Panel<'_, W>> {
         let lanes = self.level.lanes();
-        let mut rest: &[f32] = &self.data;
-        cuts(self.n, lanes).map(move |(column, vectors)| {
+        let mut rest: &[W] = &self.data;
+        columns(self.n, lanes).map(move |(column, vectors)| {
             let width = vectors * lanes;
             let (data, tail) = rest.split_at(self.k * width);
             rest = tail;
@@ -191,7 +178,7 @@ impl Panels {
 }
 
 /// First column and number of vectors of each panel.
-fn cuts(n: usize, lanes: usize) -> impl Iterator<Item = (usize, usize)> {
+fn columns(n: usize, lanes: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..n)
         .step_by(PANEL_VECTORS * lanes)
         .map(move |column| (column, (n - column).div_ceil(lanes).min(PANEL_VECTORS)))

@@ -1,24 +1,22 @@
 //! Max pooling of feature maps, channels last.
 
-use half::bf16;
 use rayon::prelude::*;
 
 use super::bands::{Threads, for_each_band};
-use super::format::Format;
 use super::grid::{Grid, Size, Window};
-use super::mean::widened;
 use super::simd::{Kernel, Lanes, Level};
+use super::words::Word;
 
 /// Writes to each pixel of `target` the largest values under the window.
 ///
 /// The window sees the border of `from`, which must reach as far as the window's padding at the
 /// lower ends; where it hangs over the border's upper end, it sees only what there is.
-pub(crate) fn max_pool(
+pub(crate) fn max_pool<W: Word>(
     threads: Threads,
     level: Level,
     window: &Window,
-    (source, from): (&[f32], &Grid),
-    (target, to): (&mut [f32], &Grid),
+    (source, from): (&[W], &Grid),
+    (target, to): (&mut [W], &Grid),
 ) {
     let starts = from.starts(window, to.size);
     let places = to.places();
@@ -37,39 +35,39 @@ pub(crate) fn max_pool(
     });
 }
 
-struct Pool<'a> {
+struct Pool<'a, W> {
     window: &'a Window,
-    source: &'a [f32],
+    source: &'a [W],
     from: &'a Grid,
     to: &'a Grid,
-    starts: &'a [u32],
-    places: &'a [u32],
+    starts: &'a [usize],
+    places: &'a [usize],
     /// The number of the first pixel.
     first: usize,
-    target: &'a mut [f32],
+    target: &'a mut [W],
     origin: usize,
 }
 
-impl Kernel for Pool<'_> {
+impl<W: Word> Kernel for Pool<'_, W> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) {
-        let words = self.from.words();
+        let words = self.from.words;
         for (i, (&start, &place)) in self.starts.iter().zip(self.places).enumerate() {
-            let place = place as usize - self.origin;
+            let place = place - self.origin;
             let out = &mut self.target[place..place + words];
             let reach = reach(self.window, self.from, self.to, self.first + i);
             let mut first = true;
             for t in 0..reach[0] {
                 for y in 0..reach[1] {
                     for x in 0..reach[2] {
-                        let from = start as usize + self.from.index(0, [t, y, x]);
+                        let from = start + self.from.index(0, [t, y, x]);
                         let pixel = &self.source[from..from + words];
-                        match self.from.format {
-                            _ if first => out.copy_from_slice(pixel),
-                            Format::F32 => larger(out, pixel),
-                            Format::Bf16 => larger_pairs(out, pixel),
+                        if first {
+                            out.copy_from_slice(pixel);
+                        } else {
+                            W::keep_larger(out, pixel);
                         }
                         first = false;
                     }
@@ -92,29 +90,6 @@ pub(super) fn reach(window: &Window, from: &Grid, to: &Grid, pixel: usize) -> Si
         let start = from.before[axis] - window.before[axis] + place[axis] * window.stride[axis];
         window.size[axis].min(from.extent(axis).saturating_sub(start))
     })
-}
-
-/// The larger of each pair; NaN where either is.
-#[inline(always)]
-fn larger(out: &mut [f32], pixel: &[f32]) {
-    for (out, &x) in out.iter_mut().zip(pixel) {
-        if x > *out || x.is_nan() {
-            *out = x;
-        }
-    }
-}
-
-/// As [`larger`], of words of two numbers.
-#[inline(always)]
-fn larger_pairs(out: &mut [f32], pixel: &[f32]) {
-    let (out, pixel): (&mut [bf16], &[bf16]) =
-        (bytemuck::cast_slice_mut(out), bytemuck::cast_slice(pixel));
-    for (out, &x) in out.iter_mut().zip(pixel) {
-        let (number, largest) = (widened(x), widened(*out));
-        if number > largest || number.is_nan() {
-            *out = x;
-        }
-    }
 }
 
 /// Writes the gradient of max pooling's input: each window's gradient goes to the first of its
@@ -158,8 +133,8 @@ struct PoolBackward<'a> {
     pooled: &'a [f32],
     to: &'a Grid,
     gradient: &'a [f32],
-    starts: &'a [u32],
-    places: &'a [u32],
+    starts: &'a [usize],
+    places: &'a [usize],
     target: &'a mut [f32],
 }
 
@@ -172,14 +147,13 @@ impl Kernel for PoolBackward<'_> {
         let mut left = vec![0.0; channels];
         self.target.fill(0.0);
         for (pixel, (&start, &place)) in self.starts.iter().zip(self.places).enumerate() {
-            let place = place as usize;
             let largest = &self.pooled[place..place + channels];
             left.copy_from_slice(&self.gradient[place..place + channels]);
             let reach = reach(self.window, self.from, self.to, pixel);
             for t in 0..reach[0] {
                 for y in 0..reach[1] {
                     for x in 0..reach[2] {
-                        let from = start as usize + self.from.index(0, [t, y, x]);
+                        let from = start + self.from.index(0, [t, y, x]);
                         let values = &self.source[from..from + channels];
                         give(values, largest, &mut left, &mut self.target[from..]);
                     }

@@ -5,11 +5,11 @@
 //! source that has its zero padding around it this is every convolution there is; a 1x1
 //! convolution has one tap.
 
-use super::format::{Format, WordKernel, Words};
 use super::native::prefetch;
 use super::panels::{PANEL_VECTORS, Panel, Panels};
 use super::simd::{Lanes, load};
 use super::unroll::{tallest, tiles};
+use super::words::{Arithmetic, Word, WordKernel, lanes_of};
 
 /// What happens to a sum before it is stored: `max(sum * scale + shift + stored, floor)`, each
 /// part where it is wanted.
@@ -76,31 +76,31 @@ impl Epilogue<'_> {
     }
 }
 
-/// The product of gathered rows and a packed matrix, all of words of the matrix's format.
+/// The product of gathered rows and a packed matrix.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Product<'a> {
+pub(crate) struct Product<'a, W = f32> {
     /// What the rows are gathered from.
-    pub(crate) source: &'a [f32],
+    pub(crate) source: &'a [W],
     /// Where each row begins in the source.
-    pub(crate) rows: &'a [u32],
+    pub(crate) rows: &'a [usize],
     /// Rows of one frame.
     pub(crate) frame_rows: usize,
     /// How far from a row's beginning each of its runs begins.
-    pub(crate) taps: &'a [u32],
+    pub(crate) taps: &'a [usize],
     /// Words of a run: `k` of the panels over the number of taps.
     pub(crate) run: usize,
     /// The right operand.
-    pub(crate) panels: &'a Panels,
+    pub(crate) panels: &'a Panels<W>,
     /// What happens to the sums.
     pub(crate) epilogue: Epilogue<'a>,
 }
 
-impl Product<'_> {
+impl<W: Word> Product<'_, W> {
     /// Writes row `i`, `n` numbers, at `places[i] - origin` of the target.
     ///
     /// Each sum runs over the taps and their elements in order, block by block: its bits do not
     /// depend on which other rows are computed with it.
-    pub(crate) fn write(&self, target: &mut [f32], places: &[u32], origin: usize) {
+    pub(crate) fn write(&self, target: &mut [W], places: &[usize], origin: usize) {
         debug_assert_eq!(self.taps.len() * self.run, self.panels.k());
         debug_assert_eq!(self.rows.len(), places.len());
         let write = Write {
@@ -109,7 +109,7 @@ impl Product<'_> {
             places,
             origin,
         };
-        self.panels.level().run_on(self.panels.format(), write);
+        W::run(self.panels.level(), write);
     }
 
     /// Has rows that are soon read brought near.
@@ -118,37 +118,34 @@ impl Product<'_> {
         // Of windows that overlap, the last run alone is new.
         let tap = self.taps.last().copied().unwrap_or_default();
         for &row in self.rows.iter().skip(first).take(count) {
-            let from = (row + tap) as usize;
+            let from = row + tap;
             prefetch(&self.source[from..from + self.run], false);
         }
     }
 }
 
-struct Write<'a, 'b> {
-    product: &'a Product<'b>,
-    target: &'a mut [f32],
-    places: &'a [u32],
+struct Write<'a, 'b, W> {
+    product: &'a Product<'b, W>,
+    target: &'a mut [W],
+    places: &'a [usize],
     origin: usize,
 }
 
 /// Words that are summed before their sum joins a longer one: rounding then grows with this
 /// and with the number of blocks, not with a row's length. None where all are summed together:
 /// beside the rounding of numbers to bf16, that of their sums in f32 is nothing.
-const fn block(format: Format) -> Option<usize> {
-    match format {
-        Format::F32 => Some(96),
-        Format::Bf16 => None,
-    }
+const fn block<W: Word>() -> Option<usize> {
+    if W::NUMBERS == 1 { Some(96) } else { None }
 }
 
 /// What a core's second-level cache holds beside what streams through it, in words.
 const CACHE: usize = 160 << 10;
 
-impl WordKernel for Write<'_, '_> {
+impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes, W: Words<S>>(self, lanes: S, words: W) {
+    fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) {
         let Self {
             product,
             target,
@@ -185,7 +182,7 @@ impl WordKernel for Write<'_, '_> {
                                 places: &places[first..first + height],
                                 origin,
                             };
-                            tile.write(lanes, words, target);
+                            tile.write(lanes, arithmetic, target);
                         }
                     }
                 }
@@ -195,71 +192,72 @@ impl WordKernel for Write<'_, '_> {
 }
 
 #[derive(Clone, Copy)]
-struct Tile<'a, 'b> {
-    product: &'a Product<'b>,
-    panel: Panel<'a>,
+struct Tile<'a, 'b, W> {
+    product: &'a Product<'b, W>,
+    panel: Panel<'a, W>,
     frame: usize,
     first: usize,
-    places: &'a [u32],
+    places: &'a [usize],
     origin: usize,
 }
 
-impl Tile<'_, '_> {
+impl<W: Word> Tile<'_, '_, W> {
     #[inline(always)]
-    fn write<S: Lanes, W: Words<S>>(self, lanes: S, words: W, target: &mut [f32]) {
+    fn write<S, A>(self, lanes: S, arithmetic: A, target: &mut [W])
+    where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
         if self.panel.vectors == PANEL_VECTORS {
-            self.write_vectors::<S, W, PANEL_VECTORS>(lanes, words, target);
+            self.write_vectors::<S, A, PANEL_VECTORS>(lanes, arithmetic, target);
         } else {
-            self.write_vectors::<S, W, 1>(lanes, words, target);
+            self.write_vectors::<S, A, 1>(lanes, arithmetic, target);
         }
     }
 
     #[inline(always)]
-    fn write_vectors<S, W, const NV: usize>(self, lanes: S, words: W, target: &mut [f32])
+    fn write_vectors<S, A, const NV: usize>(self, lanes: S, arithmetic: A, target: &mut [W])
     where
         S: Lanes,
-        W: Words<S>,
+        A: Arithmetic<S, Word = W>,
     {
         with_height!(self.places.len(), S, H => {
-            self.write_sized::<S, W, H, NV>(lanes, words, target);
+            self.write_sized::<S, A, H, NV>(lanes, arithmetic, target);
         });
     }
 
     #[inline(always)]
-    fn write_sized<S, W, const H: usize, const NV: usize>(
+    fn write_sized<S, A, const H: usize, const NV: usize>(
         self,
         lanes: S,
-        words: W,
-        target: &mut [f32],
+        arithmetic: A,
+        target: &mut [W],
     ) where
         S: Lanes,
-        W: Words<S>,
+        A: Arithmetic<S, Word = W>,
     {
         let columns = self.panel.columns;
-        let row = |i: usize| {
-            let from = self.places[i] as usize - self.origin;
-            from + W::FORMAT.words(self.panel.column)
-        };
+        let row = |i: usize| self.places[i] - self.origin + W::words(self.panel.column);
         for i in 0..H {
-            prefetch(&target[row(i)..][..W::FORMAT.words(columns)], true);
+            prefetch(&target[row(i)..][..W::words(columns)], true);
         }
-        let sums = self.sums::<S, W, H, NV>(lanes, words);
+        let sums = self.sums::<S, A, H, NV>(lanes, arithmetic);
         let finish = Finish::<S, NV>::new(lanes, self);
         if columns < NV * S::F32_LANES {
             // A copy, so that the sums below are never in memory.
             #[allow(clippy::redundant_locals)]
             let sums = sums;
             for (i, sums) in sums.iter().enumerate() {
-                let out = &mut target[row(i)..][..W::FORMAT.words(columns)];
-                let stored = words.load_part(lanes, out);
-                words.store_part(lanes, finish.apply(lanes, sums, stored), out);
+                let out = &mut target[row(i)..][..W::words(columns)];
+                let stored = arithmetic.load_part(lanes, out);
+                arithmetic.store_part(lanes, finish.apply(lanes, sums, stored), out);
             }
             return;
         }
         each_row!(H, i, {
-            let out = &mut target[row(i)..][..W::FORMAT.words(NV * S::F32_LANES)];
-            let stored = words.load(lanes, out);
-            words.store::<NV>(lanes, finish.apply(lanes, &sums[i], stored), out);
+            let out = &mut target[row(i)..][..W::words(NV * S::F32_LANES)];
+            let stored = arithmetic.load(lanes, out);
+            arithmetic.store::<NV>(lanes, finish.apply(lanes, &sums[i], stored), out);
         });
     }
 
@@ -284,10 +282,14 @@ impl Tile<'_, '_> {
 
     /// The tile of the product itself.
     #[inline(always)]
-    fn sums<S, W, const H: usize, const NV: usize>(self, lanes: S, words: W) -> [[S::f32s; NV]; H]
+    fn sums<S, A, const H: usize, const NV: usize>(
+        self,
+        lanes: S,
+        arithmetic: A,
+    ) -> [[S::f32s; NV]; H]
     where
         S: Lanes,
-        W: Words<S>,
+        A: Arithmetic<S, Word = W>,
     {
         let Product {
             source,
@@ -297,17 +299,17 @@ impl Tile<'_, '_> {
             ..
         } = *self.product;
         let rows = &rows[self.first..self.first + H];
-        let (panel, _) = S::as_simd_f32s(self.panel.data);
+        let (panel, _) = S::as_simd_f32s(lanes_of(self.panel.data));
         let (panel, _) = panel.as_chunks::<NV>();
         let mut total = [[lanes.splat_f32s(0.0); NV]; H];
         let mut sums = total;
-        let block = const { block(W::FORMAT) };
+        let block = const { block::<W>() };
         let length = block.unwrap_or(usize::MAX);
         let mut summed = 0;
         for (&tap, panel) in taps.iter().zip(panel.chunks_exact(run)) {
             let left: [&[f32]; H] = std::array::from_fn(|i| {
-                let start = (rows[i] + tap) as usize;
-                &source[start..start + run]
+                let start = rows[i] + tap;
+                lanes_of(&source[start..start + run])
             });
             for (part, panel) in panel.chunks(length).enumerate() {
                 let from = part * length;
@@ -317,7 +319,7 @@ impl Tile<'_, '_> {
                     for i in 0..H {
                         let x = lanes.splat_f32s(left[i][p]);
                         for v in 0..NV {
-                            sums[i][v] = words.multiply_add(lanes, x, right[v], sums[i][v]);
+                            sums[i][v] = arithmetic.multiply_add(lanes, x, right[v], sums[i][v]);
                         }
                     }
                 }
@@ -355,7 +357,7 @@ struct Finish<S: Lanes, const NV: usize> {
 
 impl<S: Lanes, const NV: usize> Finish<S, NV> {
     #[inline(always)]
-    fn new(lanes: S, tile: Tile<'_, '_>) -> Self {
+    fn new<W: Word>(lanes: S, tile: Tile<'_, '_, W>) -> Self {
         let epilogue = tile.product.epilogue;
         Self {
             scale: tile.columns(lanes, epilogue.scale, 1.0),

@@ -47,6 +47,28 @@ impl Level {
         Self::Portable
     }
 
+    /// The machine's own instructions for bf16, which round otherwise than those for f32.
+    #[cfg(target_arch = "x86_64")]
+    pub(crate) fn bf16(self) -> Option<super::native::bf16::Native> {
+        match self {
+            Self::Avx512(simd) => super::native::bf16::Native::detect(simd),
+            _ => None,
+        }
+    }
+
+    /// What the last bits of sums depend on beside the order of their terms, in words; nothing for
+    /// f32 by fused multiply-add.
+    pub(crate) fn rounding(self, bf16: bool) -> Option<&'static str> {
+        if matches!(self, Self::Portable) && !FUSED {
+            return Some("products rounded");
+        }
+        #[cfg(target_arch = "x86_64")]
+        if self.bf16().is_some() {
+            return None;
+        }
+        bf16.then_some("pairs widened")
+    }
+
     /// Numbers in one vector.
     pub(crate) const fn lanes(self) -> usize {
         match self {
@@ -230,10 +252,13 @@ impl Lanes for Neon {
     }
 }
 
+/// Whether a fused multiply-add is an instruction without any named.
+const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
+
 impl Lanes for Scalar128b {
     #[inline(always)]
     fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
-        if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
+        if FUSED {
             self.mul_add_e_f32s(a, b, c)
         } else {
             // Without the instruction a fused product is a call into software.

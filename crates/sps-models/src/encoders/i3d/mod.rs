@@ -8,9 +8,9 @@ use std::sync::Arc;
 
 use candle_core::{DType, Device, Tensor};
 
-use super::batch::{Images, Pooled, each};
+use super::batch::{Images, Kernels, Pooled, each};
 use super::images::{Normalisation, Order};
-use super::{Precision, content_hash, init};
+use super::{Embed, Precision, constant, content_hash, init};
 use crate::error::{Error, Result};
 use crate::ops::simd::Level;
 use crate::weights::{TensorSpec, Weights};
@@ -26,9 +26,9 @@ const NORMALISATION: Normalisation = Normalisation {
     std: [0.5; 3],
 };
 
-/// A step of the network: everything is padded so that its stride alone decides the extents.
+/// A layer, or layers side by side, as the authors number them: everything is padded so that its stride alone decides the extents.
 #[derive(Debug, Clone, Copy)]
-enum Step {
+enum Endpoint {
     /// Convolution, batch norm and rectifier: name, channels in and out, window, stride.
     Unit(&'static str, usize, usize, usize, usize),
     /// Max pooling: window and stride.
@@ -37,29 +37,29 @@ enum Step {
     Mixed(&'static str, usize, [usize; 6]),
 }
 
-const STEPS: [Step; 16] = [
-    Step::Unit("Conv3d_1a_7x7", 3, 64, 7, 2),
-    Step::Pool([1, 3, 3], [1, 2, 2]),
-    Step::Unit("Conv3d_2b_1x1", 64, 64, 1, 1),
-    Step::Unit("Conv3d_2c_3x3", 64, 192, 3, 1),
-    Step::Pool([1, 3, 3], [1, 2, 2]),
-    Step::Mixed("Mixed_3b", 192, [64, 96, 128, 16, 32, 32]),
-    Step::Mixed("Mixed_3c", 256, [128, 128, 192, 32, 96, 64]),
-    Step::Pool([3; 3], [2; 3]),
-    Step::Mixed("Mixed_4b", 480, [192, 96, 208, 16, 48, 64]),
-    Step::Mixed("Mixed_4c", 512, [160, 112, 224, 24, 64, 64]),
-    Step::Mixed("Mixed_4d", 512, [128, 128, 256, 24, 64, 64]),
-    Step::Mixed("Mixed_4e", 512, [112, 144, 288, 32, 64, 64]),
-    Step::Mixed("Mixed_4f", 528, [256, 160, 320, 32, 128, 128]),
-    Step::Pool([2; 3], [2; 3]),
-    Step::Mixed("Mixed_5b", 832, [256, 160, 320, 32, 128, 128]),
-    Step::Mixed("Mixed_5c", 832, [384, 192, 384, 48, 128, 128]),
+const ENDPOINTS: [Endpoint; 16] = [
+    Endpoint::Unit("Conv3d_1a_7x7", 3, 64, 7, 2),
+    Endpoint::Pool([1, 3, 3], [1, 2, 2]),
+    Endpoint::Unit("Conv3d_2b_1x1", 64, 64, 1, 1),
+    Endpoint::Unit("Conv3d_2c_3x3", 64, 192, 3, 1),
+    Endpoint::Pool([1, 3, 3], [1, 2, 2]),
+    Endpoint::Mixed("Mixed_3b", 192, [64, 96, 128, 16, 32, 32]),
+    Endpoint::Mixed("Mixed_3c", 256, [128, 128, 192, 32, 96, 64]),
+    Endpoint::Pool([3; 3], [2; 3]),
+    Endpoint::Mixed("Mixed_4b", 480, [192, 96, 208, 16, 48, 64]),
+    Endpoint::Mixed("Mixed_4c", 512, [160, 112, 224, 24, 64, 64]),
+    Endpoint::Mixed("Mixed_4d", 512, [128, 128, 256, 24, 64, 64]),
+    Endpoint::Mixed("Mixed_4e", 512, [112, 144, 288, 32, 64, 64]),
+    Endpoint::Mixed("Mixed_4f", 528, [256, 160, 320, 32, 128, 128]),
+    Endpoint::Pool([2; 3], [2; 3]),
+    Endpoint::Mixed("Mixed_5b", 832, [256, 160, 320, 32, 128, 128]),
+    Endpoint::Mixed("Mixed_5c", 832, [384, 192, 384, 48, 128, 128]),
 ];
 
-/// A unit within a mixed step: its name, and channels in and out, and its window.
+/// A unit within a mixed endpoint: its name, and channels in and out, and its window.
 type Branch = (&'static str, usize, usize, usize);
 
-/// The six units of a mixed step.
+/// The six units of a mixed endpoint.
 const fn branches(input: usize, outs: [usize; 6]) -> [Branch; 6] {
     [
         ("b0", input, outs[0], 1),
@@ -100,13 +100,13 @@ impl I3d {
     /// The tensors of the network, in the order of its layers.
     pub fn specs() -> Vec<TensorSpec> {
         let mut specs = Vec::new();
-        for step in STEPS {
-            match step {
-                Step::Unit(name, input, out, window, _) => {
+        for endpoint in ENDPOINTS {
+            match endpoint {
+                Endpoint::Unit(name, input, out, window, _) => {
                     unit_specs(&mut specs, name, input, out, window);
                 }
-                Step::Pool(..) => {}
-                Step::Mixed(name, input, outs) => {
+                Endpoint::Pool(..) => {}
+                Endpoint::Mixed(name, input, outs) => {
                     for (branch, input, out, window) in branches(input, outs) {
                         let name = format!("{name}.{branch}");
                         unit_specs(&mut specs, &name, input, out, window);
@@ -148,11 +148,11 @@ impl I3d {
         let network = Network::new(&weights, Level::detect())?;
         Ok(Self {
             network: Arc::new(Pooled::new(network)),
-            hash: content_hash(Self::NAME, &weights, Precision::F32)?,
+            hash: content_hash(Self::NAME, &weights, &Device::Cpu, Precision::F32)?,
         })
     }
 
-    /// A hash of the network's name and of every weight, for cache keys.
+    /// A hash for cache keys; see [`Encoder::content_hash`](super::Encoder::content_hash).
     pub fn content_hash(&self) -> [u8; 32] {
         *self.hash.as_bytes()
     }
@@ -163,7 +163,7 @@ impl I3d {
     ///
     /// # Errors
     ///
-    /// When the tensor is of another shape or type, or not on the CPU.
+    /// When the tensor is of another shape or type, not on the CPU, or computed from a variable.
     pub fn embed(&self, sequences: &Tensor) -> Result<Tensor> {
         self.run(sequences, &NORMALISATION)
     }
@@ -194,6 +194,7 @@ impl I3d {
                 ));
             }
         };
+        constant(sequences)?;
         let values: Vec<f32> = sequences.flatten_all()?.to_vec1()?;
         let embeddings = self.network.embed(Images {
             pixels: &each(&values, size),
@@ -202,6 +203,24 @@ impl I3d {
             normalisation,
         });
         Ok(Tensor::from_vec(embeddings, (n, WIDTH), &Device::Cpu)?)
+    }
+}
+
+impl Embed for I3d {
+    fn name(&self) -> &'static str {
+        Self::NAME
+    }
+
+    fn width(&self) -> usize {
+        WIDTH
+    }
+
+    fn content_hash(&self) -> [u8; 32] {
+        self.content_hash()
+    }
+
+    fn embed(&self, sequences: &Tensor) -> Result<Tensor> {
+        self.embed(sequences)
     }
 }
 

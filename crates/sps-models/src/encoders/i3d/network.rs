@@ -1,9 +1,9 @@
 //! The network on the CPU kernels.
 //!
 //! Batch norm is folded into the convolution before it. A feature map lies in memory with the
-//! padding of the step that reads it; the branches of a mixed step write side by side.
+//! padding of the endpoint that reads it; the branches of a mixed endpoint write side by side.
 
-use super::{EPS, STEPS, Step, WIDTH, branches};
+use super::{ENDPOINTS, EPS, Endpoint, WIDTH, branches};
 use crate::encoders::batch::{self, Images};
 use crate::encoders::folded::{Folded, Layer};
 use crate::encoders::images::lay_out;
@@ -11,7 +11,6 @@ use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
 use crate::ops::conv::ConvShape;
-use crate::ops::format::Format;
 use crate::ops::grid::{Grid, Size, Window};
 use crate::ops::mean::frame_means;
 use crate::ops::pool::max_pool;
@@ -25,7 +24,7 @@ pub(super) struct Network {
     layers: Vec<Layers>,
 }
 
-/// The weights of one step.
+/// The weights of one endpoint.
 #[derive(Debug)]
 enum Layers {
     Unit(Layer),
@@ -36,7 +35,7 @@ enum Layers {
 /// Memory of one thread's passes through the network.
 #[derive(Debug, Default)]
 pub(super) struct Workspace {
-    /// What enters a step, and what leaves it.
+    /// What enters a endpoint, and what leaves it.
     features: Buffer,
     next: Buffer,
     /// What passes between two units of a branch.
@@ -48,12 +47,12 @@ fn window(size: usize) -> Window {
     Window::same([size; 3], [1; 3], [1; 3])
 }
 
-/// The window that a step moves over a feature map, padded as it is there.
-fn padded(step: Step, input: Size) -> Window {
-    match step {
-        Step::Unit(_, _, _, size, stride) => Window::same([size; 3], [stride; 3], input),
-        Step::Pool(size, stride) => Window::same(size, stride, input),
-        Step::Mixed(..) => window(3),
+/// The window that a endpoint moves over a feature map, padded as it is there.
+fn padded(endpoint: Endpoint, input: Size) -> Window {
+    match endpoint {
+        Endpoint::Unit(_, _, _, size, stride) => Window::same([size; 3], [stride; 3], input),
+        Endpoint::Pool(size, stride) => Window::same(size, stride, input),
+        Endpoint::Mixed(..) => window(3),
     }
 }
 
@@ -61,7 +60,7 @@ impl Network {
     pub(super) fn new(weights: &Weights, level: Level) -> Result<Self> {
         let layer = |name: &str, shape| -> Result<Layer> {
             let (conv, norm) = (format!("{name}.conv3d"), format!("{name}.bn"));
-            Ok(Folded::batch_norm(shape, weights, &conv, &norm, EPS)?.pack(level, Format::F32))
+            Ok(Folded::batch_norm(shape, weights, &conv, &norm, EPS)?.pack(level))
         };
         let shape = |window, inputs, outputs| ConvShape {
             window,
@@ -69,10 +68,10 @@ impl Network {
             outputs,
             groups: 1,
         };
-        let layers = STEPS.iter().map(|step| {
-            Ok(match *step {
-                Step::Pool(..) => Layers::Pool,
-                Step::Unit(name, input, out, size, stride) => {
+        let layers = ENDPOINTS.iter().map(|endpoint| {
+            Ok(match *endpoint {
+                Endpoint::Pool(..) => Layers::Pool,
+                Endpoint::Unit(name, input, out, size, stride) => {
                     // The padding hangs on the input and counts as part of it.
                     let bare = Window {
                         size: [size; 3],
@@ -82,7 +81,7 @@ impl Network {
                     };
                     Layers::Unit(layer(name, shape(bare, input, out))?)
                 }
-                Step::Mixed(name, input, outs) => {
+                Endpoint::Mixed(name, input, outs) => {
                     let layers = branches(input, outs).map(|(branch, input, out, size)| {
                         layer(&format!("{name}.{branch}"), shape(window(size), input, out))
                     });
@@ -97,17 +96,17 @@ impl Network {
         })
     }
 
-    /// One step, from `workspace.features`, laid out as `from`, to the same, with the padding
+    /// Runs one endpoint, from `workspace.features`, laid out as `from`, to the same, with the padding
     /// of `next` around it.
-    fn step(
+    fn run(
         &self,
         threads: Threads,
-        (step, layers): (Step, &Layers),
+        (endpoint, layers): (Endpoint, &Layers),
         from: &Grid,
-        next: Option<&Step>,
+        next: Option<&Endpoint>,
         workspace: &mut Workspace,
     ) -> Grid {
-        let moved = padded(step, from.size);
+        let moved = padded(endpoint, from.size);
         let size = moved.output(from.size).unwrap_or([0; 3]);
         let channels = match layers {
             Layers::Unit(layer) => layer.conv.shape().outputs,
@@ -194,14 +193,14 @@ impl batch::Network for Network {
     ) {
         for (sequence, embedding) in sequences.iter().zip(embeddings.chunks_exact_mut(WIDTH)) {
             let tight = Grid::tight(1, sequences.size, 3);
-            let mut grid = tight.padded(&padded(STEPS[0], sequences.size));
+            let mut grid = tight.padded(&padded(ENDPOINTS[0], sequences.size));
             workspace.features.resize(grid.len());
             grid.clear_border(&mut workspace.features);
             let memory = &mut workspace.features;
             lay_out(threads, sequence, sequences, &grid, memory);
             for (index, layers) in self.layers.iter().enumerate() {
-                let next = STEPS.get(index + 1);
-                grid = self.step(threads, (STEPS[index], layers), &grid, next, workspace);
+                let next = ENDPOINTS.get(index + 1);
+                grid = self.run(threads, (ENDPOINTS[index], layers), &grid, next, workspace);
             }
             frame_means(threads, self.level, &workspace.features, &grid, embedding);
         }

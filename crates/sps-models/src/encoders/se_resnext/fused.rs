@@ -7,19 +7,19 @@
 
 use crate::encoders::batch::{Images, Network};
 use crate::encoders::folded::{Folded, Layer};
-use crate::encoders::images::{image_grid, lay_out};
+use crate::encoders::images::{image_channels, image_grid, lay_out};
 use crate::encoders::plain::BATCH_NORM_EPS;
 use crate::encoders::se_resnext::{Bottleneck, POOL, STEM, SeResNextConfig, point};
 use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
 use crate::ops::conv::ConvShape;
-use crate::ops::format::Format;
 use crate::ops::grid::Grid;
 use crate::ops::mean::frame_means;
 use crate::ops::pool::max_pool;
 use crate::ops::product::{Columns, Epilogue};
 use crate::ops::simd::Level;
+use crate::ops::words::Word;
 use crate::weights::Weights;
 
 /// Stages whose feature maps are so large that a frame at a time stays in the cache.
@@ -27,35 +27,33 @@ const LARGE_STAGES: usize = 2;
 
 /// The network with its weights laid out for the kernels.
 #[derive(Debug)]
-pub(in crate::encoders) struct Fused {
+pub(in crate::encoders) struct Fused<W> {
     level: Level,
-    /// Of the feature maps.
-    format: Format,
-    stem: Layer,
-    stages: Vec<Vec<FusedBottleneck>>,
+    stem: Layer<W>,
+    stages: Vec<Vec<FusedBottleneck<W>>>,
     width: usize,
 }
 
 /// Memory of one thread's passes through the network.
 #[derive(Debug, Default)]
-pub(in crate::encoders) struct Workspace {
-    image: Buffer,
-    stem: Buffer,
+pub(in crate::encoders) struct Workspace<W> {
+    image: Buffer<W>,
+    stem: Buffer<W>,
     /// What enters a bottleneck, and what leaves it.
-    features: Buffer,
-    shortcut: Buffer,
-    reduced: Buffer,
-    grouped: Buffer,
+    features: Buffer<W>,
+    shortcut: Buffer<W>,
+    reduced: Buffer<W>,
+    grouped: Buffer<W>,
     /// The large stages' results of all frames of a group.
-    group: Buffer,
+    group: Buffer<W>,
 }
 
 #[derive(Debug)]
-struct FusedBottleneck {
-    reduce: Layer,
-    grouped: Layer,
-    expand: Layer,
-    shortcut: Option<Layer>,
+struct FusedBottleneck<W> {
+    reduce: Layer<W>,
+    grouped: Layer<W>,
+    expand: Layer<W>,
+    shortcut: Option<Layer<W>>,
     gate: Gate,
 }
 
@@ -66,12 +64,11 @@ struct Gate {
     logits: Layer,
 }
 
-impl Fused {
+impl<W: Word> Fused<W> {
     pub(in crate::encoders) fn new(
         config: &SeResNextConfig,
         weights: &Weights,
         level: Level,
-        format: Format,
     ) -> Result<Self> {
         let shape = ConvShape {
             window: STEM,
@@ -81,31 +78,28 @@ impl Fused {
         };
         let (conv, norm) = ("layer0.conv1", "layer0.bn1");
         let stem = Folded::batch_norm(shape, weights, conv, norm, BATCH_NORM_EPS)?;
-        let stem = stem
-            .with_inputs(image_grid([1; 3], format).channels)
-            .pack(level, format);
+        let stem = stem.with_inputs(image_channels::<W>()).pack(level);
         let mut stages: Vec<Vec<_>> = (0..4).map(|_| Vec::new()).collect();
         let of_stage = config.depths.iter().enumerate();
         let of_stage = of_stage.flat_map(|(stage, &depth)| std::iter::repeat_n(stage, depth));
         for (bottleneck, stage) in config.bottlenecks().iter().zip(of_stage) {
-            stages[stage].push(FusedBottleneck::new(bottleneck, weights, level, format)?);
+            stages[stage].push(FusedBottleneck::new(bottleneck, weights, level)?);
         }
         Ok(Self {
             level,
-            format,
             stem,
             stages,
             width: config.width(),
         })
     }
 
-    /// The stem and its pooling, for one image.
-    fn enter(
+    /// The stem and its pooling, of one image to `workspace.features`; returns their layout.
+    fn stem_features(
         &self,
         threads: Threads,
         image: &[f32],
         images: &Images<'_>,
-        workspace: &mut Workspace,
+        workspace: &mut Workspace<W>,
     ) -> Grid {
         let Workspace {
             image: padded,
@@ -113,7 +107,7 @@ impl Fused {
             features,
             ..
         } = workspace;
-        let from = image_grid(images.size, self.format).padded(&STEM);
+        let from = image_grid::<W>(images.size).padded(&STEM);
         padded.resize(from.len());
         from.clear_border(padded);
         lay_out(threads, image, images, &from, padded);
@@ -130,8 +124,8 @@ impl Fused {
     }
 }
 
-impl Network for Fused {
-    type Workspace = Workspace;
+impl<W: Word> Network for Fused<W> {
+    type Workspace = Workspace<W>;
 
     fn width(&self) -> usize {
         self.width
@@ -141,14 +135,14 @@ impl Network for Fused {
         &self,
         threads: Threads,
         images: &Images<'_>,
-        workspace: &mut Workspace,
+        workspace: &mut Workspace<W>,
         embeddings: &mut [f32],
     ) {
         let (large, small) = self.stages.split_at(LARGE_STAGES);
-        let mut grid = image_grid(images.size, self.format);
+        let mut grid = image_grid::<W>(images.size);
         let frames = images.frames();
         for (frame, image) in images.iter().enumerate() {
-            let mut one = self.enter(threads, image, images, workspace);
+            let mut one = self.stem_features(threads, image, images, workspace);
             for bottleneck in large.iter().flatten() {
                 one = bottleneck.apply(threads, self.level, one, workspace);
             }
@@ -170,14 +164,14 @@ impl Network for Fused {
     }
 }
 
-impl FusedBottleneck {
-    fn new(b: &Bottleneck, weights: &Weights, level: Level, format: Format) -> Result<Self> {
+impl<W: Word> FusedBottleneck<W> {
+    fn new(b: &Bottleneck, weights: &Weights, level: Level) -> Result<Self> {
         let normed = |conv: &str, norm: &str, shape| {
             Folded::batch_norm(shape, weights, &b.name(conv), &b.name(norm), BATCH_NORM_EPS)
         };
         let biased = |layer: &str, shape| Folded::bias(shape, weights, &b.name(layer));
         let shortcut = if b.downsample {
-            Some(normed("downsample.0", "downsample.1", b.shortcut())?.pack(level, format))
+            Some(normed("downsample.0", "downsample.1", b.shortcut())?.pack(level))
         } else {
             None
         };
@@ -185,19 +179,25 @@ impl FusedBottleneck {
         let hidden = biased("se_module.fc1", point(b.out, b.squeezed(), 1))?;
         let logits = biased("se_module.fc2", point(b.squeezed(), b.out, 1))?;
         Ok(Self {
-            reduce: normed("conv1", "bn1", b.reduce())?.pack(level, format),
-            grouped: normed("conv2", "bn2", b.grouped())?.pack(level, format),
+            reduce: normed("conv1", "bn1", b.reduce())?.pack(level),
+            grouped: normed("conv2", "bn2", b.grouped())?.pack(level),
             gate: Gate {
-                hidden: hidden.after(&expand, level).pack(level, Format::F32),
-                logits: logits.pack(level, Format::F32),
+                hidden: hidden.compose(&expand, level).pack(level),
+                logits: logits.pack(level),
             },
-            expand: expand.pack(level, format),
+            expand: expand.pack(level),
             shortcut,
         })
     }
 
     /// From `workspace.features`, laid out as `from`, to the same; returns the new layout.
-    fn apply(&self, threads: Threads, level: Level, from: Grid, workspace: &mut Workspace) -> Grid {
+    fn apply(
+        &self,
+        threads: Threads,
+        level: Level,
+        from: Grid,
+        workspace: &mut Workspace<W>,
+    ) -> Grid {
         let Workspace {
             features,
             shortcut,

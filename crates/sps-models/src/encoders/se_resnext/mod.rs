@@ -16,24 +16,23 @@ use crate::weights::TensorSpec;
 /// convolution and a squeeze-and-excitation gate on the residual branch. A stage halves height
 /// and width (but for the first) and doubles both channel counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct SeResNextConfig {
+pub(super) struct SeResNextConfig {
     /// Channels of the 7x7 stem.
-    pub stem: usize,
+    pub(super) stem: usize,
     /// Bottlenecks in each stage.
-    pub depths: [usize; 4],
+    pub(super) depths: [usize; 4],
     /// Groups of the 3x3 convolutions.
-    pub groups: usize,
+    pub(super) groups: usize,
     /// Channels of one group in the first stage.
-    pub group_width: usize,
+    pub(super) group_width: usize,
     /// Channels that leave a bottleneck of the first stage.
-    pub out: usize,
+    pub(super) out: usize,
 }
 
 impl SeResNextConfig {
     /// The paper's encoder: 50 layers, 32 groups of 4 channels, 25.5 M parameters,
     /// 4.2 G multiply-adds for an image of 224 x 224.
-    pub const RESNEXT50_32X4D: Self = Self {
+    pub(super) const RESNEXT50_32X4D: Self = Self {
         stem: 64,
         depths: [3, 4, 6, 3],
         groups: 32,
@@ -43,7 +42,7 @@ impl SeResNextConfig {
 
     /// A quarter as wide and half as deep, 8 groups of 4 channels: 1.2 M parameters,
     /// 0.2 G multiply-adds for an image of 224 x 224.
-    pub const SMALL: Self = Self {
+    pub(super) const SMALL: Self = Self {
         stem: 16,
         depths: [1, 2, 3, 2],
         groups: 8,
@@ -52,7 +51,7 @@ impl SeResNextConfig {
     };
 
     /// The length of an embedding: the channels that leave the last stage.
-    pub const fn width(&self) -> usize {
+    pub(super) const fn width(&self) -> usize {
         self.out << 3
     }
 

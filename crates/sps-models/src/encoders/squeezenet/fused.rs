@@ -1,59 +1,53 @@
 //! The network in inference, on the CPU kernels.
 
-use super::{POINT, POOL, SQUARE, STEM, STEM_WINDOW, STEPS, Step, WIDTH};
+use super::{MODULES, Module, POINT, POOL, SQUARE, STEM, STEM_WINDOW, WIDTH};
 use crate::encoders::batch::{Images, Network};
 use crate::encoders::folded::{Folded, Layer};
-use crate::encoders::images::{image_grid, lay_out};
+use crate::encoders::images::{image_channels, image_grid, lay_out};
 use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
 use crate::ops::conv::ConvShape;
-use crate::ops::format::Format;
 use crate::ops::grid::Grid;
 use crate::ops::mean::frame_means;
 use crate::ops::pool::max_pool;
 use crate::ops::simd::Level;
+use crate::ops::words::Word;
 use crate::weights::Weights;
 
 /// The network with its weights laid out for the kernels.
 #[derive(Debug)]
-pub(in crate::encoders) struct Fused {
+pub(in crate::encoders) struct Fused<W> {
     level: Level,
-    /// Of the feature maps.
-    format: Format,
-    stem: Layer,
-    steps: Vec<FusedStep>,
+    stem: Layer<W>,
+    modules: Vec<FusedModule<W>>,
 }
 
 /// Memory of one thread's passes through the network.
 #[derive(Debug, Default)]
-pub(in crate::encoders) struct Workspace {
-    image: Buffer,
-    /// What enters a step, and what leaves it.
-    features: Buffer,
-    next: Buffer,
-    squeezed: Buffer,
+pub(in crate::encoders) struct Workspace<W> {
+    image: Buffer<W>,
+    /// What enters a module, and what leaves it.
+    features: Buffer<W>,
+    next: Buffer<W>,
+    squeezed: Buffer<W>,
 }
 
 #[derive(Debug)]
-enum FusedStep {
+enum FusedModule<W> {
     Pool,
-    Fire(Box<Fire>),
+    Fire(Box<Fire<W>>),
 }
 
 #[derive(Debug)]
-struct Fire {
-    squeeze: Layer,
-    point: Layer,
-    square: Layer,
+struct Fire<W> {
+    squeeze: Layer<W>,
+    point: Layer<W>,
+    square: Layer<W>,
 }
 
-impl Fused {
-    pub(in crate::encoders) fn new(
-        weights: &Weights,
-        level: Level,
-        format: Format,
-    ) -> Result<Self> {
+impl<W: Word> Fused<W> {
+    pub(in crate::encoders) fn new(weights: &Weights, level: Level) -> Result<Self> {
         let folded = |name: &str, window, inputs, outputs| {
             let shape = ConvShape {
                 window,
@@ -64,22 +58,22 @@ impl Fused {
             Folded::bias(shape, weights, name)
         };
         let layer = |name: &str, window, inputs, outputs| {
-            folded(name, window, inputs, outputs).map(|folded| folded.pack(level, format))
+            folded(name, window, inputs, outputs).map(|folded| folded.pack(level))
         };
         let stem = folded("features.0", STEM_WINDOW, 3, STEM)?;
-        let inputs = image_grid([1; 3], format).channels;
-        let step = |step: &Step| {
-            let Step::Fire {
+        let inputs = image_channels::<W>();
+        let module = |module: &Module| {
+            let Module::Fire {
                 index,
                 input,
                 squeeze,
                 expand,
-            } = *step
+            } = *module
             else {
-                return Ok(FusedStep::Pool);
+                return Ok(FusedModule::Pool);
             };
             let name = |leaf: &str| format!("features.{index}.{leaf}");
-            Ok(FusedStep::Fire(Box::new(Fire {
+            Ok(FusedModule::Fire(Box::new(Fire {
                 squeeze: layer(&name("squeeze"), POINT, input, squeeze)?,
                 point: layer(&name("expand1x1"), POINT, squeeze, expand)?,
                 square: layer(&name("expand3x3"), SQUARE, squeeze, expand)?,
@@ -87,19 +81,18 @@ impl Fused {
         };
         Ok(Self {
             level,
-            format,
-            stem: stem.with_inputs(inputs).pack(level, format),
-            steps: STEPS.iter().map(step).collect::<Result<_>>()?,
+            stem: stem.with_inputs(inputs).pack(level),
+            modules: MODULES.iter().map(module).collect::<Result<_>>()?,
         })
     }
 
-    /// One step from `workspace.features`, laid out as `from`, to the same.
-    fn step(
+    /// Runs one module, from `workspace.features`, laid out as `from`, to the same.
+    fn run(
         &self,
         threads: Threads,
-        step: &FusedStep,
+        module: &FusedModule<W>,
         from: Grid,
-        workspace: &mut Workspace,
+        workspace: &mut Workspace<W>,
     ) -> Grid {
         let Workspace {
             features,
@@ -107,8 +100,8 @@ impl Fused {
             squeezed,
             ..
         } = workspace;
-        let to = match step {
-            FusedStep::Pool => {
+        let to = match module {
+            FusedModule::Pool => {
                 let to = Grid {
                     size: POOL.output_ceil(from.size),
                     ..from
@@ -117,7 +110,7 @@ impl Fused {
                 max_pool(threads, self.level, &POOL, (features, &from), (next, &to));
                 to
             }
-            FusedStep::Fire(fire) => {
+            FusedModule::Fire(fire) => {
                 let Fire {
                     squeeze,
                     point,
@@ -129,11 +122,11 @@ impl Fused {
                 squeeze.apply(threads, (features, &from), (squeezed, &middle), true);
                 let half = point.output(&middle);
                 let to = Grid::tight(half.frames, half.size, 2 * half.channels)
-                    .in_format(self.format)
+                    .of::<W>()
                     .staggered();
                 next.resize(to.len());
                 point.apply(threads, (squeezed, &middle), (next, &to), true);
-                let right = &mut next[half.words()..];
+                let right = &mut next[half.words..];
                 square.apply(threads, (squeezed, &middle), (right, &to), true);
                 to
             }
@@ -143,8 +136,8 @@ impl Fused {
     }
 }
 
-impl Network for Fused {
-    type Workspace = Workspace;
+impl<W: Word> Network for Fused<W> {
+    type Workspace = Workspace<W>;
 
     fn width(&self) -> usize {
         WIDTH
@@ -154,11 +147,11 @@ impl Network for Fused {
         &self,
         threads: Threads,
         images: &Images<'_>,
-        workspace: &mut Workspace,
+        workspace: &mut Workspace<W>,
         embeddings: &mut [f32],
     ) {
         for (image, embedding) in images.iter().zip(embeddings.chunks_exact_mut(WIDTH)) {
-            let from = image_grid(images.size, self.format);
+            let from = image_grid::<W>(images.size);
             workspace.image.resize(from.len());
             lay_out(threads, image, images, &from, &mut workspace.image);
             let mut grid = self.stem.output(&from);
@@ -166,8 +159,8 @@ impl Network for Fused {
             let target = (&mut workspace.features[..], &grid);
             self.stem
                 .apply(threads, (&workspace.image, &from), target, true);
-            for step in &self.steps {
-                grid = self.step(threads, step, grid, workspace);
+            for module in &self.modules {
+                grid = self.run(threads, module, grid, workspace);
             }
             frame_means(threads, self.level, &workspace.features, &grid, embedding);
         }

@@ -21,9 +21,9 @@ const POOL: Window = Window::square(3, 2, 0);
 const POINT: Window = Window::square(1, 1, 0);
 const SQUARE: Window = Window::square(3, 1, 1);
 
-/// A step after the stem.
+/// A module after the stem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Step {
+enum Module {
     /// 3x3 max pooling, stride 2, ceil mode.
     Pool,
     /// `features.{index}`: 1x1 to `squeeze` channels, then 1x1 and 3x3 to `expand` each.
@@ -35,8 +35,8 @@ enum Step {
     },
 }
 
-const fn fire(index: usize, input: usize, squeeze: usize, expand: usize) -> Step {
-    Step::Fire {
+const fn fire(index: usize, input: usize, squeeze: usize, expand: usize) -> Module {
+    Module::Fire {
         index,
         input,
         squeeze,
@@ -44,17 +44,17 @@ const fn fire(index: usize, input: usize, squeeze: usize, expand: usize) -> Step
     }
 }
 
-const STEPS: [Step; 11] = [
-    Step::Pool,
+const MODULES: [Module; 11] = [
+    Module::Pool,
     fire(3, 96, 16, 64),
     fire(4, 128, 16, 64),
     fire(5, 128, 32, 128),
-    Step::Pool,
+    Module::Pool,
     fire(7, 256, 32, 128),
     fire(8, 256, 48, 192),
     fire(9, 384, 48, 192),
     fire(10, 384, 64, 256),
-    Step::Pool,
+    Module::Pool,
     fire(12, 512, 64, 256),
 ];
 
@@ -71,10 +71,10 @@ pub(super) fn multiply_adds(size: Size) -> Option<u64> {
     };
     let mut count = layer(STEM_WINDOW, 3, STEM, size)?;
     let mut size = STEM_WINDOW.output(size)?;
-    for step in STEPS {
-        match step {
-            Step::Pool => size = POOL.output_ceil(size),
-            Step::Fire {
+    for module in MODULES {
+        match module {
+            Module::Pool => size = POOL.output_ceil(size),
+            Module::Fire {
                 input,
                 squeeze,
                 expand,
@@ -97,13 +97,13 @@ pub(super) fn specs() -> Vec<TensorSpec> {
         specs.push(TensorSpec::new(format!("{name}.bias"), &shape[..1]));
     };
     conv("features.0".to_owned(), &[STEM, 3, 7, 7]);
-    for step in STEPS {
-        if let Step::Fire {
+    for module in MODULES {
+        if let Module::Fire {
             index,
             input,
             squeeze,
             expand,
-        } = step
+        } = module
         {
             conv(format!("features.{index}.squeeze"), &[squeeze, input, 1, 1]);
             conv(

@@ -2,17 +2,17 @@
 
 use candle_core::Tensor;
 
-use super::{STEPS, Step};
+use super::{MODULES, Module};
 use crate::encoders::plain::{Plain, global_mean};
 use crate::error::Result;
 
 /// Maps images `(n, 3, height, width)`, normalised, to embeddings `(n, 512)`.
 pub(in crate::encoders) fn embed(net: &Plain<'_>, images: &Tensor) -> Result<Tensor> {
     let mut x = net.conv(images, "features.0", 2, 0, 1)?.relu()?;
-    for step in STEPS {
-        x = match step {
-            Step::Pool => net.max_pool(&x, 3, 2)?,
-            Step::Fire { index, .. } => {
+    for module in MODULES {
+        x = match module {
+            Module::Pool => net.max_pool(&x, 3, 2)?,
+            Module::Fire { index, .. } => {
                 let layer = |leaf: &str| format!("features.{index}.{leaf}");
                 let squeezed = net.conv(&x, &layer("squeeze"), 1, 0, 1)?.relu()?;
                 let left = net.conv(&squeezed, &layer("expand1x1"), 1, 0, 1)?;

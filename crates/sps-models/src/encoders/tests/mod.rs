@@ -2,13 +2,16 @@
 
 mod hard_cases;
 mod i3d;
+mod training;
 
 use candle_core::{DType, Device, Tensor, Var};
 
 use super::plain::Plain;
+use super::se_resnext::SeResNextConfig;
 use super::se_resnext::plain::embed;
-use super::{Encoder, EncoderKind, Precision, SeResNextConfig};
+use super::{Encoder, EncoderKind, Precision};
 use crate::golden::{self, error, values};
+use crate::ops::simd::forced::on_each_level;
 use crate::weights::Weights;
 
 /// The norm of the difference relative to that of what is expected.
@@ -78,6 +81,31 @@ fn plain_operators_in_f64() {
         }
     }
     assert_eq!(seen, 8);
+}
+
+/// One hash, one embedding to the last bit, whatever instructions the processor has.
+#[test]
+fn encoders_of_one_content_hash_embed_alike() {
+    let images = golden::tensor("pixels", &[2, 3, 65, 40]).to_dtype(DType::F32);
+    let images = images.unwrap();
+    for kind in [EncoderKind::SeResNextSmall, EncoderKind::SqueezeNet1_0] {
+        for precision in Precision::ALL {
+            let embed = || {
+                let encoder = Encoder::seeded(kind, 1, &Device::Cpu).unwrap();
+                let encoder = encoder.with_precision(precision).unwrap();
+                let embedding = encoder.embed_normalised(&images).unwrap();
+                (encoder.content_hash(), embedding.to_vec2::<f32>().unwrap())
+            };
+            let (hash, embedding) = embed();
+            on_each_level(|level| {
+                let (found_hash, found) = embed();
+                let alike = (found_hash == hash, found == embedding);
+                let case = format!("{kind} {precision} {level:?}: {alike:?}");
+                assert!(matches!(alike, (true, true) | (false, _)), "{case}");
+                println!("{case}");
+            });
+        }
+    }
 }
 
 #[test]

@@ -1,26 +1,23 @@
 //! Convolution, pooling and mean of bf16 feature maps, against f64 on the same rounded numbers.
 
-use half::bf16;
-
 use super::super::bands::Threads;
 use super::super::conv::{Conv, ConvShape};
-use super::super::format::{Format, pair};
 use super::super::grid::{Grid, Window, pixels};
 use super::super::mean::frame_means;
 use super::super::pool::max_pool;
 use super::super::product::{Columns, Epilogue};
 use super::super::simd::forced::on_each_level;
+use super::super::words::{Bf16Pair, Word};
 use super::noise;
 
 /// A feature map without a border as words.
-fn words(values: &[f64]) -> Vec<f32> {
+fn words(values: &[f64]) -> Vec<Bf16Pair> {
     let pairs = values.chunks_exact(2);
-    pairs.map(|p| pair(p[0] as f32, p[1] as f32)).collect()
+    pairs.map(|p| Bf16Pair::of(|i| p[i] as f32)).collect()
 }
 
-fn numbers(words: &[f32]) -> Vec<f64> {
-    let numbers: &[bf16] = bytemuck::cast_slice(words);
-    numbers.iter().map(|x| x.to_f64()).collect()
+fn numbers(words: &[Bf16Pair]) -> Vec<f64> {
+    Bf16Pair::numbers(words).map(f64::from).collect()
 }
 
 fn rounded(values: &[f64]) -> Vec<f64> {
@@ -70,7 +67,7 @@ const ROUNDING: f64 = 1.0 / 256.0;
 
 fn check(shape: ConvShape, size: [usize; 2]) {
     let [height, width] = size;
-    let grid = Grid::tight(1, [1, height, width], shape.inputs).in_format(Format::Bf16);
+    let grid = Grid::tight(1, [1, height, width], shape.inputs).of::<Bf16Pair>();
     let values = rounded(&noise(height * width * shape.inputs, 1));
     let taps = pixels(shape.window.size);
     let weights = rounded(&noise(shape.outputs * shape.group_inputs() * taps, 2));
@@ -82,14 +79,14 @@ fn check(shape: ConvShape, size: [usize; 2]) {
     on_each_level(|level| {
         let weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
         let shift: Vec<f32> = shift.iter().map(|&s| s as f32).collect();
-        let conv = Conv::pack_as(level, Format::Bf16, shape, &weights);
+        let conv = Conv::pack(level, shape, &weights);
         let from = grid.padded(&shape.window);
-        let mut source = vec![0.0; from.len()];
-        for (place, pixel) in from.places().iter().zip(words(&values).chunks(grid.pitch)) {
-            source[*place as usize..][..grid.pitch].copy_from_slice(pixel);
+        let mut source = vec![Bf16Pair::default(); from.len()];
+        for (&place, pixel) in from.places().iter().zip(words(&values).chunks(grid.pitch)) {
+            source[place..][..grid.pitch].copy_from_slice(pixel);
         }
         let to = shape.window.output(grid.size).unwrap();
-        let to = Grid::tight(1, to, shape.outputs).in_format(Format::Bf16);
+        let to = Grid::tight(1, to, shape.outputs).of::<Bf16Pair>();
         let before = rounded(&noise(2 * to.len(), 4));
         for accumulate in [false, true] {
             let mut target = words(&before);
@@ -147,7 +144,7 @@ fn convolutions() {
 #[test]
 fn pooling_and_means() {
     let window = Window::square(3, 2, 0);
-    let grid = Grid::tight(1, [1, 7, 6], 32).in_format(Format::Bf16);
+    let grid = Grid::tight(1, [1, 7, 6], 32).of::<Bf16Pair>();
     let values = rounded(&noise(7 * 6 * 32, 5));
     let to = Grid {
         size: window.output_ceil(grid.size),
@@ -155,7 +152,7 @@ fn pooling_and_means() {
     };
     on_each_level(|level| {
         let source = words(&values);
-        let mut target = vec![0.0; to.len()];
+        let mut target = vec![Bf16Pair::default(); to.len()];
         let pair = ((&source[..], &grid), (&mut target[..], &to));
         max_pool(Threads::One, level, &window, pair.0, pair.1);
         for (i, found) in numbers(&target).into_iter().enumerate() {

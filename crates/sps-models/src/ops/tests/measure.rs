@@ -13,10 +13,10 @@ use ndarray::{ArrayView2, ArrayViewMut2};
 
 use super::super::bands::Threads;
 use super::super::conv::{Conv, ConvShape};
-use super::super::format::Format;
 use super::super::grid::{Grid, Window, pixels};
 use super::super::product::Epilogue;
 use super::super::simd::Level;
+use super::super::words::{Bf16Pair, Word};
 
 /// The shortest of several runs, in seconds.
 fn shortest(mut run: impl FnMut()) -> f64 {
@@ -80,25 +80,23 @@ impl Row {
     }
 
     /// Seconds for one frame.
-    fn time(&self, format: Format) -> f64 {
+    fn time<W: Word>(&self) -> f64 {
         let mut shape = self.shape;
         // A pixel of bf16 fills whole words.
         if shape.groups == 1 {
-            shape.inputs = shape
-                .inputs
-                .next_multiple_of(format.numbers() * format.numbers());
+            shape.inputs = shape.inputs.next_multiple_of(W::NUMBERS * W::NUMBERS);
         }
         let depth = pixels(shape.window.size) * shape.group_inputs();
-        let conv = Conv::pack_as(Level::detect(), format, shape, &ramp(depth * shape.outputs));
+        let conv = Conv::pack(Level::detect(), shape, &ramp(depth * shape.outputs));
         let size = [1, self.extent, self.extent];
         let map = |size, channels| {
             let grid = Grid::tight(self.frames, size, channels);
-            grid.in_format(format).staggered()
+            grid.of::<W>().staggered()
         };
         let from = map(size, shape.inputs).padded(&shape.window);
         let to = map(self.output(), shape.outputs);
-        let source = ramp(from.len());
-        let mut target = vec![0.0; to.len()];
+        let source: Vec<W> = ramp(from.len()).iter().map(|&x| W::of(|_| x)).collect();
+        let mut target = vec![W::default(); to.len()];
         let time = shortest(|| {
             let target = (&mut black_box(&mut target)[..], &to);
             conv.apply(Threads::One, (&source, &from), target, Epilogue::default());
@@ -185,14 +183,14 @@ struct Measured {
 }
 
 fn measure(row: &'static Row) -> Measured {
-    let seconds = row.time(Format::F32);
+    let seconds = row.time::<f32>();
     let rows = row.frames * pixels(row.output());
     let point = pixels(row.shape.window.size) == 1;
     Measured {
         row,
         seconds,
         rate: row.flops() / seconds,
-        bf16_seconds: row.time(Format::Bf16),
+        bf16_seconds: row.time::<Bf16Pair>(),
         others: point.then(|| libraries(rows, row.shape.inputs, row.shape.outputs)),
     }
 }

@@ -1,16 +1,20 @@
 //! Every operator against a reference in f64 that is written straight from its definition, and
 //! every gradient against central differences of that reference; on each level of vectors.
 
+mod batch_norm;
 mod bf16;
 mod conv;
+mod gated_residual;
 mod golden3d;
 mod hard_cases;
 #[cfg(feature = "regressions")]
 mod measure;
 mod others;
+mod windows;
 
 use candle_core::{DType, Device, Tensor, Var};
 
+use super::grid::Grid;
 use super::simd::Level;
 use super::simd::forced::on_each_level;
 
@@ -39,6 +43,15 @@ fn tensor(values: &[f64], dims: &[usize]) -> Tensor {
 fn numbers(tensor: &Tensor) -> Vec<f64> {
     let flat = tensor.flatten_all().unwrap();
     flat.to_dtype(DType::F64).unwrap().to_vec1().unwrap()
+}
+
+/// The layout of `(frames, [time,] height, width, channels)`; rows of all times are one above the
+/// other.
+fn grid(x: &Tensor) -> Grid {
+    let [frames, between @ .., width, channels] = x.dims() else {
+        panic!("{x:?}");
+    };
+    Grid::tight(*frames, [1, between.iter().product(), *width], *channels)
 }
 
 /// The largest difference, relative to the largest number expected.

@@ -1,7 +1,9 @@
 use candle_core::{DType, Device, Tensor, Var};
 
+use super::batch_norm::batch_norm;
+use super::gated_residual::gated_residual;
 use super::{check, distance, noise, numbers, tensor};
-use crate::ops::{Window, batch_norm, gated_residual, max_pool};
+use crate::ops::{Window, max_pool};
 
 /// Numbers far enough apart that no two change places within a step of the differences.
 fn distinct(len: usize) -> Vec<f64> {
@@ -140,8 +142,7 @@ fn batch_norm_in_training() {
             (noise(channels, 3), vec![channels]),
         ];
         for relu in [false, true] {
-            let operator =
-                |t: &[Tensor]| batch_norm(&t[0], &t[1], &t[2], EPS, relu).unwrap().output;
+            let operator = |t: &[Tensor]| batch_norm([&t[0], &t[1], &t[2]], EPS, relu).0;
             let name = format!("{name}, relu {relu}");
             check(&name, &inputs, &operator, &|x| norm_reference(x, relu));
         }
@@ -153,7 +154,7 @@ fn batch_norm_reports_the_batch() {
     let values = noise(2 * 3 * 3 * 2, 1);
     let x = tensor(&values, &[2, 3, 3, 2]);
     let one = Tensor::ones(2, DType::F32, &Device::Cpu).unwrap();
-    let found = batch_norm(&x, &one, &one, EPS, false).unwrap();
+    let (_, found) = batch_norm([&x, &one, &one], EPS, false);
     assert_eq!(found.count, 18);
     for c in 0..2 {
         let channel: Vec<f64> = values.iter().skip(c).step_by(2).copied().collect();
@@ -182,7 +183,7 @@ fn the_end_of_a_residual_branch() {
             };
             (0..len).map(end).collect()
         };
-        let operator = |t: &[Tensor]| gated_residual(&t[0], &t[1], &t[2]).unwrap();
+        let operator = |t: &[Tensor]| gated_residual(&t[0], &t[1], &t[2]);
         check(&format!("{dims:?}"), &inputs, &operator, &reference);
     }
 }
@@ -202,8 +203,8 @@ fn large_offsets_cost_batch_norm_no_digits() {
     ];
     let x: Vec<Vec<f64>> = inputs.iter().map(|(v, _)| v.clone()).collect();
     let tensors: Vec<Tensor> = inputs.iter().map(|(v, d)| tensor(v, d)).collect();
-    let found = batch_norm(&tensors[0], &tensors[1], &tensors[2], EPS, false).unwrap();
+    let (found, _) = batch_norm([&tensors[0], &tensors[1], &tensors[2]], EPS, false);
     // E[x^2] - E[x]^2 in f32 has no digit left here.
-    let error = distance(&numbers(&found.output), &norm_reference(&x, false));
+    let error = distance(&numbers(&found), &norm_reference(&x, false));
     assert!(error < 5e-4, "{error:.1e}");
 }

@@ -1,32 +1,24 @@
 //! bf16 beside f32, layer by layer.
 
 use candle_core::{Device, Tensor};
-use half::bf16;
 
 use super::*;
 use crate::encoders::EncoderKind;
 use crate::encoders::images::{Normalisation, Order};
 use crate::golden;
+use crate::ops::words::Bf16Pair;
 
 /// The numbers of a feature map, pixel by pixel.
-fn numbers(memory: &[f32], grid: &Grid) -> Vec<f64> {
-    let pixel = |place: &u32| -> Vec<f64> {
-        let words = &memory[*place as usize..][..grid.words()];
-        match grid.format {
-            Format::F32 => words.iter().map(|&x| f64::from(x)).collect(),
-            Format::Bf16 => {
-                let numbers: &[bf16] = bytemuck::cast_slice(words);
-                numbers.iter().map(|x| x.to_f64()).collect()
-            }
-        }
-    };
-    grid.places().iter().flat_map(pixel).collect()
+fn numbers<W: Word>(memory: &[W], grid: &Grid) -> Vec<f64> {
+    let pixel = |&place: &usize| W::numbers(&memory[place..][..grid.words]);
+    let places = grid.places();
+    places.iter().flat_map(pixel).map(f64::from).collect()
 }
 
 /// What leaves the stem and each bottleneck.
-fn layers(weights: &Weights, format: Format, image: &[f32], size: [usize; 3]) -> Vec<Vec<f64>> {
+fn layers<W: Word>(weights: &Weights, image: &[f32], size: [usize; 3]) -> Vec<Vec<f64>> {
     let config = SeResNextConfig::RESNEXT50_32X4D;
-    let network = Fused::new(&config, weights, Level::detect(), format).unwrap();
+    let network = Fused::<W>::new(&config, weights, Level::detect()).unwrap();
     let images = Images {
         pixels: &[image],
         order: Order::Planes,
@@ -34,7 +26,7 @@ fn layers(weights: &Weights, format: Format, image: &[f32], size: [usize; 3]) ->
         normalisation: &Normalisation::NONE,
     };
     let mut workspace = Workspace::default();
-    let mut grid = network.enter(Threads::One, image, &images, &mut workspace);
+    let mut grid = network.stem_features(Threads::One, image, &images, &mut workspace);
     let mut layers = vec![numbers(&workspace.features, &grid)];
     for bottleneck in network.stages.iter().flatten() {
         grid = bottleneck.apply(Threads::One, network.level, grid, &mut workspace);
@@ -64,7 +56,7 @@ fn weights(change: impl Fn(f32) -> f32) -> Weights {
 }
 
 /// A number of bf16 with what follows cut off.
-fn cut(number: f32) -> f32 {
+fn truncated_to_bf16(number: f32) -> f32 {
     f32::from_bits(number.to_bits() & 0xffff_0000)
 }
 
@@ -77,19 +69,19 @@ fn bf16_beside_f32_layer_by_layer() {
     let image: Vec<f32> = golden::values(&image).iter().map(|&x| x as f32).collect();
     let size = [1, 97, 131];
     let given = weights(|weight| weight);
-    let exact = layers(&given, Format::F32, &image, size);
-    let rounded = layers(&given, Format::Bf16, &image, size);
-    let naive = layers(&weights(cut), Format::Bf16, &image, size);
+    let exact = layers::<f32>(&given, &image, size);
+    let rounded = layers::<Bf16Pair>(&given, &image, size);
+    let naive = layers::<Bf16Pair>(&weights(truncated_to_bf16), &image, size);
     assert_eq!(exact.len(), 17);
     for (layer, (found, expected)) in rounded.iter().zip(&exact).enumerate() {
         let bound = 2.0_f64.powi(-8) * ((1 + layer) as f64).sqrt();
         let error = relative(found, expected);
-        let of_cut = relative(&naive[layer], expected);
-        println!("after layer {layer}: {error:.1e} of {bound:.1e}, cut off {of_cut:.1e}");
+        let truncated = relative(&naive[layer], expected);
+        println!("after layer {layer}: {error:.1e} of {bound:.1e}, cut off {truncated:.1e}");
         assert!(
             error < bound,
             "after layer {layer}: {error:.1e} of {bound:.1e}"
         );
-        assert!(of_cut > bound);
+        assert!(truncated > bound);
     }
 }

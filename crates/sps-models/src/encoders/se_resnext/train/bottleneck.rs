@@ -11,15 +11,15 @@ use crate::error::Result;
 use crate::ops::batch_norm::{FrameSums, Norm, NormGradients};
 use crate::ops::buffer::Scratch;
 use crate::ops::grid::{Grid, pixels};
-use crate::ops::moments::Moments;
 use crate::ops::residual::{Branch, FrameSlopes, Shortcut};
+use crate::ops::statistics::ChannelStatistics;
 
 /// A convolution's output and the norm of it.
 #[derive(Debug)]
 struct Normed {
     conv: Scratch,
     norm: Norm,
-    moments: Moments,
+    moments: ChannelStatistics,
     grid: Grid,
 }
 
@@ -42,7 +42,7 @@ impl Kept {
     /// Runs forward; returns what to keep, the output and its layout.
     pub(super) fn record(
         b: &Bottleneck,
-        context: &Context<'_>,
+        context: &Context,
         input: &[f32],
         from: &Grid,
         mut statistics: Option<&mut Vec<BatchStatistics>>,
@@ -109,7 +109,7 @@ impl Kept {
     pub(super) fn backward(
         &self,
         b: &Bottleneck,
-        context: &Context<'_>,
+        context: &Context,
         link: &Link,
         output: &[f32],
         mut gradient: Scratch,
@@ -161,7 +161,7 @@ impl Kept {
     fn expanded_gradient(
         &self,
         b: &Bottleneck,
-        context: &Context<'_>,
+        context: &Context,
         branch: &Branch<'_>,
         sums: &FrameSums,
         gradient: &[f32],
@@ -218,7 +218,7 @@ impl Kept {
     fn input_gradient(
         &self,
         b: &Bottleneck,
-        context: &Context<'_>,
+        context: &Context,
         link: &Link,
         reduced: &[f32],
         gradient: Scratch,
@@ -294,7 +294,7 @@ impl Normed {
     /// The convolution's gradient, laid out as `layout`, from that of the rectified norm.
     fn backward(
         &self,
-        context: &Context<'_>,
+        context: &Context,
         layer: &str,
         gradient: &[f32],
         layout: &Grid,

@@ -19,11 +19,7 @@ pub(super) struct KeptGate {
 
 impl KeptGate {
     /// From the branch's means over space.
-    pub(super) fn record(
-        b: &Bottleneck,
-        context: &Context<'_>,
-        squeezed: Vec<f32>,
-    ) -> Result<Self> {
+    pub(super) fn record(b: &Bottleneck, context: &Context, squeezed: Vec<f32>) -> Result<Self> {
         let hidden = linear(context, &b.name("se_module.fc1"), &squeezed, b.out, true)?;
         let mut factors = linear(
             context,
@@ -46,7 +42,7 @@ impl KeptGate {
     pub(super) fn backward(
         &self,
         b: &Bottleneck,
-        context: &Context<'_>,
+        context: &Context,
         factors: &[f32],
         gradients: &mut Gradients,
     ) -> Result<Vec<f32>> {
@@ -70,7 +66,7 @@ impl KeptGate {
 
 /// `x W^T + b` for rows of `inputs`, by `{layer}.weight` `(outputs, inputs)`.
 fn linear(
-    context: &Context<'_>,
+    context: &Context,
     layer: &str,
     x: &[f32],
     inputs: usize,
@@ -92,7 +88,7 @@ fn linear(
 
 /// The gradient of `x`, from that of the output, rows of `outputs`.
 fn linear_backward(
-    context: &Context<'_>,
+    context: &Context,
     layer: &str,
     x: &[f32],
     gradient: &[f32],
@@ -143,6 +139,6 @@ fn rows_by(panels: &Panels, x: &[f32], epilogue: Epilogue<'_>) -> Vec<f32> {
 }
 
 /// Where each of `rows` rows begins.
-fn starts(rows: usize, len: usize) -> Vec<u32> {
-    (0..rows).map(|row| (row * len) as u32).collect()
+fn starts(rows: usize, len: usize) -> Vec<usize> {
+    (0..rows).map(|row| row * len).collect()
 }

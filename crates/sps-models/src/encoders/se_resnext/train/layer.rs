@@ -13,17 +13,17 @@ use crate::ops::conv::{Conv, ConvShape};
 use crate::ops::conv_input::ConvTranspose;
 use crate::ops::conv_weight::weight_gradient;
 use crate::ops::grid::Grid;
-use crate::ops::moments::Moments;
 use crate::ops::product::Epilogue;
 use crate::ops::simd::Level;
+use crate::ops::statistics::ChannelStatistics;
 use crate::ops::with_values;
 use crate::weights::Weights;
 
 /// What a pass works with.
-#[derive(Debug, Clone, Copy)]
-pub(in crate::encoders) struct Context<'a> {
-    pub(in crate::encoders) weights: &'a Weights,
-    pub(in crate::encoders) recycler: &'a Arc<Recycler>,
+#[derive(Debug)]
+pub(in crate::encoders) struct Context {
+    pub(in crate::encoders) weights: Weights,
+    pub(in crate::encoders) recycler: Arc<Recycler>,
     pub(in crate::encoders) level: Level,
 }
 
@@ -59,7 +59,7 @@ impl Gradients {
     }
 }
 
-impl Context<'_> {
+impl Context {
     /// Calls `work` with a parameter's numbers.
     pub(super) fn parameter<T>(&self, name: &str, work: impl FnOnce(&[f32]) -> T) -> Result<T> {
         let tensor = self.weights.get(name)?;
@@ -97,8 +97,8 @@ impl Context<'_> {
         source: &[f32],
         grid: &Grid,
         statistics: Option<&mut Vec<BatchStatistics>>,
-    ) -> Result<(Norm, Moments)> {
-        let moments = Moments::of(self.level, source, grid);
+    ) -> Result<(Norm, ChannelStatistics)> {
+        let moments = ChannelStatistics::of(self.level, source, grid);
         check_count(moments.count, layer)?;
         let gamma = self.parameter(&format!("{layer}.weight"), <[f32]>::to_vec)?;
         let norm = self.parameter(&format!("{layer}.bias"), |beta| {

@@ -63,7 +63,7 @@ impl Tape {
     /// backward pass runs each bottleneck forward once more.
     pub(in crate::encoders) fn record(
         config: &SeResNextConfig,
-        context: &Context<'_>,
+        context: &Context,
         images: &Images<'_>,
         checkpointing: bool,
         statistics: &mut Vec<BatchStatistics>,
@@ -92,7 +92,7 @@ impl Tape {
     }
 
     /// The embeddings, `(frames, width)`.
-    pub(in crate::encoders) fn embeddings(&self, context: &Context<'_>) -> Vec<f32> {
+    pub(in crate::encoders) fn embeddings(&self, context: &Context) -> Vec<f32> {
         let mut means = vec![0.0; self.grid.frames * self.grid.channels];
         let level = context.level;
         crate::ops::mean::frame_means(Threads::All, level, &self.last, &self.grid, &mut means);
@@ -102,7 +102,7 @@ impl Tape {
     /// The gradients of the parameters, from that of the embeddings.
     pub(in crate::encoders) fn backward(
         &self,
-        context: &Context<'_>,
+        context: &Context,
         cotangent: &[f32],
     ) -> Result<Gradients> {
         let mut gradients = Gradients::default();
@@ -157,7 +157,7 @@ const fn stem_shape(config: &SeResNextConfig) -> ConvShape {
 impl Stem {
     fn record(
         config: &SeResNextConfig,
-        context: &Context<'_>,
+        context: &Context,
         images: &Images<'_>,
         statistics: &mut Vec<BatchStatistics>,
     ) -> Result<Self> {
@@ -195,7 +195,7 @@ impl Stem {
     fn backward(
         &self,
         config: &SeResNextConfig,
-        context: &Context<'_>,
+        context: &Context,
         gradient: &[f32],
         gradients: &mut Gradients,
     ) {

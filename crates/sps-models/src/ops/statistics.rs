@@ -10,7 +10,7 @@ const RUN: usize = 32 << 10;
 
 /// Mean and variance over frames and space, and the mean over space of each frame.
 #[derive(Debug, Clone)]
-pub(crate) struct Moments {
+pub(crate) struct ChannelStatistics {
     /// Numbers in one channel.
     pub(crate) count: usize,
     /// `(channels)`
@@ -30,28 +30,28 @@ pub(super) const fn run_rows(channels: usize) -> usize {
     if rows == 0 { 1 } else { rows }
 }
 
-impl Moments {
+impl ChannelStatistics {
     /// Those of a feature map without a border.
     ///
     /// A run's deviations are taken from its own mean, and runs are joined in f64 (Chan et al.,
     /// 1979): a large common offset costs no digits.
     pub(crate) fn of(level: Level, source: &[f32], grid: &Grid) -> Self {
         let (channels, pitch) = (grid.channels, grid.pitch);
-        let runs = |frame: &[f32]| -> Vec<Spread> {
-            let moments = |run| {
-                level.run(RunMoments {
+        let runs = |frame: &[f32]| -> Vec<PartialStatistics> {
+            let statistics = |run| {
+                level.run(RunStatistics {
                     run,
                     channels,
                     pitch,
                 })
             };
             let runs = frame.par_chunks(run_rows(channels) * pitch);
-            runs.map(moments).collect()
+            runs.map(statistics).collect()
         };
-        let mut all = Spread::empty(channels);
+        let mut all = PartialStatistics::empty(channels);
         let mut frame_means = Vec::with_capacity(grid.frames * channels);
         for frame in source.chunks_exact(grid.frame_len()) {
-            let mut one = Spread::empty(channels);
+            let mut one = PartialStatistics::empty(channels);
             for run in runs(frame) {
                 one.join(&run);
             }
@@ -74,13 +74,13 @@ impl Moments {
 }
 
 /// Count, mean and sum of squared deviations.
-struct Spread {
+struct PartialStatistics {
     count: usize,
     mean: Vec<f64>,
     squares: Vec<f64>,
 }
 
-impl Spread {
+impl PartialStatistics {
     fn empty(channels: usize) -> Self {
         Self {
             count: 0,
@@ -103,17 +103,17 @@ impl Spread {
     }
 }
 
-struct RunMoments<'a> {
+struct RunStatistics<'a> {
     run: &'a [f32],
     channels: usize,
     pitch: usize,
 }
 
-impl Kernel for RunMoments<'_> {
-    type Output = Spread;
+impl Kernel for RunStatistics<'_> {
+    type Output = PartialStatistics;
 
     #[inline(always)]
-    fn run<S: Lanes>(self, _: S) -> Spread {
+    fn run<S: Lanes>(self, _: S) -> PartialStatistics {
         let count = self.run.len() / self.pitch;
         let mut sum = vec![0.0_f32; self.channels];
         for row in rows(self.run, self.pitch, self.channels) {
@@ -140,7 +140,7 @@ impl Kernel for RunMoments<'_> {
         });
         let (shift, squares): (Vec<f64>, Vec<f64>) = corrected.unzip();
         let mean = near.iter().zip(shift).map(|(&near, s)| f64::from(near) + s);
-        Spread {
+        PartialStatistics {
             count,
             mean: mean.collect(),
             squares,

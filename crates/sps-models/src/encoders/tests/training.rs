@@ -1,0 +1,81 @@
+//! What a backward pass gives and what it refuses. `tests/golden_training.rs` has the numbers.
+
+use candle_core::{DType, Device, Tensor, Var};
+
+use crate::encoders::{Encoder, EncoderKind, TrainableEncoder};
+use crate::golden;
+
+fn input(name: &str, shape: &[usize]) -> Tensor {
+    golden::tensor(name, shape).to_dtype(DType::F32).unwrap()
+}
+
+fn small(seed: u64) -> TrainableEncoder {
+    let start = Encoder::seeded(EncoderKind::SeResNextSmall, seed, &Device::Cpu).unwrap();
+    TrainableEncoder::new(&start).unwrap()
+}
+
+fn loss(encoder: &mut TrainableEncoder, images: &Tensor) -> Tensor {
+    let embeddings = encoder.forward(images).unwrap();
+    embeddings.sqr().unwrap().mean_all().unwrap()
+}
+
+/// A store without the weights' gradients would train the rest and leave the encoder as it is.
+#[test]
+fn a_backward_pass_that_leaves_weights_out_fails() {
+    let images = input("images", &[2, 3, 17, 19]);
+    let (mut one, mut other) = (small(1), small(2));
+    let of_one = loss(&mut one, &images);
+    let error = of_one.backward().unwrap_err().to_string();
+    assert!(error.contains("`TrainableEncoder::backward`"), "{error}");
+
+    let both = (&of_one + loss(&mut other, &images)).unwrap();
+    for encoder in [&one, &other] {
+        assert!(encoder.backward(&both).is_err());
+        // A pass that failed listens no longer.
+        assert!(of_one.backward().is_err());
+    }
+    assert!(one.backward(&of_one).is_ok());
+}
+
+/// Passes at the same time do not take each other's gradients, and two in one loss add up.
+#[test]
+fn backward_passes_keep_their_gradients_apart() {
+    let images = input("images", &[2, 3, 17, 19]);
+    let mut encoder = small(1);
+    let once = loss(&mut encoder, &images);
+    let twice = (&once + loss(&mut encoder, &images)).unwrap();
+    let gradient = |loss: &Tensor| {
+        let gradients = encoder.backward(loss).unwrap();
+        let (_, variable) = encoder.variables().next().unwrap();
+        golden::values(gradients.get(variable).unwrap())
+    };
+    let (alone, double) = (gradient(&once), gradient(&twice));
+    assert!(alone.iter().zip(&double).all(|(a, d)| 2.0 * a == *d));
+    std::thread::scope(|scope| {
+        let passes = [&once, &twice].map(|loss| scope.spawn(|| gradient(loss)));
+        let [first, second] = passes.map(|pass| pass.join().unwrap());
+        assert_eq!((first, second), (alone, double));
+    });
+}
+
+#[test]
+fn images_that_are_variables_are_refused() {
+    let images = Var::from_tensor(&input("images", &[2, 3, 17, 19])).unwrap();
+    let computed = (images.as_tensor() * 0.5).unwrap();
+    let start = Encoder::seeded(EncoderKind::SqueezeNet1_0, 1, &Device::Cpu).unwrap();
+    for images in [images.as_tensor(), &computed] {
+        let errors = [
+            small(1).forward(images).unwrap_err(),
+            TrainableEncoder::new(&start)
+                .unwrap()
+                .forward(images)
+                .unwrap_err(),
+            start.embed(images).unwrap_err(),
+        ];
+        for error in errors {
+            let expected = "images: found a variable, or computed from one, expected constants";
+            assert!(error.to_string().starts_with(expected), "{error}");
+        }
+        assert!(small(1).forward(&images.detach()).is_ok());
+    }
+}

@@ -1,0 +1,279 @@
+//! What memory is made of, and how a kernel computes with it.
+//!
+//! A word has 32 bits: one f32, or two bf16. Sums are f32 with either.
+
+use bytemuck::{Pod, Zeroable};
+use half::bf16;
+
+use super::simd::{Kernel, Lanes, Level};
+
+/// What feature maps and matrices are made of: 32 bits that hold one number or two.
+pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
+    /// Numbers of a word.
+    const NUMBERS: usize;
+
+    /// Words that hold so many numbers; the last one's upper half may be free.
+    #[inline(always)]
+    fn words(numbers: usize) -> usize {
+        numbers.div_ceil(Self::NUMBERS)
+    }
+
+    /// A word of `number(0)` and, where it holds two, `number(1)`, rounded.
+    fn of(number: impl Fn(usize) -> f32) -> Self;
+
+    /// Numbers as words, where a word is a number.
+    fn from_numbers(numbers: &[f32]) -> Option<&[Self]>;
+
+    /// The numbers of words.
+    fn numbers(words: &[Self]) -> impl Iterator<Item = f32>;
+
+    /// Takes over each number of `words` that is the larger one, or NaN.
+    fn keep_larger(largest: &mut [Self], words: &[Self]);
+
+    /// Runs a kernel by the machine's own instructions for these words where it has some.
+    fn run<K: WordKernel<Self>>(level: Level, kernel: K) -> K::Output;
+}
+
+impl Word for f32 {
+    const NUMBERS: usize = 1;
+
+    #[inline(always)]
+    fn of(number: impl Fn(usize) -> f32) -> Self {
+        number(0)
+    }
+
+    fn from_numbers(numbers: &[f32]) -> Option<&[Self]> {
+        Some(numbers)
+    }
+
+    #[inline(always)]
+    fn numbers(words: &[Self]) -> impl Iterator<Item = f32> {
+        words.iter().copied()
+    }
+
+    #[inline(always)]
+    fn keep_larger(largest: &mut [Self], words: &[Self]) {
+        for (largest, &x) in largest.iter_mut().zip(words) {
+            if x > *largest || x.is_nan() {
+                *largest = x;
+            }
+        }
+    }
+
+    #[inline]
+    fn run<K: WordKernel<Self>>(level: Level, kernel: K) -> K::Output {
+        let arithmetic = Singles;
+        level.run(With { kernel, arithmetic })
+    }
+}
+
+/// Two numbers of eight bits' precision and the range of f32, the first in the lower half.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[repr(C, align(4))]
+pub(crate) struct Bf16Pair([bf16; 2]);
+
+impl Word for Bf16Pair {
+    const NUMBERS: usize = 2;
+
+    #[inline(always)]
+    fn of(number: impl Fn(usize) -> f32) -> Self {
+        Self([bf16::from_f32(number(0)), bf16::from_f32(number(1))])
+    }
+
+    fn from_numbers(_: &[f32]) -> Option<&[Self]> {
+        None
+    }
+
+    #[inline(always)]
+    fn numbers(words: &[Self]) -> impl Iterator<Item = f32> {
+        halves(words).iter().map(|&half| widened(half))
+    }
+
+    #[inline(always)]
+    fn keep_larger(largest: &mut [Self], words: &[Self]) {
+        let largest: &mut [bf16] = bytemuck::cast_slice_mut(largest);
+        for (largest, &half) in largest.iter_mut().zip(halves(words)) {
+            let x = widened(half);
+            if x > widened(*largest) || x.is_nan() {
+                *largest = half;
+            }
+        }
+    }
+
+    #[inline]
+    fn run<K: WordKernel<Self>>(level: Level, kernel: K) -> K::Output {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(native) = level.bf16() {
+            return native.run(kernel);
+        }
+        let arithmetic = Pairs;
+        level.run(With { kernel, arithmetic })
+    }
+}
+
+#[inline(always)]
+fn halves(words: &[Bf16Pair]) -> &[bf16] {
+    bytemuck::cast_slice(words)
+}
+
+/// The same number; as plain bits, so that a loop becomes one over vectors.
+#[inline(always)]
+fn widened(x: bf16) -> f32 {
+    f32::from_bits(u32::from(x.to_bits()) << 16)
+}
+
+/// The bits of words as the lanes of vectors hold them.
+#[inline(always)]
+pub(super) fn lanes_of<W: Word>(words: &[W]) -> &[f32] {
+    bytemuck::cast_slice(words)
+}
+
+/// How a kernel computes with words on one set of vector instructions.
+pub(crate) trait Arithmetic<S: Lanes>: Copy {
+    /// What memory is made of; vectors hold its bits.
+    type Word: Word;
+
+    /// `sum` and, in each lane, the products of the numbers of `x` with those of `y`.
+    fn multiply_add(self, lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s;
+
+    /// For vector `v` of the outputs, a word of each group's part of `x`, the one with `index`,
+    /// everywhere in the group. Groups have `G` numbers.
+    fn spread<const G: usize>(self, lanes: S, x: S::f32s, v: usize, index: usize) -> S::f32s;
+
+    /// Reads `NV` vectors of numbers.
+    fn load<const NV: usize>(self, lanes: S, from: &[Self::Word]) -> [S::f32s; NV];
+
+    /// Writes `NV` vectors of numbers, rounded to what a word holds.
+    fn store<const NV: usize>(self, lanes: S, values: [S::f32s; NV], to: &mut [Self::Word]);
+
+    /// As [`Arithmetic::load`], of a row shorter than its vectors; numbers beyond it are 0.
+    #[inline(always)]
+    fn load_part<const NV: usize>(self, lanes: S, from: &[Self::Word]) -> [S::f32s; NV] {
+        let mut whole = [Self::Word::zeroed(); LONGEST];
+        whole[..from.len()].copy_from_slice(from);
+        self.load(lanes, &whole[..Self::Word::words(NV * S::F32_LANES)])
+    }
+
+    /// As [`Arithmetic::store`], of a row shorter than its vectors.
+    #[inline(always)]
+    fn store_part<const NV: usize>(self, lanes: S, values: [S::f32s; NV], to: &mut [Self::Word]) {
+        let mut whole = [Self::Word::zeroed(); LONGEST];
+        let filled = &mut whole[..Self::Word::words(NV * S::F32_LANES)];
+        self.store(lanes, values, filled);
+        to.copy_from_slice(&whole[..to.len()]);
+    }
+}
+
+/// Words of the longest row that is loaded or stored at once.
+const LONGEST: usize = 32;
+
+/// Words of one f32.
+#[derive(Debug, Clone, Copy)]
+struct Singles;
+
+impl<S: Lanes> Arithmetic<S> for Singles {
+    type Word = f32;
+
+    #[inline(always)]
+    fn multiply_add(self, lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s {
+        lanes.fma(x, y, sum)
+    }
+
+    #[inline(always)]
+    fn spread<const G: usize>(self, lanes: S, x: S::f32s, _: usize, index: usize) -> S::f32s {
+        lanes.spread::<G>(x, index)
+    }
+
+    #[inline(always)]
+    fn load<const NV: usize>(self, _: S, from: &[f32]) -> [S::f32s; NV] {
+        let (from, _) = S::as_simd_f32s(from);
+        std::array::from_fn(|v| from[v])
+    }
+
+    #[inline(always)]
+    fn store<const NV: usize>(self, _: S, values: [S::f32s; NV], to: &mut [f32]) {
+        let (to, _) = S::as_mut_simd_f32s(to);
+        to[..NV].copy_from_slice(&values);
+    }
+}
+
+/// Words of two bf16, without instructions for them: each half becomes an f32.
+#[derive(Debug, Clone, Copy)]
+struct Pairs;
+
+impl<S: Lanes> Arithmetic<S> for Pairs {
+    type Word = Bf16Pair;
+
+    #[inline(always)]
+    fn multiply_add(self, lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s {
+        let sum = lanes.fma(first(lanes, x), first(lanes, y), sum);
+        lanes.fma(second(lanes, x), second(lanes, y), sum)
+    }
+
+    #[inline(always)]
+    fn spread<const G: usize>(self, lanes: S, x: S::f32s, v: usize, index: usize) -> S::f32s {
+        lanes.spread_pairs::<G>(x, v, index)
+    }
+
+    #[inline(always)]
+    fn load<const NV: usize>(self, _: S, from: &[Bf16Pair]) -> [S::f32s; NV] {
+        let mut values = [Zeroable::zeroed(); NV];
+        let numbers: &mut [f32] = bytemuck::cast_slice_mut(&mut values);
+        for (number, half) in numbers.iter_mut().zip(halves(from)) {
+            *number = half.to_f32();
+        }
+        values
+    }
+
+    #[inline(always)]
+    fn store<const NV: usize>(self, _: S, values: [S::f32s; NV], to: &mut [Bf16Pair]) {
+        let numbers: &[f32] = bytemuck::cast_slice(&values);
+        for (to, numbers) in to.iter_mut().zip(numbers.chunks_exact(2)) {
+            *to = Bf16Pair::of(|i| numbers[i]);
+        }
+    }
+}
+
+/// The first numbers of the pairs.
+#[inline(always)]
+fn first<S: Lanes>(lanes: S, x: S::f32s) -> S::f32s {
+    let bits = lanes.transmute_u32s_f32s(x);
+    lanes.transmute_f32s_u32s(lanes.wrapping_dyn_shl_u32s(bits, lanes.splat_u32s(16)))
+}
+
+/// The second numbers of the pairs.
+#[inline(always)]
+fn second<S: Lanes>(lanes: S, x: S::f32s) -> S::f32s {
+    let bits = lanes.transmute_u32s_f32s(x);
+    lanes.transmute_f32s_u32s(lanes.and_u32s(bits, lanes.splat_u32s(0xffff_0000)))
+}
+
+/// A piece of work written against [`Arithmetic`] and [`Lanes`]; see [`Kernel`].
+pub(crate) trait WordKernel<W: Word> {
+    type Output;
+
+    fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) -> Self::Output;
+}
+
+struct With<K, A> {
+    kernel: K,
+    arithmetic: A,
+}
+
+impl<K: WordKernel<f32>> Kernel for With<K, Singles> {
+    type Output = K::Output;
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) -> K::Output {
+        self.kernel.run(lanes, self.arithmetic)
+    }
+}
+
+impl<K: WordKernel<Bf16Pair>> Kernel for With<K, Pairs> {
+    type Output = K::Output;
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) -> K::Output {
+        self.kernel.run(lanes, self.arithmetic)
+    }
+}

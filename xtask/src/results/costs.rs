@@ -11,7 +11,6 @@ pub(crate) struct Costs {
     /// At prediction.
     pub frames_decoded_per_surface: f64,
     pub frames_encoded_per_surface: f64,
-    /// From the frame on.
     pub predict_seconds_per_surface: Number,
     /// The three parts of it; medians of their own.
     #[serde(default)]

@@ -1,21 +1,22 @@
-use sps_base::streams::{below_u32, stream};
+use sps_base::streams::{ChaCha8Rng, SeedableRng, below_u32, key};
 
 /// How often each unit occurs in each resample: one stream per resample, so that none depends
 /// on how many others are drawn, in which order, or by which thread.
 pub(super) struct Draws {
-    seed: u64,
+    key: [u8; 32],
 }
 
 impl Draws {
-    const PURPOSE: [u8; 24] = *b"sps-metrics bootstrap v1";
-
     pub(super) fn new(seed: u64) -> Self {
-        Self { seed }
+        Self {
+            key: key(seed, *b"sps-metrics bootstrap v1"),
+        }
     }
 
     /// Draws as many units as there are, with replacement, and counts each.
     pub(super) fn fill(&self, resample: u64, counts: &mut [u32], units: u32) {
-        let mut stream = stream(self.seed, Self::PURPOSE, resample);
+        let mut stream = ChaCha8Rng::from_seed(self.key);
+        stream.set_stream(resample);
         counts.fill(0);
         for _ in 0..units {
             counts[below_u32(&mut stream, units) as usize] += 1;

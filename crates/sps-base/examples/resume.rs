@@ -1,5 +1,5 @@
-//! Draws that a killed program goes on with where it was: each is fixed by its index, and what is kept is
-//! kept whole.
+//! Draws that a killed program goes on with where it was: each is fixed by its index, and what is
+//! kept is kept whole.
 //!
 //! `cargo run --example resume FOLDER`, any number of times, and killed at any moment.
 

@@ -34,13 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .map(|surface| vec![(surface > 0).then(|| reading(surface))])
         .collect();
     let readings = Readings::new(vec!["friction".into()], &rows)?;
-    let data = TrainingData {
-        embeddings: &embeddings,
-        readings: &readings,
-        materials: None,
-        label_features: None,
-        units: None,
-    };
+    let data = TrainingData::new(&embeddings, &readings);
     let rerun = Rerun {
         number: 0,
         training: (0..TRAINING).collect(),

@@ -13,13 +13,7 @@
 //! let embeddings = Embeddings::new(&Tensor::eye(6, DType::F32, &Device::Cpu)?)?;
 //! let readings = [Some(31.0), None, Some(55.0), Some(48.0), Some(40.0), None].map(|r| vec![r]);
 //! let readings = Readings::new(vec!["friction".into()], &readings)?;
-//! let data = TrainingData {
-//!     embeddings: &embeddings,
-//!     readings: &readings,
-//!     materials: None,
-//!     label_features: None,
-//!     units: None,
-//! };
+//! let data = TrainingData::new(&embeddings, &readings);
 //! let rerun = Rerun { number: 0, training: vec![0, 1, 2, 3], validation: vec![] };
 //! let plan = Plan::each(7, readings.properties(), vec![rerun]);
 //!

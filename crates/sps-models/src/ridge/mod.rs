@@ -11,13 +11,7 @@
 //! let embeddings = Embeddings::new(&features)?;
 //! let rows: Vec<_> = (1..6).map(|surface| vec![Some(10.0 * f64::from(surface))]).collect();
 //! let readings = Readings::new(vec!["friction".into()], &rows)?;
-//! let data = TrainingData {
-//!     embeddings: &embeddings,
-//!     readings: &readings,
-//!     materials: None,
-//!     label_features: None,
-//!     units: None,
-//! };
+//! let data = TrainingData::new(&embeddings, &readings);
 //! let rerun = Rerun { number: 0, training: vec![0, 1, 3, 4], validation: vec![] };
 //! let plan = Plan::each(7, readings.properties(), vec![rerun]);
 //!

@@ -26,7 +26,8 @@ const NORMALISATION: Normalisation = Normalisation {
     std: [0.5; 3],
 };
 
-/// A layer, or layers side by side, as the authors number them: everything is padded so that its stride alone decides the extents.
+/// A layer, or layers side by side, as the authors number them: everything is padded so that its
+/// stride alone decides the extents.
 #[derive(Debug, Clone, Copy)]
 enum Endpoint {
     /// Convolution, batch norm and rectifier: name, channels in and out, window, stride.

@@ -35,7 +35,7 @@ enum Layers {
 /// Memory of one thread's passes through the network.
 #[derive(Debug, Default)]
 pub(super) struct Workspace {
-    /// What enters a endpoint, and what leaves it.
+    /// What enters an endpoint, and what leaves it.
     features: Buffer,
     next: Buffer,
     /// What passes between two units of a branch.
@@ -47,7 +47,7 @@ fn window(size: usize) -> Window {
     Window::same([size; 3], [1; 3], [1; 3])
 }
 
-/// The window that a endpoint moves over a feature map, padded as it is there.
+/// The window that an endpoint moves over a feature map, padded as it is there.
 fn padded(endpoint: Endpoint, input: Size) -> Window {
     match endpoint {
         Endpoint::Unit(_, _, _, size, stride) => Window::same([size; 3], [stride; 3], input),

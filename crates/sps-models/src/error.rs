@@ -34,6 +34,14 @@ pub enum Error {
         /// What it must be.
         expected: String,
     },
+    /// Kept models could not be read.
+    #[error("{name}: {source}")]
+    Kept {
+        /// What stands for their bytes.
+        name: String,
+        /// Why.
+        source: Box<Self>,
+    },
     /// No encoder has this name.
     #[error("unknown encoder {found:?}, expected one of {expected}")]
     UnknownEncoder {

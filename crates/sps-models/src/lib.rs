@@ -31,7 +31,8 @@
 //! - [`weights`]: their tensors by name, from safetensors and from PyTorch's `.pth` files.
 //! - [`ops`]: the operators below them, channels last, differentiable, for networks of your own.
 //! - [`heads`]: from an embedding to tactile values; [`ridge`], [`kernel_ridge`] and [`nearest`] are
-//!   the floors under it, and all of them a [`Regressor`].
+//!   the floors under it, [`stacking`] is several as one, and all of them a [`Regressor`] whose
+//!   models can be kept ([`fitted_from_bytes`]).
 //! - [`labels`]: the classes that the cross-modal estimator learns from.
 //! - [`training`]: an encoder learns from images, end to end.
 //! - [`optim`]: Adam as PyTorch has it.
@@ -50,6 +51,8 @@
 //! `cuda` and `metal` (off by default) are candle's. On such a device the encoders run by candle's
 //! own operators; the kernels of this crate are for the CPU.
 
+#[cfg(feature = "regressions")]
+mod archive;
 #[cfg(any(feature = "heads", feature = "training"))]
 mod data;
 pub mod encoders;
@@ -95,7 +98,7 @@ pub use candle_core as candle;
 pub use data::{Embeddings, Readings};
 pub use error::{Error, Result};
 #[cfg(feature = "regressions")]
-pub use regressor::{FittedRegressor, Regressor};
+pub use regressor::{FittedRegressor, Regressor, fitted_from_bytes};
 
 /// Runs the example of the README.
 #[cfg(doctest)]

@@ -8,6 +8,7 @@ use crate::heads::{
 use crate::kernel_ridge::{KernelRidge, TrainedKernelRidge, TrainedKernelRidges};
 use crate::nearest::{Nearest, TrainedNearest, TrainedNearests};
 use crate::ridge::{Ridge, TrainedRidge, TrainedRidges};
+use crate::stacking::{self, TrainedStacks};
 
 /// An estimator that can be fitted to the trials of a plan.
 pub trait Regressor: Sync {
@@ -45,6 +46,85 @@ pub trait FittedRegressor: Send + Sync {
 
     /// Multiply-adds to estimate one surface from its embeddings, all models together.
     fn multiply_adds(&self) -> u64;
+
+    /// What [`fitted_from_bytes`] reads the models by: `heads`, `ridges`, `kernel-ridges`, `nearest`,
+    /// `stacks`, or a name that it does not know.
+    fn kind(&self) -> &'static str;
+
+    /// The models as the content of a file; the same models give the same bytes.
+    ///
+    /// # Errors
+    ///
+    /// A number that is not finite, and models of a kind that is not kept.
+    fn to_bytes(&self) -> Result<Vec<u8>>;
+
+    /// The trials without a model, in the order of the plan: training came to nothing.
+    fn diverged(&self) -> &[DivergedTrial] {
+        &[]
+    }
+}
+
+pub(crate) const HEADS: &str = "heads";
+pub(crate) const RIDGES: &str = "ridges";
+pub(crate) const KERNEL_RIDGES: &str = "kernel-ridges";
+pub(crate) const NEAREST: &str = "nearest";
+pub(crate) const STACKS: &str = "stacks";
+
+/// The kinds that can be read.
+const KINDS: [&str; 5] = [HEADS, RIDGES, KERNEL_RIDGES, NEAREST, STACKS];
+
+/// Reads what [`FittedRegressor::to_bytes`] gave of models of this [kind](FittedRegressor::kind);
+/// `name` stands for the bytes in error messages.
+///
+/// ```
+/// # use candle_core::{Device, Tensor};
+/// # use sps_models::heads::{Plan, Rerun, TrainingData};
+/// # use sps_models::{Embeddings, Readings};
+/// use sps_models::nearest::Nearest;
+/// use sps_models::{Regressor, fitted_from_bytes};
+///
+/// # let embeddings = Embeddings::new(&Tensor::new(&[[1.0_f32], [2.0]], &Device::Cpu)?)?;
+/// # let readings = Readings::new(vec!["friction".into()], &[vec![Some(3.0)], vec![Some(4.0)]])?;
+/// # let data = TrainingData::new(&embeddings, &readings);
+/// # let rerun = Rerun { number: 0, training: vec![0, 1], validation: vec![] };
+/// # let plan = Plan::each(7, readings.properties(), vec![rerun]);
+/// let fitted = Nearest.fit(&data, &plan)?;
+/// let bytes = fitted.to_bytes()?;
+/// let read = fitted_from_bytes(fitted.kind(), "model.bin", &bytes)?;
+/// assert_eq!(read.predict(&embeddings)?, fitted.predict(&embeddings)?);
+/// # Ok::<(), sps_models::Error>(())
+/// ```
+///
+/// # Errors
+///
+/// A kind that there is not, and bytes that are not models of it.
+pub fn fitted_from_bytes(kind: &str, name: &str, bytes: &[u8]) -> Result<Box<dyn FittedRegressor>> {
+    fitted_within(stacking::MOST_DEPTH, kind, name, bytes)
+}
+
+/// The same, of stacks that hold others at most so deep, themselves included.
+pub(crate) fn fitted_within(
+    depth: usize,
+    kind: &str,
+    name: &str,
+    bytes: &[u8],
+) -> Result<Box<dyn FittedRegressor>> {
+    fn boxed<F: FittedRegressor + 'static>(fitted: F) -> Box<dyn FittedRegressor> {
+        Box::new(fitted)
+    }
+    let read = match kind {
+        // What is said of them names the file already.
+        HEADS => return TrainedHeads::from_bytes(name, bytes).map(boxed),
+        RIDGES => TrainedRidges::from_bytes(bytes).map(boxed),
+        KERNEL_RIDGES => TrainedKernelRidges::from_bytes(bytes).map(boxed),
+        NEAREST => TrainedNearests::from_bytes(bytes).map(boxed),
+        STACKS => TrainedStacks::from_bytes_within(depth, bytes).map(boxed),
+        _ => Err(unknown(kind)),
+    };
+    read.map_err(|error| Error::Kept {
+        name: name.to_owned(),
+        source: Box::new(error),
+    })
 }
 
 impl Regressor for Head {
@@ -77,7 +157,7 @@ macro_rules! regressors {
 }
 
 macro_rules! fitted {
-    ($($fitted:ty, $models:ident, $model:ty;)*) => {$(
+    ($($fitted:ty, $kind:ident, $models:ident, $model:ty $(, $diverged:ident)?;)*) => {$(
         impl FittedRegressor for $fitted {
             fn trials(&self) -> Vec<&Trial> {
                 self.$models().iter().map(<$model>::trial).collect()
@@ -94,6 +174,18 @@ macro_rules! fitted {
             fn multiply_adds(&self) -> u64 {
                 self.multiply_adds()
             }
+
+            fn kind(&self) -> &'static str {
+                $kind
+            }
+
+            fn to_bytes(&self) -> Result<Vec<u8>> {
+                self.to_bytes()
+            }
+
+            $(fn diverged(&self) -> &[DivergedTrial] {
+                self.$diverged()
+            })?
         }
     )*};
 }
@@ -101,10 +193,23 @@ macro_rules! fitted {
 regressors!(Ridge, KernelRidge, Nearest);
 
 fitted! {
-    TrainedHeads, heads, TrainedHead;
-    TrainedRidges, ridges, TrainedRidge;
-    TrainedKernelRidges, ridges, TrainedKernelRidge;
-    TrainedNearests, nearests, TrainedNearest;
+    TrainedHeads, HEADS, heads, TrainedHead, diverged;
+    TrainedRidges, RIDGES, ridges, TrainedRidge;
+    TrainedKernelRidges, KERNEL_RIDGES, ridges, TrainedKernelRidge;
+    TrainedNearests, NEAREST, nearests, TrainedNearest;
+}
+
+/// Refuses models that could not be read again.
+pub(crate) fn check_kept(models: &dyn FittedRegressor) -> Result<()> {
+    if KINDS.contains(&models.kind()) {
+        return Ok(());
+    }
+    Err(unknown(models.kind()))
+}
+
+fn unknown(kind: &str) -> Error {
+    let expected = format_args!("one of {}", KINDS.join(", "));
+    Error::input("kind of fitted models", format_args!("{kind:?}"), expected)
 }
 
 /// Refuses embeddings of another number of views or width than those of the training surfaces.

@@ -17,12 +17,14 @@ use sps_models::heads::{
     TrainedHeads, TrainingData, Views,
 };
 use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig, TrainedKernelRidges};
+use sps_models::nearest::Nearest;
 use sps_models::ridge::{Ridge, RidgeConfig, TrainedRidges};
+use sps_models::stacking::Stacking;
 use sps_models::training::{
     Augmentation, Classes, Image, ImageSource, Parts, Targets, Trainer, TrainingConfig,
 };
 use sps_models::weights::{Storage, Weights};
-use sps_models::{Embeddings, Readings};
+use sps_models::{Embeddings, Readings, Regressor, fitted_from_bytes};
 
 #[global_allocator]
 static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
@@ -256,6 +258,46 @@ fn kernel_ridges() {
     });
 }
 
+#[test]
+fn nearest() {
+    let made = Made::new();
+    let file = Nearest.fit(&made.data(), &made.plan()).unwrap().to_bytes();
+    fuzz(
+        "nearest neighbours",
+        &broken(vec![file.unwrap()]),
+        |bytes| {
+            if let Some(nearests) = said(fitted_from_bytes("nearest", "file", &bytes)) {
+                said(nearests.predict(&made.embeddings));
+            }
+        },
+    );
+}
+
+/// A stack of a kernel ridge, a head, and a stack of a ridge.
+#[test]
+fn stacks() {
+    let made = Made::new();
+    let stacking = |members| Stacking::new(members, 2).unwrap();
+    let ridge = Ridge::new(RidgeConfig::default()).unwrap();
+    let kernel = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+    let head = Head::new(HeadConfig {
+        model: Model::Regression {},
+        epochs: 1,
+        ..HeadConfig::default()
+    });
+    let stack = stacking(vec![
+        Box::new(kernel),
+        Box::new(head.unwrap()),
+        Box::new(stacking(vec![Box::new(ridge)])),
+    ]);
+    let file = stack.fit(&made.data(), &made.plan()).unwrap().to_bytes();
+    fuzz("stacks", &broken(vec![file.unwrap()]), |bytes| {
+        if let Some(stacks) = said(fitted_from_bytes("stacks", "file", &bytes)) {
+            said(stacks.predict(&made.embeddings));
+        }
+    });
+}
+
 /// Grey images, darker from one to the next.
 struct Greys;
 
@@ -328,8 +370,11 @@ fn headers_that_nest() {
         let note = Some(("sps-heads", text.as_str()));
         let file = weights().to_bytes_as(Storage::F32, note).unwrap();
         assert!(said(TrainedHeads::from_bytes("file", &file)).is_none());
-        let note = Some(("sps-kernel-ridges", text.as_str()));
-        let file = weights().to_bytes_as(Storage::F32, note).unwrap();
-        assert!(said(TrainedKernelRidges::from_bytes(&file)).is_none());
+        for kind in ["kernel-ridges", "nearest", "stacks"] {
+            let note = format!("sps-{kind}");
+            let note = Some((note.as_str(), text.as_str()));
+            let file = weights().to_bytes_as(Storage::F32, note).unwrap();
+            assert!(said(fitted_from_bytes(kind, "file", &file)).is_none());
+        }
     });
 }

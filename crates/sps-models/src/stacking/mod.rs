@@ -1,6 +1,7 @@
 //! Stacked regression: several estimators as one, weighted by what each says of surfaces that it
 //! has not seen.
 
+mod store;
 #[cfg(test)]
 mod tests;
 mod weights;
@@ -8,12 +9,14 @@ mod weights;
 use std::collections::{BTreeMap, BTreeSet};
 
 use rand::seq::SliceRandom;
+use serde::{Deserialize, Serialize};
 
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
 use crate::heads::{Estimates, Plan, Rerun, TrainingData, Trial, Views};
-use crate::regressor::{FittedRegressor, Regressor};
+use crate::regressor::{FittedRegressor, Regressor, STACKS};
 use crate::rng::stream;
+pub(crate) use store::MOST_DEPTH;
 use weights::nonnegative_least_squares;
 
 /// The most members: their subsets are tried one by one.
@@ -196,7 +199,8 @@ impl Folds {
 }
 
 /// The weights of the members for one trial.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct TrainedStack {
     trial: Trial,
     mean: f64,
@@ -306,6 +310,14 @@ impl FittedRegressor for TrainedStacks {
         let weighted = weighted.filter(|&&weight| weight > 0.0).count() as u64;
         let members = self.members.iter().map(|member| member.multiply_adds());
         weighted + members.sum::<u64>()
+    }
+
+    fn kind(&self) -> &'static str {
+        STACKS
+    }
+
+    fn to_bytes(&self) -> Result<Vec<u8>> {
+        self.to_bytes()
     }
 }
 

@@ -44,6 +44,8 @@ fn others_go_on(set: &Set, config: &HeadConfig, plan: &Plan, lost: &Trial, expec
     }
     let back = TrainedHeads::from_bytes("f", &trained.to_bytes().unwrap()).unwrap();
     assert_eq!(back.diverged(), trained.diverged());
+    let models: &dyn crate::FittedRegressor = &back;
+    assert_eq!(models.diverged(), trained.diverged());
     assert!(trained.filter(|trial| trial != lost).diverged().is_empty());
 }
 

@@ -1,3 +1,5 @@
+mod storage;
+
 use std::sync::{Arc, Mutex};
 
 use candle_core::{Device, Tensor};
@@ -100,6 +102,14 @@ impl FittedRegressor for Rule {
 
     fn multiply_adds(&self) -> u64 {
         self.trials.len() as u64
+    }
+
+    fn kind(&self) -> &'static str {
+        "rules"
+    }
+
+    fn to_bytes(&self) -> Result<Vec<u8>> {
+        Ok(Vec::new())
     }
 }
 

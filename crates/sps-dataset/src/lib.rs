@@ -38,8 +38,10 @@
 //!   `dataset.toml`. [`DatasetFolder::inspect`] summarises it, [`DatasetFolder::inspect_frames`]
 //!   finds broken frames, and [`write_dataset`] writes any [`Source`] as one.
 //! - **Frames.** A [`Frame`] comes from a PNG, JPEG or EXR by [`decode_image`] or [`read_image`],
-//!   as [`DecodeSettings`] say; many come in parallel by [`decode_frames`] or [`map_frames`]. A
-//!   [`LinearFrame`] is the light behind one, where a source knows it.
+//!   as [`DecodeSettings`] say; many come in parallel by [`decode_frames`] or [`map_frames`].
+//!   [`read_image_resized`] and [`decode_image_resized`] bring a large photograph to a size as they
+//!   read it, [`Frame::resized`] does so with a frame. A [`LinearFrame`] is the light behind one,
+//!   where a source knows it.
 //! - **Touches.** A [`TactileTable`] has every [`Reading`]; [`TactileTable::averages`] makes one
 //!   value per surface and [`Property`] of them. [`TableFormat`] says how a file is laid out,
 //!   [`TactileSettings`] what is made of its values.
@@ -63,6 +65,7 @@ mod inspect;
 mod intraclass;
 mod material;
 mod property;
+mod resample;
 mod settings;
 mod source;
 mod split;
@@ -77,10 +80,11 @@ pub use folder::{
     DatasetFolder, InvalidAngles, Manifest, ViewAngles, WriteError, WriteErrorKind, WriteOptions,
     Written, write_dataset,
 };
-pub use frame::{Frame, LinearFrame};
+pub use frame::{Extent, Frame, LinearFrame};
 pub use image::{
     DecodeSettings, Decoded, EncodeError, FrameError, FrameErrorKind, FrameFormat, ImageFormat,
-    LightCounts, Limits, NonFinite, decode_image, read_image,
+    LightCounts, Limits, NonFinite, decode_image, decode_image_resized, read_image,
+    read_image_resized,
 };
 pub use inspect::{BrokenFrame, FrameSummary, Inspection, PropertySummary};
 pub use material::{FEWEST_PER_MATERIAL, MaterialLabels, OTHER};

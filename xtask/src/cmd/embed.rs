@@ -4,12 +4,12 @@ use std::time::Instant;
 use anyhow::{Context, Result, anyhow, ensure};
 use rayon::prelude::*;
 use safetensors::tensor::{Dtype, TensorView};
-use sps_dataset::{DecodeSettings, Frame, read_image};
+use sps_dataset::{DecodeSettings, Frame};
 use sps_models::encoders::{I3d, Precision};
 use tracing::info;
 
 use crate::config::{EncoderSpec, Network, WeightsSpec};
-use crate::embeddings::Embedder;
+use crate::embeddings::{Embedder, read_prepared};
 use crate::encoder::Loaded;
 use crate::files::write_atomically;
 use crate::progress::Progress;
@@ -78,7 +78,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let mut values = Vec::new();
     let mut seconds = 0.0;
     for paths in args.images.chunks(each * args.batch as usize) {
-        let frames = read(paths)?;
+        let frames = read(paths, args.resize)?;
         let sequences = stacked(&frames, each)?;
         let start = Instant::now();
         values.extend(embedder.embed(&sequences)?);
@@ -94,11 +94,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-fn read(paths: &[PathBuf]) -> Result<Vec<Frame>> {
+fn read(paths: &[PathBuf], resize: Option<usize>) -> Result<Vec<Frame>> {
     let settings = DecodeSettings::default();
-    let decoded = paths.par_iter().map(|path| read_image(path, &settings));
-    let frames = decoded.map(|decoded| Ok(decoded?.frame));
-    frames.collect()
+    let read = |path: &PathBuf| Ok(read_prepared(path, &settings, resize)?);
+    paths.par_iter().map(read).collect()
 }
 
 fn write(path: &Path, values: &[f32], rows: usize) -> Result<()> {

@@ -2,10 +2,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use serde_json::json;
-use sps_dataset::{DecodeSettings, Frame, read_image};
+use sps_dataset::{DecodeSettings, Frame};
 use tracing::warn;
 
-use crate::embeddings::prepare;
+use crate::embeddings::read_prepared;
 use crate::model::Model;
 
 /// Estimate the tactile properties of one surface from photographs of it
@@ -39,10 +39,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             "--resize: the model itself brings the shorter side of every photograph to {own} pixels"
         );
     }
+    let resize = args.resize.map(|pixels| pixels as usize);
+    let resize = model.card.resize.or(resize);
     let mut embeddings = Vec::new();
     for path in &args.images {
-        let frame = read_image(path, &settings)?.frame;
-        let frame = prepare(&frame, args.resize.map(|pixels| pixels as usize))?;
+        let frame = read_prepared(path, &settings, resize)?;
         if model.card.resize.is_none() {
             warn_of_scale(&model, path, &frame)?;
         }

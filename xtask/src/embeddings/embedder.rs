@@ -2,11 +2,13 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use anyhow::{Result, ensure};
-use sps_dataset::{Frame, Limits};
+use sps_dataset::{
+    DecodeSettings, Frame, FrameError, FrameErrorKind, read_image, read_image_resized,
+};
 
-use super::resample::resample;
 use crate::encoder::Loaded;
 
 /// Turns frames into embeddings.
@@ -48,8 +50,11 @@ impl Embedder {
 
     /// Multiply-adds to embed the frame, where they are known.
     pub(crate) fn multiply_adds(&self, frame: &Frame) -> Option<u64> {
-        let (width, height) = prepared_size(frame, self.resize);
-        self.encoder.multiply_adds(height, width)
+        let extent = frame.extent();
+        let extent = self
+            .resize
+            .map_or(extent, |pixels| extent.with_shorter_side(pixels));
+        self.encoder.multiply_adds(extent.height, extent.width)
     }
 
     fn find_identity(&self) -> Result<String> {
@@ -118,31 +123,24 @@ impl Embedder {
 }
 
 /// The frame as an encoder takes it: its shorter side brought to `resize` pixels.
-pub(crate) fn prepare(frame: &Frame, resize: Option<usize>) -> Result<Cow<'_, Frame>> {
-    let (width, height) = prepared_size(frame, resize);
-    if (width, height) == (frame.width, frame.height) {
-        return Ok(Cow::Borrowed(frame));
-    }
-    let most = Limits::default().pixels;
-    ensure!(
-        (width as u64).saturating_mul(height as u64) <= most,
-        "a shorter side of {} pixels makes images of {width} x {height}, expected at most {most} pixels",
-        width.min(height)
-    );
-    Ok(Cow::Owned(resample(frame, width, height)?))
+pub(crate) fn prepare(
+    frame: &Frame,
+    resize: Option<usize>,
+) -> Result<Cow<'_, Frame>, FrameErrorKind> {
+    resize.map_or(Ok(Cow::Borrowed(frame)), |pixels| frame.resized(pixels))
 }
 
-/// Width and height of the frame as an encoder takes it.
-fn prepared_size(frame: &Frame, resize: Option<usize>) -> (usize, usize) {
-    let shorter = frame.width.min(frame.height);
-    match resize {
-        Some(wanted) if wanted != shorter => {
-            let scale = wanted as f64 / shorter as f64;
-            let side = |length: usize| ((length as f64 * scale).round() as usize).max(1);
-            (side(frame.width), side(frame.height))
-        }
-        _ => (frame.width, frame.height),
-    }
+/// Reads a photograph as an encoder takes it: its shorter side brought to `resize` pixels.
+pub(crate) fn read_prepared(
+    path: &Path,
+    settings: &DecodeSettings,
+    resize: Option<usize>,
+) -> Result<Frame, FrameError> {
+    let decoded = match resize {
+        Some(pixels) => read_image_resized(path, settings, pixels)?,
+        None => read_image(path, settings)?,
+    };
+    Ok(decoded.frame)
 }
 
 /// Images of 64 x 64 pixels, one below the other, of every brightness and many gradients.

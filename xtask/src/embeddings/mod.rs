@@ -2,7 +2,6 @@
 
 mod cache;
 mod embedder;
-mod resample;
 mod segment;
 
 use std::collections::{HashMap, HashSet};
@@ -14,7 +13,7 @@ use rayon::prelude::*;
 use sps_dataset::{Frame, FrameIndex, FrameKey, Source};
 
 pub(crate) use cache::EmbeddingCache;
-pub(crate) use embedder::{Embedder, prepare};
+pub(crate) use embedder::{Embedder, prepare, read_prepared};
 use segment::Segment;
 
 use crate::progress::Progress;
@@ -119,22 +118,20 @@ fn decode_some<S: Source>(source: &S, wanted: &[Wanted], room: usize) -> Result<
     // Frames of one source are mostly of one size; where they are not, what is held stops more.
     let most = (room / bytes(&first).max(1)).clamp(1, FRAMES_AT_ONCE);
     let held = AtomicUsize::new(bytes(&first));
-    let decode_if_room = |wanted| {
-        if held.load(Ordering::Relaxed) >= room {
-            return Ok(None);
-        }
-        let frame = decode(wanted)?;
-        held.fetch_add(bytes(&frame), Ordering::Relaxed);
-        Ok(Some(frame))
-    };
-    let others = &others[..others.len().min(most - 1)];
-    let others: Vec<Option<Frame>> = others
-        .par_iter()
-        .map(decode_if_room)
-        .collect::<Result<_, S::Error>>()?;
-    Ok(iter::once(first)
-        .chain(others.into_iter().map_while(|frame| frame))
-        .collect())
+    let others = others[..others.len().min(most - 1)].iter().enumerate();
+    // Handed out in their order and only while there is room, so that none is decoded in vain.
+    let decoded = others
+        .take_while(|_| held.load(Ordering::Relaxed) < room)
+        .par_bridge()
+        .map(|(at, wanted)| {
+            let frame = decode(wanted)?;
+            held.fetch_add(bytes(&frame), Ordering::Relaxed);
+            Ok((at, frame))
+        });
+    let mut decoded = decoded.collect::<Result<Vec<_>, S::Error>>()?;
+    decoded.sort_unstable_by_key(|(at, _)| *at);
+    let others = decoded.into_iter().map(|(_, frame)| frame);
+    Ok(iter::once(first).chain(others).collect())
 }
 
 #[cfg(test)]

@@ -4,8 +4,11 @@ use sps_dataset::{RollAngle, Surface, TactileTable};
 
 use super::*;
 
-/// Black frames of these sizes, one for each surface.
-struct Sizes(Vec<[usize; 2]>);
+/// Black frames of these sizes, one for each surface, counting those asked for.
+struct Sizes {
+    sizes: Vec<[usize; 2]>,
+    decoded: AtomicUsize,
+}
 
 impl Source for Sizes {
     type Error = Infallible;
@@ -27,7 +30,8 @@ impl Source for Sizes {
     }
 
     fn frame(&self, surface: usize, _: usize) -> Result<Frame, Infallible> {
-        let [width, height] = self.0[surface];
+        self.decoded.fetch_add(1, Ordering::Relaxed);
+        let [width, height] = self.sizes[surface];
         let data = vec![0.0; width * height * 3];
         Ok(Frame {
             width,
@@ -44,9 +48,12 @@ impl Source for Sizes {
 /// A ten thousandth of what may be held, beside frames with a ten thousandth of the pixels.
 const ROOM: usize = BYTES_AT_ONCE / 10_000;
 
-/// How many of these frames are decoded at once, again and again until all are.
+/// How many of these frames are decoded at once, again and again until all are, none twice.
 fn chunks(sizes: &[[usize; 2]]) -> Vec<usize> {
-    let source = Sizes(sizes.to_vec());
+    let source = Sizes {
+        sizes: sizes.to_vec(),
+        decoded: AtomicUsize::new(0),
+    };
     let wanted = (0..sizes.len()).map(|surface| ([0; 32], FrameIndex { surface, view: 0 }));
     let wanted: Vec<Wanted> = wanted.collect();
     let (mut rest, mut chunks) = (&wanted[..], Vec::new());
@@ -58,6 +65,7 @@ fn chunks(sizes: &[[usize; 2]]) -> Vec<usize> {
         chunks.push(frames.len());
         rest = &rest[frames.len()..];
     }
+    assert_eq!(source.decoded.into_inner(), sizes.len());
     chunks
 }
 
@@ -81,4 +89,17 @@ fn frames_that_grow_stop_what_is_held() {
     // One large frame leaves room, two do not.
     assert_eq!(chunks[0], 6);
     assert_eq!(chunks.iter().sum::<usize>(), 16);
+}
+
+/// Where threads divide the frames among them beforehand, the second half begins while the first
+/// still fills the room.
+#[test]
+fn frames_of_any_sizes_are_decoded_once_by_any_threads() {
+    let side = |at: usize| [40, 1, 70, 10, 3][at * at % 5];
+    let sizes: Vec<_> = (0..400).map(|at| [side(at), side(at + 1)]).collect();
+    for threads in [1, 2, 8] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let chunks = pool.unwrap().install(|| chunks(&sizes));
+        assert_eq!(chunks.iter().sum::<usize>(), sizes.len());
+    }
 }

@@ -63,6 +63,31 @@ pub enum FrameErrorKind {
         /// The most pixels allowed.
         limit: u64,
     },
+    /// A frame to be resized without three values for each of its pixels, or without pixels.
+    #[error("has {values} values for {width} x {height} pixels, expected three for each")]
+    NotItsPixels {
+        /// Its columns.
+        width: usize,
+        /// Its rows.
+        height: usize,
+        /// How many values it has.
+        values: usize,
+    },
+    /// A size beyond what [`Limits::pixels`](crate::Limits::pixels) are by default.
+    #[error(
+        "would have {width} x {height} pixels with a shorter side of {shorter_side}, more than the \
+         limit of {limit}"
+    )]
+    ResizedTooLarge {
+        /// The shorter side asked for.
+        shorter_side: usize,
+        /// Its columns then.
+        width: usize,
+        /// Its rows then.
+        height: usize,
+        /// The most pixels allowed.
+        limit: u64,
+    },
     /// The first bytes are of no known format.
     #[error("begins with {found}, which is no PNG, JPEG or EXR")]
     UnknownFormat {

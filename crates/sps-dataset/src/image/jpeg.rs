@@ -7,10 +7,12 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 use super::exif::Orientation;
 use super::jpeg_markers::Markers;
 use super::samples::{Depth, Samples};
-use super::{DecodeSettings, Decoded, FrameErrorKind, ImageFormat, LightCounts, check_size};
+use super::{FrameErrorKind, ImageFormat, Limits, check_size};
+use crate::Extent;
 
-pub(super) fn decode(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded, FrameErrorKind> {
-    let markers = Markers::scan(bytes).ok_or_else(|| {
+/// The samples of the upright image.
+pub(super) fn decode(file: &[u8], limits: &Limits) -> Result<Samples, FrameErrorKind> {
+    let markers = Markers::scan(file).ok_or_else(|| {
         FrameErrorKind::damaged(ImageFormat::Jpeg, "it stops before its end mark")
     })?;
     // Lenient decoding paints what is damaged grey; but strict decoding also refuses the stray
@@ -19,15 +21,10 @@ pub(super) fn decode(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded,
         .set_strict_mode(!markers.stray_bytes)
         .set_max_width(usize::from(u16::MAX))
         .set_max_height(usize::from(u16::MAX));
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(file), options);
     decoder.decode_headers().map_err(refused)?;
     let (width, height) = decoder.dimensions().unwrap_or_default();
-    check_size(
-        ImageFormat::Jpeg,
-        width as u64,
-        height as u64,
-        &settings.limits,
-    )?;
+    check_size(ImageFormat::Jpeg, width as u64, height as u64, limits)?;
 
     // Four channels are taken for ink as Adobe stores it, like Pillow and browsers do: RGB is
     // (1 - ink) * (1 - black), without a colour profile.
@@ -38,21 +35,16 @@ pub(super) fn decode(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded,
         (ColorSpace::RGB, 3)
     };
     decoder.set_options(options.jpeg_set_out_colorspace(wanted));
-    let pixels = decoder.decode().map_err(refused)?;
+    let bytes = decoder.decode().map_err(refused)?;
 
     let samples = Samples {
-        width,
-        height,
+        extent: Extent { width, height },
         channels,
         depth: Depth::Eight,
-        bytes: &pixels,
+        bytes,
     };
-    let frame = samples.to_frame(settings.background);
     let orientation = Orientation::from_exif(decoder.exif().map(Vec::as_slice));
-    Ok(Decoded {
-        frame: orientation.apply(frame),
-        light: LightCounts::default(),
-    })
+    Ok(samples.upright(orientation))
 }
 
 fn refused(error: DecodeErrors) -> FrameErrorKind {

@@ -46,9 +46,12 @@ fn segment(bytes: &[u8], at: usize) -> Option<&[u8]> {
 }
 
 /// Where the entropy-coded data that begins at `at` ends: the next mark that is no restart.
-fn end_of_scan(bytes: &[u8], at: usize) -> Option<usize> {
-    let pairs = bytes.get(at..)?.windows(2);
-    let mut marks = pairs.enumerate().filter(|(_, pair)| pair[0] == 0xff);
-    let (offset, _) = marks.find(|(_, pair)| !matches!(pair[1], 0x00 | 0xff | 0xd0..=0xd7))?;
-    Some(at + offset)
+fn end_of_scan(bytes: &[u8], mut at: usize) -> Option<usize> {
+    loop {
+        at += bytes.get(at..)?.iter().position(|&byte| byte == 0xff)?;
+        if !matches!(bytes.get(at + 1)?, 0x00 | 0xff | 0xd0..=0xd7) {
+            return Some(at);
+        }
+        at += 1;
+    }
 }

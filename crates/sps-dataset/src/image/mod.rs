@@ -21,6 +21,7 @@ use crate::files::{ReadError, read_bytes};
 
 pub use error::{FrameError, FrameErrorKind, ImageFormat};
 pub use light::LightCounts;
+use samples::Samples;
 pub use settings::{DecodeSettings, Limits, NonFinite};
 pub use write::{EncodeError, FrameFormat};
 
@@ -43,21 +44,24 @@ pub struct Decoded {
 /// Where the bytes are no whole image of these formats, ask for more than the limits allow, or,
 /// for an EXR, lack a channel.
 pub fn decode_image(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded, FrameErrorKind> {
-    let format = format_of(bytes)?;
-    let decode = || match format {
-        ImageFormat::Png => png::decode(bytes, settings),
-        ImageFormat::Jpeg => jpeg::decode(bytes, settings),
-        #[cfg(feature = "exr")]
-        ImageFormat::Exr => exr::decode(bytes, settings),
-        #[cfg(not(feature = "exr"))]
-        ImageFormat::Exr => Err(FrameErrorKind::unsupported(
-            format,
-            "built without the feature `exr`",
-        )),
-    };
-    // The decoders are others' code and have asserts; a damaged file must not end the program.
-    catch_unwind(AssertUnwindSafe(decode))
-        .unwrap_or_else(|_| Err(FrameErrorKind::damaged(format, "its decoder gave up on it")))
+    decode(bytes, settings, |stored| Ok(stored.shown(settings)))
+}
+
+/// Decodes an image as [`decode_image`] does and brings its shorter side, once it stands upright, to
+/// so many pixels as [`Frame::resized`] does, with the same values. The photograph as a frame, 12
+/// bytes a pixel, is then never there, but for EXR. [`Decoded::light`] counts samples of the
+/// photograph.
+///
+/// # Errors
+/// As [`decode_image`], and where the result would be as large as [`Frame::resized`] refuses.
+pub fn decode_image_resized(
+    bytes: &[u8],
+    settings: &DecodeSettings,
+    shorter_side: usize,
+) -> Result<Decoded, FrameErrorKind> {
+    decode(bytes, settings, |stored| {
+        stored.resized(settings, shorter_side)
+    })
 }
 
 /// Reads and decodes one image file; see [`decode_image`].
@@ -68,6 +72,82 @@ pub fn read_image(path: &Path, settings: &DecodeSettings) -> Result<Decoded, Fra
     read_frame_file(path, settings)
         .and_then(|bytes| decode_image(&bytes, settings))
         .map_err(|kind| FrameError::new(path, kind))
+}
+
+/// Reads and decodes one image file and brings its shorter side to so many pixels; see
+/// [`decode_image_resized`].
+///
+/// # Errors
+/// As [`decode_image_resized`], and where the file cannot be read.
+pub fn read_image_resized(
+    path: &Path,
+    settings: &DecodeSettings,
+    shorter_side: usize,
+) -> Result<Decoded, FrameError> {
+    read_frame_file(path, settings)
+        .and_then(|bytes| decode_image_resized(&bytes, settings, shorter_side))
+        .map_err(|kind| FrameError::new(path, kind))
+}
+
+/// An upright image as its file gives it.
+enum Stored {
+    Samples(Samples),
+    #[cfg(feature = "exr")]
+    Light(Decoded),
+}
+
+impl Stored {
+    fn shown(self, settings: &DecodeSettings) -> Decoded {
+        match self {
+            Self::Samples(samples) => Decoded {
+                frame: samples.to_frame(settings.background),
+                light: LightCounts::default(),
+            },
+            #[cfg(feature = "exr")]
+            Self::Light(decoded) => decoded,
+        }
+    }
+
+    fn resized(
+        self,
+        settings: &DecodeSettings,
+        shorter_side: usize,
+    ) -> Result<Decoded, FrameErrorKind> {
+        match self {
+            Self::Samples(samples) => Ok(Decoded {
+                frame: samples.to_resized_frame(shorter_side, settings.background)?,
+                light: LightCounts::default(),
+            }),
+            #[cfg(feature = "exr")]
+            Self::Light(Decoded { frame, light }) => Ok(Decoded {
+                frame: frame.resized(shorter_side)?.into_owned(),
+                light,
+            }),
+        }
+    }
+}
+
+/// What `make` makes of an image.
+fn decode(
+    bytes: &[u8],
+    settings: &DecodeSettings,
+    make: impl FnOnce(Stored) -> Result<Decoded, FrameErrorKind>,
+) -> Result<Decoded, FrameErrorKind> {
+    let format = format_of(bytes)?;
+    let decode = || match format {
+        ImageFormat::Png => png::decode(bytes, &settings.limits).map(Stored::Samples),
+        ImageFormat::Jpeg => jpeg::decode(bytes, &settings.limits).map(Stored::Samples),
+        #[cfg(feature = "exr")]
+        ImageFormat::Exr => exr::decode(bytes, settings).map(Stored::Light),
+        #[cfg(not(feature = "exr"))]
+        ImageFormat::Exr => Err(FrameErrorKind::unsupported(
+            format,
+            "built without the feature `exr`",
+        )),
+    };
+    // The decoders are others' code and have asserts; a damaged file must not end the program.
+    catch_unwind(AssertUnwindSafe(|| make(decode()?)))
+        .unwrap_or_else(|_| Err(FrameErrorKind::damaged(format, "its decoder gave up on it")))
 }
 
 /// The bytes of an image file within the limits.

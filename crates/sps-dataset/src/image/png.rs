@@ -4,14 +4,15 @@ use png::{BitDepth, ColorType, Decoder, DecodingError, Transformations};
 
 use super::exif::Orientation;
 use super::samples::{Depth, Samples};
-use super::{DecodeSettings, Decoded, FrameErrorKind, ImageFormat, LightCounts, check_size};
+use super::{FrameErrorKind, ImageFormat, Limits, check_size};
+use crate::Extent;
 
-pub(super) fn decode(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded, FrameErrorKind> {
-    let limits = &settings.limits;
+/// The samples of the upright image.
+pub(super) fn decode(file: &[u8], limits: &Limits) -> Result<Samples, FrameErrorKind> {
     // Four channels of 16 bits.
     let buffer_limit = usize::try_from(limits.pixels.saturating_mul(8)).unwrap_or(usize::MAX);
     let mut decoder = Decoder::new_with_limits(
-        Cursor::new(bytes),
+        Cursor::new(file),
         png::Limits {
             bytes: buffer_limit,
         },
@@ -34,14 +35,16 @@ pub(super) fn decode(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded,
         .output_buffer_size()
         .filter(|&size| size <= buffer_limit);
     let size = size.ok_or_else(|| refused(DecodingError::LimitsExceeded))?;
-    let mut pixels = vec![0; size];
-    let output = reader.next_frame(&mut pixels).map_err(refused)?;
+    let mut bytes = vec![0; size];
+    let output = reader.next_frame(&mut bytes).map_err(refused)?;
     // To the end mark, so that a file that is cut after its last row is not taken for whole.
     reader.finish().map_err(refused)?;
 
     let samples = Samples {
-        width: output.width as usize,
-        height: output.height as usize,
+        extent: Extent {
+            width: output.width as usize,
+            height: output.height as usize,
+        },
         channels: match output.color_type {
             ColorType::Grayscale => 1,
             ColorType::GrayscaleAlpha => 2,
@@ -53,14 +56,10 @@ pub(super) fn decode(bytes: &[u8], settings: &DecodeSettings) -> Result<Decoded,
         } else {
             Depth::Eight
         },
-        bytes: &pixels,
+        bytes,
     };
-    let frame = samples.to_frame(settings.background);
     let orientation = Orientation::from_exif(reader.info().exif_metadata.as_deref());
-    Ok(Decoded {
-        frame: orientation.apply(frame),
-        light: LightCounts::default(),
-    })
+    Ok(samples.upright(orientation))
 }
 
 /// The decoder takes the colours for whole, and for no more than a byte can tell apart.

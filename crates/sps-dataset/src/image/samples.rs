@@ -1,13 +1,15 @@
-use crate::Frame;
+use super::FrameErrorKind;
+use super::exif::Orientation;
+use crate::resample::resample;
+use crate::{Extent, Frame};
 
 /// Decoded samples as PNG and JPEG have them: interleaved, row-major.
-pub(super) struct Samples<'a> {
-    pub(super) width: usize,
-    pub(super) height: usize,
+pub(super) struct Samples {
+    pub(super) extent: Extent,
     /// 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha.
     pub(super) channels: usize,
     pub(super) depth: Depth,
-    pub(super) bytes: &'a [u8],
+    pub(super) bytes: Vec<u8>,
 }
 
 /// How a sample is stored.
@@ -18,51 +20,102 @@ pub(super) enum Depth {
     Sixteen,
 }
 
-impl Samples<'_> {
+impl Samples {
+    /// Turns the stored image upright.
+    pub(super) fn upright(self, orientation: Orientation) -> Self {
+        let turn = match self.pixel() {
+            1 => Orientation::apply::<1>,
+            2 => Orientation::apply::<2>,
+            3 => Orientation::apply::<3>,
+            4 => Orientation::apply::<4>,
+            6 => Orientation::apply::<6>,
+            _ => Orientation::apply::<8>,
+        };
+        let (extent, bytes) = turn(orientation, self.extent, self.bytes);
+        Self {
+            extent,
+            bytes,
+            ..self
+        }
+    }
+
     /// The frame: the largest sample becomes 1, grey fills all three channels, and transparent
     /// pixels show `background`, mixed in the display-referred values as browsers do.
     pub(super) fn to_frame(&self, background: [f32; 3]) -> Frame {
-        let data = match self.depth {
+        let Extent { width, height } = self.extent;
+        let mut data = vec![0.0; 3 * width * height];
+        for (y, row) in data.chunks_exact_mut(3 * width).enumerate() {
+            self.read_row(y, background, row);
+        }
+        Frame {
+            width,
+            height,
+            data,
+        }
+    }
+
+    /// That frame with its shorter side brought to so many pixels as [`Frame::resized`] does, without
+    /// the whole of it ever being there.
+    pub(super) fn to_resized_frame(
+        &self,
+        shorter_side: usize,
+        background: [f32; 3],
+    ) -> Result<Frame, FrameErrorKind> {
+        let extent = self.extent.resized(shorter_side)?;
+        if extent == self.extent {
+            return Ok(self.to_frame(background));
+        }
+        Ok(resample(self.extent, extent, |y, row| {
+            self.read_row(y, background, row);
+        }))
+    }
+
+    /// Bytes of a pixel.
+    fn pixel(&self) -> usize {
+        match self.depth {
+            Depth::Eight => self.channels,
+            Depth::Sixteen => 2 * self.channels,
+        }
+    }
+
+    fn read_row(&self, y: usize, background: [f32; 3], row: &mut [f32]) {
+        let length = self.extent.width * self.pixel();
+        let bytes = &self.bytes[y * length..][..length];
+        match self.depth {
             Depth::Eight => {
-                let levels: [f32; 256] = std::array::from_fn(|level| level as f32 / 255.0);
-                let samples = self.bytes.iter().map(|&byte| levels[usize::from(byte)]);
-                mix(samples, self.channels, background)
+                let samples = bytes.iter().map(|&byte| f32::from(byte) / 255.0);
+                mix(samples, self.channels, background, row);
             }
             Depth::Sixteen => {
-                let (pairs, _) = self.bytes.as_chunks::<2>();
-                let samples = pairs
-                    .iter()
-                    .map(|&pair| f32::from(u16::from_be_bytes(pair)));
-                mix(
-                    samples.map(|sample| sample / 65535.0),
-                    self.channels,
-                    background,
-                )
+                let pairs = bytes.as_chunks().0.iter();
+                let samples = pairs.map(|&pair| f32::from(u16::from_be_bytes(pair)) / 65535.0);
+                mix(samples, self.channels, background, row);
             }
-        };
-        Frame {
-            width: self.width,
-            height: self.height,
-            data,
         }
     }
 }
 
-fn mix(samples: impl Iterator<Item = f32>, channels: usize, background: [f32; 3]) -> Vec<f32> {
+fn mix(
+    mut samples: impl Iterator<Item = f32>,
+    channels: usize,
+    background: [f32; 3],
+    row: &mut [f32],
+) {
     if channels == 3 {
-        return samples.collect();
+        for (value, sample) in row.iter_mut().zip(samples) {
+            *value = sample;
+        }
+        return;
     }
-    let mut samples = samples;
-    let mut data = Vec::new();
-    while let Some(first) = samples.next() {
+    for pixel in row.as_chunks_mut::<3>().0 {
         let mut next = || samples.next().unwrap_or(0.0);
+        let first = next();
         let (rgb, alpha) = match channels {
             1 => ([first; 3], 1.0),
             2 => ([first; 3], next()),
             _ => ([first, next(), next()], next()),
         };
-        let shown = |(value, behind): (f32, f32)| value * alpha + behind * (1.0 - alpha);
-        data.extend(rgb.into_iter().zip(background).map(shown));
+        let shown = |channel| rgb[channel] * alpha + background[channel] * (1.0 - alpha);
+        *pixel = [0, 1, 2].map(shown);
     }
-    data
 }

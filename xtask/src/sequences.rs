@@ -1,6 +1,6 @@
 //! A source whose one view of a surface is a sequence of another source's views.
 
-use sps_dataset::{Frame, FrameKey, RollAngle, Source, Surface, TactileTable};
+use sps_dataset::{Frame, FrameKey, PropertyRanges, RollAngle, Source, Surface, TactileTable};
 
 /// Frames of several views, one below the other, as one frame; it stands at angle 0.
 pub(crate) struct Sequences<'a, S> {
@@ -32,6 +32,10 @@ impl<S: Source> Source for Sequences<'_, S> {
 
     fn tactile(&self) -> &TactileTable {
         self.source.tactile()
+    }
+
+    fn ranges(&self) -> PropertyRanges {
+        self.source.ranges()
     }
 
     fn frame(&self, surface: usize, _: usize) -> Result<Frame, S::Error> {

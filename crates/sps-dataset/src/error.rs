@@ -85,6 +85,23 @@ pub enum DatasetErrorKind {
         /// The value read.
         value: f64,
     },
+    /// A value outside of the range that the dataset declares for its property.
+    #[error(
+        "{property} of `{surface}` is {value}, outside {low} to {high}, the range that the dataset \
+         declares"
+    )]
+    OutOfDeclaredRange {
+        /// The surface touched.
+        surface: String,
+        /// The property measured.
+        property: Property,
+        /// The value read.
+        value: f64,
+        /// The lowest value declared.
+        low: f64,
+        /// The highest value declared.
+        high: f64,
+    },
     /// A surface that was listed before.
     #[error("surface `{surface}` is listed twice, first at {first}")]
     DuplicateSurface {

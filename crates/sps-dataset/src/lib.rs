@@ -44,7 +44,7 @@
 //!   where a source knows it.
 //! - **Touches.** A [`TactileTable`] has every [`Reading`]; [`TactileTable::averages`] makes one
 //!   value per surface and [`Property`] of them. [`TableFormat`] says how a file is laid out,
-//!   [`TactileSettings`] what is made of its values.
+//!   [`TactileSettings`] what is made of its values, [`PropertyRanges`] where they must end.
 //! - **Surfaces.** [`SplitPlan`] divides them, [`MaterialLabels`] labels them.
 //! - **Configs.** Every settings type reads from TOML with serde, denies unknown keys and has
 //!   kebab-case names; [`parse_toml`] makes errors that name the line and the nearest valid key.
@@ -100,8 +100,8 @@ pub use table::{
     Statistics, TableFormat, WideCsv,
 };
 pub use tactile::{
-    Average, Cell, NOMINAL_RANGE, OutOfRange, RangePolicy, Reading, SurfaceAverages,
-    TactileSettings, TactileTable,
+    Average, Cell, InvalidRange, NOMINAL_RANGE, OutOfRange, PropertyRanges, RangePolicy, Reading,
+    SurfaceAverages, TactileSettings, TactileTable,
 };
 pub use toml_text::parse_toml;
 pub use units::{KeepGroups, Unit, Units};

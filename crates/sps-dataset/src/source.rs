@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use crate::{Frame, LinearFrame, TactileTable};
+use crate::{Frame, LinearFrame, PropertyRanges, TactileTable};
 
 /// A physical surface: what was imaged and touched.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -55,6 +55,12 @@ pub trait Source: Send + Sync {
 
     /// Every tactile reading of every surface.
     fn tactile(&self) -> &TactileTable;
+
+    /// The ranges that its properties cannot leave, for those of which it knows them; every reading
+    /// lies within. Most sources know none.
+    fn ranges(&self) -> PropertyRanges {
+        PropertyRanges::default()
+    }
 
     /// Decodes or renders one view of one surface.
     ///

@@ -235,7 +235,7 @@ fn manifest_errors_name_the_line_and_the_nearest_key() {
         (
             MANIFEST.replace("properties", "propertys"),
             "dataset.toml, line 2: unknown key `propertys`, did you mean `properties`? Expected one of \
-          `name`, `description`, `source`, `properties`, `view-angles-deg`, `tactile`",
+          `name`, `description`, `source`, `properties`, `view-angles-deg`, `ranges`, `tactile`",
         ),
         (
             MANIFEST.replace("fRS", "frs"),

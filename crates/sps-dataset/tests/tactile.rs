@@ -58,6 +58,59 @@ fn values_out_of_range_are_kept_clamped_or_rejected_and_always_counted() {
     ));
 }
 
+fn ranged(ranges: &str, table: &str) -> Made {
+    Made::new(&format!("[ranges]\n{ranges}"), "tactile.csv", table)
+}
+
+#[test]
+fn declared_ranges_hold_every_reading_ends_included() {
+    let table = "surface,location,repeat,fRS,cDF\na,0,0,0,-7\nb,0,0,100,\n";
+    let dataset = ranged("fRS = [0, 100]\ncDF = [-inf, 0]", table)
+        .open()
+        .unwrap();
+    let ranges = dataset.ranges();
+    assert_eq!(ranges.get(FRS), Some([0.0, 100.0]));
+    assert_eq!(ranges.get(CDF), Some([f64::NEG_INFINITY, 0.0]));
+    assert!(long(table).open().unwrap().ranges().is_empty());
+
+    let refusal = ranged("fRS = [0, 99.5]", table).refusal();
+    let expected = "tactile.csv, line 3: fRS of `b` is 100, outside 0 to 99.5, the range that the \
+                    dataset declares";
+    assert_eq!(refusal, expected);
+}
+
+#[test]
+fn what_was_clamped_is_held_to_the_range_as_it_is_then() {
+    let made = ranged("fRS = [0.0, 100.0]", RANGED);
+    let opened = DatasetFolder::open(made.path(), &with_policy(RangePolicy::Clamp));
+    assert_eq!(opened.unwrap().out_of_range()[0].1.below, 1);
+    let kept = DatasetFolder::open(made.path(), &with_policy(RangePolicy::Keep));
+    let message = kept.unwrap_err().to_string();
+    assert!(message.contains("line 2: fRS of `a` is -0.5"), "{message}");
+}
+
+#[test]
+fn ranges_that_are_none_are_refused() {
+    let table = "surface,location,repeat,fRS,cDF\na,0,0,1,1\n";
+    let refusal = |ranges: &str| ranged(ranges, table).refusal();
+    for [ends, shown] in [
+        ["[5, 5]", "5 to 5"],
+        ["[9, -1]", "9 to -1"],
+        ["[0, nan]", "0 to NaN"],
+    ] {
+        let expected = format!(
+            "dataset.toml, line 4: is not valid TOML: the range of `fRS`: found {shown}, expected a \
+             lower end below the upper"
+        );
+        assert_eq!(refusal(&format!("fRS = {ends}")), expected);
+    }
+    let expected = "dataset.toml: the ranges: found one for `mTX`, expected ranges of the properties: \
+                    fRS, cDF";
+    assert_eq!(refusal("mTX = [0, 1]"), expected);
+    assert!(refusal("frs = [0, 1]").contains("did you mean `fRS`?"));
+    assert!(refusal("fRS = [0]").starts_with("dataset.toml, line 5: is not valid TOML"));
+}
+
 #[test]
 fn repeats_and_locations_average_separately_and_keep_their_spread() {
     let made = long(

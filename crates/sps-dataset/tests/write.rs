@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use sps_dataset::{
-    DatasetFolder, DecodeSettings, Frame, FrameFormat, FrameKey, LinearFrame, ReadSettings,
-    RollAngle, Source, Surface, TactileTable, WriteError, WriteErrorKind, WriteOptions, Written,
-    decode_image, write_dataset,
+    DatasetFolder, DecodeSettings, Frame, FrameFormat, FrameKey, LinearFrame, Property,
+    PropertyRanges, ReadSettings, RollAngle, Source, Surface, TactileTable, WriteError,
+    WriteErrorKind, WriteOptions, Written, decode_image, write_dataset,
 };
 use tempfile::TempDir;
 
@@ -17,6 +17,7 @@ struct Counted {
     inner: DatasetFolder,
     frames: AtomicUsize,
     fail_from: usize,
+    ranges: PropertyRanges,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -31,6 +32,7 @@ impl Counted {
             inner,
             frames: AtomicUsize::new(0),
             fail_from,
+            ranges: PropertyRanges::default(),
         }
     }
 }
@@ -52,6 +54,10 @@ impl Source for Counted {
 
     fn tactile(&self) -> &TactileTable {
         self.inner.tactile()
+    }
+
+    fn ranges(&self) -> PropertyRanges {
+        self.ranges.clone()
     }
 
     fn frame(&self, surface: usize, view: usize) -> Result<Frame, LampOut> {
@@ -398,4 +404,29 @@ fn a_full_disk_leaves_whole_surfaces_only() {
             sps_dataset::read_image(&frame, &sps_dataset::DecodeSettings::default()).unwrap();
         }
     }
+}
+
+#[test]
+fn declared_ranges_are_kept() {
+    let ranged = |ranges: &[(Property, [f64; 2])]| Counted {
+        ranges: PropertyRanges::new(ranges.iter().copied()).unwrap(),
+        ..Counted::new(usize::MAX)
+    };
+    let source = ranged(&[
+        (Property::FRS, [0.0, 100.0]),
+        (Property::CDF, [-0.1, f64::INFINITY]),
+    ]);
+    let folder = TempDir::new().unwrap();
+    write_png(&source, folder.path()).unwrap();
+    assert_eq!(open(folder.path()).ranges(), source.ranges);
+
+    // One of its surfaces deforms by more than 100.
+    let folder = TempDir::new().unwrap();
+    let refused = write_png(&ranged(&[(Property::CDF, [0.0, 100.0])]), folder.path());
+    let message = refused.unwrap_err().to_string();
+    assert!(
+        message.contains("a reading: found cDF of `") && message.contains("expected 0 to 100"),
+        "{message}"
+    );
+    assert!(!folder.path().join("dataset.toml").exists());
 }

@@ -2,7 +2,9 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use sps_dataset::{Frame, FrameKey, LinearFrame, RollAngle, Source, Surface, TactileTable};
+use sps_dataset::{
+    Frame, FrameKey, LinearFrame, PropertyRanges, RollAngle, Source, Surface, TactileTable,
+};
 
 use super::fingerprint;
 use super::material::Material;
@@ -199,6 +201,11 @@ impl Source for Simulator {
 
     fn tactile(&self) -> &TactileTable {
         &self.tactile
+    }
+
+    /// 0 to 100 for all fifteen: a touch ends where the scale does.
+    fn ranges(&self) -> PropertyRanges {
+        PropertyRanges::nominal()
     }
 
     /// Rounded to 8 bits as a PNG is, so that a simulated set and its written copy are the same to

@@ -149,6 +149,23 @@ fn indices_out_of_range_are_errors() {
     assert_eq!(source.linear_frame(0, 3).unwrap_err(), view);
 }
 
+#[test]
+fn every_reading_lies_in_the_range_of_its_property() {
+    let source = simulator(SimulatorSpec {
+        surfaces: 200,
+        ..small()
+    });
+    let (ranges, table) = (source.ranges(), source.tactile());
+    for (column, &property) in table.properties.iter().enumerate() {
+        let [low, high] = ranges.get(property).unwrap();
+        let values = || table.readings.iter().filter_map(|r| r.values[column]);
+        assert!(
+            values().all(|value| (low..=high).contains(&value)),
+            "{property}"
+        );
+    }
+}
+
 /// A brushed metal near the mirror direction of the light: what a display clips is in the file.
 #[test]
 fn an_exr_file_keeps_highlights_above_white() {

@@ -3,7 +3,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::table::{PropertyOrder, TableFormat};
-use crate::{DatasetError, ViewAngles, parse_toml};
+use crate::{DatasetError, DatasetErrorKind, PropertyRanges, ViewAngles, parse_toml};
 
 /// What `dataset.toml` says: the dataset's name, its views and how its tactile table is laid out.
 ///
@@ -34,6 +34,9 @@ pub struct Manifest {
     pub properties: PropertyOrder,
     /// The roll angle of each view.
     pub view_angles_deg: ViewAngles,
+    /// The ranges that its properties cannot leave.
+    #[serde(default, skip_serializing_if = "PropertyRanges::is_empty")]
+    pub ranges: PropertyRanges,
     /// How the tactile table is laid out; `tactile.csv` in long form unless said otherwise.
     #[serde(default, skip_serializing_if = "TableFormat::is_default")]
     pub tactile: TableFormat,
@@ -44,8 +47,28 @@ impl Manifest {
     ///
     /// # Errors
     /// Where the text is not TOML, a key is missing or unknown, a property is not one of the
-    /// fifteen or is listed twice, or the angles are none that a sequence can have.
+    /// fifteen or is listed twice, the angles are none that a sequence can have, or a range is empty
+    /// or that of a property which is not listed.
     pub fn parse(path: &Path, text: &str) -> Result<Self, DatasetError> {
-        parse_toml(path, text)
+        let manifest: Self = parse_toml(path, text)?;
+        manifest.check_ranges().map_err(|(found, expected)| {
+            let kind = DatasetErrorKind::unexpected("the ranges", found, expected);
+            DatasetError::file(path, kind)
+        })?;
+        Ok(manifest)
+    }
+
+    /// Ranges are of properties that there are; what was found and expected if not.
+    pub(super) fn check_ranges(&self) -> Result<(), (String, String)> {
+        let mut ranged = self.ranges.properties();
+        let Some(unlisted) = ranged.find(|&property| self.properties.position(property).is_none())
+        else {
+            return Ok(());
+        };
+        let listed: Vec<_> = self.properties.iter().map(|listed| listed.code()).collect();
+        Err((
+            format!("one for `{unlisted}`"),
+            format!("ranges of the properties: {}", listed.join(", ")),
+        ))
     }
 }

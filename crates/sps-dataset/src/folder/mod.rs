@@ -13,8 +13,8 @@ use crate::image::read_frame_file;
 use crate::table::{TactileRead, read_table};
 use crate::{
     DatasetError, DatasetErrorKind, DecodeSettings, Decoded, Frame, FrameError, FrameErrorKind,
-    FrameKey, OutOfRange, Property, ReadSettings, RollAngle, Source, Surface, TactileTable,
-    decode_image,
+    FrameKey, OutOfRange, Property, PropertyRanges, ReadSettings, RollAngle, Source, Surface,
+    TactileTable, decode_image,
 };
 
 pub use angles::{InvalidAngles, ViewAngles};
@@ -49,7 +49,7 @@ impl DatasetFolder {
     /// # Errors
     /// Where the folder is no dataset, or `dataset.toml`, `surfaces.csv` or the tactile table
     /// breaks its format, speaks of a surface or property that does not exist, or has a value that
-    /// `settings` reject; where the table would be outside the folder.
+    /// `settings` reject or that lies outside of its declared range; where the table would be outside the folder.
     pub fn open(folder: &Path, settings: &ReadSettings) -> Result<Self, DatasetError> {
         let limit = settings.table_bytes;
         let path = folder.join("dataset.toml");
@@ -76,6 +76,7 @@ impl DatasetFolder {
             format,
             &surfaces,
             &manifest.properties,
+            &manifest.ranges,
             settings.tactile.out_of_range,
             limit,
         )?;
@@ -184,6 +185,10 @@ impl Source for DatasetFolder {
 
     fn tactile(&self) -> &TactileTable {
         &self.tactile
+    }
+
+    fn ranges(&self) -> PropertyRanges {
+        self.manifest.ranges.clone()
     }
 
     fn frame(&self, surface: usize, view: usize) -> Result<Frame, FrameError> {

@@ -9,7 +9,10 @@ use sps_base::files::{remove_unfinished, write_file, write_folder, write_new};
 
 use super::surfaces::check_id;
 use super::tables::{surfaces_csv, tactile_csv};
-use crate::{EncodeError, FrameFormat, Manifest, PropertyOrder, Source, TableFormat, ViewAngles};
+use crate::{
+    EncodeError, FrameFormat, Manifest, PropertyOrder, PropertyRanges, Source, TableFormat,
+    ViewAngles,
+};
 
 /// Holds what is being written, and is locked while it is.
 const PLAN: &str = ".write-plan";
@@ -121,8 +124,8 @@ impl From<io::Error> for WriteErrorKind {
 /// hidden file `.write-plan` keeps two processes, or two different datasets, out of one folder.
 ///
 /// # Errors
-/// Where the source fails, has no view, or has a surface whose id is no file name; where the
-/// folder has another dataset, is being written to, or cannot be; and where no space is left.
+/// Where the source fails, has no view, has a surface whose id is no file name, or a reading or
+/// range that [`Source::ranges`] would not hold for; where the folder has another dataset, is being written to, or cannot be; and where no space is left.
 pub fn write_dataset<S: Source>(
     source: &S,
     folder: &Path,
@@ -186,49 +189,8 @@ struct Writer<'a, S> {
 impl<S: Source> Writer<'_, S> {
     /// Everything but the frames, in the order of writing.
     fn files(&self) -> Result<[(&'static str, String); 3], WriteError> {
-        let unsuitable = |what, found: String, expected: &str| {
-            let expected = expected.to_owned();
-            let kind = WriteErrorKind::Unsuitable {
-                what,
-                found,
-                expected,
-            };
-            WriteError::new(self.folder, kind)
-        };
-        if self.source.surfaces().is_empty() {
-            return Err(unsuitable(
-                "the surfaces",
-                "none".to_owned(),
-                "at least one",
-            ));
-        }
-        let mut ids = HashSet::new();
-        for surface in self.source.surfaces() {
-            check_id(&surface.id)
-                .map_err(|(found, expected)| unsuitable("the id of a surface", found, &expected))?;
-            if !ids.insert(&surface.id) {
-                let found = format!("`{}` twice", surface.id);
-                return Err(unsuitable("the ids of the surfaces", found, "each once"));
-            }
-        }
-        let degrees = self
-            .source
-            .view_angles()
-            .iter()
-            .map(|angle| angle.0)
-            .collect();
-        let view_angles_deg = ViewAngles::list(degrees)
-            .map_err(|error| unsuitable("the views", error.to_string(), "finite angles"))?;
-        let properties = PropertyOrder::try_from(self.source.tactile().properties.clone())
-            .map_err(|error| unsuitable("the properties", error.to_string(), "each once"))?;
-        let manifest = Manifest {
-            name: self.source.name().to_owned(),
-            description: self.options.description.clone(),
-            source: self.options.source.clone(),
-            properties,
-            view_angles_deg,
-            tactile: TableFormat::default(),
-        };
+        self.check_surfaces()?;
+        let manifest = self.manifest()?;
         let encode = |error: String| {
             WriteError::new(self.folder, WriteErrorKind::Io(io::Error::other(error)))
         };
@@ -243,6 +205,74 @@ impl<S: Source> Writer<'_, S> {
                 toml::to_string(&manifest).map_err(|e| encode(e.to_string()))?,
             ),
         ])
+    }
+
+    fn unsuitable(&self, what: &'static str, found: String, expected: &str) -> WriteError {
+        let expected = expected.to_owned();
+        let kind = WriteErrorKind::Unsuitable {
+            what,
+            found,
+            expected,
+        };
+        WriteError::new(self.folder, kind)
+    }
+
+    fn check_surfaces(&self) -> Result<(), WriteError> {
+        if self.source.surfaces().is_empty() {
+            return Err(self.unsuitable("the surfaces", "none".to_owned(), "at least one"));
+        }
+        let mut ids = HashSet::new();
+        for surface in self.source.surfaces() {
+            check_id(&surface.id).map_err(|(found, expected)| {
+                self.unsuitable("the id of a surface", found, &expected)
+            })?;
+            if !ids.insert(&surface.id) {
+                let found = format!("`{}` twice", surface.id);
+                return Err(self.unsuitable("the ids of the surfaces", found, "each once"));
+            }
+        }
+        Ok(())
+    }
+
+    fn manifest(&self) -> Result<Manifest, WriteError> {
+        let angles = self.source.view_angles().iter();
+        let view_angles_deg = ViewAngles::list(angles.map(|angle| angle.0).collect())
+            .map_err(|error| self.unsuitable("the views", error.to_string(), "finite angles"))?;
+        let properties = PropertyOrder::try_from(self.source.tactile().properties.clone())
+            .map_err(|error| self.unsuitable("the properties", error.to_string(), "each once"))?;
+        let manifest = Manifest {
+            name: self.source.name().to_owned(),
+            description: self.options.description.clone(),
+            source: self.options.source.clone(),
+            properties,
+            view_angles_deg,
+            ranges: self.source.ranges(),
+            tactile: TableFormat::default(),
+        };
+        manifest
+            .check_ranges()
+            .map_err(|(found, expected)| self.unsuitable("the ranges", found, &expected))?;
+        self.check_readings(&manifest.ranges)?;
+        Ok(manifest)
+    }
+
+    /// A dataset with a reading outside of its own ranges could not be opened.
+    fn check_readings(&self, ranges: &PropertyRanges) -> Result<(), WriteError> {
+        let table = self.source.tactile();
+        for reading in &table.readings {
+            for (&property, &value) in table.properties.iter().zip(&reading.values) {
+                if let Some(value) = value
+                    && let Some([low, high]) = ranges.broken_by(property, value)
+                {
+                    let surface = self.source.surfaces().get(reading.surface);
+                    let id = surface.map_or("", |surface| &surface.id);
+                    let found = format!("{property} of `{id}` at {value}");
+                    let expected = format!("{low} to {high}, as the source declares");
+                    return Err(self.unsuitable("a reading", found, &expected));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Makes the folder this dataset's own, or finds that it is.

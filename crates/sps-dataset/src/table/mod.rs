@@ -18,7 +18,9 @@ mod wide;
 use std::path::Path;
 
 use crate::files::read_file;
-use crate::{DatasetError, DatasetErrorKind, Property, RangePolicy, Surface, UnknownProperty};
+use crate::{
+    DatasetError, DatasetErrorKind, Property, PropertyRanges, RangePolicy, Surface, UnknownProperty,
+};
 
 pub(crate) use csv_lines::{check_cells, csv_lines};
 pub use format::{
@@ -34,7 +36,8 @@ pub(crate) fn read_table(
     format: &TableFormat,
     surfaces: &[Surface],
     properties: &[Property],
-    range: RangePolicy,
+    ranges: &PropertyRanges,
+    policy: RangePolicy,
     limit: u64,
 ) -> Result<TactileRead, DatasetError> {
     let path = &folder.join(format.file());
@@ -56,7 +59,8 @@ pub(crate) fn read_table(
         path,
         surfaces,
         properties,
-        range,
+        policy,
+        ranges,
     }
     .assemble(raw)
 }

@@ -3,8 +3,8 @@ use std::path::Path;
 
 use crate::tactile::is_plausible;
 use crate::{
-    DatasetError, DatasetErrorKind, NOMINAL_RANGE, OutOfRange, Place, Property, RangePolicy,
-    Reading, Surface, TactileTable, UnknownName,
+    DatasetError, DatasetErrorKind, NOMINAL_RANGE, OutOfRange, Place, Property, PropertyRanges,
+    RangePolicy, Reading, Surface, TactileTable, UnknownName,
 };
 
 /// A table as its file has it, before anything is made of its values.
@@ -36,12 +36,14 @@ pub(super) struct Wanted<'a> {
     pub(super) path: &'a Path,
     pub(super) surfaces: &'a [Surface],
     pub(super) properties: &'a [Property],
-    pub(super) range: RangePolicy,
+    pub(super) policy: RangePolicy,
+    pub(super) ranges: &'a PropertyRanges,
 }
 
 impl Wanted<'_> {
     /// Keeps the wanted columns in the wanted order, finds the surfaces, restores standardised
-    /// values, counts those out of range and applies the policy for them.
+    /// values, counts those out of range, applies the policy for them and holds what they then are
+    /// to the declared ranges.
     pub(super) fn assemble(&self, raw: RawTable) -> Result<TactileRead, DatasetError> {
         let columns = self.find_columns(&raw.columns)?;
         let index: HashMap<&str, usize> = self
@@ -73,9 +75,7 @@ impl Wanted<'_> {
             readings,
         };
         let out_of_range = table.out_of_range();
-        if self.range == RangePolicy::Clamp {
-            table.clamp();
-        }
+        table.apply(self.policy);
         Ok(TactileRead {
             table,
             out_of_range,
@@ -111,15 +111,24 @@ impl Wanted<'_> {
                 return Ok(None);
             };
             let value = restore.map_or(stored, |[mean, std]| stored * std[column] + mean[column]);
-            let rejected = self.range == RangePolicy::Reject && !NOMINAL_RANGE.contains(&value);
+            let surface = || row.surface.clone();
+            let refused = |kind| Err(DatasetError::new(self.path, row.place.clone(), kind));
+            let rejected = self.policy == RangePolicy::Reject && !NOMINAL_RANGE.contains(&value);
             if rejected || !is_plausible(value) {
-                let surface = row.surface.clone();
-                let kind = DatasetErrorKind::OutOfRange {
-                    surface,
+                return refused(DatasetErrorKind::OutOfRange {
+                    surface: surface(),
                     property,
                     value,
-                };
-                return Err(DatasetError::new(self.path, row.place.clone(), kind));
+                });
+            }
+            if let Some([low, high]) = self.ranges.broken_by(property, self.policy.apply(value)) {
+                return refused(DatasetErrorKind::OutOfDeclaredRange {
+                    surface: surface(),
+                    property,
+                    value,
+                    low,
+                    high,
+                });
             }
             Ok(Some(value))
         };

@@ -1,9 +1,11 @@
 mod aggregate;
+mod declared;
 mod range;
 
 use crate::Property;
 
 pub use aggregate::{Average, Cell, SurfaceAverages, TactileSettings};
+pub use declared::{InvalidRange, PropertyRanges};
 pub(crate) use range::is_plausible;
 pub use range::{NOMINAL_RANGE, OutOfRange, RangePolicy};
 

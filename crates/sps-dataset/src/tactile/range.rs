@@ -23,6 +23,16 @@ pub enum RangePolicy {
     Reject,
 }
 
+impl RangePolicy {
+    /// What a reading of that value is read as.
+    pub(crate) fn apply(self, value: f64) -> f64 {
+        match self {
+            Self::Clamp => value.clamp(*NOMINAL_RANGE.start(), *NOMINAL_RANGE.end()),
+            Self::Keep | Self::Reject => value,
+        }
+    }
+}
+
 /// How many values of one property lie outside [`NOMINAL_RANGE`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -46,14 +56,14 @@ impl TactileTable {
         self.properties.iter().copied().zip(counts).collect()
     }
 
-    pub(crate) fn clamp(&mut self) {
+    pub(crate) fn apply(&mut self, policy: RangePolicy) {
         for value in self
             .readings
             .iter_mut()
             .flat_map(|reading| &mut reading.values)
             .flatten()
         {
-            *value = value.clamp(*NOMINAL_RANGE.start(), *NOMINAL_RANGE.end());
+            *value = policy.apply(*value);
         }
     }
 }

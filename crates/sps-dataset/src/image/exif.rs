@@ -8,9 +8,9 @@ pub(super) struct Orientation(u8);
 
 const ORIENTATION_TAG: u16 = 0x0112;
 
-/// So many upright rows are filled together: where they are columns of the stored image, what is
-/// loaded for a pixel of one holds those of the others.
-const ROWS_TOGETHER: usize = 16;
+/// The upright image is filled in squares of so many pixels a side: where its rows are columns of
+/// the stored image, what is loaded for a pixel of one holds those of the others.
+const TILE: usize = 64;
 
 impl Orientation {
     /// From an EXIF block; upright where it does not say.
@@ -31,12 +31,13 @@ impl Orientation {
         let (origin, right, down) = self.steps(stored);
         let stored_at = |x: usize, y: usize| origin + x as isize * right + y as isize * down;
         let mut turned = vec![[0; N]; pixels.len()];
-        let bands = turned.par_chunks_mut(upright.width * ROWS_TOGETHER);
-        bands.enumerate().for_each(|(band, rows)| {
-            for x in 0..upright.width {
-                let column = rows[x..].iter_mut().step_by(upright.width);
-                for (y, pixel) in (band * ROWS_TOGETHER..).zip(column) {
-                    *pixel = pixels[stored_at(x, y) as usize];
+        let bands = turned.par_chunks_mut(upright.width * TILE).enumerate();
+        bands.for_each(|(band, rows)| {
+            for left in (0..upright.width).step_by(TILE) {
+                for (y, row) in (band * TILE..).zip(rows.chunks_exact_mut(upright.width)) {
+                    for (x, pixel) in (left..).zip(row[left..].iter_mut().take(TILE)) {
+                        *pixel = pixels[stored_at(x, y) as usize];
+                    }
                 }
             }
         });

@@ -6,25 +6,39 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 
 use super::images::{Normalisation, Order};
+use super::windows::CellSums;
 use crate::ops::bands::{Threads, inside_pool};
-use crate::ops::grid::Size;
+use crate::ops::grid::{Grid, Size};
+use crate::ops::mean::frame_means;
+use crate::ops::simd::Level;
+use crate::ops::words::Word;
 
 /// A network on the CPU kernels.
 pub(super) trait Network: Sync {
+    /// What its feature maps are made of.
+    type Word: Word;
+
     /// Memory that a thread's passes reuse.
     type Workspace: Default + Send + Debug;
+
+    /// Frames that go through the network together: enough that a layer's weights, read once, serve
+    /// several frames; few enough that their feature maps stay in the cache.
+    const GROUP: usize;
 
     /// The length of an embedding.
     fn width(&self) -> usize;
 
-    /// Embeds images `(frames, 3, ..size)` to `(frames, width)`.
-    fn embed(
+    /// The instructions that it runs by.
+    fn level(&self) -> Level;
+
+    /// The last feature map of at most [`Network::GROUP`] images `(frames, 3, ..size)`, without a
+    /// border, and its layout.
+    fn features<'w>(
         &self,
         threads: Threads,
         images: &Images<'_>,
-        workspace: &mut Self::Workspace,
-        embeddings: &mut [f32],
-    );
+        workspace: &'w mut Self::Workspace,
+    ) -> (&'w [Self::Word], Grid);
 }
 
 /// Images and what is taken out of them.
@@ -65,10 +79,6 @@ pub(super) fn each(values: &[f32], size: Size) -> Vec<&[f32]> {
     values.chunks_exact(len.max(1)).collect()
 }
 
-/// Frames that go through the network together: enough that a layer's weights, read once, serve
-/// several frames; few enough that their feature maps stay in the cache.
-const GROUP: usize = 4;
-
 /// A network of any kind and of any words on the CPU kernels.
 pub(super) trait Kernels: Debug + Send + Sync {
     /// Embeds a batch, `(frames, width)`.
@@ -76,11 +86,23 @@ pub(super) trait Kernels: Debug + Send + Sync {
     /// As many frames as the threads can share evenly are each embedded by one thread; the
     /// threads then work together on those that are left.
     fn embed(&self, images: Images<'_>) -> Vec<f32>;
+
+    /// The sums of the last feature map of one image, by all threads together.
+    fn cell_sums(&self, image: Images<'_>) -> CellSums;
 }
 
 impl<N: Network + Debug + Send> Kernels for Pooled<N> {
     fn embed(&self, images: Images<'_>) -> Vec<f32> {
         inside_pool(|| self.embed_inside(images))
+    }
+
+    fn cell_sums(&self, image: Images<'_>) -> CellSums {
+        inside_pool(|| {
+            self.with_workspace(|workspace| {
+                let (features, grid) = self.network.features(Threads::All, &image, workspace);
+                CellSums::new(features, &grid)
+            })
+        })
     }
 }
 
@@ -120,16 +142,25 @@ impl<N: Network> Pooled<N> {
     }
 
     fn embed_groups(&self, threads: Threads, images: Images<'_>, embeddings: &mut [f32]) {
+        self.with_workspace(|workspace| {
+            let outs = embeddings.chunks_mut(N::GROUP * self.network.width());
+            for (images, out) in images.chunks(N::GROUP).zip(outs) {
+                let (features, grid) = self.network.features(threads, &images, workspace);
+                frame_means(threads, self.network.level(), features, &grid, out);
+            }
+        });
+    }
+
+    /// Runs `work` with a workspace that is not in use.
+    fn with_workspace<T>(&self, work: impl FnOnce(&mut N::Workspace) -> T) -> T {
         let lock = || {
             self.workspaces
                 .lock()
                 .unwrap_or_else(PoisonError::into_inner)
         };
         let mut workspace = lock().pop().unwrap_or_default();
-        let outs = embeddings.chunks_mut(GROUP * self.network.width());
-        for (images, out) in images.chunks(GROUP).zip(outs) {
-            self.network.embed(threads, &images, &mut workspace, out);
-        }
+        let outcome = work(&mut workspace);
         lock().push(workspace);
+        outcome
     }
 }

@@ -15,6 +15,7 @@ mod squeezenet;
 #[cfg(test)]
 mod tests;
 mod trainable;
+mod windows;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -25,6 +26,7 @@ pub use i3d::I3d;
 pub use kind::EncoderKind;
 pub use precision::Precision;
 pub use trainable::TrainableEncoder;
+pub use windows::WindowEmbeddings;
 
 use crate::error::{Error, Result};
 use crate::ops::simd::Level;
@@ -206,33 +208,19 @@ impl Encoder {
     /// When there is no image, one does not fill its size, or a side is below
     /// [`EncoderKind::min_size`].
     pub fn embed_pixels(&self, images: &[&[f32]], size: [usize; 2]) -> Result<Vec<f32>> {
-        let [height, width] = size;
-        let min = self.kind.min_size();
-        let len = height.checked_mul(width).and_then(|n| n.checked_mul(3));
-        let misfit = images.iter().find(|image| Some(image.len()) != len);
-        if images.is_empty() || misfit.is_some() || height.min(width) < min {
-            let values = misfit.or(images.first()).map_or(0, |image| image.len());
-            return Err(Error::input(
-                "pixels",
-                format_args!(
-                    "{} images, one of {values} values for {size:?}",
-                    images.len()
-                ),
-                format_args!("images of three values a pixel, sides of at least {min}"),
-            ));
-        }
+        check_pixels(self.kind, images, size)?;
         let Some(kernels) = &self.kernels else {
-            let shape = (images.len(), height, width, 3);
-            let images = Tensor::from_vec(images.concat(), shape, &self.device)?;
-            let embeddings = self.embed(&images.permute((0, 3, 1, 2))?)?;
+            let embeddings = self.embed(&self.planes(images, size)?)?;
             return Ok(embeddings.flatten_all()?.to_vec1()?);
         };
-        Ok(kernels.embed(Images {
-            pixels: images,
-            order: Order::Pixels,
-            size: [1, height, width],
-            normalisation: &Normalisation::IMAGENET,
-        }))
+        Ok(kernels.embed(of_pixels(images, size)))
+    }
+
+    /// Images `(height, width, 3)` as a tensor `(images, 3, height, width)`.
+    fn planes(&self, images: &[&[f32]], [height, width]: [usize; 2]) -> Result<Tensor> {
+        let shape = (images.len(), height, width, 3);
+        let images = Tensor::from_vec(images.concat(), shape, &self.device)?;
+        Ok(images.permute((0, 3, 1, 2))?)
     }
 
     /// Embeds images that are normalised already, as the network's layers take them.
@@ -279,11 +267,37 @@ impl Encoder {
 
     fn run_plain(&self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
         let images = normalise(images, normalisation)?;
-        let net = Plain::new(&self.weights);
-        match self.kind.se_resnext() {
-            Some(config) => se_resnext::plain::embed(&config, &net, &images),
-            None => squeezenet::plain::embed(&net, &images),
-        }
+        Plain::new(&self.weights).embed(self.kind, &images)
+    }
+}
+
+/// Refuses no image, images that do not fill their size, and sizes that the network does not take.
+fn check_pixels(kind: EncoderKind, images: &[&[f32]], [height, width]: [usize; 2]) -> Result<()> {
+    let min = kind.min_size();
+    let len = height.checked_mul(width).and_then(|n| n.checked_mul(3));
+    let misfit = images.iter().find(|image| Some(image.len()) != len);
+    if images.is_empty() || misfit.is_some() || height.min(width) < min {
+        let values = misfit.or(images.first()).map_or(0, |image| image.len());
+        return Err(Error::input(
+            "pixels",
+            format_args!(
+                "{} images, one of {values} values for {:?}",
+                images.len(),
+                [height, width]
+            ),
+            format_args!("images of three values a pixel, sides of at least {min}"),
+        ));
+    }
+    Ok(())
+}
+
+/// Images `(height, width, 3)` for the kernels.
+fn of_pixels<'a>(pixels: &'a [&'a [f32]], [height, width]: [usize; 2]) -> Images<'a> {
+    Images {
+        pixels,
+        order: Order::Pixels,
+        size: [1, height, width],
+        normalisation: &Normalisation::IMAGENET,
     }
 }
 

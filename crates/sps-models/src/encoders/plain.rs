@@ -5,6 +5,7 @@ use std::cell::RefCell;
 
 use candle_core::{DType, Tensor};
 
+use super::{EncoderKind, se_resnext, squeezenet};
 use crate::error::{Error, Result};
 use crate::weights::Weights;
 
@@ -51,6 +52,20 @@ impl<'a> Plain<'a> {
     /// What the batch norms saw, in the order they ran.
     pub(super) fn into_statistics(self) -> Vec<BatchStatistics> {
         self.statistics.map(RefCell::into_inner).unwrap_or_default()
+    }
+
+    /// Maps images `(n, 3, height, width)`, normalised, to embeddings `(n, width)`: the mean of the
+    /// last feature map over space.
+    pub(super) fn embed(&self, kind: EncoderKind, images: &Tensor) -> Result<Tensor> {
+        Ok(self.features(kind, images)?.mean((2, 3))?)
+    }
+
+    /// Maps such images to the last feature map, `(n, width, rows, columns)`.
+    pub(super) fn features(&self, kind: EncoderKind, images: &Tensor) -> Result<Tensor> {
+        match kind.se_resnext() {
+            Some(config) => se_resnext::plain::features(&config, self, images),
+            None => squeezenet::plain::features(self, images),
+        }
     }
 
     fn tensor(&self, layer: &str, leaf: &str) -> Result<&Tensor> {
@@ -175,9 +190,4 @@ fn pad_end(x: &Tensor, dim: usize, by: usize) -> Result<Tensor> {
     let mut parts = vec![x.clone()];
     parts.extend(std::iter::repeat_n(last, by));
     Ok(Tensor::cat(&parts, dim)?)
-}
-
-/// `(n, channels, height, width)` to the mean over space, `(n, channels)`.
-pub(super) fn global_mean(x: &Tensor) -> Result<Tensor> {
-    Ok(x.mean((2, 3))?)
 }

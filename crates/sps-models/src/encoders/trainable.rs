@@ -12,7 +12,7 @@ use super::images::{Normalisation, Order};
 use super::plain::{BatchStatistics, Plain};
 use super::se_resnext::SeResNextConfig;
 use super::se_resnext::train::{Context, Gradients, Tape};
-use super::{Encoder, EncoderKind, check, normalise, se_resnext, squeezenet};
+use super::{Encoder, EncoderKind, check, normalise};
 use crate::error::{Error, Result};
 use crate::ops::bands::inside_pool;
 use crate::ops::buffer::Recycler;
@@ -216,7 +216,7 @@ impl TrainableEncoder {
         check(self.kind, images)?;
         let (embeddings, statistics) = match self.kind.se_resnext() {
             Some(config) if !self.plain => self.run_fused(config, images, normalisation)?,
-            config => self.run_plain(config, images, normalisation)?,
+            _ => self.run_plain(images, normalisation)?,
         };
         for statistics in statistics {
             self.update(&statistics)?;
@@ -226,16 +226,12 @@ impl TrainableEncoder {
 
     fn run_plain(
         &self,
-        config: Option<SeResNextConfig>,
         images: &Tensor,
         normalisation: &Normalisation,
     ) -> Result<(Tensor, Vec<BatchStatistics>)> {
         let net = Plain::training(&self.weights);
         let images = normalise(images, normalisation)?;
-        let embeddings = match config {
-            Some(config) => se_resnext::plain::embed(&config, &net, &images)?,
-            None => squeezenet::plain::embed(&net, &images)?,
-        };
+        let embeddings = net.embed(self.kind, &images)?;
         Ok((embeddings, net.into_statistics()))
     }
 

@@ -12,7 +12,6 @@ use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
 use crate::ops::conv::ConvShape;
 use crate::ops::grid::{Grid, Size, Window};
-use crate::ops::mean::frame_means;
 use crate::ops::pool::max_pool;
 use crate::ops::simd::Level;
 use crate::weights::Weights;
@@ -178,31 +177,37 @@ impl Network {
 }
 
 impl batch::Network for Network {
+    type Word = f32;
     type Workspace = Workspace;
+
+    const GROUP: usize = 1;
 
     fn width(&self) -> usize {
         WIDTH
     }
 
-    fn embed(
+    fn level(&self) -> Level {
+        self.level
+    }
+
+    fn features<'w>(
         &self,
         threads: Threads,
         sequences: &Images<'_>,
-        workspace: &mut Workspace,
-        embeddings: &mut [f32],
-    ) {
-        for (sequence, embedding) in sequences.iter().zip(embeddings.chunks_exact_mut(WIDTH)) {
-            let tight = Grid::tight(1, sequences.size, 3);
-            let mut grid = tight.padded(&padded(ENDPOINTS[0], sequences.size));
-            workspace.features.resize(grid.len());
-            grid.clear_border(&mut workspace.features);
+        workspace: &'w mut Workspace,
+    ) -> (&'w [f32], Grid) {
+        let tight = Grid::tight(1, sequences.size, 3);
+        let mut grid = tight.padded(&padded(ENDPOINTS[0], sequences.size));
+        workspace.features.resize(grid.len());
+        grid.clear_border(&mut workspace.features);
+        for sequence in sequences.iter() {
             let memory = &mut workspace.features;
             lay_out(threads, sequence, sequences, &grid, memory);
-            for (index, layers) in self.layers.iter().enumerate() {
-                let next = ENDPOINTS.get(index + 1);
-                grid = self.run(threads, (ENDPOINTS[index], layers), &grid, next, workspace);
-            }
-            frame_means(threads, self.level, &workspace.features, &grid, embedding);
         }
+        for (index, layers) in self.layers.iter().enumerate() {
+            let next = ENDPOINTS.get(index + 1);
+            grid = self.run(threads, (ENDPOINTS[index], layers), &grid, next, workspace);
+        }
+        (&workspace.features, grid)
     }
 }

@@ -125,19 +125,25 @@ impl<W: Word> Fused<W> {
 }
 
 impl<W: Word> Network for Fused<W> {
+    type Word = W;
     type Workspace = Workspace<W>;
+
+    const GROUP: usize = 4;
 
     fn width(&self) -> usize {
         self.width
     }
 
-    fn embed(
+    fn level(&self) -> Level {
+        self.level
+    }
+
+    fn features<'w>(
         &self,
         threads: Threads,
         images: &Images<'_>,
-        workspace: &mut Workspace<W>,
-        embeddings: &mut [f32],
-    ) {
+        workspace: &'w mut Workspace<W>,
+    ) -> (&'w [W], Grid) {
         let (large, small) = self.stages.split_at(LARGE_STAGES);
         let mut grid = image_grid::<W>(images.size);
         let frames = images.frames();
@@ -160,7 +166,7 @@ impl<W: Word> Network for Fused<W> {
         for bottleneck in small.iter().flatten() {
             grid = bottleneck.apply(threads, self.level, grid, workspace);
         }
-        frame_means(threads, self.level, &workspace.features, &grid, embeddings);
+        (&workspace.features, grid)
     }
 }
 

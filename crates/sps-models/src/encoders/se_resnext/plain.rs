@@ -3,11 +3,12 @@
 use candle_core::Tensor;
 
 use super::{Bottleneck, SeResNextConfig};
-use crate::encoders::plain::{Plain, global_mean};
+use crate::encoders::plain::Plain;
 use crate::error::Result;
 
-/// Maps images `(n, 3, height, width)`, normalised, to embeddings `(n, width)`.
-pub(in crate::encoders) fn embed(
+/// Maps images `(n, 3, height, width)`, normalised, to the last feature map,
+/// `(n, width, rows, columns)`.
+pub(in crate::encoders) fn features(
     config: &SeResNextConfig,
     net: &Plain<'_>,
     images: &Tensor,
@@ -18,7 +19,7 @@ pub(in crate::encoders) fn embed(
     for bottleneck in config.bottlenecks() {
         x = residual(&bottleneck, net, &x)?;
     }
-    global_mean(&x)
+    Ok(x)
 }
 
 fn residual(b: &Bottleneck, net: &Plain<'_>, x: &Tensor) -> Result<Tensor> {

@@ -9,7 +9,6 @@ use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
 use crate::ops::conv::ConvShape;
 use crate::ops::grid::Grid;
-use crate::ops::mean::frame_means;
 use crate::ops::pool::max_pool;
 use crate::ops::simd::Level;
 use crate::ops::words::Word;
@@ -137,32 +136,38 @@ impl<W: Word> Fused<W> {
 }
 
 impl<W: Word> Network for Fused<W> {
+    type Word = W;
     type Workspace = Workspace<W>;
+
+    const GROUP: usize = 1;
 
     fn width(&self) -> usize {
         WIDTH
     }
 
-    fn embed(
+    fn level(&self) -> Level {
+        self.level
+    }
+
+    fn features<'w>(
         &self,
         threads: Threads,
         images: &Images<'_>,
-        workspace: &mut Workspace<W>,
-        embeddings: &mut [f32],
-    ) {
-        for (image, embedding) in images.iter().zip(embeddings.chunks_exact_mut(WIDTH)) {
-            let from = image_grid::<W>(images.size);
-            workspace.image.resize(from.len());
+        workspace: &'w mut Workspace<W>,
+    ) -> (&'w [W], Grid) {
+        let from = image_grid::<W>(images.size);
+        workspace.image.resize(from.len());
+        for image in images.iter() {
             lay_out(threads, image, images, &from, &mut workspace.image);
-            let mut grid = self.stem.output(&from);
-            workspace.features.resize(grid.len());
-            let target = (&mut workspace.features[..], &grid);
-            self.stem
-                .apply(threads, (&workspace.image, &from), target, true);
-            for module in &self.modules {
-                grid = self.run(threads, module, grid, workspace);
-            }
-            frame_means(threads, self.level, &workspace.features, &grid, embedding);
         }
+        let mut grid = self.stem.output(&from);
+        workspace.features.resize(grid.len());
+        let target = (&mut workspace.features[..], &grid);
+        self.stem
+            .apply(threads, (&workspace.image, &from), target, true);
+        for module in &self.modules {
+            grid = self.run(threads, module, grid, workspace);
+        }
+        (&workspace.features, grid)
     }
 }

@@ -3,11 +3,12 @@
 use candle_core::Tensor;
 
 use super::{MODULES, Module};
-use crate::encoders::plain::{Plain, global_mean};
+use crate::encoders::plain::Plain;
 use crate::error::Result;
 
-/// Maps images `(n, 3, height, width)`, normalised, to embeddings `(n, 512)`.
-pub(in crate::encoders) fn embed(net: &Plain<'_>, images: &Tensor) -> Result<Tensor> {
+/// Maps images `(n, 3, height, width)`, normalised, to the last feature map,
+/// `(n, 512, rows, columns)`.
+pub(in crate::encoders) fn features(net: &Plain<'_>, images: &Tensor) -> Result<Tensor> {
     let mut x = net.conv(images, "features.0", 2, 0, 1)?.relu()?;
     for module in MODULES {
         x = match module {
@@ -21,5 +22,5 @@ pub(in crate::encoders) fn embed(net: &Plain<'_>, images: &Tensor) -> Result<Ten
             }
         };
     }
-    global_mean(&x)
+    Ok(x)
 }

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use crate::Error;
 use crate::encoders::images::Normalisation;
 use crate::encoders::plain::Plain;
-use crate::encoders::{Encoder, EncoderKind, TrainableEncoder, se_resnext, squeezenet};
+use crate::encoders::{Encoder, EncoderKind, TrainableEncoder};
 use crate::golden::{error, values};
 use crate::weights::{Weights, WeightsErrorKind};
 
@@ -50,12 +50,7 @@ fn exact(encoder: &Encoder, images: &Tensor) -> Vec<f64> {
     let Normalisation { mean, std } = Normalisation::IMAGENET;
     let images = double(images).broadcast_sub(&row(mean)).unwrap();
     let images = images.broadcast_div(&row(std)).unwrap();
-    let net = Plain::new(&weights);
-    let embedding = match encoder.kind().se_resnext() {
-        Some(config) => se_resnext::plain::embed(&config, &net, &images),
-        None => squeezenet::plain::embed(&net, &images),
-    };
-    values(&embedding.unwrap())
+    values(&Plain::new(&weights).embed(encoder.kind(), &images).unwrap())
 }
 
 /// Each image less its own mean over its own spread, in f32.

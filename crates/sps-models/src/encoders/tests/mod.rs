@@ -3,12 +3,11 @@
 mod hard_cases;
 mod i3d;
 mod training;
+mod windows;
 
 use candle_core::{DType, Device, Tensor, Var};
 
 use super::plain::Plain;
-use super::se_resnext::SeResNextConfig;
-use super::se_resnext::plain::embed;
 use super::{Encoder, EncoderKind, Precision};
 use crate::golden::{self, error, values};
 use crate::ops::simd::forced::on_each_level;
@@ -65,7 +64,7 @@ fn plain_operators_in_f64() {
 
     let images = f32_input("golden/train64", &[4, 3, 64, 64]);
     let net = Plain::training(&weights);
-    let embedding = embed(&SeResNextConfig::RESNEXT50_32X4D, &net, &images).unwrap();
+    let embedding = net.embed(EncoderKind::SeResNext50, &images).unwrap();
     let found = error(&values(&embedding), &values(&expected["train64.embedding"]));
     assert!(found < 1e-11, "embedding {found:.1e}");
 

@@ -1,0 +1,319 @@
+//! Embeddings of windows of an image, from one pass through the network.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::images::Normalisation;
+use super::plain::Plain;
+use super::{Encoder, check_pixels, normalise, of_pixels};
+use crate::error::{Error, Result};
+use crate::ops::grid::Grid;
+use crate::ops::words::Word;
+
+/// Embeddings of windows that lie on a regular grid over an image; see
+/// [`Encoder::embed_windows`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct WindowEmbeddings {
+    /// Windows from the image's top to its bottom.
+    pub rows: usize,
+    /// Windows from its left to its right.
+    pub columns: usize,
+    /// `(rows * columns, width)`, row-major.
+    pub embeddings: Vec<f32>,
+    /// The centre of each window, `(rows * columns)`: pixels down and to the right from the image's
+    /// upper left corner.
+    pub centres: Vec<[f64; 2]>,
+}
+
+impl Encoder {
+    /// Embeds windows of one image from a single pass through the network, where [`Encoder::embed`]
+    /// of each would be a pass of its own: what maps of an image are made of. The image is as
+    /// [`Encoder::embed_pixels`] takes it, `(height, width, 3)`; `size` and `window` are heights and
+    /// widths in pixels. The first window begins in the image's upper left corner, the others
+    /// `stride` pixels further to the right and down, as long as they lie in the image as a whole.
+    ///
+    /// The embedding of a window is the mean of the last feature map over the cells whose centres lie
+    /// in it. A feature map of `n` rows cuts the image into `n` rows of one height, 32 pixels or 16
+    /// where the network has such strides, and a cell's centre is that of its piece; so with columns.
+    /// A window as large as the image has the embedding that [`Encoder::embed`] gives, up to rounding.
+    /// That of a smaller one differs from the embedding of a photograph that ends where the window
+    /// does: cells see beyond the window's edges, the window's place is rounded to whole cells, and
+    /// the squeeze-and-excitation gates of an SE-ResNeXt see the whole image.
+    ///
+    /// The time is that of the pass, and for each window the same whatever its size. The embeddings
+    /// are the same to the last bit however many threads there are.
+    ///
+    /// ```
+    /// use candle_core::Device;
+    /// use sps_models::encoders::{Encoder, EncoderKind};
+    ///
+    /// let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
+    /// let image = vec![0.5; 128 * 192 * 3];
+    /// let windows = encoder.embed_windows(&image, [128, 192], [64, 64], 32)?;
+    /// assert_eq!((windows.rows, windows.columns), (3, 5));
+    /// assert_eq!(windows.embeddings.len(), 3 * 5 * encoder.width());
+    /// assert_eq!(windows.centres[6], [64.0, 64.0]); // the second of the second row
+    /// # Ok::<(), sps_models::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// When the image does not fill its size or has a side below [`EncoderKind::min_size`]; when the
+    /// window is larger than the image or smaller than a cell of the feature map, or the stride is 0.
+    pub fn embed_windows(
+        &self,
+        image: &[f32],
+        size: [usize; 2],
+        window: [usize; 2],
+        stride: usize,
+    ) -> Result<WindowEmbeddings> {
+        check_pixels(self.kind, &[image], size)?;
+        let windows = Windows::new(size, window, stride)?;
+        windows.embed(&self.cell_sums(image, size)?)
+    }
+
+    /// The sums of the last feature map of an image that has been checked.
+    fn cell_sums(&self, image: &[f32], size: [usize; 2]) -> Result<CellSums> {
+        if let Some(kernels) = &self.kernels {
+            return Ok(kernels.cell_sums(of_pixels(&[image], size)));
+        }
+        let images = normalise(&self.planes(&[image], size)?, &Normalisation::IMAGENET)?;
+        let features = Plain::new(&self.weights).features(self.kind, &images)?;
+        let (_, channels, rows, columns) = features.dims4()?;
+        let cells: Vec<f32> = features.permute((0, 2, 3, 1))?.flatten_all()?.to_vec1()?;
+        let grid = Grid::tight(1, [1, rows, columns], channels);
+        Ok(CellSums::new(&cells, &grid))
+    }
+}
+
+/// Windows of one extent on a regular grid over an image, in pixels.
+#[derive(Debug, Clone, Copy)]
+struct Windows {
+    /// Height and width of the image.
+    image: [usize; 2],
+    window: [usize; 2],
+    stride: usize,
+}
+
+impl Windows {
+    /// Takes height and width of an image and of the windows, and the stride of the grid.
+    ///
+    /// # Errors
+    ///
+    /// A window of no pixel or larger than the image, a stride of 0.
+    fn new(image: [usize; 2], window: [usize; 2], stride: usize) -> Result<Self> {
+        if (0..2).any(|axis| window[axis] == 0 || window[axis] > image[axis]) {
+            let expected = format_args!("1 to {image:?}, the image's");
+            return Err(Error::input("window", format_args!("{window:?}"), expected));
+        }
+        if stride == 0 {
+            return Err(Error::input("stride of windows", stride, "at least 1"));
+        }
+        Ok(Self {
+            image,
+            window,
+            stride,
+        })
+    }
+
+    /// Where the windows begin along an axis.
+    fn starts(&self, axis: usize) -> impl Iterator<Item = usize> {
+        let (stride, room) = (self.stride, self.image[axis] - self.window[axis]);
+        (0..=room / stride).map(move |at| at * stride)
+    }
+
+    /// The cells of each window along an axis of so many cells: those whose centres lie in it.
+    fn cells(&self, axis: usize, count: usize) -> Result<Vec<Range<usize>>> {
+        let (extent, window) = (self.image[axis], self.window[axis]);
+        if window * count < extent {
+            let side = ["height", "width"][axis];
+            let least = extent.div_ceil(count);
+            let expected = format_args!("at least {least}, one cell of the feature map");
+            let found = format_args!("{side} {window}");
+            return Err(Error::input("window", found, expected));
+        }
+        // The centre of cell `i` is at `(2i + 1) extent / 2 count`; this many are before `pixel`.
+        let before = |pixel: usize| {
+            (2 * pixel * count)
+                .saturating_sub(extent)
+                .div_ceil(2 * extent)
+        };
+        let starts = self.starts(axis);
+        Ok(starts
+            .map(|start| before(start)..before(start + window))
+            .collect())
+    }
+
+    /// The mean of the cells of each window.
+    ///
+    /// # Errors
+    ///
+    /// Windows smaller than a cell, some of which would hold none.
+    fn embed(&self, sums: &CellSums) -> Result<WindowEmbeddings> {
+        let [rows, columns] = [self.cells(0, sums.rows)?, self.cells(1, sums.columns)?];
+        let mut embeddings = vec![0.0; rows.len() * columns.len() * sums.width];
+        let outs = embeddings.par_chunks_mut(columns.len() * sums.width);
+        outs.zip(&rows).for_each(|(out, rows)| {
+            for (out, columns) in out.chunks_exact_mut(sums.width).zip(&columns) {
+                sums.mean(rows, columns, out);
+            }
+        });
+        let centre = |axis: usize, start: usize| start as f64 + self.window[axis] as f64 / 2.0;
+        let centres = self.starts(0).flat_map(|y| {
+            let x = self.starts(1);
+            x.map(move |x| [centre(0, y), centre(1, x)])
+        });
+        Ok(WindowEmbeddings {
+            rows: rows.len(),
+            columns: columns.len(),
+            centres: centres.collect(),
+            embeddings,
+        })
+    }
+}
+
+/// The sums of a feature map over all rectangles that begin at its first cell, from which that over
+/// any rectangle is known (Crow, "Summed-area tables for texture mapping", SIGGRAPH 1984).
+#[derive(Debug)]
+pub(super) struct CellSums {
+    rows: usize,
+    columns: usize,
+    width: usize,
+    /// `(rows + 1, columns + 1, width)`; f64, in which a difference of sums keeps an f32's digits.
+    sums: Vec<f64>,
+}
+
+impl CellSums {
+    /// Of the one frame of a feature map of an image, without a border.
+    pub(super) fn new<W: Word>(features: &[W], grid: &Grid) -> Self {
+        let ([_, rows, columns], width) = (grid.size, grid.channels);
+        let line = (columns + 1) * width;
+        let mut sums = vec![0.0; (rows + 1) * line];
+        let mut cells = features.chunks_exact(grid.pitch);
+        for row in 0..rows {
+            let (above, below) = sums[row * line..].split_at_mut(line);
+            let mut of_row = vec![0.0; width];
+            let places = above.chunks_exact(width).zip(below.chunks_exact_mut(width));
+            for ((above, below), cell) in places.skip(1).zip(&mut cells) {
+                let numbers = of_row.iter_mut().zip(W::numbers(cell));
+                for ((sum, x), (above, below)) in numbers.zip(above.iter().zip(below)) {
+                    *sum += f64::from(x);
+                    *below = above + *sum;
+                }
+            }
+        }
+        Self {
+            rows,
+            columns,
+            width,
+            sums,
+        }
+    }
+
+    /// The sums over the cells before a row and a column.
+    fn before(&self, row: usize, column: usize) -> &[f64] {
+        let at = (row * (self.columns + 1) + column) * self.width;
+        &self.sums[at..at + self.width]
+    }
+
+    /// The mean over a rectangle of cells.
+    fn mean(&self, rows: &Range<usize>, columns: &Range<usize>, out: &mut [f32]) {
+        let count = (rows.len() * columns.len()) as f64;
+        let [upper, lower] = [rows.start, rows.end].map(|row| {
+            let [left, right] = [columns.start, columns.end].map(|c| self.before(row, c));
+            left.iter().zip(right)
+        });
+        for ((out, upper), lower) in out.iter_mut().zip(upper).zip(lower) {
+            let sum = (lower.1 - lower.0) - (upper.1 - upper.0);
+            *out = (sum / count) as f32;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::golden::uniform;
+
+    mod hard_cases {
+        use super::*;
+
+        #[test]
+        fn a_bright_cell_does_not_drown_the_windows_after_it() {
+            const SIDE: usize = 40;
+            const DARK: f32 = 1.0 / 1024.0;
+            let mut map = [DARK; SIDE * SIDE];
+            map[0] = 1e6;
+            let grid = Grid::tight(1, [1, SIDE, SIDE], 1);
+            let windows = Windows::new([SIDE; 2], [1, 1], 1).unwrap();
+            let found = windows.embed(&CellSums::new(&map, &grid)).unwrap();
+            let off = |value: f32| (value / DARK - 1.0).abs();
+            let worst = found.embeddings[1..]
+                .iter()
+                .fold(0.0_f32, |m, &v| m.max(off(v)));
+            println!("windows after a bright cell: error {worst:.1e}, bound 1e-7");
+            assert!(worst <= 1e-7);
+            let sums = [1, 2].map(|cells| map[..=cells].iter().sum::<f32>());
+            assert!(off(sums[1] - sums[0]) > 1e-7, "the naive form");
+        }
+    }
+
+    proptest! {
+        /// Each window's mean is that over the cells whose centres lie in it, one by one.
+        #[test]
+        fn means_are_those_of_the_cells_in_the_window(
+            cells in [1_usize..9, 1_usize..9],
+            finer in [0_usize..60, 0_usize..60],
+            share in [0.0_f64..1.0, 0.0_f64..1.0],
+            stride in 1_usize..30,
+        ) {
+            let width = 3;
+            let image = [0, 1].map(|axis| cells[axis] + finer[axis]);
+            let window = [0, 1].map(|axis| {
+                let least = image[axis].div_ceil(cells[axis]);
+                least + ((image[axis] - least) as f64 * share[axis]) as usize
+            });
+            let map: Vec<f32> = uniform("windows", cells[0] * cells[1] * width)
+                .iter()
+                .map(|&x| x as f32)
+                .collect();
+            let grid = Grid::tight(1, [1, cells[0], cells[1]], width);
+            let windows = Windows::new(image, window, stride).unwrap();
+            let found = windows.embed(&CellSums::new(&map, &grid)).unwrap();
+
+            let lasts = [0, 1].map(|axis| image[axis] - window[axis]);
+            let mut at = 0;
+            for y in (0..=lasts[0]).step_by(stride) {
+                for x in (0..=lasts[1]).step_by(stride) {
+                    let centre = [(y, window[0]), (x, window[1])];
+                    let centre = centre.map(|(start, side)| start as f64 + side as f64 / 2.0);
+                    prop_assert_eq!(found.centres[at], centre);
+                    // Twice the number of cells times a cell's centre, in whole numbers.
+                    let holds = |axis: usize, start: usize, cell: usize| {
+                        let scaled = (2 * cell + 1) * image[axis];
+                        let [from, to] = [start, start + window[axis]].map(|p| 2 * cells[axis] * p);
+                        (from..to).contains(&scaled)
+                    };
+                    let mut sums = vec![0.0; width];
+                    let mut count = 0;
+                    for (cell, values) in map.chunks(width).enumerate() {
+                        let (row, column) = (cell / cells[1], cell % cells[1]);
+                        if holds(0, y, row) && holds(1, x, column) {
+                            count += 1;
+                            sums.iter_mut().zip(values).for_each(|(s, v)| *s += f64::from(*v));
+                        }
+                    }
+                    for (channel, sum) in sums.iter().enumerate() {
+                        let found = f64::from(found.embeddings[at * width + channel]);
+                        prop_assert!((found - sum / f64::from(count)).abs() < 1e-7);
+                    }
+                    at += 1;
+                }
+            }
+            prop_assert_eq!(at, found.rows * found.columns);
+        }
+    }
+}

@@ -1,0 +1,163 @@
+from collections.abc import Callable, Iterable
+from os import PathLike
+from typing import Any, SupportsFloat, Union, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_Path = Union[str, PathLike[str]]
+_Image = Union[NDArray[np.uint8], NDArray[np.float32], _Path]
+
+__all__ = [
+    "Bootstrap",
+    "BootstrapInterval",
+    "Coverage",
+    "Encoder",
+    "GroupConformal",
+    "Score",
+    "Selection",
+    "SplitConformal",
+    "UndefinedScore",
+    "__version__",
+    "coverage",
+    "mae",
+    "median_percent_error",
+    "r2",
+    "r2_own_mean",
+    "rmse",
+    "select_views",
+    "spearman",
+]
+
+__version__: str
+
+class UndefinedScore(ValueError): ...
+
+@final
+class Encoder:
+    def __new__(cls, name: str, weights: _Path, precision: str = "f32") -> Encoder: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def width(self) -> int: ...
+    @property
+    def precision(self) -> str: ...
+    def embed(self, images: _Image | Iterable[_Image]) -> NDArray[np.float32]: ...
+    def __getnewargs__(self) -> tuple[str, PathLike[str], str]: ...
+
+@final
+class Selection:
+    @property
+    def picks(self) -> list[int]: ...
+    @property
+    def loss(self) -> float: ...
+    @property
+    def evaluations(self) -> int: ...
+    @property
+    def computed(self) -> int: ...
+    @property
+    def seconds(self) -> float: ...
+    @property
+    def curve(self) -> list[tuple[int, float, float]]: ...
+
+def select_views(
+    loss: Callable[[tuple[int, ...]], SupportsFloat],
+    n: int,
+    k: int,
+    method: str = "greedy",
+    *,
+    seed: int = 0,
+    distinct: bool = False,
+    **settings: Any,
+) -> Selection: ...
+@final
+class Score:
+    @property
+    def value(self) -> float: ...
+    @property
+    def samples(self) -> int: ...
+    @property
+    def zero_truths(self) -> int: ...
+    def __float__(self) -> float: ...
+
+def r2(*, truth: ArrayLike, estimate: ArrayLike, training_mean: float) -> Score: ...
+def r2_own_mean(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...
+def mae(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...
+def rmse(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...
+def median_percent_error(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...
+def spearman(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...
+@final
+class BootstrapInterval:
+    @property
+    def estimate(self) -> float: ...
+    @property
+    def low(self) -> float: ...
+    @property
+    def high(self) -> float: ...
+    @property
+    def level(self) -> float: ...
+    @property
+    def units(self) -> int: ...
+    @property
+    def resamples(self) -> int: ...
+    @property
+    def undefined_resamples(self) -> int: ...
+    def excludes_zero(self) -> bool: ...
+
+@final
+class Bootstrap:
+    def __new__(
+        cls, seed: int = 0, *, resamples: int = 2000, level: float = 0.95
+    ) -> Bootstrap: ...
+    def interval(
+        self,
+        metric: str,
+        *,
+        truth: ArrayLike,
+        estimate: ArrayLike,
+        units: ArrayLike | None = None,
+        training_mean: float | None = None,
+    ) -> BootstrapInterval: ...
+    def difference(
+        self,
+        metric: str,
+        *,
+        truth: ArrayLike,
+        first: ArrayLike,
+        second: ArrayLike,
+        units: ArrayLike | None = None,
+        training_mean: float | None = None,
+    ) -> BootstrapInterval: ...
+
+@final
+class SplitConformal:
+    def __new__(cls, residuals: ArrayLike, *, level: float = 0.9) -> SplitConformal: ...
+    @property
+    def radius(self) -> float: ...
+    @property
+    def expected_coverage(self) -> float: ...
+    def intervals(self, estimates: ArrayLike) -> NDArray[np.float64]: ...
+
+@final
+class GroupConformal:
+    def __new__(
+        cls, residuals: ArrayLike, groups: ArrayLike, *, level: float = 0.9
+    ) -> GroupConformal: ...
+    @property
+    def radius(self) -> float: ...
+    @property
+    def groups(self) -> int: ...
+    def intervals(self, estimates: ArrayLike) -> NDArray[np.float64]: ...
+
+@final
+class Coverage:
+    @property
+    def covered(self) -> int: ...
+    @property
+    def samples(self) -> int: ...
+    @property
+    def fraction(self) -> float: ...
+    @property
+    def mean_width(self) -> float: ...
+
+def coverage(*, intervals: ArrayLike, truth: ArrayLike) -> Coverage: ...

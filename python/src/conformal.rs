@@ -1,0 +1,173 @@
+//! Intervals of predictions, and whether they cover.
+
+use numpy::ndarray::Array2;
+use numpy::{AllowTypeChange, IntoPyArray, PyArray2, PyArrayLike2};
+use pyo3::prelude::*;
+use sps_metrics::{Level, PredictionInterval};
+
+use crate::arrays::{Labels, Numbers};
+use crate::errors::{conformal_error, undefined, value_error};
+
+/// Intervals around estimates that cover the truth at a promised rate, by split conformal prediction.
+///
+/// `residuals`, of shape (samples,), are truth less estimate (the sign does not matter) of samples
+/// that the model was not fitted to and that are exchangeable with those to come.
+///
+/// Raises ValueError where the level needs more samples, UndefinedScore for NaN and infinity.
+#[pyclass(module = "sps", frozen)]
+pub(crate) struct SplitConformal(sps_metrics::SplitConformal);
+
+/// Intervals that cover a sample of a new group at a promised rate, by hierarchical conformal
+/// prediction: for samples that come in groups whose members are alike.
+///
+/// `residuals` are as in SplitConformal, of groups that the model was not fitted to; `groups` says
+/// which group each is of, by numbers or strings.
+///
+/// Raises ValueError where the level needs more groups, UndefinedScore for NaN and infinity.
+#[pyclass(module = "sps", frozen)]
+pub(crate) struct GroupConformal(sps_metrics::GroupConformal);
+
+/// How intervals fared on truths.
+#[pyclass(module = "sps", frozen, get_all)]
+pub(crate) struct Coverage {
+    /// Truths that lie in their interval, its ends included.
+    covered: usize,
+    /// Truths that there are.
+    samples: usize,
+    /// The share of truths that lie in their interval.
+    fraction: f64,
+    /// Mean width of the intervals, in the unit of the truth.
+    mean_width: f64,
+}
+
+#[pymethods]
+impl SplitConformal {
+    #[new]
+    #[pyo3(signature = (residuals, *, level = 0.9))]
+    fn new(residuals: Numbers, level: f64) -> PyResult<Self> {
+        let level = Level::new(level).map_err(value_error)?;
+        sps_metrics::SplitConformal::from_residuals(&residuals.0, level)
+            .map(Self)
+            .map_err(|error| conformal_error(&error))
+    }
+
+    /// Half the width of every interval, in the unit of the truth.
+    #[getter]
+    fn radius(&self) -> f64 {
+        self.0.radius()
+    }
+
+    /// The coverage to expect: at least the level, and above it by less than 1 / (samples + 1).
+    #[getter]
+    fn expected_coverage(&self) -> f64 {
+        self.0.expected_coverage()
+    }
+
+    /// The intervals around estimates of shape (n,): (n, 2), low and high.
+    fn intervals<'py>(&self, py: Python<'py>, estimates: Numbers) -> Bound<'py, PyArray2<f64>> {
+        intervals(py, &estimates, |estimate| self.0.interval(estimate))
+    }
+
+    fn __repr__(&self) -> String {
+        let (radius, level) = (self.0.radius(), self.0.level().get());
+        let samples = self.0.calibration_samples();
+        format!("SplitConformal(radius={radius:?}, level={level:?}, samples={samples})")
+    }
+}
+
+#[pymethods]
+impl GroupConformal {
+    #[new]
+    #[pyo3(signature = (residuals, groups, *, level = 0.9))]
+    fn new(residuals: Numbers, groups: Labels, level: f64) -> PyResult<Self> {
+        let level = Level::new(level).map_err(value_error)?;
+        sps_metrics::GroupConformal::from_residuals(&residuals.0, &groups.0, level)
+            .map(Self)
+            .map_err(|error| conformal_error(&error))
+    }
+
+    /// Half the width of every interval, in the unit of the truth.
+    #[getter]
+    fn radius(&self) -> f64 {
+        self.0.radius()
+    }
+
+    /// Groups that it was calibrated on.
+    #[getter]
+    fn groups(&self) -> usize {
+        self.0.groups()
+    }
+
+    /// The intervals around estimates of shape (n,): (n, 2), low and high.
+    fn intervals<'py>(&self, py: Python<'py>, estimates: Numbers) -> Bound<'py, PyArray2<f64>> {
+        intervals(py, &estimates, |estimate| self.0.interval(estimate))
+    }
+
+    fn __repr__(&self) -> String {
+        let (radius, level) = (self.0.radius(), self.0.level().get());
+        let groups = self.0.groups();
+        format!("GroupConformal(radius={radius:?}, level={level:?}, groups={groups})")
+    }
+}
+
+#[pymethods]
+impl Coverage {
+    fn __repr__(&self) -> String {
+        let Self {
+            covered,
+            samples,
+            fraction,
+            mean_width,
+        } = self;
+        format!(
+            "Coverage(covered={covered}, samples={samples}, fraction={fraction:?}, \
+             mean_width={mean_width:?})"
+        )
+    }
+}
+
+/// Empirical coverage and mean width of `intervals`, (n, 2), on `truth`, (n,).
+///
+/// Raises UndefinedScore where there are none, lengths differ, an end is NaN or infinite, or an
+/// interval ends below its start; ValueError for another shape.
+#[pyfunction]
+#[pyo3(signature = (*, intervals, truth))]
+pub(crate) fn coverage(
+    intervals: PyArrayLike2<'_, f64, AllowTypeChange>,
+    truth: Numbers,
+) -> PyResult<Coverage> {
+    let intervals = intervals.as_array();
+    let [_, 2] = *intervals.shape() else {
+        let found = intervals.shape();
+        return Err(value_error(format_args!(
+            "intervals of shape {found:?}, expected (n, 2)"
+        )));
+    };
+    let rows = intervals.rows();
+    let ends = rows.into_iter().map(|row| PredictionInterval {
+        low: row[0],
+        high: row[1],
+    });
+    let intervals: Vec<PredictionInterval> = ends.collect();
+    let coverage =
+        sps_metrics::coverage(&intervals, &truth.0).map_err(|error| undefined(&error))?;
+    Ok(Coverage {
+        covered: coverage.covered,
+        samples: coverage.samples,
+        fraction: coverage.fraction(),
+        mean_width: coverage.mean_width,
+    })
+}
+
+fn intervals<'py>(
+    py: Python<'py>,
+    estimates: &Numbers,
+    around: impl Fn(f64) -> PredictionInterval,
+) -> Bound<'py, PyArray2<f64>> {
+    let of = |&estimate: &f64| {
+        let PredictionInterval { low, high } = around(estimate);
+        [low, high]
+    };
+    let ends: Vec<[f64; 2]> = estimates.0.iter().map(of).collect();
+    Array2::from(ends).into_pyarray(py)
+}

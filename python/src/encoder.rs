@@ -1,0 +1,157 @@
+//! Networks that turn images into embeddings.
+
+use std::path::{Path, PathBuf};
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use sps_dataset::Frame;
+use sps_models::candle::Device;
+use sps_models::encoders::{self, EncoderKind, Precision};
+use sps_models::weights::Weights;
+
+use crate::errors::{model_error, value_error, weights_error};
+use crate::images::{Image, Images};
+
+/// In place of the path of a weights file.
+const BUILT_IN: &str = "built-in";
+
+/// Trained by `cargo xtask pretrain configs/pretrain.toml`.
+const SE_RESNEXT_SMALL: &[u8] =
+    include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors");
+
+/// Images that are decoded and embedded at once, for each thread: as many as a thread takes through
+/// the network together, and few enough that large ones fit in memory.
+const IMAGES_PER_THREAD: usize = 4;
+
+/// A network with its weights, ready to embed images.
+///
+/// `name` is se-resnext50-32x4d, se-resnext-small or squeezenet1-0; `weights` the path of a
+/// safetensors or PyTorch file, or "built-in" for those of se-resnext-small that come with the
+/// package; `precision` is f32 or bf16, which is faster on processors with AVX512-BF16.
+///
+/// Raises OSError where the file cannot be read, ValueError where it does not fit the network or a
+/// name is unknown.
+#[pyclass(module = "sps", frozen)]
+pub(crate) struct Encoder {
+    network: encoders::Encoder,
+    /// As it was asked for.
+    weights: PathBuf,
+}
+
+#[pymethods]
+impl Encoder {
+    #[new]
+    #[pyo3(signature = (name, weights, precision = "f32"))]
+    fn new(py: Python<'_>, name: &str, weights: PathBuf, precision: &str) -> PyResult<Self> {
+        let network = py.detach(|| network(name, &weights, precision))?;
+        Ok(Self { network, weights })
+    }
+
+    /// The network's name.
+    #[getter]
+    fn name(&self) -> &'static str {
+        self.network.kind().name()
+    }
+
+    /// The length of an embedding.
+    #[getter]
+    fn width(&self) -> usize {
+        self.network.width()
+    }
+
+    /// What the network computes in: f32 or bf16.
+    #[getter]
+    fn precision(&self) -> &'static str {
+        self.network.precision().name()
+    }
+
+    /// Embeds images: float32 of shape (images, width), in the order given.
+    ///
+    /// An image is an array of shape (height, width, 3), display-referred RGB, uint8 or float32 from
+    /// 0 to 1, or the path of a PNG, JPEG or EXR. `images` is one, or any iterable of them, of any
+    /// sizes, also an array of shape (images, height, width, 3). Images keep their size. An embedding
+    /// is the same to the last bit whatever is embedded beside it and however many threads there are.
+    ///
+    /// Raises TypeError for other dtypes and things, ValueError for other shapes and values and for
+    /// broken files, OSError where a file cannot be read.
+    fn embed<'py>(
+        &self,
+        py: Python<'py>,
+        images: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let at_once = IMAGES_PER_THREAD * rayon::current_num_threads();
+        let mut images = Images::new(images)?;
+        let mut embeddings = Vec::new();
+        loop {
+            py.check_signals()?;
+            let some = images.by_ref().take(at_once);
+            let some: Vec<Image> = some.collect::<PyResult<_>>()?;
+            if some.is_empty() {
+                break;
+            }
+            embeddings.extend(py.detach(|| self.embed_some(some))?);
+        }
+        let shape = [embeddings.len() / self.width(), self.width()];
+        PyArray1::from_vec(py, embeddings).reshape(shape)
+    }
+
+    /// What a copy is made of, such as another process's.
+    fn __getnewargs__(&self) -> (&'static str, PathBuf, &'static str) {
+        (self.name(), self.weights.clone(), self.precision())
+    }
+
+    fn __repr__(&self) -> String {
+        let (name, precision) = (self.name(), self.precision());
+        let weights = self.weights.display();
+        format!("Encoder({name:?}, \"{weights}\", precision={precision:?})")
+    }
+}
+
+impl Encoder {
+    fn embed_some(&self, images: Vec<Image>) -> PyResult<Vec<f32>> {
+        let least_side = self.network.kind().min_size();
+        let frames = images.into_par_iter().map(|image| image.frame(least_side));
+        let frames: Vec<PyResult<Frame>> = frames.collect();
+        // Of several failures the first, whichever thread was faster.
+        let frames: Vec<Frame> = frames.into_iter().collect::<PyResult<_>>()?;
+        let mut embeddings = Vec::with_capacity(frames.len() * self.width());
+        for alike in frames.chunk_by(|one, next| size(one) == size(next)) {
+            let pixels: Vec<&[f32]> = alike.iter().map(|frame| &frame.data[..]).collect();
+            let embedded = self.network.embed_pixels(&pixels, size(&alike[0]));
+            embeddings.extend(embedded.map_err(|error| model_error(&error))?);
+        }
+        if embeddings.iter().all(|value| value.is_finite()) {
+            Ok(embeddings)
+        } else {
+            Err(value_error(format_args!(
+                "{} gave an embedding that is not finite",
+                self.name()
+            )))
+        }
+    }
+}
+
+fn size(frame: &Frame) -> [usize; 2] {
+    [frame.height, frame.width]
+}
+
+fn network(name: &str, weights: &Path, precision: &str) -> PyResult<encoders::Encoder> {
+    let kind: EncoderKind = name.parse().map_err(|error| model_error(&error))?;
+    let precision: Precision = precision.parse().map_err(|error| model_error(&error))?;
+    let weights = match (kind, weights == Path::new(BUILT_IN)) {
+        (_, false) => Weights::read(weights),
+        (EncoderKind::SeResNextSmall, true) => {
+            Weights::from_bytes("the built-in weights", SE_RESNEXT_SMALL)
+        }
+        (kind, true) => {
+            return Err(value_error(format_args!(
+                "no weights for {kind} come with the package, expected the path of a file"
+            )));
+        }
+    };
+    let weights = weights.map_err(|error| weights_error(&error))?;
+    encoders::Encoder::new(kind, weights, &Device::Cpu)
+        .and_then(|network| network.with_precision(precision))
+        .map_err(|error| model_error(&error))
+}

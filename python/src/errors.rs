@@ -1,0 +1,73 @@
+//! Errors of the crates as exceptions, each with its whole message.
+
+use std::io;
+
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use sps_dataset::{FrameError, FrameErrorKind};
+use sps_metrics::{BootstrapError, ConformalError, Undefined};
+use sps_models::weights::{WeightsError, WeightsErrorKind};
+
+pyo3::create_exception!(
+    sps,
+    UndefinedScore,
+    PyValueError,
+    "A score has no value, for the reason that the message gives."
+);
+
+/// A `ValueError` that says what the error says.
+pub(crate) fn value_error(error: impl ToString) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// A file that cannot be read is an `OSError` (`FileNotFoundError` and so on), a broken one a
+/// `ValueError`.
+pub(crate) fn frame_error(error: &FrameError) -> PyErr {
+    match error.kind() {
+        FrameErrorKind::Io(source) => os_error(source, error),
+        _ => value_error(error),
+    }
+}
+
+/// A weights file that cannot be read is an `OSError`, a failure of the tensor library a
+/// `RuntimeError`, all else a `ValueError`.
+pub(crate) fn model_error(error: &sps_models::Error) -> PyErr {
+    match error {
+        sps_models::Error::Weights(weights) => weights_error(weights),
+        sps_models::Error::Tensor(_) => PyRuntimeError::new_err(error.to_string()),
+        _ => value_error(error),
+    }
+}
+
+/// As [`model_error`] for weights alone.
+pub(crate) fn weights_error(error: &WeightsError) -> PyErr {
+    match error.kind() {
+        WeightsErrorKind::Io(source) => os_error(source, error),
+        _ => value_error(error),
+    }
+}
+
+pub(crate) fn undefined(error: &Undefined) -> PyErr {
+    UndefinedScore::new_err(error.to_string())
+}
+
+pub(crate) fn bootstrap_error(error: &BootstrapError) -> PyErr {
+    match error {
+        BootstrapError::Undefined(_) | BootstrapError::UndefinedResamples { .. } => {
+            UndefinedScore::new_err(error.to_string())
+        }
+        _ => value_error(error),
+    }
+}
+
+pub(crate) fn conformal_error(error: &ConformalError) -> PyErr {
+    match error {
+        ConformalError::Undefined(_) => UndefinedScore::new_err(error.to_string()),
+        _ => value_error(error),
+    }
+}
+
+/// The exception that Python has for such a failure to read, with the message of `whole`.
+fn os_error(source: &io::Error, whole: impl ToString) -> PyErr {
+    io::Error::new(source.kind(), whole.to_string()).into()
+}

@@ -1,0 +1,40 @@
+//! The native half of the Python package `sps`: what the crates do, for numpy arrays.
+//!
+//! Each module here translates one crate: arrays in, arrays out, errors as exceptions. Nothing is
+//! computed here. Whatever takes long runs without the interpreter's lock.
+
+#![expect(
+    clippy::needless_pass_by_value,
+    reason = "arguments come from Python by value"
+)]
+
+mod arrays;
+mod conformal;
+mod encoder;
+mod errors;
+mod images;
+mod intervals;
+mod scores;
+mod views;
+
+use pyo3::prelude::*;
+
+/// What `sps/__init__.py` exports; `sps/_sps.pyi` has its types.
+#[pymodule]
+mod _sps {
+    #[pymodule_export]
+    use crate::conformal::{Coverage, GroupConformal, SplitConformal, coverage};
+    #[pymodule_export]
+    use crate::encoder::Encoder;
+    #[pymodule_export]
+    use crate::errors::UndefinedScore;
+    #[pymodule_export]
+    use crate::intervals::{Bootstrap, BootstrapInterval};
+    #[pymodule_export]
+    use crate::scores::{Score, mae, median_percent_error, r2, r2_own_mean, rmse, spearman};
+    #[pymodule_export]
+    use crate::views::{Selection, select_views};
+    #[pymodule_export]
+    #[expect(non_upper_case_globals, reason = "Python's name for it")]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+}

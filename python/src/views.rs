@@ -1,0 +1,227 @@
+//! Selection of views by a Python function.
+
+use std::panic::resume_unwind;
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::thread;
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use rayon::ThreadPoolBuilder;
+use serde::Deserialize;
+use serde_json::{Map, Value};
+use sps_viewselect::{
+    Equidistant, Exhaustive, Greedy, LossError, Nadir, Nvs, Problem, Random, SelectError, Selector,
+    SetLoss, Sets, VbNvs,
+};
+
+use crate::errors::value_error;
+
+/// A selector with its settings.
+#[derive(Deserialize)]
+#[serde(tag = "method", rename_all = "kebab-case")]
+enum Method {
+    Random(Random),
+    Equidistant(Equidistant),
+    Nadir(Nadir),
+    Greedy(Greedy),
+    Exhaustive(Exhaustive),
+    Nvs(Nvs),
+    VbNvs(VbNvs),
+}
+
+/// The views that were selected, and what they cost.
+#[pyclass(module = "sps", frozen, get_all)]
+pub(crate) struct Selection {
+    /// The selected views, in the order of the slots.
+    picks: Vec<usize>,
+    /// Their loss.
+    loss: f64,
+    /// Sets whose loss was asked for, repeats included.
+    evaluations: u64,
+    /// Sets that the function was called for.
+    computed: u64,
+    /// Wall time of the selection.
+    seconds: f64,
+    /// The search as it went, a tuple a round: evaluations so far, mean loss of the round, lowest
+    /// loss so far.
+    curve: Vec<(u64, f64, f64)>,
+}
+
+#[pymethods]
+impl Selection {
+    fn __repr__(&self) -> String {
+        let Self {
+            picks,
+            loss,
+            evaluations,
+            ..
+        } = self;
+        format!("Selection(picks={picks:?}, loss={loss:?}, evaluations={evaluations})")
+    }
+}
+
+/// Selects k of n views (or sensors, or columns) whose loss is low.
+///
+/// `loss` is called with a tuple of k views, each from 0 to n - 1 and in the order of the slots, and
+/// returns a number, lower for better. It must be a pure function: the same set has the same loss
+/// every time. It is called on the calling thread, and an exception of it ends the search and comes
+/// out as itself.
+///
+/// `method` is random, equidistant, nadir, greedy, exhaustive (the optimum), nvs or vb-nvs (the
+/// paper's); `settings` are the method's own, such as `evaluations=2000` for nvs, with dictionaries for
+/// those in groups. `distinct` says that no view may come twice in a set, `seed` keys every draw.
+///
+/// Raises ValueError for unknown methods and settings, sets that cannot be, and losses that are NaN
+/// or beyond 1e100.
+#[pyfunction]
+#[pyo3(signature = (loss, n, k, method = "greedy", *, seed = 0, distinct = false, **settings))]
+#[expect(clippy::too_many_arguments, reason = "most are keywords")]
+pub(crate) fn select_views(
+    py: Python<'_>,
+    loss: &Bound<'_, PyAny>,
+    n: usize,
+    k: usize,
+    method: &str,
+    seed: u64,
+    distinct: bool,
+    settings: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Selection> {
+    let method = configured(method, settings)?;
+    let (questions, asked) = channel();
+    let remote = RemoteLoss {
+        views: n,
+        picks: k,
+        questions,
+    };
+    let search = move || {
+        let problem = Problem::new(&remote)?.distinct(distinct).seed(seed);
+        method.selector().select(&problem)
+    };
+    let found = answer_while(py, loss, asked, search)?;
+    let found = found.map_err(value_error)?;
+    let curve = found.curve.iter();
+    Ok(Selection {
+        picks: found.picks,
+        loss: found.loss,
+        evaluations: found.evaluations,
+        computed: found.computed,
+        seconds: found.seconds,
+        curve: curve
+            .map(|point| (point.evaluations, point.mean, point.best))
+            .collect(),
+    })
+}
+
+impl Method {
+    fn selector(&self) -> &dyn Selector {
+        match self {
+            Self::Random(selector) => selector,
+            Self::Equidistant(selector) => selector,
+            Self::Nadir(selector) => selector,
+            Self::Greedy(selector) => selector,
+            Self::Exhaustive(selector) => selector,
+            Self::Nvs(selector) => selector,
+            Self::VbNvs(selector) => selector,
+        }
+    }
+}
+
+/// The selector of this name. Settings have the crate's names, with `_` for `-`.
+fn configured(method: &str, settings: Option<&Bound<'_, PyDict>>) -> PyResult<Method> {
+    let mut values = Map::new();
+    if let Some(settings) = settings {
+        let json = settings.py().import("json")?;
+        let text: String = json.call_method1("dumps", (settings,))?.extract()?;
+        values = serde_json::from_str(&text).map_err(value_error)?;
+    }
+    let mut values = Value::Object(values);
+    kebab_case(&mut values);
+    values["method"] = method.into();
+    serde_json::from_value(values).map_err(value_error)
+}
+
+fn kebab_case(value: &mut Value) {
+    if let Value::Object(entries) = value {
+        *entries = std::mem::take(entries)
+            .into_iter()
+            .map(|(key, mut value)| {
+                kebab_case(&mut value);
+                (key.replace('_', "-"), value)
+            })
+            .collect();
+    }
+}
+
+/// Sets whose losses a search waits for.
+struct Question {
+    /// (sets, picks), row-major.
+    sets: Vec<usize>,
+    picks: usize,
+    losses: SyncSender<Vec<f64>>,
+}
+
+/// A loss that another thread computes.
+struct RemoteLoss {
+    views: usize,
+    picks: usize,
+    questions: Sender<Question>,
+}
+
+impl SetLoss for RemoteLoss {
+    fn views(&self) -> usize {
+        self.views
+    }
+
+    fn picks(&self) -> usize {
+        self.picks
+    }
+
+    fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
+        let (answer, answered) = sync_channel(1);
+        self.questions.send(Question {
+            sets: sets.as_flat().to_vec(),
+            picks: sets.picks(),
+            losses: answer,
+        })?;
+        losses.copy_from_slice(&answered.recv()?);
+        Ok(())
+    }
+}
+
+/// Runs `search` on a thread of its own and answers its questions on this one by calling `loss`: there
+/// the function finds its thread's state, can be interrupted, and may use the threads of every pool.
+fn answer_while(
+    py: Python<'_>,
+    loss: &Bound<'_, PyAny>,
+    questions: Receiver<Question>,
+    search: impl FnOnce() -> Result<sps_viewselect::Selection, SelectError> + Send,
+) -> PyResult<Result<sps_viewselect::Selection, SelectError>> {
+    let pool = ThreadPoolBuilder::new().num_threads(1).build();
+    let pool = pool.map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
+    let loss = loss.clone().unbind();
+    py.detach(|| {
+        thread::scope(|scope| {
+            let search = scope.spawn(|| pool.install(search));
+            // Ends with the search, which it ends where the function raises: nobody answers any more.
+            let answered = questions
+                .into_iter()
+                .try_for_each(|question| Python::attach(|py| question.answer(loss.bind(py))));
+            let found = search.join().unwrap_or_else(|panic| resume_unwind(panic));
+            answered.map(|()| found)
+        })
+    })
+}
+
+impl Question {
+    fn answer(self, loss: &Bound<'_, PyAny>) -> PyResult<()> {
+        let py = loss.py();
+        py.check_signals()?;
+        let of = |set| loss.call1((PyTuple::new(py, set)?,))?.extract();
+        let losses = self.sets.chunks_exact(self.picks).map(of);
+        let losses: Vec<f64> = losses.collect::<PyResult<_>>()?;
+        // The search waits for them, unless it panicked.
+        let _ = self.losses.send(losses);
+        Ok(())
+    }
+}

@@ -1,0 +1,166 @@
+import os
+import pickle
+import subprocess
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sps
+from conftest import ROOT
+from files import read_safetensors, write_png, write_safetensors
+from golden import squeezenet, uniform
+
+FRAMES = ROOT / "fixtures/tiny-dataset/frames"
+
+
+def image(height, width, seed=0):
+    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
+
+
+def same_bits(one, other):
+    return one.shape == other.shape and one.tobytes() == other.tobytes()
+
+
+def test_it_gives_what_pytorch_gives(tmp_path):
+    weights = tmp_path / "squeezenet.safetensors"
+    write_safetensors(weights, squeezenet())
+    encoder = sps.Encoder("squeezenet1-0", weights)
+    # The network's own normalisation, undone.
+    mean, std = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+    images = uniform("golden/squeeze", (2, 3, 224, 224)).transpose(0, 2, 3, 1) * std + mean
+    expected = read_safetensors(ROOT / "fixtures/golden/squeezenet1_0.safetensors")["embedding"]
+    found = encoder.embed(images.astype(np.float32))
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, expected, atol=2e-6 * np.abs(expected).max())
+
+
+def test_what_it_is(encoder):
+    assert (encoder.name, encoder.width, encoder.precision) == ("se-resnext-small", 512, "f32")
+    assert repr(encoder) == 'Encoder("se-resnext-small", "built-in", precision="f32")'
+    embeddings = encoder.embed([image(20, 30)])
+    assert (embeddings.dtype, embeddings.shape) == (np.float32, (1, 512))
+
+
+def test_a_file_and_its_pixels_have_the_same_embedding(encoder, tmp_path):
+    pixels, path = image(33, 47), tmp_path / "image.png"
+    write_png(path, pixels)
+    from_file = encoder.embed([path])
+    assert same_bits(encoder.embed([pixels]), from_file)
+    assert same_bits(encoder.embed(str(path)), from_file)
+    shares = pixels.astype(np.float32) / np.float32(255)
+    assert same_bits(encoder.embed(shares), from_file)
+
+
+def test_a_row_does_not_depend_on_the_others(encoder):
+    images = [image(*size) for size in [(40, 40), (40, 40), (17, 60), (40, 40), (1, 1)]] * 5
+    alone = np.concatenate([encoder.embed(one) for one in images])
+    assert same_bits(encoder.embed(images), alone)
+    assert same_bits(encoder.embed(one for one in images), alone)
+    mixed = [FRAMES / "denim-01/000.png", image(8, 8), str(FRAMES / "denim-02/000.jpg")]
+    assert same_bits(encoder.embed(mixed)[1:2], encoder.embed(image(8, 8)))
+
+
+def test_any_layout_in_memory(encoder):
+    pixels = image(30, 20)
+    expected = encoder.embed(pixels)
+    assert same_bits(encoder.embed(np.asfortranarray(pixels)), expected)
+    assert same_bits(encoder.embed(np.repeat(pixels, 2, axis=1)[:, ::2]), expected)
+    backwards = np.ascontiguousarray(pixels[::-1, ::-1])[::-1, ::-1]
+    assert same_bits(encoder.embed(backwards), expected)
+    read_only = pixels.copy()
+    read_only.flags.writeable = False
+    assert same_bits(encoder.embed(np.stack([read_only, read_only])), np.repeat(expected, 2, 0))
+
+
+def test_no_images(encoder):
+    assert encoder.embed([]).shape == (0, 512)
+
+
+@pytest.mark.parametrize(
+    ("images", "error", "message"),
+    [
+        (image(4, 4)[..., 0], ValueError, r"the image is of shape \[4, 4\], expected \(height"),
+        ([image(4, 4), np.zeros((4, 4, 4), np.uint8)], ValueError, r"image 1 is of shape \[4, 4"),
+        ([image(4, 4).astype(float)], TypeError, "image 0 is of dtype float64, expected uint8, or"),
+        (np.full((2, 2, 3), 255, np.float32), ValueError, "the image holds 255, expected values"),
+        (np.full((2, 2, 3), np.nan, np.float32), ValueError, "the image holds NaN"),
+        ([np.zeros((0, 4, 3), np.uint8)], ValueError, "image 0 has 0 x 4 pixels, expected sides"),
+        ([None], TypeError, "image 0 is a NoneType, expected a numpy array or a path"),
+        (7, TypeError, "'int' object is not iterable"),
+        ("none.png", FileNotFoundError, "none.png: cannot be read"),
+        ([Path(__file__)], ValueError, "test_encoder.py: begins with"),
+    ],
+)
+def test_what_is_no_image(encoder, images, error, message):
+    with pytest.raises(error, match=message):
+        encoder.embed(images)
+
+
+def test_what_is_no_encoder(tmp_path):
+    with pytest.raises(ValueError, match='unknown encoder "alexnet", expected one of'):
+        sps.Encoder("alexnet", "built-in")
+    with pytest.raises(ValueError, match="no weights for squeezenet1-0 come with the package"):
+        sps.Encoder("squeezenet1-0", "built-in")
+    with pytest.raises(ValueError, match="precision: found f16, expected f32, bf16"):
+        sps.Encoder("se-resnext-small", "built-in", precision="f16")
+    with pytest.raises(FileNotFoundError, match="none.safetensors: cannot be read"):
+        sps.Encoder("se-resnext-small", tmp_path / "none.safetensors")
+    write_safetensors(tmp_path / "other.safetensors", {"x": np.zeros(1)})
+    with pytest.raises(ValueError, match="other.safetensors: tensor .* is missing"):
+        sps.Encoder("se-resnext-small", tmp_path / "other.safetensors")
+
+
+def test_bf16_is_near(encoder):
+    exact = encoder.embed(image(64, 64))
+    near = sps.Encoder("se-resnext-small", "built-in", precision="bf16").embed(image(64, 64))
+    assert 0 < np.linalg.norm(near - exact) < 0.02 * np.linalg.norm(exact)
+
+
+def test_a_copy_of_another_process(encoder):
+    copy = pickle.loads(pickle.dumps(encoder))
+    assert same_bits(copy.embed(image(9, 9)), encoder.embed(image(9, 9)))
+
+
+def test_eight_threads_at_once(encoder):
+    images = [image(48, 48, seed) for seed in range(8)]
+    alone = [encoder.embed(one) for one in images]
+    at_once = threading.Barrier(8)
+
+    def embed(one):
+        at_once.wait()
+        return [encoder.embed(one) for _ in range(5)]
+
+    with ThreadPoolExecutor(8) as threads:
+        for expected, found in zip(alone, threads.map(embed, images)):
+            assert all(same_bits(expected, one) for one in found)
+
+
+def test_other_threads_go_on_meanwhile(encoder):
+    turns, embedded = 0, threading.Event()
+
+    def embed():
+        before = turns
+        encoder.embed(np.zeros((16, 224, 224, 3), np.uint8))
+        during.append(turns - before)
+        embedded.set()
+
+    during = []
+    thread = threading.Thread(target=embed)
+    thread.start()
+    while not embedded.is_set():
+        turns += 1
+    thread.join()
+    # None where the interpreter is held.
+    assert during[0] > 1000
+
+
+@pytest.mark.skipif("XTASK" not in os.environ, reason="XTASK names no binary of the command line")
+def test_the_command_line_gives_the_same_bits(encoder, tmp_path):
+    images = sorted(FRAMES.glob("*/000.*"))
+    out = tmp_path / "embeddings.safetensors"
+    command = [os.environ["XTASK"], "embed", "--encoder", encoder.name, "--weights", "built-in"]
+    subprocess.run([*command, "--out", out, *images], check=True)
+    assert same_bits(encoder.embed(images), read_safetensors(out)["embeddings"])

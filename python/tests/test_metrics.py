@@ -1,0 +1,195 @@
+import math
+
+import numpy as np
+import pytest
+
+import sps
+from conftest import ROOT
+from files import read_safetensors
+from golden import uniform
+
+METRICS = ["r2_own_mean", "mae", "rmse", "median_percent_error", "spearman"]
+
+
+def samples(n=60, seed=0):
+    random = np.random.default_rng(seed)
+    truth = random.uniform(10, 90, n)
+    return truth, truth + random.normal(0, 5, n), truth + random.normal(0, 8, n)
+
+
+def test_scores_are_those_of_scikit_learn():
+    golden = read_safetensors(ROOT / "fixtures/golden/metrics.safetensors")
+    truth = (uniform("golden/metrics.truth", (41, 15)) + 1) * 50
+    estimate = truth + 12 * uniform("golden/metrics.error", (41, 15))
+    mean = (uniform("golden/metrics.train_mean", (15,)) + 1) * 50
+    for k in range(15):
+        pair = {"truth": truth[:, k], "estimate": estimate[:, k]}
+        found = {
+            "r2_train_mean": sps.r2(**pair, training_mean=mean[k]),
+            "r2_own_mean": sps.r2_own_mean(**pair),
+            "mae": sps.mae(**pair),
+            "median_percent_error": sps.median_percent_error(**pair),
+        }
+        for name, score in found.items():
+            assert math.isclose(score.value, golden[name][k], rel_tol=1e-12), name
+
+
+def test_scores_by_hand():
+    score = sps.rmse(truth=[1, 2], estimate=[4, 6])
+    assert (score.value, float(score), score.samples) == (math.sqrt(12.5), math.sqrt(12.5), 2)
+    # Ranks 1 2 3 4 and 2 1 4 3: 1 - 6 * 4 / (4 * 15).
+    assert float(sps.spearman(truth=[1, 2, 3, 4], estimate=[5, 4, 9, 6])) == 0.6
+    percent = sps.median_percent_error(truth=(0.0, 2.0), estimate=(1.0, 3.0))
+    assert repr(percent) == "Score(value=50.0, samples=1, zero_truths=1)"
+
+
+def test_any_array_of_numbers_will_do():
+    for kind in [np.float32, np.int16, bool]:
+        truth, estimate = np.array([1, 0, 1], kind), np.array([0, 0, 1], kind)
+        assert float(sps.mae(truth=truth, estimate=estimate)) == 1 / 3
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame({"t": [1, 2], "e": [2, 4]}, index=[7, 3])
+    assert float(sps.mae(truth=table["t"], estimate=table["e"])) == 1.5
+
+
+@pytest.mark.parametrize(
+    ("score", "truth", "estimate", "message"),
+    [
+        (sps.mae, [], [], "no samples"),
+        (sps.mae, [1, 2], [1], "2 truths for 1 estimates"),
+        (sps.mae, [1, math.nan], [1, 2], "truth 1 is NaN"),
+        (sps.rmse, [1, 2], [math.inf, 2], "estimate 0 is infinite"),
+        (sps.spearman, [1, 2], [3, 3], "every estimate is 3"),
+        (sps.r2_own_mean, [5, 5], [1, 2], "every truth is 5"),
+        (sps.median_percent_error, [0, 0], [1, 2], "all 2 truths are zero"),
+    ],
+)
+def test_what_has_no_score_says_why(score, truth, estimate, message):
+    with pytest.raises(sps.UndefinedScore, match=message):
+        score(truth=truth, estimate=estimate)
+    assert issubclass(sps.UndefinedScore, ValueError)
+
+
+def test_truth_and_estimate_go_in_by_name():
+    with pytest.raises(TypeError, match="positional"):
+        sps.mae([1.0], [2.0])
+    with pytest.raises(TypeError, match="truth"):
+        sps.mae(truth=[[1.0], [2.0]], estimate=[1.0, 2.0])
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_an_interval_is_about_the_score(metric):
+    truth, estimate, _ = samples()
+    interval = sps.Bootstrap(1).interval(metric, truth=truth, estimate=estimate)
+    score = getattr(sps, metric)(truth=truth, estimate=estimate)
+    assert math.isclose(interval.estimate, float(score), rel_tol=1e-12)
+    assert interval.low < interval.estimate < interval.high
+    assert (interval.level, interval.units, interval.resamples) == (0.95, 60, 2000)
+
+
+def test_an_interval_is_that_of_numpy():
+    truth, estimate, _ = samples(200)
+    errors = np.abs(truth - estimate)
+    drawn = np.random.default_rng(1).choice(errors, (20_000, len(errors))).mean(axis=1)
+    bootstrap = sps.Bootstrap(1, resamples=20_000, level=0.9)
+    found = bootstrap.interval("mae", truth=truth, estimate=estimate)
+    # A quantile of 20,000 draws is known to some 2 % of their spread.
+    expected = np.quantile(drawn, [0.05, 0.95])
+    np.testing.assert_allclose([found.low, found.high], expected, atol=0.06 * drawn.std())
+
+
+def test_units_are_drawn_whole_and_named_anyhow():
+    truth, estimate, _ = samples()
+    numbers = np.arange(60) // 6
+    by_number = sps.Bootstrap(1).interval("mae", truth=truth, estimate=estimate, units=numbers)
+    names = [f"surface-{number}" for number in numbers]
+    by_name = sps.Bootstrap(1).interval("mae", truth=truth, estimate=estimate, units=names)
+    assert by_number.units == 10
+    assert repr(by_number) == repr(by_name)
+    # Ten samples of equal errors each: a resample of units is a mean of ten errors.
+    errors = np.random.default_rng(2).uniform(0, 1, 10)
+    together = sps.Bootstrap(1).interval(
+        "mae", truth=np.zeros(60), estimate=errors[numbers], units=numbers
+    )
+    apart = sps.Bootstrap(1).interval("mae", truth=np.zeros(10), estimate=errors)
+    assert math.isclose(together.low, apart.low, rel_tol=1e-12)
+    assert math.isclose(together.high, apart.high, rel_tol=1e-12)
+
+
+def test_a_difference_is_paired():
+    truth, fine, rough = samples()
+    bootstrap = sps.Bootstrap(1)
+    gain = bootstrap.difference("mae", truth=truth, first=rough, second=fine)
+    assert gain.excludes_zero() and gain.low < gain.estimate < gain.high
+    swapped = bootstrap.difference("mae", truth=truth, first=fine, second=rough)
+    assert (swapped.low, swapped.high) == (-gain.high, -gain.low)
+    none = bootstrap.difference("mae", truth=truth, first=fine, second=fine)
+    assert (none.low, none.high, none.excludes_zero()) == (0, 0, False)
+
+
+def test_r2_needs_the_training_mean_and_no_other_does():
+    truth, estimate, other = samples()
+    bootstrap = sps.Bootstrap()
+    found = bootstrap.interval("r2", truth=truth, estimate=estimate, training_mean=40.0)
+    assert found.estimate == sps.r2(truth=truth, estimate=estimate, training_mean=40.0).value
+    with pytest.raises(ValueError, match="no training_mean"):
+        bootstrap.interval("r2", truth=truth, estimate=estimate)
+    with pytest.raises(ValueError, match="a training_mean for mae, expected none"):
+        bootstrap.difference(
+            "mae", truth=truth, first=estimate, second=other, training_mean=40.0
+        )
+    with pytest.raises(ValueError, match='unknown metric "r3", expected r2,'):
+        bootstrap.interval("r3", truth=truth, estimate=estimate)
+    with pytest.raises(sps.UndefinedScore, match="training mean 0 is NaN"):
+        sps.r2(truth=truth, estimate=estimate, training_mean=math.nan)
+
+
+def test_what_has_no_interval_says_why():
+    one = {"truth": [1.0], "estimate": [2.0]}
+    with pytest.raises(ValueError, match="1 unit.* needs at least 2"):
+        sps.Bootstrap().interval("mae", **one)
+    with pytest.raises(sps.UndefinedScore, match="the score is undefined"):
+        sps.Bootstrap().interval("spearman", **one)
+    with pytest.raises(ValueError, match="10 resamples, a level of 0.95 needs at least 39"):
+        sps.Bootstrap(resamples=10).interval("mae", truth=[1, 2], estimate=[1, 3])
+    with pytest.raises(ValueError, match="3 unit numbers for 2 samples"):
+        sps.Bootstrap().interval("mae", truth=[1, 2], estimate=[1, 3], units=[1, 2, 3])
+    with pytest.raises(ValueError, match="labels of 2 dimensions, expected one"):
+        sps.Bootstrap().interval("mae", truth=[1, 2], estimate=[1, 3], units=[[1, 2]])
+    with pytest.raises(ValueError, match="strictly between 0 and 1, found 95"):
+        sps.Bootstrap(level=95)
+
+
+def test_the_radius_is_an_order_statistic():
+    residuals = np.random.default_rng(0).normal(0, 3, 99)
+    conformal = sps.SplitConformal(residuals, level=0.8)
+    assert conformal.radius == np.sort(np.abs(residuals))[79]
+    assert conformal.expected_coverage == 0.8
+    expected = [[1 - conformal.radius, 1 + conformal.radius]]
+    np.testing.assert_array_equal(conformal.intervals([1.0]), expected)
+    with pytest.raises(ValueError, match="8 calibration sample.* needs at least 9"):
+        sps.SplitConformal(residuals[:8])
+    with pytest.raises(sps.UndefinedScore, match="residual 0 is NaN"):
+        sps.SplitConformal([math.nan] * 20)
+
+
+def test_groups_count_the_same_whatever_their_size():
+    residuals, groups = [0.1, 0.2, -0.3, 0.5, -0.7], ["a", "a", "a", "b", "c"]
+    # Mass up to 0.5 of the three groups and the new one: (3/3 + 1) / 4.
+    conformal = sps.GroupConformal(residuals, groups, level=0.5)
+    assert (conformal.radius, conformal.groups) == (0.5, 3)
+    np.testing.assert_array_equal(conformal.intervals([5.0]), [[4.5, 5.5]])
+    with pytest.raises(ValueError, match="needs at least 9"):
+        sps.GroupConformal(residuals, groups)
+    with pytest.raises(ValueError, match="4 group numbers for 5 samples"):
+        sps.GroupConformal(residuals, groups[:4], level=0.5)
+
+
+def test_coverage_by_hand():
+    intervals = [[0, 1], [2, 4], [5, 5], [6, 9]]
+    found = sps.coverage(intervals=intervals, truth=[1, 4.5, 5, 7])
+    assert repr(found) == "Coverage(covered=3, samples=4, fraction=0.75, mean_width=1.5)"
+    with pytest.raises(ValueError, match=r"intervals of shape \[4, 1\], expected \(n, 2\)"):
+        sps.coverage(intervals=[[1], [2], [3], [4]], truth=[1, 2, 3, 4])
+    with pytest.raises(sps.UndefinedScore, match="interval 0 ends below its start"):
+        sps.coverage(intervals=[[2, 1]], truth=[1])

@@ -1,0 +1,53 @@
+"""What stands around the code: the example of the README, the types, other packages."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sps
+from conftest import ROOT
+
+
+def test_the_readmes_example_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(ROOT)
+    text = (ROOT / "python/README.md").read_text()
+    for example in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+        exec(compile(example, "README.md", "exec"), {})
+    assert "radius" in capsys.readouterr().out
+
+
+def test_everything_exported_is_documented():
+    for name in sps.__all__:
+        assert getattr(sps, name).__doc__, name
+    for kind in [sps.Encoder, sps.Selection, sps.Bootstrap, sps.BootstrapInterval, sps.Coverage]:
+        members = [name for name in vars(kind) if not name.startswith("_")]
+        assert members and all(getattr(kind, name).__doc__ for name in members), kind
+
+
+@pytest.mark.parametrize(
+    "check",
+    [["mypy", "--package=sps", "--config-file"], ["mypy.stubtest", "sps", "--mypy-config-file"]],
+)
+def test_the_types_hold(check, tmp_path):
+    pytest.importorskip("mypy")
+    # Where it stands alone: beside others, mypy takes their names for its own.
+    (tmp_path / "sps").symlink_to(Path(sps.__file__).parent)
+    command = [sys.executable, "-m", *check, ROOT / "python/pyproject.toml"]
+    found = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert found.returncode == 0, found.stdout + found.stderr
+
+
+def test_embeddings_go_into_a_pipeline_of_scikit_learn(encoder):
+    pipeline = pytest.importorskip("sklearn.pipeline")
+    from sklearn.linear_model import Ridge
+    from sklearn.preprocessing import FunctionTransformer
+
+    images = np.random.default_rng(0).integers(0, 256, (6, 12, 12, 3), dtype=np.uint8)
+    brightness = images.mean(axis=(1, 2, 3))
+    model = pipeline.make_pipeline(FunctionTransformer(encoder.embed), Ridge(1e-3))
+    estimates = model.fit(images, brightness).predict(images)
+    assert float(sps.r2_own_mean(truth=brightness, estimate=estimates)) > 0.99

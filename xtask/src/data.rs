@@ -19,6 +19,8 @@ pub(crate) trait WithSource {
 pub(crate) struct About {
     pub simulated: bool,
     pub published_sps: bool,
+    /// Where it comes from and under which licence, as far as it says.
+    pub origin: String,
     /// How readings of one surface become one value.
     pub tactile: TactileSettings,
     /// The known limit of simulated data.
@@ -50,6 +52,7 @@ pub(crate) fn with_source<W: WithSource>(data: &DataSpec, work: W) -> Result<W::
             let about = About {
                 simulated: false,
                 published_sps: *published_sps,
+                origin: source.manifest().source.clone(),
                 tactile: read.tactile,
                 ceilings: None,
                 notes: out_of_range_notes(source.out_of_range()),
@@ -64,6 +67,7 @@ fn about_simulated(spec: &SimulatorSpec) -> About {
     About {
         simulated: true,
         published_sps: false,
+        origin: String::new(),
         tactile: TactileSettings::default(),
         ceilings: Some(ceilings(spec.seed, CEILING_SURFACES, spec.locations)),
         notes: Vec::new(),

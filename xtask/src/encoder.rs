@@ -1,107 +1,34 @@
 //! The encoder that a config asks for.
 
 use anyhow::{Result, bail, ensure};
-use candle_core::{Device, Tensor};
-use sps_models::encoders::{Embed, Encoder, EncoderKind, I3d, Precision};
+use candle_core::Device;
+use sps_estimator::Network;
+use sps_models::encoders::{Encoder, EncoderKind, I3d, Precision};
 use sps_models::weights::Weights;
 
-use crate::config::{EncoderSpec, Network, WeightsSpec};
+use crate::config::{EncoderSpec, Network as NetworkSpec, WeightsSpec};
 
 /// Trained by `pretrain configs/pretrain.toml`.
 const SE_RESNEXT_SMALL: &[u8] =
     include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors");
 
-/// A network with its weights.
-#[derive(Clone)]
-pub(crate) enum Loaded {
-    /// Embeds images one by one.
-    Images(Encoder),
-    /// Embeds sequences of so many images.
-    Sequences(I3d, usize),
-}
-
-impl Loaded {
-    /// The network; `seed` draws the weights where they are to be untrained.
-    pub(crate) fn new(spec: &EncoderSpec, seed: u64) -> Result<Self> {
-        match spec.network {
-            Network::Images(kind) => Ok(Self::Images(images(kind, spec, seed)?)),
-            Network::Sequences { frames } => {
-                let network = match &spec.weights {
-                    WeightsSpec::BuiltIn => bail!("{}", no_weights(I3d::NAME)),
-                    WeightsSpec::Untrained => I3d::seeded(seed)?,
-                    WeightsSpec::File(path) => I3d::load(path)?,
-                };
-                ensure!(
-                    spec.precision == Precision::F32,
-                    "{} computes in {} alone",
-                    I3d::NAME,
-                    Precision::F32
-                );
-                Ok(Self::Sequences(network, frames))
-            }
-        }
-    }
-
-    fn network(&self) -> &dyn Embed {
-        match self {
-            Self::Images(encoder) => encoder,
-            Self::Sequences(network, _) => network,
-        }
-    }
-
-    /// The network's name.
-    pub(crate) fn name(&self) -> &'static str {
-        self.network().name()
-    }
-
-    /// The network where it embeds single images.
-    pub(crate) fn of_images(&self) -> Result<&Encoder> {
-        match self {
-            Self::Images(encoder) => Ok(encoder),
-            Self::Sequences(..) => bail!(
-                "{} embeds sequences; expected an encoder of single images",
-                I3d::NAME
-            ),
-        }
-    }
-
-    /// Images that are embedded as one.
-    pub(crate) fn frames(&self) -> usize {
-        match self {
-            Self::Images(_) => 1,
-            Self::Sequences(_, frames) => *frames,
-        }
-    }
-
-    /// The length of an embedding.
-    pub(crate) fn width(&self) -> usize {
-        self.network().width()
-    }
-
-    /// A hash of the network and every weight.
-    pub(crate) fn content_hash(&self) -> [u8; 32] {
-        self.network().content_hash()
-    }
-
-    /// Multiply-adds to embed an image of this size, where they are known.
-    pub(crate) fn multiply_adds(&self, height: usize, width: usize) -> Option<u64> {
-        match self {
-            Self::Images(encoder) => encoder.kind().multiply_adds(height, width),
-            Self::Sequences(..) => None,
-        }
-    }
-
-    /// Embeds `n * frames` images, each `(height, width, 3)`, row-major, to `(n, width)`.
-    pub(crate) fn embed(&self, images: &[&[f32]], size: [usize; 2]) -> Result<Vec<f32>> {
-        match self {
-            Self::Images(encoder) => Ok(encoder.embed_pixels(images, size)?),
-            Self::Sequences(network, frames) => {
-                let [height, width] = size;
-                let shape = (images.len() / frames, *frames, height, width, 3);
-                let sequences = Tensor::from_vec(images.concat(), shape, &Device::Cpu)?;
-                let embeddings = network.embed(&sequences.permute((0, 4, 1, 2, 3))?)?;
-                Ok(embeddings.flatten_all()?.to_vec1()?)
-            }
+/// The network; `seed` draws the weights where they are to be untrained.
+pub(crate) fn load(spec: &EncoderSpec, seed: u64) -> Result<Network> {
+    match spec.network {
+        NetworkSpec::Images(kind) => Ok(Network::Images(images(kind, spec, seed)?)),
+        NetworkSpec::Sequences { frames } => {
+            let network = match &spec.weights {
+                WeightsSpec::BuiltIn => bail!("{}", no_weights(I3d::NAME)),
+                WeightsSpec::Untrained => I3d::seeded(seed)?,
+                WeightsSpec::File(path) => I3d::load(path)?,
+            };
+            ensure!(
+                spec.precision == Precision::F32,
+                "{} computes in {} alone",
+                I3d::NAME,
+                Precision::F32
+            );
+            Ok(Network::Sequences(network, frames))
         }
     }
 }
@@ -148,12 +75,12 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         precision => format!(" in {precision}"),
     };
     let frames = match (spec.network, spec.resize) {
-        (Network::Sequences { frames }, Some(pixels)) => {
+        (NetworkSpec::Sequences { frames }, Some(pixels)) => {
             format!(", on {frames} equidistant frames of {pixels} pixels")
         }
-        (Network::Sequences { frames }, None) => format!(", on {frames} equidistant frames"),
-        (Network::Images(_), Some(pixels)) => format!(", on frames of {pixels} pixels"),
-        (Network::Images(_), None) => String::new(),
+        (NetworkSpec::Sequences { frames }, None) => format!(", on {frames} equidistant frames"),
+        (NetworkSpec::Images(_), Some(pixels)) => format!(", on frames of {pixels} pixels"),
+        (NetworkSpec::Images(_), None) => String::new(),
     };
     let name = spec.network.name();
     format!("{name}{precision} with {weights}{frames}{trained}")

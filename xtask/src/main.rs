@@ -13,8 +13,8 @@ mod files;
 #[path = "../../fixtures/fuzz/mod.rs"]
 mod fuzz;
 mod journal;
+mod map;
 mod memory;
-mod model;
 mod paper;
 mod progress;
 mod report;

@@ -2,10 +2,20 @@
 
 mod support;
 
+use std::fs;
 use std::path::PathBuf;
 
+use candle_core::{Device, Tensor};
 use image::{Rgb, RgbImage};
 use serde_json::Value;
+use sps_dataset::{
+    DatasetFolder, KeepGroups, Property, ReadSettings, Source, TactileSettings, Units,
+};
+use sps_estimator::{Embedder, Network};
+use sps_models::encoders::{Encoder, EncoderKind};
+use sps_models::heads::{Plan, Rerun, TrainingData, Views};
+use sps_models::ridge::{Ridge, RidgeConfig};
+use sps_models::{Embeddings, Readings};
 use support::{Scratch, expect, message, xtask};
 
 /// The frames of the tiny dataset.
@@ -61,13 +71,14 @@ fn a_model_answers_for_a_photograph() {
     let at = |key: &str| one[key].as_f64().unwrap();
     assert!(at("low") < at("value") && at("value") < at("high"), "{one}");
     let value = |estimate: &Value| estimate["value"].as_f64().unwrap();
-    let (other, mean) = (of(&images[1..]), of(&images));
+    let other = of(&images[1..]);
+    let mean = estimate(predict(&scratch, &["--group-by", "all"], &images)).0;
     assert!((value(&mean) - f64::midpoint(value(&one), value(&other))).abs() < 1e-9);
 }
 
 /// A photograph of the same surface with more pixels is brought to those of the model's frames.
 #[test]
-fn a_large_photograph_says_what_it_costs_and_how_to_resize() {
+fn a_large_photograph_comes_to_the_scale_of_the_model() {
     let scratch = fitted(&[]);
     let photograph = |name: &str, side: u32| {
         let path = scratch.path(name);
@@ -78,20 +89,126 @@ fn a_large_photograph_says_what_it_costs_and_how_to_resize() {
     };
     let small = photograph("small.png", SIDE);
     let large = photograph("large.png", 30 * SIDE);
-    let (expected, log) = estimate(predict(&scratch, &[], &small));
-    assert!(!log.contains("pixels"), "{log}");
-    let (_, log) = estimate(predict(&scratch, &[], &large));
-    let resize = format!("`--resize {SIDE}`");
+    let value = |options: &[&str], images: &[PathBuf]| {
+        let (estimate, _) = estimate(predict(&scratch, options, images));
+        estimate["value"].as_f64().unwrap()
+    };
+    let expected = value(&[], &small);
+    // 8 bits, and a filter that is wider than a block of pixels.
+    assert!((value(&[], &large) - expected).abs() < 1.0);
+    assert_eq!(value(&["--resize", "32"], &large), value(&[], &large));
+    assert_eq!(value(&["--keep-size"], &small), expected);
+    assert_ne!(value(&["--keep-size"], &large), value(&[], &large));
+}
+
+/// Files that cannot be read are named; the others are estimated as they are alone.
+#[test]
+fn broken_photographs_do_not_stop_the_others() {
+    let scratch = fitted(&[]);
+    let folder = scratch.path("photographs");
+    fs::create_dir(&folder).unwrap();
+    let whole = fs::read(scratch.path("data/frames/oak-01/002.jpg")).unwrap();
+    for number in 0..40 {
+        let broken = number % 20 == 7;
+        let bytes = if broken { &whole[..30] } else { &whole[..] };
+        fs::write(folder.join(format!("{number:02}.jpg")), bytes).unwrap();
+    }
+    fs::write(folder.join("notes.txt"), "no image").unwrap();
+    let alone = scratch.path("data/frames/oak-01/002.jpg");
+    let (alone, _) = estimate(predict(&scratch, &[], &[alone]));
+    let output = predict(&scratch, &[], std::slice::from_ref(&folder))
+        .assert()
+        .code(1);
+    let output = output.get_output();
+    let lines = String::from_utf8_lossy(&output.stdout).into_owned();
+    let lines: Vec<Value> = lines
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(lines.len(), 38);
+    assert!(lines.iter().all(|line| line["estimates"][0] == alone));
+    assert!(lines[0]["surface"].as_str().unwrap().ends_with("00.jpg"));
+    let log = String::from_utf8_lossy(&output.stderr);
     expect(
         &log,
-        &["large.png is 960 x 960 pixels", &resize, " s and ", " GB"],
+        &["07.jpg", "27.jpg", "2 of 40 surfaces have no estimate"],
     );
-    let (resized, log) = estimate(predict(&scratch, &["--resize", "32"], &large));
-    assert!(!log.contains("pixels"), "{log}");
-    let value = |estimate: &Value| estimate["value"].as_f64().unwrap();
-    // 8 bits, and a filter that is wider than a block of pixels.
-    let moved = (value(&resized) - value(&expected)).abs();
-    assert!(moved < 1.0, "{resized}, not {expected}");
+
+    let mut table = xtask();
+    table
+        .args(["predict", "--csv", "--model"])
+        .arg(scratch.path("model"))
+        .arg(&folder);
+    let table = String::from_utf8(table.assert().code(1).get_output().stdout.clone()).unwrap();
+    let mut lines = table.lines();
+    assert_eq!(
+        lines.next(),
+        Some("surface,property,value,low,high,familiar")
+    );
+    assert_eq!(lines.count(), 2 * 38);
+}
+
+/// A model of three views takes three photographs of a surface, in another process than it was fitted
+/// in, and says what a fit to the same surfaces says: here of a regression by its own crate.
+#[test]
+fn a_model_of_several_views_says_what_an_experiment_does() {
+    let scratch = fitted(&[
+        "methods=[{ id = \"ridge\", label = \"Ridge\", kind = \"ridge\", views = 3, selector = { kind = \"equidistant\" } }]",
+        "properties=[\"fRS\"]",
+    ]);
+    let dataset = DatasetFolder::open(&scratch.path("data"), &ReadSettings::default()).unwrap();
+    let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu).unwrap();
+    let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
+    let views = [0, 2, 4];
+    let frames = (0..6).flat_map(|surface| views.map(|view| dataset.frame(surface, view).unwrap()));
+    let values = embedder.embed(&frames.collect::<Vec<_>>()).unwrap();
+    let shape = (6, 3, embedder.width());
+    let tensor = Tensor::from_vec(values, shape, &Device::Cpu).unwrap();
+    let embeddings = Embeddings::new(&tensor).unwrap();
+    let touched = dataset.tactile().averages(&TactileSettings::default(), 6);
+    let rows: Vec<_> = (0..6)
+        .map(|s| vec![touched.value(s, Property::FRS)])
+        .collect();
+    let readings = Readings::new(vec!["fRS".into()], &rows).unwrap();
+    let units = Units::of(dataset.surfaces(), KeepGroups::Never);
+    let all: Vec<usize> = (0..6).collect();
+    let split = units.keep_aside(&all, 0.5, 0, "random split", 0).unwrap();
+    let rerun = Rerun {
+        number: 0,
+        training: split.train,
+        validation: Vec::new(),
+    };
+    let mut plan = Plan::each(0, readings.properties(), vec![rerun]);
+    plan.trials[0].views = Views::Fixed(vec![0, 1, 2]);
+    let data = TrainingData::new(&embeddings, &readings).with_units(units.of_surface());
+    let ridges = Ridge::new(RidgeConfig::default())
+        .unwrap()
+        .train(&data, &plan)
+        .unwrap();
+    let expected = ridges.predict(&embeddings).unwrap().remove(0).values;
+
+    let folder = |surface: &str| scratch.path("three").join(surface);
+    for (at, surface) in dataset.surfaces().iter().enumerate() {
+        fs::create_dir_all(folder(&surface.id)).unwrap();
+        for entry in fs::read_dir(scratch.path("data/frames").join(&surface.id)).unwrap() {
+            let path = entry.unwrap().path();
+            let stem = path.file_stem().unwrap().to_str().unwrap().to_owned();
+            if views.contains(&stem.parse().unwrap()) {
+                fs::copy(&path, folder(&surface.id).join(path.file_name().unwrap())).unwrap();
+            }
+        }
+        let (found, _) = estimate(predict(&scratch, &[], &[folder(&surface.id)]));
+        assert_eq!(
+            found["value"].as_f64(),
+            Some(expected[at]),
+            "{}",
+            surface.id
+        );
+    }
+    let one = predict(&scratch, &[], &[scratch.path("data/frames/oak-01/002.jpg")])
+        .assert()
+        .code(1);
+    expect(&message(one), &["oak-01", "1 views of width", "expected 3"]);
 }
 
 /// What it was fitted on was computed in bf16.
@@ -100,7 +217,7 @@ fn a_model_keeps_the_precision_of_its_encoder() {
     let scratch = fitted(&["encoder.precision=bf16"]);
     let image = [scratch.path("data/frames/oak-01/002.jpg")];
     let (in_bf16, _) = estimate(predict(&scratch, &[], &image));
-    scratch.edit("model/model.json", "\"bf16\"", "\"f32\"");
+    scratch.edit("model/estimator.json", "\"bf16\"", "\"f32\"");
     let (in_f32, _) = estimate(predict(&scratch, &[], &image));
     assert_ne!(in_bf16["value"], in_f32["value"]);
 }

@@ -5,12 +5,12 @@ use anyhow::{Context, Result, anyhow, ensure};
 use rayon::prelude::*;
 use safetensors::tensor::{Dtype, TensorView};
 use sps_dataset::{DecodeSettings, Frame};
+use sps_estimator::{Embedder, read_photograph};
 use sps_models::encoders::{I3d, Precision};
 use tracing::info;
 
 use crate::config::{EncoderSpec, Network, WeightsSpec};
-use crate::embeddings::{Embedder, read_prepared};
-use crate::encoder::Loaded;
+use crate::encoder;
 use crate::files::write_atomically;
 use crate::progress::Progress;
 
@@ -67,8 +67,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         resize: args.resize,
         training: None,
     };
-    let embedder = Embedder::new(Loaded::new(&spec, 0)?, spec.resize)?;
-    let each = embedder.encoder().frames();
+    let embedder = Embedder::new(encoder::load(&spec, 0)?, spec.resize)?;
+    let each = embedder.network().frames();
     ensure!(
         args.images.len().is_multiple_of(each),
         "{} images, expected a multiple of --frames {each}",
@@ -96,7 +96,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 
 fn read(paths: &[PathBuf], resize: Option<usize>) -> Result<Vec<Frame>> {
     let settings = DecodeSettings::default();
-    let read = |path: &PathBuf| Ok(read_prepared(path, &settings, resize)?);
+    let read = |path: &PathBuf| Ok(read_photograph(path, &settings, resize)?);
     paths.par_iter().map(read).collect()
 }
 

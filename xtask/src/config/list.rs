@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use anyhow::Result;
 use serde_json::Value;
+use sps_estimator::Regression;
 
-use super::estimator::Estimator;
 use super::experiment::Experiment;
 use super::looks::Looks;
 use super::method::Method;
@@ -41,7 +41,9 @@ fn settings(method: &Method) -> Result<Vec<(String, String)>> {
     if let Some(count) = method.training_surfaces {
         lines.push(("training-surfaces".to_owned(), count.to_string()));
     }
-    lines.extend(estimator(&method.estimator)?);
+    if let Some(fitted) = method.estimator.regression() {
+        lines.extend(regression(fitted)?);
+    }
     Ok(lines)
 }
 
@@ -64,23 +66,23 @@ fn looks(looks: &Looks) -> Result<Vec<(String, String)>> {
     })
 }
 
-/// The settings of an estimator, each key with its table before it.
-fn estimator(estimator: &Estimator) -> Result<Vec<(String, String)>> {
-    if let Estimator::Stacked(stacked) = estimator {
+/// The settings of a regression, each key with its table before it.
+fn regression(regression: &Regression) -> Result<Vec<(String, String)>> {
+    if let Regression::Stacked(stacked) = regression {
         let kinds: Vec<Value> = stacked.members.iter().map(|m| m.kind().into()).collect();
         let mut lines = vec![
             ("members".to_owned(), inline(&Value::from(kinds))),
             ("folds".to_owned(), stacked.folds.to_string()),
         ];
         for member in &stacked.members {
-            lines.extend(self::estimator(member)?);
+            lines.extend(self::regression(member)?);
         }
         return Ok(lines);
     }
-    let Value::Object(settings) = estimator.settings()? else {
+    let Value::Object(settings) = regression.settings()? else {
         return Ok(Vec::new());
     };
-    let kind = estimator.kind();
+    let kind = regression.kind();
     let given = settings.iter().filter(|(_, value)| !value.is_null());
     let lines = given.map(|(key, value)| (format!("{kind}.{key}"), inline(value)));
     Ok(lines.collect())

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use serde::{Serialize, Serializer};
 use sps_models::encoders::I3d;
-use sps_models::heads::{Head, Input, RelationScale};
+use sps_models::heads::{Input, RelationScale};
 use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_viewselect::{RelationSampler, Selector, TemporalRelations};
 
@@ -205,16 +205,11 @@ impl Method {
             Looks::Relations(relations) => {
                 let sampler = relations.clone().sampler(views, 0)?;
                 let input = relation_input(&sampler);
-                method.estimator = self.estimator.with_input(&input)?;
+                method.estimator = self.estimator.with(|fitted| fitted.with_input(&input))?;
                 return Ok(method);
             }
         };
-        let pools = |head: &Head| head.config().input == (Input::ViewPooling {});
-        if !self.estimator.head().is_some_and(pools) {
-            method.estimator = self
-                .estimator
-                .with_input(&Input::LateFusion { views: slots })?;
-        }
+        method.estimator = self.estimator.with(|fitted| fitted.with_views(slots))?;
         Ok(method)
     }
 }

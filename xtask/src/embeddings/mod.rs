@@ -1,7 +1,6 @@
 //! From frames to embeddings, at most once per frame.
 
 mod cache;
-mod embedder;
 mod segment;
 
 use std::collections::{HashMap, HashSet};
@@ -11,9 +10,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use anyhow::{Context, Result};
 use rayon::prelude::*;
 use sps_dataset::{Frame, FrameIndex, FrameKey, Source};
+use sps_estimator::Embedder;
 
 pub(crate) use cache::EmbeddingCache;
-pub(crate) use embedder::{Embedder, prepare, read_prepared};
 use segment::Segment;
 
 use crate::progress::Progress;

@@ -1,37 +1,23 @@
 //! Looking at one view after the other, until the estimate is sure enough.
 //!
-//! Of a surface's first m views there is an estimate and, by a second regression, the error that
-//! such an estimate has: locally weighted split conformal prediction (Lei, G'Sell, Rinaldo,
-//! Tibshirani and Wasserman, "Distribution-Free Predictive Inference for Regression", JASA 113,
-//! 2018, section 5.2). The second regression learns the absolute residuals of estimators that have
-//! not seen the surface. Both are fitted to one part of the training surfaces. For each surface of
-//! the other part, the score is the largest residual over m, each divided by the error expected of
-//! it; the conformal quantile of the scores times the expected error is the radius of the interval.
-//!
-//! Because of the largest, the intervals of a new surface hold its truth for all m at once at the
-//! promised rate, and so at the m where one stops, however that is decided.
+//! `sps_estimator::Step` says what is estimated of a surface's first views, how intervals are made of it
+//! and why they hold wherever one stops; here it is asked for all trials of a method at once.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use sps_models::heads::{Plan, Rerun, TrainingData, Trial, Views};
-use sps_models::{FittedRegressor, Readings};
+use sps_estimator::{Look, Step, radius};
 
-use sps_models::ridge::{Ridge, RidgeConfig};
-
-use super::fit::{Judge, each, fit, measured};
+use super::Encodings;
+use super::fit::{Judge, measured};
 use super::trials::TrialSpec;
-use super::{Encodings, conformal};
 use crate::config::{Adaptive, Experiment};
 use crate::journal::{Outcome, Stop};
 use crate::progress::Progress;
 
 /// Parts of the surfaces fitted to, of which each is estimated by the others.
 const FOLDS: usize = 3;
-/// The least expected error, as a share of the mean residual: a regression of residuals may say
-/// zero, or less.
-const LEAST_ERROR: f64 = 0.25;
 
 /// The trials of a method that stops when it is sure.
 pub(super) struct Walking<'a> {
@@ -72,37 +58,42 @@ impl Walking<'_> {
 
     /// What each trial makes of its first `views` views.
     fn step(&self, views: usize) -> Result<Vec<FirstViews>> {
-        let fitted = self.estimators(views)?;
-        let tables = self.judge.tables;
-        let mut residuals = vec![vec![None; self.trials.len()]; tables.pool()];
-        let mut steps = Vec::new();
-        for (at, (trial, models)) in self.trials.iter().zip(fitted.chunks(FOLDS + 1)).enumerate() {
-            let parts = self.parts(trial.rerun)?;
-            let mut sum = 0.0;
-            let mut count = 0;
-            for (model, held) in models.iter().zip(&parts.folds) {
-                let held = measured(tables, trial, held)?;
-                let surfaces: Vec<usize> = held.iter().map(|(surface, _)| *surface).collect();
-                let estimates = self.values(model.as_ref(), trial, views, &surfaces)?;
-                for (surface, truth) in held {
-                    let residual = (truth - estimates[&surface]).abs();
-                    residuals[surface][at] = Some(residual);
-                    sum += residual;
-                    count += 1;
-                }
-            }
-            let last = models.last().context("no estimator")?;
-            steps.push(FirstViews {
-                estimates: self.values(last.as_ref(), trial, views, &self.walked(trial)?)?,
-                errors: BTreeMap::new(),
-                least: LEAST_ERROR * sum / f64::from(count.max(1)),
-            });
-        }
-        let errors = self.errors(views, &residuals)?;
-        for ((trial, step), model) in self.trials.iter().zip(&mut steps).zip(errors) {
-            step.errors = self.values(model.as_ref(), trial, views, &self.walked(trial)?)?;
-        }
-        Ok(steps)
+        let judge = &self.judge;
+        let (tables, units) = (judge.tables, &judge.splits.units);
+        let look = |trial: &&TrialSpec| {
+            Ok(Look {
+                property: trial.property.to_string(),
+                rerun: trial.rerun as u64,
+                views: trial.views.shown(),
+                folds: self.parts(trial.rerun)?.folds,
+            })
+        };
+        let looks = self
+            .trials
+            .iter()
+            .map(look)
+            .collect::<Result<Vec<Look>>>()?;
+        let regression = judge.method.estimator.regression();
+        let regression = regression
+            .context("a mean looks at nothing")?
+            .with_views(views)?;
+        let data = tables.training_data(units);
+        let step = Step::fit(
+            &regression,
+            (&data, units),
+            self.experiment.seed,
+            &looks,
+            views,
+        )?;
+        let trials = self.trials.iter().enumerate();
+        let steps = trials.map(|(at, trial)| {
+            let walked = self.walked(trial)?;
+            let shown = &trial.views.shown()[..views];
+            let said = step.says(at, &self.encodings.select(&walked, shown)?)?;
+            let said = said.into_iter().map(|said| (said.value, said.error));
+            Ok(walked.into_iter().zip(said).collect())
+        });
+        steps.collect()
     }
 
     /// The surfaces whose walk is asked for: those that calibrate, and those held out.
@@ -111,92 +102,6 @@ impl Walking<'_> {
         let mut surfaces = self.parts(trial.rerun)?.calibration;
         surfaces.extend(self.judge.method.scored_on(&split.validation));
         Ok(surfaces)
-    }
-
-    /// What a model says of each of the surfaces from the trial's first views.
-    fn values(
-        &self,
-        model: &dyn FittedRegressor,
-        trial: &TrialSpec,
-        views: usize,
-        surfaces: &[usize],
-    ) -> Result<BTreeMap<usize, f64>> {
-        let embeddings = self
-            .encodings
-            .select(surfaces, &trial.views.shown()[..views])?;
-        let estimates = model.predict(&embeddings)?;
-        let values = estimates.into_iter().next().context("no estimate")?.values;
-        Ok(surfaces.iter().copied().zip(values).collect())
-    }
-
-    /// For each trial an estimator without each fold, and one with all.
-    fn estimators(&self, views: usize) -> Result<Vec<Box<dyn FittedRegressor>>> {
-        let mut plan = Plan {
-            seed: self.experiment.seed,
-            reruns: Vec::new(),
-            trials: Vec::new(),
-        };
-        for rerun in self.reruns() {
-            let Parts { folds, .. } = self.parts(rerun)?;
-            for fold in 0..=FOLDS {
-                let others = folds.iter().enumerate().filter(|(at, _)| *at != fold);
-                plan.reruns.push(Rerun {
-                    number: number(rerun, fold),
-                    training: others.flat_map(|(_, part)| part).copied().collect(),
-                    validation: Vec::new(),
-                });
-            }
-        }
-        for trial in self.trials {
-            plan.trials.extend((0..=FOLDS).map(|fold| Trial {
-                property: trial.property.to_string(),
-                rerun: number(trial.rerun, fold),
-                views: Views::Fixed(trial.views.shown()[..views].to_vec()),
-            }));
-        }
-        let method = self.judge.method.with_views(views)?;
-        let data = (self.judge.tables, &self.judge.splits.units);
-        Ok(each(fit(&method, data, &plan, &())?.models()))
-    }
-
-    /// For each trial a regression of its residuals, `(surfaces, trials)`.
-    fn errors(
-        &self,
-        views: usize,
-        residuals: &[Vec<Option<f64>>],
-    ) -> Result<Vec<Box<dyn FittedRegressor>>> {
-        let names: Vec<String> = (0..self.trials.len()).map(|at| at.to_string()).collect();
-        let rerun = |rerun| {
-            Ok(Rerun {
-                number: rerun as u64,
-                training: self.parts(rerun)?.folds.concat(),
-                validation: Vec::new(),
-            })
-        };
-        let trials = self.trials.iter().zip(&names).map(|(trial, name)| Trial {
-            property: name.clone(),
-            rerun: trial.rerun as u64,
-            views: Views::Fixed(trial.views.shown()[..views].to_vec()),
-        });
-        let plan = Plan {
-            seed: self.experiment.seed,
-            reruns: self
-                .reruns()
-                .into_iter()
-                .map(rerun)
-                .collect::<Result<_>>()?,
-            trials: trials.collect(),
-        };
-        let data = TrainingData {
-            readings: &Readings::new(names, residuals)?,
-            ..self.judge.tables.training_data(&self.judge.splits.units)
-        };
-        let ridges = Ridge::new(RidgeConfig::default())?.train(&data, &plan)?;
-        Ok(each(&ridges))
-    }
-
-    fn reruns(&self) -> BTreeSet<usize> {
-        self.trials.iter().map(|trial| trial.rerun).collect()
     }
 
     /// The training surfaces of a rerun, by what they are used for; units stay whole.
@@ -214,7 +119,7 @@ impl Walking<'_> {
             .iter()
             .map(|&(surface, truth)| Ok((surface, walks.of(surface)?.score(truth))));
         let scores: Vec<(usize, f64)> = scores.collect::<Result<_>>()?;
-        let quantile = conformal::radius(&judge.splits.units, &scores, self.adaptive.level)
+        let quantile = radius(&judge.splits.units, &scores, self.adaptive.level)
             .with_context(|| format!("{}: adaptive.calibration", trial.property))?;
         let split = &judge.splits.all[trial.rerun];
         let deviation = deviation(&measured(judge.tables, trial, &split.train)?);
@@ -239,11 +144,6 @@ struct Parts {
     folds: Vec<Vec<usize>>,
 }
 
-/// A number for each rerun and fold; the last fold leaves nothing out.
-fn number(rerun: usize, fold: usize) -> u64 {
-    (rerun * (FOLDS + 1) + fold) as u64
-}
-
 /// The standard deviation of readings; 1 where they do not differ.
 fn deviation(readings: &[(usize, f64)]) -> f64 {
     let count = readings.len().max(1) as f64;
@@ -253,13 +153,8 @@ fn deviation(readings: &[(usize, f64)]) -> f64 {
     if deviation > 0.0 { deviation } else { 1.0 }
 }
 
-/// What so many views say of the surfaces that are walked.
-struct FirstViews {
-    estimates: BTreeMap<usize, f64>,
-    errors: BTreeMap<usize, f64>,
-    /// What an expected error is at least.
-    least: f64,
-}
+/// What so many views say of the surfaces that are walked: an estimate, and the error to expect.
+type FirstViews = BTreeMap<usize, (f64, f64)>;
 
 /// The walks of all surfaces, a step for each view.
 #[derive(Clone, Default)]
@@ -267,10 +162,8 @@ struct Walks(BTreeMap<usize, Walk>);
 
 impl Walks {
     fn push(&mut self, step: FirstViews) {
-        let least = step.least.max(f64::MIN_POSITIVE);
-        for ((surface, estimate), error) in step.estimates.into_iter().zip(step.errors.values()) {
-            let walk = self.0.entry(surface).or_default();
-            walk.0.push((estimate, error.max(least)));
+        for (surface, said) in step {
+            self.0.entry(surface).or_default().0.push(said);
         }
     }
 

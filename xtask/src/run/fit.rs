@@ -4,72 +4,19 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use sps_dataset::Units;
+use sps_estimator::Regression;
+use sps_models::FittedRegressor;
 use sps_models::heads::{DivergedTrial, Observer, Plan, TrainedHeads, Trial};
-use sps_models::kernel_ridge::TrainedKernelRidges;
-use sps_models::nearest::Nearest;
-use sps_models::ridge::TrainedRidges;
-use sps_models::stacking::Stacking;
-use sps_models::{FittedRegressor, Regressor};
 use tracing::warn;
 
 use super::adaptive::Walking;
 use super::trials::{TrialSpec, plan};
-use super::{Encodings, Splits, Tables, floors, splits};
-use crate::config::{Estimator, Experiment, Method};
+use super::{Encodings, Splits, Tables, floors};
+use crate::config::{Experiment, Method};
 use crate::journal::{Journal, Outcome};
 use crate::progress::Progress;
-
-/// Fitted models of one method.
-pub(crate) enum Fitted {
-    Heads(Box<TrainedHeads>),
-    Ridges(TrainedRidges),
-    KernelRidges(TrainedKernelRidges),
-    /// Those that are not kept.
-    Other(Box<dyn FittedRegressor>),
-}
-
-impl Fitted {
-    /// The models, of whatever kind.
-    pub(crate) fn models(&self) -> &dyn FittedRegressor {
-        match self {
-            Self::Heads(heads) => heads.as_ref(),
-            Self::Ridges(ridges) => ridges,
-            Self::KernelRidges(ridges) => ridges,
-            Self::Other(models) => models.as_ref(),
-        }
-    }
-
-    /// Trials whose training came to nothing, and that have no model.
-    fn diverged(&self) -> &[DivergedTrial] {
-        match self {
-            Self::Heads(heads) => heads.diverged(),
-            _ => &[],
-        }
-    }
-}
-
-/// Each model on its own.
-pub(super) fn each(models: &dyn FittedRegressor) -> Vec<Box<dyn FittedRegressor>> {
-    let trials = models.trials().into_iter();
-    let of = |trial: &Trial| models.filtered(&|other| other == trial);
-    trials.map(of).collect()
-}
-
-/// Fits the method to the trials of a plan; an error where one of them comes to nothing.
-pub(crate) fn fit(
-    method: &Method,
-    data: (&Tables, &Units),
-    plan: &Plan,
-    observer: &dyn Observer,
-) -> Result<Fitted> {
-    let fitted = fit_some(method, data, plan, observer)?;
-    if let Some(DivergedTrial { trial, reason }) = fitted.diverged().first() {
-        bail!("{}, rerun {}: {reason}", trial.property, trial.rerun);
-    }
-    Ok(fitted)
-}
 
 /// Fits the method to the trials of a plan; those that come to nothing have no model.
 pub(super) fn fit_some(
@@ -77,34 +24,10 @@ pub(super) fn fit_some(
     (tables, units): (&Tables, &Units),
     plan: &Plan,
     observer: &dyn Observer,
-) -> Result<Fitted> {
-    let data = tables.training_data(units);
-    Ok(match &method.estimator {
-        Estimator::Head(head) => {
-            let plan = splits::early_stopped(head, units, plan.clone())?;
-            Fitted::Heads(Box::new(head.train(&data, &plan, observer)?))
-        }
-        Estimator::Ridge(ridge) => Fitted::Ridges(ridge.train(&data, plan)?),
-        Estimator::KernelRidge(ridge) => Fitted::KernelRidges(ridge.train(&data, plan)?),
-        Estimator::Nearest => Fitted::Other(Nearest.fit(&data, plan)?),
-        Estimator::Stacked(stacked) => {
-            let members = stacked.members.iter().map(member);
-            let members = members.collect::<Result<Vec<Box<dyn Regressor>>>>()?;
-            let stacking = Stacking::new(members, stacked.folds)?;
-            Fitted::Other(Box::new(stacking.train(&data, plan)?))
-        }
-        Estimator::Mean | Estimator::LabelMean => bail!("a mean is not trained"),
-    })
-}
-
-fn member(estimator: &Estimator) -> Result<Box<dyn Regressor>> {
-    Ok(match estimator {
-        Estimator::Head(head) => Box::new(head.clone()),
-        Estimator::Ridge(ridge) => Box::new(ridge.clone()),
-        Estimator::KernelRidge(ridge) => Box::new(ridge.clone()),
-        Estimator::Nearest => Box::new(Nearest),
-        other => bail!("`{}` cannot be stacked", other.kind()),
-    })
+) -> Result<Box<dyn FittedRegressor>> {
+    let fitted = method.estimator.regression();
+    let fitted = fitted.context("a mean is not trained")?;
+    Ok(fitted.fit_some(&tables.training_data(units), units, plan, observer)?)
 }
 
 /// Runs those of the trials that the journal lacks.
@@ -156,10 +79,11 @@ pub(crate) fn run_missing(
         }),
     };
     let fitted = fit_some(method, (judge.tables, &splits.units), &plan, &recorder);
+    // Networks were recorded as they were finished.
     if let Ok(fitted) = &fitted
-        && !matches!(fitted, Fitted::Heads(_))
+        && !matches!(method.estimator.regression(), Some(Regression::Head(_)))
     {
-        recorder.record(fitted.models(), &[]);
+        recorder.record(fitted.as_ref(), fitted.diverged());
     }
     // A training that was stopped says less than what stopped it.
     recorder.into_failure().map_or(Ok(()), Err)?;

@@ -14,7 +14,7 @@ pub(super) fn outcomes(judge: &Judge<'_>, trials: &[&TrialSpec]) -> Result<Optio
     let by_label = match judge.method.estimator {
         Estimator::Mean => false,
         Estimator::LabelMean => true,
-        _ => return Ok(None),
+        Estimator::Fitted(_) => return Ok(None),
     };
     let outcome = |trial: &&TrialSpec| {
         let held_out = judge.held_out(trial)?;

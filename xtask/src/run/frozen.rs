@@ -6,12 +6,12 @@
 
 use anyhow::{Context, Result};
 use sps_dataset::{Property, Split};
+use sps_estimator::early_stopped;
 use sps_models::heads::{
     FusionLoss, Head, Observer, Plan, Rerun, TrainedHeads, TrainingData, Trial, Views,
 };
 use sps_viewselect::{LossError, SetLoss, Sets};
 
-use super::splits::early_stopped;
 use super::{Encodings, Splits};
 use crate::config::Experiment;
 use crate::progress::Progress;
@@ -51,7 +51,7 @@ impl Folds<'_> {
             reruns: reruns.collect::<Result<_>>()?,
             trials,
         };
-        let plan = early_stopped(head, &self.splits.units, plan)?;
+        let plan = early_stopped(head, &self.splits.units, plan).context("head.early-stopping")?;
         Ok(head.train(&self.training_data(), &plan, &observer)?)
     }
 

@@ -1,7 +1,6 @@
 //! Running an experiment: embed, fit what is missing, score, report.
 
 mod adaptive;
-pub(crate) mod conformal;
 mod costs;
 mod encoded;
 mod encodings;
@@ -20,7 +19,7 @@ mod stage;
 mod tables;
 mod test_views;
 mod trials;
-mod views;
+pub(crate) mod views;
 
 use std::path::Path;
 
@@ -28,11 +27,9 @@ use anyhow::Result;
 use sps_dataset::Source;
 
 pub(crate) use encodings::Encodings;
-pub(crate) use fit::{Fitted, fit};
 pub(crate) use folder::RunFolder;
 pub(crate) use splits::Splits;
-use stage::Stage;
-pub(crate) use stage::Stages;
+pub(crate) use stage::{Stage, Stages};
 pub(crate) use tables::Tables;
 
 use crate::config::{EncoderSpec, Experiment, Method, Network};

@@ -5,7 +5,6 @@ use std::borrow::Cow;
 
 use anyhow::{Context, Result, ensure};
 use sps_dataset::{KeepGroups, Split, SplitError, Surface, Units};
-use sps_models::heads::{Head, Plan};
 
 use crate::config::{Experiment, Method, Protocol, TestSurfaces};
 
@@ -159,21 +158,6 @@ impl Splits {
     }
 }
 
-/// The plan with a validation part of each rerun where the head stops early; units stay whole.
-pub(super) fn early_stopped(head: &Head, units: &Units, mut plan: Plan) -> Result<Plan> {
-    let Some(stopping) = head.config().early_stopping else {
-        return Ok(plan);
-    };
-    for rerun in &mut plan.reruns {
-        let (share, number) = (stopping.validation, rerun.number);
-        let split = units.keep_aside(&rerun.training, share, plan.seed, "early stopping", number);
-        let split = split.context("head.early-stopping")?;
-        rerun.training = split.train;
-        rerun.validation = split.validation;
-    }
-    Ok(plan)
-}
-
 #[cfg(test)]
 mod tests {
     use std::fs;
@@ -219,7 +203,7 @@ mod tests {
         (" rand::", &[]),
         ("rand_chacha::", &[]),
         ("streams::", &[]),
-        ("Conformal::", &["run/conformal.rs"]),
+        ("Conformal::", &[]),
         // A bootstrap of made-up numbers is timed.
         ("units: None", &["bench/kernels.rs"]),
     ];

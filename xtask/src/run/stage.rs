@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use sps_dataset::{FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, Source};
+use sps_estimator::{Embedder, Network};
 use sps_models::Readings;
 use sps_models::training::{Classes, Parts, Targets, TrainingConfig};
 use tracing::info;
@@ -12,8 +13,8 @@ use super::Splits;
 use super::tables::{Tables, readings, table};
 use crate::config::{EncoderSpec, Experiment};
 use crate::data::{self, About};
-use crate::embeddings::{Embedder, EmbeddingCache, embed};
-use crate::encoder::Loaded;
+use crate::embeddings::{EmbeddingCache, embed};
+use crate::encoder;
 use crate::memory;
 use crate::training::{FrameImages, Task, train};
 
@@ -37,7 +38,7 @@ pub(crate) struct Stages<'a, S> {
     splits: &'a Splits,
     /// The views to embed, as indices of the source.
     views: Vec<usize>,
-    start: Loaded,
+    start: Network,
     /// Memory that it takes, in bytes; a trained one takes as much.
     encoder_bytes: usize,
     /// What the source's one view is made of where it is a sequence.
@@ -56,7 +57,7 @@ impl<'a, S: Source> Stages<'a, S> {
         views: Vec<usize>,
         sequence: Option<Vec<usize>>,
     ) -> Result<Self> {
-        let (start, encoder_bytes) = memory::kept(|| Loaded::new(encoder, experiment.seed));
+        let (start, encoder_bytes) = memory::kept(|| encoder::load(encoder, experiment.seed));
         let mut stages = Self {
             experiment,
             encoder,
@@ -88,7 +89,7 @@ impl<'a, S: Source> Stages<'a, S> {
     }
 
     /// Embeds the views of every surface that may be trained on.
-    fn stage(&self, encoder: Loaded, train_seconds: f64) -> Result<Stage> {
+    fn stage(&self, encoder: Network, train_seconds: f64) -> Result<Stage> {
         let experiment = self.experiment;
         let embedder = Embedder::new(encoder, self.encoder.resize)?;
         let cache = EmbeddingCache::open(&experiment.cache, embedder.identity(), embedder.width())?;
@@ -114,7 +115,7 @@ impl<'a, S: Source> Stages<'a, S> {
 
     /// The encoder after it was trained to say the readings of the surfaces `training` from the
     /// view straight down, and the seconds that took.
-    fn trained(&self, config: &TrainingConfig, training: &[usize]) -> Result<(Loaded, f64)> {
+    fn trained(&self, config: &TrainingConfig, training: &[usize]) -> Result<(Network, f64)> {
         let views = [data::nadir(self.source)?];
         let frames = frames(self.splits.pool, &views);
         let readings = readings(self.source, self.about, self.splits.pool)?;
@@ -140,7 +141,7 @@ impl<'a, S: Source> Stages<'a, S> {
         let trained = train(task, &images, &self.experiment.cache.join("encoders"))?;
         info!("TensorBoard: {}", trained.folder.display());
         let encoder = trained.encoder.with_precision(self.encoder.precision)?;
-        Ok((Loaded::Images(encoder), trained.seconds))
+        Ok((Network::Images(encoder), trained.seconds))
     }
 
     /// The images of the surfaces `training`, some of which say when to stop.

@@ -4,8 +4,6 @@ use std::sync::OnceLock;
 use sps_dataset::{Frame, FrameIndex, Source};
 use sps_models::training::{Image, ImageSource};
 
-use crate::embeddings::prepare;
-
 /// Frames of a source as training images.
 ///
 /// What is decoded or rendered once is kept, with 8 bits for each colour as in a PNG, because an
@@ -40,7 +38,10 @@ impl<'a, S: Source> FrameImages<'a, S> {
     fn decode(&self, index: usize) -> Result<Frame, Box<dyn StdError + Send + Sync>> {
         let FrameIndex { surface, view } = self.frames[index];
         let frame = self.source.frame(surface, view)?;
-        Ok(prepare(&frame, self.resize)?.into_owned())
+        Ok(match self.resize {
+            Some(shorter) => frame.resized(shorter)?.into_owned(),
+            None => frame,
+        })
     }
 }
 

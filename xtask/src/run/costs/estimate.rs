@@ -5,12 +5,11 @@ use std::time::Instant;
 
 use anyhow::Result;
 use sps_dataset::{Frame, Source};
-use sps_models::Embeddings;
+use sps_models::{Embeddings, FittedRegressor};
 
 use crate::memory;
 use crate::results::Costs;
 use crate::run::Stage;
-use crate::run::fit::Fitted;
 use crate::run::tables::table;
 
 /// What estimates are made of.
@@ -36,14 +35,14 @@ impl<S: Source> Estimating<'_, S> {
     /// Estimates one surface.
     pub(super) fn estimate(
         &self,
-        model: &Fitted,
+        model: &dyn FittedRegressor,
         fillings: &[Vec<usize>],
         surface: usize,
     ) -> Result<Spent> {
         let (spent, memory) = memory::peak(|| {
             let views: BTreeSet<usize> = fillings.iter().flatten().copied().collect();
             let views: Vec<usize> = views.into_iter().collect();
-            let of_heads = fillings.len() as u64 * model.models().multiply_adds();
+            let of_heads = fillings.len() as u64 * model.multiply_adds();
             self.look(surface, &views, of_heads, |values| {
                 let embeddings = self.embeddings(values)?;
                 for filling in fillings {
@@ -51,7 +50,7 @@ impl<S: Source> Estimating<'_, S> {
                         .iter()
                         .filter_map(|view| views.binary_search(view).ok());
                     let slots: Vec<usize> = slots.collect();
-                    model.models().predict(&embeddings.select(&[0], &slots)?)?;
+                    model.predict(&embeddings.select(&[0], &slots)?)?;
                 }
                 Ok(())
             })
@@ -62,7 +61,7 @@ impl<S: Source> Estimating<'_, S> {
     /// What has been spent after each view.
     pub(super) fn walk(
         &self,
-        models: &[[Fitted; 2]],
+        models: &[[Box<dyn FittedRegressor>; 2]],
         order: &[usize],
         surface: usize,
     ) -> Result<Vec<Spent>> {
@@ -73,14 +72,14 @@ impl<S: Source> Estimating<'_, S> {
         };
         let mut all = Vec::new();
         for (models, &view) in models.iter().zip(order) {
-            let of_heads = models.iter().map(|model| model.models().multiply_adds());
+            let of_heads = models.iter().map(|model| model.multiply_adds());
             let of_heads = of_heads.sum();
             let (step, memory) = memory::peak(|| {
                 self.look(surface, &[view], of_heads, |embedding| {
                     values.extend(embedding);
                     let embeddings = self.embeddings(values.clone())?;
                     for model in models {
-                        model.models().predict(&embeddings)?;
+                        model.predict(&embeddings)?;
                     }
                     Ok(())
                 })
@@ -108,14 +107,14 @@ impl<S: Source> Estimating<'_, S> {
             let frames = views.map(|view| self.source.frame(surface, view));
             Ok(frames.collect::<Result<Vec<Frame>, _>>()?)
         })?;
-        let (values, encode) = timed(|| embedder.embed(&frames))?;
+        let (values, encode) = timed(|| Ok(embedder.embed(&frames)?))?;
         let ((), head) = timed(|| ask(values))?;
         let of_encoder = frames.iter().map(|frame| embedder.multiply_adds(frame));
         Ok(Spent {
             decode,
             encode,
             head,
-            frames: embedder.encoder().frames() * frames.len(),
+            frames: embedder.network().frames() * frames.len(),
             multiply_adds: of_encoder.sum::<Option<u64>>().map(|sum| sum + of_heads),
             memory: 0,
         })

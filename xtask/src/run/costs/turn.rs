@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use anyhow::Result;
 use sps_dataset::{Source, Split};
+use sps_models::FittedRegressor;
 use sps_models::heads::HeadConfig;
 use sps_models::ridge::{Ridge, RidgeConfig};
 
@@ -12,7 +13,7 @@ use crate::config::Method;
 use crate::journal::Stop;
 use crate::results::Costs;
 use crate::run::encoded::Finished;
-use crate::run::fit::{Fitted, fit, fit_some};
+use crate::run::fit::fit_some;
 use crate::run::trials::{TrialSpec, plan};
 use crate::run::views::TrialViews;
 use crate::run::{Splits, Stage};
@@ -36,13 +37,16 @@ pub(super) struct Turn<'a, S> {
     seconds: f64,
 }
 
+/// The fillings of slots with views, and the models of properties that look at them.
+type Group = (Vec<Vec<usize>>, Box<dyn FittedRegressor>);
+
 /// How a method looks at its views.
 enum Way {
     /// At once: the models of properties that look at the same views, with these.
-    Together(Vec<(Vec<Vec<usize>>, Fitted)>),
+    Together(Vec<Group>),
     /// One after the other, in this order: for each number of views an estimator, and a regression
     /// of its errors.
-    OneByOne(Vec<usize>, Vec<[Fitted; 2]>),
+    OneByOne(Vec<usize>, Vec<[Box<dyn FittedRegressor>; 2]>),
 }
 
 impl<'a, S: Source> Turn<'a, S> {
@@ -106,7 +110,11 @@ impl<'a, S: Source> Turn<'a, S> {
             Way::Together(groups) => {
                 for (fillings, model) in groups {
                     for &surface in &self.surfaces {
-                        all.push(vec![self.estimating.estimate(model, fillings, surface)?]);
+                        all.push(vec![self.estimating.estimate(
+                            model.as_ref(),
+                            fillings,
+                            surface,
+                        )?]);
                     }
                 }
             }
@@ -167,7 +175,7 @@ impl Fitting<'_> {
     }
 
     /// Models of the trials that look at the same views, with these.
-    fn groups(&self, trials: &[&TrialSpec]) -> Result<Vec<(Vec<Vec<usize>>, Fitted)>> {
+    fn groups(&self, trials: &[&TrialSpec]) -> Result<Vec<Group>> {
         let mut groups: BTreeMap<&[Vec<usize>], Vec<&TrialSpec>> = BTreeMap::new();
         for trial in trials {
             let group = groups.entry(&trial.views.fillings).or_default();
@@ -183,7 +191,7 @@ impl Fitting<'_> {
     }
 
     /// The estimator of some views, and the regression of its errors.
-    fn models(&self, trial: &TrialSpec, views: &[usize]) -> Result<[Fitted; 2]> {
+    fn models(&self, trial: &TrialSpec, views: &[usize]) -> Result<[Box<dyn FittedRegressor>; 2]> {
         let trial = TrialSpec {
             views: TrialViews::fixed(views.to_vec()),
             ..trial.clone()
@@ -193,7 +201,7 @@ impl Fitting<'_> {
         let method = self.method.with_views(views.len())?;
         let errors = Ridge::new(RidgeConfig::default())?;
         let errors = errors.train(&tables.training_data(units), &plan)?;
-        let estimator = fit(&method, (tables, units), &plan, &())?;
-        Ok([estimator, Fitted::Ridges(errors)])
+        let estimator = fit_some(&method, (tables, units), &plan, &())?;
+        Ok([estimator, Box::new(errors)])
     }
 }

@@ -4,8 +4,13 @@ use sps_dataset::{Unit, Units};
 use sps_metrics::{ConformalError, GroupConformal, Level, SplitConformal};
 
 /// Half the width of intervals that hold the truth of a surface of a new unit at this level, from
-/// the residuals of calibration surfaces that the model has not seen.
-pub(crate) fn radius(
+/// the residuals of calibration surfaces, by their index, that the model has not seen: by
+/// [`SplitConformal`] where the unit is a surface, by [`GroupConformal`] where it is a group.
+///
+/// # Errors
+///
+/// Too few surfaces or groups for the level, a residual that is not finite.
+pub fn radius(
     units: &Units,
     residuals: &[(usize, f64)],
     level: Level,

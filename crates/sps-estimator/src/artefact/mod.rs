@@ -1,0 +1,371 @@
+//! A model in a folder: everything that it takes to predict.
+//!
+//! `estimator.json` says what there is; it is written last and holds the checksums of the other files,
+//! so that a folder without it, or with one of them changed, holds no model.
+
+mod first;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use sps_base::files::write_file;
+use sps_metrics::Level;
+use sps_models::candle::Device;
+use sps_models::encoders::Encoder;
+use sps_models::weights::Weights;
+use sps_models::{FittedRegressor, fitted_from_bytes};
+
+use crate::embedder::{Embedder, Network};
+use crate::error::{Error, Result};
+use crate::estimator::{About, Estimator};
+use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};
+use crate::novelty::Familiar;
+use crate::step::Step;
+
+/// Of the files that are written now.
+const FORMAT: u64 = 2;
+const CARD: &str = "estimator.json";
+const ENCODER: &str = "encoder.safetensors";
+const FAMILIAR: &str = "familiar.safetensors";
+/// What an artefact's text may have at most.
+const MOST_TEXT: u64 = 64 << 20;
+
+/// `estimator.json`.
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct Card {
+    format: u64,
+    /// The crate and its version.
+    written_by: String,
+    about: About,
+    encoder: EncoderCard,
+    level: Level,
+    fitted_on: FittedOn,
+    measures: Vec<Measure>,
+    stages: Vec<StageCard>,
+    /// blake3 of the other files, by name.
+    checksums: BTreeMap<String, String>,
+}
+
+/// Of any version.
+#[derive(Deserialize)]
+struct Format {
+    format: u64,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct EncoderCard {
+    name: String,
+    precision: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    resize: Option<usize>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct StageCard {
+    views: usize,
+    groups: Vec<GroupCard>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct GroupCard {
+    properties: Vec<usize>,
+    slots: Vec<usize>,
+    models: ModelsCard,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    errors: Option<ModelsCard>,
+    least_errors: Vec<f64>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct ModelsCard {
+    kind: String,
+    file: String,
+}
+
+impl Estimator {
+    /// Writes the model into a folder, which is created where it is not there.
+    ///
+    /// # Errors
+    ///
+    /// A file that cannot be written, numbers that are not finite.
+    pub fn save(&self, folder: &Path) -> Result<()> {
+        fs::create_dir_all(folder).map_err(|error| file_error(folder, error))?;
+        let mut files = Files {
+            folder,
+            checksums: BTreeMap::new(),
+        };
+        let encoder = self.embedder.network().of_images()?;
+        let weights = encoder.weights().to_bytes();
+        files.write(ENCODER, &weights.map_err(sps_models::Error::from)?)?;
+        if let Some(familiar) = &self.fitted.familiar {
+            files.write(FAMILIAR, &familiar.to_bytes()?)?;
+        }
+        let mut stages = Vec::new();
+        for stage in &self.fitted.stages {
+            let groups = stage.groups.iter().enumerate();
+            let groups = groups.map(|(at, group)| files.group(group, (stage.views, at)));
+            stages.push(StageCard {
+                views: stage.views,
+                groups: groups.collect::<Result<_>>()?,
+            });
+        }
+        let card = Card {
+            format: FORMAT,
+            written_by: concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")).to_owned(),
+            about: self.about.clone(),
+            encoder: EncoderCard {
+                name: encoder.kind().name().to_owned(),
+                precision: encoder.precision().to_string(),
+                resize: self.embedder.resize(),
+            },
+            level: self.fitted.level,
+            fitted_on: self.fitted.on,
+            measures: self.fitted.measures.clone(),
+            stages,
+            checksums: files.checksums,
+        };
+        let path = folder.join(CARD);
+        let text = serde_json::to_vec_pretty(&card);
+        let text = text.map_err(|error| Error::artefact(&path, error))?;
+        write_file(&path, &text).map_err(|error| file_error(&path, error))
+    }
+
+    /// Reads a model that [`Estimator::save`] wrote, of this version or an older one, and checks that
+    /// its files belong together.
+    ///
+    /// # Errors
+    ///
+    /// A file that cannot be read, is damaged or was written with another; a format of a later
+    /// version.
+    pub fn load(folder: &Path) -> Result<Self> {
+        let path = folder.join(CARD);
+        if !path.exists() && folder.join(first::CARD).exists() {
+            return first::load(folder);
+        }
+        let text = read(&path)?;
+        let refused = |error| Error::artefact(&path, error);
+        let Format { format } = serde_json::from_slice(&text).map_err(refused)?;
+        if format != FORMAT {
+            let problem = format!("format {format}, expected {FORMAT}: a later version wrote it");
+            return Err(Error::artefact(&path, problem));
+        }
+        let card: Card = serde_json::from_slice(&text).map_err(refused)?;
+        card.check()
+            .map_err(|problem| Error::artefact(&path, problem))?;
+        let encoder = encoder(
+            &card.encoder.name,
+            &card.encoder.precision,
+            &read_checked(folder, ENCODER, &card.checksums)?,
+        )?;
+        let steps: Vec<usize> = card.stages.iter().map(|stage| stage.views).collect();
+        let familiar = if card.checksums.contains_key(FAMILIAR) {
+            let bytes = read_checked(folder, FAMILIAR, &card.checksums)?;
+            let refused = |problem| Error::artefact(&folder.join(FAMILIAR), problem);
+            let familiar = Familiar::from_bytes(&bytes).map_err(refused)?;
+            if !familiar.answers(&steps, encoder.width()) {
+                return Err(refused(
+                    "other numbers of views, or another width".to_owned(),
+                ));
+            }
+            Some(familiar)
+        } else {
+            None
+        };
+        let stages = card.stages.iter().map(|stage| {
+            let groups = stage.groups.iter();
+            let groups = groups.map(|group| group.load(folder, stage.views, &card.checksums));
+            Ok(Stage {
+                views: stage.views,
+                groups: groups.collect::<Result<_>>()?,
+            })
+        });
+        let fitted = Fitted {
+            stages: stages.collect::<Result<_>>()?,
+            familiar,
+            level: card.level,
+            on: card.fitted_on,
+            width: encoder.width(),
+            measures: card.measures,
+        };
+        let embedder = Embedder::new(Network::Images(encoder), card.encoder.resize)?;
+        Self::new(embedder, fitted, card.about)
+    }
+}
+
+impl Card {
+    /// That its numbers are such as a fit gives; a reason where they are not.
+    fn check(&self) -> Result<(), String> {
+        if self.measures.is_empty() || self.stages.is_empty() {
+            return Err("no property, expected at least one".to_owned());
+        }
+        if self.encoder.resize == Some(0) {
+            return Err("resize is 0, expected at least a pixel".to_owned());
+        }
+        let positive = |value: f64| value.is_finite() && value >= 0.0;
+        for measure in &self.measures {
+            let ends = measure.lowest.zip(measure.highest);
+            let bounded = ends.is_none_or(|(lowest, highest)| lowest <= highest);
+            let widths = match measure.interval {
+                Interval::Errors(times) => positive(times),
+                Interval::None(_) => true,
+            };
+            if !(bounded && widths && positive(measure.deviation)) {
+                let property = &measure.property;
+                return Err(format!(
+                    "{property}: expected a range in order, and finite widths"
+                ));
+            }
+        }
+        let mut before = 0;
+        for stage in &self.stages {
+            let views = stage.views;
+            if views <= before {
+                return Err(format!(
+                    "{views} views after {before}, expected more each time"
+                ));
+            }
+            before = views;
+            let mut places: Vec<usize> = Vec::new();
+            for group in &stage.groups {
+                places.extend(&group.properties);
+                let slots = group.slots.iter().all(|slot| *slot < views) && !group.slots.is_empty();
+                let least = group.least_errors.iter().all(|least| positive(*least));
+                if !slots || !least || group.least_errors.len() != group.properties.len() {
+                    return Err(format!(
+                        "{views} views: expected views below that, and an error each"
+                    ));
+                }
+            }
+            places.sort_unstable();
+            if !places.iter().copied().eq(0..self.measures.len()) {
+                return Err(format!("{views} views: expected each property once"));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl GroupCard {
+    fn load(
+        &self,
+        folder: &Path,
+        views: usize,
+        checksums: &BTreeMap<String, String>,
+    ) -> Result<Group> {
+        let models = |card: &ModelsCard| {
+            let bytes = read_checked(folder, &card.file, checksums)?;
+            let models = fitted_from_bytes(&card.kind, &card.file, &bytes)?;
+            if models.trials().len() == self.properties.len() {
+                return Ok(models);
+            }
+            let found = models.trials().len();
+            let problem = format!("{found} models, expected {}", self.properties.len());
+            Err(Error::artefact(&folder.join(&card.file), problem))
+        };
+        Ok(Group {
+            properties: self.properties.clone(),
+            slots: self.slots.clone(),
+            step: Step {
+                views,
+                models: models(&self.models)?,
+                errors: self.errors.as_ref().map(models).transpose()?,
+                least: self.least_errors.clone(),
+            },
+        })
+    }
+}
+
+/// The files of an artefact that is written.
+struct Files<'a> {
+    folder: &'a Path,
+    checksums: BTreeMap<String, String>,
+}
+
+impl Files<'_> {
+    fn write(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        let path = self.folder.join(name);
+        write_file(&path, bytes).map_err(|error| file_error(&path, error))?;
+        let hash = blake3::hash(bytes).to_hex().to_string();
+        self.checksums.insert(name.to_owned(), hash);
+        Ok(())
+    }
+
+    fn group(&mut self, group: &Group, (views, at): (usize, usize)) -> Result<GroupCard> {
+        let mut models = |what: &str, models: &dyn FittedRegressor| -> Result<ModelsCard> {
+            let file = format!("{what}-{views}-{at}");
+            self.write(&file, &models.to_bytes()?)?;
+            Ok(ModelsCard {
+                kind: models.kind().to_owned(),
+                file,
+            })
+        };
+        let errors = group.step.errors.as_ref();
+        Ok(GroupCard {
+            properties: group.properties.clone(),
+            slots: group.slots.clone(),
+            models: models("models", group.step.models.as_ref())?,
+            errors: errors
+                .map(|errors| models("errors", errors.as_ref()))
+                .transpose()?,
+            least_errors: group.step.least.clone(),
+        })
+    }
+}
+
+fn encoder(name: &str, precision: &str, weights: &[u8]) -> Result<Encoder> {
+    let weights = Weights::from_bytes(ENCODER, weights).map_err(sps_models::Error::from)?;
+    let encoder = Encoder::new(name.parse()?, weights, &Device::Cpu)?;
+    Ok(encoder.with_precision(precision.parse()?)?)
+}
+
+fn file_error(path: &Path, error: std::io::Error) -> Error {
+    Error::File {
+        path: path.to_owned(),
+        error,
+    }
+}
+
+/// The text of an artefact.
+fn read(path: &Path) -> Result<Vec<u8>> {
+    let length = fs::metadata(path)
+        .map_err(|error| file_error(path, error))?
+        .len();
+    if length > MOST_TEXT {
+        let problem = format!("{length} bytes, expected at most {MOST_TEXT}");
+        return Err(Error::artefact(path, problem));
+    }
+    fs::read(path).map_err(|error| file_error(path, error))
+}
+
+fn read_checked(
+    folder: &Path,
+    name: &str,
+    checksums: &BTreeMap<String, String>,
+) -> Result<Vec<u8>> {
+    let path = folder.join(name);
+    let plain = Path::new(name)
+        .components()
+        .eq([std::path::Component::Normal(name.as_ref())]);
+    if !plain {
+        return Err(Error::artefact(
+            &path,
+            "expected a file of the folder itself",
+        ));
+    }
+    let bytes = fs::read(&path).map_err(|error| file_error(&path, error))?;
+    let found = blake3::hash(&bytes).to_hex();
+    if checksums.get(name).is_some_and(|sum| *sum == *found) {
+        return Ok(bytes);
+    }
+    Err(Error::artefact(
+        &path,
+        "not the file that the model was written with",
+    ))
+}

@@ -1,0 +1,81 @@
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// The result of everything in this crate that can fail.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// What can go wrong in this crate.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// An encoder or a regression refused what it was given, or could not be read.
+    #[error(transparent)]
+    Model(#[from] sps_models::Error),
+    /// A photograph could not be read.
+    #[error(transparent)]
+    Photograph(#[from] sps_dataset::FrameError),
+    /// A photograph in memory has not the pixels that it says, or too many.
+    #[error(transparent)]
+    Pixels(#[from] sps_dataset::FrameErrorKind),
+    /// The surfaces to fit to cannot be parted as asked.
+    #[error(transparent)]
+    Split(#[from] sps_dataset::SplitError),
+    /// Something handed in has the wrong shape, number or values.
+    #[error("{what}: found {found}, expected {expected}")]
+    Input {
+        /// The argument.
+        what: String,
+        /// What it was.
+        found: String,
+        /// What it must be.
+        expected: String,
+    },
+    /// A training came to nothing.
+    #[error("{property}, rerun {rerun}: {reason}")]
+    Diverged {
+        /// The property that has no model.
+        property: String,
+        /// The number of its rerun.
+        rerun: u64,
+        /// Why.
+        reason: String,
+    },
+    /// A file of an artefact cannot be read or written.
+    #[error("{}: {error}", path.display())]
+    File {
+        /// Which one.
+        path: PathBuf,
+        /// Why.
+        error: io::Error,
+    },
+    /// An artefact is none of this version, or its files do not belong together.
+    #[error("{}: {problem}", path.display())]
+    Artefact {
+        /// The file that says so.
+        path: PathBuf,
+        /// What was found and what was expected.
+        problem: String,
+    },
+}
+
+impl Error {
+    pub(crate) fn input(
+        what: impl fmt::Display,
+        found: impl fmt::Display,
+        expected: impl fmt::Display,
+    ) -> Self {
+        Self::Input {
+            what: what.to_string(),
+            found: found.to_string(),
+            expected: expected.to_string(),
+        }
+    }
+
+    pub(crate) fn artefact(path: &Path, problem: impl fmt::Display) -> Self {
+        Self::Artefact {
+            path: path.to_owned(),
+            problem: problem.to_string(),
+        }
+    }
+}

@@ -1,0 +1,305 @@
+//! An encoder and what was fitted to its embeddings, as one.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use sps_dataset::{DecodeSettings, Frame, Property};
+use sps_models::Embeddings;
+use sps_models::candle::{Device, Tensor};
+
+use crate::embedder::{Embedder, read_photograph};
+use crate::error::{Error, Result};
+use crate::fitted::{Fitted, Interval, Predictions};
+
+/// What goes with a model beside its numbers: where it comes from, and how photographs are to be taken
+/// and read.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct About {
+    /// What it is called.
+    pub name: String,
+    /// What estimates, in words.
+    pub method: String,
+    /// What it was fitted on, in words.
+    pub data: String,
+    /// Where that comes from and under which licence.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub source: String,
+    /// Height and width of the photographs that it was fitted on, in pixels.
+    pub frame_size: [usize; 2],
+    /// The roll angle of each view, in degrees; 0 is straight down. In the order in which photographs
+    /// are given.
+    pub angles: Vec<f64>,
+    /// How image files are decoded.
+    #[serde(default)]
+    pub decode: DecodeSettings,
+    /// How well models of this kind do on units that they were not fitted to, by property.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub measured: BTreeMap<String, Measured>,
+}
+
+/// How well models do on units that they were not fitted to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Measured {
+    /// Readings, over all splits.
+    pub readings: usize,
+    /// About the training mean of each split.
+    pub r2: Option<f64>,
+    /// The share of truths that lie in their interval; none where there are no intervals.
+    pub coverage: Option<f64>,
+    /// The mean width of an interval, in measured units.
+    pub mean_width: Option<f64>,
+}
+
+/// To which size photographs are brought before they are looked at. Texture means something at one
+/// scale only.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Scale {
+    /// Their shorter side to that of the photographs that the model was fitted on: right where both
+    /// show as much of a surface.
+    #[default]
+    OfModel,
+    /// Their shorter side to so many pixels.
+    ShorterSide(usize),
+    /// They keep their size: right where a pixel shows as much as there, of crops for example.
+    Keep,
+}
+
+/// A model that takes photographs.
+///
+/// It is `Send` and `Sync`, and the same photographs give the same bits on any thread and beside any
+/// other photographs.
+pub struct Estimator {
+    pub(crate) about: About,
+    pub(crate) embedder: Embedder,
+    pub(crate) fitted: Fitted,
+}
+
+/// What is said of one surface.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Answer {
+    /// One for each property.
+    pub estimates: Vec<Estimate>,
+    /// The p-value of "these photographs are like those that the model was fitted on": where they are,
+    /// it is at most q with a probability of at most q. `None` where the model does not know.
+    pub familiar: Option<f64>,
+}
+
+/// An estimate with its interval, in the property's measured units.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// The property's code.
+    pub property: String,
+    /// Its name, or its code again where it is none of the Toccare's.
+    pub name: String,
+    /// The estimate.
+    pub value: f64,
+    /// The lower end of the interval; `None` where there is none ([`Estimator::no_interval`]).
+    pub low: Option<f64>,
+    /// The upper end.
+    pub high: Option<f64>,
+}
+
+impl Estimator {
+    /// Takes an embedder, and what was fitted to its embeddings.
+    ///
+    /// # Errors
+    ///
+    /// Embeddings of another width than were fitted, another number of angles than views, a frame
+    /// without pixels.
+    pub fn new(embedder: Embedder, fitted: Fitted, about: About) -> Result<Self> {
+        if embedder.width() != fitted.width() {
+            let found = format!(
+                "{} of width {}",
+                embedder.network().name(),
+                embedder.width()
+            );
+            return Err(Error::input(
+                "encoder",
+                found,
+                format!("width {}", fitted.width()),
+            ));
+        }
+        embedder.network().of_images()?;
+        let views = fitted.steps().next_back().unwrap_or(0);
+        if about.angles.len() != views || !about.angles.iter().all(|angle| angle.is_finite()) {
+            let found = format!("{:?}", about.angles);
+            return Err(Error::input(
+                "angles",
+                found,
+                format!("one for each of {views} views"),
+            ));
+        }
+        if about.frame_size.contains(&0) {
+            let found = format!("{:?}", about.frame_size);
+            return Err(Error::input("frame size", found, "at least a pixel"));
+        }
+        Ok(Self {
+            about,
+            embedder,
+            fitted,
+        })
+    }
+
+    /// What goes with it.
+    pub fn about(&self) -> &About {
+        &self.about
+    }
+
+    /// What makes embeddings of photographs.
+    pub fn embedder(&self) -> &Embedder {
+        &self.embedder
+    }
+
+    /// What makes estimates of embeddings.
+    pub fn fitted(&self) -> &Fitted {
+        &self.fitted
+    }
+
+    /// The properties that have no interval, and why.
+    pub fn no_interval(&self) -> BTreeMap<&str, &str> {
+        let measures = self.fitted.measures.iter();
+        let reasons = measures.filter_map(|measure| match &measure.interval {
+            Interval::None(reason) => Some((measure.property.as_str(), reason.as_str())),
+            Interval::Errors(_) => None,
+        });
+        reasons.collect()
+    }
+
+    /// Reads a photograph as the model was taught to, and brings it to its scale.
+    ///
+    /// # Errors
+    ///
+    /// What [`read_photograph`] says.
+    pub fn read(&self, path: &Path, scale: Scale) -> Result<Frame> {
+        let (decode, shorter_side) = (&self.about.decode, self.shorter_side(scale));
+        Ok(read_photograph(path, decode, shorter_side)?)
+    }
+
+    /// Brings a photograph that is in memory to the model's scale.
+    ///
+    /// # Errors
+    ///
+    /// A photograph without its pixels, or one that becomes too large.
+    pub fn rescale(&self, photograph: Frame, scale: Scale) -> Result<Frame> {
+        Ok(match self.shorter_side(scale) {
+            Some(shorter) => photograph.resized(shorter)?.into_owned(),
+            None => photograph,
+        })
+    }
+
+    fn shorter_side(&self, scale: Scale) -> Option<usize> {
+        match (self.embedder.resize(), scale) {
+            (Some(own), _) => Some(own),
+            (None, Scale::OfModel) => self.about.frame_size.into_iter().min(),
+            (None, Scale::ShorterSide(pixels)) => Some(pixels),
+            (None, Scale::Keep) => None,
+        }
+    }
+
+    /// What is said of one surface from photographs of it, which have the model's scale
+    /// ([`Estimator::read`]): one for each view, in the order of [`About::angles`]. A model of one view
+    /// takes any number of photographs: the answer is the mean of what each says, with the mean of the
+    /// intervals, which promises no more than each of them does, and the smallest p-value times their
+    /// number.
+    ///
+    /// # Errors
+    ///
+    /// No photograph, another number than the model takes, what the encoder says.
+    pub fn predict(&self, photographs: &[Frame]) -> Result<Answer> {
+        let values = self.embedder.embed(photographs)?;
+        self.predict_embedded(&values, photographs.len())
+    }
+
+    /// As [`Estimator::predict`], from the embeddings of so many photographs, `(photographs, width)`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Estimator::predict`].
+    pub fn predict_embedded(&self, values: &[f32], photographs: usize) -> Result<Answer> {
+        let of_each = photographs > 1 && self.fitted.steps().eq([1]);
+        let (surfaces, views) = if of_each {
+            (photographs, 1)
+        } else {
+            (1, photographs)
+        };
+        if photographs == 0 {
+            return Err(Error::input("photographs", "none", "at least one"));
+        }
+        let predictions = self
+            .fitted
+            .predict(&self.embeddings(values, surfaces, views)?)?;
+        Ok(answer(&predictions, 0..surfaces))
+    }
+
+    /// What is said of several surfaces, each from as many photographs as the model has views, from
+    /// their embeddings, `(surfaces, views, width)`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Estimator::predict`].
+    pub fn predict_all(
+        &self,
+        values: &[f32],
+        surfaces: usize,
+        views: usize,
+    ) -> Result<Vec<Answer>> {
+        if surfaces == 0 {
+            return Ok(Vec::new());
+        }
+        let predictions = self
+            .fitted
+            .predict(&self.embeddings(values, surfaces, views)?)?;
+        Ok((0..surfaces)
+            .map(|at| answer(&predictions, at..at + 1))
+            .collect())
+    }
+
+    pub(crate) fn embeddings(
+        &self,
+        values: &[f32],
+        surfaces: usize,
+        views: usize,
+    ) -> Result<Embeddings> {
+        let shape = (surfaces, views, self.embedder.width());
+        let tensor = Tensor::from_slice(values, shape, &Device::Cpu);
+        Ok(Embeddings::new(&tensor.map_err(sps_models::Error::from)?)?)
+    }
+}
+
+/// What is said of some surfaces that are one: the mean.
+pub(crate) fn answer(predictions: &Predictions, of: Range<usize>) -> Answer {
+    let count = of.len() as f64;
+    let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / count;
+    let estimates = predictions.properties.iter().map(|predicted| {
+        let intervals = predicted
+            .intervals
+            .as_ref()
+            .ok()
+            .map(|all| &all[of.clone()]);
+        let property = &predicted.property;
+        Estimate {
+            name: name(property),
+            property: property.clone(),
+            value: mean(&mut predicted.values[of.clone()].iter().copied()),
+            low: intervals.map(|all| mean(&mut all.iter().map(|interval| interval.low))),
+            high: intervals.map(|all| mean(&mut all.iter().map(|interval| interval.high))),
+        }
+    });
+    let familiar = predictions.familiar.as_ref().map(|all| {
+        let smallest = all[of.clone()].iter().copied().fold(1.0, f64::min);
+        (smallest * count).min(1.0)
+    });
+    Answer {
+        estimates: estimates.collect(),
+        familiar,
+    }
+}
+
+fn name(property: &str) -> String {
+    let known = property.parse::<Property>();
+    known.map_or_else(|_| property.to_owned(), |known| known.name().to_owned())
+}

@@ -1,0 +1,243 @@
+//! From embeddings to estimates with intervals.
+
+use serde::{Deserialize, Serialize};
+use sps_dataset::Unit;
+use sps_metrics::{Level, PredictionInterval};
+use sps_models::Embeddings;
+
+use crate::error::{Error, Result};
+use crate::novelty::Familiar;
+use crate::recipe::Wanted;
+use crate::step::{Expected, Step};
+
+/// A fitted model without its encoder.
+pub struct Fitted {
+    pub(crate) measures: Vec<Measure>,
+    /// By ascending number of views; one alone unless views may be looked at one by one.
+    pub(crate) stages: Vec<Stage>,
+    pub(crate) familiar: Option<Familiar>,
+    pub(crate) level: Level,
+    pub(crate) on: FittedOn,
+    /// Of an embedding.
+    pub(crate) width: usize,
+}
+
+/// How many surfaces a model was fitted on, those that calibrate its intervals among them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct FittedOn {
+    /// Surfaces.
+    pub surfaces: usize,
+    /// Units that they are of.
+    pub units: usize,
+    /// What a unit is: intervals speak of a new one.
+    pub unit: Unit,
+}
+
+/// What is known of one property.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct Measure {
+    pub property: String,
+    /// The lowest value that it can have, where that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lowest: Option<f64>,
+    /// The highest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub highest: Option<f64>,
+    /// The standard deviation of the readings that were fitted; 1 where they do not differ.
+    pub deviation: f64,
+    pub interval: Interval,
+}
+
+/// How wide intervals are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Interval {
+    /// Half as wide as so many times the error expected.
+    Errors(f64),
+    /// There is none, and why.
+    None(String),
+}
+
+impl Measure {
+    /// Of a property with these readings; its intervals are not calibrated yet.
+    pub(crate) fn of(wanted: &Wanted, readings: &[f64]) -> Self {
+        let end = |at: usize| {
+            wanted
+                .range
+                .map(|ends| ends[at])
+                .filter(|end| end.is_finite())
+        };
+        Self {
+            property: wanted.property.clone(),
+            lowest: end(0),
+            highest: end(1),
+            deviation: deviation(readings),
+            interval: Interval::None("not calibrated".to_owned()),
+        }
+    }
+
+    /// The value, brought into the range.
+    fn bounded(&self, value: f64) -> f64 {
+        let value = self.lowest.map_or(value, |lowest| value.max(lowest));
+        self.highest.map_or(value, |highest| value.min(highest))
+    }
+
+    fn predicted(&self, expected: &[Expected]) -> Predicted {
+        let values = expected.iter().map(|expected| self.bounded(expected.value));
+        let intervals = match &self.interval {
+            Interval::None(reason) => Err(reason.clone()),
+            &Interval::Errors(times) => {
+                Ok(expected.iter().map(move |expected| PredictionInterval {
+                    low: self.bounded(expected.value - times * expected.error),
+                    high: self.bounded(expected.value + times * expected.error),
+                }))
+            }
+        };
+        Predicted {
+            property: self.property.clone(),
+            values: values.collect(),
+            intervals: intervals.map(Iterator::collect),
+        }
+    }
+}
+
+/// What is estimated from so many views.
+pub(crate) struct Stage {
+    pub views: usize,
+    pub groups: Vec<Group>,
+}
+
+/// Properties that look at the same views.
+pub(crate) struct Group {
+    /// Their places.
+    pub properties: Vec<usize>,
+    /// The views, by their places among those that are asked with.
+    pub slots: Vec<usize>,
+    pub step: Step,
+}
+
+impl Stage {
+    /// The estimates of every property, in their order, for each surface; `embeddings` are those of the
+    /// stage's views.
+    pub(crate) fn expected(&self, embeddings: &Embeddings) -> Result<Vec<Vec<Expected>>> {
+        let surfaces: Vec<usize> = (0..embeddings.surfaces()).collect();
+        let count = self.groups.iter().map(|group| group.properties.len()).sum();
+        let mut all = vec![Vec::new(); count];
+        for group in &self.groups {
+            let embeddings = embeddings.select(&surfaces, &group.slots)?;
+            let expected = group.step.predict(&embeddings)?;
+            for (&property, expected) in group.properties.iter().zip(expected) {
+                all[property] = expected;
+            }
+        }
+        Ok(all)
+    }
+}
+
+/// What is estimated of some surfaces.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Predictions {
+    /// One for each property, in their order.
+    pub properties: Vec<Predicted>,
+    /// How likely it is that a surface like those fitted on looks as strange, for each surface; `None`
+    /// where the model does not know.
+    pub familiar: Option<Vec<f64>>,
+}
+
+/// One property of some surfaces, in its measured units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Predicted {
+    /// The property.
+    pub property: String,
+    /// An estimate for each surface.
+    pub values: Vec<f64>,
+    /// An interval for each surface, or why there is none.
+    pub intervals: Result<Vec<PredictionInterval>, String>,
+}
+
+impl Fitted {
+    /// The properties, in the order of the predictions.
+    pub fn properties(&self) -> impl Iterator<Item = &str> {
+        self.measures
+            .iter()
+            .map(|measure| measure.property.as_str())
+    }
+
+    /// The numbers of views that it can be asked with, ascending.
+    pub fn steps(&self) -> impl DoubleEndedIterator<Item = usize> + ExactSizeIterator {
+        self.stages.iter().map(|stage| stage.views)
+    }
+
+    /// The share of new units whose truth an interval holds.
+    pub fn level(&self) -> Level {
+        self.level
+    }
+
+    /// What it was fitted on.
+    pub fn fitted_on(&self) -> FittedOn {
+        self.on
+    }
+
+    /// The width of the embeddings that it takes.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Whether the intervals of predictions are at most `width` standard deviations of the readings that
+    /// were fitted wide: for each property, for each surface. A property without intervals is never.
+    pub fn narrow(&self, predictions: &Predictions, width: f64) -> Vec<Vec<bool>> {
+        let properties = self.measures.iter().zip(&predictions.properties);
+        let narrow = properties.map(|(measure, predicted)| {
+            let most = width * measure.deviation;
+            match &predicted.intervals {
+                Ok(intervals) => intervals.iter().map(|i| i.high - i.low <= most).collect(),
+                Err(_) => vec![false; predicted.values.len()],
+            }
+        });
+        narrow.collect()
+    }
+
+    /// Estimates of surfaces from their views, `(surfaces, views, width)`: the first views of the
+    /// [slots](crate::Recipe::slots) that it was fitted on, as many as one of [`Fitted::steps`].
+    ///
+    /// # Errors
+    ///
+    /// Another number of views, or another width.
+    pub fn predict(&self, embeddings: &Embeddings) -> Result<Predictions> {
+        let stage = self
+            .stages
+            .iter()
+            .find(|stage| stage.views == embeddings.views());
+        let stage = stage
+            .filter(|_| embeddings.width() == self.width)
+            .ok_or_else(|| {
+                let found = format!(
+                    "{} views of width {}",
+                    embeddings.views(),
+                    embeddings.width()
+                );
+                let steps: Vec<String> = self.steps().map(|views| views.to_string()).collect();
+                let expected = format!("{} of width {}", steps.join(" or "), self.width);
+                Error::input("embeddings", found, expected)
+            })?;
+        let expected = stage.expected(embeddings)?;
+        let properties = self.measures.iter().zip(&expected);
+        let properties = properties.map(|(measure, expected)| measure.predicted(expected));
+        let familiar = self.familiar.as_ref();
+        Ok(Predictions {
+            properties: properties.collect(),
+            familiar: familiar.map(|of| of.p_values(embeddings)).transpose()?,
+        })
+    }
+}
+
+/// The standard deviation; 1 where the readings do not differ.
+fn deviation(readings: &[f64]) -> f64 {
+    let count = readings.len().max(1) as f64;
+    let mean = readings.iter().sum::<f64>() / count;
+    let squares = readings.iter().map(|value| (value - mean).powi(2));
+    let deviation = (squares.sum::<f64>() / count).sqrt();
+    if deviation > 0.0 { deviation } else { 1.0 }
+}

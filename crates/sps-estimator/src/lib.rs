@@ -1,0 +1,52 @@
+//! Tactile properties of surfaces from photographs of them: a fitted model that is kept as a folder,
+//! read anywhere, and says with every estimate how far it can be trusted.
+//!
+//! # What is where
+//!
+//! - [`Recipe`] fits: a [`Regression`] on embeddings, intervals that hold what they promise for a new
+//!   surface or group, and what is familiar. It gives a [`Fitted`].
+//! - [`Estimator`] is that with the [`Embedder`] of its photographs: it reads, predicts, is saved and
+//!   loaded.
+//! - [`Session`] looks at one photograph after the other, and at no more than needed.
+//! - [`Estimator::map`] estimates at every place of a photograph.
+//! - [`Step`] and [`radius()`] are what intervals are made of, for programs that fit many models.
+//!
+//! Nothing here prints, shows progress or keeps state; what is random is fixed by a seed, and results
+//! do not depend on the number of threads.
+//!
+//! # Features
+//!
+//! `exr` (default) reads photographs in OpenEXR; `clusters` fits heads that learn from labels by
+//! k-means.
+
+mod artefact;
+mod embedder;
+mod error;
+mod estimator;
+mod fitted;
+mod map;
+mod novelty;
+mod radius;
+mod recipe;
+mod regression;
+mod session;
+mod step;
+
+pub use embedder::{Embedder, Network, read_photograph};
+pub use error::{Error, Result};
+pub use estimator::{About, Answer, Estimate, Estimator, Measured, Scale};
+pub use fitted::{Fitted, FittedOn, Predicted, Predictions};
+pub use map::Map;
+pub use novelty::Familiar;
+pub use radius::radius;
+pub use recipe::{Examples, Recipe, Wanted, Widths};
+pub use regression::{Regression, Stacked, early_stopped};
+pub use session::{Looked, Session};
+/// A photograph.
+pub use sps_dataset::Frame;
+pub use step::{Expected, Look, Step};
+
+/// Runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

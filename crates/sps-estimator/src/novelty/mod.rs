@@ -1,0 +1,261 @@
+//! Whether a photograph is like those that a model was fitted on.
+
+use rayon::prelude::*;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use sps_models::Embeddings;
+
+use crate::error::{Error, Result};
+
+/// Neighbours that a distance is the mean over.
+const NEIGHBOURS: usize = 5;
+/// Sums that a distance is added up in side by side.
+const LANES: usize = 16;
+
+/// Surfaces that others are held against.
+///
+/// The score of a surface is the mean of its five smallest Euclidean distances to the others, between
+/// embeddings brought to unit length, of several views side by side. The p-value of a new surface is
+/// the share of all surfaces, the new one among them, whose score is at least as large, each scored
+/// among all others: full conformal prediction (Vovk, Gammerman and Shafer, "Algorithmic Learning in
+/// a Random World", 2005, section 2.2) with a distance to neighbours for the measure of strangeness.
+/// Where the new surface and those fitted on are exchangeable, a p-value of at most q comes up with a
+/// probability of at most q, whatever the distribution.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Familiar {
+    surfaces: usize,
+    views: usize,
+    width: usize,
+    /// `(surfaces, views, width)`; each view of unit length.
+    units: Vec<f32>,
+    /// For each number of views asked with, the smallest squared distances of each surface to others,
+    /// ascending, `(surfaces, neighbours)`.
+    nearest: Vec<(usize, Vec<f32>)>,
+}
+
+impl Familiar {
+    /// Keeps surfaces, `(surfaces, views, width)`, to be held against by their first so many views, for
+    /// each of `steps`. `None` where there are not two surfaces.
+    pub(crate) fn of(embeddings: &Embeddings, steps: &[usize]) -> Option<Self> {
+        if embeddings.surfaces() < 2 {
+            return None;
+        }
+        let (surfaces, views) = (embeddings.surfaces(), embeddings.views());
+        let mut familiar = Self {
+            surfaces,
+            views,
+            width: embeddings.width(),
+            units: units(embeddings),
+            nearest: Vec::new(),
+        };
+        for &step in steps {
+            let of_surface = |at: usize| {
+                let one = &familiar.surface(at)[..step * familiar.width];
+                let mut nearest = Smallest::default();
+                for (other, distance) in familiar.distances(one).enumerate() {
+                    if other != at {
+                        nearest.take(distance);
+                    }
+                }
+                nearest.0
+            };
+            let nearest: Vec<Vec<f32>> = (0..surfaces).into_par_iter().map(of_surface).collect();
+            familiar.nearest.push((step, nearest.concat()));
+        }
+        Some(familiar)
+    }
+
+    /// The p-value of each surface, `(surfaces, views, width)`: how likely it is that one like those
+    /// fitted on lies as far from them.
+    ///
+    /// # Errors
+    ///
+    /// Embeddings of another width, or of a number of views that was not fitted.
+    pub fn p_values(&self, embeddings: &Embeddings) -> Result<Vec<f64>> {
+        let step = self
+            .nearest
+            .iter()
+            .find(|(step, _)| *step == embeddings.views());
+        let Some((step, nearest)) = step.filter(|_| embeddings.width() == self.width) else {
+            let found = format!(
+                "{} views of width {}",
+                embeddings.views(),
+                embeddings.width()
+            );
+            let expected = format!("{} of width {}", self.views, self.width);
+            return Err(Error::input(
+                "embeddings to hold against others",
+                found,
+                expected,
+            ));
+        };
+        let new = units(embeddings);
+        let new = new.par_chunks_exact(step * self.width);
+        Ok(new.map(|new| self.p_value(new, nearest)).collect())
+    }
+
+    fn p_value(&self, new: &[f32], nearest: &[f32]) -> f64 {
+        let neighbours = self.neighbours();
+        let distances: Vec<f32> = self.distances(new).collect();
+        let mut of_new = Smallest::default();
+        for &distance in &distances {
+            of_new.take(distance);
+        }
+        // One more than the others have, with only two surfaces: scores go by as many.
+        let score = mean(of_new.0.iter().copied().take(neighbours));
+        let others = distances.iter().zip(nearest.chunks_exact(neighbours));
+        let strange = others.filter(|(distance, nearest)| {
+            let with_new = nearest.iter().copied().chain([**distance]);
+            let mut smallest = Smallest::default();
+            with_new.for_each(|distance| smallest.take(distance));
+            mean(smallest.0.into_iter().take(neighbours)) >= score
+        });
+        (1 + strange.count()) as f64 / (self.surfaces + 1) as f64
+    }
+
+    fn neighbours(&self) -> usize {
+        NEIGHBOURS.min(self.surfaces - 1)
+    }
+
+    fn surface(&self, at: usize) -> &[f32] {
+        let length = self.views * self.width;
+        &self.units[at * length..][..length]
+    }
+
+    /// The squared distances of one surface's first views to those of all.
+    fn distances(&self, one: &[f32]) -> impl Iterator<Item = f32> {
+        let all = self.units.chunks_exact(self.views * self.width);
+        all.map(|other| squared_distance(one, &other[..one.len()]))
+    }
+
+    /// A safetensors file: `units`, and `nearest.M` for each number of views M.
+    pub(crate) fn to_bytes(&self) -> Result<Vec<u8>> {
+        let bytes = |values: &[f32]| -> Vec<u8> {
+            values
+                .iter()
+                .flat_map(|value| value.to_le_bytes())
+                .collect()
+        };
+        let mut tensors = vec![(
+            "units".to_owned(),
+            vec![self.surfaces, self.views, self.width],
+            bytes(&self.units),
+        )];
+        for (step, nearest) in &self.nearest {
+            let shape = vec![self.surfaces, self.neighbours()];
+            tensors.push((format!("nearest.{step}"), shape, bytes(nearest)));
+        }
+        let refused = |error| Error::input("surfaces to hold against", error, "tensors");
+        let views = tensors.iter().map(|(name, shape, bytes)| {
+            Ok((name, TensorView::new(Dtype::F32, shape.clone(), bytes)?))
+        });
+        let views = views.collect::<Result<Vec<_>, _>>().map_err(refused)?;
+        safetensors::serialize(views, None).map_err(refused)
+    }
+
+    /// Reads what [`Familiar::to_bytes`] wrote; a reason where it is none.
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+        let tensors = SafeTensors::deserialize(bytes).map_err(|error| error.to_string())?;
+        let tensor = |name: &str| {
+            let tensor = tensors.tensor(name).map_err(|error| error.to_string())?;
+            if tensor.dtype() != Dtype::F32 {
+                return Err(format!("{name} is of {:?}, expected F32", tensor.dtype()));
+            }
+            let values = tensor.data().as_chunks().0;
+            let values: Vec<f32> = values.iter().map(|b| f32::from_le_bytes(*b)).collect();
+            match values.iter().find(|value| !value.is_finite()) {
+                Some(value) => Err(format!("{name} has {value}, expected finite numbers")),
+                None => Ok((tensor.shape().to_vec(), values)),
+            }
+        };
+        let (shape, units) = tensor("units")?;
+        let &[surfaces, views, width] = shape.as_slice() else {
+            return Err(format!("units of shape {shape:?}, expected three axes"));
+        };
+        if surfaces < 2 || views == 0 || width == 0 {
+            return Err(format!(
+                "units of shape {shape:?}, expected two surfaces or more"
+            ));
+        }
+        let mut familiar = Self {
+            surfaces,
+            views,
+            width,
+            units,
+            nearest: Vec::new(),
+        };
+        for step in 1..=views {
+            let name = format!("nearest.{step}");
+            if !tensors.names().contains(&name.as_str()) {
+                continue;
+            }
+            let (found, nearest) = tensor(&name)?;
+            let expected = [surfaces, familiar.neighbours()];
+            if found != expected {
+                return Err(format!("{name} of shape {found:?}, expected {expected:?}"));
+            }
+            familiar.nearest.push((step, nearest));
+        }
+        Ok(familiar)
+    }
+
+    /// Whether it can be asked with these numbers of views of this width.
+    pub(crate) fn answers(&self, steps: &[usize], width: usize) -> bool {
+        let known = |step: &usize| self.nearest.iter().any(|(known, _)| known == step);
+        self.width == width && steps.iter().all(known)
+    }
+}
+
+/// The embeddings, each view of unit length; zeros stay zeros.
+fn units(embeddings: &Embeddings) -> Vec<f32> {
+    let mut units = Vec::new();
+    for surface in 0..embeddings.surfaces() {
+        for view in 0..embeddings.views() {
+            let row = embeddings.get(surface, view).unwrap_or_default();
+            let squares: f64 = row.iter().map(|&x| f64::from(x).powi(2)).sum();
+            let length = if squares > 0.0 { squares.sqrt() } else { 1.0 };
+            units.extend(row.iter().map(|&x| (f64::from(x) / length) as f32));
+        }
+    }
+    units
+}
+
+/// The smallest distances that were taken, ascending.
+#[derive(Default)]
+struct Smallest(Vec<f32>);
+
+impl Smallest {
+    fn take(&mut self, distance: f32) {
+        if self.0.len() == NEIGHBOURS && self.0.last().is_some_and(|last| distance >= *last) {
+            return;
+        }
+        let at = self.0.partition_point(|other| *other <= distance);
+        self.0.insert(at, distance);
+        self.0.truncate(NEIGHBOURS);
+    }
+}
+
+/// The mean distance of squared ones.
+fn mean(squares: impl Iterator<Item = f32>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for square in squares {
+        sum += f64::from(square).sqrt();
+        count += 1.0;
+    }
+    sum / f64::max(count, 1.0)
+}
+
+fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
+    let (a, rest_of_a) = a.as_chunks::<LANES>();
+    let (b, rest_of_b) = b.as_chunks::<LANES>();
+    let mut sums = [0.0; LANES];
+    for (a, b) in a.iter().zip(b) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += (a - b) * (a - b);
+        }
+    }
+    let rest = rest_of_a.iter().zip(rest_of_b);
+    sums.iter().sum::<f32>() + rest.map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,248 @@
+//! How a model is fitted: what estimates, from which views, and what its intervals promise.
+
+use std::collections::BTreeMap;
+
+use sps_dataset::{Split, SplitError, Units};
+use sps_metrics::Level;
+use sps_models::heads::TrainingData;
+
+use crate::error::{Error, Result};
+use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};
+use crate::novelty::Familiar;
+use crate::radius::radius;
+use crate::regression::Regression;
+use crate::step::{Expected, Look, Step};
+
+/// Parts of the surfaces fitted to, of which each is estimated by the others to know the error to
+/// expect of a photograph.
+const FOLDS: usize = 3;
+
+/// A property to estimate, and from what.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wanted {
+    /// The property, as the readings call it.
+    pub property: String,
+    /// The views to look at, as indices into the embeddings' views.
+    pub views: Vec<usize>,
+    /// The lowest and highest value that it can have, in its measured units, either of which may be
+    /// infinite: intervals are cut there, and estimates brought there.
+    pub range: Option<[f64; 2]>,
+}
+
+/// How wide the intervals of one property are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Widths {
+    /// As wide as the photograph is hard: locally weighted.
+    #[default]
+    ByPhotograph,
+    /// All alike.
+    Constant,
+}
+
+/// What to fit, and how.
+#[derive(Clone, Debug)]
+pub struct Recipe {
+    /// What turns embeddings into estimates.
+    pub regression: Regression,
+    /// The properties.
+    pub wanted: Vec<Wanted>,
+    /// Whether the views may be looked at one by one, and the looking end after any of them: all
+    /// properties then look at the same views in the same order.
+    pub one_by_one: bool,
+    /// How wide intervals are.
+    pub widths: Widths,
+    /// Share of the surfaces that is kept aside to calibrate intervals on, in (0, 1).
+    pub calibration: f64,
+    /// Share of new units whose truth an interval holds.
+    pub level: Level,
+    /// Keys every random draw.
+    pub seed: u64,
+}
+
+/// Tables to fit to, with what must not be parted.
+#[derive(Clone, Copy, Debug)]
+pub struct Examples<'a> {
+    /// Embeddings and readings, one row per surface.
+    pub data: TrainingData<'a>,
+    /// What stays whole in every parting of surfaces, and what an interval speaks of.
+    pub units: &'a Units,
+}
+
+impl Recipe {
+    /// Fits to some of the surfaces, a part of which calibrates the intervals; units stay whole. Of
+    /// the same recipe and number the parts are the same.
+    ///
+    /// # Errors
+    ///
+    /// No property, views that differ where they are looked at one by one, too few units to part,
+    /// and what the regression says.
+    pub fn fit(&self, examples: &Examples<'_>, surfaces: &[usize], number: u64) -> Result<Fitted> {
+        let slots = self.slots()?;
+        let units = examples.units;
+        let split = units.keep_aside(
+            surfaces,
+            self.calibration,
+            self.seed,
+            "random split",
+            number,
+        )?;
+        let folds = self.folds(units, &split, number)?;
+        let steps: Vec<usize> = if self.one_by_one {
+            (1..=slots.len()).collect()
+        } else {
+            vec![slots.len()]
+        };
+        let groups = self.groups();
+        let stages = steps.iter().map(|&views| {
+            let of_group = |(looked, members): (&Vec<usize>, &Vec<usize>)| {
+                let looks = members.iter().map(|&at| Look {
+                    property: self.wanted[at].property.clone(),
+                    rerun: number,
+                    views: looked.clone(),
+                    folds: folds.clone(),
+                });
+                let looks: Vec<Look> = looks.collect();
+                let data = (&examples.data, units);
+                let (views, regression) = if self.one_by_one {
+                    (views, self.regression.with_views(views)?)
+                } else {
+                    (looked.len(), self.regression.clone())
+                };
+                let slot = |view: &usize| slots.iter().position(|slot| slot == view);
+                Ok(Group {
+                    properties: members.clone(),
+                    slots: looked[..views].iter().filter_map(slot).collect(),
+                    step: Step::fit(&regression, data, self.seed, &looks, views)?,
+                })
+            };
+            let groups = groups.iter().map(of_group);
+            Ok(Stage {
+                views,
+                groups: groups.collect::<Result<_>>()?,
+            })
+        });
+        let stages = stages.collect::<Result<Vec<Stage>>>()?;
+        let seen = examples.data.embeddings.select(surfaces, &slots)?;
+        let mut fitted = Fitted {
+            measures: self.measures(examples, surfaces),
+            stages,
+            familiar: Familiar::of(&seen, &steps),
+            level: self.level,
+            on: FittedOn {
+                surfaces: surfaces.len(),
+                units: units.among(surfaces),
+                unit: units.unit(),
+            },
+            width: seen.width(),
+        };
+        self.calibrate(&mut fitted, examples, &split, &slots)?;
+        Ok(fitted)
+    }
+
+    /// All views that any property looks at, in the order in which they come up.
+    ///
+    /// # Errors
+    ///
+    /// No property or no view, views that differ where they are looked at one by one.
+    pub fn slots(&self) -> Result<Vec<usize>> {
+        let mut slots = Vec::new();
+        for wanted in &self.wanted {
+            if self.one_by_one && wanted.views != self.wanted[0].views {
+                let found = format!("others for {}", wanted.property);
+                let expected = "the same for all properties, to look at one by one";
+                return Err(Error::input("views", found, expected));
+            }
+            for view in &wanted.views {
+                if !slots.contains(view) {
+                    slots.push(*view);
+                }
+            }
+        }
+        if slots.is_empty() {
+            return Err(Error::input(
+                "properties to estimate",
+                "no view",
+                "at least one",
+            ));
+        }
+        Ok(slots)
+    }
+
+    /// The properties that look at the same views, by their places.
+    fn groups(&self) -> BTreeMap<Vec<usize>, Vec<usize>> {
+        let mut groups: BTreeMap<Vec<usize>, Vec<usize>> = BTreeMap::new();
+        for (at, wanted) in self.wanted.iter().enumerate() {
+            groups.entry(wanted.views.clone()).or_default().push(at);
+        }
+        groups
+    }
+
+    /// The surfaces to fit to, in the parts that say what error to expect; in one where there are too
+    /// few units for that.
+    fn folds(&self, units: &Units, split: &Split, number: u64) -> Result<Vec<Vec<usize>>> {
+        let whole = || Ok(vec![split.train.clone()]);
+        if self.widths == Widths::Constant {
+            return whole();
+        }
+        match units.folds(&split.train, FOLDS, self.seed, "expected errors", number) {
+            Ok(folds) => Ok(folds.into_iter().map(|fold| fold.validation).collect()),
+            Err(SplitError::TooFew { .. }) => whole(),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn measures(&self, examples: &Examples<'_>, surfaces: &[usize]) -> Vec<Measure> {
+        let of = |wanted: &Wanted| {
+            let readings = readings(examples, &wanted.property, surfaces);
+            let readings: Vec<f64> = readings.into_iter().flatten().collect();
+            Measure::of(wanted, &readings)
+        };
+        self.wanted.iter().map(of).collect()
+    }
+
+    /// Sets how wide intervals are, by the surfaces that were kept aside.
+    fn calibrate(
+        &self,
+        fitted: &mut Fitted,
+        examples: &Examples<'_>,
+        split: &Split,
+        slots: &[usize],
+    ) -> Result<()> {
+        let surfaces = &split.validation;
+        let mut scores = vec![vec![0.0_f64; surfaces.len()]; self.wanted.len()];
+        let truths = |at: usize| readings(examples, &self.wanted[at].property, surfaces);
+        for stage in &fitted.stages {
+            let embeddings = examples
+                .data
+                .embeddings
+                .select(surfaces, &slots[..stage.views])?;
+            for (at, expected) in stage.expected(&embeddings)?.into_iter().enumerate() {
+                let of_surface = scores[at].iter_mut().zip(truths(at));
+                for ((score, truth), Expected { value, error }) in of_surface.zip(expected) {
+                    if let Some(truth) = truth {
+                        *score = score.max((truth - value).abs() / error);
+                    }
+                }
+            }
+        }
+        for (at, measure) in fitted.measures.iter_mut().enumerate() {
+            let scored = surfaces.iter().zip(&scores[at]).zip(truths(at));
+            let scored = scored.filter(|(_, truth)| truth.is_some());
+            let scored: Vec<(usize, f64)> = scored.map(|((&s, &score), _)| (s, score)).collect();
+            let quantile = radius(examples.units, &scored, self.level);
+            measure.interval = match quantile {
+                Ok(times) => Interval::Errors(times),
+                Err(reason) => Interval::None(reason.to_string()),
+            };
+        }
+        Ok(())
+    }
+}
+
+/// What was measured of a property on each of the surfaces.
+fn readings(examples: &Examples<'_>, property: &str, surfaces: &[usize]) -> Vec<Option<f64>> {
+    let readings = examples.data.readings;
+    let column = readings.column(property);
+    let reading = |&surface: &usize| readings.get(surface, column?);
+    surfaces.iter().map(reading).collect()
+}

@@ -1,0 +1,180 @@
+//! Files that were damaged, made up, or written by another version.
+
+mod support;
+
+use std::fs;
+use std::path::Path;
+
+use proptest::prelude::*;
+use serde_json::{Value, json};
+use sps_estimator::Estimator;
+use sps_models::heads::{Plan, Rerun};
+use sps_models::ridge::{Ridge, RidgeConfig};
+use support::{Tables, embedder, photograph, recipe, ridge};
+
+fn kept() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    Tables::new(16, 1, 1)
+        .estimator(&recipe(ridge(), &[0]))
+        .save(folder.path())
+        .unwrap();
+    folder
+}
+
+fn refused(folder: &Path) -> String {
+    Estimator::load(folder)
+        .err()
+        .expect("a damaged model was read")
+        .to_string()
+}
+
+#[test]
+fn every_changed_file_is_noticed_and_named() {
+    let folder = kept();
+    let names: Vec<_> = fs::read_dir(folder.path())
+        .unwrap()
+        .map(|e| e.unwrap().file_name())
+        .collect();
+    assert_eq!(names.len(), 5, "{names:?}");
+    for name in names.iter().filter(|name| *name != "estimator.json") {
+        let path = folder.path().join(name);
+        let whole = fs::read(&path).unwrap();
+        let mut other = whole.clone();
+        *other.last_mut().unwrap() ^= 1;
+        fs::write(&path, &other).unwrap();
+        assert!(refused(folder.path()).contains(name.to_str().unwrap()));
+        fs::remove_file(&path).unwrap();
+        assert!(refused(folder.path()).contains(name.to_str().unwrap()));
+        fs::write(&path, &whole).unwrap();
+    }
+    Estimator::load(folder.path()).unwrap();
+    fs::remove_file(folder.path().join("estimator.json")).unwrap();
+    assert!(refused(folder.path()).contains("estimator.json"));
+}
+
+/// The text with one value changed.
+fn edited(folder: &Path, edit: impl Fn(&mut Value)) -> String {
+    let path = folder.join("estimator.json");
+    let whole = fs::read(&path).unwrap();
+    let mut card: Value = serde_json::from_slice(&whole).unwrap();
+    edit(&mut card);
+    fs::write(&path, serde_json::to_vec(&card).unwrap()).unwrap();
+    let message = refused(folder);
+    fs::write(&path, whole).unwrap();
+    message
+}
+
+#[test]
+fn texts_that_no_fit_writes_are_refused() {
+    let folder = kept();
+    let folder = folder.path();
+    let later = edited(folder, |card| card["format"] = json!(3));
+    assert!(
+        later.contains("format 3, expected 2: a later version wrote it"),
+        "{later}"
+    );
+    let outside = edited(folder, |card| {
+        card["stages"][0]["groups"][0]["models"]["file"] = json!("../models");
+    });
+    assert!(outside.contains("file of the folder itself"), "{outside}");
+    let kind = edited(folder, |card| {
+        card["stages"][0]["groups"][0]["models"]["kind"] = json!("trees");
+    });
+    assert!(kind.contains("trees"), "{kind}");
+    for edit in [
+        |card: &mut Value| card["measures"] = json!([]),
+        |card: &mut Value| card["measures"][0]["interval"] = json!({"errors": -1.0}),
+        |card: &mut Value| {
+            card["measures"][0]["lowest"] = json!(3.0);
+            card["measures"][0]["highest"] = json!(2.0);
+        },
+        |card: &mut Value| card["level"] = json!(1.5),
+        |card: &mut Value| card["stages"][0]["views"] = json!(0),
+        |card: &mut Value| card["stages"][0]["groups"][0]["slots"] = json!([1]),
+        |card: &mut Value| card["stages"][0]["groups"][0]["properties"] = json!([0, 0]),
+        |card: &mut Value| card["stages"][0]["groups"][0]["least-errors"] = json!([1.0]),
+        |card: &mut Value| card["encoder"]["name"] = json!("resnet"),
+        |card: &mut Value| card["encoder"]["resize"] = json!(0),
+        |card: &mut Value| card["about"]["frame-size"] = json!([0, 5]),
+        |card: &mut Value| card["about"]["angles"] = json!([]),
+        |card: &mut Value| card["more"] = json!(1),
+    ] {
+        edited(folder, edit);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+
+    /// Whatever is in its text, a model is read or refused.
+    #[test]
+    fn damaged_texts_do_not_panic(at in 0.0_f64..1.0, bytes in prop::collection::vec(any::<u8>(), 1..8)) {
+        thread_local!(static KEPT: tempfile::TempDir = kept());
+        KEPT.with(|folder| {
+            let path = folder.path().join("estimator.json");
+            let whole = fs::read(&path).unwrap();
+            let mut damaged = whole.clone();
+            let from = (at * whole.len() as f64) as usize;
+            for (byte, new) in damaged[from..].iter_mut().zip(&bytes) {
+                *byte = *new;
+            }
+            fs::write(&path, damaged).unwrap();
+            drop(Estimator::load(folder.path()));
+            fs::write(&path, whole).unwrap();
+        });
+    }
+}
+
+/// As the first version wrote it: a regression, and a radius.
+#[test]
+fn artefacts_of_the_first_format_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let tables = Tables::new(16, 1, 1);
+    let rerun = Rerun {
+        number: 0,
+        training: (0..16).collect(),
+        validation: Vec::new(),
+    };
+    let plan = Plan::each(1, tables.readings.properties(), vec![rerun]);
+    let ridges = Ridge::new(RidgeConfig::default()).unwrap();
+    let ridges = ridges.train(&tables.examples().data, &plan).unwrap();
+    let embedder = embedder();
+    let weights = embedder
+        .network()
+        .of_images()
+        .unwrap()
+        .weights()
+        .to_bytes()
+        .unwrap();
+    let mut checksums = serde_json::Map::new();
+    for (name, bytes) in [
+        ("ridges.json", ridges.to_bytes().unwrap()),
+        ("encoder.safetensors", weights),
+    ] {
+        fs::write(folder.path().join(name), &bytes).unwrap();
+        checksums.insert(
+            name.into(),
+            blake3::hash(&bytes).to_hex().to_string().into(),
+        );
+    }
+    let card = json!({
+        "format": 1, "experiment": "old", "method": "Ridge", "data": "stripes",
+        "encoder": "se-resnext-small", "resize": null, "frame-size": [32, 32], "level": 0.9,
+        "radius": { "fRS": 3.5 }, "no-interval": { "felt": "too few" }, "checksums": checksums,
+    });
+    fs::write(folder.path().join("model.json"), card.to_string()).unwrap();
+    let estimator = Estimator::load(folder.path()).unwrap();
+    let answer = estimator.predict(&[photograph(40, 0)]).unwrap();
+    let (first, second) = (&answer.estimates[0], &answer.estimates[1]);
+    assert!((first.high.unwrap() - first.low.unwrap() - 7.0).abs() < 1e-9);
+    assert_eq!(
+        (second.low, estimator.no_interval()["felt"]),
+        (None, "too few")
+    );
+    assert_eq!(answer.familiar, None);
+    let expected = ridges
+        .predict(&tables.embeddings.select(&[3], &[0]).unwrap())
+        .unwrap();
+    let found = estimator.predict(&[photograph(3, 0)]).unwrap();
+    assert_eq!(found.estimates[0].value, expected[0].values[0]);
+}

@@ -1,0 +1,312 @@
+//! Fitting, asking, keeping and reading again.
+
+mod support;
+
+use std::fs;
+use std::thread;
+
+use sps_estimator::{Estimator, Frame, Regression, Scale, Stacked, Widths};
+use sps_models::heads::{Head, HeadConfig, Input};
+use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+use support::{Tables, embedder, photograph, recipe, ridge};
+
+fn kernel() -> Regression {
+    Regression::KernelRidge(KernelRidge::new(KernelRidgeConfig::default()).unwrap())
+}
+
+fn network(views: usize) -> Regression {
+    let config = HeadConfig {
+        epochs: 2,
+        input: match views {
+            1 => Input::Single {},
+            views => Input::LateFusion { views },
+        },
+        ..HeadConfig::default()
+    };
+    Regression::Head(Head::new(config).unwrap())
+}
+
+fn photographs(surface: usize, views: &[usize]) -> Vec<Frame> {
+    views
+        .iter()
+        .map(|&view| photograph(surface, view))
+        .collect()
+}
+
+#[test]
+fn every_regression_is_read_again_to_the_bit() {
+    let tables = Tables::new(40, 2, 1);
+    let stacked = Regression::Stacked(Stacked {
+        members: vec![ridge(), kernel(), network(2)],
+        folds: 3,
+    });
+    for regression in [ridge(), kernel(), network(2), Regression::Nearest, stacked] {
+        let kind = regression.kind();
+        let estimator = tables.estimator(&recipe(regression, &[1, 0]));
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path().join("deep/model");
+        estimator.save(&folder).unwrap();
+        let again = Estimator::load(&folder).unwrap();
+        assert_eq!(again.about(), estimator.about());
+        let asked = photographs(97, &[1, 0]);
+        let answer = estimator.predict(&asked).unwrap();
+        assert_eq!(again.predict(&asked).unwrap(), answer, "{kind}");
+        assert!(
+            answer.estimates[0].low.is_some() && answer.familiar.is_some(),
+            "{kind}"
+        );
+        assert_eq!(answer.estimates[0].name, "sliding resistance");
+        assert_eq!(answer.estimates[1].name, "felt");
+    }
+}
+
+#[test]
+fn brightness_is_felt() {
+    let tables = Tables::new(80, 1, 1);
+    let estimator = tables.estimator(&recipe(ridge(), &[0]));
+    let errors = (200..240).map(|surface| {
+        let answer = estimator.predict(&photographs(surface, &[0])).unwrap();
+        let truth = 60.0 * support::brightness(surface) + 2.0;
+        (answer.estimates[0].value - truth).abs()
+    });
+    let mean = errors.sum::<f64>() / 40.0;
+    assert!(mean < 4.0, "{mean}");
+}
+
+#[test]
+fn several_photographs_of_one_view_are_averaged() {
+    let tables = Tables::new(40, 1, 1);
+    let estimator = tables.estimator(&recipe(ridge(), &[0]));
+    let [one, two] =
+        [60, 61].map(|surface| estimator.predict(&photographs(surface, &[0])).unwrap());
+    let both = estimator
+        .predict(&[photograph(60, 0), photograph(61, 0)])
+        .unwrap();
+    for (at, estimate) in both.estimates.iter().enumerate() {
+        let mean = f64::midpoint(one.estimates[at].value, two.estimates[at].value);
+        assert!((estimate.value - mean).abs() < 1e-9);
+    }
+    let smallest = one.familiar.unwrap().min(two.familiar.unwrap());
+    assert_eq!(both.familiar, Some((2.0 * smallest).min(1.0)));
+    assert!(
+        estimator
+            .predict(&[])
+            .unwrap_err()
+            .to_string()
+            .contains("none")
+    );
+}
+
+#[test]
+fn a_session_ends_when_it_is_sure_and_says_where_to_look() {
+    let tables = Tables::new(60, 3, 1);
+    let mut recipe = recipe(ridge(), &[2, 0, 1]);
+    recipe.one_by_one = true;
+    let estimator = tables.estimator(&recipe);
+    let folder = tempfile::tempdir().unwrap();
+    estimator.save(folder.path()).unwrap();
+    let estimator = Estimator::load(folder.path()).unwrap();
+    assert!(estimator.fitted().steps().eq([1, 2, 3]));
+
+    // As narrow as anything is: one photograph is enough.
+    let mut session = estimator.session(1e9).unwrap();
+    assert_eq!(session.next_angle(), Some(20.0));
+    let looked = session.look(&photograph(70, 2)).unwrap();
+    assert_eq!((looked.views, looked.next), (1, None));
+    assert!(
+        session
+            .look(&photograph(70, 0))
+            .unwrap_err()
+            .to_string()
+            .contains("over")
+    );
+
+    // Never narrow enough: all views, and what they say together.
+    let mut session = estimator.session(1e-9).unwrap();
+    let angles = [2, 0, 1].map(|view| session.look(&photograph(70, view)).unwrap());
+    assert_eq!(
+        angles.each_ref().map(|looked| looked.next),
+        [Some(0.0), Some(10.0), None]
+    );
+    let together = estimator.predict(&photographs(70, &[2, 0, 1])).unwrap();
+    assert_eq!(angles[2].answer, together);
+    assert!(estimator.session(0.0).is_err());
+
+    let at_once = tables.estimator(&support::recipe(self::ridge(), &[0, 1]));
+    let error = at_once.session(1.0).err().unwrap().to_string();
+    assert!(error.contains("2 views at once"), "{error}");
+}
+
+#[test]
+fn properties_may_look_at_views_of_their_own() {
+    let tables = Tables::new(40, 3, 1);
+    let mut recipe = recipe(ridge(), &[0]);
+    recipe.wanted[1].views = vec![2];
+    assert_eq!(recipe.slots().unwrap(), [0, 2]);
+    let both = tables.estimator(&recipe);
+    let answer = both.predict(&photographs(70, &[0, 2])).unwrap();
+    recipe.wanted.remove(0);
+    let second = tables
+        .estimator(&recipe)
+        .predict(&photographs(70, &[2]))
+        .unwrap();
+    assert_eq!(answer.estimates[1].value, second.estimates[0].value);
+    recipe.one_by_one = true;
+    recipe
+        .wanted
+        .insert(0, support::recipe(self::ridge(), &[0]).wanted.remove(0));
+    let error = recipe.slots().unwrap_err().to_string();
+    assert!(error.contains("others for felt"), "{error}");
+}
+
+#[test]
+fn estimates_stay_where_values_can_be() {
+    let tables = Tables::new(40, 1, 1);
+    let mut recipe = recipe(ridge(), &[0]);
+    recipe.wanted[0].range = Some([20.0, 25.0]);
+    let estimator = tables.estimator(&recipe);
+    for surface in 100..120 {
+        let answer = estimator.predict(&photographs(surface, &[0])).unwrap();
+        let estimate = &answer.estimates[0];
+        let (low, high) = (estimate.low.unwrap(), estimate.high.unwrap());
+        assert!(20.0 <= low && low <= estimate.value && estimate.value <= high && high <= 25.0);
+    }
+}
+
+#[test]
+fn too_few_groups_have_no_interval_and_the_reason() {
+    let tables = Tables::new(40, 1, 8);
+    let estimator = tables.estimator(&recipe(ridge(), &[0]));
+    let reason = estimator.no_interval()["fRS"];
+    assert_eq!(
+        reason,
+        "2 calibration group(s) allow a level of 2/3, a level of 0.8 needs at least 4"
+    );
+    let answer = estimator.predict(&photographs(99, &[0])).unwrap();
+    assert_eq!(
+        (answer.estimates[0].low, answer.estimates[0].high),
+        (None, None)
+    );
+    let error = estimator.session(1.0).err().unwrap().to_string();
+    assert!(error.contains("2 calibration group(s)"), "{error}");
+}
+
+#[test]
+fn what_was_never_seen_is_unfamiliar() {
+    let tables = Tables::new(60, 1, 1);
+    let estimator = tables.estimator(&recipe(ridge(), &[0]));
+    let red_and_blue = |at: usize| match (at / 3 / 4 % 2, at % 3) {
+        (0, 0) | (1, 2) => 1.0,
+        _ => 0.0,
+    };
+    let strange = Frame {
+        data: (0..3 * 32 * 32).map(red_and_blue).collect(),
+        ..photograph(0, 0)
+    };
+    let seen = estimator
+        .predict(&photographs(7, &[0]))
+        .unwrap()
+        .familiar
+        .unwrap();
+    let strange = estimator.predict(&[strange]).unwrap().familiar.unwrap();
+    assert!(strange < 0.05 && seen > 0.05, "{strange} {seen}");
+}
+
+#[test]
+fn threads_do_not_change_bits() {
+    let tables = Tables::new(40, 1, 1);
+    let estimator = tables.estimator(&recipe(kernel(), &[0]));
+    let expected: Vec<_> = (50..58)
+        .map(|s| estimator.predict(&photographs(s, &[0])).unwrap())
+        .collect();
+    thread::scope(|scope| {
+        let ask = |_| {
+            scope.spawn(|| {
+                (50..58)
+                    .map(|s| estimator.predict(&photographs(s, &[0])).unwrap())
+                    .collect::<Vec<_>>()
+            })
+        };
+        let all: Vec<_> = (0..8).map(ask).collect();
+        for one in all {
+            assert_eq!(one.join().unwrap(), expected);
+        }
+    });
+}
+
+#[test]
+fn widths_that_are_all_alike_are_alike() {
+    let tables = Tables::new(60, 1, 1);
+    let widths = |widths| {
+        let mut recipe = recipe(ridge(), &[0]);
+        recipe.widths = widths;
+        let estimator = tables.estimator(&recipe);
+        let width = |surface| {
+            let answer = estimator.predict(&photographs(surface, &[0])).unwrap();
+            let estimate = &answer.estimates[0];
+            estimate.high.unwrap() - estimate.low.unwrap()
+        };
+        (100..110).map(width).collect::<Vec<f64>>()
+    };
+    let constant = widths(Widths::Constant);
+    assert!(
+        constant
+            .iter()
+            .all(|width| (width - constant[0]).abs() < 1e-9)
+    );
+    let own = widths(Widths::ByPhotograph);
+    assert!(own.iter().any(|width| (width - own[0]).abs() > 1e-9));
+}
+
+#[test]
+fn photographs_come_to_the_scale_of_the_model() {
+    let tables = Tables::new(20, 1, 1);
+    let estimator = tables.estimator(&recipe(ridge(), &[0]));
+    let large = || Frame {
+        width: 100,
+        height: 70,
+        data: vec![0.5; 3 * 100 * 70],
+    };
+    let size = |scale| {
+        let frame = estimator.rescale(large(), scale).unwrap();
+        (frame.width, frame.height)
+    };
+    assert_eq!(size(Scale::OfModel), (46, 32));
+    assert_eq!(size(Scale::Keep), (100, 70));
+    assert_eq!(size(Scale::ShorterSide(35)), (50, 35));
+}
+
+#[test]
+fn what_does_not_fit_together_is_refused() {
+    let tables = Tables::new(20, 2, 1);
+    let estimator = tables.estimator(&recipe(ridge(), &[0, 1]));
+    let error = estimator
+        .predict(&photographs(1, &[0]))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("1 views of width 512") && error.contains("expected 2"),
+        "{error}"
+    );
+    let mut about = estimator.about().clone();
+    about.angles.pop();
+    let all: Vec<usize> = (0..20).collect();
+    let fitted = recipe(ridge(), &[0, 1])
+        .fit(&tables.examples(), &all, 0)
+        .unwrap();
+    let error = Estimator::new(embedder(), fitted, about)
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(error.contains("one for each of 2 views"), "{error}");
+    let mut none = recipe(ridge(), &[0]);
+    none.wanted.clear();
+    assert!(none.fit(&tables.examples(), &all, 0).is_err());
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("file"), "").unwrap();
+    let error = estimator
+        .save(&folder.path().join("file/model"))
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("file"), "{error}");
+}

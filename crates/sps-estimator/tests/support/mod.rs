@@ -1,0 +1,126 @@
+//! Surfaces whose brightness is felt, and what they look like.
+
+use sps_base::streams::{RngCore, hashed_stream};
+use sps_dataset::{KeepGroups, Surface, Units};
+use sps_estimator::{
+    About, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted, Widths,
+};
+use sps_metrics::Level;
+use sps_models::candle::{Device, Tensor};
+use sps_models::encoders::{Encoder, EncoderKind};
+use sps_models::heads::TrainingData;
+use sps_models::ridge::{Ridge, RidgeConfig};
+use sps_models::{Embeddings, Readings};
+
+pub(crate) const SIDE: usize = 32;
+
+pub(crate) fn uniform(purpose: &str, index: u64) -> f64 {
+    let mut stream = hashed_stream("tests", [purpose.as_bytes(), &index.to_le_bytes()]);
+    (f64::from(stream.next_u32()) + 0.5) / 4_294_967_296.0
+}
+
+/// How bright a surface is.
+pub(crate) fn brightness(surface: usize) -> f64 {
+    uniform("brightness", surface as u64)
+}
+
+/// A photograph of a surface: stripes, brighter towards one side.
+pub(crate) fn photograph(surface: usize, view: usize) -> Frame {
+    let bright = brightness(surface) as f32;
+    let value = |at: usize| {
+        let (x, y) = ((at / 3) % SIDE, at / 3 / SIDE);
+        let stripe = ((x * (view + 1) + y + surface) % 5) as f32 / 10.0;
+        (bright * (0.5 + stripe)).clamp(0.0, 1.0)
+    };
+    Frame {
+        width: SIDE,
+        height: SIDE,
+        data: (0..3 * SIDE * SIDE).map(value).collect(),
+    }
+}
+
+pub(crate) fn embedder() -> Embedder {
+    let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 3, &Device::Cpu).unwrap();
+    Embedder::new(Network::Images(encoder), None).unwrap()
+}
+
+pub(crate) fn ridge() -> Regression {
+    Regression::Ridge(Ridge::new(RidgeConfig::default()).unwrap())
+}
+
+/// Tables of surfaces of which so many form a group.
+pub(crate) struct Tables {
+    pub embeddings: Embeddings,
+    pub readings: Readings,
+    pub units: Units,
+}
+
+impl Tables {
+    pub(crate) fn new(surfaces: usize, views: usize, of_group: usize) -> Self {
+        let frames: Vec<Frame> = (0..surfaces)
+            .flat_map(|surface| (0..views).map(move |view| photograph(surface, view)))
+            .collect();
+        let values = embedder().embed(&frames).unwrap();
+        let width = values.len() / frames.len();
+        let shape = (surfaces, views, width);
+        let embeddings = Tensor::from_vec(values, shape, &Device::Cpu).unwrap();
+        let row = |surface: usize| {
+            let noise = 4.0 * uniform("noise", surface as u64);
+            vec![
+                Some(60.0 * brightness(surface) + noise),
+                Some(10.0 - 5.0 * brightness(surface)),
+            ]
+        };
+        let rows: Vec<Vec<Option<f64>>> = (0..surfaces).map(row).collect();
+        let of_group = |surface: usize| Surface {
+            id: surface.to_string(),
+            material: String::new(),
+            group: (surface / of_group).to_string(),
+        };
+        let list: Vec<Surface> = (0..surfaces).map(of_group).collect();
+        Self {
+            embeddings: Embeddings::new(&embeddings).unwrap(),
+            readings: Readings::new(vec!["fRS".into(), "felt".into()], &rows).unwrap(),
+            units: Units::of(&list, KeepGroups::Auto),
+        }
+    }
+
+    pub(crate) fn examples(&self) -> Examples<'_> {
+        let data = TrainingData::new(&self.embeddings, &self.readings);
+        Examples {
+            data: data.with_units(self.units.of_surface()),
+            units: &self.units,
+        }
+    }
+
+    /// Fitted to all of the surfaces.
+    pub(crate) fn estimator(&self, recipe: &Recipe) -> Estimator {
+        let all: Vec<usize> = (0..self.embeddings.surfaces()).collect();
+        let fitted = recipe.fit(&self.examples(), &all, 0).unwrap();
+        let views = recipe.slots().unwrap();
+        let about = About {
+            name: "test".into(),
+            frame_size: [SIDE, SIDE],
+            angles: views.iter().map(|&view| 10.0 * view as f64).collect(),
+            ..About::default()
+        };
+        Estimator::new(embedder(), fitted, about).unwrap()
+    }
+}
+
+pub(crate) fn recipe(regression: Regression, views: &[usize]) -> Recipe {
+    let wanted = |property: &str| Wanted {
+        property: property.into(),
+        views: views.to_vec(),
+        range: None,
+    };
+    Recipe {
+        regression,
+        wanted: vec![wanted("fRS"), wanted("felt")],
+        one_by_one: false,
+        widths: Widths::ByPhotograph,
+        calibration: 0.4,
+        level: Level::new(0.8).unwrap(),
+        seed: 1,
+    }
+}

@@ -138,7 +138,12 @@ fn values<T: Element + Copy>(
 }
 
 fn in_range(name: &str, values: &[f32]) -> PyResult<()> {
-    match values.iter().find(|value| !(0.0..=1.0).contains(*value)) {
+    let fits = |value: &f32| (0.0..=1.0).contains(value);
+    // Through to the end, so that several are compared at once; only a refusal looks for the first.
+    if values.iter().fold(true, |all, value| all & fits(value)) {
+        return Ok(());
+    }
+    match values.iter().find(|value| !fits(value)) {
         None => Ok(()),
         Some(found) => Err(value_error(format_args!(
             "{name} holds {found}, expected values from 0 to 1"

@@ -4,9 +4,8 @@ use candle_core::{DType, Device, Tensor};
 use half::f16;
 use proptest::prelude::*;
 
+use super::exact_features;
 use crate::Error;
-use crate::encoders::images::Normalisation;
-use crate::encoders::plain::Plain;
 use crate::encoders::{Encoder, EncoderKind, TrainableEncoder};
 use crate::golden::{error, values};
 use crate::weights::{Weights, WeightsErrorKind};
@@ -37,20 +36,9 @@ fn numbers(tensor: &Tensor) -> Vec<f32> {
 /// How far the kernels' embeddings may be from the network in f64, of the largest value.
 const BOUND: f64 = 5e-6;
 
-/// The same network in f64 by candle's operators, which are held to PyTorch's elsewhere.
+/// The same network in f64.
 fn exact(encoder: &Encoder, images: &Tensor) -> Vec<f64> {
-    let double = |tensor: &Tensor| tensor.to_dtype(DType::F64).unwrap();
-    let row = |row: [f32; 3]| {
-        let row = Tensor::new(&row.map(f64::from), &Device::Cpu).unwrap();
-        row.reshape((1, 3, 1, 1)).unwrap()
-    };
-    let tensors = encoder.weights().iter();
-    let tensors = tensors.map(|(name, tensor)| (name.to_owned(), double(tensor)));
-    let weights = Weights::sharing("f64", tensors);
-    let Normalisation { mean, std } = Normalisation::IMAGENET;
-    let images = double(images).broadcast_sub(&row(mean)).unwrap();
-    let images = images.broadcast_div(&row(std)).unwrap();
-    values(&Plain::new(&weights).embed(encoder.kind(), &images).unwrap())
+    values(&exact_features(encoder, images).mean((2, 3)).unwrap())
 }
 
 /// Each image less its own mean over its own spread, in f32.

@@ -7,11 +7,30 @@ mod windows;
 
 use candle_core::{DType, Device, Tensor, Var};
 
+use super::images::Normalisation;
 use super::plain::Plain;
 use super::{Encoder, EncoderKind, Precision};
 use crate::golden::{self, error, values};
 use crate::ops::simd::forced::on_each_level;
 use crate::weights::Weights;
+
+/// The last feature map of a network in f64, `(n, width, rows, columns)`, by candle's operators, which
+/// are held to PyTorch's below; of images as [`Encoder::embed`] takes them.
+fn exact_features(encoder: &Encoder, images: &Tensor) -> Tensor {
+    let double = |tensor: &Tensor| tensor.to_dtype(DType::F64).unwrap();
+    let row = |row: [f32; 3]| {
+        let row = Tensor::new(&row.map(f64::from), &Device::Cpu).unwrap();
+        row.reshape((1, 3, 1, 1)).unwrap()
+    };
+    let tensors = encoder.weights().iter();
+    let tensors = tensors.map(|(name, tensor)| (name.to_owned(), double(tensor)));
+    let weights = Weights::sharing("f64", tensors);
+    let Normalisation { mean, std } = Normalisation::IMAGENET;
+    let images = double(images).broadcast_sub(&row(mean)).unwrap();
+    let images = images.broadcast_div(&row(std)).unwrap();
+    let net = Plain::new(&weights);
+    net.features(encoder.kind(), &images).unwrap()
+}
 
 /// The norm of the difference relative to that of what is expected.
 fn relative(found: &Tensor, expected: &Tensor) -> f64 {

@@ -1,38 +1,40 @@
-//! Embeddings of windows, against means of the plain networks' last feature maps.
+//! Embeddings of windows, against means of the last feature maps in f64.
 
-use candle_core::{DType, Device, Tensor};
+use candle_core::{Device, Tensor};
 
+use super::exact_features;
 use crate::Error;
-use crate::encoders::images::Normalisation;
-use crate::encoders::plain::Plain;
-use crate::encoders::{Encoder, EncoderKind, Precision, WindowEmbeddings, normalise};
-use crate::golden::error;
+use crate::encoders::{Encoder, EncoderKind, Precision, WindowEmbeddings};
+use crate::golden::{self, error, uniform};
+use crate::weights::Weights;
 
 const SIZE: [usize; 2] = [147, 210];
 
-/// `(height, width, 3)`, values that differ from pixel to pixel and from place to place.
+/// `(height, width, 3)`, noise that grows brighter from row to row.
 fn image([height, width]: [usize; 2]) -> Vec<f32> {
-    let pixel = |i: usize| ((i as u32).wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 24) as f32;
-    let count = height * width * 3;
-    (0..count)
-        .map(|i| pixel(i) * (i + count / 4) as f32 / (2 * count) as f32)
-        .collect()
+    let noise = uniform("windows.image", height * width * 3).into_iter();
+    let brightness = |i: usize| (i + 1) as f64 / (height * width * 3) as f64;
+    let values = noise
+        .enumerate()
+        .map(|(i, u)| (0.5 + 0.5 * u) * brightness(i));
+    values.map(|value| value as f32).collect()
 }
 
+/// With weights by the golden rule: seeded ones enlarge what bf16 rounds off.
 fn encoder(kind: EncoderKind, precision: Precision) -> Encoder {
-    let encoder = Encoder::seeded(kind, 1, &Device::Cpu).unwrap();
+    let weights = kind.specs().into_iter();
+    let weights = weights.map(|spec| (spec.name.clone(), golden::weight(&spec)));
+    let weights = Weights::from_tensors("the golden rule", weights).unwrap();
+    let encoder = Encoder::new(kind, weights, &Device::Cpu).unwrap();
     encoder.with_precision(precision).unwrap()
 }
 
-/// The last feature map by candle's operators, `(channels, rows, columns)`.
+/// The last feature map in f64, `(width, rows, columns)`.
 fn last_map(encoder: &Encoder) -> Tensor {
     let shape = (1, SIZE[0], SIZE[1], 3);
     let image = Tensor::from_vec(image(SIZE), shape, &Device::Cpu).unwrap();
     let image = image.permute((0, 3, 1, 2)).unwrap();
-    let image = normalise(&image, &Normalisation::IMAGENET).unwrap();
-    let net = Plain::new(encoder.weights());
-    let map = net.features(encoder.kind(), &image).unwrap();
-    map.squeeze(0).unwrap().to_dtype(DType::F64).unwrap()
+    exact_features(encoder, &image).squeeze(0).unwrap()
 }
 
 /// The mean of a map over the cells with their centres in a window.
@@ -76,9 +78,9 @@ fn error_of(encoder: &Encoder) -> f64 {
 }
 
 #[test]
-fn embeddings_are_means_of_the_plain_networks_maps() {
+fn embeddings_are_means_of_the_last_feature_map() {
     for kind in EncoderKind::ALL {
-        for (precision, bound) in [(Precision::F32, 5e-6), (Precision::Bf16, 5e-2)] {
+        for (precision, bound) in [(Precision::F32, 5e-6), (Precision::Bf16, 2e-2)] {
             let found = error_of(&encoder(kind, precision));
             println!("{kind}, {precision}: {found:.1e}, bound {bound:.0e}");
             assert!(found <= bound, "{kind}, {precision}: {found:.1e}");
@@ -88,7 +90,9 @@ fn embeddings_are_means_of_the_plain_networks_maps() {
             kernels: None,
             ..encoder(kind, Precision::F32)
         };
-        assert!(error_of(&plain) <= 1e-6, "{kind}");
+        let found = error_of(&plain);
+        println!("{kind}, plain: {found:.1e}, bound 5e-6");
+        assert!(found <= 5e-6, "{kind}, plain: {found:.1e}");
     }
 }
 

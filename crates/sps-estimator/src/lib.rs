@@ -36,7 +36,7 @@ pub use embedder::{Embedder, Network, read_photograph};
 pub use error::{Error, Result};
 pub use estimator::{About, Answer, Estimate, Estimator, Measured, Scale};
 pub use fitted::{Fitted, FittedOn, Predicted, Predictions};
-pub use map::Map;
+pub use map::{Map, Sight};
 pub use novelty::Familiar;
 pub use radius::radius;
 pub use recipe::{Examples, Recipe, Wanted, Widths};

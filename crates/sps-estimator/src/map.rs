@@ -22,20 +22,30 @@ pub struct Map {
     pub predictions: Predictions,
 }
 
+/// How the encoder looks at a window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Sight {
+    /// All in one pass over the whole photograph: what the encoder sees there is not what it sees of a
+    /// crop, whose edges it pads with zeros
+    /// ([`Encoder::embed_windows`](sps_models::encoders::Encoder::embed_windows)). Intervals and p-values
+    /// were calibrated on crops; the smaller the window, the less they hold.
+    #[default]
+    Within,
+    /// Each as a photograph of its own, in a pass of its own: what [`Estimator::predict`] says of the
+    /// crop, to the bit.
+    Alone,
+}
+
 impl Estimator {
-    /// Estimates every property in windows of a photograph, `stride` pixels apart, from one pass
-    /// through the encoder. A pixel of the photograph shows as much of a surface as one of the
-    /// photographs that the model was fitted on, after it was brought to the model's own size.
-    ///
-    /// A window is estimated from what the encoder sees there within the whole photograph, which is not
-    /// quite what it sees of a crop
-    /// ([`Encoder::embed_windows`](sps_models::encoders::Encoder::embed_windows)). Neighbouring windows share
-    /// pixels, and none is a new surface of its own: intervals and p-values hold for each alone.
+    /// Estimates every property in windows of a photograph, `stride` pixels apart. A pixel of the
+    /// photograph shows as much of a surface as one of the photographs that the model was fitted on,
+    /// after it was brought to the model's own size. Neighbouring windows share pixels, and none is a
+    /// new surface of its own: intervals and p-values hold for each alone.
     ///
     /// # Errors
     ///
     /// A model of several views, a photograph smaller than a window, a stride of 0.
-    pub fn map(&self, photograph: &Frame, stride: usize) -> Result<Map> {
+    pub fn map(&self, photograph: &Frame, stride: usize, sight: Sight) -> Result<Map> {
         if !self.fitted.steps().eq([1]) {
             let found = format!("one of {} views", self.about.angles.len());
             return Err(Error::input(
@@ -51,7 +61,10 @@ impl Estimator {
         let window = [extent.height, extent.width];
         let encoder = self.embedder.network().of_images()?;
         let size = [photograph.height, photograph.width];
-        let windows = encoder.embed_windows(&photograph.data, size, window, stride)?;
+        let mut windows = encoder.embed_windows(&photograph.data, size, window, stride)?;
+        if sight == Sight::Alone {
+            windows.embeddings = self.each_alone(photograph, window, &windows.centres)?;
+        }
         let count = windows.rows * windows.columns;
         let embeddings = self.embeddings(&windows.embeddings, count, 1)?;
         Ok(Map {
@@ -61,5 +74,31 @@ impl Estimator {
             centres: windows.centres,
             predictions: self.fitted.predict(&embeddings)?,
         })
+    }
+
+    /// The embeddings of windows with these centres, each encoded as a photograph of its own.
+    fn each_alone(
+        &self,
+        photograph: &Frame,
+        [height, width]: [usize; 2],
+        centres: &[[f64; 2]],
+    ) -> Result<Vec<f32>> {
+        const AT_ONCE: usize = 32;
+        let crop = |&[y, x]: &[f64; 2]| {
+            let top = (y - height as f64 / 2.0) as usize;
+            let left = (x - width as f64 / 2.0) as usize;
+            let row = |y: usize| &photograph.data[3 * (y * photograph.width + left)..][..3 * width];
+            Frame {
+                width,
+                height,
+                data: (top..top + height).flat_map(row).copied().collect(),
+            }
+        };
+        let mut embeddings = Vec::new();
+        for centres in centres.chunks(AT_ONCE) {
+            let crops: Vec<Frame> = centres.iter().map(crop).collect();
+            embeddings.extend(self.embedder.embed(&crops)?);
+        }
+        Ok(embeddings)
     }
 }

@@ -5,7 +5,7 @@ mod support;
 use std::fs;
 use std::thread;
 
-use sps_estimator::{Estimator, Frame, Regression, Scale, Stacked, Widths};
+use sps_estimator::{Estimator, Frame, Regression, Scale, Sight, Stacked, Widths};
 use sps_models::heads::{Head, HeadConfig, Input};
 use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use support::{Tables, embedder, photograph, recipe, ridge};
@@ -274,6 +274,55 @@ fn photographs_come_to_the_scale_of_the_model() {
     assert_eq!(size(Scale::OfModel), (46, 32));
     assert_eq!(size(Scale::Keep), (100, 70));
     assert_eq!(size(Scale::ShorterSide(35)), (50, 35));
+}
+
+#[test]
+fn a_map_says_of_each_place_what_is_said_of_the_crop() {
+    let tables = Tables::new(30, 1, 1);
+    let estimator = tables.estimator(&recipe(ridge(), &[0]));
+    let (left, right) = (photograph(40, 0), photograph(41, 0));
+    let rows = left.data.chunks(3 * 32).zip(right.data.chunks(3 * 32));
+    let both = Frame {
+        width: 64,
+        height: 32,
+        data: rows
+            .flat_map(|(left, right)| [left, right].concat())
+            .collect(),
+    };
+    let map = estimator.map(&both, 16, Sight::Alone).unwrap();
+    assert_eq!((map.rows, map.columns, map.window), (1, 3, [32, 32]));
+    assert_eq!(map.centres, [[16.0, 16.0], [16.0, 32.0], [16.0, 48.0]]);
+    for (place, photograph) in [(0, left), (2, right)] {
+        let alone = estimator
+            .predict(std::slice::from_ref(&photograph))
+            .unwrap();
+        let of_map = &map.predictions.properties[0];
+        assert_eq!(of_map.values[place], alone.estimates[0].value);
+        assert_eq!(
+            map.predictions.familiar.as_ref().unwrap()[place],
+            alone.familiar.unwrap()
+        );
+        // One pass over a photograph that is one window is the same but for rounding.
+        let whole = estimator.map(&photograph, 16, Sight::Within).unwrap();
+        let value = whole.predictions.properties[0].values[0];
+        assert!((value - alone.estimates[0].value).abs() < 1e-3);
+    }
+    let small = estimator
+        .rescale(photograph(0, 0), Scale::ShorterSide(20))
+        .unwrap();
+    let error = estimator
+        .map(&small, 16, Sight::Within)
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("window"), "{error}");
+    let several = Tables::new(30, 2, 1).estimator(&recipe(ridge(), &[0, 1]));
+    assert!(
+        several
+            .map(&both, 16, Sight::Within)
+            .unwrap_err()
+            .to_string()
+            .contains("2 views")
+    );
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use rayon::prelude::*;
 use serde::Serialize;
-use sps_estimator::{Answer, Estimate, Estimator, Frame, Scale};
+use sps_estimator::{Answer, Estimate, Estimator, Frame, Scale, Sight};
 use tracing::error;
 
 use crate::files::create_folder;
@@ -47,6 +47,10 @@ pub(crate) struct Args {
     /// keep their size unless --resize says otherwise
     #[arg(long, value_name = "PROPERTY", conflicts_with_all = ["json", "csv", "group_by"])]
     map: Option<String>,
+    /// Encode each place of a map as a photograph of its own, as many passes in place of one: what is
+    /// said of the crop, where one pass sees beyond its edges
+    #[arg(long, requires = "map")]
+    alone: bool,
     /// The folder to write maps to
     #[arg(long, value_name = "DIR", default_value = ".", requires = "map")]
     out: PathBuf,
@@ -140,6 +144,11 @@ fn maps(args: &Args, model: &Estimator, scale: Scale, property: &str) -> Result<
     create_folder(&args.out)?;
     let wanted = map::Wanted {
         property,
+        sight: if args.alone {
+            Sight::Alone
+        } else {
+            Sight::Within
+        },
         unfamiliar: args.unfamiliar,
     };
     let progress = Progress::new("maps", paths.len());

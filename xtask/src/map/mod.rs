@@ -6,7 +6,7 @@ mod picture;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use sps_estimator::{Estimator, Frame, Map, Predicted};
+use sps_estimator::{Estimator, Frame, Map, Predicted, Sight};
 
 use crate::files::write_atomically;
 
@@ -16,6 +16,7 @@ const STEPS_PER_WINDOW: usize = 8;
 /// What is drawn of one photograph.
 pub(crate) struct Wanted<'a> {
     pub property: &'a str,
+    pub sight: Sight,
     /// Places are hatched whose p-value is at most this.
     pub unfamiliar: f64,
 }
@@ -31,7 +32,7 @@ impl Wanted<'_> {
     ) -> Result<String> {
         let [height, width] = model.about().frame_size;
         let stride = (height.min(width) / STEPS_PER_WINDOW).max(1);
-        let map = model.map(photograph, stride)?;
+        let map = model.map(photograph, stride, self.sight)?;
         let places = self.places(&map)?;
         let numbers = npy::bytes([map.rows, map.columns, 4], places.iter().flatten());
         write_atomically(&with_ending(stem, ".npy"), &numbers)?;

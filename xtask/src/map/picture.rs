@@ -191,7 +191,7 @@ impl Picture {
 
 #[cfg(test)]
 mod tests {
-    use sps_estimator::Predictions;
+    use sps_estimator::{Predictions, Sight};
 
     use super::*;
 
@@ -214,6 +214,7 @@ mod tests {
         };
         let wanted = Wanted {
             property: "fRS",
+            sight: Sight::Within,
             unfamiliar: 0.05,
         };
         draw(&photograph, &map, &places, &wanted)

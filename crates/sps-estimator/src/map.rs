@@ -1,10 +1,13 @@
 //! An estimate at every place of a photograph.
 
-use sps_dataset::Frame;
+use sps_dataset::{Extent, Frame};
 
 use crate::error::{Error, Result};
 use crate::estimator::Estimator;
 use crate::fitted::Predictions;
+
+/// Windows along the shorter side of one, where nothing is said of how far apart they lie.
+const STEPS_PER_WINDOW: usize = 8;
 
 /// What is said of windows on a regular grid over a photograph.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,11 +57,7 @@ impl Estimator {
                 "one that looks at a single photograph",
             ));
         }
-        let [height, width] = self.about.frame_size;
-        let frames = sps_dataset::Extent { width, height };
-        let extent = self.embedder.resize();
-        let extent = extent.map_or(frames, |shorter| frames.with_shorter_side(shorter));
-        let window = [extent.height, extent.width];
+        let window = self.window();
         let encoder = self.embedder.network().of_images()?;
         let size = [photograph.height, photograph.width];
         let mut windows = encoder.embed_windows(&photograph.data, size, window, stride)?;
@@ -100,5 +99,21 @@ impl Estimator {
             embeddings.extend(self.embedder.embed(&crops)?);
         }
         Ok(embeddings)
+    }
+
+    /// How far apart windows of a map lie where nothing else is asked for, in pixels: an eighth of the
+    /// shorter side of one.
+    pub fn stride(&self) -> usize {
+        let [height, width] = self.window();
+        (height.min(width) / STEPS_PER_WINDOW).max(1)
+    }
+
+    /// Height and width of a map's windows: those of the photographs fitted on, as the encoder saw them.
+    fn window(&self) -> [usize; 2] {
+        let [height, width] = self.about.frame_size;
+        let frames = Extent { width, height };
+        let extent = self.embedder.resize();
+        let extent = extent.map_or(frames, |shorter| frames.with_shorter_side(shorter));
+        [extent.height, extent.width]
     }
 }

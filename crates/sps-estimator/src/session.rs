@@ -1,5 +1,7 @@
 //! As many photographs as a surface needs, one after the other.
 
+use std::borrow::Borrow;
+
 use sps_dataset::Frame;
 
 use crate::error::{Error, Result};
@@ -10,8 +12,11 @@ use crate::estimator::{Answer, Estimator, answer};
 /// A model that was fitted to be looked at one by one ([`Recipe::one_by_one`](crate::Recipe)) says
 /// after each photograph what it estimates. Its intervals hold the truth after every number of
 /// photographs at once, so that the coverage stands wherever one stops.
-pub struct Session<'a> {
-    estimator: &'a Estimator,
+///
+/// `E` is what holds the model: a reference ([`Estimator::session`]), or an `Arc` where the session
+/// outlives the place that began it.
+pub struct Session<E> {
+    estimator: E,
     width: f64,
     /// Of the photographs so far.
     embeddings: Vec<f32>,
@@ -34,6 +39,17 @@ pub struct Looked {
 }
 
 impl Estimator {
+    /// Begins to look at one surface, as [`Session::new`] does.
+    ///
+    /// # Errors
+    ///
+    /// What [`Session::new`] says.
+    pub fn session(&self, width: f64) -> Result<Session<&Self>> {
+        Session::new(self, width)
+    }
+}
+
+impl<E: Borrow<Estimator>> Session<E> {
     /// Begins to look at one surface, until no interval is wider than `width` standard deviations of
     /// the readings that the model was fitted on.
     ///
@@ -41,12 +57,13 @@ impl Estimator {
     ///
     /// A width that is not above 0, a model that takes all its views at once, one without an interval
     /// for some property.
-    pub fn session(&self, width: f64) -> Result<Session<'_>> {
+    pub fn new(estimator: E, width: f64) -> Result<Self> {
         if !(width.is_finite() && width > 0.0) {
             return Err(Error::input("width", width, "standard deviations, above 0"));
         }
-        let views = self.about.angles.len();
-        if self.fitted.steps().len() < views {
+        let model: &Estimator = estimator.borrow();
+        let views = model.about.angles.len();
+        if model.fitted.steps().len() < views {
             let expected = "a model that looks at its views one by one";
             return Err(Error::input(
                 "model",
@@ -54,27 +71,25 @@ impl Estimator {
                 expected,
             ));
         }
-        if let Some((property, reason)) = self.no_interval().into_iter().next() {
+        if let Some((property, reason)) = model.no_interval().into_iter().next() {
             return Err(Error::input(
                 property,
                 format!("no interval: {reason}"),
                 "an interval",
             ));
         }
-        Ok(Session {
-            estimator: self,
+        Ok(Self {
+            estimator,
             width,
             embeddings: Vec::new(),
             views: 0,
             over: false,
         })
     }
-}
 
-impl Session<'_> {
     /// The roll angle to look from next, in degrees; `None` where it is over.
     pub fn next_angle(&self) -> Option<f64> {
-        let angles = &self.estimator.about.angles;
+        let angles = &self.estimator.borrow().about.angles;
         angles.get(self.views).copied().filter(|_| !self.over)
     }
 
@@ -92,11 +107,13 @@ impl Session<'_> {
                 "none: the session is over",
             ));
         }
-        let embedder = self.estimator.embedder();
-        let embedded = embedder.embed(std::slice::from_ref(photograph))?;
+        let estimator: &Estimator = self.estimator.borrow();
+        let embedded = estimator
+            .embedder()
+            .embed(std::slice::from_ref(photograph))?;
         self.embeddings.extend(embedded);
         self.views += 1;
-        let (estimator, fitted) = (self.estimator, self.estimator.fitted());
+        let fitted = estimator.fitted();
         let embeddings = estimator.embeddings(&self.embeddings, 1, self.views)?;
         let predictions = fitted.predict(&embeddings)?;
         let narrow = fitted.narrow(&predictions, self.width).concat();

@@ -10,9 +10,6 @@ use sps_estimator::{Estimator, Frame, Map, Predicted, Sight};
 
 use crate::files::write_atomically;
 
-/// Windows along the side of one: how far apart they lie.
-const STEPS_PER_WINDOW: usize = 8;
-
 /// What is drawn of one photograph.
 pub(crate) struct Wanted<'a> {
     pub property: &'a str,
@@ -30,9 +27,7 @@ impl Wanted<'_> {
         photograph: &Frame,
         stem: &Path,
     ) -> Result<String> {
-        let [height, width] = model.about().frame_size;
-        let stride = (height.min(width) / STEPS_PER_WINDOW).max(1);
-        let map = model.map(photograph, stride, self.sight)?;
+        let map = model.map(photograph, model.stride(), self.sight)?;
         let places = self.places(&map)?;
         let numbers = npy::bytes([map.rows, map.columns, 4], places.iter().flatten());
         write_atomically(&with_ending(stem, ".npy"), &numbers)?;

@@ -1,21 +1,27 @@
-"""Teaching cameras to feel: image encoders, view selection, and metrics with intervals.
+"""Teaching cameras to feel: fitted models of touch, image encoders, view selection, metrics.
 
-Photographs become embeddings (`Encoder`), the best few views of many are found (`select_views`), and
-what a model says is scored with intervals (`mae`, `Bootstrap`, `SplitConformal` and so on). Runs of
-`cargo xtask experiment` are read by `read_results` and `read_predictions`.
+Photographs become what a touch sensor would measure, with intervals (`Estimator`), or embeddings
+(`Encoder`), the best few views of many are found (`select_views`), and what a model says is scored
+with intervals (`mae`, `Bootstrap`, `SplitConformal` and so on). Runs of `cargo xtask experiment` are
+read by `read_results` and `read_predictions`.
 
 All of it is the Rust crates' work; long calls leave the interpreter to other threads.
 """
 
 from ._runs import read_predictions, read_results
 from ._sps import (
+    Answer,
     Bootstrap,
     BootstrapInterval,
     Coverage,
     Encoder,
+    Estimate,
+    Estimator,
     GroupConformal,
+    Looked,
     Score,
     Selection,
+    Session,
     SplitConformal,
     UndefinedScore,
     __version__,
@@ -30,13 +36,18 @@ from ._sps import (
 )
 
 __all__ = [
+    "Answer",
     "Bootstrap",
     "BootstrapInterval",
     "Coverage",
     "Encoder",
+    "Estimate",
+    "Estimator",
     "GroupConformal",
+    "Looked",
     "Score",
     "Selection",
+    "Session",
     "SplitConformal",
     "UndefinedScore",
     "__version__",

@@ -1,21 +1,28 @@
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from os import PathLike
-from typing import Any, SupportsFloat, Union, final
+from typing import Any, Literal, SupportsFloat, Union, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _Path = Union[str, PathLike[str]]
 _Image = Union[NDArray[np.uint8], NDArray[np.float32], _Path]
+_Images = Union[_Image, Iterable[_Image]]
+_Scale = Union[Literal["model", "keep"], int]
 
 __all__ = [
+    "Answer",
     "Bootstrap",
     "BootstrapInterval",
     "Coverage",
     "Encoder",
+    "Estimate",
+    "Estimator",
     "GroupConformal",
+    "Looked",
     "Score",
     "Selection",
+    "Session",
     "SplitConformal",
     "UndefinedScore",
     "__version__",
@@ -42,8 +49,87 @@ class Encoder:
     def width(self) -> int: ...
     @property
     def precision(self) -> str: ...
-    def embed(self, images: _Image | Iterable[_Image]) -> NDArray[np.float32]: ...
+    def embed(self, images: _Images) -> NDArray[np.float32]: ...
     def __getnewargs__(self) -> tuple[str, PathLike[str], str]: ...
+
+@final
+class Estimate:
+    @property
+    def name(self) -> str: ...
+    @property
+    def value(self) -> float: ...
+    @property
+    def low(self) -> float | None: ...
+    @property
+    def high(self) -> float | None: ...
+    # Last, for its name hides the decorator.
+    @property
+    def property(self) -> str: ...
+
+@final
+class Answer:
+    @property
+    def estimates(self) -> list[Estimate]: ...
+    @property
+    def familiar(self) -> float | None: ...
+
+@final
+class Looked:
+    @property
+    def views(self) -> int: ...
+    @property
+    def answer(self) -> Answer: ...
+    @property
+    def narrow(self) -> list[bool]: ...
+    @property
+    def next_angle(self) -> float | None: ...
+
+@final
+class Session:
+    @property
+    def next_angle(self) -> float | None: ...
+    def look(self, photograph: _Image, *, scale: _Scale = "model") -> Looked: ...
+
+@final
+class Estimator:
+    @staticmethod
+    def load(folder: _Path) -> Estimator: ...
+    @staticmethod
+    def fit(
+        photographs: Iterable[_Images],
+        values: ArrayLike,
+        *,
+        encoder: Encoder,
+        properties: list[str] | None = None,
+        groups: Iterable[Hashable] | None = None,
+        regression: str = "ridge",
+        calibration: float = 0.3,
+        level: float = 0.9,
+        seed: int = 0,
+        resize: int | None = None,
+        angles: list[float] | None = None,
+        one_by_one: bool = False,
+        name: str = "",
+    ) -> Estimator: ...
+    def save(self, folder: _Path) -> None: ...
+    def predict(self, photographs: _Images, *, scale: _Scale = "model") -> Answer: ...
+    def predict_all(
+        self, surfaces: Iterable[_Images], *, scale: _Scale = "model"
+    ) -> list[Answer]: ...
+    def session(self, width: float) -> Session: ...
+    def map(
+        self, photograph: _Image, stride: int | None = None, *, scale: _Scale = "keep"
+    ) -> dict[str, NDArray[np.float64]]: ...
+    @property
+    def properties(self) -> list[str]: ...
+    @property
+    def level(self) -> float: ...
+    @property
+    def angles(self) -> list[float]: ...
+    @property
+    def no_interval(self) -> dict[str, str]: ...
+    @property
+    def about(self) -> dict[str, Any]: ...
 
 @final
 class Selection:

@@ -4,14 +4,13 @@ use std::path::{Path, PathBuf};
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
-use rayon::prelude::*;
-use sps_dataset::Frame;
+use sps_dataset::{DecodeSettings, Frame, read_image};
 use sps_models::candle::Device;
 use sps_models::encoders::{self, EncoderKind, Precision};
 use sps_models::weights::Weights;
 
-use crate::errors::{model_error, value_error, weights_error};
-use crate::images::{Image, Images};
+use crate::errors::{frame_error, model_error, value_error, weights_error};
+use crate::images::{Image, Images, embed_each, frames};
 
 /// In place of the path of a weights file.
 const BUILT_IN: &str = "built-in";
@@ -19,10 +18,6 @@ const BUILT_IN: &str = "built-in";
 /// Trained by `cargo xtask pretrain configs/pretrain.toml`.
 const SE_RESNEXT_SMALL: &[u8] =
     include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors");
-
-/// Images that are decoded and embedded at once, for each thread: as many as a thread takes through
-/// the network together, and few enough that large ones fit in memory.
-const IMAGES_PER_THREAD: usize = 4;
 
 /// A network with its weights, ready to embed images.
 ///
@@ -80,18 +75,8 @@ impl Encoder {
         py: Python<'py>,
         images: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let at_once = IMAGES_PER_THREAD * rayon::current_num_threads();
-        let mut images = Images::new(images)?;
-        let mut embeddings = Vec::new();
-        loop {
-            py.check_signals()?;
-            let some = images.by_ref().take(at_once);
-            let some: Vec<Image> = some.collect::<PyResult<_>>()?;
-            if some.is_empty() {
-                break;
-            }
-            embeddings.extend(py.detach(|| self.embed_some(some))?);
-        }
+        let mut images = Images::new(String::new(), images)?;
+        let embeddings = embed_each(py, &mut images, |some| self.embed_some(some))?;
         let shape = [embeddings.len() / self.width(), self.width()];
         PyArray1::from_vec(py, embeddings).reshape(shape)
     }
@@ -109,12 +94,14 @@ impl Encoder {
 }
 
 impl Encoder {
+    /// The network alone.
+    pub(crate) fn network(&self) -> &encoders::Encoder {
+        &self.network
+    }
+
     fn embed_some(&self, images: Vec<Image>) -> PyResult<Vec<f32>> {
         let least_side = self.network.kind().min_size();
-        let frames = images.into_par_iter().map(|image| image.frame(least_side));
-        let frames: Vec<PyResult<Frame>> = frames.collect();
-        // Of several failures the first, whichever thread was faster.
-        let frames: Vec<Frame> = frames.into_iter().collect::<PyResult<_>>()?;
+        let frames = frames(images, |image| image.frame(least_side, read, Ok))?;
         let mut embeddings = Vec::with_capacity(frames.len() * self.width());
         for alike in frames.chunk_by(|one, next| size(one) == size(next)) {
             let pixels: Vec<&[f32]> = alike.iter().map(|frame| &frame.data[..]).collect();
@@ -130,6 +117,11 @@ impl Encoder {
             )))
         }
     }
+}
+
+fn read(path: &Path) -> PyResult<Frame> {
+    let decoded = read_image(path, &DecodeSettings::default());
+    Ok(decoded.map_err(|error| frame_error(&error))?.frame)
 }
 
 fn size(frame: &Frame) -> [usize; 2] {

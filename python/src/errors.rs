@@ -39,6 +39,17 @@ pub(crate) fn model_error(error: &sps_models::Error) -> PyErr {
     }
 }
 
+/// A file that cannot be read or written is an `OSError`, what the models say as [`model_error`] has it,
+/// all else a `ValueError`.
+pub(crate) fn estimator_error(error: &sps_estimator::Error) -> PyErr {
+    match error {
+        sps_estimator::Error::Model(model) => model_error(model),
+        sps_estimator::Error::Photograph(photograph) => frame_error(photograph),
+        sps_estimator::Error::File { error: source, .. } => os_error(source, error),
+        _ => value_error(error),
+    }
+}
+
 /// As [`model_error`] for weights alone.
 pub(crate) fn weights_error(error: &WeightsError) -> PyErr {
     match error.kind() {
@@ -67,7 +78,7 @@ pub(crate) fn conformal_error(error: &ConformalError) -> PyErr {
     }
 }
 
-/// The exception that Python has for such a failure to read, with the message of `whole`.
+/// The exception that Python has for such a failure to read or write, with the message of `whole`.
 fn os_error(source: &io::Error, whole: impl ToString) -> PyErr {
     io::Error::new(source.kind(), whole.to_string()).into()
 }

@@ -1,6 +1,6 @@
 //! Images as Python hands them over: arrays of pixels, or paths.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use numpy::ndarray::ArrayView3;
 use numpy::{
@@ -9,9 +9,14 @@ use numpy::{
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyIterator;
-use sps_dataset::{DecodeSettings, Frame, read_image};
+use rayon::prelude::*;
+use sps_dataset::Frame;
 
-use crate::errors::{frame_error, value_error};
+use crate::errors::value_error;
+
+/// Images that are decoded and embedded at once, for each thread: as many as a thread takes through
+/// the network together, and few enough that large ones fit in memory.
+const IMAGES_PER_THREAD: usize = 4;
 
 /// An image that is to be embedded.
 pub(crate) struct Image {
@@ -26,23 +31,35 @@ enum Content {
 }
 
 /// What was handed over, image by image.
-pub(crate) enum Images<'py> {
+pub(crate) struct Images<'py> {
+    /// What begins their names in errors.
+    of: String,
+    handed: Handed<'py>,
+}
+
+enum Handed<'py> {
     One(Option<Bound<'py, PyAny>>),
     Several(usize, Bound<'py, PyIterator>),
 }
 
 impl<'py> Images<'py> {
-    /// A path or an array of up to three axes is one image, all else is gone through.
-    pub(crate) fn new(images: &Bound<'py, PyAny>) -> PyResult<Self> {
-        let is_one = match images.cast::<PyUntypedArray>() {
-            Ok(array) => array.ndim() <= 3,
-            Err(_) => images.extract::<PathBuf>().is_ok(),
-        };
-        Ok(if is_one {
-            Self::One(Some(images.clone()))
+    /// A path or an array of up to three axes is one image, all else is gone through. `of` begins their
+    /// names in errors.
+    pub(crate) fn new(of: String, images: &Bound<'py, PyAny>) -> PyResult<Self> {
+        let handed = if is_one(images) {
+            Handed::One(Some(images.clone()))
         } else {
-            Self::Several(0, images.try_iter()?)
-        })
+            Handed::Several(0, images.try_iter()?)
+        };
+        Ok(Self { of, handed })
+    }
+}
+
+/// Whether it is meant as one image: a path, or an array of up to three axes.
+pub(crate) fn is_one(image: &Bound<'_, PyAny>) -> bool {
+    match image.cast::<PyUntypedArray>() {
+        Ok(array) => array.ndim() <= 3,
+        Err(_) => image.extract::<PathBuf>().is_ok(),
     }
 }
 
@@ -50,11 +67,12 @@ impl Iterator for Images<'_> {
     type Item = PyResult<Image>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        match self {
-            Self::One(image) => Some(Image::new("the image".to_owned(), &image.take()?)),
-            Self::Several(index, images) => {
+        let of = &self.of;
+        match &mut self.handed {
+            Handed::One(image) => Some(Image::new(format!("{of}the image"), &image.take()?)),
+            Handed::Several(index, images) => {
                 let image = images.next()?;
-                let name = format!("image {index}");
+                let name = format!("{of}image {index}");
                 *index += 1;
                 Some(image.and_then(|image| Image::new(name, &image)))
             }
@@ -62,8 +80,37 @@ impl Iterator for Images<'_> {
     }
 }
 
+/// The embeddings of images, row-major, a few at a time by `embed`.
+pub(crate) fn embed_each(
+    py: Python<'_>,
+    images: &mut impl Iterator<Item = PyResult<Image>>,
+    mut embed: impl FnMut(Vec<Image>) -> PyResult<Vec<f32>> + Send,
+) -> PyResult<Vec<f32>> {
+    let at_once = IMAGES_PER_THREAD * rayon::current_num_threads();
+    let mut embeddings = Vec::new();
+    loop {
+        py.check_signals()?;
+        let some = images.by_ref().take(at_once);
+        let some: Vec<Image> = some.collect::<PyResult<_>>()?;
+        if some.is_empty() {
+            return Ok(embeddings);
+        }
+        embeddings.extend(py.detach(|| embed(some))?);
+    }
+}
+
+/// The pixels of images, each by `frame`, on all threads.
+pub(crate) fn frames(
+    images: Vec<Image>,
+    frame: impl Fn(Image) -> PyResult<Frame> + Send + Sync,
+) -> PyResult<Vec<Frame>> {
+    let frames: Vec<PyResult<Frame>> = images.into_par_iter().map(frame).collect();
+    // Of several failures the first, whichever thread was faster.
+    frames.into_iter().collect()
+}
+
 impl Image {
-    fn new(name: String, image: &Bound<'_, PyAny>) -> PyResult<Self> {
+    pub(crate) fn new(name: String, image: &Bound<'_, PyAny>) -> PyResult<Self> {
         let content = match image.cast::<PyUntypedArray>() {
             Ok(array) => Content::Pixels(pixels(&name, array)?),
             Err(_) => Content::File(image.extract().map_err(|_| {
@@ -76,15 +123,17 @@ impl Image {
         Ok(Self { name, content })
     }
 
-    /// The image as the encoders take it, with sides of at least so many pixels.
-    pub(crate) fn frame(self, least_side: usize) -> PyResult<Frame> {
+    /// The image as an encoder takes it, with sides of at least so many pixels: of a file as `read`
+    /// reads it, of an array as `take` takes it.
+    pub(crate) fn frame(
+        self,
+        least_side: usize,
+        read: impl FnOnce(&Path) -> PyResult<Frame>,
+        take: impl FnOnce(Frame) -> PyResult<Frame>,
+    ) -> PyResult<Frame> {
         let frame = match self.content {
-            Content::Pixels(frame) => frame,
-            Content::File(path) => {
-                read_image(&path, &DecodeSettings::default())
-                    .map_err(|error| frame_error(&error))?
-                    .frame
-            }
+            Content::Pixels(frame) => take(frame)?,
+            Content::File(path) => read(&path)?,
         };
         let Frame { width, height, .. } = frame;
         if height.min(width) < least_side {

@@ -12,6 +12,7 @@ mod arrays;
 mod conformal;
 mod encoder;
 mod errors;
+mod estimator;
 mod images;
 mod intervals;
 mod scores;
@@ -28,6 +29,8 @@ mod _sps {
     use crate::encoder::Encoder;
     #[pymodule_export]
     use crate::errors::UndefinedScore;
+    #[pymodule_export]
+    use crate::estimator::{Answer, Estimate, Estimator, Looked, Session};
     #[pymodule_export]
     use crate::intervals::{Bootstrap, BootstrapInterval};
     #[pymodule_export]

@@ -1,0 +1,73 @@
+//! What is said of a surface.
+
+use pyo3::prelude::*;
+
+/// The estimate of one property, with the interval that holds the truth of a new surface (or of one of
+/// a new group, where the surfaces fitted to come in groups) at the model's level.
+#[pyclass(module = "sps", frozen, eq, get_all)]
+#[derive(Clone, PartialEq)]
+pub(crate) struct Estimate {
+    /// The property's code, as the model was fitted with it.
+    property: String,
+    /// Its name in words where it is one of the fifteen of the Toccare, its code again elsewhere.
+    name: String,
+    /// The estimate, in the unit of the values fitted to.
+    value: f64,
+    /// The lower end of the interval; None where there is none, and Estimator.no_interval says why.
+    low: Option<f64>,
+    /// The upper end of the interval; None where there is none.
+    high: Option<f64>,
+}
+
+/// What is said of one surface.
+#[pyclass(module = "sps", frozen, eq, get_all)]
+#[derive(Clone, PartialEq)]
+pub(crate) struct Answer {
+    /// One Estimate for each property, in the order of Estimator.properties.
+    estimates: Vec<Estimate>,
+    /// The p-value of "these photographs are like those that the model was fitted on": where they are,
+    /// it is at most q with a probability of at most q. None where the model does not know.
+    familiar: Option<f64>,
+}
+
+impl From<sps_estimator::Answer> for Answer {
+    fn from(answer: sps_estimator::Answer) -> Self {
+        let estimates = answer.estimates.into_iter();
+        let estimates = estimates.map(|estimate| Estimate {
+            property: estimate.property,
+            name: estimate.name,
+            value: estimate.value,
+            low: estimate.low,
+            high: estimate.high,
+        });
+        Self {
+            estimates: estimates.collect(),
+            familiar: answer.familiar,
+        }
+    }
+}
+
+#[pymethods]
+impl Estimate {
+    fn __repr__(&self) -> String {
+        let (property, name, value) = (&self.property, &self.name, self.value);
+        let (low, high) = (shown(self.low), shown(self.high));
+        format!(
+            "Estimate(property={property:?}, name={name:?}, value={value:?}, low={low}, high={high})"
+        )
+    }
+}
+
+#[pymethods]
+impl Answer {
+    pub(super) fn __repr__(&self) -> String {
+        let estimates: Vec<String> = self.estimates.iter().map(Estimate::__repr__).collect();
+        let (estimates, familiar) = (estimates.join(", "), shown(self.familiar));
+        format!("Answer(estimates=[{estimates}], familiar={familiar})")
+    }
+}
+
+/// As Python shows it.
+fn shown(value: Option<f64>) -> String {
+    value.map_or_else(|| "None".to_owned(), |value| format!("{value:?}"))
+}

@@ -1,0 +1,241 @@
+//! A model from photographs and what was felt on them.
+
+use numpy::{AllowTypeChange, PyArrayLikeDyn};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sps_dataset::{DecodeSettings, Extent, KeepGroups, Surface, Units};
+use sps_estimator::{
+    About, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted, Widths,
+    read_photograph,
+};
+use sps_models::candle::{Device, Tensor};
+use sps_models::encoders::Encoder;
+use sps_models::heads::TrainingData;
+use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+use sps_models::ridge::{Ridge, RidgeConfig};
+use sps_models::{Embeddings, Readings};
+
+use super::photographs::Surfaces;
+use crate::errors::{estimator_error, frame_error, model_error, value_error};
+use crate::images::{Image, embed_each, frames};
+
+/// What a single column of values is called.
+const VALUE: &str = "value";
+
+/// What was felt: one row for each surface.
+pub(crate) struct Felt {
+    readings: Readings,
+    units: Units,
+}
+
+impl Felt {
+    /// Values (n,) or (n, properties), NaN where nothing was measured; groups (n,).
+    pub(crate) fn new(
+        values: &PyArrayLikeDyn<'_, f64, AllowTypeChange>,
+        properties: Option<Vec<String>>,
+        groups: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let values = values.as_array();
+        let (surfaces, columns) = match *values.shape() {
+            [surfaces] => (surfaces, 1),
+            [surfaces, columns] => (surfaces, columns),
+            ref found => {
+                return Err(value_error(format_args!(
+                    "values of shape {found:?}, expected (n,) or (n, properties)"
+                )));
+            }
+        };
+        let properties = properties.unwrap_or_else(|| vec![VALUE.to_owned()]);
+        if properties.len() != columns {
+            return Err(value_error(format_args!(
+                "properties: found {properties:?}, expected a name for each of {columns} columns"
+            )));
+        }
+        let cells = values
+            .iter()
+            .map(|&value| (!value.is_nan()).then_some(value));
+        let cells: Vec<Option<f64>> = cells.collect();
+        let rows: Vec<_> = cells.chunks(columns.max(1)).map(<[_]>::to_vec).collect();
+        Ok(Self {
+            readings: Readings::new(properties, &rows).map_err(|error| model_error(&error))?,
+            units: units(surfaces, groups)?,
+        })
+    }
+}
+
+/// What stays whole: the groups, or each surface for itself.
+fn units(surfaces: usize, groups: Option<&Bound<'_, PyAny>>) -> PyResult<Units> {
+    let groups = match groups {
+        Some(groups) => numbered(groups)?,
+        None => (0..surfaces).collect(),
+    };
+    if groups.len() != surfaces {
+        return Err(value_error(format_args!(
+            "groups: found {}, expected one for each of {surfaces} surfaces",
+            groups.len()
+        )));
+    }
+    let surface = |(at, group): (usize, usize)| Surface {
+        id: at.to_string(),
+        material: String::new(),
+        group: group.to_string(),
+    };
+    let surfaces: Vec<Surface> = groups.into_iter().enumerate().map(surface).collect();
+    Ok(Units::of(&surfaces, KeepGroups::Auto))
+}
+
+/// Numbers of things that Python can tell apart, in the order in which they come up.
+fn numbered(things: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
+    let numbers = PyDict::new(things.py());
+    let number = |thing: PyResult<Bound<'_, PyAny>>| -> PyResult<usize> {
+        let next = numbers.len();
+        let number = numbers.call_method1("setdefault", (thing?, next))?;
+        number.extract()
+    };
+    things.try_iter()?.map(number).collect()
+}
+
+/// The regression of this name, with its usual settings.
+pub(crate) fn regression(name: &str) -> PyResult<Regression> {
+    let regression = match name {
+        "ridge" => Ridge::new(RidgeConfig::default()).map(Regression::Ridge),
+        "kernel-ridge" => {
+            KernelRidge::new(KernelRidgeConfig::default()).map(Regression::KernelRidge)
+        }
+        _ => {
+            return Err(value_error(format_args!(
+                "regression: found {name:?}, expected \"ridge\" or \"kernel-ridge\""
+            )));
+        }
+    };
+    regression.map_err(|error| model_error(&error))
+}
+
+/// Photographs of surfaces, as many of each, turned to embeddings.
+pub(crate) struct Seen {
+    embedder: Embedder,
+    embeddings: Embeddings,
+    /// Of the first photograph.
+    extent: Extent,
+}
+
+impl Seen {
+    pub(crate) fn new(
+        photographs: &Bound<'_, PyAny>,
+        encoder: &Encoder,
+        resize: Option<usize>,
+    ) -> PyResult<Self> {
+        let py = photographs.py();
+        if resize == Some(0) {
+            return Err(value_error("resize: found 0, expected at least a pixel"));
+        }
+        let network = Network::Images(encoder.clone());
+        let embedder = py.detach(|| Embedder::new(network, resize));
+        let embedder = embedder.map_err(|error| estimator_error(&error))?;
+        let mut surfaces = Surfaces::new(photographs)?;
+        let mut extent = None;
+        let values = embed_each(py, &mut surfaces, |images| {
+            let frames = read(images, encoder.kind().min_size(), resize)?;
+            extent = extent.or_else(|| frames.first().map(Frame::extent));
+            let embeddings = embedder.embed(&frames);
+            embeddings.map_err(|error| estimator_error(&error))
+        })?;
+        let views = views(&surfaces.counts)?;
+        let shape = (surfaces.counts.len(), views, embedder.width());
+        let values = Tensor::from_vec(values, shape, &Device::Cpu);
+        let embeddings = values
+            .map_err(Into::into)
+            .and_then(|all| Embeddings::new(&all));
+        Ok(Self {
+            embedder,
+            embeddings: embeddings.map_err(|error| model_error(&error))?,
+            extent: extent.ok_or_else(|| value_error(NO_PHOTOGRAPH))?,
+        })
+    }
+}
+
+const NO_PHOTOGRAPH: &str = "photographs: found none, expected one or several for each surface";
+
+/// Photographs, their shorter side brought to so many pixels.
+fn read(images: Vec<Image>, least_side: usize, resize: Option<usize>) -> PyResult<Vec<Frame>> {
+    let decode = DecodeSettings::default();
+    frames(images, |image| {
+        image.frame(
+            least_side,
+            |path| read_photograph(path, &decode, resize).map_err(|error| frame_error(&error)),
+            |frame| match resize {
+                Some(shorter) => Ok(frame.resized(shorter).map_err(value_error)?.into_owned()),
+                None => Ok(frame),
+            },
+        )
+    })
+}
+
+/// How many photographs each surface has.
+fn views(counts: &[usize]) -> PyResult<usize> {
+    let views = counts.first().copied().filter(|&views| views > 0);
+    let views = views.ok_or_else(|| value_error(NO_PHOTOGRAPH))?;
+    match counts.iter().position(|&count| count != views) {
+        None => Ok(views),
+        Some(surface) => Err(value_error(format_args!(
+            "photographs: found {} of surface {surface}, expected {views} as of the first",
+            counts[surface]
+        ))),
+    }
+}
+
+/// How to fit, but for what the data say.
+pub(crate) struct Settings {
+    pub(crate) regression: Regression,
+    pub(crate) one_by_one: bool,
+    pub(crate) angles: Option<Vec<f64>>,
+    pub(crate) calibration: f64,
+    pub(crate) level: sps_metrics::Level,
+    pub(crate) seed: u64,
+    pub(crate) name: String,
+}
+
+impl Settings {
+    /// A model of what was felt by what was seen.
+    pub(crate) fn fit(self, seen: Seen, felt: &Felt) -> PyResult<Estimator> {
+        let (surfaces, rows) = (seen.embeddings.surfaces(), felt.readings.surfaces());
+        if surfaces != rows {
+            return Err(value_error(format_args!(
+                "photographs: found those of {surfaces} surfaces, expected {rows}, one for each row of values"
+            )));
+        }
+        let views = seen.embeddings.views();
+        let wanted = felt.readings.properties().iter().map(|property| Wanted {
+            property: property.clone(),
+            views: (0..views).collect(),
+            range: None,
+        });
+        let about = About {
+            name: self.name,
+            method: self.regression.kind().to_owned(),
+            data: format!("photographs of {surfaces} surfaces"),
+            frame_size: [seen.extent.height, seen.extent.width],
+            angles: self.angles.unwrap_or_else(|| vec![0.0; views]),
+            ..About::default()
+        };
+        let recipe = Recipe {
+            regression: self.regression,
+            wanted: wanted.collect(),
+            one_by_one: self.one_by_one,
+            widths: Widths::ByPhotograph,
+            calibration: self.calibration,
+            level: self.level,
+            seed: self.seed,
+        };
+        let data = TrainingData::new(&seen.embeddings, &felt.readings);
+        let examples = Examples {
+            data: data.with_units(felt.units.of_surface()),
+            units: &felt.units,
+        };
+        let all: Vec<usize> = (0..surfaces).collect();
+        let fitted = recipe.fit(&examples, &all, 0);
+        fitted
+            .and_then(|fitted| Estimator::new(seen.embedder, fitted, about))
+            .map_err(|error| estimator_error(&error))
+    }
+}

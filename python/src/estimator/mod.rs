@@ -1,0 +1,267 @@
+//! Fitted models: photographs in, values with intervals out.
+
+mod answer;
+mod fit;
+mod map;
+mod photographs;
+mod session;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use numpy::{AllowTypeChange, PyArrayLikeDyn};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sps_estimator::Scale as Brought;
+use sps_metrics::Level;
+
+pub(crate) use self::answer::{Answer, Estimate};
+use self::fit::{Felt, Seen, Settings, regression};
+use self::photographs::{Reader, Scale, Surfaces};
+pub(crate) use self::session::{Looked, Session};
+use crate::encoder::Encoder;
+use crate::errors::{estimator_error, value_error};
+use crate::images::{Image, Images, embed_each};
+
+/// A fitted model: photographs of a surface in, what a touch sensor would measure on it out, each value
+/// with an interval, and a p-value that says whether the surface is like those fitted on.
+///
+/// It is made by Estimator.fit, or read by Estimator.load from a folder that Estimator.save or
+/// `cargo xtask train` wrote. It never changes; any number of threads may use it at once, and the same
+/// photographs give the same bits on each and beside any others.
+///
+/// A photograph is a path or an array as Encoder.embed takes them. `scale` says to which size one is
+/// brought: "model", its shorter side to that of the photographs fitted on, which is right where both
+/// show as much of a surface; "keep", it keeps its size, which is right where a pixel shows as much
+/// (of crops, for example); a number, its shorter side to so many pixels. A model that was fitted with
+/// `resize` has a size of its own, and ValueError says so where another is asked for.
+#[pyclass(module = "sps", frozen)]
+pub(crate) struct Estimator {
+    model: Arc<sps_estimator::Estimator>,
+}
+
+#[pymethods]
+impl Estimator {
+    /// Reads a model from a folder.
+    ///
+    /// Raises OSError where a file cannot be read, ValueError where one is damaged, does not belong to
+    /// the others, or is of a later version.
+    #[staticmethod]
+    fn load(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
+        py.detach(|| sps_estimator::Estimator::load(&folder))
+            .map(Self::of)
+            .map_err(|error| estimator_error(&error))
+    }
+
+    /// Fits a model to photographs of n surfaces and what was measured on them.
+    ///
+    /// `photographs` holds one of each surface, or a list of equally many of each; `values` is float64
+    /// (n,) or (n, properties), NaN where nothing was measured; `properties` names the columns ("value"
+    /// where there is one); `encoder` is an Encoder. `groups`, (n,) of anything hashable, says which
+    /// surfaces are alike (sheets of one roll, photographs of one material): a group is never parted,
+    /// and intervals are for a surface of a new one.
+    ///
+    /// `regression` is ridge or kernel-ridge. The share `calibration` of the surfaces is kept aside for
+    /// the intervals, which hold the truth of the share `level` of new surfaces; where these are too few
+    /// for the level there are none (Estimator.no_interval). `seed` keys every draw. Photographs keep
+    /// their size unless `resize` says to how many pixels the shorter side of each is brought. With
+    /// several photographs of each surface, `angles` are their roll angles in degrees (0 if not
+    /// given), and `one_by_one` fits a model for Estimator.session. `name` is what about says.
+    ///
+    /// Raises what Encoder.embed raises, and ValueError for other shapes, numbers and names, infinite
+    /// values, and too few surfaces or groups to keep any aside.
+    #[staticmethod]
+    #[pyo3(signature = (
+        photographs, values, *, encoder, properties = None, groups = None, regression = "ridge",
+        calibration = 0.3, level = 0.9, seed = 0, resize = None, angles = None, one_by_one = false,
+        name = ""
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "most are keywords")]
+    fn fit(
+        py: Python<'_>,
+        photographs: &Bound<'_, PyAny>,
+        values: PyArrayLikeDyn<'_, f64, AllowTypeChange>,
+        encoder: &Bound<'_, Encoder>,
+        properties: Option<Vec<String>>,
+        groups: Option<&Bound<'_, PyAny>>,
+        regression: &str,
+        calibration: f64,
+        level: f64,
+        seed: u64,
+        resize: Option<usize>,
+        angles: Option<Vec<f64>>,
+        one_by_one: bool,
+        name: &str,
+    ) -> PyResult<Self> {
+        let settings = Settings {
+            regression: self::regression(regression)?,
+            one_by_one,
+            angles,
+            calibration,
+            level: Level::new(level).map_err(value_error)?,
+            seed,
+            name: name.to_owned(),
+        };
+        let felt = Felt::new(&values, properties, groups)?;
+        let seen = Seen::new(photographs, encoder.get().network(), resize)?;
+        py.detach(|| settings.fit(seen, &felt)).map(Self::of)
+    }
+
+    /// Writes the model into a folder, which is created where it is not there.
+    ///
+    /// Raises OSError where a file cannot be written.
+    fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
+        py.detach(|| self.model.save(&folder))
+            .map_err(|error| estimator_error(&error))
+    }
+
+    /// What is said of one surface, an Answer, from one photograph of it or several: one for each of
+    /// angles, in their order. A model of one view takes any number: the answer is the mean of what each
+    /// says, with the mean of the intervals, and the smallest p-value times their number.
+    ///
+    /// Raises what Encoder.embed raises, and ValueError for another number of photographs.
+    #[pyo3(
+        signature = (photographs, *, scale = Scale(Brought::OfModel)),
+        text_signature = "(self, photographs, *, scale='model')"
+    )]
+    fn predict(
+        &self,
+        py: Python<'_>,
+        photographs: &Bound<'_, PyAny>,
+        scale: Scale,
+    ) -> PyResult<Answer> {
+        let reader = Reader::new(&self.model, scale, Brought::OfModel)?;
+        let mut images = Images::new(String::new(), photographs)?;
+        let values = embed_each(py, &mut images, |images| reader.embed(images))?;
+        let count = values.len() / self.model.embedder().width();
+        py.detach(|| self.model.predict_embedded(&values, count))
+            .map(Answer::from)
+            .map_err(|error| estimator_error(&error))
+    }
+
+    /// What is said of each of several surfaces, a list of Answer: as predict says it, to the last bit,
+    /// with photographs encoded together. `surfaces` is an iterable whose items are what predict takes.
+    ///
+    /// Raises what predict raises; the message says of which surface, counted from 0.
+    #[pyo3(
+        signature = (surfaces, *, scale = Scale(Brought::OfModel)),
+        text_signature = "(self, surfaces, *, scale='model')"
+    )]
+    fn predict_all(
+        &self,
+        py: Python<'_>,
+        surfaces: &Bound<'_, PyAny>,
+        scale: Scale,
+    ) -> PyResult<Vec<Answer>> {
+        let reader = Reader::new(&self.model, scale, Brought::OfModel)?;
+        let mut surfaces = Surfaces::new(surfaces)?;
+        let values = embed_each(py, &mut surfaces, |images| reader.embed(images))?;
+        py.detach(|| self.answers(&values, &surfaces.counts))
+    }
+
+    /// Begins to look at one surface, until no interval is wider than `width` standard deviations of the
+    /// values fitted to: a Session.
+    ///
+    /// Raises ValueError for a width that is not above 0, a model that takes all its photographs at
+    /// once, and one that has no interval for some property.
+    fn session(&self, width: f64) -> PyResult<Session> {
+        Session::new(&self.model, width)
+    }
+
+    /// Estimates every property in windows of a photograph, `stride` pixels apart (an eighth of a window
+    /// if not given), from one pass through the encoder. A window is as large as the photographs fitted
+    /// on.
+    ///
+    /// A dictionary of float64 arrays: values, low and high of shape (properties, rows, columns),
+    /// familiar (rows, columns), and centres (rows, columns, 2), pixels down and to the right from the
+    /// upper left corner; NaN where there is no interval or p-value. Neighbouring windows share pixels:
+    /// intervals and p-values hold for each alone.
+    ///
+    /// Raises what predict raises, and ValueError for a model of several views, a photograph smaller
+    /// than a window, and a stride of 0.
+    #[pyo3(
+        signature = (photograph, stride = None, *, scale = Scale(Brought::Keep)),
+        text_signature = "(self, photograph, stride=None, *, scale='keep')"
+    )]
+    fn map<'py>(
+        &self,
+        py: Python<'py>,
+        photograph: &Bound<'py, PyAny>,
+        stride: Option<usize>,
+        scale: Scale,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let reader = Reader::new(&self.model, scale, Brought::Keep)?;
+        let photograph = Image::new("the photograph".to_owned(), photograph)?;
+        let stride = stride.unwrap_or_else(|| self.model.stride());
+        let map = py.detach(|| {
+            let map = self.model.map(&reader.frame(photograph)?, stride);
+            map.map_err(|error| estimator_error(&error))
+        })?;
+        map::arrays(py, map)
+    }
+
+    /// The codes of the properties, in the order of the estimates.
+    #[getter]
+    fn properties(&self) -> Vec<&str> {
+        self.model.fitted().properties().collect()
+    }
+
+    /// The share of new surfaces (or groups) whose truth an interval holds.
+    #[getter]
+    fn level(&self) -> f64 {
+        self.model.fitted().level().get()
+    }
+
+    /// The roll angle of each photograph that it takes, in degrees; 0 is straight down.
+    #[getter]
+    fn angles(&self) -> Vec<f64> {
+        self.model.about().angles.clone()
+    }
+
+    /// The reason of each property that has no interval, by its code.
+    #[getter]
+    fn no_interval(&self) -> BTreeMap<&str, &str> {
+        self.model.no_interval()
+    }
+
+    /// What goes with the model, a dictionary: name, method, data, source, frame-size (height, width),
+    /// angles, decode, and measured, how well models of this kind did on surfaces that they had not seen.
+    #[getter]
+    fn about<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let text = serde_json::to_string(self.model.about()).map_err(value_error)?;
+        py.import("json")?.call_method1("loads", (text,))
+    }
+
+    fn __repr__(&self) -> String {
+        let (properties, level) = (self.properties(), self.level());
+        let (name, encoder) = (&self.model.about().name, self.model.embedder().network());
+        let encoder = encoder.name();
+        format!(
+            "Estimator(name={name:?}, encoder={encoder:?}, properties={properties:?}, level={level:?})"
+        )
+    }
+}
+
+impl Estimator {
+    fn of(model: sps_estimator::Estimator) -> Self {
+        Self {
+            model: Arc::new(model),
+        }
+    }
+
+    /// What is said of surfaces of so many photographs each, from their embeddings.
+    fn answers(&self, mut values: &[f32], counts: &[usize]) -> PyResult<Vec<Answer>> {
+        let width = self.model.embedder().width();
+        let mut answers = Vec::with_capacity(counts.len());
+        for (surface, &count) in counts.iter().enumerate() {
+            let (own, others) = values.split_at(count * width);
+            values = others;
+            let answer = self.model.predict_embedded(own, count);
+            let answer =
+                answer.map_err(|error| value_error(format_args!("surface {surface}: {error}")))?;
+            answers.push(answer.into());
+        }
+        Ok(answers)
+    }
+}

@@ -1,0 +1,132 @@
+//! Photographs as a model takes them.
+
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyIterator;
+use sps_estimator::{Estimator, Frame};
+
+use crate::errors::{estimator_error, value_error};
+use crate::images::{Image, Images, frames, is_one};
+
+/// To which size photographs are brought: "model", "keep", or a number of pixels.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Scale(pub(crate) sps_estimator::Scale);
+
+impl<'py> FromPyObject<'_, 'py> for Scale {
+    type Error = PyErr;
+
+    fn extract(scale: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(pixels @ 1..) = scale.extract() {
+            return Ok(Self(sps_estimator::Scale::ShorterSide(pixels)));
+        }
+        let name: Option<String> = scale.extract().ok();
+        match name.as_deref() {
+            Some("model") => Ok(Self(sps_estimator::Scale::OfModel)),
+            Some("keep") => Ok(Self(sps_estimator::Scale::Keep)),
+            _ => Err(value_error(format_args!(
+                "scale: found {}, expected \"model\", \"keep\" or a number of pixels",
+                scale.repr()?
+            ))),
+        }
+    }
+}
+
+/// A model, and the size to which photographs are brought for it.
+#[derive(Clone, Copy)]
+pub(crate) struct Reader<'m> {
+    model: &'m Estimator,
+    scale: sps_estimator::Scale,
+    least_side: usize,
+}
+
+impl<'m> Reader<'m> {
+    /// Refuses another scale than the `usual` one of a model that has a size of its own for all
+    /// photographs.
+    pub(crate) fn new(
+        model: &'m Estimator,
+        scale: Scale,
+        usual: sps_estimator::Scale,
+    ) -> PyResult<Self> {
+        let embedder = model.embedder();
+        if let Some(own) = embedder.resize().filter(|_| scale.0 != usual) {
+            return Err(value_error(format_args!(
+                "scale: the model itself brings the shorter side of every photograph to {own} pixels"
+            )));
+        }
+        let encoder = embedder.network().of_images();
+        let encoder = encoder.map_err(|error| estimator_error(&error))?;
+        Ok(Self {
+            model,
+            scale: scale.0,
+            least_side: encoder.kind().min_size(),
+        })
+    }
+
+    /// The photograph at the model's scale.
+    pub(crate) fn frame(self, image: Image) -> PyResult<Frame> {
+        let Self { model, scale, .. } = self;
+        let refused = |error: sps_estimator::Error| estimator_error(&error);
+        image.frame(
+            self.least_side,
+            |path| model.read(path, scale).map_err(refused),
+            |frame| model.rescale(frame, scale).map_err(refused),
+        )
+    }
+
+    /// The embeddings of photographs, (photographs, width).
+    pub(crate) fn embed(self, images: Vec<Image>) -> PyResult<Vec<f32>> {
+        let frames = frames(images, |image| self.frame(image))?;
+        let embeddings = self.model.embedder().embed(&frames);
+        embeddings.map_err(|error| estimator_error(&error))
+    }
+}
+
+/// The photographs of several surfaces, one after the other.
+pub(crate) struct Surfaces<'py> {
+    surfaces: Bound<'py, PyIterator>,
+    /// What is left of the last surface.
+    photographs: Option<Images<'py>>,
+    /// Photographs of each surface so far.
+    pub(crate) counts: Vec<usize>,
+}
+
+impl<'py> Surfaces<'py> {
+    /// Of an iterable of surfaces, each a photograph or an iterable of photographs.
+    pub(crate) fn new(surfaces: &Bound<'py, PyAny>) -> PyResult<Self> {
+        if is_one(surfaces) {
+            let problem = "found one photograph, expected one or several for each surface";
+            return Err(PyTypeError::new_err(format!("photographs: {problem}")));
+        }
+        Ok(Self {
+            surfaces: surfaces.try_iter()?,
+            photographs: None,
+            counts: Vec::new(),
+        })
+    }
+
+    fn next_surface(&mut self) -> Option<PyResult<Images<'py>>> {
+        let surface = self.surfaces.next()?;
+        let of = format!("surface {}: ", self.counts.len());
+        self.counts.push(0);
+        Some(surface.and_then(|surface| Images::new(of, &surface)))
+    }
+}
+
+impl Iterator for Surfaces<'_> {
+    type Item = PyResult<Image>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(image) = self.photographs.as_mut().and_then(Iterator::next) {
+                if let Some(count) = self.counts.last_mut() {
+                    *count += 1;
+                }
+                return Some(image);
+            }
+            match self.next_surface()? {
+                Ok(photographs) => self.photographs = Some(photographs),
+                Err(error) => return Some(Err(error)),
+            }
+        }
+    }
+}

@@ -118,7 +118,12 @@ class Estimator:
     ) -> list[Answer]: ...
     def session(self, width: float) -> Session: ...
     def map(
-        self, photograph: _Image, stride: int | None = None, *, scale: _Scale = "keep"
+        self,
+        photograph: _Image,
+        stride: int | None = None,
+        *,
+        scale: _Scale = "keep",
+        alone: bool = False,
     ) -> dict[str, NDArray[np.float64]]: ...
     @property
     def properties(self) -> list[str]: ...

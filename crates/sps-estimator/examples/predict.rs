@@ -1,3 +1,5 @@
+//! What a model says of a photograph.
+
 use std::path::Path;
 
 use sps_estimator::{Estimator, Scale};

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use numpy::{AllowTypeChange, PyArrayLikeDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sps_estimator::Scale as Brought;
+use sps_estimator::{Scale as Brought, Sight};
 use sps_metrics::Level;
 
 pub(crate) use self::answer::{Answer, Estimate};
@@ -170,8 +170,8 @@ impl Estimator {
     }
 
     /// Estimates every property in windows of a photograph, `stride` pixels apart (an eighth of a window
-    /// if not given), from one pass through the encoder. A window is as large as the photographs fitted
-    /// on.
+    /// if not given). A window is as large as the photographs fitted on. They are encoded in one pass over
+    /// the whole photograph, or each `alone`, in as many passes, which says what predict says of the crop.
     ///
     /// A dictionary of float64 arrays: values, low and high of shape (properties, rows, columns),
     /// familiar (rows, columns), and centres (rows, columns, 2), pixels down and to the right from the
@@ -181,8 +181,8 @@ impl Estimator {
     /// Raises what predict raises, and ValueError for a model of several views, a photograph smaller
     /// than a window, and a stride of 0.
     #[pyo3(
-        signature = (photograph, stride = None, *, scale = Scale(Brought::Keep)),
-        text_signature = "(self, photograph, stride=None, *, scale='keep')"
+        signature = (photograph, stride = None, *, scale = Scale(Brought::Keep), alone = false),
+        text_signature = "(self, photograph, stride=None, *, scale='keep', alone=False)"
     )]
     fn map<'py>(
         &self,
@@ -190,12 +190,14 @@ impl Estimator {
         photograph: &Bound<'py, PyAny>,
         stride: Option<usize>,
         scale: Scale,
+        alone: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let reader = Reader::new(&self.model, scale, Brought::Keep)?;
         let photograph = Image::new("the photograph".to_owned(), photograph)?;
         let stride = stride.unwrap_or_else(|| self.model.stride());
+        let sight = if alone { Sight::Alone } else { Sight::Within };
         let map = py.detach(|| {
-            let map = self.model.map(&reader.frame(photograph)?, stride);
+            let map = self.model.map(&reader.frame(photograph)?, stride, sight);
             map.map_err(|error| estimator_error(&error))
         })?;
         map::arrays(py, map)

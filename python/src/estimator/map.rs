@@ -7,7 +7,7 @@ use sps_estimator::{Map, Predicted};
 
 /// `values`, `low` and `high` of shape (properties, rows, columns), `familiar` (rows, columns) and
 /// `centres` (rows, columns, 2); NaN where there is none.
-pub(crate) fn arrays<'py>(py: Python<'py>, map: Map) -> PyResult<Bound<'py, PyDict>> {
+pub(crate) fn arrays(py: Python<'_>, map: Map) -> PyResult<Bound<'_, PyDict>> {
     let (rows, columns) = (map.rows, map.columns);
     let places = rows * columns;
     let properties = map.predictions.properties;

@@ -83,7 +83,8 @@ impl<'m> Reader<'m> {
 
 /// The photographs of several surfaces, one after the other.
 pub(crate) struct Surfaces<'py> {
-    surfaces: Bound<'py, PyIterator>,
+    /// Those that are still to come.
+    to_come: Bound<'py, PyIterator>,
     /// What is left of the last surface.
     photographs: Option<Images<'py>>,
     /// Photographs of each surface so far.
@@ -98,14 +99,14 @@ impl<'py> Surfaces<'py> {
             return Err(PyTypeError::new_err(format!("photographs: {problem}")));
         }
         Ok(Self {
-            surfaces: surfaces.try_iter()?,
+            to_come: surfaces.try_iter()?,
             photographs: None,
             counts: Vec::new(),
         })
     }
 
     fn next_surface(&mut self) -> Option<PyResult<Images<'py>>> {
-        let surface = self.surfaces.next()?;
+        let surface = self.to_come.next()?;
         let of = format!("surface {}: ", self.counts.len());
         self.counts.push(0);
         Some(surface.and_then(|surface| Images::new(of, &surface)))

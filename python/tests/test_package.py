@@ -12,18 +12,33 @@ import sps
 from conftest import ROOT
 
 
-def test_the_readmes_example_runs(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(ROOT)
-    text = (ROOT / "python/README.md").read_text()
+@pytest.fixture
+def folder(encoder, tmp_path, monkeypatch):
+    """A folder to work in, where examples find what they read."""
+    frames = sorted((ROOT / "fixtures/tiny-dataset/frames").glob("*/*.*"))
+    model = sps.Estimator.fit(frames, np.arange(len(frames)), encoder=encoder, level=0.5)
+    model.save(tmp_path / "models/smoke")
+    (tmp_path / "fixtures").symlink_to(ROOT / "fixtures")
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("readme", "said"),
+    [("python/README.md", ["Estimate(", "(1, 1, 1)", "radius"]), ("README.md", ["value ", "share"])],
+)
+def test_the_readmes_examples_run(readme, said, folder, capsys):
+    text = (ROOT / readme).read_text()
     for example in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
-        exec(compile(example, "README.md", "exec"), {})
-    assert "radius" in capsys.readouterr().out
+        exec(compile(example, readme, "exec"), {})
+    out = capsys.readouterr().out
+    assert all(words in out for words in said), out
 
 
 def test_everything_exported_is_documented():
     for name in sps.__all__:
         assert getattr(sps, name).__doc__, name
-    for kind in [sps.Encoder, sps.Selection, sps.Bootstrap, sps.BootstrapInterval, sps.Coverage]:
+    kinds = [sps.Encoder, sps.Selection, sps.Bootstrap, sps.BootstrapInterval, sps.Coverage]
+    for kind in [*kinds, sps.Estimator, sps.Estimate, sps.Answer, sps.Session, sps.Looked]:
         members = [name for name in vars(kind) if not name.startswith("_")]
         assert members and all(getattr(kind, name).__doc__ for name in members), kind
 

@@ -43,6 +43,18 @@ pub(crate) struct Args {
     /// this probability
     #[arg(long, value_name = "P", default_value = "0.05")]
     unfamiliar: f64,
+    #[command(flatten)]
+    maps: Maps,
+    #[command(flatten)]
+    format: Format,
+    /// PNG, JPEG or EXR, or folders of them
+    #[arg(required = true, value_name = "IMAGE")]
+    images: Vec<PathBuf>,
+}
+
+/// Maps in place of estimates.
+#[derive(clap::Args)]
+struct Maps {
     /// Draw a map of this property over each photograph, and write its numbers for NumPy; photographs
     /// keep their size unless --resize says otherwise
     #[arg(long, value_name = "PROPERTY", conflicts_with_all = ["json", "csv", "group_by"])]
@@ -54,15 +66,17 @@ pub(crate) struct Args {
     /// The folder to write maps to
     #[arg(long, value_name = "DIR", default_value = ".", requires = "map")]
     out: PathBuf,
+}
+
+/// What is printed in place of a table.
+#[derive(clap::Args)]
+struct Format {
     /// Print a line of JSON for each surface
     #[arg(long, conflicts_with = "csv")]
     json: bool,
     /// Print CSV: a line for each surface and property
     #[arg(long)]
     csv: bool,
-    /// PNG, JPEG or EXR, or folders of them
-    #[arg(required = true, value_name = "IMAGE")]
-    images: Vec<PathBuf>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -78,7 +92,7 @@ const AT_ONCE: usize = 16;
 pub(crate) fn run(args: &Args) -> Result<()> {
     let model = Estimator::load(&args.model).context("--model")?;
     let scale = scale(args, &model)?;
-    if let Some(property) = &args.map {
+    if let Some(property) = &args.maps.map {
         return maps(args, &model, scale, property);
     }
     let surfaces = surfaces(args, &model)?;
@@ -120,7 +134,7 @@ fn scale(args: &Args, model: &Estimator) -> Result<Scale> {
     let asked = match (args.resize, args.keep_size) {
         (Some(pixels), _) => Scale::ShorterSide(pixels as usize),
         (None, true) => Scale::Keep,
-        (None, false) if args.map.is_some() => Scale::Keep,
+        (None, false) if args.maps.map.is_some() => Scale::Keep,
         (None, false) => Scale::OfModel,
     };
     match model.embedder().resize() {
@@ -141,10 +155,10 @@ fn maps(args: &Args, model: &Estimator, scale: Scale, property: &str) -> Result<
             paths.push(path.clone());
         }
     }
-    create_folder(&args.out)?;
+    create_folder(&args.maps.out)?;
     let wanted = map::Wanted {
         property,
-        sight: if args.alone {
+        sight: if args.maps.alone {
             Sight::Alone
         } else {
             Sight::Within
@@ -158,7 +172,7 @@ fn maps(args: &Args, model: &Estimator, scale: Scale, property: &str) -> Result<
             .file_stem()
             .unwrap_or(path.as_os_str())
             .to_string_lossy();
-        let stem = args.out.join(format!("{name}-{property}"));
+        let stem = args.maps.out.join(format!("{name}-{property}"));
         let photograph = model.read(path, scale).map_err(anyhow::Error::from);
         match photograph.and_then(|photograph| wanted.write(model, &photograph, &stem)) {
             Ok(said) => println!("{said}"),
@@ -325,11 +339,14 @@ impl<'a> Printer<'a> {
             args,
             level: model.fitted().level().get(),
             no_interval: model.no_interval(),
-            csv: args.csv.then(|| csv::Writer::from_writer(io::stdout())),
+            csv: args
+                .format
+                .csv
+                .then(|| csv::Writer::from_writer(io::stdout())),
         };
         if let Some(csv) = &mut printer.csv {
             csv.write_record(["surface", "property", "value", "low", "high", "familiar"])?;
-        } else if !args.json {
+        } else if !args.format.json {
             let share = 100.0 * printer.level;
             println!(
                 "{:<4}  {:<26} {:>7}   {share:.0} % interval",
@@ -341,7 +358,7 @@ impl<'a> Printer<'a> {
 
     fn print(&mut self, surface: &Surface, answer: &Answer) -> Result<()> {
         let unfamiliar = answer.familiar.is_some_and(|p| p <= self.args.unfamiliar);
-        if self.args.json {
+        if self.args.format.json {
             let line = Line {
                 surface: &surface.name,
                 images: &surface.images,
@@ -375,7 +392,7 @@ impl<'a> Printer<'a> {
     }
 
     fn end(&self) {
-        if !self.args.json && !self.args.csv {
+        if !self.args.format.json && !self.args.format.csv {
             for (property, reason) in &self.no_interval {
                 println!("{property}: no interval, {reason}");
             }

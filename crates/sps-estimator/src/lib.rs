@@ -16,8 +16,8 @@
 //!
 //! # Features
 //!
-//! `exr` (default) reads photographs in OpenEXR; `clusters` fits heads that learn from labels by
-//! k-means.
+//! Both are on by default: `clusters` fits and reads heads that learn from labels by k-means, `exr` reads
+//! photographs in OpenEXR.
 
 mod artefact;
 mod embedder;

@@ -59,7 +59,7 @@ impl Encoder {
     ///
     /// # Errors
     ///
-    /// When the image does not fill its size or has a side below [`EncoderKind::min_size`]; when the
+    /// When the image does not fill its size or has a side below the network's least; when the
     /// window is larger than the image or smaller than a cell of the feature map, or the stride is 0.
     pub fn embed_windows(
         &self,

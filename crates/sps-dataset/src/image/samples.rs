@@ -43,9 +43,11 @@ impl Samples {
     /// pixels show `background`, mixed in the display-referred values as browsers do.
     pub(super) fn to_frame(&self, background: [f32; 3]) -> Frame {
         let Extent { width, height } = self.extent;
-        let mut data = vec![0.0; 3 * width * height];
-        for (y, row) in data.chunks_exact_mut(3 * width).enumerate() {
-            self.read_row(y, background, row);
+        let mut data = Vec::with_capacity(3 * width * height);
+        let mut row = vec![0.0; 3 * width];
+        for y in 0..height {
+            self.read_row(y, background, &mut row);
+            data.extend_from_slice(&row);
         }
         Frame {
             width,

@@ -16,14 +16,22 @@ use sps_models::encoders::{Encoder, EncoderKind};
 use sps_models::heads::{Plan, Rerun, TrainingData, Views};
 use sps_models::ridge::{Ridge, RidgeConfig};
 use sps_models::{Embeddings, Readings};
-use support::{Scratch, expect, message, xtask};
+use support::{Scratch, expect, message, root, xtask};
 
 /// The frames of the tiny dataset.
 const SIDE: u32 = 32;
 
 /// A scratch folder with a model in `model`, its config with `more` set.
 fn fitted(more: &[&str]) -> Scratch {
+    fitted_on(&str::to_owned, more)
+}
+
+/// The same on readings that `change` makes of the dataset's.
+fn fitted_on(change: &dyn Fn(&str) -> String, more: &[&str]) -> Scratch {
     let scratch = Scratch::new();
+    let readings = scratch.path("data/tactile.csv");
+    let text = fs::read_to_string(&readings).unwrap();
+    fs::write(&readings, change(&text)).unwrap();
     scratch.edit(
         "tiny.toml",
         "[cache]",
@@ -228,4 +236,98 @@ fn a_model_that_resizes_is_not_resized() {
     let image = scratch.path("data/frames/oak-01/002.jpg");
     let refused = predict(&scratch, &["--resize", "24"], &[image]).assert();
     expect(&message(refused), &["--resize", "16 pixels"]);
+}
+
+/// Nothing that learns has seen the readings that calibrate intervals, an encoder as little as a
+/// regression.
+#[test]
+fn an_encoder_that_is_trained_does_not_see_what_calibrates() {
+    let trained = "methods=[{ id = \"ridge\", label = \"Ridge\", kind = \"ridge\", \
+        encoder = { trainable = true, training = { epochs = 1, batch-size = 4 } } }]";
+    let dataset = root().join("fixtures/tiny-dataset");
+    let dataset = DatasetFolder::open(&dataset, &ReadSettings::default()).unwrap();
+    let units = Units::of(dataset.surfaces(), KeepGroups::Never);
+    let all: Vec<usize> = (0..6).collect();
+    let part = units.keep_aside(&all, 0.34, 0, "random split", 0).unwrap();
+    let weights = |changed: Option<usize>| {
+        let read = |text: &str| {
+            let surface = changed.map(|surface| dataset.surfaces()[surface].id.clone());
+            let lines = text.lines().enumerate().map(|(number, line)| {
+                let cells: Vec<&str> = line.split(',').collect();
+                if number > 0 && surface.as_deref() == Some(cells[0]) {
+                    let cells = cells.iter().enumerate();
+                    let cells = cells.map(|(at, cell)| if at < 3 { cell } else { "1" });
+                    cells.collect::<Vec<_>>().join(",")
+                } else {
+                    line.to_owned()
+                }
+            });
+            lines.collect::<Vec<_>>().join("\n") + "\n"
+        };
+        let scratch = fitted_on(&read, &[trained, "train.calibration=0.34"]);
+        fs::read(scratch.path("model/encoder.safetensors")).unwrap()
+    };
+    let before = weights(None);
+    assert!(weights(Some(part.validation[0])) == before);
+    assert!(weights(Some(part.train[0])) != before);
+}
+
+#[test]
+fn a_map_is_a_picture_and_numbers() {
+    let scratch = fitted(&[]);
+    let photograph = scratch.path("wide.png");
+    let pixel = |x: u32, y: u32| Rgb([(x * 4 % 256) as u8, (y * 7 % 256) as u8, 90]);
+    RgbImage::from_fn(3 * SIDE, SIDE, pixel)
+        .save(&photograph)
+        .unwrap();
+    let map = |options: &[&str], images: &[PathBuf]| {
+        let mut command = xtask();
+        command
+            .args(["predict", "--map", "fRS", "--model"])
+            .arg(scratch.path("model"));
+        command
+            .arg("--out")
+            .arg(scratch.path("maps"))
+            .args(options)
+            .args(images);
+        command
+    };
+    for options in [&[][..], &["--alone"]] {
+        let output = map(options, std::slice::from_ref(&photograph))
+            .assert()
+            .success();
+        let said = String::from_utf8_lossy(&output.get_output().stdout).into_owned();
+        assert!(
+            said.contains("wide-fRS.png") && said.contains("1 x 17 places"),
+            "{said}"
+        );
+        let numbers = fs::read(scratch.path("maps/wide-fRS.npy")).unwrap();
+        assert_eq!(numbers.len(), 128 + 17 * 4 * 8);
+        let picture = image::open(scratch.path("maps/wide-fRS.png")).unwrap();
+        assert!(picture.width() > 3 * SIDE);
+    }
+    let two =
+        ["oak-01/002.jpg", "oak-02/002.jpg"].map(|name| scratch.path("data/frames").join(name));
+    let refused = map(&[], &two).assert();
+    expect(&message(refused), &["would have the same map", "002-fRS"]);
+}
+
+#[test]
+fn what_no_photographs_can_be_taken_for_is_not_kept() {
+    let refused = |method: &str, named: &[&str]| {
+        let scratch = Scratch::new();
+        let mut train = xtask();
+        train.arg("train").arg(scratch.path("tiny.toml"));
+        train.arg("--set").arg(format!("methods=[{method}]"));
+        let refused = train.arg("--out").arg(scratch.path("model")).assert();
+        expect(&message(refused), named);
+    };
+    let twice = "{ id = \"r\", label = \"R\", kind = \"ridge\", views = 5, selector = { kind = \"random\" } }";
+    refused(twice, &["looks at view", "twice", "`distinct = true`"]);
+    let learned = "{ id = \"r\", label = \"R\", kind = \"ridge\", views = 2, \
+        selector = { kind = \"greedy\" }, refit = {} }";
+    refused(learned, &["no fixed views"]);
+    let sequence = "{ id = \"r\", label = \"R\", kind = \"ridge\", \
+        encoder = { name = \"i3d\", weights = \"untrained\", frames = 3 } }";
+    refused(sequence, &["looks at a sequence by i3d"]);
 }

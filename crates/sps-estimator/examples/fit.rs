@@ -6,7 +6,8 @@ use std::path::PathBuf;
 
 use sps_dataset::{KeepGroups, Surface, Units};
 use sps_estimator::{
-    About, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted, Widths,
+    About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted,
+    Widths,
 };
 use sps_metrics::Level;
 use sps_models::candle::{Device, Tensor};
@@ -58,9 +59,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }],
         one_by_one: false,
         widths: Widths::ByPhotograph,
-        calibration: 0.3,
-        level: Level::P90,
-        seed: 0,
+        calibration: Calibration {
+            share: 0.3,
+            level: Level::P90,
+            seed: 0,
+        },
     };
     let examples = Examples {
         data: TrainingData::new(&embeddings, &readings).with_units(units.of_surface()),

@@ -117,8 +117,11 @@ impl Embedder {
     ///
     /// # Errors
     ///
-    /// A network that gives numbers that are not finite.
+    /// A size of no pixel, a network that gives numbers that are not finite.
     pub fn new(network: Network, resize: Option<usize>) -> Result<Self> {
+        if resize == Some(0) {
+            return Err(Error::input("resize", 0, "at least a pixel"));
+        }
         let mut embedder = Self {
             network,
             resize,

@@ -192,11 +192,13 @@ impl Estimator {
     }
 
     fn shorter_side(&self, scale: Scale) -> Option<usize> {
-        match (self.embedder.resize(), scale) {
-            (Some(own), _) => Some(own),
-            (None, Scale::OfModel) => self.about.frame_size.into_iter().min(),
-            (None, Scale::ShorterSide(pixels)) => Some(pixels),
-            (None, Scale::Keep) => None,
+        match scale {
+            Scale::OfModel => {
+                let of_frames = self.about.frame_size.into_iter().min();
+                self.embedder.resize().or(of_frames)
+            }
+            Scale::ShorterSide(pixels) => Some(pixels),
+            Scale::Keep => None,
         }
     }
 

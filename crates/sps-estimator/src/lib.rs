@@ -37,9 +37,8 @@ pub use error::{Error, Result};
 pub use estimator::{About, Answer, Estimate, Estimator, Measured, Scale};
 pub use fitted::{Fitted, FittedOn, Predicted, Predictions};
 pub use map::{Map, Sight};
-pub use novelty::Familiar;
 pub use radius::radius;
-pub use recipe::{Examples, Recipe, Wanted, Widths};
+pub use recipe::{Calibration, Examples, Recipe, Wanted, Widths};
 pub use regression::{Regression, Stacked, early_stopped};
 pub use session::{Looked, Session};
 /// A photograph.

@@ -1,6 +1,7 @@
 //! An estimate at every place of a photograph.
 
 use sps_dataset::{Extent, Frame};
+use sps_models::encoders::Windows;
 
 use crate::error::{Error, Result};
 use crate::estimator::Estimator;
@@ -40,52 +41,65 @@ pub enum Sight {
 }
 
 impl Estimator {
-    /// Estimates every property in windows of a photograph, `stride` pixels apart. A pixel of the
-    /// photograph shows as much of a surface as one of the photographs that the model was fitted on,
-    /// after it was brought to the model's own size. Neighbouring windows share pixels, and none is a
-    /// new surface of its own: intervals and p-values hold for each alone.
+    /// Estimates every property in windows of a photograph, `stride` pixels apart. A pixel of it shows
+    /// as much of a surface as one of the photographs that the model was fitted on, as they came: where
+    /// the model brings those to a size of its own, the map's photograph shrinks or grows as they did.
+    /// Neighbouring windows share pixels, and none is a new surface of its own: intervals and p-values
+    /// hold for each alone.
     ///
     /// # Errors
     ///
-    /// A model of several views, a photograph smaller than a window, a stride of 0.
+    /// A model of several views, a photograph without its pixels or smaller than a window, a stride of
+    /// 0, more windows than a gibibyte of embeddings holds.
     pub fn map(&self, photograph: &Frame, stride: usize, sight: Sight) -> Result<Map> {
         if !self.fitted.steps().eq([1]) {
             let found = format!("one of {} views", self.about.angles.len());
-            return Err(Error::input(
-                "model",
-                found,
-                "one that looks at a single photograph",
-            ));
+            let expected = "one that looks at a single photograph";
+            return Err(Error::input("model", found, expected));
         }
+        let scale = self.scale();
+        let shorter = photograph.width.min(photograph.height) as f64 * scale;
+        let scaled = photograph.resized((shorter.round() as usize).max(1))?;
         let window = self.window();
-        let encoder = self.embedder.network().of_images()?;
-        let size = [photograph.height, photograph.width];
-        let mut windows = encoder.embed_windows(&photograph.data, size, window, stride)?;
-        if sight == Sight::Alone {
-            windows.embeddings = self.each_alone(photograph, window, &windows.centres)?;
-        }
-        let count = windows.rows * windows.columns;
-        let embeddings = self.embeddings(&windows.embeddings, count, 1)?;
+        let size = [scaled.height, scaled.width];
+        let stride = match stride {
+            0 => 0,
+            stride => ((stride as f64 * scale).round() as usize).max(1),
+        };
+        let windows = Windows::new(size, window, stride)?;
+        let embeddings = match sight {
+            Sight::Within => {
+                let encoder = self.embedder.network().of_images()?;
+                let windows = encoder.embed_windows(&scaled.data, size, window, stride)?;
+                windows.embeddings
+            }
+            Sight::Alone => self.each_alone(&scaled, window, &windows)?,
+        };
+        let [rows, columns] = windows.counts();
+        let embeddings = self.embeddings(&embeddings, rows * columns, 1)?;
+        let as_it_came = |[y, x]: [f64; 2]| {
+            let down = photograph.height as f64 / scaled.height as f64;
+            let right = photograph.width as f64 / scaled.width as f64;
+            [y * down, x * right]
+        };
         Ok(Map {
-            rows: windows.rows,
-            columns: windows.columns,
-            window,
-            centres: windows.centres,
+            rows,
+            columns,
+            window: self.about.frame_size,
+            centres: windows.centres().into_iter().map(as_it_came).collect(),
             predictions: self.fitted.predict(&embeddings)?,
         })
     }
 
-    /// The embeddings of windows with these centres, each encoded as a photograph of its own.
+    /// The embeddings of windows, each encoded as a photograph of its own.
     fn each_alone(
         &self,
         photograph: &Frame,
         [height, width]: [usize; 2],
-        centres: &[[f64; 2]],
+        windows: &Windows,
     ) -> Result<Vec<f32>> {
         const AT_ONCE: usize = 32;
-        let crop = |&[y, x]: &[f64; 2]| {
-            let top = (y - height as f64 / 2.0) as usize;
-            let left = (x - width as f64 / 2.0) as usize;
+        let crop = |&[top, left]: &[usize; 2]| {
             let row = |y: usize| &photograph.data[3 * (y * photograph.width + left)..][..3 * width];
             Frame {
                 width,
@@ -94,8 +108,9 @@ impl Estimator {
             }
         };
         let mut embeddings = Vec::new();
-        for centres in centres.chunks(AT_ONCE) {
-            let crops: Vec<Frame> = centres.iter().map(crop).collect();
+        let corners: Vec<[usize; 2]> = windows.corners().collect();
+        for corners in corners.chunks(AT_ONCE) {
+            let crops: Vec<Frame> = corners.iter().map(crop).collect();
             embeddings.extend(self.embedder.embed(&crops)?);
         }
         Ok(embeddings)
@@ -104,11 +119,18 @@ impl Estimator {
     /// How far apart windows of a map lie where nothing else is asked for, in pixels: an eighth of the
     /// shorter side of one.
     pub fn stride(&self) -> usize {
-        let [height, width] = self.window();
+        let [height, width] = self.about.frame_size;
         (height.min(width) / STEPS_PER_WINDOW).max(1)
     }
 
-    /// Height and width of a map's windows: those of the photographs fitted on, as the encoder saw them.
+    /// How much smaller the encoder sees a photograph than it came.
+    fn scale(&self) -> f64 {
+        let [height, width] = self.about.frame_size;
+        let own = self.embedder.resize();
+        own.map_or(1.0, |own| own as f64 / height.min(width) as f64)
+    }
+
+    /// Height and width of the photographs that were fitted, as the encoder saw them.
     fn window(&self) -> [usize; 2] {
         let [height, width] = self.about.frame_size;
         let frames = Extent { width, height };

@@ -9,7 +9,7 @@ use sps_metrics::{ConformalError, GroupConformal, Level, SplitConformal};
 ///
 /// # Errors
 ///
-/// Too few surfaces or groups for the level, a residual that is not finite.
+/// Too few surfaces or groups for the level, a residual that is not finite, a surface of no unit.
 pub fn radius(
     units: &Units,
     residuals: &[(usize, f64)],
@@ -20,9 +20,9 @@ pub fn radius(
         Unit::Surface => Ok(SplitConformal::from_residuals(&residuals, level)?.radius()),
         Unit::Group => {
             let of_surface = units.of_surface();
-            let groups: Vec<usize> = surfaces
-                .iter()
-                .map(|&surface| of_surface[surface])
+            let groups = surfaces.iter();
+            let groups: Vec<usize> = groups
+                .filter_map(|&surface| of_surface.get(surface).copied())
                 .collect();
             Ok(GroupConformal::from_residuals(&residuals, &groups, level)?.radius())
         }

@@ -51,12 +51,40 @@ pub struct Recipe {
     pub one_by_one: bool,
     /// How wide intervals are.
     pub widths: Widths,
-    /// Share of the surfaces that is kept aside to calibrate intervals on, in (0, 1).
-    pub calibration: f64,
+    /// What they promise, and on what.
+    pub calibration: Calibration,
+}
+
+/// What intervals promise, and the surfaces that they are calibrated on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Calibration {
+    /// Share of the surfaces that is kept aside, in (0, 1).
+    pub share: f64,
     /// Share of new units whose truth an interval holds.
     pub level: Level,
-    /// Keys every random draw.
+    /// Keys every random draw of a fit.
     pub seed: u64,
+}
+
+impl Calibration {
+    /// The surfaces to fit to, and those that calibrate (`validation`), which nothing may learn from:
+    /// neither a regression nor the encoder of its embeddings. Units stay whole. [`Recipe::fit`] parts
+    /// the same surfaces under the same number in the same way.
+    ///
+    /// # Errors
+    ///
+    /// A share that is not between 0 and 1, fewer than two units.
+    pub fn part(&self, units: &Units, surfaces: &[usize], number: u64) -> Result<Split> {
+        let Self { share, seed, .. } = *self;
+        if !(share > 0.0 && share < 1.0) {
+            return Err(Error::input(
+                "calibration",
+                share,
+                "a share between 0 and 1",
+            ));
+        }
+        Ok(units.keep_aside(surfaces, share, seed, "random split", number)?)
+    }
 }
 
 /// Tables to fit to, with what must not be parted.
@@ -79,13 +107,7 @@ impl Recipe {
     pub fn fit(&self, examples: &Examples<'_>, surfaces: &[usize], number: u64) -> Result<Fitted> {
         let slots = self.slots()?;
         let units = examples.units;
-        let split = units.keep_aside(
-            surfaces,
-            self.calibration,
-            self.seed,
-            "random split",
-            number,
-        )?;
+        let split = self.calibration.part(units, surfaces, number)?;
         let folds = self.folds(units, &split, number)?;
         let steps: Vec<usize> = if self.one_by_one {
             (1..=slots.len()).collect()
@@ -112,7 +134,7 @@ impl Recipe {
                 Ok(Group {
                     properties: members.clone(),
                     slots: looked[..views].iter().filter_map(slot).collect(),
-                    step: Step::fit(&regression, data, self.seed, &looks, views)?,
+                    step: Step::fit(&regression, data, self.calibration.seed, &looks, views)?,
                 })
             };
             let groups = groups.iter().map(of_group);
@@ -127,7 +149,7 @@ impl Recipe {
             measures: self.measures(examples, surfaces),
             stages,
             familiar: Familiar::of(&seen, &steps),
-            level: self.level,
+            level: self.calibration.level,
             on: FittedOn {
                 surfaces: surfaces.len(),
                 units: units.among(surfaces),
@@ -143,7 +165,7 @@ impl Recipe {
     ///
     /// # Errors
     ///
-    /// No property or no view, views that differ where they are looked at one by one.
+    /// No property or no view; views that differ, or one twice, where they are looked at one by one.
     pub fn slots(&self) -> Result<Vec<usize>> {
         let mut slots = Vec::new();
         for wanted in &self.wanted {
@@ -152,7 +174,15 @@ impl Recipe {
                 let expected = "the same for all properties, to look at one by one";
                 return Err(Error::input("views", found, expected));
             }
-            for view in &wanted.views {
+            for (at, view) in wanted.views.iter().enumerate() {
+                if self.one_by_one && wanted.views[..at].contains(view) {
+                    let expected = "each once, to look at one by one";
+                    return Err(Error::input(
+                        "views",
+                        format!("view {view} twice"),
+                        expected,
+                    ));
+                }
                 if !slots.contains(view) {
                     slots.push(*view);
                 }
@@ -184,7 +214,13 @@ impl Recipe {
         if self.widths == Widths::Constant {
             return whole();
         }
-        match units.folds(&split.train, FOLDS, self.seed, "expected errors", number) {
+        match units.folds(
+            &split.train,
+            FOLDS,
+            self.calibration.seed,
+            "expected errors",
+            number,
+        ) {
             Ok(folds) => Ok(folds.into_iter().map(|fold| fold.validation).collect()),
             Err(SplitError::TooFew { .. }) => whole(),
             Err(error) => Err(error.into()),
@@ -229,7 +265,7 @@ impl Recipe {
             let scored = surfaces.iter().zip(&scores[at]).zip(truths(at));
             let scored = scored.filter(|(_, truth)| truth.is_some());
             let scored: Vec<(usize, f64)> = scored.map(|((&s, &score), _)| (s, score)).collect();
-            let quantile = radius(examples.units, &scored, self.level);
+            let quantile = radius(examples.units, &scored, self.calibration.level);
             measure.interval = match quantile {
                 Ok(times) => Interval::Errors(times),
                 Err(reason) => Interval::None(reason.to_string()),

@@ -1,16 +1,22 @@
 //! Files that were damaged, made up, or written by another version.
 
+#[path = "../../../fixtures/fuzz/mod.rs"]
+mod fuzz;
 mod support;
 
 use std::fs;
 use std::path::Path;
 
-use proptest::prelude::*;
+use fuzz::{Damage, damaged, fuzz, nested, with_header};
+use proptest::prelude::any;
 use serde_json::{Value, json};
-use sps_estimator::Estimator;
+use sps_estimator::{Estimator, Sight};
 use sps_models::heads::{Plan, Rerun};
 use sps_models::ridge::{Ridge, RidgeConfig};
 use support::{Tables, embedder, photograph, recipe, ridge};
+
+#[global_allocator]
+static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
 
 fn kept() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -103,26 +109,52 @@ fn texts_that_no_fit_writes_are_refused() {
     }
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
-
-    /// Whatever is in its text, a model is read or refused.
-    #[test]
-    fn damaged_texts_do_not_panic(at in 0.0_f64..1.0, bytes in prop::collection::vec(any::<u8>(), 1..8)) {
-        thread_local!(static KEPT: tempfile::TempDir = kept());
-        KEPT.with(|folder| {
-            let path = folder.path().join("estimator.json");
-            let whole = fs::read(&path).unwrap();
-            let mut damaged = whole.clone();
-            let from = (at * whole.len() as f64) as usize;
-            for (byte, new) in damaged[from..].iter_mut().zip(&bytes) {
-                *byte = *new;
-            }
-            fs::write(&path, damaged).unwrap();
-            drop(Estimator::load(folder.path()));
-            fs::write(&path, whole).unwrap();
-        });
-    }
+/// A model whose files are damaged with their checksums made anew, as whoever means harm would.
+#[test]
+fn any_damage_is_refused_or_harmless() {
+    let folder = kept();
+    let folder = folder.path();
+    let names: Vec<String> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    let wholes: Vec<Vec<u8>> = names
+        .iter()
+        .map(|name| fs::read(folder.join(name)).unwrap())
+        .collect();
+    let card = names
+        .iter()
+        .position(|name| name == "estimator.json")
+        .unwrap();
+    let asked = [photograph(40, 0)];
+    let input = (0..names.len(), Damage::some(), any::<bool>());
+    fuzz("artefacts", &input, |(file, damages, in_header)| {
+        let whole = &wholes[file];
+        let tensors = names[file].ends_with("safetensors");
+        let bytes = if tensors && in_header {
+            with_header(whole, |header| damaged(header, &damages))
+        } else {
+            damaged(whole.clone(), &damages)
+        };
+        fs::write(folder.join(&names[file]), &bytes).unwrap();
+        if file != card {
+            let mut text: Value = serde_json::from_slice(&wholes[card]).unwrap();
+            let sum = blake3::hash(&bytes).to_hex().to_string();
+            text["checksums"][&names[file]] = sum.into();
+            fs::write(folder.join("estimator.json"), text.to_string()).unwrap();
+        }
+        if let Ok(model) = Estimator::load(folder) {
+            drop(model.predict(&asked));
+            drop(model.map(&asked[0], model.stride(), Sight::Within));
+            drop(model.session(1.0));
+        }
+        fs::write(folder.join(&names[file]), whole).unwrap();
+        fs::write(folder.join("estimator.json"), &wholes[card]).unwrap();
+    });
+    nested("artefacts", |text| {
+        fs::write(folder.join("estimator.json"), text).unwrap();
+        assert!(Estimator::load(folder).is_err());
+    });
 }
 
 /// As the first version wrote it: a regression, and a radius.

@@ -5,7 +5,10 @@ mod support;
 use std::fs;
 use std::thread;
 
-use sps_estimator::{Estimator, Frame, Regression, Scale, Sight, Stacked, Widths};
+use sps_estimator::{
+    Embedder, Estimator, Frame, Regression, Scale, Sight, Stacked, Widths, radius,
+};
+use sps_metrics::Level;
 use sps_models::heads::{Head, HeadConfig, Input};
 use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use support::{Tables, embedder, photograph, recipe, ridge};
@@ -325,6 +328,44 @@ fn a_map_says_of_each_place_what_is_said_of_the_crop() {
     );
 }
 
+/// The places of a map are those of the photograph as it came, whatever the encoder sees.
+#[test]
+fn a_map_by_a_model_with_a_size_of_its_own_has_the_places_of_the_photograph() {
+    let tables = Tables::resized(30, Some(16));
+    let estimator = tables.estimator(&recipe(ridge(), &[0]));
+    let photograph = photograph(40, 0);
+    let rows = photograph.data.chunks(3 * 32);
+    let twice = Frame {
+        width: 64,
+        height: 32,
+        data: rows.flat_map(|row| [row, row].concat()).collect(),
+    };
+    let map = estimator.map(&twice, 16, Sight::Alone).unwrap();
+    assert_eq!((map.rows, map.columns, map.window), (1, 3, [32, 32]));
+    assert_eq!(map.centres, [[16.0, 16.0], [16.0, 32.0], [16.0, 48.0]]);
+    // But for what the filter takes from beyond the edge.
+    let alone = estimator.predict(&[photograph]).unwrap().estimates[0].value;
+    let of_map = &map.predictions.properties[0].values;
+    assert!((of_map[0] - alone).abs() < 2.0, "{of_map:?} {alone}");
+}
+
+/// Whatever calibrates is not among what is fitted to.
+#[test]
+fn a_fit_does_not_hang_on_readings_that_calibrate_it() {
+    let mut tables = Tables::new(40, 1, 1);
+    let recipe = recipe(ridge(), &[0]);
+    let all: Vec<usize> = (0..40).collect();
+    let part = recipe.calibration.part(&tables.units, &all, 0).unwrap();
+    let asked = photographs(70, &[0]);
+    let value =
+        |tables: &Tables| tables.estimator(&recipe).predict(&asked).unwrap().estimates[0].value;
+    let before = value(&tables);
+    tables.set(part.validation[0], 500.0);
+    assert_eq!(value(&tables), before);
+    tables.set(part.train[0], 500.0);
+    assert_ne!(value(&tables), before);
+}
+
 #[test]
 fn what_does_not_fit_together_is_refused() {
     let tables = Tables::new(20, 2, 1);
@@ -348,6 +389,26 @@ fn what_does_not_fit_together_is_refused() {
         .unwrap()
         .to_string();
     assert!(error.contains("one for each of 2 views"), "{error}");
+    let mut twice = recipe(ridge(), &[0, 1, 0]);
+    twice.one_by_one = true;
+    let error = twice.slots().unwrap_err().to_string();
+    assert!(error.contains("view 0 twice"), "{error}");
+    let mut share = recipe(ridge(), &[0]);
+    share.calibration.share = 1.5;
+    let error = share
+        .fit(&tables.examples(), &all, 0)
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(error.contains("calibration: found 1.5"), "{error}");
+    let beyond = radius(&Tables::new(8, 1, 2).units, &[(99, 1.0)], Level::P90);
+    assert!(beyond.is_err());
+    let no_pixel = Embedder::new(embedder().network().clone(), Some(0)).unwrap_err();
+    assert!(no_pixel.to_string().contains("resize"), "{no_pixel}");
+    let mut short = photograph(0, 0);
+    short.data.pop();
+    let one_view = tables.estimator(&recipe(ridge(), &[0]));
+    assert!(one_view.map(&short, 16, Sight::Alone).is_err());
     let mut none = recipe(ridge(), &[0]);
     none.wanted.clear();
     assert!(none.fit(&tables.examples(), &all, 0).is_err());

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use sps_dataset::{
     DatasetFolder, Frame, KeepGroups, Property, ReadSettings, Source, TactileSettings, Units,
 };
-use sps_estimator::{Embedder, Examples, Network, Recipe, Regression, Wanted, Widths};
+use sps_estimator::{Calibration, Embedder, Examples, Network, Recipe, Regression, Wanted, Widths};
 use sps_metrics::Level;
 use sps_models::candle::{Device, Tensor};
 use sps_models::encoders::{Encoder, EncoderKind};
@@ -75,9 +75,11 @@ fn a_material_that_was_left_out_is_unfamiliar() {
         }],
         one_by_one: false,
         widths: Widths::ByPhotograph,
-        calibration: 0.25,
-        level: Level::P90,
-        seed: 0,
+        calibration: Calibration {
+            share: 0.25,
+            level: Level::P90,
+            seed: 0,
+        },
     };
     let examples = Examples {
         data: TrainingData::new(&embeddings, &readings).with_units(units.of_surface()),

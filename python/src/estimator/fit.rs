@@ -5,8 +5,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sps_dataset::{DecodeSettings, Extent, KeepGroups, Surface, Units};
 use sps_estimator::{
-    About, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted, Widths,
-    read_photograph,
+    About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted,
+    Widths, read_photograph,
 };
 use sps_models::candle::{Device, Tensor};
 use sps_models::encoders::Encoder;
@@ -126,9 +126,6 @@ impl Seen {
         resize: Option<usize>,
     ) -> PyResult<Self> {
         let py = photographs.py();
-        if resize == Some(0) {
-            return Err(value_error("resize: found 0, expected at least a pixel"));
-        }
         let network = Network::Images(encoder.clone());
         let embedder = py.detach(|| Embedder::new(network, resize));
         let embedder = embedder.map_err(|error| estimator_error(&error))?;
@@ -189,9 +186,7 @@ pub(crate) struct Settings {
     pub(crate) regression: Regression,
     pub(crate) one_by_one: bool,
     pub(crate) angles: Option<Vec<f64>>,
-    pub(crate) calibration: f64,
-    pub(crate) level: sps_metrics::Level,
-    pub(crate) seed: u64,
+    pub(crate) calibration: Calibration,
     pub(crate) name: String,
 }
 
@@ -224,8 +219,6 @@ impl Settings {
             one_by_one: self.one_by_one,
             widths: Widths::ByPhotograph,
             calibration: self.calibration,
-            level: self.level,
-            seed: self.seed,
         };
         let data = TrainingData::new(&seen.embeddings, &felt.readings);
         let examples = Examples {

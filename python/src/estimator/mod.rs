@@ -13,7 +13,7 @@ use std::sync::Arc;
 use numpy::{AllowTypeChange, PyArrayLikeDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sps_estimator::{Scale as Brought, Sight};
+use sps_estimator::{Calibration, Scale as Brought, Sight};
 use sps_metrics::Level;
 
 pub(crate) use self::answer::{Answer, Estimate};
@@ -98,9 +98,11 @@ impl Estimator {
             regression: self::regression(regression)?,
             one_by_one,
             angles,
-            calibration,
-            level: Level::new(level).map_err(value_error)?,
-            seed,
+            calibration: Calibration {
+                share: calibration,
+                level: Level::new(level).map_err(value_error)?,
+                seed,
+            },
             name: name.to_owned(),
         };
         let felt = Felt::new(&values, properties, groups)?;
@@ -131,7 +133,7 @@ impl Estimator {
         photographs: &Bound<'_, PyAny>,
         scale: Scale,
     ) -> PyResult<Answer> {
-        let reader = Reader::new(&self.model, scale, Brought::OfModel)?;
+        let reader = Reader::new(&self.model, scale, false)?;
         let mut images = Images::new(String::new(), photographs)?;
         let values = embed_each(py, &mut images, |images| reader.embed(images))?;
         let count = values.len() / self.model.embedder().width();
@@ -154,7 +156,7 @@ impl Estimator {
         surfaces: &Bound<'_, PyAny>,
         scale: Scale,
     ) -> PyResult<Vec<Answer>> {
-        let reader = Reader::new(&self.model, scale, Brought::OfModel)?;
+        let reader = Reader::new(&self.model, scale, false)?;
         let mut surfaces = Surfaces::new(surfaces)?;
         let values = embed_each(py, &mut surfaces, |images| reader.embed(images))?;
         py.detach(|| self.answers(&values, &surfaces.counts))
@@ -192,7 +194,7 @@ impl Estimator {
         scale: Scale,
         alone: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let reader = Reader::new(&self.model, scale, Brought::Keep)?;
+        let reader = Reader::new(&self.model, scale, true)?;
         let photograph = Image::new("the photograph".to_owned(), photograph)?;
         let stride = stride.unwrap_or_else(|| self.model.stride());
         let sight = if alone { Sight::Alone } else { Sight::Within };

@@ -40,15 +40,12 @@ pub(crate) struct Reader<'m> {
 }
 
 impl<'m> Reader<'m> {
-    /// Refuses another scale than the `usual` one of a model that has a size of its own for all
-    /// photographs.
-    pub(crate) fn new(
-        model: &'m Estimator,
-        scale: Scale,
-        usual: sps_estimator::Scale,
-    ) -> PyResult<Self> {
+    /// Refuses another scale than its own of a model that has one for all photographs, unless they are
+    /// `for_map`, whose scale is that of the photographs fitted on as they came.
+    pub(crate) fn new(model: &'m Estimator, scale: Scale, for_map: bool) -> PyResult<Self> {
         let embedder = model.embedder();
-        if let Some(own) = embedder.resize().filter(|_| scale.0 != usual) {
+        let own = embedder.resize().filter(|_| !for_map);
+        if let Some(own) = own.filter(|_| scale.0 != sps_estimator::Scale::OfModel) {
             return Err(value_error(format_args!(
                 "scale: the model itself brings the shorter side of every photograph to {own} pixels"
             )));

@@ -69,7 +69,7 @@ impl Session {
     ) -> PyResult<Looked> {
         let photograph = Image::new("the photograph".to_owned(), photograph)?;
         let Self { model, session } = self;
-        let reader = Reader::new(model, scale, Brought::OfModel)?;
+        let reader = Reader::new(model, scale, false)?;
         let looked = py.detach(|| {
             let looked = session.look(&reader.frame(photograph)?);
             looked.map_err(|error| estimator_error(&error))

@@ -205,9 +205,6 @@ impl Card {
         if self.measures.is_empty() || self.stages.is_empty() {
             return Err("no property, expected at least one".to_owned());
         }
-        if self.encoder.resize == Some(0) {
-            return Err("resize is 0, expected at least a pixel".to_owned());
-        }
         let positive = |value: f64| value.is_finite() && value >= 0.0;
         for measure in &self.measures {
             let ends = measure.lowest.zip(measure.highest);

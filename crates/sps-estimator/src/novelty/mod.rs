@@ -3,13 +3,12 @@
 use rayon::prelude::*;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use sps_models::Embeddings;
+use sps_models::nearest::squared_distance;
 
 use crate::error::{Error, Result};
 
 /// Neighbours that a distance is the mean over.
 const NEIGHBOURS: usize = 5;
-/// Sums that a distance is added up in side by side.
-const LANES: usize = 16;
 
 /// Surfaces that others are held against.
 ///
@@ -21,7 +20,7 @@ const LANES: usize = 16;
 /// Where the new surface and those fitted on are exchangeable, a p-value of at most q comes up with a
 /// probability of at most q, whatever the distribution.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Familiar {
+pub(crate) struct Familiar {
     surfaces: usize,
     views: usize,
     width: usize,
@@ -70,7 +69,7 @@ impl Familiar {
     /// # Errors
     ///
     /// Embeddings of another width, or of a number of views that was not fitted.
-    pub fn p_values(&self, embeddings: &Embeddings) -> Result<Vec<f64>> {
+    pub(crate) fn p_values(&self, embeddings: &Embeddings) -> Result<Vec<f64>> {
         let step = self
             .nearest
             .iter()
@@ -242,19 +241,6 @@ fn mean(squares: impl Iterator<Item = f32>) -> f64 {
         count += 1.0;
     }
     sum / f64::max(count, 1.0)
-}
-
-fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
-    let (a, rest_of_a) = a.as_chunks::<LANES>();
-    let (b, rest_of_b) = b.as_chunks::<LANES>();
-    let mut sums = [0.0; LANES];
-    for (a, b) in a.iter().zip(b) {
-        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-            *sum += (a - b) * (a - b);
-        }
-    }
-    let rest = rest_of_a.iter().zip(rest_of_b);
-    sums.iter().sum::<f32>() + rest.map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
 }
 
 #[cfg(test)]

@@ -1,9 +1,12 @@
 //! Surfaces whose brightness is felt, and what they look like.
 
+#![allow(dead_code, reason = "each test file uses a part")]
+
 use sps_base::streams::{RngCore, hashed_stream};
 use sps_dataset::{KeepGroups, Surface, Units};
 use sps_estimator::{
-    About, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted, Widths,
+    About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted,
+    Widths,
 };
 use sps_metrics::Level;
 use sps_models::candle::{Device, Tensor};
@@ -40,8 +43,12 @@ pub(crate) fn photograph(surface: usize, view: usize) -> Frame {
 }
 
 pub(crate) fn embedder() -> Embedder {
+    embedder_of(None)
+}
+
+pub(crate) fn embedder_of(resize: Option<usize>) -> Embedder {
     let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 3, &Device::Cpu).unwrap();
-    Embedder::new(Network::Images(encoder), None).unwrap()
+    Embedder::new(Network::Images(encoder), resize).unwrap()
 }
 
 pub(crate) fn ridge() -> Regression {
@@ -53,14 +60,36 @@ pub(crate) struct Tables {
     pub embeddings: Embeddings,
     pub readings: Readings,
     pub units: Units,
+    resize: Option<usize>,
 }
 
 impl Tables {
     pub(crate) fn new(surfaces: usize, views: usize, of_group: usize) -> Self {
+        Self::of(surfaces, views, of_group, None)
+    }
+
+    /// Single surfaces of one view, brought to a size.
+    pub(crate) fn resized(surfaces: usize, resize: Option<usize>) -> Self {
+        Self::of(surfaces, 1, 1, resize)
+    }
+
+    /// Sets what was read of the first property of a surface.
+    pub(crate) fn set(&mut self, surface: usize, reading: f64) {
+        let properties = self.readings.properties().to_vec();
+        let row = |at: usize| -> Vec<Option<f64>> {
+            let cells = (0..properties.len()).map(|column| self.readings.get(at, column));
+            cells.collect()
+        };
+        let mut rows: Vec<_> = (0..self.readings.surfaces()).map(row).collect();
+        rows[surface][0] = Some(reading);
+        self.readings = Readings::new(properties, &rows).unwrap();
+    }
+
+    fn of(surfaces: usize, views: usize, of_group: usize, resize: Option<usize>) -> Self {
         let frames: Vec<Frame> = (0..surfaces)
             .flat_map(|surface| (0..views).map(move |view| photograph(surface, view)))
             .collect();
-        let values = embedder().embed(&frames).unwrap();
+        let values = embedder_of(resize).embed(&frames).unwrap();
         let width = values.len() / frames.len();
         let shape = (surfaces, views, width);
         let embeddings = Tensor::from_vec(values, shape, &Device::Cpu).unwrap();
@@ -82,6 +111,7 @@ impl Tables {
             embeddings: Embeddings::new(&embeddings).unwrap(),
             readings: Readings::new(vec!["fRS".into(), "felt".into()], &rows).unwrap(),
             units: Units::of(&list, KeepGroups::Auto),
+            resize,
         }
     }
 
@@ -104,7 +134,7 @@ impl Tables {
             angles: views.iter().map(|&view| 10.0 * view as f64).collect(),
             ..About::default()
         };
-        Estimator::new(embedder(), fitted, about).unwrap()
+        Estimator::new(embedder_of(self.resize), fitted, about).unwrap()
     }
 }
 
@@ -119,8 +149,10 @@ pub(crate) fn recipe(regression: Regression, views: &[usize]) -> Recipe {
         wanted: vec![wanted("fRS"), wanted("felt")],
         one_by_one: false,
         widths: Widths::ByPhotograph,
-        calibration: 0.4,
-        level: Level::new(0.8).unwrap(),
-        seed: 1,
+        calibration: Calibration {
+            share: 0.4,
+            level: Level::new(0.8).unwrap(),
+            seed: 1,
+        },
     }
 }

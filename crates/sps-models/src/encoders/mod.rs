@@ -26,7 +26,7 @@ pub use i3d::I3d;
 pub use kind::EncoderKind;
 pub use precision::Precision;
 pub use trainable::TrainableEncoder;
-pub use windows::WindowEmbeddings;
+pub use windows::{WindowEmbeddings, Windows};
 
 use crate::error::{Error, Result};
 use crate::ops::simd::Level;

@@ -60,7 +60,8 @@ impl Encoder {
     /// # Errors
     ///
     /// When the image does not fill its size or has a side below the network's least; when the
-    /// window is larger than the image or smaller than a cell of the feature map, or the stride is 0.
+    /// window is larger than the image or smaller than a cell of the feature map, the stride is 0, or
+    /// the embeddings take more than a gibibyte.
     pub fn embed_windows(
         &self,
         image: &[f32],
@@ -87,9 +88,13 @@ impl Encoder {
     }
 }
 
-/// Windows of one extent on a regular grid over an image, in pixels.
+/// Values that embeddings of windows may have together: a gibibyte.
+const MOST_VALUES: usize = 1 << 28;
+
+/// Windows of one extent on a regular grid over an image, in pixels: those of
+/// [`Encoder::embed_windows`].
 #[derive(Debug, Clone, Copy)]
-struct Windows {
+pub struct Windows {
     /// Height and width of the image.
     image: [usize; 2],
     window: [usize; 2],
@@ -102,7 +107,7 @@ impl Windows {
     /// # Errors
     ///
     /// A window of no pixel or larger than the image, a stride of 0.
-    fn new(image: [usize; 2], window: [usize; 2], stride: usize) -> Result<Self> {
+    pub fn new(image: [usize; 2], window: [usize; 2], stride: usize) -> Result<Self> {
         if (0..2).any(|axis| window[axis] == 0 || window[axis] > image[axis]) {
             let expected = format_args!("1 to {image:?}, the image's");
             return Err(Error::input("window", format_args!("{window:?}"), expected));
@@ -117,10 +122,30 @@ impl Windows {
         })
     }
 
+    /// How many there are from the image's top to its bottom, and from its left to its right.
+    pub fn counts(&self) -> [usize; 2] {
+        [0, 1].map(|axis| (self.image[axis] - self.window[axis]) / self.stride + 1)
+    }
+
+    /// The upper left corner of each, row by row: pixels down and to the right from the image's.
+    pub fn corners(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+        let row = |y| self.starts(1).map(move |x| [y, x]);
+        self.starts(0).flat_map(row)
+    }
+
+    /// The centre of each, as [`Windows::corners`].
+    pub fn centres(&self) -> Vec<[f64; 2]> {
+        let [height, width] = self.window.map(|side| side as f64 / 2.0);
+        let corners = self.corners();
+        corners
+            .map(|[y, x]| [y as f64 + height, x as f64 + width])
+            .collect()
+    }
+
     /// Where the windows begin along an axis.
     fn starts(&self, axis: usize) -> impl Iterator<Item = usize> {
-        let (stride, room) = (self.stride, self.image[axis] - self.window[axis]);
-        (0..=room / stride).map(move |at| at * stride)
+        let stride = self.stride;
+        (0..self.counts()[axis]).map(move |at| at * stride)
     }
 
     /// The cells of each window along an axis of so many cells: those whose centres lie in it.
@@ -149,25 +174,30 @@ impl Windows {
     ///
     /// # Errors
     ///
-    /// Windows smaller than a cell, some of which would hold none.
+    /// Windows smaller than a cell, some of which would hold none, and more of them than a gibibyte
+    /// holds.
     fn embed(&self, sums: &CellSums) -> Result<WindowEmbeddings> {
         let [rows, columns] = [self.cells(0, sums.rows)?, self.cells(1, sums.columns)?];
-        let mut embeddings = vec![0.0; rows.len() * columns.len() * sums.width];
+        let values = rows
+            .len()
+            .saturating_mul(columns.len())
+            .saturating_mul(sums.width);
+        if values > MOST_VALUES {
+            let found = format_args!("{} x {} of width {}", rows.len(), columns.len(), sums.width);
+            let expected = format_args!("at most {MOST_VALUES} values; a larger stride");
+            return Err(Error::input("windows", found, expected));
+        }
+        let mut embeddings = vec![0.0; values];
         let outs = embeddings.par_chunks_mut(columns.len() * sums.width);
         outs.zip(&rows).for_each(|(out, rows)| {
             for (out, columns) in out.chunks_exact_mut(sums.width).zip(&columns) {
                 sums.mean(rows, columns, out);
             }
         });
-        let centre = |axis: usize, start: usize| start as f64 + self.window[axis] as f64 / 2.0;
-        let centres = self.starts(0).flat_map(|y| {
-            let x = self.starts(1);
-            x.map(move |x| [centre(0, y), centre(1, x)])
-        });
         Ok(WindowEmbeddings {
             rows: rows.len(),
             columns: columns.len(),
-            centres: centres.collect(),
+            centres: self.centres(),
             embeddings,
         })
     }

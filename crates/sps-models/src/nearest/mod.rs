@@ -133,7 +133,8 @@ fn nearest(training: &Embeddings, features: &[f32]) -> usize {
     least.map_or(0, |(surface, _)| surface)
 }
 
-fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
+/// The square of the Euclidean distance of as many values as both have; the same whichever comes first.
+pub fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
     let (a, rest_of_a) = a.as_chunks::<LANES>();
     let (b, rest_of_b) = b.as_chunks::<LANES>();
     let mut sums = [0.0; LANES];

@@ -1,17 +1,16 @@
-use std::collections::BTreeMap;
+mod maps;
+mod print;
+
 use std::ffi::OsStr;
 use std::fs;
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use rayon::prelude::*;
-use serde::Serialize;
-use sps_estimator::{Answer, Estimate, Estimator, Frame, Scale, Sight};
+use sps_estimator::{Answer, Estimator, Frame, Scale};
 use tracing::error;
 
-use crate::files::create_folder;
-use crate::map;
+use self::print::Printer;
 use crate::progress::Progress;
 
 /// Estimate the tactile properties of surfaces from photographs of them
@@ -44,39 +43,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "P", default_value = "0.05")]
     unfamiliar: f64,
     #[command(flatten)]
-    maps: Maps,
+    maps: maps::Options,
     #[command(flatten)]
-    format: Format,
+    format: print::Format,
     /// PNG, JPEG or EXR, or folders of them
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
-}
-
-/// Maps in place of estimates.
-#[derive(clap::Args)]
-struct Maps {
-    /// Draw a map of this property over each photograph, and write its numbers for NumPy; photographs
-    /// keep their size unless --resize says otherwise
-    #[arg(long, value_name = "PROPERTY", conflicts_with_all = ["json", "csv", "group_by"])]
-    map: Option<String>,
-    /// Encode each place of a map as a photograph of its own, as many passes in place of one: what is
-    /// said of the crop, where one pass sees beyond its edges
-    #[arg(long, requires = "map")]
-    alone: bool,
-    /// The folder to write maps to
-    #[arg(long, value_name = "DIR", default_value = ".", requires = "map")]
-    out: PathBuf,
-}
-
-/// What is printed in place of a table.
-#[derive(clap::Args)]
-struct Format {
-    /// Print a line of JSON for each surface
-    #[arg(long, conflicts_with = "csv")]
-    json: bool,
-    /// Print CSV: a line for each surface and property
-    #[arg(long)]
-    csv: bool,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -86,20 +58,29 @@ enum GroupBy {
     All,
 }
 
-/// Images read ahead while as many are encoded.
+/// Images read ahead while as many are encoded; where they keep their size, one for each thread.
 const AT_ONCE: usize = 16;
 
 pub(crate) fn run(args: &Args) -> Result<()> {
     let model = Estimator::load(&args.model).context("--model")?;
-    let scale = scale(args, &model)?;
+    ensure!(
+        (0.0..=1.0).contains(&args.unfamiliar),
+        "--unfamiliar: found {}, expected a probability",
+        args.unfamiliar
+    );
     if let Some(property) = &args.maps.map {
-        return maps(args, &model, scale, property);
+        return maps::draw(args, &model, property);
     }
+    let scale = scale(args, &model)?;
     let surfaces = surfaces(args, &model)?;
-    let mut printer = Printer::new(args, &model)?;
+    let mut printer = Printer::new(&args.format, args.unfamiliar, &model)?;
     let progress = Progress::new("photographs", surfaces.iter().map(|s| s.images.len()).sum());
     let mut failed = 0;
-    let mut chunks = chunks(&surfaces).into_iter();
+    let at_once = match scale {
+        Scale::Keep => rayon::current_num_threads(),
+        _ => AT_ONCE,
+    };
+    let mut chunks = chunks(&surfaces, at_once).into_iter();
     let mut at_work = chunks
         .next()
         .map(|chunk| (chunk, read(&model, scale, chunk)));
@@ -134,7 +115,6 @@ fn scale(args: &Args, model: &Estimator) -> Result<Scale> {
     let asked = match (args.resize, args.keep_size) {
         (Some(pixels), _) => Scale::ShorterSide(pixels as usize),
         (None, true) => Scale::Keep,
-        (None, false) if args.maps.map.is_some() => Scale::Keep,
         (None, false) => Scale::OfModel,
     };
     match model.embedder().resize() {
@@ -143,52 +123,6 @@ fn scale(args: &Args, model: &Estimator) -> Result<Scale> {
         ),
         _ => Ok(asked),
     }
-}
-
-/// Draws a map over each photograph.
-fn maps(args: &Args, model: &Estimator, scale: Scale, property: &str) -> Result<()> {
-    let mut paths = Vec::new();
-    for path in &args.images {
-        if path.is_dir() {
-            paths.extend(images(path)?);
-        } else {
-            paths.push(path.clone());
-        }
-    }
-    create_folder(&args.maps.out)?;
-    let wanted = map::Wanted {
-        property,
-        sight: if args.maps.alone {
-            Sight::Alone
-        } else {
-            Sight::Within
-        },
-        unfamiliar: args.unfamiliar,
-    };
-    let progress = Progress::new("maps", paths.len());
-    let mut failed = 0;
-    for path in &paths {
-        let name = path
-            .file_stem()
-            .unwrap_or(path.as_os_str())
-            .to_string_lossy();
-        let stem = args.maps.out.join(format!("{name}-{property}"));
-        let photograph = model.read(path, scale).map_err(anyhow::Error::from);
-        match photograph.and_then(|photograph| wanted.write(model, &photograph, &stem)) {
-            Ok(said) => println!("{said}"),
-            Err(reason) => {
-                failed += 1;
-                error!("{}: {reason:#}", path.display());
-            }
-        }
-        progress.advance(1);
-    }
-    ensure!(
-        failed == 0,
-        "{failed} of {} photographs have no map",
-        paths.len()
-    );
-    Ok(())
 }
 
 /// Photographs of one surface.
@@ -264,15 +198,15 @@ fn images(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(images)
 }
 
-/// Surfaces that are read at once.
-fn chunks(surfaces: &[Surface]) -> Vec<&[Surface]> {
+/// Surfaces that are read at once: those of so many images, at least one.
+fn chunks(surfaces: &[Surface], at_once: usize) -> Vec<&[Surface]> {
     let mut chunks = Vec::new();
     let mut rest = surfaces;
     while !rest.is_empty() {
         let mut images = 0;
         let fits = |surface: &&Surface| {
             images += surface.images.len();
-            images <= AT_ONCE
+            images <= at_once
         };
         let (chunk, others) = rest.split_at(rest.iter().take_while(fits).count().max(1));
         chunks.push(chunk);
@@ -311,105 +245,4 @@ fn answers(model: &Estimator, read: Read) -> Vec<Result<Answer>> {
         }));
     }
     answers
-}
-
-/// Prints answers as they come.
-struct Printer<'a> {
-    args: &'a Args,
-    level: f64,
-    no_interval: BTreeMap<&'a str, &'a str>,
-    csv: Option<csv::Writer<io::Stdout>>,
-}
-
-/// A line of JSON.
-#[derive(Serialize)]
-struct Line<'a> {
-    surface: &'a str,
-    images: &'a [PathBuf],
-    level: f64,
-    #[serde(flatten)]
-    answer: &'a Answer,
-    unfamiliar: bool,
-    no_interval: &'a BTreeMap<&'a str, &'a str>,
-}
-
-impl<'a> Printer<'a> {
-    fn new(args: &'a Args, model: &'a Estimator) -> Result<Self> {
-        let mut printer = Self {
-            args,
-            level: model.fitted().level().get(),
-            no_interval: model.no_interval(),
-            csv: args
-                .format
-                .csv
-                .then(|| csv::Writer::from_writer(io::stdout())),
-        };
-        if let Some(csv) = &mut printer.csv {
-            csv.write_record(["surface", "property", "value", "low", "high", "familiar"])?;
-        } else if !args.format.json {
-            let share = 100.0 * printer.level;
-            println!(
-                "{:<4}  {:<26} {:>7}   {share:.0} % interval",
-                "", "property", "value"
-            );
-        }
-        Ok(printer)
-    }
-
-    fn print(&mut self, surface: &Surface, answer: &Answer) -> Result<()> {
-        let unfamiliar = answer.familiar.is_some_and(|p| p <= self.args.unfamiliar);
-        if self.args.format.json {
-            let line = Line {
-                surface: &surface.name,
-                images: &surface.images,
-                level: self.level,
-                answer,
-                unfamiliar,
-                no_interval: &self.no_interval,
-            };
-            println!("{}", serde_json::to_string(&line)?);
-        } else if let Some(csv) = &mut self.csv {
-            let text =
-                |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
-            for one in &answer.estimates {
-                let value = one.value.to_string();
-                let numbers = [value, text(one.low), text(one.high), text(answer.familiar)];
-                let [value, low, high, familiar] = &numbers;
-                csv.write_record([&surface.name, &one.property, value, low, high, familiar])?;
-            }
-            csv.flush()?;
-        } else {
-            println!("{}", surface.name);
-            answer.estimates.iter().for_each(print_estimate);
-            if let Some(p) = answer.familiar.filter(|_| unfamiliar) {
-                println!(
-                    "      unlike what the model was fitted on (p = {p:.3}): intervals promise nothing here"
-                );
-            }
-        }
-        io::stdout().flush()?;
-        Ok(())
-    }
-
-    fn end(&self) {
-        if !self.args.format.json && !self.args.format.csv {
-            for (property, reason) in &self.no_interval {
-                println!("{property}: no interval, {reason}");
-            }
-        }
-    }
-}
-
-fn print_estimate(estimate: &Estimate) {
-    let interval = match estimate.low.zip(estimate.high) {
-        Some((low, high)) => format!("{low:.1} to {high:.1}"),
-        None => "none".to_owned(),
-    };
-    let Estimate {
-        property,
-        name,
-        value,
-        ..
-    } = estimate;
-    println!("{property:<4}  {name:<26} {value:>7.1}   {interval}");
 }

@@ -1,0 +1,283 @@
+//! What models of one kind do on surfaces that they were not fitted to.
+
+use std::collections::BTreeMap;
+
+use anyhow::{Context, Result};
+use sps_dataset::Split;
+use sps_estimator::{Fitted, Measured, Predicted, Predictions};
+use sps_metrics::{Moments, PredictionInterval, coverage};
+
+use crate::config::Adaptive;
+use crate::run::Tables;
+
+/// Photographs are counted as unlike what a model was fitted on below this p-value.
+const UNFAMILIAR: f64 = 0.05;
+
+/// Over all splits.
+pub(super) struct Check {
+    /// Set where views are looked at one by one.
+    adaptive: Option<Adaptive>,
+    rows: BTreeMap<Row, HeldOuts>,
+    /// Views that each surface took until its intervals were narrow.
+    views_taken: Vec<usize>,
+    /// The p-value of each surface.
+    familiar: Vec<f64>,
+}
+
+/// How many views are looked at.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Row {
+    Views(usize),
+    /// As many as it takes.
+    Session,
+}
+
+impl Check {
+    pub(super) fn new(adaptive: Option<Adaptive>) -> Self {
+        Self {
+            adaptive,
+            rows: BTreeMap::new(),
+            views_taken: Vec::new(),
+            familiar: Vec::new(),
+        }
+    }
+
+    /// Adds what was predicted of the held-out surfaces of a split from each number of views.
+    pub(super) fn add(
+        &mut self,
+        (tables, split): (&Tables, &Split),
+        fitted: &Fitted,
+        mut all: BTreeMap<usize, Predictions>,
+    ) -> Result<()> {
+        for (views, predictions) in &all {
+            let row = self.rows.entry(Row::Views(*views)).or_default();
+            row.add(tables, split, predictions)?;
+        }
+        if let Some(adaptive) = &self.adaptive
+            && let Some((views, predictions)) = stopped(fitted, &all, adaptive.width)
+        {
+            self.views_taken.extend(views);
+            let row = self.rows.entry(Row::Session).or_default();
+            row.add(tables, split, &predictions)?;
+        }
+        let last = all
+            .pop_last()
+            .and_then(|(_, predictions)| predictions.familiar);
+        self.familiar.extend(last.unwrap_or_default());
+        Ok(())
+    }
+
+    /// Prints it, and gives what is measured of each property from all views.
+    pub(super) fn print(&self) -> Result<BTreeMap<String, Measured>> {
+        let last = self.rows.iter().rfind(|(row, _)| **row != Row::Session);
+        let measured = last.map(|(_, held_out)| held_out.print()).transpose()?;
+        if !self.familiar.is_empty() {
+            let unlike = self.familiar.iter().filter(|p| **p <= UNFAMILIAR).count();
+            let share = 100.0 * unlike as f64 / self.familiar.len() as f64;
+            println!(
+                "{share:.1} % of them are unlike what was fitted on (p <= {UNFAMILIAR}; where nothing is new, at most 5 %)"
+            );
+        }
+        if self.adaptive.is_some() {
+            self.print_steps()?;
+        }
+        Ok(measured.unwrap_or_default())
+    }
+
+    fn print_steps(&self) -> Result<()> {
+        println!("\nViews one by one, means over the properties:");
+        println!(
+            "{:<24}{:>7}{:>14}{:>10}",
+            "", "R²", "± deviations", "covered"
+        );
+        let taken = self.views_taken.iter().sum::<usize>();
+        let mean = taken as f64 / self.views_taken.len().max(1) as f64;
+        for (row, held_out) in &self.rows {
+            let name = match row {
+                Row::Views(1) => "1 view".to_owned(),
+                Row::Views(views) => format!("{views} views"),
+                Row::Session => format!("until sure, {mean:.2} views"),
+            };
+            println!("{name:<24}{}", held_out.means()?);
+        }
+        Ok(())
+    }
+}
+
+/// What sessions say of surfaces that stop at the first number of views after which all intervals are
+/// narrow, with that number for each surface.
+fn stopped(
+    fitted: &Fitted,
+    all: &BTreeMap<usize, Predictions>,
+    width: f64,
+) -> Option<(Vec<usize>, Predictions)> {
+    let mut steps = all.iter().rev();
+    let (&most, last) = steps.next()?;
+    let mut stopped = last.clone();
+    let mut views = vec![most; last.properties.first()?.values.len()];
+    for (&step, predictions) in steps {
+        let narrow = fitted.narrow(predictions, width);
+        for surface in (0..views.len()).filter(|&at| narrow.iter().all(|narrow| narrow[at])) {
+            views[surface] = step;
+            for (to, from) in stopped.properties.iter_mut().zip(&predictions.properties) {
+                to.values[surface] = from.values[surface];
+                if let (Ok(to), Ok(from)) = (&mut to.intervals, &from.intervals) {
+                    to[surface] = from[surface];
+                }
+            }
+        }
+    }
+    Some((views, stopped))
+}
+
+/// All properties over all splits.
+#[derive(Default)]
+struct HeldOuts(BTreeMap<String, HeldOut>);
+
+impl HeldOuts {
+    fn add(&mut self, tables: &Tables, split: &Split, predictions: &Predictions) -> Result<()> {
+        for predicted in &predictions.properties {
+            let training = training(tables, &predicted.property, &split.train)?;
+            let all = self.0.entry(predicted.property.clone()).or_default();
+            all.add(tables, &split.validation, &training, predicted)?;
+        }
+        Ok(())
+    }
+
+    /// Prints a line for each property, and gives what it says.
+    fn print(&self) -> Result<BTreeMap<String, Measured>> {
+        println!("{:<6}{:>7}{:>14}{:>10}", "", "R²", "± interval", "covered");
+        let mut measured = BTreeMap::new();
+        for (property, all) in &self.0 {
+            let of_property = all.measured()?;
+            println!("{property:<6}{}", shown(&of_property));
+            measured.insert(property.clone(), of_property);
+        }
+        for (property, all) in &self.0 {
+            if let Some(reason) = &all.no_interval {
+                println!("{property}: no interval, {reason}");
+            }
+        }
+        Ok(measured)
+    }
+
+    /// The means over the properties; widths in standard deviations of the training readings.
+    fn means(&self) -> Result<String> {
+        let all = self
+            .0
+            .values()
+            .map(|of| Ok((of.measured()?, of.deviation())));
+        let all = all.collect::<Result<Vec<(Measured, f64)>>>()?;
+        let mean = |of: &dyn Fn(&(Measured, f64)) -> Option<f64>| {
+            let values: Option<Vec<f64>> = all.iter().map(of).collect();
+            values.map(|values| values.iter().sum::<f64>() / values.len().max(1) as f64)
+        };
+        Ok(shown(&Measured {
+            readings: all.iter().map(|(measured, _)| measured.readings).sum(),
+            r2: mean(&|(measured, _)| measured.r2),
+            coverage: mean(&|(measured, _)| measured.coverage),
+            mean_width: mean(&|(measured, deviation)| Some(measured.mean_width? / deviation)),
+        }))
+    }
+}
+
+fn shown(measured: &Measured) -> String {
+    let or_dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
+    let r2 = or_dash(measured.r2.map(|r2| format!("{r2:.3}")));
+    let half = or_dash(
+        measured
+            .mean_width
+            .map(|width| format!("{:.2}", width / 2.0)),
+    );
+    let share = or_dash(
+        measured
+            .coverage
+            .map(|share| format!("{:.1}%", 100.0 * share)),
+    );
+    format!("{r2:>7}{half:>14}{share:>10}")
+}
+
+/// What was measured of the training surfaces.
+fn training(tables: &Tables, property: &str, training: &[usize]) -> Result<Moments> {
+    let column = tables.readings.column(property).context(NOT_MEASURED)?;
+    let mut moments = Moments::new();
+    for reading in training
+        .iter()
+        .filter_map(|&surface| tables.readings.get(surface, column))
+    {
+        moments.push(reading);
+    }
+    Ok(moments)
+}
+
+const NOT_MEASURED: &str = "a property that was not measured";
+
+/// One property over all splits.
+#[derive(Default)]
+struct HeldOut {
+    readings: usize,
+    /// Squared errors, and squared distances from the training mean, all splits together.
+    errors: f64,
+    distances: f64,
+    intervals: Vec<PredictionInterval>,
+    /// Of the splits that have intervals.
+    truth: Vec<f64>,
+    no_interval: Option<String>,
+    /// Standard deviations of the training readings, one of each split.
+    deviations: Vec<f64>,
+}
+
+impl HeldOut {
+    /// Adds what was predicted of some surfaces, as far as they were measured.
+    fn add(
+        &mut self,
+        tables: &Tables,
+        surfaces: &[usize],
+        training: &Moments,
+        predicted: &Predicted,
+    ) -> Result<()> {
+        let mean = training.mean()?;
+        self.deviations
+            .push(training.sample_std().unwrap_or_default());
+        let column = tables.readings.column(&predicted.property);
+        let column = column.context(NOT_MEASURED)?;
+        let truths: Vec<Option<f64>> = surfaces
+            .iter()
+            .map(|&surface| tables.readings.get(surface, column))
+            .collect();
+        for (truth, estimate) in truths.iter().zip(&predicted.values) {
+            if let Some(truth) = truth {
+                self.readings += 1;
+                self.errors += (truth - estimate).powi(2);
+                self.distances += (truth - mean).powi(2);
+            }
+        }
+        match &predicted.intervals {
+            Err(reason) => self.no_interval = Some(reason.clone()),
+            Ok(intervals) => {
+                let read = truths.into_iter().zip(intervals);
+                let read = read.filter_map(|(truth, interval)| Some((truth?, *interval)));
+                let (truth, intervals): (Vec<f64>, Vec<_>) = read.unzip();
+                self.truth.extend(truth);
+                self.intervals.extend(intervals);
+            }
+        }
+        Ok(())
+    }
+
+    fn deviation(&self) -> f64 {
+        self.deviations.iter().sum::<f64>() / self.deviations.len().max(1) as f64
+    }
+
+    fn measured(&self) -> Result<Measured> {
+        let any = !self.intervals.is_empty();
+        let coverage = any.then(|| coverage(&self.intervals, &self.truth));
+        let coverage = coverage.transpose()?;
+        Ok(Measured {
+            readings: self.readings,
+            r2: (self.distances > 0.0).then(|| 1.0 - self.errors / self.distances),
+            coverage: coverage.map(|coverage| coverage.fraction()),
+            mean_width: coverage.map(|coverage| coverage.mean_width),
+        })
+    }
+}

@@ -38,14 +38,23 @@ impl<S: Source> Source for Sequences<'_, S> {
         self.source.ranges()
     }
 
-    fn frame(&self, surface: usize, _: usize) -> Result<Frame, S::Error> {
+    fn frame(&self, surface: usize, view: usize) -> Result<Frame, S::Error> {
+        self.frame_to_resize(surface, view, None)
+    }
+
+    fn frame_to_resize(
+        &self,
+        surface: usize,
+        _: usize,
+        shorter_side: Option<usize>,
+    ) -> Result<Frame, S::Error> {
         let mut stack = Frame {
             width: 0,
             height: 0,
             data: Vec::new(),
         };
         for &view in &self.views {
-            let frame = self.source.frame(surface, view)?;
+            let frame = self.source.frame_to_resize(surface, view, shorter_side)?;
             stack.width = frame.width;
             stack.height += frame.height;
             stack.data.extend(frame.data);

@@ -68,6 +68,21 @@ pub trait Source: Send + Sync {
     /// Where the frame is missing or damaged, or an index is out of range.
     fn frame(&self, surface: usize, view: usize) -> Result<Frame, Self::Error>;
 
+    /// One view for whoever will bring its shorter side to so many pixels ([`Frame::resized`]), if to
+    /// any: of that size already, with the same pixels, where the source reads it so in less time and
+    /// memory than whole. Most sources do not.
+    ///
+    /// # Errors
+    /// As [`Source::frame`]; a size that [`Frame::resized`] refuses.
+    fn frame_to_resize(
+        &self,
+        surface: usize,
+        view: usize,
+        _shorter_side: Option<usize>,
+    ) -> Result<Frame, Self::Error> {
+        self.frame(surface, view)
+    }
+
     /// A key that changes whenever the pixels of [`Source::frame`] would change; cheaper than the
     /// frame itself.
     ///

@@ -206,6 +206,21 @@ fn frame_keys_follow_the_content_and_what_changes_pixels() {
 }
 
 #[test]
+fn frames_to_resize_are_read_at_their_size_with_the_same_pixels() {
+    let dataset = tiny();
+    for (surface, view) in [(0, 0), (3, 2), (5, 4)] {
+        let whole = dataset.frame(surface, view).unwrap();
+        let as_it_is = dataset.frame_to_resize(surface, view, None).unwrap();
+        assert_eq!(as_it_is, whole);
+        let small = dataset.frame_to_resize(surface, view, Some(20)).unwrap();
+        assert_eq!(small.width.min(small.height), 20);
+        assert_eq!(&small, &*whole.resized(20).unwrap());
+    }
+    let error = dataset.frame_to_resize(9, 0, Some(20)).unwrap_err();
+    assert!(error.to_string().contains("surface 9"), "{error}");
+}
+
+#[test]
 fn a_missing_folder_or_file_is_named() {
     let nowhere = DatasetFolder::open(Path::new("/nowhere/at all"), &ReadSettings::default());
     assert_eq!(

@@ -58,6 +58,11 @@ impl Selected {
             selector => !selector.is_fixed(),
         }
     }
+
+    /// Whether it may choose a view more than once.
+    pub(crate) fn may_repeat(&self) -> bool {
+        self.picks > 1 && !self.distinct && !self.selector.is_fixed()
+    }
 }
 
 impl SelectorConfig {

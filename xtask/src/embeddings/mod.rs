@@ -83,13 +83,13 @@ fn encode_missing<S: Source>(
     rows: &mut HashMap<FrameKey, Vec<f32>>,
 ) -> Result<()> {
     let progress = Progress::new("frames encoded", missing.len());
-    let mut frames = decode_some(source, missing, BYTES_AT_ONCE)?;
+    let mut frames = decode_some(source, missing, embedder.resize(), BYTES_AT_ONCE)?;
     let mut missing = missing;
     while !frames.is_empty() {
         let (chunk, rest) = missing.split_at(frames.len());
         let (encoded, next) = rayon::join(
             || embedder.embed(&frames),
-            || decode_some(source, rest, BYTES_AT_ONCE),
+            || decode_some(source, rest, embedder.resize(), BYTES_AT_ONCE),
         );
         let values = encoded?;
         let keys: Vec<FrameKey> = chunk.iter().map(|(key, ..)| *key).collect();
@@ -107,8 +107,14 @@ fn encode_missing<S: Source>(
 }
 
 /// Decodes the first of the frames: those that so many bytes hold, at least one where there is one.
-fn decode_some<S: Source>(source: &S, wanted: &[Wanted], room: usize) -> Result<Vec<Frame>> {
-    let decode = |(_, frame): &Wanted| source.frame(frame.surface, frame.view);
+fn decode_some<S: Source>(
+    source: &S,
+    wanted: &[Wanted],
+    shorter_side: Option<usize>,
+    room: usize,
+) -> Result<Vec<Frame>> {
+    let decode =
+        |(_, frame): &Wanted| source.frame_to_resize(frame.surface, frame.view, shorter_side);
     let bytes = |frame: &Frame| size_of_val(&frame.data[..]);
     let Some((first, others)) = wanted.split_first() else {
         return Ok(Vec::new());

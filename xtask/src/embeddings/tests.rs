@@ -58,7 +58,7 @@ fn chunks(sizes: &[[usize; 2]]) -> Vec<usize> {
     let wanted: Vec<Wanted> = wanted.collect();
     let (mut rest, mut chunks) = (&wanted[..], Vec::new());
     while !rest.is_empty() {
-        let frames = decode_some(&source, rest, ROOM).unwrap();
+        let frames = decode_some(&source, rest, None, ROOM).unwrap();
         for (frame, (_, index)) in frames.iter().zip(rest) {
             assert_eq!([frame.width, frame.height], sizes[index.surface]);
         }

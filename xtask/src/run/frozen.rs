@@ -17,7 +17,7 @@ use crate::config::Experiment;
 use crate::progress::Progress;
 
 /// What estimators are trained on.
-pub(super) struct Folds<'a> {
+pub(crate) struct Folds<'a> {
     pub experiment: &'a Experiment,
     pub encodings: &'a Encodings,
     pub splits: &'a Splits,

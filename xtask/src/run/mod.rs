@@ -28,6 +28,9 @@ use sps_dataset::Source;
 
 pub(crate) use encodings::Encodings;
 pub(crate) use folder::RunFolder;
+pub(crate) use found::Selections;
+pub(crate) use frozen::Folds;
+pub(crate) use select::Selecting;
 pub(crate) use splits::Splits;
 pub(crate) use stage::{Stage, Stages};
 pub(crate) use tables::Tables;

@@ -65,6 +65,16 @@ impl Splits {
         Ok(Cow::Owned(fewer))
     }
 
+    /// One split of the same surfaces.
+    pub(crate) fn only(&self, split: Split) -> Self {
+        Self {
+            all: vec![split],
+            of_rerun: 1,
+            units: self.units.clone(),
+            pool: self.pool,
+        }
+    }
+
     /// Surfaces that a split trains on, on average.
     pub(crate) fn training_surfaces(&self) -> usize {
         let sum: usize = self.all.iter().map(|split| split.train.len()).sum();

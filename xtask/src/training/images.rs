@@ -37,7 +37,7 @@ impl<'a, S: Source> FrameImages<'a, S> {
 
     fn decode(&self, index: usize) -> Result<Frame, Box<dyn StdError + Send + Sync>> {
         let FrameIndex { surface, view } = self.frames[index];
-        let frame = self.source.frame(surface, view)?;
+        let frame = self.source.frame_to_resize(surface, view, self.resize)?;
         Ok(match self.resize {
             Some(shorter) => frame.resized(shorter)?.into_owned(),
             None => frame,

@@ -14,7 +14,7 @@ use crate::table::{TactileRead, read_table};
 use crate::{
     DatasetError, DatasetErrorKind, DecodeSettings, Decoded, Frame, FrameError, FrameErrorKind,
     FrameKey, OutOfRange, Property, PropertyRanges, ReadSettings, RollAngle, Source, Surface,
-    TactileTable, decode_image,
+    TactileTable, read_image, read_image_resized,
 };
 
 pub use angles::{InvalidAngles, ViewAngles};
@@ -162,9 +162,7 @@ impl DatasetFolder {
     /// As [`Source::frame`].
     pub fn decode(&self, surface: usize, view: usize) -> Result<Decoded, FrameError> {
         let path = self.frame_path(surface, view)?;
-        read_frame_file(&path, &self.images)
-            .and_then(|bytes| decode_image(&bytes, &self.images))
-            .map_err(|kind| FrameError::new(&path, kind))
+        read_image(&path, &self.images)
     }
 }
 
@@ -193,6 +191,20 @@ impl Source for DatasetFolder {
 
     fn frame(&self, surface: usize, view: usize) -> Result<Frame, FrameError> {
         self.decode(surface, view).map(|decoded| decoded.frame)
+    }
+
+    fn frame_to_resize(
+        &self,
+        surface: usize,
+        view: usize,
+        shorter_side: Option<usize>,
+    ) -> Result<Frame, FrameError> {
+        let Some(pixels) = shorter_side else {
+            return self.frame(surface, view);
+        };
+        let path = self.frame_path(surface, view)?;
+        let decoded = read_image_resized(&path, &self.images, pixels)?;
+        Ok(decoded.frame)
     }
 
     /// BLAKE3 of the file's bytes and of every setting that changes pixels.

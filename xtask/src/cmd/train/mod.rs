@@ -12,11 +12,10 @@ use sps_estimator::{
 use tracing::warn;
 
 use self::check::Check;
-use crate::config::{
-    DataSpec, Experiment, Looks, Method, Network as NetworkSpec, Setting, in_order,
-};
+use crate::config::{DataSpec, Experiment, Looks, Method, Network as NetworkSpec, Setting};
 use crate::data::{self, About as AboutData, WithSource};
-use crate::run::{Encodings, Splits, Stage, Stages, Tables, views};
+use crate::journal::Journal;
+use crate::run::{Encodings, Folds, Selecting, Selections, Splits, Stage, Stages, views};
 
 /// Fit a model that `predict` can use
 #[derive(clap::Args)]
@@ -65,26 +64,23 @@ impl WithSource for Train<'_> {
             method.id,
             method.encoder.network.name()
         );
-        let looked_at = looked_at(experiment, &method, source)?;
+        keeps_its_views(&method)?;
         let splits = Splits::of(experiment, source.surfaces())?;
         let data = (source, &about);
-        let mut all_views = looked_at.clone();
-        all_views.sort_unstable();
-        let stages = Stages::new(experiment, &method.encoder, data, &splits, all_views, None)?;
+        let views = views::needed(&[&method], source)?;
         let trainer = Trainer {
             experiment,
             method: &method,
-            looked_at,
             source,
             origin: &about.origin,
             splits: &splits,
-            stages,
+            stages: Stages::new(experiment, &method.encoder, data, &splits, views, None)?,
         };
         let measured = trainer.check()?;
         let all: Vec<usize> = (0..splits.pool).collect();
-        let (stage, fitted) = trainer.fit(&all, 0)?;
-        let about = trainer.about(measured)?;
-        let estimator = Estimator::new(stage.embedder.clone(), fitted, about)?;
+        let fit = trainer.fit(&all, 0)?;
+        let about = trainer.about(&fit, measured)?;
+        let estimator = Estimator::new(fit.stage.embedder.clone(), fit.fitted, about)?;
         let file = |error| anyhow::Error::from(error).context(self.out.display().to_string());
         estimator.save(self.out).map_err(file)?;
         println!("{}", self.out.display());
@@ -92,45 +88,40 @@ impl WithSource for Train<'_> {
     }
 }
 
-/// The views that the method looks at, in the order in which photographs are given, as indices of the
-/// source.
-fn looked_at<S: Source>(
-    experiment: &Experiment,
-    method: &Method,
-    source: &S,
-) -> Result<Vec<usize>> {
-    let count = source.view_angles().len();
-    let views = match &method.looks {
-        Looks::Nadir => vec![data::nadir(source)?],
-        Looks::All => (0..count).collect(),
-        Looks::Selected(selected) if !selected.learns() => {
-            let picks = views::without_loss(selected, count, experiment.seed)?.picks;
-            match method.adaptive {
-                Some(_) => in_order(&selected.selector, picks),
-                None => picks,
-            }
+/// Refuses a method whose views are not one photograph each, and the same for every surface.
+fn keeps_its_views(method: &Method) -> Result<()> {
+    let id = &method.id;
+    match &method.looks {
+        Looks::Nothing => {
+            bail!("method `{id}` looks at no view; a model that is kept looks at some")
         }
-        Looks::Selected(_) | Looks::Relations(_) | Looks::Nothing => bail!(
-            "method `{}` has no fixed views; a model that is kept looks at the same ones of every surface",
-            method.id
+        Looks::Relations(_) => bail!(
+            "method `{id}` relates views that are drawn anew for each estimate; a model that is kept \
+            looks at the same ones of every surface"
         ),
-    };
-    let twice = (1..views.len()).find(|&at| views[..at].contains(&views[at]));
-    if let Some(at) = twice {
-        bail!(
-            "method `{}` looks at view {} twice; a model that is kept takes one photograph of each: \
-            `distinct = true` chooses such views",
-            method.id,
-            views[at]
-        );
+        Looks::Selected(_) if method.in_hindsight() => bail!(
+            "method `{id}` chooses views by the surfaces held out; a model that is kept does not know \
+            those that it will be asked about"
+        ),
+        Looks::Selected(selected) if selected.may_repeat() => bail!(
+            "method `{id}` may look at a view twice; a model that is kept takes one photograph of \
+            each: `distinct = true` chooses such views"
+        ),
+        Looks::Nadir | Looks::All | Looks::Selected(_) => Ok(()),
     }
-    Ok(views)
+}
+
+/// What was fitted.
+struct Fit {
+    stage: Arc<Stage>,
+    fitted: Fitted,
+    /// The views that photographs are taken of, in their order, as places in the tables.
+    photographs: Vec<usize>,
 }
 
 struct Trainer<'a, S> {
     experiment: &'a Experiment,
     method: &'a Method,
-    looked_at: Vec<usize>,
     source: &'a S,
     /// Where the data comes from and under which licence.
     origin: &'a str,
@@ -139,25 +130,27 @@ struct Trainer<'a, S> {
 }
 
 impl<S: Source> Trainer<'_, S> {
-    /// Fits on some surfaces, a part of which calibrates the intervals: neither the regression nor an
-    /// encoder that is trained has seen its readings.
-    fn fit(&self, surfaces: &[usize], number: u64) -> Result<(Arc<Stage>, Fitted)> {
+    /// Fits on some surfaces, a part of which calibrates the intervals: neither the regression, nor
+    /// what chose the views, nor an encoder that is trained has seen its readings.
+    fn fit(&self, surfaces: &[usize], number: u64) -> Result<Fit> {
         let (experiment, units) = (self.experiment, &self.splits.units);
         let calibration = Calibration {
             share: experiment.train.calibration,
             level: experiment.train.level,
             seed: experiment.seed,
         };
-        let part = calibration
-            .part(units, surfaces, number)
-            .context("[train]")?;
-        let stage = self.stages.of(&part.train)?;
+        let part = calibration.part(units, surfaces, number);
+        let parts = self.splits.only(part.context("[train]")?);
+        let encodings =
+            Encodings::of_splits(&self.stages, &self.method.encoder, &parts.all)?.remove(0);
+        let views = self.views(&encodings, &parts)?;
+        let stage = encodings.stage;
         let tables = &stage.tables;
-        let places = self.places(tables)?;
         let ranges = self.source.ranges();
-        let wanted = tables.properties.iter().map(|property| Wanted {
+        let wanted = tables.properties.iter().zip(views);
+        let wanted = wanted.map(|(property, views)| Wanted {
             property: property.to_string(),
-            views: places.clone(),
+            views,
             range: ranges.get(*property),
         });
         let regression = self.method.estimator.regression();
@@ -173,19 +166,44 @@ impl<S: Source> Trainer<'_, S> {
             units,
         };
         let fitted = recipe.fit(&examples, surfaces, number).context("[train]")?;
-        Ok((stage, fitted))
+        let photographs = recipe.slots()?;
+        Ok(Fit {
+            stage,
+            fitted,
+            photographs,
+        })
     }
 
-    /// Where the views that are looked at stand in the tables.
-    fn places(&self, tables: &Tables) -> Result<Vec<usize>> {
-        let places = self.looked_at.iter().map(|&view| tables.place(view));
-        places.collect()
+    /// The views that each property is estimated from, as places in the tables: a selector that learns
+    /// does so on the one training part of `parts`.
+    fn views(&self, encodings: &Encodings, parts: &Splits) -> Result<Vec<Vec<usize>>> {
+        let (experiment, tables) = (self.experiment, &encodings.stage.tables);
+        let mut journal = Journal::open(&experiment.cache.join("selections.jsonl"))?;
+        let mut selections = Selections::default();
+        let folds = Folds {
+            experiment,
+            encodings,
+            splits: parts,
+        };
+        let mut selecting = Selecting {
+            folds,
+            journal: &mut journal,
+        };
+        selecting.run(&[self.method], 0..1, &mut selections)?;
+        let of_property = |&property| {
+            let (method, split) = (self.method, &parts.all[0]);
+            let trial = (property, 0);
+            let views = views::of_trial(experiment, method, tables, split, trial, &selections)?;
+            Ok(views.shown())
+        };
+        tables.properties.iter().map(of_property).collect()
     }
 
-    fn about(&self, measured: BTreeMap<String, Measured>) -> Result<About> {
+    fn about(&self, fit: &Fit, measured: BTreeMap<String, Measured>) -> Result<About> {
         let (experiment, source) = (self.experiment, self.source);
-        let frame = source.frame(0, self.looked_at[0])?;
-        self.warn_of_sizes(&frame)?;
+        let views = fit.stage.tables.shown(&fit.photographs);
+        let frame = source.frame(0, views[0])?;
+        self.warn_of_sizes(&frame, views[0])?;
         let angles = source.view_angles();
         let decode = match &experiment.data {
             DataSpec::Folder { read, .. } => read.images.clone(),
@@ -197,7 +215,7 @@ impl<S: Source> Trainer<'_, S> {
             data: source.name().to_owned(),
             source: self.origin.to_owned(),
             frame_size: [frame.height, frame.width],
-            angles: self.looked_at.iter().map(|&view| angles[view].0).collect(),
+            angles: views.iter().map(|&view| angles[view].0).collect(),
             decode,
             measured,
         })
@@ -205,13 +223,13 @@ impl<S: Source> Trainer<'_, S> {
 
     /// Photographs are brought to the size of one frame: where the frames differ and are not brought to
     /// one size, that is not how the model saw them.
-    fn warn_of_sizes(&self, first: &Frame) -> Result<()> {
+    fn warn_of_sizes(&self, first: &Frame, view: usize) -> Result<()> {
         const SOME: usize = 16;
         if self.method.encoder.resize.is_some() {
             return Ok(());
         }
         for surface in 1..self.source.surfaces().len().min(SOME) {
-            let frame = self.source.frame(surface, self.looked_at[0])?;
+            let frame = self.source.frame(surface, view)?;
             if frame.extent() != first.extent() {
                 warn!(
                     "frames differ in size; photographs are brought to that of the first, {} x {} \
@@ -229,35 +247,31 @@ impl<S: Source> Trainer<'_, S> {
         let splits = &self.splits.all;
         let mut check = Check::new(self.method.adaptive);
         for (number, split) in splits.iter().enumerate() {
-            let (stage, fitted) = self.fit(&split.train, number as u64)?;
-            let predictions = self.predictions(&stage, &fitted, &split.validation)?;
-            check.add((&stage.tables, split), &fitted, predictions)?;
+            let fit = self.fit(&split.train, number as u64)?;
+            let predictions = self.predictions(&fit, &split.validation)?;
+            check.add((&fit.stage.tables, split), &fit.fitted, predictions)?;
         }
+        let held_out: usize = splits.iter().map(|split| split.validation.len()).sum();
         println!(
-            "{} on {} held out, {} splits:",
+            "{} on {} held out, {} surfaces in each of {} splits:",
             self.method.label,
             self.splits.units.unit(),
+            held_out / splits.len().max(1),
             splits.len()
         );
         check.print()
     }
 
     /// What is predicted of surfaces from each number of views that the model takes.
-    fn predictions(
-        &self,
-        stage: &Arc<Stage>,
-        fitted: &Fitted,
-        surfaces: &[usize],
-    ) -> Result<BTreeMap<usize, Predictions>> {
+    fn predictions(&self, fit: &Fit, surfaces: &[usize]) -> Result<BTreeMap<usize, Predictions>> {
         let (experiment, source) = (self.experiment, self.source);
-        let places = self.places(&stage.tables)?;
+        let (stage, places) = (Arc::clone(&fit.stage), &fit.photographs);
         let beyond = source.surfaces().len() - self.splits.pool;
-        let stage = Arc::clone(stage);
-        let encodings = Encodings::with_test_views(experiment, source, stage, &places, beyond)?;
+        let encodings = Encodings::with_test_views(experiment, source, stage, places, beyond)?;
         let step = |views: usize| {
             let embeddings = encodings.select(surfaces, &places[..views])?;
-            Ok((views, fitted.predict(&embeddings)?))
+            Ok((views, fit.fitted.predict(&embeddings)?))
         };
-        fitted.steps().map(step).collect()
+        fit.fitted.steps().map(step).collect()
     }
 }

@@ -104,7 +104,8 @@ impl<S: Source> Estimating<'_, S> {
         } = self.stage;
         let (frames, decode) = timed(|| {
             let views = views.iter().map(|&view| tables.views[view]);
-            let frames = views.map(|view| self.source.frame(surface, view));
+            let size = embedder.resize();
+            let frames = views.map(|view| self.source.frame_to_resize(surface, view, size));
             Ok(frames.collect::<Result<Vec<Frame>, _>>()?)
         })?;
         let (values, encode) = timed(|| Ok(embedder.embed(&frames)?))?;

@@ -1,5 +1,6 @@
 """What stands around the code: the example of the README, the types, other packages."""
 
+import importlib
 import re
 import subprocess
 import sys
@@ -22,16 +23,42 @@ def folder(encoder, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+def examples(readme):
+    return re.findall(r"```python\n(.*?)```", (ROOT / readme).read_text(), re.DOTALL)
+
+
+def run(readme, example):
+    exec(compile(example, readme, "exec"), {})
+
+
 @pytest.mark.parametrize(
     ("readme", "said"),
     [("python/README.md", ["Estimate(", "(1, 1, 1)", "radius"]), ("README.md", ["value ", "share"])],
 )
 def test_the_readmes_examples_run(readme, said, folder, capsys):
-    text = (ROOT / readme).read_text()
-    for example in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
-        exec(compile(example, readme, "exec"), {})
+    for example in examples(readme):
+        if "sklearn" not in example:
+            run(readme, example)
     out = capsys.readouterr().out
     assert all(words in out for words in said), out
+
+
+def test_the_readmes_example_of_scikit_learn_runs(folder, capsys):
+    pytest.importorskip("sklearn", minversion="1.6")
+    readme = "python/README.md"
+    (example,) = [example for example in examples(readme) if "sklearn" in example]
+    run(readme, example)
+    out = capsys.readouterr().out
+    assert out.startswith("{'regression': '") and "[[" in out, out
+
+
+def test_scikit_learn_is_asked_for_where_it_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sklearn.base", None)
+    monkeypatch.delitem(sys.modules, "sps.sklearn", raising=False)
+    with pytest.raises(ImportError, match="needs scikit-learn 1.6 or later: pip install scikit-"):
+        importlib.import_module("sps.sklearn")
+    code = "import sps, sys; sys.exit('sklearn' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
 def test_everything_exported_is_documented():
@@ -45,7 +72,11 @@ def test_everything_exported_is_documented():
 
 @pytest.mark.parametrize(
     "check",
-    [["mypy", "--package=sps", "--config-file"], ["mypy.stubtest", "sps", "--mypy-config-file"]],
+    [
+        ["mypy", "--package=sps", "--config-file"],
+        # The one whose types stand in a file of their own.
+        ["mypy.stubtest", "sps._sps", "--mypy-config-file"],
+    ],
 )
 def test_the_types_hold(check, tmp_path):
     pytest.importorskip("mypy")

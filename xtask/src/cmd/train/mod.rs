@@ -252,12 +252,15 @@ impl<S: Source> Trainer<'_, S> {
             check.add((&fit.stage.tables, split), &fit.fitted, predictions)?;
         }
         let held_out: usize = splits.iter().map(|split| split.validation.len()).sum();
+        let of_split = held_out / splits.len().max(1);
+        let times = match splits.len() {
+            1 => String::new(),
+            several => format!(" in each of {several} splits"),
+        };
+        let unit = self.splits.units.unit();
         println!(
-            "{} on {} held out, {} surfaces in each of {} splits:",
-            self.method.label,
-            self.splits.units.unit(),
-            held_out / splits.len().max(1),
-            splits.len()
+            "{} on {unit} held out, {of_split} surfaces{times}:",
+            self.method.label
         );
         check.print()
     }

@@ -10,7 +10,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyIterator;
 use rayon::prelude::*;
-use sps_dataset::Frame;
+use sps_dataset::{Extent, Frame};
 
 use crate::errors::value_error;
 
@@ -121,6 +121,14 @@ impl Image {
             })?),
         };
         Ok(Self { name, content })
+    }
+
+    /// The size that it comes in, of a file as `read` reads it.
+    pub(crate) fn extent(&self, read: impl FnOnce(&Path) -> PyResult<Frame>) -> PyResult<Extent> {
+        match &self.content {
+            Content::Pixels(frame) => Ok(frame.extent()),
+            Content::File(path) => Ok(read(path)?.extent()),
+        }
     }
 
     /// The image as an encoder takes it, with sides of at least so many pixels: of a file as `read`

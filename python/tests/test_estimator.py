@@ -140,8 +140,9 @@ def test_photographs_come_to_the_models_size(model, encoder, photographs, widths
     with pytest.raises(ValueError, match="scale: found 0, expected"):
         model.predict(large, scale=0)
     own = sps.Estimator.fit(photographs, widths, encoder=encoder, resize=32)
-    assert own.about["frame-size"] == [32, 32]
-    assert own.map(large)["values"].shape == (1, 1, 1)
+    assert own.about["frame-size"] == [SIDE, SIDE]
+    # Of 96 pixels, as it is seen; windows of 32, 4 apart.
+    assert own.map(large)["values"].shape == (1, 17, 17)
     with pytest.raises(ValueError, match="brings the shorter side of every photograph to 32"):
         own.predict(large, scale="keep")
 

@@ -1,5 +1,7 @@
 //! A model from photographs and what was felt on them.
 
+use std::path::Path;
+
 use numpy::{AllowTypeChange, PyArrayLikeDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -115,7 +117,7 @@ pub(crate) fn regression(name: &str) -> PyResult<Regression> {
 pub(crate) struct Seen {
     embedder: Embedder,
     embeddings: Embeddings,
-    /// Of the first photograph.
+    /// Of the first photograph, as it came.
     extent: Extent,
 }
 
@@ -132,8 +134,10 @@ impl Seen {
         let mut surfaces = Surfaces::new(photographs)?;
         let mut extent = None;
         let values = embed_each(py, &mut surfaces, |images| {
+            if let (None, Some(first)) = (extent, images.first()) {
+                extent = Some(first.extent(|path| photograph(path, None))?);
+            }
             let frames = read(images, encoder.kind().min_size(), resize)?;
-            extent = extent.or_else(|| frames.first().map(Frame::extent));
             let embeddings = embedder.embed(&frames);
             embeddings.map_err(|error| estimator_error(&error))
         })?;
@@ -155,17 +159,21 @@ const NO_PHOTOGRAPH: &str = "photographs: found none, expected one or several fo
 
 /// Photographs, their shorter side brought to so many pixels.
 fn read(images: Vec<Image>, least_side: usize, resize: Option<usize>) -> PyResult<Vec<Frame>> {
-    let decode = DecodeSettings::default();
     frames(images, |image| {
         image.frame(
             least_side,
-            |path| read_photograph(path, &decode, resize).map_err(|error| frame_error(&error)),
+            |path| photograph(path, resize),
             |frame| match resize {
                 Some(shorter) => Ok(frame.resized(shorter).map_err(value_error)?.into_owned()),
                 None => Ok(frame),
             },
         )
     })
+}
+
+fn photograph(path: &Path, resize: Option<usize>) -> PyResult<Frame> {
+    let decode = DecodeSettings::default();
+    read_photograph(path, &decode, resize).map_err(|error| frame_error(&error))
 }
 
 /// How many photographs each surface has.

@@ -36,7 +36,7 @@ pub enum Sight {
     #[default]
     Within,
     /// Each as a photograph of its own, in a pass of its own: what [`Estimator::predict`] says of the
-    /// crop, to the bit.
+    /// crop, but for the last digits of sums.
     Alone,
 }
 

@@ -16,18 +16,15 @@ const SETTINGS: &str = r#"
 front = true
 within-seconds = 3600.0
 [[sweep]]
-id = "small"
-label = "Small"
+id = "small-{views}-{kind}"
+label = "Small, {views}, {kind}"
 encoder = { resize = 24 }
-kinds = ["ridge", "head"]
-views = [1, 2]
-all-views = true
+grid = { kind = ["ridge", "head"], views = [1, 2, "all"] }
 [[sweep]]
-id = "squeeze"
-label = "SqueezeNet"
+id = "squeeze-{views}-{kind}"
+label = "SqueezeNet, {views}, {kind}"
 encoder = { name = "squeezenet1-0", resize = 24 }
-kinds = ["ridge"]
-views = [1]
+grid = { kind = ["ridge"], views = [1] }
 [[methods]]
 id = "narrow"
 label = "Never sure"
@@ -191,7 +188,7 @@ fn wrong_settings_are_refused_at_their_line() {
         let scratch = scratch(settings);
         expect(&message(scratch.experiment().assert()), parts);
     };
-    let sweep = "[[sweep]]\nid = \"s\"\nlabel = \"S\"\nkinds = [\"ridge\"]\nviews = [1]\n";
+    let sweep = "[[sweep]]\nid = \"s\"\nlabel = \"S\"\nkind = \"ridge\"\ngrid = { views = [1] }\n";
     refused(
         &format!("{sweep}encoder = {{ name = \"vgg\" }}"),
         &[
@@ -204,10 +201,7 @@ fn wrong_settings_are_refused_at_their_line() {
         &format!("{sweep}encoder = {{ nam = \"vgg\" }}"),
         &["did you mean `name`?"],
     );
-    refused(
-        &sweep.replace("[1]", "[1, 1]"),
-        &["two methods", "s-1-ridge"],
-    );
+    refused(&sweep.replace("[1]", "[1, 1]"), &["two methods", "s-1"]);
     let adaptive = "[[methods]]\nid = \"a\"\nlabel = \"A\"\nkind = \"ridge\"\n";
     refused(
         &format!("{adaptive}adaptive = {{ width = 1.0 }}"),

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
+use glob::Pattern;
 use sps_dataset::Property;
 use sps_metrics::{Bootstrap, Level};
 
@@ -14,7 +15,7 @@ use super::method::{Method, methods};
 use super::report::{against, position, speed};
 use super::schema::{Config, SpeedConfig};
 use super::setting::Setting;
-use super::sweep::{self, Written};
+use super::written::{self, Written};
 use crate::files::read_text;
 
 const DEFAULTS: &str = include_str!("defaults.toml");
@@ -65,6 +66,31 @@ impl Experiment {
         Ok(Self::check(path, &layers, config)?)
     }
 
+    /// Keeps the methods whose ids match one of the patterns.
+    ///
+    /// # Errors
+    ///
+    /// A pattern that matches none.
+    pub(crate) fn keep_only(&mut self, patterns: &[Pattern]) -> Result<()> {
+        let ids: Vec<&str> = self.methods.iter().map(|method| &method.id[..]).collect();
+        for pattern in patterns {
+            ensure!(
+                ids.iter().any(|id| pattern.matches(id)),
+                "--only {pattern}: no such method; there are {}",
+                ids.join(", ")
+            );
+        }
+        let is_kept = |at: &usize| patterns.iter().any(|pattern| pattern.matches(ids[*at]));
+        let kept: Vec<usize> = (0..ids.len()).filter(is_kept).collect();
+        let place = |at: &usize| kept.iter().position(|other| other == at);
+        self.against = self.against.iter().filter_map(place).collect();
+        if self.against.is_empty() {
+            self.against.push(0);
+        }
+        self.methods = kept.iter().map(|&at| self.methods[at].clone()).collect();
+        Ok(())
+    }
+
     fn check(path: &Path, layers: &Layers<'_>, config: Config) -> Result<Self, ConfigError> {
         let resolved = layers.to_toml();
         let properties = config.properties.iter().enumerate().map(|(index, code)| {
@@ -73,8 +99,8 @@ impl Experiment {
         });
         layers.require(config.reruns > 0, "reruns", "must be at least 1")?;
         encoder(layers, "encoder", &config.encoder)?;
-        let written = sweep::written(&config);
-        let listed = !sweep::asked_for(&config).is_empty();
+        let written = written::all(&config);
+        let listed = !written::asked_for(&config).is_empty();
         layers.require(listed, "methods", "lists no method")?;
         let folds = config.selection.folds > 0;
         layers.require(folds, "selection.folds", "must be at least 1")?;
@@ -112,7 +138,7 @@ fn train(
 ) -> Result<TrainSpec, ConfigError> {
     let train = &config.train;
     let method = if train.method.is_empty() {
-        sweep::asked_for(config).len().saturating_sub(1)
+        written::asked_for(config).len().saturating_sub(1)
     } else {
         position(layers, written, "train.method", &train.method)?
     };
@@ -159,6 +185,26 @@ mod tests {
         assert_eq!(config.ridge, RidgeConfig::default());
         assert_eq!(config.kernel_ridge, KernelRidgeConfig::default());
         assert_eq!(config.encoder.training, TrainingConfig::default());
+    }
+
+    #[test]
+    fn some_methods_may_be_kept() {
+        let text = "[report]\nagainst = [\"b-3\"]\n[[sweep]]\nid = \"b\"\nkind = \"ridge\"\n\
+            grid = { views = [1, 3] }\n";
+        let kept = |patterns: &[&str]| {
+            let mut experiment = read(&format!("{text}{METHOD}")).unwrap();
+            let patterns = patterns.iter().map(|text| Pattern::new(text).unwrap());
+            experiment.keep_only(&patterns.collect::<Vec<_>>())?;
+            let ids = experiment.methods.iter().map(|method| method.id.clone());
+            anyhow::Ok((ids.collect::<Vec<_>>().join(" "), experiment.against))
+        };
+        assert_eq!(kept(&["b*"]).unwrap(), ("b-1 b-3".to_owned(), vec![1]));
+        assert_eq!(kept(&["a", "*-1"]).unwrap(), ("a b-1".to_owned(), vec![0]));
+        let error = kept(&["b*", "c*"]).unwrap_err().to_string();
+        assert!(
+            error.starts_with("--only c*: no such method; there are a, b-1"),
+            "{error}"
+        );
     }
 
     #[test]

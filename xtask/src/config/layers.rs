@@ -8,6 +8,7 @@ use sps_base::names::UnknownName;
 use toml::de::DeTable;
 use toml::{Table, Value};
 
+use super::grid::expand;
 use super::locate::{ConfigError, Place, place_of_span, span_of};
 use super::merge::{apply, inherit, merge, take_back};
 use super::setting::Setting;
@@ -16,8 +17,11 @@ use super::setting::Setting;
 pub(crate) struct Layers<'a> {
     path: &'a Path,
     text: &'a str,
-    settings: &'a [Setting],
+    /// What was set, each by its key with an index for each element of a list.
+    settings: Vec<(String, &'a Setting)>,
     merged: Table,
+    /// The same with the methods of its sweeps.
+    expanded: Table,
 }
 
 impl<'a> Layers<'a> {
@@ -39,22 +43,29 @@ impl<'a> Layers<'a> {
         })?;
         let mut merged = defaults.clone();
         merge(&mut merged, table);
-        for setting in settings {
+        let apply = |setting: &'a Setting| {
             let place = || Place::Setting(setting.key.clone());
-            apply(&mut merged, setting).map_err(|problem| unread(place(), problem))?;
-        }
+            let key = apply(&mut merged, setting).map_err(|problem| unread(place(), problem))?;
+            Ok((key, setting))
+        };
+        let settings = settings.iter().map(apply).collect::<Result<_, _>>()?;
         for list in ["methods", "sweep"] {
             for base in ["head", "encoder"] {
                 inherit(&mut merged, base, list);
             }
         }
         take_back(&mut merged);
-        Ok(Self {
+        let mut layers = Self {
             path,
             text,
             settings,
+            expanded: merged.clone(),
             merged,
-        })
+        };
+        let expanded = expand(&mut layers.expanded);
+        expanded.map_err(|(key, problem)| layers.error(&key, problem))?;
+        take_back(&mut layers.expanded);
+        Ok(layers)
     }
 
     /// The layers as one text.
@@ -64,8 +75,12 @@ impl<'a> Layers<'a> {
 
     /// Reads the layers as one value.
     pub(crate) fn read<T: DeserializeOwned>(&self) -> Result<T, ConfigError> {
-        serde_path_to_error::deserialize(Value::Table(self.merged.clone())).map_err(|error| {
+        serde_path_to_error::deserialize(Value::Table(self.expanded.clone())).map_err(|error| {
             let mut key = segments(error.path());
+            if key.len() > 2 && key[0] == "sweep" {
+                // Which of its methods is not for the file to say.
+                key.remove(2);
+            }
             let message = error.inner().message();
             let unknown = UnknownName::of_serde(message);
             if let Some(UnknownName {
@@ -97,11 +112,13 @@ impl<'a> Layers<'a> {
 
     fn error_at(&self, key: &[String], problem: String) -> ConfigError {
         let dotted = key.join(".");
-        let set = self.settings.iter().rev().find(|setting| {
-            dotted == setting.key || dotted.starts_with(&format!("{}.", setting.key))
-        });
+        let set = self
+            .settings
+            .iter()
+            .rev()
+            .find(|(key, _)| dotted == *key || dotted.starts_with(&format!("{key}.")));
         let place = match set {
-            Some(setting) => Place::Setting(format!("{}={}", setting.key, setting.value)),
+            Some((_, setting)) => Place::Setting(format!("{}={}", setting.key, setting.value)),
             None => self.place_in_file(key),
         };
         ConfigError {
@@ -172,7 +189,7 @@ mod tests {
     fn later_layers_win() {
         let sample = read(
             "seed = 1\n[[methods]]\nid = \"x\"",
-            &["seed=2", "methods.0.id=y"],
+            &["seed=2", "methods.x.id=z", "methods.0.id=y"],
         );
         let sample = sample.unwrap();
         assert_eq!((sample.seed, sample.methods[0].id.as_str()), (2, "y"));
@@ -209,6 +226,16 @@ mod tests {
     }
 
     #[test]
+    fn a_setting_of_a_method_by_its_id_is_named_as_it_was_given() {
+        let message = read("seed = 1\n[[methods]]\nid = \"a\"", &["methods.a.idd=b"]);
+        let message = message.unwrap_err();
+        assert!(
+            message.starts_with("--set methods.a.idd=\"b\""),
+            "{message}"
+        );
+    }
+
+    #[test]
     fn broken_syntax_shows_its_line() {
         let message = read("seed = 1\nlearning = = 3", &[]).unwrap_err();
         assert!(message.starts_with("a.toml, line 2: "), "{message}");
@@ -217,6 +244,9 @@ mod tests {
     #[test]
     fn a_setting_outside_a_list_is_refused() {
         let message = read("[[methods]]\nid = \"a\"", &["methods.3.id=b"]).unwrap_err();
-        assert!(message.contains("not an index of a list of 1"), "{message}");
+        assert!(
+            message.contains("neither an id nor an index of a list of 1"),
+            "{message}"
+        );
     }
 }

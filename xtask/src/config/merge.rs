@@ -67,46 +67,49 @@ fn take_back_inside(value: &mut Value) {
     }
 }
 
-/// Puts the setting's value in its place.
-pub(super) fn apply(table: &mut Table, setting: &Setting) -> Result<(), String> {
-    let (parents, last) = match setting.key.rsplit_once('.') {
-        Some((parents, last)) => (parents.split('.').collect(), last),
-        None => (Vec::new(), setting.key.as_str()),
-    };
+/// Puts the setting's value in its place; gives its key, with an index for each element of a list.
+pub(super) fn apply(table: &mut Table, setting: &Setting) -> Result<String, String> {
     let mut root = Value::Table(std::mem::take(table));
-    let mut at = &mut root;
-    let outcome = (|| {
-        for step in parents {
-            at = match at {
-                Value::Table(table) => table
-                    .entry(step)
-                    .or_insert_with(|| Value::Table(Table::new())),
-                Value::Array(list) => element(list, step)?,
-                other => return Err(format!("`{step}` lies inside a {}", other.type_str())),
-            };
-        }
-        match at {
-            Value::Table(table) => {
-                table.insert(last.to_owned(), setting.value.clone());
-            }
-            Value::Array(list) => *element(list, last)? = setting.value.clone(),
-            other => return Err(format!("`{last}` lies inside a {}", other.type_str())),
-        }
-        Ok(())
-    })();
+    let outcome = put(&mut root, &setting.key, setting.value.clone());
     if let Value::Table(merged) = root {
         *table = merged;
     }
     outcome
 }
 
-fn element<'v>(list: &'v mut [Value], index: &str) -> Result<&'v mut Value, String> {
+fn put(at: &mut Value, key: &str, new: Value) -> Result<String, String> {
+    let (step, rest) = match key.split_once('.') {
+        Some((step, rest)) => (step, Some(rest)),
+        None => (key, None),
+    };
+    let (step, place) = match at {
+        Value::Table(table) => {
+            let place = table.entry(step);
+            (
+                step.to_owned(),
+                place.or_insert_with(|| Value::Table(Table::new())),
+            )
+        }
+        Value::Array(list) => {
+            let index = index(list, step)?;
+            (index.to_string(), &mut list[index])
+        }
+        other => return Err(format!("`{step}` lies inside a {}", other.type_str())),
+    };
+    if let Some(rest) = rest {
+        return Ok(format!("{step}.{}", put(place, rest, new)?));
+    }
+    *place = new;
+    Ok(step)
+}
+
+/// The index of the element with this index, or with this `id`.
+fn index(list: &[Value], name: &str) -> Result<usize, String> {
+    let id = |value: &Value| value.get("id").and_then(Value::as_str) == Some(name);
+    let index = name.parse().ok().filter(|index| *index < list.len());
+    let index = index.or_else(|| list.iter().position(id));
     let length = list.len();
-    index
-        .parse::<usize>()
-        .ok()
-        .and_then(|index| list.get_mut(index))
-        .ok_or_else(|| format!("`{index}` is not an index of a list of {length}"))
+    index.ok_or_else(|| format!("`{name}` is neither an id nor an index of a list of {length}"))
 }
 
 #[cfg(test)]

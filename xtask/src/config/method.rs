@@ -10,7 +10,7 @@ use super::layers::Layers;
 use super::locate::ConfigError;
 use super::looks::{self, Looks, Problem, refuse};
 use super::schema::{Adaptive, Config, MethodConfig, SelectorConfig};
-use super::sweep::Written;
+use super::written::Written;
 use crate::paper;
 
 /// One row of the report.

@@ -5,6 +5,8 @@ mod data;
 mod encoder;
 mod estimator;
 mod experiment;
+mod grid;
+mod grid_words;
 mod layers;
 mod list;
 mod locate;
@@ -15,7 +17,7 @@ mod pretrain;
 mod report;
 mod schema;
 mod setting;
-mod sweep;
+mod written;
 
 pub(crate) use adaptive::in_order;
 pub(crate) use data::{DataSpec, Protocol, TestSurfaces};

@@ -3,7 +3,7 @@
 use super::layers::Layers;
 use super::locate::ConfigError;
 use super::schema::{Config, SpeedConfig};
-use super::sweep::Written;
+use super::written::Written;
 
 /// What is asked about speed and error; none where it is not.
 pub(super) fn speed(

@@ -30,8 +30,9 @@ pub(crate) struct Config {
     pub selection: SelectionConfig,
     #[serde(default)]
     pub methods: Vec<MethodConfig>,
+    /// The methods of each sweep.
     #[serde(default)]
-    pub sweep: Vec<SweepConfig>,
+    pub sweep: Vec<Vec<MethodConfig>>,
     pub report: ReportConfig,
     pub train: TrainConfig,
     pub cache: CacheConfig,
@@ -91,43 +92,6 @@ pub(crate) struct EncoderConfig {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct SelectionConfig {
     pub folds: usize,
-}
-
-/// A method for each of several numbers of views and each of several kinds.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(crate) struct SweepConfig {
-    /// What the ids of its methods begin with; number of views and kind follow.
-    pub id: String,
-    /// What their labels begin with.
-    pub label: String,
-    /// The top-level `encoder` with the sweep's own laid over it.
-    pub encoder: EncoderConfig,
-    /// The top-level `head` with the sweep's own laid over it.
-    pub head: HeadConfig,
-    pub kinds: Vec<MethodKind>,
-    pub views: Vec<usize>,
-    /// All views as well.
-    #[serde(default)]
-    pub all_views: bool,
-    /// Chooses the views where there are several.
-    #[serde(default = "equidistant")]
-    pub selector: SelectorConfig,
-    /// As of a method.
-    #[serde(default)]
-    pub members: Vec<MethodKind>,
-    /// As of a method.
-    #[serde(default = "five")]
-    pub folds: usize,
-    /// As of a method.
-    pub test_surfaces: Option<usize>,
-    /// As of a method, each number in turn; all that there are where none is given.
-    #[serde(default)]
-    pub training_surfaces: Vec<usize>,
-}
-
-fn equidistant() -> SelectorConfig {
-    SelectorConfig::Equidistant(Equidistant::default())
 }
 
 /// One row of the report.

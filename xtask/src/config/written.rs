@@ -1,0 +1,76 @@
+//! The methods of a config: those listed, those of its sweeps, and the floors under all others.
+
+use super::schema::{Config, MethodConfig, MethodKind};
+
+/// A method, and where the config has it.
+pub(super) struct Written {
+    /// The key of the table, dotted.
+    pub at: String,
+    pub method: MethodConfig,
+}
+
+/// All methods: those listed, those of the sweeps, and the floors that are not among them.
+pub(super) fn all(config: &Config) -> Vec<Written> {
+    let mut all = asked_for(config);
+    let floors = config.floors.iter().map(|&kind| floor(config, kind));
+    let missing: Vec<MethodConfig> = floors
+        .filter(|floor| !all.iter().any(|written| written.method.id == floor.id))
+        .collect();
+    all.extend(missing.into_iter().map(|method| Written {
+        at: "floors".to_owned(),
+        method,
+    }));
+    all
+}
+
+/// One view, the encoder of the config.
+fn floor(config: &Config, kind: MethodKind) -> MethodConfig {
+    let label = match kind {
+        MethodKind::Head => "Head",
+        MethodKind::Ridge => "Ridge regression",
+        MethodKind::KernelRidge => "Kernel ridge regression",
+        MethodKind::Nearest => "Nearest neighbour",
+        MethodKind::Stacked => "Stacked",
+        MethodKind::Mean => "Mean of the training part",
+        MethodKind::LabelMean => "Mean of the surface's material",
+    };
+    MethodConfig {
+        id: kind.name().to_owned(),
+        label: label.to_owned(),
+        kind,
+        members: Vec::new(),
+        folds: 0,
+        paper: None,
+        encoder: config.encoder.clone(),
+        head: config.head.clone(),
+        views: 1,
+        all_views: false,
+        selector: None,
+        distinct: false,
+        refit: None,
+        relations: None,
+        adaptive: None,
+        test_surfaces: None,
+        training_surfaces: None,
+    }
+}
+
+/// Those listed, then those of the sweeps.
+pub(super) fn asked_for(config: &Config) -> Vec<Written> {
+    let listed = config.methods.iter().enumerate();
+    let listed = listed.map(|(index, method)| Written {
+        at: format!("methods.{index}"),
+        method: method.clone(),
+    });
+    let swept = config
+        .sweep
+        .iter()
+        .enumerate()
+        .flat_map(|(index, methods)| {
+            methods.iter().map(move |method| Written {
+                at: format!("sweep.{index}"),
+                method: method.clone(),
+            })
+        });
+    listed.chain(swept).collect()
+}

@@ -21,9 +21,10 @@ const SE_RESNEXT_SMALL: &[u8] =
 
 /// A network with its weights, ready to embed images.
 ///
-/// `name` is se-resnext50-32x4d, se-resnext-small or squeezenet1-0; `weights` the path of a
-/// safetensors or PyTorch file, or "built-in" for those of se-resnext-small that come with the
-/// package; `precision` is f32 or bf16, which is faster on processors with AVX512-BF16.
+/// `name` is se-resnext50-32x4d, se-resnext-small, squeezenet1-0, squeezenet1-1, resnet18, resnet50 or
+/// efficientnet-lite0 to efficientnet-lite4; `weights` the path of a safetensors or PyTorch file, or
+/// "built-in" for those of se-resnext-small that come with the package; `precision` is f32 or bf16,
+/// which is faster on processors with AVX512-BF16.
 ///
 /// Raises OSError where the file cannot be read, ValueError where it does not fit the network or a
 /// name is unknown.

@@ -76,29 +76,46 @@ fn training(c: &mut Criterion) -> sps_models::Result<()> {
     Ok(())
 }
 
-/// The encoders beside the paper's, with the height and width of their images.
-const OTHERS: [(EncoderKind, usize); 2] = [
+/// Encoders beside the paper's, with the height and width of their images.
+const OTHERS: [(EncoderKind, usize); 6] = [
     (EncoderKind::SeResNextSmall, 128),
     (EncoderKind::SqueezeNet1_0, 224),
+    (EncoderKind::SqueezeNet1_1, 224),
+    (EncoderKind::ResNet18, 224),
+    (EncoderKind::ResNet50, 224),
+    (EncoderKind::EfficientNetLite0, 224),
 ];
 
+/// Those of them whose training step is measured.
+const TRAINED: [EncoderKind; 2] = [EncoderKind::SeResNextSmall, EncoderKind::SqueezeNet1_0];
+
 fn others(c: &mut Criterion) -> sps_models::Result<()> {
-    const BATCH: usize = 8;
     for (kind, extent) in OTHERS {
-        let images = values(&[BATCH, 3, extent, extent])?;
         let encoder = Encoder::seeded(kind, 0, &Device::Cpu)?;
-        let mut trainable = TrainableEncoder::new(&encoder)?;
-        encoder.embed(&images)?;
-        step(&mut trainable, &images)?;
+        let bf16 = encoder.clone().with_precision(Precision::Bf16)?;
         let mut group = c.benchmark_group(kind.name());
         group.sample_size(10);
-        group.throughput(Throughput::Elements(BATCH as u64));
-        group.bench_function(format!("forward, batch {BATCH}"), |b| {
-            b.iter(|| encoder.embed(black_box(&images)));
-        });
-        group.bench_function(format!("training step, batch {BATCH}"), |b| {
-            b.iter(|| step(&mut trainable, black_box(&images)));
-        });
+        for batch in [8, 1] {
+            let images = values(&[batch, 3, extent, extent])?;
+            encoder.embed(&images)?;
+            group.throughput(Throughput::Elements(batch as u64));
+            group.bench_function(format!("forward, batch {batch}"), |b| {
+                b.iter(|| encoder.embed(black_box(&images)));
+            });
+            group.bench_function(format!("forward in bf16, batch {batch}"), |b| {
+                b.iter(|| bf16.embed(black_box(&images)));
+            });
+        }
+        if TRAINED.contains(&kind) {
+            const BATCH: usize = 8;
+            let images = values(&[BATCH, 3, extent, extent])?;
+            let mut trainable = TrainableEncoder::new(&encoder)?;
+            step(&mut trainable, &images)?;
+            group.throughput(Throughput::Elements(BATCH as u64));
+            group.bench_function(format!("training step, batch {BATCH}"), |b| {
+                b.iter(|| step(&mut trainable, black_box(&images)));
+            });
+        }
         group.finish();
     }
     sequences(c)

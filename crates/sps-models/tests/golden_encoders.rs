@@ -37,12 +37,33 @@ fn squeezenet_embeds_as_torchvision_does() {
     assert_close("squeeze", &found, expected);
 }
 
+/// The networks of `make_golden_encoders.py`, at an odd size.
+#[test]
+fn other_networks_embed_as_torchvision_and_timm_do() {
+    let golden = golden("encoders.safetensors");
+    for (kind, name) in [
+        (EncoderKind::ResNet18, "resnet18"),
+        (EncoderKind::ResNet50, "resnet50"),
+        (EncoderKind::SqueezeNet1_1, "squeezenet1_1"),
+        (EncoderKind::EfficientNetLite0, "efficientnet_lite0"),
+    ] {
+        let images = input(&format!("golden/{name}.eval"), &[2, 3, 97, 131]);
+        let found = encoder(kind).embed_normalised(&images).unwrap();
+        let expected = &golden[&format!("{name}.eval.embedding")];
+        let error = relative_error(&found, expected);
+        println!("{kind}: relative error {error:.1e}");
+        assert!(error < 1e-5, "{kind}: {error:.1e}");
+    }
+}
+
 /// Numbers of eight bits through 16 bottlenecks; whatever else is in the batch.
 #[test]
 fn bf16_stays_near_f32() {
     for (kind, case, bound) in [
         (EncoderKind::SeResNext50, "eval224", 5e-3),
         (EncoderKind::SqueezeNet1_0, "squeeze", 5e-3),
+        (EncoderKind::ResNet18, "eval224", 5e-3),
+        (EncoderKind::EfficientNetLite0, "eval224", 5e-3),
     ] {
         let encoder = encoder(kind);
         let images = input(&format!("golden/{case}"), &[2, 3, 224, 224]);

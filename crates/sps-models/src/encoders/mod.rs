@@ -3,15 +3,16 @@
 //! An embedding is the mean over space of the network's last feature map.
 
 mod batch;
-mod folded;
+mod fused;
 mod i3d;
 mod images;
 mod init;
 mod kind;
+mod network;
+mod networks;
 mod plain;
 mod precision;
 mod se_resnext;
-mod squeezenet;
 #[cfg(test)]
 mod tests;
 mod trainable;
@@ -33,7 +34,9 @@ use crate::ops::simd::Level;
 use crate::ops::words::{Bf16Pair, Word};
 use crate::weights::Weights;
 use batch::{Images, Kernels, Pooled, each};
+use fused::Fused;
 use images::{Normalisation, Order};
+use network::Network;
 use plain::Plain;
 
 /// What turns images into embeddings: an [`Encoder`] each of them, an [`I3d`] sequences of them.
@@ -82,6 +85,7 @@ pub trait Embed: std::fmt::Debug + Send + Sync {
 #[derive(Debug, Clone)]
 pub struct Encoder {
     kind: EncoderKind,
+    network: Arc<Network>,
     precision: Precision,
     weights: Weights,
     device: Device,
@@ -116,15 +120,17 @@ impl Encoder {
     ///
     /// When the weights do not fit the network.
     pub fn new(kind: EncoderKind, weights: Weights, device: &Device) -> Result<Self> {
-        let weights = weights.fit(kind.name(), &kind.specs(), |name| kind.passes(name))?;
+        let network = kind.network();
+        let weights = fit(&network, weights)?;
         let precision = Precision::default();
         Ok(Self {
             kind,
             precision,
-            kernels: kernels(kind, &weights, device, precision)?,
+            kernels: kernels(&network, &weights, device, precision)?,
             hash: content_hash(kind.name(), &weights, device, precision)?,
             weights: weights.to_device(device)?,
             device: device.clone(),
+            network: Arc::new(network),
         })
     }
 
@@ -143,7 +149,7 @@ impl Encoder {
         }
         Ok(Self {
             precision,
-            kernels: kernels(self.kind, &self.weights, &self.device, precision)?,
+            kernels: kernels(&self.network, &self.weights, &self.device, precision)?,
             hash: content_hash(self.kind.name(), &self.weights, &self.device, precision)?,
             ..self
         })
@@ -161,7 +167,7 @@ impl Encoder {
 
     /// The length of an embedding.
     pub fn width(&self) -> usize {
-        self.kind.width()
+        self.network.width()
     }
 
     /// The network's weights.
@@ -195,8 +201,8 @@ impl Encoder {
     /// When the tensor is of another shape or type, smaller than [`EncoderKind::min_size`], or
     /// computed from a variable: there is no gradient for images.
     pub fn embed(&self, images: &Tensor) -> Result<Tensor> {
-        check(self.kind, images)?;
-        self.run(images, &Normalisation::IMAGENET)
+        check(&self.network, images)?;
+        self.run(images, &self.network.normalisation)
     }
 
     /// Embeds images as they lie in most decoders' memory, each `(height, width, 3)` row-major, f32
@@ -208,12 +214,12 @@ impl Encoder {
     /// When there is no image, one does not fill its size, or a side is below
     /// [`EncoderKind::min_size`].
     pub fn embed_pixels(&self, images: &[&[f32]], size: [usize; 2]) -> Result<Vec<f32>> {
-        check_pixels(self.kind, images, size)?;
+        check_pixels(&self.network, images, size)?;
         let Some(kernels) = &self.kernels else {
             let embeddings = self.embed(&self.planes(images, size)?)?;
             return Ok(embeddings.flatten_all()?.to_vec1()?);
         };
-        Ok(kernels.embed(of_pixels(images, size)))
+        Ok(kernels.embed(self.of_pixels(images, size)))
     }
 
     /// Images `(height, width, 3)` as a tensor `(images, 3, height, width)`.
@@ -229,7 +235,7 @@ impl Encoder {
     ///
     /// As [`Encoder::embed`].
     pub fn embed_normalised(&self, images: &Tensor) -> Result<Tensor> {
-        check(self.kind, images)?;
+        check(&self.network, images)?;
         self.run(images, &Normalisation::NONE)
     }
 
@@ -241,8 +247,8 @@ impl Encoder {
     /// As [`Encoder::embed`].
     #[doc(hidden)]
     pub fn embed_plain(&self, images: &Tensor) -> Result<Tensor> {
-        check(self.kind, images)?;
-        self.run_plain(images, &Normalisation::IMAGENET)
+        check(&self.network, images)?;
+        self.run_plain(images, &self.network.normalisation)
     }
 
     fn run(&self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
@@ -267,13 +273,30 @@ impl Encoder {
 
     fn run_plain(&self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
         let images = normalise(images, normalisation)?;
-        Plain::new(&self.weights).embed(self.kind, &images)
+        Plain::new(&self.network, &self.weights).embed(&images)
+    }
+
+    /// Images `(height, width, 3)` for the kernels.
+    fn of_pixels<'a>(&'a self, pixels: &'a [&'a [f32]], [height, width]: [usize; 2]) -> Images<'a> {
+        Images {
+            pixels,
+            order: Order::Pixels,
+            size: [1, height, width],
+            normalisation: &self.network.normalisation,
+        }
     }
 }
 
+/// The weights that a network needs, by its own names.
+fn fit(network: &Network, weights: Weights) -> Result<Weights> {
+    let weights = weights.renamed(|name| network.own_name(name));
+    let passes = |name: &str| network.passes(name);
+    Ok(weights.fit(network.name, &network.specs(), passes)?)
+}
+
 /// Refuses no image, images that do not fill their size, and sizes that the network does not take.
-fn check_pixels(kind: EncoderKind, images: &[&[f32]], [height, width]: [usize; 2]) -> Result<()> {
-    let min = kind.min_size();
+fn check_pixels(network: &Network, images: &[&[f32]], [height, width]: [usize; 2]) -> Result<()> {
+    let min = network.min_size();
     let len = height.checked_mul(width).and_then(|n| n.checked_mul(3));
     let misfit = images.iter().find(|image| Some(image.len()) != len);
     if images.is_empty() || misfit.is_some() || height.min(width) < min {
@@ -291,18 +314,8 @@ fn check_pixels(kind: EncoderKind, images: &[&[f32]], [height, width]: [usize; 2
     Ok(())
 }
 
-/// Images `(height, width, 3)` for the kernels.
-fn of_pixels<'a>(pixels: &'a [&'a [f32]], [height, width]: [usize; 2]) -> Images<'a> {
-    Images {
-        pixels,
-        order: Order::Pixels,
-        size: [1, height, width],
-        normalisation: &Normalisation::IMAGENET,
-    }
-}
-
-fn check(kind: EncoderKind, images: &Tensor) -> Result<()> {
-    let min = kind.min_size();
+fn check(network: &Network, images: &Tensor) -> Result<()> {
+    let min = network.min_size();
     let fits = matches!(*images.dims(), [n, 3, h, w] if n > 0 && h >= min && w >= min);
     if !fits || images.dtype() != DType::F32 {
         return Err(Error::input(
@@ -334,7 +347,7 @@ fn normalise(images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
 }
 
 fn kernels(
-    kind: EncoderKind,
+    network: &Network,
     weights: &Weights,
     device: &Device,
     precision: Precision,
@@ -343,20 +356,14 @@ fn kernels(
         return Ok(None);
     }
     Ok(Some(match precision {
-        Precision::F32 => kernels_of::<f32>(kind, weights)?,
-        Precision::Bf16 => kernels_of::<Bf16Pair>(kind, weights)?,
+        Precision::F32 => kernels_of::<f32>(network, weights)?,
+        Precision::Bf16 => kernels_of::<Bf16Pair>(network, weights)?,
     }))
 }
 
-fn kernels_of<W: Word>(kind: EncoderKind, weights: &Weights) -> Result<Arc<dyn Kernels>> {
-    let level = Level::detect();
-    Ok(if let Some(config) = kind.se_resnext() {
-        let network = se_resnext::fused::Fused::<W>::new(&config, weights, level)?;
-        Arc::new(Pooled::new(network))
-    } else {
-        let network = squeezenet::fused::Fused::<W>::new(weights, level)?;
-        Arc::new(Pooled::new(network))
-    })
+fn kernels_of<W: Word>(network: &Network, weights: &Weights) -> Result<Arc<dyn Kernels>> {
+    let fused = Fused::<W>::new(network, weights, Level::detect())?;
+    Ok(Arc::new(Pooled::new(fused)))
 }
 
 impl Embed for Encoder {

@@ -1,16 +1,16 @@
-//! Layers composed from candle's own operators, channels first: what the fused operators are
+//! Networks composed from candle's own operators, channels first: what the fused operators are
 //! compared against, and what runs on devices other than the CPU.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 
 use candle_core::{DType, Tensor};
 
-use super::{EncoderKind, se_resnext, squeezenet};
+use super::network::{Conv, Gate, IMAGE, Layer, MaxPool, Network};
 use crate::error::{Error, Result};
+use crate::ops::Window;
+use crate::ops::product::Activation;
 use crate::weights::Weights;
-
-/// What batch norm adds to a variance.
-pub(super) const BATCH_NORM_EPS: f64 = 1e-5;
 
 /// What one batch tells of a batch norm's input.
 #[derive(Debug, Clone)]
@@ -25,27 +25,29 @@ pub(super) struct BatchStatistics {
     pub(super) count: usize,
 }
 
-/// Layers of a network.
+/// A network of images with its weights.
 pub(super) struct Plain<'a> {
+    network: &'a Network,
     weights: &'a Weights,
     /// In training, what the batch norms saw.
     statistics: Option<RefCell<Vec<BatchStatistics>>>,
 }
 
 impl<'a> Plain<'a> {
-    /// Layers in inference.
-    pub(super) fn new(weights: &'a Weights) -> Self {
+    /// In inference.
+    pub(super) fn new(network: &'a Network, weights: &'a Weights) -> Self {
         Self {
+            network,
             weights,
             statistics: None,
         }
     }
 
-    /// Layers in training: batch norm by the batch's own statistics.
-    pub(super) fn training(weights: &'a Weights) -> Self {
+    /// In training: batch norm by the batch's own statistics.
+    pub(super) fn training(network: &'a Network, weights: &'a Weights) -> Self {
         Self {
-            weights,
             statistics: Some(RefCell::default()),
+            ..Self::new(network, weights)
         }
     }
 
@@ -56,15 +58,46 @@ impl<'a> Plain<'a> {
 
     /// Maps images `(n, 3, height, width)`, normalised, to embeddings `(n, width)`: the mean of the
     /// last feature map over space.
-    pub(super) fn embed(&self, kind: EncoderKind, images: &Tensor) -> Result<Tensor> {
-        Ok(self.features(kind, images)?.mean((2, 3))?)
+    pub(super) fn embed(&self, images: &Tensor) -> Result<Tensor> {
+        Ok(self.features(images)?.mean((2, 3))?)
     }
 
     /// Maps such images to the last feature map, `(n, width, rows, columns)`.
-    pub(super) fn features(&self, kind: EncoderKind, images: &Tensor) -> Result<Tensor> {
-        match kind.se_resnext() {
-            Some(config) => se_resnext::plain::features(&config, self, images),
-            None => squeezenet::plain::features(self, images),
+    pub(super) fn features(&self, images: &Tensor) -> Result<Tensor> {
+        let last_readers = self.network.last_readers();
+        let mut maps = Maps::new();
+        let mut last = IMAGE;
+        maps.insert(last, images.clone());
+        for (number, layer) in self.network.layers.iter().enumerate() {
+            let map = self.layer(layer, &maps)?;
+            maps.retain(|&map, _| last_readers[map] > number);
+            last = number + 1;
+            maps.insert(last, map);
+        }
+        Ok(maps[&last].clone())
+    }
+
+    fn layer(&self, layer: &Layer, maps: &Maps) -> Result<Tensor> {
+        match layer {
+            Layer::Conv(conv) => activate(self.conv(conv, &maps[&conv.input])?, conv.activation),
+            Layer::Residual {
+                conv,
+                gate,
+                shortcut,
+            } => {
+                let mut y = self.conv(conv, &maps[&conv.input])?;
+                if let Some(gate) = gate {
+                    y = y.broadcast_mul(&self.gate(gate, &y)?)?;
+                }
+                activate((y + &maps[shortcut])?, conv.activation)
+            }
+            Layer::Concat(convs) => {
+                let convs = convs.iter();
+                let parts = convs
+                    .map(|conv| activate(self.conv(conv, &maps[&conv.input])?, conv.activation));
+                Ok(Tensor::cat(&parts.collect::<Result<Vec<_>>>()?, 1)?)
+            }
+            Layer::MaxPool(pool) => self.max_pool(pool, &maps[&pool.input]),
         }
     }
 
@@ -72,28 +105,40 @@ impl<'a> Plain<'a> {
         Ok(self.weights.get(&format!("{layer}.{leaf}"))?)
     }
 
-    /// Convolution by `{layer}.weight`, and `{layer}.bias` where there is one.
-    pub(super) fn conv(
-        &self,
-        x: &Tensor,
-        layer: &str,
-        stride: usize,
-        padding: usize,
-        groups: usize,
-    ) -> Result<Tensor> {
-        let y = x.conv2d(self.tensor(layer, "weight")?, padding, stride, 1, groups)?;
-        match self.tensor(layer, "bias") {
-            Ok(bias) => Ok(y.broadcast_add(&bias.reshape((1, (), 1, 1))?)?),
-            Err(_) => Ok(y),
+    /// Convolution with its bias or its batch norm.
+    fn conv(&self, conv: &Conv, x: &Tensor) -> Result<Tensor> {
+        let window = conv.slide.window(extents(x)?);
+        let (x, padding) = padded(x, &window)?;
+        let weight = self.tensor(&conv.name, "weight")?;
+        let y = x.conv2d(weight, padding, window.stride[1], 1, conv.groups)?;
+        match &conv.norm {
+            Some(norm) => self.batch_norm(&y, norm),
+            None => self.add_bias(&y, &conv.name),
         }
     }
 
+    fn add_bias(&self, y: &Tensor, layer: &str) -> Result<Tensor> {
+        let bias = self.tensor(layer, "bias")?.reshape((1, (), 1, 1))?;
+        Ok(y.broadcast_add(&bias)?)
+    }
+
+    /// Squeeze and excite: `(n, channels, h, w)` to a factor in (0, 1), `(n, channels, 1, 1)`.
+    fn gate(&self, gate: &Gate, y: &Tensor) -> Result<Tensor> {
+        let linear = |x: &Tensor, layer: &str| {
+            let y = x.conv2d(self.tensor(layer, "weight")?, 0, 1, 1, 1)?;
+            self.add_bias(&y, layer)
+        };
+        let [hidden, logits] = &gate.layers;
+        let hidden = linear(&y.mean_keepdim((2, 3))?, hidden)?.relu()?;
+        Ok(candle_nn::ops::sigmoid(&linear(&hidden, logits)?)?)
+    }
+
     /// Batch norm, in inference by running statistics.
-    pub(super) fn batch_norm(&self, x: &Tensor, layer: &str) -> Result<Tensor> {
+    fn batch_norm(&self, x: &Tensor, layer: &str) -> Result<Tensor> {
         if let Some(statistics) = &self.statistics {
             return self.batch_norm_training(x, layer, &mut statistics.borrow_mut());
         }
-        let deviation = (self.tensor(layer, "running_var")? + BATCH_NORM_EPS)?.sqrt()?;
+        let deviation = (self.tensor(layer, "running_var")? + self.network.eps)?.sqrt()?;
         let scale = self.tensor(layer, "weight")?.div(&deviation)?;
         let shift =
             (self.tensor(layer, "bias")? - (self.tensor(layer, "running_mean")? * &scale)?)?;
@@ -118,25 +163,33 @@ impl<'a> Plain<'a> {
             variance: numbers(&variance)?,
             count,
         });
-        let normed = centred.broadcast_div(&(variance + BATCH_NORM_EPS)?.sqrt()?)?;
+        let normed = centred.broadcast_div(&(variance + self.network.eps)?.sqrt()?)?;
         let scaled =
             normed.broadcast_mul(&self.tensor(layer, "weight")?.reshape((1, (), 1, 1))?)?;
         let shift = self.tensor(layer, "bias")?.reshape((1, (), 1, 1))?;
         Ok(scaled.broadcast_add(&shift)?)
     }
 
-    /// Max pooling without padding in ceil mode: the last window may hang over the edge.
-    pub(super) fn max_pool(&self, x: &Tensor, window: usize, stride: usize) -> Result<Tensor> {
-        let (_, _, height, width) = x.dims4()?;
+    fn max_pool(&self, pool: &MaxPool, x: &Tensor) -> Result<Tensor> {
+        let size = extents(x)?;
+        let window = pool.slide.window(size);
+        let Some([_, rows, columns]) = pool.output(size) else {
+            return Err(too_small(size));
+        };
+        let x = pad(x, &window)?;
+        let Window { size, stride, .. } = window;
         if self.statistics.is_some() {
-            let rows = largest_of_rows(x, 2, window, stride)?;
-            return largest_of_rows(&rows, 3, window, stride);
+            let x = largest_of_rows(&x, 2, (size[1], stride[1]), rows)?;
+            return largest_of_rows(&x, 3, (size[2], stride[2]), columns);
         }
-        let x = pad_end(x, 2, pooled(height, window, stride).1)?;
-        let x = pad_end(&x, 3, pooled(width, window, stride).1)?;
-        Ok(x.max_pool2d_with_stride(window, stride)?)
+        let x = pad_end(&x, 2, (rows - 1) * stride[1] + size[1])?;
+        let x = pad_end(&x, 3, (columns - 1) * stride[2] + size[2])?;
+        Ok(x.max_pool2d_with_stride((size[1], size[2]), (stride[1], stride[2]))?)
     }
 }
+
+/// Feature maps that are still read.
+type Maps = BTreeMap<usize, Tensor>;
 
 /// Elements as f32, whatever their type: the reference also runs in f64.
 fn numbers(tensor: &Tensor) -> Result<Vec<f32>> {
@@ -155,11 +208,50 @@ pub(super) fn check_count(count: usize, layer: &str) -> Result<()> {
     ))
 }
 
-/// Max pooling along one axis, by operators that have gradients where windows overlap: candle's
-/// max pooling has none.
-fn largest_of_rows(x: &Tensor, dim: usize, window: usize, stride: usize) -> Result<Tensor> {
+/// Extents of a map `(n, channels, height, width)`.
+fn extents(x: &Tensor) -> Result<[usize; 3]> {
+    let (_, _, height, width) = x.dims4()?;
+    Ok([1, height, width])
+}
+
+/// An image of which a layer leaves nothing.
+pub(super) fn too_small(size: [usize; 3]) -> Error {
+    Error::input("images", format_args!("a map of {size:?}"), "larger ones")
+}
+
+fn activate(x: Tensor, activation: Activation) -> Result<Tensor> {
+    Ok(match activation {
+        Activation::Identity => x,
+        Activation::Relu => x.relu()?,
+        Activation::Relu6 => x.relu()?.minimum(6.0)?,
+    })
+}
+
+/// A map and the padding that a convolution is to add: what is not alike on all sides is added here.
+fn padded(x: &Tensor, window: &Window) -> Result<(Tensor, usize)> {
+    let [_, top, left] = window.before;
+    if window.after == window.before && top == left {
+        return Ok((x.clone(), top));
+    }
+    Ok((pad(x, window)?, 0))
+}
+
+/// A map with a window's padding of zeros.
+fn pad(x: &Tensor, window: &Window) -> Result<Tensor> {
+    let x = x.pad_with_zeros(2, window.before[1], window.after[1])?;
+    Ok(x.pad_with_zeros(3, window.before[2], window.after[2])?)
+}
+
+/// Max pooling along one axis to `count` places by a window of such a size and stride, by operators
+/// that have gradients where windows overlap: candle's max pooling has none. What hangs over the
+/// edge sees the last row.
+fn largest_of_rows(
+    x: &Tensor,
+    dim: usize,
+    (window, stride): (usize, usize),
+    count: usize,
+) -> Result<Tensor> {
     let extent = x.dim(dim)?;
-    let count = pooled(extent, window, stride).0;
     let mut largest: Option<Tensor> = None;
     for offset in 0..window {
         let rows = (0..count).map(|i| (i * stride + offset).min(extent - 1) as u32);
@@ -173,16 +265,10 @@ fn largest_of_rows(x: &Tensor, dim: usize, window: usize, stride: usize) -> Resu
     Ok(largest.unwrap_or_else(|| x.clone()))
 }
 
-/// The extent after pooling in ceil mode, and how far the last window hangs over.
-///
-/// An extent of 1 is pooled to 1, where PyTorch refuses.
-pub(super) fn pooled(extent: usize, window: usize, stride: usize) -> (usize, usize) {
-    let out = extent.saturating_sub(window).div_ceil(stride) + 1;
-    (out, ((out - 1) * stride + window).saturating_sub(extent))
-}
-
-/// Repeats the last row or column: what max pooling needs, since it changes no maximum.
-fn pad_end(x: &Tensor, dim: usize, by: usize) -> Result<Tensor> {
+/// Repeats the last row or column up to an extent: what max pooling needs, since it changes no
+/// maximum.
+fn pad_end(x: &Tensor, dim: usize, extent: usize) -> Result<Tensor> {
+    let by = extent.saturating_sub(x.dim(dim)?);
     if by == 0 {
         return Ok(x.clone());
     }

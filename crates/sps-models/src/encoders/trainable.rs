@@ -9,6 +9,7 @@ use candle_core::{DType, Device, Tensor, Var};
 
 use super::batch::{Images, each};
 use super::images::{Normalisation, Order};
+use super::network::Network;
 use super::plain::{BatchStatistics, Plain};
 use super::se_resnext::SeResNextConfig;
 use super::se_resnext::train::{Context, Gradients, Tape};
@@ -47,6 +48,7 @@ const MOMENTUM: f64 = 0.1;
 #[derive(Debug)]
 pub struct TrainableEncoder {
     kind: EncoderKind,
+    network: Arc<Network>,
     /// All tensors by name: those of the variables share their memory.
     weights: Weights,
     variables: BTreeMap<String, Var>,
@@ -111,6 +113,7 @@ impl TrainableEncoder {
         }
         Ok(Self {
             kind: encoder.kind(),
+            network: Arc::clone(&encoder.network),
             weights: Weights::sharing(encoder.weights().origin(), tensors),
             variables,
             plain: !device.is_cpu(),
@@ -180,7 +183,8 @@ impl TrainableEncoder {
     /// When the tensor is of another shape or type or computed from a variable (there is no gradient
     /// for images), or a batch norm sees a single number in each channel.
     pub fn forward(&mut self, images: &Tensor) -> Result<Tensor> {
-        self.run(images, &Normalisation::IMAGENET)
+        let network = Arc::clone(&self.network);
+        self.run(images, &network.normalisation)
     }
 
     /// As [`TrainableEncoder::forward`], with images that are normalised already.
@@ -213,8 +217,8 @@ impl TrainableEncoder {
     }
 
     fn run(&mut self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
-        check(self.kind, images)?;
-        let (embeddings, statistics) = match self.kind.se_resnext() {
+        check(&self.network, images)?;
+        let (embeddings, statistics) = match se_resnext(self.kind) {
             Some(config) if !self.plain => self.run_fused(config, images, normalisation)?,
             _ => self.run_plain(images, normalisation)?,
         };
@@ -229,9 +233,8 @@ impl TrainableEncoder {
         images: &Tensor,
         normalisation: &Normalisation,
     ) -> Result<(Tensor, Vec<BatchStatistics>)> {
-        let net = Plain::training(&self.weights);
-        let images = normalise(images, normalisation)?;
-        let embeddings = net.embed(self.kind, &images)?;
+        let net = Plain::training(&self.network, &self.weights);
+        let embeddings = net.embed(&normalise(images, normalisation)?)?;
         Ok((embeddings, net.into_statistics()))
     }
 
@@ -290,5 +293,14 @@ impl TrainableEncoder {
             self.weights.replace(&name, new);
         }
         Ok(())
+    }
+}
+
+/// The networks that have a backward pass on the kernels.
+const fn se_resnext(kind: EncoderKind) -> Option<SeResNextConfig> {
+    match kind {
+        EncoderKind::SeResNext50 => Some(SeResNextConfig::RESNEXT50_32X4D),
+        EncoderKind::SeResNextSmall => Some(SeResNextConfig::SMALL),
+        _ => None,
     }
 }

@@ -4,9 +4,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::images::Normalisation;
 use super::plain::Plain;
-use super::{Encoder, check_pixels, normalise, of_pixels};
+use super::{Encoder, check_pixels, normalise};
 use crate::error::{Error, Result};
 use crate::ops::grid::Grid;
 use crate::ops::words::Word;
@@ -69,7 +68,7 @@ impl Encoder {
         window: [usize; 2],
         stride: usize,
     ) -> Result<WindowEmbeddings> {
-        check_pixels(self.kind, &[image], size)?;
+        check_pixels(&self.network, &[image], size)?;
         let windows = Windows::new(size, window, stride)?;
         windows.embed(&self.cell_sums(image, size)?)
     }
@@ -77,10 +76,11 @@ impl Encoder {
     /// The sums of the last feature map of an image that has been checked.
     fn cell_sums(&self, image: &[f32], size: [usize; 2]) -> Result<CellSums> {
         if let Some(kernels) = &self.kernels {
-            return Ok(kernels.cell_sums(of_pixels(&[image], size)));
+            return Ok(kernels.cell_sums(self.of_pixels(&[image], size)));
         }
-        let images = normalise(&self.planes(&[image], size)?, &Normalisation::IMAGENET)?;
-        let features = Plain::new(&self.weights).features(self.kind, &images)?;
+        let normalisation = &self.network.normalisation;
+        let images = normalise(&self.planes(&[image], size)?, normalisation)?;
+        let features = Plain::new(&self.network, &self.weights).features(&images)?;
         let (_, channels, rows, columns) = features.dims4()?;
         let cells: Vec<f32> = features.permute((0, 2, 3, 1))?.flatten_all()?.to_vec1()?;
         let grid = Grid::tight(1, [1, rows, columns], channels);
@@ -215,17 +215,20 @@ pub(super) struct CellSums {
 }
 
 impl CellSums {
-    /// Of the one frame of a feature map of an image, without a border.
+    /// Of the one frame of a feature map of an image.
     pub(super) fn new<W: Word>(features: &[W], grid: &Grid) -> Self {
         let ([_, rows, columns], width) = (grid.size, grid.channels);
         let line = (columns + 1) * width;
         let mut sums = vec![0.0; (rows + 1) * line];
-        let mut cells = features.chunks_exact(grid.pitch);
+        let places = grid.places();
+        let mut cells = places
+            .iter()
+            .map(|&place| &features[place..place + grid.words]);
         for row in 0..rows {
             let (above, below) = sums[row * line..].split_at_mut(line);
             let mut of_row = vec![0.0; width];
-            let places = above.chunks_exact(width).zip(below.chunks_exact_mut(width));
-            for ((above, below), cell) in places.skip(1).zip(&mut cells) {
+            let corners = above.chunks_exact(width).zip(below.chunks_exact_mut(width));
+            for ((above, below), cell) in corners.skip(1).zip(&mut cells) {
                 let numbers = of_row.iter_mut().zip(W::numbers(cell));
                 for ((sum, x), (above, below)) in numbers.zip(above.iter().zip(below)) {
                     *sum += f64::from(x);

@@ -1,6 +1,7 @@
 //! Convolution of feature maps, channels last.
 
 use super::bands::{Threads, for_each_band};
+use super::depthwise::{ChannelWeights, DepthwiseProduct};
 use super::grid::{Grid, Size, Window, pixels};
 use super::grouped::{GroupWeights, GroupedProduct};
 use super::panels::Panels;
@@ -28,6 +29,19 @@ impl ConvShape {
         self.outputs / self.groups
     }
 
+    /// How many runs of memory a window on such a feature map has along each axis: where there is
+    /// one group, pixels that lie side by side are one.
+    pub(crate) fn runs(&self, from: &Grid) -> Size {
+        let [time, height, width] = self.window.size;
+        let joined = self.groups == 1 && from.pitch == from.words;
+        [time, height, if joined { 1 } else { width }]
+    }
+
+    /// Whether each channel is a group of its own.
+    pub(crate) const fn depthwise(&self) -> bool {
+        self.groups > 1 && self.groups == self.inputs && self.groups == self.outputs
+    }
+
     /// Multiply-adds on a feature map of so many pixels; `None` where the window does not fit.
     pub(crate) fn multiply_adds(&self, input: Size) -> Option<u64> {
         let places = pixels(self.window.output(input)?);
@@ -46,21 +60,26 @@ pub(crate) struct Conv<W = f32> {
 /// A convolution's weights.
 #[derive(Debug, Clone)]
 enum Packed<W> {
-    /// Each group as a matrix. Where there is one group, a run of the source spans a row of the
-    /// window, else a pixel.
+    /// Each group as a matrix, by the rows of [`ConvShape::runs`].
     Matrices(Vec<Panels<W>>),
     /// Groups narrower than a vector.
     Narrow(GroupWeights<W>),
+    /// Each channel by itself.
+    Channels(ChannelWeights),
 }
 
 impl<W: Word> Conv<W> {
     /// Packs weights `(outputs, inputs / groups, time, height, width)`, for feature maps of such
-    /// words. A group's inputs and outputs fill whole words.
+    /// words. A group's inputs and outputs fill whole words, but where each channel is a group.
     pub(crate) fn pack(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
         let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
+        let taps = pixels(shape.window.size);
+        if shape.depthwise() {
+            let packed = Packed::Channels(ChannelWeights::pack(level, taps, weights));
+            return Self { shape, packed };
+        }
         debug_assert!(inputs.is_multiple_of(W::NUMBERS), "{shape:?}");
         debug_assert!(outputs.is_multiple_of(W::NUMBERS), "{shape:?}");
-        let taps = pixels(shape.window.size);
         let at =
             |out: usize, tap: usize, input: usize| weights[(out * inputs + input) * taps + tap];
         let narrow = GroupWeights::<W>::serves(level, shape.outputs, outputs);
@@ -95,16 +114,25 @@ impl<W: Word> Conv<W> {
     pub(crate) fn apply(
         &self,
         threads: Threads,
+        source: (&[W], &Grid),
+        target: (&mut [W], &Grid),
+        epilogue: Epilogue<'_>,
+    ) {
+        self.apply_by(&self.shape.window, threads, source, target, epilogue);
+    }
+
+    /// The same by a window of the same size with another padding or stride.
+    pub(crate) fn apply_by(
+        &self,
+        window: &Window,
+        threads: Threads,
         (source, from): (&[W], &Grid),
         (target, to): (&mut [W], &Grid),
         epilogue: Epilogue<'_>,
     ) {
-        debug_assert_eq!(
-            self.shape.window.output(from.size),
-            Some(to.size),
-            "{self:?}"
-        );
-        let starts = from.starts(&self.shape.window, to.size);
+        debug_assert_eq!(window.size, self.shape.window.size);
+        debug_assert_eq!(window.output(from.size), Some(to.size), "{:?}", self.shape);
+        let starts = from.starts(window, to.size);
         let places = to.places();
         let taps = self.taps(from);
         for_each_band(threads, to, target, |band| {
@@ -112,6 +140,14 @@ impl<W: Word> Conv<W> {
             let places = &places[band.pixels];
             match &self.packed {
                 Packed::Narrow(weights) => GroupedProduct {
+                    source,
+                    starts,
+                    taps: &taps,
+                    weights,
+                    epilogue,
+                }
+                .write(band.target, places, band.origin),
+                Packed::Channels(weights) => DepthwiseProduct {
                     source,
                     starts,
                     taps: &taps,
@@ -141,11 +177,6 @@ impl<W: Word> Conv<W> {
 
     /// The beginnings of a window's runs, from its own beginning.
     fn taps(&self, from: &Grid) -> Vec<usize> {
-        let [time, height, width] = self.shape.window.size;
-        if self.shape.groups == 1 {
-            from.taps([time, height, 1])
-        } else {
-            from.taps([time, height, width])
-        }
+        from.taps(self.shape.runs(from))
     }
 }

@@ -32,12 +32,11 @@ pub(crate) fn weight_gradient(
         gradient,
         places: &to.places(),
     };
-    let [time, height, width] = shape.window.size;
     if shape.groups == 1 && pixels(shape.window.size) == 1 {
         pointwise(level, shape, &pairs, target);
     } else if shape.groups == 1 {
-        let taps = from.taps([time, height, 1]);
-        let run = width * shape.inputs;
+        let taps = from.taps(shape.runs(from));
+        let run = pixels(shape.window.size) * shape.inputs / taps.len();
         dense(level, shape, &pairs, &taps, run, target);
     } else {
         grouped(level, shape, &pairs, &from.taps(shape.window.size), target);

@@ -175,6 +175,15 @@ impl Grid {
         self
     }
 
+    /// With a border no smaller than a window pads.
+    pub(crate) fn enclosing(mut self, window: &Window) -> Self {
+        for axis in 0..3 {
+            self.before[axis] = self.before[axis].max(window.before[axis]);
+            self.after[axis] = self.after[axis].max(window.after[axis]);
+        }
+        self
+    }
+
     /// Extent of an axis with its border.
     pub(crate) fn extent(&self, axis: usize) -> usize {
         self.before[axis] + self.size[axis] + self.after[axis]

@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use super::buffer::Buffer;
-use super::product::Epilogue;
+use super::product::{Epilogue, limits};
 use super::simd::{Kernel, Lanes, Level};
 use super::words::{Arithmetic, Word, WordKernel, lanes_of};
 
@@ -152,7 +152,7 @@ impl<W: Word> Write<'_, '_, W> {
             weights,
             epilogue,
         } = *self.product;
-        let floor = lanes.splat_f32s(epilogue.floor());
+        let limits = limits(lanes, epilogue.activation);
         let starts: [usize; H] = std::array::from_fn(|i| starts[first + i]);
         let places: [usize; H] = std::array::from_fn(|i| self.places[first + i] - self.origin);
         let (all, _) = S::as_simd_f32s(lanes_of(&weights.data));
@@ -187,7 +187,7 @@ impl<W: Word> Write<'_, '_, W> {
                 };
                 let sums = std::array::from_fn(|v| {
                     let sum = lanes.add_f32s(sums[i][v], shifts[v]);
-                    lanes.at_least(floor, lanes.add_f32s(sum, stored[v]))
+                    lanes.within(limits, lanes.add_f32s(sum, stored[v]))
                 });
                 arithmetic.store::<NV>(lanes, sums, out);
             }

@@ -15,7 +15,7 @@ const FEW: usize = 64 << 10;
 
 /// Writes `(frames, channels)`, the mean of each channel over a frame's pixels.
 ///
-/// `grid` has no border. The order of the sums is that of the pixels, whatever the threads.
+/// The order of the sums is that of the pixels, whatever the threads.
 pub(crate) fn frame_means<W: Word>(
     threads: Threads,
     level: Level,
@@ -24,17 +24,18 @@ pub(crate) fn frame_means<W: Word>(
     means: &mut [f32],
 ) {
     let channels = grid.channels;
+    let places = Grid { frames: 1, ..*grid }.places();
+    let runs: Vec<&[usize]> = places.chunks(RUN).collect();
     let frames = source
         .chunks_exact(grid.frame_len())
         .zip(means.chunks_exact_mut(channels));
     for (frame, means) in frames {
-        let runs: Vec<&[W]> = frame.chunks(RUN * grid.pitch).collect();
-        let sum = |run: &&[W]| level.run(Sum { run, grid });
+        let sum = |run: &&[usize]| level.run(Sum { frame, run, grid });
         let sums: Vec<Vec<f32>> = match threads {
             Threads::All if frame.len() > FEW => runs.par_iter().map(sum).collect(),
             _ => runs.iter().map(sum).collect(),
         };
-        let pixels = (frame.len() / grid.pitch) as f64;
+        let pixels = places.len() as f64;
         for (channel, mean) in means.iter_mut().enumerate() {
             let sum: f64 = sums.iter().map(|run| f64::from(run[channel])).sum();
             *mean = (sum / pixels) as f32;
@@ -44,7 +45,8 @@ pub(crate) fn frame_means<W: Word>(
 
 /// The sum over the pixels of a run.
 struct Sum<'a, W> {
-    run: &'a [W],
+    frame: &'a [W],
+    run: &'a [usize],
     grid: &'a Grid,
 }
 
@@ -54,7 +56,8 @@ impl<W: Word> Kernel for Sum<'_, W> {
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) -> Vec<f32> {
         let mut sums = vec![0.0; self.grid.channels];
-        for pixel in self.run.chunks_exact(self.grid.pitch) {
+        for &place in self.run {
+            let pixel = &self.frame[place..place + self.grid.words];
             for (sum, x) in sums.iter_mut().zip(W::numbers(pixel)) {
                 *sum += x;
             }

@@ -32,6 +32,7 @@ pub(crate) mod buffer;
 pub(crate) mod conv;
 pub(crate) mod conv_input;
 pub(crate) mod conv_weight;
+mod depthwise;
 pub(crate) mod grid;
 mod grouped;
 pub(crate) mod mean;
@@ -50,5 +51,5 @@ pub(crate) mod words;
 mod tests;
 
 pub use grid::Window;
-pub use operators::{conv, conv_bias, max_pool};
+pub use operators::{conv, max_pool};
 pub(crate) use operators::{differentiable, with_values};

@@ -11,8 +11,8 @@ use super::simd::{Lanes, load};
 use super::unroll::{tallest, tiles};
 use super::words::{Arithmetic, Word, WordKernel, lanes_of};
 
-/// What happens to a sum before it is stored: `max(sum * scale + shift + stored, floor)`, each
-/// part where it is wanted.
+/// What happens to a sum before it is stored: `activation(sum * scale + shift + stored)`, each part
+/// where it is wanted.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Epilogue<'a> {
     /// Factors of the columns.
@@ -21,8 +21,32 @@ pub(crate) struct Epilogue<'a> {
     pub(crate) shift: Option<Columns<'a>>,
     /// Whether what is stored already is added.
     pub(crate) accumulate: bool,
-    /// Whether negative values become 0.
-    pub(crate) relu: bool,
+    /// What becomes of it last.
+    pub(crate) activation: Activation,
+}
+
+/// What becomes of the numbers that leave a layer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Activation {
+    /// They stay as they are.
+    #[default]
+    Identity,
+    /// Negative ones become 0.
+    Relu,
+    /// Negative ones become 0, those above 6 become 6.
+    Relu6,
+}
+
+impl Activation {
+    /// What no number lies below, and what none lies above.
+    #[inline(always)]
+    pub(crate) const fn limits(self) -> [f32; 2] {
+        match self {
+            Self::Identity => [f32::NEG_INFINITY, f32::INFINITY],
+            Self::Relu => [0.0, f32::INFINITY],
+            Self::Relu6 => [0.0, 6.0],
+        }
+    }
 }
 
 /// A number for each column, the same in every frame or each frame's own.
@@ -60,12 +84,6 @@ impl<'a> Columns<'a> {
 }
 
 impl Epilogue<'_> {
-    /// What nothing that is stored lies below.
-    #[inline(always)]
-    pub(super) const fn floor(&self) -> f32 {
-        if self.relu { 0.0 } else { f32::NEG_INFINITY }
-    }
-
     /// The same for the rows and columns from a frame and a column on.
     pub(crate) fn from(self, frame: usize, column: usize) -> Self {
         Self {
@@ -346,12 +364,19 @@ impl<W: Word> Tile<'_, '_, W> {
     }
 }
 
+/// An activation's limits, in every lane.
+#[inline(always)]
+pub(super) fn limits<S: Lanes>(lanes: S, activation: Activation) -> [S::f32s; 2] {
+    let [least, most] = activation.limits();
+    [lanes.splat_f32s(least), lanes.splat_f32s(most)]
+}
+
 /// The epilogue of one tile.
 #[derive(Clone, Copy)]
 struct Finish<S: Lanes, const NV: usize> {
     scale: [S::f32s; NV],
     shift: [S::f32s; NV],
-    floor: S::f32s,
+    limits: [S::f32s; 2],
     accumulate: bool,
 }
 
@@ -362,11 +387,7 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
         Self {
             scale: tile.columns(lanes, epilogue.scale, 1.0),
             shift: tile.columns(lanes, epilogue.shift, 0.0),
-            floor: lanes.splat_f32s(if epilogue.relu {
-                0.0
-            } else {
-                f32::NEG_INFINITY
-            }),
+            limits: limits(lanes, epilogue.activation),
             accumulate: epilogue.accumulate,
         }
     }
@@ -381,7 +402,7 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
             } else {
                 y
             };
-            lanes.at_least(self.floor, y)
+            lanes.within(self.limits, y)
         })
     }
 }

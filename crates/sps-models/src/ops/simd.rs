@@ -129,6 +129,15 @@ pub(crate) trait Lanes: Simd {
     /// The larger of `x` and `floor`, which is no NaN; where `x` is NaN, NaN.
     fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s;
 
+    /// The smaller of `x` and `ceiling`, which is no NaN; where `x` is NaN, NaN.
+    fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s;
+
+    /// `x`, but no less than the first limit and no more than the second.
+    #[inline(always)]
+    fn within(self, [least, most]: [Self::f32s; 2], x: Self::f32s) -> Self::f32s {
+        self.at_most(most, self.at_least(least, x))
+    }
+
     /// In each run of `G` lanes, that run's lane `index` everywhere.
     ///
     /// `G` is 4, or 8 where there are 16 lanes.
@@ -167,6 +176,11 @@ impl Lanes for V4 {
     fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s {
         // The instruction returns its second operand where one is NaN.
         self.max_f32s(floor, x)
+    }
+
+    #[inline(always)]
+    fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s {
+        self.min_f32s(ceiling, x)
     }
 
     #[inline(always)]
@@ -209,6 +223,11 @@ impl Lanes for V3 {
     }
 
     #[inline(always)]
+    fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s {
+        self.min_f32s(ceiling, x)
+    }
+
+    #[inline(always)]
     fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
         use pulp::cast;
         let avx = self.avx;
@@ -239,6 +258,11 @@ impl Lanes for Neon {
     #[inline(always)]
     fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s {
         self.max_f32s(floor, x)
+    }
+
+    #[inline(always)]
+    fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s {
+        self.min_f32s(ceiling, x)
     }
 
     #[inline(always)]
@@ -274,6 +298,17 @@ impl Lanes for Scalar128b {
             at_least(floor.1, x.1),
             at_least(floor.2, x.2),
             at_least(floor.3, x.3),
+        )
+    }
+
+    #[inline(always)]
+    fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s {
+        let at_most = |ceiling: f32, x: f32| if x > ceiling { ceiling } else { x };
+        pulp::f32x4(
+            at_most(ceiling.0, x.0),
+            at_most(ceiling.1, x.1),
+            at_most(ceiling.2, x.2),
+            at_most(ceiling.3, x.3),
         )
     }
 

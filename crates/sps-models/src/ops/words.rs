@@ -219,8 +219,8 @@ impl<S: Lanes> Arithmetic<S> for Pairs {
     fn load<const NV: usize>(self, _: S, from: &[Bf16Pair]) -> [S::f32s; NV] {
         let mut values = [Zeroable::zeroed(); NV];
         let numbers: &mut [f32] = bytemuck::cast_slice_mut(&mut values);
-        for (number, half) in numbers.iter_mut().zip(halves(from)) {
-            *number = half.to_f32();
+        for (number, &half) in numbers.iter_mut().zip(halves(from)) {
+            *number = widened(half);
         }
         values
     }

@@ -213,6 +213,16 @@ impl Weights {
             .map(|(name, tensor)| (name.as_str(), tensor))
     }
 
+    /// With other names for those tensors that `name` has one for.
+    pub(crate) fn renamed(self, name: impl Fn(&str) -> Option<String>) -> Self {
+        let tensors = self.tensors.into_iter();
+        let renamed = |(old, tensor): (String, Tensor)| (name(&old).unwrap_or(old), tensor);
+        Self {
+            tensors: tensors.map(renamed).collect(),
+            ..self
+        }
+    }
+
     /// Keeps what `network` needs, having checked every name and shape.
     ///
     /// `passes` names tensors that a file may hold beside those of the network (a classifier's

@@ -1,14 +1,10 @@
 //! Squeeze-and-excitation ResNeXt (Hu et al., "Squeeze-and-Excitation Networks", CVPR 2018), in
 //! the layout of Cadene's and timm's `legacy_seresnext50_32x4d`.
 
-pub(super) mod fused;
-pub(super) mod plain;
 pub(super) mod train;
 
 use crate::ops::Window;
 use crate::ops::conv::ConvShape;
-use crate::ops::grid::Size;
-use crate::weights::TensorSpec;
 
 /// The size of a squeeze-and-excitation ResNeXt.
 ///
@@ -136,73 +132,6 @@ impl Bottleneck {
     fn shortcut(&self) -> ConvShape {
         point(self.input, self.out, self.stride)
     }
-
-    fn specs(&self, specs: &mut Vec<TensorSpec>) {
-        let grouped = self.mid / self.groups;
-        conv_bn(
-            specs,
-            &self.name("conv1"),
-            &self.name("bn1"),
-            &[self.mid, self.input, 1, 1],
-        );
-        conv_bn(
-            specs,
-            &self.name("conv2"),
-            &self.name("bn2"),
-            &[self.mid, grouped, 3, 3],
-        );
-        conv_bn(
-            specs,
-            &self.name("conv3"),
-            &self.name("bn3"),
-            &[self.out, self.mid, 1, 1],
-        );
-        for (layer, out, input) in [
-            ("se_module.fc1", self.squeezed(), self.out),
-            ("se_module.fc2", self.out, self.squeezed()),
-        ] {
-            let name = self.name(layer);
-            specs.push(TensorSpec::new(
-                format!("{name}.weight"),
-                &[out, input, 1, 1],
-            ));
-            specs.push(TensorSpec::new(format!("{name}.bias"), &[out]));
-        }
-        if self.downsample {
-            let shape = [self.out, self.input, 1, 1];
-            conv_bn(
-                specs,
-                &self.name("downsample.0"),
-                &self.name("downsample.1"),
-                &shape,
-            );
-        }
-    }
-}
-
-/// Multiply-adds for one image of so many pixels.
-pub(super) fn multiply_adds(config: &SeResNextConfig, size: Size) -> Option<u64> {
-    let stem = ConvShape {
-        window: STEM,
-        inputs: 3,
-        outputs: config.stem,
-        groups: 1,
-    };
-    let mut count = stem.multiply_adds(size)?;
-    let mut size = POOL.output_ceil(STEM.output(size)?);
-    for bottleneck in config.bottlenecks() {
-        let grouped = bottleneck.grouped();
-        let smaller = grouped.window.output(size)?;
-        count += bottleneck.reduce().multiply_adds(size)?;
-        count += grouped.multiply_adds(size)?;
-        count += bottleneck.expand().multiply_adds(smaller)?;
-        if bottleneck.downsample {
-            count += bottleneck.shortcut().multiply_adds(size)?;
-        }
-        count += 2 * (bottleneck.out * bottleneck.squeezed()) as u64;
-        size = smaller;
-    }
-    Some(count)
 }
 
 /// A 1x1 convolution.
@@ -212,27 +141,5 @@ const fn point(inputs: usize, outputs: usize, stride: usize) -> ConvShape {
         inputs,
         outputs,
         groups: 1,
-    }
-}
-
-/// The tensors of a network of this size.
-pub(super) fn specs(config: &SeResNextConfig) -> Vec<TensorSpec> {
-    let mut specs = Vec::new();
-    conv_bn(
-        &mut specs,
-        "layer0.conv1",
-        "layer0.bn1",
-        &[config.stem, 3, 7, 7],
-    );
-    for bottleneck in config.bottlenecks() {
-        bottleneck.specs(&mut specs);
-    }
-    specs
-}
-
-fn conv_bn(specs: &mut Vec<TensorSpec>, conv: &str, bn: &str, shape: &[usize]) {
-    specs.push(TensorSpec::new(format!("{conv}.weight"), shape));
-    for leaf in ["weight", "bias", "running_mean", "running_var"] {
-        specs.push(TensorSpec::new(format!("{bn}.{leaf}"), &shape[..1]));
     }
 }

@@ -33,8 +33,13 @@ fn numbers(tensor: &Tensor) -> Vec<f32> {
     tensor.flatten_all().unwrap().to_vec1().unwrap()
 }
 
-/// How far the kernels' embeddings may be from the network in f64, of the largest value.
+/// How far the kernels' embeddings may be from the network in f64, of the largest value, after as many
+/// layers as [`LAYERS`].
 const BOUND: f64 = 5e-6;
+
+/// As many as SE-ResNeXt-50 has. What is rounded in each layer adds up, and grows through those that
+/// follow: in all with the square of their number.
+const LAYERS: f64 = 54.0;
 
 /// The same network in f64.
 fn exact(encoder: &Encoder, images: &Tensor) -> Vec<f64> {
@@ -54,8 +59,12 @@ fn naively_standardised(images: &Tensor) -> Vec<f32> {
 fn agree(case: &str, encoder: &Encoder, images: &Tensor) {
     let found = values(&encoder.embed(images).unwrap());
     let error = error(&found, &exact(encoder, images));
-    println!("{case}: error {error:.1e}, bound {BOUND:.0e}");
-    assert!(error <= BOUND, "{case}");
+    let bound = BOUND
+        * (encoder.network.layers.len() as f64 / LAYERS)
+            .powi(2)
+            .max(1.0);
+    println!("{case}: error {error:.1e}, bound {bound:.0e}");
+    assert!(error <= bound, "{case}");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 mod hard_cases;
 mod i3d;
+mod networks;
 mod training;
 mod windows;
 
@@ -25,11 +26,11 @@ fn exact_features(encoder: &Encoder, images: &Tensor) -> Tensor {
     let tensors = encoder.weights().iter();
     let tensors = tensors.map(|(name, tensor)| (name.to_owned(), double(tensor)));
     let weights = Weights::sharing("f64", tensors);
-    let Normalisation { mean, std } = Normalisation::IMAGENET;
+    let Normalisation { mean, std } = encoder.network.normalisation;
     let images = double(images).broadcast_sub(&row(mean)).unwrap();
     let images = images.broadcast_div(&row(std)).unwrap();
-    let net = Plain::new(&weights);
-    net.features(encoder.kind(), &images).unwrap()
+    let net = Plain::new(&encoder.network, &weights);
+    net.features(&images).unwrap()
 }
 
 /// The norm of the difference relative to that of what is expected.
@@ -82,8 +83,9 @@ fn plain_operators_in_f64() {
     };
 
     let images = f32_input("golden/train64", &[4, 3, 64, 64]);
-    let net = Plain::training(&weights);
-    let embedding = net.embed(EncoderKind::SeResNext50, &images).unwrap();
+    let network = EncoderKind::SeResNext50.network();
+    let net = Plain::training(&network, &weights);
+    let embedding = net.embed(&images).unwrap();
     let found = error(&values(&embedding), &values(&expected["train64.embedding"]));
     assert!(found < 1e-11, "embedding {found:.1e}");
 

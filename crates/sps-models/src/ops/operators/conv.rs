@@ -7,7 +7,7 @@ use crate::ops::conv::{Conv, ConvShape};
 use crate::ops::conv_input::ConvTranspose;
 use crate::ops::conv_weight::weight_gradient;
 use crate::ops::grid::{Grid, Window};
-use crate::ops::product::{Columns, Epilogue};
+use crate::ops::product::Epilogue;
 use crate::ops::simd::Level;
 
 /// Convolution of `(frames, [time,] height, width, inputs)` by weights
@@ -24,61 +24,14 @@ pub fn conv(
     window: Window,
     groups: usize,
 ) -> crate::error::Result<Tensor> {
-    convolve((x, weight, None), window, groups, false)
-}
-
-/// Convolution as [`conv`], plus a bias `(outputs)`, rectified where `relu` says so.
-///
-/// # Errors
-///
-/// As [`conv`].
-pub fn conv_bias(
-    x: &Tensor,
-    weight: &Tensor,
-    bias: &Tensor,
-    window: Window,
-    groups: usize,
-    relu: bool,
-) -> crate::error::Result<Tensor> {
-    convolve((x, weight, Some(bias)), window, groups, relu)
-}
-
-fn convolve(
-    (x, weight, bias): (&Tensor, &Tensor, Option<&Tensor>),
-    window: Window,
-    groups: usize,
-    relu: bool,
-) -> crate::error::Result<Tensor> {
     let layout = Layout::new(x, weight, window, groups)?;
-    let outputs = layout.shape.outputs;
-    if let Some(bias) = bias.filter(|bias| bias.dims() != [outputs]) {
-        let found = format_args!("{:?}", bias.dims());
-        return Err(Error::input("bias", found, format_args!("({outputs})")));
-    }
-    let values = |bias| with_values(bias, |bias| Ok(bias.to_vec()));
-    let shift = bias.map(values).transpose()?;
-    let epilogue = Epilogue {
-        shift: shift.as_deref().map(Columns::shared),
-        relu,
-        ..Epilogue::default()
-    };
-    let y = layout.forward(x, weight, epilogue)?;
-    let dims = dims(x, layout.to.frames, layout.to.size, outputs);
-    let (inputs, biased) = ([x, weight, bias.unwrap_or(weight)], bias.is_some());
+    let y = layout.forward(x, weight)?;
+    let dims = dims(x, layout.to.frames, layout.to.size, layout.shape.outputs);
+    let inputs = [x, weight, weight];
     let (x, weight) = (x.clone(), weight.clone());
-    let backward = move |y: &[f32], gradient: &[f32]| {
-        let pairs = gradient.iter().zip(y);
-        let passed = pairs.map(|(g, y)| if !relu || *y > 0.0 { *g } else { 0.0 });
-        let gradient: Vec<f32> = passed.collect();
-        let mut db = vec![0.0_f64; outputs];
-        for pixel in gradient.chunks_exact(outputs) {
-            for (db, gradient) in db.iter_mut().zip(pixel) {
-                *db += f64::from(*gradient);
-            }
-        }
-        let db = db.into_iter().map(|db| db as f32).collect();
-        let [dx, dw] = layout.backward(&x, &weight, &gradient)?;
-        Ok([dx, dw, biased.then_some(db)])
+    let backward = move |_: &[f32], gradient: &[f32]| {
+        let [dx, dw] = layout.backward(&x, &weight, gradient)?;
+        Ok([dx, dw, None])
     };
     Ok(differentiable(inputs, y, dims, backward)?)
 }
@@ -130,14 +83,15 @@ impl Layout {
         })
     }
 
-    fn forward(&self, x: &Tensor, weight: &Tensor, epilogue: Epilogue<'_>) -> Result<Vec<f32>> {
+    fn forward(&self, x: &Tensor, weight: &Tensor) -> Result<Vec<f32>> {
         let conv = with_values(weight, |weight| {
             Ok(Conv::pack(Level::detect(), self.shape, weight))
         })?;
         let mut y = vec![0.0; self.to.len()];
         let padded = self.from.padded(&self.shape.window);
         with_padding(x, &padded, |x| {
-            conv.apply(Threads::All, (x, &padded), (&mut y, &self.to), epilogue);
+            let target = (&mut y[..], &self.to);
+            conv.apply(Threads::All, (x, &padded), target, Epilogue::default());
         })?;
         Ok(y)
     }

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 
 use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Storage, Tensor, bail};
 
-pub use conv::{conv, conv_bias};
+pub use conv::conv;
 pub use max_pool::max_pool;
 
 use super::buffer::Buffer;

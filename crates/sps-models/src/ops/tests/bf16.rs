@@ -5,7 +5,7 @@ use super::super::conv::{Conv, ConvShape};
 use super::super::grid::{Grid, Window, pixels};
 use super::super::mean::frame_means;
 use super::super::pool::max_pool;
-use super::super::product::{Columns, Epilogue};
+use super::super::product::{Activation, Columns, Epilogue};
 use super::super::simd::forced::on_each_level;
 use super::super::words::{Bf16Pair, Word};
 use super::noise;
@@ -93,7 +93,7 @@ fn check(shape: ConvShape, size: [usize; 2]) {
             let epilogue = Epilogue {
                 shift: Some(Columns::shared(&shift)),
                 accumulate,
-                relu: true,
+                activation: Activation::Relu,
                 ..Epilogue::default()
             };
             conv.apply(Threads::One, (&source, &from), (&mut target, &to), epilogue);

@@ -1,8 +1,8 @@
 use candle_core::Tensor;
 
 use super::{check, distance, noise, numbers, tensor};
+use crate::ops::conv;
 use crate::ops::grid::{Window, pixels};
-use crate::ops::{conv, conv_bias};
 
 #[derive(Clone, Copy)]
 struct Case {
@@ -170,37 +170,6 @@ fn more_rows_than_a_block_sums_to_the_last_digits() {
         let gradients = loss.sum_all().unwrap().backward().unwrap();
         let found = numbers(gradients.get(&weight).unwrap());
         assert!(distance(&found, &case.weight_gradient(x, &cotangent)) < 2e-6);
-    }
-}
-
-#[test]
-fn bias_and_rectifier() {
-    let case = Case {
-        frames: 2,
-        size: image(4, 3),
-        inputs: 5,
-        outputs: 7,
-        groups: 1,
-        window: Window::square(3, 1, 1),
-    };
-    let mut inputs = case.inputs();
-    inputs.push((noise(7, 5), vec![7]));
-    for relu in [false, true] {
-        let operator = |t: &[Tensor]| conv_bias(&t[0], &t[1], &t[2], case.window, 1, relu).unwrap();
-        let reference = |x: &[Vec<f64>]| {
-            let mut y = case.reference(&x[0], &x[1]);
-            for (i, y) in y.iter_mut().enumerate() {
-                *y += x[2][i % 7];
-                *y = if relu { y.max(0.0) } else { *y };
-            }
-            y
-        };
-        check(
-            &format!("bias, relu {relu}"),
-            &inputs,
-            &operator,
-            &reference,
-        );
     }
 }
 

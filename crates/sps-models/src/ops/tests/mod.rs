@@ -4,6 +4,7 @@
 mod batch_norm;
 mod bf16;
 mod conv;
+mod depthwise;
 mod gated_residual;
 mod golden3d;
 mod hard_cases;

@@ -5,7 +5,7 @@ use crate::encoders::se_resnext::Bottleneck;
 use crate::error::Result;
 use crate::ops::outer::Outer;
 use crate::ops::panels::Panels;
-use crate::ops::product::{Columns, Epilogue, Product};
+use crate::ops::product::{Activation, Columns, Epilogue, Product};
 
 /// What the gate's backward pass needs; all `(frames, channels)`.
 #[derive(Debug)]
@@ -20,13 +20,19 @@ pub(super) struct KeptGate {
 impl KeptGate {
     /// From the branch's means over space.
     pub(super) fn record(b: &Bottleneck, context: &Context, squeezed: Vec<f32>) -> Result<Self> {
-        let hidden = linear(context, &b.name("se_module.fc1"), &squeezed, b.out, true)?;
+        let hidden = linear(
+            context,
+            &b.name("se_module.fc1"),
+            &squeezed,
+            b.out,
+            Activation::Relu,
+        )?;
         let mut factors = linear(
             context,
             &b.name("se_module.fc2"),
             &hidden,
             b.squeezed(),
-            false,
+            Activation::Identity,
         )?;
         for logit in &mut factors {
             *logit = 1.0 / (1.0 + (-*logit).exp());
@@ -70,7 +76,7 @@ fn linear(
     layer: &str,
     x: &[f32],
     inputs: usize,
-    relu: bool,
+    activation: Activation,
 ) -> Result<Vec<f32>> {
     let level = context.level;
     context.parameter(&format!("{layer}.bias"), |bias| {
@@ -78,7 +84,7 @@ fn linear(
             let panels = Panels::pack(level, inputs, bias.len(), |k, n| weight[n * inputs + k]);
             let epilogue = Epilogue {
                 shift: Some(Columns::shared(bias)),
-                relu,
+                activation,
                 ..Epilogue::default()
             };
             rows_by(&panels, x, epilogue)

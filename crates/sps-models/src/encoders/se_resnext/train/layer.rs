@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
-use crate::encoders::plain::{BATCH_NORM_EPS, BatchStatistics, check_count};
+use crate::encoders::plain::{BatchStatistics, check_count};
 use crate::error::{Error, Result};
 use crate::ops::bands::Threads;
 use crate::ops::batch_norm::{Norm, NormGradients};
@@ -18,6 +18,9 @@ use crate::ops::simd::Level;
 use crate::ops::statistics::ChannelStatistics;
 use crate::ops::with_values;
 use crate::weights::Weights;
+
+/// What batch norm adds to a variance.
+const BATCH_NORM_EPS: f64 = 1e-5;
 
 /// What a pass works with.
 #[derive(Debug)]

@@ -1,11 +1,11 @@
 //! Convolutions as inference needs them: what follows them linearly is part of them.
 
+use crate::encoders::network;
 use crate::error::Result;
-use crate::ops::bands::Threads;
 use crate::ops::conv::{Conv, ConvShape};
-use crate::ops::grid::{Grid, pixels};
+use crate::ops::grid::pixels;
 use crate::ops::panels::Panels;
-use crate::ops::product::{Columns, Epilogue, Product};
+use crate::ops::product::{Epilogue, Product};
 use crate::ops::simd::Level;
 use crate::ops::words::Word;
 use crate::weights::Weights;
@@ -20,8 +20,16 @@ pub(super) struct Folded {
 }
 
 impl Folded {
-    /// A convolution without bias and the batch norm after it, which becomes part of it.
-    pub(super) fn batch_norm(
+    /// A convolution with its bias or with the batch norm after it, which becomes part of it.
+    pub(super) fn new(conv: &network::Conv, weights: &Weights, eps: f64) -> Result<Self> {
+        let shape = conv.shape([1; 3]);
+        match &conv.norm {
+            Some(norm) => Self::batch_norm(shape, weights, &conv.name, norm, eps),
+            None => Self::bias(shape, weights, &conv.name),
+        }
+    }
+
+    fn batch_norm(
         shape: ConvShape,
         weights: &Weights,
         conv: &str,
@@ -109,8 +117,8 @@ impl Folded {
     }
 
     /// Lays it out for the kernels, for feature maps of such words.
-    pub(super) fn pack<W: Word>(self, level: Level) -> Layer<W> {
-        Layer {
+    pub(super) fn pack<W: Word>(self, level: Level) -> Packed<W> {
+        Packed {
             conv: Conv::pack(level, self.shape, &self.weights),
             shift: self.shift,
         }
@@ -123,34 +131,7 @@ fn values(weights: &Weights, name: &str) -> Result<Vec<f32>> {
 
 /// A convolution laid out for the kernels, and what it adds to each channel.
 #[derive(Debug)]
-pub(super) struct Layer<W = f32> {
+pub(super) struct Packed<W = f32> {
     pub(super) conv: Conv<W>,
     pub(super) shift: Vec<f32>,
-}
-
-impl<W: Word> Layer<W> {
-    /// The feature map that comes of one, without a border.
-    pub(super) fn output(&self, from: &Grid) -> Grid {
-        let shape = self.conv.shape();
-        let size = shape.window.output(from.size).unwrap_or_default();
-        Grid::tight(from.frames, size, shape.outputs)
-            .of::<W>()
-            .staggered()
-    }
-
-    /// Convolves, and makes negative values 0 where `relu` says so.
-    pub(super) fn apply(
-        &self,
-        threads: Threads,
-        source: (&[W], &Grid),
-        target: (&mut [W], &Grid),
-        relu: bool,
-    ) {
-        let epilogue = Epilogue {
-            shift: Some(Columns::shared(&self.shift)),
-            relu,
-            ..Epilogue::default()
-        };
-        self.conv.apply(threads, source, target, epilogue);
-    }
 }

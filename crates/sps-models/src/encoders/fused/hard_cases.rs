@@ -17,20 +17,24 @@ fn numbers<W: Word>(memory: &[W], grid: &Grid) -> Vec<f64> {
 
 /// What leaves the stem and each bottleneck.
 fn layers<W: Word>(weights: &Weights, image: &[f32], size: [usize; 3]) -> Vec<Vec<f64>> {
-    let config = SeResNextConfig::RESNEXT50_32X4D;
-    let network = Fused::<W>::new(&config, weights, Level::detect()).unwrap();
+    let network = EncoderKind::SeResNext50.network();
+    let fused = Fused::<W>::new(&network, weights, Level::detect()).unwrap();
     let images = Images {
         pixels: &[image],
         order: Order::Planes,
         size,
         normalisation: &Normalisation::NONE,
     };
-    let mut workspace = Workspace::default();
-    let mut grid = network.stem_features(Threads::One, image, &images, &mut workspace);
-    let mut layers = vec![numbers(&workspace.features, &grid)];
-    for bottleneck in network.stages.iter().flatten() {
-        grid = bottleneck.apply(Threads::One, network.level, grid, &mut workspace);
-        layers.push(numbers(&workspace.features, &grid));
+    let grids = fused.grids(1, size);
+    let mut slots: Vec<_> = (0..fused.slots.count).map(|_| Buffer::default()).collect();
+    fused.lay_out(Threads::One, image, &images, &grids[IMAGE], &mut slots);
+    let mut layers = Vec::new();
+    for (number, layer) in network.layers.iter().enumerate() {
+        fused.run(Threads::One, number, &grids, &mut slots);
+        if matches!(layer, Layer::MaxPool(_) | Layer::Residual { .. }) {
+            let map = number + 1;
+            layers.push(numbers(&slots[fused.slots.of(map)], &grids[map]));
+        }
     }
     layers
 }

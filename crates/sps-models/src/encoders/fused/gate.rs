@@ -1,0 +1,83 @@
+//! The squeeze-and-excitation gate in inference.
+
+use super::folded::{Folded, Packed};
+use crate::encoders::network::Gate;
+use crate::error::Result;
+use crate::ops::bands::Threads;
+use crate::ops::conv::ConvShape;
+use crate::ops::grid::{Grid, Window};
+use crate::ops::mean::frame_means;
+use crate::ops::product::{Activation, Columns, Epilogue};
+use crate::ops::simd::Level;
+use crate::ops::words::Word;
+use crate::weights::Weights;
+
+/// From the mean of a 1x1 convolution's input to a factor of each of its outputs.
+#[derive(Debug)]
+pub(super) struct PackedGate {
+    hidden: Packed,
+    logits: Packed,
+}
+
+impl PackedGate {
+    /// Of the outputs of `conv`.
+    pub(super) fn new(gate: &Gate, conv: &Folded, weights: &Weights, level: Level) -> Result<Self> {
+        let linear = |layer: &str, inputs, outputs| {
+            let shape = ConvShape {
+                window: Window::square(1, 1, 0),
+                inputs,
+                outputs,
+                groups: 1,
+            };
+            Folded::bias(shape, weights, layer)
+        };
+        let [hidden, logits] = &gate.layers;
+        let hidden = linear(hidden, gate.channels, gate.hidden)?;
+        let logits = linear(logits, gate.hidden, gate.channels)?;
+        Ok(Self {
+            hidden: hidden.compose(conv, level).pack(level),
+            logits: logits.pack(level),
+        })
+    }
+
+    /// What the outputs of the convolution of a map are multiplied with and what is added then, each
+    /// `(frames, channels)`; its own shift of each channel is part of that.
+    pub(super) fn factors<W: Word>(
+        &self,
+        threads: Threads,
+        level: Level,
+        (source, from): (&[W], &Grid),
+        shift: &[f32],
+    ) -> [Vec<f32>; 2] {
+        let mut means = vec![0.0; from.frames * from.channels];
+        frame_means(threads, level, source, from, &mut means);
+        let hidden = rows(&self.hidden, from.frames, &means, Activation::Relu);
+        let mut scale = rows(&self.logits, from.frames, &hidden, Activation::Identity);
+        for logit in &mut scale {
+            *logit = 1.0 / (1.0 + (-*logit).exp());
+        }
+        let shift = scale.iter().zip(shift.iter().cycle());
+        let shift = shift.map(|(s, b)| s * b).collect();
+        [scale, shift]
+    }
+}
+
+/// A layer of vectors, one of each frame.
+fn rows(layer: &Packed, frames: usize, source: &[f32], activation: Activation) -> Vec<f32> {
+    let ConvShape {
+        inputs, outputs, ..
+    } = *layer.conv.shape();
+    let vectors = |channels| Grid::tight(frames, [1; 3], channels);
+    let mut target = vec![0.0; frames * outputs];
+    let epilogue = Epilogue {
+        shift: Some(Columns::shared(&layer.shift)),
+        activation,
+        ..Epilogue::default()
+    };
+    let (from, to) = (vectors(inputs), vectors(outputs));
+    let target_of = (&mut target[..], &to);
+    layer
+        .conv
+        .apply(Threads::One, (source, &from), target_of, epilogue);
+    target
+}

@@ -1,0 +1,303 @@
+//! A network in inference, on the CPU kernels.
+//!
+//! The plan is made once from the network's layers. Batch norm is folded into the convolution
+//! before it. What follows a convolution, up to the gate, the shortcut and the rectifier of a residual
+//! branch, happens where it stores its sums: the mean of a 1x1 convolution's output is that
+//! convolution of the mean of its input, so the gate is known before. Convolutions side by side
+//! write into one map. A map lies in memory with the padding that its readers need around it, in a
+//! slot that is free again once it has been read.
+
+mod folded;
+mod gate;
+#[cfg(test)]
+mod hard_cases;
+mod slots;
+
+use super::batch::Images;
+use super::images::{image_channels, lay_out};
+use super::network::{Conv, IMAGE, Layer, Map, MaxPool, Network};
+use crate::error::Result;
+use crate::ops::bands::Threads;
+use crate::ops::buffer::Buffer;
+use crate::ops::grid::{Grid, Size};
+use crate::ops::pool::max_pool;
+use crate::ops::product::{Columns, Epilogue};
+use crate::ops::simd::Level;
+use crate::ops::words::Word;
+use crate::weights::Weights;
+use folded::{Folded, Packed};
+use gate::PackedGate;
+use slots::Slots;
+
+/// Frames that go through the network together: enough that a layer's weights, read once, serve
+/// several frames; few enough that their feature maps stay in the cache.
+pub(super) const GROUP: usize = 4;
+
+/// A network with its weights laid out for the kernels.
+#[derive(Debug)]
+pub(super) struct Fused<W> {
+    level: Level,
+    network: Network,
+    steps: Vec<Step<W>>,
+    slots: Slots,
+}
+
+/// What makes a layer's map.
+#[derive(Debug)]
+enum Step<W> {
+    /// Convolutions side by side, added to what is there where `accumulate` says so.
+    Convs {
+        parts: Vec<Part<W>>,
+        accumulate: bool,
+    },
+    /// The end of a gated residual branch.
+    Gated(Box<(Part<W>, PackedGate)>),
+    Pool(MaxPool),
+}
+
+/// A convolution and the channel that it writes from.
+#[derive(Debug)]
+struct Part<W> {
+    conv: Conv,
+    packed: Packed<W>,
+    column: usize,
+}
+
+/// Memory of one thread's passes through the network.
+#[derive(Debug, Default)]
+pub(super) struct Workspace<W> {
+    slots: Vec<Buffer<W>>,
+    /// The map at which frames meet, of all frames of a group.
+    group: Buffer<W>,
+}
+
+impl<W: Word> Fused<W> {
+    pub(super) fn new(network: &Network, weights: &Weights, level: Level) -> Result<Self> {
+        let plan = Plan {
+            eps: network.eps,
+            weights,
+            level,
+        };
+        let steps = network.layers.iter().map(|layer| plan.step(layer));
+        Ok(Self {
+            level,
+            steps: steps.collect::<Result<_>>()?,
+            slots: Slots::new(network),
+            network: network.clone(),
+        })
+    }
+
+    /// The length of an embedding.
+    pub(super) fn width(&self) -> usize {
+        self.network.width()
+    }
+
+    /// The instructions that it runs by.
+    pub(super) fn level(&self) -> Level {
+        self.level
+    }
+
+    /// The last feature map of at most [`GROUP`] images `(frames, 3, ..size)`, and its layout.
+    ///
+    /// Maps that are large go through one frame at a time, which then stays in the cache.
+    pub(super) fn features<'w>(
+        &self,
+        threads: Threads,
+        images: &Images<'_>,
+        workspace: &'w mut Workspace<W>,
+    ) -> (&'w [W], Grid) {
+        let Workspace { slots, group } = workspace;
+        slots.resize_with(self.slots.count, Buffer::default);
+        let frames = images.frames();
+        let meeting = self.slots.meeting;
+        let slot = self.slots.of(meeting);
+        let one = self.grids(1, images.size);
+        for (frame, image) in images.iter().enumerate() {
+            self.lay_out(threads, image, images, &one[IMAGE], slots);
+            for number in 0..meeting {
+                self.run(threads, number, &one, slots);
+            }
+            if frames > 1 {
+                let len = one[meeting].len();
+                group.resize(frames * len);
+                group[frame * len..(frame + 1) * len].copy_from_slice(&slots[slot]);
+            }
+        }
+        let grids = self.grids(frames, images.size);
+        if frames > 1 {
+            std::mem::swap(&mut slots[slot], group);
+        }
+        for number in meeting..self.steps.len() {
+            self.run(threads, number, &grids, slots);
+        }
+        let last = self.steps.len();
+        (&slots[self.slots.of(last)], grids[last])
+    }
+
+    /// Lays one of the images out in its slot.
+    fn lay_out(
+        &self,
+        threads: Threads,
+        image: &[f32],
+        images: &Images<'_>,
+        grid: &Grid,
+        slots: &mut [Buffer<W>],
+    ) {
+        let memory = &mut slots[self.slots.of(IMAGE)];
+        memory.resize(grid.len());
+        grid.clear_border(memory);
+        lay_out(threads, image, images, grid, memory);
+    }
+
+    /// The layout of each map of so many frames, with the border that its readers need. Maps that
+    /// share memory share a layout.
+    fn grids(&self, frames: usize, image: Size) -> Vec<Grid> {
+        let sizes = self.network.sizes(image).unwrap_or_default();
+        let channels = |map| match map {
+            IMAGE => image_channels::<W>(),
+            _ => self.network.channels[map],
+        };
+        let tight = |map, &size| Grid::tight(frames, size, channels(map));
+        let tight = |(map, size)| tight(map, size).of::<W>().staggered();
+        let mut grids: Vec<Grid> = sizes.iter().enumerate().map(tight).collect();
+        for layer in &self.network.layers {
+            for (map, slide) in layer.slides() {
+                let host = self.slots.host(map);
+                grids[host] = grids[host].enclosing(&slide.window(sizes[map]));
+            }
+        }
+        let shared = (0..grids.len()).map(|map| grids[self.slots.host(map)]);
+        shared.collect()
+    }
+
+    /// Makes the map of a layer.
+    fn run(&self, threads: Threads, number: usize, grids: &[Grid], slots: &mut [Buffer<W>]) {
+        let map = number + 1;
+        let (slot, to) = (self.slots.of(map), &grids[map]);
+        let mut memory = std::mem::take(&mut slots[slot]);
+        if self.slots.host(map) == map {
+            memory.resize(to.len());
+            to.clear_border(&mut memory);
+        }
+        let source = |map: Map| (&slots[self.slots.of(map)][..], &grids[map]);
+        match &self.steps[number] {
+            Step::Convs { parts, accumulate } => {
+                for part in parts {
+                    let target = (&mut memory[W::words(part.column)..], to);
+                    part.apply(threads, source(part.conv.input), target, *accumulate);
+                }
+            }
+            Step::Gated(gated) => {
+                let (part, gate) = gated.as_ref();
+                let source = source(part.conv.input);
+                let factors = gate.factors(threads, self.level, source, &part.packed.shift);
+                part.apply_gated(threads, source, (&mut memory, to), &factors);
+            }
+            Step::Pool(pool) => {
+                let (source, from) = source(pool.input);
+                let window = pool.slide.window(from.size);
+                max_pool(
+                    threads,
+                    self.level,
+                    &window,
+                    (source, from),
+                    (&mut memory, to),
+                );
+            }
+        }
+        slots[slot] = memory;
+    }
+}
+
+impl<W: Word> Part<W> {
+    /// Convolves and adds the shift, and what is there already where `accumulate` says so.
+    fn apply(
+        &self,
+        threads: Threads,
+        source: (&[W], &Grid),
+        target: (&mut [W], &Grid),
+        accumulate: bool,
+    ) {
+        let epilogue = Epilogue {
+            shift: Some(Columns::shared(&self.packed.shift)),
+            accumulate,
+            activation: self.conv.activation,
+            ..Epilogue::default()
+        };
+        let window = self.conv.slide.window(source.1.size);
+        let conv = &self.packed.conv;
+        conv.apply_by(&window, threads, source, target, epilogue);
+    }
+
+    /// Convolves, multiplies with the gate's factors and adds its shifts and what is there already.
+    fn apply_gated(
+        &self,
+        threads: Threads,
+        source: (&[W], &Grid),
+        target: (&mut [W], &Grid),
+        [scale, shift]: &[Vec<f32>; 2],
+    ) {
+        let channels = self.conv.outputs;
+        let epilogue = Epilogue {
+            scale: Some(Columns::per_frame(scale, channels)),
+            shift: Some(Columns::per_frame(shift, channels)),
+            accumulate: true,
+            activation: self.conv.activation,
+        };
+        self.packed.conv.apply(threads, source, target, epilogue);
+    }
+}
+
+/// What steps are made of.
+struct Plan<'a> {
+    eps: f64,
+    weights: &'a Weights,
+    level: Level,
+}
+
+impl Plan<'_> {
+    fn step<W: Word>(&self, layer: &Layer) -> Result<Step<W>> {
+        Ok(match layer {
+            Layer::MaxPool(pool) => Step::Pool(pool.clone()),
+            Layer::Residual {
+                conv,
+                gate: Some(gate),
+                ..
+            } => {
+                let folded = self.folded::<W>(conv)?;
+                let gate = PackedGate::new(gate, &folded, self.weights, self.level)?;
+                Step::Gated(Box::new((self.part(conv, folded, 0), gate)))
+            }
+            Layer::Conv(_) | Layer::Concat(_) | Layer::Residual { .. } => Step::Convs {
+                parts: self.parts(layer.convs())?,
+                accumulate: matches!(layer, Layer::Residual { .. }),
+            },
+        })
+    }
+
+    fn parts<W: Word>(&self, convs: &[Conv]) -> Result<Vec<Part<W>>> {
+        let mut column = 0;
+        let part = |conv: &Conv| {
+            let part = self.part(conv, self.folded::<W>(conv)?, column);
+            column += conv.outputs;
+            Ok(part)
+        };
+        convs.iter().map(part).collect()
+    }
+
+    fn part<W: Word>(&self, conv: &Conv, folded: Folded, column: usize) -> Part<W> {
+        Part {
+            conv: conv.clone(),
+            packed: folded.pack(self.level),
+            column,
+        }
+    }
+
+    fn folded<W: Word>(&self, conv: &Conv) -> Result<Folded> {
+        let folded = Folded::new(conv, self.weights, self.eps)?;
+        Ok(match conv.input {
+            IMAGE => folded.with_inputs(image_channels::<W>()),
+            _ => folded,
+        })
+    }
+}

@@ -1,0 +1,425 @@
+//! A network as data: a list of layers, which the executors walk.
+//!
+//! Its tensors, multiply-adds, widths and the extents that it takes follow from the list.
+
+use super::images::Normalisation;
+use crate::ops::Window;
+use crate::ops::conv::ConvShape;
+use crate::ops::grid::Size;
+use crate::ops::product::Activation;
+use crate::weights::TensorSpec;
+
+/// A feature map of a network by its number: that of the image is 0, and each layer's is one more
+/// than that of the layer before it.
+pub(super) type Map = usize;
+
+/// The image, which every network begins with.
+pub(super) const IMAGE: Map = 0;
+
+/// No network needs larger images.
+const LARGEST_MIN_SIZE: usize = 64;
+
+/// A network without its weights.
+#[derive(Debug, Clone)]
+pub(super) struct Network {
+    pub(super) name: &'static str,
+    /// What it takes out of its input.
+    pub(super) normalisation: Normalisation,
+    /// What its batch norms add to a variance.
+    pub(super) eps: f64,
+    /// What the names of its classifier's tensors begin with.
+    pub(super) classifier: &'static str,
+    /// Whether it takes sequences of frames: its weights then have a time axis.
+    pub(super) sequences: bool,
+    /// Other files' names of its layers, each with its own name.
+    pub(super) aliases: Vec<(String, String)>,
+    pub(super) layers: Vec<Layer>,
+    /// Channels of each map.
+    pub(super) channels: Vec<usize>,
+}
+
+/// What makes one feature map of others.
+#[derive(Debug, Clone)]
+pub(super) enum Layer {
+    Conv(Conv),
+    /// The end of a residual branch: `activation(conv * gate + shortcut)`. Nothing reads the
+    /// shortcut's map later.
+    Residual {
+        conv: Conv,
+        gate: Option<Gate>,
+        shortcut: Map,
+    },
+    /// Convolutions side by side, each into its own channels.
+    Concat(Vec<Conv>),
+    MaxPool(MaxPool),
+}
+
+/// A convolution, the batch norm or the bias after it, and its activation.
+#[derive(Debug, Clone)]
+pub(super) struct Conv {
+    pub(super) input: Map,
+    pub(super) name: String,
+    pub(super) slide: Slide,
+    pub(super) inputs: usize,
+    pub(super) outputs: usize,
+    pub(super) groups: usize,
+    /// The name of the batch norm; a bias where there is none.
+    pub(super) norm: Option<String>,
+    pub(super) activation: Activation,
+}
+
+/// Squeeze and excitation (Hu et al., CVPR 2018): from the mean of a map over space, by a rectified
+/// layer and a logistic one, to a factor of each channel. The map is that of a 1x1 convolution.
+#[derive(Debug, Clone)]
+pub(super) struct Gate {
+    /// The names of the two layers.
+    pub(super) layers: [String; 2],
+    pub(super) channels: usize,
+    /// Channels between the layers.
+    pub(super) hidden: usize,
+}
+
+/// Max pooling of a map that has no negative values: zeros around it change nothing.
+#[derive(Debug, Clone)]
+pub(super) struct MaxPool {
+    pub(super) input: Map,
+    pub(super) slide: Slide,
+    /// Whether the last window may hang over the edge.
+    pub(super) ceil: bool,
+}
+
+/// How a window slides over a feature map.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Slide {
+    Padded(Window),
+    /// Padded so that the stride alone decides the extents, with the odd pixel at the upper end.
+    Same {
+        size: Size,
+        stride: Size,
+    },
+}
+
+impl Slide {
+    /// A square window over images, padded alike on all sides.
+    pub(super) const fn square(size: usize, stride: usize, padding: usize) -> Self {
+        Self::Padded(Window::square(size, stride, padding))
+    }
+
+    /// A square window over images, padded as TensorFlow's 'same'.
+    pub(super) const fn same(size: usize, stride: usize) -> Self {
+        Self::Same {
+            size: [1, size, size],
+            stride: [1, stride, stride],
+        }
+    }
+
+    /// The window on a map of such extents.
+    pub(super) fn window(&self, input: Size) -> Window {
+        match *self {
+            Self::Padded(window) => window,
+            Self::Same { size, stride } => Window::same(size, stride, input),
+        }
+    }
+
+    pub(super) fn size(&self) -> Size {
+        match self {
+            Self::Padded(window) => window.size,
+            Self::Same { size, .. } => *size,
+        }
+    }
+
+    fn stride(&self) -> Size {
+        match self {
+            Self::Padded(window) => window.stride,
+            Self::Same { stride, .. } => *stride,
+        }
+    }
+}
+
+impl Conv {
+    /// A convolution with a bias, of one group, without an activation.
+    pub(super) fn new(name: impl Into<String>, slide: Slide, outputs: usize) -> Self {
+        Self {
+            input: IMAGE,
+            name: name.into(),
+            slide,
+            inputs: 0,
+            outputs,
+            groups: 1,
+            norm: None,
+            activation: Activation::Identity,
+        }
+    }
+
+    /// With a batch norm in place of the bias.
+    pub(super) fn norm(mut self, name: impl Into<String>) -> Self {
+        self.norm = Some(name.into());
+        self
+    }
+
+    pub(super) fn groups(mut self, groups: usize) -> Self {
+        self.groups = groups;
+        self
+    }
+
+    pub(super) fn activation(mut self, activation: Activation) -> Self {
+        self.activation = activation;
+        self
+    }
+
+    pub(super) fn relu(self) -> Self {
+        self.activation(Activation::Relu)
+    }
+
+    /// Its shape on a map of such extents.
+    pub(super) fn shape(&self, input: Size) -> ConvShape {
+        ConvShape {
+            window: self.slide.window(input),
+            inputs: self.inputs,
+            outputs: self.outputs,
+            groups: self.groups,
+        }
+    }
+}
+
+impl MaxPool {
+    /// The extents that come of such.
+    pub(super) fn output(&self, input: Size) -> Option<Size> {
+        let window = self.slide.window(input);
+        if self.ceil {
+            Some(window.output_ceil(input))
+        } else {
+            window.output(input)
+        }
+    }
+}
+
+impl Layer {
+    /// Its convolutions.
+    pub(super) fn convs(&self) -> &[Conv] {
+        match self {
+            Self::Conv(conv) | Self::Residual { conv, .. } => std::slice::from_ref(conv),
+            Self::Concat(convs) => convs,
+            Self::MaxPool(_) => &[],
+        }
+    }
+
+    /// The maps that windows slide over, with those.
+    pub(super) fn slides(&self) -> Vec<(Map, Slide)> {
+        match self {
+            Self::MaxPool(pool) => vec![(pool.input, pool.slide)],
+            _ => self.convs().iter().map(|c| (c.input, c.slide)).collect(),
+        }
+    }
+
+    /// The maps that it reads.
+    pub(super) fn inputs(&self) -> impl Iterator<Item = Map> {
+        let shortcut = match self {
+            Self::Residual { shortcut, .. } => Some(*shortcut),
+            _ => None,
+        };
+        self.slides()
+            .into_iter()
+            .map(|(map, _)| map)
+            .chain(shortcut)
+    }
+
+    /// The squeeze-and-excitation gate, where it has one.
+    fn gate(&self) -> Option<&Gate> {
+        match self {
+            Self::Residual { gate, .. } => gate.as_ref(),
+            _ => None,
+        }
+    }
+}
+
+impl Network {
+    /// A network of no layer, on images normalised as ImageNet's, with PyTorch's batch norm.
+    pub(super) fn new(name: &'static str, classifier: &'static str) -> Self {
+        Self {
+            name,
+            normalisation: Normalisation::IMAGENET,
+            eps: 1e-5,
+            classifier,
+            sequences: false,
+            aliases: Vec::new(),
+            layers: Vec::new(),
+            channels: vec![3],
+        }
+    }
+
+    /// Adds a convolution of a map.
+    pub(super) fn conv(&mut self, input: Map, conv: Conv) -> Map {
+        let conv = self.reading(input, conv);
+        self.add(conv.outputs, Layer::Conv(conv))
+    }
+
+    /// Adds convolutions of maps side by side.
+    pub(super) fn concat(&mut self, convs: Vec<(Map, Conv)>) -> Map {
+        let convs = convs.into_iter();
+        let convs: Vec<Conv> = convs.map(|(map, conv)| self.reading(map, conv)).collect();
+        self.add(convs.iter().map(|c| c.outputs).sum(), Layer::Concat(convs))
+    }
+
+    /// Adds the last convolution of a residual branch, and what it is gated by and added to.
+    pub(super) fn residual(
+        &mut self,
+        input: Map,
+        conv: Conv,
+        gate: Option<Gate>,
+        shortcut: Map,
+    ) -> Map {
+        let conv = self.reading(input, conv);
+        let layer = Layer::Residual {
+            gate,
+            shortcut,
+            conv,
+        };
+        self.add(self.channels[shortcut], layer)
+    }
+
+    /// Adds max pooling of a map.
+    pub(super) fn max_pool(&mut self, input: Map, slide: Slide, ceil: bool) -> Map {
+        let pool = MaxPool { input, slide, ceil };
+        self.add(self.channels[input], Layer::MaxPool(pool))
+    }
+
+    /// Takes another name for a layer.
+    pub(super) fn alias(&mut self, own: &str, other: &str) {
+        self.aliases.push((other.to_owned(), own.to_owned()));
+    }
+
+    /// The convolution as one of a map.
+    fn reading(&self, input: Map, conv: Conv) -> Conv {
+        Conv {
+            input,
+            inputs: self.channels[input],
+            ..conv
+        }
+    }
+
+    fn add(&mut self, channels: usize, layer: Layer) -> Map {
+        self.layers.push(layer);
+        self.channels.push(channels);
+        self.channels.len() - 1
+    }
+
+    /// The length of an embedding: the channels of the last map.
+    pub(super) fn width(&self) -> usize {
+        self.channels[self.layers.len()]
+    }
+
+    /// The extents of each map of an image; `None` where it is too small.
+    pub(super) fn sizes(&self, image: Size) -> Option<Vec<Size>> {
+        let mut sizes = vec![image];
+        for layer in &self.layers {
+            sizes.push(if let Layer::MaxPool(pool) = layer {
+                pool.output(sizes[pool.input])?
+            } else {
+                let conv = layer.convs().first()?;
+                let input = sizes[conv.input];
+                conv.slide.window(input).output(input)?
+            });
+        }
+        Some(sizes)
+    }
+
+    /// Pixels of the image from one pixel of each map to the next, from the upper to the lower.
+    pub(super) fn strides(&self) -> Vec<usize> {
+        let mut strides = vec![1];
+        for layer in &self.layers {
+            let slides = layer.slides().into_iter();
+            let stride = slides.map(|(map, slide)| strides[map] * slide.stride()[1]);
+            strides.push(stride.max().unwrap_or(1));
+        }
+        strides
+    }
+
+    /// The smallest height and width of an image.
+    pub(super) fn min_size(&self) -> usize {
+        let takes = |side: &usize| self.sizes([1, *side, *side]).is_some();
+        (1..=LARGEST_MIN_SIZE)
+            .find(takes)
+            .unwrap_or(LARGEST_MIN_SIZE)
+    }
+
+    /// Multiply-adds for one image of so many pixels: those of the convolutions and of the gates.
+    pub(super) fn multiply_adds(&self, image: Size) -> Option<u64> {
+        let sizes = self.sizes(image)?;
+        let mut count = 0;
+        for layer in &self.layers {
+            for conv in layer.convs() {
+                let input = sizes[conv.input];
+                count += conv.shape(input).multiply_adds(input)?;
+            }
+            if let Some(gate) = layer.gate() {
+                count += 2 * (gate.channels * gate.hidden) as u64;
+            }
+        }
+        Some(count)
+    }
+
+    /// For each map the number of the last layer that reads it; of the last map, of one more than
+    /// there are.
+    pub(super) fn last_readers(&self) -> Vec<usize> {
+        let mut last = vec![self.layers.len(); self.channels.len()];
+        for (number, layer) in self.layers.iter().enumerate() {
+            layer.inputs().for_each(|map| last[map] = number);
+        }
+        last
+    }
+
+    /// The tensors, in the order of the layers.
+    pub(super) fn specs(&self) -> Vec<TensorSpec> {
+        let mut specs = Vec::new();
+        for layer in &self.layers {
+            for conv in layer.convs() {
+                self.conv_specs(conv, &mut specs);
+            }
+            if let Some(gate) = layer.gate() {
+                let [hidden, logits] = &gate.layers;
+                let sides = [
+                    (hidden, gate.hidden, gate.channels),
+                    (logits, gate.channels, gate.hidden),
+                ];
+                for (name, outputs, inputs) in sides {
+                    let shape = [outputs, inputs, 1, 1];
+                    specs.push(TensorSpec::new(format!("{name}.weight"), &shape));
+                    specs.push(TensorSpec::new(format!("{name}.bias"), &shape[..1]));
+                }
+            }
+        }
+        specs
+    }
+
+    fn conv_specs(&self, conv: &Conv, specs: &mut Vec<TensorSpec>) {
+        let name = &conv.name;
+        let mut shape = vec![conv.outputs, conv.inputs / conv.groups];
+        shape.extend(&conv.slide.size()[usize::from(!self.sequences)..]);
+        specs.push(TensorSpec::new(format!("{name}.weight"), &shape));
+        let mut vector = |layer: &str, leaf: &str| {
+            specs.push(TensorSpec::new(format!("{layer}.{leaf}"), &shape[..1]));
+        };
+        match &conv.norm {
+            Some(norm) => {
+                for leaf in ["weight", "bias", "running_mean", "running_var"] {
+                    vector(norm, leaf);
+                }
+            }
+            None => vector(name, "bias"),
+        }
+    }
+
+    /// Whether a weights file may hold this tensor though the embedding does not need it: the
+    /// classifier, and batch norm's count of batches.
+    pub(super) fn passes(&self, tensor: &str) -> bool {
+        tensor.starts_with(self.classifier) || tensor.ends_with(".num_batches_tracked")
+    }
+
+    /// The name that a tensor of a file has here.
+    pub(super) fn own_name(&self, tensor: &str) -> Option<String> {
+        let (layer, leaf) = tensor.rsplit_once('.')?;
+        let (_, own) = self.aliases.iter().find(|(other, _)| other == layer)?;
+        Some(format!("{own}.{leaf}"))
+    }
+}

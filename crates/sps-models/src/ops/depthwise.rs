@@ -1,0 +1,201 @@
+//! Convolution of each channel by itself.
+
+use super::buffer::Buffer;
+use super::product::{Epilogue, limits};
+use super::simd::{Lanes, Level, load};
+use super::words::{Arithmetic, Word, WordKernel};
+
+/// The weights of a depth-wise convolution, f32 whatever the feature maps are made of.
+#[derive(Debug, Clone)]
+pub(crate) struct ChannelWeights {
+    level: Level,
+    channels: usize,
+    /// `(taps, channels)`
+    data: Buffer,
+}
+
+impl ChannelWeights {
+    /// Packs weights `(channels, taps)`.
+    pub(crate) fn pack(level: Level, taps: usize, weights: &[f32]) -> Self {
+        let channels = weights.len() / taps;
+        let mut data = Buffer::zeros(weights.len());
+        for (tap, row) in data.chunks_exact_mut(channels).enumerate() {
+            for (out, weights) in row.iter_mut().zip(weights.chunks_exact(taps)) {
+                *out = weights[tap];
+            }
+        }
+        Self {
+            level,
+            channels,
+            data,
+        }
+    }
+}
+
+/// A depth-wise convolution over a source that has its padding around it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct DepthwiseProduct<'a, W = f32> {
+    pub(crate) source: &'a [W],
+    /// Where the window begins for each pixel.
+    pub(crate) starts: &'a [usize],
+    /// How far from there its pixels lie.
+    pub(crate) taps: &'a [usize],
+    pub(crate) weights: &'a ChannelWeights,
+    /// What happens to the sums; factors are not applied, and shifts are those of frame 0.
+    pub(crate) epilogue: Epilogue<'a>,
+}
+
+impl<W: Word> DepthwiseProduct<'_, W> {
+    /// Writes pixel `i` at `places[i] - origin` of the target.
+    pub(crate) fn write(&self, target: &mut [W], places: &[usize], origin: usize) {
+        let write = Write {
+            product: self,
+            target,
+            places,
+            origin,
+        };
+        W::run(self.weights.level, write);
+    }
+}
+
+struct Write<'a, 'b, W> {
+    product: &'a DepthwiseProduct<'b, W>,
+    target: &'a mut [W],
+    places: &'a [usize],
+    origin: usize,
+}
+
+impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes, A: Arithmetic<S, Word = W>>(mut self, lanes: S, arithmetic: A) {
+        let count = self.places.len();
+        let mut first = 0;
+        if S::REGISTER_COUNT >= 32 {
+            while first + 8 <= count {
+                self.pixels::<S, A, 8>(lanes, arithmetic, first);
+                first += 8;
+            }
+        }
+        while first + 4 <= count {
+            self.pixels::<S, A, 4>(lanes, arithmetic, first);
+            first += 4;
+        }
+        for first in first..count {
+            self.pixels::<S, A, 1>(lanes, arithmetic, first);
+        }
+    }
+}
+
+impl<W: Word> Write<'_, '_, W> {
+    /// `H` pixels, all channels: two vectors at a time, one, and what is left.
+    #[inline(always)]
+    fn pixels<S, A, const H: usize>(&mut self, lanes: S, arithmetic: A, first: usize)
+    where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
+        let channels = self.product.weights.channels;
+        let mut channel = 0;
+        while channel + 2 * S::F32_LANES <= channels {
+            self.tile::<S, A, H, 2, true>(lanes, arithmetic, first, channel);
+            channel += 2 * S::F32_LANES;
+        }
+        if channel + S::F32_LANES <= channels {
+            self.tile::<S, A, H, 1, true>(lanes, arithmetic, first, channel);
+            channel += S::F32_LANES;
+        }
+        if channel < channels {
+            self.tile::<S, A, H, 1, false>(lanes, arithmetic, first, channel);
+        }
+    }
+
+    /// `NV` vectors of `H` pixels' channels, from `channel` on; `WHOLE` where there are as many.
+    #[inline(always)]
+    fn tile<S, A, const H: usize, const NV: usize, const WHOLE: bool>(
+        &mut self,
+        lanes: S,
+        arithmetic: A,
+        first: usize,
+        channel: usize,
+    ) where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
+        let DepthwiseProduct {
+            source,
+            starts,
+            taps,
+            weights,
+            epilogue,
+        } = *self.product;
+        let limits = limits(lanes, epilogue.activation);
+        let count = (weights.channels - channel).min(NV * S::F32_LANES);
+        let (word, words) = (W::words(channel), W::words(count));
+        let starts: [usize; H] = std::array::from_fn(|i| starts[first + i] + word);
+        let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
+        for (&tap, row) in taps.iter().zip(weights.data.chunks_exact(weights.channels)) {
+            let weights = vectors::<S, NV, WHOLE>(lanes, &row[channel..channel + count]);
+            for i in 0..H {
+                let from = starts[i] + tap;
+                let x = read::<W, S, A, NV, WHOLE>(lanes, arithmetic, &source[from..from + words]);
+                for v in 0..NV {
+                    sums[i][v] = lanes.fma(x[v], weights[v], sums[i][v]);
+                }
+            }
+        }
+        let shifts = match epilogue.shift {
+            Some(shift) => vectors::<S, NV, WHOLE>(lanes, &shift.get(0, channel)[..count]),
+            None => [lanes.splat_f32s(0.0); NV],
+        };
+        for i in 0..H {
+            let place = self.places[first + i] - self.origin + word;
+            let out = &mut self.target[place..place + words];
+            let stored = if epilogue.accumulate {
+                read::<W, S, A, NV, WHOLE>(lanes, arithmetic, out)
+            } else {
+                [lanes.splat_f32s(0.0); NV]
+            };
+            let sums = std::array::from_fn(|v| {
+                let sum = lanes.add_f32s(sums[i][v], shifts[v]);
+                lanes.within(limits, lanes.add_f32s(sum, stored[v]))
+            });
+            if WHOLE {
+                arithmetic.store::<NV>(lanes, sums, out);
+            } else {
+                arithmetic.store_part::<NV>(lanes, sums, out);
+            }
+        }
+    }
+}
+
+/// Vectors of weights or shifts.
+#[inline(always)]
+fn vectors<S: Lanes, const NV: usize, const WHOLE: bool>(lanes: S, from: &[f32]) -> [S::f32s; NV] {
+    if WHOLE {
+        let (from, _) = S::as_simd_f32s(from);
+        std::array::from_fn(|v| from[v])
+    } else {
+        [load(lanes, from); NV]
+    }
+}
+
+/// Vectors of a feature map.
+#[inline(always)]
+fn read<W, S, A, const NV: usize, const WHOLE: bool>(
+    lanes: S,
+    arithmetic: A,
+    from: &[W],
+) -> [S::f32s; NV]
+where
+    W: Word,
+    S: Lanes,
+    A: Arithmetic<S, Word = W>,
+{
+    if WHOLE {
+        arithmetic.load(lanes, from)
+    } else {
+        arithmetic.load_part(lanes, from)
+    }
+}

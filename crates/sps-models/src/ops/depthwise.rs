@@ -157,14 +157,16 @@ impl<W: Word> Write<'_, '_, W> {
             } else {
                 [lanes.splat_f32s(0.0); NV]
             };
-            let sums = std::array::from_fn(|v| {
-                let sum = lanes.add_f32s(sums[i][v], shifts[v]);
-                lanes.within(limits, lanes.add_f32s(sum, stored[v]))
-            });
+            // A closure of as much is not inlined, and runs without the instructions.
+            let mut ended = sums[i];
+            for v in 0..NV {
+                let sum = lanes.add_f32s(ended[v], shifts[v]);
+                ended[v] = lanes.within(limits, lanes.add_f32s(sum, stored[v]));
+            }
             if WHOLE {
-                arithmetic.store::<NV>(lanes, sums, out);
+                arithmetic.store::<NV>(lanes, ended, out);
             } else {
-                arithmetic.store_part::<NV>(lanes, sums, out);
+                arithmetic.store_part::<NV>(lanes, ended, out);
             }
         }
     }

@@ -185,11 +185,13 @@ impl<W: Word> Write<'_, '_, W> {
                 } else {
                     [lanes.splat_f32s(0.0); NV]
                 };
-                let sums = std::array::from_fn(|v| {
-                    let sum = lanes.add_f32s(sums[i][v], shifts[v]);
-                    lanes.within(limits, lanes.add_f32s(sum, stored[v]))
-                });
-                arithmetic.store::<NV>(lanes, sums, out);
+                // A closure of as much is not inlined, and runs without the instructions.
+                let mut ended = sums[i];
+                for v in 0..NV {
+                    let sum = lanes.add_f32s(ended[v], shifts[v]);
+                    ended[v] = lanes.within(limits, lanes.add_f32s(sum, stored[v]));
+                }
+                arithmetic.store::<NV>(lanes, ended, out);
             }
         }
     }

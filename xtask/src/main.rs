@@ -3,6 +3,7 @@
 mod bench;
 mod checksums;
 mod cmd;
+mod compare;
 mod config;
 mod data;
 mod docs;
@@ -42,6 +43,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Experiment(cmd::experiment::Args),
+    Compare(cmd::compare::Args),
     Simulate(cmd::simulate::Args),
     Inspect(cmd::inspect::Args),
     Embed(cmd::embed::Args),
@@ -58,6 +60,7 @@ fn main() -> ExitCode {
     log();
     let outcome = match cli.command {
         Command::Experiment(args) => cmd::experiment::run(&args),
+        Command::Compare(args) => cmd::compare::run(&args),
         Command::Simulate(args) => cmd::simulate::run(&args),
         Command::Inspect(args) => cmd::inspect::run(&args),
         Command::Embed(args) => cmd::embed::run(&args),

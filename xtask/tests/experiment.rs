@@ -10,7 +10,7 @@ use support::{Scratch, root, xtask};
 #[test]
 fn an_experiment_ends_with_results_and_a_report() {
     let scratch = Scratch::new();
-    scratch.experiment().assert().success();
+    let ended = scratch.experiment().assert().success();
     let results = scratch.results();
     assert_eq!(results["properties"], serde_json::json!(["fRS", "cDF"]));
     for method in results["methods"].as_array().unwrap() {
@@ -29,6 +29,15 @@ fn an_experiment_ends_with_results_and_a_report() {
     assert!(report.contains("| Ridge |"));
     let html = fs::read_to_string(scratch.path("run/report.html")).unwrap();
     assert!(html.contains("<svg") && !html.contains("src=\"http"));
+
+    let said = String::from_utf8_lossy(&ended.get_output().stdout).into_owned();
+    let lines: Vec<&str> = said.lines().collect();
+    assert_eq!(lines[0], "tiny: means over properties");
+    let path = scratch.path("run/report.html").display().to_string();
+    assert_eq!(*lines.last().unwrap(), path);
+    let marked = |mark: &str| lines.iter().filter(|line| line.ends_with(mark)).count();
+    assert_eq!(marked("fastest"), 1, "{said}");
+    assert!(said.contains("best"), "{said}");
 }
 
 #[test]
@@ -182,7 +191,7 @@ fn results_say_where_they_come_from() {
         serde_json::from_str(&text).unwrap()
     };
     let results = read();
-    assert_eq!(results["schema"], 1);
+    assert_eq!(results["schema"], 2);
     let config = fs::read(scratch.path("run/config.toml")).unwrap();
     let hash = blake3::hash(&config).to_string();
     assert_eq!(results["config_hash"], hash);

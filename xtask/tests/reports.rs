@@ -65,18 +65,24 @@ fn results_that_are_older_than_the_last_run_are_refused() {
 fn what_a_run_did_not_write_is_neither_sealed_nor_reported() {
     let scratch = Scratch::new();
     scratch.experiment().assert().success();
-    let old = scratch.path("run/figures/of-another-config.svg");
-    fs::write(&old, "<svg/>").unwrap();
+    let old = [
+        scratch.path("run/figures/of-another-config.svg"),
+        scratch.path("run/tables/of-another-config.csv"),
+    ];
+    let leave_old = || old.iter().for_each(|old| fs::write(old, "old").unwrap());
+    leave_old();
     fs::create_dir(scratch.path("run/target")).unwrap();
     fs::write(scratch.path("run/target/large"), "").unwrap();
     #[cfg(unix)]
     std::os::unix::fs::symlink(scratch.path("data"), scratch.path("run/link")).unwrap();
     for mut command in [report(&scratch), scratch.experiment()] {
         command.assert().success();
-        assert!(!old.exists());
+        assert!(!old.iter().any(|old| old.exists()));
         let sealed = fs::read_to_string(scratch.path("run/checksums")).unwrap();
         let mut names: Vec<&str> = sealed.lines().map(|line| &line[66..]).collect();
-        names.retain(|name| !name.starts_with("figures/"));
+        let tables = names.iter().filter(|name| name.starts_with("tables/"));
+        assert!(tables.count() >= 10);
+        names.retain(|name| !name.starts_with("figures/") && !name.starts_with("tables/"));
         names.sort_unstable();
         let written = [
             "config.toml",
@@ -86,8 +92,47 @@ fn what_a_run_did_not_write_is_neither_sealed_nor_reported() {
             "results.json",
         ];
         assert_eq!(names, written);
-        fs::write(&old, "<svg/>").unwrap();
+        leave_old();
     }
+}
+
+/// What breaks CSV and LaTeX stands in the label of a method.
+#[test]
+fn every_table_is_there_for_programs_and_for_papers() {
+    let scratch = Scratch::new();
+    scratch.edit("tiny.toml", "\"Ridge\"", "\"Ridge_1 & 50 %, one\"");
+    scratch.experiment().assert().success();
+    let read = |name: &str| fs::read_to_string(scratch.path("run").join(name)).unwrap();
+    let page = read("report.md");
+    let names = ["means", "r2", "percent-error", "mae", "costs"];
+    for name in names {
+        let mut csv = csv::Reader::from_path(scratch.path(&format!("run/tables/{name}.csv")));
+        let csv = csv.as_mut().unwrap();
+        let records = csv.records().map(Result::unwrap);
+        let labels: Vec<String> = records.map(|record| record[0].to_owned()).collect();
+        assert_eq!(labels[0], "Ridge_1 & 50 %, one");
+        assert!(labels.iter().all(|label| page.contains(label.as_str())));
+        let latex = read(&format!("tables/{name}.tex"));
+        expect(
+            &latex,
+            &[
+                "\\toprule",
+                "    Ridge\\_1 \\& 50 \\%, one & ",
+                "\\bottomrule",
+            ],
+        );
+    }
+    let means = read("tables/means.csv");
+    let r2 = scratch.results()["methods"][0]["r2_mean"].to_string();
+    expect(&means, &["Method,held out,R²,MAE,% error,", &r2]);
+
+    let written = fs::read(scratch.path("run/tables/means.tex")).unwrap();
+    fs::remove_dir_all(scratch.path("run/tables")).unwrap();
+    report(&scratch).assert().success();
+    assert_eq!(
+        fs::read(scratch.path("run/tables/means.tex")).unwrap(),
+        written
+    );
 }
 
 #[test]

@@ -4,6 +4,7 @@ use anyhow::Result;
 use glob::Pattern;
 
 use crate::config::{self, Experiment, Setting};
+use crate::report;
 use crate::run;
 
 /// Run an experiment, or finish one that was stopped
@@ -47,7 +48,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         .out
         .clone()
         .unwrap_or_else(|| PathBuf::from("runs").join(&experiment.name));
-    run::run(&experiment, &folder, args.fresh)?;
+    let results = run::run(&experiment, &folder, args.fresh)?;
+    print!("{}", report::summary(&results).terminal());
     println!("{}", folder.join("report.html").display());
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! One module per subcommand: its arguments, and `run`.
 
 pub(crate) mod bench;
+pub(crate) mod compare;
 pub(crate) mod docs;
 pub(crate) mod embed;
 pub(crate) mod experiment;

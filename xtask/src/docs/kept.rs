@@ -73,6 +73,7 @@ pub(super) fn numbers(root: &Path, run: &Path) -> Result<(String, PathBuf)> {
 /// Drops what is large and in no table.
 fn lighten(method: &mut MethodResult) {
     method.scores.lighten();
+    method.training_means.clear();
     method.selected_views.clear();
     for selection in method.selections.values_mut().flatten() {
         selection.curve.clear();

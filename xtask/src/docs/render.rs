@@ -5,8 +5,8 @@ use serde_json::Value;
 
 use super::kept::Runs;
 use super::markers::Form;
-use crate::report::table::{Row, Table, number, with_interval};
-use crate::report::{about_the_data, tables};
+use crate::report::table::{Cell, Row, Table, number};
+use crate::report::{about_the_data, gained, tables};
 use crate::results::{MethodResult, Results};
 
 /// Decimals where a marker does not say how many.
@@ -66,7 +66,7 @@ fn block(runs: &Runs, text: &str) -> Result<String> {
     if let Some(titles) = request.option("columns") {
         table = columns(&table, titles)?;
     }
-    Ok(markdown(&table))
+    Ok(table.markdown())
 }
 
 /// The one table in whose title the word, or words with hyphens between, stands.
@@ -94,28 +94,20 @@ fn gains(results: &Results) -> Option<Table> {
     let mut columns = vec!["Method".to_owned(), "R²".to_owned()];
     columns.extend(against.iter().map(|other| format!("over {}", other.label)));
     let rows = results.methods.iter().map(|method| {
-        let mut cells = vec![method.label.clone(), number(method.means.r2_mean, DECIMALS)];
-        cells.extend(against.iter().map(|other| {
-            let gain = method.gains.r2_mean_gains.get(&other.id);
-            gain.map_or_else(String::new, |gain| {
-                signed(gain.value, gain.interval, 1.0, DECIMALS)
-            })
-        }));
+        let r2 = Cell::number(method.means.r2_mean, DECIMALS);
+        let mut cells = vec![method.label.as_str().into(), r2];
+        let gains = &method.gains.r2_mean_gains;
+        let others = against.iter();
+        cells.extend(others.map(|other| gained(gains.get(&other.id), DECIMALS)));
         Row::measured(cells)
     });
     (!against.is_empty()).then(|| Table {
+        name: "gains",
         title: "Gains".to_owned(),
         caption: String::new(),
         columns,
         rows: rows.collect(),
     })
-}
-
-fn signed(value: f64, interval: [f64; 2], times: f64, decimals: usize) -> String {
-    let interval = interval.map(|end| times * end);
-    let text = with_interval(Some(times * value), Some(interval), decimals);
-    let sign = if text.starts_with('-') { "" } else { "+" };
-    format!("{sign}{text}")
 }
 
 /// The rows of the methods of these ids, in this order, with what the paper prints of them.
@@ -124,7 +116,8 @@ fn rows(table: &Table, results: &Results, ids: &str) -> Result<Vec<Row>> {
     for id in ids.split(',') {
         let method = method(results, id)?;
         let of_method = |row: &&Row| {
-            let name = row.cells.first().map(String::as_str).unwrap_or_default();
+            let name = row.cells.first().map(ToString::to_string);
+            let name = name.unwrap_or_default();
             let name = name.trim_start_matches(['●', ' ']);
             let rest = name.strip_prefix(method.label.as_str());
             rest.is_some_and(|rest| rest.is_empty() || (row.reference && rest.starts_with(", ")))
@@ -161,20 +154,21 @@ fn columns(table: &Table, titles: &str) -> Result<Table> {
         );
         kept.extend(found);
     }
-    let of = |cells: &[String]| {
-        kept.iter()
-            .filter_map(|&at| cells.get(at).cloned())
-            .collect()
-    };
     let row = |row: &Row| Row {
-        cells: of(&row.cells),
+        cells: at(&kept, &row.cells),
         ..row.clone()
     };
     Ok(Table {
-        columns: of(&table.columns),
+        columns: at(&kept, &table.columns),
         rows: table.rows.iter().map(row).collect(),
         ..table.clone()
     })
+}
+
+/// What stands at these places.
+fn at<T: Clone>(places: &[usize], of: &[T]) -> Vec<T> {
+    let found = places.iter().filter_map(|&at| of.get(at));
+    found.cloned().collect()
 }
 
 /// A title in small letters, its words with hyphens between.
@@ -183,28 +177,6 @@ fn slug(title: &str) -> String {
     let words = title.split(|c: char| !c.is_alphanumeric());
     let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
     words.join("-")
-}
-
-fn markdown(table: &Table) -> String {
-    let line = |cells: &mut dyn Iterator<Item = String>| {
-        let cells: Vec<String> = cells.map(|cell| cell.replace('|', "\\|")).collect();
-        format!("| {} |", cells.join(" | "))
-    };
-    let rule = "---:|".repeat(table.columns.len().saturating_sub(1));
-    let mut lines = vec![
-        line(&mut table.columns.iter().cloned()),
-        format!("|---|{rule}"),
-    ];
-    lines.extend(table.rows.iter().map(|row| {
-        line(&mut row.cells.iter().map(|cell| {
-            if row.reference {
-                format!("*{cell}*")
-            } else {
-                cell.clone()
-            }
-        }))
-    }));
-    lines.join("\n")
 }
 
 /// `RUN METHOD KEY [decimals=N] [times=X]`: a value of a method of `results.json`, or with `-` in
@@ -247,7 +219,8 @@ fn show(value: &Value, times: Option<f64>, decimals: Option<usize>) -> Option<St
         }
         Value::Object(gain) => {
             let (value, interval) = (gain.get("value")?.as_f64()?, ends(gain.get("interval")?)?);
-            Some(signed(value, interval, times, places))
+            let interval = interval.map(|end| times * end);
+            Some(Cell::difference(Some(times * value), Some(interval), places).to_string())
         }
         Value::Null | Value::Bool(_) => None,
     }

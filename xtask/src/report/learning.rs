@@ -11,7 +11,7 @@ use kuva::render::render::render_multiple;
 
 use super::fan::COLOURS;
 use super::figures::Figure;
-use super::table::{Row, Table, number, with_interval};
+use super::table::{Cell, Row, Table};
 use crate::results::{MethodResult, PerProperty, Results};
 
 /// One method, by the number of surfaces that it was trained on.
@@ -80,16 +80,17 @@ pub(super) fn table(results: &Results) -> Option<Table> {
         let cell = |surfaces: &usize| {
             let method = curve.points.get(surfaces);
             let interval = method.and_then(|m| m.means.r2_mean_interval);
-            with_interval(method.and_then(|m| m.means.r2_mean), interval, 3)
+            Cell::interval(method.and_then(|m| m.means.r2_mean), interval, 3)
         };
-        let label = [curve.label.to_owned()].into_iter();
+        let label = [Cell::from(curve.label)].into_iter();
         Row::measured(label.chain(numbers.iter().map(cell)).collect())
     };
     let ceiling = |(label, value): (&str, f64)| {
-        let cells = numbers.iter().map(|_| number(Some(value), 3));
-        Row::reference([label.to_owned()].into_iter().chain(cells).collect())
+        let cells = numbers.iter().map(|_| Cell::number(Some(value), 3));
+        Row::reference([Cell::from(label)].into_iter().chain(cells).collect())
     };
     Some(Table {
+        name: "learning-curves",
         title: "Learning curves".to_owned(),
         caption: format!(
             "R² against training surfaces: the mean over the properties, with {:.0} % bootstrap \

@@ -1,21 +1,24 @@
-//! `report.md`, `report.html` and `figures/*.svg`, made from `results.json` and `predictions.csv`.
+//! `report.md`, `report.html`, `figures` and `tables`, made from `results.json` and
+//! `predictions.csv`.
 
 mod fan;
 mod figures;
+mod folders;
 mod learning;
 pub(crate) mod predictions;
 pub(crate) mod published;
 mod selection;
 mod speed;
 pub(crate) mod statistics;
+mod summary;
 pub(crate) mod table;
 mod tables;
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use minijinja::Environment;
 use minijinja::value::Serde;
 use serde::Serialize;
@@ -24,16 +27,14 @@ use sps_dataset::Unit;
 use crate::files::write_atomically;
 use crate::results::{MethodResult, Results};
 use figures::{Figure, figures};
+pub(crate) use summary::summary;
 use table::{Table, counted};
-pub(crate) use tables::tables;
+pub(crate) use tables::{gained, tables};
 
 /// What a report is made from.
 pub(crate) const INPUTS: [&str; 2] = ["results.json", predictions::FILE];
 
 const PAGES: [&str; 2] = ["report.md", "report.html"];
-
-/// The folder of the figures in that of a run.
-const FIGURES: &str = "figures";
 
 const MARKDOWN: &str = include_str!("report.md.j2");
 const HTML: &str = include_str!("report.html.j2");
@@ -44,25 +45,35 @@ struct Report<'a> {
     title: &'a str,
     description: &'a str,
     data: String,
-    tables: Vec<Table>,
+    tables: Vec<Printed>,
     figures: Vec<Figure>,
     notes: Vec<String>,
+}
+
+/// A table, and what it is in Markdown.
+#[derive(Serialize)]
+struct Printed {
+    #[serde(flatten)]
+    table: Table,
+    markdown: String,
+}
+
+impl From<Table> for Printed {
+    fn from(table: Table) -> Self {
+        Self {
+            markdown: table.markdown(),
+            table,
+        }
+    }
 }
 
 /// Writes the report of the run in `folder`.
 pub(crate) fn write(folder: &Path) -> Result<()> {
     let results = Results::read(folder)?;
     let figures = figures(&results, &predictions::read(folder)?);
-    for Figure { name, svg, .. } in &figures {
-        let path = folder.join(FIGURES).join(format!("{name}.svg"));
-        write_atomically(&path, svg.as_bytes())?;
-    }
-    for path in figure_files(folder)? {
-        let is_old = |figure: &Figure| path.file_stem() != Some(figure.name.as_ref());
-        if figures.iter().all(is_old) {
-            fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
-        }
-    }
+    let tables = tables(&results);
+    folders::FIGURES.write(folder, &drawn(&figures))?;
+    folders::TABLES.write(folder, &printed(&tables)?)?;
     // What is filled into a name that ends in `.html` is escaped.
     let mut environment = Environment::new();
     environment.add_template("report.md", MARKDOWN)?;
@@ -71,7 +82,7 @@ pub(crate) fn write(folder: &Path) -> Result<()> {
         title: &results.experiment,
         description: &results.description,
         data: about_the_data(&results),
-        tables: tables(&results),
+        tables: tables.into_iter().map(Printed::from).collect(),
         notes: notes(&results),
         figures,
     };
@@ -82,28 +93,36 @@ pub(crate) fn write(folder: &Path) -> Result<()> {
     Ok(())
 }
 
+/// The files of figures, by their names.
+fn drawn(figures: &[Figure]) -> BTreeMap<String, Vec<u8>> {
+    let files = figures.iter();
+    files
+        .map(|figure| (format!("{}.svg", figure.name), figure.svg.clone().into()))
+        .collect()
+}
+
+/// The files of tables, by their names: for programs as CSV, for papers as LaTeX.
+fn printed(tables: &[Table]) -> Result<BTreeMap<String, Vec<u8>>> {
+    let mut files = BTreeMap::new();
+    for table in tables {
+        files.insert(format!("{}.csv", table.name), table.csv()?);
+        files.insert(format!("{}.tex", table.name), table.latex().into());
+    }
+    Ok(files)
+}
+
 /// The figures of a finished run, in the order of their names.
 pub(crate) fn figure_files(run: &Path) -> Result<Vec<PathBuf>> {
-    let folder = run.join(FIGURES);
-    let failed = || format!("cannot read {}", folder.display());
-    let entries = fs::read_dir(&folder).with_context(failed)?;
-    let entries = entries.map(|entry| Ok(entry.with_context(failed)?.path()));
-    let mut files: Vec<PathBuf> = entries.collect::<Result<_>>()?;
-    files.retain(|path| path.extension().is_some_and(|ending| ending == "svg"));
-    files.sort();
-    Ok(files)
+    folders::FIGURES.paths(run)
 }
 
 /// The names of all files of the report in the folder of a run.
 pub(crate) fn files(run: &Path) -> Result<Vec<String>> {
-    let figures = figure_files(run)?;
-    let names = figures.iter().filter_map(|path| path.file_name());
-    let figures = names.map(|name| format!("{FIGURES}/{}", name.to_string_lossy()));
-    Ok(PAGES
-        .map(str::to_owned)
-        .into_iter()
-        .chain(figures)
-        .collect())
+    let mut names = PAGES.map(str::to_owned).to_vec();
+    for folder in folders::ALL {
+        names.extend(folder.names(run)?);
+    }
+    Ok(names)
 }
 
 /// What was measured on, and how that stands to the paper's numbers.

@@ -1,5 +1,6 @@
 //! `predictions.csv`: every held-out estimate beside its measured value.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -17,13 +18,20 @@ pub(crate) struct Prediction {
     pub surface: String,
     pub truth: f64,
     pub estimate: f64,
+    /// The surface's group; empty where surfaces do not come in groups that are kept whole.
+    #[serde(default)]
+    pub group: String,
 }
 
 /// The file in the folder of a run.
 pub(super) const FILE: &str = "predictions.csv";
 
-/// The predictions of finished trials, in their order.
-pub(crate) fn of_outcomes<'a>(outcomes: impl Iterator<Item = &'a Outcome>) -> Vec<Prediction> {
+/// The predictions of finished trials, in their order; `groups` has the groups of surfaces by name.
+pub(crate) fn of_outcomes<'a>(
+    outcomes: impl Iterator<Item = &'a Outcome>,
+    groups: &HashMap<&str, &str>,
+) -> Vec<Prediction> {
+    let group = |surface: &str| groups.get(surface).copied().unwrap_or_default().to_owned();
     outcomes
         .flat_map(|outcome| {
             let values = outcome.truth.iter().zip(&outcome.estimate);
@@ -38,6 +46,7 @@ pub(crate) fn of_outcomes<'a>(outcomes: impl Iterator<Item = &'a Outcome>) -> Ve
                     surface: surface.clone(),
                     truth: *truth,
                     estimate: *estimate,
+                    group: group(surface),
                 })
         })
         .collect()

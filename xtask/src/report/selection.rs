@@ -9,7 +9,7 @@ use kuva::render::plots::Plot;
 use kuva::render::render::render_multiple;
 
 use super::figures::Figure;
-use super::table::{Row, Table, number};
+use super::table::{Cell, Row, Table};
 use crate::results::{MethodResult, Number, Results, SelectionResult};
 
 /// What each selector found and spent; none where no method selects views.
@@ -34,18 +34,19 @@ pub(super) fn table(results: &Results) -> Option<Table> {
         let regrets = sorted(all().filter_map(|one| one.regret));
         let count = |of: fn(&SelectionResult) -> u64| mean(all().map(|one| of(one) as f64));
         Row::measured(vec![
-            method.label.clone(),
-            number(method.means.r2_mean, 3),
-            number(mean(all().filter_map(|one| one.loss)), 4),
-            number(median(&regrets).map(|regret| 100.0 * regret), 1),
-            number(regrets.last().map(|regret| 100.0 * regret), 1),
-            number(mean(all().filter_map(|one| one.mean_angle_between_deg)), 1),
-            number(count(|one| one.evaluations), 0),
-            number(count(|one| one.computed), 0),
-            number(mean(all().map(|one| one.seconds)), 2),
+            method.label.as_str().into(),
+            Cell::number(method.means.r2_mean, 3),
+            Cell::number(mean(all().filter_map(|one| one.loss)), 4),
+            Cell::number(median(&regrets).map(|regret| 100.0 * regret), 1),
+            Cell::number(regrets.last().map(|regret| 100.0 * regret), 1),
+            Cell::number(mean(all().filter_map(|one| one.mean_angle_between_deg)), 1),
+            Cell::number(count(|one| one.evaluations), 0),
+            Cell::number(count(|one| one.computed), 0),
+            Cell::number(mean(all().map(|one| one.seconds)), 2),
         ])
     });
     Some(Table {
+        name: "selection",
         title: "The selection of views".to_owned(),
         caption: "R² on surfaces held out, after training with the views found. All else is of \
                   the search on the training part: loss is the mean squared error of the frozen \

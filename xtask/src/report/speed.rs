@@ -10,7 +10,7 @@ use kuva::render::render::render_multiple;
 
 use super::fan::COLOURS;
 use super::figures::Figure;
-use super::table::{Row, Table, number, with_interval};
+use super::table::{Cell, Row, Table, number, with_interval};
 use super::tables::frames;
 use crate::results::speed::{Point, front, points};
 use crate::results::{AdaptiveResult, Costs, MethodResult, Number, Results, Speed};
@@ -32,11 +32,11 @@ fn answers(results: &Results, speed: &Speed) -> Table {
     let row = |question: String, id: &Option<String>| {
         let found = id.as_ref().and_then(|id| results.method(id));
         Row::measured(vec![
-            question,
-            found.map_or_else(|| "none".to_owned(), |method| method.label.clone()),
-            number(found.and_then(milliseconds), 2),
-            number(found.and_then(|method| method.means.r2_mean), 3),
-            number(found.and_then(|method| method.means.mae_mean), 2),
+            question.into(),
+            found.map_or("none", |method| &method.label).into(),
+            Cell::number(found.and_then(milliseconds), 2),
+            Cell::number(found.and_then(|method| method.means.r2_mean), 3),
+            Cell::number(found.and_then(|method| method.means.mae_mean), 2),
         ])
     };
     let best = results.methods.iter().filter_map(|m| m.means.r2_mean);
@@ -44,6 +44,7 @@ fn answers(results: &Results, speed: &Speed) -> Table {
     let share = number(Some(100.0 * speed.within_error), 1);
     let limit = number(Some(1e3 * speed.within_seconds), 1);
     Table {
+        name: "questions",
         title: "Two questions".to_owned(),
         caption: format!(
             "The error is 1 - R², the share of variance left unexplained; the best R² is {best}. \
@@ -94,11 +95,11 @@ fn settings(results: &Results, speed: &Speed) -> Table {
             ""
         };
         let mut cells = vec![
-            format!("{mark} {}", method.label).trim().to_owned(),
-            with_interval(means.r2_mean, means.r2_mean_interval, 3),
-            range(reruns.r2_mean, 3),
-            ranged(means.mae_mean, reruns.mae_mean, 2),
-            ranged(
+            format!("{mark} {}", method.label).trim().into(),
+            Cell::interval(means.r2_mean, means.r2_mean_interval, 3),
+            Cell::range(reruns.r2_mean, 3),
+            Cell::spread(means.mae_mean, reruns.mae_mean, 2),
+            Cell::spread(
                 means.median_percent_error_mean,
                 reruns.median_percent_error_mean,
                 1,
@@ -106,14 +107,15 @@ fn settings(results: &Results, speed: &Speed) -> Table {
         ];
         let of_top8 = || {
             let range = reruns.median_percent_error_top8;
-            ranged(means.median_percent_error_top8, range, 1)
+            Cell::spread(means.median_percent_error_top8, range, 1)
         };
         cells.extend(top8.then(of_top8));
         cells.extend(costs(&method.costs));
-        cells.push(method.encoder.clone());
+        cells.push(method.encoder.as_str().into());
         Row::measured(cells)
     });
     Table {
+        name: "settings",
         title: "Every setting, from fast to slow".to_owned(),
         caption: format!(
             "{ON_FRONT} marks the Pareto front: no other setting is both faster and better. R² with \
@@ -132,48 +134,32 @@ fn settings(results: &Results, speed: &Speed) -> Table {
 }
 
 /// The cells of what a setting costs.
-fn costs(costs: &Costs) -> Vec<String> {
-    let ms = |seconds: Number| number(seconds.map(|s| 1e3 * s), 2);
+fn costs(costs: &Costs) -> Vec<Cell> {
+    let ms = |seconds: Number| Cell::number(seconds.map(|s| 1e3 * s), 2);
     let scaled = |value: Number, unit: f64| value.map(|value| value / unit);
-    let (decoded, encoded) = (
-        costs.frames_decoded_per_surface,
-        costs.frames_encoded_per_surface,
-    );
-    let looked_at = if decoded == encoded {
-        frames(encoded)
-    } else {
-        format!("{} decoded, {} encoded", frames(decoded), frames(encoded))
-    };
     vec![
         ms(costs.predict_seconds_per_surface),
         ms(costs.decode_seconds_per_surface),
         ms(costs.encode_seconds_per_surface),
         ms(costs.head_seconds_per_surface),
-        looked_at,
-        number(scaled(costs.multiply_adds_per_surface, 1e9), 3),
-        number(scaled(costs.peak_memory_bytes, f64::from(1 << 20)), 1),
-        number(Some(costs.train_seconds), 1),
-        number(Some(costs.encoder_train_seconds), 1),
+        looked_at(costs),
+        Cell::number(scaled(costs.multiply_adds_per_surface, 1e9), 3),
+        Cell::number(scaled(costs.peak_memory_bytes, f64::from(1 << 20)), 1),
+        Cell::number(Some(costs.train_seconds), 1),
+        Cell::number(Some(costs.encoder_train_seconds), 1),
     ]
 }
 
-fn range(range: Option<[f64; 2]>, decimals: usize) -> String {
-    match range {
-        Some([low, high]) => format!(
-            "{} to {}",
-            number(Some(low), decimals),
-            number(Some(high), decimals)
-        ),
-        None => number(None, decimals),
+/// The frames of one surface.
+pub(super) fn looked_at(costs: &Costs) -> Cell {
+    let (decoded, encoded) = (
+        costs.frames_decoded_per_surface,
+        costs.frames_encoded_per_surface,
+    );
+    if decoded == encoded {
+        return frames(encoded);
     }
-}
-
-fn ranged(value: Number, of_reruns: Option<[f64; 2]>, decimals: usize) -> String {
-    let value = number(value, decimals);
-    match of_reruns {
-        Some(_) => format!("{value} ({})", range(of_reruns, decimals)),
-        None => value,
-    }
+    format!("{} decoded, {} encoded", frames(decoded), frames(encoded)).into()
 }
 
 /// How the settings fared that spend what a scene needs; none where there are none.
@@ -194,6 +180,7 @@ fn adaptive(results: &Results) -> Option<Table> {
         "estimates that took 1, 2, … views, %",
     ];
     (!rows.is_empty()).then(|| Table {
+        name: "adaptive",
         title: "Views until the interval is narrow enough".to_owned(),
         caption: "One view after the other is looked at, until the interval of the estimate is as \
                   narrow as asked for or there are no more. Widths are in standard deviations of \
@@ -205,21 +192,18 @@ fn adaptive(results: &Results) -> Option<Table> {
 }
 
 fn adaptive_row(method: &MethodResult, of: &AdaptiveResult) -> Row {
-    let percent = |share: f64| number(Some(100.0 * share), 0);
-    let shares: Vec<String> = of
-        .share_of_views
-        .iter()
-        .map(|&share| percent(share))
-        .collect();
+    let percent = |share: f64| Cell::number(Some(100.0 * share), 0);
+    let shares = of.share_of_views.iter();
+    let shares: Vec<String> = shares.map(|&share| percent(share).to_string()).collect();
     Row::measured(vec![
-        method.label.clone(),
-        number(Some(of.width), 2),
-        number(Some(of.mean_width), 2),
+        method.label.as_str().into(),
+        Cell::number(Some(of.width), 2),
+        Cell::number(Some(of.mean_width), 2),
         percent(of.narrow),
         percent(of.level),
-        number(Some(100.0 * of.coverage), 1),
-        number(Some(of.mean_views), 2),
-        shares.join(", "),
+        Cell::number(Some(100.0 * of.coverage), 1),
+        Cell::number(Some(of.mean_views), 2),
+        shares.join(", ").into(),
     ])
 }
 

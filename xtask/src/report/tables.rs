@@ -5,7 +5,7 @@ use sps_dataset::Unit;
 use super::learning;
 use super::selection;
 use super::speed;
-use super::table::{Row, Table, counted, number, with_interval};
+use super::table::{Cell, Row, Table, counted};
 use crate::paper::{self, PaperRow};
 use crate::results::{Gain, MethodResult, Number, PerProperty, Results};
 
@@ -27,30 +27,30 @@ pub(crate) fn tables(results: &Results) -> Vec<Table> {
 /// A column of the table of means: what was measured, and what the paper prints.
 struct Mean {
     title: &'static str,
-    measured: fn(&MethodResult) -> String,
-    printed: fn(&PaperRow) -> String,
+    measured: fn(&MethodResult) -> Cell,
+    printed: fn(&PaperRow) -> Cell,
 }
 
 const MEANS: [Mean; 4] = [
     Mean {
         title: "R²",
-        measured: |method| with_interval(method.means.r2_mean, method.means.r2_mean_interval, 3),
-        printed: |row| number(Some(row.r2_mean), 2),
+        measured: |method| Cell::interval(method.means.r2_mean, method.means.r2_mean_interval, 3),
+        printed: |row| Cell::number(Some(row.r2_mean), 2),
     },
     Mean {
         title: "MAE",
-        measured: |method| number(method.means.mae_mean, 2),
-        printed: |row| number(Some(row.mae_mean), 2),
+        measured: |method| Cell::number(method.means.mae_mean, 2),
+        printed: |row| Cell::number(Some(row.mae_mean), 2),
     },
     Mean {
         title: "% error",
-        measured: |method| number(method.means.median_percent_error_mean, 1),
-        printed: |row| number(Some(row.median_percent_error_mean), 1),
+        measured: |method| Cell::number(method.means.median_percent_error_mean, 1),
+        printed: |row| Cell::number(Some(row.median_percent_error_mean), 1),
     },
     Mean {
         title: "% error, top 8",
-        measured: |method| number(method.means.median_percent_error_top8, 1),
-        printed: |row| number(Some(row.median_percent_error_top8), 1),
+        measured: |method| Cell::number(method.means.median_percent_error_top8, 1),
+        printed: |row| Cell::number(Some(row.median_percent_error_top8), 1),
     },
 ];
 
@@ -71,19 +71,24 @@ fn means(results: &Results) -> Table {
     );
     let rows = methods.iter().map(|method| {
         let paper = printed(method);
-        let mut cells = vec![method.label.clone(), held_out(results, method)];
+        let mut cells = vec![method.label.as_str().into(), held_out(results, method)];
         for mean in shown {
             cells.push((mean.measured)(method));
-            let printed = || paper.as_ref().map_or_else(|| number(None, 0), mean.printed);
+            let printed = || {
+                paper
+                    .as_ref()
+                    .map_or_else(|| Cell::number(None, 0), mean.printed)
+            };
             cells.extend(compared.then(printed));
         }
         let gains = against
             .iter()
             .map(|other| method.gains.r2_mean_gains.get(&other.id));
-        cells.extend(gains.map(|found| found.copied().map_or_else(String::new, gain)));
+        cells.extend(gains.map(|gain| gained(gain, 3)));
         Row::measured(cells)
     });
     Table {
+        name: "means",
         title: "Means over properties".to_owned(),
         caption: means_caption(results, compared),
         columns,
@@ -92,15 +97,17 @@ fn means(results: &Results) -> Table {
 }
 
 /// How much a row stands on.
-fn held_out(results: &Results, method: &MethodResult) -> String {
+fn held_out(results: &Results, method: &MethodResult) -> Cell {
     let surfaces = method.held_out_surfaces;
     if surfaces == 0 {
-        return number(None, 0);
+        return Cell::number(None, 0);
     }
     let surfaces = counted(surfaces, "surface");
     match results.dataset.unit {
-        Some(Unit::Group) => format!("{}, {surfaces}", counted(method.held_out_units, "group")),
-        Some(Unit::Surface) | None => surfaces,
+        Some(Unit::Group) => {
+            format!("{}, {surfaces}", counted(method.held_out_units, "group")).into()
+        }
+        Some(Unit::Surface) | None => surfaces.into(),
     }
 }
 
@@ -119,12 +126,12 @@ fn means_caption(results: &Results, compared: bool) -> String {
     caption
 }
 
-fn gain(gain: Gain) -> String {
-    let sign = if gain.value >= 0.0 { "+" } else { "" };
-    format!(
-        "{sign}{}",
-        with_interval(Some(gain.value), Some(gain.interval), 3)
-    )
+/// An empty cell where a method is not compared with the other.
+pub(crate) fn gained(gain: Option<&Gain>, decimals: usize) -> Cell {
+    match gain {
+        Some(gain) => Cell::difference(Some(gain.value), Some(gain.interval), decimals),
+        None => Cell::from(""),
+    }
 }
 
 /// Printed values per property, and their printed mean.
@@ -132,6 +139,7 @@ type Printed<'a> = (&'a PerProperty<f64>, f64);
 
 /// What one of the per-property tables shows.
 struct Shown {
+    name: &'static str,
     title: &'static str,
     caption: &'static str,
     decimals: usize,
@@ -142,6 +150,7 @@ struct Shown {
 }
 
 const R2: Shown = Shown {
+    name: "r2",
     title: "R² per property",
     caption: "Rows in italics are not measured here: the paper's printed values, and for \
               simulated data the ceiling that a perfect reader of the images would reach.",
@@ -153,6 +162,7 @@ const R2: Shown = Shown {
 };
 
 const PERCENT_ERROR: Shown = Shown {
+    name: "percent-error",
     title: "Median percentage error per property",
     caption: "Surfaces whose measured value is exactly zero have no percentage and are left out. \
               Rows in italics are the paper's printed values.",
@@ -167,6 +177,7 @@ const PERCENT_ERROR: Shown = Shown {
 };
 
 const MAE: Shown = Shown {
+    name: "mae",
     title: "Mean absolute error per property",
     caption: "In the properties' own units. The paper prints the means alone.",
     decimals: 2,
@@ -181,10 +192,10 @@ fn per_property(results: &Results, shown: &Shown) -> Table {
     columns.extend(results.properties.iter().cloned());
     columns.push("mean".to_owned());
     let line = |label: String, value: &dyn Fn(&String) -> Number, mean: Number| {
-        let mut cells = vec![label];
+        let mut cells = vec![Cell::from(label)];
         let values = results.properties.iter();
-        cells.extend(values.map(|property| number(value(property), shown.decimals)));
-        cells.push(number(mean, shown.decimals));
+        cells.extend(values.map(|property| Cell::number(value(property), shown.decimals)));
+        cells.push(Cell::number(mean, shown.decimals));
         cells
     };
     let mut rows = Vec::new();
@@ -215,6 +226,7 @@ fn per_property(results: &Results, shown: &Shown) -> Table {
         }
     }
     Table {
+        name: shown.name,
         title: shown.title.to_owned(),
         caption: shown.caption.to_owned(),
         columns,
@@ -235,15 +247,16 @@ fn costs(results: &Results) -> Table {
         let costs = &method.costs;
         let milliseconds = costs.predict_seconds_per_surface.map(|s| 1e3 * s);
         Row::measured(vec![
-            method.label.clone(),
+            method.label.as_str().into(),
             frames(costs.frames_decoded_per_surface),
             frames(costs.frames_encoded_per_surface),
-            number(milliseconds, 1),
-            number(Some(costs.train_seconds), 1),
-            method.reruns.to_string(),
+            Cell::number(milliseconds, 1),
+            Cell::number(Some(costs.train_seconds), 1),
+            Cell::count(method.reruns),
         ])
     });
     Table {
+        name: "costs",
         title: "What an estimate costs".to_owned(),
         caption: costs_caption(results),
         columns: columns.map(str::to_owned).to_vec(),
@@ -252,8 +265,8 @@ fn costs(results: &Results) -> Table {
 }
 
 /// Whole where all properties look at as many frames.
-pub(super) fn frames(count: f64) -> String {
-    number(Some(count), usize::from(count.fract() != 0.0))
+pub(super) fn frames(count: f64) -> Cell {
+    Cell::number(Some(count), usize::from(count.fract() != 0.0))
 }
 
 fn costs_caption(results: &Results) -> String {
@@ -302,7 +315,8 @@ mod tests {
             results.dataset.unit = unit;
             let table = means(&results);
             assert_eq!(table.columns[..3], ["Method", "held out", "R²"]);
-            let cells = &table.rows[0].cells;
+            let cells = table.rows[0].cells.iter().map(ToString::to_string);
+            let cells: Vec<String> = cells.collect();
             assert_eq!(cells[..3], ["Ridge", cell, "0.500 [0.400, 0.600]"]);
             assert!(table.caption.contains(words), "{}", table.caption);
         }
@@ -312,7 +326,7 @@ mod tests {
     fn a_row_without_a_score_stands_on_nothing() {
         let mut results = results();
         results.methods[0].held_out_surfaces = 0;
-        assert_eq!(means(&results).rows[0].cells[1], "–");
+        assert_eq!(means(&results).rows[0].cells[1].to_string(), "–");
     }
 
     #[test]

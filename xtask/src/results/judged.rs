@@ -86,6 +86,11 @@ impl<'a> Judged<'a> {
         self.folds.iter().flat_map(|fold| &fold.stops).copied()
     }
 
+    /// Of each fold.
+    pub(super) fn training_means(&self) -> impl Iterator<Item = f64> + '_ {
+        self.folds.iter().map(|fold| fold.training_mean)
+    }
+
     /// The views that each fold looked at.
     pub(super) fn views(&self) -> impl Iterator<Item = Vec<usize>> + '_ {
         self.folds.iter().map(|fold| fold.views.clone())

@@ -4,6 +4,7 @@ mod adaptive;
 mod costs;
 mod gains;
 mod judged;
+pub(crate) mod kind;
 mod means;
 mod notes;
 mod provenance;
@@ -24,6 +25,7 @@ pub(crate) use adaptive::AdaptiveResult;
 pub(crate) use costs::Costs;
 pub(crate) use gains::{Gain, Gains};
 pub(crate) use judged::Judged;
+pub(crate) use kind::Kind;
 pub(crate) use means::Means;
 pub(crate) use provenance::{Provenance, SCHEMA};
 pub(crate) use score::{MethodOutcomes, Scoring, score};
@@ -142,6 +144,9 @@ pub(crate) struct MethodResult {
     /// Where it looks at no more views than it needs.
     #[serde(default)]
     pub adaptive: Option<AdaptiveResult>,
+    /// Per property, the mean truth of each split's training part: R² is about it.
+    #[serde(default)]
+    pub training_means: PerProperty<Vec<f64>>,
     /// Per property, the views of each rerun.
     pub selected_views: PerProperty<Vec<Vec<usize>>>,
     /// Where a selector chose them: how it went, per property and rerun.

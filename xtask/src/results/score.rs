@@ -55,6 +55,10 @@ pub(crate) fn score(
         let views = outcomes.iter().flat_map(Judged::views);
         (property.clone(), views.collect())
     });
+    let training_means = method.outcomes.iter().map(|(property, outcomes)| {
+        let means = outcomes.iter().flat_map(Judged::training_means);
+        (property.clone(), means.collect())
+    });
     MethodResult {
         held_out_surfaces,
         held_out_units,
@@ -68,6 +72,7 @@ pub(crate) fn score(
         adaptive: method
             .adaptive
             .and_then(|asked| AdaptiveResult::of(method, asked)),
+        training_means: training_means.collect(),
         selected_views: views.collect(),
         notes: notes.lines,
         ..method.row.clone()

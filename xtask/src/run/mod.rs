@@ -27,7 +27,7 @@ use anyhow::Result;
 use sps_dataset::Source;
 
 pub(crate) use encodings::Encodings;
-pub(crate) use folder::RunFolder;
+pub(crate) use folder::{CONFIG, RunFolder};
 pub(crate) use found::Selections;
 pub(crate) use frozen::Folds;
 pub(crate) use select::Selecting;
@@ -46,7 +46,7 @@ use found::Found;
 use results::{MethodRow, results};
 
 /// Runs the experiment into `folder`, or finishes what was begun there; `fresh` begins again.
-pub(crate) fn run(experiment: &Experiment, folder: &Path, fresh: bool) -> Result<()> {
+pub(crate) fn run(experiment: &Experiment, folder: &Path, fresh: bool) -> Result<Results> {
     let folder = RunFolder::open(folder, fresh)?;
     folder.write(folder::CONFIG, &experiment.resolved)?;
     let results = data::with_source(
@@ -58,7 +58,8 @@ pub(crate) fn run(experiment: &Experiment, folder: &Path, fresh: bool) -> Result
     )?;
     results.write(folder.path())?;
     report::write(folder.path())?;
-    folder.seal()
+    folder.seal()?;
+    Ok(results)
 }
 
 struct Run<'a> {
@@ -104,7 +105,8 @@ impl WithSource for Run<'_> {
         }
         let rows: Vec<MethodRow<'_>> = rows.into_iter().flatten().collect();
         let all = rows.iter().flat_map(|row| row.outcomes.values().flatten());
-        predictions::write(self.folder.path(), &predictions::of_outcomes(all))?;
+        let estimates = predictions::of_outcomes(all, &splits.groups(source.surfaces()));
+        predictions::write(self.folder.path(), &estimates)?;
         results(experiment, source, about, properties, &splits, &rows)
     }
 }

@@ -2,9 +2,10 @@
 //! on: all of them go by the same units, and nothing else in this program parts surfaces.
 
 use std::borrow::Cow;
+use std::collections::HashMap;
 
 use anyhow::{Context, Result, ensure};
-use sps_dataset::{KeepGroups, Split, SplitError, Surface, Units};
+use sps_dataset::{KeepGroups, Split, SplitError, Surface, Unit, Units};
 
 use crate::config::{Experiment, Method, Protocol, TestSurfaces};
 
@@ -63,6 +64,15 @@ impl Splits {
             }
         }
         Ok(Cow::Owned(fewer))
+    }
+
+    /// The group of each surface by its name; none where each is a unit of its own.
+    pub(crate) fn groups<'s>(&self, surfaces: &'s [Surface]) -> HashMap<&'s str, &'s str> {
+        if self.units.unit() == Unit::Surface {
+            return HashMap::new();
+        }
+        let named = surfaces.iter();
+        named.map(|s| (s.id.as_str(), s.group.as_str())).collect()
     }
 
     /// One split of the same surfaces.

@@ -12,8 +12,9 @@ use table::{Comparison, Part, Row};
 
 /// Sets `now` beside `then`.
 pub(crate) fn compare(budgets: &Budgets, then: Option<&Measured>, now: &Measured) -> Comparison {
+    let around = |score| budgets.scores.around(score);
     let parts = [
-        scores(budgets, then, now),
+        scores(around, then.map(|then| &then.scores), &now.scores),
         instructions(budgets, then, now),
         ratios(budgets, then, now),
         wall(then, now),
@@ -21,11 +22,20 @@ pub(crate) fn compare(budgets: &Budgets, then: Option<&Measured>, now: &Measured
     Comparison(parts.into_iter().filter(|p| !p.rows.is_empty()).collect())
 }
 
-fn scores(budgets: &Budgets, then: Option<&Measured>, now: &Measured) -> Part {
+/// Scores by their names.
+type Scores = BTreeMap<String, Option<f64>>;
+
+/// The scores of `then` that `now` has no longer, or that lie further from it than `tolerance`.
+pub(crate) fn scores_past(tolerance: f64, then: &Scores, now: &Scores) -> Vec<String> {
+    Comparison(vec![scores(|_| tolerance, Some(then), now)]).past()
+}
+
+/// A score may lie as far from the baseline's as `around` says of that.
+fn scores(around: impl Fn(f64) -> f64, then: Option<&Scores>, now: &Scores) -> Part {
     let show = |score: &Option<f64>| score.map_or("null".to_owned(), |score| format!("{score:.4}"));
     let judge = |_: &str, then: &Option<f64>, now: &Option<f64>| match (then, now) {
         (Some(then), Some(now)) => {
-            let around = budgets.scores.around(*then);
+            let around = around(*then);
             Change {
                 by: format!("{:+.4}", now - then),
                 budget: format!("±{around:.4}"),
@@ -36,7 +46,7 @@ fn scores(budgets: &Budgets, then: Option<&Measured>, now: &Measured) -> Part {
     };
     Part {
         title: "Scores of the run".to_owned(),
-        rows: rows(then.map(|then| &then.scores), &now.scores, show, judge),
+        rows: rows(then, now, show, judge),
     }
 }
 

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::change::{Change, Verdict};
+use crate::report::table::aligned;
 
 /// Everything measured, beside its baseline where there is one.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,35 +49,24 @@ impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for Part { title, rows } in &self.0 {
             writeln!(f, "\n{title}")?;
-            let cells = rows.iter().map(Row::cells);
             let header = ["", "then", "now", "change", "budget", ""].map(str::to_owned);
-            let table: Vec<[String; 6]> = [header].into_iter().chain(cells).collect();
-            let width = |column: usize| {
-                let widths = table.iter().map(|cells| cells[column].chars().count());
-                widths.max().unwrap_or_default()
-            };
-            let widths: [usize; 6] = std::array::from_fn(width);
-            for [name, numbers @ .., verdict] in &table {
-                let cells = numbers.iter().zip(&widths[1..]);
-                let cells: Vec<String> = cells
-                    .map(|(cell, width)| format!("  {cell:>width$}"))
-                    .collect();
-                let line = format!("  {name:<0$}{1}  {verdict}", widths[0], cells.concat());
-                writeln!(f, "{}", line.trim_end())?;
-            }
+            let mut lines = vec![header.to_vec()];
+            lines.extend(rows.iter().map(Row::cells));
+            f.write_str(&aligned(&lines, |at| at == 0 || at == 5))?;
         }
         Ok(())
     }
 }
 
 impl Row {
-    fn cells(&self) -> [String; 6] {
+    fn cells(&self) -> Vec<String> {
         let Change {
             by,
             budget,
             verdict,
         } = &self.change;
         let (name, then, now) = (&self.name, &self.then, &self.now);
-        [name, then, now, by, budget, verdict.text()].map(ToString::to_string)
+        let cells = [name, then, now, by, budget, verdict.text()];
+        cells.map(ToString::to_string).to_vec()
     }
 }

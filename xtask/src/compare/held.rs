@@ -1,0 +1,92 @@
+//! What a run was scored on: its held-out estimates, rerun by rerun.
+
+use std::collections::{BTreeMap, HashMap};
+
+use anyhow::{Context, Result};
+use sps_dataset::Unit;
+
+use crate::report::predictions::Prediction;
+use crate::results::Results;
+
+/// The held-out estimates of a run, by method and property, in the order of the reruns. A rerun whose
+/// training failed has none.
+pub(crate) struct Outcomes {
+    all: BTreeMap<(String, String), Vec<Held>>,
+    pub unit: Unit,
+}
+
+/// Estimates of one property in one rerun, in the order of the surfaces' names.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Held {
+    pub surfaces: Vec<String>,
+    /// The number of each surface's unit, which resamples keep together.
+    pub units: Vec<usize>,
+    pub truth: Vec<f64>,
+    pub estimate: Vec<f64>,
+    /// Of the part that each estimate was trained on.
+    pub training_mean: Vec<f64>,
+}
+
+impl Outcomes {
+    /// From the predictions of a run with these results.
+    pub(super) fn of(results: &Results, mut predictions: Vec<Prediction>) -> Result<Self> {
+        predictions.sort_by(|a, b| a.surface.cmp(&b.surface));
+        let mut reruns: BTreeMap<(String, String), BTreeMap<usize, Held>> = BTreeMap::new();
+        let mut units = HashMap::new();
+        for one in predictions {
+            let (rerun, training_mean) = trained(results, &one).with_context(|| {
+                let Prediction {
+                    method,
+                    property,
+                    rerun,
+                    ..
+                } = &one;
+                format!(
+                    "results.json has no `training_means` of method {method}, property {property}, \
+                     split {rerun}, which predictions.csv has"
+                )
+            })?;
+            let unit = if one.group.is_empty() {
+                &one.surface
+            } else {
+                &one.group
+            };
+            let next = units.len();
+            let unit = *units.entry(unit.clone()).or_insert(next);
+            let of_method = reruns.entry((one.method, one.property)).or_default();
+            let held = of_method.entry(rerun).or_default();
+            held.surfaces.push(one.surface);
+            held.units.push(unit);
+            held.truth.push(one.truth);
+            held.estimate.push(one.estimate);
+            held.training_mean.push(training_mean);
+        }
+        let all = reruns.into_iter();
+        let all = all.map(|(of, reruns)| (of, reruns.into_values().collect()));
+        Ok(Self {
+            all: all.collect(),
+            unit: results.dataset.unit.unwrap_or(Unit::Surface),
+        })
+    }
+
+    /// Those of one method and property; empty where there is none.
+    pub(super) fn get(&self, method: &str, property: &str) -> &[Held] {
+        let found = self.all.get(&(method.to_owned(), property.to_owned()));
+        found.map(Vec::as_slice).unwrap_or_default()
+    }
+}
+
+/// The rerun that an estimate belongs to, and the mean of the part that it was trained on.
+fn trained(results: &Results, one: &Prediction) -> Option<(usize, f64)> {
+    let method = results.method(&one.method)?;
+    let means = method.training_means.get(&one.property)?;
+    let of_rerun = (means.len() / method.reruns.max(1)).max(1);
+    Some((one.rerun / of_rerun, *means.get(one.rerun)?))
+}
+
+impl Held {
+    /// Whether both are of the same surfaces with the same readings.
+    pub(super) fn pairs_with(&self, other: &Self) -> bool {
+        self.surfaces == other.surfaces && self.truth == other.truth
+    }
+}

@@ -1,0 +1,85 @@
+//! What differs between finished runs: configs, sources, data, machines, scores and times.
+
+mod differing;
+mod held;
+mod moved;
+mod run;
+mod speed;
+mod tables;
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use anyhow::{Result, ensure};
+use serde::Serialize;
+
+use crate::bench;
+use crate::results::{Kind, MethodResult, kind};
+use differing::Aspect;
+use moved::Moved;
+pub(crate) use run::Run;
+use speed::Speeds;
+
+/// One run set beside the first.
+#[derive(Debug, Serialize)]
+pub(crate) struct Comparison {
+    pub first: PathBuf,
+    pub second: PathBuf,
+    /// Config, sources, data and machine.
+    pub aspects: Vec<Aspect>,
+    /// Ids of methods that only one of them has.
+    pub only_first: Vec<String>,
+    pub only_second: Vec<String>,
+    /// Of the intervals, with the resamples that they are made of.
+    pub interval_level: f64,
+    pub resamples: usize,
+    pub scores: Vec<Moved>,
+    pub speed: Vec<Speeds>,
+}
+
+/// Sets `second` beside `first`, whose seed, resamples and level the intervals have.
+///
+/// # Errors
+/// Runs without a method in common.
+pub(crate) fn compare(first: &Run, second: &Run) -> Result<Comparison> {
+    let (only_first, only_second) = (lacking(first, second), lacking(second, first));
+    let common: Vec<[&MethodResult; 2]> = in_both(first, second).collect();
+    ensure!(
+        !common.is_empty(),
+        "{} and {} have no method in common: {}, and {}",
+        first.path.display(),
+        second.path.display(),
+        only_first.join(", "),
+        only_second.join(", ")
+    );
+    Ok(Comparison {
+        first: first.path.clone(),
+        second: second.path.clone(),
+        aspects: differing::aspects(first, second),
+        only_first,
+        only_second,
+        interval_level: first.results.interval_level,
+        resamples: first.resamples,
+        scores: moved::scores(first, second, &common)?,
+        speed: common.into_iter().map(Speeds::of).collect(),
+    })
+}
+
+/// R² of methods and properties that `second` has no longer, or that moved by more than `tolerance`.
+pub(crate) fn past(tolerance: f64, first: &Run, second: &Run) -> Vec<String> {
+    let [then, now] = [first, second].map(|run| kind::named(&run.results, &[Kind::R2]));
+    bench::scores_past(tolerance, &then, &now)
+}
+
+/// The methods of these ids in either run, in the order of the first.
+fn in_both<'r>(first: &'r Run, second: &'r Run) -> impl Iterator<Item = [&'r MethodResult; 2]> {
+    let methods = first.results.methods.iter();
+    methods.filter_map(|method| Some([method, second.results.method(&method.id)?]))
+}
+
+/// The ids of methods that `one` has and `other` lacks.
+fn lacking(one: &Run, other: &Run) -> Vec<String> {
+    let there: BTreeSet<&String> = other.results.methods.iter().map(|m| &m.id).collect();
+    let ids = one.results.methods.iter().map(|method| &method.id);
+    ids.filter(|id| !there.contains(id)).cloned().collect()
+}

@@ -1,0 +1,91 @@
+//! What a run came to, in a table for the terminal.
+
+use super::speed::looked_at;
+use super::table::{Cell, Row, Table};
+use crate::results::speed::{Point, best_within, fastest, points};
+use crate::results::{MethodResult, Results};
+
+/// Means over properties and what an estimate costs. The best and the fastest method are marked, of
+/// those that look at a photograph.
+pub(crate) fn summary(results: &Results) -> Table {
+    let columns = [
+        "method",
+        "R²",
+        "MAE",
+        "% error",
+        "frames",
+        "ms per surface",
+        "",
+    ];
+    let looks = |method: &MethodResult| method.costs.frames_decoded_per_surface > 0.0;
+    let mut points = points(&results.methods);
+    points.retain(|point| looks(&results.methods[point.method]));
+    let best = best_within(&points, f64::INFINITY);
+    let fastest = fastest(&points, f64::INFINITY);
+    let rows = results.methods.iter().enumerate().map(|(at, method)| {
+        let is = |point: Option<Point>| point.is_some_and(|point| point.method == at);
+        let mark = match (is(best), is(fastest)) {
+            (true, true) => "best, fastest",
+            (true, false) => "best",
+            (false, true) => "fastest",
+            (false, false) => "",
+        };
+        let (means, costs) = (&method.means, &method.costs);
+        let milliseconds = costs.predict_seconds_per_surface.map(|s| 1e3 * s);
+        Row::measured(vec![
+            method.id.as_str().into(),
+            Cell::interval(means.r2_mean, means.r2_mean_interval, 3),
+            Cell::number(means.mae_mean, 2),
+            Cell::number(means.median_percent_error_mean, 1),
+            looked_at(costs),
+            Cell::number(milliseconds, 2),
+            mark.into(),
+        ])
+    });
+    Table {
+        name: "summary",
+        title: format!("{}: means over properties", results.experiment),
+        caption: String::new(),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::schema::old_file;
+
+    #[test]
+    fn the_best_and_the_fastest_are_marked() {
+        let mut results: Results = serde_json::from_value(old_file()).unwrap();
+        let ridge = results.methods[0].clone();
+        let method = |id: &str, r2, frames, seconds| {
+            let mut method = ridge.clone();
+            method.id = id.to_owned();
+            method.means.r2_mean = r2;
+            method.means.r2_mean_interval = r2.and(method.means.r2_mean_interval);
+            method.costs.frames_decoded_per_surface = frames;
+            method.costs.frames_encoded_per_surface = frames;
+            method.costs.predict_seconds_per_surface = seconds;
+            method
+        };
+        results.methods.extend([
+            method("slow", Some(0.625), 2.0, Some(0.02)),
+            // Looks at nothing.
+            method("label", Some(0.75), 0.0, Some(0.0)),
+            method("failed", None, 1.0, None),
+        ]);
+        assert_eq!(
+            summary(&results).terminal(),
+            concat!(
+                "single-image: means over properties\n",
+                "  method                    R²  MAE  % error  frames  ms per surface\n",
+                "  ridge   0.500 [0.400, 0.600]    –        –       1           10.00  fastest\n",
+                "  slow    0.625 [0.400, 0.600]    –        –       2           20.00  best\n",
+                "  label   0.750 [0.400, 0.600]    –        –       0            0.00\n",
+                "  failed                     –    –        –       1               –\n",
+            )
+        );
+    }
+}

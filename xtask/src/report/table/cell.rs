@@ -1,0 +1,230 @@
+//! What stands in a cell: words, or numbers as they were measured and the form that they are shown in.
+
+use std::fmt;
+
+use serde::{Serialize, Serializer};
+
+/// A cell of a table. It is shown rounded; CSV has its numbers as they were measured.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Cell {
+    Text(String),
+    Numbers(Numbers),
+}
+
+/// A value, or what it lies between, or both.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Numbers {
+    value: Option<f64>,
+    ends: Option<[f64; 2]>,
+    form: Form,
+    decimals: usize,
+}
+
+/// How numbers are put together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Form {
+    /// `0.50`, or `0.50 [0.25, 0.75]` where it has an interval.
+    Interval,
+    /// `+0.50 [0.25, 0.75]`.
+    Difference,
+    /// `0.50 (0.25 to 0.75)`.
+    Spread,
+    /// `0.25 to 0.75`: no value is asked for.
+    Range,
+}
+
+impl Cell {
+    /// A number with so many decimals.
+    pub(crate) fn number(value: Option<f64>, decimals: usize) -> Self {
+        Self::interval(value, None, decimals)
+    }
+
+    pub(crate) fn count(count: usize) -> Self {
+        Self::number(Some(count as f64), 0)
+    }
+
+    /// A number with its interval.
+    pub(crate) fn interval(value: Option<f64>, ends: Option<[f64; 2]>, decimals: usize) -> Self {
+        Self::of(value, ends, Form::Interval, decimals)
+    }
+
+    /// How much one number is more than another, with its interval.
+    pub(crate) fn difference(value: Option<f64>, ends: Option<[f64; 2]>, decimals: usize) -> Self {
+        Self::of(value, ends, Form::Difference, decimals)
+    }
+
+    /// A mean with the lowest and the highest that it is made of.
+    pub(crate) fn spread(value: Option<f64>, ends: Option<[f64; 2]>, decimals: usize) -> Self {
+        Self::of(value, ends, Form::Spread, decimals)
+    }
+
+    /// The lowest and the highest alone.
+    pub(crate) fn range(ends: Option<[f64; 2]>, decimals: usize) -> Self {
+        Self::of(None, ends, Form::Range, decimals)
+    }
+
+    fn of(value: Option<f64>, ends: Option<[f64; 2]>, form: Form, decimals: usize) -> Self {
+        Self::Numbers(Numbers {
+            value,
+            ends,
+            form,
+            decimals,
+        })
+    }
+
+    pub(super) fn is_text(&self) -> bool {
+        matches!(self, Self::Text(_))
+    }
+
+    /// What it says beside an interval; `None` where it is an interval alone.
+    pub(super) fn value(&self) -> Option<String> {
+        match self {
+            Self::Text(text) => Some(text.clone()),
+            Self::Numbers(numbers) if numbers.form == Form::Range => None,
+            Self::Numbers(numbers) => Some(plain(numbers.value)),
+        }
+    }
+
+    /// The lower and the upper end, where it has them.
+    pub(super) fn ends(&self) -> Option<[String; 2]> {
+        match self {
+            Self::Text(_) => None,
+            Self::Numbers(numbers) => Some(numbers.ends?.map(|end| plain(Some(end)))),
+        }
+    }
+}
+
+impl From<String> for Cell {
+    fn from(text: String) -> Self {
+        Self::Text(text)
+    }
+}
+
+impl From<&str> for Cell {
+    fn from(text: &str) -> Self {
+        Self::Text(text.to_owned())
+    }
+}
+
+impl fmt::Display for Cell {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Text(text) => formatter.write_str(text),
+            Self::Numbers(numbers) => formatter.write_str(&numbers.shown()),
+        }
+    }
+}
+
+impl Serialize for Cell {
+    /// As it is shown.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl Numbers {
+    fn shown(self) -> String {
+        let Self {
+            value,
+            ends,
+            form,
+            decimals,
+        } = self;
+        match form {
+            Form::Interval => with_interval(value, ends, decimals),
+            Form::Difference => {
+                let text = with_interval(value, ends, decimals);
+                let sign = value.is_some() && !text.starts_with('-');
+                format!("{}{text}", if sign { "+" } else { "" })
+            }
+            Form::Spread if ends.is_some() => {
+                format!("{} ({})", number(value, decimals), range(ends, decimals))
+            }
+            Form::Spread => number(value, decimals),
+            Form::Range => range(ends, decimals),
+        }
+    }
+}
+
+/// To the last digit; nothing where there is no number.
+fn plain(value: Option<f64>) -> String {
+    value.map(|value| value.to_string()).unwrap_or_default()
+}
+
+/// What stands where a value could not be computed.
+const MISSING: &str = "–";
+
+/// A number with so many decimals.
+pub(crate) fn number(value: Option<f64>, decimals: usize) -> String {
+    match value {
+        Some(value) => {
+            let text = format!("{value:.decimals$}");
+            match text.strip_prefix('-') {
+                Some(zero) if zero.chars().all(|c| matches!(c, '0' | '.')) => zero.to_owned(),
+                _ => text,
+            }
+        }
+        None => MISSING.to_owned(),
+    }
+}
+
+/// A number with its interval.
+pub(crate) fn with_interval(
+    value: Option<f64>,
+    interval: Option<[f64; 2]>,
+    decimals: usize,
+) -> String {
+    let value = number(value, decimals);
+    match interval {
+        Some([low, high]) => format!(
+            "{value} [{}, {}]",
+            number(Some(low), decimals),
+            number(Some(high), decimals)
+        ),
+        None => value,
+    }
+}
+
+fn range(ends: Option<[f64; 2]>, decimals: usize) -> String {
+    match ends {
+        Some(ends) => {
+            let [low, high] = ends.map(|end| number(Some(end), decimals));
+            format!("{low} to {high}")
+        }
+        None => number(None, decimals),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_rounded_and_zero_has_no_sign() {
+        assert_eq!(number(Some(0.456), 2), "0.46");
+        assert_eq!(number(Some(-0.004), 2), "0.00");
+        assert_eq!(number(Some(-0.006), 2), "-0.01");
+        assert_eq!(number(None, 2), "–");
+        assert_eq!(
+            with_interval(Some(0.5), Some([0.25, 0.75]), 2),
+            "0.50 [0.25, 0.75]"
+        );
+    }
+
+    #[test]
+    fn each_form_is_shown_in_its_way() {
+        let ends = Some([-0.25, 0.75]);
+        for (cell, shown) in [
+            (Cell::difference(Some(0.5), ends, 2), "+0.50 [-0.25, 0.75]"),
+            (Cell::difference(Some(-0.1), None, 2), "-0.10"),
+            (Cell::difference(None, None, 2), "–"),
+            (Cell::spread(Some(0.5), ends, 2), "0.50 (-0.25 to 0.75)"),
+            (Cell::spread(Some(0.5), None, 2), "0.50"),
+            (Cell::range(ends, 2), "-0.25 to 0.75"),
+            (Cell::range(None, 2), "–"),
+            (Cell::count(3), "3"),
+        ] {
+            assert_eq!(cell.to_string(), shown);
+        }
+    }
+}

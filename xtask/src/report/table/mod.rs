@@ -1,0 +1,95 @@
+//! Tables: one model of them, and a printer for each place where they are read.
+
+mod cell;
+mod comma_separated;
+mod latex;
+mod markdown;
+mod terminal;
+
+use serde::Serialize;
+
+pub(crate) use cell::{Cell, number, with_interval};
+pub(crate) use terminal::aligned;
+
+/// A table, ready to print.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Table {
+    /// Names its files.
+    pub name: &'static str,
+    pub title: String,
+    /// What the reader must know to read it.
+    pub caption: String,
+    pub columns: Vec<String>,
+    pub rows: Vec<Row>,
+}
+
+/// A line of a [`Table`], one cell per column.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Row {
+    pub cells: Vec<Cell>,
+    /// Not measured here: printed by the paper, or a known limit.
+    pub reference: bool,
+}
+
+impl Row {
+    pub(crate) fn measured(cells: Vec<Cell>) -> Self {
+        Self {
+            cells,
+            reference: false,
+        }
+    }
+
+    pub(crate) fn reference(cells: Vec<Cell>) -> Self {
+        Self {
+            cells,
+            reference: true,
+        }
+    }
+}
+
+impl Table {
+    /// The cells of a column, from the top.
+    fn column(&self, at: usize) -> impl Iterator<Item = &Cell> {
+        self.rows.iter().filter_map(move |row| row.cells.get(at))
+    }
+
+    /// Whether a column is set to the left: the first, and those of words alone.
+    fn is_left(&self, at: usize) -> bool {
+        at == 0 || self.column(at).all(Cell::is_text)
+    }
+}
+
+/// So many of what `noun` names in the singular.
+pub(crate) fn counted(count: usize, noun: &str) -> String {
+    let plural = if count == 1 { "" } else { "s" };
+    format!("{count} {noun}{plural}")
+}
+
+/// Cells that break the usual forms, for the tests of the printers.
+#[cfg(test)]
+fn hard_cases() -> Table {
+    let method = |label: &str, cells: [Cell; 2]| [vec![Cell::from(label)], cells.to_vec()].concat();
+    Table {
+        name: "hard-cases",
+        title: "50 % of R² & more".to_owned(),
+        caption: "See `a_b`.".to_owned(),
+        columns: ["Method", "R²", "paper"].map(str::to_owned).to_vec(),
+        rows: vec![
+            Row::measured(method(
+                "Ridge_1 & 5 %, \"wide\"",
+                [
+                    Cell::interval(Some(-0.25), Some([-0.5, 0.75]), 2),
+                    Cell::number(None, 2),
+                ],
+            )),
+            Row::measured(method(
+                "[a] | b",
+                [Cell::interval(None, None, 2), Cell::number(Some(0.5), 1)],
+            )),
+            Row::reference(method(
+                "Ceiling",
+                [Cell::number(Some(1.0 / 3.0), 2), Cell::from("")],
+            )),
+        ],
+    }
+}

@@ -3,7 +3,7 @@
 mod support;
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 use serde_json::Value;
@@ -41,7 +41,7 @@ fn scores(comparison: &Value) -> &Vec<Value> {
     comparison["scores"].as_array().unwrap()
 }
 
-fn results(run: &PathBuf) -> Value {
+fn results(run: &Path) -> Value {
     let text = fs::read_to_string(run.join("results.json")).unwrap();
     serde_json::from_str(&text).unwrap()
 }

@@ -60,7 +60,7 @@ pub(crate) fn compare(first: &Run, second: &Run) -> Result<Comparison> {
         only_second,
         interval_level: first.results.interval_level,
         resamples: first.resamples,
-        scores: moved::scores(first, second, &common)?,
+        scores: moved::scores(first, second, &common),
         speed: common.into_iter().map(Speeds::of).collect(),
     })
 }

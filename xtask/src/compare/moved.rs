@@ -1,6 +1,5 @@
 //! How far each score moved from one run to another.
 
-use anyhow::Result;
 use rayon::prelude::*;
 use serde::Serialize;
 use sps_dataset::Unit;
@@ -30,11 +29,7 @@ pub(crate) struct Moved {
 }
 
 /// Every score of methods that both runs have: means over properties first.
-pub(super) fn scores(
-    first: &Run,
-    second: &Run,
-    methods: &[[&MethodResult; 2]],
-) -> Result<Vec<Moved>> {
+pub(super) fn scores(first: &Run, second: &Run, methods: &[[&MethodResult; 2]]) -> Vec<Moved> {
     let mut asked = Vec::new();
     // Means over other properties are other means.
     if first.results.properties == second.results.properties {
@@ -55,7 +50,7 @@ pub(super) fn scores(
         progress.advance(1);
         moved
     });
-    Ok(moved.collect())
+    moved.collect()
 }
 
 fn moved(

@@ -149,7 +149,7 @@ impl<W: Word> Write<'_, '_, W> {
             Some(shift) => vectors::<S, NV, WHOLE>(lanes, &shift.get(0, channel)[..count]),
             None => [lanes.splat_f32s(0.0); NV],
         };
-        for i in 0..H {
+        for (i, mut ended) in sums.into_iter().enumerate() {
             let place = self.places[first + i] - self.origin + word;
             let out = &mut self.target[place..place + words];
             let stored = if epilogue.accumulate {
@@ -158,7 +158,6 @@ impl<W: Word> Write<'_, '_, W> {
                 [lanes.splat_f32s(0.0); NV]
             };
             // A closure of as much is not inlined, and runs without the instructions.
-            let mut ended = sums[i];
             for v in 0..NV {
                 let sum = lanes.add_f32s(ended[v], shifts[v]);
                 ended[v] = lanes.within(limits, lanes.add_f32s(sum, stored[v]));

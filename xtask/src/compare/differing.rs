@@ -138,10 +138,10 @@ mod tests {
         assert_eq!(
             differing(first, second),
             [
+                ["seed", "0", "1"],
                 ["data.size", "48", "64"],
                 ["data.new", "none", "true"],
                 ["gone", "{ a = 1 }", "none"],
-                ["seed", "0", "1"],
             ]
         );
         assert!(differing(first, first).is_empty());

@@ -175,6 +175,13 @@ impl Grid {
         self
     }
 
+    /// Without its border.
+    pub(crate) const fn bare(mut self) -> Self {
+        self.before = [0; 3];
+        self.after = [0; 3];
+        self
+    }
+
     /// With a border no smaller than a window pads.
     pub(crate) fn enclosing(mut self, window: &Window) -> Self {
         for axis in 0..3 {

@@ -336,8 +336,9 @@ impl Kernel for Sums<'_> {
             for c in 0..n {
                 let deviation = x[c] - mean[c];
                 let y = deviation * factor[c] + beta[c];
-                let passes = (y > least) & (y < most);
-                let g = if passes { gradient[c] } else { 0.0 };
+                // Read whether it passes or not, which leaves no branch.
+                let g = gradient[c];
+                let g = if y > least && y < most { g } else { 0.0 };
                 total[c] += g;
                 product[c] += g * deviation;
             }
@@ -373,8 +374,9 @@ impl Kernel for Backward<'_> {
             for c in 0..n {
                 let deviation = x[c] - mean[c];
                 let y = deviation * factor[c] + beta[c];
-                let passes = (y > least) & (y < most);
-                let g = if passes { gradient[c] } else { 0.0 };
+                // Read whether it passes or not, which leaves no branch.
+                let g = gradient[c];
+                let g = if y > least && y < most { g } else { 0.0 };
                 out[c] = g * of_gradient[c] + deviation * of_x[c] + constant[c];
             }
         }

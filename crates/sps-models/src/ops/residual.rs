@@ -55,7 +55,7 @@ impl Branch<'_> {
             Shortcut::Plain(_, grid) => grid.places(),
             Shortcut::Normed(..) => Vec::new(),
         };
-        self.for_each_frame((target, to), |frame, band| {
+        for_each_frame((target, to), |frame, band| {
             level.run(End {
                 norm: self.norm,
                 pitch: self.grid.pitch,
@@ -105,7 +105,7 @@ impl Branch<'_> {
         (target, to): (&mut [f32], &Grid),
     ) {
         let places = to.places();
-        self.for_each_frame((target, to), |frame, band| {
+        for_each_frame((target, to), |frame, band| {
             let range = self.elements(&band);
             level.run(Backward {
                 mean: &self.norm.mean,
@@ -126,18 +126,14 @@ impl Branch<'_> {
     fn elements(&self, band: &Band<'_>) -> std::ops::Range<usize> {
         band.pixels.start * self.grid.pitch..band.pixels.end * self.grid.pitch
     }
+}
 
-    /// Calls `work` on parts of frames of `target`: the frame, and its rows and memory.
-    fn for_each_frame(
-        &self,
-        (target, to): (&mut [f32], &Grid),
-        work: impl Fn(usize, Band<'_>) + Send + Sync,
-    ) {
-        let per_frame = pixels(to.size);
-        for_each_band(Threads::All, to, target, |band| {
-            work(band.pixels.start / per_frame, band);
-        });
-    }
+/// Calls `work` on parts of frames of `target`: the frame, and its rows and memory.
+fn for_each_frame((target, to): (&mut [f32], &Grid), work: impl Fn(usize, Band<'_>) + Send + Sync) {
+    let per_frame = pixels(to.size);
+    for_each_band(Threads::All, to, target, |band| {
+        work(band.pixels.start / per_frame, band);
+    });
 }
 
 /// What is added to some pixels of the branch.
@@ -231,8 +227,11 @@ impl Kernel for Mask<'_> {
                 // Read whether it is kept or not: a read that depends on `end` would keep the
                 // compiler from taking several channels at a time.
                 let g = gradient[c];
-                let passes = (end[c] > least) & (end[c] < most);
-                let g = if passes { g } else { 0.0 };
+                let g = if end[c] > least && end[c] < most {
+                    g
+                } else {
+                    0.0
+                };
                 gradient[c] = g;
                 total[c] += g;
                 product[c] += g * (x[c] - mean[c]);

@@ -250,7 +250,7 @@ impl Grid {
             (self.before[axis]..self.before[axis] + self.size[axis]).contains(&at)
         };
         let row_len = width * self.pitch;
-        if row_len == 0 {
+        if row_len == 0 || (self.before, self.after) == ([0; 3], [0; 3]) {
             return;
         }
         for (row, memory) in memory.chunks_exact_mut(row_len).enumerate() {

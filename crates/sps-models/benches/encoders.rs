@@ -86,8 +86,8 @@ const OTHERS: [(EncoderKind, usize); 6] = [
     (EncoderKind::EfficientNetLite0, 224),
 ];
 
-/// Those of them whose training step is measured.
-const TRAINED: [EncoderKind; 2] = [EncoderKind::SeResNextSmall, EncoderKind::SqueezeNet1_0];
+/// Images of a training step.
+const BATCH: usize = 8;
 
 fn others(c: &mut Criterion) -> sps_models::Result<()> {
     for (kind, extent) in OTHERS {
@@ -106,16 +106,13 @@ fn others(c: &mut Criterion) -> sps_models::Result<()> {
                 b.iter(|| bf16.embed(black_box(&images)));
             });
         }
-        if TRAINED.contains(&kind) {
-            const BATCH: usize = 8;
-            let images = values(&[BATCH, 3, extent, extent])?;
-            let mut trainable = TrainableEncoder::new(&encoder)?;
-            step(&mut trainable, &images)?;
-            group.throughput(Throughput::Elements(BATCH as u64));
-            group.bench_function(format!("training step, batch {BATCH}"), |b| {
-                b.iter(|| step(&mut trainable, black_box(&images)));
-            });
-        }
+        let images = values(&[BATCH, 3, extent, extent])?;
+        let mut trainable = TrainableEncoder::new(&encoder)?;
+        step(&mut trainable, &images)?;
+        group.throughput(Throughput::Elements(BATCH as u64));
+        group.bench_function(format!("training step, batch {BATCH}"), |b| {
+            b.iter(|| step(&mut trainable, black_box(&images)));
+        });
         group.finish();
     }
     sequences(c)

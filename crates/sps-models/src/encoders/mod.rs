@@ -12,9 +12,9 @@ mod network;
 mod networks;
 mod plain;
 mod precision;
-mod se_resnext;
 #[cfg(test)]
 mod tests;
+mod train;
 mod trainable;
 mod windows;
 

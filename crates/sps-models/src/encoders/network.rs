@@ -205,11 +205,13 @@ impl Layer {
     }
 
     /// The maps that windows slide over, with those.
-    pub(super) fn slides(&self) -> Vec<(Map, Slide)> {
-        match self {
-            Self::MaxPool(pool) => vec![(pool.input, pool.slide)],
-            _ => self.convs().iter().map(|c| (c.input, c.slide)).collect(),
-        }
+    pub(super) fn slides(&self) -> impl Iterator<Item = (Map, Slide)> {
+        let pool = match self {
+            Self::MaxPool(pool) => Some((pool.input, pool.slide)),
+            _ => None,
+        };
+        let convs = self.convs().iter().map(|conv| (conv.input, conv.slide));
+        pool.into_iter().chain(convs)
     }
 
     /// The maps that it reads.
@@ -218,10 +220,7 @@ impl Layer {
             Self::Residual { shortcut, .. } => Some(*shortcut),
             _ => None,
         };
-        self.slides()
-            .into_iter()
-            .map(|(map, _)| map)
-            .chain(shortcut)
+        self.slides().map(|(map, _)| map).chain(shortcut)
     }
 
     /// The squeeze-and-excitation gate, where it has one.
@@ -328,7 +327,7 @@ impl Network {
     pub(super) fn strides(&self) -> Vec<usize> {
         let mut strides = vec![1];
         for layer in &self.layers {
-            let slides = layer.slides().into_iter();
+            let slides = layer.slides();
             let stride = slides.map(|(map, slide)| strides[map] * slide.stride()[1]);
             strides.push(stride.max().unwrap_or(1));
         }

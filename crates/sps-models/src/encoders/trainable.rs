@@ -11,8 +11,7 @@ use super::batch::{Images, each};
 use super::images::{Normalisation, Order};
 use super::network::Network;
 use super::plain::{BatchStatistics, Plain};
-use super::se_resnext::SeResNextConfig;
-use super::se_resnext::train::{Context, Gradients, Tape};
+use super::train::{Context, Gradients, Tape};
 use super::{Encoder, EncoderKind, check, normalise};
 use crate::error::{Error, Result};
 use crate::ops::bands::inside_pool;
@@ -26,9 +25,9 @@ const MOMENTUM: f64 = 0.1;
 
 /// A network whose weights can be trained.
 ///
-/// On the CPU, a squeeze-and-excitation ResNeXt runs on this crate's kernels with a backward pass
-/// of its own, which [`TrainableEncoder::backward`] joins to candle's; `Tensor::backward` alone, which
-/// would leave the weights out, fails.
+/// On the CPU it runs on this crate's kernels with a backward pass of its own, which
+/// [`TrainableEncoder::backward`] joins to candle's; `Tensor::backward` alone, which would leave the
+/// weights out, fails.
 ///
 /// ```
 /// use candle_core::{DType, Device, Tensor};
@@ -218,9 +217,10 @@ impl TrainableEncoder {
 
     fn run(&mut self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
         check(&self.network, images)?;
-        let (embeddings, statistics) = match se_resnext(self.kind) {
-            Some(config) if !self.plain => self.run_fused(config, images, normalisation)?,
-            _ => self.run_plain(images, normalisation)?,
+        let (embeddings, statistics) = if self.plain {
+            self.run_plain(images, normalisation)?
+        } else {
+            self.run_fused(images, normalisation)?
         };
         for statistics in statistics {
             self.update(&statistics)?;
@@ -240,7 +240,6 @@ impl TrainableEncoder {
 
     fn run_fused(
         &self,
-        config: SeResNextConfig,
         images: &Tensor,
         normalisation: &Normalisation,
     ) -> Result<(Tensor, Vec<BatchStatistics>)> {
@@ -254,6 +253,7 @@ impl TrainableEncoder {
             normalisation,
         };
         let context = Context {
+            network: Arc::clone(&self.network),
             weights: self.weights.clone(),
             recycler: Arc::clone(&self.recycler),
             level: Level::detect(),
@@ -261,7 +261,7 @@ impl TrainableEncoder {
         let mut statistics = Vec::new();
         let (tape, embeddings) = inside_pool(|| {
             let checkpointing = self.checkpointing;
-            let tape = Tape::record(&config, &context, &images, checkpointing, &mut statistics)?;
+            let tape = Tape::record(&context, &images, checkpointing, &mut statistics)?;
             let embeddings = tape.embeddings(&context);
             Ok::<_, Error>((tape, embeddings))
         })?;
@@ -271,7 +271,7 @@ impl TrainableEncoder {
             received.add(gradients.map_err(candle_core::Error::wrap)?)?;
             Ok([const { None }; 3])
         };
-        let shape = (images.frames(), config.width());
+        let shape = (images.frames(), self.network.width());
         let anchor = self.anchor.as_tensor();
         let embeddings = differentiable([anchor; 3], embeddings, shape, backward)?;
         Ok((embeddings, statistics))
@@ -293,14 +293,5 @@ impl TrainableEncoder {
             self.weights.replace(&name, new);
         }
         Ok(())
-    }
-}
-
-/// The networks that have a backward pass on the kernels.
-const fn se_resnext(kind: EncoderKind) -> Option<SeResNextConfig> {
-    match kind {
-        EncoderKind::SeResNext50 => Some(SeResNextConfig::RESNEXT50_32X4D),
-        EncoderKind::SeResNextSmall => Some(SeResNextConfig::SMALL),
-        _ => None,
     }
 }

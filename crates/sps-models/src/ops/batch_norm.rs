@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::bands::{Threads, for_each_band};
 use super::grid::{Grid, rows};
+use super::product::Activation;
 use super::simd::{Kernel, Lanes, Level};
 use super::statistics::{ChannelStatistics, run_rows};
 
@@ -45,6 +46,16 @@ impl Norm {
         }
     }
 
+    /// What adds a bias and changes nothing else.
+    pub(crate) fn bias(beta: Vec<f32>) -> Self {
+        Self {
+            mean: vec![0.0; beta.len()],
+            inverse: vec![1.0; beta.len()],
+            factor: vec![1.0; beta.len()],
+            beta,
+        }
+    }
+
     /// The number of channels; mean, factor and beta of each, slices that the compiler knows to
     /// be of one length: otherwise it would check every index, one channel at a time.
     #[inline(always)]
@@ -53,39 +64,39 @@ impl Norm {
         (n, &self.mean[..n], &self.factor[..n], &self.beta[..n])
     }
 
-    /// Writes `y`, rectified where `relu` says so, from `x`, which lies as the target does but
-    /// has no border.
+    /// Writes `y`, activated, from `x`, which has no border, into channels that the target begins
+    /// with.
     pub(crate) fn apply(
         &self,
         level: Level,
-        x: &[f32],
+        (x, from): (&[f32], &Grid),
         (target, to): (&mut [f32], &Grid),
-        relu: bool,
+        activation: Activation,
     ) {
         let places = to.places();
         for_each_band(Threads::All, to, target, |band| {
             level.run(Apply {
                 norm: self,
-                pitch: to.pitch,
-                x: &x[band.pixels.start * to.pitch..band.pixels.end * to.pitch],
+                pitch: from.pitch,
+                x: &x[band.pixels.start * from.pitch..band.pixels.end * from.pitch],
                 places: &places[band.pixels],
                 origin: band.origin,
                 target: band.target,
-                floor: if relu { 0.0 } else { f32::NEG_INFINITY },
+                limits: activation.limits(),
             });
         });
     }
 
     /// Sums over each frame, from which every gradient follows: see [`FrameSums`].
     ///
-    /// `relu` says that the output was rectified.
+    /// The output was activated so.
     pub(crate) fn sums(
         &self,
         level: Level,
         x: &[f32],
         gradient: &[f32],
         grid: &Grid,
-        relu: bool,
+        activation: Activation,
     ) -> FrameSums {
         FrameSums::of(grid, |range| {
             level.run(Sums {
@@ -93,7 +104,7 @@ impl Norm {
                 pitch: grid.pitch,
                 x: &x[range.clone()],
                 gradient: &gradient[range],
-                relu,
+                limits: activation.limits(),
             })
         })
     }
@@ -107,7 +118,7 @@ impl Norm {
         x: &[f32],
         gradient: &[f32],
         (target, to): (&mut [f32], &Grid),
-        relu: bool,
+        activation: Activation,
     ) {
         let places = to.places();
         for_each_band(Threads::All, to, target, |band| {
@@ -121,7 +132,7 @@ impl Norm {
                 places: &places[band.pixels],
                 origin: band.origin,
                 target: band.target,
-                relu,
+                limits: activation.limits(),
             });
         });
     }
@@ -223,6 +234,17 @@ pub(crate) struct Slopes {
     pub(crate) constant: Vec<f32>,
 }
 
+impl Slopes {
+    /// Those of a bias: the gradient of so many channels as it is.
+    pub(crate) fn identity(channels: usize) -> Self {
+        Self {
+            of_gradient: vec![1.0; channels],
+            of_x: vec![0.0; channels],
+            constant: vec![0.0; channels],
+        }
+    }
+}
+
 /// The gradients of batch norm's own parameters, and what gives that of its input.
 #[derive(Debug, Clone)]
 pub(crate) struct NormGradients {
@@ -270,7 +292,7 @@ struct Apply<'a> {
     places: &'a [usize],
     origin: usize,
     target: &'a mut [f32],
-    floor: f32,
+    limits: [f32; 2],
 }
 
 impl Kernel for Apply<'_> {
@@ -279,15 +301,13 @@ impl Kernel for Apply<'_> {
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) {
         let (n, mean, factor, beta) = self.norm.channels();
+        let [least, most] = self.limits;
         for (x, &place) in rows(self.x, self.pitch, n).zip(self.places) {
             let y = &mut self.target[place - self.origin..][..n];
             for c in 0..n {
                 let value = (x[c] - mean[c]) * factor[c] + beta[c];
-                y[c] = if value < self.floor {
-                    self.floor
-                } else {
-                    value
-                };
+                let value = if value < least { least } else { value };
+                y[c] = if value > most { most } else { value };
             }
         }
     }
@@ -298,7 +318,7 @@ struct Sums<'a> {
     pitch: usize,
     x: &'a [f32],
     gradient: &'a [f32],
-    relu: bool,
+    limits: [f32; 2],
 }
 
 impl Kernel for Sums<'_> {
@@ -307,7 +327,7 @@ impl Kernel for Sums<'_> {
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) -> [Vec<f32>; 2] {
         let (n, mean, factor, beta) = self.norm.channels();
-        let floor = if self.relu { 0.0 } else { f32::NEG_INFINITY };
+        let [least, most] = self.limits;
         let mut sums = [vec![0.0_f32; n], vec![0.0_f32; n]];
         let [total, product] = &mut sums;
         let (total, product) = (&mut total[..n], &mut product[..n]);
@@ -315,8 +335,10 @@ impl Kernel for Sums<'_> {
         for (x, gradient) in pixels.zip(rows(self.gradient, self.pitch, n)) {
             for c in 0..n {
                 let deviation = x[c] - mean[c];
-                let passes = deviation * factor[c] + beta[c] > floor;
-                let g = if passes { gradient[c] } else { 0.0 };
+                let y = deviation * factor[c] + beta[c];
+                // Read whether it passes or not, which leaves no branch.
+                let g = gradient[c];
+                let g = if y > least && y < most { g } else { 0.0 };
                 total[c] += g;
                 product[c] += g * deviation;
             }
@@ -334,7 +356,7 @@ struct Backward<'a> {
     places: &'a [usize],
     origin: usize,
     target: &'a mut [f32],
-    relu: bool,
+    limits: [f32; 2],
 }
 
 impl Kernel for Backward<'_> {
@@ -345,14 +367,16 @@ impl Kernel for Backward<'_> {
         let (n, mean, factor, beta) = self.norm.channels();
         let (of_gradient, of_x) = (&self.slopes.of_gradient[..n], &self.slopes.of_x[..n]);
         let constant = &self.slopes.constant[..n];
-        let floor = if self.relu { 0.0 } else { f32::NEG_INFINITY };
+        let [least, most] = self.limits;
         let pixels = rows(self.x, self.pitch, n).zip(rows(self.gradient, self.pitch, n));
         for ((x, gradient), &place) in pixels.zip(self.places) {
             let out = &mut self.target[place - self.origin..][..n];
             for c in 0..n {
                 let deviation = x[c] - mean[c];
-                let passes = deviation * factor[c] + beta[c] > floor;
-                let g = if passes { gradient[c] } else { 0.0 };
+                let y = deviation * factor[c] + beta[c];
+                // Read whether it passes or not, which leaves no branch.
+                let g = gradient[c];
+                let g = if y > least && y < most { g } else { 0.0 };
                 out[c] = g * of_gradient[c] + deviation * of_x[c] + constant[c];
             }
         }

@@ -6,6 +6,7 @@
 
 use super::bands::{Threads, for_each_band};
 use super::conv::ConvShape;
+use super::depthwise::{ChannelWeights, DepthwiseProduct};
 use super::grid::{Grid, Size, pixels};
 use super::grouped::{GroupWeights, GroupedProduct};
 use super::panels::Panels;
@@ -37,6 +38,8 @@ enum Packed {
     Matrices(Vec<Panels>),
     /// Groups narrower than a vector.
     Narrow(GroupWeights),
+    /// Each channel by itself.
+    Channels(ChannelWeights),
 }
 
 impl ConvTranspose {
@@ -116,6 +119,17 @@ impl ConvTranspose {
                 }
             }
             Packed::Narrow(weights) => GroupedProduct {
+                source,
+                starts,
+                taps,
+                weights,
+                epilogue: Epilogue {
+                    accumulate,
+                    ..Epilogue::default()
+                },
+            }
+            .write(target, places, origin),
+            Packed::Channels(weights) => DepthwiseProduct {
                 source,
                 starts,
                 taps,
@@ -228,6 +242,11 @@ impl Packed {
         };
         if taps.is_empty() {
             return Self::None;
+        }
+        if shape.depthwise() {
+            let element = |i: usize| at(i / taps.len(), 0, i % taps.len());
+            let some: Vec<f32> = (0..shape.inputs * taps.len()).map(element).collect();
+            return Self::Channels(ChannelWeights::pack(level, taps.len(), &some));
         }
         if inputs == outputs && GroupWeights::<f32>::serves(level, shape.inputs, inputs) {
             let element = |channel: usize, tap: usize, output: usize| {

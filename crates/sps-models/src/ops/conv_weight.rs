@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::buffer::Buffer;
 use super::conv::ConvShape;
+use super::depthwise::DepthwiseOuter;
 use super::grid::{Grid, pixels};
 use super::grouped::GroupedOuter;
 use super::outer::Outer;
@@ -38,6 +39,13 @@ pub(crate) fn weight_gradient(
         let taps = from.taps(shape.runs(from));
         let run = pixels(shape.window.size) * shape.inputs / taps.len();
         dense(level, shape, &pairs, &taps, run, target);
+    } else if shape.depthwise() {
+        let outer = DepthwiseOuter {
+            level,
+            channels: shape.outputs,
+            taps: &from.taps(shape.window.size),
+        };
+        outer.write(source, pairs.starts, gradient, pairs.places, target);
     } else {
         grouped(level, shape, &pairs, &from.taps(shape.window.size), target);
     }

@@ -1,8 +1,10 @@
 //! Convolution of each channel by itself.
 
+use rayon::prelude::*;
+
 use super::buffer::Buffer;
 use super::product::{Epilogue, limits};
-use super::simd::{Lanes, Level, load};
+use super::simd::{Kernel, Lanes, Level, load};
 use super::words::{Arithmetic, Word, WordKernel};
 
 /// The weights of a depth-wise convolution, f32 whatever the feature maps are made of.
@@ -198,5 +200,109 @@ where
         arithmetic.load(lanes, from)
     } else {
         arithmetic.load_part(lanes, from)
+    }
+}
+
+/// The gradient of a depth-wise convolution's weights.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct DepthwiseOuter<'a> {
+    pub(crate) level: Level,
+    pub(crate) channels: usize,
+    pub(crate) taps: &'a [usize],
+}
+
+/// Pixels whose products are summed before the sum joins a longer one.
+const PIXELS: usize = 256;
+
+/// Vectors of channels whose sums are held in registers together.
+const VECTORS: usize = 4;
+
+impl DepthwiseOuter<'_> {
+    /// Writes `(channels, taps)`: sums over pixels of the source, from `starts` on, times the gradient
+    /// at `places`.
+    pub(crate) fn write(
+        &self,
+        source: &[f32],
+        starts: &[usize],
+        gradient: &[f32],
+        places: &[usize],
+        target: &mut [f32],
+    ) {
+        let sums = self.taps.par_iter().map(|&tap| {
+            self.level.run(TapSums {
+                channels: self.channels,
+                source: &source[tap..],
+                starts,
+                gradient,
+                places,
+            })
+        });
+        let sums: Vec<Vec<f32>> = sums.collect();
+        for (channel, target) in target.chunks_exact_mut(self.taps.len()).enumerate() {
+            for (target, sums) in target.iter_mut().zip(&sums) {
+                *target = sums[channel];
+            }
+        }
+    }
+}
+
+/// The sums of one tap.
+struct TapSums<'a> {
+    channels: usize,
+    source: &'a [f32],
+    starts: &'a [usize],
+    gradient: &'a [f32],
+    places: &'a [usize],
+}
+
+impl Kernel for TapSums<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) -> Vec<f32> {
+        let mut total = vec![0.0; self.channels];
+        let blocks = self.starts.chunks(PIXELS).zip(self.places.chunks(PIXELS));
+        for (starts, places) in blocks {
+            let step = VECTORS * S::F32_LANES;
+            for (part, total) in total.chunks_mut(step).enumerate() {
+                let channel = part * step;
+                if total.len() == step {
+                    self.add::<S, VECTORS, true>(lanes, (starts, places), channel, total);
+                } else {
+                    for (part, total) in total.chunks_mut(S::F32_LANES).enumerate() {
+                        let channel = channel + part * S::F32_LANES;
+                        self.add::<S, 1, false>(lanes, (starts, places), channel, total);
+                    }
+                }
+            }
+        }
+        total
+    }
+}
+
+impl TapSums<'_> {
+    /// Adds the sums over some pixels of the channels from one on; `WHOLE` if they fill the vectors.
+    #[inline(always)]
+    fn add<S: Lanes, const NV: usize, const WHOLE: bool>(
+        &self,
+        lanes: S,
+        (starts, places): (&[usize], &[usize]),
+        channel: usize,
+        total: &mut [f32],
+    ) {
+        let mut sums = [lanes.splat_f32s(0.0); NV];
+        for (&start, &place) in starts.iter().zip(places) {
+            let x = &self.source[start + channel..][..total.len()];
+            let x = vectors::<S, NV, WHOLE>(lanes, x);
+            let y = &self.gradient[place + channel..][..total.len()];
+            let y = vectors::<S, NV, WHOLE>(lanes, y);
+            for v in 0..NV {
+                sums[v] = lanes.fma(x[v], y[v], sums[v]);
+            }
+        }
+        for (sums, total) in sums.into_iter().zip(total.chunks_mut(S::F32_LANES)) {
+            let sum = lanes.add_f32s(sums, load(lanes, total));
+            lanes.partial_store_f32s(total, sum);
+        }
     }
 }

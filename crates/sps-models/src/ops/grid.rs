@@ -175,6 +175,13 @@ impl Grid {
         self
     }
 
+    /// Without its border.
+    pub(crate) const fn bare(mut self) -> Self {
+        self.before = [0; 3];
+        self.after = [0; 3];
+        self
+    }
+
     /// With a border no smaller than a window pads.
     pub(crate) fn enclosing(mut self, window: &Window) -> Self {
         for axis in 0..3 {
@@ -243,7 +250,7 @@ impl Grid {
             (self.before[axis]..self.before[axis] + self.size[axis]).contains(&at)
         };
         let row_len = width * self.pitch;
-        if row_len == 0 {
+        if row_len == 0 || (self.before, self.after) == ([0; 3], [0; 3]) {
             return;
         }
         for (row, memory) in memory.chunks_exact_mut(row_len).enumerate() {

@@ -93,7 +93,8 @@ pub(super) fn reach(window: &Window, from: &Grid, to: &Grid, pixel: usize) -> Si
 }
 
 /// Writes the gradient of max pooling's input: each window's gradient goes to the first of its
-/// largest values. The border of `from` gets its part too.
+/// largest values. The border of `from` gets its part too. `gradient` lies as `pooled` does, without
+/// a border.
 pub(crate) fn max_pool_backward(
     level: Level,
     window: &Window,
@@ -111,13 +112,14 @@ pub(crate) fn max_pool_backward(
         .for_each(|(frame, target)| {
             let read = frame * from.frame_len()..(frame + 1) * from.frame_len();
             let write = frame * to.frame_len()..(frame + 1) * to.frame_len();
+            let len = places.len() * to.pitch;
             level.run(PoolBackward {
                 window,
                 source: &source[read],
                 from,
-                pooled: &pooled[write.clone()],
+                pooled: &pooled[write],
                 to,
-                gradient: &gradient[write],
+                gradient: &gradient[frame * len..(frame + 1) * len],
                 starts: &starts,
                 places: &places,
                 target,
@@ -148,7 +150,8 @@ impl Kernel for PoolBackward<'_> {
         self.target.fill(0.0);
         for (pixel, (&start, &place)) in self.starts.iter().zip(self.places).enumerate() {
             let largest = &self.pooled[place..place + channels];
-            left.copy_from_slice(&self.gradient[place..place + channels]);
+            let own = pixel * self.to.pitch;
+            left.copy_from_slice(&self.gradient[own..own + channels]);
             let reach = reach(self.window, self.from, self.to, pixel);
             for t in 0..reach[0] {
                 for y in 0..reach[1] {

@@ -1,16 +1,17 @@
-//! The end of a residual branch: `relu(norm(x) * gate + shortcut)`, forward and backward.
+//! The end of a residual branch: `activation(norm(x) * gate + shortcut)`, forward and backward.
 
-use super::bands::{Threads, for_each_band};
+use super::bands::{Band, Threads, for_each_band};
 use super::batch_norm::{FrameSums, Norm};
 use super::grid::{Grid, pixels, rows, rows_mut};
+use super::product::Activation;
 use super::simd::{Kernel, Lanes, Level};
 
 /// What is added to the gated branch.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Shortcut<'a> {
-    /// A feature map as it is.
-    Plain(&'a [f32]),
-    /// A feature map that is normed first.
+    /// A feature map as it is, with any border.
+    Plain(&'a [f32], &'a Grid),
+    /// A feature map that is normed first, without a border.
     Normed(&'a [f32], &'a Norm),
 }
 
@@ -23,6 +24,7 @@ pub(crate) struct Branch<'a> {
     /// `(frames, channels)`
     pub(crate) gate: &'a [f32],
     pub(crate) grid: &'a Grid,
+    pub(crate) activation: Activation,
 }
 
 /// What gives the gradient of `x`: `gradient * of_gradient + (x - mean) * of_x + constant`.
@@ -42,45 +44,69 @@ impl Branch<'_> {
     }
 
     /// Writes the branch's end.
-    pub(crate) fn end(&self, level: Level, shortcut: Shortcut<'_>, target: &mut [f32]) {
-        self.for_each_frame(target, |frame, range, target| {
+    pub(crate) fn end(
+        &self,
+        level: Level,
+        shortcut: Shortcut<'_>,
+        (target, to): (&mut [f32], &Grid),
+    ) {
+        let places = to.places();
+        let added = match shortcut {
+            Shortcut::Plain(_, grid) => grid.places(),
+            Shortcut::Normed(..) => Vec::new(),
+        };
+        for_each_frame((target, to), |frame, band| {
             level.run(End {
                 norm: self.norm,
                 pitch: self.grid.pitch,
-                x: &self.x[range.clone()],
+                x: &self.x[self.elements(&band)],
                 gate: self.of_frame(self.gate, frame),
                 shortcut: match shortcut {
-                    Shortcut::Plain(x) => Shortcut::Plain(&x[range]),
-                    Shortcut::Normed(x, norm) => Shortcut::Normed(&x[range], norm),
+                    Shortcut::Plain(x, _) => Added::Plain(x, &added[band.pixels.clone()]),
+                    Shortcut::Normed(x, norm) => Added::Normed(&x[self.elements(&band)], norm),
                 },
-                target,
+                places: &places[band.pixels],
+                origin: band.origin,
+                target: band.target,
+                limits: self.activation.limits(),
             });
         });
     }
 
-    /// Sets the end's gradient to 0 where the end was rectified, and sums it over each frame,
-    /// alone and times `x - mean`.
-    pub(crate) fn mask(&self, level: Level, end: &[f32], gradient: &mut [f32]) -> FrameSums {
+    /// Sets the end's gradient to 0 where the activation let nothing through, and sums it over each
+    /// frame, alone and times `x - mean`.
+    pub(crate) fn mask(
+        &self,
+        level: Level,
+        (end, from): (&[f32], &Grid),
+        gradient: &mut [f32],
+    ) -> FrameSums {
+        let places = from.places();
+        let pitch = self.grid.pitch;
         FrameSums::of_mut(self.grid, gradient, |range, gradient| {
             level.run(Mask {
                 mean: &self.norm.mean,
-                pitch: self.grid.pitch,
+                pitch,
                 x: &self.x[range.clone()],
-                end: &end[range],
+                end,
+                places: &places[range.start / pitch..range.end / pitch],
+                limits: self.activation.limits(),
                 gradient,
             })
         })
     }
 
-    /// Writes the gradient of `x` from the masked one of the end.
+    /// Writes the gradient of `x` from the masked one of the end, which lies as `x` does.
     pub(crate) fn backward(
         &self,
         level: Level,
         slopes: &FrameSlopes,
         gradient: &[f32],
-        target: &mut [f32],
+        (target, to): (&mut [f32], &Grid),
     ) {
-        self.for_each_frame(target, |frame, range, target| {
+        let places = to.places();
+        for_each_frame((target, to), |frame, band| {
+            let range = self.elements(&band);
             level.run(Backward {
                 mean: &self.norm.mean,
                 pitch: self.grid.pitch,
@@ -89,25 +115,33 @@ impl Branch<'_> {
                 constant: self.of_frame(&slopes.constant, frame),
                 x: &self.x[range.clone()],
                 gradient: &gradient[range],
-                target,
+                places: &places[band.pixels],
+                origin: band.origin,
+                target: band.target,
             });
         });
     }
 
-    /// Calls `work` on parts of frames: the frame, the range of elements, and that range of
-    /// `target`.
-    fn for_each_frame(
-        &self,
-        target: &mut [f32],
-        work: impl Fn(usize, std::ops::Range<usize>, &mut [f32]) + Send + Sync,
-    ) {
-        let per_frame = pixels(self.grid.size);
-        for_each_band(Threads::All, self.grid, target, |band| {
-            let start = band.pixels.start * self.grid.pitch;
-            let range = start..start + band.target.len();
-            work(band.pixels.start / per_frame, range, band.target);
-        });
+    /// The elements of `x` that a band's pixels are.
+    fn elements(&self, band: &Band<'_>) -> std::ops::Range<usize> {
+        band.pixels.start * self.grid.pitch..band.pixels.end * self.grid.pitch
     }
+}
+
+/// Calls `work` on parts of frames of `target`: the frame, and its rows and memory.
+fn for_each_frame((target, to): (&mut [f32], &Grid), work: impl Fn(usize, Band<'_>) + Send + Sync) {
+    let per_frame = pixels(to.size);
+    for_each_band(Threads::All, to, target, |band| {
+        work(band.pixels.start / per_frame, band);
+    });
+}
+
+/// What is added to some pixels of the branch.
+#[derive(Debug, Clone, Copy)]
+enum Added<'a> {
+    /// A feature map, and where each pixel lies in it.
+    Plain(&'a [f32], &'a [usize]),
+    Normed(&'a [f32], &'a Norm),
 }
 
 struct End<'a> {
@@ -115,8 +149,11 @@ struct End<'a> {
     pitch: usize,
     x: &'a [f32],
     gate: &'a [f32],
-    shortcut: Shortcut<'a>,
+    shortcut: Added<'a>,
+    places: &'a [usize],
+    origin: usize,
     target: &'a mut [f32],
+    limits: [f32; 2],
 }
 
 impl Kernel for End<'_> {
@@ -126,25 +163,27 @@ impl Kernel for End<'_> {
     fn run<S: Lanes>(self, _: S) {
         let (n, mean, factor, beta) = self.norm.channels();
         let gate = &self.gate[..n];
-        let pitch = self.pitch;
-        let pixels = rows(self.x, pitch, n).zip(rows_mut(self.target, pitch, n));
+        let pixels = rows(self.x, self.pitch, n).zip(self.places);
         match self.shortcut {
-            Shortcut::Plain(shortcut) => {
-                for ((x, out), shortcut) in pixels.zip(rows(shortcut, pitch, n)) {
+            Added::Plain(memory, added) => {
+                for ((x, place), &added) in pixels.zip(added) {
+                    let out = &mut self.target[place - self.origin..][..n];
+                    let shortcut = &memory[added..][..n];
                     for c in 0..n {
                         let y = (x[c] - mean[c]) * factor[c] + beta[c];
-                        out[c] = relu(y * gate[c] + shortcut[c]);
+                        out[c] = within(self.limits, y * gate[c] + shortcut[c]);
                     }
                 }
             }
-            Shortcut::Normed(shortcut, norm) => {
+            Added::Normed(shortcut, norm) => {
                 let (_, m, f, b) = norm.channels();
                 let (m, f, b) = (&m[..n], &f[..n], &b[..n]);
-                for ((x, out), shortcut) in pixels.zip(rows(shortcut, pitch, n)) {
+                for ((x, place), shortcut) in pixels.zip(rows(shortcut, self.pitch, n)) {
+                    let out = &mut self.target[place - self.origin..][..n];
                     for c in 0..n {
                         let y = (x[c] - mean[c]) * factor[c] + beta[c];
                         let z = (shortcut[c] - m[c]) * f[c] + b[c];
-                        out[c] = relu(y * gate[c] + z);
+                        out[c] = within(self.limits, y * gate[c] + z);
                     }
                 }
             }
@@ -154,8 +193,9 @@ impl Kernel for End<'_> {
 
 /// NaN stays NaN.
 #[inline(always)]
-fn relu(x: f32) -> f32 {
-    if x < 0.0 { 0.0 } else { x }
+fn within([least, most]: [f32; 2], x: f32) -> f32 {
+    let x = if x < least { least } else { x };
+    if x > most { most } else { x }
 }
 
 struct Mask<'a> {
@@ -163,6 +203,8 @@ struct Mask<'a> {
     pitch: usize,
     x: &'a [f32],
     end: &'a [f32],
+    places: &'a [usize],
+    limits: [f32; 2],
     gradient: &'a mut [f32],
 }
 
@@ -177,13 +219,19 @@ impl Kernel for Mask<'_> {
         let [total, product] = &mut sums;
         let (total, product) = (&mut total[..n], &mut product[..n]);
         let pitch = self.pitch;
-        let pixels = rows(self.x, pitch, n).zip(rows(self.end, pitch, n));
-        for ((x, end), gradient) in pixels.zip(rows_mut(self.gradient, pitch, n)) {
+        let [least, most] = self.limits;
+        let pixels = rows(self.x, pitch, n).zip(self.places);
+        for ((x, &place), gradient) in pixels.zip(rows_mut(self.gradient, pitch, n)) {
+            let end = &self.end[place..][..n];
             for c in 0..n {
                 // Read whether it is kept or not: a read that depends on `end` would keep the
                 // compiler from taking several channels at a time.
                 let g = gradient[c];
-                let g = if end[c] > 0.0 { g } else { 0.0 };
+                let g = if end[c] > least && end[c] < most {
+                    g
+                } else {
+                    0.0
+                };
                 gradient[c] = g;
                 total[c] += g;
                 product[c] += g * (x[c] - mean[c]);
@@ -201,6 +249,8 @@ struct Backward<'a> {
     constant: &'a [f32],
     x: &'a [f32],
     gradient: &'a [f32],
+    places: &'a [usize],
+    origin: usize,
     target: &'a mut [f32],
 }
 
@@ -214,7 +264,8 @@ impl Kernel for Backward<'_> {
         let constant = &self.constant[..n];
         let pitch = self.pitch;
         let pixels = rows(self.x, pitch, n).zip(rows(self.gradient, pitch, n));
-        for ((x, g), out) in pixels.zip(rows_mut(self.target, pitch, n)) {
+        for ((x, g), &place) in pixels.zip(self.places) {
+            let out = &mut self.target[place - self.origin..][..n];
             for c in 0..n {
                 out[c] = g[c] * of_gradient[c] + (x[c] - self.mean[c]) * of_x[c] + constant[c];
             }

@@ -123,10 +123,12 @@ impl<W: Word> Fused<W> {
                 group[frame * len..(frame + 1) * len].copy_from_slice(&slots[slot]);
             }
         }
-        let grids = self.grids(frames, images.size);
-        if frames > 1 {
+        let grids = if frames > 1 {
             std::mem::swap(&mut slots[slot], group);
-        }
+            self.grids(frames, images.size)
+        } else {
+            one
+        };
         for number in meeting..self.steps.len() {
             self.run(threads, number, &grids, slots);
         }

@@ -4,6 +4,7 @@ use candle_core::Tensor;
 
 use super::grid;
 use crate::ops::batch_norm::Norm;
+use crate::ops::product::Activation;
 use crate::ops::residual::{Branch, FrameSlopes, Shortcut};
 use crate::ops::simd::Level;
 use crate::ops::{differentiable, with_values};
@@ -23,8 +24,9 @@ pub(super) fn gated_residual(x: &Tensor, gate: &Tensor, shortcut: &Tensor) -> Te
                 norm: &norm,
                 gate: &gate_values,
                 grid: &grid,
+                activation: Activation::Relu,
             };
-            branch.end(level, Shortcut::Plain(shortcut), &mut y);
+            branch.end(level, Shortcut::Plain(shortcut, &grid), (&mut y, &grid));
             Ok(())
         })
     })
@@ -39,14 +41,15 @@ pub(super) fn gated_residual(x: &Tensor, gate: &Tensor, shortcut: &Tensor) -> Te
                 norm: &norm,
                 gate: &gate_values,
                 grid: &grid,
+                activation: Activation::Relu,
             };
-            let sums = branch.mask(level, y, &mut masked);
+            let sums = branch.mask(level, (y, &grid), &mut masked);
             let slopes = FrameSlopes {
                 of_gradient: gate_values.clone(),
                 of_x: vec![0.0; grid.channels],
                 constant: vec![0.0; grid.frames * grid.channels],
             };
-            branch.backward(level, &slopes, &masked, &mut dx);
+            branch.backward(level, &slopes, &masked, (&mut dx, &grid));
             Ok(sums)
         })?;
         let dgate = sums.product.iter().map(|&sum| sum as f32).collect();

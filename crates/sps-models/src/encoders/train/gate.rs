@@ -1,7 +1,7 @@
 //! The squeeze-and-excitation gate, forward and backward.
 
 use super::layer::{Context, Gradients};
-use crate::encoders::se_resnext::Bottleneck;
+use crate::encoders::network::Gate;
 use crate::error::Result;
 use crate::ops::outer::Outer;
 use crate::ops::panels::Panels;
@@ -19,21 +19,10 @@ pub(super) struct KeptGate {
 
 impl KeptGate {
     /// From the branch's means over space.
-    pub(super) fn record(b: &Bottleneck, context: &Context, squeezed: Vec<f32>) -> Result<Self> {
-        let hidden = linear(
-            context,
-            &b.name("se_module.fc1"),
-            &squeezed,
-            b.out,
-            Activation::Relu,
-        )?;
-        let mut factors = linear(
-            context,
-            &b.name("se_module.fc2"),
-            &hidden,
-            b.squeezed(),
-            Activation::Identity,
-        )?;
+    pub(super) fn record(gate: &Gate, context: &Context, squeezed: Vec<f32>) -> Result<Self> {
+        let [fc1, fc2] = &gate.layers;
+        let hidden = linear(context, fc1, &squeezed, gate.channels, Activation::Relu)?;
+        let mut factors = linear(context, fc2, &hidden, gate.hidden, Activation::Identity)?;
         for logit in &mut factors {
             *logit = 1.0 / (1.0 + (-*logit).exp());
         }
@@ -47,26 +36,20 @@ impl KeptGate {
     /// The gradient of the branch's means, from that of the factors.
     pub(super) fn backward(
         &self,
-        b: &Bottleneck,
+        gate: &Gate,
         context: &Context,
         factors: &[f32],
         gradients: &mut Gradients,
     ) -> Result<Vec<f32>> {
         let logits = factors.iter().zip(&self.factors);
         let logits: Vec<f32> = logits.map(|(g, s)| g * s * (1.0 - s)).collect();
-        let (fc1, fc2) = (b.name("se_module.fc1"), b.name("se_module.fc2"));
-        let mut hidden = linear_backward(context, &fc2, &self.hidden, &logits, b.out, gradients)?;
+        let [fc1, fc2] = &gate.layers;
+        let (wide, narrow) = (gate.channels, gate.hidden);
+        let mut hidden = linear_backward(context, fc2, &self.hidden, &logits, wide, gradients)?;
         for (gradient, hidden) in hidden.iter_mut().zip(&self.hidden) {
             *gradient = if *hidden > 0.0 { *gradient } else { 0.0 };
         }
-        linear_backward(
-            context,
-            &fc1,
-            &self.squeezed,
-            &hidden,
-            b.squeezed(),
-            gradients,
-        )
+        linear_backward(context, fc1, &self.squeezed, &hidden, narrow, gradients)
     }
 }
 

@@ -4,27 +4,26 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
-use crate::encoders::plain::{BatchStatistics, check_count};
-use crate::error::{Error, Result};
+use crate::encoders::network::{self, Layer, Map, Network};
+use crate::encoders::plain::{BatchStatistics, check_count, too_small};
+use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::batch_norm::{Norm, NormGradients};
 use crate::ops::buffer::{Recycler, Scratch};
 use crate::ops::conv::{Conv, ConvShape};
 use crate::ops::conv_input::ConvTranspose;
 use crate::ops::conv_weight::weight_gradient;
-use crate::ops::grid::Grid;
-use crate::ops::product::Epilogue;
+use crate::ops::grid::{Grid, Size};
+use crate::ops::product::{Activation, Epilogue};
 use crate::ops::simd::Level;
 use crate::ops::statistics::ChannelStatistics;
 use crate::ops::with_values;
 use crate::weights::Weights;
 
-/// What batch norm adds to a variance.
-const BATCH_NORM_EPS: f64 = 1e-5;
-
 /// What a pass works with.
 #[derive(Debug)]
 pub(in crate::encoders) struct Context {
+    pub(in crate::encoders) network: Arc<Network>,
     pub(in crate::encoders) weights: Weights,
     pub(in crate::encoders) recycler: Arc<Recycler>,
     pub(in crate::encoders) level: Level,
@@ -69,27 +68,51 @@ impl Context {
         Ok(with_values(tensor, |values| Ok(work(values)))?)
     }
 
-    /// Convolves by `{layer}.weight`.
+    /// The layout of each map of so many frames, with the border that its readers need.
+    pub(super) fn grids(&self, frames: usize, image: Size) -> Result<Vec<Grid>> {
+        let sizes = self.network.sizes(image).ok_or_else(|| too_small(image))?;
+        let maps = sizes.iter().zip(&self.network.channels);
+        let tight = maps.map(|(&size, &channels)| Grid::tight(frames, size, channels).staggered());
+        let mut grids: Vec<Grid> = tight.collect();
+        for layer in &self.network.layers {
+            for (map, slide) in layer.slides() {
+                grids[map] = grids[map].enclosing(&slide.window(sizes[map]));
+            }
+        }
+        Ok(grids)
+    }
+
+    /// Whether a map is only what a residual branch is added to, and its norm alone: the addition
+    /// takes the norm, and the map is never written.
+    pub(super) fn deferred(&self, map: Map) -> bool {
+        let layers = &self.network.layers;
+        let readers = layers
+            .iter()
+            .filter(|layer| layer.inputs().any(|m| m == map));
+        let added =
+            |layer: &Layer| matches!(layer, Layer::Residual { shortcut, .. } if *shortcut == map);
+        let makes = map.checked_sub(1).and_then(|number| layers.get(number));
+        matches!(makes, Some(Layer::Conv(conv)) if conv.activation == Activation::Identity)
+            && map < layers.len()
+            && { readers }.all(added)
+    }
+
+    /// Convolves, without the bias.
     pub(super) fn conv(
         &self,
-        layer: &str,
-        shape: ConvShape,
+        conv: &network::Conv,
         (source, from): (&[f32], &Grid),
     ) -> Result<(Scratch, Grid)> {
-        let conv = self.parameter(&format!("{layer}.weight"), |weights| {
+        let shape = conv.shape(from.size);
+        let packed = self.parameter(&format!("{}.weight", conv.name), |weights| {
             Conv::pack(self.level, shape, weights)
         })?;
-        let Some(size) = shape.window.output(from.size) else {
-            return Err(Error::input(
-                "images",
-                format_args!("{:?}", from.size),
-                "larger ones",
-            ));
-        };
+        let size = shape.window.output(from.size);
+        let size = size.ok_or_else(|| too_small(from.size))?;
         let to = Grid::tight(from.frames, size, shape.outputs).staggered();
         let mut target = self.recycler.take(to.len());
         let epilogue = Epilogue::default();
-        conv.apply(Threads::All, (source, from), (&mut target, &to), epilogue);
+        packed.apply(Threads::All, (source, from), (&mut target, &to), epilogue);
         Ok((target, to))
     }
 
@@ -105,7 +128,7 @@ impl Context {
         check_count(moments.count, layer)?;
         let gamma = self.parameter(&format!("{layer}.weight"), <[f32]>::to_vec)?;
         let norm = self.parameter(&format!("{layer}.bias"), |beta| {
-            Norm::new(&moments, &gamma, beta, BATCH_NORM_EPS)
+            Norm::new(&moments, &gamma, beta, self.network.eps)
         })?;
         if let Some(statistics) = statistics {
             statistics.push(BatchStatistics {

@@ -1,0 +1,158 @@
+//! A network in training, on the CPU kernels: a forward pass that keeps what the backward pass
+//! needs, and the backward pass.
+//!
+//! A feature map is kept where a gradient needs it and nowhere else: each convolution's output
+//! before its batch norm, and its activated norm where it feeds another layer.
+
+mod conv;
+mod gate;
+mod layer;
+mod residual;
+mod segment;
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::batch::Images;
+use super::images::lay_out;
+use super::network::{IMAGE, Map, Network};
+use super::plain::BatchStatistics;
+use crate::error::Result;
+use crate::ops::bands::Threads;
+use crate::ops::buffer::Scratch;
+use crate::ops::grid::{Grid, pixels};
+use crate::ops::mean::frame_means;
+pub(super) use layer::{Context, Gradients};
+use segment::Kept;
+
+/// A feature map with the padding that its readers need around it.
+#[derive(Debug)]
+struct Value {
+    memory: Scratch,
+    grid: Grid,
+}
+
+impl Value {
+    /// Memory and layout.
+    fn view(&self) -> (&[f32], &Grid) {
+        (&self.memory, &self.grid)
+    }
+}
+
+/// A forward pass, kept for its backward pass.
+#[derive(Debug)]
+pub(super) struct Tape {
+    segments: Vec<Segment>,
+    /// The layout of each map.
+    grids: Vec<Grid>,
+    last: Arc<Value>,
+}
+
+/// Layers that read nothing made before them but one map.
+#[derive(Debug)]
+struct Segment {
+    layers: Range<usize>,
+    input: Arc<Value>,
+    /// What else the backward pass needs; made again from the input where it was not kept.
+    kept: Option<Kept>,
+}
+
+impl Tape {
+    /// Runs forward. With `checkpointing`, only the inputs of the segments are kept, and the
+    /// backward pass runs each segment forward once more.
+    pub(super) fn record(
+        context: &Context,
+        images: &Images<'_>,
+        checkpointing: bool,
+        statistics: &mut Vec<BatchStatistics>,
+    ) -> Result<Self> {
+        let grids = context.grids(images.frames(), images.size)?;
+        let mut input = Arc::new(images_value(context, images, grids[IMAGE]));
+        let mut segments = Vec::new();
+        for layers in ranges(&context.network) {
+            let (kept, output) =
+                Kept::record(context, layers.clone(), &input, &grids, Some(statistics))?;
+            segments.push(Segment {
+                layers,
+                input,
+                kept: (!checkpointing).then_some(kept),
+            });
+            input = output;
+        }
+        Ok(Self {
+            segments,
+            grids,
+            last: input,
+        })
+    }
+
+    /// The embeddings, `(frames, width)`.
+    pub(super) fn embeddings(&self, context: &Context) -> Vec<f32> {
+        let (last, grid) = self.last.view();
+        let mut means = vec![0.0; grid.frames * grid.channels];
+        frame_means(Threads::All, context.level, last, grid, &mut means);
+        means
+    }
+
+    /// The gradients of the parameters, from that of the embeddings.
+    pub(super) fn backward(&self, context: &Context, cotangent: &[f32]) -> Result<Gradients> {
+        let mut gradients = Gradients::default();
+        let mut next = Some(self.last_gradient(context, cotangent));
+        for segment in self.segments.iter().rev() {
+            let Some(gradient) = next else {
+                break;
+            };
+            let again;
+            let kept = if let Some(kept) = &segment.kept {
+                kept
+            } else {
+                let layers = segment.layers.clone();
+                again = Kept::record(context, layers, &segment.input, &self.grids, None)?.0;
+                &again
+            };
+            next = kept.backward(context, &segment.layers, gradient, &mut gradients)?;
+        }
+        Ok(gradients)
+    }
+
+    /// The gradient of the last map, whose mean over space is the embedding.
+    fn last_gradient(&self, context: &Context, cotangent: &[f32]) -> Scratch {
+        let grid = self.last.grid.bare();
+        let mut gradient = context.recycler.take(grid.len());
+        let share = 1.0 / pixels(grid.size) as f32;
+        let frames = gradient.chunks_exact_mut(grid.frame_len());
+        for (frame, cotangent) in frames.zip(cotangent.chunks_exact(grid.channels)) {
+            for pixel in frame.chunks_exact_mut(grid.pitch) {
+                for (gradient, cotangent) in pixel.iter_mut().zip(cotangent) {
+                    *gradient = cotangent * share;
+                }
+            }
+        }
+        gradient
+    }
+}
+
+/// The images, normalised.
+fn images_value(context: &Context, images: &Images<'_>, grid: Grid) -> Value {
+    let mut memory = context.recycler.take(grid.len());
+    grid.clear_border(&mut memory);
+    let one = Grid { frames: 1, ..grid };
+    let frames = memory.chunks_exact_mut(grid.frame_len());
+    for (image, memory) in images.iter().zip(frames) {
+        lay_out(Threads::All, image, images, &one, memory);
+    }
+    Value { memory, grid }
+}
+
+/// The layers cut at each map that is alone: all made before it have been read.
+fn ranges(network: &Network) -> Vec<Range<usize>> {
+    let last_readers = network.last_readers();
+    let alone = |map: Map| last_readers[..map].iter().all(|&last| last < map);
+    let mut ranges = Vec::new();
+    let mut start = 0;
+    for end in (1..=network.layers.len()).filter(|&map| alone(map)) {
+        ranges.push(start..end);
+        start = end;
+    }
+    ranges
+}

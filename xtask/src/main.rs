@@ -17,6 +17,7 @@ mod journal;
 mod map;
 mod memory;
 mod paper;
+mod pretraining;
 mod progress;
 mod report;
 mod results;

@@ -312,11 +312,11 @@ impl ImageSource for Greys {
 fn training_states() {
     let start = Encoder::seeded(EncoderKind::SeResNextSmall, 1, &Device::Cpu).unwrap();
     let targets = || Targets {
-        values: None,
         classes: Some(Classes {
             of_image: vec![0, 1, 0, 1, 0, 1],
             count: 2,
         }),
+        ..Targets::default()
     };
     let parts = || Parts {
         training: vec![0, 1, 2, 3],

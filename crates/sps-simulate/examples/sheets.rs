@@ -1,12 +1,12 @@
-//! Draws the pictures of `docs/simulator/`: each material at -45, 0 and 45 degrees.
+//! Draws the pictures of `docs/simulator/`: each material at -45, 0 and 45 degrees, and patterns.
 //!
 //! `cargo run --release -p sps-simulate --example sheets -- docs/simulator`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use image::{ExtendedColorType, ImageEncoder};
 use sps_dataset::Source;
-use sps_simulate::{Simulator, SimulatorSpec};
+use sps_simulate::{Patterns, Simulator, SimulatorSpec};
 
 const SIZE: usize = 128;
 const GAP: usize = 2;
@@ -40,39 +40,79 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ..SimulatorSpec::default()
     })?;
     for (name, materials) in SHEETS {
-        let (width, pixels) = sheet(&simulator, materials)?;
-        let height = pixels.len() / (3 * width);
-        let mut file = std::io::BufWriter::new(std::fs::File::create(folder.join(name))?);
+        let mut sheet = Sheet::new(materials.len());
+        surfaces(&mut sheet, &simulator, materials)?;
+        sheet.write(&folder.join(name))?;
+    }
+    let mut sheet = Sheet::new(6);
+    patterns(&mut sheet);
+    sheet.write(&folder.join("patterns.jpg"))
+}
+
+/// Images of one size in rows.
+struct Sheet {
+    width: usize,
+    pixels: Vec<u8>,
+}
+
+const COLUMNS: usize = 9;
+
+impl Sheet {
+    fn new(rows: usize) -> Self {
+        let width = COLUMNS * (SIZE + GAP);
+        Self {
+            width,
+            pixels: vec![255; width * rows * (SIZE + GAP) * 3],
+        }
+    }
+
+    fn put(&mut self, row: usize, column: usize, bytes: &[u8]) {
+        let left = column * (SIZE + GAP);
+        for (y, line) in bytes.chunks_exact(SIZE * 3).enumerate() {
+            let at = ((row * (SIZE + GAP) + y) * self.width + left) * 3;
+            self.pixels[at..at + SIZE * 3].copy_from_slice(line);
+        }
+    }
+
+    fn write(&self, path: &Path) -> Result<(), Box<dyn std::error::Error>> {
+        let height = self.pixels.len() / (3 * self.width);
+        let mut file = std::io::BufWriter::new(std::fs::File::create(path)?);
         image::codecs::jpeg::JpegEncoder::new_with_quality(&mut file, 88).write_image(
-            &pixels,
-            width as u32,
+            &self.pixels,
+            self.width as u32,
             height as u32,
             ExtendedColorType::Rgb8,
         )?;
+        Ok(())
     }
-    Ok(())
 }
 
-fn sheet(
+/// Three images of each of eighteen classes.
+fn patterns(sheet: &mut Sheet) {
+    let patterns = Patterns::new(1);
+    for class in 0..18 {
+        for number in 0..3 {
+            let frame = patterns.frame(class, number, SIZE);
+            let bytes: Vec<u8> = frame.data.iter().map(|v| (255.0 * v) as u8).collect();
+            sheet.put(class / 3, class % 3 * 3 + number, &bytes);
+        }
+    }
+}
+
+fn surfaces(
+    sheet: &mut Sheet,
     simulator: &Simulator,
     materials: &[&str],
-) -> Result<(usize, Vec<u8>), sps_simulate::SimulateError> {
-    let columns = 9;
-    let width = columns * (SIZE + GAP);
-    let mut pixels = vec![255; width * materials.len() * (SIZE + GAP) * 3];
+) -> Result<(), sps_simulate::SimulateError> {
     for (row, material) in materials.iter().enumerate() {
         let surfaces = simulator.surfaces().iter().enumerate();
         let of_it = surfaces.filter(|(_, s)| s.material == *material).take(3);
         for (place, (surface, _)) in of_it.enumerate() {
             for view in 0..3 {
                 let bytes = simulator.frame_bytes(surface, view)?;
-                let left = (place * 3 + view) * (SIZE + GAP);
-                for (y, line) in bytes.chunks_exact(SIZE * 3).enumerate() {
-                    let at = ((row * (SIZE + GAP) + y) * width + left) * 3;
-                    pixels[at..at + SIZE * 3].copy_from_slice(line);
-                }
+                sheet.put(row, place * 3 + view, &bytes);
             }
         }
     }
-    Ok((width, pixels))
+    Ok(())
 }

@@ -27,6 +27,10 @@ pub(crate) enum Purpose {
     Sensor,
     /// Exposure and registration errors.
     Placement,
+    /// The formulas of a class of patterns.
+    Pattern,
+    /// What differs between images of a class of patterns.
+    PatternImage,
 }
 
 impl Purpose {
@@ -42,6 +46,8 @@ impl Purpose {
             Self::Repeat => "repeat",
             Self::Sensor => "sensor",
             Self::Placement => "placement",
+            Self::Pattern => "pattern",
+            Self::PatternImage => "pattern image",
         }
     }
 }

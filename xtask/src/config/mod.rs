@@ -27,6 +27,6 @@ pub(crate) use experiment::Experiment;
 pub(crate) use list::list;
 pub(crate) use looks::{Looks, Refit, Selected};
 pub(crate) use method::Method;
-pub(crate) use pretrain::Pretraining;
+pub(crate) use pretrain::{PatternsSpec, Pretraining, TeacherSpec};
 pub(crate) use schema::{Adaptive, JudgedOn, SelectorConfig, SpeedConfig};
 pub(crate) use setting::Setting;

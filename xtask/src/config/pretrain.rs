@@ -1,6 +1,6 @@
 //! The config of `pretrain`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use serde::Deserialize;
@@ -10,6 +10,7 @@ use sps_simulate::SimulatorSpec;
 
 use super::encoder::check_training;
 use super::layers::Layers;
+use super::locate::ConfigError;
 use super::setting::Setting;
 use crate::files::read_text;
 
@@ -23,9 +24,51 @@ pub(crate) struct Pretraining {
     pub kind: EncoderKind,
     pub simulated: SimulatorSpec,
     pub views_per_surface: usize,
+    pub patterns: PatternsSpec,
+    pub teacher: Option<TeacherSpec>,
     pub training: TrainingConfig,
     /// Every key with its value, as TOML.
     pub resolved: String,
+}
+
+/// How many patterns there are beside the simulated surfaces.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct PatternsSpec {
+    pub seed: u64,
+    pub classes: usize,
+    /// Of each class.
+    pub images: usize,
+}
+
+/// The encoder whose embeddings are learnt as well.
+#[derive(Clone, Debug)]
+pub(crate) struct TeacherSpec {
+    pub kind: EncoderKind,
+    pub weights: PathBuf,
+    /// Pixels along a side of what it sees.
+    pub size: usize,
+    /// How much its loss counts.
+    pub weight: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct TeacherConfig {
+    encoder: String,
+    weights: PathBuf,
+    #[serde(default = "usual_size")]
+    size: usize,
+    #[serde(default = "usual_weight")]
+    weight: f64,
+}
+
+const fn usual_size() -> usize {
+    224
+}
+
+const fn usual_weight() -> f64 {
+    1.0
 }
 
 #[derive(Deserialize)]
@@ -35,6 +78,8 @@ struct Config {
     encoder: String,
     views_per_surface: usize,
     simulated: SimulatorSpec,
+    patterns: PatternsSpec,
+    teacher: Option<TeacherConfig>,
     training: TrainingConfig,
 }
 
@@ -45,9 +90,18 @@ impl Pretraining {
         let defaults = DEFAULTS.parse()?;
         let layers = Layers::new(&defaults, path, &text, settings)?;
         let config: Config = layers.read()?;
-        let kind = config.encoder.parse();
-        let kind =
-            kind.map_err(|error: sps_models::Error| layers.error("encoder", error.to_string()))?;
+        let kind = kind(&layers, "encoder", &config.encoder)?;
+        let teacher = config.teacher.map(|teacher| {
+            let positive = teacher.weight.is_finite() && teacher.weight > 0.0;
+            layers.require(positive, "teacher.weight", "must be above 0")?;
+            layers.require(teacher.size > 0, "teacher.size", "must be at least 1")?;
+            Ok::<_, ConfigError>(TeacherSpec {
+                kind: self::kind(&layers, "teacher.encoder", &teacher.encoder)?,
+                weights: teacher.weights,
+                size: teacher.size,
+                weight: teacher.weight,
+            })
+        });
         let views = config.simulated.views;
         if config.views_per_surface == 0 || config.views_per_surface > views {
             let problem = format!("must be from 1 to `simulated.views`, {views}");
@@ -61,10 +115,17 @@ impl Pretraining {
             kind,
             simulated: config.simulated,
             views_per_surface: config.views_per_surface,
+            patterns: config.patterns,
+            teacher: teacher.transpose()?,
             training: config.training,
             resolved: layers.to_toml(),
         })
     }
+}
+
+fn kind(layers: &Layers<'_>, key: &str, name: &str) -> Result<EncoderKind, ConfigError> {
+    let kind: Result<_, sps_models::Error> = name.parse();
+    kind.map_err(|error| layers.error(key, error.to_string()))
 }
 
 #[cfg(test)]

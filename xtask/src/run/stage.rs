@@ -132,12 +132,13 @@ impl<'a, S: Source> Stages<'a, S> {
             targets: Targets {
                 values: Some(Readings::new(properties, &rows)?),
                 classes: Some(classes),
+                features: None,
             },
             parts: self.parts(config, training, views.len())?,
             config,
             seed: self.experiment.seed,
         };
-        let images = FrameImages::new(self.source, frames, self.encoder.resize);
+        let images = FrameImages::of_source(self.source, frames, self.encoder.resize);
         let trained = train(task, &images, &self.experiment.cache.join("encoders"))?;
         info!("TensorBoard: {}", trained.folder.display());
         let encoder = trained.encoder.with_precision(self.encoder.precision)?;

@@ -87,6 +87,7 @@ fn losses(part: &str, losses: &Losses) -> Vec<(String, f64)> {
         (format!("{part}/squared-error"), losses.values),
         (format!("{part}/cross-entropy"), losses.classes),
         (format!("{part}/accuracy"), losses.accuracy),
+        (format!("{part}/features"), losses.features),
     ]
 }
 

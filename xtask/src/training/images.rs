@@ -1,17 +1,16 @@
 use std::error::Error as StdError;
 use std::sync::OnceLock;
 
+use anyhow::Result;
 use sps_dataset::{Frame, FrameIndex, Source};
 use sps_models::training::{Image, ImageSource};
 
-/// Frames of a source as training images.
+/// Frames as training images.
 ///
 /// What is decoded or rendered once is kept, with 8 bits for each colour as in a PNG, because an
 /// epoch shows every frame again.
-pub(crate) struct FrameImages<'a, S> {
-    source: &'a S,
-    frames: Vec<FrameIndex>,
-    resize: Option<usize>,
+pub(crate) struct FrameImages<'a> {
+    decode: Box<dyn Fn(usize) -> Result<Frame> + Sync + 'a>,
     kept: Vec<OnceLock<Kept>>,
 }
 
@@ -24,36 +23,41 @@ struct Kept {
 /// Frames beyond so many values are decoded each time they are shown.
 const MOST_KEPT: usize = 4 << 30;
 
-impl<'a, S: Source> FrameImages<'a, S> {
-    /// Image `i` is `frames[i]`, its shorter side brought to `resize` pixels.
-    pub(crate) fn new(source: &'a S, frames: Vec<FrameIndex>, resize: Option<usize>) -> Self {
+impl<'a> FrameImages<'a> {
+    /// So many frames, each as `decode` gives it.
+    pub(crate) fn new(count: usize, decode: impl Fn(usize) -> Result<Frame> + Sync + 'a) -> Self {
         Self {
-            kept: frames.iter().map(|_| OnceLock::new()).collect(),
-            source,
-            frames,
-            resize,
+            decode: Box::new(decode),
+            kept: (0..count).map(|_| OnceLock::new()).collect(),
         }
     }
 
-    fn decode(&self, index: usize) -> Result<Frame, Box<dyn StdError + Send + Sync>> {
-        let FrameIndex { surface, view } = self.frames[index];
-        let frame = self.source.frame_to_resize(surface, view, self.resize)?;
-        Ok(match self.resize {
-            Some(shorter) => frame.resized(shorter)?.into_owned(),
-            None => frame,
+    /// Image `i` is `frames[i]` of a source, its shorter side brought to `resize` pixels.
+    pub(crate) fn of_source(
+        source: &'a impl Source,
+        frames: Vec<FrameIndex>,
+        resize: Option<usize>,
+    ) -> Self {
+        Self::new(frames.len(), move |index| {
+            let FrameIndex { surface, view } = frames[index];
+            let frame = source.frame_to_resize(surface, view, resize)?;
+            Ok(match resize {
+                Some(shorter) => frame.resized(shorter)?.into_owned(),
+                None => frame,
+            })
         })
     }
 }
 
-impl<S: Source> ImageSource for FrameImages<'_, S> {
+impl ImageSource for FrameImages<'_> {
     fn image(&self, index: usize) -> Result<Image, Box<dyn StdError + Send + Sync>> {
         if let Some(kept) = self.kept[index].get() {
             return kept.image();
         }
-        let frame = self.decode(index)?;
+        let frame = (self.decode)(index)?;
         let kept = Kept::new(&frame);
         let image = kept.image();
-        if frame.data.len().saturating_mul(self.frames.len()) <= MOST_KEPT {
+        if frame.data.len().saturating_mul(self.kept.len()) <= MOST_KEPT {
             // Another thread may have kept the same values meanwhile.
             let _ = self.kept[index].set(kept);
         }

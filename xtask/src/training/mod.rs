@@ -187,8 +187,13 @@ fn line(step: &TrainingStep, images_per_second: f64) -> String {
 
 /// Losses in words, for people.
 pub(crate) fn in_words(losses: &Losses) -> String {
+    let taught = if losses.features > 0.0 {
+        format!(", error of the teacher's features {:.3}", losses.features)
+    } else {
+        String::new()
+    };
     format!(
-        "squared error {:.3} of the variance, cross-entropy {:.3}, {:.1} % of classes right",
+        "squared error {:.3} of the variance, cross-entropy {:.3}, {:.1} % of classes right{taught}",
         losses.values,
         losses.classes,
         100.0 * losses.accuracy

@@ -20,8 +20,8 @@
 //!
 //! let start = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
 //! let targets = Targets {
-//!     values: None,
 //!     classes: Some(Classes { of_image: vec![0, 1, 0, 1], count: 2 }),
+//!     ..Targets::default()
 //! };
 //! let parts = Parts { training: vec![0, 1, 2, 3], validation: vec![] };
 //! let config = TrainingConfig { epochs: 1, validation: 0.0, ..TrainingConfig::default() };
@@ -47,5 +47,5 @@ pub use batches::ImageSource;
 pub use config::{Augmentation, TrainingConfig};
 pub use image::Image;
 pub use objective::Losses;
-pub use targets::{Classes, Targets};
+pub use targets::{Classes, Features, Targets};
 pub use trainer::{Epoch, Parts, Trainer, TrainingStep};

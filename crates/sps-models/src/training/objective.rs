@@ -8,14 +8,26 @@ use crate::data::Readings;
 use crate::error::Result;
 use crate::rng::stream;
 
-/// Linear layers from embedding to values and class scores, and the loss of what they say.
+/// Linear layers from embedding to values, class scores and another encoder's features, and the loss
+/// of what they say.
 ///
-/// The loss is the mean squared error of the standardised values plus the cross-entropy of the
-/// classes, each a mean over the batch.
+/// The loss is the mean squared error of the standardised values, plus the cross-entropy of the
+/// classes, plus the weighted mean squared error of the standardised features, each a mean over the
+/// batch.
 #[derive(Debug)]
 pub(super) struct Objective {
     values: Option<(Readings, Standards, Layer)>,
     classes: Option<(Classes, Layer)>,
+    features: Option<Taught>,
+}
+
+/// What a teacher's features are learnt by.
+#[derive(Debug)]
+struct Taught {
+    /// Standardised, `(images, width)`.
+    features: Tensor,
+    weight: f64,
+    layer: Layer,
 }
 
 /// Parts of a loss; their sum is what training makes small.
@@ -28,18 +40,23 @@ pub struct Losses {
     pub classes: f64,
     /// Share of images whose class has the highest score.
     pub accuracy: f64,
+    /// Mean squared error of another encoder's features, in units of their variance in training,
+    /// times its weight.
+    #[serde(default)]
+    pub features: f64,
 }
 
 impl Losses {
     /// What training makes small.
     pub fn total(&self) -> f64 {
-        self.values + self.classes
+        self.values + self.classes + self.features
     }
 
     pub(super) fn add(&mut self, other: &Self, weight: f64) {
         self.values += weight * other.values;
         self.classes += weight * other.classes;
         self.accuracy += weight * other.accuracy;
+        self.features += weight * other.features;
     }
 }
 
@@ -66,14 +83,27 @@ impl Objective {
             }
             None => None,
         };
-        Ok(Self { values, classes })
+        let features = match targets.features {
+            Some(features) => Some(Taught {
+                features: features.standardised(training)?,
+                weight: features.weight,
+                layer: layer("features", features.embeddings.dim(1)?)?,
+            }),
+            None => None,
+        };
+        Ok(Self {
+            values,
+            classes,
+            features,
+        })
     }
 
     /// The layers' parameters, by name.
     pub(super) fn parameters(&self) -> impl Iterator<Item = (String, &Var)> {
         let values = self.values.iter().map(|(_, _, layer)| layer);
         let classes = self.classes.iter().map(|(_, layer)| layer);
-        values.chain(classes).flat_map(Layer::parameters)
+        let features = self.features.iter().map(|taught| &taught.layer);
+        { values.chain(classes).chain(features) }.flat_map(Layer::parameters)
     }
 
     /// The loss of `embeddings`, `(images, width)`, of the given images: as a tensor to
@@ -102,7 +132,22 @@ impl Objective {
             losses.classes = f64::from(loss.to_scalar::<f32>()?);
             total = (total + loss)?;
         }
+        if let Some(taught) = &self.features {
+            let loss = taught.loss(embeddings, images)?;
+            losses.features = f64::from(loss.to_scalar::<f32>()?);
+            total = (total + loss)?;
+        }
         Ok((total, losses))
+    }
+}
+
+impl Taught {
+    fn loss(&self, embeddings: &Tensor, images: &[usize]) -> Result<Tensor> {
+        let rows: Vec<u32> = images.iter().map(|&image| image as u32).collect();
+        let rows = Tensor::new(rows, embeddings.device())?;
+        let wanted = self.features.index_select(&rows, 0)?;
+        let error = self.layer.apply(embeddings)?.sub(&wanted)?;
+        Ok((error.sqr()?.mean_all()? * self.weight)?)
     }
 }
 
@@ -144,6 +189,7 @@ impl Layer {
 
 #[cfg(test)]
 mod tests {
+    use super::super::targets::Features;
     use super::*;
 
     fn targets() -> Targets {
@@ -159,6 +205,7 @@ mod tests {
                 of_image: vec![0, 1, 1],
                 count: 2,
             }),
+            features: None,
         }
     }
 
@@ -185,6 +232,28 @@ mod tests {
         assert!((parts.accuracy - 2.0 / 3.0).abs() < 1e-6, "{parts:?}");
         let total = f64::from(loss.to_scalar::<f32>().unwrap());
         assert!((total - parts.total()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_loss_of_features_is_that_of_its_definition() {
+        let rows = [[1.0f32, 5.0], [3.0, 5.0], [5.0, 5.0], [99.0, 7.0]];
+        let targets = Targets {
+            features: Some(Features {
+                embeddings: Tensor::new(&rows, &Device::Cpu).unwrap(),
+                weight: 2.0,
+            }),
+            ..Targets::default()
+        };
+        let objective = Objective::new(targets, &[0, 1, 2], 2, 0).unwrap();
+        for (_, var) in objective.parameters() {
+            var.set(&var.zeros_like().unwrap()).unwrap();
+        }
+        let embeddings = Tensor::zeros((2, 2), candle_core::DType::F32, &Device::Cpu).unwrap();
+        let (loss, parts) = objective.loss(&embeddings, &[2, 1]).unwrap();
+        // Column 1: standardised to 1.2247 and 0; column 2 never changes and is 0.
+        let expected = 2.0 * 1.5 / 4.0;
+        assert!((parts.features - expected).abs() < 1e-6, "{parts:?}");
+        assert!((f64::from(loss.to_scalar::<f32>().unwrap()) - expected).abs() < 1e-6);
     }
 
     #[test]

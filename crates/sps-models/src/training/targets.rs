@@ -1,16 +1,28 @@
-use candle_core::{Device, Tensor};
+use candle_core::{DType, Device, Tensor};
 
 use crate::data::Readings;
 use crate::error::{Error, Result};
 use crate::standardise::Standardiser;
 
-/// What an image is to say: values, a class, or both.
-#[derive(Clone, Debug)]
+/// What an image is to say: values, a class, what another encoder sees, or several of these.
+#[derive(Clone, Debug, Default)]
 pub struct Targets {
     /// One row for each image; a missing value counts for nothing.
     pub values: Option<Readings>,
     /// One class for each image.
     pub classes: Option<Classes>,
+    /// What another encoder sees in each image.
+    pub features: Option<Features>,
+}
+
+/// What another encoder, the teacher, sees in each image: distillation by features (Romero et al.,
+/// "FitNets", ICLR 2015).
+#[derive(Clone, Debug)]
+pub struct Features {
+    /// The teacher's embeddings, `(images, width)`, f32.
+    pub embeddings: Tensor,
+    /// How much their loss counts beside the others.
+    pub weight: f64,
 }
 
 /// One class for each image.
@@ -23,14 +35,17 @@ pub struct Classes {
 }
 
 impl Targets {
-    /// Checks that there are targets for each of so many images.
-    pub(super) fn check(&self, images: usize) -> Result<()> {
+    /// Checks them; returns for how many images they are.
+    pub(super) fn check(&self) -> Result<usize> {
         let rows = self.values.as_ref().map(Readings::surfaces);
         let labels = self.classes.as_ref().map(|classes| classes.of_image.len());
-        if rows.is_none() && labels.is_none() {
-            return Err(Error::input("targets", "none", "values or classes"));
-        }
-        for found in [rows, labels].into_iter().flatten() {
+        let features = self.features.as_ref().map(Features::images).transpose()?;
+        let counts = [rows, labels, features];
+        let Some(images) = counts.into_iter().flatten().next() else {
+            let expected = "values, classes or features";
+            return Err(Error::input("targets", "none", expected));
+        };
+        for found in counts.into_iter().flatten() {
             if found != images {
                 let expected = format_args!("{images}, one for each image");
                 return Err(Error::input("targets", found, expected));
@@ -43,7 +58,39 @@ impl Targets {
                 return Err(Error::input("targets", class, expected));
             }
         }
-        Ok(())
+        Ok(images)
+    }
+}
+
+impl Features {
+    /// How many images there are features of.
+    fn images(&self) -> Result<usize> {
+        let Self { embeddings, weight } = self;
+        if !(weight.is_finite() && *weight > 0.0) {
+            return Err(Error::input("weight of features", weight, "above 0"));
+        }
+        match embeddings.dims() {
+            [images, _] if embeddings.dtype() == DType::F32 => Ok(*images),
+            dims => Err(Error::input(
+                "features",
+                format_args!("{} {dims:?}", embeddings.dtype().as_str()),
+                "f32 (images, width)",
+            )),
+        }
+    }
+
+    /// Each column in units of its spread over some images, about its mean there.
+    pub(super) fn standardised(&self, training: &[usize]) -> Result<Tensor> {
+        let (images, width) = self.embeddings.dims2()?;
+        let mut values: Vec<f32> = self.embeddings.flatten_all()?.to_vec1()?;
+        for column in 0..width {
+            let of_training = training.iter().map(|image| values[image * width + column]);
+            let standard = Standardiser::of(of_training.map(f64::from)).unwrap_or_default();
+            for value in values[column..].iter_mut().step_by(width) {
+                *value = standard.standardise(f64::from(*value)) as f32;
+            }
+        }
+        Ok(Tensor::from_vec(values, (images, width), &Device::Cpu)?)
     }
 }
 

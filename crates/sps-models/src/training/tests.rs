@@ -2,7 +2,7 @@
 
 use std::error::Error as StdError;
 
-use candle_core::Device;
+use candle_core::{DType, Device, Tensor};
 
 use super::*;
 use crate::data::Readings;
@@ -32,6 +32,7 @@ impl Stripes {
                 of_image: (0..rows.len() as u32).map(|i| i % 2).collect(),
                 count: 2,
             }),
+            features: None,
         }
     }
 
@@ -284,11 +285,17 @@ fn targets_that_do_not_fit_are_refused() {
         let error = Trainer::new(&start(), targets, parts, config(), 0).unwrap_err();
         error.to_string()
     };
-    let none = Targets {
-        values: None,
-        classes: None,
+    let none = Targets::default();
+    assert!(refused(none, stripes.parts()).contains("values, classes or features"));
+    let features = |rows: usize, weight: f64| Targets {
+        features: Some(Features {
+            embeddings: Tensor::zeros((rows, 5), DType::F32, &Device::Cpu).unwrap(),
+            weight,
+        }),
+        ..stripes.targets()
     };
-    assert!(refused(none, stripes.parts()).contains("values or classes"));
+    assert!(refused(features(23, 1.0), stripes.parts()).contains("23"));
+    assert!(refused(features(24, 0.0), stripes.parts()).contains("weight of features"));
     let mut short = stripes.targets();
     short.classes.as_mut().unwrap().of_image.pop();
     assert!(refused(short, stripes.parts()).contains("23"));

@@ -295,13 +295,7 @@ fn check_finite(what: &'static str, losses: &Losses) -> Result<()> {
 }
 
 fn check(targets: &Targets, parts: &Parts) -> Result<()> {
-    let rows = targets.values.as_ref().map(crate::data::Readings::surfaces);
-    let labels = targets
-        .classes
-        .as_ref()
-        .map(|classes| classes.of_image.len());
-    let count = rows.or(labels).unwrap_or(0);
-    targets.check(count)?;
+    let count = targets.check()?;
     if parts.training.len() < 2 {
         let found = parts.training.len();
         return Err(Error::input("training images", found, "at least 2"));

@@ -3,27 +3,28 @@
 /// Repeats a block for each row of a tile of height `$h`.
 ///
 /// Written out rather than looped: an index that is not a constant would put the sums into
-/// memory.
+/// memory. Decided by a constant block, or each height would be compiled with the rows of the tallest.
 macro_rules! each_row {
     ($h:ident, $i:ident, $body:block) => {
         each_row!(@ $h $i $body 0 1 2 3 4 5 6 7 8 9 10 11 12 13)
     };
     (@ $h:ident $i:ident $body:block $($row:literal)*) => {
-        $(if $row < $h {
+        $(if const { $row < $h } {
             let $i = $row;
             $body
         })*
     };
 }
 
-/// Evaluates an expression with the constant `$h` set to a tile's height, from 1 to the tallest.
+/// Evaluates an expression with the constant `$h` set to a tile's height, from 1 to the tallest; for
+/// heights beyond it nothing is compiled.
 macro_rules! with_height {
     ($height:expr, $s:ident, $h:ident => $body:expr) => {
         with_height!(@ $height, $s, $h, $body, 1 2 3 4 5 6 7 8 9 10 11 12 13 14)
     };
     (@ $height:expr, $s:ident, $h:ident, $body:expr, $($literal:literal)*) => {
         match $height {
-            $($literal if $literal <= tallest::<$s>() => {
+            $($literal => if const { $literal <= tallest::<$s>() } {
                 const $h: usize = $literal;
                 $body
             })*

@@ -23,6 +23,7 @@ mod results;
 mod run;
 mod sequences;
 mod training;
+mod work;
 
 use std::process::ExitCode;
 

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
+use std::io::{BufRead, BufReader, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -52,6 +52,22 @@ pub(crate) struct Outcome {
     pub failed: Option<String>,
 }
 
+/// How long some frames took to encode.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Encoding {
+    pub key: TrialKey,
+    /// In words.
+    pub encoder: String,
+    pub frames: usize,
+    pub seconds: f64,
+}
+
+impl Record for Encoding {
+    fn key(&self) -> &TrialKey {
+        &self.key
+    }
+}
+
 /// Where looking at one view after the other ended.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Stop {
@@ -74,7 +90,8 @@ impl Record for Outcome {
 /// file damaged later, costs the damaged lines and no other.
 pub(crate) struct Journal<R> {
     path: PathBuf,
-    file: File,
+    /// None where it is only looked at.
+    file: Option<File>,
     records: HashMap<TrialKey, R>,
 }
 
@@ -98,12 +115,55 @@ impl<R: Record> Journal<R> {
             .create(true)
             .open(path)
             .with_context(|| format!("cannot open {}", path.display()))?;
-        let records = read(&mut file, path)?;
+        let (records, is_whole) = read(&file, path)?;
+        if !is_whole {
+            // The next line must not be glued to the half one that a kill left behind.
+            let written = file.write_all(b"\n");
+            written.with_context(|| format!("cannot add to {}", path.display()))?;
+        }
         Ok(Self {
             path: path.to_owned(),
-            file,
+            file: Some(file),
             records,
         })
+    }
+
+    /// What the journal at `path` holds, to look at alone; nothing where there is none.
+    pub(crate) fn look(path: &Path) -> Result<Self> {
+        let records = match File::open(path) {
+            Ok(file) => read(&file, path)?.0,
+            Err(error) if error.kind() == ErrorKind::NotFound => HashMap::new(),
+            Err(error) => {
+                return Err(error).with_context(|| format!("cannot open {}", path.display()));
+            }
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            file: None,
+            records,
+        })
+    }
+
+    /// Knows what another journal holds, too, without writing it down.
+    pub(crate) fn know(&mut self, other: Self) {
+        for (key, record) in other.records {
+            self.records.entry(key).or_insert(record);
+        }
+    }
+
+    /// All that it holds, in no order.
+    pub(crate) fn records(&self) -> impl Iterator<Item = &R> {
+        self.records.values()
+    }
+
+    /// Adds those of the records of another journal that it lacks.
+    pub(crate) fn adopt(&mut self, other: Self) -> Result<()> {
+        let new = other.records.into_iter();
+        let mut new: Vec<(TrialKey, R)> = new
+            .filter(|(key, _)| !self.records.contains_key(key))
+            .collect();
+        new.sort_by(|(one, _), (other, _)| one.0.cmp(&other.0));
+        self.append(new.into_iter().map(|(_, record)| record).collect())
     }
 
     /// The record of a trial, if it has finished.
@@ -124,12 +184,14 @@ impl<R: Record> Journal<R> {
             text.push('\n');
         }
         let failed = || format!("cannot add to {}", self.path.display());
-        let before = self.file.metadata().with_context(failed)?.len();
-        let written = self.file.write_all(text.as_bytes());
-        let written = written.and_then(|()| self.file.sync_data());
+        let file = self.file.as_mut();
+        let file = file.context("it is only looked at").with_context(failed)?;
+        let before = file.metadata().with_context(failed)?.len();
+        let written = file.write_all(text.as_bytes());
+        let written = written.and_then(|()| file.sync_data());
         if written.is_err() {
             // Or the next line would be glued to what a full disk has left of this one.
-            self.file.set_len(before).with_context(failed)?;
+            file.set_len(before).with_context(failed)?;
         }
         written.with_context(failed)?;
         self.records
@@ -138,14 +200,15 @@ impl<R: Record> Journal<R> {
     }
 }
 
-fn read<R: Record>(file: &mut File, path: &Path) -> Result<HashMap<TrialKey, R>> {
+/// The records of a file, and whether its last line is whole.
+fn read<R: Record>(mut file: &File, path: &Path) -> Result<(HashMap<TrialKey, R>, bool)> {
     let failed = || format!("cannot read {}", path.display());
     let mut records = HashMap::new();
     let mut damaged = Vec::new();
     let mut ends_with_newline = true;
     let mut bytes = Vec::new();
     file.seek(SeekFrom::Start(0)).with_context(failed)?;
-    let mut reader = BufReader::new(&mut *file);
+    let mut reader = BufReader::new(file);
     for number in 1.. {
         bytes.clear();
         if reader.read_until(b'\n', &mut bytes).with_context(failed)? == 0 {
@@ -157,10 +220,6 @@ fn read<R: Record>(file: &mut File, path: &Path) -> Result<HashMap<TrialKey, R>>
             None => damaged.push(number),
         }
     }
-    if !ends_with_newline {
-        // The next line must not be glued to the half one that a kill left behind.
-        file.write_all(b"\n").with_context(failed)?;
-    }
     if !damaged.is_empty() {
         warn!(
             "{}: {} of the lines are damaged ({damaged:?}); their trials run again",
@@ -168,7 +227,7 @@ fn read<R: Record>(file: &mut File, path: &Path) -> Result<HashMap<TrialKey, R>>
             damaged.len()
         );
     }
-    Ok(records)
+    Ok((records, ends_with_newline))
 }
 
 fn parse<R: Record>(bytes: &[u8]) -> Option<R> {
@@ -219,6 +278,29 @@ mod tests {
             .unwrap();
         let journal = Journal::open(&path).unwrap();
         assert_eq!(journal.get(&wanted.key), Some(&wanted));
+    }
+
+    #[test]
+    fn what_another_journal_holds_is_added_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, other] = ["trials.jsonl", "other.jsonl"].map(|name| folder.path().join(name));
+        let outcomes = ["a", "b"].map(|key| outcome(key, 0.5));
+        let mut journal = Journal::open(&path).unwrap();
+        journal.append(vec![outcomes[0].clone()]).unwrap();
+        let both = || Journal::<Outcome>::look(&other).unwrap();
+        assert!(both().records.is_empty() && !other.exists());
+        Journal::open(&other)
+            .unwrap()
+            .append(outcomes.to_vec())
+            .unwrap();
+        let mut knowing = Journal::<Outcome>::look(&path).unwrap();
+        knowing.know(both());
+        assert_eq!(keys(&knowing), ["a", "b"]);
+        assert!(knowing.append(vec![outcome("c", 0.5)]).is_err());
+        for _ in 0..2 {
+            journal.adopt(both()).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap().lines().count(), 2);
+        }
     }
 
     #[test]

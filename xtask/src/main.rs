@@ -24,6 +24,7 @@ mod results;
 mod run;
 mod sequences;
 mod training;
+mod work;
 
 use std::process::ExitCode;
 

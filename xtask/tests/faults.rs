@@ -1,5 +1,5 @@
-//! Runs and caches under faults: killed runners, two runners at once, flipped bits, full disks, clocks
-//! that were set. What counts as a loss: a result that differs, a trial or an embedding that was on
+//! Runs and caches under faults: killed runners and shards, two runners at once, flipped bits, full disks,
+//! clocks that were set. What counts as a loss: a result that differs, a trial or an embedding that was on
 //! disk and is computed again without a line in the log, a run that cannot be finished.
 //!
 //! `cargo test --workspace --release --test faults -- --ignored --nocapture` does it at length;
@@ -47,6 +47,7 @@ fn a_few_faults_lose_nothing() {
             || name.contains("/embeddings/")
     });
     faults.run_in_pairs(1);
+    faults.kill_shards(1);
     faults.fill_disks(1);
     faults.set_clocks();
     faults.finish();
@@ -59,6 +60,7 @@ fn a_hundred_kills_and_all_other_faults_lose_nothing() {
     faults.kill(100);
     faults.flip(3, |_| true);
     faults.run_in_pairs(10);
+    faults.kill_shards(10);
     faults.fill_disks(5);
     faults.set_clocks();
     faults.finish();
@@ -71,6 +73,7 @@ struct Summary {
     kills: usize,
     bits: usize,
     pairs: usize,
+    shards: usize,
     full_disks: usize,
     clocks: usize,
     losses: Vec<String>,
@@ -80,12 +83,13 @@ impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "runs: {}, kills: {}, bits flipped: {}, pairs of runners: {}, full disks: {}, clocks set: \
-             {}, losses: {}",
+            "runs: {}, kills: {}, bits flipped: {}, pairs of runners: {}, shards killed: {}, full \
+             disks: {}, clocks set: {}, losses: {}",
             self.runs,
             self.kills,
             self.bits,
             self.pairs,
+            self.shards,
             self.full_disks,
             self.clocks,
             self.losses.len()
@@ -157,6 +161,11 @@ impl Faults {
 
     /// Starts a run into a folder.
     fn start(&mut self, run: &str) -> Run {
+        self.start_with(run, &[])
+    }
+
+    /// Starts a run into a folder, with more arguments.
+    fn start_with(&mut self, run: &str, arguments: &[&str]) -> Run {
         self.summary.runs += 1;
         let log = self.path(&format!("{}.log", self.summary.runs));
         let child = Command::new(env!("CARGO_BIN_EXE_xtask"))
@@ -166,6 +175,7 @@ impl Faults {
             .arg(self.path("tiny.toml"))
             .arg("--out")
             .arg(self.path(run))
+            .args(arguments)
             .stdout(Stdio::null())
             .stderr(File::create(&log).expect("a log"))
             .spawn()
@@ -304,6 +314,35 @@ impl Faults {
                 let waited = first.log.contains("waiting") || second.log.contains("waiting");
                 if runs[0] == runs[1] && !waited {
                     self.lose("two runners: none waited for the other".to_owned());
+                }
+            }
+        }
+    }
+
+    /// Two shards at once, one of which is killed at a random moment and run again, so many times.
+    fn kill_shards(&mut self, kills: usize) {
+        for _ in 0..kills {
+            self.begin_again();
+            let delay = self.takes * self.draw(1000) as u32 / 1000;
+            let whole = self.start_with("run", &["--shard", "1/2"]);
+            let mut killed = self.start_with("run", &["--shard", "2/2"]);
+            std::thread::sleep(delay);
+            // Not an error where it has ended by itself.
+            let _ = killed.child.kill();
+            killed.end();
+            self.summary.shards += 1;
+            let again = self.start_with("run", &["--shard", "2/2"]).end();
+            for (what, ended) in [("the other shard", whole.end()), ("the shard again", again)] {
+                if !ended.status.success() {
+                    self.lose(format!("{what}: {}", ended.log));
+                }
+            }
+            let merged = self.start_with("run", &["--merge"]).end();
+            self.check_once("a killed shard", "run", &merged);
+            for shard in ["1-of-2", "2-of-2"] {
+                let journal = self.path("run/shards").join(shard).join("trials.jsonl");
+                if let Some(key) = twice(&journal) {
+                    self.lose(format!("{shard}: the trial {key} was run twice"));
                 }
             }
         }

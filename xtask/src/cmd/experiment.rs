@@ -6,6 +6,7 @@ use glob::Pattern;
 use crate::config::{self, Experiment, Setting};
 use crate::report;
 use crate::run;
+use crate::work::{Shard, Work};
 
 /// Run an experiment, or finish one that was stopped
 #[derive(clap::Args)]
@@ -14,7 +15,10 @@ use crate::run;
     cargo xtask experiment configs/ablation.toml --set reruns=1 --set 'properties=[\"fRS\"]' \
     --out runs/quick\n  \
     cargo xtask experiment configs/multi-view.toml --only 'nvs*' --set methods.nvs.views=5 \
-    --out runs/nvs-5")]
+    --out runs/nvs-5\n  \
+    cargo xtask experiment configs/ablation.toml --dry-run\n  \
+    cargo xtask experiment configs/ablation.toml --shard 2/4\n  \
+    cargo xtask experiment configs/ablation.toml --merge")]
 pub(crate) struct Args {
     /// The experiment's TOML file
     config: PathBuf,
@@ -33,6 +37,17 @@ pub(crate) struct Args {
     /// List the methods with their settings, defaults and inherited ones included, and exit
     #[arg(long)]
     list: bool,
+    /// Say how much is done, how much is missing and how long that will take by what was measured, and
+    /// exit; writes nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Do the K-th of N parts, of which other processes or machines do the others, without a report
+    #[arg(long, value_name = "K/N", conflicts_with = "merge")]
+    shard: Option<Shard>,
+    /// Make the results from the N parts that were done below these folders [default: the one to write
+    /// to], doing nothing of theirs again
+    #[arg(long, value_name = "DIR", num_args = 0.., conflicts_with_all = ["fresh", "dry_run"])]
+    merge: Option<Vec<PathBuf>>,
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
@@ -48,7 +63,29 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         .out
         .clone()
         .unwrap_or_else(|| PathBuf::from("runs").join(&experiment.name));
-    let results = run::run(&experiment, &folder, args.fresh)?;
+    if args.dry_run {
+        experiment.work = Work::None;
+        print!(
+            "{}",
+            run::outlook(&experiment, &folder, args.fresh, args.shard)?
+        );
+        return Ok(());
+    }
+    if let Some(shard) = args.shard {
+        experiment.work = Work::Shard(shard);
+        let own = run::shard(&experiment, shard, &folder, args.fresh)?;
+        println!("{}", own.display());
+        return Ok(());
+    }
+    let results = match &args.merge {
+        None => run::run(&experiment, &folder, args.fresh)?,
+        Some(runs) => {
+            experiment.work = Work::Encoding;
+            let own = std::slice::from_ref(&folder);
+            let runs = if runs.is_empty() { own } else { runs };
+            run::merge(&experiment, &folder, runs)?
+        }
+    };
     print!("{}", report::summary(&results).terminal());
     println!("{}", folder.join("report.html").display());
     Ok(())

@@ -24,8 +24,7 @@ pub(crate) struct Differing {
 
 /// Config, sources, data and machine.
 pub(super) fn aspects(first: &Run, second: &Run) -> Vec<Aspect> {
-    let mut config = Vec::new();
-    tables("", &first.config, &second.config, &mut config);
+    let config = differing_keys(&first.config, &second.config);
     let [(then, data), (now, other)] =
         [first, second].map(|run| (&run.results.provenance, &run.results.dataset));
     let sources = [("source_hash", &then.source_hash, &now.source_hash)];
@@ -65,6 +64,13 @@ fn texts(values: &[(&str, &String, &String)]) -> Vec<Differing> {
         second: Some((*second).clone()),
     });
     found.collect()
+}
+
+/// The keys of two configs whose values differ.
+pub(crate) fn differing_keys(first: &Table, second: &Table) -> Vec<Differing> {
+    let mut found = Vec::new();
+    tables("", first, second, &mut found);
+    found
 }
 
 /// The keys below `prefix` whose values differ.

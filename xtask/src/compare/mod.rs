@@ -16,6 +16,7 @@ use serde::Serialize;
 use crate::bench;
 use crate::results::{Kind, MethodResult, kind};
 use differing::Aspect;
+pub(crate) use differing::differing_keys;
 use moved::Moved;
 pub(crate) use run::Run;
 use speed::Speeds;

@@ -17,6 +17,7 @@ use super::schema::{Config, SpeedConfig};
 use super::setting::Setting;
 use super::written::{self, Written};
 use crate::files::read_text;
+use crate::work::Work;
 
 const DEFAULTS: &str = include_str!("defaults.toml");
 
@@ -43,6 +44,8 @@ pub(crate) struct Experiment {
     pub speed: Option<SpeedConfig>,
     pub train: TrainSpec,
     pub cache: PathBuf,
+    /// What is done of it; all, unless the command line says otherwise.
+    pub work: Work,
     /// Every key with its value, as TOML.
     pub resolved: String,
 }
@@ -125,6 +128,7 @@ impl Experiment {
             speed: speed(layers, &config)?,
             train: train(layers, &config, &written)?,
             cache: config.cache.folder,
+            work: Work::All,
             description: config.description,
             resolved,
         })

@@ -10,6 +10,7 @@ use tracing::warn;
 
 use super::segment::Segment;
 use crate::files::create_folder;
+use crate::work::Work;
 
 /// The cached embeddings of one encoder with one way of preparing frames.
 ///
@@ -19,20 +20,38 @@ use crate::files::create_folder;
 pub(crate) struct EmbeddingCache {
     folder: PathBuf,
     width: usize,
+    /// What is done of what it lacks.
+    pub(super) work: Work,
 }
 
+/// Segments that were looked at.
+pub(super) type Seen = HashSet<PathBuf>;
+
 impl EmbeddingCache {
-    /// Opens or creates the cache of the encoder called `encoder` under `root`.
-    pub(crate) fn open(root: &Path, encoder: &str, width: usize) -> Result<Self> {
+    /// Opens or creates the cache of the encoder called `encoder` under `root`, for so much work.
+    pub(crate) fn open(root: &Path, encoder: &str, width: usize, work: Work) -> Result<Self> {
         let folder = root.join("embeddings").join(encoder);
-        create_folder(&folder)?;
-        Ok(Self { folder, width })
+        if work != Work::None {
+            create_folder(&folder)?;
+        }
+        Ok(Self {
+            folder,
+            width,
+            work,
+        })
     }
 
-    /// What is cached of the frames called `wanted`.
-    pub(crate) fn get(&self, wanted: &HashSet<FrameKey>) -> Result<HashMap<FrameKey, Vec<f32>>> {
+    /// What is cached of the frames called `wanted`, in segments that were not `seen` before.
+    pub(super) fn get(
+        &self,
+        wanted: &HashSet<FrameKey>,
+        seen: &mut Seen,
+    ) -> Result<HashMap<FrameKey, Vec<f32>>> {
         let mut found = HashMap::new();
         for path in self.segments()? {
+            if !seen.insert(path.clone()) {
+                continue;
+            }
             let segment = Segment::read_keys(&path).and_then(|keys| {
                 let useful = keys.iter().any(|key| wanted.contains(key));
                 useful.then(|| self.read(&path)).transpose()
@@ -45,7 +64,7 @@ impl EmbeddingCache {
                     let rows = rows.filter(|(key, _)| wanted.contains(*key));
                     found.extend(rows.map(|(key, row)| (*key, row.to_vec())));
                 }
-                Err(error) => set_aside(&path, &error),
+                Err(error) => self.set_aside(&path, &error),
             }
         }
         Ok(found)
@@ -72,6 +91,9 @@ impl EmbeddingCache {
     fn segments(&self) -> Result<Vec<PathBuf>> {
         let failed = || format!("cannot read {}", self.folder.display());
         let mut paths = Vec::new();
+        if !self.folder.exists() {
+            return Ok(paths);
+        }
         for entry in fs::read_dir(&self.folder).with_context(failed)? {
             let path = entry.with_context(failed)?.path();
             if path.extension().is_some_and(|e| e == "safetensors") {
@@ -81,12 +103,15 @@ impl EmbeddingCache {
         paths.sort();
         Ok(paths)
     }
-}
 
-fn set_aside(path: &Path, error: &anyhow::Error) {
-    warn!("{error:#}; its frames are encoded again");
-    if let Err(error) = fs::rename(path, path.with_extension("damaged")) {
-        warn!("cannot set {} aside: {error}", path.display());
+    fn set_aside(&self, path: &Path, error: &anyhow::Error) {
+        warn!("{error:#}; its frames are encoded again");
+        if self.work == Work::None {
+            return;
+        }
+        if let Err(error) = fs::rename(path, path.with_extension("damaged")) {
+            warn!("cannot set {} aside: {error}", path.display());
+        }
     }
 }
 
@@ -110,14 +135,19 @@ mod tests {
     #[test]
     fn finds_what_was_put_and_nothing_else() {
         let folder = tempfile::tempdir().unwrap();
-        let cache = EmbeddingCache::open(folder.path(), "e", 2).unwrap();
+        let cache = EmbeddingCache::open(folder.path(), "e", 2, Work::All).unwrap();
         cache.put(&segment(0, 4)).unwrap();
         cache.put(&segment(4, 4)).unwrap();
-        let found = cache.get(&wanted([1, 6, 99])).unwrap();
+        let found = cache.get(&wanted([1, 6, 99]), &mut Seen::new()).unwrap();
         assert_eq!(found.len(), 2);
         assert_eq!(found[&[6; 32]], [6.0, 0.5]);
-        let other = EmbeddingCache::open(folder.path(), "other", 2).unwrap();
-        assert!(other.get(&wanted([1])).unwrap().is_empty());
+        let other = EmbeddingCache::open(folder.path(), "other", 2, Work::All).unwrap();
+        assert!(
+            other
+                .get(&wanted([1]), &mut Seen::new())
+                .unwrap()
+                .is_empty()
+        );
     }
 
     /// A cache with one segment.
@@ -131,7 +161,7 @@ mod tests {
     impl Stored {
         fn new(first: u8, rows: u8) -> Self {
             let folder = tempfile::tempdir().unwrap();
-            let cache = EmbeddingCache::open(folder.path(), "e", 2).unwrap();
+            let cache = EmbeddingCache::open(folder.path(), "e", 2, Work::All).unwrap();
             cache.put(&segment(first, rows)).unwrap();
             let path = cache.segments().unwrap().remove(0);
             let whole = fs::read(&path).unwrap();
@@ -147,7 +177,7 @@ mod tests {
         fn holds_no_other(&self, bytes: &[u8]) {
             let _ = fs::remove_file(self.path.with_extension("damaged"));
             fs::write(&self.path, bytes).unwrap();
-            for (key, row) in self.cache.get(&wanted(0..4)).unwrap() {
+            for (key, row) in self.cache.get(&wanted(0..4), &mut Seen::new()).unwrap() {
                 assert_eq!(row, [f32::from(key[0]), 0.5]);
             }
         }
@@ -190,7 +220,12 @@ mod tests {
             .unwrap();
         bytes[key] ^= 1;
         fs::write(path, bytes).unwrap();
-        assert!(cache.get(&wanted([7])).unwrap().is_empty());
+        assert!(
+            cache
+                .get(&wanted([7]), &mut Seen::new())
+                .unwrap()
+                .is_empty()
+        );
         assert!(path.with_extension("damaged").exists());
     }
 

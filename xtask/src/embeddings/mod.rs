@@ -5,22 +5,29 @@ mod segment;
 
 use std::collections::{HashMap, HashSet};
 use std::iter;
+use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use rayon::prelude::*;
 use sps_dataset::{Frame, FrameIndex, FrameKey, Source};
 use sps_estimator::Embedder;
 
 pub(crate) use cache::EmbeddingCache;
+use cache::Seen;
 use segment::Segment;
 
 use crate::progress::Progress;
+use crate::work::{Undone, Work};
 
 /// Frames decoded ahead while as many are encoded, and bytes of them: each thread may be at work on
 /// one frame more.
 const FRAMES_AT_ONCE: usize = 32;
 const BYTES_AT_ONCE: usize = 256 << 20;
+
+/// Frames after which a shard looks what others have encoded.
+const BLOCK: usize = 4 * FRAMES_AT_ONCE;
 
 /// Embeddings of some frames.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,9 +37,14 @@ pub(crate) struct Embeddings {
     pub values: Vec<f32>,
     /// Frames that had to be decoded or rendered, because the cache did not have them.
     pub frames_decoded: usize,
+    /// What that and encoding them took.
+    pub seconds: f64,
 }
 
 /// Embeds the given frames of `source`, decoding only what `cache` lacks.
+///
+/// Shards that share a cache help one another: each goes over all frames block by block, its own
+/// blocks first, and encodes what no other has until then. So none waits, and none depends on another.
 pub(crate) fn embed<S: Source>(
     source: &S,
     frames: &[FrameIndex],
@@ -43,9 +55,22 @@ pub(crate) fn embed<S: Source>(
         .par_iter()
         .map(|frame| source.frame_key(frame.surface, frame.view))
         .collect::<Result<Vec<FrameKey>, _>>()?;
-    let mut rows = cache.get(&keys.iter().copied().collect())?;
-    let missing = missing(frames, &keys, &rows);
-    encode_missing(source, &missing, embedder, cache, &mut rows)?;
+    let (wanted, names) = (once_each(frames, &keys), keys.iter().copied().collect());
+    let (mut rows, mut seen) = (HashMap::new(), Seen::new());
+    let (mut frames_decoded, mut seconds) = (0, 0.0);
+    for block in blocks(cache.work, wanted.len()) {
+        rows.extend(cache.get(&names, &mut seen)?);
+        let missing = wanted[block].iter();
+        let missing = missing.filter(|(key, _)| !rows.contains_key(key));
+        let missing: Vec<Wanted> = missing.copied().collect();
+        if cache.work == Work::None && !missing.is_empty() {
+            bail!(Undone::Frames(missing.len()));
+        }
+        let begun = Instant::now();
+        encode_missing(source, &missing, embedder, cache, &mut rows)?;
+        seconds += begun.elapsed().as_secs_f64();
+        frames_decoded += missing.len();
+    }
     let mut values = Vec::with_capacity(frames.len() * embedder.width());
     for key in &keys {
         let row = rows.get(key);
@@ -54,25 +79,32 @@ pub(crate) fn embed<S: Source>(
     Ok(Embeddings {
         width: embedder.width(),
         values,
-        frames_decoded: missing.len(),
+        frames_decoded,
+        seconds,
     })
 }
 
 /// A frame to encode.
 type Wanted = (FrameKey, FrameIndex);
 
-fn missing(
-    frames: &[FrameIndex],
-    keys: &[FrameKey],
-    cached: &HashMap<FrameKey, Vec<f32>>,
-) -> Vec<Wanted> {
+fn once_each(frames: &[FrameIndex], keys: &[FrameKey]) -> Vec<Wanted> {
     let mut seen = HashSet::new();
     frames
         .iter()
         .zip(keys)
-        .filter(|(_, key)| !cached.contains_key(*key) && seen.insert(**key))
+        .filter(|(_, key)| seen.insert(**key))
         .map(|(&frame, &key)| (key, frame))
         .collect()
+}
+
+/// The blocks in which so many frames are encoded: one, unless other shards help.
+fn blocks(work: Work, frames: usize) -> Vec<Range<usize>> {
+    let Work::Shard(shard) = work else {
+        return iter::once(0..frames).collect();
+    };
+    let order = shard.order(frames.div_ceil(BLOCK)).into_iter();
+    let block = |place| place * BLOCK..frames.min((place + 1) * BLOCK);
+    order.map(block).collect()
 }
 
 fn encode_missing<S: Source>(

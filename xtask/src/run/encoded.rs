@@ -4,16 +4,18 @@ use anyhow::{Context, Result};
 use sps_dataset::{Property, Source};
 
 use super::costs;
+use super::deal::Dealt;
 use super::found::{Found, Selections};
 use super::frozen::Folds;
 use super::results::MethodRow;
 use super::select::Selecting;
 use super::stage::{Stage, Stages};
-use super::trials::{self, TrialSpec};
+use super::trials::{self, Planned, TrialSpec};
 use super::{Encodings, Journals, Splits, fit, views};
 use crate::config::{EncoderSpec, Experiment, Looks, Method};
 use crate::data::About;
-use crate::journal::{Journal, Outcome, Stop};
+use crate::encoder;
+use crate::journal::{Encoding, Journal, Outcome, Stop, TrialKey};
 use crate::results::{Costs, PerProperty};
 
 /// Methods that share an encoder.
@@ -23,29 +25,100 @@ pub(super) struct Encoded<'a, 'm> {
     pub encoder: &'a EncoderSpec,
     pub methods: Vec<&'m Method>,
     pub splits: &'a Splits,
+    /// What of the methods is done here.
+    pub dealt: Dealt,
+}
+
+/// What methods were fitted on, and to what.
+pub(super) struct Fitted {
+    groups: Vec<Encodings>,
+    selections: Selections,
+    /// Of each method.
+    trials: Vec<Vec<TrialSpec>>,
 }
 
 impl<'m> Encoded<'_, 'm> {
-    /// The codes of the properties, and the rows of the methods. `sequence` says what the one view
-    /// of a source of sequences is made of.
+    /// Selects views and runs the trials, as far as they are dealt and the journals lack them.
+    /// `sequence` says what the one view of a source of sequences is made of.
+    pub(super) fn fitted<S: Source>(
+        &self,
+        source: &S,
+        sequence: Option<Vec<usize>>,
+        journals: &mut Journals,
+    ) -> Result<Fitted> {
+        let splits = &self.splits.all;
+        let stages = self.stages(source, sequence)?;
+        let dealt = self.dealt.of_any();
+        let mut groups = Encodings::of_splits(&stages, self.encoder, splits, &dealt)?;
+        if self.looks_in_hindsight() {
+            for group in &mut groups {
+                group.look_at_all(self.experiment, source, splits)?;
+            }
+        }
+        for group in &groups {
+            self.note(&group.encoded(), &mut journals.encodings)?;
+        }
+        let selections = self.select(&groups, &mut journals.selections)?;
+        let trials = self.fit(source, &mut groups, &selections, journals)?;
+        Ok(Fitted {
+            groups,
+            selections,
+            trials,
+        })
+    }
+
+    /// The stages that the methods are fitted on.
+    pub(super) fn stages<'s, S: Source>(
+        &'s self,
+        source: &'s S,
+        sequence: Option<Vec<usize>>,
+    ) -> Result<Stages<'s, S>> {
+        let needed = views::needed(&self.methods, source)?;
+        let data = (source, self.about);
+        Stages::new(
+            self.experiment,
+            self.encoder,
+            data,
+            self.splits,
+            needed,
+            sequence,
+        )
+    }
+
+    /// Whether any method that is dealt chooses its views by the surfaces held out.
+    pub(super) fn looks_in_hindsight(&self) -> bool {
+        let methods = self.methods.iter().enumerate();
+        let mut dealt = methods.filter(|(at, _)| !self.dealt.splits_of(*at).is_empty());
+        dealt.any(|(_, method)| method.in_hindsight())
+    }
+
+    /// Writes down how long frames took to encode.
+    fn note(&self, encoded: &[(usize, f64)], journal: &mut Journal<Encoding>) -> Result<()> {
+        let encoder = encoder::describe(self.encoder);
+        let encoded = encoded.iter().filter(|(frames, _)| *frames > 0);
+        let noted = encoded.map(|&(frames, seconds)| {
+            Ok(Encoding {
+                key: TrialKey::of(&(&encoder, frames, seconds))?,
+                encoder: encoder.clone(),
+                frames,
+                seconds,
+            })
+        });
+        journal.append(noted.collect::<Result<_>>()?)
+    }
+
+    /// The codes of the properties, and the rows of the methods.
     pub(super) fn rows<S: Source>(
         &self,
         source: &S,
         sequence: Option<Vec<usize>>,
         journals: &mut Journals,
     ) -> Result<(Vec<String>, Vec<MethodRow<'m>>)> {
-        let (experiment, splits) = (self.experiment, self.splits);
-        let needed = views::needed(&self.methods, source)?;
-        let data = (source, self.about);
-        let stages = Stages::new(experiment, self.encoder, data, splits, needed, sequence)?;
-        let mut groups = Encodings::of_splits(&stages, self.encoder, &splits.all)?;
-        if self.methods.iter().any(|method| method.in_hindsight()) {
-            for group in &mut groups {
-                group.look_at_all(experiment, source, &splits.all)?;
-            }
-        }
-        let selections = self.select(&groups, &mut journals.selections)?;
-        let trials = self.fit(source, &mut groups, &selections, &mut journals.trials)?;
+        let Fitted {
+            groups,
+            selections,
+            trials,
+        } = self.fitted(source, sequence, journals)?;
         let finished = self.methods.iter().zip(trials);
         let finished =
             finished.map(|(method, trials)| Finished::of(method, trials, &journals.trials));
@@ -73,7 +146,8 @@ impl<'m> Encoded<'_, 'm> {
                 splits: self.splits,
             };
             let mut selecting = Selecting { folds, journal };
-            selecting.run(&self.methods, group.splits.clone(), &mut selections)?;
+            let dealt = self.dealt.within(&group.splits);
+            selecting.run(&self.methods, &dealt, &mut selections)?;
         }
         Ok(selections)
     }
@@ -84,28 +158,53 @@ impl<'m> Encoded<'_, 'm> {
         source: &S,
         groups: &mut [Encodings],
         selections: &Selections,
-        journal: &mut Journal<Outcome>,
+        journals: &mut Journals,
     ) -> Result<Vec<Vec<TrialSpec>>> {
-        let (experiment, splits) = (self.experiment, &self.splits.all);
+        let experiment = self.experiment;
         let mut trials: Vec<Vec<TrialSpec>> = self.methods.iter().map(|_| Vec::new()).collect();
         for group in groups {
-            let tables = &group.stage.tables;
-            let of = |method: &&Method| {
-                let some = group.splits.clone();
-                trials::planned(experiment, method, tables, splits, some, selections)
-            };
-            let planned = self.methods.iter().map(of).collect::<Result<Vec<_>>>()?;
-            let of_method = planned.iter().map(Vec::as_slice);
-            let of_method = self.methods.iter().copied().zip(of_method);
-            group.look(experiment, source, splits, of_method)?;
+            let dealt = self.dealt.within(&group.splits);
+            let planned = self.planned(group, &dealt, selections)?;
+            self.look(source, group, &planned)?;
+            let [_, encoded] = group.encoded();
+            self.note(&[encoded], &mut journals.encodings)?;
             for ((method, planned), all) in self.methods.iter().zip(planned).zip(&mut trials) {
                 let own = self.splits.of_method(method, experiment.seed)?;
                 let specs = trials::keyed(experiment, method, group, &own.all, planned)?;
+                let journal = &mut journals.trials;
                 fit::run_missing(experiment, method, group, &own, &specs, journal)?;
                 all.extend(specs);
             }
         }
         Ok(trials)
+    }
+
+    /// The trials of each method that are dealt of a group.
+    pub(super) fn planned(
+        &self,
+        group: &Encodings,
+        dealt: &Dealt,
+        selections: &Selections,
+    ) -> Result<Vec<Vec<Planned>>> {
+        let (tables, splits) = (&group.stage.tables, &self.splits.all);
+        let methods = self.methods.iter().enumerate();
+        let planned = methods.map(|(at, method)| {
+            let some = dealt.splits_of(at);
+            trials::planned(self.experiment, method, tables, splits, some, selections)
+        });
+        planned.collect()
+    }
+
+    /// Has a group look at what the trials of all methods look at.
+    pub(super) fn look<S: Source>(
+        &self,
+        source: &S,
+        group: &mut Encodings,
+        planned: &[Vec<Planned>],
+    ) -> Result<()> {
+        let planned = planned.iter().map(Vec::as_slice);
+        let of_method = self.methods.iter().copied().zip(planned);
+        group.look(self.experiment, source, &self.splits.all, of_method)
     }
 
     /// What an estimate of each method costs; nothing where it looks at nothing.

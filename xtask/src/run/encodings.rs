@@ -1,6 +1,7 @@
 //! What some reruns look at: embeddings of the surfaces that they train on, and of the views of
 //! others that they are scored on.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -22,11 +23,12 @@ pub(crate) struct Encodings {
 }
 
 impl Encodings {
-    /// Of all splits together, or of each on its own where an encoder is trained for each.
+    /// Of all splits together, or of each of `some` on its own where an encoder is trained for each.
     pub(crate) fn of_splits<S: Source>(
         stages: &Stages<'_, S>,
         encoder: &EncoderSpec,
         splits: &[Split],
+        some: &BTreeSet<usize>,
     ) -> Result<Vec<Self>> {
         let of = |some: Range<usize>| {
             let stage = stages.of(&splits[some.start].train)?;
@@ -39,9 +41,7 @@ impl Encodings {
         if encoder.training.is_none() {
             return Ok(vec![of(0..splits.len())?]);
         }
-        (0..splits.len())
-            .map(|split| of(split..split + 1))
-            .collect()
+        some.iter().map(|&split| of(split..split + 1)).collect()
     }
 
     /// Embeds what the trials look at of surfaces that are only scored on.
@@ -97,6 +97,12 @@ impl Encodings {
             stage,
             splits: 0..0,
         })
+    }
+
+    /// Frames that were encoded now, and the seconds that took: of surfaces that may be trained on, and
+    /// of the others.
+    pub(crate) fn encoded(&self) -> [(usize, f64); 2] {
+        [self.stage.encoded, self.test.encoded]
     }
 
     /// Embeddings of these views, given by their places in the tables, of any of the surfaces.

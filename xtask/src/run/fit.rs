@@ -43,9 +43,12 @@ pub(crate) fn run_missing(
         .iter()
         .filter(|trial| journal.get(&trial.key).is_none())
         .collect();
-    if missing.is_empty() {
+    let Some(first) = missing.first() else {
         return Ok(());
-    }
+    };
+    let (id, property, rerun) = (&method.id, first.property, first.rerun);
+    let what = format!("method `{id}`, {property}, rerun {rerun}");
+    experiment.work.ensure_fits(&what)?;
     let judge = Judge {
         method,
         tables: &encodings.stage.tables,

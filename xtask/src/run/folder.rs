@@ -14,6 +14,8 @@ use crate::report;
 pub(crate) const TRIALS: &str = "trials.jsonl";
 /// The journal of selected views.
 pub(crate) const SELECTIONS: &str = "selections.jsonl";
+/// The journal of how long frames took to encode.
+pub(crate) const ENCODINGS: &str = "encodings.jsonl";
 /// The config with its defaults and all that was set.
 pub(crate) const CONFIG: &str = "config.toml";
 const LOCK: &str = "lock";
@@ -39,7 +41,7 @@ impl RunFolder {
         }
         checksums::unseal(path)?;
         remove_unfinished(path)?;
-        for journal in [TRIALS, SELECTIONS].map(|name| folder.file(name)) {
+        for journal in [TRIALS, SELECTIONS, ENCODINGS].map(|name| folder.file(name)) {
             if fresh && journal.exists() {
                 std::fs::remove_file(&journal)
                     .with_context(|| format!("cannot remove {}", journal.display()))?;
@@ -61,7 +63,8 @@ impl RunFolder {
         Ok(folder)
     }
 
-    fn locked(path: &Path) -> Result<Self> {
+    /// Locks the folder, waiting for another run that is at work there.
+    pub(super) fn locked(path: &Path) -> Result<Self> {
         Ok(Self {
             path: path.to_owned(),
             _lock: lock(&path.join(LOCK))?,

@@ -22,6 +22,9 @@ pub(crate) struct Found {
     pub selection: Selection,
     /// Mean loss of random sets; none where no loss was asked for.
     pub random_loss: Option<f64>,
+    /// What it took, with its share of the training of the networks that were asked.
+    #[serde(default)]
+    pub seconds: f64,
 }
 
 impl Found {
@@ -38,6 +41,7 @@ impl Found {
             key,
             selection: thinned(selected.selector.selector().select(problem)?),
             random_loss: random.curve.first().map(|point| point.mean),
+            seconds: 0.0,
         })
     }
 }
@@ -55,6 +59,13 @@ pub(crate) struct Selections(BTreeMap<(String, Property, usize), Found>);
 impl Selections {
     pub(super) fn insert(&mut self, method: &str, property: Property, rerun: usize, found: Found) {
         self.0.insert((method.to_owned(), property, rerun), found);
+    }
+
+    /// All of a method.
+    pub(super) fn of_method(&self, method: &str) -> impl Iterator<Item = &Found> {
+        let all = self.0.iter();
+        all.filter(move |((id, ..), _)| id == method)
+            .map(|(_, found)| found)
     }
 
     pub(crate) fn get(&self, method: &str, property: Property, rerun: usize) -> Option<&Found> {

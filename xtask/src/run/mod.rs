@@ -2,6 +2,7 @@
 
 mod adaptive;
 mod costs;
+mod deal;
 mod encoded;
 mod encodings;
 mod fit;
@@ -9,11 +10,14 @@ mod floors;
 mod folder;
 mod found;
 mod frozen;
+mod outlook;
+mod prepared;
 mod provenance;
 mod refit;
 mod results;
 mod select;
 mod selection;
+mod shards;
 mod splits;
 mod stage;
 mod tables;
@@ -21,41 +25,60 @@ mod test_views;
 mod trials;
 pub(crate) mod views;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use sps_dataset::Source;
 
+pub(crate) use deal::Dealt;
 pub(crate) use encodings::Encodings;
 pub(crate) use folder::{CONFIG, RunFolder};
 pub(crate) use found::Selections;
 pub(crate) use frozen::Folds;
+pub(crate) use outlook::outlook;
 pub(crate) use select::Selecting;
+pub(crate) use shards::run as shard;
 pub(crate) use splits::Splits;
 pub(crate) use stage::{Stage, Stages};
 pub(crate) use tables::Tables;
 
-use crate::config::{EncoderSpec, Experiment, Method, Network};
+use crate::config::{EncoderSpec, Experiment, Method};
 use crate::data::{self, About, WithSource};
-use crate::journal::{Journal, Outcome};
+use crate::journal::{Encoding, Journal, Outcome};
 use crate::report::{self, predictions};
 use crate::results::Results;
-use crate::sequences::Sequences;
 use encoded::Encoded;
 use found::Found;
+use prepared::{Prepared, WithEncoder};
 use results::{MethodRow, results};
+use shards::Merged;
 
-/// Runs the experiment into `folder`, or finishes what was begun there; `fresh` begins again.
+/// Runs the experiment into `folder`, or finishes what was begun there, in shards or not; `fresh`
+/// begins again.
 pub(crate) fn run(experiment: &Experiment, folder: &Path, fresh: bool) -> Result<Results> {
     let folder = RunFolder::open(folder, fresh)?;
+    if fresh {
+        shards::forget(folder.path())?;
+    }
+    finish(experiment, &folder, None)
+}
+
+/// Makes the results, in `folder`, of an experiment that was done in shards, below the folders of the
+/// given runs.
+pub(crate) fn merge(experiment: &Experiment, folder: &Path, runs: &[PathBuf]) -> Result<Results> {
+    let merged = Merged::of(experiment, runs)?;
+    let folder = RunFolder::open(folder, false)?;
+    finish(experiment, &folder, Some(merged))
+}
+
+fn finish(experiment: &Experiment, folder: &RunFolder, merged: Option<Merged>) -> Result<Results> {
     folder.write(folder::CONFIG, &experiment.resolved)?;
-    let results = data::with_source(
-        &experiment.data,
-        Run {
-            experiment,
-            folder: &folder,
-        },
-    )?;
+    let work = Run {
+        experiment,
+        folder,
+        merged,
+    };
+    let results = data::with_source(&experiment.data, work)?;
     results.write(folder.path())?;
     report::write(folder.path())?;
     folder.seal()?;
@@ -65,6 +88,8 @@ pub(crate) fn run(experiment: &Experiment, folder: &Path, fresh: bool) -> Result
 struct Run<'a> {
     experiment: &'a Experiment,
     folder: &'a RunFolder,
+    /// Shards in which it was done.
+    merged: Option<Merged>,
 }
 
 impl WithSource for Run<'_> {
@@ -72,42 +97,45 @@ impl WithSource for Run<'_> {
 
     fn call<S: Source>(self, source: &S, about: About) -> Result<Results> {
         let experiment = self.experiment;
-        let splits = Splits::of(experiment, source.surfaces())?;
-        let angles = source.view_angles();
-        let methods = experiment.methods.iter().map(|m| m.on(angles.len()));
-        let methods: Vec<Method> = methods.collect::<Result<_>>()?;
-        let mut journals = Journals {
-            trials: Journal::open(&self.folder.file(folder::TRIALS))?,
-            selections: Journal::open(&self.folder.file(folder::SELECTIONS))?,
-        };
-        let mut rows: Vec<Option<MethodRow<'_>>> = methods.iter().map(|_| None).collect();
-        let mut properties = Vec::new();
-        for (encoder, members) in by_encoder(&methods) {
-            let encoded = Encoded {
-                experiment,
-                about: &about,
-                encoder,
-                methods: members.iter().map(|&at| &methods[at]).collect(),
-                splits: &splits,
-            };
-            let (codes, done) = match encoder.network {
-                Network::Images(_) => encoded.rows(source, None, &mut journals)?,
-                Network::Sequences { frames } => {
-                    let views = views::equidistant(source, frames)?;
-                    let sequences = Sequences::new(source, views.clone());
-                    encoded.rows(&sequences, Some(views), &mut journals)?
-                }
-            };
-            for (at, row) in members.into_iter().zip(done) {
-                rows[at] = Some(row);
+        let prepared = Prepared::new(experiment, source, &about)?;
+        let mut journals = Journals::open(self.folder.path())?;
+        match &self.merged {
+            Some(merged) => {
+                merged.ensure_data(&provenance::data_hash(source, &about)?)?;
+                merged.give(&mut journals)?;
             }
+            None => shards::give(self.folder.path(), &mut journals)?,
+        }
+        let dealt = prepared.dealt()?;
+        let done = prepared.with_encoders(source, &dealt, Rows(&mut journals))?;
+        let (mut rows, mut properties) = (Vec::new(), Vec::new());
+        for (members, (codes, of_encoder)) in done {
+            rows.extend(members.into_iter().zip(of_encoder));
             properties = codes;
         }
-        let rows: Vec<MethodRow<'_>> = rows.into_iter().flatten().collect();
+        rows.sort_by_key(|(at, _)| *at);
+        let rows: Vec<MethodRow<'_>> = rows.into_iter().map(|(_, row)| row).collect();
+        let splits = &prepared.splits;
         let all = rows.iter().flat_map(|row| row.outcomes.values().flatten());
         let estimates = predictions::of_outcomes(all, &splits.groups(source.surfaces()));
         predictions::write(self.folder.path(), &estimates)?;
-        results(experiment, source, about, properties, &splits, &rows)
+        results(experiment, source, &about, properties, splits, &rows)
+    }
+}
+
+/// Runs what the journals lack and measures what estimates cost: the rows of the methods.
+struct Rows<'a>(&'a mut Journals);
+
+impl<'m> WithEncoder<'m> for Rows<'_> {
+    type Output = (Vec<String>, Vec<MethodRow<'m>>);
+
+    fn call<S: Source>(
+        &mut self,
+        encoded: &Encoded<'_, 'm>,
+        source: &S,
+        sequence: Option<Vec<usize>>,
+    ) -> Result<Self::Output> {
+        encoded.rows(source, sequence, self.0)
     }
 }
 
@@ -115,6 +143,41 @@ impl WithSource for Run<'_> {
 struct Journals {
     trials: Journal<Outcome>,
     selections: Journal<Found>,
+    encodings: Journal<Encoding>,
+}
+
+impl Journals {
+    /// Those in a folder, to write to.
+    fn open(folder: &Path) -> Result<Self> {
+        Ok(Self {
+            trials: Journal::open(&folder.join(folder::TRIALS))?,
+            selections: Journal::open(&folder.join(folder::SELECTIONS))?,
+            encodings: Journal::open(&folder.join(folder::ENCODINGS))?,
+        })
+    }
+
+    /// Those in a folder, to look at alone.
+    fn look(folder: &Path) -> Result<Self> {
+        Ok(Self {
+            trials: Journal::look(&folder.join(folder::TRIALS))?,
+            selections: Journal::look(&folder.join(folder::SELECTIONS))?,
+            encodings: Journal::look(&folder.join(folder::ENCODINGS))?,
+        })
+    }
+
+    /// Knows what others hold, too, without writing it down.
+    fn know(&mut self, others: Self) {
+        self.trials.know(others.trials);
+        self.selections.know(others.selections);
+        self.encodings.know(others.encodings);
+    }
+
+    /// Adds what others hold.
+    fn adopt(&mut self, others: Self) -> Result<()> {
+        self.trials.adopt(others.trials)?;
+        self.selections.adopt(others.selections)?;
+        self.encodings.adopt(others.encodings)
+    }
 }
 
 /// The encoders of the methods in the order in which they come up, with the methods of each.

@@ -37,7 +37,7 @@ pub(super) fn of<S: Source>(
 
 /// Of everything that is the same for all methods. Of the frames it has those straight down: to
 /// read all would cost more than most experiments, which look at few.
-fn data_hash<S: Source>(source: &S, about: &About) -> Result<blake3::Hash> {
+pub(super) fn data_hash<S: Source>(source: &S, about: &About) -> Result<blake3::Hash> {
     let mut hasher = blake3::Hasher::new();
     for angle in source.view_angles() {
         hasher.update(&angle.0.to_le_bytes());

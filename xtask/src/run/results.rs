@@ -75,7 +75,7 @@ impl MethodRow<'_> {
 pub(super) fn results<S: Source>(
     experiment: &Experiment,
     source: &S,
-    about: About,
+    about: &About,
     properties: Vec<String>,
     splits: &Splits,
     rows: &[MethodRow<'_>],
@@ -100,16 +100,16 @@ pub(super) fn results<S: Source>(
         .collect();
     let against = experiment.against.iter().filter_map(|&at| methods.get(at));
     Ok(Results {
-        provenance: provenance::of(experiment, source, &about)?,
+        provenance: provenance::of(experiment, source, about)?,
         experiment: experiment.name.clone(),
         description: experiment.description.clone(),
-        dataset: dataset(experiment, source, &about, splits),
+        dataset: dataset(experiment, source, about, splits),
         interval_level: experiment.interval_level.get(),
         against: against.map(|method| method.id.clone()).collect(),
         speed: experiment.speed.map(|asked| Speed::of(&methods, asked)),
         methods,
         properties,
-        notes: about.notes,
+        notes: about.notes.clone(),
     })
 }
 

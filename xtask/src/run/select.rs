@@ -3,14 +3,15 @@
 //! paper, stages 1 and 2). Stage 3, training with the found set, is a trial like any other.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
+use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use serde::Serialize;
 use sps_dataset::Property;
 use sps_models::heads::Head;
 use sps_viewselect::Problem;
 
+use super::deal::Dealt;
 use super::found::{Found, Selections};
 use super::frozen::{Folds, FrozenLoss};
 use super::refit::Refits;
@@ -29,33 +30,56 @@ pub(crate) struct Selecting<'a> {
 }
 
 impl Selecting<'_> {
-    /// Selects views for those of the methods that want some, in the given reruns.
+    /// Selects views for those of the methods that want some, in the reruns that are dealt of them.
     pub(crate) fn run(
         &mut self,
         methods: &[&Method],
-        reruns: Range<usize>,
+        dealt: &Dealt,
         selections: &mut Selections,
     ) -> Result<()> {
         let families = families(methods)?;
         for family in families.values() {
-            let wanted = self.wanted(family, reruns.clone())?;
+            let wanted = self.wanted(family, dealt)?;
             self.run_missing(family, &wanted)?;
-            for one in wanted {
-                let found = self.journal.get(&one.key);
-                let found = found.context("views were not selected")?.clone();
-                selections.insert(&one.method.id, one.property, one.rerun, found);
-            }
         }
+        let lacking = self.look(methods, dealt, selections)?;
+        ensure!(lacking.is_empty(), "views were not selected");
         Ok(())
     }
 
+    /// Adds what was selected before; the method, by its place, and rerun of each selection that was
+    /// not.
+    pub(crate) fn look(
+        &self,
+        methods: &[&Method],
+        dealt: &Dealt,
+        selections: &mut Selections,
+    ) -> Result<Vec<(usize, usize)>> {
+        let mut lacking = Vec::new();
+        for family in families(methods)?.values() {
+            for one in self.wanted(family, dealt)? {
+                match self.journal.get(&one.key) {
+                    Some(found) => {
+                        let found = found.clone();
+                        selections.insert(&one.method.id, one.property, one.rerun, found);
+                    }
+                    None => lacking.push((one.place, one.rerun)),
+                }
+            }
+        }
+        Ok(lacking)
+    }
+
     /// Every selection that the methods of a family need, property by property.
-    fn wanted<'m>(&self, family: &Family<'m>, reruns: Range<usize>) -> Result<Vec<Wanted<'m>>> {
+    fn wanted<'m>(&self, family: &Family<'m>, dealt: &Dealt) -> Result<Vec<Wanted<'m>>> {
+        let reruns = dealt.of_any();
         let mut wanted = Vec::new();
         for &property in &self.folds.encodings.stage.tables.properties {
-            for rerun in reruns.clone() {
-                for &(method, selected) in &family.members {
+            for &rerun in &reruns {
+                let members = family.members.iter();
+                for &(place, method, selected) in members.filter(|one| dealt.has(one.0, rerun)) {
                     wanted.push(Wanted {
+                        place,
                         method,
                         selected,
                         property,
@@ -118,14 +142,26 @@ impl Selecting<'_> {
             .iter()
             .filter(|wanted| self.journal.get(&wanted.key).is_none())
             .collect();
+        if let Some(one) = missing.first() {
+            let (id, property, rerun) = (&one.method.id, one.property, one.rerun);
+            let what = format!("the views of method `{id}`, {property}, rerun {rerun}");
+            self.folds.experiment.work.ensure_fits(&what)?;
+        }
         let same_trial = |a: &&Wanted<'_>, b: &&Wanted<'_>| a.trial() == b.trial();
+        let asking: Vec<&Wanted<'_>> = missing
+            .iter()
+            .copied()
+            .filter(|w| w.asks_frozen())
+            .collect();
+        let begun = Instant::now();
         let estimators = match family.frozen {
-            Some(head) if !missing.is_empty() => {
-                let trials = missing.chunk_by(same_trial).map(|chunk| chunk[0].trial());
+            Some(head) if !asking.is_empty() => {
+                let trials = asking.chunk_by(same_trial).map(|chunk| chunk[0].trial());
                 Some(self.folds.train(head, trials)?)
             }
             _ => None,
         };
+        let training = begun.elapsed().as_secs_f64() / asking.len().max(1) as f64;
         let mut refits = Refits::new(
             self.folds.encodings,
             self.folds.splits,
@@ -135,16 +171,22 @@ impl Selecting<'_> {
         for chunk in missing.chunk_by(same_trial) {
             let (property, rerun) = chunk[0].trial();
             let loss = estimators.as_ref();
+            let loss = loss.filter(|_| chunk.iter().any(|wanted| wanted.asks_frozen()));
             let loss = loss.map(|estimators| self.folds.loss(estimators, property, rerun));
             let loss = loss.transpose()?;
             for wanted in chunk {
                 progress.say(&format!("{}, {}", wanted.method.label, wanted.property));
+                let begun = Instant::now();
                 let found = match &wanted.selected.refit {
                     Some(refit) => self.refitted(&mut refits, refit, wanted),
                     None => self.select(loss.as_ref(), wanted),
                 };
                 let doing = || format!("method `{}`, {}", wanted.method.id, wanted.property);
-                let found = found.with_context(doing)?;
+                let mut found = found.with_context(doing)?;
+                found.seconds = begun.elapsed().as_secs_f64();
+                if wanted.asks_frozen() {
+                    found.seconds += training;
+                }
                 self.journal.append(vec![found])?;
                 progress.advance(1);
             }
@@ -185,6 +227,7 @@ impl Selecting<'_> {
                     seed,
                 )?,
                 random_loss: None,
+                seconds: 0.0,
             });
         };
         let problem = Problem::new(loss)?.distinct(selected.distinct).seed(seed);
@@ -196,12 +239,41 @@ impl Selecting<'_> {
 struct Family<'m> {
     /// The estimator, where any of the methods searches it.
     frozen: Option<&'m Head>,
-    members: Vec<(&'m Method, &'m Selected)>,
+    /// With the place of each among the methods.
+    members: Vec<(usize, &'m Method, &'m Selected)>,
+}
+
+/// Of methods with one encoder, given by their places among all: those together that select views by
+/// the same frozen networks, or by the same refits, and each other alone.
+pub(super) fn asks_together(methods: &[Method], members: &[usize]) -> Result<Vec<Vec<usize>>> {
+    let some: Vec<&Method> = members.iter().map(|&at| &methods[at]).collect();
+    let mut together: Vec<Vec<usize>> = Vec::new();
+    for family in families(&some)?.into_values() {
+        let (refits, others): (Vec<_>, Vec<_>) = family
+            .members
+            .into_iter()
+            .partition(|(_, _, selected)| selected.refit.is_some());
+        let places =
+            |some: Vec<(usize, _, _)>| some.into_iter().map(|one| members[one.0]).collect();
+        together.push(places(refits));
+        if family.frozen.is_some() {
+            together.push(places(others));
+        }
+    }
+    let alone = members
+        .iter()
+        .filter(|at| !together.iter().any(|some| some.contains(at)));
+    let alone: Vec<Vec<usize>> = alone.map(|&at| vec![at]).collect();
+    together.extend(alone);
+    together.retain(|some| !some.is_empty());
+    // In the order in which their first methods come.
+    together.sort();
+    Ok(together)
 }
 
 fn families<'m>(methods: &[&'m Method]) -> Result<BTreeMap<String, Family<'m>>> {
     let mut families: BTreeMap<String, Family<'_>> = BTreeMap::new();
-    for method in methods {
+    for (place, &method) in methods.iter().enumerate() {
         let Looks::Selected(selected) = &method.looks else {
             continue;
         };
@@ -214,13 +286,15 @@ fn families<'m>(methods: &[&'m Method]) -> Result<BTreeMap<String, Family<'m>>> 
         if selected.learns() && selected.refit.is_none() {
             family.frozen = head;
         }
-        family.members.push((method, selected));
+        family.members.push((place, method, selected));
     }
     Ok(families)
 }
 
 /// A selection that is needed.
 struct Wanted<'m> {
+    /// Of the method among all.
+    place: usize,
     method: &'m Method,
     selected: &'m Selected,
     property: Property,
@@ -231,6 +305,11 @@ struct Wanted<'m> {
 impl Wanted<'_> {
     fn trial(&self) -> (Property, usize) {
         (self.property, self.rerun)
+    }
+
+    /// Whether it asks the family's frozen network, if there is one.
+    fn asks_frozen(&self) -> bool {
+        self.selected.refit.is_none()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use sps_dataset::{FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, Source};
 use sps_estimator::{Embedder, Network};
 use sps_models::Readings;
@@ -16,7 +16,8 @@ use crate::data::{self, About};
 use crate::embeddings::{EmbeddingCache, embed};
 use crate::encoder;
 use crate::memory;
-use crate::training::{FrameImages, Task, train};
+use crate::training::{FrameImages, Task, train, trained};
+use crate::work::Undone;
 
 /// An encoder and the tables that it makes.
 pub(crate) struct Stage {
@@ -24,6 +25,8 @@ pub(crate) struct Stage {
     pub tables: Tables,
     /// Seconds that the encoder was trained for; 0 where it was not.
     pub train_seconds: f64,
+    /// Frames that were encoded now, and the seconds that took.
+    pub encoded: (usize, f64),
     /// Memory that the encoder takes, in bytes.
     pub encoder_bytes: usize,
 }
@@ -92,7 +95,8 @@ impl<'a, S: Source> Stages<'a, S> {
     fn stage(&self, encoder: Network, train_seconds: f64) -> Result<Stage> {
         let experiment = self.experiment;
         let embedder = Embedder::new(encoder, self.encoder.resize)?;
-        let cache = EmbeddingCache::open(&experiment.cache, embedder.identity(), embedder.width())?;
+        let (identity, width) = (embedder.identity(), embedder.width());
+        let cache = EmbeddingCache::open(&experiment.cache, identity, width, experiment.work)?;
         let (views, pool) = (&self.views, self.splits.pool);
         let frames = frames(pool, views);
         let embedded = embed(self.source, &frames, &embedder, &cache)?;
@@ -107,6 +111,7 @@ impl<'a, S: Source> Stages<'a, S> {
         tables.sequence.clone_from(&self.sequence);
         Ok(Stage {
             encoder_bytes: self.encoder_bytes,
+            encoded: (embedded.frames_decoded, embedded.seconds),
             embedder,
             tables,
             train_seconds,
@@ -139,7 +144,12 @@ impl<'a, S: Source> Stages<'a, S> {
             seed: self.experiment.seed,
         };
         let images = FrameImages::of_source(self.source, frames, self.encoder.resize);
-        let trained = train(task, &images, &self.experiment.cache.join("encoders"))?;
+        let folder = self.experiment.cache.join("encoders");
+        let trained = if self.experiment.work.fits() {
+            train(task, &images, &folder)?
+        } else {
+            trained(&task, &folder)?.context(Undone::Training)?
+        };
         info!("TensorBoard: {}", trained.folder.display());
         let encoder = trained.encoder.with_precision(self.encoder.precision)?;
         Ok((Network::Images(encoder), trained.seconds))

@@ -18,6 +18,8 @@ pub(crate) struct TestViews {
     of_view: BTreeMap<usize, Vec<f32>>,
     /// By view and number of surfaces.
     hashes: Mutex<BTreeMap<(usize, usize), blake3::Hash>>,
+    /// Frames that were encoded now, and the seconds that took.
+    pub encoded: (usize, f64),
 }
 
 /// The number of surfaces that each view is looked at of.
@@ -44,7 +46,8 @@ impl TestViews {
         wanted: &Wanted,
     ) -> Result<Self> {
         let (embedder, first) = (&stage.embedder, stage.tables.pool());
-        let cache = EmbeddingCache::open(&experiment.cache, embedder.identity(), embedder.width())?;
+        let (identity, width) = (embedder.identity(), embedder.width());
+        let cache = EmbeddingCache::open(&experiment.cache, identity, width, experiment.work)?;
         let most = wanted.0.values().copied().max().unwrap_or(0);
         let frames: Vec<FrameIndex> = (0..most)
             .flat_map(|surface| {
@@ -62,6 +65,7 @@ impl TestViews {
         }
         Ok(Self {
             width: embedded.width,
+            encoded: (embedded.frames_decoded, embedded.seconds),
             of_view,
             hashes: Mutex::default(),
         })

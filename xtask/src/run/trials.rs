@@ -1,6 +1,6 @@
 //! What is to be computed: a trial for each method, property and rerun.
 
-use std::ops::Range;
+use std::collections::BTreeSet;
 
 use anyhow::Result;
 use serde::Serialize;
@@ -38,12 +38,12 @@ pub(crate) fn planned(
     method: &Method,
     tables: &Tables,
     splits: &[Split],
-    some: Range<usize>,
+    some: &BTreeSet<usize>,
     selections: &Selections,
 ) -> Result<Vec<Planned>> {
     let mut all = Vec::new();
     for &property in &tables.properties {
-        for at in some.clone() {
+        for &at in some {
             let trial = (property, at);
             let split = &splits[at];
             let views = views::of_trial(experiment, method, tables, split, trial, selections)?;

@@ -57,7 +57,7 @@ pub(crate) fn train(
     images: &dyn ImageSource,
     folder: &Path,
 ) -> Result<TrainedEncoder> {
-    let folder = folder.join(&task.identity()?[..16]);
+    let folder = task.folder(folder)?;
     create_folder(&folder)?;
     // Runs share this folder.
     let _lock = lock(&folder.join(LOCK))?;
@@ -101,6 +101,11 @@ pub(crate) fn train(
     })
 }
 
+/// What the task came to where it was trained before; `folder` holds a folder of each task.
+pub(crate) fn trained(task: &Task<'_>, folder: &Path) -> Result<Option<TrainedEncoder>> {
+    finished(task, &task.folder(folder)?)
+}
+
 /// How long a training has taken so far; none where it begins, or begins again.
 fn seconds(folder: &Path) -> Result<Option<f64>> {
     if folder.join(ENCODER).exists() {
@@ -114,6 +119,11 @@ fn seconds(folder: &Path) -> Result<Option<f64>> {
 }
 
 impl Task<'_> {
+    /// Its folder in the one of all tasks.
+    fn folder(&self, all: &Path) -> Result<PathBuf> {
+        Ok(all.join(&self.identity()?[..16]))
+    }
+
     fn identity(&self) -> Result<String> {
         let mut hasher = blake3::Hasher::new();
         hasher.update(env!("SOURCE_HASH").as_bytes());

@@ -85,12 +85,17 @@ impl Scratch {
 
     /// `experiment` on the scratch config, into the folder `run`.
     pub(crate) fn experiment(&self) -> Command {
+        self.experiment_into("run")
+    }
+
+    /// `experiment` on the scratch config, into a folder of this name.
+    pub(crate) fn experiment_into(&self, run: &str) -> Command {
         let mut command = xtask();
         command
             .arg("experiment")
             .arg(self.path("tiny.toml"))
             .arg("--out")
-            .arg(self.path("run"));
+            .arg(self.path(run));
         command
     }
 

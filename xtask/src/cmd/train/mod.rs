@@ -15,7 +15,7 @@ use self::check::Check;
 use crate::config::{DataSpec, Experiment, Looks, Method, Network as NetworkSpec, Setting};
 use crate::data::{self, About as AboutData, WithSource};
 use crate::journal::Journal;
-use crate::run::{Encodings, Folds, Selecting, Selections, Splits, Stage, Stages, views};
+use crate::run::{Dealt, Encodings, Folds, Selecting, Selections, Splits, Stage, Stages, views};
 
 /// Fit a model that `predict` can use
 #[derive(clap::Args)]
@@ -142,7 +142,8 @@ impl<S: Source> Trainer<'_, S> {
         let part = calibration.part(units, surfaces, number);
         let parts = self.splits.only(part.context("[train]")?);
         let encodings =
-            Encodings::of_splits(&self.stages, &self.method.encoder, &parts.all)?.remove(0);
+            Encodings::of_splits(&self.stages, &self.method.encoder, &parts.all, &[0].into())?
+                .remove(0);
         let views = self.views(&encodings, &parts)?;
         let stage = encodings.stage;
         let tables = &stage.tables;
@@ -189,7 +190,7 @@ impl<S: Source> Trainer<'_, S> {
             folds,
             journal: &mut journal,
         };
-        selecting.run(&[self.method], 0..1, &mut selections)?;
+        selecting.run(&[self.method], &Dealt::all(1, 0..1), &mut selections)?;
         let of_property = |&property| {
             let (method, split) = (self.method, &parts.all[0]);
             let trial = (property, 0);

@@ -1,0 +1,359 @@
+//! Experiments in shards, and what there is to do before a run.
+
+mod support;
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use serde_json::Value;
+use support::{Scratch, expect, message, results_without_timings, root};
+
+/// Methods that ask the same networks, one that asks refits, and two on an encoder that is trained.
+const METHODS: &str = r#"
+[[methods]]
+id = "nvs"
+label = "NVS"
+kind = "head"
+views = 2
+selector = { kind = "nvs", evaluations = 200 }
+[[methods]]
+id = "exhaustive"
+label = "Exhaustive"
+kind = "head"
+views = 2
+selector = { kind = "exhaustive" }
+[[methods]]
+id = "refit"
+label = "Refit"
+kind = "kernel-ridge"
+views = 2
+selector = { kind = "greedy" }
+refit = {}
+[[methods]]
+id = "fine-tuned"
+label = "Fine-tuned"
+kind = "ridge"
+encoder = { trainable = true, training = { epochs = 2, batch-size = 4 } }
+[[methods]]
+id = "fine-tuned-kernel"
+label = "Fine-tuned, kernel"
+kind = "kernel-ridge"
+encoder = { trainable = true, training = { epochs = 2, batch-size = 4 } }
+"#;
+
+fn scratch(methods: &str) -> Scratch {
+    let scratch = Scratch::new();
+    let path = scratch.path("tiny.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(path, text + methods).unwrap();
+    scratch
+}
+
+/// A shard of the run in the folder of this name.
+fn shard(scratch: &Scratch, run: &str, shard: &str) -> assert_cmd::Command {
+    let mut command = scratch.experiment_into(run);
+    command.args(["--shard", shard]);
+    command
+}
+
+/// What makes results in the folder `to` of shards below these.
+fn merge(scratch: &Scratch, to: &str, runs: &[&str]) -> assert_cmd::Command {
+    let mut command = scratch.experiment_into(to);
+    command
+        .arg("--merge")
+        .args(runs.iter().map(|run| scratch.path(run)));
+    command
+}
+
+/// Starts a shard of the run in `run`, with its log in a file.
+fn start(scratch: &Scratch, shard: &str, log: &str) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_xtask"))
+        .current_dir(root())
+        .env_remove("RUST_LOG")
+        .arg("experiment")
+        .arg(scratch.path("tiny.toml"))
+        .arg("--out")
+        .arg(scratch.path("run"))
+        .args(["--shard", shard])
+        .stdout(Stdio::null())
+        .stderr(fs::File::create(scratch.path(log)).unwrap())
+        .spawn()
+        .unwrap()
+}
+
+/// `results.json` without times.
+fn results(run: &Path) -> Value {
+    let mut results = results_without_timings(run);
+    for method in results["methods"].as_array_mut().unwrap() {
+        method["encoder_train_seconds"].take();
+    }
+    results
+}
+
+/// Keys of the trials in a journal, in its order.
+fn keys(journal: &Path) -> Vec<String> {
+    let text = fs::read_to_string(journal).unwrap();
+    let lines = text.lines();
+    let lines = lines.filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    let keys = lines.filter_map(|line| Some(line["trial"]["key"].as_str()?.to_owned()));
+    keys.collect()
+}
+
+#[test]
+fn shards_come_to_what_one_run_does() {
+    let scratch = scratch(METHODS);
+    scratch.experiment().assert().success();
+    let expected = results(&scratch.path("run"));
+    let all = keys(&scratch.path("run/trials.jsonl"));
+    for of in [1, 2, 4] {
+        let run = format!("run-{of}");
+        let mut dealt = Vec::new();
+        for number in 1..=of {
+            let own = format!("{run}/shards/{number}-of-{of}");
+            let name = format!("{number}/{of}");
+            shard(&scratch, &run, &name).assert().success();
+            assert!(!scratch.path(&own).join("results.json").exists());
+            dealt.extend(keys(&scratch.path(&own).join("trials.jsonl")));
+        }
+        // Each trial once.
+        assert_eq!(dealt.len(), all.len(), "{of}");
+        assert_eq!(dealt.iter().collect::<BTreeSet<_>>(), all.iter().collect());
+        // The plain command finds all of it done.
+        let to = if of == 2 {
+            scratch.experiment_into(&run).assert().success();
+            run
+        } else {
+            merge(&scratch, "merged", &[&run]).assert().success();
+            "merged".to_owned()
+        };
+        assert_eq!(results(&scratch.path(&to)), expected, "{of} shards");
+        let journal = scratch.path(&to).join("trials.jsonl");
+        assert_eq!(keys(&journal).len(), all.len());
+        let _ = fs::remove_dir_all(scratch.path("merged"));
+    }
+}
+
+#[test]
+fn more_shards_than_items_leave_some_without_work() {
+    let scratch = Scratch::new();
+    scratch.experiment().assert().success();
+    let expected = scratch.results();
+    for number in 1..=6 {
+        let name = format!("{number}/6");
+        shard(&scratch, "many", &name).assert().success();
+    }
+    merge(&scratch, "many", &[]).assert().success();
+    assert_eq!(results_without_timings(&scratch.path("many")), expected);
+}
+
+#[test]
+fn shards_at_once_share_one_cache() {
+    let scratch = scratch(METHODS);
+    scratch.experiment().assert().success();
+    let expected = results(&scratch.path("run"));
+    fs::remove_dir_all(scratch.path("run")).unwrap();
+    fs::remove_dir_all(scratch.path("cache")).unwrap();
+    let children = [1, 2, 3].map(|number| {
+        let log = format!("{number}.log");
+        (start(&scratch, &format!("{number}/3"), &log), log)
+    });
+    for (mut child, log) in children {
+        let status = child.wait().unwrap();
+        let log = fs::read_to_string(scratch.path(&log)).unwrap();
+        assert!(status.success(), "{log}");
+    }
+    let merged = merge(&scratch, "run", &["run"]).assert().success();
+    let log = String::from_utf8_lossy(&merged.get_output().stderr).into_owned();
+    assert!(log.contains("0 of them encoded now"), "{log}");
+    assert_eq!(results(&scratch.path("run")), expected);
+}
+
+#[test]
+fn a_shard_that_was_killed_is_run_again_alone() {
+    let scratch = Scratch::new();
+    scratch.edit("tiny.toml", "epochs = 3", "epochs = 40");
+    scratch.experiment().assert().success();
+    let expected = scratch.results();
+    fs::remove_dir_all(scratch.path("run")).unwrap();
+    shard(&scratch, "run", "1/2").assert().success();
+    let journal = scratch.path("run/shards/2-of-2/trials.jsonl");
+    let mut child = start(&scratch, "2/2", "killed.log");
+    // Until the first trials are on disk, or the shard is over.
+    while fs::metadata(&journal).map_or(0, |file| file.len()) == 0 {
+        if child.try_wait().unwrap().is_some() {
+            break;
+        }
+        std::thread::yield_now();
+    }
+    let _ = child.kill();
+    let killed = child.wait().unwrap().code().is_none();
+    let begun = fs::read_to_string(&journal).unwrap();
+    if killed {
+        let refused = message(merge(&scratch, "run", &["run"]).assert());
+        let again = "`--shard 2/2` again";
+        expect(&refused, &["shard 2/2", "2-of-2", "has not ended", again]);
+    }
+    shard(&scratch, "run", "2/2").assert().success();
+    assert!(fs::read_to_string(&journal).unwrap().starts_with(&begun));
+    merge(&scratch, "run", &["run"]).assert().success();
+    assert_eq!(scratch.results(), expected);
+}
+
+#[test]
+fn two_of_one_number_wait_for_one_another() {
+    let scratch = Scratch::new();
+    let children = ["a.log", "b.log"].map(|log| start(&scratch, "1/1", log));
+    for mut child in children {
+        assert!(child.wait().unwrap().success());
+    }
+    let logs = ["a.log", "b.log"].map(|log| fs::read_to_string(scratch.path(log)).unwrap());
+    let is_waiting = |log: &&String| log.contains("waiting") && log.contains("1-of-1");
+    assert_eq!(logs.iter().filter(is_waiting).count(), 1, "{logs:?}");
+    let keys = keys(&scratch.path("run/shards/1-of-1/trials.jsonl"));
+    assert_eq!(keys.len(), keys.iter().collect::<BTreeSet<_>>().len());
+}
+
+#[test]
+fn shards_in_folders_of_their_own_with_caches_of_their_own_are_merged() {
+    let scratch = scratch(METHODS);
+    scratch.experiment().assert().success();
+    let expected = results(&scratch.path("run"));
+    for (number, run) in [(1, "here"), (2, "there")] {
+        let cache = scratch.path(&format!("cache-{run}"));
+        shard(&scratch, run, &format!("{number}/2"))
+            .args(["--set", &format!("cache.folder={}", cache.display())])
+            .assert()
+            .success();
+    }
+    // As if brought from the machines; entries are named by what they hold.
+    fs::remove_dir_all(scratch.path("cache")).unwrap();
+    for cache in ["cache-here", "cache-there"] {
+        support::copy(&scratch.path(cache), &scratch.path("cache"));
+    }
+    merge(&scratch, "merged", &["here", "there"])
+        .assert()
+        .success();
+    assert_eq!(results(&scratch.path("merged")), expected);
+}
+
+#[test]
+fn shards_that_do_not_belong_together_are_named() {
+    let scratch = Scratch::new();
+    let refused = |parts: &[&str]| {
+        expect(&message(merge(&scratch, "run", &["run"]).assert()), parts);
+        assert!(!scratch.path("run/results.json").exists());
+    };
+    refused(&["--merge", "run: no shards here", "--shard K/N"]);
+    shard(&scratch, "run", "1/3").assert().success();
+    refused(&["shards are missing: 2/3, 3/3"]);
+    shard(&scratch, "run", "2/2").assert().success();
+    refused(&["shard 2/2", "shard 1/3", "do not belong together"]);
+    fs::remove_dir_all(scratch.path("run/shards/1-of-3")).unwrap();
+
+    let other = |settings: &[&str]| {
+        shard(&scratch, "run", "1/2")
+            .args(settings)
+            .assert()
+            .success();
+    };
+    other(&["--set", "seed=1"]);
+    refused(&["shard 1/2", "another config", "`seed` is 1, here 0"]);
+    other(&["--only", "ridge"]);
+    let methods = "ridge; here ridge, cross-modal";
+    refused(&["shard 1/2", "other methods", methods]);
+    other(&[]);
+    let table = fs::read(scratch.path("data/tactile.csv")).unwrap();
+    let digit = table.iter().rposition(u8::is_ascii_digit).unwrap();
+    let mut changed = table.clone();
+    changed[digit] = if table[digit] == b'1' { b'2' } else { b'1' };
+    fs::write(scratch.path("data/tactile.csv"), changed).unwrap();
+    refused(&["shard 1/2", "other data", "data_hash"]);
+    fs::write(scratch.path("data/tactile.csv"), table).unwrap();
+
+    let manifest = scratch.path("run/shards/2-of-2/shard.json");
+    let text = fs::read_to_string(&manifest).unwrap();
+    let mut whole: Value = serde_json::from_str(&text).unwrap();
+    whole["source_hash"] = "0123".into();
+    let bytes = serde_json::to_vec(&whole).unwrap();
+    fs::write(&manifest, &bytes).unwrap();
+    // Its checksum no longer fits.
+    refused(&["shard 2/2", "has not ended"]);
+    let checksum = manifest.with_file_name("shard.json.blake3");
+    fs::write(checksum, format!("{}\n", blake3::hash(&bytes))).unwrap();
+    refused(&["shard 2/2", "other sources: `0123`"]);
+    shard(&scratch, "run", "2/2").assert().success();
+    merge(&scratch, "run", &["run"]).assert().success();
+}
+
+#[test]
+fn a_merge_does_no_work_of_a_shard() {
+    let scratch = Scratch::new();
+    shard(&scratch, "run", "1/1").assert().success();
+    let journal = scratch.path("run/shards/1-of-1/trials.jsonl");
+    let text = fs::read_to_string(&journal).unwrap();
+    fs::write(&journal, text.split_once('\n').unwrap().1).unwrap();
+    let refused = message(merge(&scratch, "run", &["run"]).assert());
+    expect(&refused, &["method `", "rerun ", "in none of the shards"]);
+    // The shard mends it, or the plain command does.
+    scratch.experiment().assert().success();
+}
+
+#[test]
+fn a_number_that_is_no_shard_is_refused() {
+    let scratch = Scratch::new();
+    for text in ["0/2", "3/2", "2"] {
+        let refused = shard(&scratch, "run", text).assert().code(2);
+        let text = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+        assert!(text.contains("is not K/N"), "{text}");
+    }
+}
+
+/// What `--dry-run` says.
+fn said(command: &mut assert_cmd::Command) -> String {
+    let output = command.arg("--dry-run").assert().success();
+    String::from_utf8_lossy(&output.get_output().stdout).into_owned()
+}
+
+/// The words of the line that begins with this one, after it.
+fn line(said: &str, first: &str) -> Vec<String> {
+    let lines = said.lines().map(str::split_whitespace);
+    let mut found = lines.filter_map(|mut words| (words.next()? == first).then_some(words));
+    let words = found.next().expect("a line");
+    words.map(str::to_owned).collect()
+}
+
+#[test]
+fn a_dry_run_counts_and_writes_nothing() {
+    let scratch = scratch(METHODS);
+    let before = said(&mut scratch.experiment());
+    assert!(!scratch.path("run").exists() && !scratch.path("cache").exists());
+    assert_eq!(line(&before, "ridge")[..3], ["0", "4", "not"], "{before}");
+    assert_eq!(line(&before, "nvs")[..4], ["0", "4", "0", "4"], "{before}");
+    assert!(before.contains("to encode") && before.contains("to be trained on 2 splits"));
+    assert!(before.contains("is not known"), "{before}");
+
+    shard(&scratch, "run", "1/2").assert().success();
+    let part = said(&mut scratch.experiment());
+    assert_eq!(line(&part, "ridge")[..2], ["2", "2"], "{part}");
+    assert_eq!(line(&part, "nvs")[..4], ["2", "2", "2", "2"], "{part}");
+    assert!(part.contains("to be trained on 1 split"), "{part}");
+    assert!(
+        part.contains("missing: ") && part.contains("in 64 shards"),
+        "{part}"
+    );
+    let own = said(&mut shard(&scratch, "run", "1/2"));
+    assert_eq!(line(&own, "ridge")[..3], ["2", "0", "0"], "{own}");
+
+    scratch.experiment().assert().success();
+    let journal = fs::read(scratch.path("run/trials.jsonl")).unwrap();
+    let after = said(&mut scratch.experiment());
+    let done = ["4", "0", "4", "0", "0"];
+    assert_eq!(line(&after, "exhaustive")[..5], done, "{after}");
+    assert!(after.contains("nothing is missing"), "{after}");
+    let fresh = said(scratch.experiment().arg("--fresh"));
+    let undone = ["0", "4", "0", "4"];
+    assert_eq!(line(&fresh, "exhaustive")[..4], undone, "{fresh}");
+    assert_eq!(fs::read(scratch.path("run/trials.jsonl")).unwrap(), journal);
+}

@@ -23,12 +23,12 @@ macro_rules! with_height {
         with_height!(@ $height, $s, $h, $body, 1 2 3 4 5 6 7 8 9 10 11 12 13 14)
     };
     (@ $height:expr, $s:ident, $h:ident, $body:expr, $($literal:literal)*) => {
-        match $height {
-            $($literal => if const { $literal <= tallest::<$s>() } {
+        {
+            let height = $height;
+            $(if const { $literal <= tallest::<$s>() } && height == $literal {
                 const $h: usize = $literal;
                 $body
-            })*
-            _ => {}
+            } else)* {}
         }
     };
 }

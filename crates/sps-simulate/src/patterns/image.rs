@@ -1,5 +1,7 @@
 //! One image of a class: where it is seen from, its colours, its light and its camera.
 
+use std::f64::consts::TAU;
+
 use sps_dataset::Frame;
 
 use super::class::{Class, Spot, log_between};
@@ -38,14 +40,14 @@ impl Image {
         let angle = if class.upright {
             0.15 * stream.normal()
         } else {
-            stream.between(0.0, std::f64::consts::TAU)
+            stream.between(0.0, TAU)
         };
         let (sine, cosine) = (libm::sinf(angle as f32), libm::cosf(angle as f32));
         let step = features / (side as f32 * FINER);
         let leaning = 1.0 / stream.between(0.65, 1.0) as f32;
         let mirrored = if stream.chance(0.5) { -1.0 } else { 1.0 };
         let mut between = |lo: f64, hi: f64| stream.between(lo, hi) as f32;
-        let (height, turn) = (between(0.3, 1.2), between(0.0, 6.2832));
+        let (height, turn) = (between(0.3, 1.2), between(0.0, TAU));
         let flat = libm::cosf(height);
         let light = [
             flat * libm::cosf(turn),

@@ -210,7 +210,7 @@ impl Motif {
             },
             _ => Self::Julia {
                 constant: {
-                    let (radius, angle) = (between(0.6, 0.9), between(0.0, 6.2832));
+                    let (radius, angle) = (between(0.6, 0.9), between(0.0, std::f64::consts::TAU));
                     [radius * libm::cosf(angle), radius * libm::sinf(angle)]
                 },
             },
@@ -369,7 +369,7 @@ fn weave(place: [f32; 2], over: i32, width: f32, round: f32) -> f32 {
     let period = 2 * over;
     let across = |offset: f32| {
         let share = 2.0 * (offset - 0.5).abs() / width;
-        (share < 1.0).then(|| 1.0 - round * share * share)
+        (share < 1.0).then_some(1.0 - round * share * share)
     };
     let above = (column as i32 + row as i32).rem_euclid(period) < over;
     let (upright, level) = (across(x - column), across(y - row));
@@ -502,14 +502,16 @@ fn mirrored(place: [f32; 2], folds: u32) -> [f32; 2] {
     inside
 }
 
+/// Steps after which a place is taken not to escape.
+const ESCAPE_STEPS: u32 = 32;
+
 fn julia(place: [f32; 2], [cx, cy]: [f32; 2]) -> f32 {
     let [mut x, mut y] = place.map(|v| {
         // Mirrored, so that it goes on for ever.
         let tile = 0.25 * v;
         4.0 * (tile - tile.floor() - 0.5).abs() - 1.0
     });
-    const STEPS: u32 = 32;
-    for step in 0..STEPS {
+    for step in 0..ESCAPE_STEPS {
         let square = x * x + y * y;
         if square > 16.0 {
             let smooth = step as f32 - libm::log2f(0.5 * libm::log2f(square));

@@ -1,7 +1,7 @@
 //! What all images of a class have in common.
 
-use super::motif::{Motif, warped};
-use super::noise::reseed;
+use super::motif::Motif;
+use super::noise::{reseed, warped};
 use crate::numeric;
 use crate::stream::Stream;
 

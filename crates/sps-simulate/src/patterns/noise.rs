@@ -72,7 +72,7 @@ pub(super) fn octaves(
 }
 
 /// Soft octaves, for places to move by.
-pub(super) fn drift(place: [f32; 2], seed: u32) -> [f32; 2] {
+fn drift(place: [f32; 2], seed: u32) -> [f32; 2] {
     let along = |purpose| octaves(place, reseed(seed, purpose), 3, 0.5, |v| v);
     [along(11), along(12)]
 }
@@ -150,4 +150,16 @@ impl Metric {
 /// 1 inside an edge and 0 outside, over a width.
 pub(super) fn within(edge: f32, width: f32, x: f32) -> f32 {
     1.0 - smoothstep(edge - width, edge + width, x)
+}
+
+/// Moves a place by soft noise, by up to about `strength` of a feature.
+pub(super) fn warped(place: [f32; 2], seed: u32, strength: f32, length: f32) -> [f32; 2] {
+    if strength == 0.0 {
+        return place;
+    }
+    let [dx, dy] = drift([place[0] / length, place[1] / length], seed);
+    [
+        place[0] + strength * length * dx,
+        place[1] + strength * length * dy,
+    ]
 }

@@ -113,19 +113,55 @@ fn plain_operators() {
     holds_to_the_golden_values(encoder.with_plain_operators(), 2e-2);
 }
 
-/// Every kind of network, by the kernels and by candle's operators, of images whose extents nothing divides (as
-/// candle wants them, square): all gradients together. Wrong by one channel, a gradient is wrong by
-/// much; right, it is off by as much as rectifiers let through that round to the other side of zero.
+/// The networks of `make_golden_encoders.py`: embedding, and the norm of every parameter's gradient. Behind
+/// a norm that the next norm undoes, a gradient is 0 but for rounding, so errors count from a thousandth
+/// of the largest norm up. ResNet-50's are off by rounding: in f64 they are PyTorch's (`gradients_are_those_of_pytorch`).
+#[test]
+fn kernels_train_other_networks_as_torchvision_and_timm_do() {
+    let golden = golden("encoders.safetensors");
+    let tables = root().join("fixtures/golden/encoders_grad_norms.json");
+    let tables: BTreeMap<String, serde_json::Value> =
+        serde_json::from_str(&std::fs::read_to_string(tables).unwrap()).unwrap();
+    for (kind, name, bound) in [
+        (EncoderKind::ResNet18, "resnet18", 1e-3),
+        (EncoderKind::ResNet50, "resnet50", 1e-2),
+        (EncoderKind::SqueezeNet1_1, "squeezenet1_1", 1e-3),
+        (EncoderKind::EfficientNetLite0, "efficientnet_lite0", 1e-3),
+    ] {
+        let norms: BTreeMap<String, f64> = serde_json::from_value(tables[name].clone()).unwrap();
+        let mut encoder = TrainableEncoder::new(&encoder(kind)).unwrap();
+        let images = input(&format!("golden/{name}.train"), &[4, 3, 64, 64]);
+        let embedding = encoder.forward_normalised(&images).unwrap();
+        let of_embedding = relative_error(&embedding, &golden[&format!("{name}.train.embedding")]);
+        let cotangent = input(&format!("golden/{name}.cotangent"), embedding.dims());
+        let loss = (&embedding * cotangent).unwrap().mean_all().unwrap();
+        let gradients = encoder.backward(&loss).unwrap();
+        assert_eq!(encoder.variables().count(), norms.len(), "{kind}");
+        let largest = norms.values().copied().fold(0.0, f64::max);
+        let errors = encoder.variables().map(|(name, variable)| {
+            let found = norm(gradients.get(variable).unwrap());
+            (found - norms[name]).abs() / norms[name].max(1e-3 * largest)
+        });
+        let of_gradients = errors.fold(0.0, f64::max);
+        println!("{kind}: embedding {of_embedding:.1e}, gradients' norms {of_gradients:.1e}");
+        assert!(of_embedding < 1e-4, "{kind}: embedding {of_embedding:.1e}");
+        assert!(of_gradients < bound, "{kind}: gradients {of_gradients:.1e}");
+    }
+}
+
+/// Every kind of network, by the kernels and by candle's operators, of images whose extents nothing divides
+/// (as candle wants them, square): all gradients together. Both round, and the two networks of fifty
+/// layers pass on what rectifiers round to either side of zero.
 #[test]
 fn kernels_train_every_network_as_candle_does() {
-    for kind in [
-        EncoderKind::SeResNext50,
-        EncoderKind::SeResNextSmall,
-        EncoderKind::SqueezeNet1_0,
-        EncoderKind::SqueezeNet1_1,
-        EncoderKind::ResNet18,
-        EncoderKind::ResNet50,
-        EncoderKind::EfficientNetLite0,
+    for (kind, bound) in [
+        (EncoderKind::SeResNext50, 5e-2),
+        (EncoderKind::SeResNextSmall, 1e-3),
+        (EncoderKind::SqueezeNet1_0, 1e-3),
+        (EncoderKind::SqueezeNet1_1, 1e-3),
+        (EncoderKind::ResNet18, 1e-3),
+        (EncoderKind::ResNet50, 5e-2),
+        (EncoderKind::EfficientNetLite0, 1e-3),
     ] {
         let start = encoder(kind);
         let images = input("training/images", &[4, 3, 61, 61]);
@@ -149,6 +185,6 @@ fn kernels_train_every_network_as_candle_does() {
         let gradients = error(&found.1, &expected.1);
         println!("{kind}: embedding {embedding:.1e}, gradients {gradients:.1e}");
         assert!(embedding < 3e-4, "{kind}: embedding {embedding:.1e}");
-        assert!(gradients < 5e-2, "{kind}: gradients {gradients:.1e}");
+        assert!(gradients < bound, "{kind}: gradients {gradients:.1e}");
     }
 }

@@ -1,5 +1,6 @@
 //! Laws of patterns.
 
+use super::noise::{Metric, from_point, gradient, hash, nearest, unit};
 use super::*;
 
 fn spread(frame: &Frame) -> f64 {
@@ -32,7 +33,45 @@ fn seed_class_and_number_each_change_the_image() {
     }
 }
 
-/// The same on every machine: bits of a few images, as they were when this was written.
+/// Gradient noise is 0 at the points of its lattice, and slopes there as one of its eight gradients.
+#[test]
+fn gradient_noise_is_what_its_lattice_says() {
+    for (x, y) in [(0.0, 0.0), (-3.0, 7.0), (120.0, -41.0)] {
+        assert_eq!(gradient([x, y], 9), 0.0);
+        let step = 1.0 / 1024.0;
+        let slope = [
+            gradient([x + step, y], 9) / step,
+            gradient([x, y + step], 9) / step,
+        ];
+        // 1.5 is the factor that brings the noise to about -1 to 1.
+        let length = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt() / 1.5;
+        assert!((length - 1.0).abs() < 0.02, "{length}");
+    }
+}
+
+/// The nearest point by looking at all around: with a jitter of a half, no point farther than the
+/// neighbouring cells' can be the nearest or the next.
+#[test]
+fn the_nearest_point_is_the_nearest_of_all() {
+    for metric in [Metric::Euclid, Metric::Blocks, Metric::Chess] {
+        for i in 0..200 {
+            let place = [0, 1].map(|axis| 40.0 * unit(hash(i, axis, 3)) - 20.0);
+            let [column, row] = place.map(|v| v.floor() as i32);
+            let mut all = Vec::new();
+            for y in row - 4..=row + 4 {
+                for x in column - 4..=column + 4 {
+                    all.push(metric.length(from_point(place, [x, y], hash(x, y, 5), 0.5)));
+                }
+            }
+            all.sort_by(f32::total_cmp);
+            let found = nearest(place, 5, 0.5, metric);
+            assert_eq!(found.first, all[0], "{metric:?} at {place:?}");
+            assert_eq!(found.second, all[1], "{metric:?} at {place:?}");
+        }
+    }
+}
+
+/// The same bits on every machine: those of a few images are kept here, whatever they show.
 #[test]
 fn images_keep_their_bits() {
     let hash = |class| {

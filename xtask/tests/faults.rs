@@ -131,12 +131,8 @@ struct Ended {
 
 impl Faults {
     fn new() -> Self {
-        let scratch = Scratch::new();
-        let path = scratch.path("tiny.toml");
-        let text = fs::read_to_string(&path).expect("a config");
-        fs::write(path, text + METHODS).expect("a config");
         let mut faults = Self {
-            scratch,
+            scratch: Scratch::with(METHODS),
             expected: Value::Null,
             takes: Duration::ZERO,
             random: ChaCha8Rng::seed_from_u64(0),

@@ -4,8 +4,7 @@ mod support;
 
 use std::fs;
 
-use serde_json::Value;
-use support::Scratch;
+use support::{Scratch, method};
 
 const METHODS: &str = r#"
 [[methods]]
@@ -72,22 +71,9 @@ views = 2
 selector = { kind = "equidistant" }
 "#;
 
-fn scratch(methods: &str) -> Scratch {
-    let scratch = Scratch::new();
-    let path = scratch.path("tiny.toml");
-    let text = fs::read_to_string(&path).unwrap();
-    fs::write(path, text + methods).unwrap();
-    scratch
-}
-
-fn method<'a>(results: &'a Value, id: &str) -> &'a Value {
-    let mut methods = results["methods"].as_array().unwrap().iter();
-    methods.find(|method| method["id"] == id).unwrap()
-}
-
 #[test]
 fn a_method_decodes_the_views_that_it_looks_at_and_no_other() {
-    let scratch = scratch(METHODS);
+    let scratch = Scratch::with(METHODS);
     scratch.experiment().assert().success();
     let results = scratch.results();
     let views = results["dataset"]["views"].as_f64().unwrap();
@@ -116,7 +102,7 @@ fn a_method_decodes_the_views_that_it_looks_at_and_no_other() {
 
 #[test]
 fn no_selector_is_better_than_the_exhaustive_one() {
-    let scratch = scratch(METHODS);
+    let scratch = Scratch::with(METHODS);
     scratch.experiment().assert().success();
     let results = scratch.results();
     for property in ["fRS", "cDF"] {
@@ -140,9 +126,9 @@ fn no_selector_is_better_than_the_exhaustive_one() {
 
 #[test]
 fn methods_at_nadir_say_the_same_beside_others() {
-    let alone = scratch("");
+    let alone = Scratch::with("");
     alone.experiment().assert().success();
-    let beside = scratch(METHODS);
+    let beside = Scratch::with(METHODS);
     beside.experiment().assert().success();
     let (alone, beside) = (alone.results(), beside.results());
     for id in ["ridge", "cross-modal"] {
@@ -154,7 +140,7 @@ fn methods_at_nadir_say_the_same_beside_others() {
 
 #[test]
 fn the_number_of_threads_changes_no_pick() {
-    let scratch = scratch(METHODS);
+    let scratch = Scratch::with(METHODS);
     let run = |threads: &str| {
         let mut command = scratch.experiment();
         command.arg("--fresh").env("RAYON_NUM_THREADS", threads);
@@ -166,7 +152,7 @@ fn the_number_of_threads_changes_no_pick() {
 
 #[test]
 fn selections_that_were_made_are_not_made_again() {
-    let scratch = scratch(METHODS);
+    let scratch = Scratch::with(METHODS);
     scratch.experiment().assert().success();
     let (path, results) = (scratch.path("run/selections.jsonl"), scratch.results());
     let whole = fs::read(&path).unwrap();
@@ -192,7 +178,7 @@ fn selections_that_were_made_are_not_made_again() {
 #[test]
 fn fixed_views_alone_are_embedded_alone() {
     let ridge = METHODS.rfind("[[methods]]").unwrap();
-    let scratch = scratch(&METHODS[ridge..]);
+    let scratch = Scratch::with(&METHODS[ridge..]);
     let run = scratch.experiment().assert().success();
     let log = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
     let surfaces = scratch.results()["dataset"]["surfaces"].as_u64().unwrap();

@@ -43,14 +43,6 @@ kind = "kernel-ridge"
 encoder = { trainable = true, training = { epochs = 2, batch-size = 4 } }
 "#;
 
-fn scratch(methods: &str) -> Scratch {
-    let scratch = Scratch::new();
-    let path = scratch.path("tiny.toml");
-    let text = fs::read_to_string(&path).unwrap();
-    fs::write(path, text + methods).unwrap();
-    scratch
-}
-
 /// A shard of the run in the folder of this name.
 fn shard(scratch: &Scratch, run: &str, shard: &str) -> assert_cmd::Command {
     let mut command = scratch.experiment_into(run);
@@ -103,7 +95,7 @@ fn keys(journal: &Path) -> Vec<String> {
 
 #[test]
 fn shards_come_to_what_one_run_does() {
-    let scratch = scratch(METHODS);
+    let scratch = Scratch::with(METHODS);
     scratch.experiment().assert().success();
     let expected = results(&scratch.path("run"));
     let all = keys(&scratch.path("run/trials.jsonl"));
@@ -150,7 +142,7 @@ fn more_shards_than_items_leave_some_without_work() {
 
 #[test]
 fn shards_at_once_share_one_cache() {
-    let scratch = scratch(METHODS);
+    let scratch = Scratch::with(METHODS);
     scratch.experiment().assert().success();
     let expected = results(&scratch.path("run"));
     fs::remove_dir_all(scratch.path("run")).unwrap();
@@ -217,7 +209,7 @@ fn two_of_one_number_wait_for_one_another() {
 
 #[test]
 fn shards_in_folders_of_their_own_with_caches_of_their_own_are_merged() {
-    let scratch = scratch(METHODS);
+    let scratch = Scratch::with(METHODS);
     scratch.experiment().assert().success();
     let expected = results(&scratch.path("run"));
     for (number, run) in [(1, "here"), (2, "there")] {
@@ -326,7 +318,7 @@ fn line(said: &str, first: &str) -> Vec<String> {
 
 #[test]
 fn a_dry_run_counts_and_writes_nothing() {
-    let scratch = scratch(METHODS);
+    let scratch = Scratch::with(METHODS);
     let before = said(&mut scratch.experiment());
     assert!(!scratch.path("run").exists() && !scratch.path("cache").exists());
     assert_eq!(line(&before, "ridge")[..3], ["0", "4", "not"], "{before}");

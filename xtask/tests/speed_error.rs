@@ -7,7 +7,7 @@ use std::fs;
 use std::sync::LazyLock;
 
 use serde_json::Value;
-use support::{Scratch, expect, message};
+use support::{Scratch, expect, message, method};
 
 /// Three encoders, and two ways to look at no more views than needed: one that is never sure
 /// enough, and one that always is.
@@ -54,18 +54,9 @@ views = 5
 "#;
 
 fn scratch(settings: &str) -> Scratch {
-    let scratch = Scratch::new();
+    let scratch = Scratch::with(settings);
     scratch.edit("tiny.toml", "from = \"folder\"", SURFACES);
-    let path = scratch.path("tiny.toml");
-    let text = fs::read_to_string(&path).unwrap();
-    fs::write(path, text + settings).unwrap();
     scratch
-}
-
-fn method<'a>(results: &'a Value, id: &str) -> &'a Value {
-    let mut methods = results["methods"].as_array().unwrap().iter();
-    let found = methods.find(|method| method["id"] == id);
-    found.unwrap_or_else(|| panic!("no method {id}"))
 }
 
 /// What one run of all settings left, for the tests that only read.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use serde_json::Value;
-use support::{Scratch, results_without_timings, xtask};
+use support::{Scratch, results_without_timings, root, xtask};
 
 const PRETRAIN: &str = "
 views-per-surface = 2
@@ -21,10 +21,10 @@ batch-size = 8
 validation = 0.2
 ";
 
-/// `pretrain` in a folder of its own.
-fn pretrain(folder: &Path) -> Command {
+/// `pretrain` in a folder of its own, with tables added to the config.
+fn pretrain(folder: &Path, tables: &str) -> Command {
     fs::create_dir_all(folder).unwrap();
-    fs::write(folder.join("small.toml"), PRETRAIN).unwrap();
+    fs::write(folder.join("small.toml"), format!("{PRETRAIN}{tables}")).unwrap();
     let mut command = Command::new(xtask().get_program());
     command
         .args(["pretrain", "small.toml", "--out", "weights.safetensors"])
@@ -44,17 +44,17 @@ fn record(folder: &Path) -> Option<PathBuf> {
 fn pretraining_that_was_killed_ends_with_the_same_weights() {
     let scratch = tempfile::tempdir().unwrap();
     let (through, killed) = (scratch.path().join("a"), scratch.path().join("b"));
-    assert!(pretrain(&through).status().unwrap().success());
+    assert!(pretrain(&through, "").status().unwrap().success());
     let expected = fs::read(through.join("weights.safetensors")).unwrap();
 
-    let mut child = pretrain(&killed).spawn().unwrap();
+    let mut child = pretrain(&killed, "").spawn().unwrap();
     let begun = || record(&killed).is_some_and(|folder| folder.join("state.safetensors").exists());
     while !begun() && child.try_wait().unwrap().is_none() {
         std::thread::yield_now();
     }
     child.kill().unwrap();
     child.wait().unwrap();
-    assert!(pretrain(&killed).status().unwrap().success());
+    assert!(pretrain(&killed, "").status().unwrap().success());
     assert!(fs::read(killed.join("weights.safetensors")).unwrap() == expected);
 
     let (_, header) = safetensors::SafeTensors::read_metadata(&expected).unwrap();
@@ -70,6 +70,68 @@ fn pretraining_that_was_killed_ends_with_the_same_weights() {
             .into_iter()
             .any(|name| name.starts_with("events.out.tfevents."))
     );
+}
+
+/// The built-in encoder as a teacher, of patterns too.
+fn taught(weight: f64, size: usize, images: usize) -> String {
+    let weights = root().join("fixtures/encoders/se-resnext-small.safetensors");
+    format!(
+        "[patterns]\nclasses = 5\nimages = {images}\n[teacher]\nencoder = \"se-resnext-small\"\n\
+         weights = {:?}\nsize = {size}\nweight = {weight:?}\n",
+        weights.display().to_string()
+    )
+}
+
+#[test]
+fn an_encoder_learns_patterns_and_what_a_teacher_sees() {
+    let scratch = tempfile::tempdir().unwrap();
+    let weights = |folder: &str, tables: &str, threads: &str| {
+        let folder = scratch.path().join(folder);
+        let mut command = pretrain(&folder, tables);
+        command.env("RAYON_NUM_THREADS", threads);
+        assert!(command.status().unwrap().success());
+        let runs = fs::read_dir(folder.join("runs/small")).unwrap();
+        let kept = runs.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let kept = kept.filter(|name| name.starts_with("teacher-")).count();
+        (fs::read(folder.join("weights.safetensors")).unwrap(), kept)
+    };
+    let (first, kept) = weights("a", &taught(1.0, 48, 6), "1");
+    assert_eq!(kept, 1);
+    assert!(first == weights("b", &taught(1.0, 48, 6), "3").0);
+    // Its embeddings are found again by a training that weighs them otherwise.
+    let (other, kept) = weights("a", &taught(3.0, 48, 6), "3");
+    assert_eq!(kept, 1);
+    assert!(first != other);
+    let (alone, kept) = weights("a", "[patterns]\nclasses = 5\nimages = 6\n", "3");
+    assert_eq!(kept, 1);
+    assert!(first != alone);
+}
+
+#[test]
+fn a_teacher_and_patterns_that_cannot_be_meant_are_refused_by_key() {
+    let scratch = tempfile::tempdir().unwrap();
+    for (tables, key) in [
+        (taught(0.0, 48, 6), "teacher.weight"),
+        (taught(1.0, 0, 6), "teacher.size"),
+        (taught(1.0, 48, 0), "patterns.images"),
+        (
+            taught(1.0, 48, 6).replace("se-resnext-small\"", "vgg\""),
+            "teacher.encoder",
+        ),
+        (
+            taught(1.0, 48, 6).replace("small.safe", "gone.safe"),
+            "se-resnext-gone",
+        ),
+    ] {
+        let mut command = pretrain(scratch.path(), &tables);
+        let output = command.stderr(Stdio::piped()).output().unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{message}");
+        assert!(
+            message.contains(key) && !message.contains("panicked"),
+            "{key}: {message}"
+        );
+    }
 }
 
 /// An experiment in which the encoder of each of two reruns is trained.

@@ -94,14 +94,22 @@ impl Pretraining {
         let teacher = config.teacher.map(|teacher| {
             let positive = teacher.weight.is_finite() && teacher.weight > 0.0;
             layers.require(positive, "teacher.weight", "must be above 0")?;
-            layers.require(teacher.size > 0, "teacher.size", "must be at least 1")?;
+            let kind = self::kind(&layers, "teacher.encoder", &teacher.encoder)?;
+            let least = kind.min_size();
+            let problem = format!("must be at least {least}, the least that the teacher takes");
+            layers.require(teacher.size >= least, "teacher.size", &problem)?;
             Ok::<_, ConfigError>(TeacherSpec {
-                kind: self::kind(&layers, "teacher.encoder", &teacher.encoder)?,
+                kind,
                 weights: teacher.weights,
                 size: teacher.size,
                 weight: teacher.weight,
             })
         });
+        layers.require(
+            config.patterns.images > 0,
+            "patterns.images",
+            "must be at least 1; without patterns, `patterns.classes` is 0",
+        )?;
         let views = config.simulated.views;
         if config.views_per_surface == 0 || config.views_per_surface > views {
             let problem = format!("must be from 1 to `simulated.views`, {views}");

@@ -72,6 +72,15 @@ impl Scratch {
         Self { folder }
     }
 
+    /// The same with methods added to its config.
+    pub(crate) fn with(methods: &str) -> Self {
+        let scratch = Self::new();
+        let path = scratch.path("tiny.toml");
+        let text = fs::read_to_string(&path).expect("a config");
+        fs::write(path, text + methods).expect("a config");
+        scratch
+    }
+
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -134,6 +143,13 @@ pub(crate) fn results_without_timings(run: &Path) -> Value {
         }
     }
     results
+}
+
+/// The method of this id in results.
+pub(crate) fn method<'a>(results: &'a Value, id: &str) -> &'a Value {
+    let mut methods = results["methods"].as_array().expect("methods").iter();
+    let found = methods.find(|method| method["id"] == id);
+    found.unwrap_or_else(|| panic!("no method {id}"))
 }
 
 /// Copies a folder.

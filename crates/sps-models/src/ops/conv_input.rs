@@ -112,6 +112,10 @@ impl ConvTranspose {
             places,
             origin,
         } = *rows;
+        let epilogue = Epilogue {
+            accumulate,
+            ..Epilogue::default()
+        };
         match &phase.packed {
             Packed::None => {
                 for &place in places.iter().filter(|_| !accumulate) {
@@ -123,10 +127,7 @@ impl ConvTranspose {
                 starts,
                 taps,
                 weights,
-                epilogue: Epilogue {
-                    accumulate,
-                    ..Epilogue::default()
-                },
+                epilogue,
             }
             .write(target, places, origin),
             Packed::Channels(weights) => DepthwiseProduct {
@@ -134,10 +135,7 @@ impl ConvTranspose {
                 starts,
                 taps,
                 weights,
-                epilogue: Epilogue {
-                    accumulate,
-                    ..Epilogue::default()
-                },
+                epilogue,
             }
             .write(target, places, origin),
             Packed::Matrices(groups) => {
@@ -149,10 +147,7 @@ impl ConvTranspose {
                         taps,
                         run: self.shape.group_outputs(),
                         panels,
-                        epilogue: Epilogue {
-                            accumulate,
-                            ..Epilogue::default()
-                        },
+                        epilogue,
                     };
                     let column = group * self.shape.group_inputs();
                     product.write(&mut target[column..], places, origin);

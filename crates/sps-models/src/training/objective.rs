@@ -103,7 +103,8 @@ impl Objective {
         let values = self.values.iter().map(|(_, _, layer)| layer);
         let classes = self.classes.iter().map(|(_, layer)| layer);
         let features = self.features.iter().map(|taught| &taught.layer);
-        { values.chain(classes).chain(features) }.flat_map(Layer::parameters)
+        let layers = values.chain(classes).chain(features);
+        layers.flat_map(Layer::parameters)
     }
 
     /// The loss of `embeddings`, `(images, width)`, of the given images: as a tensor to

@@ -19,7 +19,7 @@ mod error;
 mod pytorch;
 mod safetensors;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use candle_core::{DType, Device, Tensor};
@@ -213,10 +213,14 @@ impl Weights {
             .map(|(name, tensor)| (name.as_str(), tensor))
     }
 
-    /// With other names for those tensors that `name` has one for.
+    /// With other names for those tensors that `name` has one for, unless another has it already.
     pub(crate) fn renamed(self, name: impl Fn(&str) -> Option<String>) -> Self {
+        let taken: BTreeSet<String> = self.tensors.keys().cloned().collect();
         let tensors = self.tensors.into_iter();
-        let renamed = |(old, tensor): (String, Tensor)| (name(&old).unwrap_or(old), tensor);
+        let renamed = |(old, tensor): (String, Tensor)| {
+            let new = name(&old).filter(|new| !taken.contains(new));
+            (new.unwrap_or(old), tensor)
+        };
         Self {
             tensors: tensors.map(renamed).collect(),
             ..self

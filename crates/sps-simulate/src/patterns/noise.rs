@@ -91,6 +91,7 @@ pub(super) struct Nearest {
 }
 
 /// Cells (Worley, SIGGRAPH 1996) of one point per unit square, each moved by up to half of `jitter`.
+/// Points beyond the neighbouring squares are not looked at.
 pub(super) fn nearest(place: [f32; 2], seed: u32, jitter: f32, metric: Metric) -> Nearest {
     let mut found = Nearest {
         first: f32::INFINITY,

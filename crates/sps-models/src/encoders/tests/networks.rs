@@ -103,6 +103,21 @@ fn efficientnet_lite0_by_the_names_of_another_package() {
     )
     .unwrap();
     assert_eq!(own.content_hash(), other.content_hash());
+
+    // A tensor that is there by both names: neither is dropped without a word.
+    let spec = &kind.specs()[0];
+    let name = names[&spec.name].as_str().unwrap();
+    let own = weights(&str::to_owned);
+    let both = own.iter().map(|(name, t)| (name.to_owned(), t.clone()));
+    let both = both.chain([(name.to_owned(), golden::weight(spec))]);
+    let both = Weights::from_tensors("file", both).unwrap();
+    let error = Encoder::new(kind, both, &Device::Cpu)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains(name) && error.contains("has no place"),
+        "{error}"
+    );
 }
 
 /// In-place addition takes the shortcut's memory.

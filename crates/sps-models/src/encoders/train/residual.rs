@@ -65,9 +65,7 @@ impl KeptResidual {
             activation: conv.activation,
         }
     }
-}
 
-impl KeptResidual {
     /// Runs backward; returns the gradient of what the branch was added to, which lies as the branch
     /// does.
     pub(super) fn backward(

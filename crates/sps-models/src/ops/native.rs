@@ -43,7 +43,7 @@ pub(super) mod bf16 {
     use pulp::x86::V4;
     use pulp::{Simd, f32x16};
 
-    use crate::ops::simd::Lanes;
+    use crate::ops::simd::{Lanes, NullaryFnOnce};
     use crate::ops::words::{Arithmetic, Bf16Pair, WordKernel};
 
     /// A processor with AVX-512 and AVX512-BF16.
@@ -61,15 +61,34 @@ pub(super) mod bf16 {
         #[inline]
         pub(crate) fn run<K: WordKernel<Bf16Pair>>(self, kernel: K) -> K::Output {
             // SAFETY: `self` says that the processor has AVX512-BF16, and `V4` the rest.
-            unsafe { with_instructions(self, kernel) }
+            unsafe {
+                with_instructions(Call {
+                    kernel,
+                    native: self,
+                })
+            }
+        }
+    }
+
+    struct Call<K> {
+        kernel: K,
+        native: Native,
+    }
+
+    impl<K: WordKernel<Bf16Pair>> NullaryFnOnce for Call<K> {
+        type Output = K::Output;
+
+        #[inline(always)]
+        fn call(self) -> K::Output {
+            self.kernel.run(self.native.0, self.native)
         }
     }
 
     #[target_feature(
         enable = "avx512bf16,avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt"
     )]
-    fn with_instructions<K: WordKernel<Bf16Pair>>(native: Native, kernel: K) -> K::Output {
-        kernel.run(native.0, native)
+    fn with_instructions<F: NullaryFnOnce>(work: F) -> F::Output {
+        work.call()
     }
 
     /// The same 16 numbers.
@@ -88,6 +107,12 @@ pub(super) mod bf16 {
 
     impl Arithmetic<V4> for Native {
         type Word = Bf16Pair;
+
+        #[inline(always)]
+        fn apart<F: NullaryFnOnce>(self, _: V4, work: F) -> F::Output {
+            // SAFETY: `self` says that the processor has AVX512-BF16, and `V4` the rest.
+            unsafe { with_instructions(work) }
+        }
 
         #[inline(always)]
         fn multiply_add(self, _: V4, x: f32x16, y: f32x16, sum: f32x16) -> f32x16 {

@@ -1,6 +1,6 @@
 //! Sums of outer products: the gradient of a matrix.
 
-use super::simd::{Kernel, Lanes, Level};
+use super::simd::{Kernel, Lanes, Level, NullaryFnOnce};
 use super::unroll::{tallest, tiles};
 
 /// `sum_m left[m]^T right[m]` for rows gathered from two feature maps.
@@ -47,13 +47,13 @@ impl Kernel for Add<'_, '_> {
             for (row, rows) in tiles(0, height, tallest::<S>()) {
                 let tile = (row, column, columns);
                 if columns == 2 * S::F32_LANES {
-                    with_height!(rows, S, H => self.tile::<S, H, 2, true>(lanes, tile));
+                    with_height!(rows, S, H => self.apart::<S, H, 2, true>(lanes, tile));
                 } else if columns > S::F32_LANES {
-                    with_height!(rows, S, H => self.tile::<S, H, 2, false>(lanes, tile));
+                    with_height!(rows, S, H => self.apart::<S, H, 2, false>(lanes, tile));
                 } else if columns == S::F32_LANES {
-                    with_height!(rows, S, H => self.tile::<S, H, 1, true>(lanes, tile));
+                    with_height!(rows, S, H => self.apart::<S, H, 1, true>(lanes, tile));
                 } else {
-                    with_height!(rows, S, H => self.tile::<S, H, 1, false>(lanes, tile));
+                    with_height!(rows, S, H => self.apart::<S, H, 1, false>(lanes, tile));
                 }
             }
             column += columns;
@@ -61,13 +61,47 @@ impl Kernel for Add<'_, '_> {
     }
 }
 
+/// Rows from the first number, as many columns as the third says from the second.
+type Corner = (usize, usize, usize);
+
+/// A tile of `H` rows and `NV` vectors to be added.
+struct SizedTile<'a, 'b, 'c, S, const H: usize, const NV: usize, const WHOLE: bool> {
+    add: &'a mut Add<'b, 'c>,
+    lanes: S,
+    tile: Corner,
+}
+
+impl<S: Lanes, const H: usize, const NV: usize, const WHOLE: bool> NullaryFnOnce
+    for SizedTile<'_, '_, '_, S, H, NV, WHOLE>
+{
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        self.add.tile::<S, H, NV, WHOLE>(self.lanes, self.tile);
+    }
+}
+
 impl Add<'_, '_> {
+    #[inline(always)]
+    fn apart<S: Lanes, const H: usize, const NV: usize, const WHOLE: bool>(
+        &mut self,
+        lanes: S,
+        tile: Corner,
+    ) {
+        lanes.apart(SizedTile::<S, H, NV, WHOLE> {
+            add: self,
+            lanes,
+            tile,
+        });
+    }
+
     /// Rows from `row`, `columns` columns from `column`; `WHOLE` if they fill the vectors.
     #[inline(always)]
     fn tile<S: Lanes, const H: usize, const NV: usize, const WHOLE: bool>(
         &mut self,
         lanes: S,
-        (row, column, columns): (usize, usize, usize),
+        (row, column, columns): Corner,
     ) {
         let Outer {
             left,

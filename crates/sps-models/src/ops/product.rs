@@ -7,7 +7,7 @@
 
 use super::native::prefetch;
 use super::panels::{PANEL_VECTORS, Panel, Panels};
-use super::simd::{Lanes, load};
+use super::simd::{Lanes, NullaryFnOnce, load};
 use super::unroll::{tallest, tiles};
 use super::words::{Arithmetic, Word, WordKernel, lanes_of};
 
@@ -240,7 +240,12 @@ impl<W: Word> Tile<'_, '_, W> {
         A: Arithmetic<S, Word = W>,
     {
         with_height!(self.places.len(), S, H => {
-            self.write_sized::<S, A, H, NV>(lanes, arithmetic, target);
+            arithmetic.apart(lanes, SizedTile::<S, A, H, NV> {
+                tile: &self,
+                lanes,
+                arithmetic,
+                target,
+            });
         });
     }
 
@@ -361,6 +366,26 @@ impl<W: Word> Tile<'_, '_, W> {
             });
         }
         sums
+    }
+}
+
+/// A tile of `H` rows and `NV` vectors to be written.
+struct SizedTile<'a, 'b, 'c, S: Lanes, A: Arithmetic<S>, const H: usize, const NV: usize> {
+    tile: &'a Tile<'b, 'c, A::Word>,
+    lanes: S,
+    arithmetic: A,
+    target: &'a mut [A::Word],
+}
+
+impl<S: Lanes, A: Arithmetic<S>, const H: usize, const NV: usize> NullaryFnOnce
+    for SizedTile<'_, '_, '_, S, A, H, NV>
+{
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        self.tile
+            .write_sized::<S, A, H, NV>(self.lanes, self.arithmetic, self.target);
     }
 }
 

@@ -3,11 +3,12 @@
 //! A kernel is written once, against [`Lanes`]; [`Level::run`] compiles it for each instruction
 //! set and calls the one the machine has. The unsafe side of that lies in pulp.
 
+pub(super) use pulp::NullaryFnOnce;
 #[cfg(target_arch = "aarch64")]
 use pulp::aarch64::Neon;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::{V3, V4};
-use pulp::{NullaryFnOnce, Scalar128b, Simd};
+use pulp::{Scalar128b, Simd};
 
 /// A set of vector instructions that this machine has.
 #[derive(Debug, Clone, Copy)]
@@ -126,6 +127,10 @@ pub(crate) trait Lanes: Simd {
     /// `a * b + c`, in one rounding where the machine can.
     fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s;
 
+    /// Runs work in a function of its own, compiled with the same instructions. Where much is inlined into
+    /// one function, compiling it takes a time that grows with the square of its size.
+    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output;
+
     /// The larger of `x` and `floor`, which is no NaN; where `x` is NaN, NaN.
     fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s;
 
@@ -167,6 +172,11 @@ pub(crate) fn load<S: Lanes>(lanes: S, from: &[f32]) -> S::f32s {
 
 #[cfg(target_arch = "x86_64")]
 impl Lanes for V4 {
+    #[inline(always)]
+    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
+        self.vectorize(work)
+    }
+
     #[inline(always)]
     fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
         self.mul_add_e_f32s(a, b, c)
@@ -213,6 +223,11 @@ impl Lanes for V4 {
 #[cfg(target_arch = "x86_64")]
 impl Lanes for V3 {
     #[inline(always)]
+    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
+        self.vectorize(work)
+    }
+
+    #[inline(always)]
     fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
         self.mul_add_e_f32s(a, b, c)
     }
@@ -251,6 +266,11 @@ impl Lanes for V3 {
 #[cfg(target_arch = "aarch64")]
 impl Lanes for Neon {
     #[inline(always)]
+    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
+        self.vectorize(work)
+    }
+
+    #[inline(always)]
     fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
         self.mul_add_e_f32s(a, b, c)
     }
@@ -280,6 +300,11 @@ impl Lanes for Neon {
 const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
 
 impl Lanes for Scalar128b {
+    #[inline(never)]
+    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
+        work.call()
+    }
+
     #[inline(always)]
     fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
         if FUSED {

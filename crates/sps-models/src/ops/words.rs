@@ -5,7 +5,7 @@
 use bytemuck::{Pod, Zeroable};
 use half::bf16;
 
-use super::simd::{Kernel, Lanes, Level};
+use super::simd::{Kernel, Lanes, Level, NullaryFnOnce};
 
 /// What feature maps and matrices are made of: 32 bits that hold one number or two.
 pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
@@ -132,6 +132,12 @@ pub(super) fn lanes_of<W: Word>(words: &[W]) -> &[f32] {
 pub(crate) trait Arithmetic<S: Lanes>: Copy {
     /// What memory is made of; vectors hold its bits.
     type Word: Word;
+
+    /// As [`Lanes::apart`], with the instructions of this arithmetic.
+    #[inline(always)]
+    fn apart<F: NullaryFnOnce>(self, lanes: S, work: F) -> F::Output {
+        lanes.apart(work)
+    }
 
     /// `sum` and, in each lane, the products of the numbers of `x` with those of `y`.
     fn multiply_add(self, lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s;

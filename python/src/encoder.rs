@@ -16,15 +16,20 @@ use crate::images::{Image, Images, embed_each, frames};
 const BUILT_IN: &str = "built-in";
 
 /// Trained by `cargo xtask pretrain configs/pretrain.toml`.
+const EFFICIENTNET_LITE_SMALL: &[u8] =
+    include_bytes!("../../fixtures/encoders/efficientnet-lite-small.safetensors");
+
+/// Trained on simulated surfaces alone.
 const SE_RESNEXT_SMALL: &[u8] =
     include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors");
 
 /// A network with its weights, ready to embed images.
 ///
-/// `name` is se-resnext50-32x4d, se-resnext-small, squeezenet1-0, squeezenet1-1, resnet18, resnet50 or
-/// efficientnet-lite0 to efficientnet-lite4; `weights` the path of a safetensors or PyTorch file, or
-/// "built-in" for those of se-resnext-small that come with the package; `precision` is f32 or bf16,
-/// which is faster on processors with AVX512-BF16.
+/// `name` is se-resnext50-32x4d, se-resnext-small, squeezenet1-0, squeezenet1-1, resnet18, resnet50,
+/// efficientnet-lite-small or efficientnet-lite0 to efficientnet-lite4; `weights` the path of a
+/// safetensors or PyTorch file, or "built-in" for those of efficientnet-lite-small and of
+/// se-resnext-small, which come with the package; `precision` is f32 or bf16, which is faster on
+/// processors with AVX512-BF16.
 ///
 /// Raises OSError where the file cannot be read, ValueError where it does not fit the network or a
 /// name is unknown.
@@ -132,11 +137,11 @@ fn size(frame: &Frame) -> [usize; 2] {
 fn network(name: &str, weights: &Path, precision: &str) -> PyResult<encoders::Encoder> {
     let kind: EncoderKind = name.parse().map_err(|error| model_error(&error))?;
     let precision: Precision = precision.parse().map_err(|error| model_error(&error))?;
+    let built_in = |bytes| Weights::from_bytes("the built-in weights", bytes);
     let weights = match (kind, weights == Path::new(BUILT_IN)) {
         (_, false) => Weights::read(weights),
-        (EncoderKind::SeResNextSmall, true) => {
-            Weights::from_bytes("the built-in weights", SE_RESNEXT_SMALL)
-        }
+        (EncoderKind::EfficientNetLiteSmall, true) => built_in(EFFICIENTNET_LITE_SMALL),
+        (EncoderKind::SeResNextSmall, true) => built_in(SE_RESNEXT_SMALL),
         (kind, true) => {
             return Err(value_error(format_args!(
                 "no weights for {kind} come with the package, expected the path of a file"

@@ -9,6 +9,10 @@ use sps_models::weights::Weights;
 use crate::config::{EncoderSpec, Network as NetworkSpec, WeightsSpec};
 
 /// Trained by `pretrain configs/pretrain.toml`.
+const EFFICIENTNET_LITE_SMALL: &[u8] =
+    include_bytes!("../../fixtures/encoders/efficientnet-lite-small.safetensors");
+
+/// Trained on simulated surfaces alone.
 const SE_RESNEXT_SMALL: &[u8] =
     include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors");
 
@@ -43,13 +47,12 @@ fn images(kind: EncoderKind, spec: &EncoderSpec, seed: u64) -> Result<Encoder> {
 }
 
 fn built_in(kind: EncoderKind) -> Result<Weights> {
-    match kind {
-        EncoderKind::SeResNextSmall => Ok(Weights::from_bytes(
-            "the built-in weights",
-            SE_RESNEXT_SMALL,
-        )?),
+    let bytes = match kind {
+        EncoderKind::EfficientNetLiteSmall => EFFICIENTNET_LITE_SMALL,
+        EncoderKind::SeResNextSmall => SE_RESNEXT_SMALL,
         kind => bail!("{}", no_weights(kind.name())),
-    }
+    };
+    Ok(Weights::from_bytes("the built-in weights", bytes)?)
 }
 
 fn no_weights(network: &str) -> String {

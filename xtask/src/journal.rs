@@ -128,6 +128,11 @@ impl<R: Record> Journal<R> {
         })
     }
 
+    /// The path of another file or folder where the journal lies.
+    pub(crate) fn beside(&self, name: &str) -> PathBuf {
+        self.path.with_file_name(name)
+    }
+
     /// What the journal at `path` holds, to look at alone; nothing where there is none.
     pub(crate) fn look(path: &Path) -> Result<Self> {
         let records = match File::open(path) {

@@ -13,6 +13,7 @@ mod files;
 #[cfg(test)]
 #[path = "../../fixtures/fuzz/mod.rs"]
 mod fuzz;
+mod importing;
 mod journal;
 mod map;
 mod memory;
@@ -47,6 +48,7 @@ enum Command {
     Experiment(cmd::experiment::Args),
     Compare(cmd::compare::Args),
     Simulate(cmd::simulate::Args),
+    Import(cmd::import::Args),
     Inspect(cmd::inspect::Args),
     Embed(cmd::embed::Args),
     Pretrain(cmd::pretrain::Args),
@@ -64,6 +66,7 @@ fn main() -> ExitCode {
         Command::Experiment(args) => cmd::experiment::run(&args),
         Command::Compare(args) => cmd::compare::run(&args),
         Command::Simulate(args) => cmd::simulate::run(&args),
+        Command::Import(args) => cmd::import::run(&args),
         Command::Inspect(args) => cmd::inspect::run(&args),
         Command::Embed(args) => cmd::embed::run(&args),
         Command::Pretrain(args) => cmd::pretrain::run(&args),

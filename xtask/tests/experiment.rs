@@ -38,6 +38,19 @@ fn an_experiment_ends_with_results_and_a_report() {
     let marked = |mark: &str| lines.iter().filter(|line| line.ends_with(mark)).count();
     assert_eq!(marked("fastest"), 1, "{said}");
     assert!(said.contains("best"), "{said}");
+
+    // The network's losses, of three epochs and the first rerun.
+    for property in ["fRS", "cDF"] {
+        let folder = scratch.path("run/tensorboard/cross-modal").join(property);
+        let events: Vec<_> = fs::read_dir(folder).unwrap().collect();
+        assert_eq!(events.len(), 1);
+        let file = fs::read(events[0].as_ref().unwrap().path()).unwrap();
+        let times = |tag: &[u8]| file.windows(tag.len()).filter(|part| part == &tag).count();
+        assert_eq!(times(b"training/estimation"), 3);
+        assert_eq!(times(b"training/embedding"), 3);
+        assert_eq!(times(b"training/generator"), 0);
+    }
+    assert!(!scratch.path("run/tensorboard/ridge").exists());
 }
 
 #[test]

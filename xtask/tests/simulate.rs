@@ -3,10 +3,13 @@
 mod support;
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{self, Stdio};
 
+use assert_cmd::Command;
+use serde_json::Value;
 use sps_dataset::{DecodeSettings, read_image};
 use support::{Mounted, Scratch, expect, message, results_without_timings, root, xtask};
 
@@ -154,6 +157,39 @@ fn inspect_prints_and_draws_the_statistics() {
     }
     let labels = fs::read_to_string(figures.join("materials.svg")).unwrap();
     assert!(labels.contains("other 100.0 %"));
+}
+
+#[test]
+fn inspect_reads_a_dataset_by_the_settings_of_a_config() {
+    let scratch = Scratch::new();
+    let config = scratch.path("tiny.toml");
+    let inspect = |from: &[&OsStr]| {
+        let mut command = xtask();
+        command.arg("inspect").args(from).arg("--json");
+        command.arg("--out").arg(scratch.path("figures"));
+        command
+    };
+    let by_config = |setting: &str| {
+        inspect(&[
+            "--config".as_ref(),
+            config.as_ref(),
+            "--set".as_ref(),
+            setting.as_ref(),
+        ])
+    };
+    let read = |mut command: Command| {
+        let output = command.assert().success();
+        let read: Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
+        read
+    };
+    let by_folder = read(inspect(&[scratch.path("data").as_ref()]));
+    assert_eq!(read(by_config("reruns=1")), by_folder);
+    let medians = read(by_config("data.folder.read.tactile.repeats=median"));
+    assert_eq!(medians["surfaces"], by_folder["surfaces"]);
+    assert_ne!(medians["properties"], by_folder["properties"]);
+
+    let refused = by_config("data.from=simulator").assert();
+    expect(&message(refused), &["tiny.toml", "data.from", "simulate"]);
 }
 
 #[test]

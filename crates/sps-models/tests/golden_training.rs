@@ -161,6 +161,7 @@ fn kernels_train_every_network_as_candle_does() {
         (EncoderKind::SqueezeNet1_1, 1e-3),
         (EncoderKind::ResNet18, 1e-3),
         (EncoderKind::ResNet50, 5e-2),
+        (EncoderKind::EfficientNetLiteSmall, 1e-3),
         (EncoderKind::EfficientNetLite0, 1e-3),
     ] {
         let start = encoder(kind);

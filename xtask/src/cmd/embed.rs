@@ -23,7 +23,7 @@ use crate::progress::Progress;
     With i3d, a row is a sequence of --frames images, which follow each other in the order given."
 )]
 pub(crate) struct Args {
-    /// se-resnext50-32x4d, se-resnext-small, squeezenet1-0, squeezenet1-1, resnet18, resnet50,
+    /// se-resnext50-32x4d, se-resnext-small, squeezenet1-0, squeezenet1-1, resnet18, resnet50, efficientnet-lite-small,
     /// efficientnet-lite0 to efficientnet-lite4, or i3d
     #[arg(long, value_name = "NAME")]
     encoder: String,

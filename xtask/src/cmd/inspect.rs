@@ -7,6 +7,7 @@ use sps_dataset::{
 };
 use tracing::info;
 
+use crate::config::{DataSpec, Experiment, Setting};
 use crate::files::write_atomically;
 use crate::progress::Progress;
 use crate::report::published::published;
@@ -18,12 +19,20 @@ use crate::report::table::number;
 #[command(
     after_help = "Its values stand beside those of the published dataset, and are drawn as \
     boxes.svg and materials.svg. Ends with status 1 where a frame is missing or broken.\n\n\
-    Example:\n  \
-    cargo xtask inspect fixtures/tiny-dataset"
+    Examples:\n  \
+    cargo xtask inspect fixtures/tiny-dataset\n  \
+    cargo xtask inspect --config configs/friction-photos.toml"
 )]
 pub(crate) struct Args {
     /// The folder of the dataset
-    dataset: PathBuf,
+    #[arg(required_unless_present = "config")]
+    dataset: Option<PathBuf>,
+    /// An experiment's TOML file: its dataset, read by its settings
+    #[arg(long, value_name = "FILE", conflicts_with = "dataset")]
+    config: Option<PathBuf>,
+    /// Override a key of the config; VALUE is TOML, or else a text
+    #[arg(long = "set", value_name = "KEY=VALUE", requires = "config")]
+    settings: Vec<Setting>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -33,8 +42,9 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let dataset = DatasetFolder::open(&args.dataset, &ReadSettings::default())?;
-    let mut inspection = dataset.inspect(&TactileSettings::default());
+    let (path, read) = args.read()?;
+    let dataset = DatasetFolder::open(&path, &read)?;
+    let mut inspection = dataset.inspect(&read.tactile);
     let progress = Progress::new("frames checked", inspection.surfaces * inspection.views);
     let frames = dataset.inspect_frames(|| progress.advance(1));
     drop(progress);
@@ -45,21 +55,33 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     } else {
         print(&inspection, &labels(&dataset));
     }
-    draw(&dataset, &args.figures())?;
+    draw(&dataset, &read.tactile, &args.figures(&path))?;
     if broken > 0 {
-        bail!(
-            "{broken} frames of {} cannot be read",
-            args.dataset.display()
-        );
+        bail!("{broken} frames of {} cannot be read", path.display());
     }
     Ok(())
 }
 
 impl Args {
-    fn figures(&self) -> PathBuf {
+    /// The dataset's folder, and how it is read.
+    fn read(&self) -> Result<(PathBuf, ReadSettings)> {
+        let Some(config) = &self.config else {
+            let dataset = self.dataset.clone().unwrap_or_default();
+            return Ok((dataset, ReadSettings::default()));
+        };
+        match Experiment::read(config, &self.settings)?.data {
+            DataSpec::Folder { path, read, .. } => Ok((path, *read)),
+            DataSpec::Simulated { .. } => bail!(
+                "{}: `data.from` is \"simulator\", so there is no folder to inspect; `simulate` writes one",
+                config.display()
+            ),
+        }
+    }
+
+    fn figures(&self, dataset: &Path) -> PathBuf {
         self.out.clone().unwrap_or_else(|| {
-            let folder = self.dataset.canonicalize();
-            let folder = folder.as_deref().unwrap_or(&self.dataset);
+            let folder = dataset.canonicalize();
+            let folder = folder.as_deref().unwrap_or(dataset);
             Path::new("runs/inspect").join(folder.file_name().unwrap_or_default())
         })
     }
@@ -75,11 +97,9 @@ fn labels(dataset: &DatasetFolder) -> Vec<(String, usize)> {
     counts
 }
 
-fn draw(dataset: &DatasetFolder, folder: &Path) -> Result<()> {
+fn draw(dataset: &DatasetFolder, settings: &TactileSettings, folder: &Path) -> Result<()> {
     let surfaces = dataset.surfaces().len();
-    let averages = dataset
-        .tactile()
-        .averages(&TactileSettings::default(), surfaces);
+    let averages = dataset.tactile().averages(settings, surfaces);
     let values: Vec<(String, Vec<f64>)> = averages
         .properties()
         .iter()

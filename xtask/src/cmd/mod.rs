@@ -5,6 +5,7 @@ pub(crate) mod compare;
 pub(crate) mod docs;
 pub(crate) mod embed;
 pub(crate) mod experiment;
+pub(crate) mod import;
 pub(crate) mod inspect;
 pub(crate) mod predict;
 pub(crate) mod pretrain;

@@ -4,7 +4,8 @@ use anyhow::Result;
 use candle_core::Device;
 use sps_models::encoders::Encoder;
 use sps_models::training::Targets;
-use sps_models::weights::Storage;
+use sps_models::weights::{Storage, Weights};
+use tracing::info;
 
 use crate::config::{Pretraining, Setting};
 use crate::files::write_atomically;
@@ -33,7 +34,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<()> {
     let pretraining = Pretraining::read(&args.config, &args.settings)?;
     let world = World::new(&pretraining)?;
-    let start = Encoder::seeded(pretraining.kind, pretraining.seed, &Device::Cpu)?;
+    let start = start(&pretraining)?;
     let runs = PathBuf::from("runs").join(&pretraining.name);
     let teacher = pretraining
         .teacher
@@ -72,6 +73,23 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         trained.folder.display()
     );
     Ok(())
+}
+
+/// The encoder that training begins with.
+fn start(pretraining: &Pretraining) -> Result<Encoder> {
+    let (kind, seed) = (pretraining.kind, pretraining.seed);
+    let Some(path) = &pretraining.start else {
+        return Ok(Encoder::seeded(kind, seed, &Device::Cpu)?);
+    };
+    let weights = Weights::read(path)?;
+    let (encoder, drawn) = Encoder::warm_started(kind, weights, seed, &Device::Cpu)?;
+    let all = kind.specs().len();
+    info!(
+        "started from {}: {} of {all} tensors",
+        path.display(),
+        all - drawn.len()
+    );
+    Ok(encoder)
 }
 
 fn quality(trained: &TrainedEncoder) -> String {

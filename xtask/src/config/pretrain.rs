@@ -22,6 +22,8 @@ pub(crate) struct Pretraining {
     pub name: String,
     pub seed: u64,
     pub kind: EncoderKind,
+    /// A weights file to start from.
+    pub start: Option<PathBuf>,
     pub simulated: SimulatorSpec,
     pub views_per_surface: usize,
     pub patterns: PatternsSpec,
@@ -76,6 +78,7 @@ const fn usual_weight() -> f64 {
 struct Config {
     seed: u64,
     encoder: String,
+    start: Option<PathBuf>,
     views_per_surface: usize,
     simulated: SimulatorSpec,
     patterns: PatternsSpec,
@@ -121,6 +124,7 @@ impl Pretraining {
             name: name.to_string_lossy().into_owned(),
             seed: config.seed,
             kind,
+            start: config.start,
             simulated: config.simulated,
             views_per_surface: config.views_per_surface,
             patterns: config.patterns,

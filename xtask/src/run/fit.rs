@@ -1,6 +1,7 @@
 //! Fitting a method's trials, each outcome on disk as soon as it is there.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -17,6 +18,10 @@ use super::{Encodings, Splits, Tables, floors};
 use crate::config::{Experiment, Method};
 use crate::journal::{Journal, Outcome};
 use crate::progress::Progress;
+use crate::training::EventFile;
+
+/// The folder of the courses of networks' trainings, in that of a run.
+const COURSES: &str = "tensorboard";
 
 /// Fits the method to the trials of a plan; those that come to nothing have no model.
 pub(super) fn fit_some(
@@ -75,6 +80,7 @@ pub(crate) fn run_missing(
         encodings,
         trials: &missing,
         progress: Progress::new(&method.label, missing.len()),
+        courses: journal.beside(COURSES).join(folder_name(&method.id)),
         state: Mutex::new(State {
             journal,
             since: Instant::now(),
@@ -100,6 +106,8 @@ struct Recorder<'a> {
     encodings: &'a Encodings,
     trials: &'a [&'a TrialSpec],
     progress: Progress,
+    /// Where the courses of networks' trainings go.
+    courses: PathBuf,
     state: Mutex<State<'a>>,
 }
 
@@ -113,6 +121,9 @@ struct State<'a> {
 impl Observer for Recorder<'_> {
     fn finished(&self, heads: &TrainedHeads) {
         self.record(heads, heads.diverged());
+        if let Err(error) = self.keep_courses(heads) {
+            self.state().failed.get_or_insert(error);
+        }
     }
 
     fn stops(&self) -> bool {
@@ -121,6 +132,15 @@ impl Observer for Recorder<'_> {
 }
 
 impl<'a> Recorder<'a> {
+    /// Writes down for TensorBoard how networks of the first rerun were trained; those of others are
+    /// much alike.
+    fn keep_courses(&self, heads: &TrainedHeads) -> Result<()> {
+        for head in heads.heads().iter().filter(|head| head.trial().rerun == 0) {
+            EventFile::create(&self.courses.join(&head.trial().property))?.head(head)?;
+        }
+        Ok(())
+    }
+
     fn record(&self, models: &dyn FittedRegressor, diverged: &[DivergedTrial]) {
         let outcomes = self.outcomes(models).and_then(|mut outcomes| {
             for one in diverged {
@@ -216,6 +236,11 @@ impl<'a> Recorder<'a> {
         }
         Ok(sums)
     }
+}
+
+/// The name of a folder for what has this id.
+fn folder_name(id: &str) -> String {
+    id.trim_start_matches('.').replace(['/', '\\'], "-")
 }
 
 /// Surfaces, and the fillings of the slots with their views.

@@ -7,6 +7,7 @@ use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result};
+use sps_models::heads::{EpochLosses, TrainedHead};
 use sps_models::training::{Epoch, Losses, TrainingStep};
 
 use crate::files::create_folder;
@@ -57,6 +58,25 @@ impl EventFile {
         self.flush()
     }
 
+    /// What the epochs of a head's training did: the losses that it has, and the error on the part that
+    /// stops it early.
+    pub(crate) fn head(&mut self, head: &TrainedHead) -> Result<()> {
+        // The first is that of the training mean.
+        let errors = head.kept_epoch().and_then(|kept| kept.errors.get(1..));
+        let errors = errors.unwrap_or_default();
+        for (epoch, losses) in head.history().iter().enumerate() {
+            let mut scalars: Vec<(String, f64)> = of_head(losses)
+                .into_iter()
+                .filter(|(_, value)| *value != 0.0)
+                .map(|(name, value)| (format!("training/{name}"), value))
+                .collect();
+            let error = errors.get(epoch);
+            scalars.extend(error.map(|&error| ("validation/estimation".to_owned(), error)));
+            self.scalars(epoch + 1, &scalars);
+        }
+        self.flush()
+    }
+
     fn scalars(&mut self, step: usize, scalars: &[(String, f64)]) {
         let mut summary = Message::default();
         for (tag, value) in scalars {
@@ -88,6 +108,18 @@ fn losses(part: &str, losses: &Losses) -> Vec<(String, f64)> {
         (format!("{part}/cross-entropy"), losses.classes),
         (format!("{part}/accuracy"), losses.accuracy),
         (format!("{part}/features"), losses.features),
+    ]
+}
+
+/// Losses by name; one that is not used is 0.
+fn of_head(losses: &EpochLosses) -> [(&'static str, f64); 6] {
+    [
+        ("estimation", losses.estimation),
+        ("embedding", losses.embedding),
+        ("reconstruction", losses.reconstruction),
+        ("generator", losses.generator),
+        ("discriminator", losses.discriminator),
+        ("classification", losses.classification),
     ]
 }
 

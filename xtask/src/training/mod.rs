@@ -18,7 +18,7 @@ use tracing::info;
 use crate::checksums;
 use crate::files::{create_folder, lock};
 use crate::progress::Progress;
-use events::EventFile;
+pub(crate) use events::EventFile;
 pub(crate) use images::FrameImages;
 
 const STATE: &str = "state.safetensors";

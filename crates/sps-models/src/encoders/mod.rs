@@ -32,7 +32,7 @@ pub use windows::{WindowEmbeddings, Windows};
 use crate::error::{Error, Result};
 use crate::ops::simd::Level;
 use crate::ops::words::{Bf16Pair, Word};
-use crate::weights::Weights;
+use crate::weights::{TensorSpec, Weights};
 use batch::{Images, Kernels, Pooled, each};
 use fused::Fused;
 use images::{Normalisation, Order};
@@ -112,6 +112,39 @@ impl Encoder {
     /// When the device has no room for the weights.
     pub fn seeded(kind: EncoderKind, seed: u64, device: &Device) -> Result<Self> {
         Self::new(kind, init::seeded(&kind.specs(), seed)?, device)
+    }
+
+    /// A network that begins with what another has learnt: it takes each tensor of `weights` that has the
+    /// name and the shape of one of its own, and draws the others as [`Encoder::seeded`] does. Their
+    /// names stand beside it.
+    ///
+    /// # Errors
+    ///
+    /// When no tensor has a place in the network.
+    pub fn warm_started(
+        kind: EncoderKind,
+        weights: Weights,
+        seed: u64,
+        device: &Device,
+    ) -> Result<(Self, Vec<String>)> {
+        let (network, specs) = (kind.network(), kind.specs());
+        let weights = weights.renamed(|name| network.own_name(name));
+        let mut start = init::seeded(&specs, seed)?;
+        let mut drawn = Vec::new();
+        for TensorSpec { name, shape } in &specs {
+            match weights.get(name) {
+                Ok(tensor) if tensor.dims() == shape => start.replace(name, tensor.clone()),
+                _ => drawn.push(name.clone()),
+            }
+        }
+        if drawn.len() == specs.len() {
+            return Err(Error::input(
+                "weights to start from",
+                format_args!("{}, no tensor of which {kind} has", weights.origin()),
+                "tensors with the names and shapes of the network's",
+            ));
+        }
+        Ok((Self::new(kind, start, device)?, drawn))
     }
 
     /// A network with the given weights.

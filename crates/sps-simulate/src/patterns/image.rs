@@ -156,10 +156,10 @@ impl Image {
         std::array::from_fn(|c| mix(low[c], high[c], share))
     }
 
-    /// From light to the values of a display, with noise.
+    /// From light to the values of a display, of a gamma of 2, with noise.
     fn develop(&self, data: &mut [f32], stream: &mut Stream) {
         for value in data {
-            let encoded = libm::powf(value.max(0.0), 1.0 / 2.2);
+            let encoded = value.max(0.0).sqrt();
             let grain = self.noise * (stream.unit() + stream.unit() - 1.0) as f32;
             *value = (0.5 + self.contrast * (encoded - 0.5) + grain).clamp(0.0, 1.0);
         }

@@ -10,6 +10,7 @@ use super::super::network::{Conv, IMAGE, Map, Network, Slide};
 use crate::ops::product::Activation;
 
 /// Blocks of one size.
+#[derive(Clone, Copy)]
 struct Stage {
     repeats: usize,
     /// The depth-wise window.
@@ -55,9 +56,50 @@ const SCALES: [[f64; 2]; 5] = [[1.0, 1.0], [1.0, 1.1], [1.1, 1.2], [1.2, 1.4], [
 const STEM: usize = 32;
 const HEAD: usize = 1280;
 
+/// The map that the stem makes.
+const STEM_MAP: Map = IMAGE + 1;
+
+/// Blocks of version 0, from 0: the one that the small network ends in, and one that it does without.
+const SMALL_LAST: usize = 8;
+const SMALL_WITHOUT: usize = 2;
+
 /// The version of this number, 0 to 4.
 pub(in crate::encoders) fn efficientnet_lite(name: &'static str, version: usize) -> Network {
     let [width, depth] = SCALES[version];
+    let last = STAGES.len() - 1;
+    let mut stages = STAGES;
+    for (place, stage) in stages.iter_mut().enumerate() {
+        stage.outputs = wider(stage.outputs, width);
+        if place != 0 && place != last {
+            stage.repeats = deeper(stage.repeats, depth);
+        }
+    }
+    let mut net = stem(name);
+    let x = blocks(&stages).fold(STEM_MAP, |x, block| block.add(&mut net, x));
+    net.alias("conv_head", "_conv_head");
+    net.alias("bn2", "_bn1");
+    let head = Conv::new("conv_head", Slide::same(1, 1), HEAD);
+    net.conv(x, normed(head, "bn2"));
+    net
+}
+
+/// Version 0 as far as the depth-wise convolution of its ninth block, which sees a sixteenth of the
+/// image's side, without a block that costs more than it brings.
+pub(in crate::encoders) fn efficientnet_lite_small(name: &'static str) -> Network {
+    let mut net = stem(name);
+    let mut x = STEM_MAP;
+    for (number, block) in blocks(&STAGES).enumerate().take(SMALL_LAST + 1) {
+        x = match number {
+            SMALL_WITHOUT => x,
+            SMALL_LAST => block.add_depthwise(&mut net, x),
+            _ => block.add(&mut net, x),
+        };
+    }
+    net
+}
+
+/// A network of the first convolution.
+fn stem(name: &'static str) -> Network {
     let mut net = Network::new(name, "classifier.");
     // Bytes less 127 over 128, of values in 0..=1.
     net.normalisation = Normalisation {
@@ -67,35 +109,21 @@ pub(in crate::encoders) fn efficientnet_lite(name: &'static str, version: usize)
     net.eps = 1e-3;
     net.alias("conv_stem", "_conv_stem");
     net.alias("bn1", "_bn0");
-    let stem = Conv::new("conv_stem", Slide::same(3, 2), STEM);
-    let mut x = net.conv(IMAGE, normed(stem, "bn1"));
-    let mut number = 0;
-    for (place, stage) in STAGES.iter().enumerate() {
-        let ends = place == 0 || place == STAGES.len() - 1;
-        let repeats = if ends {
-            stage.repeats
-        } else {
-            deeper(stage.repeats, depth)
-        };
-        for index in 0..repeats {
-            let block = Block {
-                name: format!("blocks.{place}.{index}"),
-                other: format!("_blocks.{number}"),
-                window: stage.window,
-                stride: if index == 0 { stage.stride } else { 1 },
-                expansion: stage.expansion,
-                outputs: wider(stage.outputs, width),
-            };
-            x = block.add(&mut net, x);
-            number += 1;
-        }
-    }
-    net.alias("conv_head", "_conv_head");
-    net.alias("bn2", "_bn1");
     net.alias("classifier", "_fc");
-    let head = Conv::new("conv_head", Slide::same(1, 1), HEAD);
-    net.conv(x, normed(head, "bn2"));
+    let stem = Conv::new("conv_stem", Slide::same(3, 2), STEM);
+    net.conv(IMAGE, normed(stem, "bn1"));
     net
+}
+
+/// The blocks of stages, in their order.
+fn blocks(stages: &[Stage]) -> impl Iterator<Item = Block> {
+    let in_stage = |(place, stage): (usize, &Stage)| {
+        let stage = *stage;
+        (0..stage.repeats).map(move |index| (stage, [place, index]))
+    };
+    let places = stages.iter().enumerate().flat_map(in_stage);
+    let block = |(number, (stage, place))| Block::new(stage, place, number);
+    places.enumerate().map(block)
 }
 
 /// So many blocks in a deeper version.
@@ -132,6 +160,18 @@ struct Block {
 }
 
 impl Block {
+    /// The block of a stage, by its place (the stage's and its own in there) and its number in all.
+    fn new(stage: Stage, [place, index]: [usize; 2], number: usize) -> Self {
+        Self {
+            name: format!("blocks.{place}.{index}"),
+            other: format!("_blocks.{number}"),
+            window: stage.window,
+            stride: if index == 0 { stage.stride } else { 1 },
+            expansion: stage.expansion,
+            outputs: stage.outputs,
+        }
+    }
+
     /// A layer with its batch norm, the block's first, second or third.
     fn layer(
         &self,
@@ -152,32 +192,36 @@ impl Block {
     }
 
     fn add(&self, net: &mut Network, x: Map) -> Map {
-        let point = Slide::same(1, 1);
         let inputs = net.channels[x];
-        let mid = inputs * self.expansion;
-        let (mut y, mut number) = (x, 1);
-        if self.expansion > 1 {
-            let names = ["conv_pw", "_expand_conv"];
-            let expand = self.layer(net, names, number, point, mid);
-            y = net.conv(y, expand);
-            number += 1;
-        }
-        let names = ["conv_dw", "_depthwise_conv"];
-        let slide = Slide::same(self.window, self.stride);
-        let depthwise = self.layer(net, names, number, slide, mid);
-        y = net.conv(y, depthwise.groups(mid));
-        let own = if self.expansion > 1 {
-            "conv_pwl"
+        let y = self.add_depthwise(net, x);
+        let (own, number) = if self.expansion > 1 {
+            ("conv_pwl", 3)
         } else {
-            "conv_pw"
+            ("conv_pw", 2)
         };
         let names = [own, "_project_conv"];
-        let project = self.layer(net, names, number + 1, point, self.outputs);
+        let project = self.layer(net, names, number, Slide::same(1, 1), self.outputs);
         let project = project.activation(Activation::Identity);
         if self.stride == 1 && inputs == self.outputs {
             net.residual(y, project, None, x)
         } else {
             net.conv(y, project)
         }
+    }
+
+    /// Adds what comes before the last convolution.
+    fn add_depthwise(&self, net: &mut Network, x: Map) -> Map {
+        let mid = net.channels[x] * self.expansion;
+        let (mut y, mut number) = (x, 1);
+        if self.expansion > 1 {
+            let names = ["conv_pw", "_expand_conv"];
+            let expand = self.layer(net, names, number, Slide::same(1, 1), mid);
+            y = net.conv(y, expand);
+            number += 1;
+        }
+        let names = ["conv_dw", "_depthwise_conv"];
+        let slide = Slide::same(self.window, self.stride);
+        let depthwise = self.layer(net, names, number, slide, mid);
+        net.conv(y, depthwise.groups(mid))
     }
 }

@@ -103,12 +103,18 @@ fn plain_operators_in_f64() {
     assert_eq!(seen, 8);
 }
 
+const SMALL_ONES: [EncoderKind; 3] = [
+    EncoderKind::SeResNextSmall,
+    EncoderKind::SqueezeNet1_0,
+    EncoderKind::EfficientNetLiteSmall,
+];
+
 /// One hash, one embedding to the last bit, whatever instructions the processor has.
 #[test]
 fn encoders_of_one_content_hash_embed_alike() {
     let images = golden::tensor("pixels", &[2, 3, 65, 40]).to_dtype(DType::F32);
     let images = images.unwrap();
-    for kind in [EncoderKind::SeResNextSmall, EncoderKind::SqueezeNet1_0] {
+    for kind in SMALL_ONES {
         for precision in Precision::ALL {
             let embed = || {
                 let encoder = Encoder::seeded(kind, 1, &Device::Cpu).unwrap();
@@ -135,7 +141,7 @@ fn pixels_embed_as_the_same_images_do() {
     let images = images.to_dtype(DType::F32).unwrap().abs().unwrap();
     let pixels = images.permute((0, 2, 3, 1)).unwrap().flatten_all().unwrap();
     let pixels: Vec<f32> = pixels.to_vec1().unwrap();
-    for kind in [EncoderKind::SeResNextSmall, EncoderKind::SqueezeNet1_0] {
+    for kind in SMALL_ONES {
         for precision in Precision::ALL {
             let encoder = Encoder::seeded(kind, 1, &Device::Cpu).unwrap();
             let encoder = encoder.with_precision(precision).unwrap();

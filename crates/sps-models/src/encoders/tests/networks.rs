@@ -88,12 +88,10 @@ fn efficientnet_lite0_by_the_names_of_another_package() {
     let names = table("efficientnet_lite0.lukemelas_names");
     let kind = EncoderKind::EfficientNetLite0;
     let weights = |rename: &dyn Fn(&str) -> String| {
-        let tensors = kind.specs().into_iter();
-        let tensors = tensors.map(|spec| (rename(&spec.name), golden::weight(&spec)));
-        let mut tensors: Vec<(String, Tensor)> = tensors.collect();
         let classifier = Tensor::zeros((1000, 1280), DType::F32, &Device::Cpu).unwrap();
-        tensors.push((rename("classifier.weight"), classifier));
-        Weights::from_tensors("file", tensors).unwrap()
+        let mut weights = golden_weights(kind, rename);
+        weights.replace(&rename("classifier.weight"), classifier);
+        weights
     };
     let own = Encoder::new(kind, weights(&str::to_owned), &Device::Cpu).unwrap();
     let other = Encoder::new(
@@ -116,6 +114,69 @@ fn efficientnet_lite0_by_the_names_of_another_package() {
         .to_string();
     assert!(
         error.contains(name) && error.contains("has no place"),
+        "{error}"
+    );
+}
+
+/// The golden weights of a network by the names that `rename` makes.
+fn golden_weights(kind: EncoderKind, rename: impl Fn(&str) -> String) -> Weights {
+    let tensors = kind.specs().into_iter();
+    let tensors = tensors.map(|spec| (rename(&spec.name), golden::weight(&spec)));
+    Weights::from_tensors("file", tensors).unwrap()
+}
+
+/// The small network takes all of its tensors from the large one, by the names of either package; it
+/// embeds as candle's operators say.
+#[test]
+fn the_small_efficientnet_starts_from_the_large_one() {
+    let small = EncoderKind::EfficientNetLiteSmall;
+    let large = EncoderKind::EfficientNetLite0;
+    let names = table("efficientnet_lite0.lukemelas_names");
+    let other = |name: &str| names[name].as_str().unwrap().to_owned();
+    let start = |weights| Encoder::warm_started(small, weights, 0, &Device::Cpu).unwrap();
+    let (encoder, drawn) = start(golden_weights(large, str::to_owned));
+    assert_eq!(drawn, [""; 0]);
+    let (renamed, drawn) = start(golden_weights(large, other));
+    assert_eq!(drawn, [""; 0]);
+    assert_eq!(encoder.content_hash(), renamed.content_hash());
+
+    let images = golden::tensor("pixels", &[2, 3, 65, 40]);
+    let images = images.to_dtype(DType::F32).unwrap().abs().unwrap();
+    let found = encoder.embed(&images).unwrap();
+    let plain = encoder.embed_plain(&images).unwrap();
+    let error = relative(&found, &plain);
+    assert!(error < 1e-6, "{error:.1e}");
+}
+
+#[test]
+fn what_a_warm_start_does_not_find_is_drawn() {
+    let (kind, device) = (EncoderKind::ResNet18, &Device::Cpu);
+    let seeded = Encoder::seeded(kind, 3, device).unwrap();
+    let from = golden_weights(EncoderKind::ResNet50, str::to_owned);
+    let (encoder, drawn) = Encoder::warm_started(kind, from, 3, device).unwrap();
+    // The stem is one, of the rest only norms of as many channels.
+    assert!(drawn.iter().any(|name| name == "layer1.0.conv1.weight"));
+    for spec in kind.specs() {
+        let values = |weights: &Weights| {
+            let tensor = weights.get(&spec.name).unwrap().flatten_all().unwrap();
+            tensor.to_vec1::<f32>().unwrap()
+        };
+        let found = values(encoder.weights());
+        if drawn.contains(&spec.name) {
+            assert_eq!(found, values(seeded.weights()), "{}", spec.name);
+        } else {
+            let golden = golden::weight(&spec).to_dtype(DType::F32).unwrap();
+            let golden = golden.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+            assert_eq!(found, golden, "{}", spec.name);
+        }
+    }
+
+    let other = golden_weights(EncoderKind::SqueezeNet1_0, str::to_owned);
+    let error = Encoder::warm_started(kind, other, 3, device).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("no tensor of which resnet18 has"),
         "{error}"
     );
 }
@@ -179,5 +240,5 @@ fn parameters_are_as_many_as_printed() {
 #[test]
 fn the_smallest_image_follows_from_the_windows() {
     let least = EncoderKind::ALL.map(EncoderKind::min_size);
-    assert_eq!(least, [1, 1, 7, 3, 1, 1, 1, 1, 1, 1, 1]);
+    assert_eq!(least, [1, 1, 7, 3, 1, 1, 1, 1, 1, 1, 1, 1]);
 }

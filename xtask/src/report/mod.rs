@@ -1,10 +1,10 @@
 //! `report.md`, `report.html`, `figures` and `tables`, made from `results.json` and
 //! `predictions.csv`.
 
-mod fan;
 mod figures;
 mod folders;
 mod learning;
+mod page;
 pub(crate) mod predictions;
 pub(crate) mod published;
 mod selection;
@@ -19,53 +19,18 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use minijinja::Environment;
-use minijinja::value::Serde;
-use serde::Serialize;
 use sps_dataset::Unit;
 
 use crate::files::write_atomically;
 use crate::results::{MethodResult, Results};
 use figures::{Figure, figures};
+use page::{PAGES, Page, Section};
 pub(crate) use summary::summary;
 use table::{Table, counted};
 pub(crate) use tables::{gained, tables};
 
 /// What a report is made from.
 pub(crate) const INPUTS: [&str; 2] = ["results.json", predictions::FILE];
-
-const PAGES: [&str; 2] = ["report.md", "report.html"];
-
-const MARKDOWN: &str = include_str!("report.md.j2");
-const HTML: &str = include_str!("report.html.j2");
-
-/// What the templates print.
-#[derive(Serialize)]
-struct Report<'a> {
-    title: &'a str,
-    description: &'a str,
-    data: String,
-    tables: Vec<Printed>,
-    figures: Vec<Figure>,
-    notes: Vec<String>,
-}
-
-/// A table, and what it is in Markdown.
-#[derive(Serialize)]
-struct Printed {
-    #[serde(flatten)]
-    table: Table,
-    markdown: String,
-}
-
-impl From<Table> for Printed {
-    fn from(table: Table) -> Self {
-        Self {
-            markdown: table.markdown(),
-            table,
-        }
-    }
-}
 
 /// Writes the report of the run in `folder`.
 pub(crate) fn write(folder: &Path) -> Result<()> {
@@ -74,23 +39,22 @@ pub(crate) fn write(folder: &Path) -> Result<()> {
     let tables = tables(&results);
     folders::FIGURES.write(folder, &drawn(&figures))?;
     folders::TABLES.write(folder, &printed(&tables)?)?;
-    // What is filled into a name that ends in `.html` is escaped.
-    let mut environment = Environment::new();
-    environment.add_template("report.md", MARKDOWN)?;
-    environment.add_template("report.html", HTML)?;
-    let report = Report {
-        title: &results.experiment,
-        description: &results.description,
-        data: about_the_data(&results),
-        tables: tables.into_iter().map(Printed::from).collect(),
-        notes: notes(&results),
-        figures,
-    };
-    for name in PAGES {
-        let text = environment.get_template(name)?.render(Serde(&report))?;
+    let mut page = Page::new(&results.experiment, &results.description);
+    page.data = about_the_data(&results);
+    page.sections = sections(tables, figures);
+    page.notes = notes(&results);
+    for (name, text) in PAGES.iter().zip(page.texts()?) {
         write_atomically(&folder.join(name), text.as_bytes())?;
     }
     Ok(())
+}
+
+/// The means, the figures, then what only some readers look up.
+fn sections(tables: Vec<Table>, figures: Vec<Figure>) -> Vec<Section> {
+    let mut tables = tables.into_iter().map(Section::from);
+    let means = tables.next().into_iter();
+    let figures = figures.into_iter().map(Section::from);
+    means.chain(figures).chain(tables).collect()
 }
 
 /// The files of figures, by their names.

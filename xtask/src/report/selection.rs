@@ -1,14 +1,12 @@
 //! How the selection of views went: a table and the curves of the searches.
 
-use kuva::backend::svg::SvgBackend;
 use kuva::plot::LegendPosition;
 use kuva::plot::line::LinePlot;
 use kuva::render::layout::Layout;
 use kuva::render::palette::Palette;
 use kuva::render::plots::Plot;
-use kuva::render::render::render_multiple;
 
-use super::figures::Figure;
+use super::figures::{Figure, PAGE, plotted};
 use super::table::{Cell, Row, Table};
 use crate::results::{MethodResult, Number, Results, SelectionResult};
 
@@ -120,15 +118,13 @@ pub(super) fn curves(results: &Results) -> Option<Figure> {
         }
     }
     let layout = Layout::auto_from_plots(&plots)
-        .with_width(960.0)
-        .with_height(400.0)
         .with_log_x()
         .with_x_axis_max(2.0 * largest as f64)
         .with_y_axis_min(0.0)
         .with_y_axis_max(HIGHEST)
         .with_x_label("sets asked for")
         .with_y_label("loss: 0 is the lowest, 1 a random set")
-        .with_legend_position(LegendPosition::OutsideRightTop);
+        .with_legend_position(LegendPosition::OutsideBottomColumns);
     Some(Figure {
         name: "search",
         title: "How the searches learn".to_owned(),
@@ -137,7 +133,7 @@ pub(super) fn curves(results: &Results) -> Option<Figure> {
                   or without an exhaustive search the lowest loss that any method found. VB-NVS ends \
                   with sets that it has not tried before, which are not all good."
             .to_owned(),
-        svg: SvgBackend::new().render_scene(&render_multiple(plots, layout)),
+        svg: plotted(plots, layout, (PAGE, 320.0)),
     })
 }
 

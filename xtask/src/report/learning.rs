@@ -150,6 +150,7 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
         .with_x_axis_max(1.25 * most)
         .with_x_label("training surfaces")
         .with_y_label("R², mean over properties")
+        .with_legend_box(false)
         .with_legend_position(LegendPosition::OutsideBottomColumns);
     Some(Figure {
         name: "learning",

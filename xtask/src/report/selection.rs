@@ -3,10 +3,9 @@
 use kuva::plot::LegendPosition;
 use kuva::plot::line::LinePlot;
 use kuva::render::layout::Layout;
-use kuva::render::palette::Palette;
 use kuva::render::plots::Plot;
 
-use super::figures::{Figure, PAGE, plotted};
+use super::figures::{COLOURS, Figure, PAGE, plotted};
 use super::table::{Cell, Row, Table};
 use crate::results::{MethodResult, Number, Results, SelectionResult};
 
@@ -86,7 +85,6 @@ const POINTS: u32 = 80;
 
 /// The learning curves of the searches that took more than one round; none where none did.
 pub(super) fn curves(results: &Results) -> Option<Figure> {
-    let colours = Palette::okabe_ito();
     let methods: Vec<&MethodResult> = results
         .methods
         .iter()
@@ -107,7 +105,7 @@ pub(super) fn curves(results: &Results) -> Option<Figure> {
     for (index, method) in methods.iter().enumerate() {
         let line = |points: Vec<(f64, f64)>| {
             let line = LinePlot::new().with_data(points);
-            line.with_color(colours[index % colours.len()].to_owned())
+            line.with_color(COLOURS[index % COLOURS.len()])
         };
         let best = line(curve(results, method, largest, |point| point.2)).with_stroke_width(2.0);
         plots.push(Plot::Line(best.with_legend(method.label.as_str())));
@@ -124,6 +122,7 @@ pub(super) fn curves(results: &Results) -> Option<Figure> {
         .with_y_axis_max(HIGHEST)
         .with_x_label("sets asked for")
         .with_y_label("loss: 0 is the lowest, 1 a random set")
+        .with_legend_box(false)
         .with_legend_position(LegendPosition::OutsideBottomColumns);
     Some(Figure {
         name: "search",

@@ -6,16 +6,19 @@ const inside = (element) => element.getBoundingClientRect().right <= innerWidth 
 
 check(root.scrollWidth <= innerWidth, `the page is ${root.scrollWidth} pixels wide`);
 
-const tables = [...document.querySelectorAll("table")];
+const tables = [...document.querySelectorAll(".scroll table")];
 for (const table of tables) {
   const name = table.closest("section").id;
   const box = table.closest(".scroll");
   check(inside(box), `${name} is cut`);
   const scrolls = getComputedStyle(box).overflowX === "auto";
   check(scrolls || table.offsetWidth <= box.clientWidth, `${name} does not scroll`);
-  for (const cell of table.querySelectorAll("td, th")) {
-    check(cell.scrollWidth <= cell.clientWidth + 1, `${name}: "${cell.textContent}" is cut`);
-  }
+}
+for (const cell of document.querySelectorAll("td, th")) {
+  check(cell.scrollWidth <= cell.clientWidth + 1, `"${cell.textContent}" is cut`);
+}
+for (const card of document.querySelectorAll("article")) {
+  check(inside(card) && card.scrollWidth <= card.clientWidth, `${card.textContent} is cut`);
 }
 
 const figures = [...document.querySelectorAll("figure > svg")];

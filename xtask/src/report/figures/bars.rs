@@ -2,18 +2,31 @@
 
 use kuva::plot::{BarPlot, LegendPosition};
 use kuva::render::layout::Layout;
-use kuva::render::palette::Palette;
 use kuva::render::plots::Plot;
 
-use super::{Figure, PAGE, plotted};
+use super::{COLOURS, Figure, PAGE, plotted};
 use crate::report::table::number;
 use crate::results::Results;
+
+/// More whiskers than those of so many methods hide the bars.
+const MOST_WHISKERS: usize = 15;
+
+fn caption(results: &Results, whiskers: bool) -> String {
+    let cut = format!("Bars below {LOWEST_R2} are cut there; the table has their values.");
+    if !whiskers {
+        return cut;
+    }
+    format!(
+        "{cut} Whiskers are {:.0} % bootstrap intervals over {}.",
+        100.0 * results.interval_level,
+        results.dataset.units_in_words()
+    )
+}
 
 /// Below this a bar is cut: one property that fails must not flatten all others.
 const LOWEST_R2: f64 = -0.5;
 
 pub(super) fn figure(results: &Results) -> Figure {
-    let colours = Palette::okabe_ito();
     let labels = results.methods.iter().map(|method| method.label.as_str());
     let mut bars = BarPlot::new()
         .with_legend(labels.collect())
@@ -37,15 +50,19 @@ pub(super) fn figure(results: &Results) -> Figure {
                 method.label,
                 number(value, 2)
             ));
-            group.push((shown, colours[index % colours.len()].to_owned()));
+            group.push((shown, COLOURS[index % COLOURS.len()]));
         }
         bars = bars.with_group(property.as_str(), group);
     }
-    let bars = bars
-        .with_asymmetric_error(errors)
-        .with_error_color("#777777")
-        .with_error_cap_width(0.0)
-        .with_tooltip_labels(hover);
+    let bars = bars.with_tooltip_labels(hover);
+    let whiskers = results.methods.len() <= MOST_WHISKERS;
+    let bars = if whiskers {
+        bars.with_asymmetric_error(errors)
+            .with_error_color("#777777")
+            .with_error_cap_width(0.0)
+    } else {
+        bars
+    };
     let plots = vec![Plot::Bar(bars)];
     let layout = Layout::auto_from_plots(&plots)
         .with_y_axis_max(1.0)
@@ -54,12 +71,7 @@ pub(super) fn figure(results: &Results) -> Figure {
     Figure {
         name: "r2",
         title: "R² per property and method".to_owned(),
-        caption: format!(
-            "Whiskers are {:.0} % bootstrap intervals over {}. Bars and whiskers below \
-             {LOWEST_R2} are cut there; the table has their values.",
-            100.0 * results.interval_level,
-            results.dataset.units_in_words()
-        ),
+        caption: caption(results, whiskers),
         svg: plotted(plots, layout, (PAGE, 300.0)),
     }
 }

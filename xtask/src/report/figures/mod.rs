@@ -12,9 +12,8 @@ use kuva::render::plots::Plot;
 use kuva::render::render::{Primitive, Scene, render_multiple};
 
 use super::predictions::Prediction;
-use super::summary::best;
-use super::{learning, selection};
-use crate::results::Results;
+use super::{calibration, learning, selection};
+use crate::results::{MethodResult, Results};
 
 /// Pixels, of which 96 are an inch: 89 mm.
 pub(super) const COLUMN: f64 = 336.0;
@@ -23,9 +22,10 @@ pub(super) const PAGE: f64 = 680.0;
 /// Of letters, lines and gaps, to those of a screen.
 const PRINT: f64 = 0.75;
 
-/// Told apart by those who do not see all colours (Okabe and Ito 2008).
-pub(super) const COLOURS: [&str; 6] = [
-    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00",
+/// Told apart by those who do not see all colours (Okabe and Ito 2008, but yellow and black, which a
+/// page of the other brightness swallows; Tol's wine and a grey in their place).
+pub(super) const COLOURS: [&str; 8] = [
+    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#882255", "#777777",
 ];
 
 /// A figure with the words around it.
@@ -39,13 +39,21 @@ pub(crate) struct Figure {
 }
 
 /// The figures, in the order of the report.
-pub(crate) fn figures(results: &Results, predictions: &[Prediction]) -> Vec<Figure> {
+///
+/// `shown` are the methods whose `predictions` there are, the best first.
+pub(crate) fn figures(
+    results: &Results,
+    shown: &[&MethodResult],
+    predictions: &[Prediction],
+) -> Vec<Figure> {
     let mut figures: Vec<Figure> = speed_error::figure(results).into_iter().collect();
     figures.extend(learning::figure(results));
     figures.push(bars::figure(results));
     figures.extend(fan::figure(results));
     figures.extend(selection::curves(results));
-    figures.extend(best(results).map(|method| scatter::figure(results, method, predictions)));
+    let best = shown.first();
+    figures.extend(best.map(|method| scatter::figure(results, method, predictions)));
+    figures.extend(calibration::figures(results, shown, predictions));
     figures
 }
 
@@ -60,6 +68,7 @@ pub(super) fn plotted(plots: Vec<Plot>, layout: Layout, (width, height): (f64, f
 fn svg(mut scene: Scene) -> String {
     let bottoms = scene.elements.iter().map(|element| match element {
         Primitive::Rect { y, height, .. } => y + height + 1.0,
+        Primitive::Text { y, .. } => y + 4.0,
         _ => 0.0,
     });
     scene.height = bottoms.fold(scene.height, f64::max);

@@ -22,6 +22,7 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
     let key = Key::of(results, &points);
     plots.extend(marks(results, &points, &key));
     let layout = along(Layout::auto_from_plots(&plots), &points)
+        .with_y_axis_max(highest(results, &points))
         .with_x_label("milliseconds per surface")
         .with_y_label("error, 1 - R²")
         .with_legend_position(LegendPosition::InsideTopRight);
@@ -56,6 +57,24 @@ fn along(layout: Layout, points: &[Point]) -> Layout {
     } else {
         between
     }
+}
+
+/// Above all whiskers, with room for the legend.
+fn highest(results: &Results, points: &[Point]) -> f64 {
+    let ends = points.iter().map(|point| {
+        let [low, high] = interval(results, point);
+        (1.0 - high, 1.0 - low)
+    });
+    let (low, high) = ends.fold((f64::MAX, f64::MIN), |(low, high), (from, to)| {
+        (low.min(from), high.max(to))
+    });
+    high + 0.25 * (high - low)
+}
+
+/// That of a point's R².
+fn interval(results: &Results, point: &Point) -> [f64; 2] {
+    let interval = results.methods[point.method].means.r2_mean_interval;
+    interval.unwrap_or([1.0 - point.error; 2])
 }
 
 /// What colours stand for: encoders or, where there is but one, kinds of estimators.
@@ -146,9 +165,7 @@ fn marks(results: &Results, points: &[Point], key: &Key) -> Vec<Plot> {
 /// Points with their intervals and names.
 fn scattered(results: &Results, points: &[&Point]) -> ScatterPlot {
     let whisker = |point: &&Point| {
-        let r2 = 1.0 - point.error;
-        let interval = results.methods[point.method].means.r2_mean_interval;
-        let [low, high] = interval.unwrap_or([r2; 2]);
+        let (r2, [low, high]) = (1.0 - point.error, interval(results, point));
         (high - r2, r2 - low)
     };
     let hover = points.iter().map(|point| hover(results, point));

@@ -6,6 +6,7 @@ use minijinja::value::Serde;
 use serde::Serialize;
 
 use super::figures::Figure;
+use super::surfaces::Gallery;
 use super::table::{Html, Table};
 
 /// Their files, in the folder of a run.
@@ -42,6 +43,7 @@ pub(super) struct Section {
 enum Shown {
     Table { html: Html, markdown: String },
     Figure { name: &'static str, svg: String },
+    Surfaces { gallery: Gallery, markdown: String },
 }
 
 impl<'a> Page<'a> {
@@ -78,6 +80,20 @@ impl From<Table> for Section {
             },
             title: table.title,
             caption: table.caption,
+        }
+    }
+}
+
+impl From<Gallery> for Section {
+    fn from(gallery: Gallery) -> Self {
+        Self {
+            id: "surfaces".to_owned(),
+            title: "The surfaces themselves".to_owned(),
+            caption: gallery.caption.clone(),
+            shown: Shown::Surfaces {
+                markdown: gallery.table.markdown(),
+                gallery,
+            },
         }
     }
 }

@@ -1,7 +1,7 @@
 "use strict";
 
 // A click on the header of a column sorts its table: up, then down, then as it was.
-for (const table of document.querySelectorAll("table")) {
+for (const table of document.querySelectorAll(".scroll table")) {
   const body = table.tBodies[0];
   const rows = [...body.rows];
   const headers = [...table.tHead.rows[0].cells];

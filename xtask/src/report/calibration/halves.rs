@@ -54,7 +54,7 @@ impl Trial {
         });
         let (even, odd) = off
             .enumerate()
-            .partition(|(at, _)| units.of_surface()[*at] % 2 == 0);
+            .partition(|(at, _)| units.of_surface()[*at].is_multiple_of(2));
         Self {
             units,
             halves: [even, odd],

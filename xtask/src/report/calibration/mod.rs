@@ -144,7 +144,7 @@ fn widths(all: &[Estimates<'_>]) -> Option<Figure> {
         .with_y_axis_min(0.0)
         .with_x_label("width of the interval, deviations")
         .with_y_label("mean error, deviations")
-        .with_legend_position(LegendPosition::InsideTopLeft);
+        .with_legend_position(LegendPosition::InsideBottomRight);
     Some(Figure {
         name: "width-error",
         title: "Width of intervals against error".to_owned(),
@@ -190,7 +190,7 @@ mod tests {
     fn parts_go_from_narrow_to_wide() {
         let of = |at: usize| {
             let width = ((7 * at) % 20 + 1) as f64;
-            let truth = if at % 2 == 0 { 1.0 } else { -1.0 };
+            let truth = if at.is_multiple_of(2) { 1.0 } else { -1.0 };
             let estimate = truth + width;
             Prediction {
                 property: "fRS".to_owned(),

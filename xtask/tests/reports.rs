@@ -136,6 +136,28 @@ fn every_table_is_there_for_programs_and_for_papers() {
 }
 
 #[test]
+fn photographs_that_are_gone_are_left_out_with_a_line() {
+    let scratch = Scratch::new();
+    scratch.experiment().assert().success();
+    let page = || fs::read_to_string(scratch.path("run/report.html")).unwrap();
+    let seen = page();
+    expect(
+        &seen,
+        &["The surfaces themselves", "data:image/png;base64,"],
+    );
+    fs::remove_dir_all(scratch.path("data")).unwrap();
+    report(&scratch).assert().success();
+    let unseen = page();
+    expect(
+        &unseen,
+        &["The surfaces themselves", "There are no pictures: "],
+    );
+    assert!(!unseen.contains("data:image"));
+    let cards = |page: &str| page.matches("<article>").count();
+    assert_eq!(cards(&unseen), cards(&seen));
+}
+
+#[test]
 fn a_folder_without_a_run_is_left_as_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let text = message(xtask().arg("report").arg(folder.path()).assert());

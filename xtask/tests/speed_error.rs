@@ -2,7 +2,7 @@
 
 mod support;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::sync::LazyLock;
 
@@ -65,6 +65,7 @@ struct Ran {
     figure: String,
     report: String,
     html: String,
+    predictions: String,
 }
 
 static RAN: LazyLock<Ran> = LazyLock::new(|| {
@@ -76,6 +77,7 @@ static RAN: LazyLock<Ran> = LazyLock::new(|| {
         figure: read("figures/speed-error.svg"),
         report: read("report.md"),
         html: read("report.html"),
+        predictions: read("predictions.csv"),
     }
 });
 
@@ -117,7 +119,15 @@ fn settings_are_drawn_and_the_questions_answered() {
         &RAN.report,
         &["## Two questions", "## Every setting", "| ● "],
     );
-    assert!(RAN.html.contains("Speed against error"));
+    expect(
+        &RAN.html,
+        &[
+            "Speed against error",
+            "Coverage of intervals",
+            "Width of intervals against error",
+            "data:image/png;base64,",
+        ],
+    );
 }
 
 #[test]
@@ -154,6 +164,18 @@ fn views_are_added_until_the_interval_is_narrow_enough() {
         narrow["adaptive"]["share_of_views"],
         serde_json::json!([0.0, 0.0, 1.0])
     );
+    // What single estimates took, and their intervals.
+    let mut csv = csv::Reader::from_reader(RAN.predictions.as_bytes());
+    for line in csv.deserialize() {
+        let line: BTreeMap<String, String> = line.unwrap();
+        let number = |key: &str| line[key].parse::<f64>().ok();
+        match line["method"].as_str() {
+            "narrow" => assert_eq!(line["views"], "3"),
+            "wide" => assert_eq!(line["views"], "1"),
+            _ => assert_eq!((line["views"].as_str(), number("low")), ("", None)),
+        }
+        assert!(number("low") <= number("high"), "{line:?}");
+    }
     // The views are those of the selector, the middle one first.
     assert_eq!(
         narrow["selected_views"]["fRS"][0],

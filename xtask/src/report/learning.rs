@@ -2,15 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use kuva::backend::svg::SvgBackend;
 use kuva::plot::LegendPosition;
 use kuva::plot::line::LinePlot;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
-use kuva::render::render::render_multiple;
 
-use super::fan::COLOURS;
-use super::figures::Figure;
+use super::figures::{COLOURS, Figure, PAGE, plotted};
 use super::table::{Cell, Row, Table};
 use crate::results::{MethodResult, PerProperty, Results};
 
@@ -107,6 +104,13 @@ pub(super) fn table(results: &Results) -> Option<Table> {
     })
 }
 
+/// Where a method lies, and how far its interval reaches below and above.
+fn point(surfaces: usize, method: &MethodResult) -> Option<((f64, f64), (f64, f64))> {
+    let r2 = method.means.r2_mean?;
+    let [low, high] = method.means.r2_mean_interval.unwrap_or([r2; 2]);
+    Some(((surfaces as f64, r2), (r2 - low, high - r2)))
+}
+
 /// The same, drawn; none where every method has one number of training surfaces.
 pub(super) fn figure(results: &Results) -> Option<Figure> {
     let curves = curves(results);
@@ -115,10 +119,12 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
     let mut plots: Vec<Plot> = Vec::new();
     for (index, curve) in curves.iter().enumerate() {
         let points = curve.points.iter();
-        let points =
-            points.filter_map(|(&surfaces, method)| Some((surfaces as f64, method.means.r2_mean?)));
+        let (points, whiskers): (Vec<_>, Vec<_>) = points
+            .filter_map(|(&surfaces, method)| point(surfaces, method))
+            .unzip();
         let line = LinePlot::new()
-            .with_data(points.collect::<Vec<_>>())
+            .with_data(points)
+            .with_y_err_asymmetric(whiskers)
             .with_color(COLOURS[index % COLOURS.len()])
             .with_stroke_width(1.8)
             .with_legend(curve.label);
@@ -139,20 +145,21 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
         plots.push(Plot::Line(line.with_legend(label)));
     }
     let layout = Layout::auto_from_plots(&plots)
-        .with_width(1000.0)
-        .with_height(460.0)
         .with_log_x()
         .with_x_axis_min(0.8 * least)
         .with_x_axis_max(1.25 * most)
         .with_x_label("training surfaces")
         .with_y_label("R², mean over properties")
-        .with_legend_position(LegendPosition::OutsideRightTop);
+        .with_legend_box(false)
+        .with_legend_position(LegendPosition::OutsideBottomColumns);
     Some(Figure {
         name: "learning",
         title: "R² against training surfaces".to_owned(),
-        caption: "Mean over properties; the table has the intervals. The ceilings are what a \
-                  perfect reader of the images would reach."
-            .to_owned(),
-        svg: SvgBackend::new().render_scene(&render_multiple(plots, layout)),
+        caption: format!(
+            "Mean over properties, with {:.0} % bootstrap intervals. The ceilings are what a \
+             perfect reader of the images would reach.",
+            100.0 * results.interval_level
+        ),
+        svg: plotted(plots, layout, (PAGE, 320.0)),
     })
 }

@@ -1,16 +1,19 @@
 //! `report.md`, `report.html`, `figures` and `tables`, made from `results.json` and
 //! `predictions.csv`.
 
-mod fan;
+mod calibration;
 mod figures;
 mod folders;
 mod learning;
+mod page;
 pub(crate) mod predictions;
 pub(crate) mod published;
+mod scales;
 mod selection;
 mod speed;
 pub(crate) mod statistics;
 mod summary;
+mod surfaces;
 pub(crate) mod table;
 mod tables;
 
@@ -19,78 +22,64 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use minijinja::Environment;
-use minijinja::value::Serde;
-use serde::Serialize;
 use sps_dataset::Unit;
 
 use crate::files::write_atomically;
 use crate::results::{MethodResult, Results};
 use figures::{Figure, figures};
+use page::{PAGES, Page, Section};
+use summary::best;
 pub(crate) use summary::summary;
+use surfaces::Gallery;
 use table::{Table, counted};
 pub(crate) use tables::{gained, tables};
 
 /// What a report is made from.
 pub(crate) const INPUTS: [&str; 2] = ["results.json", predictions::FILE];
 
-const PAGES: [&str; 2] = ["report.md", "report.html"];
-
-const MARKDOWN: &str = include_str!("report.md.j2");
-const HTML: &str = include_str!("report.html.j2");
-
-/// What the templates print.
-#[derive(Serialize)]
-struct Report<'a> {
-    title: &'a str,
-    description: &'a str,
-    data: String,
-    tables: Vec<Printed>,
-    figures: Vec<Figure>,
-    notes: Vec<String>,
-}
-
-/// A table, and what it is in Markdown.
-#[derive(Serialize)]
-struct Printed {
-    #[serde(flatten)]
-    table: Table,
-    markdown: String,
-}
-
-impl From<Table> for Printed {
-    fn from(table: Table) -> Self {
-        Self {
-            markdown: table.markdown(),
-            table,
-        }
-    }
-}
-
 /// Writes the report of the run in `folder`.
 pub(crate) fn write(folder: &Path) -> Result<()> {
     let results = Results::read(folder)?;
-    let figures = figures(&results, &predictions::read(folder)?);
+    let shown = shown(&results);
+    let is_shown = |id: &str| shown.iter().any(|method| method.id == id);
+    let predictions = predictions::of_methods(folder, is_shown)?;
+    let figures = figures(&results, &shown, &predictions);
     let tables = tables(&results);
+    let best = shown.first();
+    let gallery = best.and_then(|best| surfaces::gallery(folder, &results, best, &predictions));
     folders::FIGURES.write(folder, &drawn(&figures))?;
     folders::TABLES.write(folder, &printed(&tables)?)?;
-    // What is filled into a name that ends in `.html` is escaped.
-    let mut environment = Environment::new();
-    environment.add_template("report.md", MARKDOWN)?;
-    environment.add_template("report.html", HTML)?;
-    let report = Report {
-        title: &results.experiment,
-        description: &results.description,
-        data: about_the_data(&results),
-        tables: tables.into_iter().map(Printed::from).collect(),
-        notes: notes(&results),
-        figures,
-    };
-    for name in PAGES {
-        let text = environment.get_template(name)?.render(Serde(&report))?;
+    let mut page = Page::new(&results.experiment, &results.description);
+    page.data = about_the_data(&results);
+    page.sections = sections(tables, figures, gallery);
+    page.notes = notes(&results);
+    for (name, text) in PAGES.iter().zip(page.texts()?) {
         write_atomically(&folder.join(name), text.as_bytes())?;
     }
     Ok(())
+}
+
+/// Methods with intervals of their own that are shown, at most.
+const WITH_INTERVALS: usize = 5;
+
+/// The methods whose single estimates are shown: the best, then those that make intervals.
+fn shown(results: &Results) -> Vec<&MethodResult> {
+    let best = best(results);
+    let is_best = |method: &MethodResult| best.is_some_and(|best| best.id == method.id);
+    let methods = results.methods.iter();
+    let others = methods.filter(|method| method.adaptive.is_some() && !is_best(method));
+    best.into_iter()
+        .chain(others.take(WITH_INTERVALS))
+        .collect()
+}
+
+/// The means, what can be seen, then what only some readers look up.
+fn sections(tables: Vec<Table>, figures: Vec<Figure>, gallery: Option<Gallery>) -> Vec<Section> {
+    let mut tables = tables.into_iter().map(Section::from);
+    let means = tables.next().into_iter();
+    let figures = figures.into_iter().map(Section::from);
+    let gallery = gallery.into_iter().map(Section::from);
+    means.chain(figures).chain(gallery).chain(tables).collect()
 }
 
 /// The files of figures, by their names.

@@ -10,7 +10,7 @@ use crate::files::write_atomically;
 use crate::journal::Outcome;
 
 /// One estimate for one held-out surface.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Prediction {
     pub method: String,
     pub property: String,
@@ -21,6 +21,20 @@ pub(crate) struct Prediction {
     /// The surface's group; empty where surfaces do not come in groups that are kept whole.
     #[serde(default)]
     pub group: String,
+    /// Where a method stops when it is sure: how many views it looked at, and its interval.
+    #[serde(default)]
+    pub views: Option<usize>,
+    #[serde(default)]
+    pub low: Option<f64>,
+    #[serde(default)]
+    pub high: Option<f64>,
+}
+
+impl Prediction {
+    /// The interval that its method gave it.
+    pub(super) fn interval(&self) -> Option<[f64; 2]> {
+        Some([self.low?, self.high?])
+    }
 }
 
 /// The file in the folder of a run.
@@ -35,11 +49,10 @@ pub(crate) fn of_outcomes<'a>(
     outcomes
         .flat_map(|outcome| {
             let values = outcome.truth.iter().zip(&outcome.estimate);
-            outcome
-                .surfaces
-                .iter()
-                .zip(values)
-                .map(|(surface, (truth, estimate))| Prediction {
+            let surfaces = outcome.surfaces.iter().zip(values).enumerate();
+            surfaces.map(move |(at, (surface, (truth, estimate)))| {
+                let stop = outcome.stops.get(at);
+                Prediction {
                     method: outcome.method.clone(),
                     property: outcome.property.clone(),
                     rerun: outcome.rerun,
@@ -47,7 +60,11 @@ pub(crate) fn of_outcomes<'a>(
                     truth: *truth,
                     estimate: *estimate,
                     group: group(surface),
-                })
+                    views: stop.map(|stop| stop.views),
+                    low: stop.map(|stop| stop.low),
+                    high: stop.map(|stop| stop.high),
+                }
+            })
         })
         .collect()
 }
@@ -63,11 +80,26 @@ pub(crate) fn write(folder: &Path, predictions: &[Prediction]) -> Result<()> {
 
 /// Reads `predictions.csv` from `folder`.
 pub(crate) fn read(folder: &Path) -> Result<Vec<Prediction>> {
+    of_methods(folder, |_| true)
+}
+
+/// The predictions of some methods: those of all may be many times as many.
+pub(super) fn of_methods(
+    folder: &Path,
+    is_wanted: impl Fn(&str) -> bool,
+) -> Result<Vec<Prediction>> {
     let path = folder.join(FILE);
     let failed = || format!("cannot read {}", path.display());
     let mut reader = csv::Reader::from_path(&path).with_context(failed)?;
-    reader
-        .deserialize()
-        .collect::<Result<_, _>>()
-        .with_context(failed)
+    let header = reader.headers().with_context(failed)?.clone();
+    let method = header.iter().position(|column| column == "method");
+    let method = method.context("no column `method`").with_context(failed)?;
+    let (mut predictions, mut line) = (Vec::new(), csv::StringRecord::new());
+    while reader.read_record(&mut line).with_context(failed)? {
+        if line.get(method).is_some_and(&is_wanted) {
+            let prediction = line.deserialize(Some(&header));
+            predictions.push(prediction.with_context(failed)?);
+        }
+    }
+    Ok(predictions)
 }

@@ -1,14 +1,11 @@
 //! How the selection of views went: a table and the curves of the searches.
 
-use kuva::backend::svg::SvgBackend;
 use kuva::plot::LegendPosition;
 use kuva::plot::line::LinePlot;
 use kuva::render::layout::Layout;
-use kuva::render::palette::Palette;
 use kuva::render::plots::Plot;
-use kuva::render::render::render_multiple;
 
-use super::figures::Figure;
+use super::figures::{COLOURS, Figure, PAGE, plotted};
 use super::table::{Cell, Row, Table};
 use crate::results::{MethodResult, Number, Results, SelectionResult};
 
@@ -88,7 +85,6 @@ const POINTS: u32 = 80;
 
 /// The learning curves of the searches that took more than one round; none where none did.
 pub(super) fn curves(results: &Results) -> Option<Figure> {
-    let colours = Palette::okabe_ito();
     let methods: Vec<&MethodResult> = results
         .methods
         .iter()
@@ -109,7 +105,7 @@ pub(super) fn curves(results: &Results) -> Option<Figure> {
     for (index, method) in methods.iter().enumerate() {
         let line = |points: Vec<(f64, f64)>| {
             let line = LinePlot::new().with_data(points);
-            line.with_color(colours[index % colours.len()].to_owned())
+            line.with_color(COLOURS[index % COLOURS.len()])
         };
         let best = line(curve(results, method, largest, |point| point.2)).with_stroke_width(2.0);
         plots.push(Plot::Line(best.with_legend(method.label.as_str())));
@@ -120,15 +116,14 @@ pub(super) fn curves(results: &Results) -> Option<Figure> {
         }
     }
     let layout = Layout::auto_from_plots(&plots)
-        .with_width(960.0)
-        .with_height(400.0)
         .with_log_x()
         .with_x_axis_max(2.0 * largest as f64)
         .with_y_axis_min(0.0)
         .with_y_axis_max(HIGHEST)
         .with_x_label("sets asked for")
         .with_y_label("loss: 0 is the lowest, 1 a random set")
-        .with_legend_position(LegendPosition::OutsideRightTop);
+        .with_legend_box(false)
+        .with_legend_position(LegendPosition::OutsideBottomColumns);
     Some(Figure {
         name: "search",
         title: "How the searches learn".to_owned(),
@@ -137,7 +132,7 @@ pub(super) fn curves(results: &Results) -> Option<Figure> {
                   or without an exhaustive search the lowest loss that any method found. VB-NVS ends \
                   with sets that it has not tried before, which are not all good."
             .to_owned(),
-        svg: SvgBackend::new().render_scene(&render_multiple(plots, layout)),
+        svg: plotted(plots, layout, (PAGE, 320.0)),
     })
 }
 

@@ -1,18 +1,7 @@
-//! Speed against error: the front drawn, every setting in a table, and two questions answered.
+//! Speed against error: every setting in a table, and two questions answered.
 
-use kuva::backend::svg::SvgBackend;
-use kuva::plot::line::LinePlot;
-use kuva::plot::scatter::MarkerShape;
-use kuva::plot::{LegendPosition, ScatterPlot};
-use kuva::render::layout::Layout;
-use kuva::render::plots::Plot;
-use kuva::render::render::render_multiple;
-
-use super::fan::COLOURS;
-use super::figures::Figure;
-use super::table::{Cell, Row, Table, number, with_interval};
+use super::table::{Cell, Row, Table, number};
 use super::tables::frames;
-use crate::results::speed::{Point, front, points};
 use crate::results::{AdaptiveResult, Costs, MethodResult, Number, Results, Speed};
 
 /// What stands before the name of a method on the front.
@@ -29,12 +18,13 @@ pub(super) fn tables(results: &Results) -> Vec<Table> {
 }
 
 fn answers(results: &Results, speed: &Speed) -> Table {
+    let missing = || Cell::number(None, 0);
     let row = |question: String, id: &Option<String>| {
         let found = id.as_ref().and_then(|id| results.method(id));
         Row::measured(vec![
             question.into(),
             found.map_or("none", |method| &method.label).into(),
-            Cell::number(found.and_then(milliseconds), 2),
+            found.map_or_else(missing, |method| milliseconds(&method.costs)),
             Cell::number(found.and_then(|method| method.means.r2_mean), 3),
             Cell::number(found.and_then(|method| method.means.mae_mean), 2),
         ])
@@ -135,19 +125,27 @@ fn settings(results: &Results, speed: &Speed) -> Table {
 
 /// The cells of what a setting costs.
 fn costs(costs: &Costs) -> Vec<Cell> {
-    let ms = |seconds: Number| Cell::number(seconds.map(|s| 1e3 * s), 2);
     let scaled = |value: Number, unit: f64| value.map(|value| value / unit);
     vec![
-        ms(costs.predict_seconds_per_surface),
-        ms(costs.decode_seconds_per_surface),
-        ms(costs.encode_seconds_per_surface),
-        ms(costs.head_seconds_per_surface),
+        milliseconds(costs),
+        in_milliseconds(costs.decode_seconds_per_surface),
+        in_milliseconds(costs.encode_seconds_per_surface),
+        in_milliseconds(costs.head_seconds_per_surface),
         looked_at(costs),
         Cell::number(scaled(costs.multiply_adds_per_surface, 1e9), 3),
         Cell::number(scaled(costs.peak_memory_bytes, f64::from(1 << 20)), 1),
         Cell::number(Some(costs.train_seconds), 1),
         Cell::number(Some(costs.encoder_train_seconds), 1),
     ]
+}
+
+/// Of one estimate.
+pub(super) fn milliseconds(costs: &Costs) -> Cell {
+    in_milliseconds(costs.predict_seconds_per_surface)
+}
+
+fn in_milliseconds(seconds: Number) -> Cell {
+    Cell::number(seconds.map(|seconds| 1e3 * seconds), 2)
 }
 
 /// The frames of one surface.
@@ -205,119 +203,4 @@ fn adaptive_row(method: &MethodResult, of: &AdaptiveResult) -> Row {
         Cell::number(Some(of.mean_views), 2),
         shares.join(", ").into(),
     ])
-}
-
-/// The settings in the plane of time and error, with the front; none where the config does not ask
-/// for it, or nothing has both numbers.
-pub(super) fn figure(results: &Results) -> Option<Figure> {
-    results.speed.as_ref()?;
-    let points = points(&results.methods);
-    if points.is_empty() {
-        return None;
-    }
-    let mut plots = vec![Plot::Line(staircase(&points))];
-    plots.extend(marks(results, &points));
-    let layout = Layout::auto_from_plots(&plots)
-        .with_width(1400.0)
-        .with_height(560.0)
-        .with_log_x()
-        .with_x_label("milliseconds per surface")
-        .with_y_label("error, 1 - R²")
-        .with_legend_position(LegendPosition::OutsideRightTop);
-    Some(Figure {
-        name: "speed-error",
-        title: "Speed against error".to_owned(),
-        caption: "One mark for each setting, a colour for each encoder; circles are heads, squares \
-                  ridge regressions, stars stop when they are sure enough. Down and left is better. \
-                  The line is the front: what lies above and right of it is slower and worse than a \
-                  setting on it. Hover over a mark in the HTML report for its name."
-            .to_owned(),
-        svg: SvgBackend::new().render_scene(&render_multiple(plots, layout)),
-    })
-}
-
-/// From each point of the front right to the next, then down to it.
-fn staircase(points: &[Point]) -> LinePlot {
-    let slowest = points.iter().map(|point| point.seconds).fold(0.0, f64::max);
-    let mut line: Vec<(f64, f64)> = Vec::new();
-    for point in front(points) {
-        if let Some(&(_, error)) = line.last() {
-            line.push((1e3 * point.seconds, error));
-        }
-        line.push((1e3 * point.seconds, point.error));
-    }
-    if let Some(&(_, error)) = line.last() {
-        line.push((1e3 * slowest, error));
-    }
-    LinePlot::new()
-        .with_data(line)
-        .with_color("#555555")
-        .with_stroke_width(1.4)
-        .with_dashed()
-}
-
-/// The marks, encoder by encoder and shape by shape.
-fn marks(results: &Results, points: &[Point]) -> Vec<Plot> {
-    let mut encoders: Vec<&str> = Vec::new();
-    let mut plots = Vec::new();
-    for point in points {
-        let encoder = results.methods[point.method].encoder.as_str();
-        if !encoders.contains(&encoder) {
-            encoders.push(encoder);
-        }
-    }
-    for (index, encoder) in encoders.into_iter().enumerate() {
-        let mut named = false;
-        for shape in [MarkerShape::Circle, MarkerShape::Square, MarkerShape::Star] {
-            let of_shape = points.iter().filter(|point| {
-                let method = &results.methods[point.method];
-                method.encoder == encoder && marker(method) == shape
-            });
-            let of_shape: Vec<&Point> = of_shape.collect();
-            if of_shape.is_empty() {
-                continue;
-            }
-            let hover = of_shape.iter().map(|point| hover(results, point));
-            let size = if shape == MarkerShape::Star { 7.0 } else { 4.5 };
-            let mut plot = ScatterPlot::new()
-                .with_data(of_shape.iter().map(|p| (1e3 * p.seconds, p.error)))
-                .with_color(COLOURS[index % COLOURS.len()])
-                .with_marker(shape)
-                .with_size(size)
-                .with_marker_opacity(0.85)
-                .with_tooltips()
-                .with_tooltip_labels(hover.collect::<Vec<_>>());
-            if !named {
-                plot = plot.with_legend(encoder);
-                named = true;
-            }
-            plots.push(Plot::Scatter(plot));
-        }
-    }
-    plots
-}
-
-fn marker(method: &MethodResult) -> MarkerShape {
-    match (&method.adaptive, method.kind.as_str()) {
-        (Some(_), _) => MarkerShape::Star,
-        (None, "ridge") => MarkerShape::Square,
-        (None, _) => MarkerShape::Circle,
-    }
-}
-
-fn hover(results: &Results, point: &Point) -> String {
-    let method = &results.methods[point.method];
-    format!(
-        "{}: {} ms, R² {}",
-        method.label,
-        number(Some(1e3 * point.seconds), 2),
-        with_interval(method.means.r2_mean, method.means.r2_mean_interval, 3)
-    )
-}
-
-fn milliseconds(method: &MethodResult) -> Number {
-    method
-        .costs
-        .predict_seconds_per_surface
-        .map(|seconds| 1e3 * seconds)
 }

@@ -1,9 +1,52 @@
 //! What a run came to, in a table for the terminal.
 
-use super::speed::looked_at;
+use super::speed::{looked_at, milliseconds};
 use super::table::{Cell, Row, Table};
 use crate::results::speed::{Point, best_within, fastest, points};
 use crate::results::{MethodResult, Results};
+
+/// Methods that stand out of those that look at a photograph.
+pub(super) struct StandingOut {
+    best: Option<Point>,
+    fastest: Option<Point>,
+}
+
+impl StandingOut {
+    pub(super) fn of(results: &Results) -> Self {
+        let points = looking(results);
+        Self {
+            best: best_within(&points, f64::INFINITY),
+            fastest: fastest(&points, f64::INFINITY),
+        }
+    }
+
+    /// In a word, how the method at this place stands out; empty where it does not.
+    pub(super) fn mark(&self, at: usize) -> &'static str {
+        let is = |point: Option<Point>| point.is_some_and(|point| point.method == at);
+        match (is(self.best), is(self.fastest)) {
+            (true, true) => "best, fastest",
+            (true, false) => "best",
+            (false, true) => "fastest",
+            (false, false) => "",
+        }
+    }
+}
+
+/// The methods that look at a photograph, in the plane of time and error.
+pub(super) fn looking(results: &Results) -> Vec<Point> {
+    let mut points = points(&results.methods);
+    let frames = |at: usize| results.methods[at].costs.frames_decoded_per_surface;
+    points.retain(|point| frames(point.method) > 0.0);
+    points
+}
+
+/// The best method of those that look at a photograph; of all where none does.
+pub(super) fn best(results: &Results) -> Option<&MethodResult> {
+    let looking = best_within(&looking(results), f64::INFINITY);
+    let all = || best_within(&points(&results.methods), f64::INFINITY);
+    let best = looking.or_else(all)?;
+    results.methods.get(best.method)
+}
 
 /// Means over properties and what an estimate costs. The best and the fastest method are marked, of
 /// those that look at a photograph.
@@ -17,29 +60,17 @@ pub(crate) fn summary(results: &Results) -> Table {
         "ms per surface",
         "",
     ];
-    let looks = |method: &MethodResult| method.costs.frames_decoded_per_surface > 0.0;
-    let mut points = points(&results.methods);
-    points.retain(|point| looks(&results.methods[point.method]));
-    let best = best_within(&points, f64::INFINITY);
-    let fastest = fastest(&points, f64::INFINITY);
+    let standing_out = StandingOut::of(results);
     let rows = results.methods.iter().enumerate().map(|(at, method)| {
-        let is = |point: Option<Point>| point.is_some_and(|point| point.method == at);
-        let mark = match (is(best), is(fastest)) {
-            (true, true) => "best, fastest",
-            (true, false) => "best",
-            (false, true) => "fastest",
-            (false, false) => "",
-        };
         let (means, costs) = (&method.means, &method.costs);
-        let milliseconds = costs.predict_seconds_per_surface.map(|s| 1e3 * s);
         Row::measured(vec![
             method.id.as_str().into(),
             Cell::interval(means.r2_mean, means.r2_mean_interval, 3),
             Cell::number(means.mae_mean, 2),
             Cell::number(means.median_percent_error_mean, 1),
             looked_at(costs),
-            Cell::number(milliseconds, 2),
-            mark.into(),
+            milliseconds(costs),
+            standing_out.mark(at).into(),
         ])
     });
     Table {

@@ -5,15 +5,16 @@ use sps_dataset::Unit;
 use super::learning;
 use super::selection;
 use super::speed;
+use super::summary::StandingOut;
 use super::table::{Cell, Row, Table, counted};
 use crate::paper::{self, PaperRow};
 use crate::results::{Gain, MethodResult, Number, PerProperty, Results};
 
 /// The tables, in the order of the report.
 pub(crate) fn tables(results: &Results) -> Vec<Table> {
-    let mut tables = speed::tables(results);
+    let mut tables = vec![means(results)];
+    tables.extend(speed::tables(results));
     tables.extend(learning::table(results));
-    tables.push(means(results));
     if results.properties.len() > 1 {
         tables.push(per_property(results, &R2));
         tables.push(per_property(results, &PERCENT_ERROR));
@@ -63,13 +64,15 @@ fn means(results: &Results) -> Table {
         columns.push(mean.title.to_owned());
         columns.extend(compared.then(|| "paper".to_owned()));
     }
+    columns.push("ms per surface".to_owned());
     let against = results.compared_with();
     columns.extend(
         against
             .iter()
             .map(|other| format!("R² gained on {}", other.label)),
     );
-    let rows = methods.iter().map(|method| {
+    let standing_out = StandingOut::of(results);
+    let rows = methods.iter().enumerate().map(|(at, method)| {
         let paper = printed(method);
         let mut cells = vec![method.label.as_str().into(), held_out(results, method)];
         for mean in shown {
@@ -81,11 +84,15 @@ fn means(results: &Results) -> Table {
             };
             cells.extend(compared.then(printed));
         }
+        cells.push(speed::milliseconds(&method.costs));
         let gains = against
             .iter()
             .map(|other| method.gains.r2_mean_gains.get(&other.id));
         cells.extend(gains.map(|gain| gained(gain, 3)));
-        Row::measured(cells)
+        Row {
+            mark: standing_out.mark(at),
+            ..Row::measured(cells)
+        }
     });
     Table {
         name: "means",
@@ -115,8 +122,9 @@ fn means_caption(results: &Results, compared: bool) -> String {
     let mut caption = format!(
         "R² about the mean of the training part, mean absolute error in the properties' own units, \
          median absolute percentage error; means over reruns and properties. Held out are the \
-         different surfaces that a row is scored on, all reruns together. In brackets: {:.0} % \
-         bootstrap intervals over {}, paired for differences.",
+         different surfaces that a row is scored on, all reruns together. ms are those of an \
+         estimate, with decoding or rendering. In brackets: {:.0} % bootstrap intervals over {}, \
+         paired for differences.",
         100.0 * results.interval_level,
         results.dataset.units_in_words()
     );

@@ -2,8 +2,6 @@
 
 use std::fmt;
 
-use serde::{Serialize, Serializer};
-
 /// A cell of a table. It is shown rounded; CSV has its numbers as they were measured.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Cell {
@@ -31,6 +29,13 @@ enum Form {
     Spread,
     /// `0.25 to 0.75`: no value is asked for.
     Range,
+}
+
+/// Where a difference lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Side {
+    Above,
+    Below,
 }
 
 impl Cell {
@@ -85,6 +90,38 @@ impl Cell {
         }
     }
 
+    /// What is read first, and what the value lies between.
+    pub(super) fn parts(&self) -> (String, Option<String>) {
+        match self {
+            Self::Text(text) => (text.clone(), None),
+            Self::Numbers(numbers) => numbers.parts(),
+        }
+    }
+
+    /// The number that stands for it among others: of a range the lower end.
+    pub(super) fn rank(&self) -> Option<f64> {
+        match self {
+            Self::Text(_) => None,
+            Self::Numbers(numbers) => numbers.value.or(numbers.ends.map(|[low, _]| low)),
+        }
+    }
+
+    /// On which side of 0 a difference lies with all of its interval, if it does.
+    pub(super) fn side(&self) -> Option<Side> {
+        match self {
+            Self::Numbers(Numbers {
+                ends: Some([low, high]),
+                form: Form::Difference,
+                ..
+            }) => match (*low > 0.0, *high < 0.0) {
+                (true, _) => Some(Side::Above),
+                (_, true) => Some(Side::Below),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
     /// The lower and the upper end, where it has them.
     pub(super) fn ends(&self) -> Option<[String; 2]> {
         match self {
@@ -110,38 +147,37 @@ impl fmt::Display for Cell {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Text(text) => formatter.write_str(text),
-            Self::Numbers(numbers) => formatter.write_str(&numbers.shown()),
+            Self::Numbers(numbers) => {
+                let (value, ends) = numbers.parts();
+                formatter.write_str(&value)?;
+                ends.map_or(Ok(()), |ends| write!(formatter, " {ends}"))
+            }
         }
     }
 }
 
-impl Serialize for Cell {
-    /// As it is shown.
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(self)
-    }
-}
-
 impl Numbers {
-    fn shown(self) -> String {
+    /// What is read first, and what the value lies between.
+    fn parts(self) -> (String, Option<String>) {
         let Self {
             value,
             ends,
             form,
             decimals,
         } = self;
+        let text = number(value, decimals);
         match form {
-            Form::Interval => with_interval(value, ends, decimals),
+            Form::Interval => (text, ends.map(|ends| bracketed(ends, decimals))),
             Form::Difference => {
-                let text = with_interval(value, ends, decimals);
                 let sign = value.is_some() && !text.starts_with('-');
-                format!("{}{text}", if sign { "+" } else { "" })
+                let signed = format!("{}{text}", if sign { "+" } else { "" });
+                (signed, ends.map(|ends| bracketed(ends, decimals)))
             }
-            Form::Spread if ends.is_some() => {
-                format!("{} ({})", number(value, decimals), range(ends, decimals))
+            Form::Spread => {
+                let spread = ends.map(|_| format!("({})", range(ends, decimals)));
+                (text, spread)
             }
-            Form::Spread => number(value, decimals),
-            Form::Range => range(ends, decimals),
+            Form::Range => (range(ends, decimals), None),
         }
     }
 }
@@ -174,15 +210,12 @@ pub(crate) fn with_interval(
     interval: Option<[f64; 2]>,
     decimals: usize,
 ) -> String {
-    let value = number(value, decimals);
-    match interval {
-        Some([low, high]) => format!(
-            "{value} [{}, {}]",
-            number(Some(low), decimals),
-            number(Some(high), decimals)
-        ),
-        None => value,
-    }
+    Cell::interval(value, interval, decimals).to_string()
+}
+
+fn bracketed(ends: [f64; 2], decimals: usize) -> String {
+    let [low, high] = ends.map(|end| number(Some(end), decimals));
+    format!("[{low}, {high}]")
 }
 
 fn range(ends: Option<[f64; 2]>, decimals: usize) -> String {
@@ -226,5 +259,16 @@ mod tests {
         ] {
             assert_eq!(cell.to_string(), shown);
         }
+    }
+
+    #[test]
+    fn a_difference_is_clear_of_0_where_all_of_its_interval_is() {
+        let side = |ends| Cell::difference(Some(0.1), ends, 2).side();
+        assert_eq!(side(Some([0.001, 0.2])), Some(Side::Above));
+        assert_eq!(side(Some([-0.2, -0.001])), Some(Side::Below));
+        for ends in [Some([-0.1, 0.2]), Some([0.0, 0.2]), None] {
+            assert_eq!(side(ends), None);
+        }
+        assert_eq!(Cell::interval(Some(0.1), Some([0.05, 0.2]), 2).side(), None);
     }
 }

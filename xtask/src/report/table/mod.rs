@@ -2,17 +2,17 @@
 
 mod cell;
 mod comma_separated;
+mod html;
 mod latex;
 mod markdown;
 mod terminal;
 
-use serde::Serialize;
-
 pub(crate) use cell::{Cell, number, with_interval};
+pub(super) use html::Html;
 pub(crate) use terminal::aligned;
 
 /// A table, ready to print.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Table {
     /// Names its files.
     pub name: &'static str,
@@ -24,11 +24,13 @@ pub(crate) struct Table {
 }
 
 /// A line of a [`Table`], one cell per column.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Row {
     pub cells: Vec<Cell>,
     /// Not measured here: printed by the paper, or a known limit.
     pub reference: bool,
+    /// How it stands out among the others, in a word; empty where it does not.
+    pub mark: &'static str,
 }
 
 impl Row {
@@ -36,13 +38,14 @@ impl Row {
         Self {
             cells,
             reference: false,
+            mark: "",
         }
     }
 
     pub(crate) fn reference(cells: Vec<Cell>) -> Self {
         Self {
-            cells,
             reference: true,
+            ..Self::measured(cells)
         }
     }
 }

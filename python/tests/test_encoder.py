@@ -44,6 +44,17 @@ def test_what_it_is(encoder):
     assert (embeddings.dtype, embeddings.shape) == (np.float32, (1, 512))
 
 
+def test_the_default_encoder():
+    encoder = sps.Encoder("efficientnet-lite-small", "built-in")
+    assert (encoder.name, encoder.width) == ("efficientnet-lite-small", 480)
+    frames = sorted(FRAMES.glob("*/002.*"))
+    embeddings = encoder.embed(frames)
+    assert embeddings.shape == (len(frames), 480)
+    # It ends in a rectifier, and tells surfaces apart.
+    assert embeddings.min() >= 0
+    assert np.linalg.matrix_rank(embeddings) == len(frames)
+
+
 def test_a_file_and_its_pixels_have_the_same_embedding(encoder, tmp_path):
     pixels, path = image(33, 47), tmp_path / "image.png"
     write_png(path, pixels)

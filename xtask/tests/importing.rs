@@ -2,6 +2,7 @@
 
 mod support;
 
+use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -204,7 +205,11 @@ fn friction_photographs_taken_apart() {
         fs::create_dir_all(&to).unwrap();
         let from = dataset.join("frames").join(surface).join("000.jpg");
         fs::copy(from, to.join(format!("{number}.jpg"))).unwrap();
-        table += &format!("{material}/{number}.jpg,{material},{material},{value}\n");
+        writeln!(
+            table,
+            "{material}/{number}.jpg,{material},{material},{value}"
+        )
+        .unwrap();
     }
     fs::write(folder.path().join("values.csv"), table).unwrap();
     let photographs = Photographs { folder };

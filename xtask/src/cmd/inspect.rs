@@ -55,7 +55,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     } else {
         print(&inspection, &labels(&dataset));
     }
-    draw(&dataset, &read.tactile, &args.figures(&path))?;
+    draw(&dataset, read.tactile, &args.figures(&path))?;
     if broken > 0 {
         bail!("{broken} frames of {} cannot be read", path.display());
     }
@@ -97,9 +97,9 @@ fn labels(dataset: &DatasetFolder) -> Vec<(String, usize)> {
     counts
 }
 
-fn draw(dataset: &DatasetFolder, settings: &TactileSettings, folder: &Path) -> Result<()> {
+fn draw(dataset: &DatasetFolder, settings: TactileSettings, folder: &Path) -> Result<()> {
     let surfaces = dataset.surfaces().len();
-    let averages = dataset.tactile().averages(settings, surfaces);
+    let averages = dataset.tactile().averages(&settings, surfaces);
     let values: Vec<(String, Vec<f64>)> = averages
         .properties()
         .iter()

@@ -113,7 +113,7 @@ fn row(record: &csv::StringRecord, columns: &[Column], line: u64) -> Result<Row>
     for (cell, column) in record.iter().zip(columns) {
         let named = Some(cell.to_owned()).filter(|name| !name.is_empty());
         match column {
-            Column::Key => row.key = cell.to_owned(),
+            Column::Key => cell.clone_into(&mut row.key),
             Column::Material => row.material = named,
             Column::Group => row.group = named,
             Column::Property => {

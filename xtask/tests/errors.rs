@@ -100,7 +100,7 @@ fn a_misspelt_key() {
     let scratch = Scratch::new();
     scratch.edit("tiny.toml", "resamples", "resample");
     let text = message(scratch.experiment().assert());
-    expect(&text, &["tiny.toml, line 17", "did you mean `resamples`?"]);
+    expect(&text, &["tiny.toml, line 18", "did you mean `resamples`?"]);
     let text = message(
         Scratch::new()
             .experiment()

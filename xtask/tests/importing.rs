@@ -62,7 +62,7 @@ fn inspected(dataset: &Path, figures: &Path) -> Value {
 const FILES: [(&str, &str); 3] = [
     ("denim-01/002.png", "denim/b.png"),
     ("oak-01/002.jpg", "oak/1.JPG"),
-    ("denim-02/002.png", "denim/a.png"),
+    ("denim-02/002.jpg", "denim/a.jpg"),
 ];
 
 #[test]

@@ -188,6 +188,13 @@ fn inspect_reads_a_dataset_by_the_settings_of_a_config() {
     assert_eq!(medians["surfaces"], by_folder["surfaces"]);
     assert_ne!(medians["properties"], by_folder["properties"]);
 
+    scratch.edit("tiny.toml", "[split.random]", "[split.leave-one-group-out]");
+    scratch.edit("tiny.toml", "validation = 0.34\nkeep-groups = false\n", "");
+    scratch.edit(
+        "tiny.toml",
+        "[data]\n",
+        "[data]\nsimulated.test-surfaces = 0\n",
+    );
     let refused = by_config("data.from=simulator").assert();
     expect(&message(refused), &["tiny.toml", "data.from", "simulate"]);
 }

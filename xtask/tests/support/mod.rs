@@ -40,6 +40,7 @@ from = "folder"
 [data.folder]
 path = "DATA"
 [encoder]
+name = "se-resnext-small"
 weights = "untrained"
 [head]
 epochs = 3

@@ -72,6 +72,45 @@ fn pretraining_that_was_killed_ends_with_the_same_weights() {
     );
 }
 
+#[test]
+fn an_encoder_starts_from_weights_that_fit_it() {
+    let scratch = tempfile::tempdir().unwrap();
+    let fixture = |name: &str| root().join("fixtures/encoders").join(name);
+    let start = |name: &str| format!("start = {:?}\n", fixture(name).display().to_string());
+    let run = |folder: &str, settings: &str| {
+        let folder = scratch.path().join(folder);
+        let mut command = pretrain(&folder, "[training.augmentation]\nflip = false\n");
+        let config = fs::read_to_string(folder.join("small.toml")).unwrap();
+        fs::write(folder.join("small.toml"), format!("{settings}{config}")).unwrap();
+        let output = command.stderr(Stdio::piped()).output().unwrap();
+        (output, folder)
+    };
+    let small = "encoder = \"efficientnet-lite-small\"\n";
+    let weights = |settings: &str, folder: &str| {
+        let (output, folder) = run(folder, settings);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+        (fs::read(folder.join("weights.safetensors")).unwrap(), said)
+    };
+    let (from_seed, _) = weights(small, "seeded");
+    let started = format!("{small}{}", start("efficientnet-lite-small.safetensors"));
+    let (from_file, said) = weights(&started, "started");
+    assert!(from_seed != from_file);
+    assert!(said.contains("115 of 115 tensors"), "{said}");
+
+    for (weights, part) in [
+        (
+            "se-resnext-small.safetensors",
+            "no tensor of which efficientnet-lite-small has",
+        ),
+        ("none.safetensors", "none.safetensors"),
+    ] {
+        let (output, _) = run("refused", &format!("{small}{}", start(weights)));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && said.contains(part), "{said}");
+    }
+}
+
 /// The built-in encoder as a teacher, of patterns too.
 fn taught(weight: f64, size: usize, images: usize) -> String {
     let weights = root().join("fixtures/encoders/se-resnext-small.safetensors");

@@ -194,10 +194,13 @@ fn photographs(folder: &Path, row: &Row) -> Result<Vec<Imported>> {
     let class = folder.join(&row.key);
     let entries = fs::read_dir(&class)
         .with_context(|| format!("class `{}` has no folder {}", row.key, class.display()))?;
-    let mut found = entries
-        .map(|entry| Ok(entry?.path()))
-        .filter(|path| path.as_ref().is_ok_and(|path| ending(path).is_some()) || path.is_err())
-        .collect::<std::io::Result<Vec<_>>>()?;
+    let mut found = Vec::new();
+    for entry in entries {
+        let entry = entry?;
+        // Some systems put files of their own beside photographs.
+        let hidden = entry.file_name().to_string_lossy().starts_with('.');
+        found.extend(Some(entry.path()).filter(|path| !hidden && ending(path).is_some()));
+    }
     found.sort();
     ensure!(
         !found.is_empty(),

@@ -49,8 +49,10 @@ impl Trial {
         let units = Units::of(&surfaces, KeepGroups::Auto);
         let off = predictions.iter().map(|prediction| {
             let off = (prediction.estimate - prediction.truth).abs();
-            let interval = prediction.interval();
-            interval.map_or(off, |[low, high]| 2.0 * off / (high - low))
+            match prediction.interval() {
+                Some([low, high]) if off > 0.0 => 2.0 * off / (high - low),
+                _ => off,
+            }
         });
         let (even, odd) = off
             .enumerate()
@@ -123,5 +125,16 @@ mod tests {
             prediction.high = Some(prediction.estimate + off);
         }
         assert_eq!(share(&all, 0.1), Some(1.0));
+    }
+
+    /// Right, with intervals that are points.
+    #[test]
+    fn an_interval_without_width_holds_what_is_right() {
+        let mut all = predictions(|_| String::new());
+        for prediction in &mut all {
+            prediction.estimate = prediction.truth;
+            (prediction.low, prediction.high) = (Some(10.0), Some(10.0));
+        }
+        assert_eq!(share(&all, 0.5), Some(1.0));
     }
 }

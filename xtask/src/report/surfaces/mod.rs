@@ -1,6 +1,5 @@
 //! Surfaces as the best method saw them, measured and estimated values side by side.
 
-mod base64;
 mod pictures;
 mod ranked;
 

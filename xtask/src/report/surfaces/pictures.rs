@@ -5,11 +5,12 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 use sps_dataset::{DatasetFolder, FrameFormat, Source};
 use sps_simulate::Simulator;
 
-use super::base64;
 use crate::config::{DataSpec, Experiment};
 use crate::run::CONFIG;
 
@@ -86,7 +87,7 @@ fn picture<S: Source>(source: &S, surface: usize, view: usize) -> Result<Picture
     let png = FrameFormat::Png.encode(&small)?;
     Ok(Picture {
         angle: in_words(angle.0),
-        address: format!("data:image/png;base64,{}", base64::encode(&png)),
+        address: format!("data:image/png;base64,{}", STANDARD.encode(&png)),
         width: small.width,
         height: small.height,
     })

@@ -4,6 +4,7 @@ use anyhow::{Result, bail, ensure};
 use candle_core::Device;
 use sps_estimator::Network;
 use sps_models::encoders::{Encoder, EncoderKind, I3d, Precision};
+use sps_models::training::TrainingObjective;
 use sps_models::weights::Weights;
 
 use crate::config::{EncoderSpec, Network as NetworkSpec, WeightsSpec};
@@ -69,8 +70,11 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
             format!("weights from {}", name.to_string_lossy())
         }
     };
-    let trained = match spec.training {
-        Some(_) => ", then trained on each training part",
+    let trained = match spec.training.as_ref().map(|training| &training.objective) {
+        Some(TrainingObjective::Linear {}) => ", then trained on each training part",
+        Some(TrainingObjective::Heads { .. }) => {
+            ", then trained through heads on each training part"
+        }
         None => "",
     };
     let precision = match spec.precision {

@@ -19,7 +19,7 @@ use rand_chacha::rand_core::{RngCore, SeedableRng};
 use serde_json::Value;
 use support::{Mounted, Scratch, copy, root};
 
-/// One method that selects its views, and one whose encoder is trained.
+/// One method that selects its views, and one whose encoder is trained, through heads of two views.
 const METHODS: &str = r#"
 [[methods]]
 id = "nvs"
@@ -31,7 +31,13 @@ selector = { kind = "nvs", evaluations = 200 }
 id = "fine-tuned"
 label = "Fine-tuned"
 kind = "ridge"
-encoder = { trainable = true, training = { epochs = 2, batch-size = 4 } }
+[methods.encoder]
+trainable = true
+training = { epochs = 2, batch-size = 4 }
+[methods.encoder.training.objective]
+kind = "heads"
+input = { kind = "late-fusion", views = 2 }
+model = { kind = "cross-modal", adversarial = {} }
 "#;
 
 const JOURNALS: [&str; 2] = ["trials.jsonl", "selections.jsonl"];

@@ -53,6 +53,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             values: Some(world.visible()?),
             classes: Some(world.classes()?),
             features: features.transpose()?,
+            ..Targets::default()
         },
         parts: world.parts(pretraining.training.validation),
         config: &pretraining.training,

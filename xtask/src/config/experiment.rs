@@ -283,7 +283,7 @@ mod tests {
             }
         };
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
-        let names = ["ablation", "fine-tuning", "friction-photos", "view-counts"];
+        let names = ["ablation", "end-to-end", "friction-photos", "view-counts"];
         let texts =
             names.map(|name| std::fs::read_to_string(folder.join(format!("{name}.toml"))).unwrap());
         let mut texts = texts.to_vec();

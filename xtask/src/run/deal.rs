@@ -146,16 +146,17 @@ mod tests {
 
     #[test]
     fn methods_on_an_encoder_that_is_trained_stay_with_it() {
-        let methods = methods("fine-tuning");
-        let trained = |method: &&Method| method.encoder.training.is_some();
-        let ids: Vec<&str> = methods.iter().filter(trained).map(|m| &m.id[..]).collect();
+        let methods = methods("end-to-end");
+        let heads = methods.iter().find(|method| method.id == "heads").unwrap();
+        let same = |method: &&Method| method.encoder == heads.encoder;
+        let ids: Vec<&str> = methods.iter().filter(same).map(|m| &m.id[..]).collect();
         assert!(ids.len() > 1);
         assert!(together(&methods).contains(&ids.join(" ")), "{ids:?}");
     }
 
     #[test]
     fn every_split_of_every_method_is_dealt_once() {
-        for config in ["multi-view", "fine-tuning", "view-worth"] {
+        for config in ["multi-view", "end-to-end", "view-worth"] {
             let methods = methods(config);
             for of in [1, 2, 7, 100] {
                 let mut counts = vec![[0; 3]; methods.len()];

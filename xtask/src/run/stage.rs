@@ -5,12 +5,13 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use sps_dataset::{FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, Source};
 use sps_estimator::{Embedder, Network};
-use sps_models::Readings;
-use sps_models::training::{Classes, Parts, Targets, TrainingConfig};
+use sps_models::Embeddings;
+use sps_models::training::{Classes, Parts, Targets, TrainingConfig, TrainingObjective};
 use tracing::info;
 
 use super::Splits;
-use super::tables::{Tables, readings, table};
+use super::tables::{Tables, hash_row, hash_text, readings, table};
+use super::views::equidistant;
 use crate::config::{EncoderSpec, Experiment};
 use crate::data::{self, About};
 use crate::embeddings::{EmbeddingCache, embed};
@@ -93,53 +94,54 @@ impl<'a, S: Source> Stages<'a, S> {
 
     /// Embeds the views of every surface that may be trained on.
     fn stage(&self, encoder: Network, train_seconds: f64) -> Result<Stage> {
-        let experiment = self.experiment;
         let embedder = Embedder::new(encoder, self.encoder.resize)?;
-        let (identity, width) = (embedder.identity(), embedder.width());
-        let cache = EmbeddingCache::open(&experiment.cache, identity, width, experiment.work)?;
-        let (views, pool) = (&self.views, self.splits.pool);
-        let frames = frames(pool, views);
-        let embedded = embed(self.source, &frames, &embedder, &cache)?;
-        info!(
-            "{} embeddings of {pool} surfaces, {} of them encoded now",
-            frames.len(),
-            embedded.frames_decoded
-        );
-        let embeddings = table(embedded.values, pool, embedded.width)?;
-        let wanted = &experiment.properties;
+        let views = &self.views;
+        let (embeddings, encoded) = self.embedded(&embedder, views)?;
+        let wanted = &self.experiment.properties;
         let mut tables = Tables::new(self.source, self.about, views, embeddings, wanted)?;
         tables.sequence.clone_from(&self.sequence);
         Ok(Stage {
             encoder_bytes: self.encoder_bytes,
-            encoded: (embedded.frames_decoded, embedded.seconds),
+            encoded,
             embedder,
             tables,
             train_seconds,
         })
     }
 
-    /// The encoder after it was trained to say the readings of the surfaces `training` from the
-    /// view straight down, and the seconds that took.
+    /// Some views of every surface that may be trained on; how many frames were encoded now, and the
+    /// seconds that took.
+    fn embedded(&self, embedder: &Embedder, views: &[usize]) -> Result<(Embeddings, (usize, f64))> {
+        let experiment = self.experiment;
+        let (identity, width) = (embedder.identity(), embedder.width());
+        let cache = EmbeddingCache::open(&experiment.cache, identity, width, experiment.work)?;
+        let pool = self.splits.pool;
+        let frames = frames(pool, views);
+        let embedded = embed(self.source, &frames, embedder, &cache)?;
+        info!(
+            "{} embeddings of {pool} surfaces, {} of them encoded now",
+            frames.len(),
+            embedded.frames_decoded
+        );
+        let encoded = (embedded.frames_decoded, embedded.seconds);
+        Ok((table(embedded.values, pool, embedded.width)?, encoded))
+    }
+
+    /// The encoder after it was trained on the surfaces `training`, and the seconds that took.
     fn trained(&self, config: &TrainingConfig, training: &[usize]) -> Result<(Network, f64)> {
-        let views = [data::nadir(self.source)?];
-        let frames = frames(self.splits.pool, &views);
-        let readings = readings(self.source, self.about, self.splits.pool)?;
-        let rows: Vec<Vec<Option<f64>>> = frames
-            .iter()
-            .map(|frame| row(&readings, frame.surface))
-            .collect();
-        let properties = readings.properties().to_vec();
-        let classes = materials(self.source, &frames)?;
+        let views = match config.objective.views() {
+            1 => vec![data::nadir(self.source)?],
+            several => equidistant(self.source, several)?,
+        };
+        let pool = self.splits.pool;
+        let frames = frames(pool, &views);
+        let targets = self.targets(config, &views)?;
         let task = Task {
             name: "encoder",
             start: self.start.of_images()?,
-            key: self.key(&frames, &rows, &classes)?,
-            targets: Targets {
-                values: Some(Readings::new(properties, &rows)?),
-                classes: Some(classes),
-                features: None,
-            },
-            parts: self.parts(config, training, views.len())?,
+            key: self.key(&frames, &targets)?,
+            targets,
+            parts: self.parts(config, training)?,
             config,
             seed: self.experiment.seed,
         };
@@ -155,15 +157,41 @@ impl<'a, S: Source> Stages<'a, S> {
         Ok((Network::Images(encoder), trained.seconds))
     }
 
-    /// The images of the surfaces `training`, some of which say when to stop.
-    fn parts(&self, config: &TrainingConfig, training: &[usize], views: usize) -> Result<Parts> {
-        let images = |surfaces: &[usize]| -> Vec<usize> {
-            let of_surface = |&s: &usize| s * views..(s + 1) * views;
-            surfaces.iter().flat_map(of_surface).collect()
+    /// What the encoder learns to say of every surface that may be trained on: the readings and the
+    /// material, each as its objective takes them, and what it sees itself where that is needed.
+    fn targets(&self, config: &TrainingConfig, views: &[usize]) -> Result<Targets> {
+        let pool = self.splits.pool;
+        let labels = MaterialLabels::of(self.source.surfaces(), FEWEST_PER_MATERIAL);
+        let of_pool = &labels.labels()[..pool];
+        let mut targets = Targets {
+            values: Some(readings(self.source, self.about, pool)?),
+            ..Targets::default()
         };
+        match config.objective {
+            TrainingObjective::Linear {} => {
+                let class = |&label: &usize| u32::try_from(label);
+                targets.classes = Some(Classes {
+                    of_image: of_pool.iter().map(class).collect::<Result<_, _>>()?,
+                    count: u32::try_from(labels.names().len())?,
+                });
+            }
+            TrainingObjective::Heads { .. } => {
+                let name = |&label: &usize| labels.names()[label].clone();
+                targets.materials = Some(of_pool.iter().map(name).collect());
+            }
+        }
+        if config.needs_start() {
+            let embedder = Embedder::new(self.start.clone(), self.encoder.resize)?;
+            targets.start = Some(self.embedded(&embedder, views)?.0);
+        }
+        Ok(targets)
+    }
+
+    /// The surfaces `training`, some of which say when to stop.
+    fn parts(&self, config: &TrainingConfig, training: &[usize]) -> Result<Parts> {
         if config.validation == 0.0 {
             return Ok(Parts {
-                training: images(training),
+                training: training.to_vec(),
                 validation: Vec::new(),
             });
         }
@@ -172,29 +200,28 @@ impl<'a, S: Source> Stages<'a, S> {
             .splits
             .kept_aside(training, config.validation, seed, 0)?;
         Ok(Parts {
-            training: images(&split.train),
-            validation: images(&split.validation),
+            training: split.train,
+            validation: split.validation,
         })
     }
 
-    /// Names the images with what they are to say.
-    fn key(
-        &self,
-        frames: &[FrameIndex],
-        rows: &[Vec<Option<f64>>],
-        classes: &Classes,
-    ) -> Result<blake3::Hash> {
+    /// Names the images with what they are to say. What the encoder sees of them at the start follows
+    /// from them and from the encoder.
+    fn key(&self, frames: &[FrameIndex], targets: &Targets) -> Result<blake3::Hash> {
         let mut hasher = blake3::Hasher::new();
         hasher.update(format!("{:?}", self.encoder.resize).as_bytes());
         for frame in frames {
             hasher.update(&self.source.frame_key(frame.surface, frame.view)?);
         }
-        for cell in rows.iter().flatten() {
-            hasher.update(&cell.map_or([0xff; 8], f64::to_le_bytes));
+        if let Some(values) = &targets.values {
+            (0..values.surfaces()).for_each(|surface| hash_row(&mut hasher, values, surface));
         }
-        for class in &classes.of_image {
+        let classes = targets.classes.iter().flat_map(|classes| &classes.of_image);
+        classes.for_each(|class| {
             hasher.update(&class.to_le_bytes());
-        }
+        });
+        let materials = targets.materials.iter().flatten();
+        materials.for_each(|material| hash_text(&mut hasher, material));
         Ok(hasher.finalize())
     }
 }
@@ -203,21 +230,4 @@ impl<'a, S: Source> Stages<'a, S> {
 fn frames(surfaces: usize, views: &[usize]) -> Vec<FrameIndex> {
     let of_surface = |surface| views.iter().map(move |&view| FrameIndex { surface, view });
     (0..surfaces).flat_map(of_surface).collect()
-}
-
-/// The material of each frame's surface, by the paper's rule.
-fn materials<S: Source>(source: &S, frames: &[FrameIndex]) -> Result<Classes> {
-    let labels = MaterialLabels::of(source.surfaces(), FEWEST_PER_MATERIAL);
-    let class = |frame: &FrameIndex| u32::try_from(labels.labels()[frame.surface]);
-    Ok(Classes {
-        of_image: frames.iter().map(class).collect::<Result<_, _>>()?,
-        count: u32::try_from(labels.names().len())?,
-    })
-}
-
-fn row(readings: &Readings, surface: usize) -> Vec<Option<f64>> {
-    let columns = 0..readings.properties().len();
-    columns
-        .map(|column| readings.get(surface, column))
-        .collect()
 }

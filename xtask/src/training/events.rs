@@ -101,14 +101,23 @@ impl EventFile {
     }
 }
 
+/// Losses by name, those that there are.
 fn losses(part: &str, losses: &Losses) -> Vec<(String, f64)> {
-    vec![
-        (format!("{part}/loss"), losses.total()),
-        (format!("{part}/squared-error"), losses.values),
-        (format!("{part}/cross-entropy"), losses.classes),
-        (format!("{part}/accuracy"), losses.accuracy),
-        (format!("{part}/features"), losses.features),
-    ]
+    let all = [
+        ("loss", losses.total()),
+        ("squared-error", losses.values),
+        ("cross-entropy", losses.classes),
+        ("accuracy", losses.accuracy),
+        ("features", losses.features),
+        ("embedding", losses.embedding),
+        ("reconstruction", losses.reconstruction),
+        ("generator", losses.generator),
+        ("discriminator", losses.discriminator),
+    ];
+    let there = all.into_iter().filter(|(_, value)| *value != 0.0);
+    there
+        .map(|(name, value)| (format!("{part}/{name}"), value))
+        .collect()
 }
 
 /// Losses by name; one that is not used is 0.

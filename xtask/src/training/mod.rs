@@ -195,17 +195,23 @@ fn line(step: &TrainingStep, images_per_second: f64) -> String {
     )
 }
 
-/// Losses in words, for people.
+/// Losses in words, for people; those that there are.
 pub(crate) fn in_words(losses: &Losses) -> String {
-    let taught = if losses.features > 0.0 {
-        format!(", error of the teacher's features {:.3}", losses.features)
-    } else {
-        String::new()
-    };
-    format!(
-        "squared error {:.3} of the variance, cross-entropy {:.3}, {:.1} % of classes right{taught}",
-        losses.values,
-        losses.classes,
-        100.0 * losses.accuracy
-    )
+    let mut words = vec![format!(
+        "squared error {:.3} of the variance",
+        losses.values
+    )];
+    if losses.classes > 0.0 {
+        words.push(format!("cross-entropy {:.3}", losses.classes));
+    }
+    if losses.accuracy > 0.0 {
+        words.push(format!("{:.1} % of classes right", 100.0 * losses.accuracy));
+    }
+    if losses.features > 0.0 {
+        words.push(format!(
+            "error of the teacher's features {:.3}",
+            losses.features
+        ));
+    }
+    words.join(", ")
 }

@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::HeadError;
+use super::trained::EpochLosses;
 use crate::error::Result;
 use crate::labels::LabelSource;
 use crate::optim::AdamConfig;
@@ -141,6 +142,25 @@ pub enum Model {
     CrossModal(CrossModal),
 }
 
+impl Model {
+    /// How much each loss counts; one that is not there counts for 0.
+    pub(crate) fn loss_weights(&self) -> EpochLosses {
+        let mut weights = EpochLosses {
+            estimation: 1.0,
+            ..EpochLosses::default()
+        };
+        if let Self::CrossModal(model) = self {
+            let (game, classes) = (&model.adversarial, &model.classification);
+            weights.embedding = model.embedding_weight;
+            weights.reconstruction = model.reconstruction_weight;
+            weights.generator = game.as_ref().map_or(0.0, |game| game.weight);
+            weights.discriminator = f64::from(u8::from(game.is_some()));
+            weights.classification = classes.as_ref().map_or(0.0, |c| c.weight);
+        }
+        weights
+    }
+}
+
 /// The cross-modal network and its losses,
 /// `L = L_est + l1 L_emb + l2 L_adv + l3 L_class (+ l4 L_rec)`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -237,7 +257,7 @@ fn default_classification_weight() -> f64 {
 
 impl HeadConfig {
     /// Refuses the first value that is out of its range.
-    pub(super) fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         at_least_one("epochs", self.epochs)?;
         at_least_one("batch-size", self.batch_size)?;
         if let Some((key, found, expected)) = self.adam.out_of_range() {

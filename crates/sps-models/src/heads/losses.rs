@@ -7,6 +7,7 @@ use candle_core::{Result, Tensor};
 
 use super::config::{GeneratorLoss, Model};
 use super::network::{CrossModalNetwork, Network};
+use super::trained::EpochLosses;
 use crate::stacked::{cross_entropy, row_norm, softplus};
 
 /// A batch of each trial of a stack.
@@ -24,6 +25,9 @@ pub(super) struct Batch {
     /// `(trials, rows)`, over the rows that have a class.
     pub(super) label_weight: Tensor,
 }
+
+/// Where a loss is recorded.
+type LossField = fn(&mut EpochLosses) -> &mut f64;
 
 /// Each loss of each trial, `(trials)`, before its weight.
 pub(super) struct Losses {
@@ -83,7 +87,8 @@ impl Losses {
         }
         let (generator, discriminator) = match (&model.adversarial, &network.discriminator) {
             (Some(game), Some(discriminator)) => {
-                let image = batch.visual.narrow(2, 0, batch.width)?;
+                // No side of the game changes what both look at, where that is trained too.
+                let image = batch.visual.narrow(2, 0, batch.width)?.detach();
                 let term = discriminator.visual_term(&image)?;
                 let real = discriminator.logit(&term, tactile)?;
                 let fake = discriminator.logit(&term, &estimate.detach())?;
@@ -119,24 +124,35 @@ impl Losses {
         })
     }
 
+    /// Those that there are, and where each is recorded.
+    pub(super) fn terms(&self) -> impl Iterator<Item = (&Tensor, LossField)> {
+        let terms: [(Option<&Tensor>, LossField); 6] = [
+            (Some(&self.estimation), |l| &mut l.estimation),
+            (self.embedding.as_ref(), |l| &mut l.embedding),
+            (self.reconstruction.as_ref(), |l| &mut l.reconstruction),
+            (self.generator.as_ref(), |l| &mut l.generator),
+            (self.discriminator.as_ref(), |l| &mut l.discriminator),
+            (self.classification.as_ref(), |l| &mut l.classification),
+        ];
+        let terms = terms.into_iter();
+        terms.filter_map(|(term, field)| Some((term?, field)))
+    }
+
     /// The sum over the trials of each trial's objective; the discriminator's own loss is added,
     /// for the two sides share no parameter.
     pub(super) fn total(&self, model: &Model) -> Result<Tensor> {
+        let weights = model.loss_weights();
+        let terms = [
+            (&self.embedding, weights.embedding),
+            (&self.reconstruction, weights.reconstruction),
+            (&self.generator, weights.generator),
+            (&self.discriminator, weights.discriminator),
+            (&self.classification, weights.classification),
+        ];
         let mut total = self.estimation.clone();
-        if let Model::CrossModal(model) = model {
-            let game = model.adversarial.as_ref();
-            let classes = model.classification.as_ref();
-            let terms = [
-                (&self.embedding, model.embedding_weight),
-                (&self.reconstruction, model.reconstruction_weight),
-                (&self.generator, game.map_or(0.0, |game| game.weight)),
-                (&self.discriminator, 1.0),
-                (&self.classification, classes.map_or(0.0, |c| c.weight)),
-            ];
-            for (term, weight) in terms {
-                if let Some(term) = term {
-                    total = (total + (term * weight)?)?;
-                }
+        for (term, weight) in terms {
+            if let Some(term) = term {
+                total = (total + (term * weight)?)?;
             }
         }
         total.sum_all()

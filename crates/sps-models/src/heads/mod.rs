@@ -32,9 +32,12 @@ mod error;
 mod fusion;
 mod input;
 mod job;
+#[cfg(feature = "training")]
+mod joint;
 mod losses;
 mod network;
 mod plan;
+mod stack;
 mod store;
 #[cfg(all(test, feature = "clusters"))]
 mod tests;
@@ -48,6 +51,8 @@ pub use config::{
 };
 pub use error::HeadError;
 pub use fusion::FusionLoss;
+#[cfg(feature = "training")]
+pub(crate) use joint::{Draw, JointHeads};
 pub use plan::{Plan, Rerun, TrainingData, Trial, Views};
 pub use trained::{DivergedTrial, EpochLosses, Estimates, KeptEpoch, TrainedHead, TrainedHeads};
 

@@ -1,22 +1,19 @@
 //! The training loop of one stack.
 
-use candle_core::{Device, Tensor, Var};
-use rand::Rng;
-
 use super::batches::Batches;
 use super::config::HeadConfig;
 use super::course::Course;
 use super::job::Job;
 use super::losses::Losses;
-use super::network::{Fill, Network, Spec, is_discriminator, specs};
+use super::network::{Network, is_discriminator, specs};
 use super::plan::TrainingData;
-use super::trained::{DivergedTrial, EpochLosses, Parameters, TrainedHead};
+use super::stack::{Stack, StackParameter};
+use super::trained::{DivergedTrial, EpochLosses, TrainedHead};
 use super::validation::Validation;
 use super::{HeadError, Observer};
 use crate::error::Result;
 use crate::optim::{Adam, clip_scales, squared_norms};
-use crate::rng;
-use crate::stacked::{GradientSlot, Parameter};
+use crate::stacked::GradientSlot;
 
 /// What became of a trial.
 pub(super) type Outcome = std::result::Result<TrainedHead, DivergedTrial>;
@@ -36,10 +33,9 @@ pub(super) fn train_stack(
         return Ok(Vec::new());
     };
     let dims = first.dims(config, data.embeddings);
-    let mut parameters = Initial::new(seed, jobs);
-    let network = Network::new(&mut parameters, config, dims)?;
-    let parameters = parameters.parameters;
-    let mut sides = Side::of(config, &parameters, jobs.len())?;
+    let stack = Stack::drawn(config, dims, seed, jobs)?;
+    let network = &stack.network;
+    let mut sides = Side::of(config, &stack.parameters, jobs.len())?;
     let mut batches = Batches::new(config, data, seed, jobs);
     let validation = Validation::new(config, data, seed, jobs);
     let mut courses = Course::start(jobs, validation.as_ref());
@@ -48,13 +44,13 @@ pub(super) fn train_stack(
             return Err(HeadError::Stopped.into());
         }
         batches.shuffle(epoch);
-        let losses = pass(config, &network, &mut batches, &mut sides)?;
+        let losses = pass(config, network, &mut batches, &mut sides)?;
         let losses = courses.iter_mut().zip(losses);
         losses.for_each(|(course, losses)| course.record(losses));
         if let Some(validation) = &validation {
-            let errors = validation.errors(&network)?;
+            let errors = validation.errors(network)?;
             for (at, (course, error)) in courses.iter_mut().zip(errors).enumerate() {
-                course.validate(validation.patience(), error, || of_trial(&parameters, at))?;
+                course.validate(validation.patience(), error, || stack.of_trial(at))?;
             }
         }
         observer.epoch(jobs.len(), epoch + 1, config.epochs);
@@ -63,7 +59,7 @@ pub(super) fn train_stack(
         }
     }
     let ends = jobs.iter().zip(courses).enumerate();
-    ends.map(|(at, (job, course))| course.end(job, dims, of_trial(&parameters, at)?))
+    ends.map(|(at, (job, course))| course.end(job, dims, stack.of_trial(at)?))
         .collect()
 }
 
@@ -88,15 +84,6 @@ fn pass(
     Ok(means.finish().collect())
 }
 
-/// A copy of one trial's part of the stack.
-fn of_trial(parameters: &[StackParameter], at: usize) -> Result<Parameters> {
-    let own = parameters.iter().map(|parameter| {
-        let tensor = parameter.variable.as_detached_tensor().get(at)?.copy()?;
-        Ok((parameter.name.clone(), tensor))
-    });
-    own.collect()
-}
-
 /// How many parameters one trial has.
 pub(super) fn parameter_count(
     config: &HeadConfig,
@@ -108,54 +95,6 @@ pub(super) fn parameter_count(
         .iter()
         .map(|s| s.shape.iter().product::<usize>())
         .sum()
-}
-
-/// Fresh weights: uniform within one over the root of the layer's inputs, as PyTorch's `Linear`.
-struct Initial<'a> {
-    seed: u64,
-    jobs: &'a [&'a Job<'a>],
-    parameters: Vec<StackParameter>,
-}
-
-/// A parameter of the stack while it is trained.
-struct StackParameter {
-    name: String,
-    variable: Var,
-    gradient: GradientSlot,
-}
-
-impl<'a> Initial<'a> {
-    fn new(seed: u64, jobs: &'a [&'a Job<'a>]) -> Self {
-        Self {
-            seed,
-            jobs,
-            parameters: Vec::new(),
-        }
-    }
-}
-
-impl Fill for Initial<'_> {
-    fn fill(&mut self, spec: &Spec<'_>) -> Result<Parameter> {
-        let count: usize = spec.shape.iter().product();
-        let bound = 1.0 / (spec.fan_in.max(1) as f32).sqrt();
-        let mut values = Vec::with_capacity(self.jobs.len() * count);
-        for job in self.jobs {
-            let purpose = format!("init/{}/{}", job.trial.property, spec.name);
-            let mut rng = rng::stream(self.seed, &purpose, job.trial.rerun);
-            values.extend((0..count).map(|_| rng.random_range(-bound..bound)));
-        }
-        let shape: Vec<usize> = std::iter::once(self.jobs.len())
-            .chain(spec.shape.iter().copied())
-            .collect();
-        let variable = Var::from_vec(values, shape, &Device::Cpu)?;
-        let parameter = Parameter::variable(&variable);
-        self.parameters.push(StackParameter {
-            name: spec.name.to_owned(),
-            variable,
-            gradient: parameter.gradient().cloned().unwrap_or_default(),
-        });
-        Ok(parameter)
-    }
 }
 
 /// One side of the adversarial game with its optimiser; without a game there is one side.
@@ -208,9 +147,6 @@ impl Side {
     }
 }
 
-/// Where a loss is recorded.
-type LossField = fn(&mut EpochLosses) -> &mut f64;
-
 /// Means of the losses over an epoch, by trial.
 struct Means {
     sums: Vec<EpochLosses>,
@@ -229,16 +165,7 @@ impl Means {
         for (total, count) in self.counts.iter_mut().zip(counts) {
             *total += count;
         }
-        let terms: [(Option<&Tensor>, LossField); 6] = [
-            (Some(&losses.estimation), |l| &mut l.estimation),
-            (losses.embedding.as_ref(), |l| &mut l.embedding),
-            (losses.reconstruction.as_ref(), |l| &mut l.reconstruction),
-            (losses.generator.as_ref(), |l| &mut l.generator),
-            (losses.discriminator.as_ref(), |l| &mut l.discriminator),
-            (losses.classification.as_ref(), |l| &mut l.classification),
-        ];
-        for (term, field) in terms {
-            let Some(term) = term else { continue };
+        for (term, field) in losses.terms() {
             let values = term.to_vec1::<f32>()?;
             for ((sum, value), count) in self.sums.iter_mut().zip(values).zip(counts) {
                 *field(sum) += f64::from(value) * count;

@@ -41,14 +41,14 @@ const AHEAD: usize = 2;
 
 /// Images of one step.
 pub(super) struct Batch {
-    /// `(images, 3, height, width)`
+    /// `(surfaces x views, 3, height, width)`
     pub(super) tensor: Tensor,
-    pub(super) images: Vec<usize>,
+    pub(super) surfaces: Vec<usize>,
 }
 
-/// The images of an epoch in batches of nearly the same size, of at most `size`.
-pub(super) fn epoch(images: &[usize], size: usize, seed: u64, epoch: usize) -> Vec<Vec<usize>> {
-    let mut order = images.to_vec();
+/// The surfaces of an epoch in batches of nearly the same size, of at most `size`.
+pub(super) fn epoch(surfaces: &[usize], size: usize, seed: u64, epoch: usize) -> Vec<Vec<usize>> {
+    let mut order = surfaces.to_vec();
     order.shuffle(&mut stream(seed, "training/order", epoch as u64));
     let batches = steps(order.len(), size);
     let at = |batch: usize| batch * order.len() / batches;
@@ -57,8 +57,8 @@ pub(super) fn epoch(images: &[usize], size: usize, seed: u64, epoch: usize) -> V
 }
 
 /// Batches in an epoch.
-pub(super) fn steps(images: usize, size: usize) -> usize {
-    images.div_ceil(size).max(1)
+pub(super) fn steps(surfaces: usize, size: usize) -> usize {
+    surfaces.div_ceil(size).max(1)
 }
 
 /// Hands each batch to `train`, and has the next ones read meanwhile.
@@ -80,6 +80,14 @@ pub(super) struct Vary<'a> {
     pub(super) augmentation: &'a Augmentation,
     pub(super) seed: u64,
     pub(super) epoch: usize,
+    /// Images of a surface.
+    pub(super) views: usize,
+}
+
+/// The images of some surfaces.
+pub(super) fn images(surfaces: &[usize], views: usize) -> Vec<usize> {
+    let of = |&surface: &usize| surface * views..(surface + 1) * views;
+    surfaces.iter().flat_map(of).collect()
 }
 
 fn read(
@@ -89,7 +97,8 @@ fn read(
     ready: &SyncSender<Result<Batch>>,
 ) {
     let purpose = format!("training/augmentation/{}", vary.epoch);
-    for images in batches {
+    for surfaces in batches {
+        let images = images(surfaces, vary.views);
         let shown = images.par_iter().map(|&index| {
             let image = image(source, index)?;
             let mut rng = stream(vary.seed, &purpose, index as u64);
@@ -97,10 +106,10 @@ fn read(
         });
         let batch = shown
             .collect::<Result<Vec<Image>>>()
-            .and_then(|shown| stack(&shown, images))
+            .and_then(|shown| stack(&shown, &images))
             .map(|tensor| Batch {
                 tensor,
-                images: images.clone(),
+                surfaces: surfaces.clone(),
             });
         // Nobody listens any more once training has failed.
         if ready.send(batch).is_err() {
@@ -167,6 +176,7 @@ mod tests {
             augmentation: &augmentation,
             seed: 0,
             epoch: 0,
+            views: 1,
         };
         let error = for_each(&Broken, batches, &vary, |_| Ok(())).unwrap_err();
         error.to_string()

@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::heads::{HeadConfig, Input, Model, Scale};
 use crate::optim::AdamConfig;
 
 /// How an encoder is trained; [`Trainer::new`](super::Trainer::new) checks it.
@@ -10,12 +11,14 @@ use crate::optim::AdamConfig;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
 pub struct TrainingConfig {
+    /// What stands on the embedding meanwhile, and what it makes small.
+    pub objective: TrainingObjective,
     /// Passes over the training images. Paper, section 4.2: 30.
     pub epochs: usize,
-    /// First epochs in which only the layer on the embedding learns: a layer that knows nothing yet
+    /// First epochs in which only what stands on the embedding learns: layers that know nothing yet
     /// would pull the encoder away from what it knows (Kumar et al. 2022).
     pub frozen_epochs: usize,
-    /// Images per step, at most: an epoch is cut into batches of equal size. Measured.
+    /// Images, or surfaces of several views, per step, at most: an epoch is cut into batches of equal size. Measured.
     pub batch_size: usize,
     /// The optimiser; its learning rate is the largest of the schedule. Measured.
     pub adam: AdamConfig,
@@ -32,8 +35,104 @@ pub struct TrainingConfig {
     pub validation: f64,
     /// Epochs without a better one after which training ends; 0: it never ends early.
     pub patience: usize,
+    /// How much it counts, beside the objective, that the encoder still sees what it saw before it was
+    /// trained ([`Targets::start`](super::Targets::start)): its error, standardised, by a linear layer of
+    /// its own. 0: nothing.
+    pub distillation: f64,
     /// How images are varied.
     pub augmentation: Augmentation,
+}
+
+/// What an encoder is trained by.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum TrainingObjective {
+    /// A linear layer for all values and one for the classes: the mean squared error of the
+    /// standardised values plus the cross-entropy of the classes.
+    Linear {},
+    /// The paper's own (section 4.1): a head for each value on one image or several views, each
+    /// with the losses of its model; what is made small is their mean over the values. Discriminators
+    /// play at the same time, and neither side of the game changes what both look at: the encoder
+    /// learns from the game through the generated value alone. The epoch with the least error of
+    /// the values on the validation part is the best.
+    Heads {
+        /// How the views of a surface enter. Relations are drawn anew in each step.
+        #[serde(default = "single")]
+        input: Input,
+        /// How embeddings are scaled, by what the encoder saw before it was trained.
+        #[serde(default = "common")]
+        scale: Scale,
+        /// What stands between embedding and value.
+        #[serde(default = "cross_modal")]
+        model: Model,
+        /// Views of a surface, where the input takes any number: for view pooling and relations.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        views: Option<usize>,
+    },
+}
+
+impl TrainingObjective {
+    /// How many views of a surface are shown at once.
+    pub fn views(&self) -> usize {
+        match self {
+            Self::Linear {} => 1,
+            Self::Heads { input, views, .. } => match input {
+                Input::Single {} => 1,
+                Input::LateFusion { views } => *views,
+                Input::ViewPooling {} | Input::Relations { .. } => views.unwrap_or(0),
+            },
+        }
+    }
+
+    fn check(&self) -> Result<()> {
+        let Self::Heads {
+            input,
+            scale,
+            model,
+            views,
+        } = self
+        else {
+            return Ok(());
+        };
+        let any = matches!(input, Input::ViewPooling {} | Input::Relations { .. });
+        let found = views.map_or("none".to_owned(), |views| views.to_string());
+        let expected = if any {
+            "at least 1"
+        } else {
+            "none, where the input says how many"
+        };
+        let fits = if any {
+            self.views() > 0
+        } else {
+            views.is_none()
+        };
+        require(fits, "objective.views", found, expected)?;
+        if let Input::Relations { scales } = input {
+            let most = scales.iter().map(|scale| scale.views).max().unwrap_or(0);
+            let expected = format!("at least {most}, as many as a relation has");
+            let shown = self.views();
+            require(most <= shown, "objective.views", shown, &expected)?;
+        }
+        let config = HeadConfig {
+            input: input.clone(),
+            scale: *scale,
+            model: model.clone(),
+            ..HeadConfig::default()
+        };
+        config.check()
+    }
+}
+
+fn single() -> Input {
+    Input::Single {}
+}
+
+fn common() -> Scale {
+    Scale::Common
+}
+
+fn cross_modal() -> Model {
+    HeadConfig::default().model
 }
 
 /// How a training image is varied, each time it is shown.
@@ -59,6 +158,7 @@ pub struct Augmentation {
 impl Default for TrainingConfig {
     fn default() -> Self {
         Self {
+            objective: TrainingObjective::Linear {},
             epochs: 30,
             frozen_epochs: 0,
             batch_size: 16,
@@ -71,6 +171,7 @@ impl Default for TrainingConfig {
             checkpointing: false,
             validation: 0.1,
             patience: 0,
+            distillation: 0.0,
             augmentation: Augmentation::default(),
         }
     }
@@ -95,6 +196,7 @@ impl TrainingConfig {
     ///
     /// That value, and what it may be.
     pub fn check(&self) -> Result<()> {
+        self.objective.check()?;
         require(self.epochs > 0, "epochs", self.epochs, "at least 1")?;
         let batch = self.batch_size;
         require(batch > 1, "batch-size", batch, "at least 2")?;
@@ -111,7 +213,16 @@ impl TrainingConfig {
         let needs = self.patience == 0 || self.validation > 0.0;
         let expected = "0 where `validation` is 0";
         require(needs, "patience", self.patience, expected)?;
+        let weight = self.distillation;
+        let sensible = weight.is_finite() && weight >= 0.0;
+        require(sensible, "distillation", weight, "0 or more")?;
         self.augmentation.check()
+    }
+
+    /// Whether targets must hold what the encoder sees before it is trained.
+    pub fn needs_start(&self) -> bool {
+        let heads = matches!(self.objective, TrainingObjective::Heads { .. });
+        heads || self.distillation > 0.0
     }
 
     /// The learning rate of step `step` of `steps`.
@@ -178,6 +289,28 @@ mod tests {
     }
 
     #[test]
+    fn an_objective_says_how_many_views_it_shows() {
+        let read = |text: &str| -> TrainingObjective { toml::from_str(text).unwrap() };
+        assert_eq!(TrainingConfig::default().objective.views(), 1);
+        let views = |input: &str, views: &str| {
+            let text = format!("kind = \"heads\"\ninput = {input}\n{views}");
+            let objective = read(&text);
+            objective.check().map(|()| objective.views())
+        };
+        let pooling = "{ kind = \"view-pooling\" }";
+        let fusion = "{ kind = \"late-fusion\", views = 3 }";
+        let pairs = "{ kind = \"relations\", scales = [{ views = 2, relations = 3 }] }";
+        assert_eq!(views("{ kind = \"single\" }", "").unwrap(), 1);
+        assert_eq!(views(fusion, "").unwrap(), 3);
+        assert_eq!(views(pooling, "views = 5").unwrap(), 5);
+        assert_eq!(views(pairs, "views = 2").unwrap(), 2);
+        for (input, given) in [(pooling, ""), (fusion, "views = 3"), (pairs, "views = 1")] {
+            let message = views(input, given).unwrap_err().to_string();
+            assert!(message.starts_with("objective.views: found"), "{message}");
+        }
+    }
+
+    #[test]
     fn each_value_that_cannot_be_meant_is_refused_by_name() {
         let refused = |change: fn(&mut TrainingConfig), name: &str| {
             let mut config = TrainingConfig::default();
@@ -203,6 +336,7 @@ mod tests {
             },
             "patience",
         );
+        refused(|c| c.distillation = -1.0, "distillation");
         refused(|c| c.augmentation.crop = 0.0, "augmentation.crop");
         refused(|c| c.augmentation.contrast = 1.0, "augmentation.contrast");
     }

@@ -1,8 +1,9 @@
 //! Training an encoder end to end, on images with values or classes to tell.
 //!
 //! The heads of [`crate::heads`] learn from embeddings that stay as they are. This module changes
-//! the encoder itself: [`Trainer`] puts one linear layer on its embedding and trains both, on
-//! images that are read and varied while the last ones are trained on.
+//! the encoder itself: [`Trainer`] puts linear layers or the paper's heads on its embedding
+//! ([`TrainingObjective`]) and trains both, on images that are read and varied while the last ones
+//! are trained on.
 //!
 //! ```
 //! use candle_core::Device;
@@ -44,7 +45,7 @@ mod tests;
 mod trainer;
 
 pub use batches::ImageSource;
-pub use config::{Augmentation, TrainingConfig};
+pub use config::{Augmentation, TrainingConfig, TrainingObjective};
 pub use image::Image;
 pub use objective::Losses;
 pub use targets::{Classes, Features, Targets};

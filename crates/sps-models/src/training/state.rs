@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::weights::{Storage, Weights};
 
 const KEY: &str = "sps-training";
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
@@ -149,17 +149,29 @@ pub(super) fn hash(targets: &Targets, parts: &Parts) -> Result<String> {
     });
     let classes = targets.classes.as_ref();
     let classes = classes.map(|classes| (&classes.of_image, classes.count));
-    let data = (values, classes, &parts.training, &parts.validation);
+    let materials = &targets.materials;
+    let data = (
+        values,
+        classes,
+        materials,
+        &parts.training,
+        &parts.validation,
+    );
     let text = serde_json::to_vec(&data)
         .map_err(|error| Error::input("targets", error, "numbers that JSON has"))?;
     let mut hasher = blake3::Hasher::new();
     hasher.update(&text);
-    if let Some(features) = &targets.features {
-        hasher.update(&features.weight.to_le_bytes());
-        let values: Vec<f32> = features.embeddings.flatten_all()?.to_vec1()?;
+    let mut add = |values: &[f32]| {
         for value in values {
             hasher.update(&value.to_le_bytes());
         }
+    };
+    if let Some(start) = &targets.start {
+        (0..start.surfaces()).for_each(|surface| add(start.surface(surface)));
+    }
+    if let Some(features) = &targets.features {
+        add(&features.embeddings.flatten_all()?.to_vec1::<f32>()?);
+        hasher.update(&features.weight.to_le_bytes());
     }
     Ok(hasher.finalize().to_hex().to_string())
 }

@@ -1,10 +1,13 @@
 use candle_core::{DType, Device, Tensor};
 
-use crate::data::Readings;
+use crate::data::{Embeddings, Readings};
 use crate::error::{Error, Result};
 use crate::standardise::Standardiser;
 
 /// What an image is to say: values, a class, what another encoder sees, or several of these.
+///
+/// A row is an image; or, where heads are trained on several views, a surface, whose view `v` is
+/// image `row x views + v`.
 #[derive(Clone, Debug, Default)]
 pub struct Targets {
     /// One row for each image; a missing value counts for nothing.
@@ -13,6 +16,11 @@ pub struct Targets {
     pub classes: Option<Classes>,
     /// What another encoder sees in each image.
     pub features: Option<Features>,
+    /// What the encoder sees of each surface before it is trained, in the views that it is trained on:
+    /// heads scale their inputs by it and form visual labels from it. For heads alone.
+    pub start: Option<Embeddings>,
+    /// The material of each surface, for heads whose labels come from it.
+    pub materials: Option<Vec<String>>,
 }
 
 /// What another encoder, the teacher, sees in each image: distillation by features (Romero et al.,
@@ -35,12 +43,25 @@ pub struct Classes {
 }
 
 impl Targets {
-    /// Checks them; returns for how many images they are.
+    /// Images of a row.
+    pub(super) fn views(&self) -> usize {
+        self.start.as_ref().map_or(1, Embeddings::views)
+    }
+
+    /// Checks them; returns how many rows they have.
     pub(super) fn check(&self) -> Result<usize> {
         let rows = self.values.as_ref().map(Readings::surfaces);
         let labels = self.classes.as_ref().map(|classes| classes.of_image.len());
         let features = self.features.as_ref().map(Features::images).transpose()?;
-        let counts = [rows, labels, features];
+        let views = self.views();
+        if let Some(images) = features.filter(|images| images % views != 0) {
+            let expected = format_args!("a multiple of {views}, the views of a surface");
+            return Err(Error::input("features", images, expected));
+        }
+        let features = features.map(|images| images / views);
+        let start = self.start.as_ref().map(Embeddings::surfaces);
+        let materials = self.materials.as_ref().map(Vec::len);
+        let counts = [rows, labels, features, start, materials];
         let Some(images) = counts.into_iter().flatten().next() else {
             let expected = "values, classes or features";
             return Err(Error::input("targets", "none", expected));

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::optim::{Adam, clip_scales, squared_norms};
 use crate::weights::Weights;
 
-/// Which images are trained on, and which say how good the network is.
+/// Which images, or surfaces of several views, are trained on, and which say how good the network is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parts {
     /// Trained on.
@@ -33,6 +33,8 @@ pub struct Trainer {
     pub(super) objective: Objective,
     pub(super) adam: Adam,
     parts: Parts,
+    /// Images of a surface.
+    views: usize,
     /// A hash of targets and parts.
     pub(super) data: String,
     pub(super) history: Vec<Epoch>,
@@ -97,10 +99,11 @@ impl Trainer {
     ) -> Result<Self> {
         config.check()?;
         check(&targets, &parts)?;
+        let views = targets.views();
         let data = state::hash(&targets, &parts)?;
         let encoder = TrainableEncoder::new(encoder)?.with_checkpointing(config.checkpointing);
         let width = encoder.kind().width();
-        let objective = Objective::new(targets, &parts.training, width, seed)?;
+        let objective = Objective::new(&config, targets, &parts.training, width, seed)?;
         let adam = Adam::new(config.adam.clone(), parameters(&encoder, &objective))?;
         Ok(Self {
             config,
@@ -109,6 +112,7 @@ impl Trainer {
             objective,
             adam,
             parts,
+            views,
             data,
             history: Vec::new(),
             best: None,
@@ -147,13 +151,14 @@ impl Trainer {
             augmentation: &augmentation,
             seed: self.seed,
             epoch,
+            views: self.views,
         };
         let mut number = epoch * batches.len();
         let mut training = Losses::default();
         batches::for_each(source, &batches, &vary, |batch| {
-            let images = batch.images.len();
+            let surfaces = batch.surfaces.len();
             let step = self.step(batch, number)?;
-            let weight = images as f64 / self.parts.training.len() as f64;
+            let weight = surfaces as f64 / self.parts.training.len() as f64;
             training.add(&step.losses, weight);
             number = step.number;
             observe(&step);
@@ -195,25 +200,21 @@ impl Trainer {
     }
 
     fn step(&mut self, batch: Batch, done: usize) -> Result<TrainingStep> {
-        let Batch { tensor, images } = batch;
+        let Batch { tensor, surfaces } = batch;
         let embeddings = self.encoder.forward(&tensor)?;
-        let (loss, losses) = self.objective.loss(&embeddings, &images)?;
+        let (loss, losses) = self.objective.loss(&embeddings, &surfaces, done)?;
         check_finite("loss", &losses)?;
         let store = self.encoder.backward(&loss)?;
-        let parameters = parameters(&self.encoder, &self.objective);
-        let frozen = if self.history.len() < self.config.frozen_epochs {
-            self.encoder.variables().count()
-        } else {
-            0
-        };
-        let gradients: Vec<Tensor> = parameters
-            .enumerate()
-            .map(|(index, parameter)| match store.get(&parameter) {
+        let frozen = self.history.len() < self.config.frozen_epochs;
+        let of_encoder = self.encoder.variables().map(|(_, variable)| {
+            match store.get(variable) {
                 // Adam does not move what never had a gradient.
-                Some(gradient) if index >= frozen => Ok(gradient.clone()),
-                _ => parameter.zeros_like(),
-            })
-            .collect::<Result<_, _>>()?;
+                Some(gradient) if !frozen => Ok(gradient.clone()),
+                _ => variable.zeros_like(),
+            }
+        });
+        let mut gradients: Vec<Tensor> = of_encoder.collect::<Result<_, _>>()?;
+        gradients.extend(self.objective.gradients(&store)?);
         let (gradients, gradient_norm) = self.clipped(gradients)?;
         let learning_rate = self.config.learning_rate(done, self.steps());
         self.adam.set_learning_rate(learning_rate);
@@ -221,7 +222,7 @@ impl Trainer {
         Ok(TrainingStep {
             number: done + 1,
             of: self.steps(),
-            images: images.len(),
+            images: tensor.dim(0)?,
             learning_rate,
             gradient_norm,
             losses,
@@ -245,8 +246,8 @@ impl Trainer {
 
     /// The losses of the validation images, as the network would embed them in use.
     fn validate(&self, source: &dyn ImageSource) -> Result<Option<Losses>> {
-        let images = &self.parts.validation;
-        if images.is_empty() {
+        let surfaces = &self.parts.validation;
+        if surfaces.is_empty() {
             return Ok(None);
         }
         let encoder = self.encoder.encoder()?;
@@ -254,10 +255,10 @@ impl Trainer {
             let image = batches::image(source, index)?;
             encoder.embed(&batches::stack(&[image], &[index])?)
         };
+        let images = batches::images(surfaces, self.views);
         let embeddings: Vec<Tensor> = images.iter().map(embed).collect::<Result<_>>()?;
-        let (_, losses) = self
-            .objective
-            .loss(&Tensor::cat(&embeddings, 0)?.detach(), images)?;
+        let embeddings = Tensor::cat(&embeddings, 0)?.detach();
+        let losses = self.objective.validate(&embeddings, surfaces)?;
         check_finite("validation loss", &losses)?;
         Ok(Some(losses))
     }

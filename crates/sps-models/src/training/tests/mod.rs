@@ -1,5 +1,7 @@
 //! Whole trainings on small images.
 
+mod heads;
+
 use std::error::Error as StdError;
 
 use candle_core::{DType, Device, Tensor};
@@ -32,7 +34,7 @@ impl Stripes {
                 of_image: (0..rows.len() as u32).map(|i| i % 2).collect(),
                 count: 2,
             }),
-            features: None,
+            ..Targets::default()
         }
     }
 

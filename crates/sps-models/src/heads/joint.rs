@@ -1,0 +1,277 @@
+//! The heads of all properties as one loss of what an encoder sees, through which it is trained.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::Arc;
+
+use candle_core::{Device, Tensor, Var};
+use rand::seq::index;
+
+use super::HeadError;
+use super::batches::mean_weights;
+use super::config::{HeadConfig, Input};
+use super::job::{self, Job};
+use super::losses::{Batch, Losses};
+use super::network::Dims;
+use super::plan::{Plan, Rerun, TrainingData, Trial, Views};
+use super::stack::Stack;
+use super::trained::EpochLosses;
+use crate::data::check_indices;
+use crate::error::Result;
+use crate::labels::Labels;
+use crate::optim::{Elements, Gradient};
+use crate::rng;
+
+/// One network for each property on the same views of the same surfaces.
+///
+/// The loss is the mean over the properties of the paper's objective (section 4.1).
+pub(crate) struct JointHeads {
+    config: HeadConfig,
+    dims: Dims,
+    seed: u64,
+    views: usize,
+    stack: Stack,
+    /// Centre and factor of each feature, `(1, 1, width)`, from what the encoder saw before it was
+    /// trained.
+    mean: Tensor,
+    factor: Tensor,
+    /// The standardised reading of each property and surface.
+    tactile: Vec<Vec<Option<f32>>>,
+    /// Of the training surfaces, by surface.
+    labels: BTreeMap<usize, Option<u32>>,
+}
+
+/// Which draw of what is drawn anew for each step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Draw {
+    Step(usize),
+    Validation,
+}
+
+impl fmt::Debug for JointHeads {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut heads = f.debug_struct("JointHeads");
+        heads.field("config", &self.config).finish_non_exhaustive()
+    }
+}
+
+impl JointHeads {
+    /// Fresh networks for the properties that any training surface has a reading of; `data` holds what
+    /// the encoder sees of each surface before it is trained, in the views that it is trained on.
+    pub(crate) fn new(
+        config: HeadConfig,
+        data: &TrainingData<'_>,
+        training: &[usize],
+        seed: u64,
+    ) -> Result<Self> {
+        config.check()?;
+        let views: Vec<usize> = (0..data.embeddings.views()).collect();
+        let plan = Plan {
+            seed,
+            reruns: vec![Rerun {
+                number: 0,
+                training: training.to_vec(),
+                validation: Vec::new(),
+            }],
+            trials: read(data, training)?
+                .map(|property| Trial {
+                    property: property.clone(),
+                    rerun: 0,
+                    views: Views::Fixed(views.clone()),
+                })
+                .collect(),
+        };
+        let fixed = match config.input {
+            Input::Relations { .. } => None,
+            _ => config.input.views(),
+        };
+        plan.check(fixed, data)?;
+        let jobs = job::prepare(&config, data, &plan)?;
+        let jobs: Vec<&Job<'_>> = jobs.iter().collect();
+        let Some(first) = jobs.first() else {
+            let expected = "at least one that a training surface has a reading of";
+            return Err(crate::Error::input("properties", "none", expected));
+        };
+        let dims = first.dims(&config, data.embeddings);
+        let row = |values: &[f32]| Tensor::from_slice(values, (1, 1, dims.width), &Device::Cpu);
+        let surfaces = 0..data.readings.surfaces();
+        let tactile = jobs.iter().map(|job| {
+            let column = data.readings.column(&job.trial.property);
+            let reading = |surface| data.readings.get(surface, column?);
+            let standard = |t| job.target.standardise(t) as f32;
+            surfaces.clone().map(|s| reading(s).map(standard)).collect()
+        });
+        Ok(Self {
+            dims,
+            seed,
+            views: views.len(),
+            mean: row(&first.statistics.mean)?,
+            factor: row(&first.statistics.factor)?,
+            tactile: tactile.collect(),
+            labels: labels(first.labels.as_ref(), &first.training.surfaces),
+            stack: Stack::drawn(&config, dims, seed, &jobs)?,
+            config,
+        })
+    }
+
+    /// Views of a surface.
+    pub(crate) fn views(&self) -> usize {
+        self.views
+    }
+
+    /// The parameters, by name; each of all properties, `(properties, ..)`.
+    pub(crate) fn parameters(&self) -> impl Iterator<Item = (String, &Var)> {
+        let parameters = self.stack.parameters.iter();
+        parameters.map(|parameter| (parameter.name.clone(), &parameter.variable))
+    }
+
+    /// The losses of some surfaces, of which `embeddings`, `(surfaces, views, width)`, is what the
+    /// encoder sees: what to differentiate, and its parts, each a mean over the properties before
+    /// its weight.
+    pub(crate) fn loss(
+        &self,
+        embeddings: &Tensor,
+        surfaces: &[usize],
+        draw: Draw,
+    ) -> Result<(Tensor, EpochLosses)> {
+        let batch = self.batch(self.visual(embeddings, draw)?, surfaces)?;
+        let losses = Losses::of(&self.config.model, &self.stack.network, &batch)?;
+        let share = 1.0 / self.tactile.len() as f64;
+        let mut means = EpochLosses::default();
+        for (term, field) in losses.terms() {
+            let values = term.to_vec1::<f32>()?;
+            *field(&mut means) = values.iter().map(|&v| f64::from(v) * share).sum();
+        }
+        for parameter in &self.stack.parameters {
+            parameter.gradient.clear();
+        }
+        Ok(((losses.total(&self.config.model)? * share)?, means))
+    }
+
+    /// The squared error of some surfaces, in units of the training readings' variance: a mean over
+    /// the properties that any of them has a reading of.
+    pub(crate) fn error(&self, embeddings: &Tensor, surfaces: &[usize]) -> Result<f64> {
+        let visual = self.visual(embeddings, Draw::Validation)?;
+        let estimates = self.stack.network.estimate(&visual)?;
+        let estimates: Vec<f32> = estimates.flatten_all()?.to_vec1()?;
+        let rows = self
+            .tactile
+            .iter()
+            .zip(estimates.chunks_exact(surfaces.len().max(1)));
+        let mut errors = Vec::new();
+        for (tactile, estimates) in rows {
+            let pairs = surfaces.iter().zip(estimates);
+            let squares: Vec<f64> = pairs
+                .filter_map(|(&s, estimate)| Some(f64::from(*estimate) - f64::from(tactile[s]?)))
+                .map(|error| error * error)
+                .collect();
+            if !squares.is_empty() {
+                errors.push(squares.iter().sum::<f64>() / squares.len() as f64);
+            }
+        }
+        Ok(errors.iter().sum::<f64>() / errors.len().max(1) as f64)
+    }
+
+    /// The parameters' gradients after a backward pass from [`JointHeads::loss`], in their order.
+    pub(crate) fn gradients(&self) -> Result<Vec<Tensor>> {
+        let gradient = |parameter: &super::stack::StackParameter| {
+            if !parameter.gradient.is_written() {
+                let name = parameter.name.clone();
+                return Err(HeadError::NoGradient { name }.into());
+            }
+            let mut values = Vec::new();
+            parameter.gradient.read(&mut |elements| {
+                if let Elements::F32(elements) = elements {
+                    values.extend_from_slice(elements);
+                }
+                Ok(())
+            })?;
+            let shape = parameter.variable.shape();
+            Ok(Tensor::from_vec(values, shape, &Device::Cpu)?)
+        };
+        self.stack.parameters.iter().map(gradient).collect()
+    }
+
+    /// `(properties, surfaces, slots x width)`, scaled.
+    fn visual(&self, embeddings: &Tensor, draw: Draw) -> Result<Tensor> {
+        let (surfaces, ..) = embeddings.dims3()?;
+        let slots = match &self.config.input {
+            Input::Single {} | Input::LateFusion { .. } => embeddings.clone(),
+            Input::ViewPooling {} => embeddings.max_keepdim(1)?,
+            Input::Relations { .. } => {
+                let slots = Tensor::new(self.relations(draw), &Device::Cpu)?;
+                embeddings.contiguous()?.index_select(&slots, 1)?
+            }
+        };
+        let scaled = slots
+            .broadcast_sub(&self.mean)?
+            .broadcast_mul(&self.factor)?;
+        let inputs = self.dims.slots * self.dims.width;
+        let one = scaled.reshape((1, surfaces, inputs))?;
+        Ok(one.broadcast_as((self.tactile.len(), surfaces, inputs))?)
+    }
+
+    /// The views that fill the slots of relations: in each relation distinct ones, in order.
+    fn relations(&self, draw: Draw) -> Vec<u32> {
+        let Input::Relations { scales } = &self.config.input else {
+            return Vec::new();
+        };
+        let mut rng = match draw {
+            Draw::Step(step) => rng::stream(self.seed, "training/relations", step as u64),
+            Draw::Validation => rng::stream(self.seed, "training/validation-relations", 0),
+        };
+        let mut slots = Vec::new();
+        for scale in scales {
+            for _ in 0..scale.relations {
+                let mut views = index::sample(&mut rng, self.views, scale.views).into_vec();
+                views.sort_unstable();
+                slots.extend(views.into_iter().map(|view| view as u32));
+            }
+        }
+        slots
+    }
+
+    fn batch(&self, visual: Tensor, surfaces: &[usize]) -> Result<Batch> {
+        let (trials, rows) = (self.tactile.len(), surfaces.len());
+        let readings = self
+            .tactile
+            .iter()
+            .flat_map(|t| surfaces.iter().map(|&s| t[s]));
+        let readings: Vec<Option<f32>> = readings.collect();
+        let labels = surfaces
+            .iter()
+            .map(|s| self.labels.get(s).copied().flatten());
+        let labels: Vec<Option<u32>> = labels.collect::<Vec<_>>().repeat(trials);
+        let weight = |counts: Vec<bool>| {
+            let (weight, _) = mean_weights(&counts, rows);
+            Tensor::from_vec(weight, (trials, rows), &Device::Cpu)
+        };
+        let tactile: Vec<f32> = readings.iter().map(|t| t.unwrap_or(0.0)).collect();
+        Ok(Batch {
+            visual,
+            width: self.dims.width,
+            tactile: Tensor::from_vec(tactile, (trials, rows, 1), &Device::Cpu)?,
+            weight: weight(readings.iter().map(Option::is_some).collect())?,
+            label_weight: weight(labels.iter().map(Option::is_some).collect())?,
+            labels,
+        })
+    }
+}
+
+/// The properties that any of these surfaces has a reading of.
+fn read<'a>(
+    data: &TrainingData<'a>,
+    surfaces: &[usize],
+) -> Result<impl Iterator<Item = &'a String>> {
+    check_indices("training surface", surfaces, data.readings.surfaces())?;
+    let readings = data.readings;
+    let is_read = |column: usize| surfaces.iter().any(|&s| readings.get(s, column).is_some());
+    let columns: Vec<bool> = (0..readings.properties().len()).map(is_read).collect();
+    let properties = readings.properties().iter().zip(columns);
+    Ok(properties.filter_map(|(property, read)| read.then_some(property)))
+}
+
+fn labels(labels: Option<&Arc<Labels>>, surfaces: &[usize]) -> BTreeMap<usize, Option<u32>> {
+    let labels = labels.iter().flat_map(|labels| labels.of());
+    surfaces.iter().copied().zip(labels.copied()).collect()
+}

@@ -1,0 +1,86 @@
+//! Networks of one shape side by side, while they are trained.
+
+use candle_core::{Device, Var};
+use rand::Rng;
+
+use super::config::HeadConfig;
+use super::job::Job;
+use super::network::{Dims, Fill, Network, Spec};
+use super::trained::Parameters;
+use crate::error::Result;
+use crate::rng;
+use crate::stacked::{GradientSlot, Parameter};
+
+/// One network for each of some jobs, and their parameters.
+pub(super) struct Stack {
+    pub(super) network: Network,
+    pub(super) parameters: Vec<StackParameter>,
+}
+
+/// A parameter of all networks, `(trials, ..)`.
+pub(super) struct StackParameter {
+    pub(super) name: String,
+    pub(super) variable: Var,
+    pub(super) gradient: GradientSlot,
+}
+
+impl Stack {
+    /// With fresh weights: uniform within one over the root of the layer's inputs, as PyTorch's
+    /// `Linear`.
+    pub(super) fn drawn(
+        config: &HeadConfig,
+        dims: Dims,
+        seed: u64,
+        jobs: &[&Job<'_>],
+    ) -> Result<Self> {
+        let mut drawn = Drawn {
+            seed,
+            jobs,
+            parameters: Vec::new(),
+        };
+        let network = Network::new(&mut drawn, config, dims)?;
+        Ok(Self {
+            network,
+            parameters: drawn.parameters,
+        })
+    }
+
+    /// A copy of one trial's part.
+    pub(super) fn of_trial(&self, at: usize) -> Result<Parameters> {
+        let own = self.parameters.iter().map(|parameter| {
+            let tensor = parameter.variable.as_detached_tensor().get(at)?.copy()?;
+            Ok((parameter.name.clone(), tensor))
+        });
+        own.collect()
+    }
+}
+
+struct Drawn<'a> {
+    seed: u64,
+    jobs: &'a [&'a Job<'a>],
+    parameters: Vec<StackParameter>,
+}
+
+impl Fill for Drawn<'_> {
+    fn fill(&mut self, spec: &Spec<'_>) -> Result<Parameter> {
+        let count: usize = spec.shape.iter().product();
+        let bound = 1.0 / (spec.fan_in.max(1) as f32).sqrt();
+        let mut values = Vec::with_capacity(self.jobs.len() * count);
+        for job in self.jobs {
+            let purpose = format!("init/{}/{}", job.trial.property, spec.name);
+            let mut rng = rng::stream(self.seed, &purpose, job.trial.rerun);
+            values.extend((0..count).map(|_| rng.random_range(-bound..bound)));
+        }
+        let shape: Vec<usize> = std::iter::once(self.jobs.len())
+            .chain(spec.shape.iter().copied())
+            .collect();
+        let variable = Var::from_vec(values, shape, &Device::Cpu)?;
+        let parameter = Parameter::variable(&variable);
+        self.parameters.push(StackParameter {
+            name: spec.name.to_owned(),
+            variable,
+            gradient: parameter.gradient().cloned().unwrap_or_default(),
+        });
+        Ok(parameter)
+    }
+}

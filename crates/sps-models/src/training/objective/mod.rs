@@ -1,0 +1,303 @@
+//! What an encoder is trained by.
+
+mod linear;
+#[cfg(test)]
+mod tests;
+
+use candle_core::backprop::GradStore;
+use candle_core::{Device, Tensor, Var};
+use serde::{Deserialize, Serialize};
+
+use super::batches;
+use super::config::{TrainingConfig, TrainingObjective};
+use super::targets::{Features, Targets};
+use crate::error::{Error, Result};
+use crate::heads::{Draw, EpochLosses, HeadConfig, JointHeads, TrainingData};
+use linear::{Layer, Linear};
+
+/// What stands on the embedding while the encoder is trained, and the loss of what it says.
+#[derive(Debug)]
+pub(super) struct Objective {
+    base: Base,
+    features: Option<Taught>,
+}
+
+#[derive(Debug)]
+enum Base {
+    Linear(Linear),
+    Heads {
+        heads: Box<JointHeads>,
+        /// How much each of its losses counts.
+        weights: EpochLosses,
+    },
+}
+
+/// What a teacher's features are learnt by.
+#[derive(Debug)]
+struct Taught {
+    /// Standardised, `(images, width)`.
+    features: Tensor,
+    weight: f64,
+    layer: Layer,
+}
+
+/// Parts of a loss, each times its weight; their sum is what training makes small.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", default)]
+pub struct Losses {
+    /// Mean squared error of the values, in units of their variance in training.
+    pub values: f64,
+    /// Cross-entropy of the classes, in nats.
+    pub classes: f64,
+    /// Share of images whose class has the highest score; no part of the sum, and 0 where heads are
+    /// trained.
+    pub accuracy: f64,
+    /// Mean squared error of another encoder's features, in units of their variance in training.
+    pub features: f64,
+    /// `L_emb` of the heads.
+    pub embedding: f64,
+    /// The error of the heads' values from touch.
+    pub reconstruction: f64,
+    /// The generator's part of `L_adv`.
+    pub generator: f64,
+    /// The discriminator's part of `L_adv`, as it is minimised.
+    pub discriminator: f64,
+}
+
+impl Losses {
+    /// What training makes small.
+    pub fn total(&self) -> f64 {
+        self.values
+            + self.classes
+            + self.features
+            + self.embedding
+            + self.reconstruction
+            + self.generator
+            + self.discriminator
+    }
+
+    pub(super) fn add(&mut self, other: &Self, weight: f64) {
+        self.values += weight * other.values;
+        self.classes += weight * other.classes;
+        self.accuracy += weight * other.accuracy;
+        self.features += weight * other.features;
+        self.embedding += weight * other.embedding;
+        self.reconstruction += weight * other.reconstruction;
+        self.generator += weight * other.generator;
+        self.discriminator += weight * other.discriminator;
+    }
+
+    fn of_heads(losses: &EpochLosses, weights: &EpochLosses) -> Self {
+        Self {
+            values: weights.estimation * losses.estimation,
+            classes: weights.classification * losses.classification,
+            embedding: weights.embedding * losses.embedding,
+            reconstruction: weights.reconstruction * losses.reconstruction,
+            generator: weights.generator * losses.generator,
+            discriminator: weights.discriminator * losses.discriminator,
+            ..Self::default()
+        }
+    }
+}
+
+impl Objective {
+    pub(super) fn new(
+        config: &TrainingConfig,
+        targets: Targets,
+        training: &[usize],
+        width: usize,
+        seed: u64,
+    ) -> Result<Self> {
+        let images = batches::images(training, targets.views());
+        let taught = taught_by(&targets, config.distillation)?;
+        let base = match &config.objective {
+            TrainingObjective::Linear {} => {
+                let values = (targets.values, targets.classes);
+                Base::Linear(Linear::new(values, training, width, seed)?)
+            }
+            TrainingObjective::Heads {
+                input,
+                scale,
+                model,
+                ..
+            } => {
+                let head = HeadConfig {
+                    input: input.clone(),
+                    scale: *scale,
+                    model: model.clone(),
+                    ..HeadConfig::default()
+                };
+                let weights = model.loss_weights();
+                let data = tables(&targets, config.objective.views(), width)?;
+                let heads = JointHeads::new(head, &data, training, seed)?;
+                let heads = Box::new(heads);
+                Base::Heads { heads, weights }
+            }
+        };
+        let features = match taught {
+            Some(features) => Some(Taught {
+                features: features.standardised(&images)?,
+                weight: features.weight,
+                layer: Layer::new("features", width, features.embeddings.dim(1)?, seed)?,
+            }),
+            None => None,
+        };
+        Ok(Self { base, features })
+    }
+
+    /// The parameters, by name.
+    pub(super) fn parameters(&self) -> impl Iterator<Item = (String, &Var)> {
+        let features = self.features.iter().map(|taught| &taught.layer);
+        let mut parameters: Vec<(String, &Var)> = match &self.base {
+            Base::Linear(linear) => linear.layers().flat_map(Layer::parameters).collect(),
+            Base::Heads { heads, .. } => heads.parameters().collect(),
+        };
+        parameters.extend(features.flat_map(Layer::parameters));
+        parameters.into_iter()
+    }
+
+    /// The loss of `embeddings`, `(surfaces x views, width)`, of the given surfaces in step `step`: as
+    /// a tensor to differentiate, and its parts as numbers.
+    pub(super) fn loss(
+        &self,
+        embeddings: &Tensor,
+        surfaces: &[usize],
+        step: usize,
+    ) -> Result<(Tensor, Losses)> {
+        let (loss, losses) = match &self.base {
+            Base::Linear(linear) => linear.loss(embeddings, surfaces)?,
+            Base::Heads { heads, weights } => {
+                let seen = by_view(embeddings, heads.views())?;
+                let (loss, losses) = heads.loss(&seen, surfaces, Draw::Step(step))?;
+                (loss, Losses::of_heads(&losses, weights))
+            }
+        };
+        self.with_features(embeddings, surfaces, loss, losses)
+    }
+
+    /// What says how good an encoder is that embeds these surfaces so. Of heads it is the error of
+    /// their values alone: those of a game say nothing of how good a player is, and clusters have no
+    /// member that is not trained on.
+    pub(super) fn validate(&self, embeddings: &Tensor, surfaces: &[usize]) -> Result<Losses> {
+        match &self.base {
+            Base::Linear(linear) => {
+                let (loss, losses) = linear.loss(embeddings, surfaces)?;
+                let (_, losses) = self.with_features(embeddings, surfaces, loss, losses)?;
+                Ok(losses)
+            }
+            Base::Heads { heads, .. } => {
+                let seen = by_view(embeddings, heads.views())?;
+                Ok(Losses {
+                    values: heads.error(&seen, surfaces)?,
+                    ..Losses::default()
+                })
+            }
+        }
+    }
+
+    /// The parameters' gradients after a backward pass, in their order; `store` is what candle says.
+    pub(super) fn gradients(&self, store: &GradStore) -> Result<Vec<Tensor>> {
+        let of = |(_, variable): (String, &Var)| match store.get(variable) {
+            Some(gradient) => Ok(gradient.clone()),
+            // Adam does not move what never had a gradient.
+            None => variable.zeros_like(),
+        };
+        let features = self.features.iter().map(|taught| &taught.layer);
+        let features = features.flat_map(Layer::parameters).map(of);
+        let mut gradients = match &self.base {
+            Base::Linear(linear) => {
+                let layers = linear.layers().flat_map(Layer::parameters);
+                layers.map(of).collect::<candle_core::Result<Vec<_>>>()?
+            }
+            Base::Heads { heads, .. } => heads.gradients()?,
+        };
+        gradients.extend(features.collect::<candle_core::Result<Vec<_>>>()?);
+        Ok(gradients)
+    }
+
+    /// Adds the loss of a teacher's features.
+    fn with_features(
+        &self,
+        embeddings: &Tensor,
+        surfaces: &[usize],
+        loss: Tensor,
+        mut losses: Losses,
+    ) -> Result<(Tensor, Losses)> {
+        let Some(taught) = &self.features else {
+            return Ok((loss, losses));
+        };
+        let of_features = taught.loss(embeddings, surfaces)?;
+        losses.features = f64::from(of_features.to_scalar::<f32>()?);
+        Ok(((loss + of_features)?, losses))
+    }
+}
+
+impl Taught {
+    fn loss(&self, embeddings: &Tensor, surfaces: &[usize]) -> Result<Tensor> {
+        let views = embeddings.dim(0)? / surfaces.len().max(1);
+        let images = batches::images(surfaces, views);
+        let rows: Vec<u32> = images.iter().map(|&image| image as u32).collect();
+        let rows = Tensor::new(rows, embeddings.device())?;
+        let wanted = self.features.index_select(&rows, 0)?;
+        let error = self.layer.apply(embeddings)?.sub(&wanted)?;
+        Ok((error.sqr()?.mean_all()? * self.weight)?)
+    }
+}
+
+/// `(surfaces, views, width)`.
+fn by_view(embeddings: &Tensor, views: usize) -> Result<Tensor> {
+    Ok(embeddings.reshape(((), views, embeddings.dim(1)?))?)
+}
+
+/// What heads learn from.
+fn tables(targets: &Targets, views: usize, width: usize) -> Result<TrainingData<'_>> {
+    let (Some(readings), Some(start)) = (&targets.values, &targets.start) else {
+        let expected = "values and what the encoder sees at the start, for heads";
+        return Err(Error::input("targets", "none", expected));
+    };
+    if targets.classes.is_some() {
+        let expected = "none: heads form their labels themselves";
+        return Err(Error::input("targets", "classes", expected));
+    }
+    if (start.views(), start.width()) != (views, width) {
+        let expected = format_args!("{views} views of width {width}");
+        let found = format_args!("{} views of width {}", start.views(), start.width());
+        let what = "what the encoder sees at the start";
+        return Err(Error::input(what, found, expected));
+    }
+    let data = TrainingData::new(start, readings);
+    Ok(match &targets.materials {
+        Some(materials) => data.with_materials(materials),
+        None => data,
+    })
+}
+
+/// What is learnt by features: a teacher's, or what the encoder itself saw at the start.
+fn taught_by(targets: &Targets, distillation: f64) -> Result<Option<Features>> {
+    if distillation == 0.0 {
+        return Ok(targets.features.clone());
+    }
+    let Some(start) = &targets.start else {
+        let expected = "what the encoder sees at the start, for distillation";
+        return Err(Error::input("targets", "none", expected));
+    };
+    if targets.features.is_some() {
+        let expected = "none beside distillation";
+        return Err(Error::input(
+            "targets",
+            "features of another encoder",
+            expected,
+        ));
+    }
+    let rows = (0..start.surfaces()).flat_map(|surface| start.surface(surface).iter().copied());
+    let shape = (start.surfaces() * start.views(), start.width());
+    Ok(Some(Features {
+        embeddings: Tensor::from_vec(rows.collect::<Vec<f32>>(), shape, &Device::Cpu)?,
+        weight: distillation,
+    }))
+}
+
+/// A loss of nothing.
+fn nothing(like: &Tensor) -> candle_core::Result<Tensor> {
+    Tensor::zeros((), like.dtype(), like.device())
+}

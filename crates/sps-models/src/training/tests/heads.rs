@@ -1,0 +1,541 @@
+//! Training through the heads of all values, against PyTorch's autograd
+//! (`fixtures/golden/make_joint_golden.py`) and by its laws.
+
+use std::collections::BTreeMap;
+
+use candle_core::Var;
+use serde::Deserialize;
+
+use super::*;
+use crate::data::Embeddings;
+use crate::golden;
+use crate::heads::{
+    Adversarial, Classification, CrossModal, GeneratorLoss, Input, Model, RelationScale, Scale,
+};
+use crate::labels::LabelSource;
+use crate::optim::AdamConfig;
+
+#[derive(Deserialize)]
+struct Case {
+    /// How far PyTorch's own gradients in f32 are from those in f64.
+    rounding: f64,
+    losses: Vec<BTreeMap<String, f64>>,
+    encoder: BTreeMap<String, f64>,
+    heads: BTreeMap<String, Vec<f64>>,
+}
+
+fn expected(case: &str) -> Case {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/golden");
+    let text = std::fs::read_to_string(folder.join("joint.json")).unwrap();
+    let mut cases: BTreeMap<String, Case> = serde_json::from_str(&text).unwrap();
+    cases.remove(case).unwrap()
+}
+
+/// A case of the script.
+struct Golden {
+    case: &'static str,
+    kind: EncoderKind,
+    views: usize,
+    input: Input,
+}
+
+const SURFACES: usize = 4;
+const SIDE: usize = 64;
+
+impl Golden {
+    fn targets(&self) -> Targets {
+        let of = golden::uniform("golden/joint.readings", SURFACES * 3);
+        let rows: Vec<Vec<Option<f64>>> = (0..SURFACES)
+            .map(|s| (0..3).map(|p| Some(of[s * 3 + p] * 10.0 + 40.0)).collect())
+            .collect();
+        let mut rows = rows;
+        rows[2][1] = None;
+        let names = ["a", "b", "c"].map(str::to_owned).to_vec();
+        let shape = [SURFACES, self.views, self.kind.width()];
+        let start = golden::tensor(&format!("golden/{}.start", self.case), &shape);
+        let start = start.to_dtype(DType::F32).unwrap();
+        Targets {
+            values: Some(Readings::new(names, &rows).unwrap()),
+            start: Some(Embeddings::new(&start).unwrap()),
+            materials: Some(["m", "n", "m", "o"].map(str::to_owned).to_vec()),
+            ..Targets::default()
+        }
+    }
+
+    /// One batch holds everything, as it is.
+    fn trainer(&self) -> Trainer {
+        let config = TrainingConfig {
+            objective: TrainingObjective::Heads {
+                input: self.input.clone(),
+                scale: Scale::Common,
+                model: model(),
+                views: any(&self.input, self.views),
+            },
+            epochs: 10,
+            batch_size: SURFACES,
+            adam: AdamConfig {
+                learning_rate: 1e-5,
+                ..AdamConfig::default()
+            },
+            warmup: 0.0,
+            validation: 0.0,
+            augmentation: STILL,
+            ..TrainingConfig::default()
+        };
+        let parts = Parts {
+            training: (0..SURFACES).collect(),
+            validation: Vec::new(),
+        };
+        let specs = self.kind.specs();
+        let weights = specs.iter().map(|s| (s.name.clone(), golden::weight(s)));
+        let weights = Weights::from_tensors("the golden rule", weights).unwrap();
+        let start = Encoder::new(self.kind, weights, &Device::Cpu).unwrap();
+        let trainer = Trainer::new(&start, self.targets(), parts, config, 0).unwrap();
+        for (name, variable) in trainer.objective.parameters() {
+            fill(self.case, &name, variable);
+        }
+        trainer
+    }
+}
+
+impl ImageSource for Golden {
+    fn image(&self, index: usize) -> Result<Image, Box<dyn StdError + Send + Sync>> {
+        let len = SIDE * SIDE * 3;
+        let all = SURFACES * self.views * len;
+        let all = golden::uniform(&format!("golden/{}.images", self.case), all);
+        let pixels = all[index * len..][..len].iter();
+        let pixels = pixels.map(|u| f32::midpoint(*u as f32, 1.0));
+        Ok(Image::new(SIDE, SIDE, pixels.collect())?)
+    }
+}
+
+/// A parameter of the heads as the script fills it.
+fn fill(case: &str, name: &str, variable: &Var) {
+    let gain = match variable.dims() {
+        [_, inputs, _] => (3.0 / *inputs as f64).sqrt(),
+        _ => 0.1,
+    };
+    // The script rounds the product to f32.
+    let values = golden::tensor(&format!("golden/{case}.{name}"), variable.dims());
+    let values = (values * gain).unwrap().to_dtype(DType::F32).unwrap();
+    variable.set(&values).unwrap();
+}
+
+const STILL: Augmentation = Augmentation {
+    crop: 1.0,
+    flip: false,
+    brightness: 0.0,
+    contrast: 0.0,
+    colour: 0.0,
+};
+
+/// The network with all its parts, small.
+fn model() -> Model {
+    Model::CrossModal(CrossModal {
+        latent: 4,
+        hidden: 6,
+        embedding_weight: 0.3,
+        reconstruction_weight: 0.7,
+        adversarial: Some(Adversarial {
+            weight: 0.2,
+            generator: GeneratorLoss::Minimax,
+            hidden: 6,
+        }),
+        classification: Some(Classification {
+            weight: 0.4,
+            labels: LabelSource::Material {},
+        }),
+    })
+}
+
+fn by_name(losses: &Losses) -> [(&'static str, f64); 6] {
+    [
+        ("estimation", losses.values),
+        ("embedding", losses.embedding),
+        ("reconstruction", losses.reconstruction),
+        ("generator", losses.generator),
+        ("discriminator", losses.discriminator),
+        ("classification", losses.classes),
+    ]
+}
+
+/// The largest difference of a step's losses, over their sum.
+fn error(losses: &Losses, expected: &BTreeMap<String, f64>) -> f64 {
+    let sum: f64 = expected.values().map(|loss| loss.abs()).sum();
+    let differences = by_name(losses).map(|(name, loss)| (loss - expected[name]).abs() / sum);
+    differences.into_iter().fold(0.0, f64::max)
+}
+
+fn norm(values: &[f64]) -> f64 {
+    values.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+#[test]
+fn losses_and_gradients_are_pytorchs() {
+    let two = |case, input| Golden {
+        case,
+        kind: EncoderKind::ResNet18,
+        views: 2,
+        input,
+    };
+    let relation = RelationScale {
+        views: 2,
+        relations: 1,
+    };
+    let cases = [
+        Golden {
+            case: "joint",
+            kind: EncoderKind::SeResNext50,
+            views: 1,
+            input: Input::Single {},
+        },
+        two("late-fusion", Input::LateFusion { views: 2 }),
+        two("view-pooling", Input::ViewPooling {}),
+        two(
+            "relations",
+            Input::Relations {
+                scales: vec![relation],
+            },
+        ),
+    ];
+    for golden in cases {
+        let expected = expected(golden.case);
+        let mut trainer = golden.trainer();
+        let images: Vec<usize> = (0..SURFACES * golden.views).collect();
+        let shown: Vec<Image> = images.iter().map(|&i| golden.image(i).unwrap()).collect();
+        let batch = batches::stack(&shown, &images).unwrap();
+        let embeddings = trainer.encoder.forward(&batch).unwrap();
+        let surfaces: Vec<usize> = (0..SURFACES).collect();
+        let (loss, losses) = trainer.objective.loss(&embeddings, &surfaces, 0).unwrap();
+        let found = error(&losses, &expected.losses[0]);
+        assert!(found < 1e-5, "{}: losses {found:.1e}", golden.case);
+        let total = f64::from(loss.to_scalar::<f32>().unwrap());
+        assert!((total - losses.total()).abs() < 1e-5, "{}", golden.case);
+
+        let store = trainer.encoder.backward(&loss).unwrap();
+        let mut worst = [0.0_f64; 2];
+        let mut seen = 0;
+        let largest = expected
+            .encoder
+            .values()
+            .fold(0.0_f64, |max, &n| max.max(n));
+        for (name, variable) in trainer.encoder.variables() {
+            let Some(expected) = expected.encoder.get(name) else {
+                continue;
+            };
+            seen += 1;
+            let gradient = golden::values(store.get(variable).unwrap());
+            // Behind a norm that the next norm undoes, a gradient is 0 but for rounding.
+            let scale = expected.max(1e-6 * largest);
+            worst[0] = worst[0].max((norm(&gradient) - expected).abs() / scale);
+        }
+        assert_eq!(seen, expected.encoder.len(), "{}", golden.case);
+        let gradients = trainer.objective.gradients(&store).unwrap();
+        let parameters: Vec<String> = trainer.objective.parameters().map(|(n, _)| n).collect();
+        assert_eq!(parameters.len(), expected.heads.len());
+        for (name, gradient) in parameters.iter().zip(&gradients) {
+            let of_values = golden::values(gradient);
+            let of_values = of_values.chunks(of_values.len() / 3);
+            for (gradient, expected) in of_values.zip(&expected.heads[name]) {
+                worst[1] = worst[1].max((norm(gradient) - expected).abs() / expected.max(1e-6));
+            }
+        }
+        let [encoder, heads] = worst;
+        let (case, rounding) = (golden.case, expected.rounding);
+        println!("{case}: encoder {encoder:.1e}, heads {heads:.1e}; PyTorch in f32 {rounding:.1e}");
+        let bound = f64::max(1e-3, 2.0 * rounding);
+        assert!(encoder < bound && heads < 1e-3, "{case}: {worst:?}");
+    }
+}
+
+#[test]
+fn ten_steps_are_pytorchs() {
+    let golden = Golden {
+        case: "joint",
+        kind: EncoderKind::SeResNext50,
+        views: 1,
+        input: Input::Single {},
+    };
+    let expected = expected("joint").losses;
+    let mut trainer = golden.trainer();
+    let mut steps = Vec::new();
+    while !trainer.is_finished() {
+        trainer
+            .epoch(&golden, |step| steps.push(step.losses))
+            .unwrap();
+    }
+    assert_eq!(steps.len(), expected.len());
+    let errors = steps.iter().zip(&expected).map(|(step, e)| error(step, e));
+    let errors: Vec<f64> = errors.collect();
+    println!("ten steps: {errors:?}");
+    assert!(errors.iter().all(|&error| error < 1e-3), "{errors:?}");
+}
+
+/// Stripes in twos: of each surface a bright and a dark image.
+struct Pairs(Stripes);
+
+impl Pairs {
+    fn new(surfaces: usize) -> Self {
+        Self(Stripes::new(surfaces))
+    }
+
+    fn targets(&self) -> Targets {
+        let (surfaces, encoder) = (self.0.brightness.len(), start());
+        let images: Vec<usize> = (0..2 * surfaces).collect();
+        let shown: Vec<Image> = images.iter().map(|&i| self.image(i).unwrap()).collect();
+        let seen = encoder.embed(&batches::stack(&shown, &images).unwrap());
+        let seen = seen.unwrap().reshape((surfaces, 2, ())).unwrap();
+        Targets {
+            classes: None,
+            start: Some(Embeddings::new(&seen).unwrap()),
+            materials: Some((0..surfaces).map(|s| format!("m{}", s % 2)).collect()),
+            ..self.0.targets()
+        }
+    }
+
+    fn trainer(&self, config: TrainingConfig) -> Trainer {
+        let (targets, parts) = (self.targets(), self.0.parts());
+        Trainer::new(&start(), targets, parts, config, 5).unwrap()
+    }
+}
+
+impl ImageSource for Pairs {
+    fn image(&self, index: usize) -> Result<Image, Box<dyn StdError + Send + Sync>> {
+        let image = self.0.image(index / 2)?;
+        let (height, width) = image.size();
+        let factor = if index.is_multiple_of(2) { 1.0 } else { 0.5 };
+        let pixels = image.pixels().iter().map(|value| value * factor);
+        Ok(Image::new(height, width, pixels.collect())?)
+    }
+}
+
+fn through_heads(input: Input, model: Model) -> TrainingConfig {
+    TrainingConfig {
+        objective: TrainingObjective::Heads {
+            scale: Scale::Common,
+            model,
+            views: any(&input, 2),
+            input,
+        },
+        ..config()
+    }
+}
+
+/// How many views there are, for an input that takes any number.
+fn any(input: &Input, views: usize) -> Option<usize> {
+    let any = matches!(input, Input::ViewPooling {} | Input::Relations { .. });
+    any.then_some(views)
+}
+
+fn inputs() -> [Input; 3] {
+    let scales = vec![RelationScale {
+        views: 1,
+        relations: 3,
+    }];
+    [
+        Input::LateFusion { views: 2 },
+        Input::ViewPooling {},
+        Input::Relations { scales },
+    ]
+}
+
+#[test]
+fn an_encoder_learns_through_heads() {
+    for input in inputs() {
+        let pairs = Pairs::new(64);
+        let model = Model::CrossModal(CrossModal::default());
+        let mut trainer = pairs.trainer(through_heads(input.clone(), model));
+        while !trainer.is_finished() {
+            trainer.epoch(&pairs, |_| ()).unwrap();
+        }
+        let errors = trainer.history().iter().map(|e| e.validation.unwrap());
+        let errors: Vec<f64> = errors.map(|losses| losses.values).collect();
+        let best = errors.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(best < 0.5, "{input:?}: {errors:.2?}");
+    }
+}
+
+#[test]
+fn a_training_through_heads_that_was_stopped_ends_with_the_same_bits_on_any_threads() {
+    for input in inputs() {
+        let pairs = Pairs::new(24);
+        let run = |stopped: bool, threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            pool.build().unwrap().install(|| {
+                let mut trainer = pairs.trainer(through_heads(input.clone(), model()));
+                trainer.epoch(&pairs, |_| ()).unwrap();
+                if stopped {
+                    let state = trainer.to_bytes().unwrap();
+                    let (targets, parts) = (pairs.targets(), pairs.0.parts());
+                    let config = through_heads(input.clone(), model());
+                    let resumed = Trainer::resume("a state", &state, targets, parts, config, 5);
+                    trainer = resumed.unwrap();
+                }
+                trainer.epoch(&pairs, |_| ()).unwrap();
+                (trainer.to_bytes().unwrap(), bytes(trainer))
+            })
+        };
+        let once = run(false, 1);
+        assert!(once == run(true, 1), "{input:?}");
+        assert!(once == run(true, 3), "{input:?}");
+    }
+}
+
+/// What both sides of the game look at is no part of the game.
+#[test]
+fn a_discriminator_moves_no_encoder() {
+    let pairs = Pairs::new(24);
+    let gradient = |adversarial: Option<Adversarial>| {
+        let model = Model::CrossModal(CrossModal {
+            adversarial,
+            ..CrossModal::default()
+        });
+        let config = through_heads(Input::LateFusion { views: 2 }, model);
+        let mut trainer = pairs.trainer(config);
+        let shown: Vec<Image> = (0..8).map(|i| pairs.image(i).unwrap()).collect();
+        let batch = batches::stack(&shown, &[0; 8]).unwrap();
+        let embeddings = trainer.encoder.forward(&batch).unwrap();
+        let (loss, _) = trainer
+            .objective
+            .loss(&embeddings, &[0, 1, 2, 3], 0)
+            .unwrap();
+        let store = trainer.encoder.backward(&loss).unwrap();
+        let (_, variable) = trainer.encoder.variables().next().unwrap();
+        golden::values(store.get(variable).unwrap())
+    };
+    // A generator that hardly plays: what is left of the game is the discriminator's side.
+    let alone = gradient(None);
+    let beside = gradient(Some(Adversarial {
+        weight: 1e-30,
+        ..Adversarial::default()
+    }));
+    assert_eq!(alone, beside);
+}
+
+mod hard_cases {
+    use super::*;
+
+    fn refused(targets: Targets, input: Input, expected: &str) {
+        let pairs = Pairs::new(24);
+        let parts = pairs.0.parts();
+        let error =
+            Trainer::new(&start(), targets, parts, through_heads(input, model()), 5).unwrap_err();
+        let message = error.to_string();
+        assert!(message.contains(expected), "{message}");
+    }
+
+    #[test]
+    fn targets_that_heads_cannot_learn_are_refused() {
+        let pairs = Pairs::new(24);
+        let fusion = || Input::LateFusion { views: 2 };
+        let change = |change: fn(&mut Targets)| {
+            let mut targets = pairs.targets();
+            change(&mut targets);
+            targets
+        };
+        let without = change(|t| t.start = None);
+        refused(without, fusion(), "what the encoder sees at the start");
+        let with = change(|t| {
+            let of_image = vec![0; 24];
+            t.classes = Some(Classes { of_image, count: 1 });
+        });
+        refused(with, fusion(), "heads form their labels themselves");
+        refused(change(|t| t.materials = None), fusion(), "materials");
+        let short = change(|t| {
+            t.materials.as_mut().unwrap().pop();
+        });
+        refused(short, fusion(), "23");
+        let wide = change(|t| {
+            let wide = Tensor::zeros((24, 2, 7), DType::F32, &Device::Cpu).unwrap();
+            t.start = Some(Embeddings::new(&wide).unwrap());
+        });
+        refused(wide, fusion(), "width 7");
+        let odd = change(|t| {
+            t.features = Some(Features {
+                embeddings: Tensor::zeros((47, 5), DType::F32, &Device::Cpu).unwrap(),
+                weight: 1.0,
+            });
+        });
+        refused(odd, fusion(), "a multiple of 2");
+        let unread = change(|t| {
+            let rows = vec![vec![None]; 24];
+            t.values = Some(Readings::new(vec!["brightness".into()], &rows).unwrap());
+        });
+        refused(unread, fusion(), "at least one that a training surface");
+    }
+
+    #[test]
+    fn inputs_that_do_not_fit_the_views_are_refused() {
+        let targets = Pairs::new(24).targets();
+        refused(targets.clone(), Input::Single {}, "expected 1 views");
+        refused(
+            targets.clone(),
+            Input::LateFusion { views: 3 },
+            "expected 3 views",
+        );
+        let scales = vec![RelationScale {
+            views: 3,
+            relations: 1,
+        }];
+        refused(targets, Input::Relations { scales }, "at least 3");
+    }
+
+    /// A batch whose surfaces have no reading of a value, or no label, has no loss of it, and none
+    /// of it is NaN.
+    #[test]
+    fn a_batch_without_readings_is_finite() {
+        let pairs = Pairs::new(24);
+        let mut targets = pairs.targets();
+        let rows: Vec<_> = (0..24)
+            .map(|s| vec![(s == 7).then_some(1.0), Some(f64::from(s))])
+            .collect();
+        let names = vec!["rare".to_owned(), "common".to_owned()];
+        targets.values = Some(Readings::new(names, &rows).unwrap());
+        let config = TrainingConfig {
+            batch_size: 2,
+            epochs: 1,
+            ..through_heads(Input::ViewPooling {}, model())
+        };
+        let mut trainer = Trainer::new(&start(), targets, pairs.0.parts(), config, 5).unwrap();
+        let epoch = trainer.epoch(&pairs, |step| assert!(step.losses.total().is_finite()));
+        assert!(epoch.unwrap().validation.unwrap().total().is_finite());
+    }
+
+    /// Distillation beside heads: a teacher's features of each image, not of each surface.
+    #[test]
+    fn features_belong_to_images() {
+        let pairs = Pairs::new(24);
+        let features = Features {
+            embeddings: golden::tensor("taught", &[48, 5])
+                .to_dtype(DType::F32)
+                .unwrap(),
+            weight: 2.0,
+        };
+        let targets = Targets {
+            features: Some(features),
+            ..pairs.targets()
+        };
+        let config = through_heads(Input::LateFusion { views: 2 }, model());
+        let trainer = Trainer::new(&start(), targets, pairs.0.parts(), config, 5).unwrap();
+        let width = trainer.encoder.kind().width();
+        let embeddings = Tensor::zeros((2, width), DType::F32, &Device::Cpu).unwrap();
+        let (_, losses) = trainer.objective.loss(&embeddings, &[3], 0).unwrap();
+        // The layer says its bias of both images; standardised over the images of training.
+        let bias = trainer
+            .objective
+            .parameters()
+            .find(|(n, _)| n == "features.bias");
+        let bias = golden::values(bias.unwrap().1.as_tensor());
+        let all = golden::uniform("taught", 48 * 5);
+        let mut sum = 0.0;
+        for (column, bias) in bias.iter().enumerate() {
+            let of_training: Vec<f64> = (0..32).map(|image| all[image * 5 + column]).collect();
+            let mean = of_training.iter().sum::<f64>() / 32.0;
+            let square = of_training.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 32.0;
+            let taught = [6, 7].map(|image| (of_training[image] - mean) / square.sqrt());
+            sum += taught.iter().map(|t| (bias - t).powi(2)).sum::<f64>();
+        }
+        let expected = 2.0 * sum / 10.0;
+        assert!((losses.features / expected - 1.0).abs() < 1e-5);
+    }
+}

@@ -92,8 +92,8 @@ fn check(shape: ConvShape, size: [usize; 2]) {
             let mut target = words(&before);
             let epilogue = Epilogue {
                 shift: Some(Columns::shared(&shift)),
-                accumulate,
-                activation: Activation::Relu,
+                accumulate: accumulate.then_some(1.0),
+                limits: Activation::Relu.limits(),
                 ..Epilogue::default()
             };
             conv.apply(Threads::One, (&source, &from), (&mut target, &to), epilogue);

@@ -3,6 +3,7 @@
 
 mod batch_norm;
 mod bf16;
+mod bytes;
 mod conv;
 mod depthwise;
 mod gated_residual;

@@ -125,10 +125,15 @@ impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
                     spread(epilogue.shift, 0.0),
                 ),
             };
-            if block.words == S::F32_LANES {
-                self.pixels::<S, A, true>(lanes, arithmetic, &block);
-            } else {
-                self.pixels::<S, A, false>(lanes, arithmetic, &block);
+            let mut first = 0;
+            while first < self.places.len() {
+                first += if self.beside(first, 4) {
+                    self.tile::<S, A, 4>(lanes, arithmetic, &block, first)
+                } else if self.beside(first, 2) {
+                    self.tile::<S, A, 2>(lanes, arithmetic, &block, first)
+                } else {
+                    self.tile::<S, A, 1>(lanes, arithmetic, &block, first)
+                };
             }
         }
     }
@@ -145,25 +150,6 @@ struct Block<'a, S: Lanes> {
 }
 
 impl<W: Word> Write<'_, '_, W> {
-    /// A block of all pixels; `WHOLE` if it fills a vector.
-    #[inline(always)]
-    fn pixels<S, A, const WHOLE: bool>(&mut self, lanes: S, arithmetic: A, block: &Block<'_, S>)
-    where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        let mut first = 0;
-        while first < self.places.len() {
-            first += if self.beside(first, 4) {
-                self.tile::<S, A, 4, WHOLE>(lanes, arithmetic, block, first)
-            } else if self.beside(first, 2) {
-                self.tile::<S, A, 2, WHOLE>(lanes, arithmetic, block, first)
-            } else {
-                self.tile::<S, A, 1, WHOLE>(lanes, arithmetic, block, first)
-            };
-        }
-    }
-
     /// Whether so many windows from one on lie in steps of the stride.
     #[inline(always)]
     fn beside(&self, first: usize, count: usize) -> bool {
@@ -177,22 +163,22 @@ impl<W: Word> Write<'_, '_, W> {
         last < starts.len() && starts[last] == starts[first] + (count - 1) * stride * pitch
     }
 
-    /// `H` pixels, one beside the other; returns how many.
+    /// The sums of `H` pixels' windows, the first from `from` on; `WHOLE` if all of a vector can be read
+    /// everywhere.
     #[inline(always)]
-    fn tile<S, A, const H: usize, const WHOLE: bool>(
-        &mut self,
+    fn sums<S, A, const H: usize, const WHOLE: bool>(
+        &self,
         lanes: S,
         arithmetic: A,
         block: &Block<'_, S>,
-        first: usize,
-    ) -> usize
+        from: usize,
+    ) -> [[S::f32s; QUAD]; H]
     where
         S: Lanes,
         A: Arithmetic<S, Word = W>,
     {
         let QuadProduct {
             source,
-            starts,
             taps,
             pitch,
             stride,
@@ -200,27 +186,21 @@ impl<W: Word> Write<'_, '_, W> {
             ..
         } = *self.product;
         let (rows, columns) = (weights.rows, weights.columns);
-        let start = starts[first] + block.word;
+        let words = if WHOLE { S::F32_LANES } else { block.words };
         let count = (H - 1) * stride + columns;
-        let len = (count - 1) * pitch + block.words;
         let mut sums = [[lanes.splat_f32s(0.0); QUAD]; H];
         for (group, weights) in block.weights.chunks_exact(columns).enumerate() {
             let row = |i: usize| {
                 // Beyond the last row, whose weights are 0, stands any.
                 let tap = taps[(group * QUAD + i).min(rows - 1) * columns];
-                &lanes_of(&source[start + tap..])[..len]
+                &lanes_of(&source[from + tap..])[..(count - 1) * pitch + words]
             };
             let of_group = [row(0), row(1), row(2), row(3)];
             for column in 0..count {
                 let at = column * pitch;
                 let mut quad = [lanes.splat_f32s(0.0); QUAD];
                 for (quad, row) in quad.iter_mut().zip(of_group) {
-                    let row = &row[at..at + block.words];
-                    *quad = if WHOLE {
-                        S::as_simd_f32s(row).0[0]
-                    } else {
-                        lanes.partial_load_f32s(row)
-                    };
+                    *quad = load(lanes, &row[at..at + words]);
                 }
                 let quad = lanes.interleave(quad);
                 each_row!(H, i, {
@@ -234,6 +214,33 @@ impl<W: Word> Write<'_, '_, W> {
                 });
             }
         }
+        sums
+    }
+
+    /// `H` pixels, one beside the other; returns how many.
+    #[inline(always)]
+    fn tile<S, A, const H: usize>(
+        &mut self,
+        lanes: S,
+        arithmetic: A,
+        block: &Block<'_, S>,
+        first: usize,
+    ) -> usize
+    where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
+        let product = self.product;
+        let (rows, columns) = (product.weights.rows, product.weights.columns);
+        let from = product.starts[first] + block.word;
+        let last =
+            from + product.taps[rows * columns - 1] + (H - 1) * product.stride * product.pitch;
+        // What a vector reads beyond the channels has weights of 0.
+        let sums = if last + S::F32_LANES <= product.source.len() {
+            self.sums::<S, A, H, true>(lanes, arithmetic, block, from)
+        } else {
+            self.sums::<S, A, H, false>(lanes, arithmetic, block, from)
+        };
         each_row!(H, i, {
             let place = self.places[first + i] - self.origin + block.word;
             let out: &mut [f32] =
@@ -250,10 +257,9 @@ impl<W: Word> Write<'_, '_, W> {
                 ended[v] = block.finish.apply_to(lanes, arithmetic, v, sum, stored);
             }
             let ended = lanes.join(ended);
-            if WHOLE {
-                S::as_mut_simd_f32s(out).0[0] = ended;
-            } else {
-                lanes.partial_store_f32s(out, ended);
+            match S::as_mut_simd_f32s(out).0 {
+                [whole, ..] => *whole = ended,
+                [] => lanes.partial_store_f32s(out, ended),
             }
         });
         H

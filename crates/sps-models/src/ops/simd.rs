@@ -3,12 +3,15 @@
 //! A kernel is written once, against [`Lanes`]; [`Level::run`] compiles it for each instruction
 //! set and calls the one the machine has. The unsafe side of that lies in pulp.
 
+use bytemuck::{cast_slice, cast_slice_mut};
 pub(super) use pulp::NullaryFnOnce;
 #[cfg(target_arch = "aarch64")]
 use pulp::aarch64::Neon;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::{V3, V4};
 use pulp::{Scalar128b, Simd};
+
+use super::words::byte;
 
 /// A set of vector instructions that this machine has.
 #[derive(Debug, Clone, Copy)]
@@ -170,18 +173,55 @@ pub(crate) trait Lanes: Simd {
 
     /// In each lane, whose bits are an i32, `sum` and the products of the four bytes of `x`, which are
     /// u8, with those of `y`, which are i8.
-    fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s;
+    #[inline(always)]
+    fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s {
+        let (x, y, mut sums) = ([x], [y], [sum]);
+        let (x, y): (&[u8], &[i8]) = (cast_slice(&x), cast_slice(&y));
+        let of_lanes = x.chunks_exact(4).zip(y.chunks_exact(4));
+        for (sum, (x, y)) in cast_slice_mut::<_, i32>(&mut sums).iter_mut().zip(of_lanes) {
+            for (&x, &y) in x.iter().zip(y) {
+                *sum += i32::from(x) * i32::from(y);
+            }
+        }
+        sums[0]
+    }
 
     /// Numbers of lanes whose bits are an i32.
-    fn of_integers(self, x: Self::f32s) -> Self::f32s;
+    #[inline(always)]
+    fn of_integers(self, x: Self::f32s) -> Self::f32s {
+        let mut numbers = [x];
+        for number in cast_slice_mut::<_, f32>(&mut numbers) {
+            *number = number.to_bits() as i32 as f32;
+        }
+        numbers[0]
+    }
 
     /// Of four rows of bytes, a word for each byte's place: the four bytes there. Where which stands,
     /// [`channel_of`] says.
-    fn interleave(self, rows: [Self::f32s; 4]) -> [Self::f32s; 4];
+    #[inline(always)]
+    fn interleave(self, rows: [Self::f32s; 4]) -> [Self::f32s; 4] {
+        let mut words = rows;
+        let out: &mut [u8] = cast_slice_mut(&mut words);
+        for (row, from) in rows.iter().enumerate() {
+            let from: &[u8] = cast_slice(std::slice::from_ref(from));
+            for (i, out) in out.iter_mut().skip(row).step_by(4).enumerate() {
+                *out = from[channel_of(i / Self::F32_LANES, i % Self::F32_LANES)];
+            }
+        }
+        words
+    }
 
     /// Numbers of 0 to 255, rounded to even, as bytes: each where a row has it whose word stands as
     /// [`Lanes::interleave`] puts it.
-    fn join(self, numbers: [Self::f32s; 4]) -> Self::f32s;
+    #[inline(always)]
+    fn join(self, numbers: [Self::f32s; 4]) -> Self::f32s {
+        let mut joined = [numbers[0]];
+        let out: &mut [u8] = cast_slice_mut(&mut joined);
+        for (i, &number) in cast_slice::<_, f32>(&numbers).iter().enumerate() {
+            out[channel_of(i / Self::F32_LANES, i % Self::F32_LANES)] = byte(number);
+        }
+        joined[0]
+    }
 }
 
 /// The place in a row of the byte whose word [`Lanes::interleave`] puts into a lane of a vector.
@@ -375,11 +415,6 @@ impl Lanes for V3 {
     }
 
     #[inline(always)]
-    fn of_integers(self, x: Self::f32s) -> Self::f32s {
-        pulp::cast(self.avx._mm256_cvtepi32_ps(pulp::cast(x)))
-    }
-
-    #[inline(always)]
     fn interleave(self, [a, b, c, d]: [Self::f32s; 4]) -> [Self::f32s; 4] {
         use pulp::cast;
         let i = self.avx2;
@@ -441,26 +476,6 @@ impl Lanes for Neon {
     ) -> Self::f32s {
         spread_four_words::<G, N>(x, v, index)
     }
-
-    #[inline(always)]
-    fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s {
-        dot_four(x, y, sum)
-    }
-
-    #[inline(always)]
-    fn of_integers(self, x: Self::f32s) -> Self::f32s {
-        integers(x)
-    }
-
-    #[inline(always)]
-    fn interleave(self, rows: [Self::f32s; 4]) -> [Self::f32s; 4] {
-        interleave_four(rows)
-    }
-
-    #[inline(always)]
-    fn join(self, numbers: [Self::f32s; 4]) -> Self::f32s {
-        join_four(numbers)
-    }
 }
 
 /// Whether a fused multiply-add is an instruction without any named.
@@ -518,26 +533,6 @@ impl Lanes for Scalar128b {
     ) -> Self::f32s {
         spread_four_words::<G, N>(x, v, index)
     }
-
-    #[inline(always)]
-    fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s {
-        dot_four(x, y, sum)
-    }
-
-    #[inline(always)]
-    fn of_integers(self, x: Self::f32s) -> Self::f32s {
-        integers(x)
-    }
-
-    #[inline(always)]
-    fn interleave(self, rows: [Self::f32s; 4]) -> [Self::f32s; 4] {
-        interleave_four(rows)
-    }
-
-    #[inline(always)]
-    fn join(self, numbers: [Self::f32s; 4]) -> Self::f32s {
-        join_four(numbers)
-    }
 }
 
 #[inline(always)]
@@ -555,36 +550,6 @@ fn spread_four_words<const G: usize, const N: usize>(
     let words = [x.0, x.1, x.2, x.3];
     let word = |lane| words[word_of::<G, N>(4, v, index, lane) % 4];
     pulp::f32x4(word(0), word(1), word(2), word(3))
-}
-
-#[inline(always)]
-fn dot_four(x: pulp::f32x4, y: pulp::f32x4, sum: pulp::f32x4) -> pulp::f32x4 {
-    let (x, y): ([u8; 16], [i8; 16]) = (pulp::cast(x), pulp::cast(y));
-    let mut sums: [i32; 4] = pulp::cast(sum);
-    for (i, (x, y)) in x.into_iter().zip(y).enumerate() {
-        sums[i / 4] += i32::from(x) * i32::from(y);
-    }
-    pulp::cast(sums)
-}
-
-#[inline(always)]
-fn integers(x: pulp::f32x4) -> pulp::f32x4 {
-    let x: [i32; 4] = pulp::cast(x);
-    pulp::cast(x.map(|x| x as f32))
-}
-
-#[inline(always)]
-fn interleave_four(rows: [pulp::f32x4; 4]) -> [pulp::f32x4; 4] {
-    let rows: [[u8; 16]; 4] = rows.map(pulp::cast);
-    let word = |i: usize| [0, 1, 2, 3].map(|row: usize| rows[row][i]);
-    [0, 1, 2, 3].map(|v| pulp::cast([0, 1, 2, 3].map(|lane| word(channel_of(v, lane)))))
-}
-
-#[inline(always)]
-fn join_four(numbers: [pulp::f32x4; 4]) -> pulp::f32x4 {
-    let numbers: [f32; 16] = pulp::cast(numbers);
-    // Of vectors of four lanes, the places are those of the numbers.
-    pulp::cast(numbers.map(super::words::byte))
 }
 
 #[cfg(test)]

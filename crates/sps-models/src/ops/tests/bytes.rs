@@ -1,4 +1,4 @@
-//! Convolution, pooling and mean of feature maps of bytes, against sums in i64, to the bit on every
+//! Convolution, pooling and mean of feature maps of bytes, against whole numbers in f64, to the bit on every
 //! level.
 
 use proptest::prelude::*;
@@ -12,74 +12,37 @@ use super::super::product::{Columns, Epilogue};
 use super::super::simd::forced::on_each_level;
 use super::super::simd::{Kernel, Lanes, Level};
 use super::super::words::{Bytes, Word};
-use super::noise;
+use super::{noise, window_sums};
 
 /// Whole numbers of `least` to `most`, both among them.
-fn whole(len: usize, seed: u64, least: i64, most: i64) -> Vec<i64> {
-    let middle = (least + most) as f64 / 2.0;
-    let reach = (most - least) as f64 / 2.0 + 0.5;
-    let number = |x: f64| ((middle + reach * x).round() as i64).clamp(least, most);
+fn whole(len: usize, seed: u64, least: f64, most: f64) -> Vec<f64> {
+    let (middle, reach) = (f64::midpoint(least, most), (most - least) / 2.0 + 0.5);
+    let number = |x: f64| (middle + reach * x).round().clamp(least, most);
     noise(len, seed).into_iter().map(number).collect()
 }
 
 /// A feature map without a border as words.
-fn words(numbers: &[i64]) -> Vec<Bytes> {
+fn words(numbers: &[f64]) -> Vec<Bytes> {
     let quads = numbers.chunks_exact(4);
     quads.map(|q| Bytes::of(|i| q[i] as f32)).collect()
 }
 
-fn numbers(words: &[Bytes]) -> Vec<i64> {
-    Bytes::numbers(words).map(|x| x as i64).collect()
-}
-
-/// The definition: sums of products over the window; around the map lies `padding`.
-fn reference(
-    shape: &ConvShape,
-    [height, width]: [usize; 2],
-    source: &[i64],
-    weights: &[i64],
-    padding: i64,
-) -> Vec<i64> {
-    let window = &shape.window;
-    let [_, rows, columns] = window.output([1, height, width]).unwrap();
-    let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
-    let [_, kernel_rows, kernel_columns] = window.size;
-    let mut sums = Vec::new();
-    for (y, x) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
-        for channel in 0..shape.outputs {
-            let mut sum = 0;
-            for (i, j) in (0..kernel_rows).flat_map(|i| (0..kernel_columns).map(move |j| (i, j))) {
-                let row = (y * window.stride[1] + i).wrapping_sub(window.before[1]);
-                let column = (x * window.stride[2] + j).wrapping_sub(window.before[2]);
-                for input in 0..inputs {
-                    let from = channel / outputs * inputs + input;
-                    let number = if row < height && column < width {
-                        source[(row * width + column) * shape.inputs + from]
-                    } else {
-                        padding
-                    };
-                    let weight = (channel * inputs + input) * kernel_rows + i;
-                    sum += number * weights[weight * kernel_columns + j];
-                }
-            }
-            sums.push(sum);
-        }
-    }
-    sums
+fn numbers(words: &[Bytes]) -> Vec<f64> {
+    Bytes::numbers(words).map(f64::from).collect()
 }
 
 /// A convolution of bytes is that of whole numbers, scaled in one rounding and rounded to even.
 fn check(shape: ConvShape, size: [usize; 2], seed: u64) {
     let [height, width] = size;
     let grid = Grid::tight(1, [1, height, width], shape.inputs).of::<Bytes>();
-    let values = whole(height * width * shape.inputs, seed, 0, 255);
+    let values = whole(height * width * shape.inputs, seed, 0.0, 255.0);
     let count = shape.outputs * shape.group_inputs() * pixels(shape.window.size);
-    let mut weights = whole(count, seed + 1, -127, 127);
+    let mut weights = whole(count, seed + 1, -127.0, 127.0);
     // A channel of nothing but zeros.
-    weights[..count / shape.outputs].fill(0);
-    let padding = 77;
-    let sums = reference(&shape, size, &values, &weights, padding);
-    let largest = sums.iter().map(|sum| sum.abs()).max().unwrap().max(1) as f32;
+    weights[..count / shape.outputs].fill(0.0);
+    let padding = 77.0;
+    let sums = window_sums(&shape, size, &values, &weights, padding);
+    let largest = sums.iter().fold(1.0, |m: f64, sum| m.max(sum.abs())) as f32;
     let factors: Vec<f32> = noise(shape.outputs, seed + 2)
         .iter()
         .map(|&x| 180.0 * x as f32 / largest)
@@ -102,7 +65,7 @@ fn check(shape: ConvShape, size: [usize; 2], seed: u64) {
         }
         let to = shape.window.output(grid.size).unwrap();
         let to = Grid::tight(1, to, shape.outputs).of::<Bytes>();
-        let before = whole(sums.len(), seed + 4, 0, 255);
+        let before = whole(sums.len(), seed + 4, 0.0, 255.0);
         for (accumulate, limits) in [(None, [0.0, 255.0]), (Some(0.37), [13.0, 201.5])] {
             let mut target = words(&before);
             let epilogue = Epilogue {
@@ -116,8 +79,12 @@ fn check(shape: ConvShape, size: [usize; 2], seed: u64) {
                 let channel = i % shape.outputs;
                 let y = (sums[i] as f32).mul_add(factors[channel], shifts[channel]);
                 let y = accumulate.map_or(y, |factor| (before[i] as f32).mul_add(factor, y));
-                let expected = y.clamp(limits[0], limits[1]).round_ties_even() as i64;
-                assert_eq!(found, expected, "{level:?} {shape:?} number {i}: {y}");
+                let expected = y.clamp(limits[0], limits[1]).round_ties_even();
+                assert_eq!(
+                    found,
+                    f64::from(expected),
+                    "{level:?} {shape:?} number {i}: {y}"
+                );
             }
         }
     });
@@ -200,7 +167,7 @@ fn the_largest_sum_does_not_overflow() {
                 ..Epilogue::default()
             };
             conv.apply(Threads::One, (&source, &grid), (&mut target, &to), epilogue);
-            assert_eq!(numbers(&target), [200; 4], "{level:?}");
+            assert_eq!(numbers(&target), [200.0; 4], "{level:?}");
         }
     });
     // In 16 bits, as `maddubs` adds two products, it does.
@@ -210,7 +177,7 @@ fn the_largest_sum_does_not_overflow() {
 /// Without instructions for it, the sum is the same.
 #[test]
 fn a_sum_without_instructions_for_bytes() {
-    struct Dot<'a>(&'a [i64], &'a [i64]);
+    struct Dot<'a>(&'a [f64], &'a [f64]);
     impl Kernel for Dot<'_> {
         type Output = Vec<i32>;
 
@@ -229,14 +196,14 @@ fn a_sum_without_instructions_for_bytes() {
                 .collect()
         }
     }
-    let (mut x, mut y) = (whole(256, 1, 0, 255), whole(256, 2, -128, 127));
-    x[..8].fill(255);
-    y[..4].fill(127);
-    y[4..8].fill(-128);
-    let products: Vec<i64> = x.iter().zip(&y).map(|(x, y)| x * y).collect();
-    let expected: Vec<i64> = products.chunks(4).map(|four| four.iter().sum()).collect();
+    let (mut x, mut y) = (whole(256, 1, 0.0, 255.0), whole(256, 2, -128.0, 127.0));
+    x[..8].fill(255.0);
+    y[..4].fill(127.0);
+    y[4..8].fill(-128.0);
+    let products: Vec<f64> = x.iter().zip(&y).map(|(x, y)| x * y).collect();
+    let expected: Vec<f64> = products.chunks(4).map(|four| four.iter().sum()).collect();
     on_each_level(|level: Level| {
-        let found = level.run(Dot(&x, &y)).into_iter().map(i64::from);
+        let found = level.run(Dot(&x, &y)).into_iter().map(f64::from);
         assert_eq!(found.collect::<Vec<_>>(), expected, "{level:?}");
     });
 }
@@ -246,7 +213,7 @@ fn a_sum_without_instructions_for_bytes() {
 fn pooling_and_means() {
     let window = Window::square(3, 2, 0);
     let grid = Grid::tight(1, [1, 7, 6], 32).of::<Bytes>();
-    let values = whole(7 * 6 * 32, 5, 0, 255);
+    let values = whole(7 * 6 * 32, 5, 0.0, 255.0);
     let to = Grid {
         size: window.output_ceil(grid.size),
         ..grid
@@ -261,13 +228,13 @@ fn pooling_and_means() {
             let (y, x) = (pixel / to.size[2] * 2, pixel % to.size[2] * 2);
             let under = (y..(y + 3).min(7)).flat_map(|y| (x..(x + 3).min(6)).map(move |x| (y, x)));
             let largest = under.map(|(y, x)| values[(y * 6 + x) * 32 + channel]);
-            assert_eq!(Some(found), largest.max());
+            assert_eq!(found, largest.fold(0.0, f64::max));
         }
         let mut means = [0.0; 32];
         frame_means(Threads::One, level, &source, &grid, &mut means);
         for (channel, mean) in means.iter().enumerate() {
-            let sum: i64 = values.iter().skip(channel).step_by(32).sum();
-            assert_eq!(*mean, (sum as f64 / 42.0) as f32);
+            let sum: f64 = values.iter().skip(channel).step_by(32).sum();
+            assert_eq!(*mean, (sum / 42.0) as f32);
         }
     });
 }
@@ -288,5 +255,6 @@ fn numbers_become_bytes() {
         f32::NEG_INFINITY,
         f32::NAN,
     ];
-    assert_eq!(given.map(rounded), [0, 0, 0, 2, 254, 255, 255, 255, 0, 0]);
+    let expected = [0.0, 0.0, 0.0, 2.0, 254.0, 255.0, 255.0, 255.0, 0.0, 0.0];
+    assert_eq!(given.map(rounded), expected);
 }

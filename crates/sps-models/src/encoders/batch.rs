@@ -72,7 +72,7 @@ impl<W: Word> Kernels for Pooled<W> {
         inside_pool(|| {
             self.with_workspace(|workspace| {
                 let (features, grid) = self.network.features(Threads::All, &image, workspace);
-                CellSums::new(features, &grid)
+                CellSums::new(features, &grid, self.network.scale())
             })
         })
     }
@@ -119,6 +119,9 @@ impl<W: Word> Pooled<W> {
             for (images, out) in images.chunks(GROUP).zip(outs) {
                 let (features, grid) = self.network.features(threads, &images, workspace);
                 frame_means(threads, self.network.level(), features, &grid, out);
+                for mean in out {
+                    *mean = self.network.scale().value(*mean);
+                }
             }
         });
     }

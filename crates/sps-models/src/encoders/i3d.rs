@@ -76,7 +76,7 @@ impl I3d {
         let network = networks::i3d(Self::NAME);
         let weights = fit(&network, weights)?;
         Ok(Self {
-            kernels: kernels_of::<f32>(&network, &weights)?,
+            kernels: kernels_of::<f32>(&network, &weights, None)?,
             hash: content_hash(Self::NAME, &weights, &Device::Cpu, Precision::F32)?,
             network: Arc::new(network),
         })

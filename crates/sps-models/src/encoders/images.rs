@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::batch::Images;
+use super::scales::Scale;
 use crate::ops::bands::{Threads, for_each_band};
 use crate::ops::grid::Grid;
 use crate::ops::words::Word;
@@ -25,10 +26,17 @@ impl Normalisation {
         mean: [0.0; 3],
         std: [1.0; 3],
     };
+
+    /// To the numbers of a map.
+    pub(super) fn scaled(&self, scale: Scale) -> Self {
+        let std = self.std.map(|std| std * scale.step);
+        let mean = [0, 1, 2].map(|channel| self.mean[channel] - scale.zero * std[channel]);
+        Self { mean, std }
+    }
 }
 
-/// Channels of an image for the kernels: those of bf16 are four, of which the last is zero, so that a
-/// pixel fills whole words.
+/// Channels of an image for the kernels: those of bf16 and int8 are four, of which the last counts for
+/// nothing, so that a pixel fills whole words.
 pub(super) fn image_channels<W: Word>() -> usize {
     3_usize.next_multiple_of(W::NUMBERS)
 }

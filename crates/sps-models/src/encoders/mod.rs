@@ -12,6 +12,7 @@ mod network;
 mod networks;
 mod plain;
 mod precision;
+mod scales;
 #[cfg(test)]
 mod tests;
 mod train;
@@ -30,14 +31,16 @@ pub use trainable::TrainableEncoder;
 pub use windows::{WindowEmbeddings, Windows};
 
 use crate::error::{Error, Result};
+use crate::ops::bands::inside_pool;
 use crate::ops::simd::Level;
-use crate::ops::words::{Bf16Pair, Word};
+use crate::ops::words::{Bf16Pair, Bytes, Word};
 use crate::weights::{TensorSpec, Weights};
 use batch::{Images, Kernels, Pooled, each};
 use fused::Fused;
 use images::{Normalisation, Order};
 use network::Network;
 use plain::Plain;
+use scales::{Calibration, Scale};
 
 /// What turns images into embeddings: an [`Encoder`] each of them, an [`I3d`] sequences of them.
 ///
@@ -152,9 +155,14 @@ impl Encoder {
     /// # Errors
     ///
     /// When the weights do not fit the network.
-    pub fn new(kind: EncoderKind, weights: Weights, device: &Device) -> Result<Self> {
+    pub fn new(kind: EncoderKind, mut weights: Weights, device: &Device) -> Result<Self> {
         let network = kind.network();
-        let weights = fit(&network, weights)?;
+        let scales = weights.remove(scales::TENSOR);
+        let mut weights = fit(&network, weights)?;
+        if let Some(scales) = scales {
+            weights.replace(scales::TENSOR, scales);
+            scales::read(&network, &weights)?;
+        }
         let precision = Precision::default();
         Ok(Self {
             kind,
@@ -167,25 +175,84 @@ impl Encoder {
         })
     }
 
+    /// The same network with what it needs to compute in int8: how its feature maps are scaled, found on
+    /// images like those that it is to embed, `(n, 3, height, width)` each, as [`Encoder::embed`] takes
+    /// them. A few dozen are enough.
+    ///
+    /// The images go through the network in f32. A map's numbers are then 255 steps from the least to
+    /// the largest of its values, 0 among them, after each end was brought nearer to 0 by as many hundredths
+    /// as make the squared error of rounding and clipping least over these images: first the upper end,
+    /// then the lower one, then the upper one again. The steps join the weights as the tensor `int8.scales`, `(maps, 2)`, and are saved and loaded with
+    /// them. Weights need no images: a channel's are 127 steps to the largest.
+    ///
+    /// ```
+    /// use candle_core::{Device, Tensor};
+    /// use sps_models::encoders::{Encoder, EncoderKind, Precision};
+    ///
+    /// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteSmall, 0, &Device::Cpu)?;
+    /// let images = Tensor::rand(0.0_f32, 1.0, (2, 3, 64, 64), &Device::Cpu)?;
+    /// let encoder = encoder.calibrated(&[&images])?.with_precision(Precision::Int8)?;
+    /// assert_eq!(encoder.embed(&images)?.dims(), [2, encoder.width()]);
+    /// # Ok::<(), sps_models::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// As [`Encoder::embed`]; when there is no image, one makes a feature map that is not finite, or the
+    /// device is not the CPU.
+    pub fn calibrated(self, images: &[&Tensor]) -> Result<Self> {
+        self.on_cpu(Precision::Int8)?;
+        let fused = Fused::<f32>::new(&self.network, &self.weights, None, Level::detect())?;
+        let mut calibration = Calibration::new(&self.network);
+        for images in images {
+            check(&self.network, images)?;
+            let (_, _, height, width) = images.dims4()?;
+            let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
+            let size = [1, height, width];
+            let images = Images {
+                pixels: &each(&values, size),
+                order: Order::Planes,
+                size,
+                normalisation: &self.network.normalisation,
+            };
+            inside_pool(|| fused.calibrate(&images, &mut calibration));
+        }
+        let scales = calibration.scales(&self.network)?;
+        let precision = self.precision;
+        let mut encoder = self;
+        encoder
+            .weights
+            .replace(scales::TENSOR, scales::tensor(&scales)?);
+        encoder.with_precision(precision)
+    }
+
     /// The same network, computing in another precision.
     ///
     /// # Errors
     ///
-    /// When the device is not the CPU and the precision not f32.
+    /// When the device is not the CPU and the precision not f32; when the precision is int8 and
+    /// [`Encoder::calibrated`] has not been called, neither for this encoder nor for that whose weights
+    /// it has.
     pub fn with_precision(self, precision: Precision) -> Result<Self> {
-        if !self.device.is_cpu() && precision != Precision::F32 {
-            return Err(Error::input(
-                "precision",
-                format_args!("{precision} on another device than the CPU"),
-                format_args!("{}", Precision::F32),
-            ));
-        }
+        self.on_cpu(precision)?;
         Ok(Self {
             precision,
             kernels: kernels(&self.network, &self.weights, &self.device, precision)?,
             hash: content_hash(self.kind.name(), &self.weights, &self.device, precision)?,
             ..self
         })
+    }
+
+    /// Refuses what only the kernels compute in where there are none.
+    fn on_cpu(&self, precision: Precision) -> Result<()> {
+        if self.device.is_cpu() || precision == Precision::F32 {
+            return Ok(());
+        }
+        Err(Error::input(
+            "precision",
+            format_args!("{precision} on another device than the CPU"),
+            format_args!("{}", Precision::F32),
+        ))
     }
 
     /// Which network this is.
@@ -389,13 +456,27 @@ fn kernels(
         return Ok(None);
     }
     Ok(Some(match precision {
-        Precision::F32 => kernels_of::<f32>(network, weights)?,
-        Precision::Bf16 => kernels_of::<Bf16Pair>(network, weights)?,
+        Precision::F32 => kernels_of::<f32>(network, weights, None)?,
+        Precision::Bf16 => kernels_of::<Bf16Pair>(network, weights, None)?,
+        Precision::Int8 => {
+            let Some(scales) = scales::read(network, weights)? else {
+                return Err(Error::input(
+                    "precision",
+                    format_args!("{precision} without scales of the feature maps"),
+                    "`Encoder::calibrated` before, or the weights of such an encoder",
+                ));
+            };
+            kernels_of::<Bytes>(network, weights, Some(scales))?
+        }
     }))
 }
 
-fn kernels_of<W: Word>(network: &Network, weights: &Weights) -> Result<Arc<dyn Kernels>> {
-    let fused = Fused::<W>::new(network, weights, Level::detect())?;
+fn kernels_of<W: Word>(
+    network: &Network,
+    weights: &Weights,
+    scales: Option<Vec<Scale>>,
+) -> Result<Arc<dyn Kernels>> {
+    let fused = Fused::<W>::new(network, weights, scales, Level::detect())?;
     Ok(Arc::new(Pooled::new(fused)))
 }
 
@@ -434,7 +515,9 @@ fn content_hash(
         Some("candle's operators")
     };
     hasher.update(rounding.unwrap_or_default().as_bytes());
-    for (name, tensor) in weights.iter() {
+    // The scales of int8 count for nothing else.
+    let counts = |name: &str| name != scales::TENSOR || precision == Precision::Int8;
+    for (name, tensor) in weights.iter().filter(|(name, _)| counts(name)) {
         hasher.update(&(name.len() as u64).to_le_bytes());
         hasher.update(name.as_bytes());
         let values: Vec<f32> = tensor.flatten_all()?.to_vec1()?;

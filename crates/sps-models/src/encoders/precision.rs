@@ -26,17 +26,23 @@ pub enum Precision {
     /// with AVX512-BF16 nearly twice as fast as f32; slower on others. An embedding moves by a few
     /// thousandths of its norm.
     Bf16,
+    /// Feature maps of 0 to 255 in steps of each map's own, weights of -127 to 127 in steps of each
+    /// channel's own, sums exact in i32; gates, means and embeddings of f32. The steps of the maps come
+    /// from [`Encoder::calibrated`](super::Encoder::calibrated). A value beyond what calibration made of
+    /// a map's range counts as its end, one that is no number as its lower end.
+    Int8,
 }
 
 impl Precision {
     /// Every precision.
-    pub const ALL: [Self; 2] = [Self::F32, Self::Bf16];
+    pub const ALL: [Self; 3] = [Self::F32, Self::Bf16, Self::Int8];
 
     /// The name in configurations and on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::F32 => "f32",
             Self::Bf16 => "bf16",
+            Self::Int8 => "int8",
         }
     }
 }

@@ -12,7 +12,7 @@ use super::images::{Normalisation, Order};
 use super::network::Network;
 use super::plain::{BatchStatistics, Plain};
 use super::train::{Context, Gradients, Tape};
-use super::{Encoder, EncoderKind, check, normalise};
+use super::{Encoder, EncoderKind, check, normalise, scales};
 use crate::error::{Error, Result};
 use crate::ops::bands::inside_pool;
 use crate::ops::buffer::Recycler;
@@ -101,7 +101,9 @@ impl TrainableEncoder {
         let device = encoder.device().clone();
         let mut variables = BTreeMap::new();
         let mut tensors = Vec::new();
-        for (name, tensor) in encoder.weights().iter() {
+        // The scales of int8 belong to weights that do not change.
+        let tensors_of = encoder.weights().iter();
+        for (name, tensor) in tensors_of.filter(|(name, _)| *name != scales::TENSOR) {
             if name.ends_with(".running_mean") || name.ends_with(".running_var") {
                 tensors.push((name.to_owned(), tensor.clone()));
             } else {

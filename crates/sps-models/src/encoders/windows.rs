@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::plain::Plain;
+use super::scales::Scale;
 use super::{Encoder, check_pixels, normalise};
 use crate::error::{Error, Result};
 use crate::ops::grid::Grid;
@@ -84,7 +85,7 @@ impl Encoder {
         let (_, channels, rows, columns) = features.dims4()?;
         let cells: Vec<f32> = features.permute((0, 2, 3, 1))?.flatten_all()?.to_vec1()?;
         let grid = Grid::tight(1, [1, rows, columns], channels);
-        Ok(CellSums::new(&cells, &grid))
+        Ok(CellSums::new(&cells, &grid, Scale::UNIT))
     }
 }
 
@@ -215,8 +216,8 @@ pub(super) struct CellSums {
 }
 
 impl CellSums {
-    /// Of the one frame of a feature map of an image.
-    pub(super) fn new<W: Word>(features: &[W], grid: &Grid) -> Self {
+    /// Of the one frame of a feature map of an image, whose numbers stand for what `scale` says.
+    pub(super) fn new<W: Word>(features: &[W], grid: &Grid, scale: Scale) -> Self {
         let ([_, rows, columns], width) = (grid.size, grid.channels);
         let line = (columns + 1) * width;
         let mut sums = vec![0.0; (rows + 1) * line];
@@ -231,7 +232,7 @@ impl CellSums {
             for ((above, below), cell) in corners.skip(1).zip(&mut cells) {
                 let numbers = of_row.iter_mut().zip(W::numbers(cell));
                 for ((sum, x), (above, below)) in numbers.zip(above.iter().zip(below)) {
-                    *sum += f64::from(x);
+                    *sum += f64::from(scale.value(x));
                     *below = above + *sum;
                 }
             }
@@ -282,7 +283,9 @@ mod tests {
             map[0] = 1e6;
             let grid = Grid::tight(1, [1, SIDE, SIDE], 1);
             let windows = Windows::new([SIDE; 2], [1, 1], 1).unwrap();
-            let found = windows.embed(&CellSums::new(&map, &grid)).unwrap();
+            let found = windows
+                .embed(&CellSums::new(&map, &grid, Scale::UNIT))
+                .unwrap();
             let off = |value: f32| (value / DARK - 1.0).abs();
             let worst = found.embeddings[1..]
                 .iter()
@@ -315,7 +318,7 @@ mod tests {
                 .collect();
             let grid = Grid::tight(1, [1, cells[0], cells[1]], width);
             let windows = Windows::new(image, window, stride).unwrap();
-            let found = windows.embed(&CellSums::new(&map, &grid)).unwrap();
+            let found = windows.embed(&CellSums::new(&map, &grid, Scale::UNIT)).unwrap();
 
             let lasts = [0, 1].map(|axis| image[axis] - window[axis]);
             let mut at = 0;

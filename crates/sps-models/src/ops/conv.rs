@@ -2,6 +2,7 @@
 
 use super::bands::{Threads, for_each_band};
 use super::depthwise::{ChannelWeights, DepthwiseProduct};
+use super::depthwise_bytes::{QuadProduct, QuadWeights};
 use super::grid::{Grid, Size, Window, pixels};
 use super::grouped::{GroupWeights, GroupedProduct};
 use super::panels::Panels;
@@ -66,16 +67,24 @@ enum Packed<W> {
     Narrow(GroupWeights<W>),
     /// Each channel by itself.
     Channels(ChannelWeights),
+    /// The same in bytes.
+    Quads(QuadWeights<W>),
 }
 
 impl<W: Word> Conv<W> {
     /// Packs weights `(outputs, inputs / groups, time, height, width)`, for feature maps of such
-    /// words. A group's inputs and outputs fill whole words, but where each channel is a group.
+    /// words. A group's inputs and outputs fill whole words, but where each channel is a group; of
+    /// bytes, all channels then do. Weights of words of whole numbers are such.
     pub(crate) fn pack(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
         let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
         let taps = pixels(shape.window.size);
         if shape.depthwise() {
-            let packed = Packed::Channels(ChannelWeights::pack(level, taps, weights));
+            let packed = if W::WHOLE {
+                let columns = shape.window.size[2];
+                Packed::Quads(QuadWeights::pack(level, [taps / columns, columns], weights))
+            } else {
+                Packed::Channels(ChannelWeights::pack(level, taps, weights))
+            };
             return Self { shape, packed };
         }
         debug_assert!(inputs.is_multiple_of(W::NUMBERS), "{shape:?}");
@@ -95,7 +104,7 @@ impl<W: Word> Conv<W> {
                     at(group * outputs + column, row / inputs, row % inputs)
                 };
                 Panels::pack(level, W::words(taps * inputs), outputs, |row, column| {
-                    W::of(|i| number(W::NUMBERS * row + i, column))
+                    W::of_matrix(|i| number(W::NUMBERS * row + i, column))
                 })
             };
             Packed::Matrices((0..shape.groups).map(group).collect())
@@ -151,6 +160,16 @@ impl<W: Word> Conv<W> {
                     source,
                     starts,
                     taps: &taps,
+                    weights,
+                    epilogue,
+                }
+                .write(band.target, places, band.origin),
+                Packed::Quads(weights) => QuadProduct {
+                    source,
+                    starts,
+                    taps: &taps,
+                    pitch: from.pitch,
+                    stride: window.stride[2],
                     weights,
                     epilogue,
                 }

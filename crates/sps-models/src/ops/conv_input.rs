@@ -113,7 +113,7 @@ impl ConvTranspose {
             origin,
         } = *rows;
         let epilogue = Epilogue {
-            accumulate,
+            accumulate: accumulate.then_some(1.0),
             ..Epilogue::default()
         };
         match &phase.packed {

@@ -160,7 +160,7 @@ impl Part {
                 run: starts.len(),
                 panels: &right,
                 epilogue: Epilogue {
-                    accumulate: true,
+                    accumulate: Some(1.0),
                     ..Epilogue::default()
                 },
             };

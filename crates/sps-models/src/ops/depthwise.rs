@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::buffer::Buffer;
-use super::product::{Epilogue, limits};
+use super::product::{Epilogue, Finish};
 use super::simd::{Kernel, Lanes, Level, load};
 use super::words::{Arithmetic, Word, WordKernel};
 
@@ -43,7 +43,7 @@ pub(crate) struct DepthwiseProduct<'a, W = f32> {
     /// How far from there its pixels lie.
     pub(crate) taps: &'a [usize],
     pub(crate) weights: &'a ChannelWeights,
-    /// What happens to the sums; factors are not applied, and shifts are those of frame 0.
+    /// What happens to the sums; factors and shifts are those of frame 0.
     pub(crate) epilogue: Epilogue<'a>,
 }
 
@@ -132,7 +132,6 @@ impl<W: Word> Write<'_, '_, W> {
             weights,
             epilogue,
         } = *self.product;
-        let limits = limits(lanes, epilogue.activation);
         let count = (weights.channels - channel).min(NV * S::F32_LANES);
         let (word, words) = (W::words(channel), W::words(count));
         let starts: [usize; H] = std::array::from_fn(|i| starts[first + i] + word);
@@ -147,22 +146,18 @@ impl<W: Word> Write<'_, '_, W> {
                 }
             }
         }
-        let shifts = match epilogue.shift {
-            Some(shift) => vectors::<S, NV, WHOLE>(lanes, &shift.get(0, channel)[..count]),
-            None => [lanes.splat_f32s(0.0); NV],
-        };
+        let finish = Finish::<S, NV>::new(lanes, epilogue, 0, (channel, count));
         for (i, mut ended) in sums.into_iter().enumerate() {
             let place = self.places[first + i] - self.origin + word;
             let out = &mut self.target[place..place + words];
-            let stored = if epilogue.accumulate {
+            let stored = if finish.accumulate {
                 read::<W, S, A, NV, WHOLE>(lanes, arithmetic, out)
             } else {
                 [lanes.splat_f32s(0.0); NV]
             };
             // A closure of as much is not inlined, and runs without the instructions.
             for v in 0..NV {
-                let sum = lanes.add_f32s(ended[v], shifts[v]);
-                ended[v] = lanes.within(limits, lanes.add_f32s(sum, stored[v]));
+                ended[v] = finish.apply_to(lanes, arithmetic, v, ended[v], stored[v]);
             }
             if WHOLE {
                 arithmetic.store::<NV>(lanes, ended, out);

@@ -132,7 +132,7 @@ pub(crate) struct Grid {
     pub(crate) words: usize,
     /// Words from one pixel to the next.
     pub(crate) pitch: usize,
-    /// The border, zero where it serves as padding.
+    /// The border, which stands for zero where it serves as padding.
     pub(crate) before: Size,
     pub(crate) after: Size,
 }
@@ -243,8 +243,8 @@ impl Grid {
         steps
     }
 
-    /// Sets the border to zero.
-    pub(crate) fn clear_border<W: Word>(&self, memory: &mut [W]) {
+    /// Fills the border with a word.
+    pub(crate) fn fill_border<W: Word>(&self, memory: &mut [W], word: W) {
         let [time, height, width] = [0, 1, 2].map(|axis| self.extent(axis));
         let inside = |axis: usize, at: usize| {
             (self.before[axis]..self.before[axis] + self.size[axis]).contains(&at)
@@ -256,10 +256,10 @@ impl Grid {
         for (row, memory) in memory.chunks_exact_mut(row_len).enumerate() {
             if inside(0, row / height % time) && inside(1, row % height) {
                 let (left, rest) = memory.split_at_mut(self.before[2] * self.pitch);
-                left.fill(W::zeroed());
-                rest[self.size[2] * self.pitch..].fill(W::zeroed());
+                left.fill(word);
+                rest[self.size[2] * self.pitch..].fill(word);
             } else {
-                memory.fill(W::zeroed());
+                memory.fill(word);
             }
         }
     }

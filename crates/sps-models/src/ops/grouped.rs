@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use super::buffer::Buffer;
-use super::product::{Epilogue, limits};
+use super::product::{Epilogue, Finish};
 use super::simd::{Kernel, Lanes, Level};
 use super::words::{Arithmetic, Word, WordKernel, lanes_of};
 
@@ -47,7 +47,7 @@ impl<W: Word> GroupWeights<W> {
             let (i, word) = (i / words, i % words);
             let (block, tap) = (i / taps, i % taps);
             let channel = (block * vectors + vector) * lanes + lane;
-            *out = W::of(|number| element(channel, tap, W::NUMBERS * word + number));
+            *out = W::of_matrix(|number| element(channel, tap, W::NUMBERS * word + number));
         }
         Self {
             level,
@@ -67,7 +67,7 @@ pub(crate) struct GroupedProduct<'a, W = f32> {
     /// How far from there its pixels lie.
     pub(crate) taps: &'a [usize],
     pub(crate) weights: &'a GroupWeights<W>,
-    /// What happens to the sums; factors are not applied, and shifts are those of frame 0.
+    /// What happens to the sums; factors and shifts are those of frame 0.
     pub(crate) epilogue: Epilogue<'a>,
 }
 
@@ -100,8 +100,10 @@ impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
         match (W::NUMBERS, self.product.weights.group) {
             (1, 4) => self.tiles::<S, A, 4, 1, 12>(lanes, arithmetic),
             (1, _) => self.tiles::<S, A, 8, 1, 12>(lanes, arithmetic),
-            (_, 4) => self.tiles::<S, A, 4, 2, 6>(lanes, arithmetic),
-            _ => self.tiles::<S, A, 8, 2, 6>(lanes, arithmetic),
+            (2, 4) => self.tiles::<S, A, 4, 2, 6>(lanes, arithmetic),
+            (2, _) => self.tiles::<S, A, 8, 2, 6>(lanes, arithmetic),
+            (_, 4) => self.tiles::<S, A, 4, 4, 4>(lanes, arithmetic),
+            _ => self.tiles::<S, A, 8, 4, 4>(lanes, arithmetic),
         }
     }
 }
@@ -152,7 +154,6 @@ impl<W: Word> Write<'_, '_, W> {
             weights,
             epilogue,
         } = *self.product;
-        let limits = limits(lanes, epilogue.activation);
         let starts: [usize; H] = std::array::from_fn(|i| starts[first + i]);
         let places: [usize; H] = std::array::from_fn(|i| self.places[first + i] - self.origin);
         let (all, _) = S::as_simd_f32s(lanes_of(&weights.data));
@@ -173,14 +174,12 @@ impl<W: Word> Write<'_, '_, W> {
                     }
                 }
             }
-            let shifts: [S::f32s; NV] = std::array::from_fn(|v| match epilogue.shift {
-                Some(shift) => vector(lanes, shift.get(0, (block * NV + v) * S::F32_LANES)),
-                None => lanes.splat_f32s(0.0),
-            });
+            let columns = (block * NV * S::F32_LANES, NV * S::F32_LANES);
+            let finish = Finish::<S, NV>::new(lanes, epilogue, 0, columns);
             for i in 0..H {
                 let from = places[i] + word;
                 let out = &mut self.target[from..from + S::F32_LANES];
-                let stored: [S::f32s; NV] = if epilogue.accumulate {
+                let stored: [S::f32s; NV] = if finish.accumulate {
                     arithmetic.load(lanes, out)
                 } else {
                     [lanes.splat_f32s(0.0); NV]
@@ -188,8 +187,8 @@ impl<W: Word> Write<'_, '_, W> {
                 // A closure of as much is not inlined, and runs without the instructions.
                 let mut ended = sums[i];
                 for v in 0..NV {
-                    let sum = lanes.add_f32s(ended[v], shifts[v]);
-                    ended[v] = lanes.within(limits, lanes.add_f32s(sum, stored[v]));
+                    let sum = arithmetic.numbers(lanes, ended[v]);
+                    ended[v] = finish.apply_to(lanes, arithmetic, v, sum, stored[v]);
                 }
                 arithmetic.store::<NV>(lanes, ended, out);
             }

@@ -33,6 +33,7 @@ pub(crate) mod conv;
 pub(crate) mod conv_input;
 pub(crate) mod conv_weight;
 mod depthwise;
+mod depthwise_bytes;
 pub(crate) mod grid;
 mod grouped;
 pub(crate) mod mean;

@@ -1,4 +1,4 @@
-//! Instructions that pulp does not offer: AVX512-BF16, and prefetching.
+//! Instructions that pulp does not offer: AVX512-BF16, AVX512-VNNI, and prefetching.
 //!
 //! The only unsafe code of this crate.
 
@@ -30,66 +30,74 @@ pub(super) fn prefetch<W: Word>(memory: &[W], now: bool) {
     let _ = (memory, now);
 }
 
+/// Arithmetic on words by instructions beyond AVX-512's own. All of it rests on one fact: a `Native`
+/// exists only where the processor was found to have the instructions.
 #[cfg(target_arch = "x86_64")]
-pub(super) mod bf16 {
-    //! AVX512-BF16. All of it rests on one fact: a [`Native`] exists only where the processor was
-    //! found to have the instructions.
+macro_rules! native {
+    ($feature:tt, $features:literal, $word:ty) => {
+        use std::arch::x86_64::*;
 
-    use std::arch::x86_64::{
-        __m256i, __m512, __m512bh, __m512i, _mm512_cvtepu16_epi32, _mm512_cvtne2ps_pbh,
-        _mm512_dpbf16_ps, _mm512_slli_epi32,
-    };
+        use pulp::x86::V4;
+        use pulp::{Simd, f32x16};
 
-    use pulp::x86::V4;
-    use pulp::{Simd, f32x16};
+        use crate::ops::simd::{Lanes, NullaryFnOnce};
+        use crate::ops::words::{Arithmetic, WordKernel};
 
-    use crate::ops::simd::{Lanes, NullaryFnOnce};
-    use crate::ops::words::{Arithmetic, Bf16Pair, WordKernel};
+        /// A processor with AVX-512 and the instructions of this module.
+        #[derive(Debug, Clone, Copy)]
+        pub(crate) struct Native(V4);
 
-    /// A processor with AVX-512 and AVX512-BF16.
-    #[derive(Debug, Clone, Copy)]
-    pub(crate) struct Native(V4);
+        impl Native {
+            /// `None` where the processor lacks the instructions.
+            #[inline]
+            pub(crate) fn detect(simd: V4) -> Option<Self> {
+                std::arch::is_x86_feature_detected!($feature).then_some(Self(simd))
+            }
 
-    impl Native {
-        /// `None` where the processor lacks the instructions.
-        #[inline]
-        pub(crate) fn detect(simd: V4) -> Option<Self> {
-            std::arch::is_x86_feature_detected!("avx512bf16").then_some(Self(simd))
-        }
-
-        /// Runs a kernel compiled with the instructions.
-        #[inline]
-        pub(crate) fn run<K: WordKernel<Bf16Pair>>(self, kernel: K) -> K::Output {
-            // SAFETY: `self` says that the processor has AVX512-BF16, and `V4` the rest.
-            unsafe {
-                with_instructions(Call {
+            /// Runs a kernel compiled with the instructions.
+            #[inline]
+            pub(crate) fn run<K: WordKernel<$word>>(self, kernel: K) -> K::Output {
+                let call = Call {
                     kernel,
                     native: self,
-                })
+                };
+                // SAFETY: `self` says that the processor has the instructions, and `V4` the rest.
+                unsafe { with_instructions(call) }
             }
         }
-    }
 
-    struct Call<K> {
-        kernel: K,
-        native: Native,
-    }
-
-    impl<K: WordKernel<Bf16Pair>> NullaryFnOnce for Call<K> {
-        type Output = K::Output;
-
-        #[inline(always)]
-        fn call(self) -> K::Output {
-            self.kernel.run(self.native.0, self.native)
+        struct Call<K> {
+            kernel: K,
+            native: Native,
         }
-    }
 
-    #[target_feature(
-        enable = "avx512bf16,avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt"
-    )]
-    fn with_instructions<F: NullaryFnOnce>(work: F) -> F::Output {
-        work.call()
-    }
+        impl<K: WordKernel<$word>> NullaryFnOnce for Call<K> {
+            type Output = K::Output;
+
+            #[inline(always)]
+            fn call(self) -> K::Output {
+                self.kernel.run(self.native.0, self.native)
+            }
+        }
+
+        #[target_feature(enable = $features)]
+        fn with_instructions<F: NullaryFnOnce>(work: F) -> F::Output {
+            work.call()
+        }
+    };
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(super) mod bf16 {
+    //! AVX512-BF16.
+
+    use crate::ops::words::Bf16Pair;
+
+    native!(
+        "avx512bf16",
+        "avx512bf16,avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt",
+        Bf16Pair
+    );
 
     /// The same 16 numbers.
     #[inline(always)]
@@ -126,7 +134,7 @@ pub(super) mod bf16 {
 
         #[inline(always)]
         fn spread<const G: usize>(self, lanes: V4, x: f32x16, v: usize, index: usize) -> f32x16 {
-            lanes.spread_pairs::<G>(x, v, index)
+            lanes.spread_words::<G, 2>(x, v, index)
         }
 
         #[inline(always)]
@@ -157,6 +165,97 @@ pub(super) mod bf16 {
                     std::mem::transmute::<__m512bh, f32x16>(words)
                 };
                 lanes.partial_store_f32s(bytemuck::cast_slice_mut(to), words);
+            }
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(super) mod vnni {
+    //! AVX512-VNNI.
+
+    use crate::ops::words::Bytes;
+
+    native!(
+        "avx512vnni",
+        "avx512vnni,avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt",
+        Bytes
+    );
+
+    /// The same bits.
+    #[inline(always)]
+    fn bits(x: f32x16) -> __m512i {
+        // SAFETY: both are 512 bits of which every pattern is a value.
+        unsafe { std::mem::transmute::<f32x16, __m512i>(x) }
+    }
+
+    impl Arithmetic<V4> for Native {
+        type Word = Bytes;
+
+        #[inline(always)]
+        fn apart<F: NullaryFnOnce>(self, _: V4, work: F) -> F::Output {
+            // SAFETY: `self` says that the processor has AVX512-VNNI, and `V4` the rest.
+            unsafe { with_instructions(work) }
+        }
+
+        #[inline(always)]
+        fn multiply_add(self, _: V4, x: f32x16, y: f32x16, sum: f32x16) -> f32x16 {
+            // SAFETY: `self` says that the processor has AVX512-VNNI; the types are the same bits.
+            unsafe {
+                let sum = _mm512_dpbusd_epi32(bits(sum), bits(x), bits(y));
+                std::mem::transmute::<__m512i, f32x16>(sum)
+            }
+        }
+
+        #[inline(always)]
+        fn numbers(self, lanes: V4, sum: f32x16) -> f32x16 {
+            lanes.of_integers(sum)
+        }
+
+        #[inline(always)]
+        fn spread<const G: usize>(self, lanes: V4, x: f32x16, v: usize, index: usize) -> f32x16 {
+            lanes.spread_words::<G, 4>(x, v, index)
+        }
+
+        #[inline(always)]
+        fn load<const NV: usize>(self, lanes: V4, from: &[Bytes]) -> [f32x16; NV] {
+            let (from, _) = from.as_chunks::<4>();
+            let mut all = [lanes.splat_f32s(0.0); NV];
+            // No closure: one that is not inlined is compiled without the instructions.
+            for (numbers, words) in all.iter_mut().zip(from) {
+                // SAFETY: `V4` stands for AVX-512F, and the types are the same bits.
+                unsafe {
+                    let words = std::mem::transmute::<[Bytes; 4], __m128i>(*words);
+                    let wide = _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(words));
+                    *numbers = std::mem::transmute::<__m512, f32x16>(wide);
+                }
+            }
+            all
+        }
+
+        #[inline(always)]
+        fn load_part<const NV: usize>(self, lanes: V4, from: &[Bytes]) -> [f32x16; NV] {
+            let words = [lanes.partial_load_f32s(bytemuck::cast_slice(from))];
+            self.load(lanes, bytemuck::cast_slice(&words))
+        }
+
+        #[inline(always)]
+        fn store_part<const NV: usize>(self, lanes: V4, values: [f32x16; NV], to: &mut [Bytes]) {
+            let mut words = [lanes.splat_f32s(0.0)];
+            self.store(lanes, values, bytemuck::cast_slice_mut(&mut words));
+            lanes.partial_store_f32s(bytemuck::cast_slice_mut(to), words[0]);
+        }
+
+        #[inline(always)]
+        fn store<const NV: usize>(self, _: V4, values: [f32x16; NV], to: &mut [Bytes]) {
+            let (to, _) = to.as_chunks_mut::<4>();
+            for (values, to) in values.into_iter().zip(to) {
+                // SAFETY: `V4` stands for AVX-512F, and the types are the same bits.
+                *to = unsafe {
+                    let values = std::mem::transmute::<f32x16, __m512>(values);
+                    let words = _mm512_cvtepi32_epi8(_mm512_cvtps_epi32(values));
+                    std::mem::transmute::<__m128i, [Bytes; 4]>(words)
+                };
             }
         }
     }

@@ -11,18 +11,29 @@ use super::simd::{Lanes, NullaryFnOnce, load};
 use super::unroll::{tallest, tiles};
 use super::words::{Arithmetic, Word, WordKernel, lanes_of};
 
-/// What happens to a sum before it is stored: `activation(sum * scale + shift + stored)`, each part
-/// where it is wanted.
-#[derive(Debug, Clone, Copy, Default)]
+/// What happens to a sum before it is stored: `sum * scale + shift + factor * stored` within limits,
+/// each part where it is wanted.
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct Epilogue<'a> {
     /// Factors of the columns.
     pub(crate) scale: Option<Columns<'a>>,
     /// What is added to the columns.
     pub(crate) shift: Option<Columns<'a>>,
-    /// Whether what is stored already is added.
-    pub(crate) accumulate: bool,
-    /// What becomes of it last.
-    pub(crate) activation: Activation,
+    /// The factor of what is stored already, where that is added.
+    pub(crate) accumulate: Option<f32>,
+    /// What nothing that is stored lies below, and what nothing lies above.
+    pub(crate) limits: [f32; 2],
+}
+
+impl Default for Epilogue<'_> {
+    fn default() -> Self {
+        Self {
+            scale: None,
+            shift: None,
+            accumulate: None,
+            limits: Activation::Identity.limits(),
+        }
+    }
 }
 
 /// What becomes of the numbers that leave a layer.
@@ -149,9 +160,10 @@ struct Write<'a, 'b, W> {
     origin: usize,
 }
 
-/// Words that are summed before their sum joins a longer one: rounding then grows with this
+/// Words of f32 that are summed before their sum joins a longer one: rounding then grows with this
 /// and with the number of blocks, not with a row's length. None where all are summed together:
-/// beside the rounding of numbers to bf16, that of their sums in f32 is nothing.
+/// beside the rounding of numbers to bf16, that of their sums in f32 is nothing, and sums of bytes are
+/// exact.
 const fn block<W: Word>() -> Option<usize> {
     if W::NUMBERS == 1 { Some(96) } else { None }
 }
@@ -261,46 +273,40 @@ impl<W: Word> Tile<'_, '_, W> {
     {
         let columns = self.panel.columns;
         let row = |i: usize| self.places[i] - self.origin + W::words(self.panel.column);
-        for i in 0..H {
-            prefetch(&target[row(i)..][..W::words(columns)], true);
+        let epilogue = self.product.epilogue;
+        // Of bytes, a tile's columns are half a cache line: what is only stored there waits for none.
+        if !W::WHOLE || epilogue.accumulate.is_some() {
+            for i in 0..H {
+                prefetch(&target[row(i)..][..W::words(columns)], true);
+            }
         }
         let sums = self.sums::<S, A, H, NV>(lanes, arithmetic);
-        let finish = Finish::<S, NV>::new(lanes, self);
+        let finish =
+            Finish::<S, NV>::new(lanes, epilogue, self.frame, (self.panel.column, columns));
         if columns < NV * S::F32_LANES {
             // A copy, so that the sums below are never in memory.
             #[allow(clippy::redundant_locals)]
             let sums = sums;
             for (i, sums) in sums.iter().enumerate() {
                 let out = &mut target[row(i)..][..W::words(columns)];
-                let stored = arithmetic.load_part(lanes, out);
-                arithmetic.store_part(lanes, finish.apply(lanes, sums, stored), out);
+                let mut stored = [lanes.splat_f32s(0.0); NV];
+                if finish.accumulate {
+                    stored = arithmetic.load_part(lanes, out);
+                }
+                let ended = finish.apply(lanes, arithmetic, sums, stored);
+                arithmetic.store_part(lanes, ended, out);
             }
             return;
         }
         each_row!(H, i, {
             let out = &mut target[row(i)..][..W::words(NV * S::F32_LANES)];
-            let stored = arithmetic.load(lanes, out);
-            arithmetic.store::<NV>(lanes, finish.apply(lanes, &sums[i], stored), out);
+            let mut stored = [lanes.splat_f32s(0.0); NV];
+            if finish.accumulate {
+                stored = arithmetic.load(lanes, out);
+            }
+            let ended = finish.apply(lanes, arithmetic, &sums[i], stored);
+            arithmetic.store::<NV>(lanes, ended, out);
         });
-    }
-
-    /// The columns' numbers for this tile.
-    #[inline(always)]
-    fn columns<S: Lanes, const NV: usize>(
-        self,
-        lanes: S,
-        columns: Option<Columns<'_>>,
-        default: f32,
-    ) -> [S::f32s; NV] {
-        let Some(columns) = columns else {
-            return [lanes.splat_f32s(default); NV];
-        };
-        let values = columns.get(self.frame, self.panel.column);
-        let values = &values[..self.panel.columns];
-        std::array::from_fn(|v| match values.get(v * S::F32_LANES..) {
-            Some(values) => load(lanes, values),
-            None => lanes.splat_f32s(default),
-        })
     }
 
     /// The tile of the product itself.
@@ -389,45 +395,99 @@ impl<S: Lanes, A: Arithmetic<S>, const H: usize, const NV: usize> NullaryFnOnce
     }
 }
 
-/// An activation's limits, in every lane.
-#[inline(always)]
-pub(super) fn limits<S: Lanes>(lanes: S, activation: Activation) -> [S::f32s; 2] {
-    let [least, most] = activation.limits();
-    [lanes.splat_f32s(least), lanes.splat_f32s(most)]
-}
-
-/// The epilogue of one tile.
+/// The epilogue of some columns of a frame.
 #[derive(Clone, Copy)]
-struct Finish<S: Lanes, const NV: usize> {
+pub(super) struct Finish<S: Lanes, const NV: usize> {
     scale: [S::f32s; NV],
     shift: [S::f32s; NV],
     limits: [S::f32s; 2],
-    accumulate: bool,
+    /// Whether what is stored is added.
+    pub(super) accumulate: bool,
+    factor: S::f32s,
 }
 
 impl<S: Lanes, const NV: usize> Finish<S, NV> {
+    /// Of a frame, from a column on, so many.
     #[inline(always)]
-    fn new<W: Word>(lanes: S, tile: Tile<'_, '_, W>) -> Self {
-        let epilogue = tile.product.epilogue;
+    pub(super) fn new(
+        lanes: S,
+        epilogue: Epilogue<'_>,
+        frame: usize,
+        columns: (usize, usize),
+    ) -> Self {
+        let scale = vectors(lanes, epilogue.scale, frame, columns, 1.0);
+        let shift = vectors(lanes, epilogue.shift, frame, columns, 0.0);
+        Self::of_vectors(lanes, epilogue, scale, shift)
+    }
+
+    /// By factors and shifts in vectors.
+    #[inline(always)]
+    pub(super) fn of_vectors(
+        lanes: S,
+        epilogue: Epilogue<'_>,
+        scale: [S::f32s; NV],
+        shift: [S::f32s; NV],
+    ) -> Self {
+        let [least, most] = epilogue.limits;
         Self {
-            scale: tile.columns(lanes, epilogue.scale, 1.0),
-            shift: tile.columns(lanes, epilogue.shift, 0.0),
-            limits: limits(lanes, epilogue.activation),
-            accumulate: epilogue.accumulate,
+            scale,
+            shift,
+            limits: [lanes.splat_f32s(least), lanes.splat_f32s(most)],
+            accumulate: epilogue.accumulate.is_some(),
+            factor: lanes.splat_f32s(epilogue.accumulate.unwrap_or(1.0)),
         }
     }
 
     /// What is stored of a row's sums, where `stored` is stored already.
     #[inline(always)]
-    fn apply(self, lanes: S, sums: &[S::f32s; NV], stored: [S::f32s; NV]) -> [S::f32s; NV] {
+    fn apply<A: Arithmetic<S>>(
+        self,
+        lanes: S,
+        arithmetic: A,
+        sums: &[S::f32s; NV],
+        stored: [S::f32s; NV],
+    ) -> [S::f32s; NV] {
         std::array::from_fn(|v| {
-            let y = lanes.fma(sums[v], self.scale[v], self.shift[v]);
-            let y = if self.accumulate {
-                lanes.add_f32s(y, stored[v])
-            } else {
-                y
-            };
-            lanes.within(self.limits, y)
+            let sum = arithmetic.numbers(lanes, sums[v]);
+            self.apply_to(lanes, arithmetic, v, sum, stored[v])
         })
     }
+
+    /// The same of the numbers of one vector.
+    #[inline(always)]
+    pub(super) fn apply_to<A: Arithmetic<S>>(
+        self,
+        lanes: S,
+        arithmetic: A,
+        v: usize,
+        sum: S::f32s,
+        stored: S::f32s,
+    ) -> S::f32s {
+        let y = arithmetic.scale_add(lanes, sum, self.scale[v], self.shift[v]);
+        let y = if self.accumulate {
+            arithmetic.scale_add(lanes, stored, self.factor, y)
+        } else {
+            y
+        };
+        lanes.within(self.limits, y)
+    }
+}
+
+/// The numbers of columns from one on, so many.
+#[inline(always)]
+fn vectors<S: Lanes, const NV: usize>(
+    lanes: S,
+    columns: Option<Columns<'_>>,
+    frame: usize,
+    (column, count): (usize, usize),
+    default: f32,
+) -> [S::f32s; NV] {
+    let Some(columns) = columns else {
+        return [lanes.splat_f32s(default); NV];
+    };
+    let values = &columns.get(frame, column)[..count];
+    std::array::from_fn(|v| match values.get(v * S::F32_LANES..) {
+        Some(values) => load(lanes, values),
+        None => lanes.splat_f32s(default),
+    })
 }

@@ -3,12 +3,15 @@
 //! A kernel is written once, against [`Lanes`]; [`Level::run`] compiles it for each instruction
 //! set and calls the one the machine has. The unsafe side of that lies in pulp.
 
+use bytemuck::{cast_slice, cast_slice_mut};
 pub(super) use pulp::NullaryFnOnce;
 #[cfg(target_arch = "aarch64")]
 use pulp::aarch64::Neon;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::{V3, V4};
 use pulp::{Scalar128b, Simd};
+
+use super::words::byte;
 
 /// A set of vector instructions that this machine has.
 #[derive(Debug, Clone, Copy)]
@@ -53,6 +56,15 @@ impl Level {
     pub(crate) fn bf16(self) -> Option<super::native::bf16::Native> {
         match self {
             Self::Avx512(simd) => super::native::bf16::Native::detect(simd),
+            _ => None,
+        }
+    }
+
+    /// The machine's own instructions for bytes.
+    #[cfg(target_arch = "x86_64")]
+    pub(crate) fn vnni(self) -> Option<super::native::vnni::Native> {
+        match self {
+            Self::Avx512(simd) => super::native::vnni::Native::detect(simd),
             _ => None,
         }
     }
@@ -148,17 +160,85 @@ pub(crate) trait Lanes: Simd {
     /// `G` is 4, or 8 where there are 16 lanes.
     fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s;
 
-    /// The same for words that hold two numbers each, in two vectors, of which this is `v`: in
+    /// The same for words that hold `N` numbers each, in `N` vectors, of which this is `v`: in
     /// each run of `G` lanes that group's word `index`.
     ///
-    /// `G` is 4 or 8.
-    fn spread_pairs<const G: usize>(self, x: Self::f32s, v: usize, index: usize) -> Self::f32s;
+    /// `G` is 4 or 8, `N` 2 or 4.
+    fn spread_words<const G: usize, const N: usize>(
+        self,
+        x: Self::f32s,
+        v: usize,
+        index: usize,
+    ) -> Self::f32s;
+
+    /// In each lane, whose bits are an i32, `sum` and the products of the four bytes of `x`, which are
+    /// u8, with those of `y`, which are i8.
+    #[inline(always)]
+    fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s {
+        let (x, y, mut sums) = ([x], [y], [sum]);
+        let (x, y): (&[u8], &[i8]) = (cast_slice(&x), cast_slice(&y));
+        let of_lanes = x.chunks_exact(4).zip(y.chunks_exact(4));
+        for (sum, (x, y)) in cast_slice_mut::<_, i32>(&mut sums).iter_mut().zip(of_lanes) {
+            for (&x, &y) in x.iter().zip(y) {
+                *sum += i32::from(x) * i32::from(y);
+            }
+        }
+        sums[0]
+    }
+
+    /// Numbers of lanes whose bits are an i32.
+    #[inline(always)]
+    fn of_integers(self, x: Self::f32s) -> Self::f32s {
+        let mut numbers = [x];
+        for number in cast_slice_mut::<_, f32>(&mut numbers) {
+            *number = number.to_bits() as i32 as f32;
+        }
+        numbers[0]
+    }
+
+    /// Of four rows of bytes, a word for each byte's place: the four bytes there. Where which stands,
+    /// [`channel_of`] says.
+    #[inline(always)]
+    fn interleave(self, rows: [Self::f32s; 4]) -> [Self::f32s; 4] {
+        let mut words = rows;
+        let out: &mut [u8] = cast_slice_mut(&mut words);
+        for (row, from) in rows.iter().enumerate() {
+            let from: &[u8] = cast_slice(std::slice::from_ref(from));
+            for (i, out) in out.iter_mut().skip(row).step_by(4).enumerate() {
+                *out = from[channel_of(i / Self::F32_LANES, i % Self::F32_LANES)];
+            }
+        }
+        words
+    }
+
+    /// Numbers of 0 to 255, rounded to even, as bytes: each where a row has it whose word stands as
+    /// [`Lanes::interleave`] puts it.
+    #[inline(always)]
+    fn join(self, numbers: [Self::f32s; 4]) -> Self::f32s {
+        let mut joined = [numbers[0]];
+        let out: &mut [u8] = cast_slice_mut(&mut joined);
+        for (i, &number) in cast_slice::<_, f32>(&numbers).iter().enumerate() {
+            out[channel_of(i / Self::F32_LANES, i % Self::F32_LANES)] = byte(number);
+        }
+        joined[0]
+    }
 }
 
-/// The word that [`Lanes::spread_pairs`] puts into a lane.
+/// The place in a row of the byte whose word [`Lanes::interleave`] puts into a lane of a vector.
 #[inline(always)]
-const fn pair_of<const G: usize>(lanes: usize, v: usize, index: usize, lane: usize) -> usize {
-    (v * lanes + lane) / G * (G / 2) + index
+pub(crate) const fn channel_of(vector: usize, lane: usize) -> usize {
+    lane / 4 * 16 + 4 * vector + lane % 4
+}
+
+/// The word that [`Lanes::spread_words`] puts into a lane.
+#[inline(always)]
+const fn word_of<const G: usize, const N: usize>(
+    lanes: usize,
+    v: usize,
+    index: usize,
+    lane: usize,
+) -> usize {
+    (v * lanes + lane) / G * (G / N) + index
 }
 
 /// Reads up to a vector; lanes beyond the slice are zero.
@@ -213,10 +293,61 @@ impl Lanes for V4 {
     }
 
     #[inline(always)]
-    fn spread_pairs<const G: usize>(self, x: Self::f32s, v: usize, index: usize) -> Self::f32s {
+    fn spread_words<const G: usize, const N: usize>(
+        self,
+        x: Self::f32s,
+        v: usize,
+        index: usize,
+    ) -> Self::f32s {
         use pulp::cast;
-        let lanes: [i32; 16] = std::array::from_fn(|lane| pair_of::<G>(16, v, index, lane) as i32);
+        let lanes: [i32; 16] =
+            std::array::from_fn(|lane| word_of::<G, N>(16, v, index, lane) as i32);
         cast(self.avx512f._mm512_permutexvar_ps(cast(lanes), cast(x)))
+    }
+
+    #[inline(always)]
+    fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s {
+        use pulp::cast;
+        let (f, bw) = (self.avx512f, self.avx512bw);
+        let (x, y) = (cast(x), cast(y));
+        let even = f._mm512_and_si512(x, f._mm512_set1_epi16(0xff));
+        let odd = bw._mm512_srli_epi16::<8>(x);
+        let even_weights = bw._mm512_srai_epi16::<8>(bw._mm512_slli_epi16::<8>(y));
+        let odd_weights = bw._mm512_srai_epi16::<8>(y);
+        let even = bw._mm512_madd_epi16(even, even_weights);
+        let odd = bw._mm512_madd_epi16(odd, odd_weights);
+        let products = f._mm512_add_epi32(even, odd);
+        cast(f._mm512_add_epi32(cast(sum), products))
+    }
+
+    #[inline(always)]
+    fn of_integers(self, x: Self::f32s) -> Self::f32s {
+        pulp::cast(self.avx512f._mm512_cvtepi32_ps(pulp::cast(x)))
+    }
+
+    #[inline(always)]
+    fn interleave(self, [a, b, c, d]: [Self::f32s; 4]) -> [Self::f32s; 4] {
+        use pulp::cast;
+        let bw = self.avx512bw;
+        let (a, b, c, d) = (cast(a), cast(b), cast(c), cast(d));
+        let [low, high] = [bw._mm512_unpacklo_epi8(a, b), bw._mm512_unpackhi_epi8(a, b)];
+        let [low2, high2] = [bw._mm512_unpacklo_epi8(c, d), bw._mm512_unpackhi_epi8(c, d)];
+        [
+            cast(bw._mm512_unpacklo_epi16(low, low2)),
+            cast(bw._mm512_unpackhi_epi16(low, low2)),
+            cast(bw._mm512_unpacklo_epi16(high, high2)),
+            cast(bw._mm512_unpackhi_epi16(high, high2)),
+        ]
+    }
+
+    #[inline(always)]
+    fn join(self, [a, b, c, d]: [Self::f32s; 4]) -> Self::f32s {
+        use pulp::cast;
+        let (f, bw) = (self.avx512f, self.avx512bw);
+        let [a, b] = [f._mm512_cvtps_epi32(cast(a)), f._mm512_cvtps_epi32(cast(b))];
+        let [c, d] = [f._mm512_cvtps_epi32(cast(c)), f._mm512_cvtps_epi32(cast(d))];
+        let low = bw._mm512_packs_epi32(a, b);
+        cast(bw._mm512_packus_epi16(low, bw._mm512_packs_epi32(c, d)))
     }
 }
 
@@ -256,10 +387,56 @@ impl Lanes for V3 {
     }
 
     #[inline(always)]
-    fn spread_pairs<const G: usize>(self, x: Self::f32s, v: usize, index: usize) -> Self::f32s {
+    fn spread_words<const G: usize, const N: usize>(
+        self,
+        x: Self::f32s,
+        v: usize,
+        index: usize,
+    ) -> Self::f32s {
         use pulp::cast;
-        let lanes: [i32; 8] = std::array::from_fn(|lane| pair_of::<G>(8, v, index, lane) as i32);
+        let lanes: [i32; 8] = std::array::from_fn(|lane| word_of::<G, N>(8, v, index, lane) as i32);
         cast(self.avx2._mm256_permutevar8x32_ps(cast(x), cast(lanes)))
+    }
+
+    #[inline(always)]
+    fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s {
+        use pulp::cast;
+        let i = self.avx2;
+        let (x, y) = (cast(x), cast(y));
+        // Two products of a byte with a byte could be too large for 16 bits, which `maddubs` sums in.
+        let even = i._mm256_and_si256(x, self.avx._mm256_set1_epi16(0xff));
+        let odd = i._mm256_srli_epi16::<8>(x);
+        let even_weights = i._mm256_srai_epi16::<8>(i._mm256_slli_epi16::<8>(y));
+        let odd_weights = i._mm256_srai_epi16::<8>(y);
+        let even = i._mm256_madd_epi16(even, even_weights);
+        let odd = i._mm256_madd_epi16(odd, odd_weights);
+        let products = i._mm256_add_epi32(even, odd);
+        cast(i._mm256_add_epi32(cast(sum), products))
+    }
+
+    #[inline(always)]
+    fn interleave(self, [a, b, c, d]: [Self::f32s; 4]) -> [Self::f32s; 4] {
+        use pulp::cast;
+        let i = self.avx2;
+        let (a, b, c, d) = (cast(a), cast(b), cast(c), cast(d));
+        let [low, high] = [i._mm256_unpacklo_epi8(a, b), i._mm256_unpackhi_epi8(a, b)];
+        let [low2, high2] = [i._mm256_unpacklo_epi8(c, d), i._mm256_unpackhi_epi8(c, d)];
+        [
+            cast(i._mm256_unpacklo_epi16(low, low2)),
+            cast(i._mm256_unpackhi_epi16(low, low2)),
+            cast(i._mm256_unpacklo_epi16(high, high2)),
+            cast(i._mm256_unpackhi_epi16(high, high2)),
+        ]
+    }
+
+    #[inline(always)]
+    fn join(self, [a, b, c, d]: [Self::f32s; 4]) -> Self::f32s {
+        use pulp::cast;
+        let (f, i) = (self.avx, self.avx2);
+        let [a, b] = [f._mm256_cvtps_epi32(cast(a)), f._mm256_cvtps_epi32(cast(b))];
+        let [c, d] = [f._mm256_cvtps_epi32(cast(c)), f._mm256_cvtps_epi32(cast(d))];
+        let low = i._mm256_packs_epi32(a, b);
+        cast(i._mm256_packus_epi16(low, i._mm256_packs_epi32(c, d)))
     }
 }
 
@@ -291,8 +468,13 @@ impl Lanes for Neon {
     }
 
     #[inline(always)]
-    fn spread_pairs<const G: usize>(self, x: Self::f32s, v: usize, index: usize) -> Self::f32s {
-        spread_four_pairs::<G>(x, v, index)
+    fn spread_words<const G: usize, const N: usize>(
+        self,
+        x: Self::f32s,
+        v: usize,
+        index: usize,
+    ) -> Self::f32s {
+        spread_four_words::<G, N>(x, v, index)
     }
 }
 
@@ -343,8 +525,13 @@ impl Lanes for Scalar128b {
     }
 
     #[inline(always)]
-    fn spread_pairs<const G: usize>(self, x: Self::f32s, v: usize, index: usize) -> Self::f32s {
-        spread_four_pairs::<G>(x, v, index)
+    fn spread_words<const G: usize, const N: usize>(
+        self,
+        x: Self::f32s,
+        v: usize,
+        index: usize,
+    ) -> Self::f32s {
+        spread_four_words::<G, N>(x, v, index)
     }
 }
 
@@ -355,9 +542,13 @@ fn spread_four(x: pulp::f32x4, index: usize) -> pulp::f32x4 {
 }
 
 #[inline(always)]
-fn spread_four_pairs<const G: usize>(x: pulp::f32x4, v: usize, index: usize) -> pulp::f32x4 {
+fn spread_four_words<const G: usize, const N: usize>(
+    x: pulp::f32x4,
+    v: usize,
+    index: usize,
+) -> pulp::f32x4 {
     let words = [x.0, x.1, x.2, x.3];
-    let word = |lane| words[pair_of::<G>(4, v, index, lane) % 4];
+    let word = |lane| words[word_of::<G, N>(4, v, index, lane) % 4];
     pulp::f32x4(word(0), word(1), word(2), word(3))
 }
 

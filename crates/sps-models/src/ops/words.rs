@@ -1,6 +1,7 @@
 //! What memory is made of, and how a kernel computes with it.
 //!
-//! A word has 32 bits: one f32, or two bf16. Sums are f32 with either.
+//! A word has 32 bits: one f32, two bf16, or four bytes. Sums are f32 with the first two, and i32 of
+//! bytes.
 
 use bytemuck::{Pod, Zeroable};
 use half::bf16;
@@ -12,6 +13,9 @@ pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
     /// Numbers of a word.
     const NUMBERS: usize;
 
+    /// Whether they are whole, so that a map and a matrix must be scaled to what a word holds.
+    const WHOLE: bool = false;
+
     /// Words that hold so many numbers; the last one's upper half may be free.
     #[inline(always)]
     fn words(numbers: usize) -> usize {
@@ -20,6 +24,12 @@ pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
 
     /// A word of `number(0)` and, where it holds two, `number(1)`, rounded.
     fn of(number: impl Fn(usize) -> f32) -> Self;
+
+    /// The same of a matrix.
+    #[inline(always)]
+    fn of_matrix(number: impl Fn(usize) -> f32) -> Self {
+        Self::of(number)
+    }
 
     /// Numbers as words, where a word is a number.
     fn from_numbers(numbers: &[f32]) -> Option<&[Self]>;
@@ -111,6 +121,77 @@ impl Word for Bf16Pair {
     }
 }
 
+/// Four whole numbers, the first in the lowest byte: a map's are 0 to 255, a matrix's -127 to 127. A
+/// sum of their products is exact in i32 as long as there are no more than [`Bytes::LONGEST_SUM`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[repr(C, align(4))]
+pub(crate) struct Bytes([u8; 4]);
+
+impl Bytes {
+    /// Products whose sum an i32 holds whatever they are: 66,311. The longest sum of a network here is
+    /// of 512 channels under a window of 3 x 3, 4,608.
+    pub(crate) const LONGEST_SUM: usize = i32::MAX as usize / (255 * 127);
+}
+
+/// 1.5 * 2²³: added to a number of less than 2²², leaves it, rounded to even, in the lowest bits.
+const ROUNDER: f32 = 12_582_912.0;
+
+/// The lowest byte of a number rounded to even, which lies between -2²² and 2²².
+#[inline(always)]
+pub(super) fn byte(number: f32) -> u8 {
+    (number + ROUNDER).to_bits() as u8
+}
+
+impl Word for Bytes {
+    const NUMBERS: usize = 4;
+
+    const WHOLE: bool = true;
+
+    // `clamp` would let through what is no number; of `max` it becomes 0.
+    #[allow(clippy::manual_clamp)]
+    #[inline(always)]
+    fn of(number: impl Fn(usize) -> f32) -> Self {
+        Self([0, 1, 2, 3].map(|i| byte(number(i).max(0.0).min(255.0))))
+    }
+
+    #[inline(always)]
+    fn of_matrix(number: impl Fn(usize) -> f32) -> Self {
+        Self([0, 1, 2, 3].map(|i| byte(number(i))))
+    }
+
+    fn from_numbers(_: &[f32]) -> Option<&[Self]> {
+        None
+    }
+
+    #[inline(always)]
+    fn numbers(words: &[Self]) -> impl Iterator<Item = f32> {
+        bytes(words).iter().map(|&byte| f32::from(byte))
+    }
+
+    #[inline(always)]
+    fn keep_larger(largest: &mut [Self], words: &[Self]) {
+        let largest: &mut [u8] = bytemuck::cast_slice_mut(largest);
+        for (largest, &byte) in largest.iter_mut().zip(bytes(words)) {
+            *largest = byte.max(*largest);
+        }
+    }
+
+    #[inline]
+    fn run<K: WordKernel<Self>>(level: Level, kernel: K) -> K::Output {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(native) = level.vnni() {
+            return native.run(kernel);
+        }
+        let arithmetic = Quads;
+        level.run(With { kernel, arithmetic })
+    }
+}
+
+#[inline(always)]
+fn bytes(words: &[Bytes]) -> &[u8] {
+    bytemuck::cast_slice(words)
+}
+
 #[inline(always)]
 fn halves(words: &[Bf16Pair]) -> &[bf16] {
     bytemuck::cast_slice(words)
@@ -139,8 +220,21 @@ pub(crate) trait Arithmetic<S: Lanes>: Copy {
         lanes.apart(work)
     }
 
-    /// `sum` and, in each lane, the products of the numbers of `x` with those of `y`.
+    /// `sum` and, in each lane, the products of the numbers of `x`, a map's, with those of `y`, a
+    /// matrix's.
     fn multiply_add(self, lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s;
+
+    /// Sums of [`Arithmetic::multiply_add`] as numbers.
+    #[inline(always)]
+    fn numbers(self, _: S, sum: S::f32s) -> S::f32s {
+        sum
+    }
+
+    /// `x * scale + y`, of numbers. Of maps of bytes in one rounding everywhere.
+    #[inline(always)]
+    fn scale_add(self, lanes: S, x: S::f32s, scale: S::f32s, y: S::f32s) -> S::f32s {
+        lanes.fma(x, scale, y)
+    }
 
     /// For vector `v` of the outputs, a word of each group's part of `x`, the one with `index`,
     /// everywhere in the group. Groups have `G` numbers.
@@ -149,7 +243,7 @@ pub(crate) trait Arithmetic<S: Lanes>: Copy {
     /// Reads `NV` vectors of numbers.
     fn load<const NV: usize>(self, lanes: S, from: &[Self::Word]) -> [S::f32s; NV];
 
-    /// Writes `NV` vectors of numbers, rounded to what a word holds.
+    /// Writes `NV` vectors of numbers, rounded to what a word holds; bytes are within 0 to 255.
     fn store<const NV: usize>(self, lanes: S, values: [S::f32s; NV], to: &mut [Self::Word]);
 
     /// As [`Arithmetic::load`], of a row shorter than its vectors; numbers beyond it are 0.
@@ -218,7 +312,7 @@ impl<S: Lanes> Arithmetic<S> for Pairs {
 
     #[inline(always)]
     fn spread<const G: usize>(self, lanes: S, x: S::f32s, v: usize, index: usize) -> S::f32s {
-        lanes.spread_pairs::<G>(x, v, index)
+        lanes.spread_words::<G, 2>(x, v, index)
     }
 
     #[inline(always)]
@@ -236,6 +330,53 @@ impl<S: Lanes> Arithmetic<S> for Pairs {
         let numbers: &[f32] = bytemuck::cast_slice(&values);
         for (to, numbers) in to.iter_mut().zip(numbers.chunks_exact(2)) {
             *to = Bf16Pair::of(|i| numbers[i]);
+        }
+    }
+}
+
+/// Words of four bytes, without instructions for them.
+#[derive(Debug, Clone, Copy)]
+struct Quads;
+
+impl<S: Lanes> Arithmetic<S> for Quads {
+    type Word = Bytes;
+
+    #[inline(always)]
+    fn multiply_add(self, lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s {
+        lanes.dot(x, y, sum)
+    }
+
+    #[inline(always)]
+    fn numbers(self, lanes: S, sum: S::f32s) -> S::f32s {
+        lanes.of_integers(sum)
+    }
+
+    #[inline(always)]
+    fn scale_add(self, lanes: S, x: S::f32s, scale: S::f32s, y: S::f32s) -> S::f32s {
+        lanes.mul_add_f32s(x, scale, y)
+    }
+
+    #[inline(always)]
+    fn spread<const G: usize>(self, lanes: S, x: S::f32s, v: usize, index: usize) -> S::f32s {
+        lanes.spread_words::<G, 4>(x, v, index)
+    }
+
+    #[inline(always)]
+    fn load<const NV: usize>(self, _: S, from: &[Bytes]) -> [S::f32s; NV] {
+        let mut values = [Zeroable::zeroed(); NV];
+        let numbers: &mut [f32] = bytemuck::cast_slice_mut(&mut values);
+        for (number, &byte) in numbers.iter_mut().zip(bytes(from)) {
+            *number = f32::from(byte);
+        }
+        values
+    }
+
+    #[inline(always)]
+    fn store<const NV: usize>(self, _: S, values: [S::f32s; NV], to: &mut [Bytes]) {
+        let numbers: &[f32] = bytemuck::cast_slice(&values);
+        let to: &mut [u8] = bytemuck::cast_slice_mut(to);
+        for (to, &number) in to.iter_mut().zip(numbers) {
+            *to = byte(number);
         }
     }
 }
@@ -276,6 +417,15 @@ impl<K: WordKernel<f32>> Kernel for With<K, Singles> {
 }
 
 impl<K: WordKernel<Bf16Pair>> Kernel for With<K, Pairs> {
+    type Output = K::Output;
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) -> K::Output {
+        self.kernel.run(lanes, self.arithmetic)
+    }
+}
+
+impl<K: WordKernel<Bytes>> Kernel for With<K, Quads> {
     type Output = K::Output;
 
     #[inline(always)]

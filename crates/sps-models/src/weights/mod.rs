@@ -201,6 +201,11 @@ impl Weights {
         self.tensors.insert(name.to_owned(), tensor);
     }
 
+    /// Takes a tensor out.
+    pub(crate) fn remove(&mut self, name: &str) -> Option<Tensor> {
+        self.tensors.remove(name)
+    }
+
     /// The file, or what else the tensors came from.
     pub fn origin(&self) -> &str {
         &self.origin
@@ -239,7 +244,7 @@ impl Weights {
     ) -> Result<Self, WeightsError> {
         let mut kept = BTreeMap::new();
         for spec in specs {
-            let Some(tensor) = self.tensors.remove(&spec.name) else {
+            let Some(tensor) = self.remove(&spec.name) else {
                 return Err(self.error(WeightsErrorKind::Missing {
                     tensor: spec.name.clone(),
                     expected: Some(spec.shape.clone()),

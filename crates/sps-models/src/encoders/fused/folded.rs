@@ -1,13 +1,14 @@
 //! Convolutions as inference needs them: what follows them linearly is part of them.
 
 use crate::encoders::network;
+use crate::encoders::scales::Scale;
 use crate::error::Result;
 use crate::ops::conv::{Conv, ConvShape};
 use crate::ops::grid::pixels;
 use crate::ops::panels::Panels;
-use crate::ops::product::{Epilogue, Product};
+use crate::ops::product::{Activation, Epilogue, Product};
 use crate::ops::simd::Level;
-use crate::ops::words::Word;
+use crate::ops::words::{Bytes, Word};
 use crate::weights::Weights;
 
 /// The weights of a convolution and what it adds to each channel.
@@ -116,12 +117,87 @@ impl Folded {
         self
     }
 
-    /// Lays it out for the kernels, for feature maps of such words.
-    pub(super) fn pack<W: Word>(self, level: Level) -> Packed<W> {
+    /// Lays it out for the kernels, for feature maps of such words and scales.
+    pub(super) fn pack<W: Word>(mut self, level: Level, ends: Ends) -> Packed<W> {
+        let (scale, offset) = if W::WHOLE {
+            (Some(self.quantise(ends)), ends.offset())
+        } else {
+            (None, 0.0)
+        };
         Packed {
             conv: Conv::pack(level, self.shape, &self.weights),
+            scale,
             shift: self.shift,
+            offset,
         }
+    }
+
+    /// Makes the weights of each output whole numbers of -127 to 127, and the shifts such as they are
+    /// added to sums in steps of the target. Returns what the sums are multiplied with before.
+    fn quantise(&mut self, Ends { from, to, .. }: Ends) -> Vec<f32> {
+        let per_output = self.weights.len() / self.shape.outputs;
+        debug_assert!(per_output <= Bytes::LONGEST_SUM, "{:?}", self.shape);
+        let outputs = self.weights.chunks_exact_mut(per_output);
+        let steps = outputs.zip(&mut self.shift).map(|(weights, shift)| {
+            let largest = weights.iter().fold(0.0_f32, |m, w| m.max(w.abs()));
+            // Of weights that are all 0, or so small that they make no difference.
+            let step = if largest < f32::MIN_POSITIVE * LARGEST {
+                1.0
+            } else {
+                f64::from(largest / LARGEST)
+            };
+            let mut sum = 0.0;
+            for weight in weights {
+                *weight = (f64::from(*weight) / step).round_ties_even() as f32;
+                sum += f64::from(*weight);
+            }
+            let step = step * f64::from(from.step);
+            let of_zero = sum * f64::from(from.zero) * step;
+            *shift = ((f64::from(*shift) - of_zero) / f64::from(to.step)) as f32;
+            (step / f64::from(to.step)) as f32
+        });
+        steps.collect()
+    }
+}
+
+/// The largest weight in int8.
+const LARGEST: f32 = 127.0;
+
+/// The maps around a convolution.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ends {
+    pub(super) from: Scale,
+    pub(super) to: Scale,
+    /// What it is added to.
+    pub(super) onto: Option<Scale>,
+}
+
+impl Ends {
+    /// Numbers that stand for themselves, added to nothing.
+    pub(super) const UNIT: Self = Self {
+        from: Scale::UNIT,
+        to: Scale::UNIT,
+        onto: None,
+    };
+
+    /// The factor of the numbers that it is added to.
+    pub(super) fn accumulate(&self) -> Option<f32> {
+        self.onto.map(|onto| onto.step / self.to.step)
+    }
+
+    /// An activation's limits as numbers of the target.
+    pub(super) fn limits<W: Word>(&self, activation: Activation) -> [f32; 2] {
+        let limits = activation.limits();
+        if !W::WHOLE {
+            return limits;
+        }
+        limits.map(|limit| (limit / self.to.step + self.to.zero).clamp(0.0, 255.0))
+    }
+
+    /// What is added because 0 is another number on both sides.
+    fn offset(&self) -> f32 {
+        let onto = self.onto.unwrap_or(Scale::UNIT);
+        self.to.zero - onto.step / self.to.step * onto.zero
     }
 }
 
@@ -133,5 +209,9 @@ fn values(weights: &Weights, name: &str) -> Result<Vec<f32>> {
 #[derive(Debug)]
 pub(super) struct Packed<W = f32> {
     pub(super) conv: Conv<W>,
+    /// What the sums of each channel are multiplied with, where they are.
+    pub(super) scale: Option<Vec<f32>>,
     pub(super) shift: Vec<f32>,
+    /// What is added to all channels, behind a gate.
+    pub(super) offset: f32,
 }

@@ -1,7 +1,8 @@
 //! The squeeze-and-excitation gate in inference.
 
-use super::folded::{Folded, Packed};
+use super::folded::{Ends, Folded, Packed};
 use crate::encoders::network::Gate;
+use crate::encoders::scales::Scale;
 use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::conv::ConvShape;
@@ -35,29 +36,36 @@ impl PackedGate {
         let hidden = linear(hidden, gate.channels, gate.hidden)?;
         let logits = linear(logits, gate.hidden, gate.channels)?;
         Ok(Self {
-            hidden: hidden.compose(conv, level).pack(level),
-            logits: logits.pack(level),
+            hidden: hidden.compose(conv, level).pack(level, Ends::UNIT),
+            logits: logits.pack(level, Ends::UNIT),
         })
     }
 
-    /// What the outputs of the convolution of a map are multiplied with and what is added then, each
-    /// `(frames, channels)`; its own shift of each channel is part of that.
+    /// What the outputs of `conv`, a convolution of a map of such a scale, are multiplied with and what
+    /// is added then, each `(frames, channels)`; its own factors and shifts are part of that.
     pub(super) fn factors<W: Word>(
         &self,
         threads: Threads,
         level: Level,
-        (source, from): (&[W], &Grid),
-        shift: &[f32],
+        (source, from, of): (&[W], &Grid, Scale),
+        conv: &Packed<W>,
     ) -> [Vec<f32>; 2] {
         let mut means = vec![0.0; from.frames * from.channels];
         frame_means(threads, level, source, from, &mut means);
+        for mean in &mut means {
+            *mean = of.value(*mean);
+        }
         let hidden = rows(&self.hidden, from.frames, &means, Activation::Relu);
         let mut scale = rows(&self.logits, from.frames, &hidden, Activation::Identity);
         for logit in &mut scale {
             *logit = 1.0 / (1.0 + (-*logit).exp());
         }
-        let shift = scale.iter().zip(shift.iter().cycle());
-        let shift = shift.map(|(s, b)| s * b).collect();
+        let shift = scale.iter().zip(conv.shift.iter().cycle());
+        let shift = shift.map(|(s, b)| s * b + conv.offset).collect();
+        if let Some(factors) = &conv.scale {
+            let factors = factors.iter().cycle();
+            scale.iter_mut().zip(factors).for_each(|(s, f)| *s *= f);
+        }
         [scale, shift]
     }
 }
@@ -71,7 +79,7 @@ fn rows(layer: &Packed, frames: usize, source: &[f32], activation: Activation) -
     let mut target = vec![0.0; frames * outputs];
     let epilogue = Epilogue {
         shift: Some(Columns::shared(&layer.shift)),
-        activation,
+        limits: activation.limits(),
         ..Epilogue::default()
     };
     let (from, to) = (vectors(inputs), vectors(outputs));

@@ -18,7 +18,7 @@ fn numbers<W: Word>(memory: &[W], grid: &Grid) -> Vec<f64> {
 /// What leaves the stem and each bottleneck.
 fn layers<W: Word>(weights: &Weights, image: &[f32], size: [usize; 3]) -> Vec<Vec<f64>> {
     let network = EncoderKind::SeResNext50.network();
-    let fused = Fused::<W>::new(&network, weights, Level::detect()).unwrap();
+    let fused = Fused::<W>::new(&network, weights, None, Level::detect()).unwrap();
     let images = Images {
         pixels: &[image],
         order: Order::Planes,

@@ -16,6 +16,7 @@ mod slots;
 use super::batch::Images;
 use super::images::{image_channels, lay_out};
 use super::network::{Conv, IMAGE, Layer, Map, MaxPool, Network};
+use super::scales::{Calibration, Scale};
 use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
@@ -25,7 +26,7 @@ use crate::ops::product::{Columns, Epilogue};
 use crate::ops::simd::Level;
 use crate::ops::words::Word;
 use crate::weights::Weights;
-use folded::{Folded, Packed};
+use folded::{Ends, Folded, Packed};
 use gate::PackedGate;
 use slots::Slots;
 
@@ -40,16 +41,15 @@ pub(super) struct Fused<W> {
     network: Network,
     steps: Vec<Step<W>>,
     slots: Slots,
+    /// Of each map.
+    scales: Vec<Scale>,
 }
 
 /// What makes a layer's map.
 #[derive(Debug)]
 enum Step<W> {
-    /// Convolutions side by side, added to what is there where `accumulate` says so.
-    Convs {
-        parts: Vec<Part<W>>,
-        accumulate: bool,
-    },
+    /// Convolutions side by side.
+    Convs(Vec<Part<W>>),
     /// The end of a gated residual branch.
     Gated(Box<(Part<W>, PackedGate)>),
     Pool(MaxPool),
@@ -61,6 +61,9 @@ struct Part<W> {
     conv: Conv,
     packed: Packed<W>,
     column: usize,
+    /// The factor of what is there already, where it is added to that.
+    accumulate: Option<f32>,
+    limits: [f32; 2],
 }
 
 /// Memory of one thread's passes through the network.
@@ -72,18 +75,29 @@ pub(super) struct Workspace<W> {
 }
 
 impl<W: Word> Fused<W> {
-    pub(super) fn new(network: &Network, weights: &Weights, level: Level) -> Result<Self> {
+    /// By scales of each map where words hold whole numbers; none otherwise.
+    pub(super) fn new(
+        network: &Network,
+        weights: &Weights,
+        scales: Option<Vec<Scale>>,
+        level: Level,
+    ) -> Result<Self> {
+        let unit = || vec![Scale::UNIT; network.channels.len()];
+        let scales = scales.unwrap_or_else(unit);
         let plan = Plan {
             eps: network.eps,
             weights,
+            scales: &scales,
             level,
         };
-        let steps = network.layers.iter().map(|layer| plan.step(layer));
+        let steps = (1..).zip(&network.layers);
+        let steps = steps.map(|(map, layer)| plan.step(layer, scales[map]));
         Ok(Self {
             level,
             steps: steps.collect::<Result<_>>()?,
             slots: Slots::new(network),
             network: network.clone(),
+            scales,
         })
     }
 
@@ -95,6 +109,11 @@ impl<W: Word> Fused<W> {
     /// The instructions that it runs by.
     pub(super) fn level(&self) -> Level {
         self.level
+    }
+
+    /// What the numbers of the last feature map stand for.
+    pub(super) fn scale(&self) -> Scale {
+        self.scales[self.steps.len()]
     }
 
     /// The last feature map of at most [`GROUP`] images `(frames, 3, ..size)`, and its layout.
@@ -147,8 +166,18 @@ impl<W: Word> Fused<W> {
     ) {
         let memory = &mut slots[self.slots.of(IMAGE)];
         memory.resize(grid.len());
-        grid.clear_border(memory);
-        lay_out(threads, image, images, grid, memory);
+        self.pad(IMAGE, grid, memory);
+        let normalisation = &images.normalisation.scaled(self.scales[IMAGE]);
+        let images = Images {
+            normalisation,
+            ..*images
+        };
+        lay_out(threads, image, &images, grid, memory);
+    }
+
+    /// Fills a map's border with what stands for 0.
+    fn pad(&self, map: Map, grid: &Grid, memory: &mut [W]) {
+        grid.fill_border(memory, W::of(|_| self.scales[map].zero));
     }
 
     /// The layout of each map of so many frames, with the border that its readers need. Maps that
@@ -177,23 +206,28 @@ impl<W: Word> Fused<W> {
         let map = number + 1;
         let (slot, to) = (self.slots.of(map), &grids[map]);
         let mut memory = std::mem::take(&mut slots[slot]);
-        if self.slots.host(map) == map {
+        let host = self.slots.host(map);
+        if host == map {
             memory.resize(to.len());
-            to.clear_border(&mut memory);
+        }
+        if host == map || self.scales[host].zero != self.scales[map].zero {
+            self.pad(map, to, &mut memory);
         }
         let source = |map: Map| (&slots[self.slots.of(map)][..], &grids[map]);
         match &self.steps[number] {
-            Step::Convs { parts, accumulate } => {
+            Step::Convs(parts) => {
                 for part in parts {
                     let target = (&mut memory[W::words(part.column)..], to);
-                    part.apply(threads, source(part.conv.input), target, *accumulate);
+                    part.apply(threads, source(part.conv.input), target);
                 }
             }
             Step::Gated(gated) => {
                 let (part, gate) = gated.as_ref();
-                let source = source(part.conv.input);
-                let factors = gate.factors(threads, self.level, source, &part.packed.shift);
-                part.apply_gated(threads, source, (&mut memory, to), &factors);
+                let input = part.conv.input;
+                let (source, from) = source(input);
+                let map = (source, from, self.scales[input]);
+                let factors = gate.factors(threads, self.level, map, &part.packed);
+                part.apply_gated(threads, (source, from), (&mut memory, to), &factors);
             }
             Step::Pool(pool) => {
                 let (source, from) = source(pool.input);
@@ -211,20 +245,31 @@ impl<W: Word> Fused<W> {
     }
 }
 
+impl Fused<f32> {
+    /// Shows the maps of images to a calibration.
+    pub(super) fn calibrate(&self, images: &Images<'_>, calibration: &mut Calibration) {
+        let mut slots: Vec<Buffer> = vec![Buffer::default(); self.slots.count];
+        let grids = self.grids(1, images.size);
+        for image in images.iter() {
+            self.lay_out(Threads::All, image, images, &grids[IMAGE], &mut slots);
+            calibration.see(IMAGE, &slots[self.slots.of(IMAGE)], &grids[IMAGE]);
+            for number in 0..self.steps.len() {
+                self.run(Threads::All, number, &grids, &mut slots);
+                let map = number + 1;
+                calibration.see(map, &slots[self.slots.of(map)], &grids[map]);
+            }
+        }
+    }
+}
+
 impl<W: Word> Part<W> {
-    /// Convolves and adds the shift, and what is there already where `accumulate` says so.
-    fn apply(
-        &self,
-        threads: Threads,
-        source: (&[W], &Grid),
-        target: (&mut [W], &Grid),
-        accumulate: bool,
-    ) {
+    /// Convolves and adds the shift, and what is there already where that is wanted.
+    fn apply(&self, threads: Threads, source: (&[W], &Grid), target: (&mut [W], &Grid)) {
         let epilogue = Epilogue {
+            scale: self.packed.scale.as_deref().map(Columns::shared),
             shift: Some(Columns::shared(&self.packed.shift)),
-            accumulate,
-            activation: self.conv.activation,
-            ..Epilogue::default()
+            accumulate: self.accumulate,
+            limits: self.limits,
         };
         let window = self.conv.slide.window(source.1.size);
         let conv = &self.packed.conv;
@@ -243,8 +288,8 @@ impl<W: Word> Part<W> {
         let epilogue = Epilogue {
             scale: Some(Columns::per_frame(scale, channels)),
             shift: Some(Columns::per_frame(shift, channels)),
-            accumulate: true,
-            activation: self.conv.activation,
+            accumulate: self.accumulate,
+            limits: self.limits,
         };
         self.packed.conv.apply(threads, source, target, epilogue);
     }
@@ -254,11 +299,22 @@ impl<W: Word> Part<W> {
 struct Plan<'a> {
     eps: f64,
     weights: &'a Weights,
+    scales: &'a [Scale],
     level: Level,
 }
 
 impl Plan<'_> {
-    fn step<W: Word>(&self, layer: &Layer) -> Result<Step<W>> {
+    /// What makes a layer's map, which is scaled like this.
+    fn step<W: Word>(&self, layer: &Layer, to: Scale) -> Result<Step<W>> {
+        let onto = match layer {
+            Layer::Residual { shortcut, .. } => Some(self.scales[*shortcut]),
+            _ => None,
+        };
+        let ends = |conv: &Conv| Ends {
+            from: self.scales[conv.input],
+            to,
+            onto,
+        };
         Ok(match layer {
             Layer::MaxPool(pool) => Step::Pool(pool.clone()),
             Layer::Residual {
@@ -268,30 +324,33 @@ impl Plan<'_> {
             } => {
                 let folded = self.folded::<W>(conv)?;
                 let gate = PackedGate::new(gate, &folded, self.weights, self.level)?;
-                Step::Gated(Box::new((self.part(conv, folded, 0), gate)))
+                Step::Gated(Box::new((self.part(conv, folded, 0, ends(conv)), gate)))
             }
-            Layer::Conv(_) | Layer::Concat(_) | Layer::Residual { .. } => Step::Convs {
-                parts: self.parts(layer.convs())?,
-                accumulate: matches!(layer, Layer::Residual { .. }),
-            },
+            Layer::Conv(_) | Layer::Concat(_) | Layer::Residual { .. } => {
+                let mut column = 0;
+                let part = |conv: &Conv| {
+                    let folded = self.folded::<W>(conv)?;
+                    let mut part = self.part(conv, folded, column, ends(conv));
+                    let offset = part.packed.offset;
+                    part.packed
+                        .shift
+                        .iter_mut()
+                        .for_each(|shift| *shift += offset);
+                    column += conv.outputs;
+                    Ok(part)
+                };
+                Step::Convs(layer.convs().iter().map(part).collect::<Result<_>>()?)
+            }
         })
     }
 
-    fn parts<W: Word>(&self, convs: &[Conv]) -> Result<Vec<Part<W>>> {
-        let mut column = 0;
-        let part = |conv: &Conv| {
-            let part = self.part(conv, self.folded::<W>(conv)?, column);
-            column += conv.outputs;
-            Ok(part)
-        };
-        convs.iter().map(part).collect()
-    }
-
-    fn part<W: Word>(&self, conv: &Conv, folded: Folded, column: usize) -> Part<W> {
+    fn part<W: Word>(&self, conv: &Conv, folded: Folded, column: usize, ends: Ends) -> Part<W> {
         Part {
             conv: conv.clone(),
-            packed: folded.pack(self.level),
+            packed: folded.pack(self.level, ends),
             column,
+            accumulate: ends.accumulate(),
+            limits: ends.limits::<W>(conv.activation),
         }
     }
 

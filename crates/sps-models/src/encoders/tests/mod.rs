@@ -2,6 +2,7 @@
 
 mod hard_cases;
 mod i3d;
+mod int8;
 mod networks;
 mod training;
 mod windows;
@@ -31,6 +32,14 @@ fn exact_features(encoder: &Encoder, images: &Tensor) -> Tensor {
     let images = images.broadcast_div(&row(std)).unwrap();
     let net = Plain::new(&encoder.network, &weights);
     net.features(&images).unwrap()
+}
+
+/// An encoder that can compute in int8.
+fn calibrated(encoder: Encoder) -> Encoder {
+    let images = golden::tensor("calibration", &[4, 3, 72, 72]);
+    let images = (images.to_dtype(DType::F32).unwrap() * 0.5).unwrap();
+    let images = (images + 0.5).unwrap();
+    encoder.calibrated(&[&images]).unwrap()
 }
 
 /// The norm of the difference relative to that of what is expected.
@@ -115,10 +124,10 @@ fn encoders_of_one_content_hash_embed_alike() {
     let images = golden::tensor("pixels", &[2, 3, 65, 40]).to_dtype(DType::F32);
     let images = images.unwrap();
     for kind in SMALL_ONES {
+        let encoder = calibrated(Encoder::seeded(kind, 1, &Device::Cpu).unwrap());
         for precision in Precision::ALL {
             let embed = || {
-                let encoder = Encoder::seeded(kind, 1, &Device::Cpu).unwrap();
-                let encoder = encoder.with_precision(precision).unwrap();
+                let encoder = encoder.clone().with_precision(precision).unwrap();
                 let embedding = encoder.embed_normalised(&images).unwrap();
                 (encoder.content_hash(), embedding.to_vec2::<f32>().unwrap())
             };
@@ -143,7 +152,7 @@ fn pixels_embed_as_the_same_images_do() {
     let pixels: Vec<f32> = pixels.to_vec1().unwrap();
     for kind in SMALL_ONES {
         for precision in Precision::ALL {
-            let encoder = Encoder::seeded(kind, 1, &Device::Cpu).unwrap();
+            let encoder = calibrated(Encoder::seeded(kind, 1, &Device::Cpu).unwrap());
             let encoder = encoder.with_precision(precision).unwrap();
             let expected = encoder.embed(&images).unwrap().flatten_all().unwrap();
             let pixels: Vec<&[f32]> = pixels.chunks_exact(3 * height * width).collect();

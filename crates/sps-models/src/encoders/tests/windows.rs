@@ -2,7 +2,7 @@
 
 use candle_core::{Device, Tensor};
 
-use super::exact_features;
+use super::{calibrated, exact_features};
 use crate::Error;
 use crate::encoders::{Encoder, EncoderKind, Precision, WindowEmbeddings};
 use crate::golden::{self, error, uniform};
@@ -26,7 +26,7 @@ fn encoder(kind: EncoderKind, precision: Precision) -> Encoder {
     let weights = weights.map(|spec| (spec.name.clone(), golden::weight(&spec)));
     let weights = Weights::from_tensors("the golden rule", weights).unwrap();
     let encoder = Encoder::new(kind, weights, &Device::Cpu).unwrap();
-    encoder.with_precision(precision).unwrap()
+    calibrated(encoder).with_precision(precision).unwrap()
 }
 
 /// The last feature map in f64, `(width, rows, columns)`.

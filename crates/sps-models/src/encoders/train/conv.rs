@@ -133,7 +133,7 @@ impl KeptConv {
         let layout = transpose.layout(self.grid.frames, source.grid.size, self.grid.size);
         let layout = layout.staggered();
         let mut target = context.recycler.take(layout.len());
-        layout.clear_border(&mut target);
+        layout.fill_border(&mut target, 0.0);
         write(&mut target, &layout);
         let gradient = (&target[..], &layout);
         context.weight_gradient(&conv.name, &shape, source.view(), gradient, gradients);

@@ -67,7 +67,7 @@ fn linear(
             let panels = Panels::pack(level, inputs, bias.len(), |k, n| weight[n * inputs + k]);
             let epilogue = Epilogue {
                 shift: Some(Columns::shared(bias)),
-                activation,
+                limits: activation.limits(),
                 ..Epilogue::default()
             };
             rows_by(&panels, x, epilogue)

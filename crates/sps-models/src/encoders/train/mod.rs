@@ -135,7 +135,7 @@ impl Tape {
 /// The images, normalised.
 fn images_value(context: &Context, images: &Images<'_>, grid: Grid) -> Value {
     let mut memory = context.recycler.take(grid.len());
-    grid.clear_border(&mut memory);
+    grid.fill_border(&mut memory, 0.0);
     let one = Grid { frames: 1, ..grid };
     let frames = memory.chunks_exact_mut(grid.frame_len());
     for (image, memory) in images.iter().zip(frames) {

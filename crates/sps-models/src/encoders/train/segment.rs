@@ -74,7 +74,7 @@ impl Kept {
     ) -> Result<(KeptLayer, Option<Scratch>)> {
         let memory = || {
             let mut memory = context.recycler.take(to.len());
-            to.clear_border(&mut memory);
+            to.fill_border(&mut memory, 0.0);
             memory
         };
         Ok(match layer {

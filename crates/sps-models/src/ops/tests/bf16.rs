@@ -8,7 +8,7 @@ use super::super::pool::max_pool;
 use super::super::product::{Activation, Columns, Epilogue};
 use super::super::simd::forced::on_each_level;
 use super::super::words::{Bf16Pair, Word};
-use super::noise;
+use super::{noise, window_sums};
 
 /// A feature map without a border as words.
 fn words(values: &[f64]) -> Vec<Bf16Pair> {
@@ -24,44 +24,6 @@ fn rounded(values: &[f64]) -> Vec<f64> {
     numbers(&words(values))
 }
 
-/// The definition: sums of products over the window, in f64.
-fn reference(
-    shape: &ConvShape,
-    [height, width]: [usize; 2],
-    source: &[f64],
-    weights: &[f64],
-) -> Vec<f64> {
-    let window = &shape.window;
-    let [_, rows, columns] = window.output([1, height, width]).unwrap();
-    let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
-    let [_, kernel_rows, kernel_columns] = window.size;
-    let mut out = Vec::new();
-    for y in 0..rows {
-        for x in 0..columns {
-            for channel in 0..shape.outputs {
-                let mut sum = 0.0;
-                for input in 0..inputs {
-                    for i in 0..kernel_rows {
-                        for j in 0..kernel_columns {
-                            let row = (y * window.stride[1] + i).wrapping_sub(window.before[1]);
-                            let column = (x * window.stride[2] + j).wrapping_sub(window.before[2]);
-                            if row >= height || column >= width {
-                                continue;
-                            }
-                            let from = channel / outputs * inputs + input;
-                            let weight = (channel * inputs + input) * kernel_rows + i;
-                            sum += source[(row * width + column) * shape.inputs + from]
-                                * weights[weight * kernel_columns + j];
-                        }
-                    }
-                }
-                out.push(sum);
-            }
-        }
-    }
-    out
-}
-
 /// What a number differs by once it is rounded to eight bits.
 const ROUNDING: f64 = 1.0 / 256.0;
 
@@ -72,7 +34,7 @@ fn check(shape: ConvShape, size: [usize; 2]) {
     let taps = pixels(shape.window.size);
     let weights = rounded(&noise(shape.outputs * shape.group_inputs() * taps, 2));
     let shift = noise(shape.outputs, 3);
-    let sums = reference(&shape, size, &values, &weights);
+    let sums = window_sums(&shape, size, &values, &weights, 0.0);
     // Sums of as many products as there are, each of at most 1, in f32.
     let slack = 1e-6 * (shape.group_inputs() * taps) as f64;
 
@@ -92,8 +54,8 @@ fn check(shape: ConvShape, size: [usize; 2]) {
             let mut target = words(&before);
             let epilogue = Epilogue {
                 shift: Some(Columns::shared(&shift)),
-                accumulate,
-                activation: Activation::Relu,
+                accumulate: accumulate.then_some(1.0),
+                limits: Activation::Relu.limits(),
                 ..Epilogue::default()
             };
             conv.apply(Threads::One, (&source, &from), (&mut target, &to), epilogue);

@@ -70,7 +70,7 @@ fn check<W: Word>(window: Window, size: [usize; 3], channels: usize, rounding: f
         let mut target = vec![W::default(); to.len()];
         let epilogue = Epilogue {
             shift: Some(Columns::shared(&shift)),
-            activation: Activation::Relu6,
+            limits: Activation::Relu6.limits(),
             ..Epilogue::default()
         };
         conv.apply(Threads::One, (&source, &from), (&mut target, &to), epilogue);
@@ -117,7 +117,7 @@ fn what_is_no_number_stays_so() {
             let conv = Conv::<f32>::pack(level, shape(groups), &vec![1.0; 64 / groups]);
             let mut target = vec![0.0; 8];
             let epilogue = Epilogue {
-                activation: Activation::Relu6,
+                limits: Activation::Relu6.limits(),
                 ..Epilogue::default()
             };
             let source = [f32::NAN; 8];

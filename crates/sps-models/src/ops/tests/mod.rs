@@ -3,6 +3,7 @@
 
 mod batch_norm;
 mod bf16;
+mod bytes;
 mod conv;
 mod depthwise;
 mod gated_residual;
@@ -15,6 +16,7 @@ mod windows;
 
 use candle_core::{DType, Device, Tensor, Var};
 
+use super::conv::ConvShape;
 use super::grid::Grid;
 use super::simd::Level;
 use super::simd::forced::on_each_level;
@@ -90,6 +92,42 @@ fn central_differences(
                 .collect()
         })
         .collect()
+}
+
+/// A convolution by its definition: sums of products over the window; around the map lies `padding`.
+fn window_sums(
+    shape: &ConvShape,
+    [height, width]: [usize; 2],
+    source: &[f64],
+    weights: &[f64],
+    padding: f64,
+) -> Vec<f64> {
+    let window = &shape.window;
+    let [_, rows, columns] = window.output([1, height, width]).unwrap();
+    let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
+    let [_, kernel_rows, kernel_columns] = window.size;
+    let mut sums = Vec::new();
+    for (y, x) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
+        for channel in 0..shape.outputs {
+            let mut sum = 0.0;
+            for (i, j) in (0..kernel_rows).flat_map(|i| (0..kernel_columns).map(move |j| (i, j))) {
+                let row = (y * window.stride[1] + i).wrapping_sub(window.before[1]);
+                let column = (x * window.stride[2] + j).wrapping_sub(window.before[2]);
+                for input in 0..inputs {
+                    let from = channel / outputs * inputs + input;
+                    let number = if row < height && column < width {
+                        source[(row * width + column) * shape.inputs + from]
+                    } else {
+                        padding
+                    };
+                    let weight = (channel * inputs + input) * kernel_rows + i;
+                    sum += number * weights[weight * kernel_columns + j];
+                }
+            }
+            sums.push(sum);
+        }
+    }
+    sums
 }
 
 /// Holds an operator to its reference: outputs within 3e-6, gradients within 2e-5 of their

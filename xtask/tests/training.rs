@@ -222,6 +222,14 @@ fn a_trained_encoder_computes_in_the_precision_that_is_asked_for() {
     assert_eq!(entries(&scratch.path("cache/embeddings")), 2);
     fine_tune(&scratch, &["encoder.precision=bf16"]);
     assert_eq!(entries(&scratch.path("cache/embeddings")), 4);
+    // Scaled for what each rerun trains on.
+    fine_tune(&scratch, &["encoder.precision=int8"]);
+    assert_eq!(entries(&scratch.path("cache/embeddings")), 6);
+    fine_tune(
+        &scratch,
+        &["encoder.precision=int8", "encoder.trainable=false"],
+    );
+    assert_eq!(entries(&scratch.path("cache/embeddings")), 8);
 }
 
 #[test]

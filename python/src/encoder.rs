@@ -28,8 +28,9 @@ const SE_RESNEXT_SMALL: &[u8] =
 /// `name` is se-resnext50-32x4d, se-resnext-small, squeezenet1-0, squeezenet1-1, resnet18, resnet50,
 /// efficientnet-lite-small or efficientnet-lite0 to efficientnet-lite4; `weights` the path of a
 /// safetensors or PyTorch file, or "built-in" for those of efficientnet-lite-small and of
-/// se-resnext-small, which come with the package; `precision` is f32 or bf16, which is faster on
-/// processors with AVX512-BF16.
+/// se-resnext-small, which come with the package; `precision` is f32, bf16, which is faster on some
+/// processors with AVX512-BF16, or int8 where the file holds scales for it, as that of a model trained
+/// with `encoder.precision = "int8"` does.
 ///
 /// Raises OSError where the file cannot be read, ValueError where it does not fit the network or a
 /// name is unknown.
@@ -61,7 +62,7 @@ impl Encoder {
         self.network.width()
     }
 
-    /// What the network computes in: f32 or bf16.
+    /// What the network computes in: f32, bf16 or int8.
     #[getter]
     fn precision(&self) -> &'static str {
         self.network.precision().name()

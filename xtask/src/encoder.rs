@@ -1,7 +1,9 @@
 //! The encoder that a config asks for.
 
 use anyhow::{Result, bail, ensure};
-use candle_core::Device;
+use candle_core::{Device, Tensor};
+use rayon::prelude::*;
+use sps_dataset::Frame;
 use sps_estimator::Network;
 use sps_models::encoders::{Encoder, EncoderKind, I3d, Precision};
 use sps_models::training::TrainingObjective;
@@ -17,7 +19,11 @@ const EFFICIENTNET_LITE_SMALL: &[u8] =
 const SE_RESNEXT_SMALL: &[u8] =
     include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors");
 
-/// The network; `seed` draws the weights where they are to be untrained.
+/// Images that are enough to scale feature maps by.
+const CALIBRATION: usize = 64;
+
+/// The network; `seed` draws the weights where they are to be untrained. One that is to compute in int8
+/// computes in f32 until it is [`calibrated`].
 pub(crate) fn load(spec: &EncoderSpec, seed: u64) -> Result<Network> {
     match spec.network {
         NetworkSpec::Images(kind) => Ok(Network::Images(images(kind, spec, seed)?)),
@@ -44,7 +50,37 @@ fn images(kind: EncoderKind, spec: &EncoderSpec, seed: u64) -> Result<Encoder> {
         WeightsSpec::Untrained => Encoder::seeded(kind, seed, &Device::Cpu)?,
         WeightsSpec::File(path) => Encoder::load(kind, path, &Device::Cpu)?,
     };
-    Ok(encoder.with_precision(spec.precision)?)
+    match spec.precision {
+        Precision::Int8 => Ok(encoder),
+        precision => Ok(encoder.with_precision(precision)?),
+    }
+}
+
+/// The encoder in int8, its feature maps scaled by some of `count` frames, evenly spread.
+pub(crate) fn calibrated(
+    encoder: &Encoder,
+    count: usize,
+    frame: impl Fn(usize) -> Result<Frame> + Sync,
+) -> Result<Encoder> {
+    let some = count.min(CALIBRATION);
+    let image = |i: usize| {
+        let Frame {
+            height,
+            width,
+            data,
+        } = frame(i * count / some)?;
+        let pixels = Tensor::from_vec(data, (1, height, width, 3), &Device::Cpu)?;
+        Ok(pixels.permute((0, 3, 1, 2))?)
+    };
+    let images: Vec<Tensor> = (0..some)
+        .into_par_iter()
+        .map(image)
+        .collect::<Result<_>>()?;
+    let images: Vec<&Tensor> = images.iter().collect();
+    Ok(encoder
+        .clone()
+        .calibrated(&images)?
+        .with_precision(Precision::Int8)?)
 }
 
 fn built_in(kind: EncoderKind) -> Result<Weights> {

@@ -280,15 +280,17 @@ fn a_model_takes_the_views_that_its_selector_chose() {
     }
 }
 
-/// What it was fitted on was computed in bf16.
+/// What it was fitted on was computed in another precision than f32.
 #[test]
 fn a_model_keeps_the_precision_of_its_encoder() {
-    let scratch = fitted(&["encoder.precision=bf16"]);
-    let image = [scratch.path("data/frames/oak-01/002.jpg")];
-    let (in_bf16, _) = estimate(predict(&scratch, &[], &image));
-    scratch.edit("model/estimator.json", "\"bf16\"", "\"f32\"");
-    let (in_f32, _) = estimate(predict(&scratch, &[], &image));
-    assert_ne!(in_bf16["value"], in_f32["value"]);
+    for precision in ["bf16", "int8"] {
+        let scratch = fitted(&[&format!("encoder.precision={precision}")]);
+        let image = [scratch.path("data/frames/oak-01/002.jpg")];
+        let (found, _) = estimate(predict(&scratch, &[], &image));
+        scratch.edit("model/estimator.json", &format!("{precision:?}"), "\"f32\"");
+        let (in_f32, _) = estimate(predict(&scratch, &[], &image));
+        assert_ne!(found["value"], in_f32["value"]);
+    }
 }
 
 #[test]

@@ -236,6 +236,9 @@ fn a_trained_encoder_computes_in_the_precision_that_is_asked_for() {
     assert_eq!(entries(&scratch.path("cache/embeddings")), 3);
     fine_tune(&scratch, &["encoder.precision=bf16"]);
     assert_eq!(entries(&scratch.path("cache/embeddings")), 6);
+    // Scaled for what each rerun trains on: two frozen, what training starts from, two trained.
+    fine_tune(&scratch, &["encoder.precision=int8"]);
+    assert_eq!(entries(&scratch.path("cache/embeddings")), 10);
 }
 
 #[test]

@@ -33,7 +33,7 @@ pub(crate) struct Args {
     /// A weights file, or `built-in`, or `untrained`
     #[arg(long, value_name = "FILE")]
     weights: String,
-    /// What to compute in: f32, or bf16, which is faster on processors with AVX512-BF16
+    /// What to compute in: f32, bf16, or int8, which is scaled by up to 64 of the images
     #[arg(long, default_value_t = Precision::F32)]
     precision: Precision,
     /// Threads to use [default: all cores]
@@ -68,7 +68,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         resize: args.resize,
         training: None,
     };
-    let embedder = Embedder::new(encoder::load(&spec, 0)?, spec.resize)?;
+    let mut network = encoder::load(&spec, 0)?;
+    if spec.precision == Precision::Int8 {
+        let frame = |i: usize| Ok(read(&args.images[i..=i], args.resize)?.remove(0));
+        let encoder = encoder::calibrated(network.of_images()?, args.images.len(), frame)?;
+        network = sps_estimator::Network::Images(encoder);
+    }
+    let embedder = Embedder::new(network, spec.resize)?;
     let each = embedder.network().frames();
     ensure!(
         args.images.len().is_multiple_of(each),

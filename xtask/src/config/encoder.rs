@@ -21,6 +21,14 @@ pub(crate) struct EncoderSpec {
     pub training: Option<TrainingConfig>,
 }
 
+impl EncoderSpec {
+    /// Whether what surfaces a rerun trains on makes it another encoder: it is trained on them, or
+    /// scaled for them to compute in int8.
+    pub(crate) fn learns(&self) -> bool {
+        self.training.is_some() || self.precision == Precision::Int8
+    }
+}
+
 /// What turns frames into embeddings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Network {

@@ -118,7 +118,7 @@ pub(crate) struct MethodResult {
     /// Its encoder, in words; empty where it looks at nothing.
     #[serde(default)]
     pub encoder: String,
-    /// What its encoder computes in, `f32` or `bf16`; empty where it looks at nothing.
+    /// What its encoder computes in, `f32`, `bf16` or `int8`; empty where it looks at nothing.
     #[serde(default)]
     pub precision: String,
     /// That were asked for; the notes name those that came to nothing.

@@ -4,7 +4,7 @@
 //! labels and kernel matrices, and is trained in one stack. Together are, so that no shard needs what
 //! another finds:
 //!
-//! - an encoder that is trained on the split, and all methods that are fitted on it;
+//! - an encoder that learns from the split, and all methods that are fitted on it;
 //! - selectors that ask the same frozen networks, or the same refits, with the methods that look at
 //!   what they choose.
 //!
@@ -30,9 +30,10 @@ pub(super) struct Item {
 pub(super) fn items(methods: &[Method], splits: usize) -> Result<Vec<Item>> {
     let mut together = Vec::new();
     for (encoder, members) in by_encoder(methods) {
-        match encoder.training {
-            Some(_) => together.push(members),
-            None => together.extend(asks_together(methods, &members)?),
+        if encoder.learns() {
+            together.push(members);
+        } else {
+            together.extend(asks_together(methods, &members)?);
         }
     }
     let of_methods = |methods: Vec<usize>| {

@@ -23,7 +23,7 @@ pub(crate) struct Encodings {
 }
 
 impl Encodings {
-    /// Of all splits together, or of each of `some` on its own where an encoder is trained for each.
+    /// Of all splits together, or of each of `some` on its own where an encoder learns from each.
     pub(crate) fn of_splits<S: Source>(
         stages: &Stages<'_, S>,
         encoder: &EncoderSpec,
@@ -38,7 +38,7 @@ impl Encodings {
                 test: TestViews::default(),
             })
         };
-        if encoder.training.is_none() {
+        if !encoder.learns() {
             return Ok(vec![of(0..splits.len())?]);
         }
         some.iter().map(|&split| of(split..split + 1)).collect()

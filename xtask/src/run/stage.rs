@@ -6,6 +6,7 @@ use anyhow::{Context, Result};
 use sps_dataset::{FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, Source};
 use sps_estimator::{Embedder, Network};
 use sps_models::Embeddings;
+use sps_models::encoders::Precision;
 use sps_models::training::{Classes, Parts, Targets, TrainingConfig, TrainingObjective};
 use tracing::info;
 
@@ -33,7 +34,7 @@ pub(crate) struct Stage {
 }
 
 /// The stage of each part of the surfaces: one and the same where the encoder stays as it is, and
-/// one for each where it is trained on that part.
+/// one for each where it learns from that part.
 pub(crate) struct Stages<'a, S> {
     experiment: &'a Experiment,
     encoder: &'a EncoderSpec,
@@ -74,7 +75,7 @@ impl<'a, S: Source> Stages<'a, S> {
             sequence,
             shared: None,
         };
-        if encoder.training.is_none() {
+        if !encoder.learns() {
             stages.shared = Some(Arc::new(stages.stage(stages.start.clone(), 0.0)?));
         }
         Ok(stages)
@@ -89,7 +90,26 @@ impl<'a, S: Source> Stages<'a, S> {
             Some(config) => self.trained(config, training)?,
             None => (self.start.clone(), 0.0),
         };
+        let encoder = match self.encoder.precision {
+            Precision::Int8 => self.calibrated(&encoder, training)?,
+            _ => encoder,
+        };
         Ok(Arc::new(self.stage(encoder, seconds)?))
+    }
+
+    /// The encoder in int8, scaled for the surfaces `training`, each seen from one of the views in turn.
+    fn calibrated(&self, encoder: &Network, training: &[usize]) -> Result<Network> {
+        let resize = self.encoder.resize;
+        let frame = |i: usize| {
+            let view = self.views[i % self.views.len()];
+            let frame = self.source.frame_to_resize(training[i], view, resize)?;
+            Ok(match resize {
+                Some(shorter) => frame.resized(shorter)?.into_owned(),
+                None => frame,
+            })
+        };
+        let encoder = encoder::calibrated(encoder.of_images()?, training.len(), frame)?;
+        Ok(Network::Images(encoder))
     }
 
     /// Embeds the views of every surface that may be trained on.
@@ -153,7 +173,10 @@ impl<'a, S: Source> Stages<'a, S> {
             trained(&task, &folder)?.context(Undone::Training)?
         };
         info!("TensorBoard: {}", trained.folder.display());
-        let encoder = trained.encoder.with_precision(self.encoder.precision)?;
+        let encoder = match self.encoder.precision {
+            Precision::Int8 => trained.encoder,
+            precision => trained.encoder.with_precision(precision)?,
+        };
         Ok((Network::Images(encoder), trained.seconds))
     }
 

@@ -52,9 +52,10 @@ impl<'m> WithEncoder<'m> for Looking<'_> {
 /// The splits that are looked at together.
 fn groups(encoded: &Encoded<'_, '_>) -> Vec<BTreeSet<usize>> {
     let splits = encoded.dealt.of_any();
-    match encoded.encoder.training {
-        None => vec![splits],
-        Some(_) => splits.into_iter().map(|split| [split].into()).collect(),
+    if encoded.encoder.learns() {
+        splits.into_iter().map(|split| [split].into()).collect()
+    } else {
+        vec![splits]
     }
 }
 

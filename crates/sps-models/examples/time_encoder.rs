@@ -1,0 +1,57 @@
+//! Times an encoder: for each line on standard input one pass over a batch of images of 224 x 224, and
+//! on standard output its milliseconds a frame. `benches/peers/peers.py` sets them beside those of other
+//! libraries, in turn.
+//!
+//! `cargo run --release -p sps-models --example time_encoder -- resnet18 int8 8`, where the second
+//! argument is a precision or `training`, and the third the batch.
+
+use std::error::Error;
+use std::io::{Write, stdin, stdout};
+use std::time::Instant;
+
+use sps_models::candle::{Device, Tensor};
+use sps_models::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let mut next = || arguments.next().ok_or("expected NETWORK PRECISION BATCH");
+    let (kind, what, batch): (EncoderKind, String, usize) =
+        (next()?.parse()?, next()?, next()?.parse()?);
+    let images = images(batch)?;
+    let encoder = Encoder::seeded(kind, 0, &Device::Cpu)?;
+    if what == "training" {
+        let mut trainable = TrainableEncoder::new(&encoder)?;
+        return time(batch, || {
+            let loss = trainable.forward(&images)?.sqr()?.mean_all()?;
+            trainable.backward(&loss).map(drop)
+        });
+    }
+    let precision: Precision = what.parse()?;
+    let encoder = encoder.calibrated(&[&images])?.with_precision(precision)?;
+    time(batch, || encoder.embed(&images).map(drop))
+}
+
+/// Stripes of a width that grows, `(batch, 3, 224, 224)`.
+fn images(batch: usize) -> Result<Tensor, Box<dyn Error>> {
+    let shape = (batch, 3, 224, 224);
+    let count = batch * 3 * 224 * 224;
+    let values = (0..count).map(|i| 0.5 + 0.5 * (i as f32 * 0.37 / (1.0 + i as f32 / 1e5)).sin());
+    Ok(Tensor::from_iter(values, &Device::Cpu)?.reshape(shape)?)
+}
+
+/// Runs a pass for each line, after one to warm up.
+fn time(
+    batch: usize,
+    mut pass: impl FnMut() -> sps_models::Result<()>,
+) -> Result<(), Box<dyn Error>> {
+    pass()?;
+    for line in stdin().lines() {
+        line?;
+        let start = Instant::now();
+        pass()?;
+        let milliseconds = 1e3 * start.elapsed().as_secs_f64();
+        println!("{}", milliseconds / batch as f64);
+        stdout().flush()?;
+    }
+    Ok(())
+}

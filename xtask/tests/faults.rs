@@ -33,7 +33,9 @@ label = "Fine-tuned"
 kind = "ridge"
 [methods.encoder]
 trainable = true
-training = { epochs = 2, batch-size = 4 }
+[methods.encoder.training]
+epochs = 2
+batch-size = 4
 [methods.encoder.training.objective]
 kind = "heads"
 input = { kind = "late-fusion", views = 2 }

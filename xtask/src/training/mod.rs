@@ -195,7 +195,7 @@ fn line(step: &TrainingStep, images_per_second: f64) -> String {
     )
 }
 
-/// Losses in words, for people; those that there are.
+/// Losses of an encoder that linear layers stand on in words, for people; those that there are.
 pub(crate) fn in_words(losses: &Losses) -> String {
     let mut words = vec![format!(
         "squared error {:.3} of the variance",
@@ -203,8 +203,6 @@ pub(crate) fn in_words(losses: &Losses) -> String {
     )];
     if losses.classes > 0.0 {
         words.push(format!("cross-entropy {:.3}", losses.classes));
-    }
-    if losses.accuracy > 0.0 {
         words.push(format!("{:.1} % of classes right", 100.0 * losses.accuracy));
     }
     if losses.features > 0.0 {

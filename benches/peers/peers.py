@@ -4,10 +4,12 @@ See README.md. Prints a table of medians in milliseconds a frame, and ratios to 
 """
 
 import argparse
+import contextlib
 import logging
 import os
 import statistics
 import subprocess
+import sys
 import time
 
 import numpy
@@ -110,7 +112,9 @@ def open_vino(network, images, what, threads):
         calibration = nncf.Dataset(numpy.split(images.numpy(), len(images)))
         one = openvino.convert_model(network, example_input=images[:1])
         one.reshape([1, *images.shape[1:]])
-        model = nncf.quantize(one, calibration, subset_size=len(images))
+        # Its progress is no row of the table.
+        with contextlib.redirect_stdout(sys.stderr):
+            model = nncf.quantize(one, calibration, subset_size=len(images))
         model.reshape(list(images.shape))
     settings = {
         "PERFORMANCE_HINT": "LATENCY",

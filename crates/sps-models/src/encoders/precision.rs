@@ -22,8 +22,8 @@ pub enum Precision {
     /// Single precision.
     #[default]
     F32,
-    /// Feature maps and weights of bf16, eight bits of precision, with sums of f32. On processors
-    /// with AVX512-BF16 nearly twice as fast as f32; slower on others. An embedding moves by a few
+    /// Feature maps and weights of bf16, eight bits of precision, with sums of f32. Nearly twice as fast
+    /// as f32 on some processors with AVX512-BF16; slower on others. An embedding moves by a few
     /// thousandths of its norm.
     Bf16,
     /// Feature maps of 0 to 255 in steps of each map's own, weights of -127 to 127 in steps of each

@@ -109,6 +109,7 @@ impl Objective {
         seed: u64,
     ) -> Result<Self> {
         let images = batches::images(training, targets.views());
+        check_start(&targets, config.objective.views(), width)?;
         let taught = taught_by(&targets, config.distillation)?;
         let base = match &config.objective {
             TrainingObjective::Linear {} => {
@@ -128,7 +129,7 @@ impl Objective {
                     ..HeadConfig::default()
                 };
                 let weights = model.loss_weights();
-                let data = tables(&targets, config.objective.views(), width)?;
+                let data = tables(&targets)?;
                 let heads = JointHeads::new(head, &data, training, seed)?;
                 let heads = Box::new(heads);
                 Base::Heads { heads, weights }
@@ -249,8 +250,21 @@ fn by_view(embeddings: &Tensor, views: usize) -> Result<Tensor> {
     Ok(embeddings.reshape(((), views, embeddings.dim(1)?))?)
 }
 
+/// Refuses what is not of the views that are shown, or of another encoder.
+fn check_start(targets: &Targets, views: usize, width: usize) -> Result<()> {
+    match &targets.start {
+        Some(start) if (start.views(), start.width()) != (views, width) => {
+            let expected = format_args!("{views} views of width {width}");
+            let found = format_args!("{} views of width {}", start.views(), start.width());
+            let what = "what the encoder sees at the start";
+            Err(Error::input(what, found, expected))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// What heads learn from.
-fn tables(targets: &Targets, views: usize, width: usize) -> Result<TrainingData<'_>> {
+fn tables(targets: &Targets) -> Result<TrainingData<'_>> {
     let (Some(readings), Some(start)) = (&targets.values, &targets.start) else {
         let expected = "values and what the encoder sees at the start, for heads";
         return Err(Error::input("targets", "none", expected));
@@ -258,12 +272,6 @@ fn tables(targets: &Targets, views: usize, width: usize) -> Result<TrainingData<
     if targets.classes.is_some() {
         let expected = "none: heads form their labels themselves";
         return Err(Error::input("targets", "classes", expected));
-    }
-    if (start.views(), start.width()) != (views, width) {
-        let expected = format_args!("{views} views of width {width}");
-        let found = format_args!("{} views of width {}", start.views(), start.width());
-        let what = "what the encoder sees at the start";
-        return Err(Error::input(what, found, expected));
     }
     let data = TrainingData::new(start, readings);
     Ok(match &targets.materials {

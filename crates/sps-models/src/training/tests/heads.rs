@@ -538,4 +538,51 @@ mod hard_cases {
         let expected = 2.0 * sum / 10.0;
         assert!((losses.features / expected - 1.0).abs() < 1e-5);
     }
+
+    /// Distillation is the loss of a teacher whose features are what the encoder saw at the start, under
+    /// either objective; beside a teacher, or without what it saw, it is refused.
+    #[test]
+    fn distillation_is_a_teacher_that_is_the_encoder_itself() {
+        let pairs = Pairs::new(24);
+        let heads = || through_heads(Input::LateFusion { views: 2 }, model());
+        let start = pairs.targets().start.unwrap();
+        let rows = (0..24).flat_map(|s| start.surface(s).to_vec());
+        let shape = (48, start.width());
+        let embeddings = Tensor::from_vec(rows.collect(), shape, &Device::Cpu).unwrap();
+        let features = Features {
+            embeddings,
+            weight: 3.0,
+        };
+        let trainer = |targets: Targets, config: TrainingConfig| {
+            Trainer::new(&super::start(), targets, pairs.0.parts(), config, 5)
+        };
+        let taught = Targets {
+            features: Some(features),
+            ..pairs.targets()
+        };
+        let itself = TrainingConfig {
+            distillation: 3.0,
+            ..heads()
+        };
+        let seen = golden::tensor("seen", &[4, start.width()]);
+        let seen = seen.to_dtype(DType::F32).unwrap();
+        let loss = |trainer: Trainer| trainer.objective.loss(&seen, &[3, 7], 0).unwrap().1;
+        let expected = loss(trainer(taught.clone(), heads()).unwrap());
+        let found = loss(trainer(pairs.targets(), itself.clone()).unwrap());
+        assert!(found.features > 0.0);
+        assert_eq!(found, expected);
+
+        let refused = |targets, config, expected: &str| {
+            let message = trainer(targets, config).unwrap_err().to_string();
+            assert!(message.contains(expected), "{message}");
+        };
+        refused(taught, itself, "none beside distillation");
+        let linear = || TrainingConfig {
+            distillation: 3.0,
+            ..config()
+        };
+        refused(pairs.0.targets(), linear(), "for distillation");
+        // Linear layers look at one image.
+        refused(pairs.targets(), linear(), "expected 1 views");
+    }
 }

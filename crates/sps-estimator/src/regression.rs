@@ -85,6 +85,15 @@ impl Regression {
         }
     }
 
+    /// Training surfaces that a fit stands on at most, where there is a bound.
+    pub fn at_most(&self) -> Option<usize> {
+        match self {
+            Self::KernelRidge(ridge) => Some(ridge.config().at_most),
+            Self::Stacked(stacked) => stacked.members.iter().filter_map(Self::at_most).min(),
+            Self::Head(_) | Self::Ridge(_) | Self::Nearest => None,
+        }
+    }
+
     /// With every network changed.
     ///
     /// # Errors

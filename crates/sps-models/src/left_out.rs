@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, Side};
 
+use crate::dense::cleanly;
+
 /// Which of the surfaces of a fit are left out together: those of one unit.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LeftOut {
@@ -59,7 +61,7 @@ impl LeftOut {
                 let mut block = several(part);
                 let diagonal = block.diagonal_mut().column_vector_mut();
                 diagonal.iter_mut().for_each(|value| *value += f64::EPSILON);
-                LeftOutBlock::Several(block.llt(Side::Lower).ok())
+                LeftOutBlock::Several(cleanly(|| block.llt(Side::Lower)).ok())
             }
         };
         self.parts.iter().map(block).collect()
@@ -82,7 +84,8 @@ impl LeftOut {
                 LeftOutBlock::One(slack) => (residuals(part[0]) / slack).powi(2),
                 LeftOutBlock::Several(Some(factor)) => {
                     let residuals = Mat::from_fn(part.len(), 1, |i, _| residuals(part[i]));
-                    factor.solve(&residuals).col(0).iter().map(|e| e * e).sum()
+                    let errors = cleanly(|| factor.solve(&residuals));
+                    errors.col(0).iter().map(|e| e * e).sum()
                 }
                 LeftOutBlock::Several(None) => f64::INFINITY,
             });

@@ -55,6 +55,8 @@
 mod archive;
 #[cfg(any(feature = "heads", feature = "training"))]
 mod data;
+#[cfg(feature = "heads")]
+mod dense;
 pub mod encoders;
 mod error;
 #[cfg(test)]

@@ -3,6 +3,7 @@ use faer::linalg::svd::{self, ComputeSvdVectors};
 use faer::{Mat, Par, Spec};
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 
+use crate::dense::cleanly;
 use crate::labels::LabelError;
 
 /// Principal components of a table, by a full singular value decomposition in f64.
@@ -92,15 +93,17 @@ fn decompose(table: &Mat<f64>) -> Result<(Vec<f64>, Mat<f64>), LabelError> {
         Par::Seq,
         Spec::default(),
     );
-    svd::svd(
-        table.as_ref(),
-        singular.as_mut().as_diagonal_mut(),
-        Some(left.as_mut()),
-        Some(right.as_mut()),
-        Par::Seq,
-        MemStack::new(&mut MemBuffer::new(scratch)),
-        Spec::default(),
-    )
+    cleanly(|| {
+        svd::svd(
+            table.as_ref(),
+            singular.as_mut().as_diagonal_mut(),
+            Some(left.as_mut()),
+            Some(right.as_mut()),
+            Par::Seq,
+            MemStack::new(&mut MemBuffer::new(scratch)),
+            Spec::default(),
+        )
+    })
     .map_err(|_| LabelError::Decomposition)?;
     Ok((singular.iter().copied().collect(), right))
 }

@@ -45,7 +45,9 @@ pub(crate) fn score(
     against: &[usize],
     scoring: &Scoring<'_>,
 ) -> MethodResult {
-    let mut notes = Notes::default();
+    let mut notes = Notes {
+        lines: method.row.notes.clone(),
+    };
     notes.failures(method);
     let mut scores = PropertyScores::of(method, &mut notes);
     let gains = Gains::of(method, methods, against, scoring, &mut notes);

@@ -4,8 +4,7 @@
 #![allow(clippy::inline_always)]
 
 use candle_core::Tensor;
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
+use faer::{Accum, MatMut, MatRef};
 use rayon::prelude::*;
 
 use super::HeadError;
@@ -13,6 +12,7 @@ use super::config::{Input, Model};
 use super::plan::{TrainingData, Trial};
 use super::trained::{TrainedHead, TrainedHeads};
 use crate::data::{Embeddings, check_indices};
+use crate::dense::multiply;
 use crate::error::{Error, Result};
 use crate::ops::simd::{Kernel, Lanes, Level};
 
@@ -298,13 +298,11 @@ fn terms(
                     .push(embeddings.view(surface, view), &mut rows);
             }
             let mut out = vec![0.0; slots * units * surfaces.len()];
-            matmul(
+            multiply(
                 MatMut::from_row_major_slice_mut(&mut out, slots * units, surfaces.len()),
                 Accum::Replace,
                 MatRef::from_row_major_slice(&affine.weight, slots * units, head.dims.width),
                 MatRef::from_row_major_slice(&rows, surfaces.len(), head.dims.width).transpose(),
-                1.0,
-                Par::Seq,
             );
             out
         })

@@ -1,5 +1,7 @@
 use std::collections::BTreeSet;
 
+#[cfg(feature = "regressions")]
+use rand::seq::SliceRandom as _;
 use serde::{Deserialize, Serialize};
 
 use super::HeadError;
@@ -7,6 +9,8 @@ use super::config::Model;
 use crate::data::{Embeddings, Readings};
 use crate::error::Result;
 use crate::labels::LabelTables;
+#[cfg(feature = "regressions")]
+use crate::rng::stream;
 
 /// The tables that heads are trained on; one row per surface of the data set in each.
 #[derive(Clone, Copy, Debug)]
@@ -186,6 +190,22 @@ impl Plan {
             trial.check(self, views, data)?;
         }
         Ok(())
+    }
+
+    /// The plan with so many training surfaces of each rerun at most, drawn at random where there
+    /// are more.
+    #[cfg(feature = "regressions")]
+    pub(crate) fn thinned(&self, at_most: usize) -> Self {
+        let mut plan = self.clone();
+        let crowded = plan.reruns.iter_mut();
+        for rerun in crowded.filter(|rerun| rerun.training.len() > at_most) {
+            rerun.training.sort_unstable();
+            let mut rng = stream(plan.seed, "thinned", rerun.number);
+            rerun.training.partial_shuffle(&mut rng, at_most);
+            // The drawn ones stand at the end.
+            rerun.training.drain(..rerun.training.len() - at_most);
+        }
+        plan
     }
 
     /// The training surfaces of a checked plan's trial that have a reading, with it; ascending.

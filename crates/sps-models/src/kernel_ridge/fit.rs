@@ -1,8 +1,8 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::evd::{self, ComputeEigenvectors};
-use faer::linalg::matmul::matmul;
 use faer::{Accum, Col, Mat, MatRef, Par, Spec};
 
+use crate::dense::{cleanly, multiply};
 use crate::error::{Error, Result};
 use crate::left_out::{LeftOut, LeftOutBlock};
 
@@ -206,27 +206,22 @@ fn decompose(matrix: &Mat<f64>) -> Result<(Vec<f64>, Mat<f64>)> {
         Par::Seq,
         Spec::default(),
     );
-    evd::self_adjoint_evd(
-        matrix.as_ref(),
-        values.as_mut().as_diagonal_mut(),
-        Some(vectors.as_mut()),
-        Par::Seq,
-        MemStack::new(&mut MemBuffer::new(scratch)),
-        Spec::default(),
-    )
+    cleanly(|| {
+        evd::self_adjoint_evd(
+            matrix.as_ref(),
+            values.as_mut().as_diagonal_mut(),
+            Some(vectors.as_mut()),
+            Par::Seq,
+            MemStack::new(&mut MemBuffer::new(scratch)),
+            Spec::default(),
+        )
+    })
     .map_err(|_| Error::input("kernel matrix", "no decomposition", "one that converges"))?;
     Ok((values.iter().map(|value| value.max(0.0)).collect(), vectors))
 }
 
 fn product(left: MatRef<'_, f64>, right: &Mat<f64>) -> Mat<f64> {
     let mut product = Mat::zeros(left.nrows(), right.ncols());
-    matmul(
-        product.as_mut(),
-        Accum::Replace,
-        left,
-        right.as_ref(),
-        1.0,
-        Par::Seq,
-    );
+    multiply(product.as_mut(), Accum::Replace, left, right.as_ref());
     product
 }

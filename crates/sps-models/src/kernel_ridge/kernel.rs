@@ -1,10 +1,10 @@
 use std::ops::Range;
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, Par};
+use faer::{Accum, Mat};
 use serde::{Deserialize, Serialize};
 
 use crate::data::Embeddings;
+use crate::dense::multiply;
 
 /// Squared distances below this part of the squared norms are rounding, and count as none.
 const ROUNDING: f64 = 1e-13;
@@ -123,13 +123,11 @@ impl Points {
 
     fn compared(&self, others: &Mat<f64>, others_norms: &[f64]) -> Mat<f64> {
         let mut products = Mat::zeros(self.centred.ncols(), others.ncols());
-        matmul(
+        multiply(
             products.as_mut(),
             Accum::Replace,
             self.centred.transpose(),
             others.as_ref(),
-            1.0,
-            Par::Seq,
         );
         if self.kernel == Kernel::Linear {
             return products;

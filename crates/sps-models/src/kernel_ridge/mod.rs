@@ -40,6 +40,10 @@ pub struct KernelRidgeConfig {
     /// The widths to choose from, each a multiple of the median distance between the training
     /// surfaces' embeddings of a view. The linear kernel has none.
     pub widths: Vec<f64>,
+    /// Surfaces that a fit stands on at most: of more training surfaces so many are drawn at random,
+    /// from a stream keyed by the plan's seed and the rerun. Time grows with the third power of
+    /// their number, memory with its square. [`SetLosses`] take all that they are given.
+    pub at_most: usize,
 }
 
 impl Default for KernelRidgeConfig {
@@ -51,6 +55,7 @@ impl Default for KernelRidgeConfig {
                 3.16,
             ],
             widths: vec![4.0],
+            at_most: 4000,
         }
     }
 }
@@ -72,7 +77,7 @@ impl KernelRidge {
     ///
     /// # Errors
     ///
-    /// No penalty or width, or one that is not above zero.
+    /// No penalty or width, or one that is not above zero; no surface to stand on.
     pub fn new(config: KernelRidgeConfig) -> Result<Self> {
         let lists = [
             ("penalties of kernel ridge regression", &config.penalties),
@@ -85,6 +90,10 @@ impl KernelRidge {
             if let Some(value) = list.iter().find(|&&v| !(v.is_finite() && v > 0.0)) {
                 return Err(Error::input(what, value, "numbers above 0"));
             }
+        }
+        if config.at_most == 0 {
+            let what = "surfaces that kernel ridge regression stands on";
+            return Err(Error::input(what, 0, "at least 1"));
         }
         Ok(Self(config))
     }
@@ -102,7 +111,8 @@ impl KernelRidge {
     /// A plan that does not fit the data, a trial without fixed views, a property without a
     /// training reading.
     pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedKernelRidges> {
-        let ridges = fit_groups(data, plan, |group| self.fit(group))?;
+        let plan = plan.thinned(self.0.at_most);
+        let ridges = fit_groups(data, &plan, |group| self.fit(group))?;
         Ok(TrainedKernelRidges { ridges })
     }
 

@@ -1,7 +1,8 @@
 use candle_core::backend::BackendStorage;
 use candle_core::{CpuStorage, CustomOp2, CustomOp3, Layout, Result, Shape, Tensor, bail};
-use faer::linalg::matmul::matmul as product;
-use faer::{Accum, MatMut, MatRef, Par};
+use faer::{Accum, MatMut, MatRef};
+
+use crate::dense::multiply;
 
 use super::{Element, GradientSlot, Output, Parameter, elements, for_element, with_elements};
 
@@ -97,13 +98,11 @@ fn forward<T: Element>(
         }
     };
     for trial in 0..dims.trials {
-        product(
+        multiply(
             MatMut::from_row_major_slice_mut(&mut y[dims.y(trial)], dims.rows, dims.outputs),
             accumulate,
             MatRef::from_row_major_slice(&x[dims.x(trial)], dims.rows, dims.inputs),
             MatRef::from_row_major_slice(&w[dims.w(trial)], dims.inputs, dims.outputs),
-            T::one(),
-            Par::Seq,
         );
     }
     Ok((
@@ -124,14 +123,12 @@ fn weight_gradient<T: Element>(
             slot.write::<T>(dims.trials * dims.inputs * dims.outputs, |dw, add| {
                 for trial in 0..dims.trials {
                     let dw = &mut dw[dims.w(trial)];
-                    product(
+                    multiply(
                         MatMut::from_row_major_slice_mut(dw, dims.inputs, dims.outputs),
                         if add { Accum::Add } else { Accum::Replace },
                         MatRef::from_row_major_slice(&x[dims.x(trial)], dims.rows, dims.inputs)
                             .transpose(),
                         MatRef::from_row_major_slice(&dy[dims.y(trial)], dims.rows, dims.outputs),
-                        T::one(),
-                        Par::Seq,
                     );
                 }
             });
@@ -146,7 +143,7 @@ fn input_gradient<T: Element>(dims: Dims, w: &Tensor, dy: &Tensor) -> Result<Ten
     with_elements::<T, _>("stacked linear", w, |w| {
         with_elements::<T, _>("stacked linear", dy, |dy| {
             for trial in 0..dims.trials {
-                product(
+                multiply(
                     MatMut::from_row_major_slice_mut(
                         &mut dx[dims.x(trial)],
                         dims.rows,
@@ -156,8 +153,6 @@ fn input_gradient<T: Element>(dims: Dims, w: &Tensor, dy: &Tensor) -> Result<Ten
                     MatRef::from_row_major_slice(&dy[dims.y(trial)], dims.rows, dims.outputs),
                     MatRef::from_row_major_slice(&w[dims.w(trial)], dims.inputs, dims.outputs)
                         .transpose(),
-                    T::one(),
-                    Par::Seq,
                 );
             }
             Ok(())

@@ -1,3 +1,5 @@
+use std::collections::BTreeSet;
+
 use super::*;
 
 #[test]
@@ -142,4 +144,41 @@ fn numbers_that_are_not_finite_cannot_be_stored() {
             assert!(message.contains("finite"), "{message}");
         }
     }
+}
+
+/// The fit is that of the surfaces drawn, whatever their order in the plan; another rerun draws others.
+#[test]
+fn of_many_surfaces_some_are_drawn() {
+    let set = Set::new((60, 1, 4), &[smooth((60, 1, 4))]);
+    let few = KernelRidgeConfig {
+        at_most: 12,
+        ..KernelRidgeConfig::default()
+    };
+    let plan = set.plan(50, &[0]);
+    let thinned = plan.thinned(12);
+    let drawn: BTreeSet<usize> = thinned.reruns[0].training.iter().copied().collect();
+    assert_eq!((drawn.len(), drawn.iter().all(|&s| s < 50)), (12, true));
+    assert_eq!(plan.thinned(50), plan);
+
+    let fit = |config: &KernelRidgeConfig, plan: &Plan| {
+        let ridge = KernelRidge::new(config.clone()).unwrap();
+        ridge.train(&set.data(), plan).unwrap()
+    };
+    let found = fit(&few, &plan);
+    assert_eq!(found, fit(&KernelRidgeConfig::default(), &thinned));
+    let mut turned = plan.clone();
+    turned.reruns[0].training.reverse();
+    assert_eq!(found, fit(&few, &turned));
+    let mut other = plan;
+    other.reruns[0].number = 1;
+    let others = other.thinned(12).reruns[0]
+        .training
+        .iter()
+        .copied()
+        .collect();
+    assert_ne!(drawn, others);
+
+    let none = KernelRidgeConfig { at_most: 0, ..few };
+    let error = KernelRidge::new(none).unwrap_err().to_string();
+    assert!(error.contains("at least 1"), "{error}");
 }

@@ -82,6 +82,7 @@ pub(super) fn config(kernel: Kernel, penalties: &[f64], widths: &[f64]) -> Kerne
         kernel,
         penalties: penalties.to_vec(),
         widths: widths.to_vec(),
+        ..KernelRidgeConfig::default()
     }
 }
 

@@ -5,7 +5,7 @@ mod support;
 use std::fs;
 use std::process::{Command, Stdio};
 
-use support::{Scratch, root, xtask};
+use support::{Scratch, method, root, xtask};
 
 #[test]
 fn an_experiment_ends_with_results_and_a_report() {
@@ -272,6 +272,29 @@ fn a_method_that_diverges_has_a_reason_and_the_others_go_on() {
     scratch.experiment().assert().success();
     assert_eq!(scratch.results(), results);
     assert_eq!(fs::read(scratch.path("run/trials.jsonl")).unwrap(), trials);
+}
+
+/// Beside the same one that stands on all it was given; a stack says it as well.
+#[test]
+fn a_row_says_that_it_stands_on_fewer_surfaces() {
+    let scratch = Scratch::with(
+        "[[methods]]\nid = \"kernel\"\nlabel = \"Kernel\"\nkind = \"kernel-ridge\"\n\
+         [[methods]]\nid = \"stacked\"\nlabel = \"Stacked\"\nkind = \"stacked\"\n\
+         members = [\"ridge\", \"kernel-ridge\"]\nfolds = 2\n",
+    );
+    let said = |at_most: &str| {
+        let setting = format!("kernel-ridge.at-most={at_most}");
+        let mut command = scratch.experiment();
+        command.args(["--set", &setting]).assert().success();
+        let results = scratch.results();
+        let said = |id: &str| {
+            let notes = method(&results, id)["notes"].to_string();
+            notes.contains(&format!("stands on {at_most} of the "))
+        };
+        ["ridge", "kernel", "stacked"].map(said)
+    };
+    assert_eq!(said("3"), [false, true, true]);
+    assert_eq!(said("1000"), [false; 3]);
 }
 
 #[test]

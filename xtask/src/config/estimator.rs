@@ -51,6 +51,17 @@ impl Estimator {
         self.regression().and_then(Regression::head)
     }
 
+    /// What a person should know who gives it so many training surfaces: that it stands on fewer.
+    pub(crate) fn thinned(&self, training_surfaces: usize) -> Option<String> {
+        let at_most = self.regression()?.at_most()?;
+        (training_surfaces > at_most).then(|| {
+            format!(
+                "kernel ridge regression stands on {at_most} of the {training_surfaces} training \
+                 surfaces, drawn at random (`kernel-ridge.at-most`)"
+            )
+        })
+    }
+
     /// With what is fitted changed.
     pub(super) fn with(
         &self,

@@ -36,8 +36,8 @@ impl MethodRow<'_> {
         splits: &Splits,
     ) -> MethodOutcomes<'_> {
         let method = self.method;
-        let trained_on = method.training_surfaces;
-        let trained_on = trained_on.unwrap_or_else(|| splits.training_surfaces());
+        let asked = method.training_surfaces;
+        let trained_on = asked.unwrap_or_else(|| splits.training_surfaces());
         let row = MethodResult {
             id: method.id.clone(),
             label: method.label.clone(),
@@ -50,7 +50,7 @@ impl MethodRow<'_> {
             paper: method.paper.clone(),
             reruns: experiment.reruns,
             training_surfaces: trained_on,
-            notes: thinned(method, trained_on).into_iter().collect(),
+            notes: method.estimator.thinned(trained_on).into_iter().collect(),
             costs: self.costs,
             selections: selection::summaries(self, rows, source.view_angles()),
             ..MethodResult::default()
@@ -71,17 +71,6 @@ impl MethodRow<'_> {
         });
         of_property.collect()
     }
-}
-
-/// What a row says that stands on fewer surfaces than it was given.
-fn thinned(method: &Method, training_surfaces: usize) -> Option<String> {
-    let at_most = method.estimator.regression()?.at_most()?;
-    (training_surfaces > at_most).then(|| {
-        format!(
-            "kernel ridge regression stands on {at_most} of the {training_surfaces} training \
-             surfaces, drawn at random (`kernel-ridge.at-most`)"
-        )
-    })
 }
 
 /// Scores the rows; `properties` are the codes of those estimated, in the order of the reports.

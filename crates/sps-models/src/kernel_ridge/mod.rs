@@ -68,6 +68,8 @@ impl Default for KernelRidgeConfig {
 /// The mean of the training readings is one of the choices, and is taken where nothing predicts
 /// better: an unpredictable property falls back to it.
 ///
+/// Of more training surfaces than [`KernelRidgeConfig::at_most`] it takes so many, drawn at random.
+///
 /// The kernel of several views is the mean of theirs: views are alike in pairs, first with first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KernelRidge(KernelRidgeConfig);

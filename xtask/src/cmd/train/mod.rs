@@ -79,6 +79,9 @@ impl WithSource for Train<'_> {
         let measured = trainer.check()?;
         let all: Vec<usize> = (0..splits.pool).collect();
         let fit = trainer.fit(&all, 0)?;
+        if let Some(thinned) = method.estimator.thinned(fit.trained_on) {
+            warn!("{thinned}");
+        }
         let about = trainer.about(&fit, measured)?;
         let estimator = Estimator::new(fit.stage.embedder.clone(), fit.fitted, about)?;
         let file = |error| anyhow::Error::from(error).context(self.out.display().to_string());
@@ -117,6 +120,8 @@ struct Fit {
     fitted: Fitted,
     /// The views that photographs are taken of, in their order, as places in the tables.
     photographs: Vec<usize>,
+    /// Surfaces that the regression learned from; those that calibrate are not among them.
+    trained_on: usize,
 }
 
 struct Trainer<'a, S> {
@@ -172,6 +177,7 @@ impl<S: Source> Trainer<'_, S> {
             stage,
             fitted,
             photographs,
+            trained_on: parts.all[0].train.len(),
         })
     }
 

@@ -1,5 +1,7 @@
 //! The figure of speed against error, with the front.
 
+use std::collections::BTreeSet;
+
 use kuva::plot::line::LinePlot;
 use kuva::plot::scatter::MarkerShape;
 use kuva::plot::{LegendPosition, ScatterPlot};
@@ -19,7 +21,7 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
         return None;
     }
     let mut plots = vec![Plot::Line(staircase(&points))];
-    let key = Key::of(results, &points);
+    let key = Key::of(points.iter().map(|point| &results.methods[point.method]));
     plots.extend(marks(results, &points, &key));
     let layout = along(Layout::auto_from_plots(&plots), &points)
         .with_y_axis_max(highest(results, &points))
@@ -77,26 +79,29 @@ fn interval(results: &Results, point: &Point) -> [f64; 2] {
     interval.unwrap_or([1.0 - point.error; 2])
 }
 
-/// What colours stand for: encoders or, where there is but one, kinds of estimators.
+/// What colours stand for: encoders; where there are more than colours, what they compute in; where
+/// there is but one, kinds of estimators.
+#[derive(Debug, PartialEq)]
 enum Key {
     Encoder,
+    Precision,
     Kind,
 }
 
 impl Key {
-    fn of(results: &Results, points: &[Point]) -> Self {
-        let mut encoders = points.iter().map(|p| &results.methods[p.method].encoder);
-        let first = encoders.next();
-        if encoders.all(|encoder| Some(encoder) == first) {
-            Self::Kind
-        } else {
-            Self::Encoder
+    fn of<'m>(methods: impl Iterator<Item = &'m MethodResult>) -> Self {
+        let encoders: BTreeSet<&str> = methods.map(|method| method.encoder.as_str()).collect();
+        match encoders.len() {
+            0 | 1 => Self::Kind,
+            several if several <= COLOURS.len() => Self::Encoder,
+            _ => Self::Precision,
         }
     }
 
     fn name(&self) -> &'static str {
         match self {
             Self::Encoder => "encoder",
+            Self::Precision => "precision",
             Self::Kind => "kind of estimator",
         }
     }
@@ -104,6 +109,7 @@ impl Key {
     fn value<'m>(&self, method: &'m MethodResult) -> &'m str {
         match self {
             Self::Encoder => &method.encoder,
+            Self::Precision => &method.precision,
             Self::Kind => &method.kind,
         }
     }
@@ -202,4 +208,23 @@ fn hover(results: &Results, point: &Point) -> String {
         number(Some(1e3 * point.seconds), 2),
         with_interval(method.means.r2_mean, method.means.r2_mean_interval, 3)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_never_stand_for_two_things() {
+        let methods = |encoders: usize| -> Vec<MethodResult> {
+            let method = |at: usize| MethodResult {
+                encoder: format!("encoder {}", at % encoders),
+                ..MethodResult::default()
+            };
+            (0..20).map(method).collect()
+        };
+        for (encoders, key) in [(1, Key::Kind), (8, Key::Encoder), (9, Key::Precision)] {
+            assert_eq!(Key::of(methods(encoders).iter()), key, "{encoders}");
+        }
+    }
 }

@@ -137,6 +137,11 @@ fn size(frame: &Frame) -> [usize; 2] {
 
 fn network(name: &str, weights: &Path, precision: &str) -> PyResult<encoders::Encoder> {
     let kind: EncoderKind = name.parse().map_err(|error| model_error(&error))?;
+    if kind.takes_sequences() {
+        return Err(value_error(format_args!(
+            "{kind} embeds sequences of images, expected a network of images"
+        )));
+    }
     let precision: Precision = precision.parse().map_err(|error| model_error(&error))?;
     let built_in = |bytes| Weights::from_bytes("the built-in weights", bytes);
     let weights = match (kind, weights == Path::new(BUILT_IN)) {

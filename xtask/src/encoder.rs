@@ -1,11 +1,11 @@
 //! The encoder that a config asks for.
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
 use rayon::prelude::*;
 use sps_dataset::Frame;
-use sps_estimator::Network;
-use sps_models::encoders::{Encoder, EncoderKind, I3d, Precision};
+use sps_estimator::{Embedder, Network};
+use sps_models::encoders::{Encoder, EncoderKind, Precision};
 use sps_models::training::TrainingObjective;
 use sps_models::weights::Weights;
 
@@ -25,75 +25,55 @@ const CALIBRATION: usize = 64;
 /// The network; `seed` draws the weights where they are to be untrained. One that is to compute in int8
 /// computes in f32 until it is [`calibrated`].
 pub(crate) fn load(spec: &EncoderSpec, seed: u64) -> Result<Network> {
-    match spec.network {
-        NetworkSpec::Images(kind) => Ok(Network::Images(images(kind, spec, seed)?)),
-        NetworkSpec::Sequences { frames } => {
-            let network = match &spec.weights {
-                WeightsSpec::BuiltIn => bail!("{}", no_weights(I3d::NAME)),
-                WeightsSpec::Untrained => I3d::seeded(seed)?,
-                WeightsSpec::File(path) => I3d::load(path)?,
-            };
-            ensure!(
-                spec.precision == Precision::F32,
-                "{} computes in {} alone",
-                I3d::NAME,
-                Precision::F32
-            );
-            Ok(Network::Sequences(network, frames))
-        }
-    }
-}
-
-fn images(kind: EncoderKind, spec: &EncoderSpec, seed: u64) -> Result<Encoder> {
+    let kind = spec.network.kind();
     let encoder = match &spec.weights {
         WeightsSpec::BuiltIn => Encoder::new(kind, built_in(kind)?, &Device::Cpu)?,
         WeightsSpec::Untrained => Encoder::seeded(kind, seed, &Device::Cpu)?,
         WeightsSpec::File(path) => Encoder::load(kind, path, &Device::Cpu)?,
     };
-    match spec.precision {
-        Precision::Int8 => Ok(encoder),
-        precision => Ok(encoder.with_precision(precision)?),
-    }
+    let encoder = match spec.precision {
+        Precision::Int8 => encoder,
+        precision => encoder.with_precision(precision)?,
+    };
+    Ok(match spec.network {
+        NetworkSpec::Images(_) => Network::Images(encoder),
+        NetworkSpec::Sequences { frames, .. } => Network::Sequences(encoder, frames),
+    })
 }
 
-/// The encoder in int8, its feature maps scaled by some of `count` frames, evenly spread.
+/// The embedder's network in int8, its feature maps scaled by some of `count` frames, evenly spread.
 pub(crate) fn calibrated(
-    encoder: &Encoder,
+    embedder: &Embedder,
     count: usize,
     frame: impl Fn(usize) -> Result<Frame> + Sync,
-) -> Result<Encoder> {
+) -> Result<Network> {
     let some = count.min(CALIBRATION);
     let image = |i: usize| {
-        let Frame {
-            height,
-            width,
-            data,
-        } = frame(i * count / some)?;
-        let pixels = Tensor::from_vec(data, (1, height, width, 3), &Device::Cpu)?;
-        Ok(pixels.permute((0, 3, 1, 2))?)
+        let frame = frame(i * count / some)?;
+        let images = embedder.prepared(&frame)?;
+        let shape = (images.len(), images[0].height, images[0].width, 3);
+        let pixels = images.iter().flat_map(|image| &image.data).copied();
+        let pixels = Tensor::from_vec(pixels.collect(), shape, &Device::Cpu)?;
+        Ok(match embedder.network() {
+            Network::Images(_) => pixels.permute((0, 3, 1, 2))?,
+            Network::Sequences(..) => pixels.permute((3, 0, 1, 2))?.unsqueeze(0)?,
+        })
     };
-    let images: Vec<Tensor> = (0..some)
-        .into_par_iter()
-        .map(image)
-        .collect::<Result<_>>()?;
+    let images = (0..some).into_par_iter().map(image);
+    let images: Vec<Tensor> = images.collect::<Result<_>>()?;
     let images: Vec<&Tensor> = images.iter().collect();
-    Ok(encoder
-        .clone()
-        .calibrated(&images)?
-        .with_precision(Precision::Int8)?)
+    let network = embedder.network();
+    let encoder = network.encoder().clone().calibrated(&images)?;
+    Ok(network.with_encoder(encoder.with_precision(Precision::Int8)?))
 }
 
 fn built_in(kind: EncoderKind) -> Result<Weights> {
     let bytes = match kind {
         EncoderKind::EfficientNetLiteSmall => EFFICIENTNET_LITE_SMALL,
         EncoderKind::SeResNextSmall => SE_RESNEXT_SMALL,
-        kind => bail!("{}", no_weights(kind.name())),
+        kind => bail!("no weights for {kind} come with the project; name a file, or `untrained`"),
     };
     Ok(Weights::from_bytes("the built-in weights", bytes)?)
-}
-
-fn no_weights(network: &str) -> String {
-    format!("no weights for {network} come with the project; name a file, or `untrained`")
 }
 
 /// The encoder in words, for reports.
@@ -118,13 +98,15 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         precision => format!(" in {precision}"),
     };
     let frames = match (spec.network, spec.resize) {
-        (NetworkSpec::Sequences { frames }, Some(pixels)) => {
+        (NetworkSpec::Sequences { frames, .. }, Some(pixels)) => {
             format!(", on {frames} equidistant frames of {pixels} pixels")
         }
-        (NetworkSpec::Sequences { frames }, None) => format!(", on {frames} equidistant frames"),
+        (NetworkSpec::Sequences { frames, .. }, None) => {
+            format!(", on {frames} equidistant frames")
+        }
         (NetworkSpec::Images(_), Some(pixels)) => format!(", on frames of {pixels} pixels"),
         (NetworkSpec::Images(_), None) => String::new(),
     };
-    let name = spec.network.name();
+    let name = spec.network.kind();
     format!("{name}{precision} with {weights}{frames}{trained}")
 }

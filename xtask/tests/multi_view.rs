@@ -18,6 +18,17 @@ label = "I3D"
 kind = "head"
 encoder = { name = "i3d", weights = "untrained", frames = 3, resize = 16 }
 [[methods]]
+id = "i3d-trained"
+label = "I3D, trained"
+kind = "head"
+[methods.encoder]
+name = "i3d"
+weights = "untrained"
+frames = 3
+resize = 16
+trainable = true
+training = { epochs = 1, batch-size = 8 }
+[[methods]]
 id = "pooling"
 label = "Pooling"
 kind = "head"
@@ -82,6 +93,7 @@ fn a_method_decodes_the_views_that_it_looks_at_and_no_other() {
         ("cross-modal", 1.0),
         ("all", views),
         ("i3d", 3.0),
+        ("i3d-trained", 3.0),
         ("pooling", views),
         ("random", 2.0),
         ("nvs", 2.0),

@@ -4,9 +4,8 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use sps_dataset::{DecodeSettings, Frame, FrameError, read_image, read_image_resized};
-use sps_models::candle::{Device, Tensor};
-use sps_models::encoders::{Embed, Encoder, I3d};
+use sps_dataset::{DecodeSettings, Extent, Frame, FrameError, read_image, read_image_resized};
+use sps_models::encoders::Encoder;
 
 use crate::error::{Error, Result};
 
@@ -16,23 +15,27 @@ pub enum Network {
     /// Embeds images one by one.
     Images(Encoder),
     /// Embeds sequences of so many images.
-    Sequences(I3d, usize),
+    Sequences(Encoder, usize),
 }
 
 impl Network {
-    fn embed_any(&self) -> &dyn Embed {
+    /// The encoder, whatever it embeds.
+    pub fn encoder(&self) -> &Encoder {
         match self {
-            Self::Images(encoder) => encoder,
-            Self::Sequences(network, _) => network,
+            Self::Images(encoder) | Self::Sequences(encoder, _) => encoder,
         }
     }
 
-    /// The network's name.
-    pub fn name(&self) -> &'static str {
-        self.embed_any().name()
+    /// The same with another encoder.
+    #[must_use]
+    pub fn with_encoder(&self, encoder: Encoder) -> Self {
+        match self {
+            Self::Images(_) => Self::Images(encoder),
+            Self::Sequences(_, frames) => Self::Sequences(encoder, *frames),
+        }
     }
 
-    /// The network where it embeds single images.
+    /// The encoder where it embeds single images.
     ///
     /// # Errors
     ///
@@ -40,9 +43,9 @@ impl Network {
     pub fn of_images(&self) -> Result<&Encoder> {
         match self {
             Self::Images(encoder) => Ok(encoder),
-            Self::Sequences(..) => Err(Error::input(
+            Self::Sequences(encoder, _) => Err(Error::input(
                 "network",
-                format_args!("{}, which embeds sequences", I3d::NAME),
+                format_args!("{}, which embeds sequences", encoder.kind()),
                 "an encoder of single images",
             )),
         }
@@ -53,40 +56,6 @@ impl Network {
         match self {
             Self::Images(_) => 1,
             Self::Sequences(_, frames) => *frames,
-        }
-    }
-
-    /// The length of an embedding.
-    pub fn width(&self) -> usize {
-        self.embed_any().width()
-    }
-
-    /// A hash of the network and every weight.
-    pub fn content_hash(&self) -> [u8; 32] {
-        self.embed_any().content_hash()
-    }
-
-    /// Multiply-adds to embed an image of this size, where they are known.
-    pub fn multiply_adds(&self, height: usize, width: usize) -> Option<u64> {
-        match self {
-            Self::Images(encoder) => encoder.kind().multiply_adds(height, width),
-            Self::Sequences(..) => None,
-        }
-    }
-
-    /// Embeds `n * frames` images, each `(height, width, 3)`, row-major, to `(n, width)`.
-    fn embed(&self, images: &[&[f32]], size: [usize; 2]) -> Result<Vec<f32>> {
-        match self {
-            Self::Images(encoder) => Ok(encoder.embed_pixels(images, size)?),
-            Self::Sequences(network, frames) => {
-                let [height, width] = size;
-                let shape = (images.len() / frames, *frames, height, width, 3);
-                let sequences = Tensor::from_vec(images.concat(), shape, &Device::Cpu);
-                let sequences = sequences.and_then(|all| all.permute((0, 4, 1, 2, 3)));
-                let embeddings = network.embed(&sequences.map_err(sps_models::Error::from)?)?;
-                let values = embeddings.flatten_all().and_then(|all| all.to_vec1());
-                Ok(values.map_err(sps_models::Error::from)?)
-            }
         }
     }
 }
@@ -117,10 +86,13 @@ impl Embedder {
     ///
     /// # Errors
     ///
-    /// A size of no pixel, a network that gives numbers that are not finite.
+    /// A size of no pixel, sequences of no image, a network that gives numbers that are not finite.
     pub fn new(network: Network, resize: Option<usize>) -> Result<Self> {
         if resize == Some(0) {
             return Err(Error::input("resize", 0, "at least a pixel"));
+        }
+        if network.frames() == 0 {
+            return Err(Error::input("a sequence", "no image", "at least one"));
         }
         let mut embedder = Self {
             network,
@@ -143,7 +115,7 @@ impl Embedder {
 
     /// The length of an embedding.
     pub fn width(&self) -> usize {
-        self.network.width()
+        self.network.encoder().width()
     }
 
     /// A name that two embedders share only if they give every photograph the same embedding, bit for
@@ -153,24 +125,31 @@ impl Embedder {
         &self.identity
     }
 
-    /// Multiply-adds to embed the photograph, where they are known.
+    /// Multiply-adds to embed the photograph, as [`Embedder::embed`] takes it; `None` where it is too
+    /// small.
     pub fn multiply_adds(&self, frame: &Frame) -> Option<u64> {
-        let extent = match self.resize {
-            Some(shorter) => frame.extent().with_shorter_side(shorter),
-            None => frame.extent(),
+        let frames = self.network.frames();
+        let image = Extent {
+            height: frame.height / frames,
+            ..frame.extent()
         };
-        self.network.multiply_adds(extent.height, extent.width)
+        let image = match self.resize {
+            Some(shorter) => image.with_shorter_side(shorter),
+            None => image,
+        };
+        let size = [frames, image.height, image.width];
+        self.network.encoder().kind().multiply_adds(size)
     }
 
     fn find_identity(&self) -> Result<String> {
         let mut hasher = blake3::Hasher::new();
-        hasher.update(&self.network.content_hash());
+        hasher.update(&self.network.encoder().content_hash());
         hasher.update(format!("{:?}", self.resize).as_bytes());
         for value in self.embed(&[test_frame(self.network.frames())])? {
             hasher.update(&value.to_le_bytes());
         }
         let hash = hasher.finalize().to_hex();
-        Ok(format!("{}-{}", self.network.name(), &hash[..16]))
+        Ok(format!("{}-{}", self.network.encoder().kind(), &hash[..16]))
     }
 
     /// Embeds photographs in the order given, of any sizes: (photographs, width), row-major. For a
@@ -199,9 +178,10 @@ impl Embedder {
         let width = self.width();
         let mut values = vec![0.0; frames.len() * width];
         for (size, indices) in by_size {
-            let images = indices.iter().flat_map(|&index| &prepared[index]);
-            let images: Vec<&[f32]> = images.map(|image| &image.data[..]).collect();
-            let embedded = self.network.embed(&images, size)?;
+            let images = indices.iter().map(|&index| whole(&prepared[index]));
+            let images: Vec<Cow<'_, [f32]>> = images.collect();
+            let images: Vec<&[f32]> = images.iter().map(AsRef::as_ref).collect();
+            let embedded = self.network.encoder().embed_pixels(&images, size)?;
             for (&index, row) in indices.iter().zip(embedded.chunks_exact(width)) {
                 values[index * width..][..width].copy_from_slice(row);
             }
@@ -209,15 +189,20 @@ impl Embedder {
         match values.iter().find(|value| !value.is_finite()) {
             None => Ok(values),
             Some(value) => Err(Error::input(
-                format_args!("an embedding by {}", self.network.name()),
+                format_args!("an embedding by {}", self.network.encoder().kind()),
                 value,
                 "finite numbers",
             )),
         }
     }
 
-    /// The images that the frame holds, all of one size, as the network takes them; at least one.
-    fn prepared<'f>(&self, frame: &'f Frame) -> Result<Vec<Cow<'f, Frame>>> {
+    /// The images that a frame of [`Embedder::embed`] holds, all of one size, as the network takes them;
+    /// at least one.
+    ///
+    /// # Errors
+    ///
+    /// A frame that lacks pixels, or is not of as many images as a sequence has.
+    pub fn prepared<'f>(&self, frame: &'f Frame) -> Result<Vec<Cow<'f, Frame>>> {
         let count = self.network.frames();
         if count == 1 {
             return Ok(vec![self.prepare(frame)?]);
@@ -250,6 +235,18 @@ impl Embedder {
             Some(shorter) => Ok(frame.resized(shorter)?),
             None => Ok(Cow::Borrowed(frame)),
         }
+    }
+}
+
+/// The images one below the other.
+fn whole<'i>(images: &'i [Cow<'_, Frame>]) -> Cow<'i, [f32]> {
+    match images {
+        [image] => Cow::Borrowed(&image.data),
+        images => images
+            .iter()
+            .flat_map(|image| &image.data)
+            .copied()
+            .collect(),
     }
 }
 

@@ -114,7 +114,7 @@ impl Estimator {
         if embedder.width() != fitted.width() {
             let found = format!(
                 "{} of width {}",
-                embedder.network().name(),
+                embedder.network().encoder().kind(),
                 embedder.width()
             );
             return Err(Error::input(

@@ -8,7 +8,7 @@ use std::hint::black_box;
 
 use candle_core::{DType, Device, Result, Tensor};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use sps_models::encoders::{Encoder, EncoderKind, I3d, Precision, TrainableEncoder};
+use sps_models::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder};
 
 const KIND: EncoderKind = EncoderKind::SeResNext50;
 
@@ -122,8 +122,8 @@ fn others(c: &mut Criterion) -> sps_models::Result<()> {
 fn sequences(c: &mut Criterion) -> sps_models::Result<()> {
     const FRAMES: usize = 16;
     let sequence = values(&[1, 3, FRAMES, 224, 224])?;
-    let encoder = I3d::seeded(0)?;
-    let mut group = c.benchmark_group(I3d::NAME);
+    let encoder = Encoder::seeded(EncoderKind::I3d, 0, &Device::Cpu)?;
+    let mut group = c.benchmark_group(EncoderKind::I3d.name());
     group.sample_size(10);
     group.throughput(Throughput::Elements(FRAMES as u64));
     group.bench_function(format!("forward, {FRAMES} frames"), |b| {

@@ -26,7 +26,7 @@
 //!
 //! # What is where
 //!
-//! - [`encoders`]: the networks, frozen ([`encoders::Encoder`], [`encoders::I3d`]) and trainable
+//! - [`encoders`]: the networks, frozen ([`encoders::Encoder`]) and trainable
 //!   ([`encoders::TrainableEncoder`]).
 //! - [`weights`]: their tensors by name, from safetensors and from PyTorch's `.pth` files.
 //! - [`ops`]: the operators below them, channels last, differentiable, for networks of your own.

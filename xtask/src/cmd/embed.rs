@@ -1,12 +1,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, Result, anyhow, ensure};
+use anyhow::{Context, Result, ensure};
 use rayon::prelude::*;
 use safetensors::tensor::{Dtype, TensorView};
 use sps_dataset::{DecodeSettings, Frame};
 use sps_estimator::{Embedder, read_photograph};
-use sps_models::encoders::{I3d, Precision};
+use sps_models::encoders::Precision;
 use tracing::info;
 
 use crate::config::{EncoderSpec, Network, WeightsSpec};
@@ -61,26 +61,27 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             .context("--threads")?;
     }
     let spec = EncoderSpec {
-        network: Network::named(&args.encoder, args.frames as usize)
-            .map_err(|error| anyhow!("--encoder: {error}, {}", I3d::NAME))?,
+        network: Network::named(&args.encoder, args.frames as usize).context("--encoder")?,
         weights: WeightsSpec::named(&args.weights),
         precision: args.precision,
         resize: args.resize,
         training: None,
     };
-    let mut network = encoder::load(&spec, 0)?;
-    if spec.precision == Precision::Int8 {
-        let frame = |i: usize| Ok(read(&args.images[i..=i], args.resize)?.remove(0));
-        let encoder = encoder::calibrated(network.of_images()?, args.images.len(), frame)?;
-        network = sps_estimator::Network::Images(encoder);
-    }
-    let embedder = Embedder::new(network, spec.resize)?;
+    let mut embedder = Embedder::new(encoder::load(&spec, 0)?, spec.resize)?;
     let each = embedder.network().frames();
     ensure!(
         args.images.len().is_multiple_of(each),
         "{} images, expected a multiple of --frames {each}",
         args.images.len()
     );
+    if spec.precision == Precision::Int8 {
+        let frame = |i: usize| {
+            let paths = &args.images[i * each..(i + 1) * each];
+            Ok(stacked(&read(paths, args.resize)?, each)?.remove(0))
+        };
+        let network = encoder::calibrated(&embedder, args.images.len() / each, frame)?;
+        embedder = Embedder::new(network, spec.resize)?;
+    }
     let progress = Progress::new("images encoded", args.images.len());
     let mut values = Vec::new();
     let mut seconds = 0.0;

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use candle_core::Device;
 use sps_models::encoders::Encoder;
-use sps_models::training::Targets;
+use sps_models::training::{Image, Targets};
 use sps_models::weights::{Storage, Weights};
 use tracing::info;
 
@@ -60,7 +60,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         seed: pretraining.seed,
         key: blake3::hash(format!("{} {taught:?}", world.key()).as_bytes()),
     };
-    let images = FrameImages::new(world.len(), |image| world.frame(image));
+    let images = FrameImages::new(world.len(), |image| {
+        let frame = world.frame(image)?;
+        Ok(Image::new(frame.height, frame.width, frame.data)?)
+    });
     let trained = train(task, &images, &runs)?;
     let note = note(&pretraining, &trained)?;
     let weights = trained.encoder.weights();

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use sps_models::encoders::{EncoderKind, I3d, Precision};
+use sps_models::encoders::{EncoderKind, Precision};
 use sps_models::training::TrainingConfig;
 
 use super::layers::Layers;
@@ -34,23 +34,24 @@ impl EncoderSpec {
 pub(crate) enum Network {
     /// A network that takes one frame.
     Images(EncoderKind),
-    /// I3D, which takes a sequence of so many.
-    Sequences { frames: usize },
+    /// A network that takes a sequence of so many.
+    Sequences { kind: EncoderKind, frames: usize },
 }
 
 impl Network {
     /// The network of this name; `frames` is the length of a sequence.
     pub(crate) fn named(name: &str, frames: usize) -> Result<Self, sps_models::Error> {
-        if name == I3d::NAME {
-            return Ok(Self::Sequences { frames });
-        }
-        name.parse().map(Self::Images)
+        let kind: EncoderKind = name.parse()?;
+        Ok(if kind.takes_sequences() {
+            Self::Sequences { kind, frames }
+        } else {
+            Self::Images(kind)
+        })
     }
 
-    pub(crate) const fn name(self) -> &'static str {
+    pub(crate) const fn kind(self) -> EncoderKind {
         match self {
-            Self::Images(kind) => kind.name(),
-            Self::Sequences { .. } => I3d::NAME,
+            Self::Images(kind) | Self::Sequences { kind, .. } => kind,
         }
     }
 }
@@ -83,15 +84,14 @@ pub(super) fn encoder(
     encoder: &EncoderConfig,
 ) -> Result<EncoderSpec, ConfigError> {
     let network = Network::named(&encoder.name, encoder.frames);
-    let network = network.map_err(|error| {
-        let problem = format!("{error}, {}", I3d::NAME);
-        layers.error(&format!("{key}.name"), problem)
-    })?;
-    if let Network::Sequences { frames } = network {
+    let network =
+        network.map_err(|error| layers.error(&format!("{key}.name"), error.to_string()))?;
+    if let Network::Sequences { frames, .. } = network {
         let at = |field: &str| format!("{key}.{field}");
         layers.require(frames > 0, &at("frames"), "must be at least 1")?;
-        let frozen = !encoder.trainable;
-        layers.require(frozen, &at("trainable"), "i3d is not trained here")?;
+        let one = !encoder.trainable || encoder.training.objective.views() == 1;
+        let why = "looks at several views; an encoder of sequences sees one sequence";
+        layers.require(one, &at("training.objective"), why)?;
     }
     let precision = encoder.precision.parse();
     let precision = precision.map_err(|error: sps_models::Error| {

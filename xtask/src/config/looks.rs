@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use serde::{Serialize, Serializer};
-use sps_models::encoders::I3d;
+use sps_models::encoders::EncoderKind;
 use sps_models::heads::{Input, RelationScale};
 use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_viewselect::{RelationSampler, Selector, TemporalRelations};
@@ -108,8 +108,12 @@ pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Looks, Proble
         (Some((one, _)), Some((other, _))) => {
             return refuse(other, format!("cannot stand beside `{one}`"));
         }
-        (Some((key, _)), None) if method.encoder.name == I3d::NAME => {
-            return refuse(key, "cannot stand beside i3d, which looks at a sequence");
+        (Some((key, _)), None) if takes_sequences(&method.encoder.name) => {
+            let name = &method.encoder.name;
+            return refuse(
+                key,
+                format!("cannot stand beside {name}, which looks at a sequence"),
+            );
         }
         _ if !method.kind.looks() => return Ok(Looks::Nothing),
         _ => {}
@@ -132,6 +136,10 @@ pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Looks, Proble
         None if method.all_views => Ok(Looks::All),
         None => Ok(Looks::Nadir),
     }
+}
+
+fn takes_sequences(encoder: &str) -> bool {
+    encoder.parse().is_ok_and(EncoderKind::takes_sequences)
 }
 
 fn has_head(method: &MethodConfig) -> bool {

@@ -136,8 +136,11 @@ impl Pretraining {
 }
 
 fn kind(layers: &Layers<'_>, key: &str, name: &str) -> Result<EncoderKind, ConfigError> {
-    let kind: Result<_, sps_models::Error> = name.parse();
-    kind.map_err(|error| layers.error(key, error.to_string()))
+    let kind: Result<EncoderKind, sps_models::Error> = name.parse();
+    let kind = kind.map_err(|error| layers.error(key, error.to_string()))?;
+    let why = "embeds sequences; expected a network of images";
+    layers.require(!kind.takes_sequences(), key, why)?;
+    Ok(kind)
 }
 
 #[cfg(test)]

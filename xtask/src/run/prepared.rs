@@ -77,7 +77,7 @@ impl<'a> Prepared<'a> {
             }
             let one = match encoder.network {
                 Network::Images(_) => work.call(&encoded, source, None)?,
-                Network::Sequences { frames } => {
+                Network::Sequences { frames, .. } => {
                     let views = views::equidistant(source, frames)?;
                     let sequences = Sequences::new(source, views.clone());
                     work.call(&encoded, &sequences, Some(views))?

@@ -91,25 +91,20 @@ impl<'a, S: Source> Stages<'a, S> {
             None => (self.start.clone(), 0.0),
         };
         let encoder = match self.encoder.precision {
-            Precision::Int8 => self.calibrated(&encoder, training)?,
+            Precision::Int8 => self.calibrated(encoder, training)?,
             _ => encoder,
         };
         Ok(Arc::new(self.stage(encoder, seconds)?))
     }
 
     /// The encoder in int8, scaled for the surfaces `training`, each seen from one of the views in turn.
-    fn calibrated(&self, encoder: &Network, training: &[usize]) -> Result<Network> {
+    fn calibrated(&self, network: Network, training: &[usize]) -> Result<Network> {
         let resize = self.encoder.resize;
         let frame = |i: usize| {
             let view = self.views[i % self.views.len()];
-            let frame = self.source.frame_to_resize(training[i], view, resize)?;
-            Ok(match resize {
-                Some(shorter) => frame.resized(shorter)?.into_owned(),
-                None => frame,
-            })
+            Ok(self.source.frame_to_resize(training[i], view, resize)?)
         };
-        let encoder = encoder::calibrated(encoder.of_images()?, training.len(), frame)?;
-        Ok(Network::Images(encoder))
+        encoder::calibrated(&Embedder::new(network, resize)?, training.len(), frame)
     }
 
     /// Embeds the views of every surface that may be trained on.
@@ -155,17 +150,18 @@ impl<'a, S: Source> Stages<'a, S> {
         };
         let pool = self.splits.pool;
         let frames = frames(pool, &views);
-        let targets = self.targets(config, &views)?;
+        let embedder = Embedder::new(self.start.clone(), self.encoder.resize)?;
+        let targets = self.targets(config, &embedder, &views)?;
         let task = Task {
             name: "encoder",
-            start: self.start.of_images()?,
+            start: self.start.encoder(),
             key: self.key(&frames, &targets)?,
             targets,
             parts: self.parts(config, training)?,
             config,
             seed: self.experiment.seed,
         };
-        let images = FrameImages::of_source(self.source, frames, self.encoder.resize);
+        let images = FrameImages::of_source(self.source, frames, &embedder);
         let folder = self.experiment.cache.join("encoders");
         let trained = if self.experiment.work.fits() {
             train(task, &images, &folder)?
@@ -177,12 +173,17 @@ impl<'a, S: Source> Stages<'a, S> {
             Precision::Int8 => trained.encoder,
             precision => trained.encoder.with_precision(precision)?,
         };
-        Ok((Network::Images(encoder), trained.seconds))
+        Ok((self.start.with_encoder(encoder), trained.seconds))
     }
 
     /// What the encoder learns to say of every surface that may be trained on: the readings and the
     /// material, each as its objective takes them, and what it sees itself where that is needed.
-    fn targets(&self, config: &TrainingConfig, views: &[usize]) -> Result<Targets> {
+    fn targets(
+        &self,
+        config: &TrainingConfig,
+        embedder: &Embedder,
+        views: &[usize],
+    ) -> Result<Targets> {
         let pool = self.splits.pool;
         let labels = MaterialLabels::of(self.source.surfaces(), FEWEST_PER_MATERIAL);
         let of_pool = &labels.labels()[..pool];
@@ -204,8 +205,7 @@ impl<'a, S: Source> Stages<'a, S> {
             }
         }
         if config.needs_start() {
-            let embedder = Embedder::new(self.start.clone(), self.encoder.resize)?;
-            targets.start = Some(self.embedded(&embedder, views)?.0);
+            targets.start = Some(self.embedded(embedder, views)?.0);
         }
         Ok(targets)
     }

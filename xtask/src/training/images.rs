@@ -2,19 +2,21 @@ use std::error::Error as StdError;
 use std::sync::OnceLock;
 
 use anyhow::Result;
-use sps_dataset::{Frame, FrameIndex, Source};
+use sps_dataset::{FrameIndex, Source};
+use sps_estimator::{Embedder, Network};
 use sps_models::training::{Image, ImageSource};
 
-/// Frames as training images.
+/// Frames as training images, or as sequences of such.
 ///
 /// What is decoded or rendered once is kept, with 8 bits for each colour as in a PNG, because an
 /// epoch shows every frame again.
 pub(crate) struct FrameImages<'a> {
-    decode: Box<dyn Fn(usize) -> Result<Frame> + Sync + 'a>,
+    decode: Box<dyn Fn(usize) -> Result<Image> + Sync + 'a>,
     kept: Vec<OnceLock<Kept>>,
 }
 
 struct Kept {
+    frames: Option<usize>,
     height: usize,
     width: usize,
     values: Box<[u8]>,
@@ -24,26 +26,30 @@ struct Kept {
 const MOST_KEPT: usize = 4 << 30;
 
 impl<'a> FrameImages<'a> {
-    /// So many frames, each as `decode` gives it.
-    pub(crate) fn new(count: usize, decode: impl Fn(usize) -> Result<Frame> + Sync + 'a) -> Self {
+    /// So many images, each as `decode` gives it.
+    pub(crate) fn new(count: usize, decode: impl Fn(usize) -> Result<Image> + Sync + 'a) -> Self {
         Self {
             decode: Box::new(decode),
             kept: (0..count).map(|_| OnceLock::new()).collect(),
         }
     }
 
-    /// Image `i` is `frames[i]` of a source, its shorter side brought to `resize` pixels.
+    /// Image `i` is `frames[i]` of a source as the embedder takes it.
     pub(crate) fn of_source(
         source: &'a impl Source,
         frames: Vec<FrameIndex>,
-        resize: Option<usize>,
+        embedder: &'a Embedder,
     ) -> Self {
         Self::new(frames.len(), move |index| {
             let FrameIndex { surface, view } = frames[index];
-            let frame = source.frame_to_resize(surface, view, resize)?;
-            Ok(match resize {
-                Some(shorter) => frame.resized(shorter)?.into_owned(),
-                None => frame,
+            let frame = source.frame_to_resize(surface, view, embedder.resize())?;
+            let images = embedder.prepared(&frame)?;
+            let (height, width) = (images[0].height, images[0].width);
+            let pixels = images.iter().flat_map(|image| &image.data).copied();
+            let pixels = pixels.collect();
+            Ok(match embedder.network() {
+                Network::Images(_) => Image::new(height, width, pixels)?,
+                Network::Sequences(..) => Image::sequence(images.len(), height, width, pixels)?,
             })
         })
     }
@@ -54,29 +60,35 @@ impl ImageSource for FrameImages<'_> {
         if let Some(kept) = self.kept[index].get() {
             return kept.image();
         }
-        let frame = (self.decode)(index)?;
-        let kept = Kept::new(&frame);
-        let image = kept.image();
-        if frame.data.len().saturating_mul(self.kept.len()) <= MOST_KEPT {
+        let image = (self.decode)(index)?;
+        let kept = Kept::new(&image);
+        let shown = kept.image();
+        if image.pixels().len().saturating_mul(self.kept.len()) <= MOST_KEPT {
             // Another thread may have kept the same values meanwhile.
             let _ = self.kept[index].set(kept);
         }
-        image
+        shown
     }
 }
 
 impl Kept {
-    fn new(frame: &Frame) -> Self {
+    fn new(image: &Image) -> Self {
         let byte = |&value: &f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let (height, width) = image.size();
         Self {
-            height: frame.height,
-            width: frame.width,
-            values: frame.data.iter().map(byte).collect(),
+            frames: image.frames(),
+            height,
+            width,
+            values: image.pixels().iter().map(byte).collect(),
         }
     }
 
     fn image(&self) -> Result<Image, Box<dyn StdError + Send + Sync>> {
         let values = self.values.iter().map(|&byte| f32::from(byte) / 255.0);
-        Ok(Image::new(self.height, self.width, values.collect())?)
+        let (height, width, values) = (self.height, self.width, values.collect());
+        Ok(match self.frames {
+            None => Image::new(height, width, values)?,
+            Some(frames) => Image::sequence(frames, height, width, values)?,
+        })
     }
 }

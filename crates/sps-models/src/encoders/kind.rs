@@ -6,7 +6,7 @@ use super::networks;
 use crate::error::{Error, Result};
 use crate::weights::TensorSpec;
 
-/// The networks that turn an image into an embedding.
+/// The networks that turn an image, or a sequence of images, into an embedding.
 ///
 /// Parses from and prints as the name used in configurations.
 ///
@@ -55,11 +55,15 @@ pub enum EncoderKind {
     EfficientNetLite3,
     /// `efficientnet-lite4`: the deepest and widest.
     EfficientNetLite4,
+    /// `i3d`: inflated Inception-v1 (Carreira and Zisserman, "Quo Vadis, Action Recognition?", CVPR
+    /// 2017), with the tensor names of the port `pytorch-i3d`. It embeds a sequence of frames, which
+    /// need not be a film: views of a surface in the order of their angles are one. On the CPU alone.
+    I3d,
 }
 
 impl EncoderKind {
     /// Every encoder.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::SeResNext50,
         Self::SeResNextSmall,
         Self::SqueezeNet1_0,
@@ -72,6 +76,7 @@ impl EncoderKind {
         Self::EfficientNetLite2,
         Self::EfficientNetLite3,
         Self::EfficientNetLite4,
+        Self::I3d,
     ];
 
     /// The name in configurations and on the command line.
@@ -89,6 +94,7 @@ impl EncoderKind {
             Self::EfficientNetLite2 => "efficientnet-lite2",
             Self::EfficientNetLite3 => "efficientnet-lite3",
             Self::EfficientNetLite4 => "efficientnet-lite4",
+            Self::I3d => "i3d",
         }
     }
 
@@ -108,6 +114,7 @@ impl EncoderKind {
             Self::EfficientNetLite2 => networks::efficientnet_lite(name, 2),
             Self::EfficientNetLite3 => networks::efficientnet_lite(name, 3),
             Self::EfficientNetLite4 => networks::efficientnet_lite(name, 4),
+            Self::I3d => networks::i3d(name),
         }
     }
 
@@ -121,21 +128,26 @@ impl EncoderKind {
         self.network().min_size()
     }
 
-    /// Multiply-adds to embed one image of so many pixels: those of the convolutions and of the
-    /// squeeze-and-excitation gates, by shape. `None` for an image smaller than
-    /// [`EncoderKind::min_size`].
+    /// Whether it embeds sequences of frames, each as one, in place of images.
+    pub fn takes_sequences(self) -> bool {
+        self.network().sequences
+    }
+
+    /// Multiply-adds to embed one image of so many frames (one, but for a network of sequences), rows
+    /// and columns: those of the convolutions and of the squeeze-and-excitation gates, by shape. `None`
+    /// for an image smaller than [`EncoderKind::min_size`].
     ///
     /// ```
     /// use sps_models::encoders::EncoderKind;
     ///
-    /// let paper = EncoderKind::SeResNext50.multiply_adds(224, 224);
+    /// let paper = EncoderKind::SeResNext50.multiply_adds([1, 224, 224]);
     /// assert_eq!(paper.map(|count| count / 100_000_000), Some(42)); // 4.2 G
     /// ```
-    pub fn multiply_adds(self, height: usize, width: usize) -> Option<u64> {
-        if height == 0 || width == 0 {
+    pub fn multiply_adds(self, size: [usize; 3]) -> Option<u64> {
+        if size.contains(&0) {
             return None;
         }
-        self.network().multiply_adds([1, height, width])
+        self.network().multiply_adds(size)
     }
 
     /// The tensors of the network, in the order of its layers.

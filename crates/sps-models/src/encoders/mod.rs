@@ -4,7 +4,6 @@
 
 mod batch;
 mod fused;
-mod i3d;
 mod images;
 mod init;
 mod kind;
@@ -24,7 +23,6 @@ use std::sync::Arc;
 
 use candle_core::{DType, Device, Tensor};
 
-pub use i3d::I3d;
 pub use kind::EncoderKind;
 pub use precision::Precision;
 pub use trainable::TrainableEncoder;
@@ -32,6 +30,7 @@ pub use windows::{WindowEmbeddings, Windows};
 
 use crate::error::{Error, Result};
 use crate::ops::bands::inside_pool;
+use crate::ops::grid::Size;
 use crate::ops::simd::Level;
 use crate::ops::words::{Bf16Pair, Bytes, Word};
 use crate::weights::{TensorSpec, Weights};
@@ -42,39 +41,8 @@ use network::Network;
 use plain::Plain;
 use scales::{Calibration, Scale};
 
-/// What turns images into embeddings: an [`Encoder`] each of them, an [`I3d`] sequences of them.
-///
-/// ```
-/// use candle_core::Device;
-/// use sps_models::encoders::{Embed, Encoder, EncoderKind, I3d};
-///
-/// let small = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
-/// let i3d = I3d::seeded(0)?;
-/// let networks: [&dyn Embed; 2] = [&small, &i3d];
-/// let found = networks.map(|network| (network.name(), network.width()));
-/// assert_eq!(found, [("se-resnext-small", 512), ("i3d", 1024)]);
-/// # Ok::<(), sps_models::Error>(())
-/// ```
-pub trait Embed: std::fmt::Debug + Send + Sync {
-    /// The network's name.
-    fn name(&self) -> &'static str;
-
-    /// The length of an embedding.
-    fn width(&self) -> usize;
-
-    /// A hash of all that embeddings hang on, for cache keys; see [`Encoder::content_hash`].
-    fn content_hash(&self) -> [u8; 32];
-
-    /// Embeds a batch, f32 in 0..=1, display-referred RGB: images `(n, 3, height, width)` or
-    /// sequences `(n, 3, frames, height, width)`, to `(n, width)`.
-    ///
-    /// # Errors
-    ///
-    /// When the tensor is of another shape or type, or computed from a variable.
-    fn embed(&self, images: &Tensor) -> Result<Tensor>;
-}
-
-/// A network with its weights, ready to embed images.
+/// A network with its weights, ready to embed images, or sequences of frames where it
+/// [takes those](EncoderKind::takes_sequences).
 ///
 /// ```
 /// use candle_core::{DType, Device, Tensor};
@@ -83,6 +51,10 @@ pub trait Embed: std::fmt::Debug + Send + Sync {
 /// let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
 /// let images = Tensor::zeros((2, 3, 64, 48), DType::F32, &Device::Cpu)?;
 /// assert_eq!(encoder.embed(&images)?.dims(), [2, encoder.width()]);
+///
+/// let i3d = Encoder::seeded(EncoderKind::I3d, 0, &Device::Cpu)?;
+/// let views = Tensor::zeros((1, 3, 4, 40, 32), DType::F32, &Device::Cpu)?;
+/// assert_eq!(i3d.embed(&views)?.dims(), [1, i3d.width()]);
 /// # Ok::<(), sps_models::Error>(())
 /// ```
 #[derive(Debug, Clone)]
@@ -154,9 +126,13 @@ impl Encoder {
     ///
     /// # Errors
     ///
-    /// When the weights do not fit the network.
+    /// When the weights do not fit the network; a network of sequences on another device than the CPU.
     pub fn new(kind: EncoderKind, mut weights: Weights, device: &Device) -> Result<Self> {
         let network = kind.network();
+        if network.sequences && !device.is_cpu() {
+            let found = format_args!("{device:?} for {kind}");
+            return Err(Error::input("device", found, "the CPU"));
+        }
         let scales = weights.remove(scales::TENSOR);
         let mut weights = fit(&network, weights)?;
         if let Some(scales) = scales {
@@ -176,8 +152,8 @@ impl Encoder {
     }
 
     /// The same network with what it needs to compute in int8: how its feature maps are scaled, found on
-    /// images like those that it is to embed, `(n, 3, height, width)` each, as [`Encoder::embed`] takes
-    /// them. A few dozen are enough.
+    /// images like those that it is to embed, in batches as [`Encoder::embed`] takes them. A few dozen
+    /// are enough.
     ///
     /// The images go through the network in f32. A map's numbers are then 255 steps from the least to
     /// the largest of its values, 0 among them, after each end was brought nearer to 0 by as many hundredths
@@ -205,10 +181,8 @@ impl Encoder {
         let fused = Fused::<f32>::new(&self.network, &self.weights, None, Level::detect())?;
         let mut calibration = Calibration::new(&self.network);
         for images in images {
-            check(&self.network, images)?;
-            let (_, _, height, width) = images.dims4()?;
+            let size = check(&self.network, images)?;
             let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
-            let size = [1, height, width];
             let images = Images {
                 pixels: &each(&values, size),
                 order: Order::Planes,
@@ -290,8 +264,9 @@ impl Encoder {
         *self.hash.as_bytes()
     }
 
-    /// Embeds images, `(n, 3, height, width)`, f32 in 0..=1, display-referred RGB, to
-    /// `(n, width)`. The network's own input normalisation is applied.
+    /// Embeds images, `(n, 3, height, width)`, or sequences, `(n, 3, frames, height, width)`, f32 in
+    /// 0..=1, display-referred RGB, to `(n, width)`. The network's own input normalisation is applied.
+    /// Sequences may be of any number of frames.
     ///
     /// The embedding of an image is the same to the last bit whatever else is in the batch and
     /// however many threads there are.
@@ -301,25 +276,24 @@ impl Encoder {
     /// When the tensor is of another shape or type, smaller than [`EncoderKind::min_size`], or
     /// computed from a variable: there is no gradient for images.
     pub fn embed(&self, images: &Tensor) -> Result<Tensor> {
-        check(&self.network, images)?;
         self.run(images, &self.network.normalisation)
     }
 
     /// Embeds images as they lie in most decoders' memory, each `(height, width, 3)` row-major, f32
     /// in 0..=1, display-referred RGB, to `(images, width)`, row-major; as [`Encoder::embed`] does,
-    /// but without copies.
+    /// but without copies. A sequence is its frames one below the other.
     ///
     /// # Errors
     ///
     /// When there is no image, one does not fill its size, or a side is below
-    /// [`EncoderKind::min_size`].
+    /// [`EncoderKind::min_size`]; sequences of different lengths.
     pub fn embed_pixels(&self, images: &[&[f32]], size: [usize; 2]) -> Result<Vec<f32>> {
-        check_pixels(&self.network, images, size)?;
+        let extents = check_pixels(&self.network, images, size)?;
         let Some(kernels) = &self.kernels else {
             let embeddings = self.embed(&self.planes(images, size)?)?;
             return Ok(embeddings.flatten_all()?.to_vec1()?);
         };
-        Ok(kernels.embed(self.of_pixels(images, size)))
+        Ok(kernels.embed(self.of_pixels(images, extents)))
     }
 
     /// Images `(height, width, 3)` as a tensor `(images, 3, height, width)`.
@@ -335,7 +309,6 @@ impl Encoder {
     ///
     /// As [`Encoder::embed`].
     pub fn embed_normalised(&self, images: &Tensor) -> Result<Tensor> {
-        check(&self.network, images)?;
         self.run(images, &Normalisation::NONE)
     }
 
@@ -352,23 +325,19 @@ impl Encoder {
     }
 
     fn run(&self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
+        let size = check(&self.network, images)?;
         let Some(kernels) = &self.kernels else {
             return self.run_plain(images, normalisation);
         };
-        let (n, _, height, width) = images.dims4()?;
         let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
-        let size = [1, height, width];
         let embeddings = kernels.embed(Images {
             pixels: &each(&values, size),
             order: Order::Planes,
             size,
             normalisation,
         });
-        Ok(Tensor::from_vec(
-            embeddings,
-            (n, self.width()),
-            &self.device,
-        )?)
+        let shape = (images.dim(0)?, self.width());
+        Ok(Tensor::from_vec(embeddings, shape, &self.device)?)
     }
 
     fn run_plain(&self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
@@ -376,12 +345,12 @@ impl Encoder {
         Plain::new(&self.network, &self.weights).embed(&images)
     }
 
-    /// Images `(height, width, 3)` for the kernels.
-    fn of_pixels<'a>(&'a self, pixels: &'a [&'a [f32]], [height, width]: [usize; 2]) -> Images<'a> {
+    /// Images `(..size, 3)` for the kernels.
+    fn of_pixels<'a>(&'a self, pixels: &'a [&'a [f32]], size: Size) -> Images<'a> {
         Images {
             pixels,
             order: Order::Pixels,
-            size: [1, height, width],
+            size,
             normalisation: &self.network.normalisation,
         }
     }
@@ -394,13 +363,20 @@ fn fit(network: &Network, weights: Weights) -> Result<Weights> {
     Ok(weights.fit(network.name, &network.specs(), passes)?)
 }
 
-/// Refuses no image, images that do not fill their size, and sizes that the network does not take.
-fn check_pixels(network: &Network, images: &[&[f32]], [height, width]: [usize; 2]) -> Result<()> {
+/// The extents of images of so many rows and columns. Refuses no image, images that do not fill their
+/// size, sizes that the network does not take, and sequences of different lengths.
+fn check_pixels(network: &Network, images: &[&[f32]], [height, width]: [usize; 2]) -> Result<Size> {
     let min = network.min_size();
-    let len = height.checked_mul(width).and_then(|n| n.checked_mul(3));
+    let frame = height.checked_mul(width).and_then(|n| n.checked_mul(3));
+    let first = images.first().map_or(0, |image| image.len());
+    let frames = match frame {
+        Some(frame) if network.sequences => first.checked_div(frame).unwrap_or(0),
+        _ => 1,
+    };
+    let len = frame.and_then(|frame| frame.checked_mul(frames));
     let misfit = images.iter().find(|image| Some(image.len()) != len);
-    if images.is_empty() || misfit.is_some() || height.min(width) < min {
-        let values = misfit.or(images.first()).map_or(0, |image| image.len());
+    if first == 0 || misfit.is_some() || height.min(width) < min {
+        let values = misfit.map_or(first, |image| image.len());
         return Err(Error::input(
             "pixels",
             format_args!(
@@ -411,20 +387,30 @@ fn check_pixels(network: &Network, images: &[&[f32]], [height, width]: [usize; 2
             format_args!("images of three values a pixel, sides of at least {min}"),
         ));
     }
-    Ok(())
+    Ok([frames, height, width])
 }
 
-fn check(network: &Network, images: &Tensor) -> Result<()> {
+/// The extents of the images of a batch. Refuses what the network does not take.
+fn check(network: &Network, images: &Tensor) -> Result<Size> {
     let min = network.min_size();
-    let fits = matches!(*images.dims(), [n, 3, h, w] if n > 0 && h >= min && w >= min);
+    let size = match *images.dims() {
+        [_, 3, height, width] if !network.sequences => [1, height, width],
+        [_, 3, frames, height, width] if network.sequences => [frames, height, width],
+        _ => [0; 3],
+    };
+    let fits = images.elem_count() > 0 && size[1].min(size[2]) >= min;
     if !fits || images.dtype() != DType::F32 {
+        let frames = if network.sequences { "frames, " } else { "" };
         return Err(Error::input(
             "images",
             format_args!("{:?} of {:?}", images.dims(), images.dtype()),
-            format_args!("(n, 3, height, width) of F32, n > 0, sides of at least {min}"),
+            format_args!(
+                "(n, 3, {frames}height, width) of F32, none of them 0, sides of at least {min}"
+            ),
         ));
     }
-    constant(images)
+    constant(images)?;
+    Ok(size)
 }
 
 /// The kernels have no gradient for images; one that is asked for is not left out silently.
@@ -478,24 +464,6 @@ fn kernels_of<W: Word>(
 ) -> Result<Arc<dyn Kernels>> {
     let fused = Fused::<W>::new(network, weights, scales, Level::detect())?;
     Ok(Arc::new(Pooled::new(fused)))
-}
-
-impl Embed for Encoder {
-    fn name(&self) -> &'static str {
-        self.kind.name()
-    }
-
-    fn width(&self) -> usize {
-        self.width()
-    }
-
-    fn content_hash(&self) -> [u8; 32] {
-        self.content_hash()
-    }
-
-    fn embed(&self, images: &Tensor) -> Result<Tensor> {
-        self.embed(images)
-    }
 }
 
 fn content_hash(

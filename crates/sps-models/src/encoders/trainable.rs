@@ -17,6 +17,7 @@ use crate::error::{Error, Result};
 use crate::ops::bands::inside_pool;
 use crate::ops::buffer::Recycler;
 use crate::ops::differentiable;
+use crate::ops::grid::Size;
 use crate::ops::simd::Level;
 use crate::weights::Weights;
 
@@ -175,8 +176,7 @@ impl TrainableEncoder {
         Encoder::new(self.kind, self.weights()?, &self.device)
     }
 
-    /// Embeds images, `(n, 3, height, width)`, f32 in 0..=1, display-referred RGB, to
-    /// `(n, width)`, as training does: batch norm by the batch's own statistics, which also move
+    /// Embeds images or sequences, as [`Encoder::embed`] takes them, to `(n, width)`, as training does: batch norm by the batch's own statistics, which also move
     /// the running ones.
     ///
     /// # Errors
@@ -218,11 +218,11 @@ impl TrainableEncoder {
     }
 
     fn run(&mut self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
-        check(&self.network, images)?;
+        let size = check(&self.network, images)?;
         let (embeddings, statistics) = if self.plain {
             self.run_plain(images, normalisation)?
         } else {
-            self.run_fused(images, normalisation)?
+            self.run_fused(images, size, normalisation)?
         };
         for statistics in statistics {
             self.update(&statistics)?;
@@ -243,11 +243,10 @@ impl TrainableEncoder {
     fn run_fused(
         &self,
         images: &Tensor,
+        size: Size,
         normalisation: &Normalisation,
     ) -> Result<(Tensor, Vec<BatchStatistics>)> {
-        let (_, _, height, width) = images.dims4()?;
         let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
-        let size = [1, height, width];
         let images = Images {
             pixels: &each(&values, size),
             order: Order::Planes,

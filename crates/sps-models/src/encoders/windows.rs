@@ -8,7 +8,7 @@ use super::plain::Plain;
 use super::scales::Scale;
 use super::{Encoder, check_pixels, normalise};
 use crate::error::{Error, Result};
-use crate::ops::grid::Grid;
+use crate::ops::grid::{Grid, Size};
 use crate::ops::words::Word;
 
 /// Embeddings of windows that lie on a regular grid over an image; see
@@ -59,8 +59,8 @@ impl Encoder {
     ///
     /// # Errors
     ///
-    /// When the image does not fill its size or has a side below the network's least; when the
-    /// window is larger than the image or smaller than a cell of the feature map, the stride is 0, or
+    /// When the network is one of sequences; when the image does not fill its size or has a side below
+    /// the network's least; when the window is larger than the image or smaller than a cell of the feature map, the stride is 0, or
     /// the embeddings take more than a gibibyte.
     pub fn embed_windows(
         &self,
@@ -69,18 +69,23 @@ impl Encoder {
         window: [usize; 2],
         stride: usize,
     ) -> Result<WindowEmbeddings> {
-        check_pixels(&self.network, &[image], size)?;
+        let extents = check_pixels(&self.network, &[image], size)?;
+        if self.network.sequences {
+            let expected = "a network of images";
+            return Err(Error::input("encoder", self.kind, expected));
+        }
         let windows = Windows::new(size, window, stride)?;
-        windows.embed(&self.cell_sums(image, size)?)
+        windows.embed(&self.cell_sums(image, extents)?)
     }
 
     /// The sums of the last feature map of an image that has been checked.
-    fn cell_sums(&self, image: &[f32], size: [usize; 2]) -> Result<CellSums> {
+    fn cell_sums(&self, image: &[f32], size: Size) -> Result<CellSums> {
         if let Some(kernels) = &self.kernels {
             return Ok(kernels.cell_sums(self.of_pixels(&[image], size)));
         }
+        let [_, height, width] = size;
         let normalisation = &self.network.normalisation;
-        let images = normalise(&self.planes(&[image], size)?, normalisation)?;
+        let images = normalise(&self.planes(&[image], [height, width])?, normalisation)?;
         let features = Plain::new(&self.network, &self.weights).features(&images)?;
         let (_, channels, rows, columns) = features.dims4()?;
         let cells: Vec<f32> = features.permute((0, 2, 3, 1))?.flatten_all()?.to_vec1()?;

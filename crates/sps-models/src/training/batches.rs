@@ -13,7 +13,7 @@ use super::image::Image;
 use crate::error::{Error, Result};
 use crate::rng::stream;
 
-/// Where training images come from, by index; asked for from several threads at once.
+/// Where training images, or sequences, come from, by index; asked for from several threads at once.
 ///
 /// ```
 /// use sps_models::training::{Image, ImageSource};
@@ -41,7 +41,7 @@ const AHEAD: usize = 2;
 
 /// Images of one step.
 pub(super) struct Batch {
-    /// `(surfaces x views, 3, height, width)`
+    /// `(surfaces x views, 3, [frames,] height, width)`
     pub(super) tensor: Tensor,
     pub(super) surfaces: Vec<usize>,
 }
@@ -125,20 +125,22 @@ pub(super) fn image(source: &dyn ImageSource, index: usize) -> Result<Image> {
         .map_err(|source| Error::Image { index, source })
 }
 
-/// `(images, 3, height, width)` of images of one size.
+/// `(images, 3, [frames,] height, width)` of images of one size.
 pub(super) fn stack(shown: &[Image], indices: &[usize]) -> Result<Tensor> {
-    let (height, width) = shown.first().map_or((0, 0), Image::size);
-    if let Some(at) = shown.iter().position(|i| i.size() != (height, width)) {
-        let (h, w) = shown[at].size();
+    let shape = shown.first().map_or(Vec::new(), Image::shape);
+    if let Some(at) = shown.iter().position(|i| i.shape() != shape) {
         return Err(Error::input(
             "image size",
-            format_args!("{h} x {w} of image {}", indices[at]),
-            format_args!("{height} x {width}, as of image {}", indices[0]),
+            format_args!("{:?} of image {}", shown[at].shape(), indices[at]),
+            format_args!("{shape:?}, as of image {}", indices[0]),
         ));
     }
     let values: Vec<f32> = shown.iter().flat_map(Image::pixels).copied().collect();
-    let tensor = Tensor::from_vec(values, (shown.len(), height, width, 3), &Device::Cpu)?;
-    Ok(tensor.permute((0, 3, 1, 2))?.contiguous()?)
+    let axes = shape.len();
+    let shape = [&[shown.len()], &shape[..]].concat();
+    let tensor = Tensor::from_vec(values, shape, &Device::Cpu)?;
+    let channels_first: Vec<usize> = [0, axes].into_iter().chain(1..axes).collect();
+    Ok(tensor.permute(channels_first)?.contiguous()?)
 }
 
 #[cfg(test)]

@@ -3,9 +3,13 @@ use rand::Rng;
 use super::Augmentation;
 use crate::error::{Error, Result};
 
-/// An image to train on: f32 in 0..=1, display-referred RGB, interleaved, row by row.
+/// An image to train on, or a sequence of frames where the encoder
+/// [takes those](crate::encoders::EncoderKind::takes_sequences): f32 in 0..=1, display-referred RGB,
+/// interleaved, row by row, frame by frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
+    /// Of a sequence.
+    frames: Option<usize>,
     height: usize,
     width: usize,
     pixels: Vec<f32>,
@@ -18,19 +22,53 @@ impl Image {
     ///
     /// When there are not as many values as the size asks for.
     pub fn new(height: usize, width: usize, pixels: Vec<f32>) -> Result<Self> {
-        let wanted = height.saturating_mul(width).saturating_mul(3);
-        if pixels.len() != wanted || wanted == 0 {
-            return Err(Error::input(
-                "image",
-                format_args!("{} values for {height} x {width} pixels", pixels.len()),
-                format_args!("{wanted}, at least 3"),
-            ));
-        }
-        Ok(Self {
+        Self {
+            frames: None,
             height,
             width,
             pixels,
-        })
+        }
+        .checked()
+    }
+
+    /// A sequence of `(frames, height, width, 3)` values.
+    ///
+    /// # Errors
+    ///
+    /// When there are not as many values as the size asks for.
+    pub fn sequence(frames: usize, height: usize, width: usize, pixels: Vec<f32>) -> Result<Self> {
+        Self {
+            frames: Some(frames),
+            height,
+            width,
+            pixels,
+        }
+        .checked()
+    }
+
+    fn checked(self) -> Result<Self> {
+        let found = self.pixels.len();
+        let shape = self.shape();
+        let wanted = shape.iter().fold(1_usize, |all, &n| all.saturating_mul(n));
+        if found != wanted || wanted == 0 {
+            return Err(Error::input(
+                "image",
+                format_args!("{found} values of {shape:?}"),
+                format_args!("{wanted}, at least 3"),
+            ));
+        }
+        Ok(self)
+    }
+
+    /// `([frames,] height, width, 3)`
+    pub(super) fn shape(&self) -> Vec<usize> {
+        let frames = self.frames.into_iter();
+        frames.chain([self.height, self.width, 3]).collect()
+    }
+
+    /// The frames of a sequence; none of an image.
+    pub fn frames(&self) -> Option<usize> {
+        self.frames
     }
 
     /// Height and width in pixels.
@@ -38,12 +76,12 @@ impl Image {
         (self.height, self.width)
     }
 
-    /// The values, `(height, width, 3)`.
+    /// The values, `(height, width, 3)`; of a sequence, `(frames, height, width, 3)`.
     pub fn pixels(&self) -> &[f32] {
         &self.pixels
     }
 
-    /// The image as it is shown this once.
+    /// The image as it is shown this once; all frames of a sequence alike.
     pub(super) fn varied(&self, augmentation: &Augmentation, rng: &mut impl Rng) -> Self {
         let mut image = self.cropped(augmentation, rng);
         let factor =
@@ -71,11 +109,15 @@ impl Image {
         let left = rng.random_range(0..=self.width - side);
         let flip = rng.random_bool(0.5) && augmentation.flip;
         let rows = (0..side).map(|row| top + if flip { side - 1 - row } else { row });
-        let pixels = rows.flat_map(|row| {
-            let from = (row * self.width + left) * 3;
-            self.pixels[from..from + 3 * side].iter().copied()
+        let frames = self.pixels.chunks_exact(3 * self.height * self.width);
+        let pixels = frames.flat_map(|frame| {
+            rows.clone().flat_map(move |row| {
+                let from = (row * self.width + left) * 3;
+                frame[from..from + 3 * side].iter().copied()
+            })
         });
         Self {
+            frames: self.frames,
             height: side,
             width: side,
             pixels: pixels.collect(),
@@ -150,9 +192,33 @@ mod tests {
     }
 
     #[test]
+    fn frames_of_a_sequence_are_varied_alike() {
+        let image = ramp(6, 9);
+        let pixels = image.pixels.repeat(3);
+        let sequence = Image::sequence(3, 6, 9, pixels).unwrap();
+        let strong = Augmentation {
+            crop: 0.7,
+            flip: true,
+            brightness: 0.3,
+            contrast: 0.3,
+            colour: 0.3,
+        };
+        for index in 0..20 {
+            let shown = |image: &Image| image.varied(&strong, &mut stream(0, "test", index));
+            let (expected, found) = (shown(&image), shown(&sequence));
+            assert_eq!(found.shape(), [3, 4, 4, 3]);
+            for frame in found.pixels.chunks_exact(expected.pixels.len()) {
+                assert!(same(frame, &expected.pixels));
+            }
+        }
+    }
+
+    #[test]
     fn a_size_that_the_values_do_not_fill_is_refused() {
         assert!(Image::new(2, 2, vec![0.0; 11]).is_err());
         assert!(Image::new(0, 2, vec![]).is_err());
+        assert!(Image::sequence(2, 2, 2, vec![0.0; 12]).is_err());
+        assert!(Image::sequence(usize::MAX, 2, 2, vec![0.0; 12]).is_err());
     }
 
     mod hard_cases {

@@ -62,7 +62,7 @@ impl WithSource for Train<'_> {
             matches!(method.encoder.network, NetworkSpec::Images(_)),
             "method `{}` looks at a sequence by {}; a model that is kept looks at photographs",
             method.id,
-            method.encoder.network.name()
+            method.encoder.network.kind()
         );
         keeps_its_views(&method)?;
         let splits = Splits::of(experiment, source.surfaces())?;

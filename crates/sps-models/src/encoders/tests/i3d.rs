@@ -4,33 +4,139 @@ use candle_core::{DType, Device, Tensor};
 
 use super::relative;
 use crate::Error;
-use crate::encoders::I3d;
-use crate::golden;
+use crate::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder};
+use crate::golden::{self, values};
 use crate::weights::{Weights, WeightsErrorKind};
 
 fn weights() -> Vec<(String, Tensor)> {
-    let specs = I3d::specs();
+    let specs = EncoderKind::I3d.specs();
     specs
         .iter()
         .map(|spec| (spec.name.clone(), golden::weight(spec)))
         .collect()
 }
 
+fn encoder() -> Encoder {
+    of(weights()).unwrap()
+}
+
+fn of(tensors: Vec<(String, Tensor)>) -> Result<Encoder, Error> {
+    let weights = Weights::from_tensors("the golden rule", tensors).unwrap();
+    Encoder::new(EncoderKind::I3d, weights, &Device::Cpu)
+}
+
+fn seeded() -> Encoder {
+    Encoder::seeded(EncoderKind::I3d, 1, &Device::Cpu).unwrap()
+}
+
+fn input(name: &str, shape: &[usize]) -> Tensor {
+    let tensor = golden::tensor(&format!("golden/i3d.{name}"), shape);
+    tensor.to_dtype(DType::F32).unwrap()
+}
+
 #[test]
 fn embeds_as_pytorch_does() {
-    let encoder = I3d::new(Weights::from_tensors("the golden rule", weights()).unwrap()).unwrap();
+    let encoder = encoder();
     let expected = golden::load("i3d.safetensors");
     for (name, shape) in [
         ("even", [2, 3, 8, 32, 48]),
         ("odd", [1, 3, 5, 37, 29]),
         ("one", [1, 3, 1, 1, 1]),
     ] {
-        let sequences = golden::tensor(&format!("golden/i3d.{name}"), &shape);
-        let sequences = sequences.to_dtype(DType::F32).unwrap();
-        let found = encoder.embed_normalised(&sequences).unwrap();
+        let found = encoder.embed_normalised(&input(name, &shape)).unwrap();
         let found = relative(&found, &expected[&format!("{name}.embedding")]);
         assert!(found < 1e-5, "{name}: {found:.1e}");
     }
+}
+
+/// Embedding, every gradient's norm, some whole gradients and running statistics of a pass in
+/// training.
+#[test]
+fn trains_as_pytorch_does() {
+    let expected = golden::load("i3d_training.safetensors");
+    for checkpointing in [false, true] {
+        let encoder = TrainableEncoder::new(&encoder()).unwrap();
+        let mut encoder = encoder.with_checkpointing(checkpointing);
+        let images = input("train.1", &[3, 3, 4, 40, 40]);
+        let embeddings = encoder.forward_normalised(&images).unwrap();
+        let found = relative(&embeddings, &expected["embedding"]);
+        assert!(found < 1e-4, "embedding: {found:.1e}");
+
+        let loss = (embeddings * input("cotangent", &[3, 1024])).unwrap();
+        let gradients = encoder.backward(&loss.mean_all().unwrap()).unwrap();
+        let mut norms = Vec::new();
+        let mut whole = 0;
+        for (name, variable) in encoder.variables() {
+            let gradient = gradients.get(variable).unwrap();
+            let squares: f64 = values(gradient).iter().map(|v| v * v).sum();
+            norms.push(squares.sqrt());
+            if let Some(expected) = expected.get(&format!("gradient.{name}")) {
+                let found = relative(gradient, expected);
+                println!("gradient of {name}: {found:.1e}");
+                assert!(found < 1e-3, "gradient of {name}: {found:.1e}");
+                whole += 1;
+            }
+        }
+        assert_eq!(whole, 4);
+        let expected_norms = values(&expected["norms"]);
+        let errors = norms.iter().zip(&expected_norms);
+        let worst = errors.map(|(f, e)| (f - e).abs() / e).fold(0.0, f64::max);
+        println!("norms of {} gradients: {worst:.1e}", norms.len());
+        assert_eq!(norms.len(), expected_norms.len());
+        assert!(worst < 1e-3, "norms of gradients: {worst:.1e}");
+
+        let weights = encoder.weights().unwrap();
+        let found = weights.get("Mixed_4c.b1b.bn.running_var").unwrap();
+        let found = relative(found, &expected["running_var"]);
+        assert!(found < 1e-5, "running variance: {found:.1e}");
+    }
+}
+
+/// What is computed in fewer bits stays near f32, of sequences that calibration did not see.
+#[test]
+fn fewer_bits_stay_near() {
+    let sequences = |name| (input(name, &[2, 3, 6, 40, 33]) * 0.5).unwrap() + 0.5;
+    let encoder = encoder();
+    let encoder = encoder
+        .calibrated(&[&sequences("calibration").unwrap()])
+        .unwrap();
+    let others = sequences("others").unwrap();
+    let exact = encoder.embed(&others).unwrap();
+    for (precision, bound) in [(Precision::Bf16, 1e-2), (Precision::Int8, 5e-2)] {
+        let encoder = encoder.clone().with_precision(precision).unwrap();
+        let found = relative(&encoder.embed(&others).unwrap(), &exact);
+        println!("{precision}: {found:.1e}");
+        assert!(found < bound, "{precision}: {found:.1e}");
+    }
+}
+
+#[test]
+fn pixels_embed_as_the_same_sequences_do() {
+    let (count, frames, height, width) = (2, 3, 20, 17);
+    let sequences = input("pixels", &[count, 3, frames, height, width]);
+    let sequences = sequences.abs().unwrap();
+    let pixels = sequences.permute((0, 2, 3, 4, 1)).unwrap();
+    let pixels = values(&pixels).into_iter().map(|value| value as f32);
+    let pixels: Vec<f32> = pixels.collect();
+    let each: Vec<&[f32]> = pixels.chunks_exact(3 * frames * height * width).collect();
+    let encoder = encoder();
+    let expected = encoder.embed(&sequences).unwrap().flatten_all().unwrap();
+    let found = encoder.embed_pixels(&each, [height, width]).unwrap();
+    assert_eq!(found, expected.to_vec1::<f32>().unwrap());
+    let other = &pixels[..3 * height * width];
+    for wrong in [vec![], vec![other, each[0]], vec![&other[1..]], vec![&[]]] {
+        assert!(encoder.embed_pixels(&wrong, [height, width]).is_err());
+    }
+    for wrong in [[height, width + 1], [0, width], [usize::MAX; 2]] {
+        assert!(encoder.embed_pixels(&each, wrong).is_err(), "{wrong:?}");
+    }
+}
+
+/// As PyTorch's own counter has it for the network of the script.
+#[test]
+fn multiply_adds_are_those_of_pytorch() {
+    let count = EncoderKind::I3d.multiply_adds([16, 224, 224]);
+    assert_eq!(count, Some(27_787_569_152));
 }
 
 #[test]
@@ -38,11 +144,10 @@ fn the_classifier_may_be_in_the_file() {
     let mut tensors = weights();
     let classifier = Tensor::zeros((400, 1024, 1, 1, 1), DType::F32, &Device::Cpu).unwrap();
     tensors.push(("logits.conv3d.weight".to_owned(), classifier));
-    assert!(I3d::new(Weights::from_tensors("file", tensors.clone()).unwrap()).is_ok());
+    assert!(of(tensors.clone()).is_ok());
     tensors.retain(|(name, _)| name != "Mixed_4c.b2b.bn.bias");
-    let error = I3d::new(Weights::from_tensors("file", tensors).unwrap()).unwrap_err();
-    let Error::Weights(error) = error else {
-        panic!("{error}");
+    let Error::Weights(error) = of(tensors).unwrap_err() else {
+        panic!("not of the weights");
     };
     assert!(matches!(
         error.kind(),
@@ -55,7 +160,7 @@ mod hard_cases {
 
     #[test]
     fn sequences_that_cannot_be_embedded() {
-        let encoder = I3d::seeded(1).unwrap();
+        let encoder = seeded();
         for shape in [
             vec![1, 3, 8, 8],
             vec![1, 4, 2, 8, 8],
@@ -64,19 +169,31 @@ mod hard_cases {
         ] {
             let sequences = Tensor::zeros(shape, DType::F32, &Device::Cpu).unwrap();
             let error = encoder.embed(&sequences).unwrap_err();
-            assert!(matches!(
-                error,
-                Error::Input {
-                    what: "sequences",
-                    ..
-                }
-            ));
+            assert!(matches!(error, Error::Input { what: "images", .. }));
         }
+        let image = vec![0.5; 3 * 64 * 64];
+        let error = encoder.embed_windows(&image, [64, 64], [32, 32], 8);
+        assert!(matches!(
+            error,
+            Err(Error::Input {
+                what: "encoder",
+                ..
+            })
+        ));
+    }
+
+    #[test]
+    fn a_network_of_images_takes_no_sequence() {
+        let kind = EncoderKind::SeResNextSmall;
+        let encoder = Encoder::seeded(kind, 1, &Device::Cpu).unwrap();
+        let sequence = Tensor::zeros((1, 3, 2, 8, 8), DType::F32, &Device::Cpu).unwrap();
+        assert!(encoder.embed(&sequence).is_err());
+        assert!(encoder.embed_pixels(&[&[0.5; 3 * 128]], [8, 8]).is_err());
     }
 
     #[test]
     fn sequences_of_one_value_and_of_odd_extents_are_finite() {
-        let encoder = I3d::seeded(1).unwrap();
+        let encoder = seeded();
         for (value, shape) in [
             (0.0_f32, (2, 3, 4, 9, 7)),
             (1e-40, (1, 3, 3, 8, 8)),
@@ -84,8 +201,7 @@ mod hard_cases {
             (0.5, (1, 3, 1, 3, 90)),
         ] {
             let sequences = Tensor::full(value, shape, &Device::Cpu).unwrap();
-            let embedding = encoder.embed(&sequences).unwrap().flatten_all().unwrap();
-            let embedding: Vec<f32> = embedding.to_vec1().unwrap();
+            let embedding = values(&encoder.embed(&sequences).unwrap());
             assert!(embedding.iter().all(|v| v.is_finite()));
         }
     }

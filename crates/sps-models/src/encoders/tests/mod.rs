@@ -34,6 +34,12 @@ fn exact_features(encoder: &Encoder, images: &Tensor) -> Tensor {
     net.features(&images).unwrap()
 }
 
+/// The networks of images.
+fn of_images() -> impl Iterator<Item = EncoderKind> {
+    let all = EncoderKind::ALL.into_iter();
+    all.filter(|kind| !kind.takes_sequences())
+}
+
 /// An encoder that can compute in int8.
 fn calibrated(encoder: Encoder) -> Encoder {
     let images = golden::tensor("calibration", &[4, 3, 72, 72]);
@@ -55,7 +61,7 @@ fn relative(found: &Tensor, expected: &Tensor) -> f64 {
 /// torchvision's page of `squeezenet1_0` 0.82 G.
 #[test]
 fn multiply_adds_are_those_printed() {
-    let of = |kind: EncoderKind| kind.multiply_adds(224, 224).unwrap() as f64;
+    let of = |kind: EncoderKind| kind.multiply_adds([1, 224, 224]).unwrap() as f64;
     let paper = of(EncoderKind::SeResNext50) + 2048.0 * 1000.0;
     assert!((paper / 4.25e9 - 1.0).abs() < 0.01, "{paper:e}");
     let classifier = 13.0 * 13.0 * 512.0 * 1000.0;
@@ -65,8 +71,12 @@ fn multiply_adds_are_those_printed() {
 
 #[test]
 fn an_image_too_small_to_embed_has_no_multiply_adds() {
-    assert_eq!(EncoderKind::SqueezeNet1_0.multiply_adds(6, 64), None);
-    assert!(EncoderKind::SeResNextSmall.multiply_adds(1, 1).is_some());
+    assert_eq!(EncoderKind::SqueezeNet1_0.multiply_adds([1, 6, 64]), None);
+    assert!(
+        EncoderKind::SeResNextSmall
+            .multiply_adds([1, 1, 1])
+            .is_some()
+    );
 }
 
 /// Without rounding, the composition that the kernels are measured against is PyTorch's network:

@@ -211,7 +211,7 @@ fn multiply_adds_of_other_networks_are_those_printed() {
         (EncoderKind::ResNet50, 2048 * 1000, 4.09),
         (EncoderKind::SqueezeNet1_1, 13 * 13 * 512 * 1000, 0.35),
     ] {
-        let count = kind.multiply_adds(224, 224).unwrap() + classifier;
+        let count = kind.multiply_adds([1, 224, 224]).unwrap() + classifier;
         let found = count as f64 / 1e9;
         assert!((found / printed - 1.0).abs() < 0.01, "{kind}: {found} G");
     }
@@ -240,5 +240,5 @@ fn parameters_are_as_many_as_printed() {
 #[test]
 fn the_smallest_image_follows_from_the_windows() {
     let least = EncoderKind::ALL.map(EncoderKind::min_size);
-    assert_eq!(least, [1, 1, 7, 3, 1, 1, 1, 1, 1, 1, 1, 1]);
+    assert_eq!(least, [1, 1, 7, 3, 1, 1, 1, 1, 1, 1, 1, 1, 1]);
 }

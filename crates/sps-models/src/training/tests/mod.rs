@@ -1,6 +1,7 @@
 //! Whole trainings on small images.
 
 mod heads;
+mod sequences;
 
 use std::error::Error as StdError;
 

@@ -46,6 +46,9 @@ pub(crate) struct Outcome {
     /// Where a method looks at one view after the other: where it stopped, for each of `surfaces`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stops: Vec<Stop>,
+    /// Of a network, the loss of its estimates in training, epoch by epoch.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub course: Vec<f64>,
     pub train_seconds: f64,
     /// Why there is no estimate: `surfaces` and the lists beside it are then empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -261,6 +264,7 @@ mod tests {
             estimate: vec![estimate],
             views: vec![49],
             stops: Vec::new(),
+            course: Vec::new(),
             train_seconds: 0.5,
             failed: None,
         }

@@ -74,6 +74,7 @@ pub(super) fn numbers(root: &Path, run: &Path) -> Result<(String, PathBuf)> {
 fn lighten(method: &mut MethodResult) {
     method.scores.lighten();
     method.training_means.clear();
+    method.training_losses.clear();
     method.selected_views.clear();
     for selection in method.selections.values_mut().flatten() {
         selection.curve.clear();

@@ -7,7 +7,7 @@ use kuva::plot::line::LinePlot;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 
-use super::figures::{COLOURS, Figure, PAGE, plotted};
+use super::figures::{Figure, PAGE, plotted, told_apart};
 use super::table::{Cell, Row, Table};
 use crate::results::{MethodResult, PerProperty, Results};
 
@@ -125,12 +125,8 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
         let line = LinePlot::new()
             .with_data(points)
             .with_y_err_asymmetric(whiskers)
-            .with_color(COLOURS[index % COLOURS.len()])
-            .with_stroke_width(1.8)
-            .with_legend(curve.label);
-        // Where colours come again, the lines differ.
-        let again = index >= COLOURS.len();
-        plots.push(Plot::Line(if again { line.with_dashed() } else { line }));
+            .with_stroke_width(1.8);
+        plots.push(told_apart(line, index, curve.label));
     }
     for (label, value) in ceilings(results) {
         let line = LinePlot::new()

@@ -16,6 +16,7 @@ mod summary;
 mod surfaces;
 pub(crate) mod table;
 mod tables;
+mod training;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

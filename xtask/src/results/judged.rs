@@ -96,6 +96,11 @@ impl<'a> Judged<'a> {
         self.folds.iter().map(|fold| fold.views.clone())
     }
 
+    /// How the network of each fold was trained, where it is one.
+    pub(super) fn courses(&self) -> impl Iterator<Item = &'a [f64]> + '_ {
+        self.folds.iter().map(|fold| &fold.course[..])
+    }
+
     pub(super) fn train_seconds(&self) -> f64 {
         self.folds.iter().map(|fold| fold.train_seconds).sum()
     }

@@ -147,6 +147,10 @@ pub(crate) struct MethodResult {
     /// Per property, the mean truth of each split's training part: R² is about it.
     #[serde(default)]
     pub training_means: PerProperty<Vec<f64>>,
+    /// Of networks: the mean squared error of their estimates in training, epoch by epoch, in units of the
+    /// readings' variance; over all properties and reruns.
+    #[serde(default)]
+    pub training_losses: Vec<f64>,
     /// Per property, the views of each rerun.
     pub selected_views: PerProperty<Vec<Vec<usize>>>,
     /// Where a selector chose them: how it went, per property and rerun.

@@ -75,10 +75,25 @@ pub(crate) fn score(
             .adaptive
             .and_then(|asked| AdaptiveResult::of(method, asked)),
         training_means: training_means.collect(),
+        training_losses: training_losses(method),
         selected_views: views.collect(),
         notes: notes.lines,
         ..method.row.clone()
     }
+}
+
+/// The mean loss of each epoch, over the networks that were trained in it.
+fn training_losses(method: &MethodOutcomes<'_>) -> Vec<f64> {
+    let courses: Vec<&[f64]> = method.trials().flat_map(Judged::courses).collect();
+    let epochs = courses.iter().map(|course| course.len()).max().unwrap_or(0);
+    let mean = |epoch: usize| {
+        let losses: Vec<f64> = courses
+            .iter()
+            .filter_map(|c| c.get(epoch).copied())
+            .collect();
+        losses.iter().sum::<f64>() / losses.len() as f64
+    };
+    (0..epochs).map(mean).collect()
 }
 
 /// How many different surfaces a method was scored on, and units of them.
@@ -112,6 +127,7 @@ mod tests {
             truth: some(truth),
             views: vec![0],
             stops: Vec::new(),
+            course: Vec::new(),
             train_seconds: 1.0,
             failed: error
                 .is_none()

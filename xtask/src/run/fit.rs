@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use sps_dataset::Units;
 use sps_estimator::Regression;
 use sps_models::FittedRegressor;
-use sps_models::heads::{DivergedTrial, Observer, Plan, TrainedHeads, Trial};
+use sps_models::heads::{DivergedTrial, Observer, Plan, TrainedHead, TrainedHeads, Trial};
 use tracing::warn;
 
 use super::adaptive::Walking;
@@ -92,7 +92,7 @@ pub(crate) fn run_missing(
     if let Ok(fitted) = &fitted
         && !matches!(method.estimator.regression(), Some(Regression::Head(_)))
     {
-        recorder.record(fitted.as_ref(), fitted.diverged());
+        recorder.record(fitted.as_ref(), fitted.diverged(), |_| Vec::new());
     }
     // A training that was stopped says less than what stopped it.
     recorder.into_failure().map_or(Ok(()), Err)?;
@@ -120,7 +120,12 @@ struct State<'a> {
 
 impl Observer for Recorder<'_> {
     fn finished(&self, heads: &TrainedHeads) {
-        self.record(heads, heads.diverged());
+        let course = |trained: &Trial| {
+            let head = heads.heads().iter().find(|head| head.trial() == trained);
+            let history = head.map_or(&[][..], TrainedHead::history);
+            history.iter().map(|losses| losses.estimation).collect()
+        };
+        self.record(heads, heads.diverged(), course);
         if let Err(error) = self.keep_courses(heads) {
             self.state().failed.get_or_insert(error);
         }
@@ -141,8 +146,14 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
-    fn record(&self, models: &dyn FittedRegressor, diverged: &[DivergedTrial]) {
-        let outcomes = self.outcomes(models).and_then(|mut outcomes| {
+    /// Writes down what models estimate; `course` says how the network of a trial was trained.
+    fn record(
+        &self,
+        models: &dyn FittedRegressor,
+        diverged: &[DivergedTrial],
+        course: impl Fn(&Trial) -> Vec<f64>,
+    ) {
+        let outcomes = self.outcomes(models, course).and_then(|mut outcomes| {
             for one in diverged {
                 outcomes.push(self.failure(one)?);
             }
@@ -174,7 +185,11 @@ impl<'a> Recorder<'a> {
 
     /// The outcome of each model: its estimates for the surfaces held out that were measured.
     /// Models that look at the same surfaces and views are asked together.
-    fn outcomes(&self, models: &dyn FittedRegressor) -> Result<Vec<Outcome>> {
+    fn outcomes(
+        &self,
+        models: &dyn FittedRegressor,
+        course: impl Fn(&Trial) -> Vec<f64>,
+    ) -> Result<Vec<Outcome>> {
         let mut alike: BTreeMap<Looked<'_>, Vec<(&TrialSpec, HeldOut)>> = BTreeMap::new();
         for trained in models.trials() {
             let spec = self.spec(trained)?;
@@ -190,12 +205,14 @@ impl<'a> Recorder<'a> {
             });
             let mut estimates = self.estimates(some.as_ref(), fillings, &surfaces)?;
             for (spec, held_out) in specs {
-                let place = some
-                    .trials()
-                    .iter()
-                    .position(|trained| is_of(spec, trained));
-                let estimate = std::mem::take(&mut estimates[place.context("no model")?]);
-                outcomes.push(self.judge.outcome(spec, held_out, estimate));
+                let trials = some.trials();
+                let place = trials.iter().position(|trained| is_of(spec, trained));
+                let place = place.context("no model")?;
+                let estimate = std::mem::take(&mut estimates[place]);
+                outcomes.push(Outcome {
+                    course: course(trials[place]),
+                    ..self.judge.outcome(spec, held_out, estimate)
+                });
             }
         }
         Ok(outcomes)
@@ -300,6 +317,7 @@ impl Judge<'_> {
             estimate,
             views: tables.shown(&trial.views.shown()),
             stops: Vec::new(),
+            course: Vec::new(),
             train_seconds: 0.0,
             failed: None,
         }

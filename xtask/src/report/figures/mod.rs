@@ -7,12 +7,13 @@ mod scatter;
 mod speed_error;
 
 use kuva::backend::svg::SvgBackend;
+use kuva::plot::line::LinePlot;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 use kuva::render::render::{Primitive, Scene, render_multiple};
 
 use super::predictions::Prediction;
-use super::{calibration, learning, selection};
+use super::{calibration, learning, selection, training};
 use crate::results::{MethodResult, Results};
 
 /// Pixels, of which 96 are an inch: 89 mm.
@@ -48,6 +49,7 @@ pub(crate) fn figures(
 ) -> Vec<Figure> {
     let mut figures: Vec<Figure> = speed_error::figure(results).into_iter().collect();
     figures.extend(learning::figure(results));
+    figures.extend(training::figure(results));
     figures.push(bars::figure(results));
     figures.extend(fan::figure(results));
     figures.extend(selection::curves(results));
@@ -55,6 +57,17 @@ pub(crate) fn figures(
     figures.extend(best.map(|method| scatter::figure(results, method, predictions)));
     figures.extend(calibration::figures(results, shown, predictions));
     figures
+}
+
+/// The line as that of number `index`: where colours come again, lines are broken, which the legend says
+/// because it shows colours alone.
+pub(super) fn told_apart(line: LinePlot, index: usize, label: &str) -> Plot {
+    let line = line.with_color(COLOURS[index % COLOURS.len()]);
+    Plot::Line(match index / COLOURS.len() {
+        0 => line.with_legend(label),
+        1 => line.with_dashed().with_legend(format!("{label} (dashed)")),
+        _ => line.with_dotted().with_legend(format!("{label} (dotted)")),
+    })
 }
 
 /// One plot of this width and height.

@@ -271,6 +271,19 @@ mod tests {
             &format!("{METHOD}all-views = true\nselector = {{ kind = \"random\" }}"),
             &["line 6", "cannot stand beside `all-views`"],
         );
+        let i3d = format!("{METHOD}[methods.encoder]\nname = \"i3d\"\n");
+        refused(&format!("{i3d}frames = 0"), &["line 7", "at least 1"]);
+        refused(
+            &format!(
+                "{i3d}trainable = true\n[methods.encoder.training.objective]\nkind = \"heads\"\n\
+                 input = {{ kind = \"late-fusion\", views = 3 }}"
+            ),
+            &["line 8", "sees one sequence"],
+        );
+        refused(
+            &format!("{METHOD}all-views = true\nencoder.name = \"i3d\""),
+            &["line 5", "cannot stand beside i3d"],
+        );
         let head = METHOD.replace("ridge", "head");
         refused(&format!("{head}head.epochs = 0"), &["line 5", "epochs"]);
     }

@@ -6,6 +6,7 @@ use anyhow::Result;
 use serde_json::Value;
 use sps_estimator::Regression;
 
+use super::encoder::Network;
 use super::experiment::Experiment;
 use super::looks::Looks;
 use super::method::Method;
@@ -31,7 +32,10 @@ fn settings(method: &Method) -> Result<Vec<(String, String)>> {
         let encoder = quoted(&encoder::describe(&method.encoder));
         lines.push(("encoder".to_owned(), encoder));
     }
-    lines.extend(looks(&method.looks)?);
+    // Of a sequence the encoder says which views it is made of.
+    if matches!(method.encoder.network, Network::Images(_)) {
+        lines.extend(looks(&method.looks)?);
+    }
     if let Some(adaptive) = &method.adaptive {
         lines.push(("adaptive".to_owned(), inline(&json(adaptive)?)));
     }

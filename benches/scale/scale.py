@@ -1,6 +1,6 @@
 """Measures time and memory of the default experiment against its size, and writes docs/scale.md.
 
-See README.md. Needs Python 3.9 or later and nothing else.
+See README.md. Needs Linux, Python 3.9 or later, and nothing else.
 """
 
 import argparse
@@ -98,7 +98,7 @@ def count(number):
 
 
 def table(name, points, beyond):
-    keys = [("seconds", "s"), ("processor_seconds", "s of a processor"), ("mebibytes", "MiB")]
+    keys = [("seconds", "seconds"), ("processor_seconds", "seconds of a processor"), ("mebibytes", "MiB")]
     lines = [
         f"| {name} | " + " | ".join(title for _, title in keys) + " |",
         "|---:|---:|---:|---:|",
@@ -159,8 +159,9 @@ def main():
                 print(name, point, file=sys.stderr, flush=True)
                 measured[name].append(point)
             MEASURED.write_text(json.dumps(measured, indent=1) + "\n")
-    if any(name not in measured for name in SERIES):
-        return
+    missing = [name for name in SERIES if name not in measured]
+    if missing:
+        sys.exit(f"{MEASURED.name} has no {', '.join(missing)}: {PAGE} is not written")
     text = page(measured)
     if arguments.check:
         if text != PAGE.read_text(encoding="utf-8"):

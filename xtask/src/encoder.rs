@@ -50,10 +50,14 @@ pub(crate) fn calibrated(
     let some = count.min(CALIBRATION);
     let image = |i: usize| {
         let frame = frame(i * count / some)?;
-        let images = embedder.prepared(&frame)?;
-        let shape = (images.len(), images[0].height, images[0].width, 3);
-        let pixels = images.iter().flat_map(|image| &image.data).copied();
-        let pixels = Tensor::from_vec(pixels.collect(), shape, &Device::Cpu)?;
+        let Frame {
+            width,
+            height,
+            data,
+        } = embedder.prepared(&frame)?.into_owned();
+        let frames = embedder.network().frames();
+        let shape = (frames, height / frames, width, 3);
+        let pixels = Tensor::from_vec(data, shape, &Device::Cpu)?;
         Ok(match embedder.network() {
             Network::Images(_) => pixels.permute((0, 3, 1, 2))?,
             Network::Sequences(..) => pixels.permute((3, 0, 1, 2))?.unsqueeze(0)?,

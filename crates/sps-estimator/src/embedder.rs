@@ -172,15 +172,14 @@ impl Embedder {
         let prepared = frames.iter().map(|frame| self.prepared(frame));
         let prepared = prepared.collect::<Result<Vec<_>>>()?;
         for (index, images) in prepared.iter().enumerate() {
-            let size = [images[0].height, images[0].width];
+            let size = [images.height / self.network.frames(), images.width];
             by_size.entry(size).or_default().push(index);
         }
         let width = self.width();
         let mut values = vec![0.0; frames.len() * width];
         for (size, indices) in by_size {
-            let images = indices.iter().map(|&index| whole(&prepared[index]));
-            let images: Vec<Cow<'_, [f32]>> = images.collect();
-            let images: Vec<&[f32]> = images.iter().map(AsRef::as_ref).collect();
+            let images = indices.iter().map(|&index| &prepared[index].data[..]);
+            let images: Vec<&[f32]> = images.collect();
             let embedded = self.network.encoder().embed_pixels(&images, size)?;
             for (&index, row) in indices.iter().zip(embedded.chunks_exact(width)) {
                 values[index * width..][..width].copy_from_slice(row);
@@ -196,37 +195,41 @@ impl Embedder {
         }
     }
 
-    /// The images that a frame of [`Embedder::embed`] holds, all of one size, as the network takes them;
-    /// at least one.
+    /// A frame of [`Embedder::embed`] as the network takes it: every image that it holds brought to size,
+    /// one below the other.
     ///
     /// # Errors
     ///
     /// A frame that lacks pixels, or is not of as many images as a sequence has.
-    pub fn prepared<'f>(&self, frame: &'f Frame) -> Result<Vec<Cow<'f, Frame>>> {
+    pub fn prepared<'f>(&self, frame: &'f Frame) -> Result<Cow<'f, Frame>> {
         let count = self.network.frames();
         if count == 1 {
-            return Ok(vec![self.prepare(frame)?]);
+            return self.prepare(frame);
         }
         let (width, height) = (frame.width, frame.height / count);
         let images = frame.data.chunks_exact((width * height * 3).max(1));
-        let image = |data: &[f32]| {
+        if images.len() != count {
+            let found = format!("{} images", images.len());
+            let expected = format!("{count} of one size");
+            return Err(Error::input("a sequence", found, expected));
+        }
+        let mut prepared = Frame {
+            width: 0,
+            height: 0,
+            data: Vec::new(),
+        };
+        for data in images {
             let image = Frame {
                 width,
                 height,
                 data: data.to_vec(),
             };
-            Ok(Cow::Owned(self.prepare(&image)?.into_owned()))
-        };
-        let images = images.map(image).collect::<Result<Vec<_>>>()?;
-        if images.len() == count {
-            return Ok(images);
+            let image = self.prepare(&image)?;
+            prepared.width = image.width;
+            prepared.height += image.height;
+            prepared.data.extend_from_slice(&image.data);
         }
-        let found = format!("{} images", images.len());
-        Err(Error::input(
-            "a sequence",
-            found,
-            format!("{count} of one size"),
-        ))
+        Ok(Cow::Owned(prepared))
     }
 
     /// The photograph as the network takes it.
@@ -235,18 +238,6 @@ impl Embedder {
             Some(shorter) => Ok(frame.resized(shorter)?),
             None => Ok(Cow::Borrowed(frame)),
         }
-    }
-}
-
-/// The images one below the other.
-fn whole<'i>(images: &'i [Cow<'_, Frame>]) -> Cow<'i, [f32]> {
-    match images {
-        [image] => Cow::Borrowed(&image.data),
-        images => images
-            .iter()
-            .flat_map(|image| &image.data)
-            .copied()
-            .collect(),
     }
 }
 

@@ -170,6 +170,19 @@ mod tests {
     const R2: f64 = 1.0 - 1.0 / 14.0;
 
     #[test]
+    fn losses_of_training_are_means_over_the_networks_that_reached_an_epoch() {
+        let with = |rerun, course| Outcome {
+            course,
+            ..outcome(rerun, Some(0.5))
+        };
+        let outcomes = [with(0, vec![1.0, 0.5]), with(1, vec![3.0])];
+        let none = [with(0, Vec::new())];
+        let rows = scored(&[method("network", &outcomes, 1), method("ridge", &none, 1)]);
+        assert_eq!(rows[0].training_losses, [2.0, 0.5]);
+        assert!(rows[1].training_losses.is_empty());
+    }
+
+    #[test]
     fn a_failed_rerun_is_left_out_with_its_reason() {
         let baseline = [outcome(0, Some(1.0)), outcome(1, Some(1.0))];
         let some = [outcome(0, None), outcome(1, Some(0.5))];

@@ -2,7 +2,7 @@ use std::error::Error as StdError;
 use std::sync::OnceLock;
 
 use anyhow::Result;
-use sps_dataset::{FrameIndex, Source};
+use sps_dataset::{Frame, FrameIndex, Source};
 use sps_estimator::{Embedder, Network};
 use sps_models::training::{Image, ImageSource};
 
@@ -43,13 +43,16 @@ impl<'a> FrameImages<'a> {
         Self::new(frames.len(), move |index| {
             let FrameIndex { surface, view } = frames[index];
             let frame = source.frame_to_resize(surface, view, embedder.resize())?;
-            let images = embedder.prepared(&frame)?;
-            let (height, width) = (images[0].height, images[0].width);
-            let pixels = images.iter().flat_map(|image| &image.data).copied();
-            let pixels = pixels.collect();
+            let Frame {
+                width,
+                height,
+                data,
+            } = embedder.prepared(&frame)?.into_owned();
             Ok(match embedder.network() {
-                Network::Images(_) => Image::new(height, width, pixels)?,
-                Network::Sequences(..) => Image::sequence(images.len(), height, width, pixels)?,
+                Network::Images(_) => Image::new(height, width, data)?,
+                Network::Sequences(_, frames) => {
+                    Image::sequence(*frames, height / frames, width, data)?
+                }
             })
         })
     }

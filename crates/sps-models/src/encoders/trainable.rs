@@ -176,8 +176,8 @@ impl TrainableEncoder {
         Encoder::new(self.kind, self.weights()?, &self.device)
     }
 
-    /// Embeds images or sequences, as [`Encoder::embed`] takes them, to `(n, width)`, as training does: batch norm by the batch's own statistics, which also move
-    /// the running ones.
+    /// Embeds images or sequences, as [`Encoder::embed`] takes them, to `(n, width)`, as training does:
+    /// batch norm by the batch's own statistics, which also move the running ones.
     ///
     /// # Errors
     ///

@@ -1,6 +1,8 @@
 //! How work on a feature map is split over threads.
 
 use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
@@ -30,9 +32,43 @@ pub(crate) struct Band<'a, W = f32> {
 }
 
 /// Runs `work` on a thread of the pool that the caller is in: from outside, each parallel step in it
-/// would be handed over and waited for asleep.
+/// would be handed over and waited for asleep. The pool's other threads stay awake until it is done.
 pub(crate) fn inside_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
-    rayon::scope(|_| work())
+    rayon::scope(|_| {
+        let _awake = Awake::new();
+        work()
+    })
+}
+
+/// Has the pool's other threads look for work until it is dropped: to wake one takes longer than many a
+/// layer.
+struct Awake {
+    over: Arc<AtomicBool>,
+}
+
+impl Awake {
+    fn new() -> Self {
+        let over = Arc::new(AtomicBool::new(false));
+        let here = rayon::current_thread_index();
+        for _ in 1..rayon::current_num_threads() {
+            let over = Arc::clone(&over);
+            rayon::spawn(move || {
+                // This thread may come upon it itself, while it waits for another.
+                while rayon::current_thread_index() != here && !over.load(Ordering::Relaxed) {
+                    if rayon::yield_now() == Some(rayon::Yield::Idle) {
+                        std::thread::yield_now();
+                    }
+                }
+            });
+        }
+        Self { over }
+    }
+}
+
+impl Drop for Awake {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Relaxed);
+    }
 }
 
 /// Calls `work` on bands that cover the grid: one band of all frames for [`Threads::One`], and

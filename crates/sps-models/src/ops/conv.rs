@@ -100,11 +100,10 @@ impl<W: Word> Conv<W> {
                 if let (1, Some(matrix)) = (taps, W::from_numbers(matrix)) {
                     return Panels::pack_transposed(level, inputs, outputs, matrix);
                 }
-                let number = |row: usize, column: usize| {
-                    at(group * outputs + column, row / inputs, row % inputs)
-                };
-                Panels::pack(level, W::words(taps * inputs), outputs, |row, column| {
-                    W::of_matrix(|i| number(W::NUMBERS * row + i, column))
+                let words = W::words(inputs);
+                Panels::pack(level, [taps, words], outputs, |tap, word, column| {
+                    let output = group * outputs + column;
+                    W::of_matrix(|i| at(output, tap, W::NUMBERS * word + i))
                 })
             };
             Packed::Matrices((0..shape.groups).map(group).collect())
@@ -144,6 +143,22 @@ impl<W: Word> Conv<W> {
         let starts = from.starts(window, to.size);
         let places = to.places();
         let taps = self.taps(from);
+        if let (Threads::All, Packed::Matrices(groups)) = (threads, &self.packed)
+            && let [panels] = &groups[..]
+            && panels.outweigh(from, to)
+        {
+            let product = Product {
+                source,
+                rows: &starts,
+                frame_rows: pixels(to.size),
+                taps: &taps,
+                run: panels.k() / taps.len(),
+                panels: panels.all(),
+                epilogue,
+            };
+            product.write_shared(panels, target, &places);
+            return;
+        }
         for_each_band(threads, to, target, |band| {
             let starts = &starts[band.pixels.clone()];
             let places = &places[band.pixels];
@@ -183,7 +198,7 @@ impl<W: Word> Conv<W> {
                             frame_rows: places.len() / band.frames.len().max(1),
                             taps: &taps,
                             run: panels.k() / taps.len(),
-                            panels,
+                            panels: panels.all(),
                             epilogue: epilogue.from(band.frames.start, column),
                         };
                         let target = &mut band.target[W::words(column)..];

@@ -87,8 +87,24 @@ impl ConvTranspose {
             .iter()
             .map(|phase| phase.table(from, to, stride))
             .collect();
+        let epilogue = Epilogue {
+            accumulate: accumulate.then_some(1.0),
+            ..Epilogue::default()
+        };
+        let phases = self.phases.iter().zip(&tables);
+        let (heavy, light): (Vec<_>, Vec<_>) = phases.partition(|(phase, _)| {
+            let panels = phase.packed.matrix();
+            panels.is_some_and(|panels| panels.outweigh(from, to))
+        });
+        for (phase, table) in heavy {
+            if let Some(panels) = phase.packed.matrix() {
+                let rows = (&table.starts[..], &table.taps[..]);
+                let product = self.product(panels, gradient, rows, epilogue);
+                product.write_shared(panels, target, &table.places);
+            }
+        }
         for_each_band(Threads::All, to, target, |band| {
-            for (phase, table) in self.phases.iter().zip(&tables) {
+            for (phase, table) in &light {
                 let end = band.origin + band.target.len();
                 let within = |limit: usize| table.places.partition_point(|&place| place < limit);
                 let range = within(band.origin)..within(end);
@@ -99,12 +115,31 @@ impl ConvTranspose {
                     places: &table.places[range],
                     origin: band.origin,
                 };
-                self.write(phase, &rows, band.target, accumulate);
+                self.write(phase, &rows, band.target, epilogue);
             }
         });
     }
 
-    fn write(&self, phase: &Phase, rows: &Rows<'_>, target: &mut [f32], accumulate: bool) {
+    /// The product for the rows of one group.
+    fn product<'a>(
+        &self,
+        panels: &'a Panels,
+        source: &'a [f32],
+        (rows, taps): (&'a [usize], &'a [usize]),
+        epilogue: Epilogue<'a>,
+    ) -> Product<'a> {
+        Product {
+            source,
+            rows,
+            frame_rows: rows.len(),
+            taps,
+            run: self.shape.group_outputs(),
+            panels: panels.all(),
+            epilogue,
+        }
+    }
+
+    fn write(&self, phase: &Phase, rows: &Rows<'_>, target: &mut [f32], epilogue: Epilogue<'_>) {
         let Rows {
             source,
             starts,
@@ -112,13 +147,9 @@ impl ConvTranspose {
             places,
             origin,
         } = *rows;
-        let epilogue = Epilogue {
-            accumulate: accumulate.then_some(1.0),
-            ..Epilogue::default()
-        };
         match &phase.packed {
             Packed::None => {
-                for &place in places.iter().filter(|_| !accumulate) {
+                for &place in places.iter().filter(|_| epilogue.accumulate.is_none()) {
                     target[place - origin..][..self.shape.inputs].fill(0.0);
                 }
             }
@@ -140,15 +171,8 @@ impl ConvTranspose {
             .write(target, places, origin),
             Packed::Matrices(groups) => {
                 for (group, panels) in groups.iter().enumerate() {
-                    let product = Product {
-                        source: &source[group * self.shape.group_outputs()..],
-                        rows: starts,
-                        frame_rows: places.len(),
-                        taps,
-                        run: self.shape.group_outputs(),
-                        panels,
-                        epilogue,
-                    };
+                    let source = &source[group * self.shape.group_outputs()..];
+                    let product = self.product(panels, source, (starts, taps), epilogue);
                     let column = group * self.shape.group_inputs();
                     product.write(&mut target[column..], places, origin);
                 }
@@ -228,6 +252,14 @@ impl Phase {
 }
 
 impl Packed {
+    /// The matrix of the only group.
+    fn matrix(&self) -> Option<&Panels> {
+        match self {
+            Self::Matrices(groups) if groups.len() == 1 => groups.first(),
+            _ => None,
+        }
+    }
+
     /// Those of the given taps.
     fn pack(level: Level, shape: &ConvShape, taps: &[usize], weights: &[f32]) -> Self {
         let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
@@ -256,9 +288,12 @@ impl Packed {
                 let matrix = &weights[group * outputs * inputs..][..outputs * inputs];
                 return Panels::pack_rows(level, outputs, inputs, matrix);
             }
-            Panels::pack(level, taps.len() * outputs, inputs, |row, column| {
-                at(group * outputs + row % outputs, column, row / outputs)
-            })
+            Panels::pack(
+                level,
+                [taps.len(), outputs],
+                inputs,
+                |tap, output, input| at(group * outputs + output, input, tap),
+            )
         };
         Self::Matrices((0..shape.groups).map(group).collect())
     }

@@ -2,19 +2,16 @@
 
 use rayon::prelude::*;
 
-use super::buffer::Buffer;
 use super::conv::ConvShape;
 use super::depthwise::DepthwiseOuter;
 use super::grid::{Grid, pixels};
 use super::grouped::GroupedOuter;
 use super::outer::Outer;
-use super::panels::Panels;
-use super::product::{Epilogue, Product};
 use super::simd::Level;
 
 /// Pixels whose outer products are summed before the sum joins a longer one: few enough that
 /// what they hold stays in the cache.
-const BLOCK: usize = 512;
+const NEAR: usize = 256;
 
 /// Writes the gradient of the weights, `(outputs, inputs / groups, time, height, width)`.
 ///
@@ -33,9 +30,7 @@ pub(crate) fn weight_gradient(
         gradient,
         places: &to.places(),
     };
-    if shape.groups == 1 && pixels(shape.window.size) == 1 {
-        pointwise(level, shape, &pairs, target);
-    } else if shape.groups == 1 {
+    if shape.groups == 1 {
         let taps = from.taps(shape.runs(from));
         let run = pixels(shape.window.size) * shape.inputs / taps.len();
         dense(level, shape, &pairs, &taps, run, target);
@@ -59,144 +54,55 @@ struct Pairs<'a> {
     places: &'a [usize],
 }
 
-/// Pixels of which both feature maps stay in the cache.
-const NEAR: usize = 256;
+/// Rows of a part that one thread computes, where there are as many: two tall tiles.
+const ROWS: usize = 28;
 
-/// One matrix: rows are outputs, columns inputs. Both feature maps are read where they lie.
-fn pointwise(level: Level, shape: &ConvShape, pairs: &Pairs<'_>, target: &mut [f32]) {
-    let rows = shape.outputs.div_ceil(2 * rayon::current_num_threads());
-    let parts = target.par_chunks_mut(rows * shape.inputs).enumerate();
-    parts.for_each(|(part, target)| {
-        target.fill(0.0);
-        let blocks = pairs.starts.chunks(NEAR).zip(pairs.places.chunks(NEAR));
-        for (starts, places) in blocks {
-            let outer = Outer {
-                left: &pairs.gradient[part * rows..],
-                left_rows: places,
-                right: pairs.source,
-                right_rows: starts,
-                height: target.len() / shape.inputs,
-                width: shape.inputs,
-            };
-            outer.add(level, target, shape.inputs);
-        }
-    });
-}
-
-/// One matrix: rows are outputs, columns the runs' elements.
+/// A matrix for each run of the window: rows are outputs, columns the run's elements.
 fn dense(
     level: Level,
     shape: &ConvShape,
     pairs: &Pairs<'_>,
-    taps: &[usize],
+    runs: &[usize],
     run: usize,
     target: &mut [f32],
 ) {
-    let columns = taps.len() * run;
-    let parts = parts(shape.outputs, columns);
-    let blocks: Vec<Vec<f32>> = parts
-        .par_iter()
-        .map(|part| part.compute(level, pairs, taps, run))
-        .collect();
-    let (taps, inputs) = (pixels(shape.window.size), shape.inputs);
-    for (part, block) in parts.iter().zip(&blocks) {
-        for (row, values) in part.rows.clone().zip(block.chunks(part.columns.len())) {
-            for (column, value) in part.columns.clone().zip(values) {
-                let (tap, input) = (column / inputs, column % inputs);
-                target[(row * inputs + input) * taps + tap] = *value;
-            }
-        }
-    }
-}
-
-/// A part of the matrix that one thread computes.
-struct Part {
-    rows: std::ops::Range<usize>,
-    columns: std::ops::Range<usize>,
-}
-
-/// Cuts a matrix into parts enough for the threads, none of them needlessly small.
-fn parts(rows: usize, columns: usize) -> Vec<Part> {
-    let wanted = 2 * rayon::current_num_threads();
-    let across = wanted.min(rows.div_ceil(56)).max(1);
-    let along = wanted.div_ceil(across).min(columns.div_ceil(128)).max(1);
-    let share = |len: usize, parts: usize, i: usize| len * i / parts..len * (i + 1) / parts;
-    (0..across * along)
-        .map(|i| Part {
-            rows: share(rows, across, i / along),
-            columns: share(columns, along, i % along),
-        })
-        .collect()
-}
-
-impl Part {
-    /// The part, `(rows, columns)`: block by block, the gradient's columns stand as rows against
-    /// the gathered input.
-    fn compute(&self, level: Level, pairs: &Pairs<'_>, taps: &[usize], run: usize) -> Vec<f32> {
-        let (height, width) = (self.rows.len(), self.columns.len());
-        let mut sums = vec![0.0; height * width];
-        let mut left = Buffer::zeros(height * BLOCK);
-        let mut right = Panels::empty(level);
-        let places: Vec<usize> = (0..height).map(|row| row * width).collect();
-        let rows: Vec<usize> = (0..height).map(|row| row * BLOCK).collect();
-        let blocks = pairs.starts.chunks(BLOCK).zip(pairs.places.chunks(BLOCK));
-        for (starts, pixels) in blocks {
-            transpose(pairs.gradient, pixels, self.rows.start, height, &mut left);
-            right.gather(starts.len(), width, |row, column, out| {
-                let start = starts[row];
-                gather(
-                    &pairs.source[start..],
-                    taps,
-                    run,
-                    self.columns.start + column,
-                    out,
-                );
-            });
-            let product = Product {
-                source: &left,
-                rows: &rows,
-                frame_rows: height,
-                taps: &[0],
-                run: starts.len(),
-                panels: &right,
-                epilogue: Epilogue {
-                    accumulate: Some(1.0),
-                    ..Epilogue::default()
-                },
+    let wanted = (2 * rayon::current_num_threads()).min(shape.outputs / ROWS);
+    let height = shape.outputs.div_ceil(wanted.max(1));
+    let firsts = (0..shape.outputs).step_by(height);
+    let parts = firsts.flat_map(|first| runs.iter().map(move |&offset| (first, offset)));
+    let parts: Vec<(usize, usize)> = parts.collect();
+    let part = |&(first, offset): &(usize, usize)| {
+        let height = height.min(shape.outputs - first);
+        let mut sums = vec![0.0; height * run];
+        let blocks = pairs.starts.chunks(NEAR).zip(pairs.places.chunks(NEAR));
+        for (starts, places) in blocks {
+            let outer = Outer {
+                left: &pairs.gradient[first..],
+                left_rows: places,
+                right: &pairs.source[offset..],
+                right_rows: starts,
+                height,
+                width: run,
             };
-            product.write(&mut sums, &places, 0);
+            outer.add(level, &mut sums, run);
         }
         sums
-    }
-}
-
-/// Lays `height` channels from `channel` on out as rows of [`BLOCK`] pixels.
-fn transpose(source: &[f32], pixels: &[usize], channel: usize, height: usize, target: &mut [f32]) {
-    const TILE: usize = 16;
-    for from in (0..height).step_by(TILE) {
-        let to = (from + TILE).min(height);
-        for (i, &pixel) in pixels.iter().enumerate() {
-            let start = pixel + channel;
-            for (row, value) in (from..to).zip(&source[start + from..start + to]) {
-                target[row * BLOCK + i] = *value;
+    };
+    let parts: Vec<Vec<f32>> = parts.par_iter().map(part).collect();
+    let (taps, inputs) = (pixels(shape.window.size), shape.inputs);
+    let rows = target.par_chunks_exact_mut(inputs * taps).enumerate();
+    rows.for_each(|(row, target)| {
+        let parts = &parts[row / height * runs.len()..][..runs.len()];
+        let columns = parts.iter().flat_map(|part| {
+            let own = &part[row % height * run..][..run];
+            own.chunks_exact(inputs)
+        });
+        for (tap, values) in columns.enumerate() {
+            for (target, value) in target.iter_mut().skip(tap).step_by(taps).zip(values) {
+                *target = *value;
             }
         }
-    }
-}
-
-/// Copies a window's elements from number `from` on, its runs one after the other.
-fn gather(window: &[f32], taps: &[usize], run: usize, from: usize, out: &mut [f32]) {
-    let mut at = from;
-    let mut rest = out;
-    while !rest.is_empty() {
-        let (tap, offset) = (at / run, at % run);
-        let len = (run - offset).min(rest.len());
-        let (now, later) = rest.split_at_mut(len);
-        let start = taps[tap] + offset;
-        now.copy_from_slice(&window[start..start + len]);
-        rest = later;
-        at += len;
-    }
+    });
 }
 
 /// A small matrix for each group and tap.
@@ -221,7 +127,7 @@ fn grouped(level: Level, shape: &ConvShape, pairs: &Pairs<'_>, taps: &[usize], t
             let mut sums = vec![0.0; outputs * inputs];
             for (tap, &offset) in taps.iter().enumerate() {
                 sums.fill(0.0);
-                let blocks = pairs.starts.chunks(BLOCK).zip(pairs.places.chunks(BLOCK));
+                let blocks = pairs.starts.chunks(NEAR).zip(pairs.places.chunks(NEAR));
                 for (starts, places) in blocks {
                     let outer = Outer {
                         left: &pairs.source[offset + group * inputs..],

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::buffer::Buffer;
+use super::grid::{Grid, pixels};
 use super::simd::Level;
 use super::words::Word;
 
@@ -11,6 +12,10 @@ pub(super) const PANEL_VECTORS: usize = 2;
 
 /// Rows whose cache lines a transposition holds at once.
 const BLOCK: usize = 64;
+
+/// Words of each tap, and columns, whose cache lines packing holds at once: columns often lie so far apart
+/// that they fall on few sets of the cache.
+const NEAR: [usize; 2] = [16, 8];
 
 /// A matrix of words `(k, n)` cut into panels of columns: each panel is stored row by row, so that
 /// the kernel reads it from front to back.
@@ -23,6 +28,17 @@ pub(crate) struct Panels<W = f32> {
     k: usize,
     n: usize,
     data: Buffer<W>,
+}
+
+/// Panels of a matrix that lie side by side: a matrix of their columns alone.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PanelRun<'a, W> {
+    level: Level,
+    k: usize,
+    /// The first column in the whole matrix.
+    column: usize,
+    n: usize,
+    data: &'a [W],
 }
 
 /// One panel.
@@ -39,17 +55,31 @@ pub(super) struct Panel<'a, W> {
 }
 
 impl<W: Word> Panels<W> {
-    /// Packs the matrix whose element `(row, column)` is `element(row, column)`.
+    /// Packs the matrix `(taps * words, n)` whose element for a tap, a word and a column is
+    /// `element(tap, word, column)`.
     pub(crate) fn pack(
         level: Level,
-        k: usize,
+        [taps, words]: [usize; 2],
         n: usize,
-        element: impl Fn(usize, usize) -> W,
+        element: impl Fn(usize, usize, usize) -> W + Send + Sync,
     ) -> Self {
-        let mut panels = Self::empty(level);
-        panels.gather(k, n, |row, column, out| {
-            for (i, out) in out.iter_mut().enumerate() {
-                *out = element(row, column + i);
+        let mut panels = Self::resized(level, taps * words, n);
+        panels.for_each_panel(|column, columns, width, panel| {
+            // A column's taps of one word lie side by side.
+            let [near, beside] = NEAR;
+            for from in (0..words).step_by(near) {
+                let block = from..(from + near).min(words);
+                for first in (0..columns).step_by(beside) {
+                    let count = beside.min(columns - first);
+                    for tap in 0..taps {
+                        for word in block.clone() {
+                            let row = &mut panel[(tap * words + word) * width + first..][..count];
+                            for (i, out) in row.iter_mut().enumerate() {
+                                *out = element(tap, word, column + first + i);
+                            }
+                        }
+                    }
+                }
             }
         });
         panels
@@ -111,44 +141,6 @@ impl<W: Word> Panels<W> {
         });
     }
 
-    /// No matrix yet.
-    pub(crate) fn empty(level: Level) -> Self {
-        Self {
-            level,
-            k: 0,
-            n: 0,
-            data: Buffer::zeros(0),
-        }
-    }
-
-    /// Replaces the matrix by one whose row's elements from a column on `fill` writes; memory
-    /// once taken is kept.
-    pub(crate) fn gather(
-        &mut self,
-        k: usize,
-        n: usize,
-        mut fill: impl FnMut(usize, usize, &mut [W]),
-    ) {
-        let lanes = self.level.lanes();
-        (self.k, self.n) = (k, n);
-        self.data.resize(k * n.div_ceil(lanes) * lanes);
-        for (column, vectors) in columns(n, lanes) {
-            let width = vectors * lanes;
-            // Panels before this one are `column` wide together.
-            let panel = &mut self.data[k * column..k * (column + width)];
-            for (row, out) in panel.chunks_exact_mut(width).enumerate() {
-                let (own, beyond) = out.split_at_mut(width.min(n - column));
-                fill(row, column, own);
-                beyond.fill(W::zeroed());
-            }
-        }
-    }
-
-    /// The level whose vectors the panels are cut for.
-    pub(crate) fn level(&self) -> Level {
-        self.level
-    }
-
     /// Rows.
     pub(crate) fn k(&self) -> usize {
         self.k
@@ -159,10 +151,68 @@ impl<W: Word> Panels<W> {
         self.n
     }
 
-    /// The panels from left to right.
-    pub(super) fn iter(&self) -> impl Iterator<Item = Panel<'_, W>> {
+    /// Whether they are more than what threads that share out the columns of a convolution read and copy
+    /// besides.
+    pub(crate) fn outweigh(&self, from: &Grid, to: &Grid) -> bool {
+        let words = |grid: &Grid| grid.frames * pixels(grid.size) * grid.words;
+        rayon::current_num_threads() > 1 && self.k * self.n > words(from) + 2 * words(to)
+    }
+
+    /// All panels.
+    pub(crate) fn all(&self) -> PanelRun<'_, W> {
+        PanelRun {
+            level: self.level,
+            k: self.k,
+            column: 0,
+            n: self.n,
+            data: &self.data,
+        }
+    }
+
+    /// Runs of nearly one length, at most so many.
+    pub(crate) fn runs(&self, count: usize) -> Vec<PanelRun<'_, W>> {
+        let width = PANEL_VECTORS * self.level.lanes();
+        let panels = self.n.div_ceil(width);
+        let count = count.min(panels);
+        let bound = |i: usize| (panels * i / count * width).min(self.n);
+        let run = |i: usize| {
+            let (from, to) = (bound(i), bound(i + 1));
+            PanelRun {
+                column: from,
+                n: to - from,
+                data: &self.data[self.k * from..],
+                ..self.all()
+            }
+        };
+        (0..count).map(run).collect()
+    }
+}
+
+impl<'a, W: Word> PanelRun<'a, W> {
+    /// The level whose vectors the panels are cut for.
+    pub(crate) fn level(self) -> Level {
+        self.level
+    }
+
+    /// Rows.
+    pub(crate) fn k(self) -> usize {
+        self.k
+    }
+
+    /// The first column in the whole matrix.
+    pub(crate) fn column(self) -> usize {
+        self.column
+    }
+
+    /// Columns.
+    pub(crate) fn n(self) -> usize {
+        self.n
+    }
+
+    /// The panels from left to right; columns are counted from the first of the run.
+    pub(super) fn iter(self) -> impl Iterator<Item = Panel<'a, W>> {
         let lanes = self.level.lanes();
-        let mut rest: &[W] = &self.data;
+        let mut rest = self.data;
         columns(self.n, lanes).map(move |(column, vectors)| {
             let width = vectors * lanes;
             let (data, tail) = rest.split_at(self.k * width);

@@ -5,8 +5,11 @@
 //! source that has its zero padding around it this is every convolution there is; a 1x1
 //! convolution has one tap.
 
+use rayon::prelude::*;
+
+use super::buffer::Buffer;
 use super::native::prefetch;
-use super::panels::{PANEL_VECTORS, Panel, Panels};
+use super::panels::{PANEL_VECTORS, Panel, PanelRun, Panels};
 use super::simd::{Lanes, NullaryFnOnce, load};
 use super::unroll::{tallest, tiles};
 use super::words::{Arithmetic, Word, WordKernel, lanes_of};
@@ -119,7 +122,7 @@ pub(crate) struct Product<'a, W = f32> {
     /// Words of a run: `k` of the panels over the number of taps.
     pub(crate) run: usize,
     /// The right operand.
-    pub(crate) panels: &'a Panels<W>,
+    pub(crate) panels: PanelRun<'a, W>,
     /// What happens to the sums.
     pub(crate) epilogue: Epilogue<'a>,
 }
@@ -139,6 +142,46 @@ impl<W: Word> Product<'_, W> {
             origin,
         };
         W::run(self.panels.level(), write);
+    }
+
+    /// The same by all threads of the pool, each of which has some columns of the panels and reads their
+    /// weights alone.
+    pub(crate) fn write_shared(&self, panels: &Panels<W>, target: &mut [W], places: &[usize]) {
+        let runs = panels.runs(rayon::current_num_threads());
+        let stored = &*target;
+        let compute = |run: &PanelRun<'_, W>| {
+            let (first, width) = (W::words(run.column()), W::words(run.n()));
+            let mut block = Buffer::zeros(places.len() * width);
+            if self.epilogue.accumulate.is_some() {
+                for (row, &place) in block.chunks_exact_mut(width).zip(places) {
+                    row.copy_from_slice(&stored[place + first..][..width]);
+                }
+            }
+            let rows: Vec<usize> = (0..places.len()).map(|row| row * width).collect();
+            let part = Product {
+                panels: *run,
+                epilogue: self.epilogue.from(0, run.column()),
+                ..*self
+            };
+            part.write(&mut block, &rows, 0);
+            block
+        };
+        let blocks: Vec<Buffer<W>> = runs.par_iter().map(compute).collect();
+        for (run, block) in runs.iter().zip(&blocks) {
+            let (first, width) = (W::words(run.column()), W::words(run.n()));
+            for (row, &place) in block.chunks_exact(width).zip(places) {
+                target[place + first..][..width].copy_from_slice(row);
+            }
+        }
+    }
+
+    /// Words of the source for each row, of which windows that overlap share some.
+    fn row_words(&self) -> usize {
+        let span = match self.rows {
+            [first, .., last] => (last - first) / (self.rows.len() - 1),
+            _ => self.panels.k(),
+        };
+        span.clamp(1, self.panels.k().max(1))
     }
 
     /// Has rows that are soon read brought near.
@@ -190,7 +233,7 @@ impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
         let (frames, rows) = if k * n <= CACHE {
             (1, tallest)
         } else {
-            let rows = (CACHE / k).max(tallest);
+            let rows = (CACHE / product.row_words()).max(tallest);
             ((rows / frame_rows).max(1), rows.min(frame_rows))
         };
         let count = places.len().div_ceil(frame_rows);

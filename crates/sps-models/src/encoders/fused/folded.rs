@@ -72,7 +72,7 @@ impl Folded {
         let (outputs, middle) = (self.shape.outputs, self.shape.inputs);
         let inputs = inner.shape.inputs;
         let product = |n: usize, right: &[f32]| {
-            let panels = Panels::pack(level, middle, n, |row, column| right[row * n + column]);
+            let panels = Panels::pack_rows(level, middle, n, right);
             let rows: Vec<usize> = (0..outputs).map(|row| row * middle).collect();
             let places: Vec<usize> = (0..outputs).map(|row| row * n).collect();
             let mut out = vec![0.0; outputs * n];
@@ -82,7 +82,7 @@ impl Folded {
                 frame_rows: outputs,
                 taps: &[0],
                 run: middle,
-                panels: &panels,
+                panels: panels.all(),
                 epilogue: Epilogue::default(),
             };
             product.write(&mut out, &places, 0);

@@ -64,7 +64,7 @@ fn linear(
     let level = context.level;
     context.parameter(&format!("{layer}.bias"), |bias| {
         context.parameter(&format!("{layer}.weight"), |weight| {
-            let panels = Panels::pack(level, inputs, bias.len(), |k, n| weight[n * inputs + k]);
+            let panels = Panels::pack_transposed(level, inputs, bias.len(), weight);
             let epilogue = Epilogue {
                 shift: Some(Columns::shared(bias)),
                 limits: activation.limits(),
@@ -105,8 +105,7 @@ fn linear_backward(
     }
     gradients.insert(layer, "bias", bias);
     context.parameter(&format!("{layer}.weight"), |weight| {
-        let at = |k: usize, n: usize| weight[k * inputs + n];
-        let panels = Panels::pack(context.level, outputs, inputs, at);
+        let panels = Panels::pack_rows(context.level, outputs, inputs, weight);
         rows_by(&panels, gradient, Epilogue::default())
     })
 }
@@ -120,7 +119,7 @@ fn rows_by(panels: &Panels, x: &[f32], epilogue: Epilogue<'_>) -> Vec<f32> {
         frame_rows: rows,
         taps: &[0],
         run: panels.k(),
-        panels,
+        panels: panels.all(),
         epilogue,
     };
     product.write(&mut out, &starts(rows, panels.n()), 0);

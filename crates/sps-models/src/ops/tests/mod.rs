@@ -12,6 +12,7 @@ mod hard_cases;
 #[cfg(feature = "regressions")]
 mod measure;
 mod others;
+mod threads;
 mod windows;
 
 use candle_core::{DType, Device, Tensor, Var};

@@ -141,8 +141,9 @@ pub(super) mod bf16 {
         fn load<const NV: usize>(self, lanes: V4, from: &[Bf16Pair]) -> [f32x16; NV] {
             let (from, _) = from.as_chunks::<8>();
             let mut all = [lanes.splat_f32s(0.0); NV];
-            // No closure: one that is not inlined is compiled without the instructions.
-            for (numbers, words) in all.iter_mut().zip(from) {
+            // No closure: one that is not inlined is compiled without the instructions. Over a number of
+            // vectors that is known, or they would pass through memory.
+            for (numbers, words) in all.iter_mut().zip(&from[..NV]) {
                 // SAFETY: `V4` stands for AVX-512F, and the types are the same bits.
                 unsafe {
                     let words = std::mem::transmute::<[Bf16Pair; 8], __m256i>(*words);
@@ -221,8 +222,9 @@ pub(super) mod vnni {
         fn load<const NV: usize>(self, lanes: V4, from: &[Bytes]) -> [f32x16; NV] {
             let (from, _) = from.as_chunks::<4>();
             let mut all = [lanes.splat_f32s(0.0); NV];
-            // No closure: one that is not inlined is compiled without the instructions.
-            for (numbers, words) in all.iter_mut().zip(from) {
+            // No closure: one that is not inlined is compiled without the instructions. Over a number of
+            // vectors that is known, or they would pass through memory.
+            for (numbers, words) in all.iter_mut().zip(&from[..NV]) {
                 // SAFETY: `V4` stands for AVX-512F, and the types are the same bits.
                 unsafe {
                     let words = std::mem::transmute::<[Bytes; 4], __m128i>(*words);
@@ -249,7 +251,7 @@ pub(super) mod vnni {
         #[inline(always)]
         fn store<const NV: usize>(self, _: V4, values: [f32x16; NV], to: &mut [Bytes]) {
             let (to, _) = to.as_chunks_mut::<4>();
-            for (values, to) in values.into_iter().zip(to) {
+            for (values, to) in values.into_iter().zip(&mut to[..NV]) {
                 // SAFETY: `V4` stands for AVX-512F, and the types are the same bits.
                 *to = unsafe {
                     let values = std::mem::transmute::<f32x16, __m512>(values);

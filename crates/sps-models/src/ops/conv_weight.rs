@@ -11,7 +11,11 @@ use super::simd::Level;
 
 /// Pixels whose outer products are summed before the sum joins a longer one: few enough that
 /// what they hold stays in the cache.
-const NEAR: usize = 256;
+const NEAR: usize = 512;
+
+/// The same where both feature maps are read where they lie: pixels of the first sums, and of those that
+/// these join. Of a single pixel's window, and of wider ones.
+const STEPS: [[usize; 2]; 2] = [[256, 256], [96, 512]];
 
 /// Writes the gradient of the weights, `(outputs, inputs / groups, time, height, width)`.
 ///
@@ -71,22 +75,29 @@ fn dense(
     let firsts = (0..shape.outputs).step_by(height);
     let parts = firsts.flat_map(|first| runs.iter().map(move |&offset| (first, offset)));
     let parts: Vec<(usize, usize)> = parts.collect();
+    let [few, many] = STEPS[usize::from(pixels(shape.window.size) > 1)];
     let part = |&(first, offset): &(usize, usize)| {
         let height = height.min(shape.outputs - first);
-        let mut sums = vec![0.0; height * run];
-        let blocks = pairs.starts.chunks(NEAR).zip(pairs.places.chunks(NEAR));
+        let (mut sums, mut total) = (vec![0.0; height * run], vec![0.0; height * run]);
+        let blocks = pairs.starts.chunks(many).zip(pairs.places.chunks(many));
         for (starts, places) in blocks {
-            let outer = Outer {
-                left: &pairs.gradient[first..],
-                left_rows: places,
-                right: &pairs.source[offset..],
-                right_rows: starts,
-                height,
-                width: run,
-            };
-            outer.add(level, &mut sums, run);
+            sums.fill(0.0);
+            for (starts, places) in starts.chunks(few).zip(places.chunks(few)) {
+                let outer = Outer {
+                    left: &pairs.gradient[first..],
+                    left_rows: places,
+                    right: &pairs.source[offset..],
+                    right_rows: starts,
+                    height,
+                    width: run,
+                };
+                outer.add(level, &mut sums, run);
+            }
+            for (total, sum) in total.iter_mut().zip(&sums) {
+                *total += sum;
+            }
         }
-        sums
+        total
     };
     let parts: Vec<Vec<f32>> = parts.par_iter().map(part).collect();
     let (taps, inputs) = (pixels(shape.window.size), shape.inputs);

@@ -250,28 +250,58 @@ pub(crate) fn load<S: Lanes>(lanes: S, from: &[f32]) -> S::f32s {
     }
 }
 
+/// What is an instruction of every set.
+macro_rules! by_instructions {
+    () => {
+        #[inline(always)]
+        fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
+            self.vectorize(work)
+        }
+
+        #[inline(always)]
+        fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
+            self.mul_add_e_f32s(a, b, c)
+        }
+
+        #[inline(always)]
+        fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s {
+            // The instruction returns its second operand where one is NaN.
+            self.max_f32s(floor, x)
+        }
+
+        #[inline(always)]
+        fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s {
+            self.min_f32s(ceiling, x)
+        }
+    };
+}
+
+/// Spreading where a vector has four lanes.
+macro_rules! of_four_lanes {
+    () => {
+        #[inline(always)]
+        fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
+            let lane = [x.0, x.1, x.2, x.3][index % 4];
+            pulp::f32x4(lane, lane, lane, lane)
+        }
+
+        #[inline(always)]
+        fn spread_words<const G: usize, const N: usize>(
+            self,
+            x: Self::f32s,
+            v: usize,
+            index: usize,
+        ) -> Self::f32s {
+            let words = [x.0, x.1, x.2, x.3];
+            let word = |lane| words[word_of::<G, N>(4, v, index, lane) % 4];
+            pulp::f32x4(word(0), word(1), word(2), word(3))
+        }
+    };
+}
+
 #[cfg(target_arch = "x86_64")]
 impl Lanes for V4 {
-    #[inline(always)]
-    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
-        self.vectorize(work)
-    }
-
-    #[inline(always)]
-    fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
-        self.mul_add_e_f32s(a, b, c)
-    }
-
-    #[inline(always)]
-    fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s {
-        // The instruction returns its second operand where one is NaN.
-        self.max_f32s(floor, x)
-    }
-
-    #[inline(always)]
-    fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s {
-        self.min_f32s(ceiling, x)
-    }
+    by_instructions!();
 
     #[inline(always)]
     fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
@@ -353,25 +383,7 @@ impl Lanes for V4 {
 
 #[cfg(target_arch = "x86_64")]
 impl Lanes for V3 {
-    #[inline(always)]
-    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
-        self.vectorize(work)
-    }
-
-    #[inline(always)]
-    fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
-        self.mul_add_e_f32s(a, b, c)
-    }
-
-    #[inline(always)]
-    fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s {
-        self.max_f32s(floor, x)
-    }
-
-    #[inline(always)]
-    fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s {
-        self.min_f32s(ceiling, x)
-    }
+    by_instructions!();
 
     #[inline(always)]
     fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
@@ -442,40 +454,9 @@ impl Lanes for V3 {
 
 #[cfg(target_arch = "aarch64")]
 impl Lanes for Neon {
-    #[inline(always)]
-    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
-        self.vectorize(work)
-    }
+    by_instructions!();
 
-    #[inline(always)]
-    fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
-        self.mul_add_e_f32s(a, b, c)
-    }
-
-    #[inline(always)]
-    fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s {
-        self.max_f32s(floor, x)
-    }
-
-    #[inline(always)]
-    fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s {
-        self.min_f32s(ceiling, x)
-    }
-
-    #[inline(always)]
-    fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
-        spread_four(x, index)
-    }
-
-    #[inline(always)]
-    fn spread_words<const G: usize, const N: usize>(
-        self,
-        x: Self::f32s,
-        v: usize,
-        index: usize,
-    ) -> Self::f32s {
-        spread_four_words::<G, N>(x, v, index)
-    }
+    of_four_lanes!();
 }
 
 /// Whether a fused multiply-add is an instruction without any named.
@@ -519,37 +500,7 @@ impl Lanes for Scalar128b {
         )
     }
 
-    #[inline(always)]
-    fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
-        spread_four(x, index)
-    }
-
-    #[inline(always)]
-    fn spread_words<const G: usize, const N: usize>(
-        self,
-        x: Self::f32s,
-        v: usize,
-        index: usize,
-    ) -> Self::f32s {
-        spread_four_words::<G, N>(x, v, index)
-    }
-}
-
-#[inline(always)]
-fn spread_four(x: pulp::f32x4, index: usize) -> pulp::f32x4 {
-    let lane = [x.0, x.1, x.2, x.3][index % 4];
-    pulp::f32x4(lane, lane, lane, lane)
-}
-
-#[inline(always)]
-fn spread_four_words<const G: usize, const N: usize>(
-    x: pulp::f32x4,
-    v: usize,
-    index: usize,
-) -> pulp::f32x4 {
-    let words = [x.0, x.1, x.2, x.3];
-    let word = |lane| words[word_of::<G, N>(4, v, index, lane) % 4];
-    pulp::f32x4(word(0), word(1), word(2), word(3))
+    of_four_lanes!();
 }
 
 #[cfg(test)]

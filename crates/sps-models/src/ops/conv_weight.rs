@@ -11,11 +11,13 @@ use super::simd::Level;
 
 /// Pixels whose outer products are summed before the sum joins a longer one: few enough that
 /// what they hold stays in the cache.
-const NEAR: usize = 512;
+const BLOCK: usize = 512;
 
-/// The same where both feature maps are read where they lie: pixels of the first sums, and of those that
-/// these join. Of a single pixel's window, and of wider ones.
-const STEPS: [[usize; 2]; 2] = [[256, 256], [96, 512]];
+/// The same of wide windows, whose sums join that of a block.
+const WINDOWS: usize = 96;
+
+/// The same of pixels by themselves.
+const PIXELS: usize = 256;
 
 /// Writes the gradient of the weights, `(outputs, inputs / groups, time, height, width)`.
 ///
@@ -58,6 +60,35 @@ struct Pairs<'a> {
     places: &'a [usize],
 }
 
+impl<'a> Pairs<'a> {
+    /// So many at a time.
+    fn chunks(&self, count: usize) -> impl Iterator<Item = Pairs<'a>> {
+        let (source, gradient) = (self.source, self.gradient);
+        let chunks = self.starts.chunks(count).zip(self.places.chunks(count));
+        chunks.map(move |(starts, places)| Pairs {
+            source,
+            starts,
+            gradient,
+            places,
+        })
+    }
+
+    /// Adds the sum of outer products: rows from an output on, columns from an element of the window on.
+    fn add(&self, level: Level, (output, offset): (usize, usize), run: usize, sums: &mut [f32]) {
+        for pairs in self.chunks(PIXELS) {
+            let outer = Outer {
+                left: &pairs.gradient[output..],
+                left_rows: pairs.places,
+                right: &pairs.source[offset..],
+                right_rows: pairs.starts,
+                height: sums.len() / run,
+                width: run,
+            };
+            outer.add(level, sums, run);
+        }
+    }
+}
+
 /// Rows of a part that one thread computes, where there are as many: two tall tiles.
 const ROWS: usize = 28;
 
@@ -72,26 +103,25 @@ fn dense(
 ) {
     let wanted = (2 * rayon::current_num_threads()).min(shape.outputs / ROWS);
     let height = shape.outputs.div_ceil(wanted.max(1));
+    let (taps, inputs) = (pixels(shape.window.size), shape.inputs);
+    if taps == 1 {
+        let parts = target.par_chunks_mut(height * run).enumerate();
+        parts.for_each(|(part, target)| {
+            target.fill(0.0);
+            pairs.add(level, (part * height, 0), run, target);
+        });
+        return;
+    }
     let firsts = (0..shape.outputs).step_by(height);
     let parts = firsts.flat_map(|first| runs.iter().map(move |&offset| (first, offset)));
     let parts: Vec<(usize, usize)> = parts.collect();
-    let [few, many] = STEPS[usize::from(pixels(shape.window.size) > 1)];
     let part = |&(first, offset): &(usize, usize)| {
         let height = height.min(shape.outputs - first);
         let (mut sums, mut total) = (vec![0.0; height * run], vec![0.0; height * run]);
-        let blocks = pairs.starts.chunks(many).zip(pairs.places.chunks(many));
-        for (starts, places) in blocks {
+        for pairs in pairs.chunks(BLOCK) {
             sums.fill(0.0);
-            for (starts, places) in starts.chunks(few).zip(places.chunks(few)) {
-                let outer = Outer {
-                    left: &pairs.gradient[first..],
-                    left_rows: places,
-                    right: &pairs.source[offset..],
-                    right_rows: starts,
-                    height,
-                    width: run,
-                };
-                outer.add(level, &mut sums, run);
+            for pairs in pairs.chunks(WINDOWS) {
+                pairs.add(level, (first, offset), run, &mut sums);
             }
             for (total, sum) in total.iter_mut().zip(&sums) {
                 *total += sum;
@@ -100,7 +130,6 @@ fn dense(
         total
     };
     let parts: Vec<Vec<f32>> = parts.par_iter().map(part).collect();
-    let (taps, inputs) = (pixels(shape.window.size), shape.inputs);
     let rows = target.par_chunks_exact_mut(inputs * taps).enumerate();
     rows.for_each(|(row, target)| {
         let parts = &parts[row / height * runs.len()..][..runs.len()];
@@ -109,8 +138,8 @@ fn dense(
             own.chunks_exact(inputs)
         });
         for (tap, values) in columns.enumerate() {
-            for (target, value) in target.iter_mut().skip(tap).step_by(taps).zip(values) {
-                *target = *value;
+            for (target, value) in target.chunks_exact_mut(taps).zip(values) {
+                target[tap] = *value;
             }
         }
     });
@@ -138,7 +167,7 @@ fn grouped(level: Level, shape: &ConvShape, pairs: &Pairs<'_>, taps: &[usize], t
             let mut sums = vec![0.0; outputs * inputs];
             for (tap, &offset) in taps.iter().enumerate() {
                 sums.fill(0.0);
-                let blocks = pairs.starts.chunks(NEAR).zip(pairs.places.chunks(NEAR));
+                let blocks = pairs.starts.chunks(BLOCK).zip(pairs.places.chunks(BLOCK));
                 for (starts, places) in blocks {
                     let outer = Outer {
                         left: &pairs.source[offset + group * inputs..],

@@ -156,7 +156,7 @@ impl<W: Word> Conv<W> {
                 panels: panels.all(),
                 epilogue,
             };
-            product.write_shared(panels, target, &places);
+            product.write_shared(target, &places);
             return;
         }
         for_each_band(threads, to, target, |band| {

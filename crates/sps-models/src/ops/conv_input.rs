@@ -100,7 +100,7 @@ impl ConvTranspose {
             if let Some(panels) = phase.packed.matrix() {
                 let rows = (&table.starts[..], &table.taps[..]);
                 let product = self.product(panels, gradient, rows, epilogue);
-                product.write_shared(panels, target, &table.places);
+                product.write_shared(target, &table.places);
             }
         }
         for_each_band(Threads::All, to, target, |band| {

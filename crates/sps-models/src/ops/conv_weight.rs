@@ -89,7 +89,7 @@ impl<'a> Pairs<'a> {
     }
 }
 
-/// Rows of a part that one thread computes, where there are as many: two tall tiles.
+/// Rows of a part that one thread computes, where the threads have enough of them: two tall tiles.
 const ROWS: usize = 28;
 
 /// A matrix for each run of the window: rows are outputs, columns the run's elements.
@@ -101,8 +101,9 @@ fn dense(
     run: usize,
     target: &mut [f32],
 ) {
-    let wanted = (2 * rayon::current_num_threads()).min(shape.outputs / ROWS);
-    let height = shape.outputs.div_ceil(wanted.max(1));
+    let wanted = 2 * rayon::current_num_threads();
+    let parts = (wanted.min(shape.outputs / ROWS)).max(wanted.div_ceil(runs.len()));
+    let height = shape.outputs.div_ceil(parts);
     let (taps, inputs) = (pixels(shape.window.size), shape.inputs);
     if taps == 1 {
         let parts = target.par_chunks_mut(height * run).enumerate();
@@ -167,13 +168,12 @@ fn grouped(level: Level, shape: &ConvShape, pairs: &Pairs<'_>, taps: &[usize], t
             let mut sums = vec![0.0; outputs * inputs];
             for (tap, &offset) in taps.iter().enumerate() {
                 sums.fill(0.0);
-                let blocks = pairs.starts.chunks(BLOCK).zip(pairs.places.chunks(BLOCK));
-                for (starts, places) in blocks {
+                for pairs in pairs.chunks(BLOCK) {
                     let outer = Outer {
                         left: &pairs.source[offset + group * inputs..],
-                        left_rows: starts,
+                        left_rows: pairs.starts,
                         right: &pairs.gradient[group * outputs..],
-                        right_rows: places,
+                        right_rows: pairs.places,
                         height: inputs,
                         width: outputs,
                     };

@@ -168,27 +168,27 @@ impl<W: Word> Panels<W> {
             data: &self.data,
         }
     }
+}
 
-    /// Runs of nearly one length, at most so many.
-    pub(crate) fn runs(&self, count: usize) -> Vec<PanelRun<'_, W>> {
+impl<'a, W: Word> PanelRun<'a, W> {
+    /// Shorter runs of nearly one length, at most so many.
+    pub(super) fn split(self, count: usize) -> Vec<Self> {
         let width = PANEL_VECTORS * self.level.lanes();
         let panels = self.n.div_ceil(width);
         let count = count.min(panels);
         let bound = |i: usize| (panels * i / count * width).min(self.n);
         let run = |i: usize| {
             let (from, to) = (bound(i), bound(i + 1));
-            PanelRun {
-                column: from,
+            Self {
+                column: self.column + from,
                 n: to - from,
                 data: &self.data[self.k * from..],
-                ..self.all()
+                ..self
             }
         };
         (0..count).map(run).collect()
     }
-}
 
-impl<'a, W: Word> PanelRun<'a, W> {
     /// The level whose vectors the panels are cut for.
     pub(crate) fn level(self) -> Level {
         self.level

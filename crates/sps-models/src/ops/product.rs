@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::buffer::Buffer;
 use super::native::prefetch;
-use super::panels::{PANEL_VECTORS, Panel, PanelRun, Panels};
+use super::panels::{PANEL_VECTORS, Panel, PanelRun};
 use super::simd::{Lanes, NullaryFnOnce, load};
 use super::unroll::{tallest, tiles};
 use super::words::{Arithmetic, Word, WordKernel, lanes_of};
@@ -146,8 +146,8 @@ impl<W: Word> Product<'_, W> {
 
     /// The same by all threads of the pool, each of which has some columns of the panels and reads their
     /// weights alone.
-    pub(crate) fn write_shared(&self, panels: &Panels<W>, target: &mut [W], places: &[usize]) {
-        let runs = panels.runs(rayon::current_num_threads());
+    pub(crate) fn write_shared(&self, target: &mut [W], places: &[usize]) {
+        let runs = self.panels.split(rayon::current_num_threads());
         let stored = &*target;
         let compute = |run: &PanelRun<'_, W>| {
             let (first, width) = (W::words(run.column()), W::words(run.n()));
@@ -178,7 +178,7 @@ impl<W: Word> Product<'_, W> {
     /// Words of the source for each row, of which windows that overlap share some.
     fn row_words(&self) -> usize {
         let span = match self.rows {
-            [first, .., last] => (last - first) / (self.rows.len() - 1),
+            [first, .., last] => last.abs_diff(*first) / (self.rows.len() - 1),
             _ => self.panels.k(),
         };
         span.clamp(1, self.panels.k().max(1))

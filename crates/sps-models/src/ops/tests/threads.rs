@@ -4,15 +4,25 @@
 use super::noise;
 use crate::ops::bands::{Threads, inside_pool};
 use crate::ops::conv::{Conv, ConvShape};
+use crate::ops::conv_input::ConvTranspose;
+use crate::ops::conv_weight::weight_gradient;
 use crate::ops::grid::{Grid, Window};
 use crate::ops::product::{Activation, Columns, Epilogue};
 use crate::ops::simd::Level;
 use crate::ops::words::{Bf16Pair, Bytes, Word};
 
-/// Whole numbers, so that words of any kind hold them.
-fn whole(len: usize, seed: u64, scale: f64) -> Vec<f32> {
-    let numbers = noise(len, seed).into_iter();
-    numbers.map(|x| (scale * x).round() as f32).collect()
+/// Numbers whose sums depend on their order, but where words hold whole ones alone.
+fn numbers<W: Word>(len: usize, seed: u64, scale: f64) -> Vec<f32> {
+    let numbers = noise(len, seed).into_iter().map(|x| scale * x);
+    numbers
+        .map(|x| if W::WHOLE { x.round() } else { x } as f32)
+        .collect()
+}
+
+/// Works in a pool of so many threads.
+fn by<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    pool.build().unwrap().install(|| inside_pool(work))
 }
 
 /// What so many threads write onto a map that is there, with numbers of each frame's own.
@@ -28,12 +38,12 @@ fn onto<W: Word>(threads: usize, outputs: usize, extent: usize) -> Vec<W> {
     let conv = Conv::<W>::pack(
         Level::detect(),
         shape,
-        &whole(outputs * inputs * 9, 1, 90.0),
+        &numbers::<W>(outputs * inputs * 9, 1, 90.0),
     );
     let map = |channels| Grid::tight(frames, [1, extent, extent], channels).of::<W>();
     let (from, to) = (map(inputs).padded(&window), map(outputs).staggered());
     let words = |len: usize, seed| -> Vec<W> {
-        let numbers = whole(len * W::NUMBERS, seed, 127.0);
+        let numbers = numbers::<W>(len * W::NUMBERS, seed, 127.0);
         let words = numbers.chunks(W::NUMBERS);
         words.map(|some| W::of(|i| some[i].abs())).collect()
     };
@@ -47,12 +57,9 @@ fn onto<W: Word>(threads: usize, outputs: usize, extent: usize) -> Vec<W> {
         accumulate: Some(0.5),
         limits: Activation::Relu.limits(),
     };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    pool.build().unwrap().install(|| {
-        inside_pool(|| {
-            let target = (&mut target[..], &to);
-            conv.apply(Threads::All, (&source, &from), target, epilogue);
-        });
+    by(threads, || {
+        let target = (&mut target[..], &to);
+        conv.apply(Threads::All, (&source, &from), target, epilogue);
     });
     target
 }
@@ -63,6 +70,46 @@ fn same_bits<W: Word + PartialEq>() {
         let expected = onto::<W>(1, outputs, extent);
         for threads in [2, 3, 16] {
             assert!(onto::<W>(threads, outputs, extent) == expected);
+        }
+    }
+}
+
+/// The gradients of a convolution's weights and input, the latter added to what is there.
+fn gradients(threads: usize, size: usize, stride: usize, outputs: usize) -> [Vec<f32>; 2] {
+    let (frames, inputs, input) = (2, 40, [1, 9, 9]);
+    let window = Window::square(size, stride, size / 2);
+    let shape = ConvShape {
+        window,
+        inputs,
+        outputs,
+        groups: 1,
+    };
+    let numbers = |len: usize, seed| numbers::<f32>(len, seed, 1.0);
+    let weights = numbers(outputs * inputs * size * size, 1);
+    let from = Grid::tight(frames, input, inputs).padded(&window);
+    let output = window.output(input).unwrap();
+    let transpose = ConvTranspose::pack(Level::detect(), shape, &weights);
+    let layout = transpose.layout(frames, input, output);
+    let (source, gradient) = (numbers(from.len(), 2), numbers(layout.len(), 3));
+    let (mut of_weights, to) = (vec![0.0; weights.len()], from.bare());
+    let mut of_input = numbers(to.len(), 4);
+    by(threads, || {
+        let gradient = (&gradient[..], &layout);
+        let source = (&source[..], &from);
+        weight_gradient(Level::detect(), &shape, source, gradient, &mut of_weights);
+        transpose.apply(gradient, (&mut of_input, &to), true);
+    });
+    [of_weights, of_input]
+}
+
+#[test]
+fn any_number_of_threads_gives_gradients_of_the_same_bits() {
+    for (size, stride) in [(1, 1), (3, 1), (3, 2), (1, 2)] {
+        for outputs in [24, 300] {
+            let expected = gradients(1, size, stride, outputs);
+            for threads in [2, 3, 16] {
+                assert_eq!(gradients(threads, size, stride, outputs), expected);
+            }
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Errors of the crates as exceptions, each with its whole message.
 
 use std::io;
+use std::path::Path;
 
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -76,6 +77,14 @@ pub(crate) fn conformal_error(error: &ConformalError) -> PyErr {
         ConformalError::Undefined(_) => UndefinedScore::new_err(error.to_string()),
         _ => value_error(error),
     }
+}
+
+/// A file that cannot be written is an `OSError`.
+pub(crate) fn file_error(error: &io::Error, path: &Path) -> PyErr {
+    os_error(
+        error,
+        format_args!("{}: cannot be written: {error}", path.display()),
+    )
 }
 
 /// The exception that Python has for such a failure to read or write, with the message of `whole`.

@@ -130,6 +130,30 @@ def test_bf16_is_near(encoder):
     assert 0 < np.linalg.norm(near - exact) < 0.02 * np.linalg.norm(exact)
 
 
+def test_int8_is_near_once_it_is_calibrated(encoder, tmp_path):
+    images = [image(48, 40, seed) for seed in range(4)] + [image(64, 64)]
+    with pytest.raises(ValueError, match="int8"):
+        sps.Encoder("se-resnext-small", "built-in", precision="int8")
+    file = tmp_path / "int8.safetensors"
+    calibrated = encoder.calibrated(images, file)
+    assert (calibrated.name, calibrated.precision) == ("se-resnext-small", "int8")
+    exact, near = encoder.embed(images), calibrated.embed(images)
+    assert 0 < np.linalg.norm(near - exact) < 0.1 * np.linalg.norm(exact)
+    again = sps.Encoder("se-resnext-small", file, precision="int8")
+    for copy in (again, pickle.loads(pickle.dumps(calibrated))):
+        assert same_bits(copy.embed(images), near)
+
+
+def test_what_cannot_be_calibrated(encoder, tmp_path):
+    with pytest.raises(ValueError, match="image"):
+        encoder.calibrated([], tmp_path / "int8.safetensors")
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(OSError, match="int8.safetensors: cannot be written"):
+        encoder.calibrated(image(64, 64), tmp_path / "file" / "int8.safetensors")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert encoder.precision == "f32"
+
+
 def test_a_copy_of_another_process(encoder):
     copy = pickle.loads(pickle.dumps(encoder))
     assert same_bits(copy.embed(image(9, 9)), encoder.embed(image(9, 9)))

@@ -18,6 +18,54 @@ import timm
 import torch
 import torchvision
 
+
+def unit(inputs, outputs, size, stride=1):
+    """Convolution, batch norm and rectifier of I3D, padded so that the stride alone decides the extents of a map of
+    an even number of frames, rows and columns."""
+    padding = [(size - stride) // 2, -(-(size - stride) // 2)] * 3 if stride > 1 else [size // 2] * 6
+    return torch.nn.Sequential(
+        torch.nn.ConstantPad3d(padding, 0.0),
+        torch.nn.Conv3d(inputs, outputs, size, stride, bias=False),
+        torch.nn.BatchNorm3d(outputs, eps=1e-3),
+        torch.nn.ReLU(),
+    )
+
+
+class Mixed(torch.nn.Module):
+    """Four branches of I3D side by side: channels of the six units."""
+
+    def __init__(self, inputs, outputs):
+        super().__init__()
+        b0, b1a, b1b, b2a, b2b, b3b = outputs
+        self.branches = torch.nn.ModuleList([
+            unit(inputs, b0, 1),
+            torch.nn.Sequential(unit(inputs, b1a, 1), unit(b1a, b1b, 3)),
+            torch.nn.Sequential(unit(inputs, b2a, 1), unit(b2a, b2b, 3)),
+            torch.nn.Sequential(torch.nn.MaxPool3d(3, 1, 1), unit(inputs, b3b, 1)),
+        ])
+
+    def forward(self, x):
+        return torch.cat([branch(x) for branch in self.branches], 1)
+
+
+def i3d():
+    """Carreira and Zisserman, CVPR 2017."""
+
+    def pool(size, stride):
+        padding = [p for k, s in zip(reversed(size), reversed(stride)) for p in ((k - s) // 2, -(-(k - s) // 2))]
+        return [torch.nn.ConstantPad3d(padding, 0.0), torch.nn.MaxPool3d(size, stride)]
+
+    spatial, all_axes = ((1, 3, 3), (1, 2, 2)), ((3, 3, 3), (2, 2, 2))
+    return torch.nn.Sequential(
+        unit(3, 64, 7, 2), *pool(*spatial), unit(64, 64, 1), unit(64, 192, 3), *pool(*spatial),
+        Mixed(192, (64, 96, 128, 16, 32, 32)), Mixed(256, (128, 128, 192, 32, 96, 64)), *pool(*all_axes),
+        Mixed(480, (192, 96, 208, 16, 48, 64)), Mixed(512, (160, 112, 224, 24, 64, 64)),
+        Mixed(512, (128, 128, 256, 24, 64, 64)), Mixed(512, (112, 144, 288, 32, 64, 64)),
+        Mixed(528, (256, 160, 320, 32, 128, 128)), torch.nn.MaxPool3d(2, 2, ceil_mode=True),
+        Mixed(832, (256, 160, 320, 32, 128, 128)), Mixed(832, (384, 192, 384, 48, 128, 128)),
+    )
+
+
 # Our name of a network, and the same one with untrained weights, without its classifier.
 NETWORKS = {
     "squeezenet1-0": lambda: torchvision.models.squeezenet1_0().features,
@@ -25,6 +73,7 @@ NETWORKS = {
     "resnet18": lambda: features(timm.create_model("resnet18")),
     "resnet50": lambda: features(timm.create_model("resnet50")),
     "se-resnext50-32x4d": lambda: features(timm.create_model("legacy_seresnext50_32x4d")),
+    "i3d": i3d,
 }
 
 
@@ -42,7 +91,7 @@ class Embedding(torch.nn.Module):
         self.network = network
 
     def forward(self, images):
-        return self.network(images).mean((2, 3))
+        return self.network(images).flatten(2).mean(2)
 
 
 class Ours:
@@ -82,18 +131,23 @@ class Peer:
 
 
 def pytorch(network, images, what):
-    if what == "training":
-        network.train()
+    channels_last = torch.channels_last if images.dim() == 4 else torch.channels_last_3d
+    if what.startswith("training"):
+        network = network.train().to(memory_format=channels_last)
+        images = images.to(memory_format=channels_last)
 
         def step():
             network.zero_grad()
-            network(images).square().mean().backward()
+            # As is usual: weights stay f32, convolutions compute in bf16.
+            with torch.autocast("cpu", torch.bfloat16, enabled=what == "training-bf16"):
+                loss = network(images).float().square().mean()
+            loss.backward()
 
         return Peer(len(images), step)
     network.eval()
     dtype = {"f32": torch.float32, "bf16": torch.bfloat16}[what]
-    network = network.to(dtype, memory_format=torch.channels_last)
-    images = images.to(dtype, memory_format=torch.channels_last)
+    network = network.to(dtype, memory_format=channels_last)
+    images = images.to(dtype, memory_format=channels_last)
 
     def forward():
         with torch.inference_mode():
@@ -129,11 +183,11 @@ def open_vino(network, images, what, threads):
 def measure(arguments, name, what, batch):
     """Medians over rounds, in each of which every library runs once."""
     torch.manual_seed(0)
-    images = torch.rand(batch, 3, 224, 224)
+    images = torch.rand(batch, 3, *([16, 112, 112] if name == "i3d" else [224, 224]))
     runs = {"here": Ours(arguments, name, what, batch)}
     if what != "int8":
         runs["pytorch"] = pytorch(Embedding(NETWORKS[name]()), images, what)
-    if what != "training":
+    if not what.startswith("training"):
         network = Embedding(NETWORKS[name]())
         runs["openvino"] = open_vino(network, images, what, arguments.threads)
     times = {library: [] for library in runs}
@@ -151,7 +205,7 @@ def main():
     parser.add_argument("--rounds", type=int, default=31)
     parser.add_argument("--threads", type=int, default=len(os.sched_getaffinity(0)))
     parser.add_argument("--networks", nargs="+", choices=NETWORKS, default=list(NETWORKS))
-    kinds = ["f32", "bf16", "int8", "training"]
+    kinds = ["f32", "bf16", "int8", "training-f32", "training-bf16"]
     parser.add_argument("--kinds", nargs="+", choices=kinds, default=kinds)
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
@@ -161,7 +215,7 @@ def main():
     print("|---|---|---:|---:|---:|---:|---:|---:|")
     for name in arguments.networks:
         for what in arguments.kinds:
-            for batch in [8] if what == "training" else [1, 8]:
+            for batch in [8] if what.startswith("training") else [1, 8]:
                 found = measure(arguments, name, what, batch)
                 here = found["here"]
                 peers = [found.get(library) for library in ("openvino", "pytorch")]

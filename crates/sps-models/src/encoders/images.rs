@@ -41,6 +41,15 @@ pub(super) fn image_channels<W: Word>() -> usize {
     3_usize.next_multiple_of(W::NUMBERS)
 }
 
+/// The weights `(outputs, 3, taps)` of a convolution of images, for their channels in memory.
+pub(super) fn image_weights<W: Word>(weights: &[f32], taps: usize) -> Vec<f32> {
+    let nothing = vec![0.0; (image_channels::<W>() - 3) * taps];
+    let outputs = weights.chunks_exact(3 * taps);
+    outputs
+        .flat_map(|output| output.iter().chain(&nothing).copied())
+        .collect()
+}
+
 /// Where the channels of an image in memory are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Order {

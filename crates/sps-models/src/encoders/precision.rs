@@ -17,6 +17,11 @@ use crate::error::{Error, Result};
 /// # Ok::<(), sps_models::Error>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(
+    feature = "heads",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 #[non_exhaustive]
 pub enum Precision {
     /// Single precision.

@@ -12,13 +12,14 @@ use super::images::{Normalisation, Order};
 use super::network::Network;
 use super::plain::{BatchStatistics, Plain};
 use super::train::{Context, Gradients, Tape};
-use super::{Encoder, EncoderKind, check, normalise, scales};
+use super::{Encoder, EncoderKind, Precision, check, normalise, scales};
 use crate::error::{Error, Result};
 use crate::ops::bands::inside_pool;
 use crate::ops::buffer::Recycler;
 use crate::ops::differentiable;
 use crate::ops::grid::Size;
 use crate::ops::simd::Level;
+use crate::ops::words::{Bf16Pair, Real};
 use crate::weights::Weights;
 
 /// How much a batch's statistics count in the running ones, as PyTorch's default.
@@ -55,6 +56,7 @@ pub struct TrainableEncoder {
     device: Device,
     plain: bool,
     checkpointing: bool,
+    precision: Precision,
     /// What candle's backward pass ends in, in front of the kernels' own.
     anchor: Var,
     recycler: Arc<Recycler>,
@@ -120,6 +122,7 @@ impl TrainableEncoder {
             variables,
             plain: !device.is_cpu(),
             checkpointing: false,
+            precision: Precision::F32,
             anchor: Var::zeros(1, DType::F32, &device)?,
             device,
             recycler: Arc::default(),
@@ -142,6 +145,28 @@ impl TrainableEncoder {
     pub fn with_checkpointing(mut self, checkpointing: bool) -> Self {
         self.checkpointing = checkpointing;
         self
+    }
+
+    /// What feature maps and their gradients are made of: f32, or bf16, which takes half the memory. Weights,
+    /// their gradients, sums and statistics are f32 with both.
+    ///
+    /// # Errors
+    ///
+    /// When the precision is another, or the device is not the CPU and the precision not f32.
+    pub fn with_precision(mut self, precision: Precision) -> Result<Self> {
+        let names = [Precision::F32, Precision::Bf16].map(Precision::name);
+        let (found, expected) = match precision {
+            Precision::Int8 => (precision.to_string(), names.join(" or ")),
+            Precision::Bf16 if self.plain => (
+                format!("{precision} on another device than the CPU"),
+                Precision::F32.to_string(),
+            ),
+            _ => {
+                self.precision = precision;
+                return Ok(self);
+            }
+        };
+        Err(Error::input("precision of training", found, expected))
     }
 
     /// Which network this is.
@@ -222,7 +247,10 @@ impl TrainableEncoder {
         let (embeddings, statistics) = if self.plain {
             self.run_plain(images, normalisation)?
         } else {
-            self.run_fused(images, size, normalisation)?
+            match self.precision {
+                Precision::Bf16 => self.run_fused::<Bf16Pair>(images, size, normalisation)?,
+                _ => self.run_fused::<f32>(images, size, normalisation)?,
+            }
         };
         for statistics in statistics {
             self.update(&statistics)?;
@@ -240,7 +268,7 @@ impl TrainableEncoder {
         Ok((embeddings, net.into_statistics()))
     }
 
-    fn run_fused(
+    fn run_fused<W: Real>(
         &self,
         images: &Tensor,
         size: Size,
@@ -262,7 +290,7 @@ impl TrainableEncoder {
         let mut statistics = Vec::new();
         let (tape, embeddings) = inside_pool(|| {
             let checkpointing = self.checkpointing;
-            let tape = Tape::record(&context, &images, checkpointing, &mut statistics)?;
+            let tape = Tape::<W>::record(&context, &images, checkpointing, &mut statistics)?;
             let embeddings = tape.embeddings(&context);
             Ok::<_, Error>((tape, embeddings))
         })?;

@@ -8,10 +8,11 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::bands::{Threads, for_each_band};
-use super::grid::{Grid, rows};
+use super::grid::{Grid, pixel_mut, rows};
 use super::product::Activation;
 use super::simd::{Kernel, Lanes, Level};
 use super::statistics::{ChannelStatistics, run_rows};
+use super::words::Real;
 
 /// What batch norm does to each channel of one batch.
 #[derive(Debug, Clone)]
@@ -66,11 +67,11 @@ impl Norm {
 
     /// Writes `y`, activated, from `x`, which has no border, into channels that the target begins
     /// with.
-    pub(crate) fn apply(
+    pub(crate) fn apply<W: Real>(
         &self,
         level: Level,
-        (x, from): (&[f32], &Grid),
-        (target, to): (&mut [f32], &Grid),
+        (x, from): (&[W], &Grid),
+        (target, to): (&mut [W], &Grid),
         activation: Activation,
     ) {
         let places = to.places();
@@ -90,11 +91,11 @@ impl Norm {
     /// Sums over each frame, from which every gradient follows: see [`FrameSums`].
     ///
     /// The output was activated so.
-    pub(crate) fn sums(
+    pub(crate) fn sums<W: Real>(
         &self,
         level: Level,
-        x: &[f32],
-        gradient: &[f32],
+        x: &[W],
+        gradient: &[W],
         grid: &Grid,
         activation: Activation,
     ) -> FrameSums {
@@ -111,13 +112,13 @@ impl Norm {
 
     /// The gradient of `x` from that of `y` by `slopes`; both lie as the target does but have no
     /// border. The target's stays as it is.
-    pub(crate) fn backward(
+    pub(crate) fn backward<W: Real>(
         &self,
         level: Level,
         slopes: &Slopes,
-        x: &[f32],
-        gradient: &[f32],
-        (target, to): (&mut [f32], &Grid),
+        x: &[W],
+        gradient: &[W],
+        (target, to): (&mut [W], &Grid),
         activation: Activation,
     ) {
         let places = to.places();
@@ -159,10 +160,10 @@ impl FrameSums {
     }
 
     /// The same where `run` also changes that range of `values`.
-    pub(crate) fn of_mut(
+    pub(crate) fn of_mut<W: Real>(
         grid: &Grid,
-        values: &mut [f32],
-        run: impl Fn(Range<usize>, &mut [f32]) -> [Vec<f32>; 2] + Send + Sync,
+        values: &mut [W],
+        run: impl Fn(Range<usize>, &mut [W]) -> [Vec<f32>; 2] + Send + Sync,
     ) -> Self {
         let ranges = runs(grid);
         let mut rest = values;
@@ -285,17 +286,17 @@ impl NormGradients {
     }
 }
 
-struct Apply<'a> {
+struct Apply<'a, W> {
     norm: &'a Norm,
     pitch: usize,
-    x: &'a [f32],
+    x: &'a [W],
     places: &'a [usize],
     origin: usize,
-    target: &'a mut [f32],
+    target: &'a mut [W],
     limits: [f32; 2],
 }
 
-impl Kernel for Apply<'_> {
+impl<W: Real> Kernel for Apply<'_, W> {
     type Output = ();
 
     #[inline(always)]
@@ -303,25 +304,25 @@ impl Kernel for Apply<'_> {
         let (n, mean, factor, beta) = self.norm.channels();
         let [least, most] = self.limits;
         for (x, &place) in rows(self.x, self.pitch, n).zip(self.places) {
-            let y = &mut self.target[place - self.origin..][..n];
+            let y = pixel_mut(&mut self.target[place - self.origin..], n);
             for c in 0..n {
-                let value = (x[c] - mean[c]) * factor[c] + beta[c];
+                let value = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
                 let value = if value < least { least } else { value };
-                y[c] = if value > most { most } else { value };
+                y[c] = W::narrowed(if value > most { most } else { value });
             }
         }
     }
 }
 
-struct Sums<'a> {
+struct Sums<'a, W> {
     norm: &'a Norm,
     pitch: usize,
-    x: &'a [f32],
-    gradient: &'a [f32],
+    x: &'a [W],
+    gradient: &'a [W],
     limits: [f32; 2],
 }
 
-impl Kernel for Sums<'_> {
+impl<W: Real> Kernel for Sums<'_, W> {
     type Output = [Vec<f32>; 2];
 
     #[inline(always)]
@@ -334,10 +335,10 @@ impl Kernel for Sums<'_> {
         let pixels = rows(self.x, self.pitch, n);
         for (x, gradient) in pixels.zip(rows(self.gradient, self.pitch, n)) {
             for c in 0..n {
-                let deviation = x[c] - mean[c];
+                let deviation = W::widened(x[c]) - mean[c];
                 let y = deviation * factor[c] + beta[c];
                 // Read whether it passes or not, which leaves no branch.
-                let g = gradient[c];
+                let g = W::widened(gradient[c]);
                 let g = if y > least && y < most { g } else { 0.0 };
                 total[c] += g;
                 product[c] += g * deviation;
@@ -347,19 +348,19 @@ impl Kernel for Sums<'_> {
     }
 }
 
-struct Backward<'a> {
+struct Backward<'a, W> {
     norm: &'a Norm,
     pitch: usize,
     slopes: &'a Slopes,
-    x: &'a [f32],
-    gradient: &'a [f32],
+    x: &'a [W],
+    gradient: &'a [W],
     places: &'a [usize],
     origin: usize,
-    target: &'a mut [f32],
+    target: &'a mut [W],
     limits: [f32; 2],
 }
 
-impl Kernel for Backward<'_> {
+impl<W: Real> Kernel for Backward<'_, W> {
     type Output = ();
 
     #[inline(always)]
@@ -370,14 +371,14 @@ impl Kernel for Backward<'_> {
         let [least, most] = self.limits;
         let pixels = rows(self.x, self.pitch, n).zip(rows(self.gradient, self.pitch, n));
         for ((x, gradient), &place) in pixels.zip(self.places) {
-            let out = &mut self.target[place - self.origin..][..n];
+            let out = pixel_mut(&mut self.target[place - self.origin..], n);
             for c in 0..n {
-                let deviation = x[c] - mean[c];
+                let deviation = W::widened(x[c]) - mean[c];
                 let y = deviation * factor[c] + beta[c];
                 // Read whether it passes or not, which leaves no branch.
-                let g = gradient[c];
+                let g = W::widened(gradient[c]);
                 let g = if y > least && y < most { g } else { 0.0 };
-                out[c] = g * of_gradient[c] + deviation * of_x[c] + constant[c];
+                out[c] = W::narrowed(g * of_gradient[c] + deviation * of_x[c] + constant[c]);
             }
         }
     }

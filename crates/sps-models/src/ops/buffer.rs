@@ -33,11 +33,6 @@ impl<W: Word> Buffer<W> {
         }
     }
 
-    /// The length it can take without more memory.
-    fn capacity(&self) -> usize {
-        self.lines.len() * LINE
-    }
-
     /// Makes it `len` long, whatever it then holds. Memory once taken is kept.
     pub(crate) fn resize(&mut self, len: usize) {
         let lines = len.div_ceil(LINE);
@@ -65,21 +60,27 @@ impl<W: Word> DerefMut for Buffer<W> {
 /// Memory that is handed out again when it comes back: a training step takes and frees the same
 /// sizes over and over, and fresh memory is slow.
 #[derive(Debug, Default)]
-pub(crate) struct Recycler(Mutex<Vec<Buffer>>);
+pub(crate) struct Recycler(Mutex<Vec<Vec<Line>>>);
 
 impl Recycler {
-    fn buffers(&self) -> MutexGuard<'_, Vec<Buffer>> {
+    fn free(&self) -> MutexGuard<'_, Vec<Vec<Line>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// `len` numbers of any value.
-    pub(crate) fn take(self: &Arc<Self>, len: usize) -> Scratch {
-        let mut free = self.buffers();
-        let fits = |buffer: &&Buffer| buffer.capacity() >= len && buffer.capacity() <= 2 * len;
-        let best = free.iter().filter(fits).map(Buffer::capacity).min();
-        let found = best.and_then(|best| free.iter().position(|b| b.capacity() == best));
-        let mut buffer = found.map_or_else(Buffer::default, |index| free.swap_remove(index));
+    /// `len` words of any value.
+    pub(crate) fn take<W: Word>(self: &Arc<Self>, len: usize) -> Scratch<W> {
+        let wanted = len.div_ceil(LINE);
+        let mut free = self.free();
+        let fits = |lines: &&Vec<Line>| (wanted..=2 * wanted).contains(&lines.len());
+        let best = free.iter().filter(fits).map(Vec::len).min();
+        let found = best.and_then(|best| free.iter().position(|lines| lines.len() == best));
+        let lines = found.map_or_else(Vec::default, |index| free.swap_remove(index));
         drop(free);
+        let mut buffer = Buffer {
+            lines,
+            len: 0,
+            words: PhantomData,
+        };
         buffer.resize(len);
         Scratch {
             buffer,
@@ -90,28 +91,28 @@ impl Recycler {
 
 /// Memory on loan from a [`Recycler`].
 #[derive(Debug)]
-pub(crate) struct Scratch {
-    buffer: Buffer,
+pub(crate) struct Scratch<W: Word = f32> {
+    buffer: Buffer<W>,
     home: Arc<Recycler>,
 }
 
-impl Drop for Scratch {
+impl<W: Word> Drop for Scratch<W> {
     fn drop(&mut self) {
-        let buffer = std::mem::take(&mut self.buffer);
-        self.home.buffers().push(buffer);
+        let lines = std::mem::take(&mut self.buffer.lines);
+        self.home.free().push(lines);
     }
 }
 
-impl Deref for Scratch {
-    type Target = [f32];
+impl<W: Word> Deref for Scratch<W> {
+    type Target = [W];
 
-    fn deref(&self) -> &[f32] {
+    fn deref(&self) -> &[W] {
         &self.buffer
     }
 }
 
-impl DerefMut for Scratch {
-    fn deref_mut(&mut self) -> &mut [f32] {
+impl<W: Word> DerefMut for Scratch<W> {
+    fn deref_mut(&mut self) -> &mut [W] {
         &mut self.buffer
     }
 }

@@ -12,37 +12,38 @@ use super::grouped::{GroupWeights, GroupedProduct};
 use super::panels::Panels;
 use super::product::{Epilogue, Product};
 use super::simd::Level;
+use super::words::Real;
 
 /// The transpose of a convolution, with its weights laid out for the kernels.
 #[derive(Debug, Clone)]
-pub(crate) struct ConvTranspose {
+pub(crate) struct ConvTranspose<W = f32> {
     shape: ConvShape,
-    phases: Vec<Phase>,
+    phases: Vec<Phase<W>>,
 }
 
 #[derive(Debug, Clone)]
-struct Phase {
+struct Phase<W> {
     /// The first pixel of the phase.
     first: Size,
     /// How far from a pixel's number within the phase the output's pixels lie that it feeds.
     offsets: Vec<[isize; 3]>,
-    packed: Packed,
+    packed: Packed<W>,
 }
 
 /// The part of the weights that reaches a phase.
 #[derive(Debug, Clone)]
-enum Packed {
+enum Packed<W> {
     /// No pixel of the phase is under the window anywhere.
     None,
     /// `(offsets * group outputs, group inputs)` for each group.
-    Matrices(Vec<Panels>),
+    Matrices(Vec<Panels<W>>),
     /// Groups narrower than a vector.
-    Narrow(GroupWeights),
+    Narrow(GroupWeights<W>),
     /// Each channel by itself.
     Channels(ChannelWeights),
 }
 
-impl ConvTranspose {
+impl<W: Real> ConvTranspose<W> {
     /// Packs weights `(outputs, inputs / groups, time, height, width)`.
     pub(crate) fn pack(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
         let phases = places(shape.window.stride)
@@ -54,7 +55,7 @@ impl ConvTranspose {
     /// The layout that the output's gradient must have: as large a border of zeros as the phases
     /// reach over.
     pub(crate) fn layout(&self, frames: usize, input: Size, output: Size) -> Grid {
-        let mut grid = Grid::tight(frames, output, self.shape.outputs);
+        let mut grid = Grid::tight(frames, output, self.shape.outputs).of::<W>();
         for phase in &self.phases {
             let count = phase.count(input, self.shape.window.stride);
             for offset in &phase.offsets {
@@ -77,8 +78,8 @@ impl ConvTranspose {
     /// `from` is what [`ConvTranspose::layout`] says.
     pub(crate) fn apply(
         &self,
-        (gradient, from): (&[f32], &Grid),
-        (target, to): (&mut [f32], &Grid),
+        (gradient, from): (&[W], &Grid),
+        (target, to): (&mut [W], &Grid),
         accumulate: bool,
     ) {
         let stride = self.shape.window.stride;
@@ -123,23 +124,29 @@ impl ConvTranspose {
     /// The product for the rows of one group.
     fn product<'a>(
         &self,
-        panels: &'a Panels,
-        source: &'a [f32],
+        panels: &'a Panels<W>,
+        source: &'a [W],
         (rows, taps): (&'a [usize], &'a [usize]),
         epilogue: Epilogue<'a>,
-    ) -> Product<'a> {
+    ) -> Product<'a, W> {
         Product {
             source,
             rows,
             frame_rows: rows.len(),
             taps,
-            run: self.shape.group_outputs(),
+            run: W::words(self.shape.group_outputs()),
             panels: panels.all(),
             epilogue,
         }
     }
 
-    fn write(&self, phase: &Phase, rows: &Rows<'_>, target: &mut [f32], epilogue: Epilogue<'_>) {
+    fn write(
+        &self,
+        phase: &Phase<W>,
+        rows: &Rows<'_, W>,
+        target: &mut [W],
+        epilogue: Epilogue<'_>,
+    ) {
         let Rows {
             source,
             starts,
@@ -150,7 +157,7 @@ impl ConvTranspose {
         match &phase.packed {
             Packed::None => {
                 for &place in places.iter().filter(|_| epilogue.accumulate.is_none()) {
-                    target[place - origin..][..self.shape.inputs].fill(0.0);
+                    target[place - origin..][..W::words(self.shape.inputs)].fill(W::default());
                 }
             }
             Packed::Narrow(weights) => GroupedProduct {
@@ -171,10 +178,10 @@ impl ConvTranspose {
             .write(target, places, origin),
             Packed::Matrices(groups) => {
                 for (group, panels) in groups.iter().enumerate() {
-                    let source = &source[group * self.shape.group_outputs()..];
+                    let source = &source[W::words(group * self.shape.group_outputs())..];
                     let product = self.product(panels, source, (starts, taps), epilogue);
                     let column = group * self.shape.group_inputs();
-                    product.write(&mut target[column..], places, origin);
+                    product.write(&mut target[W::words(column)..], places, origin);
                 }
             }
         }
@@ -182,8 +189,8 @@ impl ConvTranspose {
 }
 
 /// The rows of a product, and where they go.
-struct Rows<'a> {
-    source: &'a [f32],
+struct Rows<'a, W> {
+    source: &'a [W],
     starts: &'a [usize],
     taps: &'a [usize],
     places: &'a [usize],
@@ -197,7 +204,7 @@ struct Table {
     places: Vec<usize>,
 }
 
-impl Phase {
+impl<W: Real> Phase<W> {
     fn pack(level: Level, shape: &ConvShape, first: Size, weights: &[f32]) -> Self {
         let window = &shape.window;
         let reaches = |tap: Size| {
@@ -251,9 +258,9 @@ impl Phase {
     }
 }
 
-impl Packed {
+impl<W: Real> Packed<W> {
     /// The matrix of the only group.
-    fn matrix(&self) -> Option<&Panels> {
+    fn matrix(&self) -> Option<&Panels<W>> {
         match self {
             Self::Matrices(groups) if groups.len() == 1 => groups.first(),
             _ => None,
@@ -275,7 +282,7 @@ impl Packed {
             let some: Vec<f32> = (0..shape.inputs * taps.len()).map(element).collect();
             return Self::Channels(ChannelWeights::pack(level, taps.len(), &some));
         }
-        if inputs == outputs && GroupWeights::<f32>::serves(level, shape.inputs, inputs) {
+        if inputs == outputs && GroupWeights::<W>::serves(level, shape.inputs, inputs) {
             let element = |channel: usize, tap: usize, output: usize| {
                 let (group, input) = (channel / inputs, channel % inputs);
                 at(group * outputs + output, input, tap)
@@ -284,16 +291,15 @@ impl Packed {
             return Self::Narrow(GroupWeights::pack(level, channels, inputs, taps, element));
         }
         let group = |group: usize| {
-            if all == 1 {
-                let matrix = &weights[group * outputs * inputs..][..outputs * inputs];
+            let matrix = &weights[group * outputs * inputs * all..][..outputs * inputs * all];
+            if let (1, Some(matrix)) = (all, W::from_numbers(matrix)) {
                 return Panels::pack_rows(level, outputs, inputs, matrix);
             }
-            Panels::pack(
-                level,
-                [taps.len(), outputs],
-                inputs,
-                |tap, output, input| at(group * outputs + output, input, tap),
-            )
+            let words = [taps.len(), W::words(outputs)];
+            Panels::pack(level, words, inputs, |tap, word, input| {
+                let output = group * outputs + W::NUMBERS * word;
+                W::of_matrix(|i| at(output + i, input, tap))
+            })
         };
         Self::Matrices((0..shape.groups).map(group).collect())
     }

@@ -8,6 +8,7 @@ use super::grid::{Grid, pixels};
 use super::grouped::GroupedOuter;
 use super::outer::Outer;
 use super::simd::Level;
+use super::words::Real;
 
 /// Pixels whose outer products are summed before the sum joins a longer one: few enough that
 /// what they hold stays in the cache.
@@ -23,11 +24,11 @@ const PIXELS: usize = 256;
 ///
 /// `source` is the input with the window's padding around it, `gradient` that of the output, with
 /// any border. No sum depends on the number of threads.
-pub(crate) fn weight_gradient(
+pub(crate) fn weight_gradient<W: Real>(
     level: Level,
     shape: &ConvShape,
-    (source, from): (&[f32], &Grid),
-    (gradient, to): (&[f32], &Grid),
+    (source, from): (&[W], &Grid),
+    (gradient, to): (&[W], &Grid),
     target: &mut [f32],
 ) {
     let pairs = Pairs {
@@ -53,16 +54,16 @@ pub(crate) fn weight_gradient(
 }
 
 /// Pixels of the output with the places of the input where their windows begin.
-struct Pairs<'a> {
-    source: &'a [f32],
+struct Pairs<'a, W> {
+    source: &'a [W],
     starts: &'a [usize],
-    gradient: &'a [f32],
+    gradient: &'a [W],
     places: &'a [usize],
 }
 
-impl<'a> Pairs<'a> {
+impl<'a, W: Real> Pairs<'a, W> {
     /// So many at a time.
-    fn chunks(&self, count: usize) -> impl Iterator<Item = Pairs<'a>> {
+    fn chunks(&self, count: usize) -> impl Iterator<Item = Pairs<'a, W>> {
         let (source, gradient) = (self.source, self.gradient);
         let chunks = self.starts.chunks(count).zip(self.places.chunks(count));
         chunks.map(move |(starts, places)| Pairs {
@@ -77,7 +78,7 @@ impl<'a> Pairs<'a> {
     fn add(&self, level: Level, (output, offset): (usize, usize), run: usize, sums: &mut [f32]) {
         for pairs in self.chunks(PIXELS) {
             let outer = Outer {
-                left: &pairs.gradient[output..],
+                left: &pairs.gradient[W::words(output)..],
                 left_rows: pairs.places,
                 right: &pairs.source[offset..],
                 right_rows: pairs.starts,
@@ -93,17 +94,17 @@ impl<'a> Pairs<'a> {
 const ROWS: usize = 28;
 
 /// A matrix for each run of the window: rows are outputs, columns the run's elements.
-fn dense(
+fn dense<W: Real>(
     level: Level,
     shape: &ConvShape,
-    pairs: &Pairs<'_>,
+    pairs: &Pairs<'_, W>,
     runs: &[usize],
     run: usize,
     target: &mut [f32],
 ) {
     let wanted = 2 * rayon::current_num_threads();
     let parts = (wanted.min(shape.outputs / ROWS)).max(wanted.div_ceil(runs.len()));
-    let height = shape.outputs.div_ceil(parts);
+    let height = shape.outputs.div_ceil(parts).next_multiple_of(W::NUMBERS);
     let (taps, inputs) = (pixels(shape.window.size), shape.inputs);
     if taps == 1 {
         let parts = target.par_chunks_mut(height * run).enumerate();
@@ -147,7 +148,13 @@ fn dense(
 }
 
 /// A small matrix for each group and tap.
-fn grouped(level: Level, shape: &ConvShape, pairs: &Pairs<'_>, taps: &[usize], target: &mut [f32]) {
+fn grouped<W: Real>(
+    level: Level,
+    shape: &ConvShape,
+    pairs: &Pairs<'_, W>,
+    taps: &[usize],
+    target: &mut [f32],
+) {
     let outer = GroupedOuter::new(level, shape.outputs, shape.group_inputs(), taps);
     if let Some(outer) = outer.filter(|_| shape.group_inputs() == shape.group_outputs()) {
         outer.write(
@@ -170,9 +177,9 @@ fn grouped(level: Level, shape: &ConvShape, pairs: &Pairs<'_>, taps: &[usize], t
                 sums.fill(0.0);
                 for pairs in pairs.chunks(BLOCK) {
                     let outer = Outer {
-                        left: &pairs.source[offset + group * inputs..],
+                        left: &pairs.source[offset + W::words(group * inputs)..],
                         left_rows: pairs.starts,
-                        right: &pairs.gradient[group * outputs..],
+                        right: &pairs.gradient[W::words(group * outputs)..],
                         right_rows: pairs.places,
                         height: inputs,
                         width: outputs,

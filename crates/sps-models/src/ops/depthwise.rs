@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::buffer::Buffer;
 use super::product::{Epilogue, Finish};
-use super::simd::{Kernel, Lanes, Level, load};
-use super::words::{Arithmetic, Word, WordKernel};
+use super::simd::{Lanes, Level, load};
+use super::words::{Arithmetic, Real, Word, WordKernel, vectors};
 
 /// The weights of a depth-wise convolution, f32 whatever the feature maps are made of.
 #[derive(Debug, Clone)]
@@ -168,17 +168,6 @@ impl<W: Word> Write<'_, '_, W> {
     }
 }
 
-/// Vectors of weights or shifts.
-#[inline(always)]
-fn vectors<S: Lanes, const NV: usize, const WHOLE: bool>(lanes: S, from: &[f32]) -> [S::f32s; NV] {
-    if WHOLE {
-        let (from, _) = S::as_simd_f32s(from);
-        std::array::from_fn(|v| from[v])
-    } else {
-        [load(lanes, from); NV]
-    }
-}
-
 /// Vectors of a feature map.
 #[inline(always)]
 fn read<W, S, A, const NV: usize, const WHOLE: bool>(
@@ -215,22 +204,23 @@ const VECTORS: usize = 4;
 impl DepthwiseOuter<'_> {
     /// Writes `(channels, taps)`: sums over pixels of the source, from `starts` on, times the gradient
     /// at `places`.
-    pub(crate) fn write(
+    pub(crate) fn write<W: Real>(
         &self,
-        source: &[f32],
+        source: &[W],
         starts: &[usize],
-        gradient: &[f32],
+        gradient: &[W],
         places: &[usize],
         target: &mut [f32],
     ) {
         let sums = self.taps.par_iter().map(|&tap| {
-            self.level.run(TapSums {
+            let sums = TapSums {
                 channels: self.channels,
                 source: &source[tap..],
                 starts,
                 gradient,
                 places,
-            })
+            };
+            W::run(self.level, sums)
         });
         let sums: Vec<Vec<f32>> = sums.collect();
         for (channel, target) in target.chunks_exact_mut(self.taps.len()).enumerate() {
@@ -242,19 +232,19 @@ impl DepthwiseOuter<'_> {
 }
 
 /// The sums of one tap.
-struct TapSums<'a> {
+struct TapSums<'a, W> {
     channels: usize,
-    source: &'a [f32],
+    source: &'a [W],
     starts: &'a [usize],
-    gradient: &'a [f32],
+    gradient: &'a [W],
     places: &'a [usize],
 }
 
-impl Kernel for TapSums<'_> {
+impl<W: Real> WordKernel<W> for TapSums<'_, W> {
     type Output = Vec<f32>;
 
     #[inline(always)]
-    fn run<S: Lanes>(self, lanes: S) -> Vec<f32> {
+    fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) -> Vec<f32> {
         let mut total = vec![0.0; self.channels];
         let blocks = self.starts.chunks(PIXELS).zip(self.places.chunks(PIXELS));
         for (starts, places) in blocks {
@@ -262,11 +252,13 @@ impl Kernel for TapSums<'_> {
             for (part, total) in total.chunks_mut(step).enumerate() {
                 let channel = part * step;
                 if total.len() == step {
-                    self.add::<S, VECTORS, true>(lanes, (starts, places), channel, total);
+                    let pixels = (starts, places);
+                    self.add::<S, A, VECTORS, true>(lanes, arithmetic, pixels, channel, total);
                 } else {
                     for (part, total) in total.chunks_mut(S::F32_LANES).enumerate() {
                         let channel = channel + part * S::F32_LANES;
-                        self.add::<S, 1, false>(lanes, (starts, places), channel, total);
+                        let pixels = (starts, places);
+                        self.add::<S, A, 1, false>(lanes, arithmetic, pixels, channel, total);
                     }
                 }
             }
@@ -275,22 +267,27 @@ impl Kernel for TapSums<'_> {
     }
 }
 
-impl TapSums<'_> {
+impl<W: Real> TapSums<'_, W> {
     /// Adds the sums over some pixels of the channels from one on; `WHOLE` if they fill the vectors.
     #[inline(always)]
-    fn add<S: Lanes, const NV: usize, const WHOLE: bool>(
+    fn add<S, A, const NV: usize, const WHOLE: bool>(
         &self,
         lanes: S,
+        arithmetic: A,
         (starts, places): (&[usize], &[usize]),
         channel: usize,
         total: &mut [f32],
-    ) {
+    ) where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
+        let (word, words) = (W::words(channel), W::words(total.len()));
         let mut sums = [lanes.splat_f32s(0.0); NV];
         for (&start, &place) in starts.iter().zip(places) {
-            let x = &self.source[start + channel..][..total.len()];
-            let x = vectors::<S, NV, WHOLE>(lanes, x);
-            let y = &self.gradient[place + channel..][..total.len()];
-            let y = vectors::<S, NV, WHOLE>(lanes, y);
+            let x = &self.source[start + word..][..words];
+            let x = read::<W, S, A, NV, WHOLE>(lanes, arithmetic, x);
+            let y = &self.gradient[place + word..][..words];
+            let y = read::<W, S, A, NV, WHOLE>(lanes, arithmetic, y);
             for v in 0..NV {
                 sums[v] = lanes.fma(x[v], y[v], sums[v]);
             }

@@ -97,23 +97,39 @@ impl Window {
     }
 }
 
-/// The pixels of a feature map of f32 without a border, `pitch` words from one to the next.
+/// The numbers of a pixel whose memory begins here.
 #[inline(always)]
-pub(super) fn rows(memory: &[f32], pitch: usize, channels: usize) -> impl Iterator<Item = &[f32]> {
-    // Never shorter than its channels, which the compiler then need not check for each pixel.
-    let pixels = memory.chunks_exact(pitch.max(channels));
-    pixels.map(move |pixel| &pixel[..channels])
+pub(super) fn pixel<W: Word>(memory: &[W], channels: usize) -> &[W::Number] {
+    &W::each(&memory[..W::words(channels)])[..channels]
 }
 
 /// The same, to be written.
 #[inline(always)]
-pub(super) fn rows_mut(
-    memory: &mut [f32],
+pub(super) fn pixel_mut<W: Word>(memory: &mut [W], channels: usize) -> &mut [W::Number] {
+    &mut W::each_mut(&mut memory[..W::words(channels)])[..channels]
+}
+
+/// The pixels of a feature map without a border, `pitch` words from one to the next.
+#[inline(always)]
+pub(super) fn rows<W: Word>(
+    memory: &[W],
     pitch: usize,
     channels: usize,
-) -> impl Iterator<Item = &mut [f32]> {
-    let pixels = memory.chunks_exact_mut(pitch.max(channels));
-    pixels.map(move |pixel| &mut pixel[..channels])
+) -> impl Iterator<Item = &[W::Number]> {
+    // Never shorter than its channels, which the compiler then need not check for each pixel.
+    let pixels = memory.chunks_exact(pitch.max(W::words(channels)));
+    pixels.map(move |memory| pixel(memory, channels))
+}
+
+/// The same, to be written.
+#[inline(always)]
+pub(super) fn rows_mut<W: Word>(
+    memory: &mut [W],
+    pitch: usize,
+    channels: usize,
+) -> impl Iterator<Item = &mut [W::Number]> {
+    let pixels = memory.chunks_exact_mut(pitch.max(W::words(channels)));
+    pixels.map(move |memory| pixel_mut(memory, channels))
 }
 
 /// Words after which addresses fall on few sets of a first-level cache.

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 use super::buffer::Buffer;
 use super::product::{Epilogue, Finish};
-use super::simd::{Kernel, Lanes, Level};
-use super::words::{Arithmetic, Word, WordKernel, lanes_of};
+use super::simd::{Lanes, Level};
+use super::words::{Arithmetic, Real, Word, WordKernel, lanes_of};
 
 /// The weights of a grouped convolution, `group` channels in and out of each group.
 #[derive(Debug, Clone)]
@@ -234,11 +234,11 @@ impl<'a> GroupedOuter<'a> {
 
     /// Writes `(channels, group, taps)`: sums over pixels of the source, from `starts` on, times
     /// the gradient at `places`.
-    pub(crate) fn write(
+    pub(crate) fn write<W: Real>(
         &self,
-        source: &[f32],
+        source: &[W],
         starts: &[usize],
-        gradient: &[f32],
+        gradient: &[W],
         places: &[usize],
         target: &mut [f32],
     ) {
@@ -249,49 +249,51 @@ impl<'a> GroupedOuter<'a> {
             .par_chunks_exact_mut(block_len)
             .enumerate()
             .for_each(|(block, target)| {
-                self.level.run(WriteOuter {
+                let first = W::words(block * lanes);
+                let write = WriteOuter {
                     outer: self,
-                    source: &source[block * lanes..],
+                    source: &source[first..],
                     starts,
-                    gradient: &gradient[block * lanes..],
+                    gradient: &gradient[first..],
                     places,
                     target,
-                });
+                };
+                W::run(self.level, write);
             });
     }
 }
 
-struct WriteOuter<'a, 'b> {
+struct WriteOuter<'a, 'b, W> {
     outer: &'a GroupedOuter<'b>,
-    source: &'a [f32],
+    source: &'a [W],
     starts: &'a [usize],
-    gradient: &'a [f32],
+    gradient: &'a [W],
     places: &'a [usize],
     target: &'a mut [f32],
 }
 
-impl Kernel for WriteOuter<'_, '_> {
+impl<W: Real> WordKernel<W> for WriteOuter<'_, '_, W> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes>(mut self, lanes: S) {
+    fn run<S: Lanes, A: Arithmetic<S, Word = W>>(mut self, lanes: S, arithmetic: A) {
         let taps = self.outer.taps;
         self.target.fill(0.0);
         for first in (0..taps.len()).step_by(TAPS) {
             let some = &taps[first..(first + TAPS).min(taps.len())];
             match (self.outer.group, some) {
-                (4, &[a, b, c]) => self.taps::<S, 4, TAPS>(lanes, first, [a, b, c]),
+                (4, &[a, b, c]) => self.taps::<S, A, 4, TAPS>(lanes, arithmetic, first, [a, b, c]),
                 (_, &[a, b, c]) if S::REGISTER_COUNT >= 32 => {
-                    self.taps::<S, 8, TAPS>(lanes, first, [a, b, c]);
+                    self.taps::<S, A, 8, TAPS>(lanes, arithmetic, first, [a, b, c]);
                 }
                 (4, some) => {
                     for (i, &tap) in some.iter().enumerate() {
-                        self.taps::<S, 4, 1>(lanes, first + i, [tap]);
+                        self.taps::<S, A, 4, 1>(lanes, arithmetic, first + i, [tap]);
                     }
                 }
                 (_, some) => {
                     for (i, &tap) in some.iter().enumerate() {
-                        self.taps::<S, 8, 1>(lanes, first + i, [tap]);
+                        self.taps::<S, A, 8, 1>(lanes, arithmetic, first + i, [tap]);
                     }
                 }
             }
@@ -299,23 +301,28 @@ impl Kernel for WriteOuter<'_, '_> {
     }
 }
 
-impl WriteOuter<'_, '_> {
+impl<W: Real> WriteOuter<'_, '_, W> {
     /// The part of taps `first..first + T`.
     #[inline(always)]
-    fn taps<S: Lanes, const G: usize, const T: usize>(
+    fn taps<S, A, const G: usize, const T: usize>(
         &mut self,
         lanes: S,
+        arithmetic: A,
         first: usize,
         taps: [usize; T],
-    ) {
+    ) where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
+        let words = W::words(S::F32_LANES);
         let pixels = self.starts.chunks(PIXELS).zip(self.places.chunks(PIXELS));
         for (starts, places) in pixels {
             let mut sums = [[lanes.splat_f32s(0.0); G]; T];
             for (&start, &place) in starts.iter().zip(places) {
-                let y = vector(lanes, &self.gradient[place..place + S::F32_LANES]);
+                let [y] = arithmetic.load(lanes, &self.gradient[place..place + words]);
                 for t in 0..T {
                     let from = start + taps[t];
-                    let x = vector(lanes, &self.source[from..from + S::F32_LANES]);
+                    let [x] = arithmetic.load(lanes, &self.source[from..from + words]);
                     for (g, sum) in sums[t].iter_mut().enumerate() {
                         *sum = lanes.fma(lanes.spread::<G>(x, g), y, *sum);
                     }

@@ -1,59 +1,92 @@
 //! Sums of outer products: the gradient of a matrix.
 
-use super::simd::{Kernel, Lanes, Level, NullaryFnOnce};
+use super::simd::{Lanes, Level, NullaryFnOnce};
 use super::unroll::{tallest, tiles};
+use super::words::{Arithmetic, Real, WordKernel, lanes_of};
 
 /// `sum_m left[m]^T right[m]` for rows gathered from two feature maps.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Outer<'a> {
-    pub(crate) left: &'a [f32],
+pub(crate) struct Outer<'a, W = f32> {
+    pub(crate) left: &'a [W],
     /// Where each row of the left begins.
     pub(crate) left_rows: &'a [usize],
-    pub(crate) right: &'a [f32],
+    pub(crate) right: &'a [W],
     /// Where each row of the right begins.
     pub(crate) right_rows: &'a [usize],
-    /// Elements of a row of the left: rows of the sum.
+    /// Numbers of a row of the left: rows of the sum.
     pub(crate) height: usize,
-    /// Elements of a row of the right: columns of the sum.
+    /// Numbers of a row of the right: columns of the sum.
     pub(crate) width: usize,
 }
 
-impl Outer<'_> {
-    /// Adds the sum, `(height, width)`, to rows of `target` that lie `stride` apart.
+impl<W: Real> Outer<'_, W> {
+    /// Adds the sum, `(height, width)`, to rows of `target` that lie `stride` apart. Of words that hold
+    /// several numbers, both fill whole words.
     pub(crate) fn add(&self, level: Level, target: &mut [f32], stride: usize) {
-        level.run(Add {
-            outer: self,
-            target,
-            stride,
-        });
+        let (joined, rows): (Vec<W>, Vec<usize>);
+        let mut outer: Outer<'_, W> = *self;
+        if W::NUMBERS > 1 {
+            joined = self.joined();
+            rows = (0..joined.len()).step_by(self.height.max(1)).collect();
+            (outer.left, outer.left_rows) = (&joined, &rows);
+        }
+        W::run(
+            level,
+            Add {
+                outer: &outer,
+                target,
+                stride,
+            },
+        );
+    }
+
+    /// The left with as many rows joined as a word has numbers: of each column a word. A row that is not
+    /// there counts as 0.
+    fn joined(&self) -> Vec<W> {
+        let pairs = self.left_rows.chunks(W::NUMBERS);
+        let mut joined = vec![W::default(); pairs.len() * self.height];
+        let nothing = vec![W::default(); W::words(self.height)];
+        for (joined, rows) in joined.chunks_exact_mut(self.height.max(1)).zip(pairs) {
+            let first = W::each(&self.left[rows[0]..]);
+            let second = rows.get(1).map_or(&nothing[..], |&row| &self.left[row..]);
+            for ((word, &first), &second) in joined.iter_mut().zip(first).zip(W::each(second)) {
+                *word = W::joined(first, second);
+            }
+        }
+        joined
     }
 }
 
-struct Add<'a, 'b> {
-    outer: &'a Outer<'b>,
+struct Add<'a, 'b, W> {
+    /// Rows of the left are joined.
+    outer: &'a Outer<'b, W>,
     target: &'a mut [f32],
     stride: usize,
 }
 
-impl Kernel for Add<'_, '_> {
+impl<W: Real> WordKernel<W> for Add<'_, '_, W> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes>(mut self, lanes: S) {
+    fn run<S: Lanes, A: Arithmetic<S, Word = W>>(mut self, lanes: S, arithmetic: A) {
         let Outer { height, width, .. } = *self.outer;
         let mut column = 0;
         while column < width {
             let columns = (width - column).min(2 * S::F32_LANES);
             for (row, rows) in tiles(0, height, tallest::<S>()) {
                 let tile = (row, column, columns);
+                let (whole, one) = (
+                    columns.is_multiple_of(S::F32_LANES),
+                    columns <= S::F32_LANES,
+                );
                 if columns == 2 * S::F32_LANES {
-                    with_height!(rows, S, H => self.apart::<S, H, 2, true>(lanes, tile));
-                } else if columns > S::F32_LANES {
-                    with_height!(rows, S, H => self.apart::<S, H, 2, false>(lanes, tile));
-                } else if columns == S::F32_LANES {
-                    with_height!(rows, S, H => self.apart::<S, H, 1, true>(lanes, tile));
+                    with_height!(rows, S, H => self.apart::<S, A, H, 2, true>(lanes, arithmetic, tile));
+                } else if W::NUMBERS == 2 || !one {
+                    with_height!(rows, S, H => self.apart::<S, A, H, 2, false>(lanes, arithmetic, tile));
+                } else if whole {
+                    with_height!(rows, S, H => self.apart::<S, A, H, 1, true>(lanes, arithmetic, tile));
                 } else {
-                    with_height!(rows, S, H => self.apart::<S, H, 1, false>(lanes, tile));
+                    with_height!(rows, S, H => self.apart::<S, A, H, 1, false>(lanes, arithmetic, tile));
                 }
             }
             column += columns;
@@ -65,44 +98,62 @@ impl Kernel for Add<'_, '_> {
 type Corner = (usize, usize, usize);
 
 /// A tile of `H` rows and `NV` vectors to be added.
-struct SizedTile<'a, 'b, 'c, S, const H: usize, const NV: usize, const WHOLE: bool> {
-    add: &'a mut Add<'b, 'c>,
+struct SizedTile<'a, 'b, 'c, S, A, W, const H: usize, const NV: usize, const WHOLE: bool> {
+    add: &'a mut Add<'b, 'c, W>,
     lanes: S,
+    arithmetic: A,
     tile: Corner,
 }
 
-impl<S: Lanes, const H: usize, const NV: usize, const WHOLE: bool> NullaryFnOnce
-    for SizedTile<'_, '_, '_, S, H, NV, WHOLE>
+impl<S, A, W, const H: usize, const NV: usize, const WHOLE: bool> NullaryFnOnce
+    for SizedTile<'_, '_, '_, S, A, W, H, NV, WHOLE>
+where
+    S: Lanes,
+    A: Arithmetic<S, Word = W>,
+    W: Real,
 {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        self.add.tile::<S, H, NV, WHOLE>(self.lanes, self.tile);
+        self.add
+            .tile::<S, A, H, NV, WHOLE>(self.lanes, self.arithmetic, self.tile);
     }
 }
 
-impl Add<'_, '_> {
+impl<W: Real> Add<'_, '_, W> {
     #[inline(always)]
-    fn apart<S: Lanes, const H: usize, const NV: usize, const WHOLE: bool>(
+    fn apart<S, A, const H: usize, const NV: usize, const WHOLE: bool>(
         &mut self,
         lanes: S,
+        arithmetic: A,
         tile: Corner,
-    ) {
-        lanes.apart(SizedTile::<S, H, NV, WHOLE> {
-            add: self,
+    ) where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
+        arithmetic.apart(
             lanes,
-            tile,
-        });
+            SizedTile::<S, A, W, H, NV, WHOLE> {
+                add: self,
+                lanes,
+                arithmetic,
+                tile,
+            },
+        );
     }
 
     /// Rows from `row`, `columns` columns from `column`; `WHOLE` if they fill the vectors.
     #[inline(always)]
-    fn tile<S: Lanes, const H: usize, const NV: usize, const WHOLE: bool>(
+    fn tile<S, A, const H: usize, const NV: usize, const WHOLE: bool>(
         &mut self,
         lanes: S,
+        arithmetic: A,
         (row, column, columns): Corner,
-    ) {
+    ) where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
         let Outer {
             left,
             left_rows,
@@ -110,44 +161,22 @@ impl Add<'_, '_> {
             right_rows,
             ..
         } = *self.outer;
+        let right = &right[W::words(column)..];
         let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
-        for (&l, &r) in left_rows.iter().zip(right_rows) {
-            let l = l + row;
-            let x = &left[l..l + H];
-            let r = r + column;
-            let y = vectors::<S, NV, WHOLE>(lanes, &right[r..r + columns]);
+        for (&l, r) in left_rows.iter().zip(right_rows.chunks(W::NUMBERS)) {
+            let x = &lanes_of(&left[l + row..])[..H];
+            let y = W::columns::<S, NV, WHOLE>(lanes, right, r, columns);
             for i in 0..H {
                 let x = lanes.splat_f32s(x[i]);
                 for v in 0..NV {
-                    sums[i][v] = lanes.fma(x, y[v], sums[i][v]);
+                    sums[i][v] = arithmetic.multiply_add(lanes, x, y[v], sums[i][v]);
                 }
             }
         }
         each_row!(H, i, {
             let start = (row + i) * self.stride + column;
             let target = &mut self.target[start..start + columns];
-            if WHOLE {
-                for (v, part) in S::as_mut_simd_f32s(target).0.iter_mut().enumerate() {
-                    *part = lanes.add_f32s(sums[i][v], *part);
-                }
-            } else {
-                for (v, part) in target.chunks_mut(S::F32_LANES).enumerate() {
-                    let sum = lanes.add_f32s(sums[i][v], lanes.partial_load_f32s(part));
-                    lanes.partial_store_f32s(part, sum);
-                }
-            }
+            W::add_columns::<S, NV, WHOLE>(lanes, sums[i], target);
         });
     }
-}
-
-#[inline(always)]
-fn vectors<S: Lanes, const NV: usize, const WHOLE: bool>(lanes: S, from: &[f32]) -> [S::f32s; NV] {
-    std::array::from_fn(|v| {
-        if WHOLE {
-            S::as_simd_f32s(from).0[v]
-        } else {
-            let from = &from[(v * S::F32_LANES).min(from.len())..];
-            lanes.partial_load_f32s(&from[..from.len().min(S::F32_LANES)])
-        }
-    })
 }

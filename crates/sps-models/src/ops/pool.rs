@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 
 use super::bands::{Threads, for_each_band};
-use super::grid::{Grid, Size, Window};
+use super::grid::{Grid, Size, Window, pixel, pixel_mut};
 use super::simd::{Kernel, Lanes, Level};
-use super::words::Word;
+use super::words::{Real, Word};
 
 /// Writes to each pixel of `target` the largest values under the window.
 ///
@@ -95,13 +95,13 @@ pub(super) fn reach(window: &Window, from: &Grid, to: &Grid, pixel: usize) -> Si
 /// Writes the gradient of max pooling's input: each window's gradient goes to the first of its
 /// largest values. The border of `from` gets its part too. `gradient` lies as `pooled` does, without
 /// a border.
-pub(crate) fn max_pool_backward(
+pub(crate) fn max_pool_backward<W: Real>(
     level: Level,
     window: &Window,
-    (source, from): (&[f32], &Grid),
-    (pooled, to): (&[f32], &Grid),
-    gradient: &[f32],
-    target: &mut [f32],
+    (source, from): (&[W], &Grid),
+    (pooled, to): (&[W], &Grid),
+    gradient: &[W],
+    target: &mut [W],
 ) {
     let one = Grid { frames: 1, ..*to };
     let starts = Grid { frames: 1, ..*from }.starts(window, to.size);
@@ -128,37 +128,40 @@ pub(crate) fn max_pool_backward(
 }
 
 /// One frame.
-struct PoolBackward<'a> {
+struct PoolBackward<'a, W> {
     window: &'a Window,
-    source: &'a [f32],
+    source: &'a [W],
     from: &'a Grid,
-    pooled: &'a [f32],
+    pooled: &'a [W],
     to: &'a Grid,
-    gradient: &'a [f32],
+    gradient: &'a [W],
     starts: &'a [usize],
     places: &'a [usize],
-    target: &'a mut [f32],
+    target: &'a mut [W],
 }
 
-impl Kernel for PoolBackward<'_> {
+impl<W: Real> Kernel for PoolBackward<'_, W> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) {
         let channels = self.from.channels;
         let mut left = vec![0.0; channels];
-        self.target.fill(0.0);
-        for (pixel, (&start, &place)) in self.starts.iter().zip(self.places).enumerate() {
-            let largest = &self.pooled[place..place + channels];
-            let own = pixel * self.to.pitch;
-            left.copy_from_slice(&self.gradient[own..own + channels]);
-            let reach = reach(self.window, self.from, self.to, pixel);
+        self.target.fill(W::default());
+        for (i, (&start, &place)) in self.starts.iter().zip(self.places).enumerate() {
+            let largest = pixel(&self.pooled[place..], channels);
+            let own = &self.gradient[i * self.to.pitch..][..self.to.words];
+            for (left, own) in left.iter_mut().zip(W::numbers(own)) {
+                *left = own;
+            }
+            let reach = reach(self.window, self.from, self.to, i);
             for t in 0..reach[0] {
                 for y in 0..reach[1] {
                     for x in 0..reach[2] {
                         let from = start + self.from.index(0, [t, y, x]);
-                        let values = &self.source[from..from + channels];
-                        give(values, largest, &mut left, &mut self.target[from..]);
+                        let values = pixel(&self.source[from..], channels);
+                        let target = pixel_mut(&mut self.target[from..], channels);
+                        give::<W>((values, largest), &mut left, target);
                     }
                 }
             }
@@ -168,11 +171,16 @@ impl Kernel for PoolBackward<'_> {
 
 /// Hands what is left of the gradient to the values that are the largest.
 #[inline(always)]
-fn give(values: &[f32], largest: &[f32], left: &mut [f32], target: &mut [f32]) {
+fn give<W: Real>(
+    (values, largest): (&[W::Number], &[W::Number]),
+    left: &mut [f32],
+    target: &mut [W::Number],
+) {
     let pairs = values.iter().zip(largest);
     for ((value, largest), (left, target)) in pairs.zip(left.iter_mut().zip(target)) {
         let found = value == largest;
-        *target += if found { *left } else { 0.0 };
+        let given = if found { *left } else { 0.0 };
+        *target = W::narrowed(W::widened(*target) + given);
         *left = if found { 0.0 } else { *left };
     }
 }

@@ -2,24 +2,25 @@
 
 use super::bands::{Band, Threads, for_each_band};
 use super::batch_norm::{FrameSums, Norm};
-use super::grid::{Grid, pixels, rows, rows_mut};
+use super::grid::{Grid, pixel, pixel_mut, pixels, rows, rows_mut};
 use super::product::Activation;
 use super::simd::{Kernel, Lanes, Level};
+use super::words::Real;
 
 /// What is added to the gated branch.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Shortcut<'a> {
+pub(crate) enum Shortcut<'a, W = f32> {
     /// A feature map as it is, with any border.
-    Plain(&'a [f32], &'a Grid),
+    Plain(&'a [W], &'a Grid),
     /// A feature map that is normed first, without a border.
-    Normed(&'a [f32], &'a Norm),
+    Normed(&'a [W], &'a Norm),
 }
 
 /// A residual branch before its end.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Branch<'a> {
+pub(crate) struct Branch<'a, W = f32> {
     /// Without a border, as `grid` says.
-    pub(crate) x: &'a [f32],
+    pub(crate) x: &'a [W],
     pub(crate) norm: &'a Norm,
     /// `(frames, channels)`
     pub(crate) gate: &'a [f32],
@@ -38,7 +39,7 @@ pub(crate) struct FrameSlopes {
     pub(crate) constant: Vec<f32>,
 }
 
-impl Branch<'_> {
+impl<W: Real> Branch<'_, W> {
     fn of_frame<'a>(&self, values: &'a [f32], frame: usize) -> &'a [f32] {
         &values[frame * self.grid.channels..(frame + 1) * self.grid.channels]
     }
@@ -47,8 +48,8 @@ impl Branch<'_> {
     pub(crate) fn end(
         &self,
         level: Level,
-        shortcut: Shortcut<'_>,
-        (target, to): (&mut [f32], &Grid),
+        shortcut: Shortcut<'_, W>,
+        (target, to): (&mut [W], &Grid),
     ) {
         let places = to.places();
         let added = match shortcut {
@@ -78,8 +79,8 @@ impl Branch<'_> {
     pub(crate) fn mask(
         &self,
         level: Level,
-        (end, from): (&[f32], &Grid),
-        gradient: &mut [f32],
+        (end, from): (&[W], &Grid),
+        gradient: &mut [W],
     ) -> FrameSums {
         let places = from.places();
         let pitch = self.grid.pitch;
@@ -101,8 +102,8 @@ impl Branch<'_> {
         &self,
         level: Level,
         slopes: &FrameSlopes,
-        gradient: &[f32],
-        (target, to): (&mut [f32], &Grid),
+        gradient: &[W],
+        (target, to): (&mut [W], &Grid),
     ) {
         let places = to.places();
         for_each_frame((target, to), |frame, band| {
@@ -123,13 +124,16 @@ impl Branch<'_> {
     }
 
     /// The elements of `x` that a band's pixels are.
-    fn elements(&self, band: &Band<'_>) -> std::ops::Range<usize> {
+    fn elements(&self, band: &Band<'_, W>) -> std::ops::Range<usize> {
         band.pixels.start * self.grid.pitch..band.pixels.end * self.grid.pitch
     }
 }
 
 /// Calls `work` on parts of frames of `target`: the frame, and its rows and memory.
-fn for_each_frame((target, to): (&mut [f32], &Grid), work: impl Fn(usize, Band<'_>) + Send + Sync) {
+fn for_each_frame<W: Real>(
+    (target, to): (&mut [W], &Grid),
+    work: impl Fn(usize, Band<'_, W>) + Send + Sync,
+) {
     let per_frame = pixels(to.size);
     for_each_band(Threads::All, to, target, |band| {
         work(band.pixels.start / per_frame, band);
@@ -138,25 +142,25 @@ fn for_each_frame((target, to): (&mut [f32], &Grid), work: impl Fn(usize, Band<'
 
 /// What is added to some pixels of the branch.
 #[derive(Debug, Clone, Copy)]
-enum Added<'a> {
+enum Added<'a, W> {
     /// A feature map, and where each pixel lies in it.
-    Plain(&'a [f32], &'a [usize]),
-    Normed(&'a [f32], &'a Norm),
+    Plain(&'a [W], &'a [usize]),
+    Normed(&'a [W], &'a Norm),
 }
 
-struct End<'a> {
+struct End<'a, W> {
     norm: &'a Norm,
     pitch: usize,
-    x: &'a [f32],
+    x: &'a [W],
     gate: &'a [f32],
-    shortcut: Added<'a>,
+    shortcut: Added<'a, W>,
     places: &'a [usize],
     origin: usize,
-    target: &'a mut [f32],
+    target: &'a mut [W],
     limits: [f32; 2],
 }
 
-impl Kernel for End<'_> {
+impl<W: Real> Kernel for End<'_, W> {
     type Output = ();
 
     #[inline(always)]
@@ -167,11 +171,12 @@ impl Kernel for End<'_> {
         match self.shortcut {
             Added::Plain(memory, added) => {
                 for ((x, place), &added) in pixels.zip(added) {
-                    let out = &mut self.target[place - self.origin..][..n];
-                    let shortcut = &memory[added..][..n];
+                    let out = pixel_mut(&mut self.target[place - self.origin..], n);
+                    let shortcut = pixel(&memory[added..], n);
                     for c in 0..n {
-                        let y = (x[c] - mean[c]) * factor[c] + beta[c];
-                        out[c] = within(self.limits, y * gate[c] + shortcut[c]);
+                        let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
+                        let end = y * gate[c] + W::widened(shortcut[c]);
+                        out[c] = W::narrowed(within(self.limits, end));
                     }
                 }
             }
@@ -179,11 +184,11 @@ impl Kernel for End<'_> {
                 let (_, m, f, b) = norm.channels();
                 let (m, f, b) = (&m[..n], &f[..n], &b[..n]);
                 for ((x, place), shortcut) in pixels.zip(rows(shortcut, self.pitch, n)) {
-                    let out = &mut self.target[place - self.origin..][..n];
+                    let out = pixel_mut(&mut self.target[place - self.origin..], n);
                     for c in 0..n {
-                        let y = (x[c] - mean[c]) * factor[c] + beta[c];
-                        let z = (shortcut[c] - m[c]) * f[c] + b[c];
-                        out[c] = within(self.limits, y * gate[c] + z);
+                        let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
+                        let z = (W::widened(shortcut[c]) - m[c]) * f[c] + b[c];
+                        out[c] = W::narrowed(within(self.limits, y * gate[c] + z));
                     }
                 }
             }
@@ -198,17 +203,17 @@ fn within([least, most]: [f32; 2], x: f32) -> f32 {
     if x > most { most } else { x }
 }
 
-struct Mask<'a> {
+struct Mask<'a, W> {
     mean: &'a [f32],
     pitch: usize,
-    x: &'a [f32],
-    end: &'a [f32],
+    x: &'a [W],
+    end: &'a [W],
     places: &'a [usize],
     limits: [f32; 2],
-    gradient: &'a mut [f32],
+    gradient: &'a mut [W],
 }
 
-impl Kernel for Mask<'_> {
+impl<W: Real> Kernel for Mask<'_, W> {
     type Output = [Vec<f32>; 2];
 
     #[inline(always)]
@@ -222,39 +227,36 @@ impl Kernel for Mask<'_> {
         let [least, most] = self.limits;
         let pixels = rows(self.x, pitch, n).zip(self.places);
         for ((x, &place), gradient) in pixels.zip(rows_mut(self.gradient, pitch, n)) {
-            let end = &self.end[place..][..n];
+            let end = pixel(&self.end[place..], n);
             for c in 0..n {
                 // Read whether it is kept or not: a read that depends on `end` would keep the
                 // compiler from taking several channels at a time.
-                let g = gradient[c];
-                let g = if end[c] > least && end[c] < most {
-                    g
-                } else {
-                    0.0
-                };
-                gradient[c] = g;
+                let g = W::widened(gradient[c]);
+                let end = W::widened(end[c]);
+                let g = if end > least && end < most { g } else { 0.0 };
+                gradient[c] = W::narrowed(g);
                 total[c] += g;
-                product[c] += g * (x[c] - mean[c]);
+                product[c] += g * (W::widened(x[c]) - mean[c]);
             }
         }
         sums
     }
 }
 
-struct Backward<'a> {
+struct Backward<'a, W> {
     mean: &'a [f32],
     pitch: usize,
     of_gradient: &'a [f32],
     of_x: &'a [f32],
     constant: &'a [f32],
-    x: &'a [f32],
-    gradient: &'a [f32],
+    x: &'a [W],
+    gradient: &'a [W],
     places: &'a [usize],
     origin: usize,
-    target: &'a mut [f32],
+    target: &'a mut [W],
 }
 
-impl Kernel for Backward<'_> {
+impl<W: Real> Kernel for Backward<'_, W> {
     type Output = ();
 
     #[inline(always)]
@@ -265,9 +267,11 @@ impl Kernel for Backward<'_> {
         let pitch = self.pitch;
         let pixels = rows(self.x, pitch, n).zip(rows(self.gradient, pitch, n));
         for ((x, g), &place) in pixels.zip(self.places) {
-            let out = &mut self.target[place - self.origin..][..n];
+            let out = pixel_mut(&mut self.target[place - self.origin..], n);
             for c in 0..n {
-                out[c] = g[c] * of_gradient[c] + (x[c] - self.mean[c]) * of_x[c] + constant[c];
+                let deviation = W::widened(x[c]) - self.mean[c];
+                let g = W::widened(g[c]);
+                out[c] = W::narrowed(g * of_gradient[c] + deviation * of_x[c] + constant[c]);
             }
         }
     }

@@ -96,7 +96,8 @@ impl Level {
     }
 
     /// Runs a kernel, compiled for this level.
-    #[inline]
+    // What is inlined is compiled once more in every part of the crate that calls it, with all its kernels.
+    #[inline(never)]
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
             Self::Portable => kernel.run(Scalar128b),

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::grid::{Grid, rows};
 use super::simd::{Kernel, Lanes, Level};
+use super::words::Word;
 
 /// Elements of a run, whose sums are taken in f32: a run is read twice and stays in the cache.
 const RUN: usize = 32 << 10;
@@ -35,9 +36,9 @@ impl ChannelStatistics {
     ///
     /// A run's deviations are taken from its own mean, and runs are joined in f64 (Chan et al.,
     /// 1979): a large common offset costs no digits.
-    pub(crate) fn of(level: Level, source: &[f32], grid: &Grid) -> Self {
+    pub(crate) fn of<W: Word>(level: Level, source: &[W], grid: &Grid) -> Self {
         let (channels, pitch) = (grid.channels, grid.pitch);
-        let runs = |frame: &[f32]| -> Vec<PartialStatistics> {
+        let runs = |frame: &[W]| -> Vec<PartialStatistics> {
             let statistics = |run| {
                 level.run(RunStatistics {
                     run,
@@ -103,13 +104,13 @@ impl PartialStatistics {
     }
 }
 
-struct RunStatistics<'a> {
-    run: &'a [f32],
+struct RunStatistics<'a, W> {
+    run: &'a [W],
     channels: usize,
     pitch: usize,
 }
 
-impl Kernel for RunStatistics<'_> {
+impl<W: Word> Kernel for RunStatistics<'_, W> {
     type Output = PartialStatistics;
 
     #[inline(always)]
@@ -117,8 +118,8 @@ impl Kernel for RunStatistics<'_> {
         let count = self.run.len() / self.pitch;
         let mut sum = vec![0.0_f32; self.channels];
         for row in rows(self.run, self.pitch, self.channels) {
-            for (sum, x) in sum.iter_mut().zip(row) {
-                *sum += x;
+            for (sum, &x) in sum.iter_mut().zip(row) {
+                *sum += W::widened(x);
             }
         }
         let near: Vec<f32> = sum.iter().map(|sum| sum / count as f32).collect();
@@ -127,8 +128,8 @@ impl Kernel for RunStatistics<'_> {
         let mut squares = vec![0.0_f32; self.channels];
         for row in rows(self.run, self.pitch, self.channels) {
             let sums = left.iter_mut().zip(&mut squares);
-            for ((x, near), (left, squares)) in row.iter().zip(&near).zip(sums) {
-                let deviation = x - near;
+            for ((&x, near), (left, squares)) in row.iter().zip(&near).zip(sums) {
+                let deviation = W::widened(x) - near;
                 *left += deviation;
                 *squares += deviation * deviation;
             }

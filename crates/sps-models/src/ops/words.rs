@@ -10,6 +10,9 @@ use super::simd::{Kernel, Lanes, Level, NullaryFnOnce};
 
 /// What feature maps and matrices are made of: 32 bits that hold one number or two.
 pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
+    /// One of a word's numbers as it lies in memory.
+    type Number: Pod + PartialEq + Send + Sync;
+
     /// Numbers of a word.
     const NUMBERS: usize;
 
@@ -34,17 +37,72 @@ pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
     /// Numbers as words, where a word is a number.
     fn from_numbers(numbers: &[f32]) -> Option<&[Self]>;
 
+    /// What a number is as f32.
+    fn widened(number: Self::Number) -> f32;
+
+    /// The numbers of words as they lie in memory.
+    #[inline(always)]
+    fn each(words: &[Self]) -> &[Self::Number] {
+        bytemuck::cast_slice(words)
+    }
+
+    /// The same, to be written.
+    #[inline(always)]
+    fn each_mut(words: &mut [Self]) -> &mut [Self::Number] {
+        bytemuck::cast_slice_mut(words)
+    }
+
     /// The numbers of words.
-    fn numbers(words: &[Self]) -> impl Iterator<Item = f32>;
+    #[inline(always)]
+    fn numbers(words: &[Self]) -> impl Iterator<Item = f32> {
+        Self::each(words)
+            .iter()
+            .map(|&number| Self::widened(number))
+    }
 
     /// Takes over each number of `words` that is the larger one, or NaN.
-    fn keep_larger(largest: &mut [Self], words: &[Self]);
+    #[inline(always)]
+    fn keep_larger(largest: &mut [Self], words: &[Self]) {
+        for (largest, &number) in Self::each_mut(largest).iter_mut().zip(Self::each(words)) {
+            let x = Self::widened(number);
+            if x > Self::widened(*largest) || x.is_nan() {
+                *largest = number;
+            }
+        }
+    }
 
     /// Runs a kernel by the machine's own instructions for these words where it has some.
     fn run<K: WordKernel<Self>>(level: Level, kernel: K) -> K::Output;
 }
 
+/// Words of numbers that stand for themselves: what networks train in.
+pub(crate) trait Real: Word {
+    /// A number as it lies in memory, rounded.
+    fn narrowed(number: f32) -> Self::Number;
+
+    /// A word of two numbers; where it holds but one, the first.
+    fn joined(first: Self::Number, second: Self::Number) -> Self;
+
+    /// Vectors of some columns of as many rows of `memory` as a word has numbers; a row that is not there
+    /// counts as 0. Each lane has a word of one column's numbers; [`Real::add_columns`] knows of which.
+    fn columns<S: Lanes, const NV: usize, const WHOLE: bool>(
+        lanes: S,
+        memory: &[Self],
+        rows: &[usize],
+        columns: usize,
+    ) -> [S::f32s; NV];
+
+    /// Adds numbers that lie as [`Real::columns`] has them to the columns.
+    fn add_columns<S: Lanes, const NV: usize, const WHOLE: bool>(
+        lanes: S,
+        numbers: [S::f32s; NV],
+        target: &mut [f32],
+    );
+}
+
 impl Word for f32 {
+    type Number = Self;
+
     const NUMBERS: usize = 1;
 
     #[inline(always)]
@@ -57,17 +115,8 @@ impl Word for f32 {
     }
 
     #[inline(always)]
-    fn numbers(words: &[Self]) -> impl Iterator<Item = f32> {
-        words.iter().copied()
-    }
-
-    #[inline(always)]
-    fn keep_larger(largest: &mut [Self], words: &[Self]) {
-        for (largest, &x) in largest.iter_mut().zip(words) {
-            if x > *largest || x.is_nan() {
-                *largest = x;
-            }
-        }
+    fn widened(number: Self) -> f32 {
+        number
     }
 
     #[inline]
@@ -77,12 +126,54 @@ impl Word for f32 {
     }
 }
 
+impl Real for f32 {
+    #[inline(always)]
+    fn narrowed(number: f32) -> Self {
+        number
+    }
+
+    #[inline(always)]
+    fn joined(first: Self, _: Self) -> Self {
+        first
+    }
+
+    #[inline(always)]
+    fn columns<S: Lanes, const NV: usize, const WHOLE: bool>(
+        lanes: S,
+        memory: &[Self],
+        rows: &[usize],
+        columns: usize,
+    ) -> [S::f32s; NV] {
+        vectors::<S, NV, WHOLE>(lanes, &memory[rows[0]..rows[0] + columns])
+    }
+
+    #[inline(always)]
+    fn add_columns<S: Lanes, const NV: usize, const WHOLE: bool>(
+        lanes: S,
+        numbers: [S::f32s; NV],
+        target: &mut [f32],
+    ) {
+        if WHOLE {
+            for (numbers, target) in numbers.into_iter().zip(S::as_mut_simd_f32s(target).0) {
+                *target = lanes.add_f32s(numbers, *target);
+            }
+        } else {
+            for (numbers, target) in numbers.into_iter().zip(target.chunks_mut(S::F32_LANES)) {
+                let sum = lanes.add_f32s(numbers, lanes.partial_load_f32s(target));
+                lanes.partial_store_f32s(target, sum);
+            }
+        }
+    }
+}
+
 /// Two numbers of eight bits' precision and the range of f32, the first in the lower half.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 #[repr(C, align(4))]
 pub(crate) struct Bf16Pair([bf16; 2]);
 
 impl Word for Bf16Pair {
+    type Number = bf16;
+
     const NUMBERS: usize = 2;
 
     #[inline(always)]
@@ -94,20 +185,10 @@ impl Word for Bf16Pair {
         None
     }
 
+    /// As plain bits, so that a loop becomes one over vectors.
     #[inline(always)]
-    fn numbers(words: &[Self]) -> impl Iterator<Item = f32> {
-        halves(words).iter().map(|&half| widened(half))
-    }
-
-    #[inline(always)]
-    fn keep_larger(largest: &mut [Self], words: &[Self]) {
-        let largest: &mut [bf16] = bytemuck::cast_slice_mut(largest);
-        for (largest, &half) in largest.iter_mut().zip(halves(words)) {
-            let x = widened(half);
-            if x > widened(*largest) || x.is_nan() {
-                *largest = half;
-            }
-        }
+    fn widened(number: bf16) -> f32 {
+        f32::from_bits(u32::from(number.to_bits()) << 16)
     }
 
     #[inline]
@@ -118,6 +199,64 @@ impl Word for Bf16Pair {
         }
         let arithmetic = Pairs;
         level.run(With { kernel, arithmetic })
+    }
+}
+
+impl Real for Bf16Pair {
+    #[inline(always)]
+    fn narrowed(number: f32) -> bf16 {
+        bf16::from_f32(number)
+    }
+
+    #[inline(always)]
+    fn joined(first: bf16, second: bf16) -> Self {
+        Self([first, second])
+    }
+
+    // Even columns, then odd ones.
+    #[inline(always)]
+    fn columns<S: Lanes, const NV: usize, const WHOLE: bool>(
+        lanes: S,
+        memory: &[Self],
+        rows: &[usize],
+        columns: usize,
+    ) -> [S::f32s; NV] {
+        let words = Self::words(columns);
+        let first = bits::<S, WHOLE>(lanes, &memory[rows[0]..rows[0] + words]);
+        let second = match rows {
+            [_, row, ..] => bits::<S, WHOLE>(lanes, &memory[*row..row + words]),
+            _ => lanes.splat_u32s(0),
+        };
+        let (low, high) = (lanes.splat_u32s(0xffff), lanes.splat_u32s(0xffff_0000));
+        let half = lanes.splat_u32s(16);
+        let even = lanes.or_u32s(
+            lanes.and_u32s(first, low),
+            lanes.wrapping_dyn_shl_u32s(second, half),
+        );
+        let odd = lanes.or_u32s(
+            lanes.wrapping_dyn_shr_u32s(first, half),
+            lanes.and_u32s(second, high),
+        );
+        let both = [
+            lanes.transmute_f32s_u32s(even),
+            lanes.transmute_f32s_u32s(odd),
+        ];
+        std::array::from_fn(|v| both[v % 2])
+    }
+
+    #[inline(always)]
+    fn add_columns<S: Lanes, const NV: usize, const WHOLE: bool>(
+        _: S,
+        numbers: [S::f32s; NV],
+        target: &mut [f32],
+    ) {
+        let numbers: &[f32] = bytemuck::cast_slice(&numbers);
+        let (even, odd) = numbers.split_at(S::F32_LANES);
+        let (pairs, _) = target.as_chunks_mut::<2>();
+        for (pair, (even, odd)) in pairs.iter_mut().zip(even.iter().zip(odd)) {
+            pair[0] += even;
+            pair[1] += odd;
+        }
     }
 }
 
@@ -143,6 +282,8 @@ pub(super) fn byte(number: f32) -> u8 {
 }
 
 impl Word for Bytes {
+    type Number = u8;
+
     const NUMBERS: usize = 4;
 
     const WHOLE: bool = true;
@@ -164,14 +305,13 @@ impl Word for Bytes {
     }
 
     #[inline(always)]
-    fn numbers(words: &[Self]) -> impl Iterator<Item = f32> {
-        bytes(words).iter().map(|&byte| f32::from(byte))
+    fn widened(number: u8) -> f32 {
+        f32::from(number)
     }
 
     #[inline(always)]
     fn keep_larger(largest: &mut [Self], words: &[Self]) {
-        let largest: &mut [u8] = bytemuck::cast_slice_mut(largest);
-        for (largest, &byte) in largest.iter_mut().zip(bytes(words)) {
+        for (largest, &byte) in Self::each_mut(largest).iter_mut().zip(Self::each(words)) {
             *largest = byte.max(*largest);
         }
     }
@@ -187,20 +327,20 @@ impl Word for Bytes {
     }
 }
 
+/// Vectors of f32; `WHOLE` if the numbers fill them, else what they lack is 0.
 #[inline(always)]
-fn bytes(words: &[Bytes]) -> &[u8] {
-    bytemuck::cast_slice(words)
-}
-
-#[inline(always)]
-fn halves(words: &[Bf16Pair]) -> &[bf16] {
-    bytemuck::cast_slice(words)
-}
-
-/// The same number; as plain bits, so that a loop becomes one over vectors.
-#[inline(always)]
-fn widened(x: bf16) -> f32 {
-    f32::from_bits(u32::from(x.to_bits()) << 16)
+pub(super) fn vectors<S: Lanes, const NV: usize, const WHOLE: bool>(
+    lanes: S,
+    from: &[f32],
+) -> [S::f32s; NV] {
+    std::array::from_fn(|v| {
+        if WHOLE {
+            S::as_simd_f32s(from).0[v]
+        } else {
+            let from = &from[(v * S::F32_LANES).min(from.len())..];
+            lanes.partial_load_f32s(&from[..from.len().min(S::F32_LANES)])
+        }
+    })
 }
 
 /// The bits of words as the lanes of vectors hold them.
@@ -319,8 +459,8 @@ impl<S: Lanes> Arithmetic<S> for Pairs {
     fn load<const NV: usize>(self, _: S, from: &[Bf16Pair]) -> [S::f32s; NV] {
         let mut values = [Zeroable::zeroed(); NV];
         let numbers: &mut [f32] = bytemuck::cast_slice_mut(&mut values);
-        for (number, &half) in numbers.iter_mut().zip(halves(from)) {
-            *number = widened(half);
+        for (number, widened) in numbers.iter_mut().zip(Bf16Pair::numbers(from)) {
+            *number = widened;
         }
         values
     }
@@ -365,8 +505,8 @@ impl<S: Lanes> Arithmetic<S> for Quads {
     fn load<const NV: usize>(self, _: S, from: &[Bytes]) -> [S::f32s; NV] {
         let mut values = [Zeroable::zeroed(); NV];
         let numbers: &mut [f32] = bytemuck::cast_slice_mut(&mut values);
-        for (number, &byte) in numbers.iter_mut().zip(bytes(from)) {
-            *number = f32::from(byte);
+        for (number, widened) in numbers.iter_mut().zip(Bytes::numbers(from)) {
+            *number = widened;
         }
         values
     }
@@ -379,6 +519,13 @@ impl<S: Lanes> Arithmetic<S> for Quads {
             *to = byte(number);
         }
     }
+}
+
+/// A vector of pairs as plain bits; `WHOLE` if they fill it.
+#[inline(always)]
+fn bits<S: Lanes, const WHOLE: bool>(lanes: S, from: &[Bf16Pair]) -> S::u32s {
+    let [words] = vectors::<S, 1, WHOLE>(lanes, lanes_of(from));
+    lanes.transmute_u32s_f32s(words)
 }
 
 /// The first numbers of the pairs.

@@ -1,5 +1,6 @@
 use serde::{Deserialize, Serialize};
 
+use crate::encoders::Precision;
 use crate::error::{Error, Result};
 use crate::heads::{HeadConfig, Input, Model, Scale};
 use crate::optim::AdamConfig;
@@ -30,6 +31,9 @@ pub struct TrainingConfig {
     /// Whether only each block's input is kept for the backward pass: less memory, more time, the
     /// same bits.
     pub checkpointing: bool,
+    /// What feature maps and their gradients are made of while the encoder is trained: f32, or bf16, which
+    /// takes half the memory. Its weights stay f32. Default: f32.
+    pub precision: Precision,
     /// Share of the images that is not trained on and says after each epoch how good the network
     /// is; the best one is kept. 0: none, and the last one is kept.
     pub validation: f64,
@@ -169,6 +173,7 @@ impl Default for TrainingConfig {
             warmup: 0.05,
             clip_norm: None,
             checkpointing: false,
+            precision: Precision::F32,
             validation: 0.1,
             patience: 0,
             distillation: 0.0,
@@ -210,6 +215,9 @@ impl TrainingConfig {
             let sensible = norm.is_finite() && norm > 0.0;
             require(sensible, "clip-norm", norm, "above 0")?;
         }
+        let precision = self.precision;
+        let sensible = precision != Precision::Int8;
+        require(sensible, "precision", precision, "f32 or bf16")?;
         let needs = self.patience == 0 || self.validation > 0.0;
         let expected = "0 where `validation` is 0";
         require(needs, "patience", self.patience, expected)?;
@@ -329,6 +337,7 @@ mod tests {
         refused(|c| c.warmup = 1.0, "warmup");
         refused(|c| c.validation = -0.1, "validation");
         refused(|c| c.clip_norm = Some(0.0), "clip-norm");
+        refused(|c| c.precision = Precision::Int8, "precision");
         refused(
             |c| {
                 c.patience = 3;

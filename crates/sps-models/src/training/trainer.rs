@@ -101,7 +101,8 @@ impl Trainer {
         check(&targets, &parts)?;
         let views = targets.views();
         let data = state::hash(&targets, &parts)?;
-        let encoder = TrainableEncoder::new(encoder)?.with_checkpointing(config.checkpointing);
+        let encoder = TrainableEncoder::new(encoder)?.with_precision(config.precision)?;
+        let encoder = encoder.with_checkpointing(config.checkpointing);
         let width = encoder.kind().width();
         let objective = Objective::new(&config, targets, &parts.training, width, seed)?;
         let adam = Adam::new(config.adam.clone(), parameters(&encoder, &objective))?;

@@ -1,5 +1,6 @@
 //! Convolutions as inference needs them: what follows them linearly is part of them.
 
+use crate::encoders::images::{image_channels, image_weights};
 use crate::encoders::network;
 use crate::encoders::scales::Scale;
 use crate::error::Result;
@@ -103,17 +104,10 @@ impl Folded {
         }
     }
 
-    /// With inputs added that count for nothing.
-    pub(super) fn with_inputs(mut self, inputs: usize) -> Self {
-        let taps = pixels(self.shape.window.size);
-        let per_output = self.shape.group_inputs() * taps;
-        let added = (inputs / self.shape.groups) * taps - per_output;
-        let rows = self.weights.chunks_exact(per_output);
-        let zeros = std::iter::repeat_n(0.0, added);
-        self.weights = rows
-            .flat_map(|row| row.iter().copied().chain(zeros.clone()))
-            .collect();
-        self.shape.inputs = inputs;
+    /// With as many inputs as an image in memory has channels.
+    pub(super) fn of_image<W: Word>(mut self) -> Self {
+        self.weights = image_weights::<W>(&self.weights, pixels(self.shape.window.size));
+        self.shape.inputs = image_channels::<W>();
         self
     }
 

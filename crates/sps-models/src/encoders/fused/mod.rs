@@ -357,7 +357,7 @@ impl Plan<'_> {
     fn folded<W: Word>(&self, conv: &Conv) -> Result<Folded> {
         let folded = Folded::new(conv, self.weights, self.eps)?;
         Ok(match conv.input {
-            IMAGE => folded.with_inputs(image_channels::<W>()),
+            IMAGE => folded.of_image::<W>(),
             _ => folded,
         })
     }

@@ -1,6 +1,6 @@
 //! A convolution and its norm, forward and backward.
 
-use super::layer::{Context, Gradients};
+use super::layer::{Context, Gradients, shape};
 use super::{Value, segment::MapGradients};
 use crate::encoders::network::{Conv, IMAGE};
 use crate::encoders::plain::BatchStatistics;
@@ -10,27 +10,28 @@ use crate::ops::buffer::Scratch;
 use crate::ops::grid::Grid;
 use crate::ops::product::Activation;
 use crate::ops::statistics::ChannelStatistics;
+use crate::ops::words::Real;
 
 /// A convolution's output and the norm of it. A bias is a norm that has no statistics.
 #[derive(Debug)]
-pub(super) struct KeptConv {
-    pub(super) raw: Scratch,
+pub(super) struct KeptConv<W: Real> {
+    pub(super) raw: Scratch<W>,
     pub(super) grid: Grid,
     pub(super) norm: Norm,
     pub(super) moments: Option<ChannelStatistics>,
 }
 
-impl KeptConv {
+impl<W: Real> KeptConv<W> {
     /// Runs forward up to the norm.
     pub(super) fn record(
         context: &Context,
         conv: &Conv,
-        source: &Value,
+        source: &Value<W>,
         statistics: Option<&mut Vec<BatchStatistics>>,
     ) -> Result<Self> {
         let (raw, grid) = context.conv(conv, source.view())?;
         let (norm, moments) = if let Some(name) = &conv.norm {
-            let (norm, moments) = context.norm(name, &raw, &grid, statistics)?;
+            let (norm, moments) = context.norm(name, (&raw[..], &grid), statistics)?;
             (norm, Some(moments))
         } else {
             let bias = context.parameter(&format!("{}.bias", conv.name), <[f32]>::to_vec)?;
@@ -62,7 +63,7 @@ impl KeptConv {
         &self,
         context: &Context,
         activation: Activation,
-        target: (&mut [f32], &Grid),
+        target: (&mut [W], &Grid),
     ) {
         let raw = (&self.raw[..], &self.grid);
         self.norm.apply(context.level, raw, target, activation);
@@ -72,9 +73,9 @@ impl KeptConv {
     pub(super) fn backward(
         &self,
         (context, conv): (&Context, &Conv),
-        source: &Value,
-        gradient: &[f32],
-        of_maps: &mut MapGradients,
+        source: &Value<W>,
+        gradient: &[W],
+        of_maps: &mut MapGradients<W>,
         gradients: &mut Gradients,
     ) -> Result<()> {
         let (level, activation) = (context.level, conv.activation);
@@ -116,27 +117,27 @@ impl KeptConv {
         &self,
         context: &Context,
         conv: &Conv,
-        source: &Value,
-        of_maps: &mut MapGradients,
+        source: &Value<W>,
+        of_maps: &mut MapGradients<W>,
         gradients: &mut Gradients,
-        write: impl FnOnce(&mut [f32], &Grid),
+        write: impl FnOnce(&mut [W], &Grid),
     ) -> Result<()> {
-        let shape = conv.shape(source.grid.size);
+        let shape = shape::<W>(conv, source.grid.size);
         if conv.input == IMAGE {
             let mut target = context.recycler.take(self.grid.len());
             write(&mut target, &self.grid);
             let gradient = (&target[..], &self.grid);
-            context.weight_gradient(&conv.name, &shape, source.view(), gradient, gradients);
+            context.weight_gradient(conv, &shape, source.view(), gradient, gradients);
             return Ok(());
         }
-        let transpose = context.transpose(&conv.name, shape)?;
+        let transpose = context.transpose::<W>(&conv.name, shape)?;
         let layout = transpose.layout(self.grid.frames, source.grid.size, self.grid.size);
         let layout = layout.staggered();
         let mut target = context.recycler.take(layout.len());
-        layout.fill_border(&mut target, 0.0);
+        layout.fill_border(&mut target, W::default());
         write(&mut target, &layout);
         let gradient = (&target[..], &layout);
-        context.weight_gradient(&conv.name, &shape, source.view(), gradient, gradients);
+        context.weight_gradient(conv, &shape, source.view(), gradient, gradients);
         let to = source.grid.bare();
         let known = of_maps.remove(&conv.input);
         let accumulate = known.is_some();

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
-use crate::encoders::network::{self, Layer, Map, Network};
+use crate::encoders::images::{image_channels, image_weights};
+use crate::encoders::network::{self, IMAGE, Layer, Map, Network};
 use crate::encoders::plain::{BatchStatistics, check_count, too_small};
 use crate::error::Result;
 use crate::ops::bands::Threads;
@@ -13,11 +14,12 @@ use crate::ops::buffer::{Recycler, Scratch};
 use crate::ops::conv::{Conv, ConvShape};
 use crate::ops::conv_input::ConvTranspose;
 use crate::ops::conv_weight::weight_gradient;
-use crate::ops::grid::{Grid, Size};
+use crate::ops::grid::{Grid, Size, pixels};
 use crate::ops::product::{Activation, Epilogue};
 use crate::ops::simd::Level;
 use crate::ops::statistics::ChannelStatistics;
 use crate::ops::with_values;
+use crate::ops::words::Real;
 use crate::weights::Weights;
 
 /// What a pass works with.
@@ -69,11 +71,13 @@ impl Context {
     }
 
     /// The layout of each map of so many frames, with the border that its readers need.
-    pub(super) fn grids(&self, frames: usize, image: Size) -> Result<Vec<Grid>> {
+    pub(super) fn grids<W: Real>(&self, frames: usize, image: Size) -> Result<Vec<Grid>> {
         let sizes = self.network.sizes(image).ok_or_else(|| too_small(image))?;
-        let maps = sizes.iter().zip(&self.network.channels);
-        let tight = maps.map(|(&size, &channels)| Grid::tight(frames, size, channels).staggered());
-        let mut grids: Vec<Grid> = tight.collect();
+        let mut channels = self.network.channels.clone();
+        channels[IMAGE] = image_channels::<W>();
+        let maps = sizes.iter().zip(channels);
+        let tight = |(&size, channels)| Grid::tight(frames, size, channels).of::<W>();
+        let mut grids: Vec<Grid> = maps.map(|map| tight(map).staggered()).collect();
         for layer in &self.network.layers {
             for (map, slide) in layer.slides() {
                 grids[map] = grids[map].enclosing(&slide.window(sizes[map]));
@@ -98,18 +102,23 @@ impl Context {
     }
 
     /// Convolves, without the bias.
-    pub(super) fn conv(
+    pub(super) fn conv<W: Real>(
         &self,
         conv: &network::Conv,
-        (source, from): (&[f32], &Grid),
-    ) -> Result<(Scratch, Grid)> {
-        let shape = conv.shape(from.size);
+        (source, from): (&[W], &Grid),
+    ) -> Result<(Scratch<W>, Grid)> {
+        let shape = shape::<W>(conv, from.size);
         let packed = self.parameter(&format!("{}.weight", conv.name), |weights| {
+            if conv.input == IMAGE {
+                let weights = image_weights::<W>(weights, pixels(shape.window.size));
+                return Conv::pack(self.level, shape, &weights);
+            }
             Conv::pack(self.level, shape, weights)
         })?;
         let size = shape.window.output(from.size);
         let size = size.ok_or_else(|| too_small(from.size))?;
-        let to = Grid::tight(from.frames, size, shape.outputs).staggered();
+        let to = Grid::tight(from.frames, size, shape.outputs).of::<W>();
+        let to = to.staggered();
         let mut target = self.recycler.take(to.len());
         let epilogue = Epilogue::default();
         packed.apply(Threads::All, (source, from), (&mut target, &to), epilogue);
@@ -117,11 +126,10 @@ impl Context {
     }
 
     /// Batch norm's statistics of a feature map; noted where asked for.
-    pub(super) fn norm(
+    pub(super) fn norm<W: Real>(
         &self,
         layer: &str,
-        source: &[f32],
-        grid: &Grid,
+        (source, grid): (&[W], &Grid),
         statistics: Option<&mut Vec<BatchStatistics>>,
     ) -> Result<(Norm, ChannelStatistics)> {
         let moments = ChannelStatistics::of(self.level, source, grid);
@@ -141,25 +149,43 @@ impl Context {
         Ok((norm, moments))
     }
 
-    /// Notes the gradient of `{layer}.weight`.
-    pub(super) fn weight_gradient(
+    /// Notes the gradient of a convolution's weights.
+    pub(super) fn weight_gradient<W: Real>(
         &self,
-        layer: &str,
+        conv: &network::Conv,
         shape: &ConvShape,
-        source: (&[f32], &Grid),
-        gradient: (&[f32], &Grid),
+        source: (&[W], &Grid),
+        gradient: (&[W], &Grid),
         gradients: &mut Gradients,
     ) {
-        let taps: usize = shape.window.size.iter().product();
+        let taps = pixels(shape.window.size);
         let mut values = vec![0.0; shape.outputs * shape.group_inputs() * taps];
         weight_gradient(self.level, shape, source, gradient, &mut values);
-        gradients.insert(layer, "weight", values);
+        if conv.input == IMAGE {
+            let rows = values.chunks_exact(shape.inputs * taps);
+            let own = |row: &[f32]| row[..conv.inputs * taps].to_vec();
+            values = rows.flat_map(own).collect();
+        }
+        gradients.insert(&conv.name, "weight", values);
     }
 
     /// The transpose of the convolution by `{layer}.weight`.
-    pub(super) fn transpose(&self, layer: &str, shape: ConvShape) -> Result<ConvTranspose> {
+    pub(super) fn transpose<W: Real>(
+        &self,
+        layer: &str,
+        shape: ConvShape,
+    ) -> Result<ConvTranspose<W>> {
         self.parameter(&format!("{layer}.weight"), |weights| {
             ConvTranspose::pack(self.level, shape, weights)
         })
     }
+}
+
+/// A convolution of maps of such words, and of an image's channels in memory.
+pub(super) fn shape<W: Real>(conv: &network::Conv, input: Size) -> ConvShape {
+    let mut shape = conv.shape(input);
+    if conv.input == IMAGE {
+        shape.inputs = image_channels::<W>();
+    }
+    shape
 }

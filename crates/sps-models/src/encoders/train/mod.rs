@@ -22,42 +22,43 @@ use crate::ops::bands::Threads;
 use crate::ops::buffer::Scratch;
 use crate::ops::grid::{Grid, pixels};
 use crate::ops::mean::frame_means;
+use crate::ops::words::Real;
 pub(super) use layer::{Context, Gradients};
 use segment::Kept;
 
 /// A feature map with the padding that its readers need around it.
 #[derive(Debug)]
-struct Value {
-    memory: Scratch,
+struct Value<W: Real> {
+    memory: Scratch<W>,
     grid: Grid,
 }
 
-impl Value {
+impl<W: Real> Value<W> {
     /// Memory and layout.
-    fn view(&self) -> (&[f32], &Grid) {
+    fn view(&self) -> (&[W], &Grid) {
         (&self.memory, &self.grid)
     }
 }
 
-/// A forward pass, kept for its backward pass.
+/// A forward pass, kept for its backward pass; feature maps and their gradients are of such words.
 #[derive(Debug)]
-pub(super) struct Tape {
-    segments: Vec<Segment>,
+pub(super) struct Tape<W: Real> {
+    segments: Vec<Segment<W>>,
     /// The layout of each map.
     grids: Vec<Grid>,
-    last: Arc<Value>,
+    last: Arc<Value<W>>,
 }
 
 /// Layers that read nothing made before them but one map.
 #[derive(Debug)]
-struct Segment {
+struct Segment<W: Real> {
     layers: Range<usize>,
-    input: Arc<Value>,
+    input: Arc<Value<W>>,
     /// What else the backward pass needs; made again from the input where it was not kept.
-    kept: Option<Kept>,
+    kept: Option<Kept<W>>,
 }
 
-impl Tape {
+impl<W: Real> Tape<W> {
     /// Runs forward. With `checkpointing`, only the inputs of the segments are kept, and the
     /// backward pass runs each segment forward once more.
     pub(super) fn record(
@@ -66,7 +67,7 @@ impl Tape {
         checkpointing: bool,
         statistics: &mut Vec<BatchStatistics>,
     ) -> Result<Self> {
-        let grids = context.grids(images.frames(), images.size)?;
+        let grids = context.grids::<W>(images.frames(), images.size)?;
         let mut input = Arc::new(images_value(context, images, grids[IMAGE]));
         let mut segments = Vec::new();
         for layers in ranges(&context.network) {
@@ -116,15 +117,15 @@ impl Tape {
     }
 
     /// The gradient of the last map, whose mean over space is the embedding.
-    fn last_gradient(&self, context: &Context, cotangent: &[f32]) -> Scratch {
+    fn last_gradient(&self, context: &Context, cotangent: &[f32]) -> Scratch<W> {
         let grid = self.last.grid.bare();
-        let mut gradient = context.recycler.take(grid.len());
+        let mut gradient = context.recycler.take::<W>(grid.len());
         let share = 1.0 / pixels(grid.size) as f32;
         let frames = gradient.chunks_exact_mut(grid.frame_len());
         for (frame, cotangent) in frames.zip(cotangent.chunks_exact(grid.channels)) {
             for pixel in frame.chunks_exact_mut(grid.pitch) {
-                for (gradient, cotangent) in pixel.iter_mut().zip(cotangent) {
-                    *gradient = cotangent * share;
+                for (gradient, cotangent) in W::each_mut(pixel).iter_mut().zip(cotangent) {
+                    *gradient = W::narrowed(cotangent * share);
                 }
             }
         }
@@ -133,9 +134,9 @@ impl Tape {
 }
 
 /// The images, normalised.
-fn images_value(context: &Context, images: &Images<'_>, grid: Grid) -> Value {
+fn images_value<W: Real>(context: &Context, images: &Images<'_>, grid: Grid) -> Value<W> {
     let mut memory = context.recycler.take(grid.len());
-    grid.fill_border(&mut memory, 0.0);
+    grid.fill_border(&mut memory, W::default());
     let one = Grid { frames: 1, ..grid };
     let frames = memory.chunks_exact_mut(grid.frame_len());
     for (image, memory) in images.iter().zip(frames) {

@@ -11,23 +11,24 @@ use crate::ops::batch_norm::{FrameSums, NormGradients};
 use crate::ops::buffer::Scratch;
 use crate::ops::grid::{Grid, pixels};
 use crate::ops::residual::{Branch, FrameSlopes, Shortcut};
+use crate::ops::words::Real;
 
 /// What the backward pass needs beside input and output.
 #[derive(Debug)]
-pub(super) struct KeptResidual {
-    conv: KeptConv,
+pub(super) struct KeptResidual<W: Real> {
+    conv: KeptConv<W>,
     gate: Option<KeptGate>,
     /// `(frames, channels)`, 1 where there is no gate.
     factors: Vec<f32>,
 }
 
-impl KeptResidual {
+impl<W: Real> KeptResidual<W> {
     /// Runs forward up to the gate.
     pub(super) fn record(
         context: &Context,
         conv: &Conv,
         gate: Option<&Gate>,
-        source: &Value,
+        source: &Value<W>,
         statistics: Option<&mut Vec<BatchStatistics>>,
     ) -> Result<Self> {
         let conv = KeptConv::record(context, conv, source, statistics)?;
@@ -50,13 +51,13 @@ impl KeptResidual {
         &self,
         context: &Context,
         conv: &Conv,
-        shortcut: Shortcut<'_>,
-        target: (&mut [f32], &Grid),
+        shortcut: Shortcut<'_, W>,
+        target: (&mut [W], &Grid),
     ) {
         self.branch(conv).end(context.level, shortcut, target);
     }
 
-    fn branch(&self, conv: &Conv) -> Branch<'_> {
+    fn branch(&self, conv: &Conv) -> Branch<'_, W> {
         Branch {
             x: &self.conv.raw,
             norm: &self.conv.norm,
@@ -71,11 +72,11 @@ impl KeptResidual {
     pub(super) fn backward(
         &self,
         (context, conv, gate): (&Context, &Conv, Option<&Gate>),
-        [source, end]: [&Value; 2],
-        mut gradient: Scratch,
-        of_maps: &mut MapGradients,
+        [source, end]: [&Value<W>; 2],
+        mut gradient: Scratch<W>,
+        of_maps: &mut MapGradients<W>,
         gradients: &mut Gradients,
-    ) -> Result<Scratch> {
+    ) -> Result<Scratch<W>> {
         let branch = self.branch(conv);
         let sums = branch.mask(context.level, end.view(), &mut gradient);
         let slopes = self.slopes(context, conv, gate, &sums, gradients)?;

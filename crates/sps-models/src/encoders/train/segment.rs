@@ -17,34 +17,35 @@ use crate::ops::buffer::Scratch;
 use crate::ops::grid::Grid;
 use crate::ops::pool::{max_pool, max_pool_backward};
 use crate::ops::residual::Shortcut;
+use crate::ops::words::Real;
 
 /// What the backward pass needs of a segment beside its input and output.
 #[derive(Debug)]
-pub(super) struct Kept {
-    layers: Vec<KeptLayer>,
+pub(super) struct Kept<W: Real> {
+    layers: Vec<KeptLayer<W>>,
     /// The maps from the input to the output. One that is deferred is not among them.
-    values: BTreeMap<Map, Arc<Value>>,
+    values: BTreeMap<Map, Arc<Value<W>>>,
 }
 
 #[derive(Debug)]
-enum KeptLayer {
-    Convs(Vec<KeptConv>),
-    Residual(Box<KeptResidual>),
+enum KeptLayer<W: Real> {
+    Convs(Vec<KeptConv<W>>),
+    Residual(Box<KeptResidual<W>>),
     Pool,
 }
 
 /// The gradients of maps, without borders, as far as they are known.
-pub(super) type MapGradients = BTreeMap<Map, Scratch>;
+pub(super) type MapGradients<W> = BTreeMap<Map, Scratch<W>>;
 
-impl Kept {
+impl<W: Real> Kept<W> {
     /// Runs forward; returns what to keep, and the output.
     pub(super) fn record(
         context: &Context,
         layers: Range<usize>,
-        input: &Arc<Value>,
+        input: &Arc<Value<W>>,
         grids: &[Grid],
         mut statistics: Option<&mut Vec<BatchStatistics>>,
-    ) -> Result<(Self, Arc<Value>)> {
+    ) -> Result<(Self, Arc<Value<W>>)> {
         let mut kept = Self {
             layers: Vec::new(),
             values: BTreeMap::from([(layers.start, Arc::clone(input))]),
@@ -71,10 +72,10 @@ impl Kept {
         (map, layer): (Map, &Layer),
         to: &Grid,
         mut statistics: Option<&mut Vec<BatchStatistics>>,
-    ) -> Result<(KeptLayer, Option<Scratch>)> {
+    ) -> Result<(KeptLayer<W>, Option<Scratch<W>>)> {
         let memory = || {
             let mut memory = context.recycler.take(to.len());
-            to.fill_border(&mut memory, 0.0);
+            to.fill_border(&mut memory, W::default());
             memory
         };
         Ok(match layer {
@@ -121,9 +122,9 @@ impl Kept {
         &self,
         context: &Context,
         layers: &Range<usize>,
-        gradient: Scratch,
+        gradient: Scratch<W>,
         gradients: &mut Gradients,
-    ) -> Result<Option<Scratch>> {
+    ) -> Result<Option<Scratch<W>>> {
         let mut of_maps = MapGradients::from([(layers.end, gradient)]);
         for (number, kept) in layers.clone().zip(&self.layers).rev() {
             let map = number + 1;
@@ -166,7 +167,7 @@ impl Kept {
     }
 
     /// The map of a residual branch's shortcut, or its norm where it is deferred.
-    fn shortcut(&self, map: Map) -> Option<Shortcut<'_>> {
+    fn shortcut(&self, map: Map) -> Option<Shortcut<'_, W>> {
         if let Some(value) = self.values.get(&map) {
             return Some(Shortcut::Plain(&value.memory, &value.grid));
         }
@@ -181,9 +182,9 @@ impl Kept {
     fn convs(
         &self,
         context: &Context,
-        (convs, all): (&[Conv], &[KeptConv]),
-        gradient: &[f32],
-        of_maps: &mut MapGradients,
+        (convs, all): (&[Conv], &[KeptConv<W>]),
+        gradient: &[W],
+        of_maps: &mut MapGradients<W>,
         gradients: &mut Gradients,
     ) -> Result<()> {
         let channels = convs.iter().map(|conv| conv.outputs).sum();
@@ -207,12 +208,12 @@ impl Kept {
         &self,
         context: &Context,
         pool: &MaxPool,
-        output: &Value,
-        gradient: &[f32],
-    ) -> Scratch {
+        output: &Value<W>,
+        gradient: &[W],
+    ) -> Scratch<W> {
         let input = &self.values[&pool.input];
         let window = pool.slide.window(input.grid.size);
-        let mut target = context.recycler.take(input.grid.len());
+        let mut target = context.recycler.take::<W>(input.grid.len());
         let level = context.level;
         max_pool_backward(
             level,
@@ -226,7 +227,7 @@ impl Kept {
         if bare == input.grid {
             return target;
         }
-        let mut inside = context.recycler.take(bare.len());
+        let mut inside = context.recycler.take::<W>(bare.len());
         let pixels = inside.chunks_exact_mut(bare.pitch);
         for (pixel, place) in pixels.zip(input.grid.places()) {
             pixel.copy_from_slice(&target[place..place + bare.pitch]);
@@ -236,45 +237,48 @@ impl Kept {
 }
 
 /// Adds to the gradient of a map.
-fn give(of_maps: &mut MapGradients, map: Map, gradient: Scratch) {
+fn give<W: Real>(of_maps: &mut MapGradients<W>, map: Map, gradient: Scratch<W>) {
     match of_maps.entry(map) {
         Entry::Vacant(entry) => {
             entry.insert(gradient);
         }
         Entry::Occupied(mut entry) => {
-            for (sum, gradient) in entry.get_mut().iter_mut().zip(&gradient[..]) {
-                *sum += gradient;
+            let sums = W::each_mut(entry.get_mut());
+            for (sum, gradient) in sums.iter_mut().zip(W::numbers(&gradient)) {
+                *sum = W::narrowed(W::widened(*sum) + gradient);
             }
         }
     }
 }
 
 /// The part of a gradient from a column on, as `to` lies.
-fn columns(
+fn columns<W: Real>(
     context: &Context,
-    gradient: &[f32],
+    gradient: &[W],
     (channels, column): (usize, usize),
     to: &Grid,
-) -> Scratch {
-    let whole = Grid::tight(to.frames, to.size, channels).staggered();
-    let mut part = context.recycler.take(to.len());
+) -> Scratch<W> {
+    let whole = Grid::tight(to.frames, to.size, channels).of::<W>();
+    let whole = whole.staggered();
+    let mut part = context.recycler.take::<W>(to.len());
     let pixels = part.chunks_exact_mut(to.pitch);
     for (pixel, whole) in pixels.zip(gradient.chunks_exact(whole.pitch)) {
-        pixel[..to.channels].copy_from_slice(&whole[column..column + to.channels]);
+        pixel[..to.words].copy_from_slice(&whole[W::words(column)..][..to.words]);
     }
     part
 }
 
 /// Writes activated norms side by side into a map.
-fn activate(
+fn activate<W: Real>(
     context: &Context,
     convs: &[Conv],
-    all: &[KeptConv],
-    (memory, to): (&mut [f32], &Grid),
+    all: &[KeptConv<W>],
+    (memory, to): (&mut [W], &Grid),
 ) {
     let mut column = 0;
     for (conv, kept) in convs.iter().zip(all) {
-        kept.activate(context, conv.activation, (&mut memory[column..], to));
+        let memory = &mut memory[W::words(column)..];
+        kept.activate(context, conv.activation, (memory, to));
         column += conv.outputs;
     }
 }

@@ -1,13 +1,17 @@
-//! Convolution, pooling and mean of bf16 feature maps, against f64 on the same rounded numbers.
+//! Convolution, pooling and mean of bf16 feature maps, against f64 on the same rounded numbers; gradients
+//! against those of f32, which other tests hold to f64.
 
 use super::super::bands::Threads;
 use super::super::conv::{Conv, ConvShape};
+use super::super::conv_input::ConvTranspose;
+use super::super::conv_weight::weight_gradient;
 use super::super::grid::{Grid, Window, pixels};
 use super::super::mean::frame_means;
-use super::super::pool::max_pool;
+use super::super::pool::{max_pool, max_pool_backward};
 use super::super::product::{Activation, Columns, Epilogue};
+use super::super::simd::Level;
 use super::super::simd::forced::on_each_level;
-use super::super::words::{Bf16Pair, Word};
+use super::super::words::{Bf16Pair, Real, Word};
 use super::{noise, window_sums};
 
 /// A feature map without a border as words.
@@ -131,4 +135,146 @@ fn pooling_and_means() {
             assert!((f64::from(*mean) - sum / 42.0).abs() < 1e-7);
         }
     });
+}
+
+/// Words of numbers that are rounded to bf16, those of a border 0.
+fn map<W: Word>(grid: &Grid, seed: u64) -> Vec<W> {
+    let tight = grid.frames * pixels(grid.size) * grid.channels;
+    let values = rounded(&noise(tight, seed));
+    let mut memory = vec![W::default(); grid.len()];
+    for (&place, pixel) in grid.places().iter().zip(values.chunks(grid.channels)) {
+        for (word, numbers) in memory[place..].iter_mut().zip(pixel.chunks(W::NUMBERS)) {
+            *word = W::of(|i| numbers[i] as f32);
+        }
+    }
+    memory
+}
+
+/// The gradients of a convolution's weights and of its input, the latter added to what is there.
+fn gradients<W: Real>(level: Level, shape: ConvShape, size: [usize; 2]) -> [Vec<f64>; 2] {
+    let input = [1, size[0], size[1]];
+    let taps = pixels(shape.window.size);
+    let weights = rounded(&noise(shape.outputs * shape.group_inputs() * taps, 1));
+    let weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
+    let transpose = ConvTranspose::<W>::pack(level, shape, &weights);
+    let output = shape.window.output(input).unwrap();
+    let from = Grid::tight(2, input, shape.inputs).of::<W>();
+    let (from, to) = (from.padded(&shape.window), from);
+    let layout = transpose.layout(2, input, output);
+    let (source, gradient) = (map::<W>(&from, 2), map::<W>(&layout, 3));
+    let gradient = (&gradient[..], &layout);
+    let mut of_weights = vec![0.0; weights.len()];
+    weight_gradient(level, &shape, (&source, &from), gradient, &mut of_weights);
+    let mut of_input = map::<W>(&to, 4);
+    transpose.apply(gradient, (&mut of_input, &to), true);
+    let wide = |values: &mut dyn Iterator<Item = f32>| values.map(f64::from).collect();
+    [
+        wide(&mut of_weights.into_iter()),
+        wide(&mut W::numbers(&of_input)),
+    ]
+}
+
+#[test]
+fn gradients_of_convolutions() {
+    let point = Window::square(1, 1, 0);
+    let halving = Window::square(1, 2, 0);
+    let square = Window::square(3, 1, 1);
+    let jumping = Window::square(3, 2, 1);
+    let cases = [
+        (shape(point, 64, 48, 1), [5, 7]),
+        (shape(point, 300, 34, 1), [1, 1]),
+        (shape(point, 6, 10, 1), [3, 3]),
+        (shape(halving, 32, 64, 1), [7, 5]),
+        (shape(Window::square(7, 2, 3), 4, 64, 1), [15, 13]),
+        (shape(square, 16, 80, 1), [6, 5]),
+        (shape(jumping, 40, 24, 1), [23, 20]),
+        (shape(square, 128, 128, 32), [9, 6]),
+        (shape(jumping, 64, 64, 8), [6, 9]),
+        (shape(square, 64, 64, 4), [5, 5]),
+        (shape(square, 40, 40, 40), [7, 6]),
+        (shape(Window::square(5, 2, 2), 96, 96, 96), [9, 11]),
+    ];
+    for (shape, size) in cases {
+        let [weights, input] = gradients::<f32>(Level::detect(), shape, size);
+        let products = 2 * size[0] * size[1];
+        on_each_level(|level| {
+            let found = gradients::<Bf16Pair>(level, shape, size);
+            for (found, expected) in found[0].iter().zip(&weights) {
+                let error = (found - expected).abs();
+                assert!(
+                    error <= 1e-6 * products as f64,
+                    "{level:?} {shape:?} weights: {error}"
+                );
+            }
+            let slack = 1e-6 * (shape.group_outputs() * pixels(shape.window.size)) as f64;
+            for (found, expected) in found[1].iter().zip(&input) {
+                let error = (found - expected).abs();
+                let bound = ROUNDING * expected.abs() + slack;
+                assert!(error <= bound, "{level:?} {shape:?} input: {error}");
+            }
+        });
+    }
+}
+
+/// Each window's gradient goes to the same number as in f32, also where several are the largest.
+#[test]
+fn gradients_of_pooling() {
+    fn gradient<W: Real>(level: Level, size: usize) -> Vec<f32> {
+        let window = Window::square(size, 2, 0);
+        let from = Grid::tight(2, [1, 7, 6], 34).of::<W>();
+        let to = Grid {
+            size: window.output_ceil(from.size),
+            ..from
+        };
+        let mut source = map::<W>(&from, 5);
+        // Few different numbers.
+        for number in W::each_mut(&mut source) {
+            *number = W::narrowed((4.0 * W::widened(*number)).round());
+        }
+        let mut pooled = vec![W::default(); to.len()];
+        max_pool(
+            Threads::One,
+            level,
+            &window,
+            (&source, &from),
+            (&mut pooled, &to),
+        );
+        let mut target = vec![W::default(); from.len()];
+        let (source, pooled) = ((&source[..], &from), (&pooled[..], &to));
+        max_pool_backward(
+            level,
+            &window,
+            source,
+            pooled,
+            &map::<W>(&to, 6),
+            &mut target,
+        );
+        W::numbers(&target).collect()
+    }
+    on_each_level(|level| {
+        assert_eq!(gradient::<Bf16Pair>(level, 2), gradient::<f32>(level, 2));
+        let (found, expected) = (gradient::<Bf16Pair>(level, 3), gradient::<f32>(level, 3));
+        for (found, expected) in found.iter().zip(&expected) {
+            let error = f64::from((found - expected).abs());
+            assert!(error <= 2.0 * ROUNDING * f64::from(expected.abs()).max(1.0));
+        }
+    });
+}
+
+/// As the processor's own instruction rounds, ties to even; NaN stays NaN.
+#[test]
+fn numbers_are_narrowed() {
+    let ulp = 1.0 / 128.0;
+    for (number, expected) in [
+        (1.0, 1.0),
+        (1.0 + ulp / 2.0, 1.0),
+        (1.0 + 1.5 * ulp, 1.0 + 2.0 * ulp),
+        (-1.0 - 0.51 * ulp, -1.0 - ulp),
+        (f32::MAX, f32::INFINITY),
+        (f32::NEG_INFINITY, f32::NEG_INFINITY),
+    ] {
+        let found = Bf16Pair::widened(Bf16Pair::narrowed(number));
+        assert_eq!(found, expected, "{number}");
+    }
+    assert!(Bf16Pair::widened(Bf16Pair::narrowed(f32::NAN)).is_nan());
 }

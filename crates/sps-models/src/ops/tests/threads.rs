@@ -9,7 +9,7 @@ use crate::ops::conv_weight::weight_gradient;
 use crate::ops::grid::{Grid, Window};
 use crate::ops::product::{Activation, Columns, Epilogue};
 use crate::ops::simd::Level;
-use crate::ops::words::{Bf16Pair, Bytes, Word};
+use crate::ops::words::{Bf16Pair, Bytes, Real, Word};
 
 /// Numbers whose sums depend on their order, but where words hold whole ones alone.
 fn numbers<W: Word>(len: usize, seed: u64, scale: f64) -> Vec<f32> {
@@ -17,6 +17,13 @@ fn numbers<W: Word>(len: usize, seed: u64, scale: f64) -> Vec<f32> {
     numbers
         .map(|x| if W::WHOLE { x.round() } else { x } as f32)
         .collect()
+}
+
+/// Words of such numbers, none of them negative.
+fn words<W: Word>(len: usize, seed: u64, scale: f64) -> Vec<W> {
+    let numbers = numbers::<W>(len * W::NUMBERS, seed, scale);
+    let words = numbers.chunks(W::NUMBERS);
+    words.map(|some| W::of(|i| some[i].abs())).collect()
 }
 
 /// Works in a pool of so many threads.
@@ -42,12 +49,7 @@ fn onto<W: Word>(threads: usize, outputs: usize, extent: usize) -> Vec<W> {
     );
     let map = |channels| Grid::tight(frames, [1, extent, extent], channels).of::<W>();
     let (from, to) = (map(inputs).padded(&window), map(outputs).staggered());
-    let words = |len: usize, seed| -> Vec<W> {
-        let numbers = numbers::<W>(len * W::NUMBERS, seed, 127.0);
-        let words = numbers.chunks(W::NUMBERS);
-        words.map(|some| W::of(|i| some[i].abs())).collect()
-    };
-    let (source, mut target) = (words(from.len(), 2), words(to.len(), 3));
+    let (source, mut target) = (words(from.len(), 2, 127.0), words(to.len(), 3, 127.0));
     let (scale, shift) = (noise(frames * outputs, 4), noise(frames * outputs, 5));
     let scale: Vec<f32> = scale.iter().map(|&x| 1e-3 * x as f32).collect();
     let shift: Vec<f32> = shift.iter().map(|&x| 100.0 * x as f32).collect();
@@ -75,7 +77,12 @@ fn same_bits<W: Word + PartialEq>() {
 }
 
 /// The gradients of a convolution's weights and input, the latter added to what is there.
-fn gradients(threads: usize, size: usize, stride: usize, outputs: usize) -> [Vec<f32>; 2] {
+fn gradients<W: Real>(
+    threads: usize,
+    size: usize,
+    stride: usize,
+    outputs: usize,
+) -> (Vec<f32>, Vec<W>) {
     let (frames, inputs, input) = (2, 40, [1, 9, 9]);
     let window = Window::square(size, stride, size / 2);
     let shape = ConvShape {
@@ -84,34 +91,39 @@ fn gradients(threads: usize, size: usize, stride: usize, outputs: usize) -> [Vec
         outputs,
         groups: 1,
     };
-    let numbers = |len: usize, seed| numbers::<f32>(len, seed, 1.0);
-    let weights = numbers(outputs * inputs * size * size, 1);
-    let from = Grid::tight(frames, input, inputs).padded(&window);
+    let weights = numbers::<W>(outputs * inputs * size * size, 1, 1.0);
+    let from = Grid::tight(frames, input, inputs).of::<W>();
+    let from = from.padded(&window);
     let output = window.output(input).unwrap();
-    let transpose = ConvTranspose::pack(Level::detect(), shape, &weights);
+    let transpose = ConvTranspose::<W>::pack(Level::detect(), shape, &weights);
     let layout = transpose.layout(frames, input, output);
-    let (source, gradient) = (numbers(from.len(), 2), numbers(layout.len(), 3));
+    let (source, gradient) = (words(from.len(), 2, 1.0), words(layout.len(), 3, 1.0));
     let (mut of_weights, to) = (vec![0.0; weights.len()], from.bare());
-    let mut of_input = numbers(to.len(), 4);
+    let mut of_input = words(to.len(), 4, 1.0);
     by(threads, || {
         let gradient = (&gradient[..], &layout);
         let source = (&source[..], &from);
         weight_gradient(Level::detect(), &shape, source, gradient, &mut of_weights);
         transpose.apply(gradient, (&mut of_input, &to), true);
     });
-    [of_weights, of_input]
+    (of_weights, of_input)
+}
+
+fn gradients_of_the_same_bits<W: Real + PartialEq>() {
+    for (size, stride) in [(1, 1), (3, 1), (3, 2), (1, 2)] {
+        for outputs in [24, 300] {
+            let expected = gradients::<W>(1, size, stride, outputs);
+            for threads in [2, 3, 16] {
+                assert!(gradients::<W>(threads, size, stride, outputs) == expected);
+            }
+        }
+    }
 }
 
 #[test]
 fn any_number_of_threads_gives_gradients_of_the_same_bits() {
-    for (size, stride) in [(1, 1), (3, 1), (3, 2), (1, 2)] {
-        for outputs in [24, 300] {
-            let expected = gradients(1, size, stride, outputs);
-            for threads in [2, 3, 16] {
-                assert_eq!(gradients(threads, size, stride, outputs), expected);
-            }
-        }
-    }
+    gradients_of_the_same_bits::<f32>();
+    gradients_of_the_same_bits::<Bf16Pair>();
 }
 
 #[test]

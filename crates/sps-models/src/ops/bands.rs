@@ -1,10 +1,9 @@
 //! How work on a feature map is split over threads.
 
+use std::cell::Cell;
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use super::grid::{Grid, pixels};
 use super::words::Word;
@@ -40,34 +39,42 @@ pub(crate) fn inside_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     })
 }
 
+thread_local! {
+    /// Whether a pass runs on this thread, which others may wait for.
+    static HOST: Cell<bool> = const { Cell::new(false) };
+}
+
 /// Has the pool's other threads look for work until it is dropped: to wake one takes longer than many a
 /// layer.
 struct Awake {
     over: Arc<AtomicBool>,
+    /// Whether this thread was a host already.
+    host: bool,
 }
 
 impl Awake {
     fn new() -> Self {
         let over = Arc::new(AtomicBool::new(false));
-        let here = rayon::current_thread_index();
         for _ in 1..rayon::current_num_threads() {
             let over = Arc::clone(&over);
             rayon::spawn(move || {
-                // This thread may come upon it itself, while it waits for another.
-                while rayon::current_thread_index() != here && !over.load(Ordering::Relaxed) {
-                    if rayon::yield_now() == Some(rayon::Yield::Idle) {
-                        std::thread::yield_now();
-                    }
+                // A host may come upon it while it waits for other threads.
+                while !HOST.get() && !over.load(Ordering::Relaxed) {
+                    look_for_work();
                 }
             });
         }
-        Self { over }
+        Self {
+            over,
+            host: HOST.replace(true),
+        }
     }
 }
 
 impl Drop for Awake {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Relaxed);
+        HOST.set(self.host);
     }
 }
 
@@ -87,7 +94,42 @@ pub(crate) fn for_each_band<W: Word>(
             origin: 0,
             target,
         }),
-        Threads::All => bands(grid, target).into_par_iter().for_each(work),
+        Threads::All => on_all_threads(bands(grid, target), work),
+    }
+}
+
+/// Does `work` on each item, on all threads of the pool that the caller is in. The thread that waits for the
+/// last ones stays awake: the system may wake a thread on the core of the one that called it, where both
+/// then lie for milliseconds.
+pub(super) fn on_all_threads<T: Send>(items: Vec<T>, work: impl Fn(T) + Send + Sync) {
+    let left = AtomicUsize::new(items.len());
+    rayon::scope(|scope| {
+        for item in items {
+            let (work, done) = (&work, Done(&left));
+            scope.spawn(move |_| {
+                let _done = done;
+                work(item);
+            });
+        }
+        while left.load(Ordering::Relaxed) > 0 {
+            look_for_work();
+        }
+    });
+}
+
+/// Counts down when it is dropped, also by a panic.
+struct Done<'a>(&'a AtomicUsize);
+
+impl Drop for Done<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// Does a piece of the pool's work where there is one.
+fn look_for_work() {
+    if rayon::yield_now() == Some(rayon::Yield::Idle) {
+        std::thread::yield_now();
     }
 }
 

@@ -5,8 +5,7 @@
 //! source that has its zero padding around it this is every convolution there is; a 1x1
 //! convolution has one tap.
 
-use rayon::prelude::*;
-
+use super::bands::on_all_threads;
 use super::buffer::Buffer;
 use super::native::prefetch;
 use super::panels::{PANEL_VECTORS, Panel, PanelRun};
@@ -149,9 +148,9 @@ impl<W: Word> Product<'_, W> {
     pub(crate) fn write_shared(&self, target: &mut [W], places: &[usize]) {
         let runs = self.panels.split(rayon::current_num_threads());
         let stored = &*target;
-        let compute = |run: &PanelRun<'_, W>| {
+        let compute = |(run, block): (&PanelRun<'_, W>, &mut Buffer<W>)| {
             let (first, width) = (W::words(run.column()), W::words(run.n()));
-            let mut block = Buffer::zeros(places.len() * width);
+            *block = Buffer::zeros(places.len() * width);
             if self.epilogue.accumulate.is_some() {
                 for (row, &place) in block.chunks_exact_mut(width).zip(places) {
                     row.copy_from_slice(&stored[place + first..][..width]);
@@ -163,10 +162,10 @@ impl<W: Word> Product<'_, W> {
                 epilogue: self.epilogue.from(0, run.column()),
                 ..*self
             };
-            part.write(&mut block, &rows, 0);
-            block
+            part.write(block, &rows, 0);
         };
-        let blocks: Vec<Buffer<W>> = runs.par_iter().map(compute).collect();
+        let mut blocks = vec![Buffer::default(); runs.len()];
+        on_all_threads(runs.iter().zip(&mut blocks).collect(), compute);
         for (run, block) in runs.iter().zip(&blocks) {
             let (first, width) = (W::words(run.column()), W::words(run.n()));
             for (row, &place) in block.chunks_exact(width).zip(places) {

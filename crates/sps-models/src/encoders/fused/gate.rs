@@ -60,11 +60,20 @@ impl PackedGate {
         for logit in &mut scale {
             *logit = 1.0 / (1.0 + (-*logit).exp());
         }
-        let shift = scale.iter().zip(conv.shift.iter().cycle());
-        let shift = shift.map(|(s, b)| s * b + conv.offset).collect();
-        if let Some(factors) = &conv.scale {
-            let factors = factors.iter().cycle();
-            scale.iter_mut().zip(factors).for_each(|(s, f)| *s *= f);
+        let mut shift = scale.clone();
+        let channels = conv.shift.len();
+        for frame in shift.chunks_exact_mut(channels) {
+            for (shift, bias) in frame.iter_mut().zip(&conv.shift) {
+                *shift = *shift * bias + conv.offset;
+            }
+        }
+        for (frame, factors) in scale
+            .chunks_exact_mut(channels)
+            .zip(conv.scale.iter().cycle())
+        {
+            for (scale, factor) in frame.iter_mut().zip(factors) {
+                *scale *= factor;
+            }
         }
         [scale, shift]
     }

@@ -31,7 +31,7 @@ const SE_RESNEXT_SMALL: &[u8] =
 /// safetensors or PyTorch file, or "built-in" for those of efficientnet-lite-small and of
 /// se-resnext-small, which come with the package; `precision` is f32, bf16, which is faster on some
 /// processors with AVX512-BF16, or int8 where the file holds scales for it, as one that `calibrated`
-/// wrote does.
+/// wrote does, and that of a model trained with `encoder.precision = "int8"`.
 ///
 /// Raises OSError where the file cannot be read, ValueError where it does not fit the network or a
 /// name is unknown.

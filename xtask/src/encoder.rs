@@ -97,6 +97,10 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         }
         None => "",
     };
+    let maps = match spec.training.as_ref().map(|training| training.precision) {
+        None | Some(Precision::F32) => String::new(),
+        Some(precision) => format!(" on maps of {precision}"),
+    };
     let precision = match spec.precision {
         Precision::F32 => String::new(),
         precision => format!(" in {precision}"),
@@ -112,5 +116,5 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         (NetworkSpec::Images(_), None) => String::new(),
     };
     let name = spec.network.kind();
-    format!("{name}{precision} with {weights}{frames}{trained}")
+    format!("{name}{precision} with {weights}{frames}{trained}{maps}")
 }

@@ -1,6 +1,6 @@
 //! Times an encoder: for each line on standard input one pass over a batch of images of 224 x 224 (of I3D,
-//! sequences of 16 of 112 x 112), and on standard output its milliseconds for each. `benches/peers/peers.py` sets them beside those of other
-//! libraries, in turn.
+//! sequences of 16 of 112 x 112), and on standard output its milliseconds for each.
+//! `benches/peers/peers.py` sets them beside those of other libraries, in turn.
 //!
 //! `cargo run --release -p sps-models --example time_encoder -- resnet18 int8 8`, where the second
 //! argument is a precision, with `training-` before it or without, and the third the batch.

@@ -75,15 +75,11 @@ impl<W: Real> WordKernel<W> for Add<'_, '_, W> {
             let columns = (width - column).min(2 * S::F32_LANES);
             for (row, rows) in tiles(0, height, tallest::<S>()) {
                 let tile = (row, column, columns);
-                let (whole, one) = (
-                    columns.is_multiple_of(S::F32_LANES),
-                    columns <= S::F32_LANES,
-                );
                 if columns == 2 * S::F32_LANES {
                     with_height!(rows, S, H => self.apart::<S, A, H, 2, true>(lanes, arithmetic, tile));
-                } else if W::NUMBERS == 2 || !one {
+                } else if const { W::NUMBERS > 1 } || columns > S::F32_LANES {
                     with_height!(rows, S, H => self.apart::<S, A, H, 2, false>(lanes, arithmetic, tile));
-                } else if whole {
+                } else if columns == S::F32_LANES {
                     with_height!(rows, S, H => self.apart::<S, A, H, 1, true>(lanes, arithmetic, tile));
                 } else {
                     with_height!(rows, S, H => self.apart::<S, A, H, 1, false>(lanes, arithmetic, tile));

@@ -67,12 +67,11 @@ impl PackedGate {
                 *shift = *shift * bias + conv.offset;
             }
         }
-        for (frame, factors) in scale
-            .chunks_exact_mut(channels)
-            .zip(conv.scale.iter().cycle())
-        {
-            for (scale, factor) in frame.iter_mut().zip(factors) {
-                *scale *= factor;
+        if let Some(factors) = &conv.scale {
+            for frame in scale.chunks_exact_mut(channels) {
+                for (scale, factor) in frame.iter_mut().zip(factors) {
+                    *scale *= factor;
+                }
             }
         }
         [scale, shift]

@@ -1,7 +1,8 @@
 //! Convolution, pooling and mean of bf16 feature maps, against f64 on the same rounded numbers; gradients
-//! against those of f32, which other tests hold to f64.
+//! and batch norm against those of f32, which other tests hold to f64.
 
 use super::super::bands::Threads;
+use super::super::batch_norm::{FrameSums, Norm, NormGradients};
 use super::super::conv::{Conv, ConvShape};
 use super::super::conv_input::ConvTranspose;
 use super::super::conv_weight::weight_gradient;
@@ -9,8 +10,10 @@ use super::super::grid::{Grid, Window, pixels};
 use super::super::mean::frame_means;
 use super::super::pool::{max_pool, max_pool_backward};
 use super::super::product::{Activation, Columns, Epilogue};
+use super::super::residual::{Branch, FrameSlopes, Shortcut};
 use super::super::simd::Level;
 use super::super::simd::forced::on_each_level;
+use super::super::statistics::ChannelStatistics;
 use super::super::words::{Bf16Pair, Real, Word};
 use super::{noise, window_sums};
 
@@ -259,6 +262,102 @@ fn gradients_of_pooling() {
             assert!(error <= 2.0 * ROUNDING * f64::from(expected.abs()).max(1.0));
         }
     });
+}
+
+/// What a pass over feature maps leaves: maps, and sums.
+type Left = (Vec<Vec<f32>>, FrameSums);
+
+/// Numbers from a quarter to one and a quarter.
+fn parameters(len: usize, seed: u64) -> Vec<f32> {
+    noise(len, seed)
+        .iter()
+        .map(|x| 0.75 + 0.5 * *x as f32)
+        .collect()
+}
+
+const CHANNELS: usize = 34;
+
+fn norm_of<W: Real>(level: Level, x: &[W], grid: &Grid) -> (Norm, usize) {
+    let statistics = ChannelStatistics::of(level, x, grid);
+    let (gamma, beta) = (parameters(CHANNELS, 11), parameters(CHANNELS, 12));
+    (
+        Norm::new(&statistics, &gamma, &beta, 1e-5),
+        statistics.count,
+    )
+}
+
+/// Batch norm with a rectifier, forward and backward, into a map with a border.
+fn norm<W: Real>(level: Level) -> Left {
+    let grid = Grid::tight(2, [1, 7, 6], CHANNELS).of::<W>();
+    let to = grid.padded(&Window::square(3, 1, 1));
+    let (x, gradient) = (map::<W>(&grid, 1), map::<W>(&grid, 2));
+    let (norm, count) = norm_of(level, &x, &grid);
+    let activation = Activation::Relu6;
+    let (mut y, mut dx) = (vec![W::default(); to.len()], vec![W::default(); grid.len()]);
+    norm.apply(level, (&x, &grid), (&mut y, &to), activation);
+    let sums = norm.sums(level, &x, &gradient, &grid, activation);
+    let slopes = NormGradients::new(&norm, count, &sums.over_frames(CHANNELS)).slopes;
+    norm.backward(level, &slopes, &x, &gradient, (&mut dx, &grid), activation);
+    let maps = [y, dx].map(|map| W::numbers(&map).collect());
+    (maps.to_vec(), sums)
+}
+
+/// The end of a residual branch, forward onto either kind of shortcut, and backward.
+fn residual<W: Real>(level: Level) -> Left {
+    let grid = Grid::tight(2, [1, 7, 6], CHANNELS).of::<W>();
+    let (x, added) = (map::<W>(&grid, 1), map::<W>(&grid, 2));
+    let (norm, _) = norm_of(level, &x, &grid);
+    let (other, _) = norm_of(level, &added, &grid);
+    let gate = parameters(2 * CHANNELS, 13);
+    let branch = Branch {
+        x: &x,
+        norm: &norm,
+        gate: &gate,
+        grid: &grid,
+        activation: Activation::Relu,
+    };
+    let [mut plain, mut normed, mut dx] = [0; 3].map(|_| vec![W::default(); grid.len()]);
+    branch.end(level, Shortcut::Plain(&added, &grid), (&mut plain, &grid));
+    branch.end(
+        level,
+        Shortcut::Normed(&added, &other),
+        (&mut normed, &grid),
+    );
+    let (end, mut masked) = (map::<W>(&grid, 3), map::<W>(&grid, 4));
+    let sums = branch.mask(level, (&end, &grid), &mut masked);
+    let slopes = FrameSlopes {
+        of_gradient: gate.clone(),
+        of_x: parameters(CHANNELS, 14),
+        constant: parameters(2 * CHANNELS, 15),
+    };
+    branch.backward(level, &slopes, &masked, (&mut dx, &grid));
+    let maps = [plain, normed, masked, dx].map(|map| W::numbers(&map).collect());
+    (maps.to_vec(), sums)
+}
+
+/// Both compute in f32: of the same rounded numbers the sums are the same, and maps are those of f32,
+/// rounded.
+fn rounds_maps_alone(single: fn(Level) -> Left, pair: fn(Level) -> Left) {
+    on_each_level(|level| {
+        let ((maps, sums), (expected, of_f32)) = (pair(level), single(level));
+        for (found, expected) in maps.iter().zip(&expected) {
+            let round = |&x: &f32| Bf16Pair::widened(Bf16Pair::narrowed(x));
+            let rounded: Vec<f32> = expected.iter().map(round).collect();
+            assert_eq!(*found, rounded, "{level:?}");
+        }
+        assert_eq!(sums.gradient, of_f32.gradient, "{level:?}");
+        assert_eq!(sums.product, of_f32.product, "{level:?}");
+    });
+}
+
+#[test]
+fn batch_norm_in_training() {
+    rounds_maps_alone(norm::<f32>, norm::<Bf16Pair>);
+}
+
+#[test]
+fn the_end_of_a_residual_branch() {
+    rounds_maps_alone(residual::<f32>, residual::<Bf16Pair>);
 }
 
 /// As the processor's own instruction rounds, ties to even; NaN stays NaN.

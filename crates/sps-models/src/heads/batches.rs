@@ -115,7 +115,7 @@ impl<'a> Batches<'a> {
 }
 
 /// For each trial, one over the number of rows that count in each of these, and that number.
-pub(super) fn mean_weights(counts: &[bool], rows: usize) -> (Vec<f32>, Vec<f64>) {
+fn mean_weights(counts: &[bool], rows: usize) -> (Vec<f32>, Vec<f64>) {
     let mut weights = Vec::with_capacity(counts.len());
     let mut numbers = Vec::new();
     for trial in counts.chunks(rows.max(1)) {

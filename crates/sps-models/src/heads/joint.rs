@@ -8,7 +8,6 @@ use candle_core::{Device, Tensor, Var};
 use rand::seq::index;
 
 use super::HeadError;
-use super::batches::mean_weights;
 use super::config::{HeadConfig, Input};
 use super::job::{self, Job};
 use super::losses::{Batch, Losses};
@@ -46,6 +45,24 @@ pub(crate) struct JointHeads {
 pub(crate) enum Draw {
     Step(usize),
     Validation,
+}
+
+/// Surfaces that go through the network at once, and those of the whole step that they are of: each loss
+/// is their share of the mean over the step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Share<'a> {
+    pub(crate) surfaces: &'a [usize],
+    pub(crate) of: &'a [usize],
+}
+
+impl<'a> Share<'a> {
+    /// All of a step at once.
+    pub(crate) fn whole(surfaces: &'a [usize]) -> Self {
+        Self {
+            surfaces,
+            of: surfaces,
+        }
+    }
 }
 
 impl fmt::Debug for JointHeads {
@@ -127,25 +144,25 @@ impl JointHeads {
 
     /// The losses of some surfaces, of which `embeddings`, `(surfaces, views, width)`, is what the
     /// encoder sees: what to differentiate, and its parts, each a mean over the properties before
-    /// its weight.
+    /// its weight. All surfaces of a step are seen by one draw.
     pub(crate) fn loss(
         &self,
         embeddings: &Tensor,
-        surfaces: &[usize],
+        share: Share<'_>,
         draw: Draw,
     ) -> Result<(Tensor, EpochLosses)> {
-        let batch = self.batch(self.visual(embeddings, draw)?, surfaces)?;
+        let batch = self.batch(self.visual(embeddings, draw)?, share)?;
         let losses = Losses::of(&self.config.model, &self.stack.network, &batch)?;
-        let share = 1.0 / self.tactile.len() as f64;
+        let each = 1.0 / self.tactile.len() as f64;
         let mut means = EpochLosses::default();
         for (term, field) in losses.terms() {
             let values = term.to_vec1::<f32>()?;
-            *field(&mut means) = values.iter().map(|&v| f64::from(v) * share).sum();
+            *field(&mut means) = values.iter().map(|&v| f64::from(v) * each).sum();
         }
         for parameter in &self.stack.parameters {
             parameter.gradient.clear();
         }
-        Ok(((losses.total(&self.config.model)? * share)?, means))
+        Ok(((losses.total(&self.config.model)? * each)?, means))
     }
 
     /// The squared error of some surfaces, in units of the training readings' variance: a mean over
@@ -231,31 +248,42 @@ impl JointHeads {
         slots
     }
 
-    fn batch(&self, visual: Tensor, surfaces: &[usize]) -> Result<Batch> {
-        let (trials, rows) = (self.tactile.len(), surfaces.len());
-        let readings = self
-            .tactile
-            .iter()
-            .flat_map(|t| surfaces.iter().map(|&s| t[s]));
-        let readings: Vec<Option<f32>> = readings.collect();
-        let labels = surfaces
-            .iter()
-            .map(|s| self.labels.get(s).copied().flatten());
-        let labels: Vec<Option<u32>> = labels.collect::<Vec<_>>().repeat(trials);
-        let weight = |counts: Vec<bool>| {
-            let (weight, _) = mean_weights(&counts, rows);
-            Tensor::from_vec(weight, (trials, rows), &Device::Cpu)
+    fn batch(&self, visual: Tensor, share: Share<'_>) -> Result<Batch> {
+        let (trials, rows) = (self.tactile.len(), share.surfaces.len());
+        let each = || {
+            let surfaces = share.surfaces.iter();
+            (0..trials).flat_map(move |trial| surfaces.clone().map(move |&s| (trial, s)))
         };
-        let tactile: Vec<f32> = readings.iter().map(|t| t.unwrap_or(0.0)).collect();
+        let reading = |trial: usize, surface: usize| self.tactile[trial][surface];
+        let label = |_: usize, surface: usize| self.labels.get(&surface).copied().flatten();
+        let tactile = each().map(|(trial, surface)| reading(trial, surface).unwrap_or(0.0));
         Ok(Batch {
             visual,
             width: self.dims.width,
-            tactile: Tensor::from_vec(tactile, (trials, rows, 1), &Device::Cpu)?,
-            weight: weight(readings.iter().map(Option::is_some).collect())?,
-            label_weight: weight(labels.iter().map(Option::is_some).collect())?,
-            labels,
+            tactile: Tensor::from_iter(tactile, &Device::Cpu)?.reshape((trials, rows, 1))?,
+            weight: weights(trials, share, |t, s| reading(t, s).is_some())?,
+            label_weight: weights(trials, share, |t, s| label(t, s).is_some())?,
+            labels: each().map(|(t, s)| label(t, s)).collect(),
         })
     }
+}
+
+/// `(trials, rows)`: for each trial one over how many surfaces of the step count, and zero where one does
+/// not.
+fn weights(
+    trials: usize,
+    share: Share<'_>,
+    counts: impl Fn(usize, usize) -> bool,
+) -> Result<Tensor> {
+    let mut weights = Vec::with_capacity(trials * share.surfaces.len());
+    for trial in 0..trials {
+        let number = share.of.iter().filter(|&&s| counts(trial, s)).count();
+        let weight = 1.0 / number.max(1) as f32;
+        let of = |&s: &usize| if counts(trial, s) { weight } else { 0.0 };
+        weights.extend(share.surfaces.iter().map(of));
+    }
+    let shape = (trials, share.surfaces.len());
+    Ok(Tensor::from_vec(weights, shape, &Device::Cpu)?)
 }
 
 /// The properties that any of these surfaces has a reading of.

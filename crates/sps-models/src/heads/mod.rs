@@ -52,7 +52,7 @@ pub use config::{
 pub use error::HeadError;
 pub use fusion::FusionLoss;
 #[cfg(feature = "training")]
-pub(crate) use joint::{Draw, JointHeads};
+pub(crate) use joint::{Draw, JointHeads, Share};
 pub use plan::{Plan, Rerun, TrainingData, Trial, Views};
 pub use trained::{DivergedTrial, EpochLosses, Estimates, KeptEpoch, TrainedHead, TrainedHeads};
 

@@ -1,6 +1,7 @@
 //! The order in which images are shown, and their way to the network.
 
 use std::error::Error as StdError;
+use std::ops::Range;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread;
 
@@ -50,10 +51,15 @@ pub(super) struct Batch {
 pub(super) fn epoch(surfaces: &[usize], size: usize, seed: u64, epoch: usize) -> Vec<Vec<usize>> {
     let mut order = surfaces.to_vec();
     order.shuffle(&mut stream(seed, "training/order", epoch as u64));
-    let batches = steps(order.len(), size);
-    let at = |batch: usize| batch * order.len() / batches;
-    let part = |batch| order[at(batch)..at(batch + 1)].to_vec();
-    (0..batches).map(part).collect()
+    let parts = cut(order.len(), size);
+    parts.map(|part| order[part].to_vec()).collect()
+}
+
+/// So many surfaces in parts of nearly the same size, of at most `size`.
+pub(super) fn cut(surfaces: usize, size: usize) -> impl Iterator<Item = Range<usize>> {
+    let parts = steps(surfaces, size);
+    let at = move |part: usize| part * surfaces / parts;
+    (0..parts).map(move |part| at(part)..at(part + 1))
 }
 
 /// Batches in an epoch.

@@ -21,6 +21,10 @@ pub struct TrainingConfig {
     pub frozen_epochs: usize,
     /// Images, or surfaces of several views, per step, at most: an epoch is cut into batches of equal size. Measured.
     pub batch_size: usize,
+    /// Gradient accumulation: how many surfaces of a step go through the network at once, at most. Each such
+    /// part adds its gradient to the step's; losses stay means over the whole step. Less memory; batch norm
+    /// sees the parts one by one. Default: all at once.
+    pub micro_batch_size: Option<usize>,
     /// The optimiser; its learning rate is the largest of the schedule. Measured.
     pub adam: AdamConfig,
     /// Share of all steps over which the learning rate rises from zero; it then falls to zero
@@ -166,6 +170,7 @@ impl Default for TrainingConfig {
             epochs: 30,
             frozen_epochs: 0,
             batch_size: 16,
+            micro_batch_size: None,
             adam: AdamConfig {
                 learning_rate: 1e-3,
                 ..AdamConfig::default()
@@ -205,6 +210,11 @@ impl TrainingConfig {
         require(self.epochs > 0, "epochs", self.epochs, "at least 1")?;
         let batch = self.batch_size;
         require(batch > 1, "batch-size", batch, "at least 2")?;
+        if let Some(part) = self.micro_batch_size {
+            let sensible = (2..=batch).contains(&part);
+            let expected = format!("2 to {batch}, the `batch-size`");
+            require(sensible, "micro-batch-size", part, &expected)?;
+        }
         self.adam.check()?;
         let share = |value: f64| (0.0..1.0).contains(&value);
         let expected = "at least 0 and below 1";
@@ -329,6 +339,8 @@ mod tests {
         };
         refused(|c| c.epochs = 0, "epochs");
         refused(|c| c.batch_size = 1, "batch-size");
+        refused(|c| c.micro_batch_size = Some(1), "micro-batch-size");
+        refused(|c| c.micro_batch_size = Some(17), "micro-batch-size");
         refused(|c| c.adam.learning_rate = f64::NAN, "adam.learning-rate");
         refused(|c| c.adam.weight_decay = -0.1, "adam.weight-decay");
         refused(|c| c.adam.beta1 = 1.0, "adam.beta1");

@@ -64,7 +64,7 @@ impl Trainer {
             tensors.push((format!("adam/{index}/mean"), mean));
             tensors.push((format!("adam/{index}/square"), square));
         }
-        let tensors = Weights::from_tensors("training state", tensors)?;
+        let tensors = Weights::sharing("training state", tensors);
         Ok(tensors.to_bytes_as(Storage::F32, Some((KEY, &metadata)))?)
     }
 

@@ -8,6 +8,7 @@ use super::state;
 use super::targets::Targets;
 use crate::encoders::{Encoder, TrainableEncoder};
 use crate::error::{Error, Result};
+use crate::heads::Share;
 use crate::optim::{Adam, clip_scales, squared_norms};
 use crate::weights::Weights;
 
@@ -158,7 +159,7 @@ impl Trainer {
         let mut training = Losses::default();
         batches::for_each(source, &batches, &vary, |batch| {
             let surfaces = batch.surfaces.len();
-            let step = self.step(batch, number)?;
+            let step = self.step(&batch, number)?;
             let weight = surfaces as f64 / self.parts.training.len() as f64;
             training.add(&step.losses, weight);
             number = step.number;
@@ -200,11 +201,61 @@ impl Trainer {
         self.config.epochs.saturating_mul(epoch)
     }
 
-    fn step(&mut self, batch: Batch, done: usize) -> Result<TrainingStep> {
-        let Batch { tensor, surfaces } = batch;
-        let embeddings = self.encoder.forward(&tensor)?;
-        let (loss, losses) = self.objective.loss(&embeddings, &surfaces, done)?;
-        check_finite("loss", &losses)?;
+    fn step(&mut self, batch: &Batch, done: usize) -> Result<TrainingStep> {
+        let (gradients, losses) = self.gradients(batch, done)?;
+        let (gradients, gradient_norm) = self.clipped(gradients)?;
+        let learning_rate = self.config.learning_rate(done, self.steps());
+        self.adam.set_learning_rate(learning_rate);
+        self.adam.step(&gradients, &[])?;
+        Ok(TrainingStep {
+            number: done + 1,
+            of: self.steps(),
+            images: batch.tensor.dim(0)?,
+            learning_rate,
+            gradient_norm,
+            losses,
+        })
+    }
+
+    /// The gradients of a step's loss, in the order of the parameters, and what the losses were: sums over
+    /// the parts in which its batch goes through the network.
+    pub(super) fn gradients(
+        &mut self,
+        batch: &Batch,
+        done: usize,
+    ) -> Result<(Vec<Tensor>, Losses)> {
+        let of = &batch.surfaces[..];
+        let at_once = self.config.micro_batch_size.unwrap_or(of.len());
+        let mut losses = Losses::default();
+        let mut sums: Vec<Tensor> = Vec::new();
+        for part in batches::cut(of.len(), at_once) {
+            let (first, images) = (part.start * self.views, part.len() * self.views);
+            let images = batch.tensor.narrow(0, first, images)?;
+            let surfaces = &of[part];
+            let (gradients, loss) =
+                self.gradients_of_part(&images, Share { surfaces, of }, done)?;
+            losses.add(&loss, 1.0);
+            check_finite("loss", &losses)?;
+            sums = if sums.is_empty() {
+                gradients
+            } else {
+                let pairs = sums.iter().zip(&gradients);
+                pairs
+                    .map(|(sum, more)| sum + more)
+                    .collect::<Result<_, _>>()?
+            };
+        }
+        Ok((sums, losses))
+    }
+
+    fn gradients_of_part(
+        &mut self,
+        images: &Tensor,
+        share: Share<'_>,
+        done: usize,
+    ) -> Result<(Vec<Tensor>, Losses)> {
+        let embeddings = self.encoder.forward(images)?;
+        let (loss, losses) = self.objective.loss(&embeddings, share, done)?;
         let store = self.encoder.backward(&loss)?;
         let frozen = self.history.len() < self.config.frozen_epochs;
         let of_encoder = self.encoder.variables().map(|(_, variable)| {
@@ -216,18 +267,7 @@ impl Trainer {
         });
         let mut gradients: Vec<Tensor> = of_encoder.collect::<Result<_, _>>()?;
         gradients.extend(self.objective.gradients(&store)?);
-        let (gradients, gradient_norm) = self.clipped(gradients)?;
-        let learning_rate = self.config.learning_rate(done, self.steps());
-        self.adam.set_learning_rate(learning_rate);
-        self.adam.step(&gradients, &[])?;
-        Ok(TrainingStep {
-            number: done + 1,
-            of: self.steps(),
-            images: tensor.dim(0)?,
-            learning_rate,
-            gradient_norm,
-            losses,
-        })
+        Ok((gradients, losses))
     }
 
     /// The gradients, no longer than asked for, and how long they were.

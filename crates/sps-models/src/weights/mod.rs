@@ -113,18 +113,21 @@ impl Weights {
     ///
     /// # Errors
     ///
-    /// When a tensor's values cannot be had from its device.
+    /// When a tensor's values cannot be had from its device, or one is not finite: it could not be read
+    /// back.
     pub fn to_bytes_as(
         &self,
         storage: Storage,
         note: Option<(&str, &str)>,
     ) -> Result<Vec<u8>, WeightsError> {
         let error = |kind| WeightsError::new(&self.origin, kind);
-        let raw = self
-            .iter()
-            .map(|(name, tensor)| Ok((name, raw_tensor(name, tensor)?)));
+        let raw = self.iter().map(|(name, tensor)| {
+            let raw = raw_tensor(name, tensor)?;
+            check_finite(name, &raw.values)?;
+            Ok((name, raw))
+        });
         let raw = raw.collect::<Result<Vec<_>, _>>().map_err(error)?;
-        safetensors::write(&raw, storage, note).map_err(error)
+        safetensors::write(raw, storage, note).map_err(error)
     }
 
     /// A note that [`Weights::to_bytes_as`] put into a file; `origin` names the file in errors.
@@ -324,14 +327,19 @@ fn raw_tensor(name: &str, tensor: &Tensor) -> Result<RawTensor, WeightsErrorKind
     })
 }
 
-fn finite(name: &str, raw: RawTensor) -> Result<Tensor, WeightsErrorKind> {
-    if let Some((index, &found)) = raw.values.iter().enumerate().find(|(_, v)| !v.is_finite()) {
-        return Err(WeightsErrorKind::NotFinite {
+fn check_finite(name: &str, values: &[f32]) -> Result<(), WeightsErrorKind> {
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(index) => Err(WeightsErrorKind::NotFinite {
             tensor: name.to_owned(),
             index,
-            found,
-        });
+            found: values[index],
+        }),
     }
+}
+
+fn finite(name: &str, raw: RawTensor) -> Result<Tensor, WeightsErrorKind> {
+    check_finite(name, &raw.values)?;
     let size = |size: usize, &extent: &usize| size.checked_mul(extent.max(1));
     if raw.shape.iter().try_fold(1, size).is_none() {
         let shape = raw.shape;

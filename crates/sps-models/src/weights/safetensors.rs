@@ -1,10 +1,10 @@
 //! Tensors from a safetensors file.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 
 use half::{bf16, f16};
-use safetensors::tensor::TensorView;
-use safetensors::{Dtype, SafeTensorError, SafeTensors};
+use safetensors::{Dtype, SafeTensors, View};
 
 use super::{RawTensor, Storage, WeightsErrorKind};
 
@@ -23,34 +23,48 @@ pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErro
 }
 
 /// The tensors as a file, with a note by its name in the metadata.
-pub(super) fn write(
-    tensors: &[(&str, RawTensor)],
+pub(super) fn write<'a>(
+    tensors: impl IntoIterator<Item = (&'a str, RawTensor)>,
     storage: Storage,
     note: Option<(&str, &str)>,
 ) -> Result<Vec<u8>, WeightsErrorKind> {
-    let encode = |values: &[f32]| -> Vec<u8> {
-        match storage {
-            Storage::F32 => values.iter().flat_map(|v| v.to_le_bytes()).collect(),
+    let stored = |(name, tensor)| (name, Stored { tensor, storage });
+    let note = note.map(|(name, text)| HashMap::from([(name.to_owned(), text.to_owned())]));
+    safetensors::serialize(tensors.into_iter().map(stored), note)
+        .map_err(|error| WeightsErrorKind::Format(format!("cannot be written: {error}")))
+}
+
+/// A tensor on its way into a file: it has bytes when it is its turn, and is gone thereafter.
+struct Stored {
+    tensor: RawTensor,
+    storage: Storage,
+}
+
+impl View for Stored {
+    fn dtype(&self) -> Dtype {
+        match self.storage {
+            Storage::F32 => Dtype::F32,
+            Storage::F16 => Dtype::F16,
+        }
+    }
+
+    fn shape(&self) -> &[usize] {
+        &self.tensor.shape
+    }
+
+    fn data(&self) -> Cow<'_, [u8]> {
+        let values = self.tensor.values.iter();
+        match self.storage {
+            Storage::F32 => values.flat_map(|v| v.to_le_bytes()).collect(),
             Storage::F16 => values
-                .iter()
                 .flat_map(|&v| f16::from_f32(v).to_le_bytes())
                 .collect(),
         }
-    };
-    let dtype = match storage {
-        Storage::F32 => Dtype::F32,
-        Storage::F16 => Dtype::F16,
-    };
-    let bytes: Vec<Vec<u8>> = tensors.iter().map(|(_, t)| encode(&t.values)).collect();
-    let views = tensors.iter().zip(&bytes).map(|((name, tensor), bytes)| {
-        let view = TensorView::new(dtype, tensor.shape.clone(), bytes)?;
-        Ok((*name, view))
-    });
-    let note = note.map(|(name, text)| HashMap::from([(name.to_owned(), text.to_owned())]));
-    views
-        .collect::<Result<Vec<_>, SafeTensorError>>()
-        .and_then(|views| safetensors::serialize(views, note))
-        .map_err(|error| WeightsErrorKind::Format(format!("cannot be written: {error}")))
+    }
+
+    fn data_len(&self) -> usize {
+        self.tensor.values.len() * self.dtype().bitsize() / 8
+    }
 }
 
 /// A note in the metadata.

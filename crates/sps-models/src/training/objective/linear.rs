@@ -7,6 +7,7 @@ use rand::Rng;
 use super::{Losses, nothing};
 use crate::data::Readings;
 use crate::error::Result;
+use crate::heads::Share;
 use crate::rng::stream;
 use crate::training::targets::{Classes, Standards};
 
@@ -51,15 +52,21 @@ impl Linear {
 
     /// The loss of `embeddings`, `(images, width)`, of the given images: as a tensor to
     /// differentiate, and its parts as numbers.
-    pub(super) fn loss(&self, embeddings: &Tensor, images: &[usize]) -> Result<(Tensor, Losses)> {
+    pub(super) fn loss(
+        &self,
+        embeddings: &Tensor,
+        Share {
+            surfaces: images,
+            of,
+        }: Share<'_>,
+    ) -> Result<(Tensor, Losses)> {
         let mut losses = Losses::default();
         let mut total = nothing(embeddings)?;
         if let Some((readings, standards, layer)) = &self.values {
             let (values, present) = standards.tensors(readings, images)?;
             let error = layer.apply(embeddings)?.sub(&values)?;
-            let count = present.sum_all()?.to_scalar::<f32>()?.max(1.0);
             let squares = (error.sqr()? * present)?;
-            let loss = (squares.sum_all()? / f64::from(count))?;
+            let loss = (squares.sum_all()? / count(readings, of).max(1) as f64)?;
             losses.values = f64::from(loss.to_scalar::<f32>()?);
             total = (total + loss)?;
         }
@@ -69,14 +76,22 @@ impl Linear {
             let scores = layer.apply(embeddings)?;
             let best = scores.detach().argmax(D::Minus1)?;
             let right = best.eq(&labels)?.to_dtype(embeddings.dtype())?;
-            losses.accuracy = f64::from(right.mean_all()?.to_scalar::<f32>()?);
+            let share = (right.sum_all()? / of.len() as f64)?;
+            losses.accuracy = f64::from(share.to_scalar::<f32>()?);
             let own = log_softmax(&scores, D::Minus1)?.gather(&labels.unsqueeze(1)?, 1)?;
-            let loss = own.mean_all()?.neg()?;
+            let loss = (own.sum_all()? / of.len() as f64)?.neg()?;
             losses.classes = f64::from(loss.to_scalar::<f32>()?);
             total = (total + loss)?;
         }
         Ok((total, losses))
     }
+}
+
+/// How many values these images have.
+fn count(readings: &Readings, images: &[usize]) -> usize {
+    let columns = readings.properties().len();
+    let of = |&image: &usize| (0..columns).filter(move |&c| readings.get(image, c).is_some());
+    images.iter().flat_map(of).count()
 }
 
 /// `x W^T + b`.

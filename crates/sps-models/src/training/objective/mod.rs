@@ -12,7 +12,7 @@ use super::batches;
 use super::config::{TrainingConfig, TrainingObjective};
 use super::targets::{Features, Targets};
 use crate::error::{Error, Result};
-use crate::heads::{Draw, EpochLosses, HeadConfig, JointHeads, TrainingData};
+use crate::heads::{Draw, EpochLosses, HeadConfig, JointHeads, Share, TrainingData};
 use linear::{Layer, Linear};
 
 /// What stands on the embedding while the encoder is trained, and the loss of what it says.
@@ -157,23 +157,23 @@ impl Objective {
         parameters.into_iter()
     }
 
-    /// The loss of `embeddings`, `(surfaces x views, width)`, of the given surfaces in step `step`: as
-    /// a tensor to differentiate, and its parts as numbers.
+    /// The loss of `embeddings`, `(surfaces x views, width)`, of some surfaces of step `step`: as a tensor
+    /// to differentiate, and its parts as numbers.
     pub(super) fn loss(
         &self,
         embeddings: &Tensor,
-        surfaces: &[usize],
+        share: Share<'_>,
         step: usize,
     ) -> Result<(Tensor, Losses)> {
         let (loss, losses) = match &self.base {
-            Base::Linear(linear) => linear.loss(embeddings, surfaces)?,
+            Base::Linear(linear) => linear.loss(embeddings, share)?,
             Base::Heads { heads, weights } => {
                 let seen = by_view(embeddings, heads.views())?;
-                let (loss, losses) = heads.loss(&seen, surfaces, Draw::Step(step))?;
+                let (loss, losses) = heads.loss(&seen, share, Draw::Step(step))?;
                 (loss, Losses::of_heads(&losses, weights))
             }
         };
-        self.with_features(embeddings, surfaces, loss, losses)
+        self.with_features(embeddings, share, loss, losses)
     }
 
     /// What says how good an encoder is that embeds these surfaces so. Of heads it is the error of
@@ -182,8 +182,9 @@ impl Objective {
     pub(super) fn validate(&self, embeddings: &Tensor, surfaces: &[usize]) -> Result<Losses> {
         match &self.base {
             Base::Linear(linear) => {
-                let (loss, losses) = linear.loss(embeddings, surfaces)?;
-                let (_, losses) = self.with_features(embeddings, surfaces, loss, losses)?;
+                let whole = Share::whole(surfaces);
+                let (loss, losses) = linear.loss(embeddings, whole)?;
+                let (_, losses) = self.with_features(embeddings, whole, loss, losses)?;
                 Ok(losses)
             }
             Base::Heads { heads, .. } => {
@@ -220,28 +221,30 @@ impl Objective {
     fn with_features(
         &self,
         embeddings: &Tensor,
-        surfaces: &[usize],
+        share: Share<'_>,
         loss: Tensor,
         mut losses: Losses,
     ) -> Result<(Tensor, Losses)> {
         let Some(taught) = &self.features else {
             return Ok((loss, losses));
         };
-        let of_features = taught.loss(embeddings, surfaces)?;
+        let of_features = taught.loss(embeddings, share)?;
         losses.features = f64::from(of_features.to_scalar::<f32>()?);
         Ok(((loss + of_features)?, losses))
     }
 }
 
 impl Taught {
-    fn loss(&self, embeddings: &Tensor, surfaces: &[usize]) -> Result<Tensor> {
-        let views = embeddings.dim(0)? / surfaces.len().max(1);
+    fn loss(&self, embeddings: &Tensor, Share { surfaces, of }: Share<'_>) -> Result<Tensor> {
+        let (images, width) = (embeddings.dim(0)?, self.features.dim(1)?);
+        let views = images / surfaces.len().max(1);
         let images = batches::images(surfaces, views);
         let rows: Vec<u32> = images.iter().map(|&image| image as u32).collect();
         let rows = Tensor::new(rows, embeddings.device())?;
         let wanted = self.features.index_select(&rows, 0)?;
         let error = self.layer.apply(embeddings)?.sub(&wanted)?;
-        Ok((error.sqr()?.mean_all()? * self.weight)?)
+        let count = of.len() * views * width;
+        Ok(((error.sqr()?.sum_all()? / count as f64)? * self.weight)?)
     }
 }
 

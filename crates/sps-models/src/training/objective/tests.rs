@@ -41,7 +41,9 @@ fn the_loss_is_that_of_its_definition() {
         var.set(&value).unwrap();
     }
     let embeddings = Tensor::zeros((3, 2), candle_core::DType::F32, &Device::Cpu).unwrap();
-    let (loss, parts) = objective.loss(&embeddings, &[0, 1, 2], 0).unwrap();
+    let (loss, parts) = objective
+        .loss(&embeddings, Share::whole(&[0, 1, 2]), 0)
+        .unwrap();
     // Column a: standardised to -1.2247, 0, 1.2247; column b to -1, -, 1; five values.
     let values = (1.5 + 1.5 + 1.0 + 1.0) / 5.0;
     let classes = (4f64.ln() + 2.0 * (4.0f64 / 3.0).ln()) / 3.0;
@@ -67,7 +69,9 @@ fn the_loss_of_features_is_that_of_its_definition() {
         var.set(&var.zeros_like().unwrap()).unwrap();
     }
     let embeddings = Tensor::zeros((2, 2), candle_core::DType::F32, &Device::Cpu).unwrap();
-    let (loss, parts) = objective.loss(&embeddings, &[2, 1], 0).unwrap();
+    let (loss, parts) = objective
+        .loss(&embeddings, Share::whole(&[2, 1]), 0)
+        .unwrap();
     // Column 1: standardised to 1.2247 and 0; column 2 never changes and is 0.
     let expected = 2.0 * 1.5 / 4.0;
     assert!((parts.features - expected).abs() < 1e-6, "{parts:?}");
@@ -78,7 +82,9 @@ fn the_loss_of_features_is_that_of_its_definition() {
 fn every_parameter_receives_a_gradient() {
     let objective = linear(targets(), 4).unwrap();
     let embeddings = Tensor::ones((3, 4), candle_core::DType::F32, &Device::Cpu).unwrap();
-    let (loss, _) = objective.loss(&embeddings, &[0, 1, 2], 0).unwrap();
+    let (loss, _) = objective
+        .loss(&embeddings, Share::whole(&[0, 1, 2]), 0)
+        .unwrap();
     let gradients = loss.backward().unwrap();
     for (name, var) in objective.parameters() {
         let gradient = gradients.get(var).unwrap().abs().unwrap();
@@ -103,7 +109,9 @@ mod hard_cases {
             }
         }
         let embeddings = Tensor::full(1e4f32, (3, 2), &Device::Cpu).unwrap();
-        let (loss, parts) = objective.loss(&embeddings, &[0, 1, 2], 0).unwrap();
+        let (loss, parts) = objective
+            .loss(&embeddings, Share::whole(&[0, 1, 2]), 0)
+            .unwrap();
         // Class 0 scores 15,000 and class 1 2,500; one image is of class 0, two of class 1.
         let expected = 2.0 * 12_500.0 / 3.0;
         let error = (parts.classes / expected - 1.0).abs();

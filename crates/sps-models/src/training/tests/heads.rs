@@ -11,6 +11,7 @@ use crate::data::Embeddings;
 use crate::golden;
 use crate::heads::{
     Adversarial, Classification, CrossModal, GeneratorLoss, Input, Model, RelationScale, Scale,
+    Share,
 };
 use crate::labels::LabelSource;
 use crate::optim::AdamConfig;
@@ -130,7 +131,7 @@ const STILL: Augmentation = Augmentation {
 };
 
 /// The network with all its parts, small.
-fn model() -> Model {
+pub(super) fn model() -> Model {
     Model::CrossModal(CrossModal {
         latent: 4,
         hidden: 6,
@@ -206,7 +207,10 @@ fn losses_and_gradients_are_pytorchs() {
         let batch = batches::stack(&shown, &images).unwrap();
         let embeddings = trainer.encoder.forward(&batch).unwrap();
         let surfaces: Vec<usize> = (0..SURFACES).collect();
-        let (loss, losses) = trainer.objective.loss(&embeddings, &surfaces, 0).unwrap();
+        let (loss, losses) = trainer
+            .objective
+            .loss(&embeddings, Share::whole(&surfaces), 0)
+            .unwrap();
         let found = error(&losses, &expected.losses[0]);
         assert!(found < 1e-5, "{}: losses {found:.1e}", golden.case);
         let total = f64::from(loss.to_scalar::<f32>().unwrap());
@@ -272,15 +276,20 @@ fn ten_steps_are_pytorchs() {
 }
 
 /// Stripes in twos: of each surface a bright and a dark image.
-struct Pairs(Stripes);
+pub(super) struct Pairs(Stripes);
 
 impl Pairs {
-    fn new(surfaces: usize) -> Self {
+    pub(super) fn new(surfaces: usize) -> Self {
         Self(Stripes::new(surfaces))
     }
 
     fn targets(&self) -> Targets {
-        let (surfaces, encoder) = (self.0.brightness.len(), start());
+        self.targets_of(&start())
+    }
+
+    /// What `encoder` has to tell.
+    pub(super) fn targets_of(&self, encoder: &Encoder) -> Targets {
+        let surfaces = self.0.brightness.len();
         let images: Vec<usize> = (0..2 * surfaces).collect();
         let shown: Vec<Image> = images.iter().map(|&i| self.image(i).unwrap()).collect();
         let seen = encoder.embed(&batches::stack(&shown, &images).unwrap());
@@ -309,7 +318,7 @@ impl ImageSource for Pairs {
     }
 }
 
-fn through_heads(input: Input, model: Model) -> TrainingConfig {
+pub(super) fn through_heads(input: Input, model: Model) -> TrainingConfig {
     TrainingConfig {
         objective: TrainingObjective::Heads {
             scale: Scale::Common,
@@ -327,7 +336,7 @@ fn any(input: &Input, views: usize) -> Option<usize> {
     any.then_some(views)
 }
 
-fn inputs() -> [Input; 3] {
+pub(super) fn inputs() -> [Input; 3] {
     let scales = vec![RelationScale {
         views: 1,
         relations: 3,
@@ -397,7 +406,7 @@ fn a_discriminator_moves_no_encoder() {
         let embeddings = trainer.encoder.forward(&batch).unwrap();
         let (loss, _) = trainer
             .objective
-            .loss(&embeddings, &[0, 1, 2, 3], 0)
+            .loss(&embeddings, Share::whole(&[0, 1, 2, 3]), 0)
             .unwrap();
         let store = trainer.encoder.backward(&loss).unwrap();
         let (_, variable) = trainer.encoder.variables().next().unwrap();
@@ -519,7 +528,10 @@ mod hard_cases {
         let trainer = Trainer::new(&start(), targets, pairs.0.parts(), config, 5).unwrap();
         let width = trainer.encoder.kind().width();
         let embeddings = Tensor::zeros((2, width), DType::F32, &Device::Cpu).unwrap();
-        let (_, losses) = trainer.objective.loss(&embeddings, &[3], 0).unwrap();
+        let (_, losses) = trainer
+            .objective
+            .loss(&embeddings, Share::whole(&[3]), 0)
+            .unwrap();
         // The layer says its bias of both images; standardised over the images of training.
         let bias = trainer
             .objective
@@ -566,7 +578,13 @@ mod hard_cases {
         };
         let seen = golden::tensor("seen", &[4, start.width()]);
         let seen = seen.to_dtype(DType::F32).unwrap();
-        let loss = |trainer: Trainer| trainer.objective.loss(&seen, &[3, 7], 0).unwrap().1;
+        let loss = |trainer: Trainer| {
+            trainer
+                .objective
+                .loss(&seen, Share::whole(&[3, 7]), 0)
+                .unwrap()
+                .1
+        };
         let expected = loss(trainer(taught.clone(), heads()).unwrap());
         let found = loss(trainer(pairs.targets(), itself.clone()).unwrap());
         assert!(found.features > 0.0);

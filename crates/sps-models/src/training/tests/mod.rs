@@ -1,5 +1,6 @@
 //! Whole trainings on small images.
 
+mod accumulation;
 mod heads;
 mod sequences;
 

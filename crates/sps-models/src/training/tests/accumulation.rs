@@ -1,0 +1,109 @@
+//! Steps whose batch goes through the network in parts.
+
+use super::heads::{Pairs, inputs, model, through_heads};
+use super::*;
+use crate::training::batches::Batch;
+
+/// A network without batch norm, which would see the parts one by one.
+fn without_norms() -> Encoder {
+    Encoder::seeded(EncoderKind::SqueezeNet1_1, 0, &Device::Cpu).unwrap()
+}
+
+fn in_parts(config: TrainingConfig, micro_batch_size: Option<usize>) -> TrainingConfig {
+    TrainingConfig {
+        micro_batch_size,
+        ..config
+    }
+}
+
+/// The gradients and losses of one step of eleven surfaces, whole and in parts of 2 and 3.
+fn differs(source: &dyn ImageSource, targets: &Targets, config: &TrainingConfig) -> f64 {
+    let surfaces: Vec<usize> = (0..11).collect();
+    let views = targets.views();
+    let images = batches::images(&surfaces, views);
+    let shown: Vec<Image> = images.iter().map(|&i| source.image(i).unwrap()).collect();
+    let batch = Batch {
+        tensor: batches::stack(&shown, &images).unwrap(),
+        surfaces: surfaces.clone(),
+    };
+    let step = |at_once| {
+        let parts = Parts {
+            training: surfaces.clone(),
+            validation: Vec::new(),
+        };
+        let config = in_parts(config.clone(), at_once);
+        let mut trainer =
+            Trainer::new(&without_norms(), targets.clone(), parts, config, 5).unwrap();
+        let (gradients, losses) = trainer.gradients(&batch, 0).unwrap();
+        let numbers =
+            |tensor: &Tensor| -> Vec<f32> { tensor.flatten_all().unwrap().to_vec1().unwrap() };
+        let gradients: Vec<f32> = gradients.iter().flat_map(numbers).collect();
+        (gradients, losses)
+    };
+    let (whole, losses) = step(None);
+    let (sum, of_parts) = step(Some(3));
+    let loss = (losses.total() - of_parts.total()).abs() / losses.total().abs();
+    assert!(loss < 1e-6, "{losses:?} {of_parts:?}");
+    assert!((losses.accuracy - of_parts.accuracy).abs() < 1e-6);
+    let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>().sqrt();
+    let mut differences = sum.iter().zip(&whole).map(|(a, b)| f64::from(a - b));
+    norm(&mut differences) / norm(&mut whole.iter().map(|&x| f64::from(x)))
+}
+
+/// Readings that are missing make parts count unequally.
+#[test]
+fn parts_have_the_gradient_of_the_whole_step() {
+    let stripes = Stripes::new(11);
+    let mut rows: Vec<_> = stripes
+        .brightness
+        .iter()
+        .map(|&b| vec![Some(b), Some(1.0 - b * b)])
+        .collect();
+    (rows[0][0], rows[1][0], rows[4][1]) = (None, None, None);
+    let names = vec!["brightness".into(), "darkness".into()];
+    let targets = Targets {
+        values: Some(Readings::new(names, &rows).unwrap()),
+        features: Some(Features {
+            embeddings: Tensor::arange(0.0_f32, 22.0, &Device::Cpu)
+                .and_then(|values| values.sin()?.reshape((11, 2)))
+                .unwrap(),
+            weight: 0.5,
+        }),
+        ..stripes.targets()
+    };
+    let error = differs(&stripes, &targets, &config());
+    assert!(error < 1e-5, "linear layers: {error:.1e}");
+
+    let pairs = Pairs::new(11);
+    for input in inputs() {
+        let targets = pairs.targets_of(&without_norms());
+        let config = through_heads(input.clone(), model());
+        let error = differs(&pairs, &targets, &config);
+        assert!(error < 1e-5, "{input:?}: {error:.1e}");
+    }
+}
+
+#[test]
+fn parts_are_resumed_and_shared_among_threads_to_the_same_bits() {
+    let stripes = Stripes::new(30);
+    let config = || in_parts(config(), Some(3));
+    let train = |threads, stopped: bool| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        pool.build().unwrap().install(|| {
+            let (targets, parts) = (stripes.targets(), stripes.parts());
+            let mut trainer = Trainer::new(&start(), targets, parts, config(), 5).unwrap();
+            trainer.epoch(&stripes, |_| ()).unwrap();
+            if stopped {
+                let state = trainer.to_bytes().unwrap();
+                let (targets, parts) = (stripes.targets(), stripes.parts());
+                let resumed = Trainer::resume("a state", &state, targets, parts, config(), 5);
+                trainer = resumed.unwrap();
+            }
+            trainer.epoch(&stripes, |_| ()).unwrap();
+            trainer.to_bytes().unwrap()
+        })
+    };
+    let once = train(1, false);
+    assert!(once == train(3, false));
+    assert!(once == train(2, true));
+}

@@ -86,6 +86,17 @@ pub(crate) fn for_each_band<W: Word>(
     target: &mut [W],
     work: impl Fn(Band<'_, W>) + Send + Sync,
 ) {
+    for_each_band_of(1, threads, grid, target, work);
+}
+
+/// As [`for_each_band`], but rows stay together that are, from a time step's first, in the same so many.
+pub(super) fn for_each_band_of<W: Word>(
+    together: usize,
+    threads: Threads,
+    grid: &Grid,
+    target: &mut [W],
+    work: impl Fn(Band<'_, W>) + Send + Sync,
+) {
     let frame_pixels = pixels(grid.size);
     match threads {
         Threads::One => work(Band {
@@ -94,7 +105,7 @@ pub(crate) fn for_each_band<W: Word>(
             origin: 0,
             target,
         }),
-        Threads::All => on_all_threads(bands(grid, target), work),
+        Threads::All => on_all_threads(bands(together, grid, target), work),
     }
 }
 
@@ -134,18 +145,21 @@ fn look_for_work() {
 }
 
 /// Bands of whole rows; none reaches over two frames.
-fn bands<'a, W>(grid: &Grid, target: &'a mut [W]) -> Vec<Band<'a, W>> {
+fn bands<'a, W>(together: usize, grid: &Grid, target: &'a mut [W]) -> Vec<Band<'a, W>> {
     let [time, height, width] = grid.size;
-    let rows = time * height;
+    let in_height = height.div_ceil(together).max(1);
+    let units = time * in_height;
     let per_frame = (2 * rayon::current_num_threads())
         .div_ceil(grid.frames.max(1))
-        .clamp(1, rows.max(1));
+        .clamp(1, units.max(1));
+    let row = |unit: usize| unit / in_height * height + unit % in_height * together;
     let mut bands = Vec::with_capacity(grid.frames * per_frame);
     let (mut rest, mut origin) = (target, 0);
     for frame in 0..grid.frames {
         for part in 0..per_frame {
-            let from = frame * rows + rows * part / per_frame;
-            let to = frame * rows + rows * (part + 1) / per_frame;
+            let first = frame * time * height;
+            let from = first + row(units * part / per_frame);
+            let to = first + row(units * (part + 1) / per_frame);
             let end = if (frame, part) == (grid.frames - 1, per_frame - 1) {
                 origin + rest.len()
             } else {

@@ -1,5 +1,7 @@
 //! Convolution of feature maps, channels last.
 
+use std::sync::OnceLock;
+
 use super::bands::{Threads, for_each_band};
 use super::depthwise::{ChannelWeights, DepthwiseProduct};
 use super::depthwise_bytes::{QuadProduct, QuadWeights};
@@ -8,7 +10,8 @@ use super::grouped::{GroupWeights, GroupedProduct};
 use super::panels::Panels;
 use super::product::{Epilogue, Product};
 use super::simd::Level;
-use super::words::Word;
+use super::winograd::{Reach, Winograd};
+use super::words::{Word, lanes_of};
 
 /// The shape of a convolution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,6 +59,9 @@ impl ConvShape {
 pub(crate) struct Conv<W = f32> {
     shape: ConvShape,
     packed: Packed<W>,
+    /// For inference: the same by fewer products where that is worth it, laid out when a map is first large
+    /// enough.
+    winograd: Option<OnceLock<Option<Winograd>>>,
 }
 
 /// A convolution's weights.
@@ -85,7 +91,7 @@ impl<W: Word> Conv<W> {
             } else {
                 Packed::Channels(ChannelWeights::pack(level, taps, weights))
             };
-            return Self { shape, packed };
+            return Self::direct(shape, packed);
         }
         debug_assert!(inputs.is_multiple_of(W::NUMBERS), "{shape:?}");
         debug_assert!(outputs.is_multiple_of(W::NUMBERS), "{shape:?}");
@@ -108,7 +114,38 @@ impl<W: Word> Conv<W> {
             };
             Packed::Matrices((0..shape.groups).map(group).collect())
         };
-        Self { shape, packed }
+        Self::direct(shape, packed)
+    }
+
+    /// The same for inference: by fewer products, whose sums round more, where that is worth it.
+    pub(crate) fn pack_for_inference(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
+        Self {
+            winograd: Some(OnceLock::new()),
+            ..Self::pack(level, shape, weights)
+        }
+    }
+
+    /// By fewer products, to maps of such a size.
+    fn winograd(&self, size: Size) -> Option<&Winograd> {
+        let laid_out = self.winograd.as_ref()?;
+        let (shape, Packed::Matrices(groups)) = (&self.shape, &self.packed) else {
+            return None;
+        };
+        if !Winograd::serves(size) {
+            return None;
+        }
+        let ends = [shape.inputs, shape.outputs];
+        // By this thread alone: waiting for others, it could come upon a pass that waits for this.
+        let lay_out = || Winograd::of(Threads::One, &shape.window, ends, groups, false);
+        laid_out.get_or_init(lay_out).as_ref()
+    }
+
+    fn direct(shape: ConvShape, packed: Packed<W>) -> Self {
+        Self {
+            shape,
+            packed,
+            winograd: None,
+        }
     }
 
     /// The convolution's shape.
@@ -129,7 +166,7 @@ impl<W: Word> Conv<W> {
         self.apply_by(&self.shape.window, threads, source, target, epilogue);
     }
 
-    /// The same by a window of the same size with another padding or stride.
+    /// The same by a window of the same size with another padding.
     pub(crate) fn apply_by(
         &self,
         window: &Window,
@@ -142,6 +179,19 @@ impl<W: Word> Conv<W> {
         debug_assert_eq!(window.output(from.size), Some(to.size), "{:?}", self.shape);
         let starts = from.starts(window, to.size);
         let places = to.places();
+        if let Some(winograd) = self.winograd(to.size) {
+            debug_assert_eq!(window.stride, self.shape.window.stride);
+            let reach = Reach {
+                source: lanes_of(source),
+                from,
+                starts: &starts,
+                to,
+                places: &places,
+                epilogue,
+            };
+            winograd.apply(threads, reach, bytemuck::cast_slice_mut(target));
+            return;
+        }
         let taps = self.taps(from);
         if let (Threads::All, Packed::Matrices(groups)) = (threads, &self.packed)
             && let [panels] = &groups[..]

@@ -12,7 +12,8 @@ use super::grouped::{GroupWeights, GroupedProduct};
 use super::panels::Panels;
 use super::product::{Epilogue, Product};
 use super::simd::Level;
-use super::words::Real;
+use super::winograd::{Reach, Winograd};
+use super::words::{Real, lanes_of};
 
 /// The transpose of a convolution, with its weights laid out for the kernels.
 #[derive(Debug, Clone)]
@@ -92,8 +93,25 @@ impl<W: Real> ConvTranspose<W> {
             accumulate: accumulate.then_some(1.0),
             ..Epilogue::default()
         };
-        let phases = self.phases.iter().zip(&tables);
-        let (heavy, light): (Vec<_>, Vec<_>) = phases.partition(|(phase, _)| {
+        let phases = || self.phases.iter().zip(&tables);
+        if let Some((phase, table)) = phases().next()
+            && let Some(winograd) = self.winograd(phase, to.size)
+        {
+            // Turned round, the window begins where its last tap does.
+            let first = table.taps.last().copied().unwrap_or_default();
+            let starts: Vec<usize> = table.starts.iter().map(|start| start + first).collect();
+            let reach = Reach {
+                source: lanes_of(gradient),
+                from,
+                starts: &starts,
+                to,
+                places: &table.places,
+                epilogue,
+            };
+            winograd.apply(Threads::All, reach, bytemuck::cast_slice_mut(target));
+            return;
+        }
+        let (heavy, light): (Vec<_>, Vec<_>) = phases().partition(|(phase, _)| {
             let panels = phase.packed.matrix();
             panels.is_some_and(|panels| panels.outweigh(from, to))
         });
@@ -119,6 +137,18 @@ impl<W: Real> ConvTranspose<W> {
                 self.write(phase, &rows, band.target, epilogue);
             }
         });
+    }
+
+    /// A phase by fewer products, to maps of such a size, where that is worth it.
+    fn winograd(&self, phase: &Phase<W>, size: Size) -> Option<Winograd> {
+        let Packed::Matrices(groups) = &phase.packed else {
+            return None;
+        };
+        if !Winograd::serves(size) {
+            return None;
+        }
+        let ends = [self.shape.outputs, self.shape.inputs];
+        Winograd::of(Threads::All, &self.shape.window, ends, groups, true)
     }
 
     /// The product for the rows of one group.

@@ -46,6 +46,7 @@ pub(crate) mod product;
 pub(crate) mod residual;
 pub(crate) mod simd;
 pub(crate) mod statistics;
+mod winograd;
 pub(crate) mod words;
 
 #[cfg(test)]

@@ -1,7 +1,10 @@
 //! The right operand of a product, laid out for the kernel.
 
+use std::any::Any;
+
 use rayon::prelude::*;
 
+use super::bands::Threads;
 use super::buffer::Buffer;
 use super::grid::{Grid, pixels};
 use super::simd::Level;
@@ -115,6 +118,36 @@ impl<W: Word> Panels<W> {
         panels
     }
 
+    /// Matrices of as many columns and `k` rows, whose panels `make` makes of this one's: from the memory of
+    /// a panel to that of the same columns in each.
+    pub(super) fn derived(
+        &self,
+        threads: Threads,
+        k: usize,
+        count: usize,
+        make: impl Fn(&[W], &mut [&mut [W]]) + Send + Sync,
+    ) -> Vec<Self> {
+        let mut all = vec![Self::resized(self.level, k, self.n); count];
+        let lanes = self.level.lanes();
+        let mut rests: Vec<&mut [W]> = all.iter_mut().map(|panels| &mut panels.data[..]).collect();
+        let mut made = Vec::new();
+        for panel in self.all().iter() {
+            let width = panel.vectors * lanes;
+            let parts = rests.iter_mut().map(|rest| {
+                let (part, tail) = std::mem::take(rest).split_at_mut(k * width);
+                *rest = tail;
+                part
+            });
+            made.push((panel.data, parts.collect::<Vec<_>>()));
+        }
+        let make = |(panel, mut parts): (_, Vec<_>)| make(panel, &mut parts);
+        match threads {
+            Threads::One => made.into_iter().for_each(make),
+            Threads::All => made.into_par_iter().for_each(make),
+        }
+        all
+    }
+
     fn resized(level: Level, k: usize, n: usize) -> Self {
         let lanes = level.lanes();
         Self {
@@ -139,6 +172,12 @@ impl<W: Word> Panels<W> {
         panels.into_par_iter().for_each(|(column, width, panel)| {
             fill(column, width.min(n - column), width, panel);
         });
+    }
+
+    /// The same, where words are numbers.
+    pub(super) fn of_numbers(&self) -> Option<&Panels> {
+        let any: &dyn Any = self;
+        any.downcast_ref()
     }
 
     /// Rows.

@@ -147,31 +147,22 @@ impl<W: Word> Product<'_, W> {
     /// weights alone.
     pub(crate) fn write_shared(&self, target: &mut [W], places: &[usize]) {
         let runs = self.panels.split(rayon::current_num_threads());
-        let stored = &*target;
-        let compute = |(run, block): (&PanelRun<'_, W>, &mut Buffer<W>)| {
-            let (first, width) = (W::words(run.column()), W::words(run.n()));
-            *block = Buffer::zeros(places.len() * width);
-            if self.epilogue.accumulate.is_some() {
-                for (row, &place) in block.chunks_exact_mut(width).zip(places) {
-                    row.copy_from_slice(&stored[place + first..][..width]);
-                }
-            }
-            let rows: Vec<usize> = (0..places.len()).map(|row| row * width).collect();
-            let part = Product {
-                panels: *run,
-                epilogue: self.epilogue.from(0, run.column()),
-                ..*self
-            };
-            part.write(block, &rows, 0);
-        };
-        let mut blocks = vec![Buffer::default(); runs.len()];
-        on_all_threads(runs.iter().zip(&mut blocks).collect(), compute);
-        for (run, block) in runs.iter().zip(&blocks) {
-            let (first, width) = (W::words(run.column()), W::words(run.n()));
-            for (row, &place) in block.chunks_exact(width).zip(places) {
-                target[place + first..][..width].copy_from_slice(row);
-            }
-        }
+        let columns = runs.iter().map(|run| (run.column(), run.n(), *run));
+        let columns: Vec<_> = columns.collect();
+        let target = (target, places);
+        write_shared(
+            &columns,
+            target,
+            self.epilogue,
+            |&panels, epilogue, block, rows| {
+                let part = Product {
+                    panels,
+                    epilogue,
+                    ..*self
+                };
+                part.write(block, rows, 0);
+            },
+        );
     }
 
     /// Words of the source for each row, of which windows that overlap share some.
@@ -191,6 +182,36 @@ impl<W: Word> Product<'_, W> {
         for &row in self.rows.iter().skip(first).take(count) {
             let from = row + tap;
             prefetch(&self.source[from..from + self.run], false);
+        }
+    }
+}
+
+/// Has all threads of the pool write some columns each: the first one, how many, and what they are computed
+/// from. `write` fills a block of their own, whose rows begin where it is told.
+pub(super) fn write_shared<W: Word, T: Sync>(
+    columns: &[(usize, usize, T)],
+    (target, places): (&mut [W], &[usize]),
+    epilogue: Epilogue<'_>,
+    write: impl Fn(&T, Epilogue<'_>, &mut [W], &[usize]) + Send + Sync,
+) {
+    let stored = &*target;
+    let compute = |((column, n, of), block): (&(usize, usize, T), &mut Buffer<W>)| {
+        let (first, width) = (W::words(*column), W::words(*n));
+        *block = Buffer::zeros(places.len() * width);
+        if epilogue.accumulate.is_some() {
+            for (row, &place) in block.chunks_exact_mut(width).zip(places) {
+                row.copy_from_slice(&stored[place + first..][..width]);
+            }
+        }
+        let rows: Vec<usize> = (0..places.len()).map(|row| row * width).collect();
+        write(of, epilogue.from(0, *column), block, &rows);
+    };
+    let mut blocks = vec![Buffer::default(); columns.len()];
+    on_all_threads(columns.iter().zip(&mut blocks).collect(), compute);
+    for ((column, n, _), block) in columns.iter().zip(&blocks) {
+        let (first, width) = (W::words(*column), W::words(*n));
+        for (row, &place) in block.chunks_exact(width).zip(places) {
+            target[place + first..][..width].copy_from_slice(row);
         }
     }
 }

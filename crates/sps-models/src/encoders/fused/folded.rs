@@ -119,7 +119,7 @@ impl Folded {
             (None, 0.0)
         };
         Packed {
-            conv: Conv::pack(level, self.shape, &self.weights),
+            conv: Conv::pack_for_inference(level, self.shape, &self.weights),
             scale,
             shift: self.shift,
             offset,

@@ -5,22 +5,22 @@ use crate::ops::conv;
 use crate::ops::grid::{Window, pixels};
 
 #[derive(Clone, Copy)]
-struct Case {
-    frames: usize,
-    size: [usize; 3],
-    inputs: usize,
-    outputs: usize,
-    groups: usize,
-    window: Window,
+pub(super) struct Case {
+    pub(super) frames: usize,
+    pub(super) size: [usize; 3],
+    pub(super) inputs: usize,
+    pub(super) outputs: usize,
+    pub(super) groups: usize,
+    pub(super) window: Window,
 }
 
 impl Case {
-    fn x_dims(&self) -> Vec<usize> {
+    pub(super) fn x_dims(&self) -> Vec<usize> {
         let [t, h, w] = self.size;
         vec![self.frames, t, h, w, self.inputs]
     }
 
-    fn weight_dims(&self) -> Vec<usize> {
+    pub(super) fn weight_dims(&self) -> Vec<usize> {
         let [t, h, w] = self.window.size;
         vec![self.outputs, self.inputs / self.groups, t, h, w]
     }
@@ -33,7 +33,7 @@ impl Case {
     }
 
     /// Convolution by its definition.
-    fn reference(&self, x: &[f64], weight: &[f64]) -> Vec<f64> {
+    pub(super) fn reference(&self, x: &[f64], weight: &[f64]) -> Vec<f64> {
         let to = self.window.output(self.size).unwrap();
         let (inputs, outputs) = (self.inputs / self.groups, self.outputs / self.groups);
         let taps = pixels(self.window.size);
@@ -66,7 +66,7 @@ impl Case {
 
     /// Each pixel of the output with each tap of the window and the pixel of the input under it,
     /// pixels counted over all frames.
-    fn pairs(&self) -> Vec<[usize; 3]> {
+    pub(super) fn pairs(&self) -> Vec<[usize; 3]> {
         let to = self.window.output(self.size).unwrap();
         let mut pairs = Vec::new();
         for pixel in 0..self.frames * pixels(to) {

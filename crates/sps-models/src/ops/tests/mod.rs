@@ -14,6 +14,7 @@ mod measure;
 mod others;
 mod threads;
 mod windows;
+mod winograd;
 
 use candle_core::{DType, Device, Tensor, Var};
 

@@ -212,7 +212,7 @@ impl Winograd {
         let count = self.size.products();
         let tiles = tiles(self.size.outputs(), reach.to.size, band);
         let most = (CACHE / (count * (k + n))).max(1);
-        let chunks = tiles.len().div_ceil(most).max(1);
+        let chunks = tiles.len().div_ceil(most);
         let mut memory = MEMORY.take();
         for chunk in 0..chunks {
             let at = |chunk: usize| tiles.len() * chunk / chunks;
@@ -232,26 +232,7 @@ impl Winograd {
                 TileSize::Two => level.run(TransformInputs::<4>(of_inputs)),
                 TileSize::Four => level.run(TransformInputs::<6>(of_inputs)),
             }
-            let rows: Vec<usize> = (0..tiles.len()).map(|tile| tile * run).collect();
-            let taps: Vec<usize> = (0..self.times)
-                .map(|time| time * tiles.len() * run)
-                .collect();
-            let places: Vec<usize> = (0..tiles.len()).map(|tile| tile * n).collect();
-            let pairs = seen
-                .chunks_exact(inputs)
-                .zip(products.chunks_exact_mut(outputs));
-            for (&panels, (source, product)) in weights.iter().zip(pairs) {
-                let of = Product {
-                    source,
-                    rows: &rows,
-                    frame_rows: rows.len(),
-                    taps: &taps,
-                    run,
-                    panels,
-                    epilogue: Epilogue::default(),
-                };
-                of.write(product, &places, 0);
-            }
+            self.multiply(weights, tiles.len(), seen, products);
             let of_outputs = Outputs {
                 reach,
                 tiles,
@@ -266,6 +247,36 @@ impl Winograd {
             }
         }
         MEMORY.set(memory);
+    }
+
+    /// `(products, tiles, outputs)` from transformed inputs, `(products, times, tiles, inputs)`.
+    fn multiply(
+        &self,
+        weights: &[PanelRun<'_, f32>],
+        tiles: usize,
+        seen: &[f32],
+        products: &mut [f32],
+    ) {
+        let steps = |count: usize, step: usize| (0..count).map(|i| i * step).collect::<Vec<_>>();
+        let count = seen.len() / weights.len();
+        let run = count / (self.times * tiles);
+        let n = products.len() / (weights.len() * tiles);
+        let (rows, places) = (steps(tiles, run), steps(tiles, n));
+        let taps = steps(self.times, tiles * run);
+        let sources = seen.chunks_exact(count);
+        let targets = products.chunks_exact_mut(tiles * n);
+        for (&panels, (source, target)) in weights.iter().zip(sources.zip(targets)) {
+            let product = Product {
+                source,
+                rows: &rows,
+                frame_rows: tiles,
+                taps: &taps,
+                run,
+                panels,
+                epilogue: Epilogue::default(),
+            };
+            product.write(target, &places, 0);
+        }
     }
 }
 

@@ -150,6 +150,10 @@ fn threads_and_frames_beside_change_no_bit() {
                 case.size
             );
         }
+        for threads in [Threads::One, Threads::All] {
+            let none = Case { frames: 0, ..case };
+            assert!(convolved(&none, threads, Epilogue::default()).is_empty());
+        }
         let both = convolved(&case, Threads::One, Epilogue::default());
         let one = Case { frames: 1, ..case };
         let one = convolved(&one, Threads::One, Epilogue::default());

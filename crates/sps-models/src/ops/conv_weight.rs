@@ -7,8 +7,10 @@ use super::depthwise::DepthwiseOuter;
 use super::grid::{Grid, pixels};
 use super::grouped::GroupedOuter;
 use super::outer::Outer;
+use super::product::Epilogue;
 use super::simd::Level;
-use super::words::Real;
+use super::winograd::{self, Reach};
+use super::words::{Real, lanes_of};
 
 /// Pixels whose outer products are summed before the sum joins a longer one: few enough that
 /// what they hold stays in the cache.
@@ -38,6 +40,21 @@ pub(crate) fn weight_gradient<W: Real>(
         places: &to.places(),
     };
     if shape.groups == 1 {
+        if W::NUMBERS == 1 {
+            let reach = Reach {
+                source: lanes_of(source),
+                from,
+                starts: pairs.starts,
+                to,
+                places: pairs.places,
+                epilogue: Epilogue::default(),
+            };
+            let ends = [shape.inputs, shape.outputs];
+            let gradient = lanes_of(gradient);
+            if winograd::weight_gradient(level, &shape.window, ends, &reach, gradient, target) {
+                return;
+            }
+        }
         let taps = from.taps(shape.runs(from));
         let run = pixels(shape.window.size) * shape.inputs / taps.len();
         dense(level, shape, &pairs, &taps, run, target);

@@ -14,12 +14,15 @@
 use std::cell::Cell;
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use super::bands::{Threads, for_each_band_of};
 use super::buffer::Buffer;
 use super::grid::{Grid, Size, Window, pixels};
+use super::outer::Outer;
 use super::panels::{PanelRun, Panels};
 use super::product::{Epilogue, Finish, Product, write_shared};
-use super::simd::{Kernel, Lanes, load};
+use super::simd::{Kernel, Lanes, Level, load};
 use super::words::{Arithmetic, Word, WordKernel};
 
 /// Fewer channels than this, and the transforms take longer than the products they save.
@@ -32,6 +35,12 @@ const CHANNELS: usize = 16;
 /// have four times as many, and by any.
 const MOST_WEIGHTS_OF_LARGE: usize = 1 << 14;
 const MOST_WEIGHTS: usize = 1 << 17;
+
+/// The same of the weights' gradient, whose sums are read and written for each chunk of tiles.
+const MOST_WEIGHTS_OF_GRADIENT: usize = 1 << 14;
+
+/// Parts of frames whose sums of products are joined in order.
+const MOST_PARTS: usize = 8;
 
 /// Fewer pixels of a frame than this meet the weights too seldom.
 const FEWEST_PIXELS: usize = 100;
@@ -111,15 +120,10 @@ impl Winograd {
             return None;
         };
         let direct = panels.of_numbers()?;
-        let [times, height, width] = window.size;
-        let serves = (height, width, window.stride) == (3, 3, [1; 3])
-            && inputs.min(outputs) >= FEWEST_CHANNELS
-            && inputs * outputs <= MOST_WEIGHTS
-            && inputs.is_multiple_of(CHANNELS)
-            && outputs.is_multiple_of(CHANNELS);
-        if !serves {
+        if !worth_it(window, [inputs, outputs]) {
             return None;
         }
+        let times = window.size[0];
         let size = if inputs * outputs <= MOST_WEIGHTS_OF_LARGE {
             TileSize::Four
         } else {
@@ -283,6 +287,188 @@ impl Winograd {
 thread_local! {
     /// Transformed inputs and outputs: fresh memory is slow.
     static MEMORY: Cell<Buffer> = Cell::default();
+}
+
+/// The gradient of the weights, `(outputs, inputs, time, height, width)`, by tiles of 2 x 2 outputs: of each tile
+/// 16 products of a pair of channels in place of 36. False where the window is another or it is not worth it.
+/// Frames are summed in parts, and the parts in order.
+pub(super) fn weight_gradient(
+    level: Level,
+    window: &Window,
+    [inputs, outputs]: [usize; 2],
+    reach: &Reach<'_>,
+    gradient: &[f32],
+    target: &mut [f32],
+) -> bool {
+    let (frames, size) = (reach.to.frames, reach.to.size);
+    let serves = worth_it(window, [inputs, outputs])
+        && inputs * outputs <= MOST_WEIGHTS_OF_GRADIENT
+        && Winograd::serves(size);
+    if !serves {
+        return false;
+    }
+    let times = window.size[0];
+    let parts = frames.min(MOST_PARTS);
+    let part = |part: usize| {
+        let at = |part: usize| frames * part / parts * pixels(size);
+        let tiles = tiles(2, size, at(part)..at(part + 1));
+        let shape = [times, inputs, outputs];
+        sums_of_products(level, shape, reach, gradient, &tiles)
+    };
+    let parts: Vec<Vec<f32>> = (0..parts).into_par_iter().map(part).collect();
+    let rows = target.par_chunks_exact_mut(inputs * 9 * times).enumerate();
+    rows.for_each(|(output, target)| {
+        for time in 0..times {
+            let mut sums = vec![[0.0; TileSize::Two.products()]; inputs];
+            for part in &parts {
+                let products = part.chunks_exact(times * outputs * inputs);
+                for (product, part) in products.enumerate() {
+                    let row = &part[(time * outputs + output) * inputs..][..inputs];
+                    for (sum, value) in sums.iter_mut().zip(row) {
+                        sum[product] += value;
+                    }
+                }
+            }
+            for (sums, target) in sums.iter().zip(target.chunks_exact_mut(9 * times)) {
+                target[9 * time..][..9].copy_from_slice(&of_sums(sums));
+            }
+        }
+    });
+    true
+}
+
+/// `(products, times, outputs, inputs)`: sums over tiles of the products of their inputs with the gradients of
+/// their outputs, both transformed.
+fn sums_of_products(
+    level: Level,
+    [times, inputs, outputs]: [usize; 3],
+    reach: &Reach<'_>,
+    gradient: &[f32],
+    tiles: &[Tile],
+) -> Vec<f32> {
+    let count = TileSize::Two.products();
+    let mut sums = vec![0.0; count * times * inputs * outputs];
+    let most = (CACHE / (count * (times * inputs + outputs))).max(1);
+    let mut memory = MEMORY.take();
+    for tiles in tiles.chunks(most) {
+        let seen = count * times * tiles.len() * inputs;
+        memory.resize(seen + count * tiles.len() * outputs);
+        let (seen, slopes) = memory.split_at_mut(seen);
+        level.run(TransformInputs::<4>(Inputs {
+            reach,
+            tiles,
+            times,
+            run: inputs,
+            target: &mut *seen,
+        }));
+        level.run(TransformGradients {
+            reach,
+            gradient,
+            tiles,
+            n: outputs,
+            target: &mut *slopes,
+        });
+        let rows = |step: usize| (0..tiles.len()).map(|i| i * step).collect::<Vec<_>>();
+        let (left_rows, right_rows) = (rows(outputs), rows(inputs));
+        for (i, sums) in sums.chunks_exact_mut(inputs * outputs).enumerate() {
+            let outer = Outer {
+                left: &slopes[i / times * tiles.len() * outputs..],
+                left_rows: &left_rows,
+                right: &seen[i * tiles.len() * inputs..],
+                right_rows: &right_rows,
+                height: outputs,
+                width: inputs,
+            };
+            outer.add(level, sums, inputs);
+        }
+    }
+    MEMORY.set(memory);
+    sums
+}
+
+/// The gradient of the weights of a pair of channels from its sums, by tiles of 2 x 2: `G^T s G`.
+fn of_sums(sums: &[f32; 16]) -> [f32; 9] {
+    let fold = |[a, b, c, d]: [f32; 4]| {
+        let ends = 0.5 * (b + c);
+        [a + ends, 0.5 * (b - c), ends + d]
+    };
+    let [a, b, c, d] =
+        [0, 1, 2, 3].map(|x| fold([sums[x], sums[4 + x], sums[8 + x], sums[12 + x]]));
+    let row = |y: usize| fold([a[y], b[y], c[y], d[y]]);
+    let [first, second, third] = [row(0), row(1), row(2)];
+    let mut gradient = [0.0; 9];
+    for (target, row) in gradient.chunks_exact_mut(3).zip([first, second, third]) {
+        target.copy_from_slice(&row);
+    }
+    gradient
+}
+
+/// `A y A^T` of each tile and channel of an output's gradient, by tiles of 2 x 2.
+struct TransformGradients<'a> {
+    reach: &'a Reach<'a>,
+    gradient: &'a [f32],
+    tiles: &'a [Tile],
+    /// Channels.
+    n: usize,
+    /// `(products, tiles, channels)`
+    target: &'a mut [f32],
+}
+
+impl Kernel for TransformGradients<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        let Reach { places, to, .. } = *self.reach;
+        let step = self.tiles.len() * self.n;
+        let nothing = lanes.splat_f32s(0.0);
+        for (number, tile) in self.tiles.iter().enumerate() {
+            let [rows, columns] = tile.extent;
+            for channel in (0..self.n).step_by(S::F32_LANES) {
+                let mut values = [[nothing; 4]; 2];
+                for (x, column) in values.iter_mut().enumerate() {
+                    let mut own = [nothing; 2];
+                    for (y, own) in own.iter_mut().enumerate() {
+                        if y < rows && x < columns {
+                            let place = places[tile.pixel + y * to.size[2] + x];
+                            *own = load(lanes, &self.gradient[place + channel..]);
+                        }
+                    }
+                    *column = of_gradients(lanes, own);
+                }
+                let [left, right] = values;
+                for (y, (left, right)) in left.into_iter().zip(right).enumerate() {
+                    let row = of_gradients(lanes, [left, right]);
+                    for (x, value) in row.into_iter().enumerate() {
+                        let at = (4 * y + x) * step + number * self.n + channel;
+                        store(lanes, value, &mut self.target[at..]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Gradients of a column or row of outputs to those at the points: `A y`.
+#[inline(always)]
+fn of_gradients<S: Lanes>(lanes: S, [a, b]: [S::f32s; 2]) -> [S::f32s; 4] {
+    let nothing = lanes.splat_f32s(0.0);
+    [
+        a,
+        lanes.add_f32s(a, b),
+        lanes.sub_f32s(a, b),
+        lanes.sub_f32s(nothing, b),
+    ]
+}
+
+/// Whether a window and its channels take fewer products.
+fn worth_it(window: &Window, [inputs, outputs]: [usize; 2]) -> bool {
+    let [_, height, width] = window.size;
+    (height, width, window.stride) == (3, 3, [1; 3])
+        && inputs.min(outputs) >= FEWEST_CHANNELS
+        && inputs * outputs <= MOST_WEIGHTS
+        && inputs.is_multiple_of(CHANNELS)
+        && outputs.is_multiple_of(CHANNELS)
 }
 
 /// The tiles of pixels, which are whole rows of tiles.

@@ -51,7 +51,7 @@ impl Case {
     }
 
     /// The gradient of the weights by its definition; of one group.
-    fn weight_gradient(&self, x: &[f64], cotangent: &[f64]) -> Vec<f64> {
+    pub(super) fn weight_gradient(&self, x: &[f64], cotangent: &[f64]) -> Vec<f64> {
         let taps = pixels(self.window.size);
         let mut gradient = vec![0.0; self.outputs * self.inputs * taps];
         for [pixel, tap, from] in self.pairs() {

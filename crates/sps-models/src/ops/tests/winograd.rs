@@ -5,6 +5,7 @@ use super::{distance, noise, on_each_level};
 use crate::ops::bands::{Threads, inside_pool};
 use crate::ops::conv::{Conv, ConvShape};
 use crate::ops::conv_input::ConvTranspose;
+use crate::ops::conv_weight::weight_gradient;
 use crate::ops::grid::{Grid, Window, pixels};
 use crate::ops::product::{Activation, Columns, Epilogue};
 use crate::ops::simd::Level;
@@ -189,6 +190,47 @@ fn the_gradient_of_the_input_is_that_of_the_definition() {
             }
             let twice: Vec<f64> = expected.iter().map(|x| 2.0 * x).collect();
             let error = distance(&doubles(&target), &twice);
+            assert!(error < 2e-6, "{:?}, {level:?}: {error:.1e}", case.size);
+        });
+    }
+}
+
+#[test]
+fn the_gradient_of_the_weights_is_that_of_the_definition() {
+    for case in cases() {
+        let x = noise(case.x_dims().iter().product(), 1);
+        let output = case.window.output(case.size).unwrap();
+        let cotangent = noise(case.frames * pixels(output) * case.outputs, 6);
+        let expected = case.weight_gradient(&x, &cotangent);
+        let from = Grid::tight(case.frames, case.size, case.inputs).padded(&case.window);
+        let to = Grid::tight(case.frames, output, case.outputs);
+        let to = Grid {
+            before: [0, 1, 2],
+            ..to
+        };
+        let source = laid_out(&singles(&x), &from);
+        let gradient = laid_out(&singles(&cotangent), &to);
+        let found = |level| {
+            let mut target = vec![1.0; expected.len()];
+            let gradient = (&gradient[..], &to);
+            weight_gradient(
+                level,
+                &shape(&case),
+                (&source, &from),
+                gradient,
+                &mut target,
+            );
+            target
+        };
+        let once = found(Level::detect());
+        for threads in [1, 3, 16] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let again = pool.build().unwrap().install(|| found(Level::detect()));
+            assert!(again == once, "{:?}, {threads} threads", case.size);
+        }
+        on_each_level(|level| {
+            let target = found(level);
+            let error = distance(&doubles(&target), &expected);
             assert!(error < 2e-6, "{:?}, {level:?}: {error:.1e}", case.size);
         });
     }

@@ -99,8 +99,9 @@ impl<'a> Batches<'a> {
         }
         let labelled: Vec<bool> = labels.iter().map(Option::is_some).collect();
         self.step += 1;
-        let (weight, counts) = mean_weights(&measured, rows);
-        let (label_weight, _) = mean_weights(&labelled, rows);
+        let counts = rows_that_count(&measured, rows);
+        let weight = mean_weights(&measured, &counts);
+        let label_weight = mean_weights(&labelled, &rows_that_count(&labelled, rows));
         let cpu = &Device::Cpu;
         let batch = Batch {
             visual: Tensor::from_vec(visual, (trials, rows, inputs), cpu)?,
@@ -114,15 +115,21 @@ impl<'a> Batches<'a> {
     }
 }
 
-/// For each trial, one over the number of rows that count in each of these, and that number.
-fn mean_weights(counts: &[bool], rows: usize) -> (Vec<f32>, Vec<f64>) {
-    let mut weights = Vec::with_capacity(counts.len());
-    let mut numbers = Vec::new();
-    for trial in counts.chunks(rows.max(1)) {
-        let number = trial.iter().filter(|&&counts| counts).count();
-        let weight = 1.0 / number.max(1) as f32;
-        weights.extend(trial.iter().map(|&c| if c { weight } else { 0.0 }));
-        numbers.push(number as f64);
-    }
-    (weights, numbers)
+/// For each trial, how many of its rows count.
+pub(super) fn rows_that_count(counts: &[bool], rows: usize) -> Vec<f64> {
+    let trials = counts.chunks(rows.max(1));
+    let number = |trial: &[bool]| trial.iter().filter(|&&counts| counts).count() as f64;
+    trials.map(number).collect()
+}
+
+/// For each trial, one over its number in each of the rows that count, and zero in the others.
+pub(super) fn mean_weights(counts: &[bool], numbers: &[f64]) -> Vec<f32> {
+    let rows = counts.len() / numbers.len().max(1);
+    let trials = counts.chunks(rows.max(1)).zip(numbers);
+    let weights = trials.flat_map(|(trial, &number)| {
+        let weight = 1.0 / number.max(1.0) as f32;
+        let of = move |&counts: &bool| if counts { weight } else { 0.0 };
+        trial.iter().map(of)
+    });
+    weights.collect()
 }

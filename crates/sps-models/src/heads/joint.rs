@@ -8,6 +8,7 @@ use candle_core::{Device, Tensor, Var};
 use rand::seq::index;
 
 use super::HeadError;
+use super::batches::{mean_weights, rows_that_count};
 use super::config::{HeadConfig, Input};
 use super::job::{self, Job};
 use super::losses::{Batch, Losses};
@@ -248,42 +249,40 @@ impl JointHeads {
         slots
     }
 
-    fn batch(&self, visual: Tensor, share: Share<'_>) -> Result<Batch> {
-        let (trials, rows) = (self.tactile.len(), share.surfaces.len());
-        let each = || {
-            let surfaces = share.surfaces.iter();
-            (0..trials).flat_map(move |trial| surfaces.clone().map(move |&s| (trial, s)))
+    fn batch(&self, visual: Tensor, Share { surfaces, of }: Share<'_>) -> Result<Batch> {
+        let (trials, rows) = (self.tactile.len(), surfaces.len());
+        let readings = |surfaces: &[usize]| -> Vec<Option<f32>> {
+            let trials = self.tactile.iter();
+            trials
+                .flat_map(|tactile| surfaces.iter().map(|&s| tactile[s]))
+                .collect()
         };
-        let reading = |trial: usize, surface: usize| self.tactile[trial][surface];
-        let label = |_: usize, surface: usize| self.labels.get(&surface).copied().flatten();
-        let tactile = each().map(|(trial, surface)| reading(trial, surface).unwrap_or(0.0));
+        let labels = |surfaces: &[usize]| -> Vec<Option<u32>> {
+            let label = |s: &usize| self.labels.get(s).copied().flatten();
+            let labels: Vec<_> = surfaces.iter().map(label).collect();
+            labels.repeat(trials)
+        };
+        let weight = |own: Vec<bool>, all: Vec<bool>| {
+            let weights = mean_weights(&own, &rows_that_count(&all, of.len()));
+            Tensor::from_vec(weights, (trials, rows), &Device::Cpu)
+        };
+        let tactile: Vec<f32> = readings(surfaces)
+            .iter()
+            .map(|t| t.unwrap_or(0.0))
+            .collect();
         Ok(Batch {
             visual,
             width: self.dims.width,
-            tactile: Tensor::from_iter(tactile, &Device::Cpu)?.reshape((trials, rows, 1))?,
-            weight: weights(trials, share, |t, s| reading(t, s).is_some())?,
-            label_weight: weights(trials, share, |t, s| label(t, s).is_some())?,
-            labels: each().map(|(t, s)| label(t, s)).collect(),
+            tactile: Tensor::from_vec(tactile, (trials, rows, 1), &Device::Cpu)?,
+            weight: weight(there(&readings(surfaces)), there(&readings(of)))?,
+            label_weight: weight(there(&labels(surfaces)), there(&labels(of)))?,
+            labels: labels(surfaces),
         })
     }
 }
 
-/// `(trials, rows)`: for each trial one over how many surfaces of the step count, and zero where one does
-/// not.
-fn weights(
-    trials: usize,
-    share: Share<'_>,
-    counts: impl Fn(usize, usize) -> bool,
-) -> Result<Tensor> {
-    let mut weights = Vec::with_capacity(trials * share.surfaces.len());
-    for trial in 0..trials {
-        let number = share.of.iter().filter(|&&s| counts(trial, s)).count();
-        let weight = 1.0 / number.max(1) as f32;
-        let of = |&s: &usize| if counts(trial, s) { weight } else { 0.0 };
-        weights.extend(share.surfaces.iter().map(of));
-    }
-    let shape = (trials, share.surfaces.len());
-    Ok(Tensor::from_vec(weights, shape, &Device::Cpu)?)
+fn there<T>(values: &[Option<T>]) -> Vec<bool> {
+    values.iter().map(Option::is_some).collect()
 }
 
 /// The properties that any of these surfaces has a reading of.

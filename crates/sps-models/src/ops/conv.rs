@@ -187,9 +187,9 @@ impl<W: Word> Conv<W> {
                 starts: &starts,
                 to,
                 places: &places,
-                epilogue,
             };
-            winograd.apply(threads, reach, bytemuck::cast_slice_mut(target));
+            let target = bytemuck::cast_slice_mut(target);
+            winograd.apply(threads, reach, target, epilogue);
             return;
         }
         let taps = self.taps(from);

@@ -106,9 +106,9 @@ impl<W: Real> ConvTranspose<W> {
                 starts: &starts,
                 to,
                 places: &table.places,
-                epilogue,
             };
-            winograd.apply(Threads::All, reach, bytemuck::cast_slice_mut(target));
+            let target = bytemuck::cast_slice_mut(target);
+            winograd.apply(Threads::All, reach, target, epilogue);
             return;
         }
         let (heavy, light): (Vec<_>, Vec<_>) = phases().partition(|(phase, _)| {

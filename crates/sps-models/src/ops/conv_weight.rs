@@ -7,7 +7,6 @@ use super::depthwise::DepthwiseOuter;
 use super::grid::{Grid, pixels};
 use super::grouped::GroupedOuter;
 use super::outer::Outer;
-use super::product::Epilogue;
 use super::simd::Level;
 use super::winograd::{self, Reach};
 use super::words::{Real, lanes_of};
@@ -47,7 +46,6 @@ pub(crate) fn weight_gradient<W: Real>(
                 starts: pairs.starts,
                 to,
                 places: pairs.places,
-                epilogue: Epilogue::default(),
             };
             let ends = [shape.inputs, shape.outputs];
             let gradient = lanes_of(gradient);

@@ -235,3 +235,46 @@ fn the_gradient_of_the_weights_is_that_of_the_definition() {
         });
     }
 }
+
+/// A tile shares sums among its outputs: what rounds beside a bright pixel rounds as that, and nothing further off.
+#[test]
+fn a_bright_pixel_is_felt_in_its_tiles_alone() {
+    for case in cases() {
+        let from = Grid::tight(case.frames, case.size, case.inputs).padded(&case.window);
+        let output = case.window.output(case.size).unwrap();
+        let to = Grid::tight(case.frames, output, case.outputs);
+        let weights = singles(&noise(case.weight_dims().iter().product(), 2));
+        let conv = Conv::<f32>::pack_for_inference(Level::detect(), shape(&case), &weights);
+        let dark = singles(&noise(case.x_dims().iter().product(), 1));
+        let run = |values: &[f32]| {
+            let mut target = vec![0.0; to.len()];
+            let source = laid_out(values, &from);
+            let target_of = (&mut target[..], &to);
+            conv.apply(
+                Threads::All,
+                (&source, &from),
+                target_of,
+                Epilogue::default(),
+            );
+            target
+        };
+        let mut bright = dark.clone();
+        bright[..case.inputs].fill(1e8);
+        let (dark, bright) = (run(&dark), run(&bright));
+        let far = |pixel: usize| {
+            let (row, column) = (pixel / output[2] % output[1], pixel % output[2]);
+            row >= 6 || column >= 6
+        };
+        let rows = dark
+            .chunks_exact(to.channels)
+            .zip(bright.chunks_exact(to.channels));
+        for (pixel, (dark, bright)) in rows.enumerate() {
+            assert!(bright.iter().all(|value| value.is_finite()));
+            assert!(
+                !far(pixel) || dark == bright,
+                "{:?}, pixel {pixel}",
+                case.size
+            );
+        }
+    }
+}

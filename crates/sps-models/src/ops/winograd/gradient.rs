@@ -1,0 +1,114 @@
+//! The gradient of the weights.
+
+use rayon::prelude::*;
+
+use super::points::of_sums;
+use super::transforms::{Inputs, TransformGradients, TransformInputs};
+use super::{CACHE, MEMORY, Reach, Tile, TileSize, Winograd, tiles, worth_it};
+use crate::ops::grid::{Window, pixels};
+use crate::ops::outer::Outer;
+use crate::ops::simd::Level;
+
+/// More weights of a tap than this have sums that are not read and written, for each chunk of tiles, in the time
+/// that is saved.
+const MOST_WEIGHTS: usize = 1 << 14;
+
+/// Parts of frames whose sums of products are joined in order.
+const MOST_PARTS: usize = 8;
+
+/// The gradient of the weights, `(outputs, inputs, time, height, width)`, by tiles of 2 x 2 outputs: of each tile
+/// 16 products of a pair of channels in place of 36. False where the window is another or it is not worth it.
+/// Frames are summed in parts, and the parts in order.
+pub(in crate::ops) fn weight_gradient(
+    level: Level,
+    window: &Window,
+    [inputs, outputs]: [usize; 2],
+    reach: &Reach<'_>,
+    gradient: &[f32],
+    target: &mut [f32],
+) -> bool {
+    let (frames, size) = (reach.to.frames, reach.to.size);
+    let serves = worth_it(window, [inputs, outputs])
+        && inputs * outputs <= MOST_WEIGHTS
+        && Winograd::serves(size);
+    if !serves {
+        return false;
+    }
+    let times = window.size[0];
+    let parts = frames.min(MOST_PARTS);
+    let part = |part: usize| {
+        let at = |part: usize| frames * part / parts * pixels(size);
+        let tiles = tiles(2, size, at(part)..at(part + 1));
+        let shape = [times, inputs, outputs];
+        sums_of_products(level, shape, reach, gradient, &tiles)
+    };
+    let parts: Vec<Vec<f32>> = (0..parts).into_par_iter().map(part).collect();
+    let rows = target.par_chunks_exact_mut(inputs * 9 * times).enumerate();
+    rows.for_each(|(output, target)| {
+        for time in 0..times {
+            let mut sums = vec![[0.0; TileSize::Two.products()]; inputs];
+            for part in &parts {
+                let products = part.chunks_exact(times * outputs * inputs);
+                for (product, part) in products.enumerate() {
+                    let row = &part[(time * outputs + output) * inputs..][..inputs];
+                    for (sum, value) in sums.iter_mut().zip(row) {
+                        sum[product] += value;
+                    }
+                }
+            }
+            for (sums, target) in sums.iter().zip(target.chunks_exact_mut(9 * times)) {
+                target[9 * time..][..9].copy_from_slice(of_sums(sums).as_flattened());
+            }
+        }
+    });
+    true
+}
+
+/// `(products, times, outputs, inputs)`: sums over tiles of the products of their inputs with the gradients of
+/// their outputs, both transformed.
+fn sums_of_products(
+    level: Level,
+    [times, inputs, outputs]: [usize; 3],
+    reach: &Reach<'_>,
+    gradient: &[f32],
+    tiles: &[Tile],
+) -> Vec<f32> {
+    let count = TileSize::Two.products();
+    let mut sums = vec![0.0; count * times * inputs * outputs];
+    let most = (CACHE / (count * (times * inputs + outputs))).max(1);
+    let mut memory = MEMORY.take();
+    for tiles in tiles.chunks(most) {
+        let seen = count * times * tiles.len() * inputs;
+        memory.resize(seen + count * tiles.len() * outputs);
+        let (seen, slopes) = memory.split_at_mut(seen);
+        level.run(TransformInputs::<4>(Inputs {
+            reach,
+            tiles,
+            times,
+            run: inputs,
+            target: &mut *seen,
+        }));
+        level.run(TransformGradients {
+            reach,
+            gradient,
+            tiles,
+            n: outputs,
+            target: &mut *slopes,
+        });
+        let rows = |step: usize| (0..tiles.len()).map(|i| i * step).collect::<Vec<_>>();
+        let (left_rows, right_rows) = (rows(outputs), rows(inputs));
+        for (i, sums) in sums.chunks_exact_mut(inputs * outputs).enumerate() {
+            let outer = Outer {
+                left: &slopes[i / times * tiles.len() * outputs..],
+                left_rows: &left_rows,
+                right: &seen[i * tiles.len() * inputs..],
+                right_rows: &right_rows,
+                height: outputs,
+                width: inputs,
+            };
+            outer.add(level, sums, inputs);
+        }
+    }
+    MEMORY.set(memory);
+    sums
+}

@@ -1,0 +1,313 @@
+//! Dense convolutions of 3 x 3 by fewer products: Winograd's minimal filtering (Lavin and Gray 2016).
+//!
+//! A tile of 2 x 2 outputs takes 16 products of each pair of channels in place of 36, one of 4 x 4 takes 36
+//! in place of 144: of its inputs and of the weights, each transformed by sums. A window over several time
+//! steps is one such window for each, and their products are one sum.
+//!
+//! Sums round more than those of the convolution itself (`docs/kernels.md`). That does for embeddings and for
+//! gradients; in a forward pass that is trained on, more inputs of rectifiers that are all but zero would come
+//! to lie on its other side, and each moves all gradients before it.
+//!
+//! Tiles begin at the same rows and columns of each frame, so that no number depends on what is computed
+//! beside it.
+
+mod gradient;
+mod points;
+mod transforms;
+
+use std::cell::Cell;
+use std::ops::Range;
+
+use super::bands::{Threads, for_each_band_of};
+use super::buffer::Buffer;
+use super::grid::{Grid, Size, Window, pixels};
+use super::panels::{PanelRun, Panels};
+use super::product::{Epilogue, Product, write_shared};
+use super::words::Word;
+pub(super) use gradient::weight_gradient;
+use transforms::{Inputs, Outputs, TransformInputs, TransformOutputs, TransformWeights};
+
+/// Fewer channels than this, and the transforms take longer than the products they save.
+const FEWEST_CHANNELS: usize = 32;
+
+/// Channels come in so many, which fill the vectors of every level: the bits are the same on all of them.
+const CHANNELS: usize = 16;
+
+/// More weights of a tap than this, transformed, are not read in the time that is saved: by tiles of 4 x 4, which
+/// have four times as many, and by any.
+const MOST_WEIGHTS_OF_LARGE: usize = 1 << 14;
+const MOST_WEIGHTS: usize = 1 << 17;
+
+/// Fewer pixels of a frame than this meet the weights too seldom.
+const FEWEST_PIXELS: usize = 100;
+
+/// Words of the transformed inputs and outputs that stay in a core's second-level cache.
+const CACHE: usize = 256 << 10;
+
+/// Weights of a convolution, transformed.
+#[derive(Debug, Clone)]
+pub(super) struct Winograd {
+    size: TileSize,
+    /// Time steps of the window.
+    times: usize,
+    /// `(times * inputs, outputs)` of each product.
+    weights: Vec<Panels>,
+}
+
+/// How many outputs a tile has along height and width.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum TileSize {
+    /// From 4 x 4 inputs.
+    Two,
+    /// From 6 x 6 inputs.
+    Four,
+}
+
+impl TileSize {
+    const fn outputs(self) -> usize {
+        match self {
+            Self::Two => 2,
+            Self::Four => 4,
+        }
+    }
+
+    /// Products of a pair of channels.
+    const fn products(self) -> usize {
+        let side = self.outputs() + 2;
+        side * side
+    }
+}
+
+/// Where a convolution reads, and where its outputs lie.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reach<'a> {
+    pub(super) source: &'a [f32],
+    pub(super) from: &'a Grid,
+    /// Where the window begins at each pixel.
+    pub(super) starts: &'a [usize],
+    pub(super) to: &'a Grid,
+    /// Where each pixel of them lies.
+    pub(super) places: &'a [usize],
+}
+
+/// Pixels that are computed together.
+#[derive(Debug, Clone, Copy)]
+struct Tile {
+    frame: usize,
+    /// The first pixel.
+    pixel: usize,
+    /// How many of its rows and columns there are.
+    extent: [usize; 2],
+}
+
+impl Winograd {
+    /// From the panels of a convolution's matrix, whose rows are those of each tap in turn, or from the last
+    /// tap to the first where the window is `turned`. None where the window is another or the products are
+    /// not worth it.
+    pub(super) fn of<W: Word>(
+        threads: Threads,
+        window: &Window,
+        [inputs, outputs]: [usize; 2],
+        groups: &[Panels<W>],
+        turned: bool,
+    ) -> Option<Self> {
+        let [panels] = groups else {
+            return None;
+        };
+        let direct = panels.of_numbers()?;
+        if !worth_it(window, [inputs, outputs]) {
+            return None;
+        }
+        let times = window.size[0];
+        let size = if inputs * outputs <= MOST_WEIGHTS_OF_LARGE {
+            TileSize::Four
+        } else {
+            TileSize::Two
+        };
+        let weights = direct.derived(
+            threads,
+            times * inputs,
+            size.products(),
+            |panel, products| {
+                let (level, tap) = (direct.all().level(), panel.len() / (9 * times));
+                match size {
+                    TileSize::Two => level.run(TransformWeights::<4> {
+                        panel,
+                        products,
+                        tap,
+                        turned,
+                    }),
+                    TileSize::Four => level.run(TransformWeights::<6> {
+                        panel,
+                        products,
+                        tap,
+                        turned,
+                    }),
+                }
+            },
+        );
+        Some(Self {
+            size,
+            times,
+            weights,
+        })
+    }
+
+    /// Whether maps of this size are worth it.
+    pub(super) fn serves(size: Size) -> bool {
+        size[1] * size[2] >= FEWEST_PIXELS
+    }
+
+    /// Convolves.
+    pub(super) fn apply(
+        &self,
+        threads: Threads,
+        reach: Reach<'_>,
+        target: &mut [f32],
+        epilogue: Epilogue<'_>,
+    ) {
+        let whole = 0..pixels(reach.to.size) * reach.to.frames;
+        let heaviest = self.weights.first();
+        let outweigh = heaviest.is_some_and(|panels| panels.outweigh(reach.from, reach.to));
+        if threads == Threads::All && outweigh {
+            let runs: Vec<Vec<_>> = self
+                .weights
+                .iter()
+                .map(|p| p.all().split(rayon::current_num_threads()))
+                .collect();
+            let of = |run: usize| runs.iter().map(|runs| runs[run]).collect::<Vec<_>>();
+            let columns: Vec<_> = runs
+                .first()
+                .into_iter()
+                .flatten()
+                .enumerate()
+                .map(|(i, run)| (run.column(), run.n(), of(i)))
+                .collect();
+            write_shared(
+                &columns,
+                (target, reach.places),
+                epilogue,
+                |weights, epilogue, block, places| {
+                    let reach = Reach { places, ..reach };
+                    self.write(weights, &reach, whole.clone(), (block, 0), epilogue);
+                },
+            );
+            return;
+        }
+        let weights: Vec<_> = self.weights.iter().map(Panels::all).collect();
+        for_each_band_of(self.size.outputs(), threads, reach.to, target, |band| {
+            let target = (band.target, band.origin);
+            self.write(&weights, &reach, band.pixels, target, epilogue);
+        });
+    }
+
+    /// Computes pixels, which are whole rows of tiles.
+    fn write(
+        &self,
+        weights: &[PanelRun<'_, f32>],
+        reach: &Reach<'_>,
+        band: Range<usize>,
+        (target, origin): (&mut [f32], usize),
+        epilogue: Epilogue<'_>,
+    ) {
+        let Some(first) = weights.first() else { return };
+        let (level, k, n) = (first.level(), first.k(), first.n());
+        let count = self.size.products();
+        let tiles = tiles(self.size.outputs(), reach.to.size, band);
+        let most = (CACHE / (count * (k + n))).max(1);
+        let chunks = tiles.len().div_ceil(most);
+        let mut memory = MEMORY.take();
+        for chunk in 0..chunks {
+            let at = |chunk: usize| tiles.len() * chunk / chunks;
+            let tiles = &tiles[at(chunk)..at(chunk + 1)];
+            let (inputs, outputs) = (tiles.len() * k, tiles.len() * n);
+            memory.resize(count * (inputs + outputs));
+            let (seen, products) = memory.split_at_mut(count * inputs);
+            let run = k / self.times;
+            let of_inputs = Inputs {
+                reach,
+                tiles,
+                times: self.times,
+                run,
+                target: &mut *seen,
+            };
+            match self.size {
+                TileSize::Two => level.run(TransformInputs::<4>(of_inputs)),
+                TileSize::Four => level.run(TransformInputs::<6>(of_inputs)),
+            }
+            self.multiply(weights, tiles.len(), seen, products);
+            let of_outputs = Outputs {
+                reach,
+                tiles,
+                n,
+                products,
+                target: &mut *target,
+                origin,
+                epilogue,
+            };
+            match self.size {
+                TileSize::Two => f32::run(level, TransformOutputs::<4>(of_outputs)),
+                TileSize::Four => f32::run(level, TransformOutputs::<6>(of_outputs)),
+            }
+        }
+        MEMORY.set(memory);
+    }
+
+    /// `(products, tiles, outputs)` from transformed inputs, `(products, times, tiles, inputs)`.
+    fn multiply(
+        &self,
+        weights: &[PanelRun<'_, f32>],
+        tiles: usize,
+        seen: &[f32],
+        products: &mut [f32],
+    ) {
+        let steps = |count: usize, step: usize| (0..count).map(|i| i * step).collect::<Vec<_>>();
+        let count = seen.len() / weights.len();
+        let run = count / (self.times * tiles);
+        let n = products.len() / (weights.len() * tiles);
+        let (rows, places) = (steps(tiles, run), steps(tiles, n));
+        let taps = steps(self.times, tiles * run);
+        let sources = seen.chunks_exact(count);
+        let targets = products.chunks_exact_mut(tiles * n);
+        for (&panels, (source, target)) in weights.iter().zip(sources.zip(targets)) {
+            let product = Product {
+                source,
+                rows: &rows,
+                frame_rows: tiles,
+                taps: &taps,
+                run,
+                panels,
+                epilogue: Epilogue::default(),
+            };
+            product.write(target, &places, 0);
+        }
+    }
+}
+
+thread_local! {
+    /// Transformed inputs and outputs: fresh memory is slow.
+    static MEMORY: Cell<Buffer> = Cell::default();
+}
+
+/// Whether a window and its channels take fewer products.
+fn worth_it(window: &Window, [inputs, outputs]: [usize; 2]) -> bool {
+    let [_, height, width] = window.size;
+    (height, width, window.stride) == (3, 3, [1; 3])
+        && inputs.min(outputs) >= FEWEST_CHANNELS
+        && inputs * outputs <= MOST_WEIGHTS
+        && inputs.is_multiple_of(CHANNELS)
+        && outputs.is_multiple_of(CHANNELS)
+}
+
+/// The tiles of pixels, which are whole rows of tiles.
+fn tiles(side: usize, [time, height, width]: Size, band: Range<usize>) -> Vec<Tile> {
+    let rows = band.start / width.max(1)..band.end / width.max(1);
+    let rows = rows.filter(|row| (row % height).is_multiple_of(side));
+    let tile = |row: usize, x: usize| Tile {
+        frame: row / (time * height),
+        pixel: row * width + x,
+        extent: [side.min(height - row % height), side.min(width - x)],
+    };
+    rows.flat_map(|row| (0..width).step_by(side).map(move |x| tile(row, x)))
+        .collect()
+}

@@ -1,0 +1,237 @@
+//! Tiles of feature maps, and weights, on their way through [`super::points`].
+
+use super::points::{of_gradients, of_inputs, of_products, of_weights};
+use super::{Reach, Tile};
+use crate::ops::product::{Epilogue, Finish};
+use crate::ops::simd::{Kernel, Lanes, load};
+use crate::ops::words::{Arithmetic, WordKernel};
+
+/// `G g G^T` of each pair of channels.
+pub(super) struct TransformWeights<'a, 'b, const SIDE: usize> {
+    pub(super) panel: &'a [f32],
+    pub(super) products: &'a mut [&'b mut [f32]],
+    /// Numbers of each tap.
+    pub(super) tap: usize,
+    pub(super) turned: bool,
+}
+
+impl<const SIDE: usize> Kernel for TransformWeights<'_, '_, SIDE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        let (panel, _) = S::as_simd_f32s(self.panel);
+        let (tap, taps) = (self.tap / S::F32_LANES, self.panel.len() / self.tap);
+        for at in 0..taps / 9 * tap {
+            let (time, at_of_tap) = (at / tap, at % tap);
+            let weight = |y: usize, x: usize| {
+                let number = 9 * time + 3 * y + x;
+                let number = if self.turned {
+                    taps - 1 - number
+                } else {
+                    number
+                };
+                panel[number * tap + at_of_tap]
+            };
+            let mut columns = [[lanes.splat_f32s(0.0); SIDE]; 3];
+            for (x, column) in columns.iter_mut().enumerate() {
+                of_weights(lanes, [weight(0, x), weight(1, x), weight(2, x)], column);
+            }
+            for (y, products) in self.products.chunks_exact_mut(SIDE).enumerate() {
+                let mut row = [lanes.splat_f32s(0.0); SIDE];
+                let [a, b, c] = &columns;
+                of_weights(lanes, [a[y], b[y], c[y]], &mut row);
+                for (product, value) in products.iter_mut().zip(row) {
+                    S::as_mut_simd_f32s(product).0[at] = value;
+                }
+            }
+        }
+    }
+}
+
+/// `B^T d B` of each tile, time step and channel.
+pub(super) struct TransformInputs<'a, const SIDE: usize>(pub(super) Inputs<'a>);
+
+pub(super) struct Inputs<'a> {
+    pub(super) reach: &'a Reach<'a>,
+    pub(super) tiles: &'a [Tile],
+    pub(super) times: usize,
+    /// Channels.
+    pub(super) run: usize,
+    /// `(products, times, tiles, channels)`
+    pub(super) target: &'a mut [f32],
+}
+
+impl<const SIDE: usize> Kernel for TransformInputs<'_, SIDE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        let Inputs {
+            reach,
+            tiles,
+            times,
+            run,
+            target,
+        } = self.0;
+        let Reach {
+            source,
+            from,
+            starts,
+            ..
+        } = *reach;
+        let (row, pitch) = (from.extent(2) * from.pitch, from.pitch);
+        let step = times * tiles.len() * run;
+        for time in 0..times {
+            for (number, tile) in tiles.iter().enumerate() {
+                let start = starts[tile.pixel] + time * from.extent(1) * row;
+                // Behind the last row and column that its outputs need there may be none.
+                let [last_row, last_column] = tile.extent.map(|extent| extent + 1);
+                let end = start + last_row * row + last_column * pitch + run;
+                let inputs = &source[start..end];
+                let first = (time * tiles.len() + number) * run;
+                for channel in (0..run).step_by(S::F32_LANES) {
+                    let mut columns = [[lanes.splat_f32s(0.0); SIDE]; SIDE];
+                    for (x, column) in columns.iter_mut().enumerate() {
+                        let at = x.min(last_column) * pitch + channel;
+                        for (y, input) in column.iter_mut().enumerate() {
+                            *input = load(lanes, &inputs[y.min(last_row) * row + at..]);
+                        }
+                        of_inputs(lanes, column);
+                    }
+                    for y in 0..SIDE {
+                        let mut values = [lanes.splat_f32s(0.0); SIDE];
+                        for (value, column) in values.iter_mut().zip(&columns) {
+                            *value = column[y];
+                        }
+                        of_inputs(lanes, &mut values);
+                        for (x, value) in values.into_iter().enumerate() {
+                            let at = (SIDE * y + x) * step + first + channel;
+                            store(lanes, value, &mut target[at..]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// `A^T m A` of each tile and channel, and what happens to sums.
+pub(super) struct TransformOutputs<'a, const SIDE: usize>(pub(super) Outputs<'a>);
+
+pub(super) struct Outputs<'a> {
+    pub(super) reach: &'a Reach<'a>,
+    pub(super) tiles: &'a [Tile],
+    /// Channels.
+    pub(super) n: usize,
+    /// `(products, tiles, channels)`
+    pub(super) products: &'a [f32],
+    pub(super) target: &'a mut [f32],
+    pub(super) origin: usize,
+    pub(super) epilogue: Epilogue<'a>,
+}
+
+impl<const SIDE: usize> WordKernel<f32> for TransformOutputs<'_, SIDE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes, A: Arithmetic<S, Word = f32>>(self, lanes: S, arithmetic: A) {
+        let Outputs {
+            reach,
+            tiles,
+            n,
+            products,
+            target,
+            origin,
+            epilogue,
+        } = self.0;
+        let Reach { places, to, .. } = *reach;
+        let step = tiles.len() * n;
+        for (number, tile) in tiles.iter().enumerate() {
+            for channel in (0..n).step_by(S::F32_LANES) {
+                let columns = (channel, S::F32_LANES);
+                let finish = Finish::<S, 1>::new(lanes, epilogue, tile.frame, columns);
+                let at = number * n + channel;
+                let mut columns = [[lanes.splat_f32s(0.0); SIDE]; SIDE];
+                for (x, column) in columns.iter_mut().enumerate() {
+                    for (y, product) in column.iter_mut().enumerate() {
+                        *product = load(lanes, &products[(SIDE * y + x) * step + at..]);
+                    }
+                    of_products(lanes, column);
+                }
+                for y in 0..SIDE - 2 {
+                    let mut values = [lanes.splat_f32s(0.0); SIDE];
+                    for (value, column) in values.iter_mut().zip(&columns) {
+                        *value = column[y];
+                    }
+                    of_products(lanes, &mut values);
+                    for (x, &value) in values[..SIDE - 2].iter().enumerate() {
+                        if y >= tile.extent[0] || x >= tile.extent[1] {
+                            continue;
+                        }
+                        let pixel = tile.pixel + y * to.size[2] + x;
+                        let out = &mut target[places[pixel] - origin + channel..];
+                        let mut stored = lanes.splat_f32s(0.0);
+                        if finish.accumulate {
+                            stored = load(lanes, out);
+                        }
+                        let ended = finish.apply_to(lanes, arithmetic, 0, value, stored);
+                        store(lanes, ended, out);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// `A y A^T` of each tile and channel of an output's gradient, by tiles of 2 x 2.
+pub(super) struct TransformGradients<'a> {
+    pub(super) reach: &'a Reach<'a>,
+    pub(super) gradient: &'a [f32],
+    pub(super) tiles: &'a [Tile],
+    /// Channels.
+    pub(super) n: usize,
+    /// `(products, tiles, channels)`
+    pub(super) target: &'a mut [f32],
+}
+
+impl Kernel for TransformGradients<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        let Reach { places, to, .. } = *self.reach;
+        let step = self.tiles.len() * self.n;
+        let nothing = lanes.splat_f32s(0.0);
+        for (number, tile) in self.tiles.iter().enumerate() {
+            let [rows, columns] = tile.extent;
+            for channel in (0..self.n).step_by(S::F32_LANES) {
+                let mut values = [[nothing; 4]; 2];
+                for (x, column) in values.iter_mut().enumerate() {
+                    let mut own = [nothing; 2];
+                    for (y, own) in own.iter_mut().enumerate() {
+                        if y < rows && x < columns {
+                            let place = places[tile.pixel + y * to.size[2] + x];
+                            *own = load(lanes, &self.gradient[place + channel..]);
+                        }
+                    }
+                    *column = of_gradients(lanes, own);
+                }
+                let [left, right] = values;
+                for (y, (left, right)) in left.into_iter().zip(right).enumerate() {
+                    let row = of_gradients(lanes, [left, right]);
+                    for (x, value) in row.into_iter().enumerate() {
+                        let at = (4 * y + x) * step + number * self.n + channel;
+                        store(lanes, value, &mut self.target[at..]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Writes a vector to the beginning of a slice that holds one.
+#[inline(always)]
+fn store<S: Lanes>(_: S, vector: S::f32s, to: &mut [f32]) {
+    S::as_mut_simd_f32s(&mut to[..S::F32_LANES]).0[0] = vector;
+}

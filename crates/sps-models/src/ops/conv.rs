@@ -95,21 +95,23 @@ impl<W: Word> Conv<W> {
         }
         debug_assert!(inputs.is_multiple_of(W::NUMBERS), "{shape:?}");
         debug_assert!(outputs.is_multiple_of(W::NUMBERS), "{shape:?}");
+        let words = W::of_weights(level, weights);
+        let numbers = W::each(&words);
         let at =
-            |out: usize, tap: usize, input: usize| weights[(out * inputs + input) * taps + tap];
+            |out: usize, tap: usize, input: usize| numbers[(out * inputs + input) * taps + tap];
         let narrow = GroupWeights::<W>::serves(level, shape.outputs, outputs);
         let packed = if inputs == outputs && narrow {
             Packed::Narrow(GroupWeights::pack(level, shape.outputs, outputs, taps, at))
         } else {
             let group = |group: usize| {
-                let matrix = &weights[group * outputs * inputs * taps..];
-                if let (1, Some(matrix)) = (taps, W::from_numbers(matrix)) {
-                    return Panels::pack_transposed(level, inputs, outputs, matrix);
+                if taps == 1 {
+                    let matrix = &words[W::words(group * outputs * inputs)..];
+                    return Panels::pack_transposed(level, W::words(inputs), outputs, matrix);
                 }
                 let words = W::words(inputs);
                 Panels::pack(level, [taps, words], outputs, |tap, word, column| {
                     let output = group * outputs + column;
-                    W::of_matrix(|i| at(output, tap, W::NUMBERS * word + i))
+                    W::gathered(|i| at(output, tap, W::NUMBERS * word + i))
                 })
             };
             Packed::Matrices((0..shape.groups).map(group).collect())

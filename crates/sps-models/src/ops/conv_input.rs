@@ -299,16 +299,18 @@ impl<W: Real> Packed<W> {
 
     /// Those of the given taps.
     fn pack(level: Level, shape: &ConvShape, taps: &[usize], weights: &[f32]) -> Self {
-        let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
-        let all = pixels(shape.window.size);
-        let at = |output: usize, input: usize, tap: usize| {
-            weights[(output * inputs + input) * all + taps[tap]]
-        };
         if taps.is_empty() {
             return Self::None;
         }
+        let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
+        let all = pixels(shape.window.size);
+        let words = W::of_weights(level, weights);
+        let numbers = W::each(&words);
+        let at = |output: usize, input: usize, tap: usize| {
+            numbers[(output * inputs + input) * all + taps[tap]]
+        };
         if shape.depthwise() {
-            let element = |i: usize| at(i / taps.len(), 0, i % taps.len());
+            let element = |i: usize| weights[i / taps.len() * all + taps[i % taps.len()]];
             let some: Vec<f32> = (0..shape.inputs * taps.len()).map(element).collect();
             return Self::Channels(ChannelWeights::pack(level, taps.len(), &some));
         }
@@ -321,14 +323,14 @@ impl<W: Real> Packed<W> {
             return Self::Narrow(GroupWeights::pack(level, channels, inputs, taps, element));
         }
         let group = |group: usize| {
-            let matrix = &weights[group * outputs * inputs * all..][..outputs * inputs * all];
-            if let (1, Some(matrix)) = (all, W::from_numbers(matrix)) {
+            if all == 1 && W::NUMBERS == 1 {
+                let matrix = &words[group * outputs * inputs..];
                 return Panels::pack_rows(level, outputs, inputs, matrix);
             }
             let words = [taps.len(), W::words(outputs)];
             Panels::pack(level, words, inputs, |tap, word, input| {
                 let output = group * outputs + W::NUMBERS * word;
-                W::of_matrix(|i| at(output + i, input, tap))
+                W::gathered(|i| at(output + i, input, tap))
             })
         };
         Self::Matrices((0..shape.groups).map(group).collect())

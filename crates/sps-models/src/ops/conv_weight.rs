@@ -1,12 +1,14 @@
 //! The gradient of a convolution's weights.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::conv::ConvShape;
 use super::depthwise::DepthwiseOuter;
 use super::grid::{Grid, pixels};
 use super::grouped::GroupedOuter;
-use super::outer::Outer;
+use super::outer::{Joined, Outer};
 use super::simd::Level;
 use super::winograd::{self, Reach};
 use super::words::{Real, lanes_of};
@@ -54,8 +56,7 @@ pub(crate) fn weight_gradient<W: Real>(
             }
         }
         let taps = from.taps(shape.runs(from));
-        let run = pixels(shape.window.size) * shape.inputs / taps.len();
-        dense(level, shape, &pairs, &taps, run, target);
+        dense(level, shape, &pairs, &taps, target);
     } else if shape.depthwise() {
         let outer = DepthwiseOuter {
             level,
@@ -76,87 +77,132 @@ struct Pairs<'a, W> {
     places: &'a [usize],
 }
 
-impl<'a, W: Real> Pairs<'a, W> {
-    /// So many at a time.
-    fn chunks(&self, count: usize) -> impl Iterator<Item = Pairs<'a, W>> {
-        let (source, gradient) = (self.source, self.gradient);
-        let chunks = self.starts.chunks(count).zip(self.places.chunks(count));
-        chunks.map(move |(starts, places)| Pairs {
-            source,
-            starts,
-            gradient,
-            places,
-        })
+/// Adds sums of outer products, `(height, width)`, to rows of `total`: of those of the left, from a column on, with
+/// those of the right. Of a window of several taps, sums join those of a block.
+fn add_products<W: Real>(
+    level: Level,
+    (left, column): (&Joined<'_, W>, usize),
+    (right, right_rows): (&[W], &[usize]),
+    [height, width, taps]: [usize; 3],
+    total: &mut [f32],
+) {
+    let stride = Outer::<W>::stride(level, width);
+    let add = |pixels: Range<usize>, sums: &mut [f32]| {
+        let (left, left_rows) = left.of(column, pixels.clone());
+        let outer = Outer {
+            left,
+            left_rows,
+            right,
+            right_rows: &right_rows[pixels],
+            height,
+            width,
+        };
+        outer.add(level, sums, stride);
+    };
+    let count = right_rows.len();
+    if taps == 1 {
+        chunks(0..count, PIXELS).for_each(|pixels| add(pixels, total));
+        return;
     }
-
-    /// Adds the sum of outer products: rows from an output on, columns from an element of the window on.
-    fn add(&self, level: Level, (output, offset): (usize, usize), run: usize, sums: &mut [f32]) {
-        for pairs in self.chunks(PIXELS) {
-            let outer = Outer {
-                left: &pairs.gradient[W::words(output)..],
-                left_rows: pairs.places,
-                right: &pairs.source[offset..],
-                right_rows: pairs.starts,
-                height: sums.len() / run,
-                width: run,
-            };
-            outer.add(level, sums, run);
+    let mut sums = vec![0.0; total.len()];
+    for block in chunks(0..count, BLOCK) {
+        sums.fill(0.0);
+        chunks(block, WINDOWS).for_each(|pixels| add(pixels, &mut sums));
+        for (total, sum) in total.iter_mut().zip(&sums) {
+            *total += sum;
         }
     }
+}
+
+/// A range in pieces of so many.
+fn chunks(range: Range<usize>, count: usize) -> impl Iterator<Item = Range<usize>> {
+    let Range { start, end } = range;
+    (start..end)
+        .step_by(count)
+        .map(move |from| from..(from + count).min(end))
 }
 
 /// Rows of a part that one thread computes, where the threads have enough of them: two tall tiles.
 const ROWS: usize = 28;
 
-/// A matrix for each run of the window: rows are outputs, columns the run's elements.
+/// A matrix for each run of the window, of outputs and the run's elements: along its columns lies the side that
+/// fills vectors better.
 fn dense<W: Real>(
     level: Level,
     shape: &ConvShape,
     pairs: &Pairs<'_, W>,
     runs: &[usize],
-    run: usize,
     target: &mut [f32],
 ) {
-    let wanted = 2 * rayon::current_num_threads();
-    let parts = (wanted.min(shape.outputs / ROWS)).max(wanted.div_ceil(runs.len()));
-    let height = shape.outputs.div_ceil(parts).next_multiple_of(W::NUMBERS);
     let (taps, inputs) = (pixels(shape.window.size), shape.inputs);
-    if taps == 1 {
-        let parts = target.par_chunks_mut(height * run).enumerate();
-        parts.for_each(|(part, target)| {
-            target.fill(0.0);
-            pairs.add(level, (part * height, 0), run, target);
+    let run = taps * inputs / runs.len();
+    let blocks = |count: usize| count.div_ceil(2 * level.lanes());
+    let turned = blocks(shape.outputs) * run < blocks(run) * shape.outputs;
+    let (rows, columns) = if turned {
+        (run, shape.outputs)
+    } else {
+        (shape.outputs, run)
+    };
+    let wanted = 2 * rayon::current_num_threads();
+    let parts = (wanted.min(rows / ROWS)).max(wanted.div_ceil(runs.len()));
+    let height = rows.div_ceil(parts).next_multiple_of(W::NUMBERS);
+    let stride = Outer::<W>::stride(level, columns);
+    let gradients = (!turned).then(|| Joined::new(level, pairs.gradient, pairs.places, rows));
+    let sum = |first: usize, offset: usize, total: &mut [f32]| {
+        let height = total.len() / stride;
+        let seen = &pairs.source[offset..];
+        if let Some(gradients) = &gradients {
+            let right = (seen, pairs.starts);
+            add_products(
+                level,
+                (gradients, first),
+                right,
+                [height, columns, taps],
+                total,
+            );
+        } else {
+            let seen = Joined::new(level, &seen[W::words(first)..], pairs.starts, height);
+            let right = (pairs.gradient, pairs.places);
+            add_products(level, (&seen, 0), right, [height, columns, taps], total);
+        }
+    };
+    if taps == 1 && !turned && stride == columns && W::NUMBERS == 1 {
+        let parts = target.par_chunks_mut(height * stride).enumerate();
+        parts.for_each(|(part, total)| {
+            total.fill(0.0);
+            sum(part * height, 0, total);
         });
         return;
     }
-    let firsts = (0..shape.outputs).step_by(height);
+    let firsts = (0..rows).step_by(height);
     let parts = firsts.flat_map(|first| runs.iter().map(move |&offset| (first, offset)));
     let parts: Vec<(usize, usize)> = parts.collect();
     let part = |&(first, offset): &(usize, usize)| {
-        let height = height.min(shape.outputs - first);
-        let (mut sums, mut total) = (vec![0.0; height * run], vec![0.0; height * run]);
-        for pairs in pairs.chunks(BLOCK) {
-            sums.fill(0.0);
-            for pairs in pairs.chunks(WINDOWS) {
-                pairs.add(level, (first, offset), run, &mut sums);
-            }
-            for (total, sum) in total.iter_mut().zip(&sums) {
-                *total += sum;
-            }
-        }
+        let mut total = vec![0.0; height.min(rows - first) * stride];
+        sum(first, offset, &mut total);
         total
     };
     let parts: Vec<Vec<f32>> = parts.par_iter().map(part).collect();
-    let rows = target.par_chunks_exact_mut(inputs * taps).enumerate();
-    rows.for_each(|(row, target)| {
-        let parts = &parts[row / height * runs.len()..][..runs.len()];
-        let columns = parts.iter().flat_map(|part| {
-            let own = &part[row % height * run..][..run];
-            own.chunks_exact(inputs)
-        });
-        for (tap, values) in columns.enumerate() {
-            for (target, value) in target.chunks_exact_mut(taps).zip(values) {
-                target[tap] = *value;
+    let part = |row: usize, of_run: usize| {
+        let part = &parts[row / height * runs.len() + of_run];
+        &part[row % height * stride..][..stride]
+    };
+    let places = (0..columns).map(|column| W::place(column, level.lanes()));
+    let places: Vec<usize> = places.collect();
+    let outputs = target.par_chunks_exact_mut(inputs * taps).enumerate();
+    outputs.for_each(|(output, target)| {
+        for tap in 0..taps {
+            let (of_run, first) = (tap / (run / inputs), tap % (run / inputs) * inputs);
+            let values = target.iter_mut().skip(tap).step_by(taps);
+            if turned {
+                for (row, value) in (first..).zip(values) {
+                    *value = part(row, of_run)[places[output]];
+                }
+            } else {
+                let part = part(output, of_run);
+                for (place, value) in places[first..].iter().zip(values) {
+                    *value = part[*place];
+                }
             }
         }
     });
@@ -182,29 +228,32 @@ fn grouped<W: Real>(
         return;
     }
     let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
+    let stride = Outer::<W>::stride(level, outputs);
     let group_len = outputs * inputs * taps.len();
-    target
-        .par_chunks_exact_mut(group_len)
-        .enumerate()
-        .for_each(|(group, target)| {
-            let mut sums = vec![0.0; outputs * inputs];
-            for (tap, &offset) in taps.iter().enumerate() {
-                sums.fill(0.0);
-                for pairs in pairs.chunks(BLOCK) {
-                    let outer = Outer {
-                        left: &pairs.source[offset + W::words(group * inputs)..],
-                        left_rows: pairs.starts,
-                        right: &pairs.gradient[W::words(group * outputs)..],
-                        right_rows: pairs.places,
-                        height: inputs,
-                        width: outputs,
-                    };
-                    outer.add(level, &mut sums, outputs);
-                }
-                for (i, sum) in sums.iter().enumerate() {
-                    let (input, output) = (i / outputs, i % outputs);
-                    target[(output * inputs + input) * taps.len() + tap] = *sum;
-                }
+    let groups = target.par_chunks_exact_mut(group_len).enumerate();
+    groups.for_each(|(group, target)| {
+        let mut sums = vec![0.0; inputs * stride];
+        let right = &pairs.gradient[W::words(group * outputs)..];
+        for (tap, &offset) in taps.iter().enumerate() {
+            sums.fill(0.0);
+            let seen = &pairs.source[offset + W::words(group * inputs)..];
+            let seen = Joined::new(level, seen, pairs.starts, inputs);
+            for pixels in chunks(0..pairs.starts.len(), BLOCK) {
+                let (left, left_rows) = seen.of(0, pixels.clone());
+                let outer = Outer {
+                    left,
+                    left_rows,
+                    right,
+                    right_rows: &pairs.places[pixels],
+                    height: inputs,
+                    width: outputs,
+                };
+                outer.add(level, &mut sums, stride);
             }
-        });
+            for (i, value) in target.iter_mut().skip(tap).step_by(taps.len()).enumerate() {
+                let (output, input) = (i / inputs, i % inputs);
+                *value = sums[input * stride + W::place(output, level.lanes())];
+            }
+        }
+    });
 }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::buffer::Buffer;
 use super::product::{Epilogue, Finish};
 use super::simd::{Lanes, Level, load};
-use super::words::{Arithmetic, Real, Word, WordKernel, vectors};
+use super::words::{Arithmetic, Real, Word, WordKernel, read, vectors};
 
 /// The weights of a depth-wise convolution, f32 whatever the feature maps are made of.
 #[derive(Debug, Clone)]
@@ -165,25 +165,6 @@ impl<W: Word> Write<'_, '_, W> {
                 arithmetic.store_part::<NV>(lanes, ended, out);
             }
         }
-    }
-}
-
-/// Vectors of a feature map.
-#[inline(always)]
-fn read<W, S, A, const NV: usize, const WHOLE: bool>(
-    lanes: S,
-    arithmetic: A,
-    from: &[W],
-) -> [S::f32s; NV]
-where
-    W: Word,
-    S: Lanes,
-    A: Arithmetic<S, Word = W>,
-{
-    if WHOLE {
-        arithmetic.load(lanes, from)
-    } else {
-        arithmetic.load_part(lanes, from)
     }
 }
 

@@ -4,6 +4,8 @@
 //! vectors of which each word holds one channel's four numbers: what the sums of [`Bytes`](super::words::Bytes)
 //! take. Pixels that lie side by side share the columns that their windows share.
 
+use bytemuck::Zeroable;
+
 use super::buffer::Buffer;
 use super::product::{Columns, Epilogue, Finish};
 use super::simd::{Lanes, Level, channel_of, load};
@@ -31,6 +33,8 @@ impl<W: Word> QuadWeights<W> {
         let (lanes, taps) = (level.lanes(), rows * columns);
         let (channels, groups) = (weights.len() / taps, rows.div_ceil(QUAD));
         let blocks = channels.div_ceil(QUAD * lanes);
+        let numbers = W::of_weights(level, weights);
+        let numbers = W::each(&numbers);
         let mut data = Buffer::zeros(blocks * groups * columns * QUAD * lanes);
         for (i, out) in data.iter_mut().enumerate() {
             let (i, lane) = (i / lanes, i % lanes);
@@ -38,12 +42,12 @@ impl<W: Word> QuadWeights<W> {
             let (i, column) = (i / columns, i % columns);
             let (block, group) = (i / groups, i % groups);
             let channel = block * QUAD * lanes + channel_of(vector, lane);
-            *out = W::of_matrix(|number| {
+            *out = W::gathered(|number| {
                 let row = group * QUAD + number;
                 if row < rows && channel < channels {
-                    weights[channel * taps + row * columns + column]
+                    numbers[channel * taps + row * columns + column]
                 } else {
-                    0.0
+                    W::Number::zeroed()
                 }
             });
         }

@@ -37,7 +37,7 @@ impl<W: Word> GroupWeights<W> {
         channels: usize,
         group: usize,
         taps: usize,
-        element: impl Fn(usize, usize, usize) -> f32,
+        element: impl Fn(usize, usize, usize) -> W::Number,
     ) -> Self {
         let (lanes, vectors, words) = (level.lanes(), W::NUMBERS, W::words(group));
         let mut data = Buffer::zeros(channels * taps * words);
@@ -47,7 +47,7 @@ impl<W: Word> GroupWeights<W> {
             let (i, word) = (i / words, i % words);
             let (block, tap) = (i / taps, i % taps);
             let channel = (block * vectors + vector) * lanes + lane;
-            *out = W::of_matrix(|number| element(channel, tap, W::NUMBERS * word + number));
+            *out = W::gathered(|number| element(channel, tap, W::NUMBERS * word + number));
         }
         Self {
             level,

@@ -165,7 +165,11 @@ pub(super) mod bf16 {
                     let words = _mm512_cvtne2ps_pbh(vector(second), vector(first));
                     std::mem::transmute::<__m512bh, f32x16>(words)
                 };
-                lanes.partial_store_f32s(bytemuck::cast_slice_mut(to), words);
+                let to: &mut [f32] = bytemuck::cast_slice_mut(to);
+                match V4::as_mut_simd_f32s(to).0 {
+                    [whole, ..] => *whole = words,
+                    [] => lanes.partial_store_f32s(to, words),
+                }
             }
         }
     }

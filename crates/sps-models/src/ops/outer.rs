@@ -1,12 +1,90 @@
 //! Sums of outer products: the gradient of a matrix.
 
-use super::simd::{Lanes, Level, NullaryFnOnce};
+use std::borrow::Cow;
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::simd::{Kernel, Lanes, Level, NullaryFnOnce};
 use super::unroll::{tallest, tiles};
 use super::words::{Arithmetic, Real, WordKernel, lanes_of};
+
+/// Rows of a feature map as the left of [`Outer`]: of words that hold several numbers, as many rows joined, of
+/// each column a word.
+#[derive(Debug)]
+pub(crate) struct Joined<'a, W: Real = f32> {
+    memory: Cow<'a, [W]>,
+    /// Where those that are joined begin.
+    rows: Cow<'a, [usize]>,
+}
+
+/// Rows that one thread joins.
+const TOGETHER: usize = 512;
+
+impl<'a, W: Real> Joined<'a, W> {
+    /// `width` numbers of each of the rows that begin so.
+    pub(crate) fn new(level: Level, memory: &'a [W], rows: &'a [usize], width: usize) -> Self {
+        if W::NUMBERS == 1 {
+            return Self {
+                memory: Cow::Borrowed(memory),
+                rows: Cow::Borrowed(rows),
+            };
+        }
+        let mut joined = vec![W::default(); rows.len().div_ceil(W::NUMBERS) * width];
+        let parts = joined.par_chunks_mut(TOGETHER / W::NUMBERS * width.max(1));
+        parts
+            .zip(rows.par_chunks(TOGETHER))
+            .for_each(|(out, rows)| {
+                level.run(Join {
+                    memory,
+                    rows,
+                    width,
+                    out,
+                });
+            });
+        Self {
+            rows: (0..joined.len()).step_by(width.max(1)).collect(),
+            memory: Cow::Owned(joined),
+        }
+    }
+
+    /// The memory from a column on, and where those of some rows begin in it: a multiple of what is joined, but
+    /// for the last ones.
+    pub(crate) fn of(&self, column: usize, rows: Range<usize>) -> (&[W], &[usize]) {
+        let rows = rows.start / W::NUMBERS..rows.end.div_ceil(W::NUMBERS);
+        (&self.memory[column..], &self.rows[rows])
+    }
+}
+
+struct Join<'a, W> {
+    memory: &'a [W],
+    rows: &'a [usize],
+    width: usize,
+    out: &'a mut [W],
+}
+
+impl<W: Real> Kernel for Join<'_, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _: S) {
+        let nothing = vec![W::default(); W::words(self.width)];
+        let pairs = self.rows.chunks(W::NUMBERS);
+        for (out, rows) in self.out.chunks_exact_mut(self.width).zip(pairs) {
+            let first = &W::each(&self.memory[rows[0]..])[..self.width];
+            let second = rows.get(1).map_or(&nothing[..], |&row| &self.memory[row..]);
+            let second = &W::each(second)[..self.width];
+            for ((word, &first), &second) in out.iter_mut().zip(first).zip(second) {
+                *word = W::gathered(|i| [first, second][i]);
+            }
+        }
+    }
+}
 
 /// `sum_m left[m]^T right[m]` for rows gathered from two feature maps.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Outer<'a, W = f32> {
+    /// As [`Joined`] has it.
     pub(crate) left: &'a [W],
     /// Where each row of the left begins.
     pub(crate) left_rows: &'a [usize],
@@ -15,50 +93,35 @@ pub(crate) struct Outer<'a, W = f32> {
     pub(crate) right_rows: &'a [usize],
     /// Numbers of a row of the left: rows of the sum.
     pub(crate) height: usize,
-    /// Numbers of a row of the right: columns of the sum.
+    /// Numbers of a row of the right: columns of the sum. Of words that hold several, whole words.
     pub(crate) width: usize,
 }
 
 impl<W: Real> Outer<'_, W> {
-    /// Adds the sum, `(height, width)`, to rows of `target` that lie `stride` apart. Of words that hold
-    /// several numbers, both fill whole words.
-    pub(crate) fn add(&self, level: Level, target: &mut [f32], stride: usize) {
-        let (joined, rows): (Vec<W>, Vec<usize>);
-        let mut outer: Outer<'_, W> = *self;
-        if W::NUMBERS > 1 {
-            joined = self.joined();
-            rows = (0..joined.len()).step_by(self.height.max(1)).collect();
-            (outer.left, outer.left_rows) = (&joined, &rows);
+    /// How far rows of so many sums must lie apart at least.
+    pub(crate) fn stride(level: Level, width: usize) -> usize {
+        if W::NUMBERS == 1 {
+            width
+        } else {
+            width.next_multiple_of(2 * level.lanes())
         }
+    }
+
+    /// Adds the sum, `(height, width)`, to rows of `target` that lie `stride` apart, each number where
+    /// [`Real::place`] says.
+    pub(crate) fn add(&self, level: Level, target: &mut [f32], stride: usize) {
         W::run(
             level,
             Add {
-                outer: &outer,
+                outer: self,
                 target,
                 stride,
             },
         );
     }
-
-    /// The left with as many rows joined as a word has numbers: of each column a word. A row that is not
-    /// there counts as 0.
-    fn joined(&self) -> Vec<W> {
-        let pairs = self.left_rows.chunks(W::NUMBERS);
-        let mut joined = vec![W::default(); pairs.len() * self.height];
-        let nothing = vec![W::default(); W::words(self.height)];
-        for (joined, rows) in joined.chunks_exact_mut(self.height.max(1)).zip(pairs) {
-            let first = W::each(&self.left[rows[0]..]);
-            let second = rows.get(1).map_or(&nothing[..], |&row| &self.left[row..]);
-            for ((word, &first), &second) in joined.iter_mut().zip(first).zip(W::each(second)) {
-                *word = W::joined(first, second);
-            }
-        }
-        joined
-    }
 }
 
 struct Add<'a, 'b, W> {
-    /// Rows of the left are joined.
     outer: &'a Outer<'b, W>,
     target: &'a mut [f32],
     stride: usize,
@@ -169,10 +232,21 @@ impl<W: Real> Add<'_, '_, W> {
                 }
             }
         }
+        let whole = const { WHOLE || W::NUMBERS > 1 };
+        let kept = if whole { NV * S::F32_LANES } else { columns };
         each_row!(H, i, {
             let start = (row + i) * self.stride + column;
-            let target = &mut self.target[start..start + columns];
-            W::add_columns::<S, NV, WHOLE>(lanes, sums[i], target);
+            let target = &mut self.target[start..start + kept];
+            if whole {
+                for (sum, target) in sums[i].into_iter().zip(S::as_mut_simd_f32s(target).0) {
+                    *target = lanes.add_f32s(sum, *target);
+                }
+            } else {
+                for (sum, target) in sums[i].into_iter().zip(target.chunks_mut(S::F32_LANES)) {
+                    let sum = lanes.add_f32s(sum, lanes.partial_load_f32s(target));
+                    lanes.partial_store_f32s(target, sum);
+                }
+            }
         });
     }
 }

@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 
 use super::bands::{Threads, for_each_band};
-use super::grid::{Grid, Size, Window, pixel, pixel_mut};
-use super::simd::{Kernel, Lanes, Level};
-use super::words::{Real, Word};
+use super::grid::{Grid, Size, Window, pixels};
+use super::simd::{Kernel, Lanes, Level, load};
+use super::words::{Arithmetic, Real, Word, WordKernel, lanes_of, read};
 
 /// Writes to each pixel of `target` the largest values under the window.
 ///
@@ -18,7 +18,6 @@ pub(crate) fn max_pool<W: Word>(
     (source, from): (&[W], &Grid),
     (target, to): (&mut [W], &Grid),
 ) {
-    let starts = from.starts(window, to.size);
     let places = to.places();
     for_each_band(threads, to, target, |band| {
         level.run(Pool {
@@ -26,7 +25,6 @@ pub(crate) fn max_pool<W: Word>(
             source,
             from,
             to,
-            starts: &starts[band.pixels.clone()],
             places: &places[band.pixels.clone()],
             first: band.pixels.start,
             target: band.target,
@@ -35,12 +33,12 @@ pub(crate) fn max_pool<W: Word>(
     });
 }
 
+/// Whole rows.
 struct Pool<'a, W> {
     window: &'a Window,
     source: &'a [W],
     from: &'a Grid,
     to: &'a Grid,
-    starts: &'a [usize],
     places: &'a [usize],
     /// The number of the first pixel.
     first: usize,
@@ -52,44 +50,90 @@ impl<W: Word> Kernel for Pool<'_, W> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes>(self, _: S) {
-        let words = self.from.words;
-        for (i, (&start, &place)) in self.starts.iter().zip(self.places).enumerate() {
-            let place = place - self.origin;
-            let out = &mut self.target[place..place + words];
-            let reach = reach(self.window, self.from, self.to, self.first + i);
-            let mut first = true;
-            for t in 0..reach[0] {
-                for y in 0..reach[1] {
-                    for x in 0..reach[2] {
-                        let from = start + self.from.index(0, [t, y, x]);
-                        let pixel = &self.source[from..from + words];
-                        if first {
-                            out.copy_from_slice(pixel);
-                        } else {
-                            W::keep_larger(out, pixel);
-                        }
-                        first = false;
+    fn run<S: Lanes>(self, lanes: S) {
+        let Self {
+            window, from, to, ..
+        } = self;
+        let width = to.size[2].max(1);
+        let (columns, stride) = (window.size[2], window.stride[2]);
+        // Of each column the largest of its pixels, which windows side by side share.
+        let mut largest = Vec::new();
+        let mut rows = Vec::new();
+        for (row, places) in self.places.chunks_exact(width).enumerate() {
+            let corner = Corner::new(window, from, to, self.first + row * width);
+            rows.clear();
+            rows.extend(corner.rows(from));
+            // The last window may hang over the end.
+            let seen = ((width - 1) * stride + columns).min(corner.room[2]);
+            for word in (0..from.words).step_by(S::F32_LANES) {
+                let words = S::F32_LANES.min(from.words - word);
+                largest.clear();
+                for x in 0..seen {
+                    let mut of_column = None;
+                    for row in &rows {
+                        let at = row + x * from.pitch + word;
+                        let pixel = load(lanes, lanes_of(&self.source[at..at + words]));
+                        let other = of_column.unwrap_or(pixel);
+                        of_column = Some(W::larger(lanes, other, pixel));
                     }
+                    largest.extend(of_column);
+                }
+                for (x, &place) in places.iter().enumerate() {
+                    let mut under = largest[x * stride..].iter().take(columns);
+                    let Some(&first) = under.next() else {
+                        continue;
+                    };
+                    let mut of_window = first;
+                    for &column in under {
+                        of_window = W::larger(lanes, of_window, column);
+                    }
+                    let place = place - self.origin + word;
+                    let out = bytemuck::cast_slice_mut(&mut self.target[place..place + words]);
+                    lanes.partial_store_f32s(out, of_window);
                 }
             }
         }
     }
 }
 
-/// How far the window reaches at a pixel before the border ends.
-#[inline(always)]
-pub(super) fn reach(window: &Window, from: &Grid, to: &Grid, pixel: usize) -> Size {
-    let [time, height, width] = to.size;
-    let place = [
-        pixel / (height * width) % time,
-        pixel / width % height,
-        pixel % width,
-    ];
-    std::array::from_fn(|axis| {
-        let start = from.before[axis] - window.before[axis] + place[axis] * window.stride[axis];
-        window.size[axis].min(from.extent(axis).saturating_sub(start))
-    })
+/// Where a window begins.
+struct Corner {
+    /// The index of its first pixel.
+    start: usize,
+    /// Its time, its row and its column in a frame with its border, and how many of them there are from there.
+    room: Size,
+    size: Size,
+}
+
+impl Corner {
+    /// The window of a pixel, whose number counts over all frames.
+    #[inline(always)]
+    fn new(window: &Window, from: &Grid, to: &Grid, pixel: usize) -> Self {
+        let [time, height, width] = to.size;
+        let place = [
+            pixel / (height * width) % time,
+            pixel / width % height,
+            pixel % width,
+        ];
+        let frame = pixel / pixels(to.size);
+        let corner = std::array::from_fn(|axis| {
+            from.before[axis] - window.before[axis] + place[axis] * window.stride[axis]
+        });
+        let room = std::array::from_fn(|axis| from.extent(axis).saturating_sub(corner[axis]));
+        Self {
+            start: from.index(frame, corner),
+            size: std::array::from_fn(|axis| window.size[axis].min(room[axis])),
+            room,
+        }
+    }
+
+    /// Where its rows begin.
+    #[inline(always)]
+    fn rows(&self, from: &Grid) -> impl Iterator<Item = usize> {
+        let [times, height, _] = self.size;
+        let row = |t: usize, y: usize| self.start + from.index(0, [t, y, 0]);
+        (0..times).flat_map(move |t| (0..height).map(move |y| row(t, y)))
+    }
 }
 
 /// Writes the gradient of max pooling's input: each window's gradient goes to the first of its
@@ -103,28 +147,24 @@ pub(crate) fn max_pool_backward<W: Real>(
     gradient: &[W],
     target: &mut [W],
 ) {
-    let one = Grid { frames: 1, ..*to };
-    let starts = Grid { frames: 1, ..*from }.starts(window, to.size);
-    let places = one.places();
-    target
-        .par_chunks_exact_mut(from.frame_len())
-        .enumerate()
-        .for_each(|(frame, target)| {
-            let read = frame * from.frame_len()..(frame + 1) * from.frame_len();
-            let write = frame * to.frame_len()..(frame + 1) * to.frame_len();
-            let len = places.len() * to.pitch;
-            level.run(PoolBackward {
-                window,
-                source: &source[read],
-                from,
-                pooled: &pooled[write],
-                to,
-                gradient: &gradient[frame * len..(frame + 1) * len],
-                starts: &starts,
-                places: &places,
-                target,
-            });
-        });
+    let places = to.places();
+    let pixels = pixels(to.size);
+    let frames = target.par_chunks_exact_mut(from.frame_len().max(1));
+    frames.enumerate().for_each(|(frame, target)| {
+        let backward = PoolBackward {
+            window,
+            source,
+            from,
+            pooled,
+            to,
+            gradient,
+            first: frame * pixels,
+            places: &places[frame * pixels..(frame + 1) * pixels],
+            target,
+            origin: frame * from.frame_len(),
+        };
+        W::run(level, backward);
+    });
 }
 
 /// One frame.
@@ -135,52 +175,73 @@ struct PoolBackward<'a, W> {
     pooled: &'a [W],
     to: &'a Grid,
     gradient: &'a [W],
-    starts: &'a [usize],
+    /// The number of its first pixel, and where each lies.
+    first: usize,
     places: &'a [usize],
     target: &'a mut [W],
+    origin: usize,
 }
 
-impl<W: Real> Kernel for PoolBackward<'_, W> {
+impl<W: Real> WordKernel<W> for PoolBackward<'_, W> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes>(self, _: S) {
-        let channels = self.from.channels;
-        let mut left = vec![0.0; channels];
+    fn run<S: Lanes, A: Arithmetic<S, Word = W>>(mut self, lanes: S, arithmetic: A) {
         self.target.fill(W::default());
-        for (i, (&start, &place)) in self.starts.iter().zip(self.places).enumerate() {
-            let largest = pixel(&self.pooled[place..], channels);
-            let own = &self.gradient[i * self.to.pitch..][..self.to.words];
-            for (left, own) in left.iter_mut().zip(W::numbers(own)) {
-                *left = own;
+        let (words, step) = (self.from.words, W::words(S::F32_LANES));
+        for (pixel, &place) in (self.first..).zip(self.places) {
+            let corner = Corner::new(self.window, self.from, self.to, pixel);
+            let ends = (place, pixel * self.to.pitch);
+            let mut word = 0;
+            while word + step <= words {
+                self.give::<S, A, true>(lanes, arithmetic, &corner, ends, (word, step));
+                word += step;
             }
-            let reach = reach(self.window, self.from, self.to, i);
-            for t in 0..reach[0] {
-                for y in 0..reach[1] {
-                    for x in 0..reach[2] {
-                        let from = start + self.from.index(0, [t, y, x]);
-                        let values = pixel(&self.source[from..], channels);
-                        let target = pixel_mut(&mut self.target[from..], channels);
-                        give::<W>((values, largest), &mut left, target);
-                    }
-                }
+            if word < words {
+                self.give::<S, A, false>(lanes, arithmetic, &corner, ends, (word, words - word));
             }
         }
     }
 }
 
-/// Hands what is left of the gradient to the values that are the largest.
-#[inline(always)]
-fn give<W: Real>(
-    (values, largest): (&[W::Number], &[W::Number]),
-    left: &mut [f32],
-    target: &mut [W::Number],
-) {
-    let pairs = values.iter().zip(largest);
-    for ((value, largest), (left, target)) in pairs.zip(left.iter_mut().zip(target)) {
-        let found = value == largest;
-        let given = if found { *left } else { 0.0 };
-        *target = W::narrowed(W::widened(*target) + given);
-        *left = if found { 0.0 } else { *left };
+impl<W: Real> PoolBackward<'_, W> {
+    /// Hands the gradient of a pixel's words from one on to the first of the largest values; `WHOLE` if they fill
+    /// a vector.
+    #[inline(always)]
+    fn give<S, A, const WHOLE: bool>(
+        &mut self,
+        lanes: S,
+        arithmetic: A,
+        corner: &Corner,
+        (place, own): (usize, usize),
+        (word, words): (usize, usize),
+    ) where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
+        let read = |memory: &[W], at: usize| {
+            let memory = &memory[at + word..at + word + words];
+            let [numbers] = read::<W, S, A, 1, WHOLE>(lanes, arithmetic, memory);
+            numbers
+        };
+        let zero = lanes.splat_f32s(0.0);
+        let largest = read(self.pooled, place);
+        let mut left = read(self.gradient, own);
+        for row in corner.rows(self.from) {
+            for x in 0..corner.size[2] {
+                let at = row + x * self.from.pitch;
+                let found = lanes.equal_f32s(read(self.source, at), largest);
+                let given = lanes.select_f32s(found, left, zero);
+                left = lanes.select_f32s(found, zero, left);
+                let at = at - self.origin;
+                let sum = lanes.add_f32s(read(self.target, at), given);
+                let out = &mut self.target[at + word..at + word + words];
+                if WHOLE {
+                    arithmetic.store(lanes, [sum], out);
+                } else {
+                    arithmetic.store_part(lanes, [sum], out);
+                }
+            }
+        }
     }
 }

@@ -187,6 +187,19 @@ pub(crate) trait Lanes: Simd {
         sums[0]
     }
 
+    /// The larger of each two bytes.
+    #[inline(always)]
+    fn larger_bytes(self, x: Self::f32s, y: Self::f32s) -> Self::f32s {
+        let mut larger = [x];
+        for (x, &y) in cast_slice_mut::<_, u8>(&mut larger)
+            .iter_mut()
+            .zip(cast_slice::<_, u8>(&[y]))
+        {
+            *x = y.max(*x);
+        }
+        larger[0]
+    }
+
     /// Numbers of lanes whose bits are an i32.
     #[inline(always)]
     fn of_integers(self, x: Self::f32s) -> Self::f32s {
@@ -352,6 +365,12 @@ impl Lanes for V4 {
     }
 
     #[inline(always)]
+    fn larger_bytes(self, x: Self::f32s, y: Self::f32s) -> Self::f32s {
+        use pulp::cast;
+        cast(self.avx512bw._mm512_max_epu8(cast(x), cast(y)))
+    }
+
+    #[inline(always)]
     fn of_integers(self, x: Self::f32s) -> Self::f32s {
         pulp::cast(self.avx512f._mm512_cvtepi32_ps(pulp::cast(x)))
     }
@@ -425,6 +444,12 @@ impl Lanes for V3 {
         let odd = i._mm256_madd_epi16(odd, odd_weights);
         let products = i._mm256_add_epi32(even, odd);
         cast(i._mm256_add_epi32(cast(sum), products))
+    }
+
+    #[inline(always)]
+    fn larger_bytes(self, x: Self::f32s, y: Self::f32s) -> Self::f32s {
+        use pulp::cast;
+        cast(self.avx2._mm256_max_epu8(cast(x), cast(y)))
     }
 
     #[inline(always)]

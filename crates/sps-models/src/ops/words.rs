@@ -3,8 +3,11 @@
 //! A word has 32 bits: one f32, two bf16, or four bytes. Sums are f32 with the first two, and i32 of
 //! bytes.
 
+use std::borrow::Cow;
+
 use bytemuck::{Pod, Zeroable};
 use half::bf16;
+use rayon::prelude::*;
 
 use super::simd::{Kernel, Lanes, Level, NullaryFnOnce};
 
@@ -28,14 +31,11 @@ pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
     /// A word of `number(0)` and, where it holds two, `number(1)`, rounded.
     fn of(number: impl Fn(usize) -> f32) -> Self;
 
-    /// The same of a matrix.
-    #[inline(always)]
-    fn of_matrix(number: impl Fn(usize) -> f32) -> Self {
-        Self::of(number)
-    }
+    /// A word of numbers as they lie in memory.
+    fn gathered(number: impl Fn(usize) -> Self::Number) -> Self;
 
-    /// Numbers as words, where a word is a number.
-    fn from_numbers(numbers: &[f32]) -> Option<&[Self]>;
+    /// A matrix's numbers, rounded, one after the other.
+    fn of_weights(level: Level, weights: &[f32]) -> Cow<'_, [Self]>;
 
     /// What a number is as f32.
     fn widened(number: Self::Number) -> f32;
@@ -60,16 +60,8 @@ pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
             .map(|&number| Self::widened(number))
     }
 
-    /// Takes over each number of `words` that is the larger one, or NaN.
-    #[inline(always)]
-    fn keep_larger(largest: &mut [Self], words: &[Self]) {
-        for (largest, &number) in Self::each_mut(largest).iter_mut().zip(Self::each(words)) {
-            let x = Self::widened(number);
-            if x > Self::widened(*largest) || x.is_nan() {
-                *largest = number;
-            }
-        }
-    }
+    /// Of each number of two vectors of words the larger one; NaN where one is NaN.
+    fn larger<S: Lanes>(lanes: S, x: S::f32s, y: S::f32s) -> S::f32s;
 
     /// Runs a kernel by the machine's own instructions for these words where it has some.
     fn run<K: WordKernel<Self>>(level: Level, kernel: K) -> K::Output;
@@ -80,24 +72,17 @@ pub(crate) trait Real: Word {
     /// A number as it lies in memory, rounded.
     fn narrowed(number: f32) -> Self::Number;
 
-    /// A word of two numbers; where it holds but one, the first.
-    fn joined(first: Self::Number, second: Self::Number) -> Self;
+    /// Where the vectors of [`Real::columns`] have a column.
+    fn place(column: usize, lanes: usize) -> usize;
 
     /// Vectors of some columns of as many rows of `memory` as a word has numbers; a row that is not there
-    /// counts as 0. Each lane has a word of one column's numbers; [`Real::add_columns`] knows of which.
+    /// counts as 0. Each lane has a word of one column's numbers; [`Real::place`] knows of which.
     fn columns<S: Lanes, const NV: usize, const WHOLE: bool>(
         lanes: S,
         memory: &[Self],
         rows: &[usize],
         columns: usize,
     ) -> [S::f32s; NV];
-
-    /// Adds numbers that lie as [`Real::columns`] has them to the columns.
-    fn add_columns<S: Lanes, const NV: usize, const WHOLE: bool>(
-        lanes: S,
-        numbers: [S::f32s; NV],
-        target: &mut [f32],
-    );
 }
 
 impl Word for f32 {
@@ -110,13 +95,25 @@ impl Word for f32 {
         number(0)
     }
 
-    fn from_numbers(numbers: &[f32]) -> Option<&[Self]> {
-        Some(numbers)
+    #[inline(always)]
+    fn gathered(number: impl Fn(usize) -> f32) -> Self {
+        number(0)
+    }
+
+    fn of_weights(_: Level, weights: &[f32]) -> Cow<'_, [Self]> {
+        Cow::Borrowed(weights)
     }
 
     #[inline(always)]
     fn widened(number: Self) -> f32 {
         number
+    }
+
+    #[inline(always)]
+    fn larger<S: Lanes>(lanes: S, x: S::f32s, y: S::f32s) -> S::f32s {
+        // Of `y` that is NaN, `x` is at least as large.
+        let largest = lanes.at_least(y, x);
+        lanes.select_f32s(lanes.equal_f32s(y, y), largest, y)
     }
 
     #[inline]
@@ -133,8 +130,8 @@ impl Real for f32 {
     }
 
     #[inline(always)]
-    fn joined(first: Self, _: Self) -> Self {
-        first
+    fn place(column: usize, _: usize) -> usize {
+        column
     }
 
     #[inline(always)]
@@ -145,24 +142,6 @@ impl Real for f32 {
         columns: usize,
     ) -> [S::f32s; NV] {
         vectors::<S, NV, WHOLE>(lanes, &memory[rows[0]..rows[0] + columns])
-    }
-
-    #[inline(always)]
-    fn add_columns<S: Lanes, const NV: usize, const WHOLE: bool>(
-        lanes: S,
-        numbers: [S::f32s; NV],
-        target: &mut [f32],
-    ) {
-        if WHOLE {
-            for (numbers, target) in numbers.into_iter().zip(S::as_mut_simd_f32s(target).0) {
-                *target = lanes.add_f32s(numbers, *target);
-            }
-        } else {
-            for (numbers, target) in numbers.into_iter().zip(target.chunks_mut(S::F32_LANES)) {
-                let sum = lanes.add_f32s(numbers, lanes.partial_load_f32s(target));
-                lanes.partial_store_f32s(target, sum);
-            }
-        }
     }
 }
 
@@ -181,14 +160,32 @@ impl Word for Bf16Pair {
         Self([bf16::from_f32(number(0)), bf16::from_f32(number(1))])
     }
 
-    fn from_numbers(_: &[f32]) -> Option<&[Self]> {
-        None
+    #[inline(always)]
+    fn gathered(number: impl Fn(usize) -> bf16) -> Self {
+        Self([number(0), number(1)])
+    }
+
+    fn of_weights(level: Level, weights: &[f32]) -> Cow<'_, [Self]> {
+        let mut words = vec![Self::default(); Self::words(weights.len())];
+        let parts = Self::each_mut(&mut words).par_chunks_mut(ROUNDED);
+        let parts = parts.zip(weights.par_chunks(ROUNDED));
+        parts.for_each(|(rounded, numbers)| level.run(Round { numbers, rounded }));
+        Cow::Owned(words)
     }
 
     /// As plain bits, so that a loop becomes one over vectors.
     #[inline(always)]
     fn widened(number: bf16) -> f32 {
         f32::from_bits(u32::from(number.to_bits()) << 16)
+    }
+
+    #[inline(always)]
+    fn larger<S: Lanes>(lanes: S, x: S::f32s, y: S::f32s) -> S::f32s {
+        let of_first = f32::larger(lanes, first(lanes, x), first(lanes, y));
+        let of_second = f32::larger(lanes, second(lanes, x), second(lanes, y));
+        let low = lanes.transmute_u32s_f32s(of_first);
+        let low = lanes.wrapping_dyn_shr_u32s(low, lanes.splat_u32s(16));
+        lanes.transmute_f32s_u32s(lanes.or_u32s(low, lanes.transmute_u32s_f32s(of_second)))
     }
 
     #[inline]
@@ -202,18 +199,42 @@ impl Word for Bf16Pair {
     }
 }
 
+/// Numbers that one thread rounds.
+const ROUNDED: usize = 1 << 16;
+
+/// Rounds numbers to bf16, to even where they lie between two.
+struct Round<'a> {
+    numbers: &'a [f32],
+    rounded: &'a mut [bf16],
+}
+
+impl Kernel for Round<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _: S) {
+        for (rounded, number) in self.rounded.iter_mut().zip(self.numbers) {
+            // As plain bits, without a branch, so that the loop becomes one over vectors.
+            let bits = number.to_bits();
+            let nearest = bits.wrapping_add(0x7fff + (bits >> 16 & 1)) >> 16;
+            let quiet = bits >> 16 | 0x40;
+            *rounded = bf16::from_bits(if number.is_nan() { quiet } else { nearest } as u16);
+        }
+    }
+}
+
 impl Real for Bf16Pair {
     #[inline(always)]
     fn narrowed(number: f32) -> bf16 {
         bf16::from_f32(number)
     }
 
+    // Of two vectors, even columns are in the first, odd ones in the second.
     #[inline(always)]
-    fn joined(first: bf16, second: bf16) -> Self {
-        Self([first, second])
+    fn place(column: usize, lanes: usize) -> usize {
+        let within = column % (2 * lanes);
+        column - within + within % 2 * lanes + within / 2
     }
-
-    // Even columns, then odd ones.
     #[inline(always)]
     fn columns<S: Lanes, const NV: usize, const WHOLE: bool>(
         lanes: S,
@@ -242,21 +263,6 @@ impl Real for Bf16Pair {
             lanes.transmute_f32s_u32s(odd),
         ];
         std::array::from_fn(|v| both[v % 2])
-    }
-
-    #[inline(always)]
-    fn add_columns<S: Lanes, const NV: usize, const WHOLE: bool>(
-        _: S,
-        numbers: [S::f32s; NV],
-        target: &mut [f32],
-    ) {
-        let numbers: &[f32] = bytemuck::cast_slice(&numbers);
-        let (even, odd) = numbers.split_at(S::F32_LANES);
-        let (pairs, _) = target.as_chunks_mut::<2>();
-        for (pair, (even, odd)) in pairs.iter_mut().zip(even.iter().zip(odd)) {
-            pair[0] += even;
-            pair[1] += odd;
-        }
     }
 }
 
@@ -296,12 +302,16 @@ impl Word for Bytes {
     }
 
     #[inline(always)]
-    fn of_matrix(number: impl Fn(usize) -> f32) -> Self {
-        Self([0, 1, 2, 3].map(|i| byte(number(i))))
+    fn gathered(number: impl Fn(usize) -> u8) -> Self {
+        Self([0, 1, 2, 3].map(number))
     }
 
-    fn from_numbers(_: &[f32]) -> Option<&[Self]> {
-        None
+    fn of_weights(_: Level, weights: &[f32]) -> Cow<'_, [Self]> {
+        let mut words = vec![Self::default(); Self::words(weights.len())];
+        for (number, &weight) in Self::each_mut(&mut words).iter_mut().zip(weights) {
+            *number = byte(weight);
+        }
+        Cow::Owned(words)
     }
 
     #[inline(always)]
@@ -310,10 +320,8 @@ impl Word for Bytes {
     }
 
     #[inline(always)]
-    fn keep_larger(largest: &mut [Self], words: &[Self]) {
-        for (largest, &byte) in Self::each_mut(largest).iter_mut().zip(Self::each(words)) {
-            *largest = byte.max(*largest);
-        }
+    fn larger<S: Lanes>(lanes: S, x: S::f32s, y: S::f32s) -> S::f32s {
+        lanes.larger_bytes(x, y)
     }
 
     #[inline]
@@ -540,6 +548,25 @@ fn first<S: Lanes>(lanes: S, x: S::f32s) -> S::f32s {
 fn second<S: Lanes>(lanes: S, x: S::f32s) -> S::f32s {
     let bits = lanes.transmute_u32s_f32s(x);
     lanes.transmute_f32s_u32s(lanes.and_u32s(bits, lanes.splat_u32s(0xffff_0000)))
+}
+
+/// Numbers of a feature map; `WHOLE` if they fill the vectors, else what they lack is 0.
+#[inline(always)]
+pub(super) fn read<W, S, A, const NV: usize, const WHOLE: bool>(
+    lanes: S,
+    arithmetic: A,
+    from: &[W],
+) -> [S::f32s; NV]
+where
+    W: Word,
+    S: Lanes,
+    A: Arithmetic<S, Word = W>,
+{
+    if WHOLE {
+        arithmetic.load(lanes, from)
+    } else {
+        arithmetic.load_part(lanes, from)
+    }
 }
 
 /// A piece of work written against [`Arithmetic`] and [`Lanes`]; see [`Kernel`].

@@ -47,8 +47,9 @@ enum Packed<W> {
 impl<W: Real> ConvTranspose<W> {
     /// Packs weights `(outputs, inputs / groups, time, height, width)`.
     pub(crate) fn pack(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
+        let words = W::of_weights(level, weights);
         let phases = places(shape.window.stride)
-            .map(|first| Phase::pack(level, &shape, first, weights))
+            .map(|first| Phase::pack(level, &shape, first, (weights, &words)))
             .collect();
         Self { shape, phases }
     }
@@ -235,7 +236,7 @@ struct Table {
 }
 
 impl<W: Real> Phase<W> {
-    fn pack(level: Level, shape: &ConvShape, first: Size, weights: &[f32]) -> Self {
+    fn pack(level: Level, shape: &ConvShape, first: Size, weights: (&[f32], &[W])) -> Self {
         let window = &shape.window;
         let reaches = |tap: Size| {
             let mut offset = [0; 3];
@@ -297,15 +298,19 @@ impl<W: Real> Packed<W> {
         }
     }
 
-    /// Those of the given taps.
-    fn pack(level: Level, shape: &ConvShape, taps: &[usize], weights: &[f32]) -> Self {
+    /// Those of the given taps, of weights as they are and as words.
+    fn pack(
+        level: Level,
+        shape: &ConvShape,
+        taps: &[usize],
+        (weights, words): (&[f32], &[W]),
+    ) -> Self {
         if taps.is_empty() {
             return Self::None;
         }
         let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
         let all = pixels(shape.window.size);
-        let words = W::of_weights(level, weights);
-        let numbers = W::each(&words);
+        let numbers = W::each(words);
         let at = |output: usize, input: usize, tap: usize| {
             numbers[(output * inputs + input) * all + taps[tap]]
         };

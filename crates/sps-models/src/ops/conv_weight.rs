@@ -166,7 +166,7 @@ fn dense<W: Real>(
             add_products(level, (&seen, 0), right, [height, columns, taps], total);
         }
     };
-    if taps == 1 && !turned && stride == columns && W::NUMBERS == 1 {
+    if taps == 1 && !turned && W::NUMBERS == 1 {
         let parts = target.par_chunks_mut(height * stride).enumerate();
         parts.for_each(|(part, total)| {
             total.fill(0.0);

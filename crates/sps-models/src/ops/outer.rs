@@ -51,6 +51,7 @@ impl<'a, W: Real> Joined<'a, W> {
     /// The memory from a column on, and where those of some rows begin in it: a multiple of what is joined, but
     /// for the last ones.
     pub(crate) fn of(&self, column: usize, rows: Range<usize>) -> (&[W], &[usize]) {
+        debug_assert!(rows.start.is_multiple_of(W::NUMBERS), "{rows:?}");
         let rows = rows.start / W::NUMBERS..rows.end.div_ceil(W::NUMBERS);
         (&self.memory[column..], &self.rows[rows])
     }

@@ -100,8 +100,9 @@ impl<W: Word> Kernel for Pool<'_, W> {
 struct Corner {
     /// The index of its first pixel.
     start: usize,
-    /// Its time, its row and its column in a frame with its border, and how many of them there are from there.
+    /// How many times, rows and columns there are from there, with the border.
     room: Size,
+    /// How many of them the window sees.
     size: Size,
 }
 

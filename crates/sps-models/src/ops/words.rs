@@ -111,7 +111,7 @@ impl Word for f32 {
 
     #[inline(always)]
     fn larger<S: Lanes>(lanes: S, x: S::f32s, y: S::f32s) -> S::f32s {
-        // Of `y` that is NaN, `x` is at least as large.
+        // `x` where one of them is NaN.
         let largest = lanes.at_least(y, x);
         lanes.select_f32s(lanes.equal_f32s(y, y), largest, y)
     }
@@ -235,6 +235,7 @@ impl Real for Bf16Pair {
         let within = column % (2 * lanes);
         column - within + within % 2 * lanes + within / 2
     }
+
     #[inline(always)]
     fn columns<S: Lanes, const NV: usize, const WHOLE: bool>(
         lanes: S,

@@ -1,6 +1,8 @@
 //! Convolution, pooling and mean of bf16 feature maps, against f64 on the same rounded numbers; gradients
 //! and batch norm against those of f32, which other tests hold to f64.
 
+use half::bf16;
+
 use super::super::bands::Threads;
 use super::super::batch_norm::{FrameSums, Norm, NormGradients};
 use super::super::conv::{Conv, ConvShape};
@@ -376,4 +378,47 @@ fn numbers_are_narrowed() {
         assert_eq!(found, expected, "{number}");
     }
     assert!(Bf16Pair::widened(Bf16Pair::narrowed(f32::NAN)).is_nan());
+}
+
+/// A matrix is rounded in vectors as `half` rounds one number: ties, infinities, subnormal numbers and NaN too.
+#[test]
+fn matrices_are_rounded_as_numbers_are() {
+    let upper = (0..=u16::MAX).step_by(97);
+    let lower = [0, 1, 0x7fff, 0x8000, 0x8001, 0xffff];
+    let numbers = upper.flat_map(|upper| lower.map(|lower| u32::from(upper) << 16 | lower));
+    let numbers: Vec<f32> = numbers.map(f32::from_bits).collect();
+    let bits = |numbers: &[bf16]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    let expected: Vec<bf16> = numbers.iter().map(|&x| bf16::from_f32(x)).collect();
+    on_each_level(|level| {
+        let words = Bf16Pair::of_weights(level, &numbers);
+        let found = &Bf16Pair::each(&words)[..numbers.len()];
+        assert_eq!(bits(found), bits(&expected), "{level:?}");
+    });
+}
+
+/// NaN stays in the maximum wherever it lies, with either sign, and numbers below 0 keep their order.
+#[test]
+fn the_larger_of_pairs() {
+    let window = Window::square(2, 2, 0);
+    let pool = |values: [f32; 4]| {
+        let (from, to) = (Grid::tight(1, [1, 2, 2], 2), Grid::tight(1, [1, 1, 1], 2));
+        let (from, to) = (from.of::<Bf16Pair>(), to.of::<Bf16Pair>());
+        let source = values.map(|x| Bf16Pair::of(|_| x));
+        let mut target = [Bf16Pair::default()];
+        let level = Level::detect();
+        let target_map = (&mut target[..], &to);
+        max_pool(Threads::One, level, &window, (&source, &from), target_map);
+        Bf16Pair::numbers(&target).collect::<Vec<_>>()
+    };
+    on_each_level(|level| {
+        assert_eq!(pool([-3.0, -1.0, -2.0, -4.0]), [-1.0; 2], "{level:?}");
+        for nan in [f32::NAN, -f32::NAN] {
+            for position in 0..4 {
+                let mut values = [1.0, f32::INFINITY, 0.0, -1.0];
+                values[position] = nan;
+                let found = pool(values);
+                assert!(found.iter().all(|x| x.is_nan()), "{level:?} {position}");
+            }
+        }
+    });
 }

@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::bands::{Threads, for_each_band};
 use super::grid::{Grid, Size, Window, pixels};
-use super::simd::{Kernel, Lanes, Level, load};
-use super::words::{Arithmetic, Real, Word, WordKernel, lanes_of, read};
+use super::simd::{Kernel, Lanes, Level};
+use super::words::{Arithmetic, Real, Word, WordKernel, lanes_of, read, vectors};
 
 /// Writes to each pixel of `target` the largest values under the window.
 ///
@@ -50,49 +50,92 @@ impl<W: Word> Kernel for Pool<'_, W> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes>(self, lanes: S) {
+    fn run<S: Lanes>(mut self, lanes: S) {
         let Self {
             window, from, to, ..
         } = self;
         let width = to.size[2].max(1);
-        let (columns, stride) = (window.size[2], window.stride[2]);
-        // Of each column the largest of its pixels, which windows side by side share.
-        let mut largest = Vec::new();
         let mut rows = Vec::new();
-        for (row, places) in self.places.chunks_exact(width).enumerate() {
-            let corner = Corner::new(window, from, to, self.first + row * width);
+        for (line, places) in self.places.chunks_exact(width).enumerate() {
+            let corner = Corner::new(window, from, to, self.first + line * width);
             rows.clear();
             rows.extend(corner.rows(from));
             // The last window may hang over the end.
-            let seen = ((width - 1) * stride + columns).min(corner.room[2]);
-            for word in (0..from.words).step_by(S::F32_LANES) {
-                let words = S::F32_LANES.min(from.words - word);
-                largest.clear();
-                for x in 0..seen {
-                    let mut of_column = None;
-                    for row in &rows {
-                        let at = row + x * from.pitch + word;
-                        let pixel = load(lanes, lanes_of(&self.source[at..at + words]));
-                        let other = of_column.unwrap_or(pixel);
-                        of_column = Some(W::larger(lanes, other, pixel));
-                    }
-                    largest.extend(of_column);
-                }
-                for (x, &place) in places.iter().enumerate() {
-                    let mut under = largest[x * stride..].iter().take(columns);
-                    let Some(&first) = under.next() else {
-                        continue;
-                    };
-                    let mut of_window = first;
-                    for &column in under {
-                        of_window = W::larger(lanes, of_window, column);
-                    }
-                    let place = place - self.origin + word;
-                    let out = bytemuck::cast_slice_mut(&mut self.target[place..place + words]);
-                    lanes.partial_store_f32s(out, of_window);
-                }
+            let reach = (width - 1) * window.stride[2] + window.size[2];
+            let seen = reach.min(corner.room[2]);
+            let mut word = 0;
+            while word + VECTORS * S::F32_LANES <= from.words {
+                self.line::<S, VECTORS, true>(lanes, (&rows, seen), places, word);
+                word += VECTORS * S::F32_LANES;
+            }
+            while word + S::F32_LANES <= from.words {
+                self.line::<S, 1, true>(lanes, (&rows, seen), places, word);
+                word += S::F32_LANES;
+            }
+            if word < from.words {
+                self.line::<S, 1, false>(lanes, (&rows, seen), places, word);
             }
         }
+    }
+}
+
+/// Vectors that are compared together.
+const VECTORS: usize = 4;
+
+impl<W: Word> Pool<'_, W> {
+    /// `NV` vectors of a row of pixels, from `word` on; `WHOLE` if there are as many. The windows see some columns of
+    /// rows that begin so.
+    #[inline(always)]
+    fn line<S: Lanes, const NV: usize, const WHOLE: bool>(
+        &mut self,
+        lanes: S,
+        (rows, seen): (&[usize], usize),
+        places: &[usize],
+        word: usize,
+    ) {
+        let [first, others @ ..] = rows else { return };
+        let words = (self.from.words - word).min(NV * S::F32_LANES);
+        let read = |row: usize, x: usize| {
+            let at = row + x * self.from.pitch + word;
+            vectors::<S, NV, WHOLE>(lanes, lanes_of(&self.source[at..at + words]))
+        };
+        // Of each column the largest of its pixels, which windows side by side share.
+        let mut columns = Vec::with_capacity(seen);
+        for x in 0..seen {
+            let mut largest = read(*first, x);
+            for &row in others {
+                keep_larger::<W, S, NV>(lanes, &mut largest, read(row, x));
+            }
+            columns.push(largest);
+        }
+        let (size, stride) = (self.window.size[2], self.window.stride[2]);
+        for (x, &place) in places.iter().enumerate() {
+            let under = &columns[x * stride..(x * stride + size).min(seen)];
+            let [first, others @ ..] = under else { return };
+            let mut largest = *first;
+            for &column in others {
+                keep_larger::<W, S, NV>(lanes, &mut largest, column);
+            }
+            let place = place - self.origin + word;
+            let out = bytemuck::cast_slice_mut(&mut self.target[place..place + words]);
+            if WHOLE {
+                S::as_mut_simd_f32s(out).0[..NV].copy_from_slice(&largest);
+            } else {
+                lanes.partial_store_f32s(out, largest[0]);
+            }
+        }
+    }
+}
+
+/// Takes over each number that is the larger one.
+#[inline(always)]
+fn keep_larger<W: Word, S: Lanes, const NV: usize>(
+    lanes: S,
+    largest: &mut [S::f32s; NV],
+    others: [S::f32s; NV],
+) {
+    for (largest, other) in largest.iter_mut().zip(others) {
+        *largest = W::larger(lanes, *largest, other);
     }
 }
 

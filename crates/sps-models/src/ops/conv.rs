@@ -11,7 +11,7 @@ use super::panels::Panels;
 use super::product::{Epilogue, Product};
 use super::simd::Level;
 use super::winograd::{Reach, Winograd};
-use super::words::{Word, lanes_of};
+use super::words::Word;
 
 /// The shape of a convolution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -184,13 +184,12 @@ impl<W: Word> Conv<W> {
         if let Some(winograd) = self.winograd(to.size) {
             debug_assert_eq!(window.stride, self.shape.window.stride);
             let reach = Reach {
-                source: lanes_of(source),
+                source,
                 from,
                 starts: &starts,
                 to,
                 places: &places,
             };
-            let target = bytemuck::cast_slice_mut(target);
             winograd.apply(threads, reach, target, epilogue);
             return;
         }

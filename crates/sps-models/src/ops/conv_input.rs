@@ -13,7 +13,7 @@ use super::panels::Panels;
 use super::product::{Epilogue, Product};
 use super::simd::Level;
 use super::winograd::{Reach, Winograd};
-use super::words::{Real, lanes_of};
+use super::words::Real;
 
 /// The transpose of a convolution, with its weights laid out for the kernels.
 #[derive(Debug, Clone)]
@@ -102,13 +102,12 @@ impl<W: Real> ConvTranspose<W> {
             let first = table.taps.last().copied().unwrap_or_default();
             let starts: Vec<usize> = table.starts.iter().map(|start| start + first).collect();
             let reach = Reach {
-                source: lanes_of(gradient),
+                source: gradient,
                 from,
                 starts: &starts,
                 to,
                 places: &table.places,
             };
-            let target = bytemuck::cast_slice_mut(target);
             winograd.apply(Threads::All, reach, target, epilogue);
             return;
         }

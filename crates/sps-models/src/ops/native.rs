@@ -155,20 +155,19 @@ pub(super) mod bf16 {
         }
 
         #[inline(always)]
-        fn store<const NV: usize>(self, lanes: V4, values: [f32x16; NV], to: &mut [Bf16Pair]) {
+        fn store<const NV: usize>(self, _: V4, values: [f32x16; NV], to: &mut [Bf16Pair]) {
             for (values, to) in values.chunks(2).zip(to.chunks_mut(16)) {
-                let first = values[0];
-                let second = values.get(1).copied().unwrap_or(first);
+                let first = vector(values[0]);
                 // SAFETY: `self` says that the processor has AVX512-BF16, and the types are the same
                 // bits.
-                let words = unsafe {
-                    let words = _mm512_cvtne2ps_pbh(vector(second), vector(first));
-                    std::mem::transmute::<__m512bh, f32x16>(words)
-                };
-                let to: &mut [f32] = bytemuck::cast_slice_mut(to);
-                match V4::as_mut_simd_f32s(to).0 {
-                    [whole, ..] => *whole = words,
-                    [] => lanes.partial_store_f32s(to, words),
+                unsafe {
+                    if let ([_, second], Some(to)) = (values, to.first_chunk_mut::<16>()) {
+                        let words = _mm512_cvtne2ps_pbh(vector(*second), first);
+                        *to = std::mem::transmute::<__m512bh, [Bf16Pair; 16]>(words);
+                    } else if let Some(to) = to.first_chunk_mut::<8>() {
+                        let words = _mm512_cvtneps_pbh(first);
+                        *to = std::mem::transmute::<__m256bh, [Bf16Pair; 8]>(words);
+                    }
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! The right operand of a product, laid out for the kernel.
 
-use std::any::Any;
+use std::borrow::Cow;
 
 use rayon::prelude::*;
 
@@ -8,7 +8,7 @@ use super::bands::Threads;
 use super::buffer::Buffer;
 use super::grid::{Grid, pixels};
 use super::simd::Level;
-use super::words::Word;
+use super::words::{Word, lanes_of};
 
 /// Vectors of a panel's row.
 pub(super) const PANEL_VECTORS: usize = 2;
@@ -55,6 +55,23 @@ pub(super) struct Panel<'a, W> {
     pub(super) vectors: usize,
     /// `(k, vectors * lanes)`.
     pub(super) data: &'a [W],
+}
+
+impl<W: Word> Panel<'_, W> {
+    /// Its numbers: of each row of words, so wide, as many rows as a word has numbers.
+    fn numbers(&self, width: usize) -> Cow<'_, [f32]> {
+        if W::NUMBERS == 1 {
+            return Cow::Borrowed(lanes_of(self.data));
+        }
+        let mut numbers = vec![0.0; self.data.len() * W::NUMBERS];
+        let rows = numbers.chunks_exact_mut(width * W::NUMBERS);
+        for (rows, words) in rows.zip(self.data.chunks_exact(width)) {
+            for (column, number) in W::numbers(words).enumerate() {
+                rows[column % W::NUMBERS * width + column / W::NUMBERS] = number;
+            }
+        }
+        Cow::Owned(numbers)
+    }
 }
 
 impl<W: Word> Panels<W> {
@@ -118,18 +135,19 @@ impl<W: Word> Panels<W> {
         panels
     }
 
-    /// Matrices of as many columns and `k` rows, whose panels `make` makes of this one's: from the memory of
-    /// a panel to that of the same columns in each.
+    /// Matrices of as many columns and `k` rows of numbers, whose panels `make` makes of this one's: from the
+    /// numbers of a panel to the same columns of each.
     pub(super) fn derived(
         &self,
         threads: Threads,
         k: usize,
         count: usize,
-        make: impl Fn(&[W], &mut [&mut [W]]) + Send + Sync,
-    ) -> Vec<Self> {
-        let mut all = vec![Self::resized(self.level, k, self.n); count];
+        make: impl Fn(&[f32], &mut [&mut [f32]]) + Send + Sync,
+    ) -> Vec<Panels> {
+        let mut all = vec![Panels::resized(self.level, k, self.n); count];
         let lanes = self.level.lanes();
-        let mut rests: Vec<&mut [W]> = all.iter_mut().map(|panels| &mut panels.data[..]).collect();
+        let mut rests: Vec<&mut [f32]> =
+            all.iter_mut().map(|panels| &mut panels.data[..]).collect();
         let mut made = Vec::new();
         for panel in self.all().iter() {
             let width = panel.vectors * lanes;
@@ -138,9 +156,11 @@ impl<W: Word> Panels<W> {
                 *rest = tail;
                 part
             });
-            made.push((panel.data, parts.collect::<Vec<_>>()));
+            made.push((panel, parts.collect::<Vec<_>>()));
         }
-        let make = |(panel, mut parts): (_, Vec<_>)| make(panel, &mut parts);
+        let make = |(panel, mut parts): (Panel<'_, W>, Vec<_>)| {
+            make(&panel.numbers(panel.vectors * lanes), &mut parts);
+        };
         match threads {
             Threads::One => made.into_iter().for_each(make),
             Threads::All => made.into_par_iter().for_each(make),
@@ -172,12 +192,6 @@ impl<W: Word> Panels<W> {
         panels.into_par_iter().for_each(|(column, width, panel)| {
             fill(column, width.min(n - column), width, panel);
         });
-    }
-
-    /// The same, where words are numbers.
-    pub(super) fn of_numbers(&self) -> Option<&Panels> {
-        let any: &dyn Any = self;
-        any.downcast_ref()
     }
 
     /// Rows.

@@ -51,6 +51,7 @@ fn check(shape: ConvShape, size: [usize; 2]) {
         let weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
         let shift: Vec<f32> = shift.iter().map(|&s| s as f32).collect();
         let conv = Conv::pack(level, shape, &weights);
+        let for_inference = Conv::pack_for_inference(level, shape, &weights);
         let from = grid.padded(&shape.window);
         let mut source = vec![Bf16Pair::default(); from.len()];
         for (&place, pixel) in from.places().iter().zip(words(&values).chunks(grid.pitch)) {
@@ -59,7 +60,7 @@ fn check(shape: ConvShape, size: [usize; 2]) {
         let to = shape.window.output(grid.size).unwrap();
         let to = Grid::tight(1, to, shape.outputs).of::<Bf16Pair>();
         let before = rounded(&noise(2 * to.len(), 4));
-        for accumulate in [false, true] {
+        for (conv, accumulate) in [(&conv, false), (&conv, true), (&for_inference, true)] {
             let mut target = words(&before);
             let epilogue = Epilogue {
                 shift: Some(Columns::shared(&shift)),
@@ -101,6 +102,8 @@ fn convolutions() {
     check(shape(halving, 32, 64, 1), [7, 5]);
     check(shape(Window::square(7, 2, 3), 4, 64, 1), [15, 13]);
     check(shape(square, 16, 80, 1), [6, 5]);
+    // By fewer products in inference.
+    check(shape(square, 32, 48, 1), [11, 10]);
     // Columns that fill no vector.
     check(shape(point, 6, 10, 1), [3, 3]);
     for window in [square, jumping] {
@@ -192,6 +195,7 @@ fn gradients_of_convolutions() {
         (shape(halving, 32, 64, 1), [7, 5]),
         (shape(Window::square(7, 2, 3), 4, 64, 1), [15, 13]),
         (shape(square, 16, 80, 1), [6, 5]),
+        (shape(square, 32, 48, 1), [11, 10]),
         (shape(jumping, 40, 24, 1), [23, 20]),
         (shape(square, 128, 128, 32), [9, 6]),
         (shape(jumping, 64, 64, 8), [6, 9]),

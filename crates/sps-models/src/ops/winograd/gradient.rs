@@ -8,6 +8,7 @@ use super::{CACHE, MEMORY, Reach, Tile, TileSize, Winograd, tiles, worth_it};
 use crate::ops::grid::{Window, pixels};
 use crate::ops::outer::Outer;
 use crate::ops::simd::Level;
+use crate::ops::words::Word;
 
 /// More weights of a tap than this have sums that are not read and written, for each chunk of tiles, in the time
 /// that is saved.
@@ -81,13 +82,14 @@ fn sums_of_products(
         let seen = count * times * tiles.len() * inputs;
         memory.resize(seen + count * tiles.len() * outputs);
         let (seen, slopes) = memory.split_at_mut(seen);
-        level.run(TransformInputs::<4>(Inputs {
+        let of_inputs = Inputs {
             reach,
             tiles,
             times,
             run: inputs,
             target: &mut *seen,
-        }));
+        };
+        f32::run(level, TransformInputs::<f32, 4>(of_inputs));
         level.run(TransformGradients {
             reach,
             gradient,

@@ -80,8 +80,8 @@ impl TileSize {
 
 /// Where a convolution reads, and where its outputs lie.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Reach<'a> {
-    pub(super) source: &'a [f32],
+pub(super) struct Reach<'a, W = f32> {
+    pub(super) source: &'a [W],
     pub(super) from: &'a Grid,
     /// Where the window begins at each pixel.
     pub(super) starts: &'a [usize],
@@ -111,18 +111,20 @@ impl Winograd {
         groups: &[Panels<W>],
         turned: bool,
     ) -> Option<Self> {
-        let [panels] = groups else {
+        let [direct] = groups else {
             return None;
         };
-        let direct = panels.of_numbers()?;
-        if !worth_it(window, [inputs, outputs]) {
+        if W::WHOLE || !worth_it(window, [inputs, outputs]) {
             return None;
         }
         let times = window.size[0];
         let size = if inputs * outputs <= MOST_WEIGHTS_OF_LARGE {
             TileSize::Four
-        } else {
+        } else if W::NUMBERS == 1 {
             TileSize::Two
+        } else {
+            // Products of bf16 are twice as fast as those of f32, in which tiles are multiplied.
+            return None;
         };
         let weights = direct.derived(
             threads,
@@ -159,11 +161,11 @@ impl Winograd {
     }
 
     /// Convolves.
-    pub(super) fn apply(
+    pub(super) fn apply<W: Word>(
         &self,
         threads: Threads,
-        reach: Reach<'_>,
-        target: &mut [f32],
+        reach: Reach<'_, W>,
+        target: &mut [W],
         epilogue: Epilogue<'_>,
     ) {
         let whole = 0..pixels(reach.to.size) * reach.to.frames;
@@ -202,12 +204,12 @@ impl Winograd {
     }
 
     /// Computes pixels, which are whole rows of tiles.
-    fn write(
+    fn write<W: Word>(
         &self,
         weights: &[PanelRun<'_, f32>],
-        reach: &Reach<'_>,
+        reach: &Reach<'_, W>,
         band: Range<usize>,
-        (target, origin): (&mut [f32], usize),
+        (target, origin): (&mut [W], usize),
         epilogue: Epilogue<'_>,
     ) {
         let Some(first) = weights.first() else { return };
@@ -232,8 +234,8 @@ impl Winograd {
                 target: &mut *seen,
             };
             match self.size {
-                TileSize::Two => level.run(TransformInputs::<4>(of_inputs)),
-                TileSize::Four => level.run(TransformInputs::<6>(of_inputs)),
+                TileSize::Two => W::run(level, TransformInputs::<W, 4>(of_inputs)),
+                TileSize::Four => W::run(level, TransformInputs::<W, 6>(of_inputs)),
             }
             self.multiply(weights, tiles.len(), seen, products);
             let of_outputs = Outputs {
@@ -246,8 +248,8 @@ impl Winograd {
                 epilogue,
             };
             match self.size {
-                TileSize::Two => f32::run(level, TransformOutputs::<4>(of_outputs)),
-                TileSize::Four => f32::run(level, TransformOutputs::<6>(of_outputs)),
+                TileSize::Two => W::run(level, TransformOutputs::<W, 4>(of_outputs)),
+                TileSize::Four => W::run(level, TransformOutputs::<W, 6>(of_outputs)),
             }
         }
         MEMORY.set(memory);

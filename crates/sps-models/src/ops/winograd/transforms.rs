@@ -4,7 +4,7 @@ use super::points::{of_gradients, of_inputs, of_products, of_weights};
 use super::{Reach, Tile};
 use crate::ops::product::{Epilogue, Finish};
 use crate::ops::simd::{Kernel, Lanes, load};
-use crate::ops::words::{Arithmetic, WordKernel};
+use crate::ops::words::{Arithmetic, Word, WordKernel};
 
 /// `G g G^T` of each pair of channels.
 pub(super) struct TransformWeights<'a, 'b, const SIDE: usize> {
@@ -50,10 +50,10 @@ impl<const SIDE: usize> Kernel for TransformWeights<'_, '_, SIDE> {
 }
 
 /// `B^T d B` of each tile, time step and channel.
-pub(super) struct TransformInputs<'a, const SIDE: usize>(pub(super) Inputs<'a>);
+pub(super) struct TransformInputs<'a, W, const SIDE: usize>(pub(super) Inputs<'a, W>);
 
-pub(super) struct Inputs<'a> {
-    pub(super) reach: &'a Reach<'a>,
+pub(super) struct Inputs<'a, W> {
+    pub(super) reach: &'a Reach<'a, W>,
     pub(super) tiles: &'a [Tile],
     pub(super) times: usize,
     /// Channels.
@@ -62,11 +62,11 @@ pub(super) struct Inputs<'a> {
     pub(super) target: &'a mut [f32],
 }
 
-impl<const SIDE: usize> Kernel for TransformInputs<'_, SIDE> {
+impl<W: Word, const SIDE: usize> WordKernel<W> for TransformInputs<'_, W, SIDE> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes>(self, lanes: S) {
+    fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) {
         let Inputs {
             reach,
             tiles,
@@ -87,15 +87,16 @@ impl<const SIDE: usize> Kernel for TransformInputs<'_, SIDE> {
                 let start = starts[tile.pixel] + time * from.extent(1) * row;
                 // Behind the last row and column that its outputs need there may be none.
                 let [last_row, last_column] = tile.extent.map(|extent| extent + 1);
-                let end = start + last_row * row + last_column * pitch + run;
+                let end = start + last_row * row + last_column * pitch + W::words(run);
                 let inputs = &source[start..end];
                 let first = (time * tiles.len() + number) * run;
                 for channel in (0..run).step_by(S::F32_LANES) {
                     let mut columns = [[lanes.splat_f32s(0.0); SIDE]; SIDE];
                     for (x, column) in columns.iter_mut().enumerate() {
-                        let at = x.min(last_column) * pitch + channel;
+                        let at = x.min(last_column) * pitch + W::words(channel);
                         for (y, input) in column.iter_mut().enumerate() {
-                            *input = load(lanes, &inputs[y.min(last_row) * row + at..]);
+                            let from = &inputs[y.min(last_row) * row + at..];
+                            [*input] = arithmetic.load(lanes, from);
                         }
                         of_inputs(lanes, column);
                     }
@@ -117,25 +118,25 @@ impl<const SIDE: usize> Kernel for TransformInputs<'_, SIDE> {
 }
 
 /// `A^T m A` of each tile and channel, and what happens to sums.
-pub(super) struct TransformOutputs<'a, const SIDE: usize>(pub(super) Outputs<'a>);
+pub(super) struct TransformOutputs<'a, W, const SIDE: usize>(pub(super) Outputs<'a, W>);
 
-pub(super) struct Outputs<'a> {
-    pub(super) reach: &'a Reach<'a>,
+pub(super) struct Outputs<'a, W> {
+    pub(super) reach: &'a Reach<'a, W>,
     pub(super) tiles: &'a [Tile],
     /// Channels.
     pub(super) n: usize,
     /// `(products, tiles, channels)`
     pub(super) products: &'a [f32],
-    pub(super) target: &'a mut [f32],
+    pub(super) target: &'a mut [W],
     pub(super) origin: usize,
     pub(super) epilogue: Epilogue<'a>,
 }
 
-impl<const SIDE: usize> WordKernel<f32> for TransformOutputs<'_, SIDE> {
+impl<W: Word, const SIDE: usize> WordKernel<W> for TransformOutputs<'_, W, SIDE> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes, A: Arithmetic<S, Word = f32>>(self, lanes: S, arithmetic: A) {
+    fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) {
         let Outputs {
             reach,
             tiles,
@@ -170,13 +171,14 @@ impl<const SIDE: usize> WordKernel<f32> for TransformOutputs<'_, SIDE> {
                             continue;
                         }
                         let pixel = tile.pixel + y * to.size[2] + x;
-                        let out = &mut target[places[pixel] - origin + channel..];
-                        let mut stored = lanes.splat_f32s(0.0);
+                        let out = places[pixel] - origin + W::words(channel);
+                        let out = &mut target[out..][..W::words(S::F32_LANES)];
+                        let mut stored = [lanes.splat_f32s(0.0)];
                         if finish.accumulate {
-                            stored = load(lanes, out);
+                            stored = arithmetic.load(lanes, out);
                         }
-                        let ended = finish.apply_to(lanes, arithmetic, 0, value, stored);
-                        store(lanes, ended, out);
+                        let ended = finish.apply_to(lanes, arithmetic, 0, value, stored[0]);
+                        arithmetic.store(lanes, [ended], out);
                     }
                 }
             }

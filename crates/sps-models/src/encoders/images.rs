@@ -6,6 +6,7 @@ use super::batch::Images;
 use super::scales::Scale;
 use crate::ops::bands::{Threads, for_each_band};
 use crate::ops::grid::Grid;
+use crate::ops::image::rows_of_words;
 use crate::ops::words::Word;
 
 /// What a network takes out of its input: `(value - mean) / std` of each channel.
@@ -35,21 +36,6 @@ impl Normalisation {
     }
 }
 
-/// Channels of an image for the kernels: those of bf16 and int8 are four, of which the last counts for
-/// nothing, so that a pixel fills whole words.
-pub(super) fn image_channels<W: Word>() -> usize {
-    3_usize.next_multiple_of(W::NUMBERS)
-}
-
-/// The weights `(outputs, 3, taps)` of a convolution of images, for their channels in memory.
-pub(super) fn image_weights<W: Word>(weights: &[f32], taps: usize) -> Vec<f32> {
-    let nothing = vec![0.0; (image_channels::<W>() - 3) * taps];
-    let outputs = weights.chunks_exact(3 * taps);
-    outputs
-        .flat_map(|output| output.iter().chain(&nothing).copied())
-        .collect()
-}
-
 /// Where the channels of an image in memory are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Order {
@@ -59,18 +45,22 @@ pub(super) enum Order {
     Pixels,
 }
 
-/// Lays one of the images out channels last, as `grid` says of a single frame.
+/// Lays one of the images out as `grid` says of a single frame and [`crate::ops::image`] of its rows; around it
+/// lies `zero`.
 pub(super) fn lay_out<W: Word>(
     threads: Threads,
     image: &[f32],
     images: &Images<'_>,
-    grid: &Grid,
-    out: &mut [W],
+    (out, grid): (&mut [W], &Grid),
+    zero: f32,
 ) {
-    let width = grid.size[2].max(1);
-    for_each_band(threads, grid, out, |band| {
-        let rows = band.pixels.start / width..band.pixels.end / width;
-        lay_out_rows(image, images, grid, rows, (band.target, band.origin));
+    let memory = rows_of_words::<W>(grid);
+    memory.fill_border(out, W::of(|_| zero));
+    let words = memory.size[2];
+    for_each_band(threads, &memory, out, |band| {
+        let rows = band.pixels.start / words..band.pixels.end / words;
+        let target = (band.target, band.origin);
+        lay_out_rows(image, images, grid, &memory, rows, target, zero);
     });
 }
 
@@ -79,16 +69,20 @@ fn lay_out_rows<W: Word>(
     image: &[f32],
     images: &Images<'_>,
     grid: &Grid,
+    memory: &Grid,
     rows: Range<usize>,
     (out, origin): (&mut [W], usize),
+    zero: f32,
 ) {
     let [time, height, width] = grid.size;
+    let words = memory.size[2];
     let plane = time * height * width;
     // Of each number of a row, so that a vector of them is normalised at once.
     let Normalisation { mean, std } = images.normalisation;
     let (means, stds) = (mean.repeat(width), std.repeat(width));
-    let mut pixels = vec![0.0; 3 * width];
+    let mut numbers = vec![zero; W::NUMBERS * words];
     for row in rows {
+        let pixels = &mut numbers[3 * grid.before[2]..][..3 * width];
         match images.order {
             Order::Planes => {
                 for channel in 0..3 {
@@ -104,16 +98,13 @@ fn lay_out_rows<W: Word>(
             *value = (*value - mean) / std;
         }
         let place = [
-            grid.before[0] + row / height,
-            grid.before[1] + row % height,
-            grid.before[2],
+            memory.before[0] + row / height,
+            memory.before[1] + row % height,
+            0,
         ];
-        let out = &mut out[grid.index(0, place) - origin..][..width * grid.pitch];
-        let words = out.chunks_exact_mut(W::words(3));
-        for (words, pixel) in words.zip(pixels.chunks_exact(3)) {
-            for (word, first) in words.iter_mut().zip((0..3).step_by(W::NUMBERS)) {
-                *word = W::of(|i| pixel.get(first + i).copied().unwrap_or_default());
-            }
+        let out = &mut out[memory.index(0, place) - origin..][..words];
+        for (word, numbers) in out.iter_mut().zip(numbers.chunks_exact(W::NUMBERS)) {
+            *word = W::of(|i| numbers[i]);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Convolution of feature maps, channels last.
+//! Convolution of feature maps and images, channels last.
 
 use std::sync::OnceLock;
 
@@ -7,6 +7,7 @@ use super::depthwise::{ChannelWeights, DepthwiseProduct};
 use super::depthwise_bytes::{QuadProduct, QuadWeights};
 use super::grid::{Grid, Size, Window, pixels};
 use super::grouped::{GroupWeights, GroupedProduct};
+use super::image::ImagePanels;
 use super::panels::Panels;
 use super::product::{Epilogue, Product};
 use super::simd::Level;
@@ -58,13 +59,20 @@ impl ConvShape {
 #[derive(Debug, Clone)]
 pub(crate) struct Conv<W = f32> {
     shape: ConvShape,
-    packed: Packed<W>,
+    weights: Weights<W>,
     /// For inference: the same by fewer products where that is worth it, laid out when a map is first large
     /// enough.
     winograd: Option<OnceLock<Option<Winograd>>>,
 }
 
 /// A convolution's weights.
+#[derive(Debug, Clone)]
+enum Weights<W> {
+    Images(ImagePanels<W>),
+    Maps(Packed<W>),
+}
+
+/// Those of a convolution of feature maps.
 #[derive(Debug, Clone)]
 enum Packed<W> {
     /// Each group as a matrix, by the rows of [`ConvShape::runs`].
@@ -119,6 +127,15 @@ impl<W: Word> Conv<W> {
         Self::direct(shape, packed)
     }
 
+    /// Packs weights `(outputs, 3, time, height, width)`, for images that lie as [`super::image`] says.
+    pub(crate) fn pack_for_images(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
+        Self {
+            shape,
+            weights: Weights::Images(ImagePanels::pack(level, &shape, weights)),
+            winograd: None,
+        }
+    }
+
     /// The same for inference: by fewer products, whose sums round more, where that is worth it.
     pub(crate) fn pack_for_inference(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
         Self {
@@ -130,7 +147,7 @@ impl<W: Word> Conv<W> {
     /// By fewer products, to maps of such a size.
     fn winograd(&self, size: Size) -> Option<&Winograd> {
         let laid_out = self.winograd.as_ref()?;
-        let (shape, Packed::Matrices(groups)) = (&self.shape, &self.packed) else {
+        let (shape, Weights::Maps(Packed::Matrices(groups))) = (&self.shape, &self.weights) else {
             return None;
         };
         if !Winograd::serves(size) {
@@ -145,7 +162,7 @@ impl<W: Word> Conv<W> {
     fn direct(shape: ConvShape, packed: Packed<W>) -> Self {
         Self {
             shape,
-            packed,
+            weights: Weights::Maps(packed),
             winograd: None,
         }
     }
@@ -173,12 +190,29 @@ impl<W: Word> Conv<W> {
         &self,
         window: &Window,
         threads: Threads,
+        source: (&[W], &Grid),
+        target: (&mut [W], &Grid),
+        epilogue: Epilogue<'_>,
+    ) {
+        debug_assert_eq!(window.size, self.shape.window.size);
+        debug_assert_eq!(window.output(source.1.size), Some(target.1.size));
+        match &self.weights {
+            Weights::Images(panels) => panels.apply(window, threads, source, target, epilogue),
+            Weights::Maps(packed) => {
+                self.apply_packed(packed, window, threads, source, target, epilogue);
+            }
+        }
+    }
+
+    fn apply_packed(
+        &self,
+        packed: &Packed<W>,
+        window: &Window,
+        threads: Threads,
         (source, from): (&[W], &Grid),
         (target, to): (&mut [W], &Grid),
         epilogue: Epilogue<'_>,
     ) {
-        debug_assert_eq!(window.size, self.shape.window.size);
-        debug_assert_eq!(window.output(from.size), Some(to.size), "{:?}", self.shape);
         let starts = from.starts(window, to.size);
         let places = to.places();
         if let Some(winograd) = self.winograd(to.size) {
@@ -194,7 +228,7 @@ impl<W: Word> Conv<W> {
             return;
         }
         let taps = self.taps(from);
-        if let (Threads::All, Packed::Matrices(groups)) = (threads, &self.packed)
+        if let (Threads::All, Packed::Matrices(groups)) = (threads, packed)
             && let [panels] = &groups[..]
             && panels.outweigh(from, to)
         {
@@ -213,7 +247,7 @@ impl<W: Word> Conv<W> {
         for_each_band(threads, to, target, |band| {
             let starts = &starts[band.pixels.clone()];
             let places = &places[band.pixels];
-            match &self.packed {
+            match packed {
                 Packed::Narrow(weights) => GroupedProduct {
                     source,
                     starts,

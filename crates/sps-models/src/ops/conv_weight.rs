@@ -6,8 +6,9 @@ use rayon::prelude::*;
 
 use super::conv::ConvShape;
 use super::depthwise::DepthwiseOuter;
-use super::grid::{Grid, pixels};
+use super::grid::{Grid, Window, pixels};
 use super::grouped::GroupedOuter;
+use super::image::{self, PIXEL, Phase};
 use super::outer::{Joined, Outer};
 use super::simd::Level;
 use super::winograd::{self, Reach};
@@ -66,6 +67,53 @@ pub(crate) fn weight_gradient<W: Real>(
         outer.write(source, pairs.starts, gradient, pairs.places, target);
     } else {
         grouped(level, shape, &pairs, &from.taps(shape.window.size), target);
+    }
+}
+
+/// The same of a convolution of images, `(outputs, 3, time, height, width)`: `source` lies as [`super::image`] says.
+pub(crate) fn weight_gradient_of_images<W: Real>(
+    level: Level,
+    shape: &ConvShape,
+    (source, images): (&[W], &Grid),
+    (gradient, to): (&[W], &Grid),
+    target: &mut [f32],
+) {
+    let [time, height, width] = shape.window.size;
+    let runs = image::taps::<W>(&shape.window, images);
+    target.fill(0.0);
+    for phase in Phase::all::<W>(&shape.window) {
+        let reach = phase.reach::<W>(
+            &shape.window,
+            images,
+            to,
+            0..to.frames * to.size[0] * to.size[1],
+        );
+        let pairs = Pairs {
+            source,
+            starts: &reach.starts,
+            gradient,
+            places: &reach.places,
+        };
+        // Each run is a pixel of as many numbers as its words hold.
+        let of_runs = ConvShape {
+            window: Window {
+                size: [time, height, 1],
+                ..shape.window
+            },
+            inputs: W::NUMBERS * phase.run::<W>(&shape.window),
+            ..*shape
+        };
+        let mut sums = vec![0.0; shape.outputs * of_runs.inputs * runs.len()];
+        dense(level, &of_runs, &pairs, &runs, &mut sums);
+        let outputs = target.chunks_exact_mut(PIXEL * runs.len() * width);
+        for (target, sums) in outputs.zip(sums.chunks_exact(of_runs.inputs * runs.len())) {
+            for (row, target) in target.chunks_exact_mut(width).enumerate() {
+                let (channel, run) = (row / runs.len(), row % runs.len());
+                for (pixel, target) in target.iter_mut().enumerate() {
+                    *target += sums[(phase.offset + PIXEL * pixel + channel) * runs.len() + run];
+                }
+            }
+        }
     }
 }
 

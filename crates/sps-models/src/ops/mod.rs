@@ -36,6 +36,7 @@ mod depthwise;
 mod depthwise_bytes;
 pub(crate) mod grid;
 mod grouped;
+pub(crate) mod image;
 pub(crate) mod mean;
 mod native;
 mod operators;

@@ -1,11 +1,9 @@
 //! Convolutions as inference needs them: what follows them linearly is part of them.
 
-use crate::encoders::images::{image_channels, image_weights};
-use crate::encoders::network;
+use crate::encoders::network::{self, IMAGE};
 use crate::encoders::scales::Scale;
 use crate::error::Result;
 use crate::ops::conv::{Conv, ConvShape};
-use crate::ops::grid::pixels;
 use crate::ops::panels::Panels;
 use crate::ops::product::{Activation, Epilogue, Product};
 use crate::ops::simd::Level;
@@ -19,16 +17,22 @@ pub(super) struct Folded {
     /// `(outputs, inputs / groups, time, height, width)`
     weights: Vec<f32>,
     shift: Vec<f32>,
+    /// Whether it is one of images.
+    of_images: bool,
 }
 
 impl Folded {
     /// A convolution with its bias or with the batch norm after it, which becomes part of it.
     pub(super) fn new(conv: &network::Conv, weights: &Weights, eps: f64) -> Result<Self> {
         let shape = conv.shape([1; 3]);
-        match &conv.norm {
+        let folded = match &conv.norm {
             Some(norm) => Self::batch_norm(shape, weights, &conv.name, norm, eps),
             None => Self::bias(shape, weights, &conv.name),
-        }
+        };
+        Ok(Self {
+            of_images: conv.input == IMAGE,
+            ..folded?
+        })
     }
 
     fn batch_norm(
@@ -56,6 +60,7 @@ impl Folded {
             shape,
             weights: folded,
             shift,
+            of_images: false,
         })
     }
 
@@ -65,6 +70,7 @@ impl Folded {
             shape,
             weights: values(weights, &format!("{layer}.weight"))?,
             shift: values(weights, &format!("{layer}.bias"))?,
+            of_images: false,
         })
     }
 
@@ -101,25 +107,24 @@ impl Folded {
             },
             weights,
             shift,
+            of_images: inner.of_images,
         }
     }
 
-    /// With as many inputs as an image in memory has channels.
-    pub(super) fn of_image<W: Word>(mut self) -> Self {
-        self.weights = image_weights::<W>(&self.weights, pixels(self.shape.window.size));
-        self.shape.inputs = image_channels::<W>();
-        self
-    }
-
-    /// Lays it out for the kernels, for feature maps of such words and scales.
+    /// Lays it out for the kernels, for a map of such words and scales.
     pub(super) fn pack<W: Word>(mut self, level: Level, ends: Ends) -> Packed<W> {
         let (scale, offset) = if W::WHOLE {
             (Some(self.quantise(ends)), ends.offset())
         } else {
             (None, 0.0)
         };
+        let pack = if self.of_images {
+            Conv::pack_for_images
+        } else {
+            Conv::pack_for_inference
+        };
         Packed {
-            conv: Conv::pack_for_inference(level, self.shape, &self.weights),
+            conv: pack(level, self.shape, &self.weights),
             scale,
             shift: self.shift,
             offset,

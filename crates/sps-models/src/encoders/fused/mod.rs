@@ -14,13 +14,14 @@ mod hard_cases;
 mod slots;
 
 use super::batch::Images;
-use super::images::{image_channels, lay_out};
+use super::images::lay_out;
 use super::network::{Conv, IMAGE, Layer, Map, MaxPool, Network};
 use super::scales::{Calibration, Scale};
 use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
 use crate::ops::grid::{Grid, Size};
+use crate::ops::image::rows_of_words;
 use crate::ops::pool::max_pool;
 use crate::ops::product::{Columns, Epilogue};
 use crate::ops::simd::Level;
@@ -165,14 +166,14 @@ impl<W: Word> Fused<W> {
         slots: &mut [Buffer<W>],
     ) {
         let memory = &mut slots[self.slots.of(IMAGE)];
-        memory.resize(grid.len());
-        self.pad(IMAGE, grid, memory);
+        memory.resize(rows_of_words::<W>(grid).len());
         let normalisation = &images.normalisation.scaled(self.scales[IMAGE]);
         let images = Images {
             normalisation,
             ..*images
         };
-        lay_out(threads, image, &images, grid, memory);
+        let zero = self.scales[IMAGE].zero;
+        lay_out(threads, image, &images, (memory, grid), zero);
     }
 
     /// Fills a map's border with what stands for 0.
@@ -184,13 +185,9 @@ impl<W: Word> Fused<W> {
     /// share memory share a layout.
     fn grids(&self, frames: usize, image: Size) -> Vec<Grid> {
         let sizes = self.network.sizes(image).unwrap_or_default();
-        let channels = |map| match map {
-            IMAGE => image_channels::<W>(),
-            _ => self.network.channels[map],
-        };
-        let tight = |map, &size| Grid::tight(frames, size, channels(map));
-        let tight = |(map, size)| tight(map, size).of::<W>().staggered();
-        let mut grids: Vec<Grid> = sizes.iter().enumerate().map(tight).collect();
+        let maps = sizes.iter().zip(&self.network.channels);
+        let tight = |(&size, &channels)| Grid::tight(frames, size, channels).of::<W>();
+        let mut grids: Vec<Grid> = maps.map(|map| tight(map).staggered()).collect();
         for layer in &self.network.layers {
             for (map, slide) in layer.slides() {
                 let host = self.slots.host(map);
@@ -322,14 +319,14 @@ impl Plan<'_> {
                 gate: Some(gate),
                 ..
             } => {
-                let folded = self.folded::<W>(conv)?;
+                let folded = Folded::new(conv, self.weights, self.eps)?;
                 let gate = PackedGate::new(gate, &folded, self.weights, self.level)?;
                 Step::Gated(Box::new((self.part(conv, folded, 0, ends(conv)), gate)))
             }
             Layer::Conv(_) | Layer::Concat(_) | Layer::Residual { .. } => {
                 let mut column = 0;
                 let part = |conv: &Conv| {
-                    let folded = self.folded::<W>(conv)?;
+                    let folded = Folded::new(conv, self.weights, self.eps)?;
                     let mut part = self.part(conv, folded, column, ends(conv));
                     let offset = part.packed.offset;
                     part.packed
@@ -352,13 +349,5 @@ impl Plan<'_> {
             accumulate: ends.accumulate(),
             limits: ends.limits::<W>(conv.activation),
         }
-    }
-
-    fn folded<W: Word>(&self, conv: &Conv) -> Result<Folded> {
-        let folded = Folded::new(conv, self.weights, self.eps)?;
-        Ok(match conv.input {
-            IMAGE => folded.of_image::<W>(),
-            _ => folded,
-        })
     }
 }

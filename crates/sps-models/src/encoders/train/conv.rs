@@ -1,6 +1,6 @@
 //! A convolution and its norm, forward and backward.
 
-use super::layer::{Context, Gradients, shape};
+use super::layer::{Context, Gradients};
 use super::{Value, segment::MapGradients};
 use crate::encoders::network::{Conv, IMAGE};
 use crate::encoders::plain::BatchStatistics;
@@ -122,7 +122,7 @@ impl<W: Real> KeptConv<W> {
         gradients: &mut Gradients,
         write: impl FnOnce(&mut [W], &Grid),
     ) -> Result<()> {
-        let shape = shape::<W>(conv, source.grid.size);
+        let shape = conv.shape(source.grid.size);
         if conv.input == IMAGE {
             let mut target = context.recycler.take(self.grid.len());
             write(&mut target, &self.grid);

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
-use crate::encoders::images::{image_channels, image_weights};
 use crate::encoders::network::{self, IMAGE, Layer, Map, Network};
 use crate::encoders::plain::{BatchStatistics, check_count, too_small};
 use crate::error::Result;
@@ -13,7 +12,7 @@ use crate::ops::batch_norm::{Norm, NormGradients};
 use crate::ops::buffer::{Recycler, Scratch};
 use crate::ops::conv::{Conv, ConvShape};
 use crate::ops::conv_input::ConvTranspose;
-use crate::ops::conv_weight::weight_gradient;
+use crate::ops::conv_weight::{weight_gradient, weight_gradient_of_images};
 use crate::ops::grid::{Grid, Size, pixels};
 use crate::ops::product::{Activation, Epilogue};
 use crate::ops::simd::Level;
@@ -73,10 +72,8 @@ impl Context {
     /// The layout of each map of so many frames, with the border that its readers need.
     pub(super) fn grids<W: Real>(&self, frames: usize, image: Size) -> Result<Vec<Grid>> {
         let sizes = self.network.sizes(image).ok_or_else(|| too_small(image))?;
-        let mut channels = self.network.channels.clone();
-        channels[IMAGE] = image_channels::<W>();
-        let maps = sizes.iter().zip(channels);
-        let tight = |(&size, channels)| Grid::tight(frames, size, channels).of::<W>();
+        let maps = sizes.iter().zip(&self.network.channels);
+        let tight = |(&size, &channels)| Grid::tight(frames, size, channels).of::<W>();
         let mut grids: Vec<Grid> = maps.map(|map| tight(map).staggered()).collect();
         for layer in &self.network.layers {
             for (map, slide) in layer.slides() {
@@ -107,13 +104,13 @@ impl Context {
         conv: &network::Conv,
         (source, from): (&[W], &Grid),
     ) -> Result<(Scratch<W>, Grid)> {
-        let shape = shape::<W>(conv, from.size);
+        let shape = conv.shape(from.size);
         let packed = self.parameter(&format!("{}.weight", conv.name), |weights| {
-            if conv.input == IMAGE {
-                let weights = image_weights::<W>(weights, pixels(shape.window.size));
-                return Conv::pack(self.level, shape, &weights);
-            }
-            Conv::pack(self.level, shape, weights)
+            let pack = match conv.input {
+                IMAGE => Conv::pack_for_images,
+                _ => Conv::pack,
+            };
+            pack(self.level, shape, weights)
         })?;
         let size = shape.window.output(from.size);
         let size = size.ok_or_else(|| too_small(from.size))?;
@@ -160,12 +157,11 @@ impl Context {
     ) {
         let taps = pixels(shape.window.size);
         let mut values = vec![0.0; shape.outputs * shape.group_inputs() * taps];
-        weight_gradient(self.level, shape, source, gradient, &mut values);
-        if conv.input == IMAGE {
-            let rows = values.chunks_exact(shape.inputs * taps);
-            let own = |row: &[f32]| row[..conv.inputs * taps].to_vec();
-            values = rows.flat_map(own).collect();
-        }
+        let write = match conv.input {
+            IMAGE => weight_gradient_of_images,
+            _ => weight_gradient,
+        };
+        write(self.level, shape, source, gradient, &mut values);
         gradients.insert(&conv.name, "weight", values);
     }
 
@@ -179,13 +175,4 @@ impl Context {
             ConvTranspose::pack(self.level, shape, weights)
         })
     }
-}
-
-/// A convolution of maps of such words, and of an image's channels in memory.
-pub(super) fn shape<W: Real>(conv: &network::Conv, input: Size) -> ConvShape {
-    let mut shape = conv.shape(input);
-    if conv.input == IMAGE {
-        shape.inputs = image_channels::<W>();
-    }
-    shape
 }

@@ -21,6 +21,7 @@ use crate::error::Result;
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Scratch;
 use crate::ops::grid::{Grid, pixels};
+use crate::ops::image::rows_of_words;
 use crate::ops::mean::frame_means;
 use crate::ops::words::Real;
 pub(super) use layer::{Context, Gradients};
@@ -135,12 +136,12 @@ impl<W: Real> Tape<W> {
 
 /// The images, normalised.
 fn images_value<W: Real>(context: &Context, images: &Images<'_>, grid: Grid) -> Value<W> {
-    let mut memory = context.recycler.take(grid.len());
-    grid.fill_border(&mut memory, W::default());
+    let rows = rows_of_words::<W>(&grid);
+    let mut memory = context.recycler.take(rows.len());
     let one = Grid { frames: 1, ..grid };
-    let frames = memory.chunks_exact_mut(grid.frame_len());
+    let frames = memory.chunks_exact_mut(rows.frame_len());
     for (image, memory) in images.iter().zip(frames) {
-        lay_out(Threads::All, image, images, &one, memory);
+        lay_out(Threads::All, image, images, (memory, &one), 0.0);
     }
     Value { memory, grid }
 }

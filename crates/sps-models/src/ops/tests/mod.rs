@@ -9,6 +9,7 @@ mod depthwise;
 mod gated_residual;
 mod golden3d;
 mod hard_cases;
+mod image;
 #[cfg(feature = "regressions")]
 mod measure;
 mod others;

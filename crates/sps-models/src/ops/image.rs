@@ -1,0 +1,170 @@
+//! Convolutions of images, whose pixels of three numbers lie side by side whatever a word holds.
+//!
+//! A row of an image begins at a word and has its padding in it. A row under the window is one run of numbers, which
+//! may begin within a word: how far within, repeats along a row of the output. Pixels that have it in common are a
+//! phase, whose weights lie as far within their words.
+
+use std::ops::Range;
+
+use bytemuck::Zeroable;
+
+use super::bands::{Threads, for_each_band};
+use super::conv::ConvShape;
+use super::grid::{Grid, Window};
+use super::panels::Panels;
+use super::product::{Epilogue, Product};
+use super::simd::Level;
+use super::words::Word;
+
+/// Numbers of a pixel.
+pub(super) const PIXEL: usize = 3;
+
+/// The rows of images of such a layout, as a map whose pixels are words.
+pub(crate) fn rows_of_words<W: Word>(images: &Grid) -> Grid {
+    let ([time, height, _], [before, above, _], [after, below, _]) =
+        (images.size, images.before, images.after);
+    Grid {
+        size: [time, height, W::words(PIXEL * images.extent(2))],
+        before: [before, above, 0],
+        after: [after, below, 0],
+        ..Grid::tight(images.frames, images.size, 1)
+    }
+}
+
+/// Pixels of a row of the output that lie as far from each other as the first and the next whose window begins as
+/// far within a word.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Phase {
+    first: usize,
+    /// How many phases there are.
+    step: usize,
+    /// The word at which the first window begins, and words from one to the next.
+    word: usize,
+    words: usize,
+    /// Numbers of the first word before the window.
+    pub(super) offset: usize,
+}
+
+/// Where the runs of a phase begin, and its pixels of the output.
+pub(super) struct Reach {
+    pub(super) starts: Vec<usize>,
+    pub(super) places: Vec<usize>,
+}
+
+impl Phase {
+    /// All phases of a window.
+    pub(super) fn all<W: Word>(window: &Window) -> impl Iterator<Item = Self> {
+        let numbers = PIXEL * window.stride[2];
+        let whole = |step: &usize| (numbers * step).is_multiple_of(W::NUMBERS);
+        let step = (1..W::NUMBERS).find(whole).unwrap_or(W::NUMBERS);
+        (0..step).map(move |first| Self {
+            first,
+            step,
+            word: numbers * first / W::NUMBERS,
+            words: numbers * step / W::NUMBERS,
+            offset: numbers * first % W::NUMBERS,
+        })
+    }
+
+    /// Words of a run.
+    pub(super) fn run<W: Word>(&self, window: &Window) -> usize {
+        W::words(self.offset + PIXEL * window.size[2])
+    }
+
+    /// Of some rows of the output, counted over all frames, and images with as much padding along theirs as the
+    /// window wants.
+    pub(super) fn reach<W: Word>(
+        &self,
+        window: &Window,
+        images: &Grid,
+        to: &Grid,
+        rows: Range<usize>,
+    ) -> Reach {
+        debug_assert_eq!(images.before[2], window.before[2]);
+        let memory = rows_of_words::<W>(images);
+        let [time, height, width] = to.size;
+        let (mut starts, mut places) = (Vec::new(), Vec::new());
+        for row in rows {
+            let (frame, time, row) = (row / (time * height), row / height % time, row % height);
+            let under = |axis: usize, at: usize| {
+                images.before[axis] - window.before[axis] + at * window.stride[axis]
+            };
+            let start = memory.index(frame, [under(0, time), under(1, row), self.word]);
+            let place = to.index(
+                frame,
+                [to.before[0] + time, to.before[1] + row, to.before[2]],
+            );
+            for (i, pixel) in (self.first..width).step_by(self.step).enumerate() {
+                starts.push(start + i * self.words);
+                places.push(place + pixel * to.pitch);
+            }
+        }
+        Reach { starts, places }
+    }
+}
+
+/// Where the runs of a window begin, from its own beginning.
+pub(super) fn taps<W: Word>(window: &Window, images: &Grid) -> Vec<usize> {
+    let [time, height, _] = window.size;
+    rows_of_words::<W>(images).taps([time, height, 1])
+}
+
+/// The weights of a convolution of images, laid out for each phase.
+#[derive(Debug, Clone)]
+pub(super) struct ImagePanels<W>(Vec<(Phase, Panels<W>)>);
+
+impl<W: Word> ImagePanels<W> {
+    /// Packs weights `(outputs, 3, time, height, width)`.
+    pub(super) fn pack(level: Level, shape: &ConvShape, weights: &[f32]) -> Self {
+        let words = W::of_weights(level, weights);
+        let numbers = W::each(&words);
+        let [time, height, width] = shape.window.size;
+        let panels = |phase: Phase| {
+            let runs = [time * height, phase.run::<W>(&shape.window)];
+            Panels::pack(level, runs, shape.outputs, |run, word, output| {
+                W::gathered(|i| {
+                    let number = (W::NUMBERS * word + i).wrapping_sub(phase.offset);
+                    let (pixel, channel) = (number / PIXEL, number % PIXEL);
+                    if pixel >= width {
+                        return W::Number::zeroed();
+                    }
+                    numbers[((output * PIXEL + channel) * runs[0] + run) * width + pixel]
+                })
+            })
+        };
+        Self(
+            Phase::all::<W>(&shape.window)
+                .map(|phase| (phase, panels(phase)))
+                .collect(),
+        )
+    }
+
+    /// Convolves images into `target`.
+    pub(super) fn apply(
+        &self,
+        window: &Window,
+        threads: Threads,
+        (source, images): (&[W], &Grid),
+        (target, to): (&mut [W], &Grid),
+        epilogue: Epilogue<'_>,
+    ) {
+        let taps = taps::<W>(window, images);
+        let width = to.size[2].max(1);
+        for_each_band(threads, to, target, |band| {
+            let rows = band.pixels.start / width..band.pixels.end / width;
+            for (phase, panels) in &self.0 {
+                let reach = phase.reach::<W>(window, images, to, rows.clone());
+                let product = Product {
+                    source,
+                    rows: &reach.starts,
+                    frame_rows: reach.places.len() / band.frames.len().max(1),
+                    taps: &taps,
+                    run: panels.k() / taps.len(),
+                    panels: panels.all(),
+                    epilogue: epilogue.from(band.frames.start, 0),
+                };
+                product.write(band.target, &reach.places, band.origin);
+            }
+        });
+    }
+}

@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use super::bands::{Threads, for_each_band};
 use super::depthwise::{ChannelWeights, DepthwiseProduct};
-use super::depthwise_bytes::{QuadProduct, QuadWeights};
+use super::depthwise_words::{InterleavedProduct, InterleavedWeights};
 use super::grid::{Grid, Size, Window, pixels};
 use super::grouped::{GroupWeights, GroupedProduct};
 use super::image::ImagePanels;
@@ -81,8 +81,8 @@ enum Packed<W> {
     Narrow(GroupWeights<W>),
     /// Each channel by itself.
     Channels(ChannelWeights),
-    /// The same in bytes.
-    Quads(QuadWeights<W>),
+    /// The same where words hold several numbers.
+    Interleaved(InterleavedWeights<W>),
 }
 
 impl<W: Word> Conv<W> {
@@ -93,11 +93,12 @@ impl<W: Word> Conv<W> {
         let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
         let taps = pixels(shape.window.size);
         if shape.depthwise() {
-            let packed = if W::WHOLE {
-                let columns = shape.window.size[2];
-                Packed::Quads(QuadWeights::pack(level, [taps / columns, columns], weights))
-            } else {
+            let packed = if W::NUMBERS == 1 {
                 Packed::Channels(ChannelWeights::pack(level, taps, weights))
+            } else {
+                let columns = shape.window.size[2];
+                let window = [taps / columns, columns];
+                Packed::Interleaved(InterleavedWeights::pack(level, window, weights))
             };
             return Self::direct(shape, packed);
         }
@@ -264,7 +265,7 @@ impl<W: Word> Conv<W> {
                     epilogue,
                 }
                 .write(band.target, places, band.origin),
-                Packed::Quads(weights) => QuadProduct {
+                Packed::Interleaved(weights) => InterleavedProduct {
                     source,
                     starts,
                     taps: &taps,

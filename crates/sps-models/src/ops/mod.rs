@@ -33,7 +33,7 @@ pub(crate) mod conv;
 pub(crate) mod conv_input;
 pub(crate) mod conv_weight;
 mod depthwise;
-mod depthwise_bytes;
+mod depthwise_words;
 pub(crate) mod grid;
 mod grouped;
 pub(crate) mod image;

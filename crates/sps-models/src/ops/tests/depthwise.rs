@@ -53,7 +53,10 @@ fn check<W: Word>(window: Window, size: [usize; 3], channels: usize, rounding: f
     let values = as_words(&noise(pixels(size) * channels, 1));
     let x: Vec<f64> = W::numbers(&values).map(f64::from).collect();
     let (weights, shift) = (noise(channels * pixels(window.size), 2), noise(channels, 3));
-    let weights: Vec<f64> = weights.iter().map(|w| 3.0 * w).collect();
+    let weights = weights.iter().map(|w| W::of(|_| 3.0 * *w as f32));
+    let weights: Vec<f64> = weights
+        .map(|w| f64::from(W::widened(W::each(&[w])[0])))
+        .collect();
     let expected = reference(&window, size, &x, &weights, &shift);
     on_each_level(|level| {
         let narrow = |values: &[f64]| -> Vec<f32> { values.iter().map(|&v| v as f32).collect() };
@@ -89,6 +92,9 @@ fn check<W: Word>(window: Window, size: [usize; 3], channels: usize, rounding: f
 fn depthwise_convolutions() {
     for channels in [2, 24, 32, 40, 144] {
         for (window, size) in [
+            (Window::square(5, 1, 2), [1, 7, 10]),
+            (Window::square(3, 2, 1), [1, 9, 8]),
+            (Window::square(7, 1, 3), [1, 4, 5]),
             (Window::square(3, 1, 1), [1, 6, 5]),
             (Window::square(5, 2, 2), [1, 7, 9]),
             (Window::same([1, 5, 5], [1, 2, 2], [1, 8, 6]), [1, 8, 6]),

@@ -56,9 +56,8 @@ pub(super) fn lay_out<W: Word>(
 ) {
     let memory = rows_of_words::<W>(grid);
     memory.fill_border(out, W::of(|_| zero));
-    let words = memory.size[2];
     for_each_band(threads, &memory, out, |band| {
-        let rows = band.pixels.start / words..band.pixels.end / words;
+        let rows = band.rows(&memory);
         let target = (band.target, band.origin);
         lay_out_rows(image, images, grid, &memory, rows, target, zero);
     });

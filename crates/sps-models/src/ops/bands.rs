@@ -30,6 +30,14 @@ pub(crate) struct Band<'a, W = f32> {
     pub(crate) target: &'a mut [W],
 }
 
+impl<W> Band<'_, W> {
+    /// The rows of a map that the pixels are, counted over all frames.
+    pub(crate) fn rows(&self, grid: &Grid) -> Range<usize> {
+        let width = grid.size[2].max(1);
+        self.pixels.start / width..self.pixels.end / width
+    }
+}
+
 /// Runs `work` on a thread of the pool that the caller is in: from outside, each parallel step in it
 /// would be handed over and waited for asleep. The pool's other threads stay awake until it is done.
 pub(crate) fn inside_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {

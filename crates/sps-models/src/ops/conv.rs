@@ -214,10 +214,10 @@ impl<W: Word> Conv<W> {
         (target, to): (&mut [W], &Grid),
         epilogue: Epilogue<'_>,
     ) {
-        let starts = from.starts(window, to.size);
-        let places = to.places();
+        let reach = || (from.starts(window, to.size), to.places());
         if let Some(winograd) = self.winograd(to.size) {
             debug_assert_eq!(window.stride, self.shape.window.stride);
+            let (starts, places) = reach();
             let reach = Reach {
                 source,
                 from,
@@ -233,6 +233,7 @@ impl<W: Word> Conv<W> {
             && let [panels] = &groups[..]
             && panels.outweigh(from, to)
         {
+            let (starts, places) = reach();
             let product = Product {
                 source,
                 rows: &starts,
@@ -246,8 +247,9 @@ impl<W: Word> Conv<W> {
             return;
         }
         for_each_band(threads, to, target, |band| {
-            let starts = &starts[band.pixels.clone()];
-            let places = &places[band.pixels];
+            let rows = band.rows(to);
+            let starts = &from.starts_of(rows.clone(), window, to.size)[..];
+            let places = &to.places_of(rows)[..];
             match packed {
                 Packed::Narrow(weights) => GroupedProduct {
                     source,

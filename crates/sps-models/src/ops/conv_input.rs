@@ -271,8 +271,9 @@ impl<W: Real> Phase<W> {
 
     fn table(&self, from: &Grid, to: &Grid, stride: Size) -> Table {
         let count = self.count(to.size, stride);
+        let rows = 0..to.frames * count[0] * count[1];
         // From the border's corner; the offsets, which may be negative, lead back inside it.
-        let starts = from.steps([0; 3], count, [1; 3]);
+        let starts = from.steps(rows.clone(), [0; 3], count, [1; 3]);
         let first = std::array::from_fn(|axis| to.before[axis] + self.first[axis]);
         let tap = |offset: &[isize; 3]| {
             let place = std::array::from_fn(|axis| {
@@ -283,7 +284,7 @@ impl<W: Real> Phase<W> {
         Table {
             starts,
             taps: self.offsets.iter().map(tap).collect(),
-            places: to.steps(first, count, stride),
+            places: to.steps(rows, first, count, stride),
         }
     }
 }

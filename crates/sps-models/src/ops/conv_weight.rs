@@ -82,12 +82,7 @@ pub(crate) fn weight_gradient_of_images<W: Real>(
     let runs = image::taps::<W>(&shape.window, images);
     target.fill(0.0);
     for phase in Phase::all::<W>(&shape.window) {
-        let reach = phase.reach::<W>(
-            &shape.window,
-            images,
-            to,
-            0..to.frames * to.size[0] * to.size[1],
-        );
+        let reach = phase.reach::<W>(&shape.window, images, to, to.rows());
         let pairs = Pairs {
             source,
             starts: &reach.starts,

@@ -265,7 +265,7 @@ impl<W: Word> Write<'_, '_, W> {
                         }
                     }
                     let x = arithmetic.interleave(lanes, x);
-                    for window in 0..open {
+                    for (window, sums) in sums[..open].iter_mut().enumerate() {
                         let tap = window * STEP + beside;
                         if tap < K {
                             for v in 0..N {
@@ -274,8 +274,7 @@ impl<W: Word> Write<'_, '_, W> {
                                 } else {
                                     weights[group][tap][v]
                                 };
-                                let sum = sums[window][v];
-                                sums[window][v] = arithmetic.multiply_add(lanes, x[v], weight, sum);
+                                sums[v] = arithmetic.multiply_add(lanes, x[v], weight, sums[v]);
                             }
                         }
                     }

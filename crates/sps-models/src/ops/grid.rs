@@ -1,5 +1,7 @@
 //! Where the pixels of a feature map lie in memory, channels last, with room for padding.
 
+use std::ops::Range;
+
 use super::words::Word;
 
 /// Time, height, width. A still image has one time step.
@@ -229,32 +231,63 @@ impl Grid {
         frame * self.frame_len() + row * self.pitch
     }
 
+    /// Rows of all frames.
+    pub(crate) fn rows(&self) -> Range<usize> {
+        0..self.frames * self.size[0] * self.size[1]
+    }
+
     /// The index of each pixel's first channel, frame by frame, row by row.
     pub(crate) fn places(&self) -> Vec<usize> {
-        self.steps(self.before, self.size, [1; 3])
+        self.places_of(self.rows())
+    }
+
+    /// The same of some rows, counted over all frames.
+    pub(super) fn places_of(&self, rows: Range<usize>) -> Vec<usize> {
+        self.steps(rows, self.before, self.size, [1; 3])
     }
 
     /// Where a window begins at each of its places.
     pub(crate) fn starts(&self, window: &Window, output: Size) -> Vec<usize> {
-        let mut from = [0; 3];
-        for (axis, from) in from.iter_mut().enumerate() {
-            *from = self.before[axis] - window.before[axis];
-        }
-        self.steps(from, output, window.stride)
+        let rows = 0..self.frames * output[0] * output[1];
+        self.starts_of(rows, window, output)
     }
 
-    /// The index of `count` places from `from` in steps of `stride`, in every frame.
-    pub(crate) fn steps(&self, from: Size, count: Size, stride: Size) -> Vec<usize> {
-        let mut steps = Vec::with_capacity(self.frames * pixels(count));
-        for frame in 0..self.frames {
-            for t in 0..count[0] {
-                for y in 0..count[1] {
-                    let row = [from[0] + t * stride[0], from[1] + y * stride[1], from[2]];
-                    let start = self.index(frame, row);
-                    let step = stride[2] * self.pitch;
-                    steps.extend((0..count[2]).map(|x| start + x * step));
-                }
+    /// The same of some rows of places, counted over all frames.
+    pub(super) fn starts_of(
+        &self,
+        rows: Range<usize>,
+        window: &Window,
+        output: Size,
+    ) -> Vec<usize> {
+        let from = [0, 1, 2].map(|axis| self.before[axis] - window.before[axis]);
+        self.steps(rows, from, output, window.stride)
+    }
+
+    /// The index of `count` places from `from` in steps of `stride`, in every frame: of some rows of them.
+    pub(crate) fn steps(
+        &self,
+        rows: Range<usize>,
+        from: Size,
+        [time, height, width]: Size,
+        stride: Size,
+    ) -> Vec<usize> {
+        let mut steps = Vec::with_capacity(rows.len() * width);
+        let step = stride[2] * self.pitch;
+        let mut row = rows.start;
+        while row < rows.end {
+            // The rows of one time step at once.
+            let (frame, t, y) = (row / height / time, row / height % time, row % height);
+            let count = (height - y).min(rows.end - row);
+            for y in y..y + count {
+                let first = [from[0] + t * stride[0], from[1] + y * stride[1], from[2]];
+                let mut at = self.index(frame, first);
+                // Added up, which takes less time than a product for each.
+                steps.extend((0..width).map(|_| {
+                    at += step;
+                    at - step
+                }));
             }
+            row += count;
         }
         steps
     }
@@ -282,7 +315,6 @@ impl Grid {
 
     /// How far from a window's beginning its pixels lie, in steps of one pixel.
     pub(crate) fn taps(&self, size: Size) -> Vec<usize> {
-        let one = Self { frames: 1, ..*self };
-        one.steps([0; 3], size, [1; 3])
+        self.steps(0..size[0] * size[1], [0; 3], size, [1; 3])
     }
 }

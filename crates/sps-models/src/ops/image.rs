@@ -81,25 +81,22 @@ impl Phase {
         rows: Range<usize>,
     ) -> Reach {
         debug_assert_eq!(images.before[2], window.before[2]);
-        let memory = rows_of_words::<W>(images);
         let [time, height, width] = to.size;
-        let (mut starts, mut places) = (Vec::new(), Vec::new());
-        for row in rows {
-            let (frame, time, row) = (row / (time * height), row / height % time, row % height);
-            let under = |axis: usize, at: usize| {
-                images.before[axis] - window.before[axis] + at * window.stride[axis]
-            };
-            let start = memory.index(frame, [under(0, time), under(1, row), self.word]);
-            let place = to.index(
-                frame,
-                [to.before[0] + time, to.before[1] + row, to.before[2]],
-            );
-            for (i, pixel) in (self.first..width).step_by(self.step).enumerate() {
-                starts.push(start + i * self.words);
-                places.push(place + pixel * to.pitch);
-            }
+        let count = width.saturating_sub(self.first).div_ceil(self.step);
+        let count = [time, height, count];
+        let [before, above] = [0, 1].map(|axis| images.before[axis] - window.before[axis]);
+        let stride = [window.stride[0], window.stride[1], self.words];
+        let [earlier, under, beside] = to.before;
+        let memory = rows_of_words::<W>(images);
+        Reach {
+            starts: memory.steps(rows.clone(), [before, above, self.word], count, stride),
+            places: to.steps(
+                rows,
+                [earlier, under, beside + self.first],
+                count,
+                [1, 1, self.step],
+            ),
         }
-        Reach { starts, places }
     }
 }
 
@@ -149,9 +146,8 @@ impl<W: Word> ImagePanels<W> {
         epilogue: Epilogue<'_>,
     ) {
         let taps = taps::<W>(window, images);
-        let width = to.size[2].max(1);
         for_each_band(threads, to, target, |band| {
-            let rows = band.pixels.start / width..band.pixels.end / width;
+            let rows = band.rows(to);
             for (phase, panels) in &self.0 {
                 let reach = phase.reach::<W>(window, images, to, rows.clone());
                 let product = Product {

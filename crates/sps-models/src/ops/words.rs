@@ -157,7 +157,7 @@ impl Word for Bf16Pair {
 
     #[inline(always)]
     fn of(number: impl Fn(usize) -> f32) -> Self {
-        Self([bf16::from_f32(number(0)), bf16::from_f32(number(1))])
+        Self([0, 1].map(|i| rounded(number(i))))
     }
 
     #[inline(always)]
@@ -199,10 +199,20 @@ impl Word for Bf16Pair {
     }
 }
 
+/// A number rounded to bf16, to even where it lies between two. Without a branch, so that a loop becomes one over
+/// vectors.
+#[inline(always)]
+fn rounded(number: f32) -> bf16 {
+    let bits = number.to_bits();
+    let nearest = bits.wrapping_add(0x7fff + (bits >> 16 & 1)) >> 16;
+    let quiet = bits >> 16 | 0x40;
+    bf16::from_bits(if number.is_nan() { quiet } else { nearest } as u16)
+}
+
 /// Numbers that one thread rounds.
 const ROUNDED: usize = 1 << 16;
 
-/// Rounds numbers to bf16, to even where they lie between two.
+/// Rounds numbers to bf16.
 struct Round<'a> {
     numbers: &'a [f32],
     rounded: &'a mut [bf16],
@@ -213,12 +223,8 @@ impl Kernel for Round<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) {
-        for (rounded, number) in self.rounded.iter_mut().zip(self.numbers) {
-            // As plain bits, without a branch, so that the loop becomes one over vectors.
-            let bits = number.to_bits();
-            let nearest = bits.wrapping_add(0x7fff + (bits >> 16 & 1)) >> 16;
-            let quiet = bits >> 16 | 0x40;
-            *rounded = bf16::from_bits(if number.is_nan() { quiet } else { nearest } as u16);
+        for (to, number) in self.rounded.iter_mut().zip(self.numbers) {
+            *to = rounded(*number);
         }
     }
 }
@@ -226,7 +232,7 @@ impl Kernel for Round<'_> {
 impl Real for Bf16Pair {
     #[inline(always)]
     fn narrowed(number: f32) -> bf16 {
-        bf16::from_f32(number)
+        rounded(number)
     }
 
     // Of two vectors, even columns are in the first, odd ones in the second.

@@ -26,14 +26,14 @@ fn layers<W: Word>(weights: &Weights, image: &[f32], size: [usize; 3]) -> Vec<Ve
         normalisation: &Normalisation::NONE,
     };
     let grids = fused.grids(1, size);
-    let mut slots: Vec<_> = (0..fused.slots.count).map(|_| Buffer::default()).collect();
+    let mut slots: Vec<_> = (0..fused.slots.count).map(|_| Slot::default()).collect();
     fused.lay_out(Threads::One, image, &images, &grids[IMAGE], &mut slots);
     let mut layers = Vec::new();
     for (number, layer) in network.layers.iter().enumerate() {
         fused.run(Threads::One, number, &grids, &mut slots);
         if matches!(layer, Layer::MaxPool(_) | Layer::Residual { .. }) {
             let map = number + 1;
-            layers.push(numbers(&slots[fused.slots.of(map)], &grids[map]));
+            layers.push(numbers(&slots[fused.slots.of(map)].memory, &grids[map]));
         }
     }
     layers

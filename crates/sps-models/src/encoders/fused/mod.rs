@@ -70,9 +70,17 @@ struct Part<W> {
 /// Memory of one thread's passes through the network.
 #[derive(Debug, Default)]
 pub(super) struct Workspace<W> {
-    slots: Vec<Buffer<W>>,
+    slots: Vec<Slot<W>>,
     /// The map at which frames meet, of all frames of a group.
     group: Buffer<W>,
+}
+
+/// Memory of maps, one after the other.
+#[derive(Debug, Default)]
+struct Slot<W> {
+    memory: Buffer<W>,
+    /// The layout whose border is filled, and with what: maps leave it as it is.
+    border: Option<(Grid, f32)>,
 }
 
 impl<W: Word> Fused<W> {
@@ -127,7 +135,7 @@ impl<W: Word> Fused<W> {
         workspace: &'w mut Workspace<W>,
     ) -> (&'w [W], Grid) {
         let Workspace { slots, group } = workspace;
-        slots.resize_with(self.slots.count, Buffer::default);
+        slots.resize_with(self.slots.count, Slot::default);
         let frames = images.frames();
         let meeting = self.slots.meeting;
         let slot = self.slots.of(meeting);
@@ -140,11 +148,12 @@ impl<W: Word> Fused<W> {
             if frames > 1 {
                 let len = one[meeting].len();
                 group.resize(frames * len);
-                group[frame * len..(frame + 1) * len].copy_from_slice(&slots[slot]);
+                group[frame * len..(frame + 1) * len].copy_from_slice(&slots[slot].memory);
             }
         }
         let grids = if frames > 1 {
-            std::mem::swap(&mut slots[slot], group);
+            std::mem::swap(&mut slots[slot].memory, group);
+            slots[slot].border = None;
             self.grids(frames, images.size)
         } else {
             one
@@ -153,7 +162,7 @@ impl<W: Word> Fused<W> {
             self.run(threads, number, &grids, slots);
         }
         let last = self.steps.len();
-        (&slots[self.slots.of(last)], grids[last])
+        (&slots[self.slots.of(last)].memory, grids[last])
     }
 
     /// Lays one of the images out in its slot.
@@ -163,10 +172,11 @@ impl<W: Word> Fused<W> {
         image: &[f32],
         images: &Images<'_>,
         grid: &Grid,
-        slots: &mut [Buffer<W>],
+        slots: &mut [Slot<W>],
     ) {
-        let memory = &mut slots[self.slots.of(IMAGE)];
+        let Slot { memory, border } = &mut slots[self.slots.of(IMAGE)];
         memory.resize(rows_of_words::<W>(grid).len());
+        *border = None;
         let normalisation = &images.normalisation.scaled(self.scales[IMAGE]);
         let images = Images {
             normalisation,
@@ -176,9 +186,14 @@ impl<W: Word> Fused<W> {
         lay_out(threads, image, &images, (memory, grid), zero);
     }
 
-    /// Fills a map's border with what stands for 0.
-    fn pad(&self, map: Map, grid: &Grid, memory: &mut [W]) {
-        grid.fill_border(memory, W::of(|_| self.scales[map].zero));
+    /// Makes room for a map, with a border of what stands for 0.
+    fn pad(&self, map: Map, grid: &Grid, slot: &mut Slot<W>) {
+        let zero = self.scales[map].zero;
+        slot.memory.resize(grid.len());
+        if slot.border != Some((*grid, zero)) {
+            grid.fill_border(&mut slot.memory, W::of(|_| zero));
+            slot.border = Some((*grid, zero));
+        }
     }
 
     /// The layout of each map of so many frames, with the border that its readers need. Maps that
@@ -199,18 +214,13 @@ impl<W: Word> Fused<W> {
     }
 
     /// Makes the map of a layer.
-    fn run(&self, threads: Threads, number: usize, grids: &[Grid], slots: &mut [Buffer<W>]) {
+    fn run(&self, threads: Threads, number: usize, grids: &[Grid], slots: &mut [Slot<W>]) {
         let map = number + 1;
         let (slot, to) = (self.slots.of(map), &grids[map]);
-        let mut memory = std::mem::take(&mut slots[slot]);
-        let host = self.slots.host(map);
-        if host == map {
-            memory.resize(to.len());
-        }
-        if host == map || self.scales[host].zero != self.scales[map].zero {
-            self.pad(map, to, &mut memory);
-        }
-        let source = |map: Map| (&slots[self.slots.of(map)][..], &grids[map]);
+        let mut taken = std::mem::take(&mut slots[slot]);
+        self.pad(map, to, &mut taken);
+        let memory = &mut taken.memory;
+        let source = |map: Map| (&slots[self.slots.of(map)].memory[..], &grids[map]);
         match &self.steps[number] {
             Step::Convs(parts) => {
                 for part in parts {
@@ -224,36 +234,30 @@ impl<W: Word> Fused<W> {
                 let (source, from) = source(input);
                 let map = (source, from, self.scales[input]);
                 let factors = gate.factors(threads, self.level, map, &part.packed);
-                part.apply_gated(threads, (source, from), (&mut memory, to), &factors);
+                part.apply_gated(threads, (source, from), (memory, to), &factors);
             }
             Step::Pool(pool) => {
                 let (source, from) = source(pool.input);
                 let window = pool.slide.window(from.size);
-                max_pool(
-                    threads,
-                    self.level,
-                    &window,
-                    (source, from),
-                    (&mut memory, to),
-                );
+                max_pool(threads, self.level, &window, (source, from), (memory, to));
             }
         }
-        slots[slot] = memory;
+        slots[slot] = taken;
     }
 }
 
 impl Fused<f32> {
     /// Shows the maps of images to a calibration.
     pub(super) fn calibrate(&self, images: &Images<'_>, calibration: &mut Calibration) {
-        let mut slots: Vec<Buffer> = vec![Buffer::default(); self.slots.count];
+        let mut slots: Vec<_> = (0..self.slots.count).map(|_| Slot::default()).collect();
         let grids = self.grids(1, images.size);
         for image in images.iter() {
             self.lay_out(Threads::All, image, images, &grids[IMAGE], &mut slots);
-            calibration.see(IMAGE, &slots[self.slots.of(IMAGE)], &grids[IMAGE]);
+            calibration.see(IMAGE, &slots[self.slots.of(IMAGE)].memory, &grids[IMAGE]);
             for number in 0..self.steps.len() {
                 self.run(Threads::All, number, &grids, &mut slots);
                 let map = number + 1;
-                calibration.see(map, &slots[self.slots.of(map)], &grids[map]);
+                calibration.see(map, &slots[self.slots.of(map)].memory, &grids[map]);
             }
         }
     }

@@ -5,7 +5,8 @@ use crate::encoders::network::{IMAGE, Layer, Map, Network};
 /// A map of this share of the image's height is large: frames meet where maps become smaller.
 const LARGE: usize = 8;
 
-/// The slot of each map: a map that has been read leaves its own to others.
+/// The slot of each map: a map that has been read leaves its own to others, to one like it where there is one, which
+/// finds its border filled.
 #[derive(Debug)]
 pub(super) struct Slots {
     of: Vec<usize>,
@@ -19,25 +20,35 @@ pub(super) struct Slots {
 impl Slots {
     pub(super) fn new(network: &Network) -> Self {
         let last_readers = network.last_readers();
+        let strides = network.strides();
+        let alike = |map: Map, other: Map| {
+            (network.channels[map], strides[map]) == (network.channels[other], strides[other])
+        };
         let (mut of, mut host) = (vec![0], vec![IMAGE]);
-        let (mut free, mut count) = (Vec::new(), 1);
+        // Maps whose slots are free.
+        let (mut free, mut count) = (Vec::<Map>::new(), 1);
         for (number, layer) in network.layers.iter().enumerate() {
             let shortcut = match layer {
                 // The branch is added where the shortcut lies.
                 Layer::Residual { shortcut, .. } => Some(*shortcut),
                 _ => None,
             };
-            let slot = shortcut.map(|map| of[map]).or_else(|| free.pop());
+            let map = number + 1;
+            let freed = || match free.iter().rposition(|&other| alike(map, other)) {
+                Some(like) => Some(free.remove(like)),
+                None => free.pop(),
+            };
+            let slot = shortcut.or_else(freed).map(|map| of[map]);
             of.push(slot.unwrap_or_else(|| {
                 count += 1;
                 count - 1
             }));
-            host.push(shortcut.map_or(number + 1, |map| host[map]));
+            host.push(shortcut.map_or(map, |map| host[map]));
             let mut read: Vec<Map> = layer.inputs().collect();
             read.sort_unstable();
             read.dedup();
             read.retain(|&map| last_readers[map] == number && Some(map) != shortcut);
-            free.extend(read.into_iter().map(|map| of[map]));
+            free.extend(read);
         }
         Self {
             of,

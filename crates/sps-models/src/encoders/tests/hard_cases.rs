@@ -4,9 +4,9 @@ use candle_core::{DType, Device, Tensor};
 use half::f16;
 use proptest::prelude::*;
 
-use super::{exact_features, of_images};
+use super::{SMALL_ONES, calibrated, exact_features, of_images};
 use crate::Error;
-use crate::encoders::{Encoder, EncoderKind, TrainableEncoder};
+use crate::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder};
 use crate::golden::{error, values};
 use crate::weights::{Weights, WeightsErrorKind};
 
@@ -78,6 +78,24 @@ fn images_of_one_value() {
             agree(&format!("{kind}, all {value}"), &encoder, &images);
             let naive = naively_standardised(&filled(value, (1, 3, 32, 32)));
             assert!(naive[0].is_nan(), "the naive form");
+        }
+    }
+}
+
+/// Memory keeps the borders of maps from one pass to the next.
+#[test]
+fn what_was_embedded_before_changes_no_bit() {
+    let images = textured((3, 3, 33, 40));
+    for kind in SMALL_ONES {
+        for precision in Precision::ALL {
+            let encoder = || calibrated(encoder(kind)).with_precision(precision).unwrap();
+            let embed = |encoder: &Encoder| numbers(&encoder.embed(&images).unwrap());
+            let (fresh, used) = (encoder(), encoder());
+            used.embed(&filled(1.0, (5, 3, 65, 80))).unwrap();
+            let first = embed(&used);
+            used.embed(&filled(1.0, (1, 3, 40, 33))).unwrap();
+            assert_eq!(first, embed(&used), "{kind}, {precision}");
+            assert_eq!(first, embed(&fresh), "{kind}, {precision}");
         }
     }
 }

@@ -5,6 +5,8 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use rayon::prelude::*;
+
 use super::grid::{Grid, pixels};
 use super::words::Word;
 
@@ -113,7 +115,13 @@ pub(super) fn for_each_band_of<W: Word>(
             origin: 0,
             target,
         }),
-        Threads::All => on_all_threads(bands(together, grid, target), work),
+        Threads::All => {
+            let count = 2 * rayon::current_num_threads();
+            on_all_threads(
+                bands(count.div_ceil(grid.frames.max(1)), together, grid, target),
+                work,
+            );
+        }
     }
 }
 
@@ -152,14 +160,29 @@ fn look_for_work() {
     }
 }
 
-/// Bands of whole rows; none reaches over two frames.
-fn bands<'a, W>(together: usize, grid: &Grid, target: &'a mut [W]) -> Vec<Band<'a, W>> {
+/// Calls `work` on bands that cover the grid, at most so many of each frame, and returns what it says of each, in
+/// order.
+pub(super) fn map_bands<W: Word, T: Send>(
+    per_frame: usize,
+    grid: &Grid,
+    target: &mut [W],
+    work: impl Fn(Band<'_, W>) -> T + Send + Sync,
+) -> Vec<T> {
+    let bands = bands(per_frame, 1, grid, target);
+    bands.into_par_iter().map(work).collect()
+}
+
+/// Bands of whole rows, at most so many of each frame; none reaches over two frames.
+fn bands<'a, W>(
+    per_frame: usize,
+    together: usize,
+    grid: &Grid,
+    target: &'a mut [W],
+) -> Vec<Band<'a, W>> {
     let [time, height, width] = grid.size;
     let in_height = height.div_ceil(together).max(1);
     let units = time * in_height;
-    let per_frame = (2 * rayon::current_num_threads())
-        .div_ceil(grid.frames.max(1))
-        .clamp(1, units.max(1));
+    let per_frame = per_frame.clamp(1, units.max(1));
     let row = |unit: usize| unit / in_height * height + unit % in_height * together;
     let mut bands = Vec::with_capacity(grid.frames * per_frame);
     let (mut rest, mut origin) = (target, 0);

@@ -47,16 +47,6 @@ impl Norm {
         }
     }
 
-    /// What adds a bias and changes nothing else.
-    pub(crate) fn bias(beta: Vec<f32>) -> Self {
-        Self {
-            mean: vec![0.0; beta.len()],
-            inverse: vec![1.0; beta.len()],
-            factor: vec![1.0; beta.len()],
-            beta,
-        }
-    }
-
     /// The number of channels; mean, factor and beta of each, slices that the compiler knows to
     /// be of one length: otherwise it would check every index, one channel at a time.
     #[inline(always)]
@@ -233,17 +223,6 @@ pub(crate) struct Slopes {
     pub(crate) of_gradient: Vec<f32>,
     pub(crate) of_x: Vec<f32>,
     pub(crate) constant: Vec<f32>,
-}
-
-impl Slopes {
-    /// Those of a bias: the gradient of so many channels as it is.
-    pub(crate) fn identity(channels: usize) -> Self {
-        Self {
-            of_gradient: vec![1.0; channels],
-            of_x: vec![0.0; channels],
-            constant: vec![0.0; channels],
-        }
-    }
 }
 
 /// The gradients of batch norm's own parameters, and what gives that of its input.

@@ -242,7 +242,7 @@ impl Grid {
     }
 
     /// The same of some rows, counted over all frames.
-    pub(super) fn places_of(&self, rows: Range<usize>) -> Vec<usize> {
+    pub(crate) fn places_of(&self, rows: Range<usize>) -> Vec<usize> {
         self.steps(rows, self.before, self.size, [1; 3])
     }
 

@@ -26,6 +26,7 @@
 #[macro_use]
 mod unroll;
 
+pub(crate) mod activated;
 pub(crate) mod bands;
 pub(crate) mod batch_norm;
 pub(crate) mod buffer;

@@ -14,7 +14,7 @@ use crate::ops::conv::{Conv, ConvShape};
 use crate::ops::conv_input::ConvTranspose;
 use crate::ops::conv_weight::{weight_gradient, weight_gradient_of_images};
 use crate::ops::grid::{Grid, Size, pixels};
-use crate::ops::product::{Activation, Epilogue};
+use crate::ops::product::{Activation, Columns, Epilogue};
 use crate::ops::simd::Level;
 use crate::ops::statistics::ChannelStatistics;
 use crate::ops::with_values;
@@ -93,7 +93,7 @@ impl Context {
         let added =
             |layer: &Layer| matches!(layer, Layer::Residual { shortcut, .. } if *shortcut == map);
         let makes = map.checked_sub(1).and_then(|number| layers.get(number));
-        matches!(makes, Some(Layer::Conv(conv)) if conv.activation == Activation::Identity)
+        matches!(makes, Some(Layer::Conv(conv)) if conv.activation == Activation::Identity && conv.norm.is_some())
             && map < layers.len()
             && { readers }.all(added)
     }
@@ -102,9 +102,39 @@ impl Context {
     pub(super) fn conv<W: Real>(
         &self,
         conv: &network::Conv,
-        (source, from): (&[W], &Grid),
+        source: (&[W], &Grid),
     ) -> Result<(Scratch<W>, Grid)> {
-        let shape = conv.shape(from.size);
+        let to = output::<W>(conv, source.1)?;
+        let mut target = self.recycler.take(to.len());
+        self.convolve(conv, source, (&mut target, &to), Epilogue::default())?;
+        Ok((target, to))
+    }
+
+    /// Convolves, adds the bias and activates, into channels of a map, which the target begins with.
+    pub(super) fn biased<W: Real>(
+        &self,
+        conv: &network::Conv,
+        source: (&[W], &Grid),
+        target: (&mut [W], &Grid),
+    ) -> Result<()> {
+        self.parameter(&format!("{}.bias", conv.name), |bias| {
+            let epilogue = Epilogue {
+                shift: Some(Columns::shared(bias)),
+                limits: conv.activation.limits(),
+                ..Epilogue::default()
+            };
+            self.convolve(conv, source, target, epilogue)
+        })?
+    }
+
+    fn convolve<W: Real>(
+        &self,
+        conv: &network::Conv,
+        source: (&[W], &Grid),
+        target: (&mut [W], &Grid),
+        epilogue: Epilogue<'_>,
+    ) -> Result<()> {
+        let shape = conv.shape(source.1.size);
         let packed = self.parameter(&format!("{}.weight", conv.name), |weights| {
             let pack = match conv.input {
                 IMAGE => Conv::pack_for_images,
@@ -112,14 +142,8 @@ impl Context {
             };
             pack(self.level, shape, weights)
         })?;
-        let size = shape.window.output(from.size);
-        let size = size.ok_or_else(|| too_small(from.size))?;
-        let to = Grid::tight(from.frames, size, shape.outputs).of::<W>();
-        let to = to.staggered();
-        let mut target = self.recycler.take(to.len());
-        let epilogue = Epilogue::default();
-        packed.apply(Threads::All, (source, from), (&mut target, &to), epilogue);
-        Ok((target, to))
+        packed.apply(Threads::All, source, target, epilogue);
+        Ok(())
     }
 
     /// Batch norm's statistics of a feature map; noted where asked for.
@@ -175,4 +199,12 @@ impl Context {
             ConvTranspose::pack(self.level, shape, weights)
         })
     }
+}
+
+/// The layout of what a convolution makes of a map, by itself.
+pub(super) fn output<W: Real>(conv: &network::Conv, from: &Grid) -> Result<Grid> {
+    let size = conv.shape(from.size).window.output(from.size);
+    let size = size.ok_or_else(|| too_small(from.size))?;
+    let to = Grid::tight(from.frames, size, conv.outputs).of::<W>();
+    Ok(to.staggered())
 }

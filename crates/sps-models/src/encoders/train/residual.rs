@@ -1,6 +1,6 @@
 //! The end of a residual branch, forward and backward.
 
-use super::conv::KeptConv;
+use super::conv::{KeptConv, input_gradient};
 use super::gate::KeptGate;
 use super::layer::{Context, Gradients};
 use super::{Value, segment::MapGradients};
@@ -31,7 +31,14 @@ impl<W: Real> KeptResidual<W> {
         source: &Value<W>,
         statistics: Option<&mut Vec<BatchStatistics>>,
     ) -> Result<Self> {
-        let conv = KeptConv::record(context, conv, source, statistics)?;
+        let Some(norm) = &conv.norm else {
+            return Err(Error::input(
+                "network",
+                &conv.name,
+                "a batch norm before its shortcut",
+            ));
+        };
+        let conv = KeptConv::record(context, (conv, norm), source, statistics)?;
         let means = conv.squeeze();
         let gate = gate.map(|gate| KeptGate::record(gate, context, means.clone()));
         let gate = gate.transpose()?;
@@ -80,17 +87,11 @@ impl<W: Real> KeptResidual<W> {
         let branch = self.branch(conv);
         let sums = branch.mask(context.level, end.view(), &mut gradient);
         let slopes = self.slopes(context, conv, gate, &sums, gradients)?;
-        let kept = &self.conv;
-        kept.input_gradient(
-            context,
-            conv,
-            source,
-            of_maps,
-            gradients,
-            |target, layout| {
-                branch.backward(context.level, &slopes, &gradient, (target, layout));
-            },
-        )?;
+        let write = |target: &mut [W], layout: &Grid| {
+            branch.backward(context.level, &slopes, &gradient, (target, layout));
+        };
+        let grid = &self.conv.grid;
+        input_gradient((context, conv), grid, source, of_maps, gradients, write)?;
         Ok(gradient)
     }
 
@@ -121,13 +122,6 @@ impl<W: Real> KeptResidual<W> {
                 kept.backward(gate, context, &factors, gradients)?
             }
             _ => vec![0.0; self.factors.len()],
-        };
-        let Some(moments) = moments else {
-            return Err(Error::input(
-                "network",
-                &conv.name,
-                "a batch norm before its shortcut",
-            ));
         };
         // Each pixel's gradient behind the norm is its own times the gate, and its share of the
         // mean's.

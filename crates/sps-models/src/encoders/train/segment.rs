@@ -6,13 +6,13 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::Value;
-use super::conv::KeptConv;
+use super::conv::{KeptConv, biased_backward};
 use super::layer::{Context, Gradients};
 use super::residual::KeptResidual;
 use crate::encoders::network::{Conv, Layer, Map, MaxPool};
 use crate::encoders::plain::BatchStatistics;
 use crate::error::Result;
-use crate::ops::bands::Threads;
+use crate::ops::bands::{Threads, for_each_band};
 use crate::ops::buffer::Scratch;
 use crate::ops::grid::Grid;
 use crate::ops::pool::{max_pool, max_pool_backward};
@@ -29,7 +29,8 @@ pub(super) struct Kept<W: Real> {
 
 #[derive(Debug)]
 enum KeptLayer<W: Real> {
-    Convs(Vec<KeptConv<W>>),
+    /// Convolutions side by side. Of one with a bias nothing is kept: its output is part of the map.
+    Convs(Vec<Option<KeptConv<W>>>),
     Residual(Box<KeptResidual<W>>),
     Pool,
 }
@@ -101,16 +102,16 @@ impl<W: Real> Kept<W> {
             }
             Layer::Conv(_) | Layer::Concat(_) => {
                 let mut all = Vec::new();
+                let mut memory = (!context.deferred(map)).then(memory);
+                let mut column = 0;
                 for conv in layer.convs() {
                     let source = &self.values[&conv.input];
+                    let target = memory.as_mut();
+                    let target = target.map(|memory| (&mut memory[W::words(column)..], to));
                     let statistics = statistics.as_deref_mut();
-                    all.push(KeptConv::record(context, conv, source, statistics)?);
+                    all.push(record(context, conv, source, target, statistics)?);
+                    column += conv.outputs;
                 }
-                let memory = (!context.deferred(map)).then(|| {
-                    let mut memory = memory();
-                    activate(context, layer.convs(), &all, (&mut memory, to));
-                    memory
-                });
                 (KeptLayer::Convs(all), memory)
             }
         })
@@ -158,7 +159,7 @@ impl<W: Real> Kept<W> {
                 }
                 (layer, KeptLayer::Convs(all)) => {
                     let convs = (layer.convs(), &all[..]);
-                    self.convs(context, convs, &gradient, &mut of_maps, gradients)?;
+                    self.convs(context, map, convs, &gradient, &mut of_maps, gradients)?;
                 }
                 _ => {}
             }
@@ -173,16 +174,20 @@ impl<W: Real> Kept<W> {
         }
         let (first, _) = self.values.first_key_value()?;
         match self.layers.get(map.checked_sub(first + 1)?)? {
-            KeptLayer::Convs(all) => all.first().map(|c| Shortcut::Normed(&c.raw, &c.norm)),
+            KeptLayer::Convs(all) => {
+                let kept = all.first()?.as_ref()?;
+                Some(Shortcut::Normed(&kept.raw, &kept.norm))
+            }
             _ => None,
         }
     }
 
-    /// Runs convolutions side by side backward.
+    /// Runs convolutions side by side backward, from the gradient of their map.
     fn convs(
         &self,
         context: &Context,
-        (convs, all): (&[Conv], &[KeptConv<W>]),
+        map: Map,
+        (convs, all): (&[Conv], &[Option<KeptConv<W>>]),
         gradient: &[W],
         of_maps: &mut MapGradients<W>,
         gradients: &mut Gradients,
@@ -191,12 +196,21 @@ impl<W: Real> Kept<W> {
         let mut column = 0;
         for (conv, kept) in convs.iter().zip(all) {
             let source = &self.values[&conv.input];
-            let pass = (context, conv);
-            if let [_] = convs {
-                kept.backward(pass, source, gradient, of_maps, gradients)?;
+            if let (Some(kept), Some(norm)) = (kept, &conv.norm) {
+                let pass = (context, conv, &norm[..]);
+                if let [_] = convs {
+                    kept.backward(pass, source, gradient, of_maps, gradients)?;
+                } else {
+                    let part = columns(context, gradient, (channels, column), &kept.grid);
+                    kept.backward(pass, source, &part, of_maps, gradients)?;
+                }
             } else {
-                let part = columns(context, gradient, (channels, column), &kept.grid);
-                kept.backward(pass, source, &part, of_maps, gradients)?;
+                let (output, grid) = self.values[&map].view();
+                let first = W::words(column);
+                let output = (&output[first..], grid);
+                let gradient = &gradient[first..];
+                let pass = (context, conv);
+                biased_backward(pass, source, output, gradient, of_maps, gradients)?;
             }
             column += conv.outputs;
         }
@@ -228,12 +242,38 @@ impl<W: Real> Kept<W> {
             return target;
         }
         let mut inside = context.recycler.take::<W>(bare.len());
-        let pixels = inside.chunks_exact_mut(bare.pitch);
-        for (pixel, place) in pixels.zip(input.grid.places()) {
-            pixel.copy_from_slice(&target[place..place + bare.pitch]);
-        }
+        let (width, row) = (bare.size[2], bare.size[2] * bare.pitch);
+        for_each_band(Threads::All, &bare, &mut inside, |band| {
+            let places = input.grid.places_of(band.rows(&bare));
+            let rows = band.target.chunks_exact_mut(row);
+            for (out, place) in rows.zip(places.into_iter().step_by(width)) {
+                out.copy_from_slice(&target[place..place + row]);
+            }
+        });
         inside
     }
+}
+
+/// Runs a convolution forward, and writes its activated output into channels of its map, which the target begins with,
+/// but where that is deferred; returns what to keep.
+fn record<W: Real>(
+    context: &Context,
+    conv: &Conv,
+    source: &Value<W>,
+    target: Option<(&mut [W], &Grid)>,
+    statistics: Option<&mut Vec<BatchStatistics>>,
+) -> Result<Option<KeptConv<W>>> {
+    if let Some(norm) = &conv.norm {
+        let kept = KeptConv::record(context, (conv, norm), source, statistics)?;
+        if let Some(target) = target {
+            kept.activate(context, conv.activation, target);
+        }
+        return Ok(Some(kept));
+    }
+    if let Some(target) = target {
+        context.biased(conv, source.view(), target)?;
+    }
+    Ok(None)
 }
 
 /// Adds to the gradient of a map.
@@ -266,19 +306,4 @@ fn columns<W: Real>(
         pixel[..to.words].copy_from_slice(&whole[W::words(column)..][..to.words]);
     }
     part
-}
-
-/// Writes activated norms side by side into a map.
-fn activate<W: Real>(
-    context: &Context,
-    convs: &[Conv],
-    all: &[KeptConv<W>],
-    (memory, to): (&mut [W], &Grid),
-) {
-    let mut column = 0;
-    for (conv, kept) in convs.iter().zip(all) {
-        let memory = &mut memory[W::words(column)..];
-        kept.activate(context, conv.activation, (memory, to));
-        column += conv.outputs;
-    }
 }

@@ -1,6 +1,7 @@
 //! Every operator against a reference in f64 that is written straight from its definition, and
 //! every gradient against central differences of that reference; on each level of vectors.
 
+mod activated;
 mod batch_norm;
 mod bf16;
 mod bytes;

@@ -168,6 +168,9 @@ fn chunks(range: Range<usize>, count: usize) -> impl Iterator<Item = Range<usize
 /// Rows of a part that one thread computes, where the threads have enough of them: two tall tiles.
 const ROWS: usize = 28;
 
+/// Sums that are laid out anew in the time in which a pixel is read once more.
+const SUMS: usize = 16;
+
 /// A matrix for each run of the window, of outputs and the run's elements: along its columns lies the side that
 /// fills vectors better.
 fn dense<W: Real>(
@@ -180,7 +183,11 @@ fn dense<W: Real>(
     let (taps, inputs) = (pixels(shape.window.size), shape.inputs);
     let run = taps * inputs / runs.len();
     let blocks = |count: usize| count.div_ceil(2 * level.lanes());
-    let turned = blocks(shape.outputs) * run < blocks(run) * shape.outputs;
+    let [by_outputs, by_run] = [blocks(shape.outputs) * run, blocks(run) * shape.outputs];
+    // Where both fill them alike, the narrower side, which each part reads anew, but where sums are most of what is
+    // read.
+    let narrower = run > shape.outputs && SUMS * pairs.starts.len() > run * shape.outputs;
+    let turned = by_outputs < by_run || by_outputs == by_run && narrower;
     let (rows, columns) = if turned {
         (run, shape.outputs)
     } else {

@@ -120,18 +120,19 @@ struct Pairs<'a, W> {
     places: &'a [usize],
 }
 
-/// Adds sums of outer products, `(height, width)`, to rows of `total`: of those of the left, from a column on, with
-/// those of the right. Of a window of several taps, sums join those of a block.
+/// Adds sums of outer products, `(height, width)`, of a block of pixels to rows of `total`: of those of the left,
+/// from a column and a pixel on, with those of the right. Of a window of several taps, sums join those of a block, in `block`.
 fn add_products<W: Real>(
     level: Level,
-    (left, column): (&Joined<'_, W>, usize),
+    (left, column, first): (&Joined<'_, W>, usize, usize),
     (right, right_rows): (&[W], &[usize]),
     [height, width, taps]: [usize; 3],
-    total: &mut [f32],
+    [total, block]: [&mut [f32]; 2],
 ) {
     let stride = Outer::<W>::stride(level, width);
     let add = |pixels: Range<usize>, sums: &mut [f32]| {
-        let (left, left_rows) = left.of(column, pixels.clone());
+        let rows = first + pixels.start..first + pixels.end;
+        let (left, left_rows) = left.of(column, rows);
         let outer = Outer {
             left,
             left_rows,
@@ -147,13 +148,10 @@ fn add_products<W: Real>(
         chunks(0..count, PIXELS).for_each(|pixels| add(pixels, total));
         return;
     }
-    let mut sums = vec![0.0; total.len()];
-    for block in chunks(0..count, BLOCK) {
-        sums.fill(0.0);
-        chunks(block, WINDOWS).for_each(|pixels| add(pixels, &mut sums));
-        for (total, sum) in total.iter_mut().zip(&sums) {
-            *total += sum;
-        }
+    block.fill(0.0);
+    chunks(0..count, WINDOWS).for_each(|pixels| add(pixels, block));
+    for (total, sum) in total.iter_mut().zip(block) {
+        *total += *sum;
     }
 }
 
@@ -167,6 +165,9 @@ fn chunks(range: Range<usize>, count: usize) -> impl Iterator<Item = Range<usize
 
 /// Rows of a part that one thread computes, where the threads have enough of them: two tall tiles.
 const ROWS: usize = 28;
+
+/// Numbers of sums that stay in the second-level cache beside what they are sums of.
+const CACHE: usize = 64 << 10;
 
 /// Sums that are laid out anew in the time in which a pixel is read once more.
 const SUMS: usize = 16;
@@ -194,45 +195,60 @@ fn dense<W: Real>(
         (shape.outputs, run)
     };
     let wanted = 2 * rayon::current_num_threads();
-    let parts = (wanted.min(rows / ROWS)).max(wanted.div_ceil(runs.len()));
+    // Of windows twice as many, for they differ in what they take.
+    let wanted_of_runs = if runs.len() == 1 { wanted } else { 2 * wanted };
+    let parts = (wanted.min(rows / ROWS)).max(wanted_of_runs.div_ceil(runs.len()));
     let height = rows.div_ceil(parts).next_multiple_of(W::NUMBERS);
     let stride = Outer::<W>::stride(level, columns);
     let gradients = (!turned).then(|| Joined::new(level, pairs.gradient, pairs.places, rows));
-    let sum = |first: usize, offset: usize, total: &mut [f32]| {
-        let height = total.len() / stride;
-        let seen = &pairs.source[offset..];
-        if let Some(gradients) = &gradients {
-            let right = (seen, pairs.starts);
-            add_products(
-                level,
-                (gradients, first),
-                right,
-                [height, columns, taps],
-                total,
-            );
-        } else {
-            let seen = Joined::new(level, &seen[W::words(first)..], pairs.starts, height);
-            let right = (pairs.gradient, pairs.places);
-            add_products(level, (&seen, 0), right, [height, columns, taps], total);
-        }
+    let sum =
+        |(first, offset): (usize, usize), pixels: Range<usize>, [total, block]: [&mut [f32]; 2]| {
+            let shape = [total.len() / stride, columns, taps];
+            let seen = &pairs.source[offset..];
+            let (starts, places) = (&pairs.starts[pixels.clone()], &pairs.places[pixels.clone()]);
+            if let Some(gradients) = &gradients {
+                let left = (gradients, first, pixels.start);
+                add_products(level, left, (seen, starts), shape, [total, block]);
+            } else {
+                let seen = Joined::new(level, &seen[W::words(first)..], starts, shape[0]);
+                let left = (&seen, 0, 0);
+                add_products(level, left, (pairs.gradient, places), shape, [total, block]);
+            }
+        };
+    let blocks = || {
+        chunks(
+            0..pairs.starts.len(),
+            if taps == 1 { PIXELS } else { BLOCK },
+        )
     };
     if taps == 1 && !turned && W::NUMBERS == 1 {
         let parts = target.par_chunks_mut(height * stride).enumerate();
         parts.for_each(|(part, total)| {
             total.fill(0.0);
-            sum(part * height, 0, total);
+            blocks().for_each(|pixels| sum((part * height, 0), pixels, [total, &mut []]));
         });
         return;
     }
     let firsts = (0..rows).step_by(height);
     let parts = firsts.flat_map(|first| runs.iter().map(move |&offset| (first, offset)));
     let parts: Vec<(usize, usize)> = parts.collect();
-    let part = |&(first, offset): &(usize, usize)| {
-        let mut total = vec![0.0; height.min(rows - first) * stride];
-        sum(first, offset, &mut total);
-        total
+    // Parts that a thread computes together, block by block: what they share of a block is read once.
+    let together = (CACHE / (height * stride)).clamp(1, parts.len().div_ceil(wanted).max(1));
+    let sums = |parts: &[(usize, usize)]| {
+        let rows_of = |first: usize| height.min(rows - first) * stride;
+        let totals = parts.iter().map(|&(first, _)| vec![0.0; rows_of(first)]);
+        let mut totals: Vec<Vec<f32>> = totals.collect();
+        let mut block = vec![0.0; height * stride];
+        for pixels in blocks() {
+            for (&part, total) in parts.iter().zip(&mut totals) {
+                let block = &mut block[..total.len()];
+                sum(part, pixels.clone(), [total, block]);
+            }
+        }
+        totals
     };
-    let parts: Vec<Vec<f32>> = parts.par_iter().map(part).collect();
+    let parts = parts.par_chunks(together).flat_map_iter(sums);
+    let parts: Vec<Vec<f32>> = parts.collect();
     let part = |row: usize, of_run: usize| {
         let part = &parts[row / height * runs.len() + of_run];
         &part[row % height * stride..][..stride]

@@ -81,7 +81,7 @@ enum Packed<W> {
     Narrow(GroupWeights<W>),
     /// Each channel by itself.
     Channels(ChannelWeights),
-    /// The same where words hold several numbers.
+    /// The same of whole numbers.
     Interleaved(InterleavedWeights<W>),
 }
 
@@ -93,12 +93,13 @@ impl<W: Word> Conv<W> {
         let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
         let taps = pixels(shape.window.size);
         if shape.depthwise() {
-            let packed = if W::NUMBERS == 1 {
-                Packed::Channels(ChannelWeights::pack(level, taps, weights))
-            } else {
+            let packed = if W::WHOLE {
                 let columns = shape.window.size[2];
                 let window = [taps / columns, columns];
                 Packed::Interleaved(InterleavedWeights::pack(level, window, weights))
+            } else {
+                // Rounded to bf16, few weights that all but cancel each other would move sums too far.
+                Packed::Channels(ChannelWeights::pack(level, taps, weights))
             };
             return Self::direct(shape, packed);
         }

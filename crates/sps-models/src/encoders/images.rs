@@ -59,7 +59,7 @@ pub(super) fn lay_out<W: Word>(
     for_each_band(threads, &memory, out, |band| {
         let rows = band.rows(&memory);
         let target = (band.target, band.origin);
-        lay_out_rows(image, images, grid, &memory, rows, target, zero);
+        lay_out_rows(image, images, grid, rows, target, zero);
     });
 }
 
@@ -68,12 +68,12 @@ fn lay_out_rows<W: Word>(
     image: &[f32],
     images: &Images<'_>,
     grid: &Grid,
-    memory: &Grid,
     rows: Range<usize>,
     (out, origin): (&mut [W], usize),
     zero: f32,
 ) {
     let [time, height, width] = grid.size;
+    let memory = rows_of_words::<W>(grid);
     let words = memory.size[2];
     let plane = time * height * width;
     // Of each number of a row, so that a vector of them is normalised at once.

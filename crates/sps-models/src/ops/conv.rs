@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use super::bands::{Threads, for_each_band};
 use super::depthwise::{ChannelWeights, DepthwiseProduct};
-use super::depthwise_words::{InterleavedProduct, InterleavedWeights};
+use super::depthwise_bytes::{QuadProduct, QuadWeights};
 use super::grid::{Grid, Size, Window, pixels};
 use super::grouped::{GroupWeights, GroupedProduct};
 use super::image::ImagePanels;
@@ -81,8 +81,8 @@ enum Packed<W> {
     Narrow(GroupWeights<W>),
     /// Each channel by itself.
     Channels(ChannelWeights),
-    /// The same of whole numbers.
-    Interleaved(InterleavedWeights<W>),
+    /// The same in bytes.
+    Quads(QuadWeights<W>),
 }
 
 impl<W: Word> Conv<W> {
@@ -96,7 +96,7 @@ impl<W: Word> Conv<W> {
             let packed = if W::WHOLE {
                 let columns = shape.window.size[2];
                 let window = [taps / columns, columns];
-                Packed::Interleaved(InterleavedWeights::pack(level, window, weights))
+                Packed::Quads(QuadWeights::pack(level, window, weights))
             } else {
                 // Rounded to bf16, few weights that all but cancel each other would move sums too far.
                 Packed::Channels(ChannelWeights::pack(level, taps, weights))
@@ -268,7 +268,7 @@ impl<W: Word> Conv<W> {
                     epilogue,
                 }
                 .write(band.target, places, band.origin),
-                Packed::Interleaved(weights) => InterleavedProduct {
+                Packed::Quads(weights) => QuadProduct {
                     source,
                     starts,
                     taps: &taps,

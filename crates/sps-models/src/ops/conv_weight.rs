@@ -145,7 +145,7 @@ fn add_products<W: Real>(
     };
     let count = right_rows.len();
     if taps == 1 {
-        chunks(0..count, PIXELS).for_each(|pixels| add(pixels, total));
+        add(0..count, total);
         return;
     }
     block.fill(0.0);
@@ -185,8 +185,8 @@ fn dense<W: Real>(
     let run = taps * inputs / runs.len();
     let blocks = |count: usize| count.div_ceil(2 * level.lanes());
     let [by_outputs, by_run] = [blocks(shape.outputs) * run, blocks(run) * shape.outputs];
-    // Where both fill them alike, the narrower side, which each part reads anew, but where sums are most of what is
-    // read.
+    // Where both fill vectors alike it is the narrower side, which each part reads anew; not where laying out the sums
+    // takes longer than that.
     let narrower = run > shape.outputs && SUMS * pairs.starts.len() > run * shape.outputs;
     let turned = by_outputs < by_run || by_outputs == by_run && narrower;
     let (rows, columns) = if turned {
@@ -195,7 +195,7 @@ fn dense<W: Real>(
         (shape.outputs, run)
     };
     let wanted = 2 * rayon::current_num_threads();
-    // Of windows twice as many, for they differ in what they take.
+    // Of windows twice as many, which threads then share evenly: runs are few, and odd in number.
     let wanted_of_runs = if runs.len() == 1 { wanted } else { 2 * wanted };
     let parts = (wanted.min(rows / ROWS)).max(wanted_of_runs.div_ceil(runs.len()));
     let height = rows.div_ceil(parts).next_multiple_of(W::NUMBERS);
@@ -235,8 +235,8 @@ fn dense<W: Real>(
     // Parts that a thread computes together, block by block: what they share of a block is read once.
     let together = (CACHE / (height * stride)).clamp(1, parts.len().div_ceil(wanted).max(1));
     let sums = |parts: &[(usize, usize)]| {
-        let rows_of = |first: usize| height.min(rows - first) * stride;
-        let totals = parts.iter().map(|&(first, _)| vec![0.0; rows_of(first)]);
+        let len = |first: usize| height.min(rows - first) * stride;
+        let totals = parts.iter().map(|&(first, _)| vec![0.0; len(first)]);
         let mut totals: Vec<Vec<f32>> = totals.collect();
         let mut block = vec![0.0; height * stride];
         for pixels in blocks() {

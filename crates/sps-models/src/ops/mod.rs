@@ -34,7 +34,7 @@ pub(crate) mod conv;
 pub(crate) mod conv_input;
 pub(crate) mod conv_weight;
 mod depthwise;
-mod depthwise_words;
+mod depthwise_bytes;
 pub(crate) mod grid;
 mod grouped;
 pub(crate) mod image;

@@ -138,20 +138,6 @@ pub(super) mod bf16 {
         }
 
         #[inline(always)]
-        fn join_row<const N: usize>(self, _: V4, numbers: [f32x16; N]) -> f32x16 {
-            let (low, high) = (vector(numbers[0]), vector(numbers[N - 1]));
-            // SAFETY: `self` says that the processor has AVX512-BF16, `V4` the rest, and the types are the same bits.
-            unsafe {
-                let words = _mm512_cvtne2ps_pbh(high, low);
-                let words = std::mem::transmute::<__m512bh, __m512i>(words);
-                // Four numbers of each in turn.
-                let order = _mm512_setr_epi64(0, 4, 1, 5, 2, 6, 3, 7);
-                let words = _mm512_permutexvar_epi64(order, words);
-                std::mem::transmute::<__m512i, f32x16>(words)
-            }
-        }
-
-        #[inline(always)]
         fn load<const NV: usize>(self, lanes: V4, from: &[Bf16Pair]) -> [f32x16; NV] {
             let (from, _) = from.as_chunks::<8>();
             let mut all = [lanes.splat_f32s(0.0); NV];
@@ -228,16 +214,6 @@ pub(super) mod vnni {
         #[inline(always)]
         fn numbers(self, lanes: V4, sum: f32x16) -> f32x16 {
             lanes.of_integers(sum)
-        }
-
-        #[inline(always)]
-        fn spread_row<const N: usize>(self, lanes: V4, row: f32x16) -> [f32x16; N] {
-            lanes.spread_bytes(row)
-        }
-
-        #[inline(always)]
-        fn join_row<const N: usize>(self, lanes: V4, numbers: [f32x16; N]) -> f32x16 {
-            lanes.join(numbers)
         }
 
         #[inline(always)]

@@ -210,48 +210,38 @@ pub(crate) trait Lanes: Simd {
         numbers[0]
     }
 
-    /// Of four rows of bytes or two of halves of words, a word for each one's place: those that the rows have there.
-    /// Where which stands, [`channel_of`] says.
+    /// Of four rows of bytes, a word for each byte's place: the four bytes there. Where which stands,
+    /// [`channel_of`] says.
     #[inline(always)]
-    fn interleave<const N: usize>(self, rows: [Self::f32s; N]) -> [Self::f32s; N] {
+    fn interleave(self, rows: [Self::f32s; 4]) -> [Self::f32s; 4] {
         let mut words = rows;
         let out: &mut [u8] = cast_slice_mut(&mut words);
-        let size = 4 / N;
-        for (i, out) in out.chunks_exact_mut(size).enumerate() {
-            let (word, row) = (i / N, i % N);
-            let channel = channel_of(N, word / Self::F32_LANES, word % Self::F32_LANES);
-            let from: &[u8] = cast_slice(std::slice::from_ref(&rows[row]));
-            out.copy_from_slice(&from[size * channel..][..size]);
+        for (row, from) in rows.iter().enumerate() {
+            let from: &[u8] = cast_slice(std::slice::from_ref(from));
+            for (i, out) in out.iter_mut().skip(row).step_by(4).enumerate() {
+                *out = from[channel_of(i / Self::F32_LANES, i % Self::F32_LANES)];
+            }
         }
         words
-    }
-
-    /// The bytes of a row as numbers, each where [`Lanes::interleave`] puts its word.
-    #[inline(always)]
-    fn spread_bytes<const N: usize>(self, row: Self::f32s) -> [Self::f32s; N] {
-        let mut rows = [self.splat_f32s(0.0); N];
-        rows[0] = row;
-        self.interleave(rows).map(|words| self.of_integers(words))
     }
 
     /// Numbers of 0 to 255, rounded to even, as bytes: each where a row has it whose word stands as
     /// [`Lanes::interleave`] puts it.
     #[inline(always)]
-    fn join<const N: usize>(self, numbers: [Self::f32s; N]) -> Self::f32s {
+    fn join(self, numbers: [Self::f32s; 4]) -> Self::f32s {
         let mut joined = [numbers[0]];
         let out: &mut [u8] = cast_slice_mut(&mut joined);
         for (i, &number) in cast_slice::<_, f32>(&numbers).iter().enumerate() {
-            out[channel_of(4, i / Self::F32_LANES, i % Self::F32_LANES)] = byte(number);
+            out[channel_of(i / Self::F32_LANES, i % Self::F32_LANES)] = byte(number);
         }
         joined[0]
     }
 }
 
-/// The place in a row of the number whose word [`Lanes::interleave`] puts into a lane of a vector, where words have
-/// so many numbers.
+/// The place in a row of the byte whose word [`Lanes::interleave`] puts into a lane of a vector.
 #[inline(always)]
-pub(crate) const fn channel_of(numbers: usize, vector: usize, lane: usize) -> usize {
-    lane / 4 * 4 * numbers + 4 * vector + lane % 4
+pub(crate) const fn channel_of(vector: usize, lane: usize) -> usize {
+    lane / 4 * 16 + 4 * vector + lane % 4
 }
 
 /// The word that [`Lanes::spread_words`] puts into a lane.
@@ -386,36 +376,24 @@ impl Lanes for V4 {
     }
 
     #[inline(always)]
-    fn interleave<const N: usize>(self, mut rows: [Self::f32s; N]) -> [Self::f32s; N] {
+    fn interleave(self, [a, b, c, d]: [Self::f32s; 4]) -> [Self::f32s; 4] {
         use pulp::cast;
         let bw = self.avx512bw;
-        match rows.as_mut_slice() {
-            [a, b] => {
-                let rows = (cast(*a), cast(*b));
-                *a = cast(bw._mm512_unpacklo_epi16(rows.0, rows.1));
-                *b = cast(bw._mm512_unpackhi_epi16(rows.0, rows.1));
-            }
-            [a, b, c, d] => {
-                let rows = (cast(*a), cast(*b), cast(*c), cast(*d));
-                let low = bw._mm512_unpacklo_epi8(rows.0, rows.1);
-                let high = bw._mm512_unpackhi_epi8(rows.0, rows.1);
-                let low2 = bw._mm512_unpacklo_epi8(rows.2, rows.3);
-                let high2 = bw._mm512_unpackhi_epi8(rows.2, rows.3);
-                *a = cast(bw._mm512_unpacklo_epi16(low, low2));
-                *b = cast(bw._mm512_unpackhi_epi16(low, low2));
-                *c = cast(bw._mm512_unpacklo_epi16(high, high2));
-                *d = cast(bw._mm512_unpackhi_epi16(high, high2));
-            }
-            _ => {}
-        }
-        rows
+        let (a, b, c, d) = (cast(a), cast(b), cast(c), cast(d));
+        let [low, high] = [bw._mm512_unpacklo_epi8(a, b), bw._mm512_unpackhi_epi8(a, b)];
+        let [low2, high2] = [bw._mm512_unpacklo_epi8(c, d), bw._mm512_unpackhi_epi8(c, d)];
+        [
+            cast(bw._mm512_unpacklo_epi16(low, low2)),
+            cast(bw._mm512_unpackhi_epi16(low, low2)),
+            cast(bw._mm512_unpacklo_epi16(high, high2)),
+            cast(bw._mm512_unpackhi_epi16(high, high2)),
+        ]
     }
 
     #[inline(always)]
-    fn join<const N: usize>(self, numbers: [Self::f32s; N]) -> Self::f32s {
+    fn join(self, [a, b, c, d]: [Self::f32s; 4]) -> Self::f32s {
         use pulp::cast;
         let (f, bw) = (self.avx512f, self.avx512bw);
-        let [a, b, c, d] = [0, 1, 2, 3].map(|i| numbers[i % N]);
         let [a, b] = [f._mm512_cvtps_epi32(cast(a)), f._mm512_cvtps_epi32(cast(b))];
         let [c, d] = [f._mm512_cvtps_epi32(cast(c)), f._mm512_cvtps_epi32(cast(d))];
         let low = bw._mm512_packs_epi32(a, b);
@@ -475,36 +453,24 @@ impl Lanes for V3 {
     }
 
     #[inline(always)]
-    fn interleave<const N: usize>(self, mut rows: [Self::f32s; N]) -> [Self::f32s; N] {
+    fn interleave(self, [a, b, c, d]: [Self::f32s; 4]) -> [Self::f32s; 4] {
         use pulp::cast;
         let i = self.avx2;
-        match rows.as_mut_slice() {
-            [a, b] => {
-                let rows = (cast(*a), cast(*b));
-                *a = cast(i._mm256_unpacklo_epi16(rows.0, rows.1));
-                *b = cast(i._mm256_unpackhi_epi16(rows.0, rows.1));
-            }
-            [a, b, c, d] => {
-                let rows = (cast(*a), cast(*b), cast(*c), cast(*d));
-                let low = i._mm256_unpacklo_epi8(rows.0, rows.1);
-                let high = i._mm256_unpackhi_epi8(rows.0, rows.1);
-                let low2 = i._mm256_unpacklo_epi8(rows.2, rows.3);
-                let high2 = i._mm256_unpackhi_epi8(rows.2, rows.3);
-                *a = cast(i._mm256_unpacklo_epi16(low, low2));
-                *b = cast(i._mm256_unpackhi_epi16(low, low2));
-                *c = cast(i._mm256_unpacklo_epi16(high, high2));
-                *d = cast(i._mm256_unpackhi_epi16(high, high2));
-            }
-            _ => {}
-        }
-        rows
+        let (a, b, c, d) = (cast(a), cast(b), cast(c), cast(d));
+        let [low, high] = [i._mm256_unpacklo_epi8(a, b), i._mm256_unpackhi_epi8(a, b)];
+        let [low2, high2] = [i._mm256_unpacklo_epi8(c, d), i._mm256_unpackhi_epi8(c, d)];
+        [
+            cast(i._mm256_unpacklo_epi16(low, low2)),
+            cast(i._mm256_unpackhi_epi16(low, low2)),
+            cast(i._mm256_unpacklo_epi16(high, high2)),
+            cast(i._mm256_unpackhi_epi16(high, high2)),
+        ]
     }
 
     #[inline(always)]
-    fn join<const N: usize>(self, numbers: [Self::f32s; N]) -> Self::f32s {
+    fn join(self, [a, b, c, d]: [Self::f32s; 4]) -> Self::f32s {
         use pulp::cast;
         let (f, i) = (self.avx, self.avx2);
-        let [a, b, c, d] = [0, 1, 2, 3].map(|i| numbers[i % N]);
         let [a, b] = [f._mm256_cvtps_epi32(cast(a)), f._mm256_cvtps_epi32(cast(b))];
         let [c, d] = [f._mm256_cvtps_epi32(cast(c)), f._mm256_cvtps_epi32(cast(d))];
         let low = i._mm256_packs_epi32(a, b);

@@ -9,7 +9,7 @@ use bytemuck::{Pod, Zeroable};
 use half::bf16;
 use rayon::prelude::*;
 
-use super::simd::{Kernel, Lanes, Level, NullaryFnOnce, channel_of};
+use super::simd::{Kernel, Lanes, Level, NullaryFnOnce};
 
 /// What feature maps and matrices are made of: 32 bits that hold one number or two.
 pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
@@ -395,35 +395,6 @@ pub(crate) trait Arithmetic<S: Lanes>: Copy {
     /// everywhere in the group. Groups have `G` numbers.
     fn spread<const G: usize>(self, lanes: S, x: S::f32s, v: usize, index: usize) -> S::f32s;
 
-    /// Of as many rows as a word has numbers, of as many channels as a vector has: in each word one channel's
-    /// numbers. Where which stands, [`channel_of`](super::simd::channel_of) says.
-    #[inline(always)]
-    fn interleave<const N: usize>(self, lanes: S, rows: [S::f32s; N]) -> [S::f32s; N] {
-        lanes.interleave(rows)
-    }
-
-    /// A row's numbers, each where [`Arithmetic::interleave`] puts its channel.
-    #[inline(always)]
-    fn spread_row<const N: usize>(self, lanes: S, row: S::f32s) -> [S::f32s; N] {
-        let mut rows = [lanes.splat_f32s(0.0); N];
-        // What an f32 has above, or all that there is.
-        rows[N - 1] = row;
-        lanes.interleave(rows)
-    }
-
-    /// A row of such numbers, rounded to what a word holds; bytes are within 0 to 255.
-    #[inline(always)]
-    fn join_row<const N: usize>(self, lanes: S, numbers: [S::f32s; N]) -> S::f32s {
-        let mut joined = [lanes.splat_f32s(0.0)];
-        let words: &mut [Self::Word] = bytemuck::cast_slice_mut(&mut joined);
-        let of_channels = Self::Word::each_mut(words);
-        for (i, &number) in bytemuck::cast_slice::<_, f32>(&numbers).iter().enumerate() {
-            let channel = channel_of(N, i / S::F32_LANES, i % S::F32_LANES);
-            of_channels[channel] = Self::Word::each(&[Self::Word::of(|_| number)])[0];
-        }
-        joined[0]
-    }
-
     /// Reads `NV` vectors of numbers.
     fn load<const NV: usize>(self, lanes: S, from: &[Self::Word]) -> [S::f32s; NV];
 
@@ -533,16 +504,6 @@ impl<S: Lanes> Arithmetic<S> for Quads {
     #[inline(always)]
     fn numbers(self, lanes: S, sum: S::f32s) -> S::f32s {
         lanes.of_integers(sum)
-    }
-
-    #[inline(always)]
-    fn spread_row<const N: usize>(self, lanes: S, row: S::f32s) -> [S::f32s; N] {
-        lanes.spread_bytes(row)
-    }
-
-    #[inline(always)]
-    fn join_row<const N: usize>(self, lanes: S, numbers: [S::f32s; N]) -> S::f32s {
-        lanes.join(numbers)
     }
 
     #[inline(always)]

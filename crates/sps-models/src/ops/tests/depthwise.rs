@@ -53,10 +53,7 @@ fn check<W: Word>(window: Window, size: [usize; 3], channels: usize, rounding: f
     let values = as_words(&noise(pixels(size) * channels, 1));
     let x: Vec<f64> = W::numbers(&values).map(f64::from).collect();
     let (weights, shift) = (noise(channels * pixels(window.size), 2), noise(channels, 3));
-    let weights = weights.iter().map(|w| W::of(|_| 3.0 * *w as f32));
-    let weights: Vec<f64> = weights
-        .map(|w| f64::from(W::widened(W::each(&[w])[0])))
-        .collect();
+    let weights: Vec<f64> = weights.iter().map(|w| 3.0 * w).collect();
     let expected = reference(&window, size, &x, &weights, &shift);
     on_each_level(|level| {
         let narrow = |values: &[f64]| -> Vec<f32> { values.iter().map(|&v| v as f32).collect() };

@@ -52,11 +52,11 @@ fn whole(len: usize, seed: u64, least: f64) -> Vec<f64> {
     unit.map(|x| x.floor() + least).collect()
 }
 
-/// Images in memory, around which lies `zero`.
-fn images<W: Word>(case: &Case, values: &[f64], zero: f32) -> (Vec<W>, Grid) {
+/// Images in memory, around which lie zeros.
+fn images<W: Word>(case: &Case, values: &[f64]) -> (Vec<W>, Grid) {
     let grid = Grid::tight(case.frames, case.size, 3).padded(&case.window);
     let rows = rows_of_words::<W>(&grid);
-    let mut memory = vec![W::of(|_| zero); rows.len()];
+    let mut memory = vec![W::default(); rows.len()];
     let words = rows.size[2];
     for (row, start) in rows.places().into_iter().step_by(words).enumerate() {
         let pixels = &values[row * 3 * case.size[2]..][..3 * case.size[2]];
@@ -64,7 +64,7 @@ fn images<W: Word>(case: &Case, values: &[f64], zero: f32) -> (Vec<W>, Grid) {
             let inside = i.checked_sub(3 * grid.before[2]);
             inside
                 .and_then(|i| pixels.get(i))
-                .map_or(zero, |&x| x as f32)
+                .map_or(0.0, |&x| x as f32)
         };
         for (i, word) in memory[start..][..words].iter_mut().enumerate() {
             *word = W::of(|j| number(W::NUMBERS * i + j));
@@ -80,7 +80,7 @@ fn weights(case: &Case) -> Vec<f64> {
 fn convolved<W: Word>(level: Level, case: &Case, threads: Threads) -> Vec<f32> {
     let weights: Vec<f32> = weights(case).into_iter().map(|w| w as f32).collect();
     let values = whole(case.x_dims().iter().product(), 1, 0.0);
-    let (source, from) = images::<W>(case, &values, 0.0);
+    let (source, from) = images::<W>(case, &values);
     let conv = Conv::<W>::pack_for_images(level, shape(case), &weights);
     let size = case.window.output(case.size).unwrap();
     let to = Grid::tight(case.frames, size, case.outputs).of::<W>();
@@ -126,7 +126,7 @@ fn sums_are_those_of_the_definition() {
 #[test]
 fn the_gradient_of_the_weights_is_that_of_the_definition() {
     fn gradient<W: Real>(level: Level, case: &Case, x: &[f64], cotangent: &[f64]) -> Vec<f64> {
-        let (source, from) = images::<W>(case, x, 0.0);
+        let (source, from) = images::<W>(case, x);
         let size = case.window.output(case.size).unwrap();
         let to = Grid::tight(case.frames, size, case.outputs).of::<W>();
         let cotangent = cotangent.chunks_exact(W::NUMBERS);

@@ -14,6 +14,7 @@ use ndarray::{ArrayView2, ArrayViewMut2};
 use super::super::bands::Threads;
 use super::super::conv::{Conv, ConvShape};
 use super::super::grid::{Grid, Window, pixels};
+use super::super::image::rows_of_words;
 use super::super::product::Epilogue;
 use super::super::simd::Level;
 use super::super::words::{Bf16Pair, Word};
@@ -81,13 +82,15 @@ impl Row {
 
     /// Seconds for one frame.
     fn time<W: Word>(&self) -> f64 {
-        let mut shape = self.shape;
-        // A pixel of bf16 fills whole words.
-        if shape.groups == 1 {
-            shape.inputs = shape.inputs.next_multiple_of(W::NUMBERS * W::NUMBERS);
-        }
+        let shape = self.shape;
         let depth = pixels(shape.window.size) * shape.group_inputs();
-        let conv = Conv::pack(Level::detect(), shape, &ramp(depth * shape.outputs));
+        let of_images = shape.inputs == 3;
+        let pack = if of_images {
+            Conv::pack_for_images
+        } else {
+            Conv::pack
+        };
+        let conv = pack(Level::detect(), shape, &ramp(depth * shape.outputs));
         let size = [1, self.extent, self.extent];
         let map = |size, channels| {
             let grid = Grid::tight(self.frames, size, channels);
@@ -95,7 +98,12 @@ impl Row {
         };
         let from = map(size, shape.inputs).padded(&shape.window);
         let to = map(self.output(), shape.outputs);
-        let source: Vec<W> = ramp(from.len()).iter().map(|&x| W::of(|_| x)).collect();
+        let memory = if of_images {
+            rows_of_words::<W>(&from)
+        } else {
+            from
+        };
+        let source: Vec<W> = ramp(memory.len()).iter().map(|&x| W::of(|_| x)).collect();
         let mut target = vec![W::default(); to.len()];
         let time = shortest(|| {
             let target = (&mut black_box(&mut target)[..], &to);

@@ -28,8 +28,8 @@ pub enum Precision {
     #[default]
     F32,
     /// Feature maps and weights of bf16, eight bits of precision, with sums of f32. Nearly twice as fast
-    /// as f32 on some processors with AVX512-BF16; slower on others. An embedding moves by one or two
-    /// hundredths of its norm.
+    /// as f32 on some processors with AVX512-BF16; slower on others. An embedding moves by one to
+    /// six hundredths of its norm.
     Bf16,
     /// Feature maps of 0 to 255 in steps of each map's own, weights of -127 to 127 in steps of each
     /// channel's own, sums exact in i32; gates, means and embeddings of f32. The steps of the maps come

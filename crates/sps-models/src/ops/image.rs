@@ -1,8 +1,8 @@
 //! Convolutions of images, whose pixels of three numbers lie side by side whatever a word holds.
 //!
-//! A row of an image begins at a word and has its padding in it. A row under the window is one run of numbers, which
-//! may begin within a word: how far within, repeats along a row of the output. Pixels that have it in common are a
-//! phase, whose weights lie as far within their words.
+//! A row of an image begins at a word and has the padding of its only reader in it. A row under the window is one run
+//! of numbers, which may begin within a word: how far within, repeats along a row of the output. Pixels that have it in
+//! common are a phase, whose weights lie as far within their words.
 
 use std::ops::Range;
 

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use candle_core::{DType, Device, Tensor, Var};
 
 use super::relative;
-use crate::encoders::network::Layer;
+use crate::encoders::network::{IMAGE, Layer};
 use crate::encoders::plain::Plain;
 use crate::encoders::{Encoder, EncoderKind};
 use crate::golden;
@@ -200,6 +200,20 @@ fn nothing_reads_a_shortcut_after_its_branch() {
                 assert!(gate.is_none() || point, "{kind}: {}", conv.name);
             }
         }
+    }
+}
+
+/// Rows of images have the padding of one window in memory.
+#[test]
+fn one_layer_reads_the_image() {
+    for kind in EncoderKind::ALL {
+        let network = kind.network();
+        let reads = |layer: &&Layer| layer.inputs().any(|map| map == IMAGE);
+        assert_eq!(network.layers.iter().filter(reads).count(), 1, "{kind}");
+        let [conv] = network.layers[0].convs() else {
+            panic!("{kind} begins with another layer");
+        };
+        assert_eq!((conv.input, conv.inputs), (IMAGE, 3), "{kind}");
     }
 }
 

@@ -264,6 +264,9 @@ impl<W: Word> Conv<W> {
                     source,
                     starts,
                     taps: &taps,
+                    pitch: from.pitch,
+                    stride: window.stride[2],
+                    columns: window.size[2],
                     weights,
                     epilogue,
                 }

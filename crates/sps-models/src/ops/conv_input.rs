@@ -131,6 +131,7 @@ impl<W: Real> ConvTranspose<W> {
                     source: gradient,
                     starts: &table.starts[range.clone()],
                     taps: &table.taps,
+                    pitch: from.pitch,
                     places: &table.places[range],
                     origin: band.origin,
                 };
@@ -181,6 +182,7 @@ impl<W: Real> ConvTranspose<W> {
             source,
             starts,
             taps,
+            pitch,
             places,
             origin,
         } = *rows;
@@ -202,6 +204,9 @@ impl<W: Real> ConvTranspose<W> {
                 source,
                 starts,
                 taps,
+                pitch,
+                stride: 1,
+                columns: phase.columns(),
                 weights,
                 epilogue,
             }
@@ -223,6 +228,8 @@ struct Rows<'a, W> {
     source: &'a [W],
     starts: &'a [usize],
     taps: &'a [usize],
+    /// Words from one pixel of the source to the next.
+    pitch: usize,
     places: &'a [usize],
     origin: usize,
 }
@@ -258,6 +265,12 @@ impl<W: Real> Phase<W> {
             packed: Packed::pack(level, shape, &taps, weights),
             offsets,
         }
+    }
+
+    /// Pixels in a row of the part of the window.
+    fn columns(&self) -> usize {
+        let in_row = |offset: &&[isize; 3]| offset[..2] == self.offsets[0][..2];
+        self.offsets.iter().take_while(in_row).count()
     }
 
     /// Pixels of the phase along each axis.

@@ -1,4 +1,8 @@
 //! Convolution of each channel by itself.
+//!
+//! Windows that lie side by side share the columns that they share: a tile reads each once.
+
+use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -42,12 +46,24 @@ pub(crate) struct DepthwiseProduct<'a, W = f32> {
     pub(crate) starts: &'a [usize],
     /// How far from there its pixels lie.
     pub(crate) taps: &'a [usize],
+    /// Words from one pixel of the source to the next.
+    pub(crate) pitch: usize,
+    /// Pixels from one place of the window to the next in a row.
+    pub(crate) stride: usize,
+    /// Pixels in a row of the window, which lie side by side one way or the other.
+    pub(crate) columns: usize,
     pub(crate) weights: &'a ChannelWeights,
     /// What happens to the sums; factors and shifts are those of frame 0.
     pub(crate) epilogue: Epilogue<'a>,
 }
 
 impl<W: Word> DepthwiseProduct<'_, W> {
+    /// Whether the pixels in a row of the window lie in the order against that of places.
+    #[inline(always)]
+    fn backwards(&self) -> bool {
+        matches!(self.taps, [first, second, ..] if second < first)
+    }
+
     /// Writes pixel `i` at `places[i] - origin` of the target.
     pub(crate) fn write(&self, target: &mut [W], places: &[usize], origin: usize) {
         let write = Write {
@@ -59,6 +75,10 @@ impl<W: Word> DepthwiseProduct<'_, W> {
         W::run(self.weights.level, write);
     }
 }
+
+/// Pixels in a row whose sums are held in registers together: a row of the smallest map of an image of 224 pixels, by
+/// two vectors of channels.
+const SIDE_BY_SIDE: usize = 7;
 
 struct Write<'a, 'b, W> {
     product: &'a DepthwiseProduct<'b, W>,
@@ -72,55 +92,227 @@ impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
 
     #[inline(always)]
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(mut self, lanes: S, arithmetic: A) {
-        let count = self.places.len();
+        let DepthwiseProduct {
+            starts,
+            pitch,
+            stride,
+            columns,
+            weights: ChannelWeights { channels, .. },
+            ..
+        } = *self.product;
+        let whole = channels - channels % S::F32_LANES;
+        let beside = |pair: &&[usize]| pair[1] == pair[0] + stride * pitch;
         let mut first = 0;
-        if S::REGISTER_COUNT >= 32 {
-            while first + 8 <= count {
-                self.pixels::<S, A, 8>(lanes, arithmetic, first);
-                first += 8;
+        while first < starts.len() {
+            let end = first + 1 + starts[first..].windows(2).take_while(beside).count();
+            let row = (first..end, whole);
+            let done = match (columns, stride) {
+                (3, 1) => self.row::<S, A, 3, 1, 9>(lanes, arithmetic, row),
+                (3, 2) => self.row::<S, A, 3, 2, 15>(lanes, arithmetic, row),
+                (5, 1) => self.row::<S, A, 5, 1, 11>(lanes, arithmetic, row),
+                (5, 2) => self.row::<S, A, 5, 2, 17>(lanes, arithmetic, row),
+                _ => first,
+            };
+            for (pixels, channels) in [(done..end, 0..whole), (first..end, whole..*channels)] {
+                self.scattered(lanes, arithmetic, pixels, channels);
             }
-        }
-        while first + 4 <= count {
-            self.pixels::<S, A, 4>(lanes, arithmetic, first);
-            first += 4;
-        }
-        for first in first..count {
-            self.pixels::<S, A, 1>(lanes, arithmetic, first);
+            first = end;
         }
     }
 }
 
 impl<W: Word> Write<'_, '_, W> {
-    /// `H` pixels, all channels: two vectors at a time, one, and what is left.
+    /// As many vectors as are whole of pixels whose windows, of `K` columns, lie `STEP` pixels from each other, by
+    /// tiles that reach over `COLUMNS` of the source; the first pixel that was left.
     #[inline(always)]
-    fn pixels<S, A, const H: usize>(&mut self, lanes: S, arithmetic: A, first: usize)
+    fn row<S, A, const K: usize, const STEP: usize, const COLUMNS: usize>(
+        &mut self,
+        lanes: S,
+        arithmetic: A,
+        (pixels, whole): (Range<usize>, usize),
+    ) -> usize
     where
         S: Lanes,
         A: Arithmetic<S, Word = W>,
     {
-        let channels = self.product.weights.channels;
-        let mut channel = 0;
-        while channel + 2 * S::F32_LANES <= channels {
-            self.tile::<S, A, H, 2, true>(lanes, arithmetic, first, channel);
-            channel += 2 * S::F32_LANES;
+        let Range { mut start, end } = pixels;
+        while start + SIDE_BY_SIDE <= end {
+            let mut channel = 0;
+            if S::REGISTER_COUNT >= 32 {
+                while channel + 2 * S::F32_LANES <= whole {
+                    self.side_by_side::<S, A, K, STEP, COLUMNS, 2>(
+                        lanes, arithmetic, start, channel,
+                    );
+                    channel += 2 * S::F32_LANES;
+                }
+            }
+            while channel < whole {
+                self.side_by_side::<S, A, K, STEP, COLUMNS, 1>(lanes, arithmetic, start, channel);
+                channel += S::F32_LANES;
+            }
+            start += SIDE_BY_SIDE;
         }
-        if channel + S::F32_LANES <= channels {
-            self.tile::<S, A, H, 1, true>(lanes, arithmetic, first, channel);
-            channel += S::F32_LANES;
+        start
+    }
+
+    /// `NV` vectors of a tile, from a channel on.
+    #[inline(always)]
+    fn side_by_side<
+        S,
+        A,
+        const K: usize,
+        const STEP: usize,
+        const COLUMNS: usize,
+        const NV: usize,
+    >(
+        &mut self,
+        lanes: S,
+        arithmetic: A,
+        first: usize,
+        channel: usize,
+    ) where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
+        let sums = self.sums::<S, A, K, STEP, COLUMNS, NV>(lanes, arithmetic, first, channel);
+        let columns = (channel, NV * S::F32_LANES);
+        let finish = Finish::new(lanes, self.product.epilogue, 0, columns);
+        let mut pixels: [usize; SIDE_BY_SIDE] = std::array::from_fn(|i| first + i);
+        if self.product.backwards() {
+            pixels.reverse();
         }
-        if channel < channels {
-            self.tile::<S, A, H, 1, false>(lanes, arithmetic, first, channel);
+        self.store::<S, A, SIDE_BY_SIDE, NV, true>(
+            lanes, arithmetic, pixels, columns, sums, finish,
+        );
+    }
+
+    /// The sums of a tile's pixels: backwards, if the window lies so. Each sum runs over the taps in order.
+    #[inline(always)]
+    fn sums<S, A, const K: usize, const STEP: usize, const COLUMNS: usize, const NV: usize>(
+        &self,
+        lanes: S,
+        arithmetic: A,
+        first: usize,
+        channel: usize,
+    ) -> [[S::f32s; NV]; SIDE_BY_SIDE]
+    where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
+        const { assert!(COLUMNS == (SIDE_BY_SIDE - 1) * STEP + K) };
+        let DepthwiseProduct {
+            source,
+            starts,
+            taps,
+            pitch,
+            weights,
+            ..
+        } = *self.product;
+        let start = starts[first] + W::words(channel);
+        let words = W::words(NV * S::F32_LANES);
+        let backwards = self.product.backwards();
+        let mut sums = [[lanes.splat_f32s(0.0); NV]; SIDE_BY_SIDE];
+        let (taps, _) = taps.as_chunks::<K>();
+        for (taps, weights_of_row) in taps
+            .iter()
+            .zip(weights.data.chunks_exact(K * weights.channels))
+        {
+            let mut held = [[lanes.splat_f32s(0.0); NV]; K];
+            for (held, weights) in held
+                .iter_mut()
+                .zip(weights_of_row.chunks_exact(weights.channels))
+            {
+                *held = vectors::<S, NV, true>(lanes, &weights[channel..]);
+            }
+            let row = &source[start + taps[0].min(taps[K - 1])..];
+            // All before the first is read: between what can fail, nothing is kept in registers.
+            let row: [&[W]; COLUMNS] = std::array::from_fn(|column| {
+                let column = if backwards {
+                    COLUMNS - 1 - column
+                } else {
+                    column
+                };
+                &row[column * pitch..][..words]
+            });
+            each_row!(COLUMNS, column, {
+                let x: [_; NV] = arithmetic.load(lanes, row[column]);
+                for (i, sums) in sums.iter_mut().enumerate() {
+                    if column >= i * STEP && column - i * STEP < K {
+                        for v in 0..NV {
+                            sums[v] = lanes.fma(x[v], held[column - i * STEP][v], sums[v]);
+                        }
+                    }
+                }
+            });
+        }
+        sums
+    }
+
+    /// Pixels wherever they lie, some of their channels: eight pixels at once where registers suffice.
+    #[inline(always)]
+    fn scattered<S, A>(
+        &mut self,
+        lanes: S,
+        arithmetic: A,
+        pixels: Range<usize>,
+        channels: Range<usize>,
+    ) where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
+        let Range { mut start, end } = pixels;
+        if S::REGISTER_COUNT >= 32 {
+            while start + 8 <= end {
+                self.pixels::<S, A, 8>(lanes, arithmetic, start, channels.clone());
+                start += 8;
+            }
+        }
+        while start + 4 <= end {
+            self.pixels::<S, A, 4>(lanes, arithmetic, start, channels.clone());
+            start += 4;
+        }
+        for pixel in start..end {
+            self.pixels::<S, A, 1>(lanes, arithmetic, pixel, channels.clone());
         }
     }
 
-    /// `NV` vectors of `H` pixels' channels, from `channel` on; `WHOLE` where there are as many.
+    /// `H` pixels: two vectors of channels at a time, one, and what is left.
+    #[inline(always)]
+    fn pixels<S, A, const H: usize>(
+        &mut self,
+        lanes: S,
+        arithmetic: A,
+        first: usize,
+        channels: Range<usize>,
+    ) where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
+        let Range {
+            start: mut channel,
+            end,
+        } = channels;
+        while channel + 2 * S::F32_LANES <= end {
+            self.tile::<S, A, H, 2, true>(lanes, arithmetic, first, channel..end);
+            channel += 2 * S::F32_LANES;
+        }
+        if channel + S::F32_LANES <= end {
+            self.tile::<S, A, H, 1, true>(lanes, arithmetic, first, channel..end);
+            channel += S::F32_LANES;
+        }
+        if channel < end {
+            self.tile::<S, A, H, 1, false>(lanes, arithmetic, first, channel..end);
+        }
+    }
+
+    /// `NV` vectors of `H` pixels' channels, the first of some; `WHOLE` where there are as many.
     #[inline(always)]
     fn tile<S, A, const H: usize, const NV: usize, const WHOLE: bool>(
         &mut self,
         lanes: S,
         arithmetic: A,
         first: usize,
-        channel: usize,
+        channels: Range<usize>,
     ) where
         S: Lanes,
         A: Arithmetic<S, Word = W>,
@@ -131,8 +323,9 @@ impl<W: Word> Write<'_, '_, W> {
             taps,
             weights,
             epilogue,
+            ..
         } = *self.product;
-        let count = (weights.channels - channel).min(NV * S::F32_LANES);
+        let (channel, count) = (channels.start, channels.len().min(NV * S::F32_LANES));
         let (word, words) = (W::words(channel), W::words(count));
         let starts: [usize; H] = std::array::from_fn(|i| starts[first + i] + word);
         let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
@@ -146,9 +339,30 @@ impl<W: Word> Write<'_, '_, W> {
                 }
             }
         }
-        let finish = Finish::<S, NV>::new(lanes, epilogue, 0, (channel, count));
-        for (i, mut ended) in sums.into_iter().enumerate() {
-            let place = self.places[first + i] - self.origin + word;
+        let columns = (channel, count);
+        let finish = Finish::new(lanes, epilogue, 0, columns);
+        let pixels = std::array::from_fn(|i| first + i);
+        self.store::<S, A, H, NV, WHOLE>(lanes, arithmetic, pixels, columns, sums, finish);
+    }
+
+    /// Ends the sums of so many channels, from one on, of `H` pixels, and stores them; `WHOLE` where they fill the
+    /// vectors.
+    #[inline(always)]
+    fn store<S, A, const H: usize, const NV: usize, const WHOLE: bool>(
+        &mut self,
+        lanes: S,
+        arithmetic: A,
+        pixels: [usize; H],
+        (channel, count): (usize, usize),
+        sums: [[S::f32s; NV]; H],
+        finish: Finish<S, NV>,
+    ) where
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+    {
+        let (word, words) = (W::words(channel), W::words(count));
+        for (pixel, mut ended) in pixels.into_iter().zip(sums) {
+            let place = self.places[pixel] - self.origin + word;
             let out = &mut self.target[place..place + words];
             let stored = if finish.accumulate {
                 read::<W, S, A, NV, WHOLE>(lanes, arithmetic, out)

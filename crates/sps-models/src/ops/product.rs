@@ -549,8 +549,12 @@ fn vectors<S: Lanes, const NV: usize>(
         return [lanes.splat_f32s(default); NV];
     };
     let values = &columns.get(frame, column)[..count];
-    std::array::from_fn(|v| match values.get(v * S::F32_LANES..) {
-        Some(values) => load(lanes, values),
-        None => lanes.splat_f32s(default),
-    })
+    let mut vectors = [lanes.splat_f32s(default); NV];
+    // No closure: one that is not inlined is compiled without the instructions.
+    for (v, vector) in vectors.iter_mut().enumerate() {
+        if let Some(values) = values.get(v * S::F32_LANES..) {
+            *vector = load(lanes, values);
+        }
+    }
+    vectors
 }

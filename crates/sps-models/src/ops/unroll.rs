@@ -6,7 +6,7 @@
 /// memory. Decided by a constant block, or each height would be compiled with the rows of the tallest.
 macro_rules! each_row {
     ($h:ident, $i:ident, $body:block) => {
-        each_row!(@ $h $i $body 0 1 2 3 4 5 6 7 8 9 10 11 12 13)
+        each_row!(@ $h $i $body 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16)
     };
     (@ $h:ident $i:ident $body:block $($row:literal)*) => {
         $(if const { $row < $h } {

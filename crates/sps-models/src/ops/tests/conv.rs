@@ -143,6 +143,9 @@ fn convolutions_of_many_shapes() {
     case(1, image(1, 9), 5, 5, 5, square(3, 1, 1)).check("each channel its own group");
     case(1, image(6, 5), 40, 40, 40, square(3, 1, 1)).check("depth-wise");
     case(2, image(5, 4), 24, 24, 24, square(5, 2, 2)).check("depth-wise, stride 2");
+    case(2, image(3, 17), 40, 40, 40, square(3, 1, 1)).check("depth-wise, wide");
+    case(1, image(3, 16), 40, 40, 40, square(5, 1, 2)).check("depth-wise, wider window");
+    case(1, image(4, 31), 40, 40, 40, square(5, 2, 2)).check("depth-wise, wide, stride 2");
     case(1, image(2, 3), 4, 3, 1, square(3, 5, 2)).check("stride beyond the window");
     let cube = Window::same([3, 3, 3], [1, 2, 1], [4, 5, 3]);
     case(2, [4, 5, 3], 4, 6, 2, cube).check("three dimensions");

@@ -94,6 +94,10 @@ fn depthwise_convolutions() {
             (Window::square(7, 1, 3), [1, 4, 5]),
             (Window::square(3, 1, 1), [1, 6, 5]),
             (Window::square(5, 2, 2), [1, 7, 9]),
+            (Window::square(3, 1, 1), [1, 3, 16]),
+            (Window::square(3, 2, 1), [1, 5, 31]),
+            (Window::square(5, 1, 2), [1, 2, 7]),
+            (Window::square(5, 2, 2), [1, 6, 15]),
             (Window::same([1, 5, 5], [1, 2, 2], [1, 8, 6]), [1, 8, 6]),
             (Window::same([1, 3, 3], [1, 2, 2], [1, 1, 1]), [1, 1, 1]),
         ] {

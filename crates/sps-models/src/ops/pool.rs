@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::bands::{Threads, for_each_band};
+use super::buffer::Buffer;
 use super::grid::{Grid, Size, Window, pixels};
 use super::simd::{Kernel, Lanes, Level};
 use super::words::{Arithmetic, Real, Word, WordKernel, lanes_of, read, vectors};
@@ -29,6 +30,7 @@ pub(crate) fn max_pool<W: Word>(
             first: band.pixels.start,
             target: band.target,
             origin: band.origin,
+            columns: Buffer::default(),
         });
     });
 }
@@ -44,6 +46,8 @@ struct Pool<'a, W> {
     first: usize,
     target: &'a mut [W],
     origin: usize,
+    /// Of each column of the source the largest of its pixels, which windows side by side share.
+    columns: Buffer,
 }
 
 impl<W: Word> Kernel for Pool<'_, W> {
@@ -95,18 +99,22 @@ impl<W: Word> Pool<'_, W> {
     ) {
         let [first, others @ ..] = rows else { return };
         let words = (self.from.words - word).min(NV * S::F32_LANES);
+        let (source, pitch) = (self.source, self.from.pitch);
         let read = |row: usize, x: usize| {
-            let at = row + x * self.from.pitch + word;
-            vectors::<S, NV, WHOLE>(lanes, lanes_of(&self.source[at..at + words]))
+            let at = row + x * pitch + word;
+            vectors::<S, NV, WHOLE>(lanes, lanes_of(&source[at..at + words]))
         };
-        // Of each column the largest of its pixels, which windows side by side share.
-        let mut columns = Vec::with_capacity(seen);
-        for x in 0..seen {
+        let step = NV * S::F32_LANES;
+        self.columns.resize(seen * step);
+        let (columns, _) = S::as_mut_simd_f32s(&mut self.columns)
+            .0
+            .as_chunks_mut::<NV>();
+        for (x, column) in columns.iter_mut().enumerate() {
             let mut largest = read(*first, x);
             for &row in others {
                 keep_larger::<W, S, NV>(lanes, &mut largest, read(row, x));
             }
-            columns.push(largest);
+            *column = largest;
         }
         let (size, stride) = (self.window.size[2], self.window.stride[2]);
         for (x, &place) in places.iter().enumerate() {

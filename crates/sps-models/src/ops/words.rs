@@ -348,14 +348,17 @@ pub(super) fn vectors<S: Lanes, const NV: usize, const WHOLE: bool>(
     lanes: S,
     from: &[f32],
 ) -> [S::f32s; NV] {
-    std::array::from_fn(|v| {
-        if WHOLE {
+    let mut vectors = [lanes.splat_f32s(0.0); NV];
+    // No closure: one that is not inlined is compiled without the instructions, and returns through memory.
+    for (v, vector) in vectors.iter_mut().enumerate() {
+        *vector = if WHOLE {
             S::as_simd_f32s(from).0[v]
         } else {
             let from = &from[(v * S::F32_LANES).min(from.len())..];
             lanes.partial_load_f32s(&from[..from.len().min(S::F32_LANES)])
-        }
-    })
+        };
+    }
+    vectors
 }
 
 /// The bits of words as the lanes of vectors hold them.

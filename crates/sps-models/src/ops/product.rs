@@ -458,8 +458,10 @@ impl<S: Lanes, A: Arithmetic<S>, const H: usize, const NV: usize> NullaryFnOnce
     }
 }
 
-/// The epilogue of some columns of a frame.
+/// The epilogue of some columns of a frame. Vectors are aligned to single numbers: in a list, most would straddle two
+/// cache lines.
 #[derive(Clone, Copy)]
+#[repr(align(64))]
 pub(super) struct Finish<S: Lanes, const NV: usize> {
     scale: [S::f32s; NV],
     shift: [S::f32s; NV],

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use candle_core::{Device, Tensor};
 use clap::Parser;
 use sps_dataset::{
-    FrameIndex, KFold, KeepGroups, Property, Source, SplitPlan, TactileSettings, decode_frames,
+    FrameIndex, KFold, KeepGroups, Source, SplitPlan, TactileSettings, decode_frames, toccare,
 };
 use sps_metrics::{Bootstrap, Compared, Metric, Samples};
 use sps_models::encoders::{Encoder, EncoderKind};
@@ -73,7 +73,7 @@ impl Set {
             .tactile()
             .averages(&TactileSettings::default(), args.surfaces);
         let rows: Vec<Vec<Option<f64>>> = (0..args.surfaces)
-            .map(|s| Property::ALL.map(|p| averages.value(s, p)).to_vec())
+            .map(|s| toccare::ALL.map(|p| averages.value(s, p.code)).to_vec())
             .collect();
         let plan = SplitPlan::KFold(KFold {
             folds: FOLDS,
@@ -110,10 +110,10 @@ impl Set {
         let ridges = Ridge::new(RidgeConfig::default())?.train(&data, &plan)?;
         let all: Vec<usize> = (0..self.embeddings.surfaces()).collect();
         let estimates = ridges.predict(&self.embeddings.select(&all, views)?)?;
-        let mut held_out = vec![HeldOut::default(); Property::ALL.len()];
+        let mut held_out = vec![HeldOut::default(); toccare::ALL.len()];
         for (estimate, k) in estimates.iter().zip(0..) {
-            let column = k % Property::ALL.len();
-            let training = &self.folds[k / Property::ALL.len()].training;
+            let column = k % toccare::ALL.len();
+            let training = &self.folds[k / toccare::ALL.len()].training;
             for &surface in all.iter().filter(|surface| !training.contains(surface)) {
                 let value = self.readings.get(surface, column);
                 held_out[column].truth.push(value.context("a reading")?);
@@ -125,7 +125,7 @@ impl Set {
 }
 
 fn codes() -> Vec<String> {
-    Property::ALL.map(|p| p.code().to_owned()).to_vec()
+    toccare::ALL.map(|p| p.code.to_owned()).to_vec()
 }
 
 /// (surfaces, views, width).
@@ -150,7 +150,7 @@ fn embed(encoder: &Encoder, simulator: &Simulator) -> Result<Embeddings> {
 
 /// Values and estimates of every property over the surfaces of all seeds.
 fn pooled(sets: &[Set], views: &[usize]) -> Result<Vec<HeldOut>> {
-    let mut pooled = vec![HeldOut::default(); Property::ALL.len()];
+    let mut pooled = vec![HeldOut::default(); toccare::ALL.len()];
     for set in sets {
         for (all, one) in pooled.iter_mut().zip(set.estimates(views)?) {
             all.truth.extend(one.truth);
@@ -241,7 +241,7 @@ fn best_triples(sets: &[Set]) -> Result<()> {
             }
         }
     }
-    for (column, property) in Property::ALL.into_iter().enumerate() {
+    for (column, property) in toccare::properties().into_iter().enumerate() {
         let mean = found.iter().map(|(_, r2)| r2[column]).sum::<f64>() / found.len() as f64;
         let best = found
             .iter()

@@ -1,7 +1,9 @@
 //! The surfaces that an experiment runs on.
 
 use anyhow::{Context, Result};
-use sps_dataset::{DatasetFolder, OutOfRange, Property, RollAngle, Source, TactileSettings};
+use sps_dataset::{
+    DatasetFolder, Origin, OutOfRange, Property, RollAngle, Source, TactileSettings,
+};
 use sps_simulate::{Ceilings, Simulator, SimulatorSpec, ceilings};
 use tracing::info;
 
@@ -50,8 +52,8 @@ pub(crate) fn with_source<W: WithSource>(data: &DataSpec, work: W) -> Result<W::
         } => {
             let source = DatasetFolder::open(path, read)?;
             let about = About {
-                simulated: false,
-                published_sps: *published_sps,
+                simulated: source.origin() == Some(Origin::Simulator),
+                published_sps: *published_sps || source.origin() == Some(Origin::Paper),
                 origin: source.manifest().source.clone(),
                 tactile: read.tactile,
                 ceilings: None,
@@ -80,7 +82,7 @@ fn out_of_range_notes(found: &[(Property, OutOfRange)]) -> Vec<String> {
         .filter(|(_, count)| count.below + count.above > 0)
         .map(|(property, count)| {
             format!(
-                "{property}: {} readings below 0 and {} above 100",
+                "{property}: {} readings below its range and {} above",
                 count.below, count.above
             )
         })

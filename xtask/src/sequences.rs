@@ -1,6 +1,8 @@
 //! A source whose one view of a surface is a sequence of another source's views.
 
-use sps_dataset::{Frame, FrameKey, PropertyRanges, RollAngle, Source, Surface, TactileTable};
+use sps_dataset::{
+    Description, Frame, FrameKey, Origin, Property, RollAngle, Source, Surface, TactileTable,
+};
 
 /// Frames of several views, one below the other, as one frame; it stands at angle 0.
 pub(crate) struct Sequences<'a, S> {
@@ -22,6 +24,10 @@ impl<S: Source> Source for Sequences<'_, S> {
         self.source.name()
     }
 
+    fn origin(&self) -> Option<Origin> {
+        self.source.origin()
+    }
+
     fn surfaces(&self) -> &[Surface] {
         self.source.surfaces()
     }
@@ -34,8 +40,8 @@ impl<S: Source> Source for Sequences<'_, S> {
         self.source.tactile()
     }
 
-    fn ranges(&self) -> PropertyRanges {
-        self.source.ranges()
+    fn describe(&self, property: &Property) -> Description {
+        self.source.describe(property)
     }
 
     fn frame(&self, surface: usize, view: usize) -> Result<Frame, S::Error> {

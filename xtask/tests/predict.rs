@@ -8,9 +8,7 @@ use std::path::PathBuf;
 use candle_core::{Device, Tensor};
 use image::{Rgb, RgbImage};
 use serde_json::Value;
-use sps_dataset::{
-    DatasetFolder, KeepGroups, Property, ReadSettings, Source, TactileSettings, Units,
-};
+use sps_dataset::{DatasetFolder, KeepGroups, ReadSettings, Source, TactileSettings, Units};
 use sps_estimator::{Embedder, Network};
 use sps_models::encoders::{Encoder, EncoderKind};
 use sps_models::heads::{Plan, Rerun, TrainingData, Views};
@@ -204,9 +202,7 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
     let touched = dataset
         .tactile()
         .averages(&TactileSettings::default(), count);
-    let rows: Vec<_> = (0..count)
-        .map(|s| vec![touched.value(s, Property::FRS)])
-        .collect();
+    let rows: Vec<_> = (0..count).map(|s| vec![touched.value(s, "fRS")]).collect();
     let readings = Readings::new(vec!["fRS".into()], &rows).unwrap();
     let units = Units::of(dataset.surfaces(), KeepGroups::Never);
     let all: Vec<usize> = (0..count).collect();

@@ -7,7 +7,7 @@ use std::convert::Infallible;
 use std::path::Path;
 
 use sps_dataset::{
-    DatasetFolder, Frame, FrameFormat, FrameKey, Property, ReadSettings, Reading, RollAngle,
+    DatasetFolder, Frame, FrameFormat, FrameKey, InvalidCode, ReadSettings, Reading, RollAngle,
     Source, Surface, TactileSettings, TactileTable, WriteOptions, write_dataset,
 };
 
@@ -21,7 +21,7 @@ struct Stripes {
 }
 
 impl Stripes {
-    fn new() -> Self {
+    fn new() -> Result<Self, InvalidCode> {
         let named = |id: &str| Surface {
             id: id.to_owned(),
             material: "paper".to_owned(),
@@ -33,14 +33,14 @@ impl Stripes {
             repeat: 0,
             values: vec![Some(60.0 - 10.0 * surface as f64)],
         };
-        Self {
+        Ok(Self {
             surfaces: ["wide", "middle", "narrow"].map(named).to_vec(),
             angles: [-30.0, 0.0, 30.0].map(RollAngle).to_vec(),
             tactile: TactileTable {
-                properties: vec![Property::FRS],
+                properties: vec!["fRS".parse()?],
                 readings: (0..3).map(touched).collect(),
             },
-        }
+        })
     }
 }
 
@@ -106,7 +106,7 @@ fn write(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
         description: "Three drawn surfaces".to_owned(),
         source: "computed".to_owned(),
     };
-    let written = write_dataset(&Stripes::new(), folder, &options, |_, _| {})?;
+    let written = write_dataset(&Stripes::new()?, folder, &options, |_, _| {})?;
     println!("{} surfaces in {}", written.written, folder.display());
     Ok(())
 }

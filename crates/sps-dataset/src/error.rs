@@ -2,7 +2,7 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::{Property, UnknownName, UnknownProperty};
+use crate::{InvalidCode, Property, UnknownName};
 
 /// A dataset, or a table of one, that cannot be read: which file, where in it, and why.
 ///
@@ -55,9 +55,9 @@ pub enum DatasetErrorKind {
     /// A key, value or surface that there is not.
     #[error("{0}")]
     UnknownName(UnknownName),
-    /// A property code that is none of the fifteen.
-    #[error("{0}")]
-    UnknownProperty(UnknownProperty),
+    /// A column whose name cannot be the code of a property.
+    #[error("{0}; `ignore-columns` leaves a column out")]
+    InvalidCode(InvalidCode),
     /// A table whose columns carry no names, and no order was given for them.
     #[error(
         "the order of its properties is not given: the file does not name its columns, so \
@@ -74,9 +74,10 @@ pub enum DatasetErrorKind {
         /// Which numbers would have been right.
         expected: &'static str,
     },
-    /// A value outside 0 to 100 under [`RangePolicy::Reject`](crate::RangePolicy::Reject), or one
-    /// that is more than 1e9 from 0 once it was restored.
-    #[error("{property} of `{surface}` is {value}, outside 0 to 100, and is to be rejected")]
+    /// A value outside of its property's range under
+    /// [`RangePolicy::Reject`](crate::RangePolicy::Reject), or one that is more than 1e9 from 0 once it
+    /// was restored.
+    #[error("{property} of `{surface}` is {value}, outside {low} to {high}, and is to be rejected")]
     OutOfRange {
         /// The surface touched.
         surface: String,
@@ -84,6 +85,10 @@ pub enum DatasetErrorKind {
         property: Property,
         /// The value read.
         value: f64,
+        /// The lowest value that is taken.
+        low: f64,
+        /// The highest.
+        high: f64,
     },
     /// A value outside of the range that the dataset declares for its property.
     #[error(

@@ -38,11 +38,15 @@ pub struct Inspection {
 pub struct PropertySummary {
     /// The property.
     pub property: Property,
+    /// Its name; empty where nobody says.
+    pub name: String,
+    /// The unit of its values; empty where they have none.
+    pub unit: String,
     /// Surfaces with a value.
     pub measured: usize,
     /// Cells of the table that are empty.
     pub missing_cells: usize,
-    /// Values outside 0 to 100, before any were clamped.
+    /// Values outside of its range, before any were clamped.
     pub out_of_range: OutOfRange,
     /// Minimum, first quartile, median, third quartile and maximum over the surfaces' values, by
     /// linear interpolation (type 7 of Hyndman and Fan, NumPy's default).
@@ -125,7 +129,7 @@ impl DatasetFolder {
 
     fn property_summaries(&self, settings: TactileSettings) -> Vec<PropertySummary> {
         let averages = self.tactile().averages(&settings, self.surfaces().len());
-        let summary = |(column, &(property, out_of_range)): (usize, &(Property, OutOfRange))| {
+        let summary = |(column, (property, out_of_range)): (usize, &(Property, OutOfRange))| {
             let surfaces = self.surfaces().iter().enumerate();
             let of_groups = surfaces.filter_map(|(s, surface)| {
                 let value = averages.value(s, property)?;
@@ -136,13 +140,15 @@ impl DatasetFolder {
             let spreads: Vec<f64> = cells.filter_map(|cell| cell.repeat_std).collect();
             let readings = &self.tactile().readings;
             PropertySummary {
-                property,
+                property: property.clone(),
+                name: self.manifest().describe(property).name,
+                unit: self.manifest().describe(property).unit,
                 measured: values.len(),
                 missing_cells: readings
                     .iter()
                     .filter(|r| r.values[column].is_none())
                     .count(),
-                out_of_range,
+                out_of_range: *out_of_range,
                 quantiles: quantiles(values),
                 repeat_std: quantiles(spreads).map(|[_, _, median, _, _]| median),
                 between_groups: intraclass(of_groups),

@@ -1,6 +1,6 @@
-//! Photographs of surfaces from many angles and what a touch sensor measured on them, as in
-//! "Teaching Cameras to Feel" (Purri and Dana, ECCV 2020): image sequences of a gonioreflectometer
-//! and tables of the SynTouch Toccare.
+//! Photographs of surfaces from one or many angles and what was measured on them: as in "Teaching
+//! Cameras to Feel" (Purri and Dana, ECCV 2020), image sequences of a gonioreflectometer and tables of
+//! the SynTouch Toccare, or any other properties that somebody measured.
 //!
 //! Take this crate to read such a dataset from a folder, frame by frame as frames are asked for, to
 //! bring tactile tables of several forms into one, to split surfaces and label their materials, or
@@ -9,8 +9,8 @@
 //!
 //! ```
 //! use sps_dataset::{
-//!     DatasetFolder, FrameIndex, Property, ReadSettings, RollAngle, Source, SplitPlan,
-//!     TactileSettings, decode_frames,
+//!     DatasetFolder, FrameIndex, ReadSettings, RollAngle, Source, SplitPlan, TactileSettings,
+//!     decode_frames,
 //! };
 //!
 //! # let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/tiny-dataset").as_ref();
@@ -26,7 +26,7 @@
 //! // What was felt on them.
 //! let averages = dataset.tactile().averages(&TactileSettings::default(), dataset.surfaces().len());
 //! for (index, frame) in wanted.iter().zip(&frames) {
-//!     let friction = averages.value(index.surface, Property::FRS);
+//!     let friction = averages.value(index.surface, "fRS");
 //!     println!("{} x {}: {friction:?}", frame.width, frame.height);
 //! }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -44,7 +44,8 @@
 //!   where a source knows it.
 //! - **Touches.** A [`TactileTable`] has every [`Reading`]; [`TactileTable::averages`] makes one
 //!   value per surface and [`Property`] of them. [`TableFormat`] says how a file is laid out,
-//!   [`TactileSettings`] what is made of its values, [`PropertyRanges`] where they must end.
+//!   [`TactileSettings`] what is made of its values, [`Description`] what a property is called, its unit
+//!   and where it ends. The codes of the Toccare are in [`toccare`].
 //! - **Surfaces.** [`SplitPlan`] divides them, [`MaterialLabels`] labels them.
 //! - **Configs.** Every settings type reads from TOML with serde, denies unknown keys and has
 //!   kebab-case names; [`parse_toml`] makes errors that name the line and the nearest valid key.
@@ -88,20 +89,22 @@ pub use image::{
 };
 pub use inspect::{BrokenFrame, FrameSummary, Inspection, PropertySummary};
 pub use material::{FEWEST_PER_MATERIAL, MaterialLabels, OTHER};
-pub use property::{Category, Property, UnknownProperty};
+pub use property::{
+    Description, InvalidCode, InvalidOrder, InvalidRange, Property, PropertyOrder, PropertyRange,
+    toccare,
+};
 pub use settings::ReadSettings;
 pub use source::{
-    FrameIndex, FrameKey, RollAngle, Source, Surface, decode_frames, map_frames, nearest_view,
+    FrameIndex, FrameKey, Origin, RollAngle, Source, Surface, decode_frames, map_frames,
+    nearest_view,
 };
 pub use split::{KFold, RandomSplit, Split, SplitError, SplitPlan};
 pub use sps_base::names::UnknownName;
 pub use table::{
-    Header, InvalidOrder, Json, JsonLayout, LongCsv, Npz, NpzLayout, PropertyOrder, Stacked,
-    Statistics, TableFormat, WideCsv,
+    Header, Json, JsonLayout, LongCsv, Npz, NpzLayout, Stacked, Statistics, TableFormat, WideCsv,
 };
 pub use tactile::{
-    Average, Cell, InvalidRange, NOMINAL_RANGE, OutOfRange, PropertyRanges, RangePolicy, Reading,
-    SurfaceAverages, TactileSettings, TactileTable,
+    Average, Cell, OutOfRange, RangePolicy, Reading, SurfaceAverages, TactileSettings, TactileTable,
 };
 pub use toml_text::parse_toml;
 pub use units::{KeepGroups, Unit, Units};

@@ -1,6 +1,7 @@
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
-use crate::{Frame, LinearFrame, PropertyRanges, TactileTable};
+use crate::{Description, Frame, LinearFrame, Property, TactileTable};
 
 /// A physical surface: what was imaged and touched.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -11,6 +12,16 @@ pub struct Surface {
     pub material: String,
     /// Surfaces of one group must not be split apart.
     pub group: String,
+}
+
+/// Whose surfaces these are, where that decides what a number may be compared with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Origin {
+    /// The published dataset of the paper.
+    Paper,
+    /// A simulator.
+    Simulator,
 }
 
 /// A rotation about the roll axis in degrees; 0 looks straight down (nadir).
@@ -47,6 +58,11 @@ pub trait Source: Send + Sync {
     /// What the source is called in reports.
     fn name(&self) -> &str;
 
+    /// Whether its surfaces are the paper's or simulated; most sources have their own.
+    fn origin(&self) -> Option<Origin> {
+        None
+    }
+
     /// The surfaces, in the order that every index refers to.
     fn surfaces(&self) -> &[Surface];
 
@@ -56,10 +72,10 @@ pub trait Source: Send + Sync {
     /// Every tactile reading of every surface.
     fn tactile(&self) -> &TactileTable;
 
-    /// The ranges that its properties cannot leave, for those of which it knows them; every reading
-    /// lies within. Most sources know none.
-    fn ranges(&self) -> PropertyRanges {
-        PropertyRanges::default()
+    /// What it knows of a property: its name, its unit, and the range that every reading lies within.
+    /// Unless a source says more, what the project knows of the code.
+    fn describe(&self, property: &Property) -> Description {
+        Description::known(property)
     }
 
     /// Decodes or renders one view of one surface.

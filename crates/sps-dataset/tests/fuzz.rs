@@ -53,7 +53,7 @@ fn open(made: &Made) {
             let averages = dataset
                 .tactile()
                 .averages(&TactileSettings::default(), dataset.surfaces().len());
-            for &property in averages.properties() {
+            for property in averages.properties() {
                 assert!(
                     averages
                         .column(property)

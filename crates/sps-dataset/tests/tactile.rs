@@ -6,11 +6,16 @@ mod folder;
 use folder::Made;
 use proptest::prelude::*;
 use sps_dataset::{
-    Average, DatasetFolder, OutOfRange, Property, RangePolicy, ReadSettings, Reading, Source,
-    TactileSettings, TactileTable,
+    Average, DatasetFolder, OutOfRange, Property, PropertyRange, RangePolicy, ReadSettings,
+    Reading, Source, TactileSettings, TactileTable,
 };
 
-use Property::{CDF, FRS};
+const FRS: &str = "fRS";
+const CDF: &str = "cDF";
+
+fn property(code: &str) -> Property {
+    code.parse().unwrap()
+}
 
 fn long(table: &str) -> Made {
     Made::new("", "tactile.csv", table)
@@ -34,8 +39,8 @@ fn with_policy(out_of_range: RangePolicy) -> ReadSettings {
 fn values_out_of_range_are_kept_clamped_or_rejected_and_always_counted() {
     let made = long(RANGED);
     let counts = [
-        (FRS, OutOfRange { below: 1, above: 1 }),
-        (CDF, OutOfRange { below: 0, above: 1 }),
+        (property(FRS), OutOfRange { below: 1, above: 1 }),
+        (property(CDF), OutOfRange { below: 0, above: 1 }),
     ];
     let column = |dataset: &DatasetFolder, column: usize| -> Vec<Option<f64>> {
         dataset
@@ -68,10 +73,13 @@ fn declared_ranges_hold_every_reading_ends_included() {
     let dataset = ranged("fRS = [0, 100]\ncDF = [-inf, 0]", table)
         .open()
         .unwrap();
-    let ranges = dataset.ranges();
-    assert_eq!(ranges.get(FRS), Some([0.0, 100.0]));
-    assert_eq!(ranges.get(CDF), Some([f64::NEG_INFINITY, 0.0]));
-    assert!(long(table).open().unwrap().ranges().is_empty());
+    let range = |dataset: &DatasetFolder, code| {
+        let range = dataset.describe(&property(code)).range;
+        range.map(PropertyRange::ends)
+    };
+    assert_eq!(range(&dataset, FRS), Some([0.0, 100.0]));
+    assert_eq!(range(&dataset, CDF), Some([f64::NEG_INFINITY, 0.0]));
+    assert_eq!(range(&long(table).open().unwrap(), FRS), None);
 
     let refusal = ranged("fRS = [0, 99.5]", table).refusal();
     let expected = "tactile.csv, line 3: fRS of `b` is 100, outside 0 to 99.5, the range that the \
@@ -99,13 +107,13 @@ fn ranges_that_are_none_are_refused() {
         ["[0, nan]", "0 to NaN"],
     ] {
         let expected = format!(
-            "dataset.toml, line 4: is not valid TOML: the range of `fRS`: found {shown}, expected a \
-             lower end below the upper"
+            "dataset.toml, line 4: is not valid TOML: found a range of {shown}, expected a lower \
+             end below the upper"
         );
         assert_eq!(refusal(&format!("fRS = {ends}")), expected);
     }
-    let expected = "dataset.toml: the ranges: found one for `mTX`, expected ranges of the properties: \
-                    fRS, cDF";
+    let expected = "dataset.toml: the ranges and descriptions: found one for `mTX`, expected those of the \
+                    properties: fRS, cDF";
     assert_eq!(refusal("mTX = [0, 1]"), expected);
     assert!(refusal("frs = [0, 1]").contains("did you mean `fRS`?"));
     assert!(refusal("fRS = [0]").starts_with("dataset.toml, line 5: is not valid TOML"));
@@ -157,7 +165,7 @@ fn averages_of_values_far_from_zero_keep_their_digits() {
         .map(|i| touch(i, 1e8 + f64::from(i % 2) * 1e-6))
         .collect();
     let table = TactileTable {
-        properties: vec![FRS],
+        properties: vec![property(FRS)],
         readings,
     };
     let cell = table
@@ -197,7 +205,7 @@ fn table(touches: &[(u32, u32, Option<f64>)]) -> TactileTable {
         values: vec![value],
     });
     TactileTable {
-        properties: vec![FRS],
+        properties: vec![property(FRS)],
         readings: readings.collect(),
     }
 }

@@ -2,12 +2,13 @@
 //! dataset, part of which is EXR.
 #![cfg(feature = "exr")]
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use sps_dataset::{
-    DatasetFolder, DecodeSettings, Frame, FrameFormat, FrameKey, LinearFrame, Property,
-    PropertyRanges, ReadSettings, RollAngle, Source, Surface, TactileTable, WriteError,
+    DatasetFolder, DecodeSettings, Description, Frame, FrameFormat, FrameKey, LinearFrame,
+    Property, PropertyRange, ReadSettings, RollAngle, Source, Surface, TactileTable, WriteError,
     WriteErrorKind, WriteOptions, Written, decode_image, write_dataset,
 };
 use tempfile::TempDir;
@@ -17,7 +18,7 @@ struct Counted {
     inner: DatasetFolder,
     frames: AtomicUsize,
     fail_from: usize,
-    ranges: PropertyRanges,
+    ranges: BTreeMap<String, [f64; 2]>,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -32,7 +33,7 @@ impl Counted {
             inner,
             frames: AtomicUsize::new(0),
             fail_from,
-            ranges: PropertyRanges::default(),
+            ranges: BTreeMap::new(),
         }
     }
 }
@@ -56,8 +57,12 @@ impl Source for Counted {
         self.inner.tactile()
     }
 
-    fn ranges(&self) -> PropertyRanges {
-        self.ranges.clone()
+    fn describe(&self, property: &Property) -> Description {
+        let range = self.ranges.get(property.code()).copied();
+        Description {
+            range: range.map(|ends| PropertyRange::try_from(ends).unwrap()),
+            ..Description::known(property)
+        }
     }
 
     fn frame(&self, surface: usize, view: usize) -> Result<Frame, LampOut> {
@@ -408,21 +413,24 @@ fn a_full_disk_leaves_whole_surfaces_only() {
 
 #[test]
 fn declared_ranges_are_kept() {
-    let ranged = |ranges: &[(Property, [f64; 2])]| Counted {
-        ranges: PropertyRanges::new(ranges.iter().copied()).unwrap(),
+    let ranged = |ranges: &[(&str, [f64; 2])]| Counted {
+        ranges: ranges
+            .iter()
+            .map(|(code, ends)| ((*code).to_owned(), *ends))
+            .collect(),
         ..Counted::new(usize::MAX)
     };
-    let source = ranged(&[
-        (Property::FRS, [0.0, 100.0]),
-        (Property::CDF, [-0.1, f64::INFINITY]),
-    ]);
+    let source = ranged(&[("fRS", [0.0, 100.0]), ("cDF", [-0.1, f64::INFINITY])]);
     let folder = TempDir::new().unwrap();
     write_png(&source, folder.path()).unwrap();
-    assert_eq!(open(folder.path()).ranges(), source.ranges);
+    let written = open(folder.path());
+    for property in &written.tactile().properties {
+        assert_eq!(written.describe(property), source.describe(property));
+    }
 
     // One of its surfaces deforms by more than 100.
     let folder = TempDir::new().unwrap();
-    let refused = write_png(&ranged(&[(Property::CDF, [0.0, 100.0])]), folder.path());
+    let refused = write_png(&ranged(&[("cDF", [0.0, 100.0])]), folder.path());
     let message = refused.unwrap_err().to_string();
     assert!(
         message.contains("a reading: found cDF of `") && message.contains("expected 0 to 100"),

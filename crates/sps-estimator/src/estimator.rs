@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use sps_dataset::{DecodeSettings, Frame, Property};
+use sps_dataset::{DecodeSettings, Frame, toccare};
 use sps_models::Embeddings;
 use sps_models::candle::{Device, Tensor};
 
@@ -35,9 +35,24 @@ pub struct About {
     /// How image files are decoded.
     #[serde(default)]
     pub decode: DecodeSettings,
+    /// What properties are called and measured in, by their codes; those of the Toccare need no entry.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub described: BTreeMap<String, Described>,
     /// How well models of this kind do on units that they were not fitted to, by property.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub measured: BTreeMap<String, Measured>,
+}
+
+/// What a person reads in place of a property's code.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Described {
+    /// Its name; empty where it has none but its code.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub name: String,
+    /// The unit of its values; empty where they have none.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub unit: String,
 }
 
 /// How well models do on units that they were not fitted to.
@@ -93,8 +108,10 @@ pub struct Answer {
 pub struct Estimate {
     /// The property's code.
     pub property: String,
-    /// Its name, or its code again where it is none of the Toccare's.
+    /// Its name, or its code again where it has none.
     pub name: String,
+    /// The unit of its values; empty where they have none.
+    pub unit: String,
     /// The estimate.
     pub value: f64,
     /// The lower end of the interval; `None` where there is none ([`Estimator::no_interval`]).
@@ -234,7 +251,7 @@ impl Estimator {
         let predictions = self
             .fitted
             .predict(&self.embeddings(values, surfaces, views)?)?;
-        Ok(answer(&predictions, 0..surfaces))
+        Ok(self.answer(&predictions, 0..surfaces))
     }
 
     /// What is said of several surfaces, each from as many photographs as the model has views, from
@@ -256,7 +273,7 @@ impl Estimator {
             .fitted
             .predict(&self.embeddings(values, surfaces, views)?)?;
         Ok((0..surfaces)
-            .map(|at| answer(&predictions, at..at + 1))
+            .map(|at| self.answer(&predictions, at..at + 1))
             .collect())
     }
 
@@ -270,38 +287,47 @@ impl Estimator {
         let tensor = Tensor::from_slice(values, shape, &Device::Cpu);
         Ok(Embeddings::new(&tensor.map_err(sps_models::Error::from)?)?)
     }
-}
 
-/// What is said of some surfaces that are one: the mean.
-pub(crate) fn answer(predictions: &Predictions, of: Range<usize>) -> Answer {
-    let count = of.len() as f64;
-    let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / count;
-    let estimates = predictions.properties.iter().map(|predicted| {
-        let intervals = predicted
-            .intervals
-            .as_ref()
-            .ok()
-            .map(|all| &all[of.clone()]);
-        let property = &predicted.property;
-        Estimate {
-            name: name(property),
-            property: property.clone(),
-            value: mean(&mut predicted.values[of.clone()].iter().copied()),
-            low: intervals.map(|all| mean(&mut all.iter().map(|interval| interval.low))),
-            high: intervals.map(|all| mean(&mut all.iter().map(|interval| interval.high))),
+    /// What is said of some surfaces that are one: the mean.
+    pub(crate) fn answer(&self, predictions: &Predictions, of: Range<usize>) -> Answer {
+        let count = of.len() as f64;
+        let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / count;
+        let estimates = predictions.properties.iter().map(|predicted| {
+            let intervals = predicted
+                .intervals
+                .as_ref()
+                .ok()
+                .map(|all| &all[of.clone()]);
+            let property = &predicted.property;
+            let Described { name, unit } = self.about.describe(property);
+            Estimate {
+                name,
+                unit,
+                property: property.clone(),
+                value: mean(&mut predicted.values[of.clone()].iter().copied()),
+                low: intervals.map(|all| mean(&mut all.iter().map(|interval| interval.low))),
+                high: intervals.map(|all| mean(&mut all.iter().map(|interval| interval.high))),
+            }
+        });
+        let familiar = predictions.familiar.as_ref().map(|all| {
+            let smallest = all[of.clone()].iter().copied().fold(1.0, f64::min);
+            (smallest * count).min(1.0)
+        });
+        Answer {
+            estimates: estimates.collect(),
+            familiar,
         }
-    });
-    let familiar = predictions.familiar.as_ref().map(|all| {
-        let smallest = all[of.clone()].iter().copied().fold(1.0, f64::min);
-        (smallest * count).min(1.0)
-    });
-    Answer {
-        estimates: estimates.collect(),
-        familiar,
     }
 }
 
-fn name(property: &str) -> String {
-    let known = property.parse::<Property>();
-    known.map_or_else(|_| property.to_owned(), |known| known.name().to_owned())
+impl About {
+    /// What a property is called, its code where it has no other name, and the unit of its values.
+    pub fn describe(&self, property: &str) -> Described {
+        let mut described = self.described.get(property).cloned().unwrap_or_default();
+        if described.name.is_empty() {
+            let known = toccare::find(property).map_or(property, |known| known.name);
+            known.clone_into(&mut described.name);
+        }
+        described
+    }
 }

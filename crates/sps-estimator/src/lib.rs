@@ -34,7 +34,7 @@ mod step;
 
 pub use embedder::{Embedder, Network, read_photograph};
 pub use error::{Error, Result};
-pub use estimator::{About, Answer, Estimate, Estimator, Measured, Scale};
+pub use estimator::{About, Answer, Described, Estimate, Estimator, Measured, Scale};
 pub use fitted::{Fitted, FittedOn, Predicted, Predictions};
 pub use map::{Map, Sight};
 pub use radius::radius;

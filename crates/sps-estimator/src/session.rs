@@ -5,7 +5,7 @@ use std::borrow::Borrow;
 use sps_dataset::Frame;
 
 use crate::error::{Error, Result};
-use crate::estimator::{Answer, Estimator, answer};
+use crate::estimator::{Answer, Estimator};
 
 /// Looks at one surface until every interval is narrow enough, or the model has no further view.
 ///
@@ -120,7 +120,7 @@ impl<E: Borrow<Estimator>> Session<E> {
         self.over = narrow.iter().all(|narrow| *narrow);
         Ok(Looked {
             views: self.views,
-            answer: answer(&predictions, 0..1),
+            answer: estimator.answer(&predictions, 0..1),
             narrow,
             next: self.next_angle(),
         })

@@ -3,9 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use sps_dataset::{
-    DatasetFolder, Frame, KeepGroups, Property, ReadSettings, Source, TactileSettings, Units,
-};
+use sps_dataset::{DatasetFolder, Frame, KeepGroups, ReadSettings, Source, TactileSettings, Units};
 use sps_estimator::{Calibration, Embedder, Examples, Network, Recipe, Regression, Wanted, Widths};
 use sps_metrics::Level;
 use sps_models::candle::{Device, Tensor};
@@ -62,7 +60,7 @@ fn a_material_that_was_left_out_is_unfamiliar() {
         .tactile()
         .averages(&TactileSettings::default(), surfaces.len());
     let rows: Vec<_> = (0..surfaces.len())
-        .map(|s| vec![touched.value(s, Property::FRS)])
+        .map(|s| vec![touched.value(s, "fRS")])
         .collect();
     let readings = Readings::new(vec!["fRS".into()], &rows).unwrap();
     let units = Units::of(surfaces, KeepGroups::Auto);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use sps_dataset::Property;
+use sps_dataset::toccare;
 
 use super::latent::{Latent, Scores};
 use super::parameters::Specimen;
@@ -56,7 +56,7 @@ pub fn ceilings(seed: u64, surfaces: usize, locations: u32) -> Ceilings {
             batch_ratios(seed, first..first + per_batch, locations.max(1))
         })
         .collect();
-    let properties = Property::ALL
+    let properties = toccare::ALL
         .into_iter()
         .enumerate()
         .map(|(i, property)| {
@@ -68,7 +68,7 @@ pub fn ceilings(seed: u64, surfaces: usize, locations: u32) -> Ceilings {
                 all,
                 all_error,
             };
-            (property.code().to_owned(), ceiling)
+            (property.code.to_owned(), ceiling)
         })
         .collect();
     Ceilings {

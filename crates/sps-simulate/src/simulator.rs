@@ -3,7 +3,8 @@
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use sps_dataset::{
-    Frame, FrameKey, LinearFrame, PropertyRanges, RollAngle, Source, Surface, TactileTable,
+    Description, Frame, FrameKey, LinearFrame, Origin, Property, PropertyRange, RollAngle, Source,
+    Surface, TactileTable, toccare,
 };
 
 use super::fingerprint;
@@ -191,6 +192,10 @@ impl Source for Simulator {
         &self.name
     }
 
+    fn origin(&self) -> Option<Origin> {
+        Some(Origin::Simulator)
+    }
+
     fn surfaces(&self) -> &[Surface] {
         &self.surfaces
     }
@@ -204,8 +209,11 @@ impl Source for Simulator {
     }
 
     /// 0 to 100 for all fifteen: a touch ends where the scale does.
-    fn ranges(&self) -> PropertyRanges {
-        PropertyRanges::nominal()
+    fn describe(&self, property: &Property) -> Description {
+        Description {
+            range: PropertyRange::try_from(toccare::NOMINAL_RANGE).ok(),
+            ..Description::known(property)
+        }
     }
 
     /// Rounded to 8 bits as a PNG is, so that a simulated set and its written copy are the same to

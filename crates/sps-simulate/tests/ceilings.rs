@@ -1,13 +1,13 @@
 //! The known limit.
 
-use sps_dataset::Property;
+use sps_dataset::toccare;
 use sps_simulate::ceilings;
 
 #[test]
 fn limits_are_ordered_and_certain_enough() {
     let found = ceilings(3, 20_000, 3);
     assert_eq!(found.properties.len(), 15);
-    for property in Property::ALL {
+    for property in toccare::properties() {
         let limit = found.properties[property.code()];
         assert!(
             limit.nadir_error < 0.03 && limit.all_error < 0.03,

@@ -9,8 +9,10 @@ use pyo3::prelude::*;
 pub(crate) struct Estimate {
     /// The property's code, as the model was fitted with it.
     property: String,
-    /// Its name in words where it is one of the fifteen of the Toccare, its code again elsewhere.
+    /// Its name in words, or its code again where it has none.
     name: String,
+    /// The unit of its values; empty where they have none.
+    unit: String,
     /// The estimate, in the unit of the values fitted to.
     value: f64,
     /// The lower end of the interval; None where there is none, and Estimator.no_interval says why.
@@ -36,6 +38,7 @@ impl From<sps_estimator::Answer> for Answer {
         let estimates = estimates.map(|estimate| Estimate {
             property: estimate.property,
             name: estimate.name,
+            unit: estimate.unit,
             value: estimate.value,
             low: estimate.low,
             high: estimate.high,

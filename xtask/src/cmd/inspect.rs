@@ -103,7 +103,7 @@ fn draw(dataset: &DatasetFolder, settings: TactileSettings, folder: &Path) -> Re
     let values: Vec<(String, Vec<f64>)> = averages
         .properties()
         .iter()
-        .map(|&property| {
+        .map(|property| {
             let of_surface = |surface| averages.value(surface, property);
             (
                 property.to_string(),

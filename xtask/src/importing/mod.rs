@@ -9,8 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Error, Result, bail, ensure};
 use sps_base::files::{write_folder, write_new};
 use sps_dataset::{
-    DatasetFolder, Manifest, Property, PropertyOrder, PropertyRanges, ReadSettings, TableFormat,
-    ViewAngles,
+    DatasetFolder, Manifest, Property, PropertyOrder, ReadSettings, TableFormat, ViewAngles,
 };
 
 use self::table::{Key, Row, Table};
@@ -131,10 +130,12 @@ impl Import {
             name: name.to_owned(),
             description: "Photographs and a table, imported".to_owned(),
             source: self.from.clone(),
+            origin: None,
             properties: PropertyOrder::try_from(self.properties.clone()).map_err(Error::msg)?,
             view_angles_deg: ViewAngles::list(vec![0.0])?,
-            ranges: PropertyRanges::default(),
+            ranges: BTreeMap::new(),
             tactile: TableFormat::default(),
+            property: BTreeMap::new(),
         };
         let assumed = self.assumed();
         let assumed = assumed.iter().map(|line| format!("# - {line}.\n"));

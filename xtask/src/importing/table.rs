@@ -96,8 +96,7 @@ fn columns(header: &csv::StringRecord) -> Result<(Key, Vec<Property>, Vec<Column
     }
     ensure!(
         !properties.is_empty(),
-        "no column is a property, expected one or more of {}",
-        Property::ALL.map(Property::code).join(", ")
+        "no column is a property, expected one or more beside the first"
     );
     Ok((key, properties, columns))
 }

@@ -236,12 +236,11 @@ pub(super) struct Finished<'m> {
 
 impl<'m> Finished<'m> {
     fn of(method: &'m Method, trials: Vec<TrialSpec>, journal: &Journal<Outcome>) -> Result<Self> {
-        let outcome = |trial: &TrialSpec| {
+        let outcomes = trials.iter().map(|trial| {
             let outcome = journal.get(&trial.key).context("a trial was not run")?;
-            Ok((trial.property, outcome.clone()))
-        };
-        let outcomes = trials.iter().map(outcome).collect::<Result<Vec<_>>>()?;
-        let outcomes = by_property(outcomes);
+            Ok((&trial.property, outcome.clone()))
+        });
+        let outcomes = by_property(outcomes.collect::<Result<Vec<_>>>()?);
         let stops = outcomes.values().flatten().flat_map(|o| &o.stops);
         Ok(Self {
             method,
@@ -253,8 +252,8 @@ impl<'m> Finished<'m> {
 
     fn row(self, costs: Costs, selections: &Selections) -> MethodRow<'m> {
         let found = self.trials.iter().filter_map(|trial| {
-            let found = selections.get(&self.method.id, trial.property, trial.rerun)?;
-            Some((trial.property, found.clone()))
+            let found = selections.get(&self.method.id, &trial.property, trial.rerun)?;
+            Some((&trial.property, found.clone()))
         });
         MethodRow {
             costs,
@@ -265,7 +264,7 @@ impl<'m> Finished<'m> {
     }
 }
 
-fn by_property<T>(all: impl IntoIterator<Item = (Property, T)>) -> PerProperty<Vec<T>> {
+fn by_property<'a, T>(all: impl IntoIterator<Item = (&'a Property, T)>) -> PerProperty<Vec<T>> {
     let mut by_property = PerProperty::<Vec<T>>::new();
     for (property, one) in all {
         let of_property = by_property.entry(property.to_string()).or_default();

@@ -51,7 +51,7 @@ pub(crate) fn run_missing(
     let Some(first) = missing.first() else {
         return Ok(());
     };
-    let (id, property, rerun) = (&method.id, first.property, first.rerun);
+    let (id, property, rerun) = (&method.id, &first.property, first.rerun);
     let what = format!("method `{id}`, {property}, rerun {rerun}");
     experiment.work.ensure_fits(&what)?;
     let judge = Judge {

@@ -68,8 +68,8 @@ impl Selections {
             .map(|(_, found)| found)
     }
 
-    pub(crate) fn get(&self, method: &str, property: Property, rerun: usize) -> Option<&Found> {
-        self.0.get(&(method.to_owned(), property, rerun))
+    pub(crate) fn get(&self, method: &str, property: &Property, rerun: usize) -> Option<&Found> {
+        self.0.get(&(method.to_owned(), property.clone(), rerun))
     }
 }
 

@@ -25,10 +25,10 @@ pub(crate) struct Folds<'a> {
 
 impl Folds<'_> {
     /// Estimators of these properties and reruns, for all folds.
-    pub(super) fn train(
+    pub(super) fn train<'a>(
         &self,
         head: &Head,
-        wanted: impl Iterator<Item = (Property, usize)>,
+        wanted: impl Iterator<Item = (&'a Property, usize)>,
     ) -> Result<TrainedHeads> {
         let folds = 0..self.experiment.selection_folds;
         let of_wanted = |(property, rerun)| {
@@ -59,7 +59,7 @@ impl Folds<'_> {
     pub(super) fn loss(
         &self,
         estimators: &TrainedHeads,
-        property: Property,
+        property: &Property,
         rerun: usize,
     ) -> Result<FrozenLoss> {
         let data = self.training_data();
@@ -83,7 +83,7 @@ impl Folds<'_> {
     }
 
     /// The estimator of one fold.
-    fn trial(&self, property: Property, rerun: usize, fold: usize) -> Trial {
+    fn trial(&self, property: &Property, rerun: usize, fold: usize) -> Trial {
         Trial {
             property: property.to_string(),
             rerun: self.number(rerun, fold),

@@ -74,7 +74,7 @@ impl Selecting<'_> {
     fn wanted<'m>(&self, family: &Family<'m>, dealt: &Dealt) -> Result<Vec<Wanted<'m>>> {
         let reruns = dealt.of_any();
         let mut wanted = Vec::new();
-        for &property in &self.folds.encodings.stage.tables.properties {
+        for property in &self.folds.encodings.stage.tables.properties {
             for &rerun in &reruns {
                 let members = family.members.iter();
                 for &(place, method, selected) in members.filter(|one| dealt.has(one.0, rerun)) {
@@ -82,7 +82,7 @@ impl Selecting<'_> {
                         place,
                         method,
                         selected,
-                        property,
+                        property: property.clone(),
                         rerun,
                         key: self.key(family, selected, property, rerun)?,
                     });
@@ -96,7 +96,7 @@ impl Selecting<'_> {
         &self,
         family: &Family<'_>,
         selected: &Selected,
-        property: Property,
+        property: &Property,
         rerun: usize,
     ) -> Result<TrialKey> {
         let tables = &self.folds.encodings.stage.tables;
@@ -143,7 +143,7 @@ impl Selecting<'_> {
             .filter(|wanted| self.journal.get(&wanted.key).is_none())
             .collect();
         if let Some(one) = missing.first() {
-            let (id, property, rerun) = (&one.method.id, one.property, one.rerun);
+            let (id, property, rerun) = (&one.method.id, &one.property, one.rerun);
             let what = format!("the views of method `{id}`, {property}, rerun {rerun}");
             self.folds.experiment.work.ensure_fits(&what)?;
         }
@@ -303,8 +303,8 @@ struct Wanted<'m> {
 }
 
 impl Wanted<'_> {
-    fn trial(&self) -> (Property, usize) {
-        (self.property, self.rerun)
+    fn trial(&self) -> (&Property, usize) {
+        (&self.property, self.rerun)
     }
 
     /// Whether it asks the family's frozen network, if there is one.

@@ -164,7 +164,7 @@ pub(crate) fn readings<S: Source>(source: &S, about: &About, surfaces: usize) ->
         .tactile()
         .averages(&about.tactile, source.surfaces().len());
     let row = |surface| {
-        let value = |&property: &Property| averages.value(surface, property);
+        let value = |property: &Property| averages.value(surface, property);
         averages.properties().iter().map(value).collect()
     };
     let rows: Vec<Vec<Option<f64>>> = (0..surfaces).map(row).collect();

@@ -42,13 +42,13 @@ pub(crate) fn planned(
     selections: &Selections,
 ) -> Result<Vec<Planned>> {
     let mut all = Vec::new();
-    for &property in &tables.properties {
+    for property in &tables.properties {
         for &at in some {
             let trial = (property, at);
             let split = &splits[at];
             let views = views::of_trial(experiment, method, tables, split, trial, selections)?;
             all.push(Planned {
-                property,
+                property: property.clone(),
                 split: at,
                 views,
             });

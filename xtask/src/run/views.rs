@@ -89,7 +89,7 @@ pub(crate) fn of_trial(
     method: &Method,
     tables: &Tables,
     split: &Split,
-    (property, rerun): (Property, usize),
+    (property, rerun): (&Property, usize),
     selections: &Selections,
 ) -> Result<TrialViews> {
     match &method.looks {

@@ -12,9 +12,9 @@ use crate::files::{read_file, text};
 use crate::image::read_frame_file;
 use crate::table::{TactileRead, read_table};
 use crate::{
-    DatasetError, DatasetErrorKind, DecodeSettings, Decoded, Frame, FrameError, FrameErrorKind,
-    FrameKey, OutOfRange, Property, PropertyRanges, ReadSettings, RollAngle, Source, Surface,
-    TactileTable, read_image, read_image_resized,
+    DatasetError, DatasetErrorKind, DecodeSettings, Decoded, Description, Frame, FrameError,
+    FrameErrorKind, FrameKey, Origin, OutOfRange, Property, ReadSettings, RollAngle, Source,
+    Surface, TactileTable, read_image, read_image_resized,
 };
 
 pub use angles::{InvalidAngles, ViewAngles};
@@ -75,8 +75,7 @@ impl DatasetFolder {
             folder,
             format,
             &surfaces,
-            &manifest.properties,
-            &manifest.ranges,
+            &manifest,
             settings.tactile.out_of_range,
             limit,
         )?;
@@ -102,7 +101,7 @@ impl DatasetFolder {
         &self.manifest
     }
 
-    /// How many values of each property lay outside 0 to 100, before any were clamped.
+    /// How many values of each property lay outside of its range, before any were clamped.
     pub fn out_of_range(&self) -> &[(Property, OutOfRange)] {
         &self.out_of_range
     }
@@ -173,6 +172,10 @@ impl Source for DatasetFolder {
         &self.manifest.name
     }
 
+    fn origin(&self) -> Option<Origin> {
+        self.manifest.origin
+    }
+
     fn surfaces(&self) -> &[Surface] {
         &self.surfaces
     }
@@ -185,8 +188,8 @@ impl Source for DatasetFolder {
         &self.tactile
     }
 
-    fn ranges(&self) -> PropertyRanges {
-        self.manifest.ranges.clone()
+    fn describe(&self, property: &Property) -> Description {
+        self.manifest.describe(property)
     }
 
     fn frame(&self, surface: usize, view: usize) -> Result<Frame, FrameError> {

@@ -1,4 +1,4 @@
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use sps_base::files::{remove_unfinished, write_file, write_folder, write_new};
 use super::surfaces::check_id;
 use super::tables::{surfaces_csv, tactile_csv};
 use crate::{
-    EncodeError, FrameFormat, Manifest, PropertyOrder, PropertyRanges, Source, TableFormat,
+    Description, EncodeError, FrameFormat, Manifest, Property, PropertyOrder, Source, TableFormat,
     ViewAngles,
 };
 
@@ -125,7 +125,7 @@ impl From<io::Error> for WriteErrorKind {
 ///
 /// # Errors
 /// Where the source fails, has no view, has a surface whose id is no file name, or a reading or
-/// range that [`Source::ranges`] would not hold for; where the folder has another dataset, is being written to, or cannot be; and where no space is left.
+/// range that [`Source::describe`] would not hold for; where the folder has another dataset, is being written to, or cannot be; and where no space is left.
 pub fn write_dataset<S: Source>(
     source: &S,
     folder: &Path,
@@ -240,30 +240,48 @@ impl<S: Source> Writer<'_, S> {
             .map_err(|error| self.unsuitable("the views", error.to_string(), "finite angles"))?;
         let properties = PropertyOrder::try_from(self.source.tactile().properties.clone())
             .map_err(|error| self.unsuitable("the properties", error.to_string(), "each once"))?;
+        // What is known of a code anyway is not written.
+        let described = properties.iter().filter_map(|property| {
+            let mut described = self.source.describe(property);
+            let known = Description::known(property);
+            if described.name == known.name {
+                described.name.clear();
+            }
+            (described != Description::default()).then(|| (property.clone(), described))
+        });
+        let described: BTreeMap<Property, Description> = described.collect();
         let manifest = Manifest {
             name: self.source.name().to_owned(),
             description: self.options.description.clone(),
             source: self.options.source.clone(),
+            origin: self.source.origin(),
             properties,
             view_angles_deg,
-            ranges: self.source.ranges(),
+            ranges: BTreeMap::new(),
             tactile: TableFormat::default(),
+            property: described,
         };
-        manifest
-            .check_ranges()
-            .map_err(|(found, expected)| self.unsuitable("the ranges", found, &expected))?;
-        self.check_readings(&manifest.ranges)?;
+        manifest.check().map_err(|(what, found, expected)| {
+            self.unsuitable(
+                "what is said of the properties",
+                format!("{found} at {what}"),
+                &expected,
+            )
+        })?;
+        self.check_readings(&manifest)?;
         Ok(manifest)
     }
 
     /// A dataset with a reading outside of its own ranges could not be opened.
-    fn check_readings(&self, ranges: &PropertyRanges) -> Result<(), WriteError> {
+    fn check_readings(&self, manifest: &Manifest) -> Result<(), WriteError> {
         let table = self.source.tactile();
         for reading in &table.readings {
-            for (&property, &value) in table.properties.iter().zip(&reading.values) {
+            for (property, &value) in table.properties.iter().zip(&reading.values) {
                 if let Some(value) = value
-                    && let Some([low, high]) = ranges.broken_by(property, value)
+                    && let Some(range) =
+                        manifest.range(property).filter(|range| !range.holds(value))
                 {
+                    let [low, high] = range.ends();
                     let surface = self.source.surfaces().get(reading.surface);
                     let id = surface.map_or("", |surface| &surface.id);
                     let found = format!("{property} of `{id}` at {value}");

@@ -67,7 +67,7 @@ impl Line {
         &self,
         path: &Path,
         column: usize,
-        property: Property,
+        property: &Property,
     ) -> Result<Option<f64>, DatasetError> {
         let cell = self.cell(column);
         if cell.is_empty() || cell.eq_ignore_ascii_case("nan") {

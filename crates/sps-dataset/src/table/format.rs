@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::PropertyOrder;
+use crate::PropertyOrder;
 
 /// How a tactile table is laid out, as `[tactile]` of a `dataset.toml` or of a config says it.
 ///

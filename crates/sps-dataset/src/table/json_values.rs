@@ -1,6 +1,6 @@
-use super::PropertyOrder;
 use super::json_node::Node;
 use super::keyed::{Touch, Values};
+use crate::PropertyOrder;
 use crate::tactile::is_plausible;
 use crate::{DatasetErrorKind, Property};
 
@@ -25,9 +25,9 @@ impl<'a> Columns<'a> {
         names: impl IntoIterator<Item = &'b str>,
     ) -> Result<(), DatasetErrorKind> {
         for name in names {
-            let property = name.parse().map_err(DatasetErrorKind::UnknownProperty)?;
+            let property = name.parse().map_err(DatasetErrorKind::InvalidCode)?;
             match self.order {
-                Some(order) if order.position(property).is_none() => {
+                Some(order) if order.position(&property).is_none() => {
                     let expected = "only properties of `property-order`";
                     return Err(DatasetErrorKind::unexpected("its keys", name, expected));
                 }
@@ -62,7 +62,7 @@ impl<'a> Columns<'a> {
         }
         let named = self.properties().iter().zip(values);
         named
-            .map(|(property, node)| node.map_or(Ok(None), |node| measured(*property, node)))
+            .map(|(property, node)| node.map_or(Ok(None), |node| measured(property, node)))
             .collect()
     }
 
@@ -110,7 +110,7 @@ impl<'a> Columns<'a> {
         order
             .iter()
             .zip(list)
-            .map(|(&property, node)| measured(property, node))
+            .map(|(property, node)| measured(property, node))
             .collect()
     }
 }
@@ -136,7 +136,7 @@ fn depth(list: &[Node]) -> usize {
     }
 }
 
-fn measured(property: Property, node: &Node) -> Result<Option<f64>, DatasetErrorKind> {
+fn measured(property: &Property, node: &Node) -> Result<Option<f64>, DatasetErrorKind> {
     match node {
         Node::Null => Ok(None),
         Node::Number(value) if is_plausible(*value) => Ok(Some(*value)),

@@ -24,13 +24,9 @@ pub(super) fn read(path: &Path, bytes: &[u8], format: &LongCsv) -> Result<RawTab
         .iter()
         .map(|line| columns.row(path, line))
         .collect::<Result<_, _>>()?;
-    let properties = columns
-        .properties
-        .iter()
-        .map(|&(_, property)| property)
-        .collect();
+    let properties = columns.properties.into_iter();
     Ok(RawTable {
-        columns: properties,
+        columns: properties.map(|(_, property)| property).collect(),
         rows,
         restore: None,
     })
@@ -52,11 +48,9 @@ impl Columns {
             if [surface, location, repeat].contains(&column) || ignored {
                 continue;
             }
-            let listed: Vec<_> = properties.iter().map(|&(_, property)| property).collect();
-            properties.push((
-                column,
-                property_of_column(path, header.number, name, &listed)?,
-            ));
+            let listed = properties.iter().map(|(_, property)| property);
+            let property = property_of_column(path, header.number, name, listed)?;
+            properties.push((column, property));
         }
         Ok(Self {
             surface,
@@ -75,7 +69,7 @@ impl Columns {
             number.map_err(|_| line.not_a_number(path, column, name, expected))
         };
         let values = self.properties.iter();
-        let values = values.map(|&(column, property)| line.measured(path, column, property));
+        let values = values.map(|(column, property)| line.measured(path, *column, property));
         Ok(RawRow {
             place: Place::Line(line.number),
             surface: line.cell(self.surface).to_owned(),

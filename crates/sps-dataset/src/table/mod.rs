@@ -11,32 +11,29 @@ mod long;
 mod npy;
 #[cfg(feature = "npz")]
 mod npz;
-mod order;
 mod rows;
 mod wide;
 
 use std::path::Path;
 
 use crate::files::read_file;
-use crate::{
-    DatasetError, DatasetErrorKind, Property, PropertyRanges, RangePolicy, Surface, UnknownProperty,
-};
+use crate::folder::Manifest;
+use crate::{DatasetError, DatasetErrorKind, Property, RangePolicy, Surface};
 
 pub(crate) use csv_lines::{check_cells, csv_lines};
 pub use format::{
     Header, Json, JsonLayout, LongCsv, Npz, NpzLayout, Stacked, Statistics, TableFormat, WideCsv,
 };
-pub use order::{InvalidOrder, PropertyOrder};
 pub(crate) use rows::TactileRead;
 use rows::Wanted;
 
-/// Reads the table of a dataset in `folder`; its columns become `properties`, in that order.
+/// Reads the table of a dataset in `folder`; its columns become the properties of
+/// the manifest, in that order.
 pub(crate) fn read_table(
     folder: &Path,
     format: &TableFormat,
     surfaces: &[Surface],
-    properties: &[Property],
-    ranges: &PropertyRanges,
+    manifest: &Manifest,
     policy: RangePolicy,
     limit: u64,
 ) -> Result<TactileRead, DatasetError> {
@@ -58,24 +55,24 @@ pub(crate) fn read_table(
     Wanted {
         path,
         surfaces,
-        properties,
+        manifest,
         policy,
-        ranges,
     }
     .assemble(raw)
 }
 
 /// The property that a column's name stands for, which must not be among those already `listed`.
-fn property_of_column(
+fn property_of_column<'a>(
     path: &Path,
     line: u64,
     name: &str,
-    listed: &[Property],
+    mut listed: impl Iterator<Item = &'a Property>,
 ) -> Result<Property, DatasetError> {
-    let property: Property = name.parse().map_err(|unknown: UnknownProperty| {
-        DatasetError::line(path, line, DatasetErrorKind::UnknownProperty(unknown))
+    let property = name.parse();
+    let property: Property = property.map_err(|invalid| {
+        DatasetError::line(path, line, DatasetErrorKind::InvalidCode(invalid))
     })?;
-    if listed.contains(&property) {
+    if listed.any(|other| *other == property) {
         let kind = DatasetErrorKind::unexpected("the header", format!("`{name}` twice"), "it once");
         return Err(DatasetError::line(path, line, kind));
     }

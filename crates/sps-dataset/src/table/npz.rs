@@ -6,7 +6,8 @@ use zip::ZipArchive;
 use super::keyed::{KeyedTable, Touch};
 use super::npy::{self, Array, Items};
 use super::rows::RawTable;
-use super::{Npz, NpzLayout, PropertyOrder, Stacked};
+use super::{Npz, NpzLayout, Stacked};
+use crate::PropertyOrder;
 use crate::tactile::is_plausible;
 use crate::{DatasetError, DatasetErrorKind, Place, Surface};
 

@@ -1,11 +1,17 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use crate::tactile::is_plausible;
+use sps_base::names::nearest;
+
+use crate::folder::Manifest;
+use crate::tactile::{is_plausible, nominal_range};
 use crate::{
-    DatasetError, DatasetErrorKind, NOMINAL_RANGE, OutOfRange, Place, Property, PropertyRanges,
-    RangePolicy, Reading, Surface, TactileTable, UnknownName,
+    DatasetError, DatasetErrorKind, OutOfRange, Place, Property, PropertyRange, RangePolicy,
+    Reading, Surface, TactileTable, UnknownName,
 };
+
+/// Readings further from 0 than this are a mistake of their file.
+const PLAUSIBLE: [f64; 2] = [-1e9, 1e9];
 
 /// A table as its file has it, before anything is made of its values.
 pub(super) struct RawTable {
@@ -35,9 +41,17 @@ pub(crate) struct TactileRead {
 pub(super) struct Wanted<'a> {
     pub(super) path: &'a Path,
     pub(super) surfaces: &'a [Surface],
-    pub(super) properties: &'a [Property],
+    /// Says which properties, and where they end.
+    pub(super) manifest: &'a Manifest,
     pub(super) policy: RangePolicy,
-    pub(super) ranges: &'a PropertyRanges,
+}
+
+/// A wanted property: its column in the file, and where its values should and must lie.
+struct Column<'a> {
+    property: &'a Property,
+    at: usize,
+    nominal: Option<[f64; 2]>,
+    declared: Option<PropertyRange>,
 }
 
 impl Wanted<'_> {
@@ -46,6 +60,7 @@ impl Wanted<'_> {
     /// to the declared ranges.
     pub(super) fn assemble(&self, raw: RawTable) -> Result<TactileRead, DatasetError> {
         let columns = self.find_columns(&raw.columns)?;
+        let mut out_of_range = vec![OutOfRange::default(); columns.len()];
         let index: HashMap<&str, usize> = self
             .surfaces
             .iter()
@@ -62,7 +77,10 @@ impl Wanted<'_> {
             if let Some(first) = first_seen.insert(touch, row.place.clone()) {
                 return Err(self.twice(row, first));
             }
-            let values = self.values(&row, &columns, raw.restore.as_ref())?;
+            let values = columns.iter().zip(&mut out_of_range);
+            let values = values
+                .map(|(column, count)| self.value(&row, column, raw.restore.as_ref(), count))
+                .collect::<Result<_, _>>()?;
             readings.push(Reading {
                 surface,
                 location: row.location,
@@ -70,69 +88,92 @@ impl Wanted<'_> {
                 values,
             });
         }
-        let mut table = TactileTable {
-            properties: self.properties.to_vec(),
-            readings,
-        };
-        let out_of_range = table.out_of_range();
-        table.apply(self.policy);
+        let properties = self.manifest.properties.to_vec();
         Ok(TactileRead {
-            table,
-            out_of_range,
+            out_of_range: properties.iter().cloned().zip(out_of_range).collect(),
+            table: TactileTable {
+                properties,
+                readings,
+            },
         })
     }
 
-    fn find_columns(&self, columns: &[Property]) -> Result<Vec<usize>, DatasetError> {
-        let find = |&property: &Property| {
-            columns
-                .iter()
-                .position(|&column| column == property)
-                .ok_or_else(|| {
-                    let listed: Vec<_> = columns.iter().map(|column| column.code()).collect();
-                    let kind = DatasetErrorKind::unexpected(
-                        "the columns of the table",
-                        listed.join(", "),
-                        format!("one for `{property}`, which the dataset lists in its properties"),
-                    );
-                    DatasetError::file(self.path, kind)
-                })
+    fn find_columns(&self, columns: &[Property]) -> Result<Vec<Column<'_>>, DatasetError> {
+        let places: HashMap<&Property, usize> = columns.iter().zip(0..).collect();
+        let find = |property| {
+            let at = *places
+                .get(property)
+                .ok_or_else(|| self.missing(property, columns))?;
+            Ok(Column {
+                property,
+                at,
+                nominal: nominal_range(property, self.manifest),
+                declared: self.manifest.range(property),
+            })
         };
-        self.properties.iter().map(find).collect()
+        self.manifest.properties.iter().map(find).collect()
     }
 
-    fn values(
+    fn missing(&self, property: &Property, columns: &[Property]) -> DatasetError {
+        let listed: Vec<_> = columns.iter().map(Property::code).collect();
+        let near = nearest(property, listed.iter().copied());
+        let near = near.map_or(String::new(), |near| format!(" (is it `{near}`?)"));
+        let kind = DatasetErrorKind::unexpected(
+            "the columns of the table",
+            listed.join(", "),
+            format!("one for `{property}`, which the dataset lists in its properties{near}"),
+        );
+        DatasetError::file(self.path, kind)
+    }
+
+    /// The value of a cell, restored where the file says so and as the policy takes it; counted where it
+    /// lies out of range.
+    fn value(
         &self,
         row: &RawRow,
-        columns: &[usize],
+        column: &Column<'_>,
         restore: Option<&[Vec<f64>; 2]>,
-    ) -> Result<Vec<Option<f64>>, DatasetError> {
-        let value = |(&column, &property): (&usize, &Property)| {
-            let Some(stored) = row.values.get(column).copied().flatten() else {
-                return Ok(None);
-            };
-            let value = restore.map_or(stored, |[mean, std]| stored * std[column] + mean[column]);
-            let surface = || row.surface.clone();
-            let refused = |kind| Err(DatasetError::new(self.path, row.place.clone(), kind));
-            let rejected = self.policy == RangePolicy::Reject && !NOMINAL_RANGE.contains(&value);
-            if rejected || !is_plausible(value) {
-                return refused(DatasetErrorKind::OutOfRange {
-                    surface: surface(),
-                    property,
-                    value,
-                });
-            }
-            if let Some([low, high]) = self.ranges.broken_by(property, self.policy.apply(value)) {
-                return refused(DatasetErrorKind::OutOfDeclaredRange {
-                    surface: surface(),
-                    property,
-                    value,
-                    low,
-                    high,
-                });
-            }
-            Ok(Some(value))
+        count: &mut OutOfRange,
+    ) -> Result<Option<f64>, DatasetError> {
+        let &Column {
+            property,
+            at,
+            nominal,
+            declared,
+        } = column;
+        let Some(stored) = row.values.get(at).copied().flatten() else {
+            return Ok(None);
         };
-        columns.iter().zip(self.properties).map(value).collect()
+        let value = restore.map_or(stored, |[mean, std]| stored * std[at] + mean[at]);
+        let (surface, property) = (row.surface.clone(), property.clone());
+        let refused = |kind| Err(DatasetError::new(self.path, row.place.clone(), kind));
+        let outside = |[low, high]: &[f64; 2]| !(low..=high).contains(&&value);
+        let rejected = nominal.filter(|range| self.policy == RangePolicy::Reject && outside(range));
+        let implausible = (!is_plausible(value)).then_some(PLAUSIBLE);
+        if let Some([low, high]) = rejected.or(implausible) {
+            return refused(DatasetErrorKind::OutOfRange {
+                surface,
+                property,
+                value,
+                low,
+                high,
+            });
+        }
+        count.count(value, nominal);
+        let taken = self.policy.apply(value, nominal);
+        match declared
+            .filter(|range| !range.holds(taken))
+            .map(PropertyRange::ends)
+        {
+            None => Ok(Some(taken)),
+            Some([low, high]) => refused(DatasetErrorKind::OutOfDeclaredRange {
+                surface,
+                property,
+                value,
+                low,
+                high,
+            }),
+        }
     }
 
     fn unknown(&self, row: &RawRow) -> DatasetError {

@@ -14,7 +14,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], format: &WideCsv) -> Result<RawTab
         check_cells(path, line, count)?;
         let values = columns
             .iter()
-            .map(|&(column, property)| line.measured(path, column, property));
+            .map(|(column, property)| line.measured(path, *column, property));
         let values = values.collect::<Result<_, _>>()?;
         table.push(Place::Line(line.number), line.cell(0), vec![(0, 0, values)])?;
     }
@@ -36,7 +36,7 @@ fn columns<'a>(
         let order = format.property_order.as_ref();
         let order =
             order.ok_or_else(|| DatasetError::file(path, DatasetErrorKind::NoPropertyOrder))?;
-        Ok((1..).zip(order.iter().copied()).collect::<Vec<_>>())
+        Ok((1..).zip(order.iter().cloned()).collect::<Vec<_>>())
     };
     match format.header {
         Header::Properties => {
@@ -62,16 +62,14 @@ fn named(
         if format.ignore_columns.iter().any(|ignored| ignored == name) {
             continue;
         }
-        let listed: Vec<_> = columns.iter().map(|&(_, property)| property).collect();
-        columns.push((
-            column,
-            property_of_column(path, header.number, name, &listed)?,
-        ));
+        let listed = columns.iter().map(|(_, property)| property);
+        let property = property_of_column(path, header.number, name, listed)?;
+        columns.push((column, property));
     }
-    let found = columns.iter().map(|&(_, property)| property);
+    let found = columns.iter().map(|(_, property)| property);
     match &format.property_order {
-        Some(order) if !found.clone().eq(order.iter().copied()) => {
-            let expected = format!("{}, as `property-order` says", codes(order.iter().copied()));
+        Some(order) if !found.clone().eq(order.iter()) => {
+            let expected = format!("{}, as `property-order` says", codes(order.iter()));
             let kind = DatasetErrorKind::unexpected("the header", codes(found), expected);
             Err(DatasetError::line(path, header.number, kind))
         }
@@ -79,6 +77,6 @@ fn named(
     }
 }
 
-fn codes(properties: impl Iterator<Item = Property>) -> String {
+fn codes<'a>(properties: impl Iterator<Item = &'a Property>) -> String {
     properties.map(Property::code).collect::<Vec<_>>().join(",")
 }

@@ -7,7 +7,7 @@ use crate::Property;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
 pub struct TactileSettings {
-    /// What is done with values outside 0 to 100. Default `keep`.
+    /// What is done with values outside of their property's range. Default `keep`.
     pub out_of_range: RangePolicy,
     /// How the repeats at one location become one value. Default `mean`, as in the paper.
     pub repeats: Average,
@@ -58,7 +58,7 @@ impl TactileTable {
     /// left out. The order of the readings does not matter.
     ///
     /// ```
-    /// use sps_dataset::{Property, Reading, TactileSettings, TactileTable};
+    /// use sps_dataset::{Reading, TactileSettings, TactileTable};
     ///
     /// let touch = |location, repeat, value| Reading {
     ///     surface: 0,
@@ -67,11 +67,12 @@ impl TactileTable {
     ///     values: vec![Some(value)],
     /// };
     /// let table = TactileTable {
-    ///     properties: vec![Property::FRS],
+    ///     properties: vec!["friction".parse()?],
     ///     readings: vec![touch(0, 0, 10.0), touch(0, 1, 14.0), touch(1, 0, 30.0)],
     /// };
     /// let averages = table.averages(&TactileSettings::default(), 1);
-    /// assert_eq!(averages.value(0, Property::FRS), Some(21.0)); // (12 + 30) / 2
+    /// assert_eq!(averages.value(0, "friction"), Some(21.0)); // (12 + 30) / 2
+    /// # Ok::<(), sps_dataset::InvalidCode>(())
     /// ```
     pub fn averages(&self, settings: &TactileSettings, surfaces: usize) -> SurfaceAverages {
         let mut of_surface: Vec<Vec<&Reading>> = vec![Vec::new(); surfaces];
@@ -172,21 +173,21 @@ impl SurfaceAverages {
     }
 
     /// One property of one surface; `None` where it was not measured or does not exist.
-    pub fn cell(&self, surface: usize, property: Property) -> Option<Cell> {
+    pub fn cell(&self, surface: usize, property: &str) -> Option<Cell> {
         let column = self
             .properties
             .iter()
-            .position(|&column| column == property)?;
+            .position(|column| column == &property)?;
         *self.cells.get(surface * self.properties.len() + column)?
     }
 
     /// The value of [`Self::cell`].
-    pub fn value(&self, surface: usize, property: Property) -> Option<f64> {
+    pub fn value(&self, surface: usize, property: &str) -> Option<f64> {
         self.cell(surface, property).map(|cell| cell.value)
     }
 
     /// One property of every surface, in the order of the surfaces.
-    pub fn column(&self, property: Property) -> Vec<Option<f64>> {
+    pub fn column(&self, property: &str) -> Vec<Option<f64>> {
         (0..self.surfaces())
             .map(|surface| self.value(surface, property))
             .collect()

@@ -1,13 +1,11 @@
 mod aggregate;
-mod declared;
 mod range;
 
 use crate::Property;
 
 pub use aggregate::{Average, Cell, SurfaceAverages, TactileSettings};
-pub use declared::{InvalidRange, PropertyRanges};
-pub(crate) use range::is_plausible;
-pub use range::{NOMINAL_RANGE, OutOfRange, RangePolicy};
+pub use range::{OutOfRange, RangePolicy};
+pub(crate) use range::{is_plausible, nominal_range};
 
 /// One touch of one surface.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,9 +31,9 @@ pub struct TactileTable {
 
 impl TactileTable {
     /// Which value of a reading is the given property.
-    pub fn column(&self, property: Property) -> Option<usize> {
+    pub fn column(&self, property: &str) -> Option<usize> {
         self.properties
             .iter()
-            .position(|&column| column == property)
+            .position(|column| column == &property)
     }
 }

@@ -1,16 +1,15 @@
 use serde::{Deserialize, Serialize};
 
-use crate::{Property, TactileTable};
-
-/// The range that the device is said to report in (section 3, "Tactile Data").
-pub const NOMINAL_RANGE: std::ops::RangeInclusive<f64> = 0.0..=100.0;
+use crate::folder::Manifest;
+use crate::{Property, PropertyRange, toccare};
 
 /// Beyond this a value is a mistake of its file; sums and squares of what is within cannot overflow.
 pub(crate) fn is_plausible(value: f64) -> bool {
     value.abs() <= 1e9
 }
 
-/// What is done with a value outside [`NOMINAL_RANGE`]; published tables have some.
+/// What is done with a value outside of the range of its property: 0 to 100 for the Toccare's, of which
+/// published tables leave it, and the one that the dataset declares for others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RangePolicy {
@@ -24,46 +23,39 @@ pub enum RangePolicy {
 }
 
 impl RangePolicy {
-    /// What a reading of that value is read as.
-    pub(crate) fn apply(self, value: f64) -> f64 {
-        match self {
-            Self::Clamp => value.clamp(*NOMINAL_RANGE.start(), *NOMINAL_RANGE.end()),
-            Self::Keep | Self::Reject => value,
+    /// What a reading of that value is read as, where values should lie in `range`.
+    pub(crate) fn apply(self, value: f64, range: Option<[f64; 2]>) -> f64 {
+        match (self, range) {
+            (Self::Clamp, Some([low, high])) => value.clamp(low, high),
+            _ => value,
         }
     }
 }
 
-/// How many values of one property lie outside [`NOMINAL_RANGE`].
+/// Where values of a property should lie; `None` where nobody says.
+pub(crate) fn nominal_range(property: &Property, manifest: &Manifest) -> Option<[f64; 2]> {
+    match toccare::find(property) {
+        Some(_) => Some(toccare::NOMINAL_RANGE),
+        None => manifest.range(property).map(PropertyRange::ends),
+    }
+}
+
+/// How many values of one property lie outside of its range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct OutOfRange {
-    /// Values below 0.
+    /// Values below its lower end.
     pub below: usize,
-    /// Values above 100.
+    /// Values above its upper end.
     pub above: usize,
 }
 
-impl TactileTable {
-    /// Counts the values outside [`NOMINAL_RANGE`], one count per property of the table.
-    pub fn out_of_range(&self) -> Vec<(Property, OutOfRange)> {
-        let mut counts = vec![OutOfRange::default(); self.properties.len()];
-        for reading in &self.readings {
-            for (count, value) in counts.iter_mut().zip(&reading.values) {
-                count.below += usize::from(value.is_some_and(|v| v < *NOMINAL_RANGE.start()));
-                count.above += usize::from(value.is_some_and(|v| v > *NOMINAL_RANGE.end()));
-            }
-        }
-        self.properties.iter().copied().zip(counts).collect()
-    }
-
-    pub(crate) fn apply(&mut self, policy: RangePolicy) {
-        for value in self
-            .readings
-            .iter_mut()
-            .flat_map(|reading| &mut reading.values)
-            .flatten()
-        {
-            *value = policy.apply(*value);
+impl OutOfRange {
+    /// Counts one value.
+    pub(crate) fn count(&mut self, value: f64, range: Option<[f64; 2]>) {
+        if let Some([low, high]) = range {
+            self.below += usize::from(value < low);
+            self.above += usize::from(value > high);
         }
     }
 }

@@ -116,6 +116,7 @@ pub(super) fn load(folder: &Path) -> Result<Estimator> {
         frame_size: card.frame_size,
         angles: vec![0.0],
         decode: DecodeSettings::default(),
+        described: BTreeMap::new(),
         measured: BTreeMap::new(),
     };
     Estimator::new(

@@ -11,13 +11,13 @@ mod scale;
 mod texture;
 mod thermal;
 
-use sps_dataset::{Property, Reading, TactileTable};
+use sps_dataset::{Reading, TactileTable, toccare};
 
 use super::latent::Scores;
 use super::parameters::{Parameters, Specimen};
 use super::stream::{Purpose, Stream};
 
-/// One number for each property, in the order of [`Property::ALL`].
+/// One number for each property, in the order of [`toccare::ALL`].
 pub(crate) type Values = [f64; 15];
 
 /// How far the parameters of two places of one surface differ, in standard scores.
@@ -32,23 +32,23 @@ pub(crate) fn responses(parameters: &Parameters) -> Values {
     let spectrum = texture::Spectrum::of(parameters);
     let contact = friction::Contact::of(parameters, &spectrum);
     let press = compliance::Press::of(parameters);
-    Property::ALL.map(|property| match property {
-        Property::FRS => contact.sliding(),
-        Property::FST => contact.stiction(),
-        Property::UCO => spectrum.micro_coarseness(),
-        Property::URO => spectrum.micro_roughness(),
-        Property::MRG => spectrum.regularity(),
-        Property::MCO => spectrum.macro_coarseness(),
-        Property::MTX => spectrum.macro_texture(),
-        Property::TCO => thermal::cooling(parameters),
-        Property::TPR => thermal::persistence(parameters),
-        Property::CCM => press.compliance(),
-        Property::CDF => press.local_deformation(),
-        Property::CDP => press.damping(),
-        Property::CRX => press.relaxation(),
-        Property::CYD => press.yielding(),
-        Property::ATK => contact.tack(),
-    })
+    [
+        contact.sliding(),
+        contact.stiction(),
+        spectrum.micro_coarseness(),
+        spectrum.micro_roughness(),
+        spectrum.regularity(),
+        spectrum.macro_coarseness(),
+        spectrum.macro_texture(),
+        thermal::cooling(parameters),
+        thermal::persistence(parameters),
+        press.compliance(),
+        press.local_deformation(),
+        press.damping(),
+        press.relaxation(),
+        press.yielding(),
+        contact.tack(),
+    ]
 }
 
 /// The values at one place of a surface, without the noise of a touch.
@@ -79,7 +79,7 @@ pub(crate) fn mean_values(
 /// Touches every surface at every place as often as asked.
 pub(crate) fn readings(specimens: &[Specimen], places: u32, repeats: u32) -> TactileTable {
     let mut table = TactileTable {
-        properties: Property::ALL.to_vec(),
+        properties: toccare::properties(),
         readings: Vec::with_capacity(specimens.len() * (places * repeats) as usize),
     };
     for (surface, specimen) in specimens.iter().enumerate() {

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use sps_dataset::{DecodeSettings, Frame, Source};
+use sps_dataset::{DecodeSettings, Description, Frame, PropertyRange, Source};
 use sps_estimator::{
-    About, Calibration, Estimator, Examples, Fitted, Measured, Predictions, Recipe, Wanted, Widths,
+    About, Calibration, Described, Estimator, Examples, Fitted, Measured, Predictions, Recipe,
+    Wanted, Widths,
 };
 use tracing::warn;
 
@@ -152,12 +153,15 @@ impl<S: Source> Trainer<'_, S> {
         let views = self.views(&encodings, &parts)?;
         let stage = encodings.stage;
         let tables = &stage.tables;
-        let ranges = self.source.ranges();
         let wanted = tables.properties.iter().zip(views);
         let wanted = wanted.map(|(property, views)| Wanted {
             property: property.to_string(),
             views,
-            range: ranges.get(*property),
+            range: self
+                .source
+                .describe(property)
+                .range
+                .map(PropertyRange::ends),
         });
         let regression = self.method.estimator.regression();
         let recipe = Recipe {
@@ -197,7 +201,7 @@ impl<S: Source> Trainer<'_, S> {
             journal: &mut journal,
         };
         selecting.run(&[self.method], &Dealt::all(1, 0..1), &mut selections)?;
-        let of_property = |&property| {
+        let of_property = |property| {
             let (method, split) = (self.method, &parts.all[0]);
             let trial = (property, 0);
             let views = views::of_trial(experiment, method, tables, split, trial, &selections)?;
@@ -212,6 +216,10 @@ impl<S: Source> Trainer<'_, S> {
         let frame = source.frame(0, views[0])?;
         self.warn_of_sizes(&frame, views[0])?;
         let angles = source.view_angles();
+        let described = fit.stage.tables.properties.iter().map(|property| {
+            let Description { name, unit, .. } = source.describe(property);
+            (property.to_string(), Described { name, unit })
+        });
         let decode = match &experiment.data {
             DataSpec::Folder { read, .. } => read.images.clone(),
             DataSpec::Simulated { .. } => DecodeSettings::default(),
@@ -224,6 +232,7 @@ impl<S: Source> Trainer<'_, S> {
             frame_size: [frame.height, frame.width],
             angles: views.iter().map(|&view| angles[view].0).collect(),
             decode,
+            described: described.collect(),
             measured,
         })
     }

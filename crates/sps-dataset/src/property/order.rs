@@ -1,10 +1,11 @@
+use std::collections::HashSet;
 use std::ops::Deref;
 
 use serde::{Deserialize, Serialize};
 
-use crate::Property;
+use super::{Property, toccare};
 
-/// Tactile properties in an explicit order: at least one, none twice.
+/// Properties in an explicit order: at least one, none twice.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<Property>", into = "Vec<Property>")]
 pub struct PropertyOrder(Vec<Property>);
@@ -21,14 +22,14 @@ pub enum InvalidOrder {
 }
 
 impl PropertyOrder {
-    /// All fifteen in the order of [`Property::ALL`].
-    pub fn all() -> Self {
-        Self(Property::ALL.to_vec())
+    /// The Toccare's fifteen, in the order of [`toccare::ALL`].
+    pub fn toccare() -> Self {
+        Self(toccare::properties())
     }
 
     /// Where a property stands in the order.
-    pub fn position(&self, property: Property) -> Option<usize> {
-        self.0.iter().position(|&listed| listed == property)
+    pub fn position(&self, property: &Property) -> Option<usize> {
+        self.0.iter().position(|listed| listed == property)
     }
 }
 
@@ -39,9 +40,9 @@ impl TryFrom<Vec<Property>> for PropertyOrder {
         if properties.is_empty() {
             return Err(InvalidOrder::Empty);
         }
-        let mut seen = properties.iter().enumerate();
-        match seen.find(|(i, property)| properties[..*i].contains(property)) {
-            Some((_, &twice)) => Err(InvalidOrder::Twice(twice)),
+        let mut seen = HashSet::new();
+        match properties.iter().find(|property| !seen.insert(*property)) {
+            Some(twice) => Err(InvalidOrder::Twice(twice.clone())),
             None => Ok(Self(properties)),
         }
     }

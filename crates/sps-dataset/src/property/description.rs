@@ -1,0 +1,90 @@
+use serde::{Deserialize, Serialize};
+
+use super::{Property, toccare};
+
+/// What is known of a property beside its code. All of it may be missing.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
+pub struct Description {
+    /// In a few words: "coefficient of sliding friction".
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub name: String,
+    /// The unit of its values, `1` for a pure number; empty where values have none.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+    /// The lowest and highest value that it can take at all: its device or its scale ends there, so
+    /// an interval can. Every reading lies within.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<PropertyRange>,
+    /// A sentence about it.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub description: String,
+}
+
+impl Description {
+    /// What the project knows of the property by itself.
+    pub fn known(property: &Property) -> Self {
+        Self {
+            name: toccare::find(property).map_or_else(String::new, |known| known.name.to_owned()),
+            ..Self::default()
+        }
+    }
+
+    /// The name, or else the code.
+    pub fn name_or<'a>(&'a self, property: &'a Property) -> &'a str {
+        if self.name.is_empty() {
+            property
+        } else {
+            &self.name
+        }
+    }
+}
+
+/// The lowest and highest value that a property can take. An end may be infinite.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "[f64; 2]", into = "[f64; 2]")]
+pub struct PropertyRange {
+    low: f64,
+    high: f64,
+}
+
+/// A range that holds no two values.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("found a range of {low} to {high}, expected a lower end below the upper")]
+pub struct InvalidRange {
+    /// Its lower end.
+    pub low: f64,
+    /// Its upper end.
+    pub high: f64,
+}
+
+impl PropertyRange {
+    /// The ends, lower first.
+    pub const fn ends(self) -> [f64; 2] {
+        [self.low, self.high]
+    }
+
+    /// Whether a value lies within, ends included.
+    pub fn holds(self, value: f64) -> bool {
+        (self.low..=self.high).contains(&value)
+    }
+}
+
+impl TryFrom<[f64; 2]> for PropertyRange {
+    type Error = InvalidRange;
+
+    fn try_from([low, high]: [f64; 2]) -> Result<Self, InvalidRange> {
+        // Neither is NaN.
+        if low < high {
+            Ok(Self { low, high })
+        } else {
+            Err(InvalidRange { low, high })
+        }
+    }
+}
+
+impl From<PropertyRange> for [f64; 2] {
+    fn from(range: PropertyRange) -> Self {
+        range.ends()
+    }
+}

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 use sps_dataset::{
-    DatasetFolder, Origin, OutOfRange, Property, RollAngle, Source, TactileSettings,
+    DatasetFolder, NearTwins, Origin, OutOfRange, Property, RollAngle, Source, TactileSettings,
 };
 use sps_simulate::{Ceilings, Simulator, SimulatorSpec, ceilings};
 use tracing::info;
@@ -49,15 +49,22 @@ pub(crate) fn with_source<W: WithSource>(data: &DataSpec, work: W) -> Result<W::
             path,
             read,
             published_sps,
+            near_twins,
         } => {
-            let source = DatasetFolder::open(path, read)?;
+            let mut source = DatasetFolder::open(path, read)?;
+            let mut notes = out_of_range_notes(source.out_of_range());
+            if let Some(likeness) = *near_twins {
+                let note = keep_near_twins_together(&mut source, likeness)?;
+                info!("{note}");
+                notes.push(note);
+            }
             let about = About {
                 simulated: source.origin() == Some(Origin::Simulator),
                 published_sps: *published_sps || source.origin() == Some(Origin::Paper),
                 origin: source.manifest().source.clone(),
                 tactile: read.tactile,
                 ceilings: None,
-                notes: out_of_range_notes(source.out_of_range()),
+                notes,
             };
             info!("{}: {} surfaces", path.display(), source.surfaces().len());
             work.call(&source, about)
@@ -74,6 +81,16 @@ fn about_simulated(spec: &SimulatorSpec) -> About {
         ceilings: Some(ceilings(spec.seed, CEILING_SURFACES, spec.locations)),
         notes: Vec::new(),
     }
+}
+
+fn keep_near_twins_together(source: &mut DatasetFolder, likeness: f64) -> Result<String> {
+    let NearTwins { groups, largest } = source.keep_near_twins_together(likeness)?;
+    let surfaces = source.surfaces().len();
+    Ok(format!(
+        "near twins share a group (`data.folder.near-twins`): surfaces whose patterns, seen in grey, \
+         have a likeness of {likeness} or more; {surfaces} surfaces make {groups} groups, and the \
+         largest has {largest}"
+    ))
 }
 
 fn out_of_range_notes(found: &[(Property, OutOfRange)]) -> Vec<String> {
@@ -94,4 +111,46 @@ pub(crate) fn nadir<S: Source>(source: &S) -> Result<usize> {
     source
         .nearest_view(RollAngle::NADIR)
         .context("the dataset has no views")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Groups;
+
+    impl WithSource for Groups {
+        type Output = (Vec<String>, Vec<String>);
+
+        fn call<S: Source>(self, source: &S, about: About) -> Result<Self::Output> {
+            let groups = source.surfaces().iter().map(|s| s.group.clone());
+            Ok((groups.collect(), about.notes))
+        }
+    }
+
+    #[test]
+    fn near_twins_share_a_group_and_the_notes_say_so() {
+        let seen = |near_twins| {
+            let data = DataSpec::Folder {
+                path: concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/tiny-dataset").into(),
+                read: Box::default(),
+                published_sps: false,
+                near_twins,
+            };
+            with_source(&data, Groups).unwrap()
+        };
+        let (own, notes) = seen(None);
+        assert!(
+            !notes.iter().any(|note| note.contains("twins")),
+            "{notes:?}"
+        );
+        // No two patterns are equal, and two surfaces have one group in the dataset.
+        let (groups, notes) = seen(Some(1.0));
+        assert_eq!(groups, own);
+        let said = "a likeness of 1 or more; 6 surfaces make 5 groups, and the largest has 2";
+        assert!(notes.iter().any(|note| note.ends_with(said)), "{notes:?}");
+        // The least likeness joins all.
+        let (groups, _) = seen(Some(-1.0));
+        assert!(groups.iter().all(|group| *group == own[0]), "{groups:?}");
+    }
 }

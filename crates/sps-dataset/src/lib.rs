@@ -65,6 +65,7 @@ mod image;
 mod inspect;
 mod intraclass;
 mod material;
+mod pattern;
 mod property;
 mod resample;
 mod settings;
@@ -78,8 +79,8 @@ mod units;
 
 pub use error::{DatasetError, DatasetErrorKind, Place};
 pub use folder::{
-    DatasetFolder, InvalidAngles, Manifest, ViewAngles, WriteError, WriteErrorKind, WriteOptions,
-    Written, write_dataset,
+    DatasetFolder, InvalidAngles, Manifest, NearTwins, ViewAngles, WriteError, WriteErrorKind,
+    WriteOptions, Written, write_dataset,
 };
 pub use frame::{Extent, Frame, LinearFrame};
 pub use image::{

@@ -25,6 +25,8 @@ pub(crate) enum DataSpec {
         path: PathBuf,
         read: Box<ReadSettings>,
         published_sps: bool,
+        /// How alike surfaces are that are kept together; `None`: groups are the dataset's own.
+        near_twins: Option<f64>,
     },
 }
 
@@ -71,11 +73,19 @@ pub(super) fn data(
         DataOrigin::Folder if folder.path.as_os_str().is_empty() => {
             Err(layers.error("data.folder.path", "names no folder"))
         }
+        DataOrigin::Folder if !(0.0..=1.0).contains(&folder.near_twins) => {
+            let problem = format!(
+                "is {}, expected a likeness above 0 and at most 1, or 0 to keep the dataset's groups",
+                folder.near_twins
+            );
+            Err(layers.error("data.folder.near-twins", problem))
+        }
         DataOrigin::Folder => {
             let data = DataSpec::Folder {
                 path: folder.path.clone(),
                 read: Box::new(folder.read.clone()),
                 published_sps: folder.published_sps,
+                near_twins: (folder.near_twins > 0.0).then_some(folder.near_twins),
             };
             Ok((data, Protocol::Split(config.split.unwrap_or_default())))
         }

@@ -244,6 +244,12 @@ mod tests {
             &["names no folder"],
         );
         refused(
+            &format!(
+                "[data]\nfrom = \"folder\"\n[data.folder]\npath = \"x\"\nnear-twins = 1.5\n{METHOD}"
+            ),
+            &["line 5", "near-twins", "is 1.5", "at most 1"],
+        );
+        refused(
             &format!("[report]\nlevel = 95.0\n{METHOD}"),
             &["line 2", "95"],
         );

@@ -73,6 +73,7 @@ pub(crate) enum DataOrigin {
 pub(crate) struct FolderConfig {
     pub path: PathBuf,
     pub published_sps: bool,
+    pub near_twins: f64,
     pub read: ReadSettings,
 }
 

@@ -4,6 +4,7 @@ mod angles;
 mod manifest;
 mod surfaces;
 mod tables;
+mod twins;
 mod write;
 
 use std::path::{Path, PathBuf};
@@ -20,6 +21,7 @@ use crate::{
 pub use angles::{InvalidAngles, ViewAngles};
 pub use manifest::Manifest;
 use surfaces::{check_table, read_surfaces};
+pub use twins::NearTwins;
 pub use write::{WriteError, WriteErrorKind, WriteOptions, Written, write_dataset};
 
 /// What a frame's file may end in.

@@ -3,7 +3,7 @@ from os import PathLike
 from typing import Any, Literal, SupportsFloat, Union, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 _Path = Union[str, PathLike[str]]
 _Image = Union[NDArray[np.uint8], NDArray[np.float32], _Path]
@@ -104,7 +104,7 @@ class Estimator:
         properties: list[str] | None = None,
         groups: Iterable[Hashable] | None = None,
         regression: str = "ridge",
-        calibration: float = 0.3,
+        calibration: float | None = 0.3,
         level: float = 0.9,
         seed: int = 0,
         resize: int | None = None,
@@ -171,6 +171,9 @@ class Score:
     @property
     def zero_truths(self) -> int: ...
     def __float__(self) -> float: ...
+    def __array__(
+        self, dtype: DTypeLike | None = None, copy: bool | None = None
+    ) -> NDArray[Any]: ...
 
 def r2(*, truth: ArrayLike, estimate: ArrayLike, training_mean: float) -> Score: ...
 def r2_own_mean(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...

@@ -43,6 +43,10 @@ class TactileRegressor(RegressorMixin, BaseEstimator):
     of y; None takes their names where y is a table, else "value", or "value 0", "value 1" and so on.
     `scale` is that of Estimator.predict; fit takes photographs as they come, or as `resize` says.
 
+    Each fit keeps the share `calibration` of its surfaces aside for the intervals, and estimates do not
+    learn from them. Scores are of estimates alone: where cross_val_score or a search compares them,
+    calibration=None fits to all surfaces, and gives no intervals.
+
     Each fit and each question embeds its photographs anew. Where one is asked for values, intervals and
     p-values of the same photographs, `estimator_.predict_all(X)` says all of them at once.
 
@@ -59,7 +63,7 @@ class TactileRegressor(RegressorMixin, BaseEstimator):
         *,
         properties: list[str] | None = None,
         regression: str = "ridge",
-        calibration: float = 0.3,
+        calibration: float | None = 0.3,
         level: float = 0.9,
         seed: int = 0,
         resize: int | None = None,

@@ -73,7 +73,7 @@ impl Encoder {
     ///
     /// An image is an array of shape (height, width, 3), display-referred RGB, uint8 or float32 from
     /// 0 to 1, or the path of a PNG, JPEG or EXR. `images` is one, or any iterable of them, of any
-    /// sizes, also an array of shape (images, height, width, 3). Images keep their size. An embedding
+    /// sizes, or the path of a folder, whose images are taken by name; also an array of shape (images, height, width, 3). Images keep their size. An embedding
     /// is the same to the last bit whatever is embedded beside it and however many threads there are.
     ///
     /// Raises TypeError for other dtypes and things, ValueError for other shapes and values and for

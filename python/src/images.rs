@@ -1,6 +1,7 @@
 //! Images as Python hands them over: arrays of pixels, or paths.
 
 use std::path::{Path, PathBuf};
+use std::vec;
 
 use numpy::ndarray::ArrayView3;
 use numpy::{
@@ -11,8 +12,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyIterator;
 use rayon::prelude::*;
 use sps_dataset::{Extent, Frame};
+use sps_estimator::photographs_in;
 
-use crate::errors::value_error;
+use crate::errors::{estimator_error, value_error};
 
 /// Images that are decoded and embedded at once, for each thread: as many as a thread takes through
 /// the network together, and few enough that large ones fit in memory.
@@ -39,14 +41,19 @@ pub(crate) struct Images<'py> {
 
 enum Handed<'py> {
     One(Option<Bound<'py, PyAny>>),
+    Folder(vec::IntoIter<PathBuf>),
     Several(usize, Bound<'py, PyIterator>),
 }
 
 impl<'py> Images<'py> {
-    /// A path or an array of up to three axes is one image, all else is gone through. `of` begins their
-    /// names in errors.
+    /// The path of a folder is the images in it by name, another path or an array of up to three axes one
+    /// image; all else is gone through. `of` begins their names in errors.
     pub(crate) fn new(of: String, images: &Bound<'py, PyAny>) -> PyResult<Self> {
-        let handed = if is_one(images) {
+        let folder = images.extract::<PathBuf>().ok();
+        let handed = if let Some(folder) = folder.filter(|path| path.is_dir()) {
+            let inside = photographs_in(&folder).map_err(|error| estimator_error(&error))?;
+            Handed::Folder(inside.into_iter())
+        } else if is_one(images) {
             Handed::One(Some(images.clone()))
         } else {
             Handed::Several(0, images.try_iter()?)
@@ -70,6 +77,9 @@ impl Iterator for Images<'_> {
         let of = &self.of;
         match &mut self.handed {
             Handed::One(image) => Some(Image::new(format!("{of}the image"), &image.take()?)),
+            Handed::Folder(paths) => paths
+                .next()
+                .map(|path| Ok(Image::file(format!("{of}the image"), path))),
             Handed::Several(index, images) => {
                 let image = images.next()?;
                 let name = format!("{of}image {index}");
@@ -110,6 +120,13 @@ pub(crate) fn frames(
 }
 
 impl Image {
+    fn file(name: String, path: PathBuf) -> Self {
+        Self {
+            name,
+            content: Content::File(path),
+        }
+    }
+
     pub(crate) fn new(name: String, image: &Bound<'_, PyAny>) -> PyResult<Self> {
         let content = match image.cast::<PyUntypedArray>() {
             Ok(array) => Content::Pixels(pixels(&name, array)?),

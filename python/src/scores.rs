@@ -1,12 +1,13 @@
 //! Scores of one property.
 
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use sps_metrics::{Metric, Samples, TrainingMean};
 
 use crate::arrays::Numbers;
 use crate::errors::{undefined, value_error};
 
-/// A finite score and what it rests on; `float(score)` is its value.
+/// A finite score and what it rests on; `float(score)` is its value, and numpy takes it for that number.
 #[pyclass(module = "sps", frozen, get_all)]
 pub(crate) struct Score {
     /// In the unit of its metric: none for R² and Spearman, the truth's for MAE and RMSE, percent for
@@ -22,6 +23,21 @@ pub(crate) struct Score {
 impl Score {
     fn __float__(&self) -> f64 {
         self.value
+    }
+
+    /// Its value, (), float64 unless `dtype` says otherwise: numpy makes an array of scores by it.
+    #[pyo3(signature = (dtype = None, copy = None))]
+    fn __array__<'py>(
+        &self,
+        py: Python<'py>,
+        dtype: Option<&Bound<'py, PyAny>>,
+        copy: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let settings = PyDict::new(py);
+        settings.set_item("dtype", dtype)?;
+        settings.set_item("copy", copy)?;
+        py.import("numpy")?
+            .call_method("array", (self.value,), Some(&settings))
     }
 
     fn __repr__(&self) -> String {

@@ -128,6 +128,34 @@ def test_several_surfaces_and_several_photographs(model, photographs):
     assert model.predict_all([]) == []
 
 
+def test_a_folder_is_its_photographs_by_name(model, looking, photographs, tmp_path):
+    for name, photograph in zip(["b.png", "a.png", "c.png"], photographs):
+        write_png(tmp_path / name, photograph)
+    (tmp_path / "notes.txt").write_text("no photograph")
+    by_name = [photographs[at] for at in (1, 0, 2)]
+    for folder in (tmp_path, str(tmp_path)):
+        assert model.predict(folder) == model.predict(by_name)
+        assert looking.predict(folder) == looking.predict(by_name)
+    assert model.predict_all([tmp_path, photographs[0]])[0] == model.predict(by_name)
+    (tmp_path / "above" / "oak").mkdir(parents=True)
+    with pytest.raises(ValueError, match="above: found no photograph, .* it holds folders"):
+        model.predict(tmp_path / "above")
+
+
+def test_all_surfaces_are_fitted_to_where_none_calibrates(encoder, photographs, widths):
+    model = sps.Estimator.fit(photographs, widths, encoder=encoder, calibration=None)
+    assert "kept aside" in model.no_interval["value"]
+    one = model.predict(photographs[0]).estimates[0]
+    assert (one.low, one.high) == (None, None)
+    # Each reading moves what is said of its photograph: none is left out.
+    for at in (0, 17, 28, 43, 59):
+        other = widths.copy()
+        other[at] += 5
+        moved = sps.Estimator.fit(photographs, other, encoder=encoder, calibration=None)
+        before, after = (m.predict(photographs[at]).estimates[0].value for m in (model, moved))
+        assert after != before
+
+
 def test_photographs_come_to_the_models_size(model, encoder, photographs, widths, tmp_path):
     large = np.repeat(np.repeat(photographs[0], 3, axis=0), 3, axis=1)
     assert model.predict(large) == model.predict(large, scale=SIDE)
@@ -264,7 +292,8 @@ def test_what_cannot_be_asked(model, looking, photographs):
         model.predict([])
     with pytest.raises(ValueError, match="surface 1: photographs: found none"):
         model.predict_all([photographs[0], []])
-    with pytest.raises(ValueError, match="embeddings: found 4 views of width 512, expected 1 or"):
+    wanted = "found 4, expected 1, 2 or 3, at 0, 20 and -20 degrees"
+    with pytest.raises(ValueError, match=f"photographs of a surface: {wanted}"):
         looking.predict(photographs[:4])
     with pytest.raises(ValueError, match="found one of 3 views, expected one that looks at a sin"):
         looking.map(photographs[0])

@@ -38,6 +38,9 @@ def test_scores_are_those_of_scikit_learn():
 def test_scores_by_hand():
     score = sps.rmse(truth=[1, 2], estimate=[4, 6])
     assert (score.value, float(score), score.samples) == (math.sqrt(12.5), math.sqrt(12.5), 2)
+    scores = [score, sps.mae(truth=[1, 2], estimate=[4, 6])]
+    assert np.mean(scores) == (math.sqrt(12.5) + 3.5) / 2
+    assert np.asarray(scores, dtype=np.float32).dtype == np.float32
     # Ranks 1 2 3 4 and 2 1 4 3: 1 - 6 * 4 / (4 * 15).
     assert float(sps.spearman(truth=[1, 2, 3, 4], estimate=[5, 4, 9, 6])) == 0.6
     percent = sps.median_percent_error(truth=(0.0, 2.0), estimate=(1.0, 3.0))

@@ -148,12 +148,14 @@ def test_photographs_come_to_the_scale_that_is_asked_for(photographs, widths):
     assert list(model.predict(large)) != expected
 
 
-def test_cross_validation_is_fitting_and_asking_by_hand(encoder, photographs, values):
+@pytest.mark.parametrize("calibration", [0.3, None])
+def test_cross_validation_is_fitting_and_asking_by_hand(encoder, photographs, values, calibration):
     by_hand = np.empty_like(values)
     scores = []
     for train, test in KFold(3).split(photographs):
+        settings = {"properties": ["a", "b"], "calibration": calibration}
         estimator = sps.Estimator.fit(
-            photographs[train], values[train], encoder=encoder, properties=["a", "b"]
+            photographs[train], values[train], encoder=encoder, **settings
         )
         by_hand[test] = said(estimator, photographs[test])[0]
         truth = values[test]
@@ -163,12 +165,14 @@ def test_cross_validation_is_fitting_and_asking_by_hand(encoder, photographs, va
             r2_score(truth[known, 1], by_hand[test][known, 1]),
         ]
         scores.append(np.mean(both))
-    model = TactileRegressor(encoder)
+    model = TactileRegressor(encoder, calibration=calibration)
     estimates = cross_val_predict(model, photographs, values, cv=KFold(3))
     np.testing.assert_array_equal(estimates, by_hand)
     np.testing.assert_array_equal(
         cross_val_score(model, photographs, values, cv=KFold(3), error_score="raise"), scores
     )
+    intervals = model.fit(photographs, values).predict_interval(photographs[:2])
+    assert np.isnan(intervals).all() == (calibration is None)
 
 
 def test_the_better_of_several_settings_is_found(encoder, photographs, widths):

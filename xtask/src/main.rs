@@ -6,6 +6,7 @@ mod cmd;
 mod compare;
 mod config;
 mod data;
+mod digits;
 mod docs;
 mod embeddings;
 mod encoder;
@@ -60,6 +61,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    end_quietly_on_closed_pipes();
     let cli = Cli::parse();
     log();
     let outcome = match cli.command {
@@ -82,6 +84,21 @@ fn main() -> ExitCode {
             eprintln!("error: {error:#}");
             ExitCode::FAILURE
         }
+    }
+}
+
+/// Ends the process where it writes to a pipe that nobody reads any more, as `head` leaves one behind.
+/// Rust starts programs with that signal ignored, and `println!` then panics.
+#[expect(
+    unsafe_code,
+    reason = "the standard library has no way to reset a signal"
+)]
+fn end_quietly_on_closed_pipes() {
+    #[cfg(unix)]
+    // SAFETY: the default action is no handler that could run at a wrong time, and no other thread runs
+    // yet.
+    unsafe {
+        libc::signal(libc::SIGPIPE, libc::SIG_DFL);
     }
 }
 

@@ -9,7 +9,7 @@ use candle_core::{Device, Tensor};
 use image::{Rgb, RgbImage};
 use serde_json::Value;
 use sps_dataset::{DatasetFolder, KeepGroups, ReadSettings, Source, TactileSettings, Units};
-use sps_estimator::{Embedder, Network};
+use sps_estimator::{Embedder, Network, photographs_in};
 use sps_models::encoders::{Encoder, EncoderKind};
 use sps_models::heads::{Plan, Rerun, TrainingData, Views};
 use sps_models::ridge::{Ridge, RidgeConfig};
@@ -231,19 +231,29 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
                 fs::copy(&path, folder(&surface.id).join(path.file_name().unwrap())).unwrap();
             }
         }
-        let (found, _) = estimate(predict(&scratch, &[], &[folder(&surface.id)]));
-        assert_eq!(
-            found["value"].as_f64(),
-            Some(expected[at]),
-            "{}",
-            surface.id
-        );
+        let of_folder = estimate(predict(&scratch, &[], &[folder(&surface.id)])).0;
+        let value = of_folder["value"].as_f64();
+        assert_eq!(value, Some(expected[at]), "{}", surface.id);
+        // Of a folder they are taken by name, named one by one as they come.
+        let mut named = photographs_in(&folder(&surface.id)).unwrap();
+        assert_eq!(estimate(predict(&scratch, &[], &named)).0, of_folder);
+        named.reverse();
+        assert_ne!(estimate(predict(&scratch, &[], &named)).0, of_folder);
     }
     let first = &dataset.surfaces()[0].id;
     let one = dataset.frame_path(0, 2).unwrap();
     let refused = predict(&scratch, &[], &[one]).assert().code(1);
     let log = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
-    expect(&log, &[first, "1 views of width", "expected 3"]);
+    let angles = "found 1, expected 3, at -45, 0 and 45 degrees";
+    expect(&log, &[first, angles]);
+    let mut map = xtask();
+    map.args(["predict", "--map", "fRS", "--model"]);
+    map.arg(scratch.path("model"))
+        .arg(dataset.frame_path(0, 2).unwrap());
+    expect(
+        &message(map.assert()),
+        &["a map is of one", "without `views`"],
+    );
 }
 
 /// Views that a selector chose for each property: a photograph of each view that any looks at.
@@ -360,9 +370,14 @@ fn a_map_is_a_picture_and_numbers() {
             .assert()
             .success();
         let said = String::from_utf8_lossy(&output.get_output().stdout).into_owned();
-        assert!(
-            said.contains("wide-fRS.png") && said.contains("1 x 17 places"),
-            "{said}"
+        expect(
+            &said,
+            &[
+                "wide-fRS.png",
+                "1 x 17 places",
+                "colours from ",
+                "intervals +/- ",
+            ],
         );
         let numbers = fs::read(scratch.path("maps/wide-fRS.npy")).unwrap();
         assert_eq!(numbers.len(), 128 + 17 * 4 * 8);
@@ -373,6 +388,126 @@ fn a_map_is_a_picture_and_numbers() {
         ["oak-01/002.jpg", "oak-02/002.jpg"].map(|name| scratch.path("data/frames").join(name));
     let refused = map(&[], &two).assert();
     expect(&message(refused), &["would have the same map", "002-fRS"]);
+
+    // As large as a frame: one place. A map of another photograph is not written over.
+    let output = map(&[], &two[..1]).assert().success();
+    let log = String::from_utf8_lossy(&output.get_output().stderr).into_owned();
+    expect(
+        &log,
+        &["oak-01/002.jpg: one place", "32 x 32 pixels", "--resize"],
+    );
+    let drawn = fs::read(scratch.path("maps/002-fRS.png")).unwrap();
+    let refused = map(&[], &two[1..]).assert();
+    expect(
+        &message(refused),
+        &["002-fRS.png is there already, the map of", "oak-01/002.jpg"],
+    );
+    assert_eq!(fs::read(scratch.path("maps/002-fRS.png")).unwrap(), drawn);
+    map(&[], &two[..1]).assert().success();
+    fs::copy(&photograph, scratch.path("maps/002-fRS.png")).unwrap();
+    let refused = map(&[], &two[..1]).assert();
+    expect(&message(refused), &["is no map that names its photograph"]);
+    let mut misspelt = xtask();
+    misspelt.args(["predict", "--map", "frs", "--model"]);
+    misspelt.arg(scratch.path("model")).arg(&photograph);
+    let refused = message(misspelt.assert());
+    expect(
+        &refused,
+        &["unknown property `frs`", "did you mean `fRS`?", "`cDF`"],
+    );
+}
+
+/// What `train` says of the tiny dataset, its readings a hundredth of what they were, and what `predict`
+/// and `inspect` show of them.
+#[test]
+fn people_read_as_many_digits_as_the_readings_have() {
+    let scratch = Scratch::new();
+    let readings = scratch.path("data/tactile.csv");
+    let text = fs::read_to_string(&readings).unwrap();
+    let hundredth = |(at, cell): (usize, &str)| match cell.parse::<f64>() {
+        Ok(value) if at > 2 => (value / 100.0).to_string(),
+        _ => cell.to_owned(),
+    };
+    let lines = text.lines().map(|line| {
+        let cells = line.split(',').enumerate().map(hundredth);
+        cells.collect::<Vec<_>>().join(",") + "\n"
+    });
+    fs::write(&readings, lines.collect::<String>()).unwrap();
+    let scratch = fitted_in(scratch, &["train.method=ridge"]);
+    let said = |command: &mut assert_cmd::Command| {
+        let output = command.assert().success().get_output().clone();
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let decimals = |line: &str| {
+        let numbers = line
+            .split_whitespace()
+            .filter(|word| word.parse::<f64>().is_ok());
+        let numbers = numbers.filter_map(|number| number.split_once('.'));
+        numbers
+            .map(|(_, decimals)| decimals.len())
+            .collect::<Vec<_>>()
+    };
+    let of = |text: &str, property: &str| {
+        let mut lines = text.lines();
+        let line = lines.find(|line| line.trim_start().starts_with(property));
+        line.unwrap_or_else(|| panic!("no {property} in {text}"))
+            .to_owned()
+    };
+
+    let mut predict = xtask();
+    predict
+        .args(["predict", "--model"])
+        .arg(scratch.path("model"));
+    let table = said(predict.arg(scratch.path("data/frames/oak-01/002.jpg")));
+    // Their standard deviations are 0.117 and 0.318.
+    assert_eq!(decimals(&of(&table, "fRS")), [3; 3], "{table}");
+    assert_eq!(decimals(&of(&table, "cDF")), [3; 3], "{table}");
+    assert!(table.starts_with("property"), "{table}");
+
+    let mut inspect = xtask();
+    inspect.arg("inspect").arg(scratch.path("data"));
+    let table = said(inspect.arg("--out").arg(scratch.path("figures")));
+    // Their quartiles lie 0.131 and 0.062 apart.
+    assert_eq!(decimals(&of(&table, "fRS"))[..5], [3; 5], "{table}");
+    assert_eq!(decimals(&of(&table, "cDF"))[..5], [4; 5], "{table}");
+}
+
+#[test]
+fn train_says_what_it_fits_and_what_its_numbers_mean() {
+    let scratch = Scratch::new();
+    scratch.edit(
+        "tiny.toml",
+        "[cache]",
+        "[train]\ncalibration = 0.5\nlevel = 0.5\n[cache]",
+    );
+    let train = |more: &[&str]| {
+        let mut train = xtask();
+        train.arg("train").arg(scratch.path("tiny.toml")).args(more);
+        let output = train.arg("--out").arg(scratch.path("model")).assert();
+        let output = output.success().get_output().clone();
+        [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap())
+    };
+    let [said, log] = train(&[]);
+    expect(
+        &said,
+        &[
+            "Fits method `cross-modal`, the last of the config's methods; `[train] method = \"ID\"` \
+            chooses another: ridge",
+            "intervals of 50 %:",
+            "R²  interval half width  covered, %",
+            "50 % of the surfaces fitted to calibrate the intervals",
+            "`experiment` fits to all",
+        ],
+    );
+    let at = |property: &str| said.find(property).unwrap();
+    assert!(at("\n  fRS") < at("\n  cDF"), "{said}");
+    assert!(!log.contains("holds a model"), "{log}");
+    let [said, log] = train(&["--set", "train.method=ridge"]);
+    expect(
+        &said,
+        &["Fits method `ridge`, as `train.method` says", "cross-modal"],
+    );
+    expect(&log, &["model holds a model, which this one replaces"]);
 }
 
 #[test]

@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         one_by_one: false,
         widths: Widths::ByPhotograph,
         calibration: Calibration {
-            share: 0.3,
+            share: Some(0.3),
             level: Level::P90,
             seed: 0,
         },

@@ -2,7 +2,9 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use sps_dataset::{DecodeSettings, Extent, Frame, FrameError, read_image, read_image_resized};
 use sps_models::encoders::Encoder;
@@ -239,6 +241,43 @@ impl Embedder {
             None => Ok(Cow::Borrowed(frame)),
         }
     }
+}
+
+/// Endings of files that are photographs.
+const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
+
+/// The photographs in a folder, by name: PNG, JPEG and EXR.
+///
+/// # Errors
+///
+/// A folder that cannot be read, or holds none.
+pub fn photographs_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let failed = |error| Error::File {
+        path: folder.to_owned(),
+        error,
+    };
+    let (mut photographs, mut folders) = (Vec::new(), 0);
+    for entry in fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        let ending = path.extension().map(OsStr::to_ascii_lowercase);
+        if path.is_dir() {
+            folders += 1;
+        } else if ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending == *known)) {
+            photographs.push(path);
+        }
+    }
+    if photographs.is_empty() {
+        let mut expected = format!("files that end in {}", ENDINGS.join(", "));
+        if folders > 0 {
+            let each = folder.join("*");
+            let each = each.display();
+            expected =
+                format!("{expected}; it holds folders ({folders}): name them instead, {each}");
+        }
+        return Err(Error::input(folder.display(), "no photograph", expected));
+    }
+    photographs.sort();
+    Ok(photographs)
 }
 
 /// Reads a photograph, its shorter side brought to so many pixels where any are given.

@@ -239,15 +239,15 @@ impl Estimator {
     ///
     /// As [`Estimator::predict`].
     pub fn predict_embedded(&self, values: &[f32], photographs: usize) -> Result<Answer> {
-        let of_each = photographs > 1 && self.fitted.steps().eq([1]);
-        let (surfaces, views) = if of_each {
+        if photographs == 0 {
+            return Err(Error::input("photographs", "none", "at least one"));
+        }
+        let (surfaces, views) = if self.fitted.steps().eq([1]) {
             (photographs, 1)
         } else {
             (1, photographs)
         };
-        if photographs == 0 {
-            return Err(Error::input("photographs", "none", "at least one"));
-        }
+        self.check_views(views)?;
         let predictions = self
             .fitted
             .predict(&self.embeddings(values, surfaces, views)?)?;
@@ -269,12 +269,34 @@ impl Estimator {
         if surfaces == 0 {
             return Ok(Vec::new());
         }
+        self.check_views(views)?;
         let predictions = self
             .fitted
             .predict(&self.embeddings(values, surfaces, views)?)?;
         Ok((0..surfaces)
             .map(|at| self.answer(&predictions, at..at + 1))
             .collect())
+    }
+
+    /// Refuses so many photographs of a surface, where the model looks at another number.
+    fn check_views(&self, photographs: usize) -> Result<()> {
+        if self.fitted.steps().any(|views| views == photographs) {
+            return Ok(());
+        }
+        let what = "photographs of a surface";
+        Err(Error::input(what, photographs, self.views_in_words()))
+    }
+
+    /// How many photographs of a surface it looks at, and from which angles: `2, at 0 and 45 degrees`.
+    pub fn views_in_words(&self) -> String {
+        let steps = listed(self.fitted.steps(), "or");
+        let angles = listed(self.about.angles.iter(), "and");
+        let ordered = if self.about.angles.len() > 1 {
+            ", in this order"
+        } else {
+            ""
+        };
+        format!("{steps}, at {angles} degrees{ordered}")
     }
 
     pub(crate) fn embeddings(
@@ -330,4 +352,14 @@ impl About {
         }
         described
     }
+}
+
+/// `1, 2 or 3`.
+fn listed(items: impl Iterator<Item = impl ToString>, before_last: &str) -> String {
+    let mut items: Vec<String> = items.map(|item| item.to_string()).collect();
+    let last = items.pop().unwrap_or_default();
+    if items.is_empty() {
+        return last;
+    }
+    format!("{} {before_last} {last}", items.join(", "))
 }

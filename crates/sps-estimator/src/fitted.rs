@@ -165,6 +165,12 @@ impl Fitted {
             .map(|measure| measure.property.as_str())
     }
 
+    /// The standard deviation of each property's readings that were fitted to, in the order of the
+    /// predictions; 1 where the readings do not differ.
+    pub fn deviations(&self) -> impl Iterator<Item = f64> {
+        self.measures.iter().map(|measure| measure.deviation)
+    }
+
     /// The numbers of views that it can be asked with, ascending.
     pub fn steps(&self) -> impl DoubleEndedIterator<Item = usize> + ExactSizeIterator {
         self.stages.iter().map(|stage| stage.views)

@@ -32,7 +32,7 @@ mod regression;
 mod session;
 mod step;
 
-pub use embedder::{Embedder, Network, read_photograph};
+pub use embedder::{Embedder, Network, photographs_in, read_photograph};
 pub use error::{Error, Result};
 pub use estimator::{About, Answer, Described, Estimate, Estimator, Measured, Scale};
 pub use fitted::{Fitted, FittedOn, Predicted, Predictions};

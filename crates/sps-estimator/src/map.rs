@@ -54,7 +54,8 @@ impl Estimator {
     pub fn map(&self, photograph: &Frame, stride: usize, sight: Sight) -> Result<Map> {
         if !self.fitted.steps().eq([1]) {
             let found = format!("one of {} views", self.about.angles.len());
-            let expected = "one that looks at a single photograph";
+            let expected =
+                "one that looks at a single photograph of a surface, which can be mapped";
             return Err(Error::input("model", found, expected));
         }
         let scale = self.scale();
@@ -66,6 +67,9 @@ impl Estimator {
             0 => 0,
             stride => ((stride as f64 * scale).round() as usize).max(1),
         };
+        if size[0] < window[0] || size[1] < window[1] {
+            return Err(self.smaller_than_a_window(photograph));
+        }
         let windows = Windows::new(size, window, stride)?;
         let embeddings = match sight {
             Sight::Within => {
@@ -89,6 +93,15 @@ impl Estimator {
             centres: windows.centres().into_iter().map(as_it_came).collect(),
             predictions: self.fitted.predict(&embeddings)?,
         })
+    }
+
+    fn smaller_than_a_window(&self, photograph: &Frame) -> Error {
+        let [height, width] = self.about.frame_size;
+        let found = format!("{} x {} pixels", photograph.width, photograph.height);
+        let expected = format!(
+            "at least a window, {width} x {height} pixels as the photographs that the model was fitted on"
+        );
+        Error::input("a photograph to map", found, expected)
     }
 
     /// The embeddings of windows, each encoded as a photograph of its own.

@@ -58,8 +58,9 @@ pub struct Recipe {
 /// What intervals promise, and the surfaces that they are calibrated on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibration {
-    /// Share of the surfaces that is kept aside, in (0, 1).
-    pub share: f64,
+    /// Share of the surfaces that is kept aside, in (0, 1); `None` fits to all of them, and there are no
+    /// intervals.
+    pub share: Option<f64>,
     /// Share of new units whose truth an interval holds.
     pub level: Level,
     /// Keys every random draw of a fit.
@@ -68,14 +69,20 @@ pub struct Calibration {
 
 impl Calibration {
     /// The surfaces to fit to, and those that calibrate (`validation`), which nothing may learn from:
-    /// neither a regression nor the encoder of its embeddings. Units stay whole. [`Recipe::fit`] parts
-    /// the same surfaces under the same number in the same way.
+    /// neither a regression nor the encoder of its embeddings; without a share, all are fitted to. Units
+    /// stay whole. [`Recipe::fit`] parts the same surfaces under the same number in the same way.
     ///
     /// # Errors
     ///
     /// A share that is not between 0 and 1, fewer than two units.
     pub fn part(&self, units: &Units, surfaces: &[usize], number: u64) -> Result<Split> {
         let Self { share, seed, .. } = *self;
+        let Some(share) = share else {
+            return Ok(Split {
+                train: surfaces.to_vec(),
+                validation: Vec::new(),
+            });
+        };
         if !(share > 0.0 && share < 1.0) {
             return Err(Error::input(
                 "calibration",
@@ -97,8 +104,8 @@ pub struct Examples<'a> {
 }
 
 impl Recipe {
-    /// Fits to some of the surfaces, a part of which calibrates the intervals; units stay whole. Of
-    /// the same recipe and number the parts are the same.
+    /// Fits to some of the surfaces, a part of which calibrates the intervals where
+    /// [`Calibration::share`] keeps one aside; units stay whole. Of the same recipe and number the parts are the same.
     ///
     /// # Errors
     ///
@@ -211,7 +218,7 @@ impl Recipe {
     /// few units for that.
     fn folds(&self, units: &Units, split: &Split, number: u64) -> Result<Vec<Vec<usize>>> {
         let whole = || Ok(vec![split.train.clone()]);
-        if self.widths == Widths::Constant {
+        if self.widths == Widths::Constant || self.calibration.share.is_none() {
             return whole();
         }
         match units.folds(
@@ -268,6 +275,9 @@ impl Recipe {
             let quantile = radius(examples.units, &scored, self.calibration.level);
             measure.interval = match quantile {
                 Ok(times) => Interval::Errors(times),
+                Err(_) if self.calibration.share.is_none() => {
+                    Interval::None("no part of the surfaces was kept aside to calibrate it".into())
+                }
                 Err(reason) => Interval::None(reason.to_string()),
             };
         }

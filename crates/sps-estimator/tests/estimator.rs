@@ -6,11 +6,12 @@ use std::fs;
 use std::thread;
 
 use sps_estimator::{
-    Embedder, Estimator, Frame, Regression, Scale, Sight, Stacked, Widths, radius,
+    Embedder, Estimator, Frame, Regression, Scale, Sight, Stacked, Widths, photographs_in, radius,
 };
 use sps_metrics::Level;
-use sps_models::heads::{Head, HeadConfig, Input};
+use sps_models::heads::{Head, HeadConfig, Input, Plan, Rerun, Views};
 use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+use sps_models::ridge::{Ridge, RidgeConfig};
 use support::{Tables, embedder, photograph, recipe, ridge};
 
 fn kernel() -> Regression {
@@ -74,6 +75,89 @@ fn brightness_is_felt() {
     });
     let mean = errors.sum::<f64>() / 40.0;
     assert!(mean < 4.0, "{mean}");
+}
+
+/// Without a part that calibrates, the estimates are those of a regression of all surfaces, by its own
+/// crate.
+#[test]
+fn all_surfaces_are_fitted_to_where_none_calibrates() {
+    let tables = Tables::new(30, 1, 1);
+    let mut recipe = recipe(ridge(), &[0]);
+    recipe.calibration.share = None;
+    let estimator = tables.estimator(&recipe);
+    let examples = tables.examples();
+    let all: Vec<usize> = (0..30).collect();
+    let rerun = Rerun {
+        number: 0,
+        training: all.clone(),
+        validation: Vec::new(),
+    };
+    let mut plan = Plan::each(1, tables.readings.properties(), vec![rerun]);
+    for trial in &mut plan.trials {
+        trial.views = Views::Fixed(vec![0]);
+    }
+    let ridge = Ridge::new(RidgeConfig::default()).unwrap();
+    let ridge = ridge.train(&examples.data, &plan).unwrap();
+    let expected = ridge.predict(&tables.embeddings).unwrap();
+    let predictions = estimator.fitted().predict(&tables.embeddings).unwrap();
+    for (found, expected) in predictions.properties.iter().zip(&expected) {
+        assert_eq!(found.values, expected.values);
+        let reason = found.intervals.as_ref().unwrap_err();
+        assert!(reason.contains("kept aside"), "{reason}");
+    }
+    assert!(predictions.familiar.is_some());
+    assert_eq!(estimator.no_interval().len(), 2);
+}
+
+#[test]
+fn the_angles_are_named_where_photographs_are_too_few() {
+    let tables = Tables::new(20, 3, 1);
+    let refused = |recipe: &sps_estimator::Recipe, count: usize| {
+        let estimator = tables.estimator(recipe);
+        let asked = vec![photograph(0, 0); count];
+        estimator.predict(&asked).unwrap_err().to_string()
+    };
+    let mut recipe = recipe(ridge(), &[0, 2]);
+    assert_eq!(
+        refused(&recipe, 1),
+        "photographs of a surface: found 1, expected 2, at 0 and 20 degrees, in this order"
+    );
+    recipe.one_by_one = true;
+    assert_eq!(
+        refused(&recipe, 3),
+        "photographs of a surface: found 3, expected 1 or 2, at 0 and 20 degrees, in this order"
+    );
+}
+
+#[test]
+fn the_photographs_of_a_folder_are_taken_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["2.PNG", "10.jpg", "notes.txt"] {
+        fs::write(folder.path().join(name), "").unwrap();
+    }
+    let found = photographs_in(folder.path()).unwrap();
+    assert_eq!(
+        found,
+        ["10.jpg", "2.PNG"].map(|name| folder.path().join(name))
+    );
+    let above = tempfile::tempdir().unwrap();
+    let refused = |folder: &std::path::Path| photographs_in(folder).unwrap_err().to_string();
+    let empty = refused(above.path());
+    assert!(
+        empty.ends_with("found no photograph, expected files that end in png, jpg, jpeg, exr"),
+        "{empty}"
+    );
+    for surface in ["oak", "tile"] {
+        fs::create_dir(above.path().join(surface)).unwrap();
+    }
+    let hint = refused(above.path());
+    let each = above.path().join("*").display().to_string();
+    assert!(
+        hint.contains("it holds folders (2)") && hint.ends_with(&each),
+        "{hint}"
+    );
+    let missing = refused(&above.path().join("none"));
+    assert!(missing.contains("none: "), "{missing}");
 }
 
 #[test]
@@ -394,7 +478,7 @@ fn what_does_not_fit_together_is_refused() {
     let error = twice.slots().unwrap_err().to_string();
     assert!(error.contains("view 0 twice"), "{error}");
     let mut share = recipe(ridge(), &[0]);
-    share.calibration.share = 1.5;
+    share.calibration.share = Some(1.5);
     let error = share
         .fit(&tables.examples(), &all, 0)
         .err()
@@ -409,6 +493,13 @@ fn what_does_not_fit_together_is_refused() {
     short.data.pop();
     let one_view = tables.estimator(&recipe(ridge(), &[0]));
     assert!(one_view.map(&short, 16, Sight::Alone).is_err());
+    let small = photograph(0, 0).resized(16).unwrap().into_owned();
+    let error = one_view.map(&small, 16, Sight::Alone).unwrap_err();
+    let error = error.to_string();
+    assert!(
+        error.contains("found 16 x 16 pixels, expected at least a window, 32 x 32"),
+        "{error}"
+    );
     let mut none = recipe(ridge(), &[0]);
     none.wanted.clear();
     assert!(none.fit(&tables.examples(), &all, 0).is_err());

@@ -74,7 +74,7 @@ fn a_material_that_was_left_out_is_unfamiliar() {
         one_by_one: false,
         widths: Widths::ByPhotograph,
         calibration: Calibration {
-            share: 0.25,
+            share: Some(0.25),
             level: Level::P90,
             seed: 0,
         },

@@ -65,7 +65,8 @@ impl Estimator {
     /// `regression` is ridge or kernel-ridge; the latter stands on 4,000 surfaces, drawn at random, where there are
     /// more. The share `calibration` of the surfaces is kept aside for
     /// the intervals, which hold the truth of the share `level` of new surfaces; where these are too few
-    /// for the level there are none (Estimator.no_interval). `seed` keys every draw. Photographs keep
+    /// for the level there are none (Estimator.no_interval). With `calibration` None all surfaces are
+    /// fitted to, and there are no intervals: for scores of the estimates alone. `seed` keys every draw. Photographs keep
     /// their size unless `resize` says to how many pixels the shorter side of each is brought. With
     /// several photographs of each surface, `angles` are their roll angles in degrees (0 if not
     /// given), and `one_by_one` fits a model for Estimator.session. `name` is what about says.
@@ -87,7 +88,7 @@ impl Estimator {
         properties: Option<Vec<String>>,
         groups: Option<&Bound<'_, PyAny>>,
         regression: &str,
-        calibration: f64,
+        calibration: Option<f64>,
         level: f64,
         seed: u64,
         resize: Option<usize>,
@@ -120,10 +121,11 @@ impl Estimator {
     }
 
     /// What is said of one surface, an Answer, from one photograph of it or several: one for each of
-    /// angles, in their order. A model of one view takes any number: the answer is the mean of what each
+    /// angles, in their order. The path of a folder stands for the photographs in it, by name. A model of one view takes any number: the answer is the mean of what each
     /// says, with the mean of the intervals, and the smallest p-value times their number.
     ///
-    /// Raises what Encoder.embed raises, and ValueError for another number of photographs.
+    /// Raises what Encoder.embed raises, and ValueError for another number of photographs and for a folder
+    /// without any.
     #[pyo3(
         signature = (photographs, *, scale = Scale(Brought::OfModel)),
         text_signature = "(self, photographs, *, scale='model')"

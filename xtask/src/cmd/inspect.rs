@@ -8,11 +8,12 @@ use sps_dataset::{
 use tracing::info;
 
 use crate::config::{DataSpec, Experiment, Setting};
+use crate::digits::decimals;
 use crate::files::write_atomically;
 use crate::progress::Progress;
 use crate::report::published::published;
 use crate::report::statistics;
-use crate::report::table::number;
+use crate::report::table::{aligned, number};
 
 /// Check a dataset and show its statistics
 #[derive(clap::Args)]
@@ -135,19 +136,10 @@ fn print(inspection: &Inspection, labels: &[(String, usize)]) {
         println!("  {name:<24}{count:>6}");
     }
     print_labels(inspection.surfaces, labels);
-    println!(
-        "\n{:<6}{:>9}{:>9}  {:<47}{:>9}{:>8}{:>9}    published",
-        "",
-        "measured",
-        "missing",
-        "minimum  quartile    median  quartile   maximum",
-        "outside",
-        "repeat",
-        "between"
-    );
-    for property in &inspection.properties {
-        println!("{}", line(property));
-    }
+    let heading = COLUMNS.map(str::to_owned).to_vec();
+    let lines = inspection.properties.iter().map(line);
+    let lines: Vec<Vec<String>> = [heading].into_iter().chain(lines).collect();
+    print!("\n{}", aligned(&lines, |at| at == 0));
     print_grouped(&inspection.properties);
     if !inspection.untouched.is_empty() {
         println!("\nwithout a reading: {}", inspection.untouched.join(", "));
@@ -198,25 +190,50 @@ fn print_labels(surfaces: usize, labels: &[(String, usize)]) {
     }
 }
 
-fn line(property: &PropertySummary) -> String {
-    let shown = |q: Option<[f64; 5]>| {
-        q.map_or("–".to_owned(), |q| {
-            format!(
-                "{:>7.1}{:>10.1}{:>10.1}{:>10.1}{:>10.1}",
-                q[0], q[1], q[2], q[3], q[4]
-            )
-        })
+/// Of the table of properties; the last five are the published quantiles.
+const COLUMNS: [&str; 12] = [
+    "",
+    "measured",
+    "missing",
+    "minimum",
+    "quartile",
+    "median",
+    "quartile",
+    "maximum",
+    "outside",
+    "repeat",
+    "between",
+    "published",
+];
+
+fn line(property: &PropertySummary) -> Vec<String> {
+    let decimals = decimals(spread(property.quantiles));
+    let shown = |quantiles: Option<[f64; 5]>| {
+        let quantile = |at: usize| number(quantiles.map(|all| all[at]), decimals);
+        [0, 1, 2, 3, 4].map(quantile)
     };
-    let quantiles = shown(property.quantiles);
     let code = property.property.to_string();
     let printed = shown(published().quantiles.get(&code).copied());
     let outside = property.out_of_range.below + property.out_of_range.above;
-    let repeat = property
-        .repeat_std
-        .map_or("–".to_owned(), |std| format!("{std:.2}"));
-    let between = number(property.between_groups, 2);
-    format!(
-        "{code:<6}{:>9}{:>9}  {quantiles:>47}{outside:>9}{repeat:>8}{between:>9}  {printed}",
-        property.measured, property.missing_cells
-    )
+    let counts = [property.measured, property.missing_cells].map(|count| count.to_string());
+    let others = [
+        outside.to_string(),
+        number(property.repeat_std, decimals + 1),
+        number(property.between_groups, 2),
+    ];
+    let cells = [code]
+        .into_iter()
+        .chain(counts)
+        .chain(shown(property.quantiles));
+    cells.chain(others).chain(printed).collect()
+}
+
+/// How far apart the quartiles lie, or the ends where the quartiles are one.
+fn spread(quantiles: Option<[f64; 5]>) -> f64 {
+    let [lowest, lower, _, upper, highest] = quantiles.unwrap_or_default();
+    if upper > lower {
+        upper - lower
+    } else {
+        highest - lowest
+    }
 }

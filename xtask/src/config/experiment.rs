@@ -55,6 +55,8 @@ pub(crate) struct Experiment {
 pub(crate) struct TrainSpec {
     /// Index of the method to fit.
     pub method: usize,
+    /// Whether the config says which; it is the last method otherwise.
+    pub named: bool,
     pub calibration: f64,
     pub level: Level,
 }
@@ -150,6 +152,7 @@ fn train(
     layers.require(share, "train.calibration", "must lie between 0 and 1")?;
     Ok(TrainSpec {
         method,
+        named: !train.method.is_empty(),
         calibration: train.calibration,
         level: train.level,
     })

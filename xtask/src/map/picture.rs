@@ -1,11 +1,15 @@
 //! A map as a picture: colours over the photograph, and a legend.
 
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
 use anyhow::Result;
-use colorous::CIVIDIS;
 use font8x8::{BASIC_FONTS, UnicodeFonts};
 use sps_estimator::{Frame, Map};
 
 use super::Wanted;
+use super::scale::Scale;
 
 /// Pixels that a letter takes either way.
 const LETTER: usize = 8;
@@ -15,6 +19,8 @@ const BAR: usize = 16;
 const HATCHING: usize = 6;
 /// How much of a place's colour is the property's.
 const COLOUR: f32 = 0.75;
+/// The PNG keyword under which a picture names its photograph.
+const SOURCE: &str = "Source";
 
 /// RGB, row by row.
 pub(super) struct Picture {
@@ -26,26 +32,14 @@ pub(super) struct Picture {
 /// The photograph in grey under the colours of its places; where nothing was estimated it stays bare.
 /// Places whose p-value is low are hatched. The legend is to the right.
 pub(super) fn draw(
-    photograph: &Frame,
-    map: &Map,
+    (photograph, map): (&Frame, &Map),
     places: &[[f64; 4]],
     wanted: &Wanted<'_>,
+    scale: &Scale,
 ) -> Picture {
-    let scale = Scale::of(places);
-    let labels = [
-        scale.highest,
-        f64::midpoint(scale.lowest, scale.highest),
-        scale.lowest,
-    ];
-    let labels = labels.map(|value| format!("{value:.1}"));
-    let hatched = format!("p <= {}", wanted.unfamiliar);
-    let letters = labels
-        .iter()
-        .map(String::len)
-        .chain([wanted.property.len(), hatched.len()]);
-    let legend = BAR + 3 * MARGIN + LETTER * letters.max().unwrap_or(0);
-    let height = photograph.height.max(12 * LETTER + 4 * MARGIN);
-    let mut picture = Picture::new(photograph.width + legend, height);
+    let legend = Legend::of(wanted, scale);
+    let height = photograph.height.max(14 * LETTER + 5 * MARGIN);
+    let mut picture = Picture::new(photograph.width + legend.width(), height);
     let rows = windows(map, 0, photograph.height, (map.rows, map.columns));
     let columns = windows(map, 1, photograph.width, (map.columns, 1));
     for (y, row) in rows.into_iter().enumerate() {
@@ -68,57 +62,73 @@ pub(super) fn draw(
             );
         }
     }
-    let left = photograph.width + MARGIN;
-    picture.write(wanted.property, left, MARGIN);
-    let (top, bottom) = (2 * MARGIN + LETTER, height - 3 * MARGIN - 2 * LETTER);
-    for y in top..bottom {
-        let share = (bottom - 1 - y) as f64 / (bottom - 1 - top).max(1) as f64;
-        let colour = scale.colour(scale.lowest + share * (scale.highest - scale.lowest));
-        for x in left..left + BAR {
-            picture.set(x, y, colour.map(|value| (value * 255.0).round() as u8));
-        }
-    }
-    let text = left + BAR + MARGIN;
-    for (at, label) in labels.iter().enumerate() {
-        picture.write(label, text, top + at * (bottom - top - LETTER) / 2);
-    }
-    for y in 0..2 * LETTER {
-        for x in 0..BAR {
-            let shade = if (x + y) % HATCHING == 0 { 0 } else { 200 };
-            picture.set(left + x, bottom + MARGIN + y, [shade; 3]);
-        }
-    }
-    picture.write(&hatched, text, bottom + MARGIN + LETTER / 2);
+    legend.draw(&mut picture, photograph.width + MARGIN, scale);
     picture
 }
 
-/// The ends of the colours: those of the estimates.
-struct Scale {
-    lowest: f64,
-    highest: f64,
+/// What stands beside a map.
+struct Legend<'a> {
+    property: &'a str,
+    /// Beside the colours, from the top.
+    labels: [String; 3],
+    hatched: String,
+    intervals: String,
 }
 
-impl Scale {
-    fn of(places: &[[f64; 4]]) -> Self {
-        let values = places.iter().map(|place| place[0]);
+impl<'a> Legend<'a> {
+    fn of(wanted: &Wanted<'a>, scale: &Scale) -> Self {
+        let middle = f64::midpoint(scale.lowest, scale.highest);
         Self {
-            lowest: values.clone().fold(f64::INFINITY, f64::min),
-            highest: values.fold(f64::NEG_INFINITY, f64::max),
+            property: wanted.property,
+            labels: [scale.highest, middle, scale.lowest].map(|value| scale.shown(value)),
+            hatched: format!("p <= {}", wanted.unfamiliar),
+            intervals: scale.intervals().unwrap_or_default(),
         }
     }
 
-    /// Cividis (Nuñez, Anderton and Renslow 2018), which people see alike whether or not they tell red
-    /// from green.
-    fn colour(&self, value: f64) -> [f32; 3] {
-        let room = self.highest - self.lowest;
-        let share = if room > 0.0 {
-            (value - self.lowest) / room
-        } else {
-            0.5
-        };
-        let colour = CIVIDIS.eval_continuous(share.clamp(0.0, 1.0));
-        [colour.r, colour.g, colour.b].map(|value| f32::from(value) / 255.0)
+    fn width(&self) -> usize {
+        let key = self.labels.iter().chain([&self.hatched]);
+        let key = key.map(|text| BAR + MARGIN + LETTER * text.chars().count());
+        let line = [self.property, &self.intervals].map(|text| LETTER * text.chars().count());
+        2 * MARGIN + key.chain(line).max().unwrap_or(0)
     }
+
+    /// Draws it at `left`, from the top of the picture to its bottom.
+    fn draw(&self, picture: &mut Picture, left: usize, scale: &Scale) {
+        picture.write(self.property, left, MARGIN);
+        let (top, bottom) = (
+            2 * MARGIN + LETTER,
+            picture.height - 4 * MARGIN - 3 * LETTER,
+        );
+        for y in top..bottom {
+            let share = (bottom - 1 - y) as f64 / (bottom - 1 - top).max(1) as f64;
+            let colour = scale.colour(scale.lowest + share * (scale.highest - scale.lowest));
+            for x in left..left + BAR {
+                picture.set(x, y, colour.map(|value| (value * 255.0).round() as u8));
+            }
+        }
+        let text = left + BAR + MARGIN;
+        for (at, label) in self.labels.iter().enumerate() {
+            picture.write(label, text, top + at * (bottom - top - LETTER) / 2);
+        }
+        for y in 0..2 * LETTER {
+            for x in 0..BAR {
+                let shade = if (x + y) % HATCHING == 0 { 0 } else { 200 };
+                picture.set(left + x, bottom + MARGIN + y, [shade; 3]);
+            }
+        }
+        picture.write(&self.hatched, text, bottom + MARGIN + LETTER / 2);
+        picture.write(&self.intervals, left, bottom + 2 * MARGIN + 2 * LETTER);
+    }
+}
+
+/// The photograph that the map at `path` is of; none where the file is no map that says so.
+pub(crate) fn source(path: &Path) -> Option<String> {
+    let reader = png::Decoder::new(BufReader::new(File::open(path).ok()?))
+        .read_info()
+        .ok()?;
+    let mut texts = reader.info().utf8_text.iter();
+    texts.find(|text| text.keyword == SOURCE)?.get_text().ok()
 }
 
 /// For each pixel along an axis the window whose centre is nearest, as long as it lies in it; the centres
@@ -176,12 +186,13 @@ impl Picture {
         }
     }
 
-    /// The content of a PNG file.
-    pub(super) fn png(&self) -> Result<Vec<u8>> {
+    /// The content of a PNG file that names the photograph.
+    pub(super) fn png(&self, photograph: &Path) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, self.width as u32, self.height as u32);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
+        encoder.add_itxt_chunk(SOURCE.to_owned(), photograph.display().to_string())?;
         let mut writer = encoder.write_header()?;
         writer.write_image_data(self.pixels.as_flattened())?;
         writer.finish()?;
@@ -191,6 +202,7 @@ impl Picture {
 
 #[cfg(test)]
 mod tests {
+    use colorous::CIVIDIS;
     use sps_estimator::{Predictions, Sight};
 
     use super::*;
@@ -214,10 +226,12 @@ mod tests {
         };
         let wanted = Wanted {
             property: "fRS",
+            at: 0,
             sight: Sight::Within,
             unfamiliar: 0.05,
         };
-        draw(&photograph, &map, &places, &wanted)
+        let scale = Scale::of(&places, 0.9, 1.0);
+        draw((&photograph, &map), &places, &wanted, &scale)
     }
 
     #[test]
@@ -234,7 +248,9 @@ mod tests {
         // Hatched, and bare where no window lies.
         assert_eq!(at(14, 4), [0; 3]);
         assert_eq!(at(25, 4), [128; 3]);
-        let decoded = png::Decoder::new(std::io::Cursor::new(picture.png().unwrap()));
+        let decoded = png::Decoder::new(std::io::Cursor::new(
+            picture.png(Path::new("a.png")).unwrap(),
+        ));
         let info = decoded.read_info().unwrap();
         assert_eq!(
             info.info().size(),

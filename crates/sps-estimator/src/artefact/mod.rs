@@ -137,6 +137,11 @@ impl Estimator {
         write_file(&path, &text).map_err(|error| file_error(&path, error))
     }
 
+    /// Whether a folder holds a model, of this version or an older one, whole or not.
+    pub fn is_in(folder: &Path) -> bool {
+        folder.join(CARD).exists() || folder.join(first::CARD).exists()
+    }
+
     /// Reads a model that [`Estimator::save`] wrote, of this version or an older one, and checks that
     /// its files belong together.
     ///

@@ -150,7 +150,7 @@ pub(crate) fn recipe(regression: Regression, views: &[usize]) -> Recipe {
         one_by_one: false,
         widths: Widths::ByPhotograph,
         calibration: Calibration {
-            share: 0.4,
+            share: Some(0.4),
             level: Level::new(0.8).unwrap(),
             seed: 1,
         },

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
-use sps_estimator::{Estimator, Scale, Sight};
+use sps_estimator::{Estimator, Scale, Sight, photographs_in};
 use tracing::error;
 
-use super::{Args, images};
+use super::Args;
 use crate::files::create_folder;
 use crate::map;
 use crate::progress::Progress;
@@ -33,6 +33,7 @@ pub(super) fn draw(args: &Args, model: &Estimator, property: &str) -> Result<()>
     let options = &args.maps;
     let wanted = map::Wanted {
         property,
+        at: map::place(model, property)?,
         sight: if options.alone {
             Sight::Alone
         } else {
@@ -50,7 +51,7 @@ pub(super) fn draw(args: &Args, model: &Estimator, property: &str) -> Result<()>
     let mut failed = 0;
     for (stem, path) in &photographs {
         let drawn = model.read(path, scale).map_err(anyhow::Error::from);
-        match drawn.and_then(|photograph| wanted.write(model, &photograph, stem)) {
+        match drawn.and_then(|photograph| wanted.write(model, (&photograph, path), stem)) {
             Ok(said) => println!("{said}"),
             Err(reason) => {
                 failed += 1;
@@ -83,15 +84,36 @@ fn photographs(args: &Args, property: &str) -> Result<BTreeMap<PathBuf, PathBuf>
                 stem.display()
             );
         }
+        check_free(&map::with_ending(&stem, ".png"), &path)?;
         photographs.insert(stem, path);
         Ok(())
     };
     for path in &args.images {
         if path.is_dir() {
-            images(path)?.into_iter().try_for_each(&mut add)?;
+            photographs_in(path)?.into_iter().try_for_each(&mut add)?;
         } else {
             add(path.clone())?;
         }
     }
     Ok(photographs)
+}
+
+/// Refuses to write over a file that is not a map of the same photograph.
+fn check_free(map: &Path, photograph: &Path) -> Result<()> {
+    if !map.exists() {
+        return Ok(());
+    }
+    match map::source(map) {
+        Some(source) if Path::new(&source) == photograph => Ok(()),
+        Some(source) => bail!(
+            "{} is there already, the map of {source}: remove it, or choose another --out for {}",
+            map.display(),
+            photograph.display()
+        ),
+        None => bail!(
+            "{} is there already, and is no map that names its photograph: remove it, or choose another \
+            --out",
+            map.display()
+        ),
+    }
 }

@@ -1,13 +1,11 @@
 mod maps;
 mod print;
 
-use std::ffi::OsStr;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use rayon::prelude::*;
-use sps_estimator::{Answer, Estimator, Frame, Scale};
+use sps_estimator::{Answer, Estimator, Frame, Scale, photographs_in};
 use tracing::error;
 
 use self::print::Printer;
@@ -18,9 +16,10 @@ use crate::progress::Progress;
 #[command(
     after_help = "Examples:\n  cargo xtask predict --model models/friction photograph.jpg\n  \
     cargo xtask predict --model models/friction --csv photographs/ > estimates.csv\n\nA model of one \
-    view takes every photograph for a surface of its own, one of several views the photographs of \
-    a folder, or those that are named, for one surface, in the order of their names; --group-by says \
-    otherwise. Photographs that cannot be read are named, the others are estimated, and the status \
+    view takes every photograph for a surface of its own, one of several views those of a folder, or \
+    all that are named one by one, for one surface; --group-by says otherwise. Photographs of a folder \
+    are taken by name, those that are named in the order given; it is that of the model's angles. \
+    Photographs that cannot be read are named, the others are estimated, and the status \
     is 1."
 )]
 pub(crate) struct Args {
@@ -140,7 +139,7 @@ impl Surface {
     }
 }
 
-/// The surfaces that are asked for, in the order given; folders in the order of their names.
+/// The surfaces that are asked for, in the order given; the photographs of a folder by name.
 fn surfaces(args: &Args, model: &Estimator) -> Result<Vec<Surface>> {
     let group_by = args.group_by.unwrap_or(if model.fitted().steps().eq([1]) {
         GroupBy::Image
@@ -154,7 +153,7 @@ fn surfaces(args: &Args, model: &Estimator) -> Result<Vec<Surface>> {
             named.push(path.clone());
             continue;
         }
-        let images = images(path)?;
+        let images = photographs_in(path)?;
         match group_by {
             GroupBy::Folder => surfaces.push(Surface::of(path, images)),
             GroupBy::Image | GroupBy::All => named.extend(images),
@@ -174,28 +173,6 @@ fn surfaces(args: &Args, model: &Estimator) -> Result<Vec<Surface>> {
         }
     }
     Ok(surfaces)
-}
-
-/// The images of a folder, by name.
-fn images(folder: &Path) -> Result<Vec<PathBuf>> {
-    const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
-    let failed = || format!("cannot read {}", folder.display());
-    let mut images = Vec::new();
-    for entry in fs::read_dir(folder).with_context(failed)? {
-        let path = entry.with_context(failed)?.path();
-        let ending = path.extension().map(OsStr::to_ascii_lowercase);
-        if ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending == *known)) {
-            images.push(path);
-        }
-    }
-    ensure!(
-        !images.is_empty(),
-        "{}: no image, expected {}",
-        folder.display(),
-        ENDINGS.join(", ")
-    );
-    images.sort();
-    Ok(images)
 }
 
 /// Surfaces that are read at once: those of so many images, at least one.

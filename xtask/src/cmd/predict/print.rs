@@ -6,9 +6,11 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use serde::Serialize;
-use sps_estimator::{Answer, Estimate, Estimator};
+use sps_estimator::{Answer, Estimator};
 
 use super::Surface;
+use crate::digits::decimals;
+use crate::report::table::number;
 
 /// What is printed in place of a table.
 #[derive(clap::Args)]
@@ -26,7 +28,11 @@ pub(super) struct Printer<'a> {
     format: &'a Format,
     unfamiliar: f64,
     level: f64,
+    /// The codes of the properties in their order, and how many decimals their values are shown with.
+    properties: Vec<(&'a str, usize)>,
     no_interval: BTreeMap<&'a str, &'a str>,
+    /// Whether the table has its heading.
+    headed: bool,
     csv: Option<csv::Writer<io::Stdout>>,
 }
 
@@ -44,21 +50,21 @@ struct Line<'a> {
 
 impl<'a> Printer<'a> {
     pub(super) fn new(format: &'a Format, unfamiliar: f64, model: &'a Estimator) -> Result<Self> {
+        let fitted = model.fitted();
         let mut printer = Self {
             format,
             unfamiliar,
-            level: model.fitted().level().get(),
+            level: fitted.level().get(),
+            properties: fitted
+                .properties()
+                .zip(fitted.deviations().map(decimals))
+                .collect(),
             no_interval: model.no_interval(),
+            headed: false,
             csv: format.csv.then(|| csv::Writer::from_writer(io::stdout())),
         };
         if let Some(csv) = &mut printer.csv {
             csv.write_record(["surface", "property", "value", "low", "high", "familiar"])?;
-        } else if !format.json {
-            let share = 100.0 * printer.level;
-            println!(
-                "{:<4}  {:<26} {:>7}   {share:.0} % interval",
-                "", "property", "value"
-            );
         }
         Ok(printer)
     }
@@ -86,8 +92,7 @@ impl<'a> Printer<'a> {
             }
             csv.flush()?;
         } else {
-            println!("{}", surface.name);
-            answer.estimates.iter().for_each(print_estimate);
+            self.print_table(surface, answer);
             if let Some(p) = answer.familiar.filter(|_| unfamiliar) {
                 println!(
                     "      unlike what the model was fitted on (p = {p:.3}): intervals promise nothing here"
@@ -98,25 +103,46 @@ impl<'a> Printer<'a> {
         Ok(())
     }
 
+    fn print_table(&mut self, surface: &Surface, answer: &Answer) {
+        let codes = self.properties.iter().map(|(code, _)| code.chars().count());
+        let code = codes.max().unwrap_or_default();
+        let label = |property: &str, name: &str| {
+            let name = if name == property { "" } else { name };
+            format!("{property:<code$}  {name}")
+        };
+        let labels = answer
+            .estimates
+            .iter()
+            .map(|one| label(&one.property, &one.name));
+        let labels: Vec<String> = labels.collect();
+        let widths = labels.iter().map(|label| label.chars().count());
+        let width = widths.chain(["property".len()]).max().unwrap_or_default();
+        if !std::mem::replace(&mut self.headed, true) {
+            let share = 100.0 * self.level;
+            println!(
+                "{:<width$} {:>9}   {share:.0} % interval",
+                "property", "value"
+            );
+        }
+        println!("{}", surface.name);
+        let rows = labels.iter().zip(&answer.estimates).zip(&self.properties);
+        for ((label, one), &(_, decimals)) in rows {
+            let shown = |value: f64| number(Some(value), decimals);
+            let interval = match one.low.zip(one.high) {
+                Some((low, high)) => format!("{} to {}", shown(low), shown(high)),
+                None => "none".to_owned(),
+            };
+            println!("{label:<width$} {:>9}   {interval}", shown(one.value));
+        }
+    }
+
     pub(super) fn end(&self) {
         if !self.format.json && !self.format.csv {
-            for (property, reason) in &self.no_interval {
-                println!("{property}: no interval, {reason}");
+            for (property, _) in &self.properties {
+                if let Some(reason) = self.no_interval.get(property) {
+                    println!("{property}: no interval, {reason}");
+                }
             }
         }
     }
-}
-
-fn print_estimate(estimate: &Estimate) {
-    let interval = match estimate.low.zip(estimate.high) {
-        Some((low, high)) => format!("{low:.1} to {high:.1}"),
-        None => "none".to_owned(),
-    };
-    let Estimate {
-        property,
-        name,
-        value,
-        ..
-    } = estimate;
-    println!("{property:<4}  {name:<26} {value:>7.1}   {interval}");
 }

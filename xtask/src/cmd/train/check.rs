@@ -8,6 +8,8 @@ use sps_estimator::{Fitted, Measured, Predicted, Predictions};
 use sps_metrics::{Moments, PredictionInterval, coverage};
 
 use crate::config::Adaptive;
+use crate::digits::decimals;
+use crate::report::table::{aligned, number};
 use crate::run::Tables;
 
 /// Photographs are counted as unlike what a model was fitted on below this p-value.
@@ -85,21 +87,21 @@ impl Check {
     }
 
     fn print_steps(&self) -> Result<()> {
-        println!("\nViews one by one, means over the properties:");
         println!(
-            "{:<24}{:>7}{:>14}{:>10}",
-            "", "R²", "± deviations", "covered"
+            "\nViews one by one, means over the properties, half widths in standard deviations:"
         );
         let taken = self.views_taken.iter().sum::<usize>();
         let mean = taken as f64 / self.views_taken.len().max(1) as f64;
+        let mut lines = vec![heading()];
         for (row, held_out) in &self.rows {
             let name = match row {
                 Row::Views(1) => "1 view".to_owned(),
                 Row::Views(views) => format!("{views} views"),
                 Row::Session => format!("until sure, {mean:.2} views"),
             };
-            println!("{name:<24}{}", held_out.means()?);
+            lines.push(line(&name, &held_out.means()?, 2));
         }
+        print!("{}", aligned(&lines, |at| at == 0));
         Ok(())
     }
 }
@@ -130,15 +132,24 @@ fn stopped(
     Some((views, stopped))
 }
 
-/// All properties over all splits.
+/// All properties over all splits, in the order of the dataset.
 #[derive(Default)]
-struct HeldOuts(BTreeMap<String, HeldOut>);
+struct HeldOuts(Vec<(String, HeldOut)>);
 
 impl HeldOuts {
     fn add(&mut self, tables: &Tables, split: &Split, predictions: &Predictions) -> Result<()> {
         for predicted in &predictions.properties {
             let training = training(tables, &predicted.property, &split.train)?;
-            let all = self.0.entry(predicted.property.clone()).or_default();
+            let place = self
+                .0
+                .iter()
+                .position(|(property, _)| *property == predicted.property);
+            let place = place.unwrap_or_else(|| {
+                self.0
+                    .push((predicted.property.clone(), HeldOut::default()));
+                self.0.len() - 1
+            });
+            let (_, all) = &mut self.0[place];
             all.add(tables, &split.validation, &training, predicted)?;
         }
         Ok(())
@@ -146,13 +157,14 @@ impl HeldOuts {
 
     /// Prints a line for each property, and gives what it says.
     fn print(&self) -> Result<BTreeMap<String, Measured>> {
-        println!("{:<6}{:>7}{:>14}{:>10}", "", "R²", "± interval", "covered");
         let mut measured = BTreeMap::new();
+        let mut lines = vec![heading()];
         for (property, all) in &self.0 {
             let of_property = all.measured()?;
-            println!("{property:<6}{}", shown(&of_property));
+            lines.push(line(property, &of_property, decimals(all.deviation())));
             measured.insert(property.clone(), of_property);
         }
+        print!("{}", aligned(&lines, |at| at == 0));
         for (property, all) in &self.0 {
             if let Some(reason) = &all.no_interval {
                 println!("{property}: no interval, {reason}");
@@ -162,39 +174,39 @@ impl HeldOuts {
     }
 
     /// The means over the properties; widths in standard deviations of the training readings.
-    fn means(&self) -> Result<String> {
+    fn means(&self) -> Result<Measured> {
         let all = self
             .0
-            .values()
-            .map(|of| Ok((of.measured()?, of.deviation())));
+            .iter()
+            .map(|(_, of)| Ok((of.measured()?, of.deviation())));
         let all = all.collect::<Result<Vec<(Measured, f64)>>>()?;
         let mean = |of: &dyn Fn(&(Measured, f64)) -> Option<f64>| {
             let values: Option<Vec<f64>> = all.iter().map(of).collect();
             values.map(|values| values.iter().sum::<f64>() / values.len().max(1) as f64)
         };
-        Ok(shown(&Measured {
+        Ok(Measured {
             readings: all.iter().map(|(measured, _)| measured.readings).sum(),
             r2: mean(&|(measured, _)| measured.r2),
             coverage: mean(&|(measured, _)| measured.coverage),
             mean_width: mean(&|(measured, deviation)| Some(measured.mean_width? / deviation)),
-        }))
+        })
     }
 }
 
-fn shown(measured: &Measured) -> String {
-    let or_dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
-    let r2 = or_dash(measured.r2.map(|r2| format!("{r2:.3}")));
-    let half = or_dash(
-        measured
-            .mean_width
-            .map(|width| format!("{:.2}", width / 2.0)),
-    );
-    let share = or_dash(
-        measured
-            .coverage
-            .map(|share| format!("{:.1}%", 100.0 * share)),
-    );
-    format!("{r2:>7}{half:>14}{share:>10}")
+fn heading() -> Vec<String> {
+    ["", "R²", "interval half width", "covered, %"]
+        .map(str::to_owned)
+        .to_vec()
+}
+
+/// What was measured below the [`heading`], half widths with so many decimals.
+fn line(name: &str, measured: &Measured, decimals: usize) -> Vec<String> {
+    vec![
+        name.to_owned(),
+        number(measured.r2, 3),
+        number(measured.mean_width.map(|width| width / 2.0), decimals),
+        number(measured.coverage.map(|share| 100.0 * share), 1),
+    ]
 }
 
 /// What was measured of the training surfaces.

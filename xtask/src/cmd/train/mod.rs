@@ -23,7 +23,7 @@ use crate::run::{Dealt, Encodings, Folds, Selecting, Selections, Splits, Stage, 
 #[command(
     after_help = "Prints how well models of this kind do on the splits of the config, then fits \
     the one to keep on all surfaces but those that calibrate its intervals.\n\nExample:\n  \
-    cargo xtask train configs/friction-photos.toml --out models/friction"
+    cargo xtask train configs/smoke.toml --out models/smoke"
 )]
 pub(crate) struct Args {
     /// An experiment's TOML file; its `train` says which method, and how intervals are calibrated
@@ -66,6 +66,13 @@ impl WithSource for Train<'_> {
             method.encoder.network.kind()
         );
         keeps_its_views(&method)?;
+        println!("{}", which(experiment));
+        if Estimator::is_in(self.out) {
+            warn!(
+                "{} holds a model, which this one replaces",
+                self.out.display()
+            );
+        }
         let splits = Splits::of(experiment, source.surfaces())?;
         let data = (source, &about);
         let views = views::needed(&[&method], source)?;
@@ -90,6 +97,27 @@ impl WithSource for Train<'_> {
         println!("{}", self.out.display());
         Ok(())
     }
+}
+
+/// Which method is fitted, why, and how another is chosen.
+fn which(experiment: &Experiment) -> String {
+    let train = &experiment.train;
+    let id = &experiment.methods[train.method].id;
+    let kept = |method: &&Method| method.estimator.regression().is_some() && method.id != *id;
+    let others = experiment.methods.iter().filter(kept);
+    let others: Vec<&str> = others.map(|method| method.id.as_str()).collect();
+    let why = if train.named {
+        "as `train.method` says"
+    } else {
+        "the last of the config's methods"
+    };
+    if others.is_empty() {
+        return format!("Fits method `{id}`, {why}.");
+    }
+    format!(
+        "Fits method `{id}`, {why}; `[train] method = \"ID\"` chooses another: {}.",
+        others.join(", ")
+    )
 }
 
 /// Refuses a method whose views are not one photograph each, and the same for every surface.
@@ -141,7 +169,7 @@ impl<S: Source> Trainer<'_, S> {
     fn fit(&self, surfaces: &[usize], number: u64) -> Result<Fit> {
         let (experiment, units) = (self.experiment, &self.splits.units);
         let calibration = Calibration {
-            share: experiment.train.calibration,
+            share: Some(experiment.train.calibration),
             level: experiment.train.level,
             seed: experiment.seed,
         };
@@ -274,11 +302,19 @@ impl<S: Source> Trainer<'_, S> {
             several => format!(" in each of {several} splits"),
         };
         let unit = self.splits.units.unit();
+        let train = &self.experiment.train;
         println!(
-            "{} on {unit} held out, {of_split} surfaces{times}:",
-            self.method.label
+            "{} on {unit} held out, {of_split} surfaces{times}, intervals of {:.0} %:",
+            self.method.label,
+            100.0 * train.level.get()
         );
-        check.print()
+        let measured = check.print()?;
+        println!(
+            "{:.0} % of the surfaces fitted to calibrate the intervals, and estimates learn from the \
+            others alone: `experiment` fits to all of them, and as a rule has a higher R² on these splits.",
+            100.0 * train.calibration
+        );
+        Ok(measured)
     }
 
     /// What is predicted of surfaces from each number of views that the model takes.

@@ -284,6 +284,16 @@ mod tests {
             &format!("{METHOD}all-views = true\nencoder.name = \"i3d\""),
             &["line 5", "cannot stand beside i3d"],
         );
+        refused(
+            &format!("{METHOD}encoder.name = \"resnet18\""),
+            &[
+                "line 5",
+                "encoder.weights",
+                "resnet18",
+                "efficientnet-lite-small",
+                "se-resnext-small",
+            ],
+        );
         let head = METHOD.replace("ridge", "head");
         refused(&format!("{head}head.epochs = 0"), &["line 5", "epochs"]);
     }

@@ -11,7 +11,7 @@ const METHODS: &str = r#"
 id = "all"
 label = "All"
 kind = "head"
-all-views = true
+views = "all"
 [[methods]]
 id = "i3d"
 label = "I3D"
@@ -32,7 +32,7 @@ training = { epochs = 1, batch-size = 8 }
 id = "pooling"
 label = "Pooling"
 kind = "head"
-all-views = true
+views = "all"
 head.input = { kind = "view-pooling" }
 [[methods]]
 id = "random"
@@ -79,7 +79,6 @@ id = "equidistant-ridge"
 label = "Ridge of two"
 kind = "ridge"
 views = 2
-selector = { kind = "equidistant" }
 "#;
 
 #[test]

@@ -1,8 +1,10 @@
 //! The keys of an experiment as they are written; `defaults.toml` says what each means.
 
+use std::fmt;
 use std::path::PathBuf;
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use sps_dataset::{ReadSettings, SplitPlan};
 use sps_metrics::Level;
 use sps_models::heads::HeadConfig;
@@ -116,13 +118,10 @@ pub(crate) struct MethodConfig {
     pub encoder: EncoderConfig,
     /// The top-level `head` with the method's own laid over it.
     pub head: HeadConfig,
-    /// Views of a surface that an estimate looks at: 1 is the view straight down, more are chosen
-    /// by the selector.
-    #[serde(default = "one")]
-    pub views: usize,
-    /// All views, instead.
+    /// Views of a surface that an estimate looks at. Without a selector, 1 is the view straight down
+    /// and more are equidistant.
     #[serde(default)]
-    pub all_views: bool,
+    pub views: ViewCount,
     /// Chooses the views, for each property and rerun.
     pub selector: Option<SelectorConfig>,
     /// Whether the selector may not choose a view twice.
@@ -139,6 +138,41 @@ pub(crate) struct MethodConfig {
     pub test_surfaces: Option<usize>,
     /// Trained on so many of a rerun's training surfaces, drawn at random.
     pub training_surfaces: Option<usize>,
+}
+
+/// How many views an estimate looks at: a number, at least 1, or "all".
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ViewCount {
+    Number(usize),
+    All,
+}
+
+impl fmt::Display for ViewCount {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(number) => number.fmt(f),
+            Self::All => f.write_str("\"all\""),
+        }
+    }
+}
+
+impl Default for ViewCount {
+    fn default() -> Self {
+        Self::Number(1)
+    }
+}
+
+impl<'de> Deserialize<'de> for ViewCount {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = toml::Value::deserialize(deserializer)?;
+        if value.as_str() == Some("all") {
+            return Ok(Self::All);
+        }
+        let number = value.as_integer().and_then(|n| usize::try_from(n).ok());
+        let number = number.filter(|&number| number > 0).map(Self::Number);
+        number
+            .ok_or_else(|| D::Error::custom(format!("is {value}, expected at least 1, or \"all\"")))
+    }
 }
 
 /// How sets of views are compared by regression that is fitted anew to each.
@@ -187,10 +221,6 @@ fn ninety_percent() -> Level {
 
 fn a_fifth() -> f64 {
     0.2
-}
-
-fn one() -> usize {
-    1
 }
 
 fn five() -> usize {

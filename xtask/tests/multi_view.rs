@@ -197,3 +197,43 @@ fn fixed_views_alone_are_embedded_alone() {
     let views = [2, 3].map(|views| format!("{} embeddings", views * surfaces));
     assert!(views.iter().any(|line| log.contains(line)), "{log}");
 }
+
+/// Angles of 0, 15, 30, 45 and 60 degrees: the middle view is not the one straight down.
+#[test]
+fn straight_down_is_where_the_angle_is_nearest_to_0() {
+    let scratch = Scratch::with(
+        r#"
+[[methods]]
+id = "one"
+label = "One"
+kind = "ridge"
+selector = { kind = "nadir" }
+[[methods]]
+id = "two"
+label = "Two"
+kind = "head"
+views = 2
+selector = { kind = "nadir" }
+[[methods]]
+id = "neighbours"
+label = "Neighbours"
+kind = "ridge"
+views = 3
+distinct = true
+selector = { kind = "nadir" }
+"#,
+    );
+    let angles = ["from = -45.0, to = 45.0", "from = 0.0, to = 60.0"];
+    scratch.edit("data/dataset.toml", angles[0], angles[1]);
+    scratch.experiment().assert().success();
+    let results = scratch.results();
+    for (id, views) in [
+        ("ridge", &[0][..]),
+        ("one", &[0]),
+        ("two", &[0, 0]),
+        ("neighbours", &[0, 1, 2]),
+    ] {
+        let selected = &method(&results, id)["selected_views"]["fRS"];
+        assert_eq!(selected, &serde_json::json!([views, views]), "{id}");
+    }
+}

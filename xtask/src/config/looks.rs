@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 use serde::{Serialize, Serializer};
+use sps_dataset::Source;
 use sps_models::encoders::EncoderKind;
 use sps_models::heads::{Input, RelationScale};
 use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
@@ -9,6 +10,7 @@ use sps_viewselect::{Equidistant, RelationSampler, Selector, TemporalRelations};
 
 use super::method::Method;
 use super::schema::{Config, JudgedOn, MethodConfig, MethodKind, SelectorConfig, ViewCount};
+use crate::data;
 
 /// The views that an estimate looks at.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -250,11 +252,24 @@ impl Method {
         if let Looks::Selected(selected) = &mut method.looks {
             selected.picks = views;
         }
-        method.on(views)
+        method.taking(views)
     }
 
-    /// The method on a dataset of `views` views: its network takes as many as it looks at.
-    pub(crate) fn on(&self, views: usize) -> Result<Self> {
+    /// The method on these views: its network takes as many as it looks at, and a selector of the view
+    /// straight down, which knows no angles, is told which one that is.
+    pub(crate) fn on<S: Source>(&self, source: &S) -> Result<Self> {
+        let mut method = self.taking(source.view_angles().len())?;
+        if let Looks::Selected(selected) = &mut method.looks
+            && let SelectorConfig::Nadir(selector) = &mut selected.selector
+            && selector.view.is_none()
+        {
+            selector.view = Some(data::nadir(source)?);
+        }
+        Ok(method)
+    }
+
+    /// Its network takes as many of `views` views as it looks at.
+    fn taking(&self, views: usize) -> Result<Self> {
         let mut method = self.clone();
         let slots = match &self.looks {
             Looks::Nothing | Looks::Nadir => return Ok(method),

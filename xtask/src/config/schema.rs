@@ -311,3 +311,46 @@ pub(crate) struct TrainConfig {
 pub(crate) struct CacheConfig {
     pub folder: PathBuf,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::de::DeserializeOwned;
+    use sps_base::names::UnknownName;
+    use sps_dataset::{KFold, RandomSplit};
+
+    /// The keys of a table, by what serde says of one that it has not.
+    fn keys<T: DeserializeOwned>() -> Vec<String> {
+        let error = toml::from_str::<T>("no-such-key = 1").err().unwrap();
+        UnknownName::of_serde(error.message()).unwrap().expected
+    }
+
+    #[test]
+    fn the_page_in_docs_names_every_key_of_methods_and_splits() {
+        let page = include_str!("../../../docs/config.md");
+        let methods = keys::<MethodConfig>();
+        assert!(methods.len() > 12, "{methods:?}");
+        let inside = [
+            keys::<RefitConfig>(),
+            keys::<TemporalRelations>(),
+            keys::<Adaptive>(),
+        ];
+        let splits = [keys::<RandomSplit>(), keys::<KFold>()];
+        for key in methods.iter().chain(inside.iter().chain(&splits).flatten()) {
+            let row = |line: &str| line.starts_with('|') && line.contains(&format!("| `{key}` |"));
+            assert!(
+                page.lines().any(row),
+                "docs/config.md has no row for `{key}`"
+            );
+        }
+        let unknown = toml::from_str::<SelectorConfig>("kind = \"no-such-kind\"")
+            .err()
+            .unwrap();
+        for kind in UnknownName::of_serde(unknown.message()).unwrap().expected {
+            assert!(
+                page.contains(&format!("`{kind}`")) || page.contains(&format!("\"{kind}\"")),
+                "docs/config.md lacks the selector `{kind}`"
+            );
+        }
+    }
+}

@@ -32,7 +32,7 @@ def views(n):
     settings = {
         "data.simulated.surfaces": "400",
         "data.simulated.views": str(n),
-        "methods.full-chosen.all-views": "true",
+        "methods.full-chosen.views": "all",
     }
     return settings, ["full-chosen"]
 

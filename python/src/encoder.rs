@@ -16,13 +16,18 @@ use crate::images::{Image, Images, embed_each, frames};
 /// In place of the path of a weights file.
 const BUILT_IN: &str = "built-in";
 
-/// Trained by `cargo xtask pretrain configs/pretrain.toml`.
-const EFFICIENTNET_LITE_SMALL: &[u8] =
-    include_bytes!("../../fixtures/encoders/efficientnet-lite-small.safetensors");
-
-/// Trained on simulated surfaces alone.
-const SE_RESNEXT_SMALL: &[u8] =
-    include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors");
+/// The weights that come with the package: of the first, trained by `cargo xtask pretrain
+/// configs/pretrain.toml`; of the second, trained on simulated surfaces alone.
+const WEIGHTS: [(EncoderKind, &[u8]); 2] = [
+    (
+        EncoderKind::EfficientNetLiteSmall,
+        include_bytes!("../../fixtures/encoders/efficientnet-lite-small.safetensors"),
+    ),
+    (
+        EncoderKind::SeResNextSmall,
+        include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors"),
+    ),
+];
 
 /// A network with its weights, ready to embed images.
 ///
@@ -191,6 +196,17 @@ fn size(frame: &Frame) -> [usize; 2] {
     [frame.height, frame.width]
 }
 
+fn built_in(kind: EncoderKind) -> PyResult<&'static [u8]> {
+    let found = WEIGHTS.iter().find(|(other, _)| *other == kind);
+    let (_, weights) = found.ok_or_else(|| {
+        let [first, second] = WEIGHTS.map(|(kind, _)| kind);
+        value_error(format_args!(
+            "{kind} has no built-in weights, only {first} and {second} have; expected the path of a file"
+        ))
+    })?;
+    Ok(weights)
+}
+
 fn network(name: &str, weights: &Path, precision: &str) -> PyResult<encoders::Encoder> {
     let kind: EncoderKind = name.parse().map_err(|error| model_error(&error))?;
     if kind.takes_sequences() {
@@ -199,16 +215,10 @@ fn network(name: &str, weights: &Path, precision: &str) -> PyResult<encoders::En
         )));
     }
     let precision: Precision = precision.parse().map_err(|error| model_error(&error))?;
-    let built_in = |bytes| Weights::from_bytes("the built-in weights", bytes);
-    let weights = match (kind, weights == Path::new(BUILT_IN)) {
-        (_, false) => Weights::read(weights),
-        (EncoderKind::EfficientNetLiteSmall, true) => built_in(EFFICIENTNET_LITE_SMALL),
-        (EncoderKind::SeResNextSmall, true) => built_in(SE_RESNEXT_SMALL),
-        (kind, true) => {
-            return Err(value_error(format_args!(
-                "no weights for {kind} come with the package, expected the path of a file"
-            )));
-        }
+    let weights = if weights == Path::new(BUILT_IN) {
+        Weights::from_bytes("the built-in weights", built_in(kind)?)
+    } else {
+        Weights::read(weights)
     };
     let weights = weights.map_err(|error| weights_error(&error))?;
     encoders::Encoder::new(kind, weights, &Device::Cpu)

@@ -113,7 +113,7 @@ def test_what_is_no_image(encoder, images, error, message):
 def test_what_is_no_encoder(tmp_path):
     with pytest.raises(ValueError, match='unknown encoder "alexnet", expected one of'):
         sps.Encoder("alexnet", "built-in")
-    with pytest.raises(ValueError, match="no weights for squeezenet1-0 come with the package"):
+    with pytest.raises(ValueError, match="squeezenet1-0 has no built-in .* efficientnet-lite-small and se-resnext-small"):
         sps.Encoder("squeezenet1-0", "built-in")
     with pytest.raises(ValueError, match="precision: found f16, expected f32, bf16"):
         sps.Encoder("se-resnext-small", "built-in", precision="f16")

@@ -1,6 +1,6 @@
 //! The encoder that a config asks for.
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result};
 use candle_core::{Device, Tensor};
 use rayon::prelude::*;
 use sps_dataset::Frame;
@@ -11,13 +11,18 @@ use sps_models::weights::Weights;
 
 use crate::config::{EncoderSpec, Network as NetworkSpec, WeightsSpec};
 
-/// Trained by `pretrain configs/pretrain.toml`.
-const EFFICIENTNET_LITE_SMALL: &[u8] =
-    include_bytes!("../../fixtures/encoders/efficientnet-lite-small.safetensors");
-
-/// Trained on simulated surfaces alone.
-const SE_RESNEXT_SMALL: &[u8] =
-    include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors");
+/// The weights that come with the project: of the first, trained by `pretrain configs/pretrain.toml`; of
+/// the second, trained on simulated surfaces alone.
+const BUILT_IN: [(EncoderKind, &[u8]); 2] = [
+    (
+        EncoderKind::EfficientNetLiteSmall,
+        include_bytes!("../../fixtures/encoders/efficientnet-lite-small.safetensors"),
+    ),
+    (
+        EncoderKind::SeResNextSmall,
+        include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors"),
+    ),
+];
 
 /// Images that are enough to scale feature maps by.
 const CALIBRATION: usize = 64;
@@ -27,7 +32,10 @@ const CALIBRATION: usize = 64;
 pub(crate) fn load(spec: &EncoderSpec, seed: u64) -> Result<Network> {
     let kind = spec.network.kind();
     let encoder = match &spec.weights {
-        WeightsSpec::BuiltIn => Encoder::new(kind, built_in(kind)?, &Device::Cpu)?,
+        WeightsSpec::BuiltIn => {
+            let weights = Weights::from_bytes("the built-in weights", built_in(kind)?)?;
+            Encoder::new(kind, weights, &Device::Cpu)?
+        }
         WeightsSpec::Untrained => Encoder::seeded(kind, seed, &Device::Cpu)?,
         WeightsSpec::File(path) => Encoder::load(kind, path, &Device::Cpu)?,
     };
@@ -71,13 +79,21 @@ pub(crate) fn calibrated(
     Ok(network.with_encoder(encoder.with_precision(Precision::Int8)?))
 }
 
-fn built_in(kind: EncoderKind) -> Result<Weights> {
-    let bytes = match kind {
-        EncoderKind::EfficientNetLiteSmall => EFFICIENTNET_LITE_SMALL,
-        EncoderKind::SeResNextSmall => SE_RESNEXT_SMALL,
-        kind => bail!("no weights for {kind} come with the project; name a file, or `untrained`"),
-    };
-    Ok(Weights::from_bytes("the built-in weights", bytes)?)
+/// The weights of an encoder that come with the project.
+///
+/// # Errors
+///
+/// An encoder that has none.
+pub(crate) fn built_in(kind: EncoderKind) -> Result<&'static [u8]> {
+    let found = BUILT_IN.iter().find(|(other, _)| *other == kind);
+    let (_, weights) = found.with_context(|| {
+        let [first, second] = BUILT_IN.map(|(kind, _)| kind);
+        format!(
+            "{kind} has no built-in weights, only {first} and {second} have; expected a file, or \
+             `untrained`"
+        )
+    })?;
+    Ok(weights)
 }
 
 /// The encoder in words, for reports.

@@ -315,4 +315,19 @@ fn a_list_shows_settings_and_opens_no_data() {
         assert!(head.contains(line), "`{line}` is not in: {head}");
     }
     assert!(!scratch.path("run").exists());
+    let input = |views: &str| {
+        let mut command = scratch.experiment();
+        let listed = command.args(["--list", "--set", views]).assert().success();
+        let text = String::from_utf8_lossy(&listed.get_output().stdout).into_owned();
+        let line = text.lines().find(|line| line.contains("head.input"));
+        line.unwrap().trim().to_owned()
+    };
+    for (views, expected) in [
+        ("1", "{ kind = \"single\" }"),
+        ("3", "{ kind = \"late-fusion\", views = 3 }"),
+        ("all", "{ kind = \"late-fusion\" } # of all views"),
+    ] {
+        let found = input(&format!("methods.cross-modal.views={views}"));
+        assert_eq!(found, format!("head.input = {expected}"));
+    }
 }

@@ -11,7 +11,7 @@ const METHODS: &str = r#"
 id = "all"
 label = "All"
 kind = "head"
-all-views = true
+views = "all"
 [[methods]]
 id = "i3d"
 label = "I3D"
@@ -32,7 +32,7 @@ training = { epochs = 1, batch-size = 8 }
 id = "pooling"
 label = "Pooling"
 kind = "head"
-all-views = true
+views = "all"
 head.input = { kind = "view-pooling" }
 [[methods]]
 id = "random"
@@ -79,7 +79,6 @@ id = "equidistant-ridge"
 label = "Ridge of two"
 kind = "ridge"
 views = 2
-selector = { kind = "equidistant" }
 "#;
 
 #[test]
@@ -197,4 +196,44 @@ fn fixed_views_alone_are_embedded_alone() {
     // The view straight down and two others, or it and one other.
     let views = [2, 3].map(|views| format!("{} embeddings", views * surfaces));
     assert!(views.iter().any(|line| log.contains(line)), "{log}");
+}
+
+/// Angles of 0, 15, 30, 45 and 60 degrees: the middle view is not the one straight down.
+#[test]
+fn straight_down_is_where_the_angle_is_nearest_to_0() {
+    let scratch = Scratch::with(
+        r#"
+[[methods]]
+id = "one"
+label = "One"
+kind = "ridge"
+selector = { kind = "nadir" }
+[[methods]]
+id = "two"
+label = "Two"
+kind = "head"
+views = 2
+selector = { kind = "nadir" }
+[[methods]]
+id = "neighbours"
+label = "Neighbours"
+kind = "ridge"
+views = 3
+distinct = true
+selector = { kind = "nadir" }
+"#,
+    );
+    let angles = ["from = -45.0, to = 45.0", "from = 0.0, to = 60.0"];
+    scratch.edit("data/dataset.toml", angles[0], angles[1]);
+    scratch.experiment().assert().success();
+    let results = scratch.results();
+    for (id, views) in [
+        ("ridge", &[0][..]),
+        ("one", &[0]),
+        ("two", &[0, 0]),
+        ("neighbours", &[0, 1, 2]),
+    ] {
+        let selected = &method(&results, id)["selected_views"]["fRS"];
+        assert_eq!(selected, &serde_json::json!([views, views]), "{id}");
+    }
 }

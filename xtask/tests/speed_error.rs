@@ -218,7 +218,7 @@ fn wrong_settings_are_refused_at_their_line() {
     let adaptive = "[[methods]]\nid = \"a\"\nlabel = \"A\"\nkind = \"ridge\"\n";
     refused(
         &format!("{adaptive}adaptive = {{ width = 1.0 }}"),
-        &["adaptive", "needs a `selector`"],
+        &["adaptive", "needs a number of `views`"],
     );
     let several = format!("{adaptive}views = 3\nselector = {{ kind = \"equidistant\" }}\n");
     refused(

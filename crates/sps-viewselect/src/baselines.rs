@@ -52,7 +52,8 @@ pub(crate) fn best_of(sets: Sets<'_>, losses: &[f64]) -> Vec<usize> {
         .map_or_else(Vec::new, |(set, _)| set.to_vec())
 }
 
-/// A fixed interval between the picked views, which are always distinct and in increasing order.
+/// A fixed interval between the picked views, which are always distinct and in increasing order. It is
+/// counted in views: where their angles are uneven, so are those of the picked ones.
 ///
 /// The paper says "sampling at a fixed interval (equidistant)" and no more (section "Viewpoint
 /// Selector Framework"): neither where the first view lies nor where the last. Both readings of
@@ -118,8 +119,8 @@ fn at_ends(views: usize, picks: usize) -> Vec<usize> {
         .collect()
 }
 
-/// Straight down: the nadir view in every slot, or with distinct views the M nearest to it, nearest
-/// first (of two equally near the lower).
+/// Straight down: the nadir view in every slot, or with distinct views the M nearest to it in the order
+/// of the views, nearest first (of two equally near the lower).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(
@@ -127,8 +128,8 @@ fn at_ends(views: usize, picks: usize) -> Vec<usize> {
     serde(default, deny_unknown_fields, rename_all = "kebab-case")
 )]
 pub struct Nadir {
-    /// The view that looks straight down; `None`, the default, is the middle one (of two the
-    /// lower).
+    /// The view that looks straight down. A problem knows no angles: `None`, the default, is the
+    /// middle one (of two the lower), which is right where as many views lie to either side.
     pub view: Option<usize>,
 }
 

@@ -20,32 +20,31 @@ use crate::work::{Shard, Work};
     cargo xtask experiment configs/ablation.toml --shard 2/4\n  \
     cargo xtask experiment configs/ablation.toml --merge")]
 pub(crate) struct Args {
-    /// The experiment's TOML file
+    /// The experiment's TOML file; docs/config.md and xtask/src/config/defaults.toml say what its keys mean
     config: PathBuf,
-    /// Override a key of the config, a method by its id or place in it; VALUE is TOML, or else a text
+    /// Override a key of the config, such as seed=1 or methods.ID.views=3; VALUE is TOML, or else a text
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<Setting>,
     /// The folder to write to [default: runs/ and the config's name]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Forget the trials that were finished in the folder
+    /// Do every trial again, also those that are finished in the folder
     #[arg(long)]
     fresh: bool,
     /// Only the methods whose ids match this, `*` standing for any letters; may be given several times
     #[arg(long, value_name = "PATTERN")]
     only: Vec<Pattern>,
-    /// List the methods with their settings, defaults and inherited ones included, and exit
+    /// List the methods, those of sweeps and the floors included, each with all its settings, and exit
     #[arg(long)]
     list: bool,
-    /// Say how much is done, how much is missing and how long that will take by what was measured, and
-    /// exit; writes nothing
+    /// Say how much is done, how much is missing and how long that will take, and exit; writes nothing
     #[arg(long)]
     dry_run: bool,
-    /// Do the K-th of N parts, of which other processes or machines do the others, without a report
+    /// Do the K-th of N parts and write no report; other processes or machines do the other parts
     #[arg(long, value_name = "K/N", conflicts_with = "merge")]
     shard: Option<Shard>,
-    /// Make the results from the N parts that were done below these folders [default: the one to write
-    /// to], doing nothing of theirs again
+    /// Make the results and the report of the parts that --shard left below these folders [default: the
+    /// one to write to]
     #[arg(long, value_name = "DIR", num_args = 0.., conflicts_with_all = ["fresh", "dry_run"])]
     merge: Option<Vec<PathBuf>>,
 }

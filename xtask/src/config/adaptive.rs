@@ -9,7 +9,7 @@ pub(super) fn of(method: &MethodConfig, looks: &Looks) -> Result<Option<Adaptive
         return Ok(None);
     };
     let Looks::Selected(selected) = looks else {
-        let why = "needs a `selector`, and `views` that says how many at most";
+        let why = "needs a number of `views` above 1, which says how many at most";
         return refuse("adaptive", why);
     };
     // Whatever has seen the readings of the calibration surfaces is surer of them than of others.

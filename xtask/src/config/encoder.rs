@@ -8,6 +8,7 @@ use sps_models::training::TrainingConfig;
 use super::layers::Layers;
 use super::locate::ConfigError;
 use super::schema::EncoderConfig;
+use crate::encoder::built_in;
 
 /// An encoder as methods use it.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,9 +99,14 @@ pub(super) fn encoder(
         layers.error(&format!("{key}.precision"), error.to_string())
     })?;
     check_training(layers, &format!("{key}.training"), &encoder.training)?;
+    let weights = WeightsSpec::named(&encoder.weights);
+    if weights == WeightsSpec::BuiltIn {
+        built_in(network.kind())
+            .map_err(|error| layers.error(&format!("{key}.weights"), error.to_string()))?;
+    }
     Ok(EncoderSpec {
         network,
-        weights: WeightsSpec::named(&encoder.weights),
+        weights,
         precision,
         resize: (encoder.resize > 0).then_some(encoder.resize),
         training: encoder.trainable.then(|| encoder.training.clone()),

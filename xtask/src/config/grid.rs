@@ -239,27 +239,18 @@ fn nested(key: &str, value: Value) -> Table {
     }
 }
 
-/// Where the number of views is in the grid: one is the view straight down, several are at equal
-/// distances unless a selector is named, and "all" is all of them.
+/// Where the number of views is in the grid, one view and all views leave a selector nothing to choose:
+/// what is said of it holds for the other numbers.
 fn settle_views(method: &mut Table, chosen: &Combination<'_>) {
     let Some((_, views)) = chosen.iter().find(|(key, _)| *key == "views") else {
         return;
     };
     let selector_varies = chosen.iter().any(|(key, _)| key.starts_with("selector"));
-    match &views.value {
-        Value::String(all) if all == "all" => {
-            method.remove("views");
-            method.remove("selector");
-            method.insert("all-views".to_owned(), Value::Boolean(true));
+    let all = views.value.as_str() == Some("all");
+    if all || (views.value.as_integer() == Some(1) && !selector_varies) {
+        for key in ["selector", "distinct", "refit"] {
+            method.remove(key);
         }
-        Value::Integer(1) if !selector_varies => {
-            method.remove("selector");
-        }
-        _ if !method.contains_key("selector") => {
-            let equidistant = Table::from_iter([("kind".to_owned(), "equidistant".into())]);
-            method.insert("selector".to_owned(), Value::Table(equidistant));
-        }
-        _ => {}
     }
 }
 
@@ -303,8 +294,8 @@ mod tests {
             ]
         );
         let methods = expanded(text).unwrap();
-        assert!(!methods[0].contains_key("selector") && methods[2].contains_key("selector"));
-        assert_eq!(methods[4].get("all-views"), Some(&Value::Boolean(true)));
+        let views = [0, 2, 4].map(|at: usize| methods[at]["views"].clone());
+        assert_eq!(views, [1.into(), 3.into(), "all".into()]);
         assert_eq!(methods[5]["head"]["epochs"], Value::Integer(30));
     }
 

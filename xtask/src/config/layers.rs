@@ -13,6 +13,9 @@ use super::locate::{ConfigError, Place, place_of_span, span_of};
 use super::merge::{apply, inherit, merge, take_back};
 use super::setting::Setting;
 
+/// Keys that there once were, and what says the same.
+const REPLACED: [(&str, &str); 1] = [("all-views", "views = \"all\"")];
+
 /// The text of a config, what it overrides and what overrides it.
 pub(crate) struct Layers<'a> {
     path: &'a Path,
@@ -73,6 +76,17 @@ impl<'a> Layers<'a> {
         self.merged.to_string()
     }
 
+    /// Whether any layer has this key, sweeps expanded.
+    pub(crate) fn has(&self, key: &str) -> bool {
+        let (first, rest) = key.split_once('.').unwrap_or((key, ""));
+        let steps = rest.split('.').filter(|step| !step.is_empty());
+        let found = steps.fold(self.expanded.get(first), |at, step| match at? {
+            Value::Array(list) => list.get(step.parse::<usize>().ok()?),
+            at => at.get(step),
+        });
+        found.is_some()
+    }
+
     /// Reads the layers as one value.
     pub(crate) fn read<T: DeserializeOwned>(&self) -> Result<T, ConfigError> {
         serde_path_to_error::deserialize(Value::Table(self.expanded.clone())).map_err(|error| {
@@ -90,7 +104,13 @@ impl<'a> Layers<'a> {
             {
                 key.push(found.clone());
             }
-            let problem = unknown.map_or_else(|| message.to_owned(), |name| name.to_string());
+            let problem = match unknown {
+                None => message.to_owned(),
+                Some(name) => match REPLACED.iter().find(|(old, _)| *old == name.found) {
+                    Some((_, new)) => format!("was replaced by `{new}`"),
+                    None => name.to_string(),
+                },
+            };
             self.error_at(&key, problem)
         })
     }

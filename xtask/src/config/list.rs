@@ -5,12 +5,17 @@ use std::fmt::Write as _;
 use anyhow::Result;
 use serde_json::Value;
 use sps_estimator::Regression;
+use sps_models::heads::Input;
 
 use super::encoder::Network;
 use super::experiment::Experiment;
 use super::looks::Looks;
 use super::method::Method;
 use crate::encoder;
+
+/// The input of a network where the data says how many views there are.
+const ALL_VIEWS: &str = "{ kind = \"late-fusion\" } # of all views";
+const RELATED_VIEWS: &str = "{ kind = \"relations\" } # as `relations` says";
 
 /// For each method a line with its id and label, and below it its settings as a config would write
 /// them, defaults and inherited tables included.
@@ -45,8 +50,30 @@ fn settings(method: &Method) -> Result<Vec<(String, String)>> {
     if let Some(count) = method.training_surfaces {
         lines.push(("training-surfaces".to_owned(), count.to_string()));
     }
-    if let Some(fitted) = method.estimator.regression() {
-        lines.extend(regression(fitted)?);
+    lines.extend(fitted(method)?);
+    Ok(lines)
+}
+
+/// The settings of what is fitted, its network's input as the views make it.
+fn fitted(method: &Method) -> Result<Vec<(String, String)>> {
+    let (method, input) = match &method.looks {
+        Looks::Selected(selected) => (method.with_views(selected.picks)?, None),
+        Looks::All => (method.clone(), Some(ALL_VIEWS)),
+        Looks::Relations(_) => (method.clone(), Some(RELATED_VIEWS)),
+        Looks::Nothing | Looks::Nadir => (method.clone(), None),
+    };
+    let Some(fitted) = method.estimator.regression() else {
+        return Ok(Vec::new());
+    };
+    let mut lines = regression(fitted)?;
+    let single = inline(&json(&Input::Single {})?);
+    for (key, value) in &mut lines {
+        if let Some(input) = input
+            && key == "head.input"
+            && *value == single
+        {
+            input.clone_into(value);
+        }
     }
     Ok(lines)
 }
@@ -56,7 +83,7 @@ fn looks(looks: &Looks) -> Result<Vec<(String, String)>> {
     Ok(match looks {
         Looks::Nothing => Vec::new(),
         Looks::Nadir => vec![line("views", "1 # the one straight down".to_owned())],
-        Looks::All => vec![line("all-views", "true".to_owned())],
+        Looks::All => vec![line("views", quoted("all"))],
         Looks::Selected(selected) => {
             let Value::Object(keys) = json(selected)? else {
                 return Ok(Vec::new());

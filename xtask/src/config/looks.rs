@@ -2,13 +2,15 @@
 
 use anyhow::Result;
 use serde::{Serialize, Serializer};
+use sps_dataset::Source;
 use sps_models::encoders::EncoderKind;
 use sps_models::heads::{Input, RelationScale};
 use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
-use sps_viewselect::{RelationSampler, Selector, TemporalRelations};
+use sps_viewselect::{Equidistant, RelationSampler, Selector, TemporalRelations};
 
 use super::method::Method;
-use super::schema::{Config, JudgedOn, MethodConfig, MethodKind, SelectorConfig};
+use super::schema::{Config, JudgedOn, MethodConfig, MethodKind, SelectorConfig, ViewCount};
+use crate::data;
 
 /// The views that an estimate looks at.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -93,48 +95,92 @@ pub(super) fn refuse<T>(key: &'static str, why: impl Into<String>) -> Result<T, 
     Err((key, why.into()))
 }
 
-/// What the config of a method says about its views.
-pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Looks, Problem> {
+/// What the config of a method says about its views. `given_input`: whether it names the network's
+/// input, which otherwise follows from the views.
+pub(super) fn of(
+    config: &Config,
+    method: &MethodConfig,
+    given_input: bool,
+) -> Result<Looks, Problem> {
     let given = [
-        ("all-views", method.all_views),
+        ("views", method.views != ViewCount::default()),
         ("selector", method.selector.is_some()),
         ("relations", method.relations.is_some()),
     ];
-    let mut given = given.into_iter().filter(|(_, given)| *given);
-    match (given.next(), given.next()) {
-        (Some((key, _)), _) if !method.kind.looks() => {
+    let given = given.into_iter().find(|(_, given)| *given);
+    match given {
+        Some((key, _)) if !method.kind.looks() => {
             return refuse(key, format!("`{}` looks at no view", method.kind.name()));
         }
-        (Some((one, _)), Some((other, _))) => {
-            return refuse(other, format!("cannot stand beside `{one}`"));
-        }
-        (Some((key, _)), None) if takes_sequences(&method.encoder.name) => {
+        Some((key, _)) if takes_sequences(&method.encoder.name) => {
             let name = &method.encoder.name;
-            return refuse(
-                key,
-                format!("cannot stand beside {name}, which looks at a sequence"),
-            );
+            let why = format!("cannot stand beside {name}, which looks at a sequence");
+            return refuse(key, why);
         }
         _ if !method.kind.looks() => return Ok(Looks::Nothing),
         _ => {}
     }
-    if method.views == 0 {
-        return refuse("views", "must be at least 1");
+    if given_input && has_head(method) {
+        check_input(method)?;
     }
-    if let Some(selector) = &method.selector {
-        return selected(config, method, selector).map(Looks::Selected);
+    let looks = views(config, method)?;
+    let needs = match looks {
+        Looks::Selected(_) => None,
+        _ if method.distinct => Some("distinct"),
+        _ => method.refit.map(|_| "refit"),
+    };
+    match needs {
+        Some(key) => refuse(key, "needs a `selector`"),
+        None => Ok(looks),
     }
-    if method.distinct {
-        return refuse("distinct", "needs a `selector`");
-    }
-    if method.views > 1 {
-        return refuse("views", "needs a `selector` that chooses them");
-    }
-    match &method.relations {
-        Some(_) if !has_head(method) => refuse("relations", "need a method of the kind `head`"),
-        Some(relations) => Ok(Looks::Relations(relations.clone())),
-        None if method.all_views => Ok(Looks::All),
-        None => Ok(Looks::Nadir),
+}
+
+/// Refuses a network's input that is for other views than the method looks at.
+fn check_input(method: &MethodConfig) -> Result<(), Problem> {
+    let for_views = match (&method.head.input, method.views) {
+        _ if method.relations.is_some() => {
+            return refuse(
+                "head.input",
+                "cannot stand beside `relations`, which makes it",
+            );
+        }
+        (Input::Relations { .. }, _) => {
+            return refuse("head.input", "is made by the key `relations` of the method");
+        }
+        (Input::Single {}, ViewCount::Number(1)) | (Input::ViewPooling {}, _) => return Ok(()),
+        (Input::LateFusion { views }, ViewCount::Number(number)) if *views == number => {
+            return Ok(());
+        }
+        (Input::Single {}, _) => 1,
+        (Input::LateFusion { views }, _) => *views,
+    };
+    let (number, views) = (for_views, method.views);
+    refuse(
+        "head.input",
+        format!("takes {number}, but `views` is {views}"),
+    )
+}
+
+fn views(config: &Config, method: &MethodConfig) -> Result<Looks, Problem> {
+    match (&method.relations, method.views, &method.selector) {
+        (Some(_), _, Some(_)) => refuse("relations", "cannot stand beside `selector`"),
+        (Some(_), views, _) if views != ViewCount::default() => {
+            refuse("relations", "cannot stand beside `views`")
+        }
+        (Some(_), ..) if !has_head(method) => {
+            refuse("relations", "need a method of the kind `head`")
+        }
+        (Some(relations), ..) => Ok(Looks::Relations(relations.clone())),
+        (None, ViewCount::All, Some(_)) => {
+            refuse("selector", "cannot stand beside `views = \"all\"`")
+        }
+        (None, ViewCount::All, None) => Ok(Looks::All),
+        (None, ViewCount::Number(1), None) => Ok(Looks::Nadir),
+        (None, ViewCount::Number(picks), selector) => {
+            let equidistant = || SelectorConfig::Equidistant(Equidistant::default());
+            let selector = selector.clone().unwrap_or_else(equidistant);
+            selected(config, method, picks, selector).map(Looks::Selected)
+        }
     }
 }
 
@@ -149,12 +195,13 @@ fn has_head(method: &MethodConfig) -> bool {
 fn selected(
     config: &Config,
     method: &MethodConfig,
-    selector: &SelectorConfig,
+    picks: usize,
+    selector: SelectorConfig,
 ) -> Result<Selected, Problem> {
     let selected = Selected {
-        picks: method.views,
+        picks,
         distinct: method.distinct,
-        selector: selector.clone(),
+        selector,
         refit: refit(config, method)?,
     };
     let fused_late = has_head(method) && method.head.input != Input::ViewPooling {};
@@ -205,11 +252,24 @@ impl Method {
         if let Looks::Selected(selected) = &mut method.looks {
             selected.picks = views;
         }
-        method.on(views)
+        method.taking(views)
     }
 
-    /// The method on a dataset of `views` views: its network takes as many as it looks at.
-    pub(crate) fn on(&self, views: usize) -> Result<Self> {
+    /// The method on these views: its network takes as many as it looks at, and a selector of the view
+    /// straight down, which knows no angles, is told which one that is.
+    pub(crate) fn on<S: Source>(&self, source: &S) -> Result<Self> {
+        let mut method = self.taking(source.view_angles().len())?;
+        if let Looks::Selected(selected) = &mut method.looks
+            && let SelectorConfig::Nadir(selector) = &mut selected.selector
+            && selector.view.is_none()
+        {
+            selector.view = Some(data::nadir(source)?);
+        }
+        Ok(method)
+    }
+
+    /// Its network takes as many of `views` views as it looks at.
+    fn taking(&self, views: usize) -> Result<Self> {
         let mut method = self.clone();
         let slots = match &self.looks {
             Looks::Nothing | Looks::Nadir => return Ok(method),
@@ -235,5 +295,115 @@ fn relation_input(sampler: &RelationSampler) -> Input {
     };
     Input::Relations {
         scales: scales.iter().map(scale).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::experiment::tests::{METHOD, read, refused};
+
+    #[test]
+    fn views_that_cannot_be_meant_are_refused_at_their_line() {
+        for views in ["0", "-1", "1.5", "\"every\""] {
+            let found = format!("is {views}, expected at least 1, or \"all\"");
+            refused(
+                &format!("{METHOD}views = {views}"),
+                &["line 5", "views", &found],
+            );
+        }
+        for key in ["distinct = true", "refit = {}"] {
+            refused(&format!("{METHOD}{key}"), &["line 5", "needs a `selector`"]);
+        }
+        let everything = "`views = \"all\"`";
+        refused(
+            &format!("{METHOD}all-views = true"),
+            &["line 5", "all-views", everything],
+        );
+        refused(
+            &format!("{METHOD}views = 2\nrelations = {{}}"),
+            &["line 6", "relations", "`views`"],
+        );
+        refused(
+            &format!("{METHOD}views = 3\nselector = {{ kind = \"nvs\" }}"),
+            &["line 6", "kind `head`"],
+        );
+        refused(
+            &format!("{METHOD}views = \"all\"\nselector = {{ kind = \"random\" }}"),
+            &["line 6", "selector", everything],
+        );
+        refused(
+            &format!("{METHOD}views = \"all\"\nencoder.name = \"i3d\""),
+            &["line 5", "cannot stand beside i3d"],
+        );
+    }
+
+    #[test]
+    fn a_network_takes_as_many_views_as_its_method_looks_at() {
+        let head = METHOD.replace("ridge", "head");
+        for keys in [
+            "head.input = { kind = \"single\" }",
+            "views = 3\nhead.input = { kind = \"late-fusion\", views = 3 }",
+            "views = \"all\"\nhead.input = { kind = \"view-pooling\" }",
+            "views = 3\nhead.input = { kind = \"view-pooling\" }",
+            "relations = {}",
+        ] {
+            assert!(read(&format!("{head}{keys}")).is_ok(), "{keys}");
+        }
+        for (keys, views) in [
+            ("views = 3\nhead.input = { kind = \"single\" }", "3"),
+            (
+                "views = \"all\"\nhead.input = { kind = \"single\" }",
+                "\"all\"",
+            ),
+            (
+                "views = 3\nhead.input = { kind = \"late-fusion\", views = 2 }",
+                "3",
+            ),
+            ("head.input = { kind = \"late-fusion\", views = 2 }", "1"),
+        ] {
+            let number = format!("but `views` is {views}");
+            refused(&format!("{head}{keys}"), &["head.input", &number]);
+        }
+        refused(
+            &format!("{head}relations = {{}}\nhead.input = {{ kind = \"single\" }}"),
+            &["line 6", "head.input", "`relations`"],
+        );
+        // Other kinds have no network, whatever the top of the config says of one.
+        let sweep = "[head]\ninput = { kind = \"single\" }\n[[sweep]]\nid = \"s\"\n\
+            [sweep.grid]\nkind = [\"ridge\", \"KIND\"]\nviews = [1, 3]\n";
+        assert!(read(&sweep.replace("KIND", "kernel-ridge")).is_ok());
+        refused(&sweep.replace("KIND", "head"), &["`views` is 3"]);
+    }
+
+    #[test]
+    fn views_are_equidistant_unless_a_selector_is_named() {
+        let looks = |keys: &str| {
+            let experiment = read(&format!("{METHOD}{keys}")).unwrap();
+            experiment.methods[0].looks.clone()
+        };
+        let named = looks("views = 3\nselector = { kind = \"equidistant\" }");
+        assert_eq!(looks("views = 3"), named);
+        assert_ne!(looks("views = 2"), named);
+        assert_eq!(looks("views = \"all\""), Looks::All);
+        assert_eq!(looks("views = 1"), Looks::Nadir);
+        let swept = |keys: &str| {
+            let text = format!(
+                "[[sweep]]\nid = \"s\"\nkind = \"head\"\n{keys}\
+                 grid = {{ views = [1, 3, \"all\"] }}\n"
+            );
+            let methods = read(&text).unwrap().methods.into_iter();
+            let all: Vec<_> = methods.map(|method| (method.id, method.looks)).collect();
+            all
+        };
+        let plain = swept("");
+        let ids: Vec<&str> = plain.iter().map(|(id, _)| &id[..]).collect();
+        assert_eq!(ids[..3], ["s-1", "s-3", "s-all"]);
+        assert_eq!(plain[0].1, Looks::Nadir);
+        assert_eq!(plain[1].1, named);
+        assert_eq!(plain[2].1, Looks::All);
+        let chosen = swept("selector = { kind = \"greedy\" }\ndistinct = true\nrefit = {}\n");
+        assert_eq!((&chosen[0], &chosen[2]), (&plain[0], &plain[2]));
+        assert!(matches!(&chosen[1].1, Looks::Selected(greedy) if greedy.learns()));
     }
 }

@@ -53,7 +53,7 @@ pub(super) fn methods(
     protocol: Protocol,
 ) -> Result<Vec<Method>, ConfigError> {
     let mut methods: Vec<Method> = Vec::new();
-    for Written { at, method } in written {
+    for Written { at, head, method } in written {
         let key = |field: &str| format!("{at}.{field}");
         let refused = |(field, problem): Problem| layers.error(&key(field), problem);
         if methods.iter().any(|other| other.id == method.id) {
@@ -61,7 +61,8 @@ pub(super) fn methods(
             return Err(refused(("id", problem)));
         }
         check_printed_row(method).map_err(refused)?;
-        let looks = looks::of(config, method).map_err(refused)?;
+        let given_input = layers.has(&format!("{head}.input"));
+        let looks = looks::of(config, method, given_input).map_err(refused)?;
         methods.push(Method {
             id: method.id.clone(),
             label: method.label.clone(),

@@ -1,8 +1,10 @@
 //! The keys of an experiment as they are written; `defaults.toml` says what each means.
 
+use std::fmt;
 use std::path::PathBuf;
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use sps_dataset::{ReadSettings, SplitPlan};
 use sps_metrics::Level;
 use sps_models::heads::HeadConfig;
@@ -117,13 +119,10 @@ pub(crate) struct MethodConfig {
     pub encoder: EncoderConfig,
     /// The top-level `head` with the method's own laid over it.
     pub head: HeadConfig,
-    /// Views of a surface that an estimate looks at: 1 is the view straight down, more are chosen
-    /// by the selector.
-    #[serde(default = "one")]
-    pub views: usize,
-    /// All views, instead.
+    /// Views of a surface that an estimate looks at. Without a selector, 1 is the view straight down
+    /// and more are equidistant.
     #[serde(default)]
-    pub all_views: bool,
+    pub views: ViewCount,
     /// Chooses the views, for each property and rerun.
     pub selector: Option<SelectorConfig>,
     /// Whether the selector may not choose a view twice.
@@ -140,6 +139,41 @@ pub(crate) struct MethodConfig {
     pub test_surfaces: Option<usize>,
     /// Trained on so many of a rerun's training surfaces, drawn at random.
     pub training_surfaces: Option<usize>,
+}
+
+/// How many views an estimate looks at: a number, at least 1, or "all".
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ViewCount {
+    Number(usize),
+    All,
+}
+
+impl fmt::Display for ViewCount {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(number) => number.fmt(f),
+            Self::All => f.write_str("\"all\""),
+        }
+    }
+}
+
+impl Default for ViewCount {
+    fn default() -> Self {
+        Self::Number(1)
+    }
+}
+
+impl<'de> Deserialize<'de> for ViewCount {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = toml::Value::deserialize(deserializer)?;
+        if value.as_str() == Some("all") {
+            return Ok(Self::All);
+        }
+        let number = value.as_integer().and_then(|n| usize::try_from(n).ok());
+        let number = number.filter(|&number| number > 0).map(Self::Number);
+        number
+            .ok_or_else(|| D::Error::custom(format!("is {value}, expected at least 1, or \"all\"")))
+    }
 }
 
 /// How sets of views are compared by regression that is fitted anew to each.
@@ -188,10 +222,6 @@ fn ninety_percent() -> Level {
 
 fn a_fifth() -> f64 {
     0.2
-}
-
-fn one() -> usize {
-    1
 }
 
 fn five() -> usize {
@@ -281,4 +311,47 @@ pub(crate) struct TrainConfig {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct CacheConfig {
     pub folder: PathBuf,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::de::DeserializeOwned;
+    use sps_base::names::UnknownName;
+    use sps_dataset::{KFold, RandomSplit};
+
+    /// The keys of a table, by what serde says of one that it has not.
+    fn keys<T: DeserializeOwned>() -> Vec<String> {
+        let error = toml::from_str::<T>("no-such-key = 1").err().unwrap();
+        UnknownName::of_serde(error.message()).unwrap().expected
+    }
+
+    #[test]
+    fn the_page_in_docs_names_every_key_of_methods_and_splits() {
+        let page = include_str!("../../../docs/config.md");
+        let methods = keys::<MethodConfig>();
+        assert!(methods.len() > 12, "{methods:?}");
+        let inside = [
+            keys::<RefitConfig>(),
+            keys::<TemporalRelations>(),
+            keys::<Adaptive>(),
+        ];
+        let splits = [keys::<RandomSplit>(), keys::<KFold>()];
+        for key in methods.iter().chain(inside.iter().chain(&splits).flatten()) {
+            let row = |line: &str| line.starts_with('|') && line.contains(&format!("| `{key}` |"));
+            assert!(
+                page.lines().any(row),
+                "docs/config.md has no row for `{key}`"
+            );
+        }
+        let unknown = toml::from_str::<SelectorConfig>("kind = \"no-such-kind\"")
+            .err()
+            .unwrap();
+        for kind in UnknownName::of_serde(unknown.message()).unwrap().expected {
+            assert!(
+                page.contains(&format!("`{kind}`")) || page.contains(&format!("\"{kind}\"")),
+                "docs/config.md lacks the selector `{kind}`"
+            );
+        }
+    }
 }

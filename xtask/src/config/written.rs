@@ -1,11 +1,13 @@
 //! The methods of a config: those listed, those of its sweeps, and the floors under all others.
 
-use super::schema::{Config, MethodConfig, MethodKind};
+use super::schema::{Config, MethodConfig, MethodKind, ViewCount};
 
 /// A method, and where the config has it.
 pub(super) struct Written {
     /// The key of the table, dotted.
     pub at: String,
+    /// The key of its head, with an index for each method of a sweep.
+    pub head: String,
     pub method: MethodConfig,
 }
 
@@ -18,6 +20,7 @@ pub(super) fn all(config: &Config) -> Vec<Written> {
         .collect();
     all.extend(missing.into_iter().map(|method| Written {
         at: "floors".to_owned(),
+        head: "head".to_owned(),
         method,
     }));
     all
@@ -43,8 +46,7 @@ fn floor(config: &Config, kind: MethodKind) -> MethodConfig {
         paper: None,
         encoder: config.encoder.clone(),
         head: config.head.clone(),
-        views: 1,
-        all_views: false,
+        views: ViewCount::default(),
         selector: None,
         distinct: false,
         refit: None,
@@ -60,6 +62,7 @@ pub(super) fn asked_for(config: &Config) -> Vec<Written> {
     let listed = config.methods.iter().enumerate();
     let listed = listed.map(|(index, method)| Written {
         at: format!("methods.{index}"),
+        head: format!("methods.{index}.head"),
         method: method.clone(),
     });
     let swept = config
@@ -67,8 +70,9 @@ pub(super) fn asked_for(config: &Config) -> Vec<Written> {
         .iter()
         .enumerate()
         .flat_map(|(index, methods)| {
-            methods.iter().map(move |method| Written {
+            methods.iter().enumerate().map(move |(of, method)| Written {
                 at: format!("sweep.{index}"),
+                head: format!("sweep.{index}.{of}.head"),
                 method: method.clone(),
             })
         });

@@ -38,8 +38,7 @@ impl<'a> Prepared<'a> {
         source: &S,
         about: &'a About,
     ) -> Result<Self> {
-        let angles = source.view_angles().len();
-        let methods = experiment.methods.iter().map(|method| method.on(angles));
+        let methods = experiment.methods.iter().map(|method| method.on(source));
         Ok(Self {
             experiment,
             about,

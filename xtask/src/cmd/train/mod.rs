@@ -58,7 +58,7 @@ impl WithSource for Train<'_> {
 
     fn call<S: Source>(self, source: &S, about: AboutData) -> Result<()> {
         let experiment = self.experiment;
-        let method = experiment.methods[experiment.train.method].on(source.view_angles().len())?;
+        let method = experiment.methods[experiment.train.method].on(source)?;
         ensure!(
             matches!(method.encoder.network, NetworkSpec::Images(_)),
             "method `{}` looks at a sequence by {}; a model that is kept looks at photographs",

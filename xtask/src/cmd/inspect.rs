@@ -18,8 +18,8 @@ use crate::report::table::{aligned, number};
 /// Check a dataset and show its statistics
 #[derive(clap::Args)]
 #[command(
-    after_help = "Its values stand beside those of the published dataset, and are drawn as \
-    boxes.svg and materials.svg. Ends with status 1 where a frame is missing or broken.\n\n\
+    after_help = "Values are drawn as boxes.svg and materials.svg; those of the paper's dataset, \
+    and of one that was simulated after it, stand beside the published ones. Ends with status 1 where a frame is missing or broken.\n\n\
     Examples:\n  \
     cargo xtask inspect fixtures/tiny-dataset\n  \
     cargo xtask inspect --config configs/friction-photos.toml"
@@ -54,7 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if args.json {
         println!("{}", serde_json::to_string_pretty(&inspection)?);
     } else {
-        print(&inspection, &labels(&dataset));
+        print(&inspection, &labels(&dataset), dataset.origin().is_some());
     }
     draw(&dataset, read.tactile, &args.figures(&path))?;
     if broken > 0 {
@@ -113,7 +113,10 @@ fn draw(dataset: &DatasetFolder, settings: TactileSettings, folder: &Path) -> Re
         })
         .collect();
     for (name, svg) in [
-        ("boxes.svg", statistics::boxes(&values)),
+        (
+            "boxes.svg",
+            statistics::boxes(&values, dataset.origin().is_some()),
+        ),
         ("materials.svg", statistics::donut(&labels(dataset))),
     ] {
         write_atomically(&folder.join(name), svg.as_bytes())?;
@@ -122,7 +125,7 @@ fn draw(dataset: &DatasetFolder, settings: TactileSettings, folder: &Path) -> Re
     Ok(())
 }
 
-fn print(inspection: &Inspection, labels: &[(String, usize)]) {
+fn print(inspection: &Inspection, labels: &[(String, usize)], after_the_paper: bool) {
     println!(
         "{}: {} surfaces in {} groups, {} views each, {} readings",
         inspection.name,
@@ -135,9 +138,11 @@ fn print(inspection: &Inspection, labels: &[(String, usize)]) {
     for (name, count) in &inspection.materials {
         println!("  {name:<24}{count:>6}");
     }
-    print_labels(inspection.surfaces, labels);
-    let heading = COLUMNS.map(str::to_owned).to_vec();
-    let lines = inspection.properties.iter().map(line);
+    print_labels(inspection.surfaces, labels, after_the_paper);
+    let columns = &COLUMNS[..COLUMNS.len() - usize::from(!after_the_paper)];
+    let heading = columns.iter().map(|&column| column.to_owned()).collect();
+    let lines = inspection.properties.iter();
+    let lines = lines.map(|property| line(property, after_the_paper));
     let lines: Vec<Vec<String>> = [heading].into_iter().chain(lines).collect();
     print!("\n{}", aligned(&lines, |at| at == 0));
     print_grouped(&inspection.properties);
@@ -170,22 +175,27 @@ fn print_grouped(properties: &[PropertySummary]) {
     if !codes.is_empty() {
         println!(
             "\nmore than half of the variance of {} lies between groups (column `between`): a \
-             random split would measure recognition of known groups: keep-groups",
+             random split would measure recognition of known groups: `by = \"group\"` keeps them whole",
             codes.join(", ")
         );
     }
 }
 
-fn print_labels(surfaces: usize, labels: &[(String, usize)]) {
+fn print_labels(surfaces: usize, labels: &[(String, usize)], after_the_paper: bool) {
+    let published_column = if after_the_paper { "published" } else { "" };
     println!(
         "\nlabels, fewer than {FEWEST_PER_MATERIAL} of a material being `{OTHER}`\n  \
          {:<24}{:>6}{:>9}{:>11}",
-        "", "", "share", "published"
+        "", "", "share", published_column
     );
     for (name, count) in labels {
         let share = 100.0 * *count as f64 / surfaces.max(1) as f64;
         let printed = published().materials.get(name);
-        let printed = printed.map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share));
+        let printed = match printed.filter(|_| after_the_paper) {
+            Some(share) => format!("{:.1} %", 100.0 * share),
+            None if after_the_paper => "–".to_owned(),
+            None => String::new(),
+        };
         println!("  {name:<24}{count:>6}{share:>7.1} %{printed:>11}");
     }
 }
@@ -206,7 +216,7 @@ const COLUMNS: [&str; 12] = [
     "published",
 ];
 
-fn line(property: &PropertySummary) -> Vec<String> {
+fn line(property: &PropertySummary, after_the_paper: bool) -> Vec<String> {
     let decimals = decimals(spread(property.quantiles));
     let shown = |quantiles: Option<[f64; 5]>| {
         let quantile = |at: usize| number(quantiles.map(|all| all[at]), decimals);
@@ -225,6 +235,7 @@ fn line(property: &PropertySummary) -> Vec<String> {
         .into_iter()
         .chain(counts)
         .chain(shown(property.quantiles));
+    let printed = printed.into_iter().filter(|_| after_the_paper);
     cells.chain(others).chain(printed).collect()
 }
 

@@ -135,7 +135,7 @@ pub(crate) fn about_the_data(results: &Results) -> String {
         measured.push(' ');
         measured.push_str(&training_and_held_out(results));
     }
-    if data.published_sps || results.methods.iter().all(|m| m.paper.is_none()) {
+    if !data.simulated || results.methods.iter().all(|m| m.paper.is_none()) {
         return measured;
     }
     format!(

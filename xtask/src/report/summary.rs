@@ -51,33 +51,41 @@ pub(super) fn best(results: &Results) -> Option<&MethodResult> {
 /// Means over properties and what an estimate costs. The best and the fastest method are marked, of
 /// those that look at a photograph.
 pub(crate) fn summary(results: &Results) -> Table {
-    let columns = [
-        "method",
-        "R²",
-        "MAE",
-        "% error",
-        "frames",
-        "ms per surface",
-        "",
-    ];
+    let percentages = results.has_percentages();
+    let mae = if results.shared_unit().is_some() {
+        "MAE"
+    } else {
+        "MAE / std"
+    };
+    let mut columns = vec!["method", "R²", mae];
+    columns.extend(percentages.then_some("% error"));
+    columns.extend(["frames", "ms per surface", ""]);
     let standing_out = StandingOut::of(results);
     let rows = results.methods.iter().enumerate().map(|(at, method)| {
         let (means, costs) = (&method.means, &method.costs);
-        Row::measured(vec![
+        let error = match mae {
+            "MAE" => means.mae_mean,
+            _ => means.mae_over_std_mean,
+        };
+        let percent = Cell::number(means.median_percent_error_mean, 1);
+        let mut cells = vec![
             method.id.as_str().into(),
             Cell::interval(means.r2_mean, means.r2_mean_interval, 3),
-            Cell::number(means.mae_mean, 2),
-            Cell::number(means.median_percent_error_mean, 1),
+            Cell::number(error, 2),
+        ];
+        cells.extend(percentages.then_some(percent));
+        cells.extend([
             looked_at(costs),
             milliseconds(costs),
             standing_out.mark(at).into(),
-        ])
+        ]);
+        Row::measured(cells)
     });
     Table {
         name: "summary",
         title: format!("{}: means over properties", results.experiment),
         caption: String::new(),
-        columns: columns.map(str::to_owned).to_vec(),
+        columns: columns.into_iter().map(str::to_owned).collect(),
         rows: rows.collect(),
     }
 }
@@ -111,11 +119,11 @@ mod tests {
             summary(&results).terminal(),
             concat!(
                 "single-image: means over properties\n",
-                "  method                    R²  MAE  % error  frames  ms per surface\n",
-                "  ridge   0.500 [0.400, 0.600]    –        –       1           10.00  fastest\n",
-                "  slow    0.625 [0.400, 0.600]    –        –       2           20.00  best\n",
-                "  label   0.750 [0.400, 0.600]    –        –       0            0.00\n",
-                "  failed                     –    –        –       1               –\n",
+                "  method                    R²  MAE  frames  ms per surface\n",
+                "  ridge   0.500 [0.400, 0.600]    –       1           10.00  fastest\n",
+                "  slow    0.625 [0.400, 0.600]    –       2           20.00  best\n",
+                "  label   0.750 [0.400, 0.600]    –       0            0.00\n",
+                "  failed                     –    –       1               –\n",
             )
         );
     }

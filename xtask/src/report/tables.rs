@@ -7,6 +7,7 @@ use super::selection;
 use super::speed;
 use super::summary::StandingOut;
 use super::table::{Cell, Row, Table, counted};
+use crate::digits::decimals;
 use crate::paper::{self, PaperRow};
 use crate::results::{Gain, MethodResult, Number, PerProperty, Results};
 
@@ -17,52 +18,77 @@ pub(crate) fn tables(results: &Results) -> Vec<Table> {
     tables.extend(learning::table(results));
     if results.properties.len() > 1 {
         tables.push(per_property(results, &R2));
-        tables.push(per_property(results, &PERCENT_ERROR));
+        if results.has_percentages() {
+            tables.push(per_property(results, &PERCENT_ERROR));
+        }
         tables.push(per_property(results, &MAE));
+        tables.push(per_property(results, &MAE_OVER_STD));
+        tables.push(per_property(results, &SPEARMAN));
     }
+    tables.extend(properties(results));
     tables.extend(selection::table(results));
     tables.push(costs(results));
     tables
 }
 
-/// A column of the table of means: what was measured, and what the paper prints.
+/// A column of the table of means: what was measured, what the paper prints if it does, and for which
+/// data it means something.
 struct Mean {
     title: &'static str,
     measured: fn(&MethodResult) -> Cell,
-    printed: fn(&PaperRow) -> Cell,
+    printed: Option<fn(&PaperRow) -> Cell>,
+    shown: fn(&Results) -> bool,
 }
 
-const MEANS: [Mean; 4] = [
+const MEANS: [Mean; 6] = [
     Mean {
         title: "R²",
         measured: |method| Cell::interval(method.means.r2_mean, method.means.r2_mean_interval, 3),
-        printed: |row| Cell::number(Some(row.r2_mean), 2),
+        printed: Some(|row| Cell::number(Some(row.r2_mean), 2)),
+        shown: |_| true,
     },
     Mean {
         title: "MAE",
         measured: |method| Cell::number(method.means.mae_mean, 2),
-        printed: |row| Cell::number(Some(row.mae_mean), 2),
+        printed: Some(|row| Cell::number(Some(row.mae_mean), 2)),
+        shown: |results| results.shared_unit().is_some(),
+    },
+    Mean {
+        title: "MAE / std",
+        measured: |method| Cell::number(method.means.mae_over_std_mean, 3),
+        printed: None,
+        shown: |_| true,
+    },
+    Mean {
+        title: "Spearman",
+        measured: |method| Cell::number(method.means.spearman_mean, 3),
+        printed: None,
+        shown: |_| true,
     },
     Mean {
         title: "% error",
         measured: |method| Cell::number(method.means.median_percent_error_mean, 1),
-        printed: |row| Cell::number(Some(row.median_percent_error_mean), 1),
+        printed: Some(|row| Cell::number(Some(row.median_percent_error_mean), 1)),
+        shown: Results::has_percentages,
     },
     Mean {
         title: "% error, top 8",
         measured: |method| Cell::number(method.means.median_percent_error_top8, 1),
-        printed: |row| Cell::number(Some(row.median_percent_error_top8), 1),
+        printed: Some(|row| Cell::number(Some(row.median_percent_error_top8), 1)),
+        shown: Results::has_top8,
     },
 ];
 
 fn means(results: &Results) -> Table {
     let methods = &results.methods;
-    let compared = methods.iter().any(|method| method.paper.is_some());
-    let shown = &MEANS[..if results.has_top8() { 4 } else { 3 }];
+    let compared =
+        results.dataset.is_after_the_paper() && methods.iter().any(|method| method.paper.is_some());
+    let shown: Vec<&Mean> = MEANS.iter().filter(|mean| (mean.shown)(results)).collect();
     let mut columns = vec!["Method".to_owned(), "held out".to_owned()];
-    for mean in shown {
+    for mean in &shown {
         columns.push(mean.title.to_owned());
-        columns.extend(compared.then(|| "paper".to_owned()));
+        let printed = mean.printed.filter(|_| compared);
+        columns.extend(printed.map(|_| "paper".to_owned()));
     }
     columns.push("ms per surface".to_owned());
     let against = results.compared_with();
@@ -73,16 +99,13 @@ fn means(results: &Results) -> Table {
     );
     let standing_out = StandingOut::of(results);
     let rows = methods.iter().enumerate().map(|(at, method)| {
-        let paper = printed(method);
+        let paper = printed(results, method);
         let mut cells = vec![method.label.as_str().into(), held_out(results, method)];
-        for mean in shown {
+        for mean in &shown {
             cells.push((mean.measured)(method));
-            let printed = || {
-                paper
-                    .as_ref()
-                    .map_or_else(|| Cell::number(None, 0), mean.printed)
-            };
-            cells.extend(compared.then(printed));
+            let printed = mean.printed.filter(|_| compared);
+            let nothing = || Cell::number(None, 0);
+            cells.extend(printed.map(|printed| paper.as_ref().map_or_else(nothing, printed)));
         }
         cells.push(speed::milliseconds(&method.costs));
         let gains = against
@@ -120,8 +143,10 @@ fn held_out(results: &Results, method: &MethodResult) -> Cell {
 
 fn means_caption(results: &Results, compared: bool) -> String {
     let mut caption = format!(
-        "R² about the mean of the training part, mean absolute error in the properties' own units, \
-         median absolute percentage error; means over reruns and properties. Held out are the \
+        "R² about the mean of the training part; MAE, the mean absolute error, in the properties' own \
+         units, and over the standard deviation of a property's values over all surfaces; Spearman's \
+         rank correlation; % error, the median absolute percentage error; means over reruns and \
+         properties. Held out are the \
          different surfaces that a row is scored on, all reruns together. ms are those of an \
          estimate, with decoding or rendering. In brackets: {:.0} % bootstrap intervals over {}, \
          paired for differences.",
@@ -184,6 +209,28 @@ const PERCENT_ERROR: Shown = Shown {
     ceilings: false,
 };
 
+const MAE_OVER_STD: Shown = Shown {
+    name: "mae-over-std",
+    title: "Mean absolute error per property, in standard deviations",
+    caption: "Over the standard deviation of the property's values over all surfaces.",
+    decimals: 2,
+    value: |method| &method.scores.mae_over_std,
+    mean: |method| method.means.mae_over_std_mean,
+    printed: |_| None,
+    ceilings: false,
+};
+
+const SPEARMAN: Shown = Shown {
+    name: "spearman",
+    title: "Spearman's rank correlation per property",
+    caption: "1 where estimates have the order of the measured values.",
+    decimals: 2,
+    value: |method| &method.scores.spearman,
+    mean: |method| method.means.spearman_mean,
+    printed: |_| None,
+    ceilings: false,
+};
+
 const MAE: Shown = Shown {
     name: "mae",
     title: "Mean absolute error per property",
@@ -212,7 +259,7 @@ fn per_property(results: &Results, shown: &Shown) -> Table {
         let value = |property: &String| values.get(property).copied().flatten();
         let label = method.label.clone();
         rows.push(Row::measured(line(label, &value, (shown.mean)(method))));
-        let paper = printed(method);
+        let paper = printed(results, method);
         if let Some((values, mean)) = paper.as_ref().and_then(|row| (shown.printed)(row)) {
             let value = |property: &String| values.get(property).copied();
             let label = format!("{}, printed in the paper", method.label);
@@ -293,8 +340,42 @@ fn costs_caption(results: &Results) -> String {
     caption
 }
 
-fn printed(method: &MethodResult) -> Option<PaperRow> {
-    method.paper.as_deref().and_then(paper::row)
+/// The paper's row beside a method, where it may stand there.
+fn printed(results: &Results, method: &MethodResult) -> Option<PaperRow> {
+    let name = method.paper.as_deref();
+    name.filter(|_| results.dataset.is_after_the_paper())
+        .and_then(paper::row)
+}
+
+/// What the codes stand for.
+fn properties(results: &Results) -> Option<Table> {
+    let described: Vec<_> = results
+        .properties
+        .iter()
+        .filter_map(|code| Some((code, results.described.get(code)?)))
+        .collect();
+    let rows = described.iter().map(|(code, known)| {
+        let digits = decimals(known.std);
+        Row::measured(vec![
+            code.as_str().into(),
+            known.name.as_str().into(),
+            known.unit.as_str().into(),
+            Cell::number(Some(known.std), digits + 1),
+            Cell::range(known.range, digits),
+        ])
+    });
+    (!described.is_empty()).then(|| Table {
+        name: "properties",
+        title: "Properties".to_owned(),
+        caption:
+            "What each code stands for, the unit of its values, and how far these differ over all \
+                  surfaces of the dataset."
+                .to_owned(),
+        columns: ["code", "name", "unit", "std", "lowest to highest"]
+            .map(str::to_owned)
+            .to_vec(),
+        rows: rows.collect(),
+    })
 }
 
 #[cfg(test)]

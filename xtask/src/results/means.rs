@@ -18,6 +18,11 @@ pub(crate) struct Means {
     pub r2_mean: Number,
     pub r2_mean_interval: Option<[f64; 2]>,
     pub mae_mean: Number,
+    #[serde(default)]
+    pub mae_over_std_mean: Number,
+    #[serde(default)]
+    pub spearman_mean: Number,
+    /// Over the properties that have one.
     pub median_percent_error_mean: Number,
     /// Over the paper's fixed list of eight.
     pub median_percent_error_top8: Number,
@@ -47,21 +52,31 @@ impl Means {
         notes: &mut Notes,
     ) -> Self {
         let listed = |values| listed(values, scoring.properties);
-        let percent = listed(&scores.median_percent_error);
-        let best8 = mean_over_best(&percent, scoring.top8.len(), Better::Lower);
+        let percent = self::listed(&scores.median_percent_error, scoring.with_percentages);
+        let best8 = (!scoring.top8.is_empty())
+            .then(|| mean_over_best(&percent, scoring.top8.len(), Better::Lower));
+        let top8 = best8
+            .is_some()
+            .then(|| mean_over_named(&percent, scoring.top8));
+        let of_percent = (!percent.is_empty()).then(|| mean_over_all(&percent));
+        let mut whole = |what, mean: Option<PropertyMean>| notes.whole_mean(what, mean?);
+        let median_percent_error_top8 = whole("top-8 median % error", top8);
+        let names = best8.iter().flat_map(|best| best.properties.clone());
+        let names = names.collect();
+        let median_percent_error_best8 = whole("best-8 median % error", best8);
         let r2_mean = notes.mean("mean R²", mean_over_all(&listed(&scores.r2)));
         let interval = interval_over(method.trials(), scoring);
         Self {
             r2_mean,
             r2_mean_interval: notes.interval("the interval of mean R²", interval),
             mae_mean: notes.mean("mean MAE", mean_over_all(&listed(&scores.mae))),
-            median_percent_error_mean: notes.mean("mean median % error", mean_over_all(&percent)),
-            median_percent_error_top8: notes.whole_mean(
-                "top-8 median % error",
-                mean_over_named(&percent, scoring.top8),
-            ),
-            best8: best8.properties.clone(),
-            median_percent_error_best8: notes.whole_mean("best-8 median % error", best8),
+            mae_over_std_mean: mean_over_all(&listed(&scores.mae_over_std)).value.ok(),
+            spearman_mean: mean_over_all(&listed(&scores.spearman)).value.ok(),
+            median_percent_error_mean: of_percent
+                .and_then(|mean| notes.mean("mean median % error", mean)),
+            median_percent_error_top8,
+            best8: names,
+            median_percent_error_best8,
             over_reruns: Ranges::of(method, scoring),
         }
     }
@@ -77,13 +92,14 @@ impl Ranges {
         };
         let reruns: Vec<PerProperty<Scores>> = (0..method.row.reruns).map(of_rerun).collect();
         let range = |of: fn(&Scores) -> &Outcome,
+                     properties: &[String],
                      mean: &dyn Fn(&[PropertyScore]) -> PropertyMean| {
             let values = reruns.iter().map(|scores| {
                 let value = |s| of(s).as_ref().ok().map(|score| score.value);
                 let values = scores
                     .iter()
                     .map(|(property, s)| (property.clone(), value(s)));
-                let mean = mean(&listed(&values.collect(), scoring.properties));
+                let mean = mean(&listed(&values.collect(), properties));
                 mean.is_complete().then_some(mean.value.ok()).flatten()
             });
             let values = values.collect::<Option<Vec<f64>>>()?;
@@ -91,11 +107,12 @@ impl Ranges {
             Some([low, values.iter().copied().reduce(f64::max)?])
         };
         let top8 = |scores: &[PropertyScore]| mean_over_named(scores, scoring.top8);
+        let (all, some) = (scoring.properties, scoring.with_percentages);
         Self {
-            r2_mean: range(|s| &s.r2, &mean_over_all),
-            mae_mean: range(|s| &s.mae, &mean_over_all),
-            median_percent_error_mean: range(|s| &s.median_percent_error, &mean_over_all),
-            median_percent_error_top8: range(|s| &s.median_percent_error, &top8),
+            r2_mean: range(|s| &s.r2, all, &mean_over_all),
+            mae_mean: range(|s| &s.mae, all, &mean_over_all),
+            median_percent_error_mean: range(|s| &s.median_percent_error, some, &mean_over_all),
+            median_percent_error_top8: range(|s| &s.median_percent_error, some, &top8),
         }
     }
 }

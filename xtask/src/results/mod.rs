@@ -52,6 +52,9 @@ pub(crate) struct Results {
     pub dataset: Dataset,
     /// Codes of the estimated properties, in the order of the reports.
     pub properties: Vec<String>,
+    /// What they are called and measured in, and how far their values differ.
+    #[serde(default)]
+    pub described: PerProperty<Described>,
     /// Of the bootstrap intervals.
     pub interval_level: f64,
     /// Ids of the methods that all others are compared with.
@@ -63,6 +66,20 @@ pub(crate) struct Results {
     pub speed: Option<Speed>,
     /// What holds for the whole run, for example values out of range in the data.
     pub notes: Vec<String>,
+}
+
+/// What is known of a property beside its code.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Described {
+    /// Empty where it has no name but its code.
+    pub name: String,
+    /// Empty where its values have none.
+    pub unit: String,
+    /// Standard deviation of its values over all surfaces.
+    pub std: f64,
+    /// The lowest and the highest of these values; `null` where there is none.
+    pub range: Option<[f64; 2]>,
 }
 
 /// What the experiment ran on.
@@ -98,6 +115,12 @@ pub(crate) struct Dataset {
 }
 
 impl Dataset {
+    /// Whether the paper's printed numbers may stand beside it: of its own surfaces, and of those that
+    /// are simulated after them.
+    pub(crate) fn is_after_the_paper(&self) -> bool {
+        self.simulated || self.published_sps
+    }
+
     /// What intervals are over, in the plural.
     pub(crate) fn units_in_words(&self) -> String {
         self.unit.unwrap_or(Unit::Surface).to_string()
@@ -194,6 +217,24 @@ impl Results {
             .iter()
             .filter_map(|id| self.method(id))
             .collect()
+    }
+
+    /// The unit that all properties share; `None` where they differ.
+    pub(crate) fn shared_unit(&self) -> Option<&str> {
+        let unit = |code: &String| {
+            self.described
+                .get(code)
+                .map_or("", |known| known.unit.as_str())
+        };
+        let mut units = self.properties.iter().map(unit);
+        let first = units.next()?;
+        units.all(|unit| unit == first).then_some(first)
+    }
+
+    /// Whether any method has a percentage error.
+    pub(crate) fn has_percentages(&self) -> bool {
+        let mut methods = self.methods.iter();
+        methods.any(|method| method.means.median_percent_error_mean.is_some())
     }
 
     /// Whether any method has all eight of the paper's list.

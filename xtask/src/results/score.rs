@@ -15,9 +15,13 @@ use crate::config::Adaptive;
 pub(crate) struct Scoring<'a> {
     /// Codes of the properties, in the order of the reports.
     pub properties: &'a [String],
+    /// Those whose values have percentages, likewise.
+    pub with_percentages: &'a [String],
+    /// The standard deviation of each property's values over all surfaces.
+    pub deviations: &'a PerProperty<f64>,
     /// The unit of each surface, by the surface's name: what a resample keeps together.
     pub units: &'a HashMap<String, usize>,
-    /// The paper's fixed list.
+    /// The paper's fixed list; empty for data that is not the paper's or simulated after it.
     pub top8: &'a [String],
     pub bootstrap: Bootstrap,
 }
@@ -49,7 +53,7 @@ pub(crate) fn score(
         lines: method.row.notes.clone(),
     };
     notes.failures(method);
-    let mut scores = PropertyScores::of(method, &mut notes);
+    let mut scores = PropertyScores::of(method, scoring, &mut notes);
     let gains = Gains::of(method, methods, against, scoring, &mut notes);
     scores.r2_interval = intervals(method, scoring, &mut notes);
     let (held_out_surfaces, held_out_units) = held_out(method, scoring);
@@ -155,8 +159,11 @@ mod tests {
         let names = ["a", "b", "c", "d"].iter().zip(0..);
         let units = names.map(|(name, at)| ((*name).to_owned(), at)).collect();
         let properties = ["fRS".to_owned()];
+        let deviations = PerProperty::from([("fRS".to_owned(), 2.0)]);
         let scoring = Scoring {
             properties: &properties,
+            with_percentages: &properties,
+            deviations: &deviations,
             units: &units,
             top8: &[],
             bootstrap: Bootstrap::new(0).with_resamples(50),
@@ -191,6 +198,8 @@ mod tests {
         assert_eq!(row.reruns, 2);
         assert!((row.scores.r2["fRS"].unwrap() - R2).abs() < 1e-12);
         assert_eq!(row.scores.mae["fRS"], Some(0.5));
+        assert_eq!(row.scores.mae_over_std["fRS"], Some(0.25));
+        assert_eq!(row.means.spearman_mean, Some(1.0));
         assert!(row.scores.r2_interval["fRS"].is_some());
         assert_eq!(row.means.over_reruns.r2_mean, None);
         // Paired with the baseline's second rerun, which leaves 4 of 14.

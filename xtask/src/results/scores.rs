@@ -17,8 +17,12 @@ pub(crate) struct PropertyScores {
     /// deviation over reruns.
     pub r2: PerProperty<Number>,
     pub r2_std: PerProperty<Number>,
+    /// In the property's unit.
     pub mae: PerProperty<Number>,
-    /// Percent.
+    /// In standard deviations of the property's values over all surfaces.
+    #[serde(default)]
+    pub mae_over_std: PerProperty<Number>,
+    /// Percent; `null` where values touch zero or lie on both sides of it.
     pub median_percent_error: PerProperty<Number>,
     pub rmse: PerProperty<Number>,
     pub spearman: PerProperty<Number>,
@@ -30,7 +34,11 @@ pub(crate) struct PropertyScores {
 
 impl PropertyScores {
     /// All but the intervals.
-    pub(super) fn of(method: &MethodOutcomes<'_>, notes: &mut Notes) -> Self {
+    pub(super) fn of(
+        method: &MethodOutcomes<'_>,
+        scoring: &Scoring<'_>,
+        notes: &mut Notes,
+    ) -> Self {
         let mut all = Self::default();
         for (property, outcomes) in &method.outcomes {
             let scores: Vec<Scores> = outcomes.iter().map(Judged::scores).collect();
@@ -52,9 +60,16 @@ impl PropertyScores {
             };
             mean(&mut all.mae, "MAE", |s| &s.mae);
             let percent = &mut all.median_percent_error;
-            mean(percent, "median % error", |s| &s.median_percent_error);
+            if scoring.with_percentages.contains(property) {
+                mean(percent, "median % error", |s| &s.median_percent_error);
+            } else {
+                percent.insert(property.clone(), None);
+            }
             mean(&mut all.rmse, "RMSE", |s| &s.rmse);
             mean(&mut all.spearman, "Spearman", |s| &s.spearman);
+            let deviation = scoring.deviations.get(property).filter(|std| **std > 0.0);
+            let mae = all.mae[property].zip(deviation).map(|(mae, std)| mae / std);
+            all.mae_over_std.insert(property.clone(), mae);
             let percent = scores.iter().flat_map(|s| &s.median_percent_error);
             let zeros = percent.map(|score| score.zero_truths).sum();
             all.zero_truths.insert(property.clone(), zeros);

@@ -2,7 +2,8 @@
 
 use anyhow::Result;
 use rayon::prelude::*;
-use sps_dataset::Source;
+use sps_dataset::{Description, Property, Source};
+use sps_metrics::Moments;
 use sps_simulate::Ceiling;
 
 use super::found::Found;
@@ -13,8 +14,8 @@ use crate::encoder;
 use crate::journal::Outcome;
 use crate::paper;
 use crate::results::{
-    Costs, Dataset, Judged, MethodOutcomes, MethodResult, PerProperty, Results, Scoring, Speed,
-    score,
+    Costs, Dataset, Described, Judged, MethodOutcomes, MethodResult, PerProperty, Results, Scoring,
+    Speed, score,
 };
 
 /// A method with all its outcomes, by property, in the order of the reruns.
@@ -86,10 +87,32 @@ pub(super) fn results<S: Source>(
     let units = numbers
         .map(|(surface, &unit)| (surface.id.clone(), unit))
         .collect();
+    let described = described(source, about, &properties);
+    let dataset = dataset(experiment, source, about, splits);
+    let after_the_paper = dataset.is_after_the_paper();
+    let (with_percentages, without): (Vec<String>, Vec<String>) =
+        properties.iter().cloned().partition(|code| {
+            let range = described.get(code).and_then(|known| known.range);
+            after_the_paper || range.is_some_and(has_percentages)
+        });
+    let stds = described
+        .iter()
+        .map(|(code, known)| (code.clone(), known.std));
+    let deviations = stds.collect();
+    let mut notes = about.notes.clone();
+    if !without.is_empty() {
+        notes.push(format!(
+            "no percentage error of {}: their values touch zero or lie on both sides of it, where a \
+             percentage means nothing",
+            without.join(", ")
+        ));
+    }
     let scoring = Scoring {
         properties: &properties,
+        with_percentages: &with_percentages,
+        deviations: &deviations,
         units: &units,
-        top8: paper::top8(),
+        top8: if after_the_paper { paper::top8() } else { &[] },
         bootstrap: experiment.bootstrap,
     };
     let outcomes = rows.iter();
@@ -105,17 +128,49 @@ pub(super) fn results<S: Source>(
         provenance: provenance::of(experiment, source, about)?,
         experiment: experiment.name.clone(),
         description: experiment.description.clone(),
-        dataset: dataset(experiment, source, about, splits),
+        dataset,
         interval_level: experiment.interval_level.get(),
         against: against.map(|method| method.id.clone()).collect(),
         speed: experiment.speed.map(|asked| Speed::of(&methods, asked)),
         methods,
         properties,
-        notes: about.notes.clone(),
+        described,
+        notes,
     })
 }
 
 /// The encoders of the methods in words; what each has stands beside it where there are several.
+/// What is known of the properties, and how far their values differ over the surfaces.
+fn described<S: Source>(
+    source: &S,
+    about: &About,
+    properties: &[String],
+) -> PerProperty<Described> {
+    let table = source.tactile();
+    let averages = table.averages(&about.tactile, source.surfaces().len());
+    let wanted = |property: &&Property| properties.iter().any(|code| *code == property.code());
+    let described = table.properties.iter().filter(wanted).map(|property| {
+        let Description { name, unit, .. } = source.describe(property);
+        let values: Vec<f64> = averages.column(property).into_iter().flatten().collect();
+        let low = values.iter().copied().reduce(f64::min);
+        let range = low.zip(values.iter().copied().reduce(f64::max));
+        let moments: Moments = values.iter().copied().collect();
+        let known = Described {
+            name,
+            unit,
+            std: moments.sample_std().unwrap_or_default(),
+            range: range.map(|(low, high)| [low, high]),
+        };
+        (property.to_string(), known)
+    });
+    described.collect()
+}
+
+/// Whether all values lie on one side of zero, so that a percentage of them means something.
+fn has_percentages([low, high]: [f64; 2]) -> bool {
+    low > 0.0 || high < 0.0
+}
+
 fn encoders(methods: &[Method]) -> String {
     match by_encoder(methods).as_slice() {
         [(encoder, _)] => encoder::describe(encoder),

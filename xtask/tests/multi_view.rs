@@ -4,7 +4,7 @@ mod support;
 
 use std::fs;
 
-use support::{Scratch, method};
+use support::{Scratch, expect, message, method};
 
 const METHODS: &str = r#"
 [[methods]]
@@ -196,6 +196,14 @@ fn fixed_views_alone_are_embedded_alone() {
     // The view straight down and two others, or it and one other.
     let views = [2, 3].map(|views| format!("{} embeddings", views * surfaces));
     assert!(views.iter().any(|line| log.contains(line)), "{log}");
+}
+
+#[test]
+fn more_views_than_there_are_are_refused_by_the_name_of_the_method() {
+    let scratch = Scratch::new();
+    let mut command = scratch.experiment();
+    let text = message(command.args(["--set", "methods.ridge.views=9"]).assert());
+    expect(&text, &["method `ridge`", "9 views", "at most 5"]);
 }
 
 /// Angles of 0, 15, 30, 45 and 60 degrees: the middle view is not the one straight down.

@@ -137,7 +137,7 @@ pub(super) fn of(
 
 /// Refuses a network's input that is for other views than the method looks at.
 fn check_input(method: &MethodConfig) -> Result<(), Problem> {
-    let for_views = match (&method.head.input, method.views) {
+    let number = match (&method.head.input, method.views) {
         _ if method.relations.is_some() => {
             return refuse(
                 "head.input",
@@ -154,11 +154,13 @@ fn check_input(method: &MethodConfig) -> Result<(), Problem> {
         (Input::Single {}, _) => 1,
         (Input::LateFusion { views }, _) => *views,
     };
-    let (number, views) = (for_views, method.views);
-    refuse(
-        "head.input",
-        format!("takes {number}, but `views` is {views}"),
-    )
+    let fits = match number {
+        1 => "one view".to_owned(),
+        number => format!("{number} views"),
+    };
+    let views = method.views;
+    let why = format!("is for {fits}, but `views` is {views}");
+    refuse("head.input", why)
 }
 
 fn views(config: &Config, method: &MethodConfig) -> Result<Looks, Problem> {

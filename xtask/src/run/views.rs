@@ -54,7 +54,12 @@ pub(crate) fn needed<S: Source>(methods: &[&Method], source: &S) -> Result<Vec<u
                 needed.insert(data::nadir(source)?);
             }
             Looks::Selected(selected) if selected.selector.is_fixed() => {
-                needed.extend(without_loss(selected, count, 0)?.picks);
+                let views = without_loss(selected, count, 0);
+                needed.extend(
+                    views
+                        .with_context(|| format!("method `{}`", method.id))?
+                        .picks,
+                );
             }
             _ => return Ok((0..count).collect()),
         }

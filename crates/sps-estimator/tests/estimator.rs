@@ -459,7 +459,7 @@ fn what_does_not_fit_together_is_refused() {
         .unwrap_err()
         .to_string();
     assert!(
-        error.contains("1 views of width 512") && error.contains("expected 2"),
+        error.contains("found 1, expected 2, at 0 and 10 degrees"),
         "{error}"
     );
     let mut about = estimator.about().clone();

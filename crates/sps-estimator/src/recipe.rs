@@ -58,7 +58,7 @@ pub struct Recipe {
 /// What intervals promise, and the surfaces that they are calibrated on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibration {
-    /// Share of the surfaces that is kept aside, in (0, 1).
+    /// Share of the units that is kept aside, in (0, 1).
     pub share: f64,
     /// Share of new units whose truth an interval holds.
     pub level: Level,

@@ -1,12 +1,15 @@
 //! The results of a run, from the rows of its methods.
 
+use std::iter;
+
 use anyhow::Result;
 use rayon::prelude::*;
 use sps_dataset::Source;
 use sps_simulate::Ceiling;
+use tracing::info;
 
 use super::found::Found;
-use super::{Splits, by_encoder, provenance, selection};
+use super::{Splits, by_encoder, provenance, selection, what_is_measured};
 use crate::config::{Experiment, Looks, Method};
 use crate::data::About;
 use crate::encoder;
@@ -34,10 +37,11 @@ impl MethodRow<'_> {
         experiment: &Experiment,
         source: &S,
         splits: &Splits,
-    ) -> MethodOutcomes<'_> {
+    ) -> Result<MethodOutcomes<'_>> {
         let method = self.method;
-        let asked = method.training_surfaces;
-        let trained_on = asked.unwrap_or_else(|| splits.training_surfaces());
+        let trained_on = splits
+            .of_method(method, experiment.seed)?
+            .training_surfaces();
         let row = MethodResult {
             id: method.id.clone(),
             label: method.label.clone(),
@@ -55,11 +59,11 @@ impl MethodRow<'_> {
             selections: selection::summaries(self, rows, source.view_angles()),
             ..MethodResult::default()
         };
-        MethodOutcomes {
+        Ok(MethodOutcomes {
             row,
             adaptive: method.adaptive,
             outcomes: self.judged(splits.of_rerun),
-        }
+        })
     }
 
     /// Its outcomes, the folds of a rerun together.
@@ -95,11 +99,13 @@ pub(super) fn results<S: Source>(
     let outcomes = rows.iter();
     let outcomes: Vec<MethodOutcomes<'_>> = outcomes
         .map(|row| row.outcomes(rows, experiment, source, splits))
-        .collect();
+        .collect::<Result<_>>()?;
     let methods: Vec<MethodResult> = outcomes
         .par_iter()
         .map(|method| score(method, &outcomes, &experiment.against, &scoring))
         .collect();
+    let measured = what_is_measured(splits, source.surfaces());
+    info!("{measured}");
     let against = experiment.against.iter().filter_map(|&at| methods.get(at));
     Ok(Results {
         provenance: provenance::of(experiment, source, about)?,
@@ -111,7 +117,9 @@ pub(super) fn results<S: Source>(
         speed: experiment.speed.map(|asked| Speed::of(&methods, asked)),
         methods,
         properties,
-        notes: about.notes.clone(),
+        notes: iter::once(measured)
+            .chain(about.notes.iter().cloned())
+            .collect(),
     })
 }
 

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use candle_core::{Device, Tensor};
 use clap::Parser;
 use sps_dataset::{
-    FrameIndex, KFold, KeepGroups, Source, SplitPlan, TactileSettings, decode_frames, toccare,
+    FrameIndex, KFold, Source, SplitPlan, TactileSettings, Unit, decode_frames, toccare,
 };
 use sps_metrics::{Bootstrap, Compared, Metric, Samples};
 use sps_models::encoders::{Encoder, EncoderKind};
@@ -77,7 +77,7 @@ impl Set {
             .collect();
         let plan = SplitPlan::KFold(KFold {
             folds: FOLDS,
-            keep_groups: KeepGroups::Never,
+            by: Some(Unit::Surface),
         });
         let splits = plan.splits(simulator.surfaces(), seed, 0)?;
         let folds = splits.into_iter().zip(0..).map(|(split, number)| Rerun {

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use candle_core::{Device, Tensor};
 use image::{Rgb, RgbImage};
 use serde_json::Value;
-use sps_dataset::{DatasetFolder, KeepGroups, ReadSettings, Source, TactileSettings, Units};
+use sps_dataset::{DatasetFolder, ReadSettings, Source, TactileSettings, Unit, Units};
 use sps_estimator::{Embedder, Network, photographs_in};
 use sps_models::encoders::{Encoder, EncoderKind};
 use sps_models::heads::{Plan, Rerun, TrainingData, Views};
@@ -204,7 +204,7 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
         .averages(&TactileSettings::default(), count);
     let rows: Vec<_> = (0..count).map(|s| vec![touched.value(s, "fRS")]).collect();
     let readings = Readings::new(vec!["fRS".into()], &rows).unwrap();
-    let units = Units::of(dataset.surfaces(), KeepGroups::Never);
+    let units = Units::by(dataset.surfaces(), Unit::Surface);
     let all: Vec<usize> = (0..count).collect();
     let split = units.keep_aside(&all, 0.5, 0, "random split", 0).unwrap();
     let rerun = Rerun {
@@ -315,7 +315,7 @@ fn an_encoder_that_is_trained_does_not_see_what_calibrates() {
         encoder = { trainable = true, training = { epochs = 1, batch-size = 4 } } }]";
     let dataset = root().join("fixtures/tiny-dataset");
     let dataset = DatasetFolder::open(&dataset, &ReadSettings::default()).unwrap();
-    let units = Units::of(dataset.surfaces(), KeepGroups::Never);
+    let units = Units::by(dataset.surfaces(), Unit::Surface);
     let all: Vec<usize> = (0..6).collect();
     let part = units.keep_aside(&all, 0.34, 0, "random split", 0).unwrap();
     let weights = |changed: Option<usize>| {

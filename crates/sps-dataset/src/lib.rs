@@ -108,7 +108,7 @@ pub use tactile::{
     Average, Cell, OutOfRange, RangePolicy, Reading, SurfaceAverages, TactileSettings, TactileTable,
 };
 pub use toml_text::parse_toml;
-pub use units::{KeepGroups, Unit, Units};
+pub use units::{Unit, Units};
 
 /// Runs the examples of the README as tests.
 #[cfg(doctest)]

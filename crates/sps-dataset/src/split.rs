@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::Surface;
-use crate::units::{KeepGroups, Unit, Units};
+use crate::units::{Unit, Units};
 
 /// Which surfaces a model is fitted on and which it is judged by, as indices in ascending order.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -12,7 +12,8 @@ pub struct Split {
     pub validation: Vec<usize>,
 }
 
-/// How surfaces are split, as a config says it.
+/// How surfaces are split, as a config says it. Each way takes what it keeps together, `by`:
+/// without it, groups where any has more than one surface, else surfaces.
 ///
 /// ```
 /// use sps_dataset::{SplitPlan, Surface};
@@ -25,35 +26,84 @@ pub struct Split {
 /// # Ok::<(), sps_dataset::SplitError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[serde(rename_all = "kebab-case", try_from = "Written")]
 pub enum SplitPlan {
     /// One split at random, another for each rerun; the paper's, with a tenth kept aside.
     Random(RandomSplit),
-    /// Every surface kept aside once.
+    /// Every surface kept aside once; other folds in each rerun.
     KFold(KFold),
-    /// Every group kept aside once, on its own: what a model knows of a group that it has not seen.
-    /// The same splits in every rerun.
-    LeaveOneGroupOut {},
+    /// Every surface, group or material kept aside once, on its own: what a model knows of one that
+    /// it has not seen. The same splits in every rerun.
+    LeaveOneOut {
+        /// What is kept together.
+        by: Option<Unit>,
+    },
 }
 
 /// The settings of [`SplitPlan::Random`].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RandomSplit {
-    /// The share that is kept aside, between 0 and 1. Default 0.1, as in the paper (section 5).
+    /// The share of surfaces, groups or materials that is kept aside, between 0 and 1. Default 0.1,
+    /// as in the paper (section 5).
     pub validation: f64,
-    /// Whether surfaces of one group stay together. Default: where any group has several.
-    pub keep_groups: KeepGroups,
+    /// What is kept together.
+    pub by: Option<Unit>,
 }
 
 /// The settings of [`SplitPlan::KFold`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(default, rename_all = "kebab-case", deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct KFold {
     /// How many parts the surfaces are dealt into. Default 10.
     pub folds: usize,
-    /// Whether surfaces of one group stay together. Default: where any group has several.
-    pub keep_groups: KeepGroups,
+    /// What is kept together.
+    pub by: Option<Unit>,
+}
+
+/// The keys of a [`SplitPlan`], with those of earlier configs: `keep-groups` and
+/// `leave-one-group-out`.
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Written {
+    Random(RandomKeys),
+    KFold(KFoldKeys),
+    LeaveOneOut(LeaveOneOutKeys),
+    LeaveOneGroupOut {},
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct RandomKeys {
+    validation: Option<f64>,
+    by: Option<Unit>,
+    keep_groups: Option<KeepGroups>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct KFoldKeys {
+    folds: Option<usize>,
+    by: Option<Unit>,
+    keep_groups: Option<KeepGroups>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LeaveOneOutKeys {
+    by: Option<Unit>,
+}
+
+/// Whether surfaces of one group stay together.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(untagged, expecting = "expected \"auto\", true or false")]
+enum KeepGroups {
+    Always(bool),
+    WhereSeveral(Auto),
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Auto {
+    Auto,
 }
 
 /// Surfaces that cannot be split as asked.
@@ -88,7 +138,7 @@ impl Default for RandomSplit {
     fn default() -> Self {
         Self {
             validation: 0.1,
-            keep_groups: KeepGroups::Auto,
+            by: None,
         }
     }
 }
@@ -97,8 +147,42 @@ impl Default for KFold {
     fn default() -> Self {
         Self {
             folds: 10,
-            keep_groups: KeepGroups::Auto,
+            by: None,
         }
+    }
+}
+
+impl TryFrom<Written> for SplitPlan {
+    type Error = &'static str;
+
+    fn try_from(written: Written) -> Result<Self, Self::Error> {
+        Ok(match written {
+            Written::Random(keys) => Self::Random(RandomSplit {
+                validation: keys.validation.unwrap_or(RandomSplit::default().validation),
+                by: kept_together(keys.by, keys.keep_groups)?,
+            }),
+            Written::KFold(keys) => Self::KFold(KFold {
+                folds: keys.folds.unwrap_or(KFold::default().folds),
+                by: kept_together(keys.by, keys.keep_groups)?,
+            }),
+            Written::LeaveOneOut(LeaveOneOutKeys { by }) => Self::LeaveOneOut { by },
+            Written::LeaveOneGroupOut {} => Self::LeaveOneOut {
+                by: Some(Unit::Group),
+            },
+        })
+    }
+}
+
+fn kept_together(
+    by: Option<Unit>,
+    keep_groups: Option<KeepGroups>,
+) -> Result<Option<Unit>, &'static str> {
+    match (by, keep_groups) {
+        (by, None) => Ok(by),
+        (Some(_), Some(_)) => Err("found both `by` and `keep-groups`, expected `by` alone"),
+        (None, Some(KeepGroups::WhereSeveral(Auto::Auto))) => Ok(None),
+        (None, Some(KeepGroups::Always(true))) => Ok(Some(Unit::Group)),
+        (None, Some(KeepGroups::Always(false))) => Ok(Some(Unit::Surface)),
     }
 }
 
@@ -106,21 +190,20 @@ impl SplitPlan {
     /// What the plan keeps together of these surfaces. Whoever splits one of its parts again
     /// (calibration, folds, early stopping) or resamples them does so by the same units.
     pub fn units(&self, surfaces: &[Surface]) -> Units {
-        Units::of(
-            surfaces,
-            match self {
-                Self::Random(random) => random.keep_groups,
-                Self::KFold(folds) => folds.keep_groups,
-                Self::LeaveOneGroupOut {} => KeepGroups::Always,
-            },
-        )
+        let (Self::Random(RandomSplit { by, .. })
+        | Self::KFold(KFold { by, .. })
+        | Self::LeaveOneOut { by }) = self;
+        match by {
+            Some(unit) => Units::by(surfaces, *unit),
+            None => Units::of(surfaces),
+        }
     }
 
-    /// The splits of one rerun: one at random, one per fold, or one per group. They depend on
-    /// nothing but the plan, the number and groups of the surfaces, the seed and the rerun.
+    /// The splits of one rerun: one at random, one per fold, or one per unit. They depend on
+    /// nothing but the plan, the number and units of the surfaces, the seed and the rerun.
     ///
     /// # Errors
-    /// Where there are too few surfaces or groups, or the plan makes no sense.
+    /// Where there are too few units, or the plan makes no sense.
     pub fn splits(
         &self,
         surfaces: &[Surface],
@@ -135,7 +218,7 @@ impl SplitPlan {
                 Ok(vec![split])
             }
             Self::KFold(KFold { folds, .. }) => units.folds(&all, folds, seed, "folds", rerun),
-            Self::LeaveOneGroupOut {} => units.each_aside(&all),
+            Self::LeaveOneOut { .. } => units.each_aside(&all),
         }
     }
 }
@@ -158,23 +241,19 @@ mod tests {
     fn random(validation: f64, keep: bool) -> SplitPlan {
         SplitPlan::Random(RandomSplit {
             validation,
-            keep_groups: kept(keep),
+            by: kept(keep),
         })
     }
 
     fn k_fold(folds: usize, keep: bool) -> SplitPlan {
         SplitPlan::KFold(KFold {
             folds,
-            keep_groups: kept(keep),
+            by: kept(keep),
         })
     }
 
-    fn kept(keep: bool) -> KeepGroups {
-        if keep {
-            KeepGroups::Always
-        } else {
-            KeepGroups::Never
-        }
+    fn kept(keep: bool) -> Option<Unit> {
+        Some(if keep { Unit::Group } else { Unit::Surface })
     }
 
     #[test]
@@ -218,8 +297,13 @@ mod tests {
     #[test]
     fn groups_larger_than_the_share_still_leave_a_validation_part() {
         let groups = [vec![0; 9], vec![1; 6], vec![2; 7]].concat();
-        let split = &random(0.1, true).splits(&surfaces(&groups), 3, 0).unwrap()[0];
-        assert_eq!(split.validation, (9..15).collect::<Vec<_>>());
+        let all = surfaces(&groups);
+        for seed in 0..20 {
+            let split = &random(0.1, true).splits(&all, seed, 0).unwrap()[0];
+            let of_group = groups[split.validation[0]];
+            let members: Vec<usize> = (0..22).filter(|&i| groups[i] == of_group).collect();
+            assert_eq!(split.validation, members);
+        }
     }
 
     #[test]
@@ -245,7 +329,9 @@ mod tests {
 
     #[test]
     fn leave_one_group_out_holds_each_group_out_once() {
-        let plan = SplitPlan::LeaveOneGroupOut {};
+        let plan = SplitPlan::LeaveOneOut {
+            by: Some(Unit::Group),
+        };
         let splits = plan.splits(&surfaces(&[5, 3, 5, 8]), 1, 0).unwrap();
         let held: Vec<_> = splits
             .iter()

@@ -3,87 +3,57 @@
 use std::collections::HashMap;
 use std::fmt;
 
-use serde::de::{self, Deserializer, Visitor};
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
 use crate::stream::shuffle;
 use crate::{Split, SplitError, Surface};
 
-/// What a split keeps together, a resample draws and an interval speaks of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// What a split keeps together, a resample draws and an interval speaks of; in ascending order of
+/// how much that is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Unit {
     /// Each surface on its own.
     Surface,
     /// All surfaces of a group.
     Group,
+    /// All surfaces of a material.
+    Material,
+}
+
+impl Unit {
+    /// As a config names it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Surface => "surface",
+            Self::Group => "group",
+            Self::Material => "material",
+        }
+    }
+
+    /// The name of the group or material that a surface is of; `None` where the surface is a unit of
+    /// its own, as one without such a name is.
+    pub fn of(self, surface: &Surface) -> Option<&str> {
+        let name = match self {
+            Self::Surface => return None,
+            Self::Group => &surface.group,
+            Self::Material => &surface.material,
+        };
+        (!name.is_empty()).then_some(name)
+    }
 }
 
 impl fmt::Display for Unit {
     /// In the plural.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::Surface => "surfaces",
-            Self::Group => "groups",
-        })
-    }
-}
-
-/// Whether surfaces of one group stay together: `"auto"`, `true` or `false` in a config.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum KeepGroups {
-    /// Where any group has more than one surface.
-    #[default]
-    Auto,
-    /// In any case.
-    Always,
-    /// They may be split apart: what is measured then is how well known groups are recognised.
-    Never,
-}
-
-impl Serialize for KeepGroups {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Auto => serializer.serialize_str("auto"),
-            Self::Always => serializer.serialize_bool(true),
-            Self::Never => serializer.serialize_bool(false),
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for KeepGroups {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Written;
-        impl Visitor<'_> for Written {
-            type Value = KeepGroups;
-
-            fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-                formatter.write_str("\"auto\", true or false")
-            }
-
-            fn visit_bool<E: de::Error>(self, keep: bool) -> Result<KeepGroups, E> {
-                Ok(if keep {
-                    KeepGroups::Always
-                } else {
-                    KeepGroups::Never
-                })
-            }
-
-            fn visit_str<E: de::Error>(self, word: &str) -> Result<KeepGroups, E> {
-                match word {
-                    "auto" => Ok(KeepGroups::Auto),
-                    other => Err(E::invalid_value(de::Unexpected::Str(other), &self)),
-                }
-            }
-        }
-        deserializer.deserialize_any(Written)
+        write!(formatter, "{}s", self.name())
     }
 }
 
 /// The unit that each surface belongs to.
 ///
 /// ```
-/// use sps_dataset::{KeepGroups, Surface, Unit, Units};
+/// use sps_dataset::{Surface, Unit, Units};
 ///
 /// let surface = |id: &str, group: &str| Surface {
 ///     id: id.into(),
@@ -91,12 +61,12 @@ impl<'de> Deserialize<'de> for KeepGroups {
 ///     group: group.into(),
 /// };
 /// let surfaces = [surface("a1", "a"), surface("b1", "b"), surface("a2", "a")];
-/// let units = Units::of(&surfaces, KeepGroups::Auto);
+/// let units = Units::of(&surfaces);
 /// assert_eq!((units.unit(), units.count()), (Unit::Group, 2));
 /// assert_eq!(units.of_surface(), [0, 1, 0]);
 ///
-/// // A third of the surfaces kept aside: no group is on both sides.
-/// let split = units.keep_aside(&[0, 1, 2], 0.34, 1, "calibration", 0)?;
+/// // Half of the groups kept aside: no group is on both sides.
+/// let split = units.keep_aside(&[0, 1, 2], 0.5, 1, "calibration", 0)?;
 /// assert_eq!((split.train, split.validation), (vec![0, 2], vec![1]));
 /// # Ok::<(), sps_dataset::SplitError>(())
 /// ```
@@ -108,32 +78,33 @@ pub struct Units {
 }
 
 impl Units {
-    /// The units of `surfaces`, numbered in the order in which they come up.
-    pub fn of(surfaces: &[Surface], keep: KeepGroups) -> Self {
+    /// Groups where any has more than one surface, else surfaces.
+    pub fn of(surfaces: &[Surface]) -> Self {
+        let groups = Self::by(surfaces, Unit::Group);
+        if groups.count < surfaces.len() {
+            groups
+        } else {
+            Self::by(surfaces, Unit::Surface)
+        }
+    }
+
+    /// The units of `surfaces`, numbered in the order in which they come up. A surface without a
+    /// group or material is a unit of its own.
+    pub fn by(surfaces: &[Surface], unit: Unit) -> Self {
         let mut numbers: HashMap<&str, usize> = HashMap::new();
-        let groups: Vec<usize> = surfaces
-            .iter()
-            .map(|surface| {
-                let next = numbers.len();
-                *numbers.entry(&surface.group).or_insert(next)
-            })
-            .collect();
-        let unit = match keep {
-            KeepGroups::Always => Unit::Group,
-            KeepGroups::Auto if numbers.len() < surfaces.len() => Unit::Group,
-            KeepGroups::Auto | KeepGroups::Never => Unit::Surface,
+        let mut count = 0;
+        let number = |surface| {
+            let number = match unit.of(surface) {
+                Some(name) => *numbers.entry(name).or_insert(count),
+                None => count,
+            };
+            count = count.max(number + 1);
+            number
         };
-        match unit {
-            Unit::Group => Self {
-                unit,
-                of_surface: groups,
-                count: numbers.len(),
-            },
-            Unit::Surface => Self {
-                unit,
-                of_surface: (0..surfaces.len()).collect(),
-                count: surfaces.len(),
-            },
+        Self {
+            unit,
+            of_surface: surfaces.iter().map(number).collect(),
+            count,
         }
     }
 
@@ -157,8 +128,10 @@ impl Units {
         self.members(surfaces).len()
     }
 
-    /// Keeps a share of some surfaces aside, whole units at random: the stream is keyed by `seed`,
-    /// `purpose` and `index`. Indices without a surface are left out.
+    /// Keeps a share of the units of some surfaces aside, at random: the stream is keyed by `seed`,
+    /// `purpose` and `index`. Every unit is as likely to be drawn as any other, whatever its size, so
+    /// what holds on average for the units kept aside holds for a new one; the share of the
+    /// surfaces varies. Indices without a surface are left out.
     ///
     /// # Errors
     /// A share that is not between 0 and 1, or fewer than two units.
@@ -174,14 +147,15 @@ impl Units {
             return Err(SplitError::Share(share));
         }
         let units = self.shuffled(surfaces, 2, seed, purpose, index)?;
-        let count = units.iter().map(Vec::len).sum();
-        Ok(Split::keeping_aside(
-            kept_aside(&units, count, share),
-            surfaces,
-        ))
+        let wanted = (units.len() as f64 * share).round() as usize;
+        let drawn = &units[..wanted.clamp(1, units.len() - 1)];
+        Ok(Split::keeping_aside(drawn.concat(), surfaces))
     }
 
-    /// Deals the units of some surfaces into `folds` parts at random, each kept aside once.
+    /// Deals the units of some surfaces into `folds` parts at random, each kept aside once. Every
+    /// unit is in one part, and parts have about as many surfaces: large units are dealt first, so
+    /// which units share a part goes with their sizes. Where a part must be like new units, as to
+    /// calibrate, take [`keep_aside`](Self::keep_aside).
     ///
     /// # Errors
     /// Fewer than two folds, or fewer units than folds.
@@ -262,24 +236,6 @@ impl Split {
         train.sort_unstable();
         Self { train, validation }
     }
-}
-
-/// Takes, in order, each unit that brings the part nearer to the share asked for; the smallest
-/// where none does. At least one unit is left over.
-fn kept_aside(units: &[Vec<usize>], surfaces: usize, share: f64) -> Vec<usize> {
-    let wanted = ((surfaces as f64 * share).round() as usize).clamp(1, surfaces - 1);
-    let mut part: Vec<usize> = Vec::new();
-    for unit in units {
-        let with_it = part.len() + unit.len();
-        if with_it.abs_diff(wanted) < part.len().abs_diff(wanted) && with_it < surfaces {
-            part.extend(unit);
-        }
-    }
-    if part.is_empty() {
-        let smallest = units.iter().min_by_key(|unit| unit.len());
-        part.extend(smallest.into_iter().flatten());
-    }
-    part
 }
 
 /// Deals units out, large ones first, each to the part that is smallest so far.

@@ -1,7 +1,7 @@
 //! No split, fold or part that is kept aside takes a group apart, whatever the groups.
 
 use proptest::prelude::*;
-use sps_dataset::{KFold, KeepGroups, RandomSplit, Split, SplitPlan, Surface, Unit, Units};
+use sps_dataset::{KFold, RandomSplit, Split, SplitPlan, Surface, Unit};
 
 fn surfaces(groups: &[u8]) -> Vec<Surface> {
     let surface = |(i, group): (usize, &u8)| Surface {
@@ -23,8 +23,8 @@ fn grouped() -> impl Strategy<Value = Vec<u8>> {
     })
 }
 
-fn keeping() -> impl Strategy<Value = KeepGroups> {
-    prop_oneof![Just(KeepGroups::Auto), Just(KeepGroups::Always)]
+fn keeping() -> impl Strategy<Value = Option<Unit>> {
+    prop_oneof![Just(None), Just(Some(Unit::Group))]
 }
 
 /// Every index of `among` is on one side, and no group on both.
@@ -44,15 +44,15 @@ proptest! {
     #[test]
     fn plans_keep_groups_whole(
         groups in grouped(),
-        keep in keeping(),
+        by in keeping(),
         share in 0.01_f64..0.99,
         folds in 2_usize..6,
         (seed, rerun) in any::<(u64, u64)>(),
     ) {
         let plans = [
-            SplitPlan::Random(RandomSplit { validation: share, keep_groups: keep }),
-            SplitPlan::KFold(KFold { folds, keep_groups: keep }),
-            SplitPlan::LeaveOneGroupOut {},
+            SplitPlan::Random(RandomSplit { validation: share, by }),
+            SplitPlan::KFold(KFold { folds, by }),
+            SplitPlan::LeaveOneOut { by },
         ];
         let (all, surfaces): (Vec<usize>, _) = ((0..groups.len()).collect(), surfaces(&groups));
         for plan in plans {
@@ -68,13 +68,13 @@ proptest! {
     #[test]
     fn parts_of_parts_keep_groups_whole(
         groups in grouped(),
-        keep in keeping(),
+        by in keeping(),
         chosen in prop::collection::vec(any::<bool>(), 90),
         share in 0.01_f64..0.99,
         folds in 2_usize..6,
         (seed, index) in any::<(u64, u64)>(),
     ) {
-        let units = Units::of(&surfaces(&groups), keep);
+        let units = SplitPlan::LeaveOneOut { by }.units(&surfaces(&groups));
         let some: Vec<usize> = (0..groups.len()).filter(|&i| chosen[i]).collect();
         if let Ok(split) = units.keep_aside(&some, share, seed, "part", index) {
             whole(&split, &groups, &some)?;
@@ -93,8 +93,8 @@ proptest! {
 
     /// What a cluster bootstrap draws and a hierarchical interval counts.
     #[test]
-    fn a_unit_is_a_group(groups in grouped(), keep in keeping()) {
-        let units = Units::of(&surfaces(&groups), keep);
+    fn a_unit_is_a_group(groups in grouped(), by in keeping()) {
+        let units = SplitPlan::LeaveOneOut { by }.units(&surfaces(&groups));
         let of_surface = units.of_surface();
         for (i, first) in groups.iter().enumerate() {
             for (j, second) in groups.iter().enumerate() {

@@ -4,7 +4,7 @@
 
 use std::path::PathBuf;
 
-use sps_dataset::{KeepGroups, Surface, Units};
+use sps_dataset::{Surface, Units};
 use sps_estimator::{
     About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted,
     Widths,
@@ -45,10 +45,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         material: String::new(),
         group: at.to_string(),
     };
-    let units = Units::of(
-        &(0..SURFACES).map(surface).collect::<Vec<_>>(),
-        KeepGroups::Auto,
-    );
+    let units = Units::of(&(0..SURFACES).map(surface).collect::<Vec<_>>());
 
     let recipe = Recipe {
         regression: Regression::Ridge(Ridge::new(RidgeConfig::default())?),

@@ -5,7 +5,8 @@ use sps_metrics::{ConformalError, GroupConformal, Level, SplitConformal};
 
 /// Half the width of intervals that hold the truth of a surface of a new unit at this level, from
 /// the residuals of calibration surfaces, by their index, that the model has not seen: by
-/// [`SplitConformal`] where the unit is a surface, by [`GroupConformal`] where it is a group.
+/// [`SplitConformal`] where the unit is a surface, by [`GroupConformal`] where it is a group or a
+/// material.
 ///
 /// # Errors
 ///
@@ -18,7 +19,7 @@ pub fn radius(
     let (surfaces, residuals): (Vec<usize>, Vec<f64>) = residuals.iter().copied().unzip();
     match units.unit() {
         Unit::Surface => Ok(SplitConformal::from_residuals(&residuals, level)?.radius()),
-        Unit::Group => {
+        Unit::Group | Unit::Material => {
             let of_surface = units.of_surface();
             let groups = surfaces.iter();
             let groups: Vec<usize> = groups

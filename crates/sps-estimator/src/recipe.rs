@@ -58,7 +58,7 @@ pub struct Recipe {
 /// What intervals promise, and the surfaces that they are calibrated on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibration {
-    /// Share of the surfaces that is kept aside, in (0, 1); `None` fits to all of them, and there are no
+    /// Share of the units that is kept aside, in (0, 1); `None` fits to all of them, and there are no
     /// intervals.
     pub share: Option<f64>,
     /// Share of new units whose truth an interval holds.

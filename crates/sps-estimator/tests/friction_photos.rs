@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use sps_dataset::{DatasetFolder, Frame, KeepGroups, ReadSettings, Source, TactileSettings, Units};
+use sps_dataset::{DatasetFolder, Frame, ReadSettings, Source, TactileSettings, Unit, Units};
 use sps_estimator::{Calibration, Embedder, Examples, Network, Recipe, Regression, Wanted, Widths};
 use sps_metrics::Level;
 use sps_models::candle::{Device, Tensor};
@@ -63,7 +63,7 @@ fn a_material_that_was_left_out_is_unfamiliar() {
         .map(|s| vec![touched.value(s, "fRS")])
         .collect();
     let readings = Readings::new(vec!["fRS".into()], &rows).unwrap();
-    let units = Units::of(surfaces, KeepGroups::Auto);
+    let units = Units::of(surfaces);
     let recipe = Recipe {
         regression: Regression::Ridge(Ridge::new(RidgeConfig::default()).unwrap()),
         wanted: vec![Wanted {
@@ -83,7 +83,7 @@ fn a_material_that_was_left_out_is_unfamiliar() {
         data: TrainingData::new(&embeddings, &readings).with_units(units.of_surface()),
         units: &units,
     };
-    let single = Units::of(surfaces, KeepGroups::Never);
+    let single = Units::by(surfaces, Unit::Surface);
     let mut of_material = BTreeMap::new();
     let (mut all_known, mut all_new) = (Vec::new(), Vec::new());
     for (number, split) in units

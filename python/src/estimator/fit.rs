@@ -5,7 +5,7 @@ use std::path::Path;
 use numpy::{AllowTypeChange, PyArrayLikeDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sps_dataset::{DecodeSettings, Extent, KeepGroups, Surface, Units};
+use sps_dataset::{DecodeSettings, Extent, Surface, Units};
 use sps_estimator::{
     About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted,
     Widths, read_photograph,
@@ -83,7 +83,7 @@ fn units(surfaces: usize, groups: Option<&Bound<'_, PyAny>>) -> PyResult<Units> 
         group: group.to_string(),
     };
     let surfaces: Vec<Surface> = groups.into_iter().enumerate().map(surface).collect();
-    Ok(Units::of(&surfaces, KeepGroups::Auto))
+    Ok(Units::of(&surfaces))
 }
 
 /// Numbers of things that Python can tell apart, in the order in which they come up.

@@ -175,7 +175,7 @@ fn print_grouped(properties: &[PropertySummary]) {
     if !codes.is_empty() {
         println!(
             "\nmore than half of the variance of {} lies between groups (column `between`): a \
-             random split would measure recognition of known groups: `by = \"group\"` keeps them whole",
+             split `by = \"surface\"` would measure recognition of known groups",
             codes.join(", ")
         );
     }

@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 use serde::Serialize;
-use sps_dataset::Unit;
 use sps_metrics::{Bootstrap, BootstrapError, Compared, Samples, Scored};
 
 use super::Run;
@@ -111,8 +110,7 @@ fn pairs<'r>(
     properties: &[&String],
 ) -> Option<Vec<Pair<'r>>> {
     let mut pairs = Vec::new();
-    let second_keeps_more =
-        second.outcomes.unit == Unit::Group && first.outcomes.unit == Unit::Surface;
+    let second_keeps_more = second.outcomes.unit > first.outcomes.unit;
     for property in properties {
         let mine = first.outcomes.get(method, property);
         let theirs = second.outcomes.get(method, property);

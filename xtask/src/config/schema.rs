@@ -318,11 +318,16 @@ mod tests {
     use super::*;
     use serde::de::DeserializeOwned;
     use sps_base::names::UnknownName;
-    use sps_dataset::{KFold, RandomSplit};
 
     /// The keys of a table, by what serde says of one that it has not.
     fn keys<T: DeserializeOwned>() -> Vec<String> {
-        let error = toml::from_str::<T>("no-such-key = 1").err().unwrap();
+        keys_in::<T>("")
+    }
+
+    /// The keys of a table inside.
+    fn keys_in<T: DeserializeOwned>(heading: &str) -> Vec<String> {
+        let text = format!("{heading}\nno-such-key = 1");
+        let error = toml::from_str::<T>(&text).err().unwrap();
         UnknownName::of_serde(error.message()).unwrap().expected
     }
 
@@ -336,7 +341,8 @@ mod tests {
             keys::<TemporalRelations>(),
             keys::<Adaptive>(),
         ];
-        let splits = [keys::<RandomSplit>(), keys::<KFold>()];
+        let splits = ["random", "k-fold", "leave-one-out"]
+            .map(|plan| keys_in::<SplitPlan>(&format!("[{plan}]")));
         for key in methods.iter().chain(inside.iter().chain(&splits).flatten()) {
             let row = |line: &str| line.starts_with('|') && line.contains(&format!("| `{key}` |"));
             assert!(

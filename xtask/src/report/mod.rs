@@ -154,11 +154,11 @@ fn training_and_held_out(results: &Results) -> String {
         counted(data.training_surfaces, "surface"),
         held_out
     );
-    if data.unit == Some(Unit::Group) {
-        let groups = counted(data.units, "group");
+    if let Some(unit @ (Unit::Group | Unit::Material)) = data.unit {
+        let units = counted(data.units, unit.name());
         let _ = write!(
             text,
-            " The surfaces lie in {groups}, which splits, folds and resamples keep whole."
+            " The surfaces lie in {units}, which splits, folds and resamples keep whole."
         );
     }
     text

@@ -134,9 +134,11 @@ fn held_out(results: &Results, method: &MethodResult) -> Cell {
     }
     let surfaces = counted(surfaces, "surface");
     match results.dataset.unit {
-        Some(Unit::Group) => {
-            format!("{}, {surfaces}", counted(method.held_out_units, "group")).into()
-        }
+        Some(unit @ (Unit::Group | Unit::Material)) => format!(
+            "{}, {surfaces}",
+            counted(method.held_out_units, unit.name())
+        )
+        .into(),
         Some(Unit::Surface) | None => surfaces.into(),
     }
 }
@@ -400,6 +402,11 @@ mod tests {
             (None, "323 surfaces", "over surfaces"),
             (Some(Unit::Surface), "323 surfaces", "over surfaces"),
             (Some(Unit::Group), "8 groups, 323 surfaces", "over groups"),
+            (
+                Some(Unit::Material),
+                "8 materials, 323 surfaces",
+                "over materials",
+            ),
         ] {
             results.dataset.unit = unit;
             let table = means(&results);

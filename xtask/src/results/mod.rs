@@ -95,7 +95,8 @@ pub(crate) struct Dataset {
     /// Surfaces that each rerun was trained on, on average.
     #[serde(default)]
     pub training_surfaces: usize,
-    /// What splits, folds, calibration and resamples keep together: `surface` or `group`.
+    /// What splits, folds, calibration and resamples keep together: `surface`, `group` or
+    /// `material`.
     #[serde(default)]
     #[cfg_attr(test, schemars(with = "Option<String>"))]
     pub unit: Option<Unit>,

@@ -5,9 +5,10 @@ use rayon::prelude::*;
 use sps_dataset::{Description, Property, Source};
 use sps_metrics::Moments;
 use sps_simulate::Ceiling;
+use tracing::info;
 
 use super::found::Found;
-use super::{Splits, by_encoder, provenance, selection};
+use super::{Splits, by_encoder, provenance, selection, what_is_measured};
 use crate::config::{Experiment, Looks, Method};
 use crate::data::About;
 use crate::encoder;
@@ -35,10 +36,11 @@ impl MethodRow<'_> {
         experiment: &Experiment,
         source: &S,
         splits: &Splits,
-    ) -> MethodOutcomes<'_> {
+    ) -> Result<MethodOutcomes<'_>> {
         let method = self.method;
-        let asked = method.training_surfaces;
-        let trained_on = asked.unwrap_or_else(|| splits.training_surfaces());
+        let trained_on = splits
+            .of_method(method, experiment.seed)?
+            .training_surfaces();
         let row = MethodResult {
             id: method.id.clone(),
             label: method.label.clone(),
@@ -56,11 +58,11 @@ impl MethodRow<'_> {
             selections: selection::summaries(self, rows, source.view_angles()),
             ..MethodResult::default()
         };
-        MethodOutcomes {
+        Ok(MethodOutcomes {
             row,
             adaptive: method.adaptive,
             outcomes: self.judged(splits.of_rerun),
-        }
+        })
     }
 
     /// Its outcomes, the folds of a rerun together.
@@ -99,7 +101,10 @@ pub(super) fn results<S: Source>(
         .iter()
         .map(|(code, known)| (code.clone(), known.std));
     let deviations = stds.collect();
-    let mut notes = about.notes.clone();
+    let measured = what_is_measured(splits, source.surfaces());
+    info!("{measured}");
+    let mut notes = vec![measured];
+    notes.extend(about.notes.iter().cloned());
     if !without.is_empty() {
         notes.push(format!(
             "no percentage error of {}: their values touch zero or lie on both sides of it, where a \
@@ -118,7 +123,7 @@ pub(super) fn results<S: Source>(
     let outcomes = rows.iter();
     let outcomes: Vec<MethodOutcomes<'_>> = outcomes
         .map(|row| row.outcomes(rows, experiment, source, splits))
-        .collect();
+        .collect::<Result<_>>()?;
     let methods: Vec<MethodResult> = outcomes
         .par_iter()
         .map(|method| score(method, &outcomes, &experiment.against, &scoring))

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 
 use anyhow::{Context, Result, ensure};
-use sps_dataset::{KeepGroups, Split, SplitError, Surface, Unit, Units};
+use sps_dataset::{Split, SplitError, Surface, Units};
 
 use crate::config::{Experiment, Method, Protocol, TestSurfaces};
 
@@ -66,13 +66,14 @@ impl Splits {
         Ok(Cow::Owned(fewer))
     }
 
-    /// The group of each surface by its name; none where each is a unit of its own.
+    /// The group or material that each surface is kept together with, by the surface's name; none
+    /// where it is a unit of its own.
     pub(crate) fn groups<'s>(&self, surfaces: &'s [Surface]) -> HashMap<&'s str, &'s str> {
-        if self.units.unit() == Unit::Surface {
-            return HashMap::new();
-        }
+        let unit = self.units.unit();
         let named = surfaces.iter();
-        named.map(|s| (s.id.as_str(), s.group.as_str())).collect()
+        named
+            .filter_map(|s| Some((s.id.as_str(), unit.of(s)?)))
+            .collect()
     }
 
     /// One split of the same surfaces.
@@ -91,7 +92,7 @@ impl Splits {
         sum / self.all.len().max(1)
     }
 
-    /// A share of some surfaces kept aside at random: those that calibrate intervals, or say when an
+    /// A share of the units of some surfaces kept aside at random: those that calibrate intervals, or say when an
     /// encoder has trained enough.
     pub(crate) fn kept_aside(
         &self,
@@ -144,7 +145,7 @@ impl Splits {
         protocol: &TestSurfaces,
         surfaces: &[Surface],
     ) -> Result<Self> {
-        let units = Units::of(surfaces, KeepGroups::Auto);
+        let units = Units::of(surfaces);
         let pool = protocol.pool(experiment.reruns);
         ensure!(
             pool + protocol.test == surfaces.len(),
@@ -184,7 +185,7 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     use proptest::prelude::*;
-    use sps_dataset::{KFold, RandomSplit, SplitPlan};
+    use sps_dataset::{KFold, RandomSplit, SplitPlan, Unit};
 
     use super::*;
 
@@ -272,7 +273,7 @@ mod tests {
             plan in prop_oneof![
                 Just(SplitPlan::Random(RandomSplit::default())),
                 Just(SplitPlan::KFold(KFold { folds: 3, ..KFold::default() })),
-                Just(SplitPlan::LeaveOneGroupOut {}),
+                Just(SplitPlan::LeaveOneOut { by: Some(Unit::Group) }),
             ],
         ) {
             let Some(splits) = splits(&groups, plan) else { return Ok(()) };

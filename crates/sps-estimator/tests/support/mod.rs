@@ -3,7 +3,7 @@
 #![allow(dead_code, reason = "each test file uses a part")]
 
 use sps_base::streams::{RngCore, hashed_stream};
-use sps_dataset::{KeepGroups, Surface, Units};
+use sps_dataset::{Surface, Units};
 use sps_estimator::{
     About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted,
     Widths,
@@ -110,7 +110,7 @@ impl Tables {
         Self {
             embeddings: Embeddings::new(&embeddings).unwrap(),
             readings: Readings::new(vec!["fRS".into(), "felt".into()], &rows).unwrap(),
-            units: Units::of(&list, KeepGroups::Auto),
+            units: Units::of(&list),
             resize,
         }
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use sps_dataset::{DecodeSettings, Description, Frame, PropertyRange, Source};
+use sps_dataset::{DecodeSettings, Description, Frame, PropertyRange, Source, Split, Unit};
 use sps_estimator::{
     About, Calibration, Described, Estimator, Examples, Fitted, Measured, Predictions, Recipe,
     Wanted, Widths,
@@ -16,7 +16,10 @@ use self::check::Check;
 use crate::config::{DataSpec, Experiment, Looks, Method, Network as NetworkSpec, Setting};
 use crate::data::{self, About as AboutData, WithSource};
 use crate::journal::Journal;
-use crate::run::{Dealt, Encodings, Folds, Selecting, Selections, Splits, Stage, Stages, views};
+use crate::run::{
+    Dealt, Encodings, Folds, Selecting, Selections, Splits, Stage, Stages, portion, views,
+    what_is_measured,
+};
 
 /// Fit a model that `predict` can use
 #[derive(clap::Args)]
@@ -87,7 +90,11 @@ impl WithSource for Train<'_> {
         let measured = trainer.check()?;
         let all: Vec<usize> = (0..splits.pool).collect();
         let fit = trainer.fit(&all, 0)?;
-        if let Some(thinned) = method.estimator.thinned(fit.trained_on) {
+        if splits.units.unit() != Unit::Surface {
+            let calibrated = portion(&splits, std::slice::from_ref(&fit.part));
+            println!("the intervals of the model are calibrated on {calibrated}");
+        }
+        if let Some(thinned) = method.estimator.thinned(fit.part.train.len()) {
             warn!("{thinned}");
         }
         let about = trainer.about(&fit, measured)?;
@@ -149,8 +156,8 @@ struct Fit {
     fitted: Fitted,
     /// The views that photographs are taken of, in their order, as places in the tables.
     photographs: Vec<usize>,
-    /// Surfaces that the regression learned from; those that calibrate are not among them.
-    trained_on: usize,
+    /// Surfaces that the regression learned from, and those that calibrate.
+    part: Split,
 }
 
 struct Trainer<'a, S> {
@@ -174,7 +181,8 @@ impl<S: Source> Trainer<'_, S> {
             seed: experiment.seed,
         };
         let part = calibration.part(units, surfaces, number);
-        let parts = self.splits.only(part.context("[train]")?);
+        let part = part.context("[train]")?;
+        let parts = self.splits.only(part.clone());
         let encodings =
             Encodings::of_splits(&self.stages, &self.method.encoder, &parts.all, &[0].into())?
                 .remove(0);
@@ -209,7 +217,7 @@ impl<S: Source> Trainer<'_, S> {
             stage,
             fitted,
             photographs,
-            trained_on: parts.all[0].train.len(),
+            part,
         })
     }
 
@@ -308,6 +316,7 @@ impl<S: Source> Trainer<'_, S> {
             self.method.label,
             100.0 * train.level.get()
         );
+        println!("{}", what_is_measured(self.splits, self.source.surfaces()));
         let measured = check.print()?;
         println!(
             "{:.0} % of the surfaces fitted to calibrate the intervals, and estimates learn from the \

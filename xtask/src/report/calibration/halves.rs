@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use sps_dataset::{KeepGroups, Surface, Units};
+use sps_dataset::{Surface, Units};
 use sps_estimator::radius;
 use sps_metrics::{ConformalError, Level};
 
@@ -39,14 +39,10 @@ impl Trial {
         let surface = |prediction: &&Prediction| Surface {
             id: prediction.surface.clone(),
             material: String::new(),
-            group: if prediction.group.is_empty() {
-                prediction.surface.clone()
-            } else {
-                prediction.group.clone()
-            },
+            group: prediction.group.clone(),
         };
         let surfaces: Vec<Surface> = predictions.iter().map(surface).collect();
-        let units = Units::of(&surfaces, KeepGroups::Auto);
+        let units = Units::of(&surfaces);
         let off = predictions.iter().map(|prediction| {
             let off = (prediction.estimate - prediction.truth).abs();
             match prediction.interval() {

@@ -248,15 +248,15 @@ fn a_missing_folder_or_file_is_named() {
 fn manifest_errors_name_the_line_and_the_nearest_key() {
     let cases = [
         (
-            MANIFEST.replace("properties", "propertys"),
-            "dataset.toml, line 2: unknown key `propertys`, did you mean `properties`? Expected one of \
-          `name`, `description`, `source`, `properties`, `view-angles-deg`, `ranges`, `tactile`",
+            MANIFEST.replace("properties", "propertes"),
+            "dataset.toml, line 2: unknown key `propertes`, did you mean `properties`? Expected one of \
+          `name`, `description`, `source`, `origin`, `properties`, `view-angles-deg`, `ranges`, \
+          `tactile`, `property`",
         ),
         (
-            MANIFEST.replace("fRS", "frs"),
-            "dataset.toml, line 2: is not valid TOML: unknown tactile property `frs`, did you mean \
-          `fRS`? The fifteen are fRS, fST, uCO, uRO, mRG, mCO, mTX, tCO, tPR, cCM, cDF, cDP, cRX, \
-          cYD, aTK",
+            MANIFEST.replace("fRS", "f RS"),
+            "dataset.toml, line 2: is not valid TOML: `f RS` cannot be the code of a property, expected 1 \
+          to 64 of a to z, A to Z, 0 to 9, `-` and `_`, for example `f-RS`",
         ),
         (
             MANIFEST.replace("cDF", "fRS"),

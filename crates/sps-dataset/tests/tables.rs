@@ -81,8 +81,8 @@ fn long_csv_errors_name_line_found_and_expected() {
         ),
         (
             "surface,location,repeat,fRS,cDf\n".into(),
-            "tactile.csv, line 1: unknown tactile property `cDf`, did you mean `cDF`? The fifteen are \
-          fRS, fST, uCO, uRO, mRG, mCO, mTX, tCO, tPR, cCM, cDF, cDP, cRX, cYD, aTK",
+            "tactile.csv: the columns of the table: found fRS, cDf, expected one for `cDF`, which the \
+             dataset lists in its properties (is it `cDf`?)",
         ),
         (
             "surface,location,repeat,fRS,fRS\n".into(),

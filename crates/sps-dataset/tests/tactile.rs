@@ -107,7 +107,7 @@ fn ranges_that_are_none_are_refused() {
         ["[0, nan]", "0 to NaN"],
     ] {
         let expected = format!(
-            "dataset.toml, line 4: is not valid TOML: found a range of {shown}, expected a lower \
+            "dataset.toml, line 5: is not valid TOML: found a range of {shown}, expected a lower \
              end below the upper"
         );
         assert_eq!(refusal(&format!("fRS = {ends}")), expected);

@@ -22,11 +22,14 @@ const COLOURS: [[(f64, f64); 3]; 3] = [
     [(90.0, -20.0), (110.0, -30.0), (160.0, -40.0)],
 ];
 
-/// A dataset of one view of 256 x 256 pixels: of each surface its id, its group and which texture it
-/// shows in which colour. Without one, its pixels differ by one level.
-fn made(surfaces: &[(&str, &str, Option<(usize, usize)>)]) -> Made {
+/// A surface's id, its group and which texture it shows in which colour. Without one, its pixels
+/// differ by one level.
+type Row<'a> = (&'a str, &'a str, Option<(usize, usize)>);
+
+/// A dataset of one view of 256 x 256 pixels.
+fn made(surfaces: &[Row]) -> Made {
     let made = Made::new("", "tactile.csv", "surface,location,repeat,fRS,cDF\n");
-    let row = |(id, group, _): &(&str, &str, _)| format!("{id},cloth,{group}\n");
+    let row = |(id, group, _): &Row| format!("{id},cloth,{group}\n");
     let rows: String = surfaces.iter().map(row).collect();
     made.write("surfaces.csv", format!("surface,material,group\n{rows}"));
     for (at, (id, _, shown)) in surfaces.iter().enumerate() {

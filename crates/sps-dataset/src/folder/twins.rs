@@ -83,11 +83,16 @@ fn join(surfaces: &mut [Surface], views: &[Vec<Option<Vec<f64>>>], likeness: f64
     for (a, b) in twins {
         first_of.join(a, b);
     }
-    let firsts: Vec<usize> = (0..surfaces.len()).map(|at| first_of.root(at)).collect();
     let mut sizes = vec![0_usize; surfaces.len()];
-    for (at, &first) in firsts.iter().enumerate() {
-        sizes[first] += 1;
-        surfaces[at].group = surfaces[first].group.clone();
+    let names: Vec<String> = (0..surfaces.len())
+        .map(|at| {
+            let first = first_of.root(at);
+            sizes[first] += 1;
+            surfaces[first].group.clone()
+        })
+        .collect();
+    for (surface, name) in surfaces.iter_mut().zip(names) {
+        surface.group = name;
     }
     NearTwins {
         groups: sizes.iter().filter(|&&size| size > 0).count(),

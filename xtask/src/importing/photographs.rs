@@ -44,9 +44,11 @@ impl Folder {
 
     /// What a path leads to, if it is in the folder.
     fn inside(&self, from: &Path, path: &str) -> Result<PathBuf> {
-        let written = path.escape_debug();
-        let named = self.named.display();
-        let real = fs::canonicalize(from.join(path))
+        let whole = from.join(path);
+        let below = whole.strip_prefix(&self.real).unwrap_or(&whole);
+        let (written, named) = (below.to_string_lossy(), self.named.display());
+        let written = written.escape_debug();
+        let real = fs::canonicalize(&whole)
             .with_context(|| format!("there is no `{written}` in {named}"))?;
         ensure!(
             real.starts_with(&self.real),
@@ -111,9 +113,8 @@ impl Folder {
         }
         ensure!(
             !names.is_empty(),
-            "`{}` in {} has no photograph, expected files that end in {}",
-            below.escape_debug(),
-            self.named.display(),
+            "{} has no photograph, expected files that end in {}",
+            self.named.join(below).display(),
             ENDINGS.join(", ")
         );
         Ok(names)

@@ -210,7 +210,7 @@ fn a_folder_for_each_view() {
     fs::remove_file(lacking).unwrap();
     expect(
         &message(published.import().failure()),
-        &["line 2", names[1]],
+        &["line 2", "specular/002_beads.jpg"],
     );
 }
 

@@ -79,8 +79,8 @@ mod units;
 
 pub use error::{DatasetError, DatasetErrorKind, Place};
 pub use folder::{
-    DatasetFolder, InvalidAngles, Manifest, NearTwins, ViewAngles, WriteError, WriteErrorKind,
-    WriteOptions, Written, write_dataset,
+    DatasetFolder, InvalidAngles, InvalidSurfaceId, Manifest, NearTwins, ViewAngles, WriteError,
+    WriteErrorKind, WriteOptions, Written, check_surface_id, write_dataset,
 };
 pub use frame::{Extent, Frame, LinearFrame};
 pub use image::{

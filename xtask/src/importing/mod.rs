@@ -1,105 +1,117 @@
 //! Photographs and a table of their values, laid out as a dataset.
 
+mod photographs;
+mod surfaces;
 mod table;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Error, Result, bail, ensure};
+use anyhow::{Context, Error, Result, ensure};
 use sps_base::files::{write_folder, write_new};
 use sps_dataset::{
     DatasetFolder, Manifest, Property, PropertyOrder, ReadSettings, TableFormat, ViewAngles,
 };
 
-use self::table::{Key, Row, Table};
+use self::photographs::Folder;
+use self::surfaces::{Finder, Imported};
+use self::table::{Column, Key, Table};
 
-/// Endings of photographs.
-const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
+/// The roll angle that the last of several photographs is taken to have.
+const LAST_VIEW_DEG: f64 = 45.0;
 
-/// Photographs with their values: each a surface of its own.
-pub(crate) struct Import {
-    from: String,
-    key: Key,
-    properties: Vec<Property>,
-    surfaces: Vec<Imported>,
+/// Where photographs and their values are, and what is known of them.
+pub(crate) struct Request<'a> {
+    /// The folder of the photographs.
+    pub(crate) photographs: &'a Path,
+    /// The table of values.
+    pub(crate) values: &'a Path,
+    /// The names of the table's columns, where its first line does not have them.
+    pub(crate) columns: Option<&'a Path>,
+    /// The folders of the views, where each view has one.
+    pub(crate) views: &'a [String],
+    /// The roll angle of each view in degrees, where they are known.
+    pub(crate) angles: &'a [f64],
+    /// Materials that the table does not have are taken from names.
+    pub(crate) materials_from_names: bool,
 }
 
-/// A surface of one photograph.
-struct Imported {
-    id: String,
-    photograph: PathBuf,
-    row: Row,
+/// Surfaces with their photographs and values.
+pub(crate) struct Import {
+    source: String,
+    angles: ViewAngles,
+    properties: Vec<Property>,
+    surfaces: Vec<Imported>,
+    without_row: Vec<PathBuf>,
+    assumed: Vec<String>,
 }
 
 impl Import {
-    /// Finds the photographs in `folder` that the table at `values` has rows for.
-    pub(crate) fn find(folder: &Path, values: &Path) -> Result<Self> {
-        let table = Table::read(values)?;
-        let mut surfaces = Vec::new();
-        for row in &table.rows {
-            let of_row = match table.key {
-                Key::Class => photographs(folder, row),
-                Key::Photograph => photograph(folder, row).map(|found| vec![found]),
-            };
-            let of_row = of_row.with_context(|| format!("{}, line {}", values.display(), row.line));
-            surfaces.extend(of_row?);
-        }
-        if table.key == Key::Class {
-            every_folder_has_a_class(folder, &table, values)?;
-        }
-        let mut ids: BTreeMap<&str, &Path> = BTreeMap::new();
-        for surface in &surfaces {
-            if let Some(other) = ids.insert(&surface.id, &surface.photograph) {
-                bail!(
-                    "{} and {} would both be surface `{}`: rename one",
-                    other.display(),
-                    surface.photograph.display(),
-                    surface.id
-                );
-            }
-        }
+    /// Finds the photographs that the table has rows for; nothing is written.
+    pub(crate) fn find(request: &Request) -> Result<Self> {
+        let table = Table::read(request.values, request.columns)?;
+        let in_folders = table.key == Key::Surface || table.columns.contains(&Column::View);
+        ensure!(
+            !in_folders || request.views.is_empty(),
+            "{} says which photograph is of which view, expected no folders of views beside it",
+            request.values.display()
+        );
+        let folder = Folder::open(request.photographs, request.views)?;
+        let finder = Finder {
+            table: &table,
+            folder: &folder,
+            materials_from_names: request.materials_from_names,
+        };
+        let surfaces = finder.find()?;
+        let photographs = surfaces.iter().flat_map(|surface| &surface.photographs);
+        let used: BTreeSet<&Path> = photographs.map(|photograph| &*photograph.path).collect();
+        let views = surfaces
+            .first()
+            .map_or(0, |surface| surface.photographs.len());
         Ok(Self {
-            from: format!("{} and {}", folder.display(), values.display()),
-            key: table.key,
+            source: format!(
+                "{} and {}",
+                request.photographs.display(),
+                request.values.display()
+            ),
+            angles: angles(request.angles, views)?,
+            without_row: folder.others(&used)?,
+            assumed: assumed(request, &table, &surfaces)?,
             properties: table.properties,
             surfaces,
         })
     }
 
-    /// How many photographs there are, and of how many groups.
-    pub(crate) fn counts(&self) -> [usize; 2] {
-        let mut groups: Vec<&str> = self.surfaces.iter().map(Imported::group).collect();
-        groups.sort_unstable();
-        groups.dedup();
-        [self.surfaces.len(), groups.len()]
+    /// How many surfaces there are, photographs of each, and groups.
+    pub(crate) fn counts(&self) -> [usize; 3] {
+        let groups: BTreeSet<&str> = self.surfaces.iter().map(Imported::group).collect();
+        [
+            self.surfaces.len(),
+            self.angles.as_slice().len(),
+            groups.len(),
+        ]
+    }
+
+    /// The columns with values.
+    pub(crate) fn properties(&self) -> &[Property] {
+        &self.properties
+    }
+
+    /// Photographs of the folder that no row is of, by name.
+    pub(crate) fn without_row(&self) -> &[PathBuf] {
+        &self.without_row
     }
 
     /// What the photographs and the table do not say.
-    pub(crate) fn assumed(&self) -> Vec<&'static str> {
-        let mut assumed = vec!["each photograph is a surface of its own, seen from straight down"];
-        match self.key {
-            Key::Class => assumed.push(
-                "photographs of one folder have one value; they are a group, and the folder's name is \
-                 the material",
-            ),
-            Key::Photograph => {
-                if self.surfaces.iter().any(|s| s.row.material.is_none()) {
-                    assumed.push("a photograph without a material is of `unknown`");
-                }
-                if self.surfaces.iter().any(|s| s.row.group.is_none()) {
-                    assumed.push("a photograph without a group is a group of its own");
-                }
-            }
-        }
-        assumed.push("values are as the table has them; a Toccare's lie from 0 to 100");
-        assumed
+    pub(crate) fn assumed(&self) -> &[String] {
+        &self.assumed
     }
 
     /// Writes the dataset; `folder` must not be there yet.
     pub(crate) fn write(&self, folder: &Path) -> Result<()> {
         ensure!(
-            !folder.exists(),
+            fs::symlink_metadata(folder).is_err(),
             "{} is there already; choose another folder",
             folder.display()
         );
@@ -115,11 +127,11 @@ impl Import {
                 for (name, text) in &texts {
                     write_new(&folder.join(name), text.as_bytes())?;
                 }
-                for surface in &self.surfaces {
-                    surface.copy(folder)?;
-                }
+                // Before frames, which may be many, are copied.
                 DatasetFolder::open(folder, &ReadSettings::default())?;
-                Ok(())
+                self.surfaces
+                    .iter()
+                    .try_for_each(|surface| surface.copy(folder))
             },
             |error| Error::from(error).context(folder.display().to_string()),
         )
@@ -129,16 +141,15 @@ impl Import {
         let manifest = Manifest {
             name: name.to_owned(),
             description: "Photographs and a table, imported".to_owned(),
-            source: self.from.clone(),
+            source: self.source.clone(),
             origin: None,
             properties: PropertyOrder::try_from(self.properties.clone()).map_err(Error::msg)?,
-            view_angles_deg: ViewAngles::list(vec![0.0])?,
+            view_angles_deg: self.angles.clone(),
             ranges: BTreeMap::new(),
             tactile: TableFormat::default(),
             property: BTreeMap::new(),
         };
-        let assumed = self.assumed();
-        let assumed = assumed.iter().map(|line| format!("# - {line}.\n"));
+        let assumed = self.assumed.iter().map(|line| format!("# - {line}.\n"));
         let assumed: String = assumed.collect();
         Ok(format!(
             "# What the import assumed; change what is wrong.\n{assumed}\n{}",
@@ -149,13 +160,10 @@ impl Import {
     fn surfaces_csv(&self) -> Result<String> {
         let header = ["surface", "material", "group"].map(str::to_owned);
         let rows = self.surfaces.iter().map(|surface| {
-            let material = surface.row.material.as_deref().unwrap_or("unknown");
-            [
-                surface.id.clone(),
-                material.to_owned(),
-                surface.group().to_owned(),
-            ]
-            .to_vec()
+            let material = surface.material.as_deref().unwrap_or("unknown");
+            [&surface.id, material, surface.group()]
+                .map(str::to_owned)
+                .to_vec()
         });
         table::written(std::iter::once(header.to_vec()).chain(rows))
     }
@@ -167,7 +175,7 @@ impl Import {
         header.extend(self.properties.iter().map(ToString::to_string));
         let rows = self.surfaces.iter().map(|surface| {
             let mut row = vec![surface.id.clone(), "0".to_owned(), "0".to_owned()];
-            row.extend(surface.row.values.iter().cloned());
+            row.extend(surface.values.iter().cloned());
             row
         });
         table::written(std::iter::once(header).chain(rows))
@@ -176,99 +184,73 @@ impl Import {
 
 impl Imported {
     fn group(&self) -> &str {
-        self.row.group.as_deref().unwrap_or(&self.id)
+        self.group.as_deref().unwrap_or(&self.id)
     }
 
-    /// Copies the photograph to where the dataset in `folder` has its first view.
+    /// Copies the photographs to where the dataset in `folder` has its views.
     fn copy(&self, folder: &Path) -> Result<()> {
         let to = folder.join("frames").join(&self.id);
-        let ending = ending(&self.photograph).unwrap_or_default();
-        let copied = fs::create_dir_all(&to)
-            .and_then(|()| fs::copy(&self.photograph, to.join(format!("000.{ending}"))));
-        copied.with_context(|| format!("cannot copy {}", self.photograph.display()))?;
+        fs::create_dir_all(&to).with_context(|| to.display().to_string())?;
+        for (view, photograph) in self.photographs.iter().enumerate() {
+            let to = to.join(format!("{view:03}.{}", photograph.ending));
+            fs::copy(&photograph.path, to)
+                .with_context(|| format!("cannot copy {}", photograph.path.display()))?;
+        }
         Ok(())
     }
 }
 
-/// The photographs in the folder of a class, by name.
-fn photographs(folder: &Path, row: &Row) -> Result<Vec<Imported>> {
-    let class = folder.join(&row.key);
-    let entries = fs::read_dir(&class)
-        .with_context(|| format!("class `{}` has no folder {}", row.key, class.display()))?;
-    let mut found = Vec::new();
-    for entry in entries {
-        let entry = entry?;
-        // Some systems put files of their own beside photographs.
-        let hidden = entry.file_name().to_string_lossy().starts_with('.');
-        found.extend(Some(entry.path()).filter(|path| !hidden && ending(path).is_some()));
+/// The angles of so many views.
+fn angles(given: &[f64], views: usize) -> Result<ViewAngles> {
+    if given.is_empty() {
+        return Ok(ViewAngles::evenly_spaced(0.0, LAST_VIEW_DEG, views)?);
     }
-    found.sort();
     ensure!(
-        !found.is_empty(),
-        "{} has no photograph, expected files that end in {}",
-        class.display(),
-        ENDINGS.join(", ")
+        given.len() == views,
+        "found {} angles, expected one for each of {views} photographs of a surface",
+        given.len()
     );
-    let imported = found.into_iter().map(|photograph| {
-        let stem = photograph.file_stem().unwrap_or_default().to_string_lossy();
-        let row = Row {
-            material: Some(row.key.clone()),
-            group: Some(row.key.clone()),
-            ..row.clone()
-        };
-        Imported {
-            id: format!("{}-{stem}", row.key),
-            photograph,
-            row,
+    Ok(ViewAngles::list(given.to_vec())?)
+}
+
+/// What is taken for granted; nothing of it may hold the text of a table as it is, since it becomes a
+/// comment in TOML.
+fn assumed(request: &Request, table: &Table, surfaces: &[Imported]) -> Result<Vec<String>> {
+    let views = surfaces
+        .first()
+        .map_or(0, |surface| surface.photographs.len());
+    let mut assumed = Vec::new();
+    let mut assume = |line: &str| assumed.push(line.to_owned());
+    match (views, request.angles) {
+        (..=1, []) => assume("each photograph is a surface of its own, seen from straight down"),
+        (_, []) => assume(
+            "angles of views are nominal: the first is seen from straight down, the last from 45 degrees, \
+             those between evenly spaced",
+        ),
+        _ => {}
+    }
+    match table.key {
+        Key::Class => assume(
+            "photographs of one folder have one value; they are a group, and the folder's name is the \
+             material, unless the table says another",
+        ),
+        Key::Surface => assume("photographs of one folder are views in the order of their names"),
+        Key::Order => assume("rows of the table are in the order of the photographs' names"),
+        Key::Photograph if table.columns.contains(&Column::View) => {
+            let views = table.views()?.join(", ");
+            assume(&format!("views are in the order {}", views.escape_debug()));
         }
-    });
-    Ok(imported.collect())
-}
-
-/// The photograph that a row names.
-fn photograph(folder: &Path, row: &Row) -> Result<Imported> {
-    let photograph = folder.join(&row.key);
-    ensure!(
-        photograph.is_file(),
-        "there is no photograph {}",
-        photograph.display()
-    );
-    ensure!(
-        ending(&photograph).is_some(),
-        "found {}, expected a file that ends in {}",
-        photograph.display(),
-        ENDINGS.join(", ")
-    );
-    let id = Path::new(&row.key).with_extension("");
-    let parts = id
-        .components()
-        .map(|part| part.as_os_str().to_string_lossy());
-    Ok(Imported {
-        id: parts.collect::<Vec<_>>().join("-"),
-        photograph,
-        row: row.clone(),
-    })
-}
-
-/// Refuses folders of photographs that the table does not name: they would be left out without a word.
-fn every_folder_has_a_class(folder: &Path, table: &Table, values: &Path) -> Result<()> {
-    let entries = fs::read_dir(folder).with_context(|| folder.display().to_string())?;
-    for entry in entries {
-        let entry = entry?;
-        let name = entry.file_name().to_string_lossy().into_owned();
-        let named = table.rows.iter().any(|row| row.key == name);
-        ensure!(
-            named || !entry.path().is_dir() || name.starts_with('.'),
-            "{} has no row for the folder `{name}` of {}",
-            values.display(),
-            folder.display()
-        );
+        Key::Photograph => {}
     }
-    Ok(())
-}
-
-/// A photograph's ending, in small letters.
-fn ending(path: &Path) -> Option<String> {
-    let ending = path.extension()?.to_string_lossy().to_lowercase();
-    ENDINGS.contains(&&ending[..]).then_some(ending)
+    if request.materials_from_names {
+        assume("a material is the name without numbers at its ends, unless the table says another");
+    }
+    if surfaces.iter().any(|surface| surface.material.is_none()) {
+        assume("a surface without a material is of `unknown`");
+    }
+    if surfaces.iter().any(|surface| surface.group.is_none()) {
+        assume("a surface without a group is a group of its own");
+    }
+    assume("values are as the table has them; it says nothing of their units and ranges");
+    Ok(assumed)
 }

@@ -20,6 +20,7 @@ use crate::{
 
 pub use angles::{InvalidAngles, ViewAngles};
 pub use manifest::Manifest;
+pub use surfaces::{InvalidSurfaceId, check_surface_id};
 use surfaces::{check_table, read_surfaces};
 pub use twins::NearTwins;
 pub use write::{WriteError, WriteErrorKind, WriteOptions, Written, write_dataset};

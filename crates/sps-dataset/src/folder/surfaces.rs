@@ -32,7 +32,7 @@ pub(super) fn read_surfaces(path: &Path, bytes: &[u8]) -> Result<Vec<Surface>, D
             material: cell(1),
             group: cell(2),
         };
-        check_id(&surface.id).map_err(|(found, expected)| {
+        check_surface_id(&surface.id).map_err(|InvalidSurfaceId { found, expected }| {
             let kind = DatasetErrorKind::unexpected("a surface's id", found, expected);
             DatasetError::line(path, line.number, kind)
         })?;
@@ -53,17 +53,33 @@ pub(super) fn read_surfaces(path: &Path, bytes: &[u8]) -> Result<Vec<Surface>, D
 /// A table is read from below the dataset's folder and from nowhere else: each part of its path is
 /// held to the rules of an id, which names a folder too.
 pub(super) fn check_table(folder: &Path, file: &str) -> Result<(), DatasetError> {
-    let refused = |(_, expected)| {
+    let refused = |InvalidSurfaceId { expected, .. }| {
         let expected = format!("a path below the dataset's folder, each part {expected}");
         let found = format!("`{}`", file.escape_debug());
         let kind = DatasetErrorKind::unexpected("the `file` of the tactile table", found, expected);
         DatasetError::file(folder, kind)
     };
-    file.split('/').try_for_each(check_id).map_err(refused)
+    file.split('/')
+        .try_for_each(check_surface_id)
+        .map_err(refused)
 }
 
-/// An id names a folder, so it must stay inside the one above; what was found and expected if not.
-pub(super) fn check_id(id: &str) -> Result<(), (String, String)> {
+/// A surface's id that cannot name a folder.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("found {found} as a surface's id, expected {expected}")]
+pub struct InvalidSurfaceId {
+    /// The id, with control characters written out.
+    pub found: String,
+    /// What it must be.
+    pub expected: &'static str,
+}
+
+/// An id names a folder, so it must stay inside the one above.
+///
+/// # Errors
+/// Where it is empty, has a slash, colon or control character, begins with a dot or is longer than
+/// 200 bytes.
+pub fn check_surface_id(id: &str) -> Result<(), InvalidSurfaceId> {
     let bad = |c: char| matches!(c, '/' | '\\' | ':') || c.is_control();
     let expected = if id.is_empty() {
         "a name"
@@ -76,5 +92,6 @@ pub(super) fn check_id(id: &str) -> Result<(), (String, String)> {
     } else {
         return Ok(());
     };
-    Err((format!("`{}`", id.escape_debug()), expected.to_owned()))
+    let found = format!("`{}`", id.escape_debug());
+    Err(InvalidSurfaceId { found, expected })
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 use sps_base::files::{remove_unfinished, write_file, write_folder, write_new};
 
-use super::surfaces::check_id;
+use super::surfaces::{InvalidSurfaceId, check_surface_id};
 use super::tables::{surfaces_csv, tactile_csv};
 use crate::{
     Description, EncodeError, FrameFormat, Manifest, Property, PropertyOrder, Source, TableFormat,
@@ -223,8 +223,8 @@ impl<S: Source> Writer<'_, S> {
         }
         let mut ids = HashSet::new();
         for surface in self.source.surfaces() {
-            check_id(&surface.id).map_err(|(found, expected)| {
-                self.unsuitable("the id of a surface", found, &expected)
+            check_surface_id(&surface.id).map_err(|InvalidSurfaceId { found, expected }| {
+                self.unsuitable("the id of a surface", found, expected)
             })?;
             if !ids.insert(&surface.id) {
                 let found = format!("`{}` twice", surface.id);

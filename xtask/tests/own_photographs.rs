@@ -7,10 +7,9 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use assert_cmd::Command;
 use image::{Rgb, RgbImage};
 use serde_json::Value;
-use support::{expect, method, xtask};
+use support::{expect, method, root, xtask};
 
 /// Pixels of a photograph's side.
 const SIDE: u32 = 64;
@@ -55,50 +54,58 @@ fn lay_out(folder: &Path) {
     fs::write(folder.join("values.csv"), table).unwrap();
 }
 
-/// What a command that succeeds prints.
-fn printed(mut command: Command) -> String {
-    let done = command.assert().success();
-    String::from_utf8(done.get_output().stdout.clone()).unwrap()
+/// The commands of the README's section on one's own photographs, without `cargo xtask`.
+fn commands_of_the_readme() -> Vec<Vec<String>> {
+    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+    let (_, section) = readme.split_once("## On your own photographs").unwrap();
+    let (_, lines) = section.split_once("```sh\n").unwrap();
+    let (lines, _) = lines.split_once("```").unwrap();
+    let words = |line: &str| {
+        let line = line.strip_prefix("cargo xtask ").unwrap();
+        line.split_whitespace().map(str::to_owned).collect()
+    };
+    lines.lines().map(words).collect()
 }
 
 #[test]
-fn photographs_of_ones_own_become_a_model() {
+fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
     let scratch = tempfile::tempdir().unwrap();
     let path = |name: &str| scratch.path().join(name);
     lay_out(scratch.path());
+    fs::create_dir(path("configs")).unwrap();
+    let config = "configs/own-photographs.toml";
+    fs::copy(root().join(config), path(config)).unwrap();
+    photograph(4 * SIDE, 1000, 0.5, 8.0)
+        .save(path("photograph.jpg"))
+        .unwrap();
 
-    let mut import = xtask();
-    import.arg("import").arg(path("photographs"));
-    import.arg("--values").arg(path("values.csv"));
-    import.arg("--out").arg(path("mine"));
+    let commands = commands_of_the_readme();
+    let printed = commands.iter().map(|words| {
+        let done = xtask().args(words).current_dir(scratch.path()).assert();
+        String::from_utf8(done.success().get_output().stdout.clone()).unwrap()
+    });
+    let printed: Vec<String> = printed.collect();
+    let of = |command: &str| {
+        let found = commands.iter().position(|words| words[0] == command);
+        &printed[found.unwrap()]
+    };
     expect(
-        &printed(import),
+        of("import"),
         &["100 surfaces in 50 groups", "friction, hardness"],
     );
-
-    let mut inspect = xtask();
-    inspect.arg("inspect").arg(path("mine")).arg("--json");
-    inspect.arg("--out").arg(path("figures"));
-    let found: Value = serde_json::from_str(&printed(inspect)).unwrap();
-    assert_eq!(
-        (&found["surfaces"], &found["groups"]),
-        (&100.into(), &50.into())
+    expect(
+        of("inspect"),
+        &["100 surfaces in 50 groups", "64 x 64: 100"],
     );
+    expect(of("train"), &["Kernel ridge", "friction", "hardness"]);
+    expect(of("predict"), &["friction", "hardness", "90 % interval"]);
+    expect(
+        printed.last().unwrap(),
+        &["photograph-hardness.png", "places"],
+    );
+    assert!(path("maps/photograph-hardness.npy").is_file());
 
-    let configured = |command: &str, out: &str| {
-        let mut configured = xtask();
-        configured.args([command, "configs/own-photographs.toml"]);
-        for (key, folder) in [("data.folder.path", "mine"), ("cache.folder", "cache")] {
-            let setting = format!("{key}={:?}", path(folder).display().to_string());
-            configured.args(["--set", &setting]);
-        }
-        configured.arg("--out").arg(path(out));
-        configured
-    };
-    let mut experiment = configured("experiment", "run");
-    experiment.args(["--set", "reruns=2"]);
-    experiment.assert().success();
-    let results = fs::read_to_string(path("run/results.json")).unwrap();
+    let results = fs::read_to_string(path("runs/own-photographs/results.json")).unwrap();
     let results: Value = serde_json::from_str(&results).unwrap();
     assert_eq!(
         results["properties"],
@@ -109,36 +116,4 @@ fn photographs_of_ones_own_become_a_model() {
         let r2 = &method(&results, "kernel-ridge")["r2"][property];
         assert!(r2.as_f64().unwrap() > 0.5, "{property}: {r2}");
     }
-
-    configured("train", "model").assert().success();
-    photograph(4 * SIDE, 1000, 0.5, 8.0)
-        .save(path("hard.png"))
-        .unwrap();
-    photograph(SIDE, 1001, 0.5, 2.0)
-        .save(path("soft.png"))
-        .unwrap();
-    let model = || {
-        let mut predict = xtask();
-        predict.arg("predict").arg("--model").arg(path("model"));
-        predict
-    };
-    let mut predict = model();
-    predict
-        .arg("--json")
-        .args(["hard.png", "soft.png"].map(path));
-    let answers = printed(predict);
-    let hardness = |line: &str| {
-        let answer: Value = serde_json::from_str(line).unwrap();
-        let mut estimates = answer["estimates"].as_array().unwrap().iter();
-        let found = estimates.find(|estimate| estimate["property"] == "hardness");
-        found.unwrap()["value"].as_f64().unwrap()
-    };
-    let [hard, soft] = [0, 1].map(|line| hardness(answers.lines().nth(line).unwrap()));
-    assert!(hard > soft + 2.0, "{answers}");
-
-    let mut map = model();
-    map.args(["--map", "hardness", "--out"]).arg(path("maps"));
-    map.args(["--resize", "256"]).arg(path("hard.png"));
-    expect(&printed(map), &["hard-hardness.png", "places"]);
-    assert!(path("maps/hard-hardness.npy").is_file());
 }

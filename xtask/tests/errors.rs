@@ -78,7 +78,10 @@ fn an_unknown_property() {
     let scratch = Scratch::new();
     scratch.edit("tiny.toml", "\"cDF\"", "\"cDX\"");
     let text = message(scratch.experiment().assert());
-    expect(&text, &["tiny.toml, line 4", "cDX"]);
+    expect(
+        &text,
+        &["`properties`", "`cDX`", "did you mean `cDF`?", "of tiny"],
+    );
 }
 
 #[test]

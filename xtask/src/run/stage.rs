@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use sps_dataset::{FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, Source};
+use sps_dataset::{FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, Property, Source};
 use sps_estimator::{Embedder, Network};
 use sps_models::Embeddings;
 use sps_models::encoders::Precision;
@@ -11,7 +11,7 @@ use sps_models::training::{Classes, Parts, Targets, TrainingConfig, TrainingObje
 use tracing::info;
 
 use super::Splits;
-use super::tables::{Tables, hash_row, hash_text, readings, table};
+use super::tables::{self, Tables, hash_row, hash_text, readings, table};
 use super::views::equidistant;
 use crate::config::{EncoderSpec, Experiment};
 use crate::data::{self, About};
@@ -43,6 +43,8 @@ pub(crate) struct Stages<'a, S> {
     splits: &'a Splits,
     /// The views to embed, as indices of the source.
     views: Vec<usize>,
+    /// Those to estimate.
+    properties: Vec<Property>,
     start: Network,
     /// Memory that it takes, in bytes; a trained one takes as much.
     encoder_bytes: usize,
@@ -62,6 +64,7 @@ impl<'a, S: Source> Stages<'a, S> {
         views: Vec<usize>,
         sequence: Option<Vec<usize>>,
     ) -> Result<Self> {
+        let properties = tables::properties(source, &experiment.properties)?;
         let (start, encoder_bytes) = memory::kept(|| encoder::load(encoder, experiment.seed));
         let mut stages = Self {
             experiment,
@@ -70,6 +73,7 @@ impl<'a, S: Source> Stages<'a, S> {
             about,
             splits,
             views,
+            properties,
             start: start?,
             encoder_bytes,
             sequence,
@@ -112,8 +116,8 @@ impl<'a, S: Source> Stages<'a, S> {
         let embedder = Embedder::new(encoder, self.encoder.resize)?;
         let views = &self.views;
         let (embeddings, encoded) = self.embedded(&embedder, views)?;
-        let wanted = &self.experiment.properties;
-        let mut tables = Tables::new(self.source, self.about, views, embeddings, wanted)?;
+        let properties = self.properties.clone();
+        let mut tables = Tables::new(self.source, self.about, views, embeddings, properties)?;
         tables.sequence.clone_from(&self.sequence);
         Ok(Stage {
             encoder_bytes: self.encoder_bytes,

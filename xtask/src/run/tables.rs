@@ -1,7 +1,8 @@
 //! The tables that every method is fitted on.
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail};
 use candle_core::{Device, Tensor};
+use sps_base::names::UnknownName;
 use sps_dataset::{FEWEST_PER_MATERIAL, MaterialLabels, Property, Source, Surface, Units};
 use sps_models::heads::TrainingData;
 use sps_models::{Embeddings, Readings};
@@ -35,30 +36,16 @@ pub(crate) struct Tables {
 }
 
 impl Tables {
-    /// Tables to estimate the properties `wanted`, or all that the source measures, from
-    /// embeddings of `views` of the first surfaces.
+    /// Tables to estimate `properties` from embeddings of `views` of the first surfaces.
     pub(crate) fn new<S: Source>(
         source: &S,
         about: &About,
         views: &[usize],
         embeddings: Embeddings,
-        wanted: &[Property],
+        properties: Vec<Property>,
     ) -> Result<Self> {
         let surfaces = source.surfaces().to_vec();
         let pool = embeddings.surfaces();
-        let measured = &source.tactile().properties;
-        let properties = if wanted.is_empty() {
-            measured.clone()
-        } else {
-            wanted.to_vec()
-        };
-        for property in &properties {
-            ensure!(
-                measured.contains(property),
-                "properties: {} does not measure {property}",
-                source.name()
-            );
-        }
         let labels = MaterialLabels::of(&surfaces[..pool], FEWEST_PER_MATERIAL);
         let materials = labels.labels().iter().map(|&l| labels.names()[l].clone());
         let mut tables = Self {
@@ -143,6 +130,25 @@ impl Tables {
             hash_row(hasher, &self.readings, surface);
         }
     }
+}
+
+/// Those that a config lists, or all that the source measures where it lists none.
+///
+/// # Errors
+///
+/// One that the source does not measure.
+pub(crate) fn properties<S: Source>(source: &S, listed: &[Property]) -> Result<Vec<Property>> {
+    let measured = &source.tactile().properties;
+    if listed.is_empty() {
+        return Ok(measured.clone());
+    }
+    let missing = listed.iter().find(|property| !measured.contains(property));
+    if let Some(missing) = missing {
+        let codes = measured.iter().map(Property::code);
+        let unknown = UnknownName::new("property", missing, codes);
+        bail!("`properties`: {unknown}, of {}", source.name());
+    }
+    Ok(listed.to_vec())
 }
 
 /// So that no two lists of texts have the same bytes.

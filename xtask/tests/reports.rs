@@ -104,7 +104,15 @@ fn every_table_is_there_for_programs_and_for_papers() {
     scratch.experiment().assert().success();
     let read = |name: &str| fs::read_to_string(scratch.path("run").join(name)).unwrap();
     let page = read("report.md");
-    let names = ["means", "r2", "percent-error", "mae", "costs"];
+    let names = [
+        "means",
+        "r2",
+        "percent-error",
+        "mae",
+        "mae-over-std",
+        "spearman",
+        "costs",
+    ];
     for name in names {
         let mut csv = csv::Reader::from_path(scratch.path(&format!("run/tables/{name}.csv")));
         let csv = csv.as_mut().unwrap();
@@ -124,7 +132,10 @@ fn every_table_is_there_for_programs_and_for_papers() {
     }
     let means = read("tables/means.csv");
     let r2 = scratch.results()["methods"][0]["r2_mean"].to_string();
-    expect(&means, &["Method,held out,R²,MAE,% error,", &r2]);
+    expect(
+        &means,
+        &["Method,held out,R²,MAE,MAE / std,Spearman,% error,", &r2],
+    );
 
     let written = fs::read(scratch.path("run/tables/means.tex")).unwrap();
     fs::remove_dir_all(scratch.path("run/tables")).unwrap();

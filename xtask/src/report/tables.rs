@@ -40,12 +40,21 @@ struct Mean {
     shown: fn(&Results) -> bool,
 }
 
-const MEANS: [Mean; 6] = [
+const MEANS: [Mean; 7] = [
     Mean {
         title: "R²",
         measured: |method| Cell::interval(method.means.r2_mean, method.means.r2_mean_interval, 3),
         printed: Some(|row| Cell::number(Some(row.r2_mean), 2)),
         shown: |_| true,
+    },
+    Mean {
+        title: "R² about own mean",
+        measured: |method| {
+            let means = &method.means;
+            Cell::interval(means.r2_own_mean_mean, means.r2_own_mean_mean_interval, 3)
+        },
+        printed: None,
+        shown: |results| results.dataset.holds_out_groups(),
     },
     Mean {
         title: "MAE",
@@ -155,6 +164,12 @@ fn means_caption(results: &Results, compared: bool) -> String {
         100.0 * results.interval_level,
         results.dataset.units_in_words()
     );
+    if results.dataset.holds_out_groups() {
+        caption.push_str(
+            " R² about own mean is about the mean of the surfaces held out: where they differ from those \
+             trained on as a whole, guessing the training mean has 0 by the first and less by this.",
+        );
+    }
     if compared {
         caption.push_str(" Columns headed \"paper\" are the printed values.");
     }

@@ -105,11 +105,15 @@ impl<'a> Judged<'a> {
         self.folds.iter().map(|fold| fold.train_seconds).sum()
     }
 
-    pub(super) fn scores(&self) -> Scores {
-        let samples = Samples {
+    pub(super) fn samples(&self) -> Samples<'_> {
+        Samples {
             truth: &self.truth,
             estimate: &self.estimate,
-        };
+        }
+    }
+
+    pub(super) fn scores(&self) -> Scores {
+        let samples = self.samples();
         let mean = TrainingMean::new(self.about_training.mean);
         Scores {
             r2: Scores::of(self.r2_samples(), mean.clone()).r2,

@@ -7,7 +7,7 @@ use sps_metrics::{
 };
 
 use super::notes::Notes;
-use super::scores::{PropertyScores, interval_over};
+use super::scores::{About, PropertyScores, interval_over};
 use super::{MethodOutcomes, Number, PerProperty, Scoring};
 
 /// Of one method.
@@ -17,6 +17,11 @@ pub(crate) struct Means {
     /// Means over properties.
     pub r2_mean: Number,
     pub r2_mean_interval: Option<[f64; 2]>,
+    /// Of `r2_own_mean`; the interval where groups or materials are held out.
+    #[serde(default)]
+    pub r2_own_mean_mean: Number,
+    #[serde(default)]
+    pub r2_own_mean_mean_interval: Option<[f64; 2]>,
     pub mae_mean: Number,
     #[serde(default)]
     pub mae_over_std_mean: Number,
@@ -65,10 +70,16 @@ impl Means {
         let names = names.collect();
         let median_percent_error_best8 = whole("best-8 median % error", best8);
         let r2_mean = notes.mean("mean R²", mean_over_all(&listed(&scores.r2)));
-        let interval = interval_over(method.trials(), scoring);
+        let interval = interval_over(method.trials(), scoring, About::Training);
+        let own_interval = scoring.own_mean_interval.then(|| {
+            let interval = interval_over(method.trials(), scoring, About::HeldOut);
+            notes.interval("the interval of mean R² about own mean", interval)
+        });
         Self {
             r2_mean,
             r2_mean_interval: notes.interval("the interval of mean R²", interval),
+            r2_own_mean_mean: mean_over_all(&listed(&scores.r2_own_mean)).value.ok(),
+            r2_own_mean_mean_interval: own_interval.flatten(),
             mae_mean: notes.mean("mean MAE", mean_over_all(&listed(&scores.mae))),
             mae_over_std_mean: mean_over_all(&listed(&scores.mae_over_std)).value.ok(),
             spearman_mean: mean_over_all(&listed(&scores.spearman)).value.ok(),

@@ -122,6 +122,11 @@ impl Dataset {
         self.simulated || self.published_sps
     }
 
+    /// Whether what is held out are whole groups or materials, whose mean is far from that of the others.
+    pub(crate) fn holds_out_groups(&self) -> bool {
+        matches!(self.unit, Some(Unit::Group | Unit::Material))
+    }
+
     /// What intervals are over, in the plural.
     pub(crate) fn units_in_words(&self) -> String {
         self.unit.unwrap_or(Unit::Surface).to_string()

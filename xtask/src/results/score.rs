@@ -19,6 +19,8 @@ pub(crate) struct Scoring<'a> {
     pub with_percentages: &'a [String],
     /// The standard deviation of each property's values over all surfaces.
     pub deviations: &'a PerProperty<f64>,
+    /// Whether R² about the mean of the surfaces held out has an interval.
+    pub own_mean_interval: bool,
     /// The unit of each surface, by the surface's name: what a resample keeps together.
     pub units: &'a HashMap<String, usize>,
     /// The paper's fixed list; empty for data that is not the paper's or simulated after it.
@@ -164,6 +166,7 @@ mod tests {
             properties: &properties,
             with_percentages: &properties,
             deviations: &deviations,
+            own_mean_interval: true,
             units: &units,
             top8: &[],
             bootstrap: Bootstrap::new(0).with_resamples(50),

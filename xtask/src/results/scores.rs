@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 use sps_metrics::{
-    BootstrapError, BootstrapInterval, Outcome, Scored, Scores, Undefined, over_reruns,
+    BootstrapError, BootstrapInterval, Metric, Outcome, Scored, Scores, Undefined, over_reruns,
 };
 
 use super::notes::Notes;
@@ -17,6 +17,9 @@ pub(crate) struct PropertyScores {
     /// deviation over reruns.
     pub r2: PerProperty<Number>,
     pub r2_std: PerProperty<Number>,
+    /// About the mean of the surfaces held out in a rerun, in place of that of the training part.
+    #[serde(default)]
+    pub r2_own_mean: PerProperty<Number>,
     /// In the property's unit.
     pub mae: PerProperty<Number>,
     /// In standard deviations of the property's values over all surfaces.
@@ -58,6 +61,9 @@ impl PropertyScores {
             let mut mean = |values: &mut PerProperty<Number>, what, of| {
                 values.insert(property.clone(), summary(what, of).mean.ok());
             };
+            mean(&mut all.r2_own_mean, "R² about own mean", |s| {
+                &s.r2_own_mean
+            });
             mean(&mut all.mae, "MAE", |s| &s.mae);
             let percent = &mut all.median_percent_error;
             if scoring.with_percentages.contains(property) {
@@ -80,6 +86,7 @@ impl PropertyScores {
     /// Drops what is in no table.
     pub(crate) fn lighten(&mut self) {
         self.r2_std.clear();
+        self.r2_own_mean.clear();
         self.rmse.clear();
         self.spearman.clear();
         self.r2_interval.clear();
@@ -94,24 +101,38 @@ pub(super) fn intervals(
     notes: &mut Notes,
 ) -> PerProperty<Option<[f64; 2]>> {
     let intervals = method.outcomes.iter().map(|(property, outcomes)| {
-        let interval = interval_over(outcomes.iter(), scoring);
+        let interval = interval_over(outcomes.iter(), scoring, About::Training);
         let what = format!("the interval of R² of {property}");
         (property.clone(), notes.interval(&what, interval))
     });
     intervals.collect()
 }
 
+/// What R² is about.
+#[derive(Clone, Copy)]
+pub(super) enum About {
+    /// The mean of the training part.
+    Training,
+    /// That of the surfaces held out.
+    HeldOut,
+}
+
 /// The interval of the mean R² over trials that have one.
 pub(super) fn interval_over<'m, 'a: 'm>(
     outcomes: impl Iterator<Item = &'m Judged<'a>>,
     scoring: &Scoring<'_>,
+    about: About,
 ) -> Result<BootstrapInterval, BootstrapError> {
     let defined: Vec<&Judged<'_>> = outcomes.filter(|judged| judged.has_r2()).collect();
     let units: Vec<Vec<usize>> = defined.iter().map(|o| o.units(scoring.units)).collect();
     let scored = defined.iter().zip(&units).map(|(judged, units)| {
+        let (metric, samples) = match about {
+            About::Training => (judged.r2_metric()?, judged.r2_samples()),
+            About::HeldOut => (Metric::R2OwnMean, judged.samples()),
+        };
         Ok(Scored {
-            metric: judged.r2_metric()?,
-            samples: judged.r2_samples(),
+            metric,
+            samples,
             units: Some(units),
         })
     });

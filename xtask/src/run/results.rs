@@ -116,6 +116,7 @@ pub(super) fn results<S: Source>(
         properties: &properties,
         with_percentages: &with_percentages,
         deviations: &deviations,
+        own_mean_interval: dataset.holds_out_groups(),
         units: &units,
         top8: if after_the_paper { paper::top8() } else { &[] },
         bootstrap: experiment.bootstrap,

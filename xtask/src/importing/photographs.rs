@@ -167,7 +167,8 @@ fn by_numbers(name: &str) -> String {
             digits.push(letter);
         } else {
             if !digits.is_empty() {
-                padded += &format!("{digits:0>20}");
+                padded.push_str(&"0".repeat(20_usize.saturating_sub(digits.len())));
+                padded.push_str(&digits);
                 digits.clear();
             }
             padded.push(letter);

@@ -241,19 +241,19 @@ mod tests {
     fn random(validation: f64, keep: bool) -> SplitPlan {
         SplitPlan::Random(RandomSplit {
             validation,
-            by: kept(keep),
+            by: Some(kept(keep)),
         })
     }
 
     fn k_fold(folds: usize, keep: bool) -> SplitPlan {
         SplitPlan::KFold(KFold {
             folds,
-            by: kept(keep),
+            by: Some(kept(keep)),
         })
     }
 
-    fn kept(keep: bool) -> Option<Unit> {
-        Some(if keep { Unit::Group } else { Unit::Surface })
+    fn kept(keep: bool) -> Unit {
+        if keep { Unit::Group } else { Unit::Surface }
     }
 
     #[test]

@@ -47,7 +47,9 @@ fn a_group_is_kept_aside_as_often_as_any_other_whatever_its_size() {
         aside.dedup();
         // A tenth of 26 groups.
         assert_eq!(aside.len(), 3);
-        aside.into_iter().for_each(|group| counts[group] += 1.0);
+        for group in aside {
+            counts[group] += 1.0;
+        }
     }
     let (groups, share) = (sizes.len() as f64, 3.0 / sizes.len() as f64);
     let expected = seeds as f64 * share;

@@ -82,7 +82,7 @@ impl Finder<'_> {
             let stem = Path::new(&name).file_stem().unwrap_or_default();
             let id = format!("{class}-{}", stem.to_string_lossy());
             let photographs = self.folder.photographs(&format!("{class}/{name}"))?;
-            let mut surface = self.surface(id, class, photographs, row)?;
+            let mut surface = self.surface(&id, class, photographs, row)?;
             surface.material.get_or_insert_with(|| class.to_owned());
             surface.group.get_or_insert_with(|| class.to_owned());
             Ok(surface)
@@ -96,7 +96,7 @@ impl Finder<'_> {
         let names = in_order(self.folder.names(id)?)?.into_iter();
         let views = names.map(|name| self.folder.photographs(&format!("{id}/{name}")));
         let photographs = views.collect::<Result<Vec<_>>>()?.into_iter().flatten();
-        self.surface(id.to_owned(), id, photographs.collect(), row)
+        self.surface(id, id, photographs.collect(), row)
     }
 
     /// The surface that has the name of a photograph.
@@ -112,7 +112,7 @@ impl Finder<'_> {
             }
         }
         parts.push(last);
-        self.surface(parts.join("-"), &name, photographs, row)
+        self.surface(&parts.join("-"), &name, photographs, row)
     }
 
     /// Surfaces with a row for each view.
@@ -156,14 +156,14 @@ impl Finder<'_> {
             let found = self.folder.photographs(cell(row, Column::Photograph));
             photographs.extend(found.with_context(|| self.table.at(row.line))?);
         }
-        self.surface(id.to_owned(), id, photographs, &merged)
+        self.surface(id, id, photographs, &merged)
             .with_context(|| self.table.at(merged.line))
     }
 
     /// A surface of a row; `name` may say its material.
     fn surface(
         &self,
-        id: String,
+        id: &str,
         name: &str,
         photographs: Vec<Photograph>,
         row: &Row,

@@ -95,7 +95,11 @@ fn means(results: &Results) -> Table {
     let shown: Vec<&Mean> = MEANS.iter().filter(|mean| (mean.shown)(results)).collect();
     let mut columns = vec!["Method".to_owned(), "held out".to_owned()];
     for mean in &shown {
-        columns.push(mean.title.to_owned());
+        let unit = match mean.title {
+            "MAE" => results.shared_unit().unwrap_or_default(),
+            _ => "",
+        };
+        columns.push(with_unit(mean.title, unit));
         let printed = mean.printed.filter(|_| compared);
         columns.extend(printed.map(|_| "paper".to_owned()));
     }
@@ -135,6 +139,14 @@ fn means(results: &Results) -> Table {
     }
 }
 
+/// A heading with the unit of what is below it, where that has one.
+fn with_unit(heading: &str, unit: &str) -> String {
+    match unit {
+        "" => heading.to_owned(),
+        unit => format!("{heading} [{unit}]"),
+    }
+}
+
 /// How much a row stands on.
 fn held_out(results: &Results, method: &MethodResult) -> Cell {
     let surfaces = method.held_out_surfaces;
@@ -153,11 +165,15 @@ fn held_out(results: &Results, method: &MethodResult) -> Cell {
 }
 
 fn means_caption(results: &Results, compared: bool) -> String {
+    let percent = if results.has_percentages() {
+        " % error, the median absolute percentage error;"
+    } else {
+        ""
+    };
     let mut caption = format!(
         "R² about the mean of the training part; MAE, the mean absolute error, in the properties' own \
          units, and over the standard deviation of a property's values over all surfaces; Spearman's \
-         rank correlation; % error, the median absolute percentage error; means over reruns and \
-         properties. Held out are the \
+         rank correlation;{percent} means over reruns and properties. Held out are the \
          different surfaces that a row is scored on, all reruns together. ms are those of an \
          estimate, with decoding or rendering. In brackets: {:.0} % bootstrap intervals over {}, \
          paired for differences.",
@@ -287,7 +303,10 @@ const MAE: Shown = Shown {
 
 fn per_property(results: &Results, shown: &Shown) -> Table {
     let mut columns = vec!["Method".to_owned()];
-    columns.extend(results.properties.iter().cloned());
+    columns.extend(results.properties.iter().map(|code| match shown.decimals {
+        Decimals::BySpread => with_unit(code, results.unit_of(code)),
+        Decimals::Always(_) => code.clone(),
+    }));
     columns.push("mean".to_owned());
     let line = |label: String, value: &dyn Fn(&String) -> Number, mean: Number| {
         let mut cells = vec![Cell::from(label)];
@@ -428,6 +447,7 @@ fn properties(results: &Results) -> Option<Table> {
 mod tests {
     use super::*;
     use crate::report::about_the_data;
+    use crate::results::Described;
     use crate::results::schema::old_file;
 
     fn results() -> Results {
@@ -460,6 +480,30 @@ mod tests {
             assert_eq!(cells[..3], ["Ridge", cell, "0.500 [0.400, 0.600]"]);
             assert!(table.caption.contains(words), "{}", table.caption);
         }
+    }
+
+    #[test]
+    fn errors_carry_the_unit_of_their_property() {
+        let mut results = results();
+        let described = |unit: &str, std| Described {
+            unit: unit.to_owned(),
+            std,
+            ..Described::default()
+        };
+        results.described = [("fRS".to_owned(), described("N", 0.02))].into();
+        results.methods[0].scores.mae = [("fRS".to_owned(), Some(0.012_34))].into();
+        let table = per_property(&results, &MAE);
+        assert_eq!(table.columns[1], "fRS [N]");
+        assert_eq!(table.rows[0].cells[1].to_string(), "0.01234");
+        assert!(means(&results).columns.contains(&"MAE [N]".to_owned()));
+        // Of several units there is no mean.
+        results.properties.push("heat".to_owned());
+        results
+            .described
+            .insert("heat".to_owned(), described("W", 1.0));
+        let columns = means(&results).columns;
+        assert!(!columns.iter().any(|column| column.starts_with("MAE [")));
+        assert!(columns.contains(&"MAE / std".to_owned()));
     }
 
     #[test]

@@ -225,14 +225,16 @@ impl Results {
             .collect()
     }
 
+    /// The unit of a property; empty where it has none.
+    pub(crate) fn unit_of(&self, code: &str) -> &str {
+        self.described
+            .get(code)
+            .map_or("", |known| known.unit.as_str())
+    }
+
     /// The unit that all properties share; `None` where they differ.
     pub(crate) fn shared_unit(&self) -> Option<&str> {
-        let unit = |code: &String| {
-            self.described
-                .get(code)
-                .map_or("", |known| known.unit.as_str())
-        };
-        let mut units = self.properties.iter().map(unit);
+        let mut units = self.properties.iter().map(|code| self.unit_of(code));
         let first = units.next()?;
         units.all(|unit| unit == first).then_some(first)
     }

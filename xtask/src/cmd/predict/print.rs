@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use serde::Serialize;
-use sps_estimator::{Answer, Estimator};
+use sps_estimator::{Answer, Estimate, Estimator};
 
 use super::Surface;
 use crate::digits::decimals;
@@ -106,14 +106,21 @@ impl<'a> Printer<'a> {
     fn print_table(&mut self, surface: &Surface, answer: &Answer) {
         let codes = self.properties.iter().map(|(code, _)| code.chars().count());
         let code = codes.max().unwrap_or_default();
-        let label = |property: &str, name: &str| {
+        let label = |one: &Estimate| {
+            let Estimate {
+                property,
+                name,
+                unit,
+                ..
+            } = one;
             let name = if name == property { "" } else { name };
-            format!("{property:<code$}  {name}")
+            let unit = match unit.as_str() {
+                "" => String::new(),
+                unit => format!(" [{unit}]"),
+            };
+            format!("{property:<code$}  {name}{unit}")
         };
-        let labels = answer
-            .estimates
-            .iter()
-            .map(|one| label(&one.property, &one.name));
+        let labels = answer.estimates.iter().map(label);
         let labels: Vec<String> = labels.collect();
         let widths = labels.iter().map(|label| label.chars().count());
         let width = widths.chain(["property".len()]).max().unwrap_or_default();

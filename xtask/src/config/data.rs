@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use sps_dataset::{ReadSettings, SplitPlan};
+use sps_dataset::{KFold, RandomSplit, ReadSettings, SplitPlan, Unit};
 use sps_simulate::SimulatorSpec;
 
 use super::layers::Layers;
@@ -80,6 +80,11 @@ pub(super) fn data(
             );
             Err(layers.error("data.folder.near-twins", problem))
         }
+        DataOrigin::Folder if folder.near_twins > 0.0 && parts_groups(config.split) => Err(layers
+            .error(
+                "data.folder.near-twins",
+                "makes groups, which `split` parts: expected `by = \"group\"` there, or no `by`",
+            )),
         DataOrigin::Folder => {
             let data = DataSpec::Folder {
                 path: folder.path.clone(),
@@ -90,6 +95,14 @@ pub(super) fn data(
             Ok((data, Protocol::Split(config.split.unwrap_or_default())))
         }
     }
+}
+
+/// Whether a plan says that something else than groups stays whole.
+fn parts_groups(plan: Option<SplitPlan>) -> bool {
+    let (SplitPlan::Random(RandomSplit { by, .. })
+    | SplitPlan::KFold(KFold { by, .. })
+    | SplitPlan::LeaveOneOut { by }) = plan.unwrap_or_default();
+    by.is_some_and(|unit| unit != Unit::Group)
 }
 
 fn simulated(layers: &Layers<'_>, config: &Config) -> Result<(DataSpec, Protocol), ConfigError> {

@@ -256,6 +256,13 @@ pub(super) mod tests {
             &["line 5", "near-twins", "is 1.5", "at most 1"],
         );
         refused(
+            &format!(
+                "[data]\nfrom = \"folder\"\n[data.folder]\npath = \"x\"\nnear-twins = 0.75\n\
+                 [split.k-fold]\nby = \"surface\"\n{METHOD}"
+            ),
+            &["line 5", "near-twins", "by = \"group\""],
+        );
+        refused(
             &format!("[report]\nlevel = 95.0\n{METHOD}"),
             &["line 2", "95"],
         );

@@ -2,7 +2,7 @@
 
 Photographs become what a touch sensor would measure, with intervals (`Estimator`), or embeddings
 (`Encoder`), the best few views of many are found (`select_views`), and what a model says is scored
-with intervals (`mae`, `Bootstrap`, `SplitConformal` and so on). Runs of `cargo xtask experiment` are
+with intervals (`mae`, `interval`, `SplitConformal` and so on). Runs of `cargo xtask experiment` are
 read by `read_results` and `read_predictions`.
 
 All of it is the Rust crates' work; long calls leave the interpreter to other threads.
@@ -11,8 +11,6 @@ All of it is the Rust crates' work; long calls leave the interpreter to other th
 from ._runs import read_predictions, read_results
 from ._sps import (
     Answer,
-    Bootstrap,
-    BootstrapInterval,
     Coverage,
     Encoder,
     Estimate,
@@ -20,12 +18,16 @@ from ._sps import (
     GroupConformal,
     Looked,
     Score,
+    ScoreInterval,
     Selection,
     Session,
     SplitConformal,
     UndefinedScore,
     __version__,
     coverage,
+    difference,
+    holm,
+    interval,
     mae,
     median_percent_error,
     r2,
@@ -37,8 +39,6 @@ from ._sps import (
 
 __all__ = [
     "Answer",
-    "Bootstrap",
-    "BootstrapInterval",
     "Coverage",
     "Encoder",
     "Estimate",
@@ -46,12 +46,16 @@ __all__ = [
     "GroupConformal",
     "Looked",
     "Score",
+    "ScoreInterval",
     "Selection",
     "Session",
     "SplitConformal",
     "UndefinedScore",
     "__version__",
     "coverage",
+    "difference",
+    "holm",
+    "interval",
     "mae",
     "median_percent_error",
     "r2",

@@ -12,8 +12,6 @@ _Scale = Union[Literal["model", "keep"], int]
 
 __all__ = [
     "Answer",
-    "Bootstrap",
-    "BootstrapInterval",
     "Coverage",
     "Encoder",
     "Estimate",
@@ -21,12 +19,16 @@ __all__ = [
     "GroupConformal",
     "Looked",
     "Score",
+    "ScoreInterval",
     "Selection",
     "Session",
     "SplitConformal",
     "UndefinedScore",
     "__version__",
     "coverage",
+    "difference",
+    "holm",
+    "interval",
     "mae",
     "median_percent_error",
     "r2",
@@ -184,7 +186,7 @@ def rmse(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...
 def median_percent_error(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...
 def spearman(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...
 @final
-class BootstrapInterval:
+class ScoreInterval:
     @property
     def estimate(self) -> float: ...
     @property
@@ -196,36 +198,37 @@ class BootstrapInterval:
     @property
     def units(self) -> int: ...
     @property
-    def resamples(self) -> int: ...
+    def reruns(self) -> int: ...
     @property
-    def undefined_resamples(self) -> int: ...
+    def standard_error(self) -> float: ...
+    @property
+    def p(self) -> float: ...
     def excludes_zero(self) -> bool: ...
 
-@final
-class Bootstrap:
-    def __new__(
-        cls, seed: int = 0, *, resamples: int = 2000, level: float = 0.95
-    ) -> Bootstrap: ...
-    def interval(
-        self,
-        metric: str,
-        *,
-        truth: ArrayLike,
-        estimate: ArrayLike,
-        units: ArrayLike | None = None,
-        training_mean: float | None = None,
-    ) -> BootstrapInterval: ...
-    def difference(
-        self,
-        metric: str,
-        *,
-        truth: ArrayLike,
-        first: ArrayLike,
-        second: ArrayLike,
-        units: ArrayLike | None = None,
-        training_mean: float | None = None,
-    ) -> BootstrapInterval: ...
-
+def interval(
+    metric: str,
+    *,
+    truth: ArrayLike,
+    estimate: ArrayLike,
+    units: ArrayLike | None = None,
+    reruns: ArrayLike | None = None,
+    training_mean: float | None = None,
+    level: float = 0.95,
+    test_per_training: float = 0.0,
+) -> ScoreInterval: ...
+def difference(
+    metric: str,
+    *,
+    truth: ArrayLike,
+    first: ArrayLike,
+    second: ArrayLike,
+    units: ArrayLike | None = None,
+    reruns: ArrayLike | None = None,
+    training_mean: float | None = None,
+    level: float = 0.95,
+    test_per_training: float = 0.0,
+) -> ScoreInterval: ...
+def holm(p_values: ArrayLike) -> list[float]: ...
 @final
 class SplitConformal:
     def __new__(cls, residuals: ArrayLike, *, level: float = 0.9) -> SplitConformal: ...

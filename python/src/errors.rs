@@ -6,7 +6,7 @@ use std::path::Path;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use sps_dataset::{FrameError, FrameErrorKind};
-use sps_metrics::{BootstrapError, ConformalError, Undefined};
+use sps_metrics::{ConformalError, IntervalError, Undefined};
 use sps_models::weights::{WeightsError, WeightsErrorKind};
 
 pyo3::create_exception!(
@@ -63,9 +63,9 @@ pub(crate) fn undefined(error: &Undefined) -> PyErr {
     UndefinedScore::new_err(error.to_string())
 }
 
-pub(crate) fn bootstrap_error(error: &BootstrapError) -> PyErr {
+pub(crate) fn interval_error(error: &IntervalError) -> PyErr {
     match error {
-        BootstrapError::Undefined(_) | BootstrapError::UndefinedResamples { .. } => {
+        IntervalError::Undefined(_) | IntervalError::OneUnit => {
             UndefinedScore::new_err(error.to_string())
         }
         _ => value_error(error),

@@ -1,110 +1,187 @@
-//! Intervals of scores over units.
+//! Intervals of scores over units and reruns.
+
+use std::collections::BTreeMap;
 
 use pyo3::prelude::*;
-use sps_metrics::{BootstrapError, Compared, Level, Samples, Scored};
+use sps_metrics::{IntervalError, Intervals, Level, Metric, Samples, Scored};
 
 use crate::arrays::{Labels, Numbers};
-use crate::errors::{bootstrap_error, value_error};
+use crate::errors::{interval_error, value_error};
 use crate::scores::named;
-
-/// Percentile bootstrap over units: how far a score would move if other units of the same kind had
-/// been tested.
-///
-/// A unit is what was drawn independently: a surface, or a group of surfaces that are alike. The
-/// same seed draws the same units for every score and method, on every machine.
-///
-/// Raises ValueError unless 0 < level < 1.
-#[pyclass(module = "sps", frozen)]
-pub(crate) struct Bootstrap(sps_metrics::Bootstrap);
 
 /// A score, or the difference of two, with its interval.
 #[pyclass(module = "sps", frozen, get_all)]
-pub(crate) struct BootstrapInterval {
+pub(crate) struct ScoreInterval {
     /// The score of the samples as they are, or the first method's less the second's.
     estimate: f64,
     /// The lower end.
     low: f64,
     /// The upper end.
     high: f64,
-    /// The share of resamples between the ends.
+    /// The share of such intervals that hold the true value.
     level: f64,
-    /// Units that were drawn from.
+    /// Units that it is over.
     units: usize,
-    /// Resamples that were drawn.
-    resamples: usize,
-    /// Resamples without a score; each counts as lying beyond both ends.
-    undefined_resamples: usize,
+    /// Reruns that it is over.
+    reruns: usize,
+    /// The standard error that units and reruns make together.
+    standard_error: f64,
+    /// The two-sided p-value of a true value of 0.
+    p: f64,
+}
+
+/// The interval of a score: how far it would move if other units had been tested, and where `reruns`
+/// are given if other models had been trained.
+///
+/// `metric` is r2 (with `training_mean`), r2_own_mean, mae, rmse, median_percent_error or spearman;
+/// `truth` and `estimate` are of shape (samples,). `units` says which unit each sample is of, by
+/// numbers or strings: a surface, or a group of surfaces that are alike (None: each is a unit of its
+/// own, in a rerun the first of one that of another). `reruns` says likewise which training each
+/// estimate is of (None: all are of one model, and the interval is for that model). Where the reruns
+/// part one set of surfaces anew, `test_per_training` is how many are tested for each that is trained
+/// on, 1/9 in ten folds.
+///
+/// Raises UndefinedScore where the score has no value, ValueError where there are fewer than two
+/// units or reruns.
+#[pyfunction]
+#[pyo3(signature = (metric, *, truth, estimate, units = None, reruns = None, training_mean = None,
+                    level = 0.95, test_per_training = 0.0))]
+#[expect(clippy::too_many_arguments, reason = "each is a keyword")]
+pub(crate) fn interval(
+    py: Python<'_>,
+    metric: &str,
+    truth: Numbers,
+    estimate: Numbers,
+    units: Option<Labels>,
+    reruns: Option<Labels>,
+    training_mean: Option<f64>,
+    level: f64,
+    test_per_training: f64,
+) -> PyResult<ScoreInterval> {
+    let metric = named(metric, training_mean)?;
+    let intervals = intervals(level, reruns.is_some(), test_per_training)?;
+    let groups = Group::all(&truth.0, &[&estimate.0], units.as_ref(), reruns.as_ref())?;
+    found(py.detach(|| intervals.interval(&scored(metric, &groups, 0))))
+}
+
+/// The interval of the difference between two methods' scores, first less second, on the same units
+/// and reruns.
+///
+/// Arguments and errors are those of `interval`; `first` and `second` are the methods' estimates.
+#[pyfunction]
+#[pyo3(signature = (metric, *, truth, first, second, units = None, reruns = None,
+                    training_mean = None, level = 0.95, test_per_training = 0.0))]
+#[expect(clippy::too_many_arguments, reason = "each is a keyword")]
+pub(crate) fn difference(
+    py: Python<'_>,
+    metric: &str,
+    truth: Numbers,
+    first: Numbers,
+    second: Numbers,
+    units: Option<Labels>,
+    reruns: Option<Labels>,
+    training_mean: Option<f64>,
+    level: f64,
+    test_per_training: f64,
+) -> PyResult<ScoreInterval> {
+    let metric = named(metric, training_mean)?;
+    let intervals = intervals(level, reruns.is_some(), test_per_training)?;
+    let both = [&first.0[..], &second.0];
+    let groups = Group::all(&truth.0, &both, units.as_ref(), reruns.as_ref())?;
+    found(
+        py.detach(|| {
+            intervals.difference(&scored(metric, &groups, 0), &scored(metric, &groups, 1))
+        }),
+    )
+}
+
+/// P-values corrected for how many were looked at (Holm 1979), in the same order: calling those
+/// real that are at most q, chance alone makes any call with a probability of at most q.
+#[pyfunction]
+pub(crate) fn holm(p_values: Numbers) -> Vec<f64> {
+    sps_metrics::holm(&p_values.0)
+}
+
+fn intervals(level: f64, reruns: bool, test_per_training: f64) -> PyResult<Intervals> {
+    let level = Level::new(level).map_err(value_error)?;
+    if !(test_per_training.is_finite() && test_per_training >= 0.0) {
+        return Err(value_error(format!(
+            "test_per_training is {test_per_training}, expected a number from 0 on"
+        )));
+    }
+    let intervals = if reruns {
+        Intervals::of_training(level)
+    } else {
+        Intervals::of_models(level)
+    };
+    Ok(intervals.sharing(test_per_training))
+}
+
+/// The samples of a rerun.
+#[derive(Default)]
+struct Group {
+    rerun: usize,
+    truth: Vec<f64>,
+    /// Of each method.
+    estimates: Vec<Vec<f64>>,
+    units: Vec<usize>,
+}
+
+impl Group {
+    fn all(
+        truth: &[f64],
+        estimates: &[&[f64]],
+        units: Option<&Labels>,
+        reruns: Option<&Labels>,
+    ) -> PyResult<Vec<Self>> {
+        let samples = truth.len();
+        let lengths = estimates.iter().map(|all| ("estimates", all.len()));
+        let labels = [("units", units), ("reruns", reruns)];
+        let labels = labels
+            .iter()
+            .filter_map(|(name, labels)| Some((*name, (*labels)?.0.len())));
+        for (name, found) in lengths.chain(labels) {
+            if found != samples {
+                return Err(value_error(format!("{found} {name} for {samples} samples")));
+            }
+        }
+        let mut groups: BTreeMap<usize, Self> = BTreeMap::new();
+        for at in 0..samples {
+            let rerun = reruns.map_or(0, |reruns| reruns.0[at]);
+            let group = groups.entry(rerun).or_insert_with(|| Self {
+                rerun,
+                estimates: vec![Vec::new(); estimates.len()],
+                ..Self::default()
+            });
+            let unit = units.map_or(group.truth.len(), |units| units.0[at]);
+            group.units.push(unit);
+            group.truth.push(truth[at]);
+            for (kept, all) in group.estimates.iter_mut().zip(estimates) {
+                kept.push(all[at]);
+            }
+        }
+        Ok(groups.into_values().collect())
+    }
+}
+
+/// The groups as a method is scored on them.
+fn scored(metric: Metric, groups: &[Group], method: usize) -> Vec<Scored<'_>> {
+    let scored = groups.iter().map(|group| Scored {
+        metric,
+        samples: Samples {
+            truth: &group.truth,
+            estimate: &group.estimates[method],
+        },
+        units: Some(&group.units),
+        rerun: group.rerun,
+    });
+    scored.collect()
 }
 
 #[pymethods]
-impl Bootstrap {
-    #[new]
-    #[pyo3(signature = (seed = 0, *, resamples = 2000, level = 0.95))]
-    fn new(seed: u64, resamples: usize, level: f64) -> PyResult<Self> {
-        let level = Level::new(level).map_err(value_error)?;
-        let bootstrap = sps_metrics::Bootstrap::new(seed);
-        Ok(Self(bootstrap.with_resamples(resamples).with_level(level)))
-    }
-
-    /// The interval of a score.
-    ///
-    /// `metric` is r2 (with `training_mean`), r2_own_mean, mae, rmse, median_percent_error or
-    /// spearman; `truth` and `estimate` are of shape (samples,), and `units` says which unit each
-    /// sample is of, by numbers or strings (None: each is a unit of its own).
-    ///
-    /// Raises UndefinedScore where the score has no value, ValueError where there are too few units
-    /// or resamples.
-    #[pyo3(signature = (metric, *, truth, estimate, units = None, training_mean = None))]
-    fn interval(
-        &self,
-        py: Python<'_>,
-        metric: &str,
-        truth: Numbers,
-        estimate: Numbers,
-        units: Option<Labels>,
-        training_mean: Option<f64>,
-    ) -> PyResult<BootstrapInterval> {
-        let scored = Scored {
-            metric: named(metric, training_mean)?,
-            samples: Samples {
-                truth: &truth.0,
-                estimate: &estimate.0,
-            },
-            units: units.as_ref().map(|units| &units.0[..]),
-        };
-        found(py.detach(|| self.0.interval(&scored)))
-    }
-
-    /// The interval of the difference between two methods' scores, first less second, both scored
-    /// on the same drawn units.
-    ///
-    /// Arguments and errors are those of `interval`; `first` and `second` are the methods' estimates.
-    #[pyo3(signature = (metric, *, truth, first, second, units = None, training_mean = None))]
-    #[expect(clippy::too_many_arguments, reason = "each is a keyword")]
-    fn difference(
-        &self,
-        py: Python<'_>,
-        metric: &str,
-        truth: Numbers,
-        first: Numbers,
-        second: Numbers,
-        units: Option<Labels>,
-        training_mean: Option<f64>,
-    ) -> PyResult<BootstrapInterval> {
-        let compared = Compared {
-            metric: named(metric, training_mean)?,
-            truth: &truth.0,
-            first: &first.0,
-            second: &second.0,
-            units: units.as_ref().map(|units| &units.0[..]),
-        };
-        found(py.detach(|| self.0.difference(&compared)))
-    }
-}
-
-#[pymethods]
-impl BootstrapInterval {
-    /// Whether zero lies outside of the interval: for a difference, whether the methods differ.
+impl ScoreInterval {
+    /// Whether zero lies outside of the interval: for a single difference that was asked for
+    /// beforehand, whether the methods differ.
     fn excludes_zero(&self) -> bool {
         self.low > 0.0 || self.high < 0.0
     }
@@ -116,26 +193,26 @@ impl BootstrapInterval {
             high,
             level,
             units,
+            reruns,
             ..
         } = self;
         format!(
-            "BootstrapInterval(estimate={estimate:?}, low={low:?}, high={high:?}, \
-             level={level:?}, units={units})"
+            "ScoreInterval(estimate={estimate:?}, low={low:?}, high={high:?}, level={level:?}, \
+             units={units}, reruns={reruns})"
         )
     }
 }
 
-fn found(
-    interval: Result<sps_metrics::BootstrapInterval, BootstrapError>,
-) -> PyResult<BootstrapInterval> {
-    let interval = interval.map_err(|error| bootstrap_error(&error))?;
-    Ok(BootstrapInterval {
-        estimate: interval.estimate,
-        low: interval.low,
-        high: interval.high,
-        level: interval.level.get(),
-        units: interval.units,
-        resamples: interval.resamples,
-        undefined_resamples: interval.undefined_resamples,
+fn found(interval: Result<sps_metrics::ScoreInterval, IntervalError>) -> PyResult<ScoreInterval> {
+    let found = interval.map_err(|error| interval_error(&error))?;
+    Ok(ScoreInterval {
+        estimate: found.estimate,
+        low: found.low,
+        high: found.high,
+        level: found.level.get(),
+        units: found.units,
+        reruns: found.reruns,
+        standard_error: found.standard_error,
+        p: found.p,
     })
 }

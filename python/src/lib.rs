@@ -32,7 +32,7 @@ mod _sps {
     #[pymodule_export]
     use crate::estimator::{Answer, Estimate, Estimator, Looked, Session};
     #[pymodule_export]
-    use crate::intervals::{Bootstrap, BootstrapInterval};
+    use crate::intervals::{ScoreInterval, difference, holm, interval};
     #[pymodule_export]
     use crate::scores::{Score, mae, median_percent_error, r2, r2_own_mean, rmse, spearman};
     #[pymodule_export]

@@ -87,84 +87,104 @@ def test_truth_and_estimate_go_in_by_name():
 @pytest.mark.parametrize("metric", METRICS)
 def test_an_interval_is_about_the_score(metric):
     truth, estimate, _ = samples()
-    interval = sps.Bootstrap(1).interval(metric, truth=truth, estimate=estimate)
+    interval = sps.interval(metric, truth=truth, estimate=estimate)
     score = getattr(sps, metric)(truth=truth, estimate=estimate)
     assert math.isclose(interval.estimate, float(score), rel_tol=1e-12)
     assert interval.low < interval.estimate < interval.high
-    assert (interval.level, interval.units, interval.resamples) == (0.95, 60, 2000)
+    assert (interval.level, interval.units, interval.reruns) == (0.95, 60, 1)
 
 
-def test_an_interval_is_that_of_numpy():
-    truth, estimate, _ = samples(200)
-    errors = np.abs(truth - estimate)
-    drawn = np.random.default_rng(1).choice(errors, (20_000, len(errors))).mean(axis=1)
-    bootstrap = sps.Bootstrap(1, resamples=20_000, level=0.9)
-    found = bootstrap.interval("mae", truth=truth, estimate=estimate)
-    # A quantile of 20,000 draws is known to some 2 % of their spread.
-    expected = np.quantile(drawn, [0.05, 0.95])
-    np.testing.assert_allclose([found.low, found.high], expected, atol=0.06 * drawn.std())
+def test_a_paired_interval_is_that_of_a_t_test():
+    truth, first, second = samples()
+    errors = np.abs(truth - first), np.abs(truth - second)
+    apart = errors[0] - errors[1]
+    found = sps.difference("mae", truth=truth, first=first, second=second)
+    error = apart.std(ddof=1) / math.sqrt(len(apart))
+    assert math.isclose(found.standard_error, error, rel_tol=1e-9)
+    # Student's t of 59 degrees of freedom, or fewer where errors have heavy tails.
+    half = (found.high - found.low) / 2
+    assert half / error >= 2.0010 and math.isclose(found.estimate, apart.mean(), rel_tol=1e-9)
 
 
-def test_units_are_drawn_whole_and_named_anyhow():
+def test_units_are_whole_and_named_anyhow():
     truth, estimate, _ = samples()
     numbers = np.arange(60) // 6
-    by_number = sps.Bootstrap(1).interval("mae", truth=truth, estimate=estimate, units=numbers)
+    by_number = sps.interval("mae", truth=truth, estimate=estimate, units=numbers)
     names = [f"surface-{number}" for number in numbers]
-    by_name = sps.Bootstrap(1).interval("mae", truth=truth, estimate=estimate, units=names)
+    by_name = sps.interval("mae", truth=truth, estimate=estimate, units=names)
     assert by_number.units == 10
     assert repr(by_number) == repr(by_name)
-    # Ten samples of equal errors each: a resample of units is a mean of ten errors.
+    # Ten samples of equal errors each say as much as one.
     errors = np.random.default_rng(2).uniform(0, 1, 10)
-    together = sps.Bootstrap(1).interval(
-        "mae", truth=np.zeros(60), estimate=errors[numbers], units=numbers
-    )
-    apart = sps.Bootstrap(1).interval("mae", truth=np.zeros(10), estimate=errors)
-    assert math.isclose(together.low, apart.low, rel_tol=1e-12)
-    assert math.isclose(together.high, apart.high, rel_tol=1e-12)
+    together = sps.interval("mae", truth=np.zeros(60), estimate=errors[numbers], units=numbers)
+    apart = sps.interval("mae", truth=np.zeros(10), estimate=errors)
+    assert math.isclose(together.low, apart.low, rel_tol=1e-9)
+    assert math.isclose(together.high, apart.high, rel_tol=1e-9)
+
+
+def test_reruns_widen_an_interval_by_how_much_they_differ():
+    truth = np.zeros(40)
+    estimate = np.random.default_rng(3).uniform(1, 2, 40)
+    both = {"truth": np.tile(truth, 3), "reruns": np.repeat(["a", "b", "c"], 40)}
+    same = sps.interval("mae", estimate=np.tile(estimate, 3), **both)
+    alone = sps.interval("mae", truth=truth, estimate=estimate)
+    assert (same.units, same.reruns) == (40, 3)
+    assert math.isclose(same.low, alone.low, rel_tol=1e-9)
+    moved = np.tile(estimate, 3) + np.repeat([-0.1, 0.0, 0.1], 40)
+    other = sps.interval("mae", estimate=moved, **both)
+    variance = other.standard_error**2 - alone.standard_error**2
+    assert math.isclose(variance, 0.01 / 3, rel_tol=1e-9)
+    shared = sps.interval("mae", estimate=np.tile(estimate, 3), test_per_training=1 / 9, **both)
+    ratio = shared.standard_error / alone.standard_error
+    assert math.isclose(ratio, math.sqrt(10 / 9), rel_tol=1e-9)
 
 
 def test_a_difference_is_paired():
     truth, fine, rough = samples()
-    bootstrap = sps.Bootstrap(1)
-    gain = bootstrap.difference("mae", truth=truth, first=rough, second=fine)
+    gain = sps.difference("mae", truth=truth, first=rough, second=fine)
     assert gain.excludes_zero() and gain.low < gain.estimate < gain.high
-    swapped = bootstrap.difference("mae", truth=truth, first=fine, second=rough)
+    assert gain.p < 0.05
+    swapped = sps.difference("mae", truth=truth, first=fine, second=rough)
     assert (swapped.low, swapped.high) == (-gain.high, -gain.low)
-    none = bootstrap.difference("mae", truth=truth, first=fine, second=fine)
-    assert (none.low, none.high, none.excludes_zero()) == (0, 0, False)
+    none = sps.difference("mae", truth=truth, first=fine, second=fine)
+    assert (none.low, none.high, none.excludes_zero(), none.p) == (0, 0, False, 1)
+
+
+def test_many_p_values_are_corrected():
+    assert sps.holm([0.01, 0.04, 0.03]) == [0.03, 0.06, 0.06]
 
 
 def test_r2_needs_the_training_mean_and_no_other_does():
     truth, estimate, other = samples()
-    bootstrap = sps.Bootstrap()
-    found = bootstrap.interval("r2", truth=truth, estimate=estimate, training_mean=40.0)
+    found = sps.interval("r2", truth=truth, estimate=estimate, training_mean=40.0)
     assert found.estimate == sps.r2(truth=truth, estimate=estimate, training_mean=40.0).value
     with pytest.raises(ValueError, match="no training_mean"):
-        bootstrap.interval("r2", truth=truth, estimate=estimate)
+        sps.interval("r2", truth=truth, estimate=estimate)
     with pytest.raises(ValueError, match="a training_mean for mae, expected none"):
-        bootstrap.difference(
-            "mae", truth=truth, first=estimate, second=other, training_mean=40.0
-        )
+        sps.difference("mae", truth=truth, first=estimate, second=other, training_mean=40.0)
     with pytest.raises(ValueError, match='unknown metric "r3", expected r2,'):
-        bootstrap.interval("r3", truth=truth, estimate=estimate)
+        sps.interval("r3", truth=truth, estimate=estimate)
     with pytest.raises(sps.UndefinedScore, match="training mean 0 is NaN"):
         sps.r2(truth=truth, estimate=estimate, training_mean=math.nan)
 
 
 def test_what_has_no_interval_says_why():
     one = {"truth": [1.0], "estimate": [2.0]}
-    with pytest.raises(ValueError, match="1 unit.* needs at least 2"):
-        sps.Bootstrap().interval("mae", **one)
+    two = {"truth": [1, 2], "estimate": [1, 3]}
+    with pytest.raises(sps.UndefinedScore, match="rests on one unit.* needs at least 2"):
+        sps.interval("mae", **one)
     with pytest.raises(sps.UndefinedScore, match="the score is undefined"):
-        sps.Bootstrap().interval("spearman", **one)
-    with pytest.raises(ValueError, match="10 resamples, a level of 0.95 needs at least 39"):
-        sps.Bootstrap(resamples=10).interval("mae", truth=[1, 2], estimate=[1, 3])
-    with pytest.raises(ValueError, match="3 unit numbers for 2 samples"):
-        sps.Bootstrap().interval("mae", truth=[1, 2], estimate=[1, 3], units=[1, 2, 3])
+        sps.interval("spearman", **one)
+    with pytest.raises(ValueError, match="1 rerun.* takes at least 2"):
+        sps.interval("mae", reruns=[0, 0], **two)
+    with pytest.raises(ValueError, match="3 units for 2 samples"):
+        sps.interval("mae", units=[1, 2, 3], **two)
     with pytest.raises(ValueError, match="labels of 2 dimensions, expected one"):
-        sps.Bootstrap().interval("mae", truth=[1, 2], estimate=[1, 3], units=[[1, 2]])
+        sps.interval("mae", units=[[1, 2]], **two)
     with pytest.raises(ValueError, match="strictly between 0 and 1, found 95"):
-        sps.Bootstrap(level=95)
+        sps.interval("mae", level=95, **two)
+    with pytest.raises(ValueError, match="test_per_training is -1, expected a number from 0 on"):
+        sps.interval("mae", test_per_training=-1, **two)
 
 
 def test_the_radius_is_an_order_statistic():

@@ -64,7 +64,7 @@ def test_scikit_learn_is_asked_for_where_it_is_missing(monkeypatch):
 def test_everything_exported_is_documented():
     for name in sps.__all__:
         assert getattr(sps, name).__doc__, name
-    kinds = [sps.Encoder, sps.Selection, sps.Bootstrap, sps.BootstrapInterval, sps.Coverage]
+    kinds = [sps.Encoder, sps.Selection, sps.ScoreInterval, sps.Coverage]
     for kind in [*kinds, sps.Estimator, sps.Estimate, sps.Answer, sps.Session, sps.Looked]:
         members = [name for name in vars(kind) if not name.startswith("_")]
         assert members and all(getattr(kind, name).__doc__ for name in members), kind

@@ -9,7 +9,7 @@ use clap::Parser;
 use sps_dataset::{
     FrameIndex, KFold, Source, SplitPlan, TactileSettings, Unit, decode_frames, toccare,
 };
-use sps_metrics::{Bootstrap, Compared, Metric, Samples};
+use sps_metrics::{Intervals, Level, Metric, Samples, Scored};
 use sps_models::encoders::{Encoder, EncoderKind};
 use sps_models::heads::{Plan, Rerun, TrainingData, Trial, Views};
 use sps_models::ridge::{Ridge, RidgeConfig};
@@ -217,13 +217,17 @@ fn main() -> Result<()> {
 /// The difference with its paired 95 % interval over surfaces.
 fn gains(first: &[HeldOut], second: &[HeldOut]) -> Result<Vec<String>> {
     let gain = |(a, b): (&HeldOut, &HeldOut)| {
-        let interval = Bootstrap::new(0).difference(&Compared {
+        let scored = |estimate| Scored {
             metric: Metric::R2OwnMean,
-            truth: &a.truth,
-            first: &b.estimate,
-            second: &a.estimate,
+            samples: Samples {
+                truth: &a.truth,
+                estimate,
+            },
             units: None,
-        })?;
+            rerun: 0,
+        };
+        let (more, less) = (scored(&b.estimate), scored(&a.estimate));
+        let interval = Intervals::of_models(Level::P95).difference(&[more], &[less])?;
         let (low, high) = (interval.low, interval.high);
         Ok(format!("{:.3} [{low:.3}, {high:.3}]", interval.estimate))
     };

@@ -4,8 +4,8 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use sps_metrics::{
-    Bootstrap, Compared, Level, Metric, Pair, Samples, ScoreAccumulator, Scored, Scores,
-    SplitConformal, TrainingMean,
+    Intervals, Level, Metric, Pair, Samples, ScoreAccumulator, Scored, Scores, SplitConformal,
+    TrainingMean,
 };
 
 /// As many surfaces as the paper's dataset, to print rounding.
@@ -74,9 +74,9 @@ fn scores(criterion: &mut Criterion) {
 fn intervals(criterion: &mut Criterion) {
     let (truth, rough) = samples(SURFACES, 8.0);
     let (_, fine) = samples(SURFACES, 5.0);
-    let bootstrap = Bootstrap::new(1);
+    let intervals = Intervals::of_models(Level::P95);
     let mean = TrainingMean::new(50.0).unwrap_or_else(|reason| panic!("{reason}"));
-    let mut group = criterion.benchmark_group("bootstrap_400_surfaces_2000_resamples");
+    let mut group = criterion.benchmark_group("interval_400_surfaces");
     for metric in [
         Metric::R2(mean),
         Metric::R2OwnMean,
@@ -88,24 +88,29 @@ fn intervals(criterion: &mut Criterion) {
             truth: &truth,
             estimate: &rough,
         };
-        let scored = Scored {
+        let scored = [Scored {
             metric,
             samples,
             units: None,
-        };
+            rerun: 0,
+        }];
         group.bench_function(metric.id(), |bencher| {
-            bencher.iter(|| bootstrap.interval(black_box(&scored)));
+            bencher.iter(|| intervals.interval(black_box(&scored)));
         });
     }
-    let compared = Compared {
-        metric: Metric::R2(mean),
-        truth: &truth,
-        first: &rough,
-        second: &fine,
-        units: None,
-    };
+    let [first, second] = [&rough, &fine].map(|estimate| {
+        [Scored {
+            metric: Metric::R2(mean),
+            samples: Samples {
+                truth: &truth,
+                estimate,
+            },
+            units: None,
+            rerun: 0,
+        }]
+    });
     group.bench_function("r2_difference", |bencher| {
-        bencher.iter(|| bootstrap.difference(black_box(&compared)));
+        bencher.iter(|| intervals.difference(black_box(&first), black_box(&second)));
     });
     group.finish();
 }

@@ -4,7 +4,7 @@
 //! `cargo run --release -p sps-metrics --example compare_models`
 
 use sps_metrics::{
-    Bootstrap, Compared, Metric, PropertyScore, Samples, Scored, TrainingMean, mean_over_all,
+    Intervals, Level, Metric, PropertyScore, Samples, Scored, TrainingMean, mean_over_all,
 };
 
 const PROPERTIES: [&str; 3] = ["friction", "hardness", "warmth"];
@@ -24,7 +24,7 @@ fn estimate(property: usize, surface: usize, share: f64) -> f64 {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let of = |value: &dyn Fn(usize) -> f64| (0..SURFACES).map(value).collect::<Vec<f64>>();
-    let bootstrap = Bootstrap::new(1);
+    let intervals = Intervals::of_models(Level::P95);
     let mut scores = [Vec::new(), Vec::new()];
     for (property, name) in PROPERTIES.into_iter().enumerate() {
         let truth = of(&|surface| truth(property, surface));
@@ -37,21 +37,27 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 estimate,
             };
             scores.push(PropertyScore::new(name, samples.r2(mean)));
-            let r2 = bootstrap.interval(&Scored {
+            let r2 = intervals.interval(&[Scored {
                 metric: Metric::R2(mean),
                 samples,
                 units: None,
-            })?;
+                rerun: 0,
+            }])?;
             let [value, low, high] = [r2.estimate, r2.low, r2.high];
             println!("{name}: R² {value:.2} [{low:.2}, {high:.2}]");
         }
-        let gain = bootstrap.difference(&Compared {
-            metric: Metric::Mae,
-            truth: &truth,
-            first: &models[1],
-            second: &models[0],
-            units: None,
-        })?;
+        let [first, second] = [&models[0], &models[1]].map(|estimate| {
+            [Scored {
+                metric: Metric::Mae,
+                samples: Samples {
+                    truth: &truth,
+                    estimate,
+                },
+                units: None,
+                rerun: 0,
+            }]
+        });
+        let gain = intervals.difference(&second, &first)?;
         let [value, low, high] = [gain.estimate, gain.low, gain.high];
         println!("{name}: the first errs by {value:.2} [{low:.2}, {high:.2}] less");
     }

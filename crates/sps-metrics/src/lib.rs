@@ -10,7 +10,7 @@
 //! "Evaluation Metric"), with the ones readers ask for beside them.
 //!
 //! ```
-//! use sps_metrics::{Bootstrap, Metric, Samples, Scored, TrainingMean, Undefined};
+//! use sps_metrics::{Intervals, Level, Metric, Samples, Scored, TrainingMean, Undefined};
 //!
 //! let samples = Samples {
 //!     truth: &[12.0, 35.0, 0.0, 61.0, 44.0, 27.0],
@@ -26,12 +26,13 @@
 //! let percent = samples.median_percent_error()?;
 //! assert_eq!((percent.samples, percent.zero_truths), (5, 1));
 //!
-//! // 95 % interval over surfaces.
-//! let interval = Bootstrap::new(1).interval(&Scored {
+//! // 95 % interval of this one model, on other surfaces.
+//! let interval = Intervals::of_models(Level::P95).interval(&[Scored {
 //!     metric: Metric::R2(training_mean),
 //!     samples,
 //!     units: None,
-//! })?;
+//!     rerun: 0,
+//! }])?;
 //! assert!(interval.low < r2.value && r2.value < interval.high);
 //!
 //! // What has no score says so.
@@ -50,8 +51,9 @@
 //! - Streams: [`ScoreAccumulator`], [`PercentErrorAccumulator`] and [`Moments`] take one value at a
 //!   time and merge. Any order and any split give the same result within 1e-12 relative.
 //! - Reruns: [`over_reruns`] gives mean and sample standard deviation.
-//! - Units, which are surfaces or groups of them: [`Bootstrap`] gives the interval of a score, of a
-//!   mean over properties, and of the difference of two methods on the same drawn units.
+//! - Chance: [`Intervals`] gives the interval of a score, of a mean over properties, and of the
+//!   difference of two methods, over units (surfaces, or groups of them) and reruns; [`holm`]
+//!   corrects p-values for how many were looked at.
 //! - Predictions: [`SplitConformal`] gives intervals that cover at a promised rate, and
 //!   [`GroupConformal`] where samples come in groups and the next is of a new one; [`coverage`]
 //!   says whether they did.
@@ -59,9 +61,9 @@
 //! The feature `serde` (off by default) makes scores, reasons and intervals readable and writable.
 
 mod accumulate;
-mod bootstrap;
 mod conformal;
 mod double;
+mod interval;
 mod level;
 mod metric;
 mod moments;
@@ -75,10 +77,10 @@ mod screen;
 mod table;
 
 pub use accumulate::ScoreAccumulator;
-pub use bootstrap::{Bootstrap, BootstrapError, BootstrapInterval, Compared, Scored};
 pub use conformal::{
     ConformalError, Coverage, GroupConformal, PredictionInterval, SplitConformal, coverage,
 };
+pub use interval::{IntervalError, Intervals, ScoreInterval, Scored, holm};
 pub use level::{InvalidLevel, Level};
 pub use metric::{Better, Metric, Scores};
 pub use moments::Moments;

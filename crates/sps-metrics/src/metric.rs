@@ -1,4 +1,5 @@
 use crate::accumulate::ScoreAccumulator;
+use crate::interval::Scale;
 use crate::outcome::{Outcome, Undefined};
 use crate::samples::{Samples, TrainingMean};
 
@@ -55,6 +56,15 @@ impl Metric {
             Self::Rmse => "rmse",
             Self::MedianPercentError => "median_percent_error",
             Self::Spearman => "spearman",
+        }
+    }
+
+    /// On which its interval reaches equally far to either side.
+    pub(crate) const fn scale(self) -> Scale {
+        match self {
+            Self::R2(_) | Self::R2OwnMean => Scale::Unexplained,
+            Self::Mae | Self::Rmse | Self::MedianPercentError => Scale::Logarithm,
+            Self::Spearman => Scale::Fisher,
         }
     }
 

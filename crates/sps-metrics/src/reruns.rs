@@ -1,3 +1,4 @@
+use crate::interval::chance::{Part, p_value};
 use crate::moments::Moments;
 use crate::outcome::Undefined;
 
@@ -13,6 +14,23 @@ pub struct RerunSummary {
     pub reruns: usize,
     /// Which reruns have none, counted from 0, and why.
     pub left_out: Vec<(usize, Undefined)>,
+}
+
+impl RerunSummary {
+    /// The two-sided p-value of a true mean of 0, by Student's t.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`std`](Self::std).
+    pub fn p_value(&self) -> Result<f64, Undefined> {
+        let (mean, std) = (self.mean.clone()?, self.std.clone()?);
+        let reruns = self.reruns as f64;
+        let part = Part {
+            variance: std * std / reruns,
+            degrees_of_freedom: reruns - 1.0,
+        };
+        Ok(p_value(&[part], mean))
+    }
 }
 
 /// Mean and sample standard deviation of a score over reruns.

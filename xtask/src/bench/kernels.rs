@@ -5,7 +5,7 @@ use std::hint::black_box;
 use anyhow::{Context, Result};
 use candle_core::{Device, Tensor, Var};
 use sps_dataset::{DecodeSettings, decode_image};
-use sps_metrics::{Bootstrap, Metric, Samples, Scored, Scores, TrainingMean};
+use sps_metrics::{Intervals, Level, Metric, Samples, Scored, Scores, TrainingMean};
 use sps_models::encoders::{Encoder, EncoderKind, TrainableEncoder};
 use sps_models::heads::{
     Adversarial, Classification, CrossModal, Head, HeadConfig, Model, Plan, Rerun, TrainingData,
@@ -254,8 +254,9 @@ fn scores() -> Result<Pass> {
             metric: Metric::R2(mean),
             samples,
             units: None,
+            rerun: 0,
         };
-        black_box(Bootstrap::new(1).with_resamples(200).interval(&scored)?);
+        black_box(Intervals::of_models(Level::P95).interval(&[scored])?);
         Ok(())
     }))
 }

@@ -18,8 +18,8 @@ pub(crate) struct Measured {
     pub machine: Machine,
     pub ratios: BTreeMap<String, f64>,
     pub instructions: BTreeMap<String, u64>,
-    /// Of a finished run; `null` where there is none.
-    pub scores: BTreeMap<String, Option<f64>>,
+    /// Of a finished run, in each rerun that has one.
+    pub scores: BTreeMap<String, Vec<f64>>,
     pub wall: BTreeMap<String, Wall>,
 }
 
@@ -28,7 +28,7 @@ pub(crate) struct Measured {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct Wall {
     pub median: f64,
-    /// Of the median, 95 %, by bootstrap.
+    /// Of the median, 95 %, as criterion draws it.
     pub interval: [f64; 2],
     pub shortest: f64,
     /// Frames or other elements of a pass; 1 where the benchmark states none.

@@ -16,7 +16,6 @@ use anyhow::{Result, ensure};
 use tracing::warn;
 
 use budgets::Budgets;
-pub(crate) use compare::scores_past;
 pub(crate) use kernels::run as run_kernel;
 use machine::Machine;
 pub(crate) use machine::processor;

@@ -20,7 +20,8 @@ pub(crate) struct Args {
     /// Folders of other runs
     #[arg(required = true, value_name = "RUN_DIR")]
     others: Vec<PathBuf>,
-    /// End with status 1 where R² of any method and property differs by more, or is no longer there
+    /// End with status 1 where R² of any method and property differs by more, and by more than
+    /// chance, or is no longer there
     #[arg(long, value_name = "R2", value_parser = tolerance)]
     tolerance: Option<f64>,
     /// Print JSON
@@ -56,9 +57,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         }
         comparisons.push(comparison);
         if let Some(tolerance) = args.tolerance {
-            let found = compare::past(tolerance, &first, &other);
+            let found = comparisons
+                .last()
+                .map(|comparison| comparison.past(tolerance));
             let in_run = found
                 .into_iter()
+                .flatten()
                 .map(|what| format!("{}: {what}", other.path.display()));
             past.extend(in_run);
         }

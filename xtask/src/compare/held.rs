@@ -6,12 +6,14 @@ use anyhow::{Context, Result};
 use sps_dataset::Unit;
 
 use crate::report::predictions::Prediction;
-use crate::results::Results;
+use crate::results::{Kind, Results};
 
 /// The held-out estimates of a run, by method and property, in the order of the reruns. A rerun whose
 /// training failed has none.
 pub(crate) struct Outcomes {
-    all: BTreeMap<(String, String), Vec<Held>>,
+    all: BTreeMap<(String, String), Vec<(usize, Held)>>,
+    /// The number of each surface's unit.
+    units: HashMap<String, usize>,
     pub unit: Unit,
 }
 
@@ -19,8 +21,6 @@ pub(crate) struct Outcomes {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Held {
     pub surfaces: Vec<String>,
-    /// The number of each surface's unit, which resamples keep together.
-    pub units: Vec<usize>,
     pub truth: Vec<f64>,
     pub estimate: Vec<f64>,
     /// Of the part that each estimate was trained on.
@@ -32,7 +32,7 @@ impl Outcomes {
     pub(super) fn of(results: &Results, mut predictions: Vec<Prediction>) -> Result<Self> {
         predictions.sort_by(|a, b| a.surface.cmp(&b.surface));
         let mut reruns: BTreeMap<(String, String), BTreeMap<usize, Held>> = BTreeMap::new();
-        let mut units = HashMap::new();
+        let (mut units, mut numbers) = (HashMap::new(), HashMap::new());
         for one in predictions {
             let (rerun, training_mean) = trained(results, &one).with_context(|| {
                 let Prediction {
@@ -51,26 +51,33 @@ impl Outcomes {
             } else {
                 &one.group
             };
-            let next = units.len();
-            let unit = *units.entry(unit.clone()).or_insert(next);
+            let next = numbers.len();
+            let number = *numbers.entry(unit.clone()).or_insert(next);
+            units.insert(one.surface.clone(), number);
             let of_method = reruns.entry((one.method, one.property)).or_default();
             let held = of_method.entry(rerun).or_default();
             held.surfaces.push(one.surface);
-            held.units.push(unit);
             held.truth.push(one.truth);
             held.estimate.push(one.estimate);
             held.training_mean.push(training_mean);
         }
         let all = reruns.into_iter();
-        let all = all.map(|(of, reruns)| (of, reruns.into_values().collect()));
+        let all = all.map(|(of, reruns)| (of, reruns.into_iter().collect()));
         Ok(Self {
             all: all.collect(),
+            units,
             unit: results.dataset.unit.unwrap_or(Unit::Surface),
         })
     }
 
-    /// Those of one method and property; empty where there is none.
-    pub(super) fn get(&self, method: &str, property: &str) -> &[Held] {
+    /// The numbers of the units that surfaces are of.
+    pub(super) fn units_of(&self, held: &Held) -> Vec<usize> {
+        let unit = |surface: &String| self.units.get(surface).copied().unwrap_or(usize::MAX);
+        held.surfaces.iter().map(unit).collect()
+    }
+
+    /// Those of one method and property with their reruns; empty where there is none.
+    pub(super) fn get(&self, method: &str, property: &str) -> &[(usize, Held)] {
         let found = self.all.get(&(method.to_owned(), property.to_owned()));
         found.map(Vec::as_slice).unwrap_or_default()
     }
@@ -85,6 +92,15 @@ fn trained(results: &Results, one: &Prediction) -> Option<(usize, f64)> {
 }
 
 impl Held {
+    /// Values as a score takes them.
+    pub(super) fn judged(&self, kind: Kind) -> [Vec<f64>; 2] {
+        [&self.truth, &self.estimate].map(|values| {
+            let values = values.iter().zip(&self.training_mean);
+            let mean = |mean: f64| if kind.is_about_training() { mean } else { 0.0 };
+            values.map(|(value, of)| value - mean(*of)).collect()
+        })
+    }
+
     /// Whether both are of the same surfaces with the same readings.
     pub(super) fn pairs_with(&self, other: &Self) -> bool {
         self.surfaces == other.surfaces && self.truth == other.truth

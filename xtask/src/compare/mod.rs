@@ -13,8 +13,7 @@ use std::path::PathBuf;
 use anyhow::{Result, ensure};
 use serde::Serialize;
 
-use crate::bench;
-use crate::results::{Kind, MethodResult, kind};
+use crate::results::{Kind, MethodResult};
 use differing::Aspect;
 pub(crate) use differing::differing_keys;
 use moved::Moved;
@@ -31,14 +30,13 @@ pub(crate) struct Comparison {
     /// Ids of methods that only one of them has.
     pub only_first: Vec<String>,
     pub only_second: Vec<String>,
-    /// Of the intervals, with the resamples that they are made of.
+    /// Of the intervals.
     pub interval_level: f64,
-    pub resamples: usize,
     pub scores: Vec<Moved>,
     pub speed: Vec<Speeds>,
 }
 
-/// Sets `second` beside `first`, whose seed, resamples and level the intervals have.
+/// Sets `second` beside `first`, whose level the intervals have.
 ///
 /// # Errors
 /// Runs without a method in common.
@@ -60,16 +58,44 @@ pub(crate) fn compare(first: &Run, second: &Run) -> Result<Comparison> {
         only_first,
         only_second,
         interval_level: first.results.interval_level,
-        resamples: first.resamples,
         scores: moved::scores(first, second, &common),
         speed: common.into_iter().map(Speeds::of).collect(),
     })
 }
 
-/// R² of methods and properties that `second` has no longer, or that moved by more than `tolerance`.
-pub(crate) fn past(tolerance: f64, first: &Run, second: &Run) -> Vec<String> {
-    let [then, now] = [first, second].map(|run| kind::named(&run.results, &[Kind::R2]));
-    bench::scores_past(tolerance, &then, &now)
+impl Comparison {
+    /// R² of methods and properties that the second run has no longer, or that moved by more than
+    /// `tolerance` and more than by chance; by how much of it is chance is not known where there is no
+    /// interval.
+    pub(crate) fn past(&self, tolerance: f64) -> Vec<String> {
+        let lost = self
+            .only_first
+            .iter()
+            .map(|method| format!("{method} (not in run 2)"));
+        let of_r2 = self
+            .scores
+            .iter()
+            .filter(|one| one.table() == Some(Kind::R2));
+        let past = of_r2.filter(|one| match one.difference {
+            Some(difference) => {
+                difference.abs() > tolerance && (one.clear || one.interval.is_none())
+            }
+            None => one.first.is_some(),
+        });
+        let property = |one: &Moved| one.property.clone().unwrap_or_default();
+        let past = past.map(|one| match (one.difference, one.interval) {
+            (Some(difference), Some([low, high])) => format!(
+                "{} {} ({difference:+.4} [{low:.4}, {high:.4}])",
+                one.method,
+                property(one)
+            ),
+            (Some(difference), None) => {
+                format!("{} {} ({difference:+.4})", one.method, property(one))
+            }
+            (None, _) => format!("{} {} (not in run 2)", one.method, property(one)),
+        });
+        lost.chain(past).collect()
+    }
 }
 
 /// The methods of these ids in either run, in the order of the first.

@@ -1,11 +1,13 @@
 //! How far each score moved from one run to another.
 
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 use serde::Serialize;
-use sps_metrics::{Bootstrap, BootstrapError, Compared, Samples, Scored};
+use sps_metrics::{IntervalError, Samples, ScoreInterval, Scored, holm};
 
 use super::Run;
-use super::held::Held;
+use super::held::{Held, Outcomes};
 use crate::progress::Progress;
 use crate::results::{Kind, MethodResult, Number};
 
@@ -21,6 +23,12 @@ pub(crate) struct Moved {
     /// The second less the first.
     pub difference: Number,
     pub interval: Option<[f64; 2]>,
+    /// The p-value of no difference, and the same after Holm's correction for the rows of its table
+    /// that differ.
+    pub p: Number,
+    pub corrected_p: Number,
+    /// Whether it is clear of 0 after the correction.
+    pub clear: bool,
     /// Whether both were scored on the same surfaces with the same readings.
     pub paired: bool,
     /// Why there is no interval.
@@ -49,7 +57,45 @@ pub(super) fn scores(first: &Run, second: &Run, methods: &[[&MethodResult; 2]]) 
         progress.advance(1);
         moved
     });
-    moved.collect()
+    let mut moved: Vec<Moved> = moved.collect();
+    correct(&mut moved, 1.0 - first.results.interval_level);
+    moved
+}
+
+/// Two scores that are nearer to one another differ by rounding.
+const ROUNDING: f64 = 1e-9;
+
+impl Moved {
+    /// Whether the score of one run is not that of the other.
+    pub(super) fn is_other(&self) -> bool {
+        match self.difference {
+            Some(difference) => difference.abs() > ROUNDING,
+            None => self.first != self.second,
+        }
+    }
+
+    /// The table that it stands in: that of means, or that of its score.
+    pub(super) fn table(&self) -> Option<Kind> {
+        self.property.as_ref().map(|_| self.score)
+    }
+}
+
+/// Corrects the p-values of each table for how many it has, and calls those clear of 0 that are at
+/// most `tails`.
+fn correct(all: &mut [Moved], tails: f64) {
+    let mut tables: BTreeMap<Option<Kind>, Vec<(&mut Moved, f64)>> = BTreeMap::new();
+    for moved in all.iter_mut().filter(|moved| moved.is_other()) {
+        if let Some(p) = moved.p {
+            tables.entry(moved.table()).or_default().push((moved, p));
+        }
+    }
+    for rows in tables.into_values() {
+        let p_values: Vec<f64> = rows.iter().map(|(_, p)| *p).collect();
+        for ((moved, _), p) in rows.into_iter().zip(holm(&p_values)) {
+            moved.corrected_p = Some(p);
+            moved.clear = p <= tails;
+        }
+    }
 }
 
 fn moved(
@@ -69,11 +115,13 @@ fn moved(
         Some(one) => vec![one],
         None => first.results.properties.iter().collect(),
     };
-    let pairs = pairs(first, second, &then.id, &properties);
-    let found = difference.map(|difference| match &pairs {
-        Some(pairs) => paired(&first.bootstrap(), kind, pairs, difference),
-        None => unpaired([first, second], &then.id, &properties, kind, difference),
-    });
+    let mine = held(first, &then.id, &properties);
+    let theirs = held(second, &then.id, &properties);
+    let paired = mine
+        .iter()
+        .zip(&theirs)
+        .all(|(mine, theirs)| pair(mine, theirs));
+    let found = difference.map(|_| apart([first, second], [&theirs, &mine], kind, paired));
     let (interval, reason) = match found {
         Some(Ok(interval)) => (Some(interval), None),
         Some(Err(reason)) => (None, Some(reason.to_string())),
@@ -86,216 +134,164 @@ fn moved(
         first: before,
         second: after,
         difference,
-        interval,
-        paired: pairs.is_some(),
+        // The mean over reruns and properties is the same as that over all of them, unless some
+        // have none.
+        interval: interval.zip(difference).map(|(found, difference)| {
+            let moved = difference - found.estimate;
+            [found.low + moved, found.high + moved]
+        }),
+        p: interval.map(|found| found.p),
+        corrected_p: None,
+        clear: false,
+        paired,
         reason,
     }
 }
 
-/// Two runs' estimates for the same surfaces in one rerun.
-struct Pair<'r> {
-    first: &'r Held,
-    second: &'r Held,
-    /// Of the run whose resamples keep more together.
-    units: &'r [usize],
+/// What a method was scored on, property by property.
+fn held<'r>(run: &'r Run, method: &str, properties: &[&String]) -> Vec<&'r [(usize, Held)]> {
+    let of_property = properties.iter();
+    of_property
+        .map(|property| run.outcomes.get(method, property))
+        .collect()
 }
 
-/// The reruns of one run beside those of the other; `None` where surfaces or readings differ. Of runs
-/// with as many reruns each goes with its own; otherwise those of either run come up again in turn
-/// until all have come up equally often.
-fn pairs<'r>(
-    first: &'r Run,
-    second: &'r Run,
-    method: &str,
-    properties: &[&String],
-) -> Option<Vec<Pair<'r>>> {
-    let mut pairs = Vec::new();
-    let second_keeps_more = second.outcomes.unit > first.outcomes.unit;
-    for property in properties {
-        let mine = first.outcomes.get(method, property);
-        let theirs = second.outcomes.get(method, property);
-        if mine.is_empty() || theirs.is_empty() {
-            return None;
-        }
-        for at in 0..least_common_multiple(mine.len(), theirs.len()) {
-            let (first, second) = (&mine[at % mine.len()], &theirs[at % theirs.len()]);
-            if !first.pairs_with(second) {
-                return None;
-            }
-            let units = if second_keeps_more { second } else { first };
-            pairs.push(Pair {
-                first,
-                second,
-                units: &units.units,
-            });
-        }
-    }
-    Some(pairs)
-}
-
-fn least_common_multiple(a: usize, b: usize) -> usize {
-    let (mut x, mut y) = (a, b);
-    while y > 0 {
-        (x, y) = (y, x % y);
-    }
-    a / x * b
-}
-
-/// The interval of a difference where the same units are drawn for both. Where the training parts
-/// differ too, R² of either is about the first one's mean in the resamples, and the interval lies
-/// about the `difference` of the scores as they are reported.
-fn paired(
-    bootstrap: &Bootstrap,
-    kind: Kind,
-    pairs: &[Pair<'_>],
-    difference: f64,
-) -> Result<[f64; 2], BootstrapError> {
-    let values: Vec<[Vec<f64>; 3]> = pairs
-        .iter()
-        .map(|Pair { first, second, .. }| {
-            let means = &first.training_mean;
-            [&first.truth, &second.estimate, &first.estimate]
-                .map(|values| judged(kind, values, means))
-        })
-        .collect();
-    let compared = pairs.iter().zip(&values);
-    let compared = compared.map(|(pair, [truth, second, first])| {
-        Ok(Compared {
-            metric: kind.metric()?,
-            truth,
-            // The bootstrap's difference is the first less the second.
-            first: second,
-            second: first,
-            units: Some(pair.units),
-        })
-    });
-    let compared = compared.collect::<Result<Vec<_>, BootstrapError>>()?;
-    let found = bootstrap.mean_difference(&compared)?;
-    let apart = difference - found.estimate;
-    Ok([found.low + apart, found.high + apart])
-}
-
-/// The interval of a difference of two scores that do not depend on one another, from the interval of
-/// each: that of Zou and Donner, "Construction of confidence limits about effect measures", Statistics
-/// in Medicine 27, 2008.
-fn unpaired(
-    runs: [&Run; 2],
-    method: &str,
-    properties: &[&String],
-    kind: Kind,
-    difference: f64,
-) -> Result<[f64; 2], BootstrapError> {
-    let interval = |run: &Run| {
-        let reruns = properties.iter();
-        let reruns = reruns.flat_map(|property| run.outcomes.get(method, property));
-        alone(&runs[0].bootstrap(), kind, &reruns.collect::<Vec<_>>())
+/// Whether both are of the same surfaces with the same readings: rerun by rerun, or where one run
+/// has more reruns all of them of the same.
+fn pair(mine: &[(usize, Held)], theirs: &[(usize, Held)]) -> bool {
+    let Some((_, first)) = mine.first() else {
+        return false;
     };
-    Ok(about(difference, &interval(runs[0])?, &interval(runs[1])?))
+    if mine.len() == theirs.len() {
+        let mut pairs = mine.iter().zip(theirs);
+        return pairs.all(|(mine, theirs)| mine.0 == theirs.0 && mine.1.pairs_with(&theirs.1));
+    }
+    !theirs.is_empty()
+        && mine
+            .iter()
+            .chain(theirs)
+            .all(|(_, held)| first.pairs_with(held))
 }
 
-fn about(difference: f64, first: &Reach, second: &Reach) -> [f64; 2] {
-    [
-        difference - second.below.hypot(first.above),
-        difference + second.above.hypot(first.below),
-    ]
+/// The interval of the second run's mean score less the first's; of `paired` ones by the units of the
+/// run that keeps more together.
+fn apart(
+    [first, second]: [&Run; 2],
+    [theirs, mine]: [&[&[(usize, Held)]]; 2],
+    kind: Kind,
+    paired: bool,
+) -> Result<ScoreInterval, IntervalError> {
+    let of_first = &first.outcomes;
+    let of_second = &second.outcomes;
+    let (units, other) = match (paired, of_second.unit > of_first.unit) {
+        (true, true) => (of_second, of_second),
+        (true, false) => (of_first, of_first),
+        (false, _) => (of_second, of_first),
+    };
+    let (theirs, mine) = (judged(kind, theirs, units), judged(kind, mine, other));
+    let (theirs, mine) = (scored(kind, &theirs)?, scored(kind, &mine)?);
+    if paired {
+        first.intervals.difference(&theirs, &mine)
+    } else {
+        first.intervals.independent_difference(&theirs, &mine)
+    }
 }
 
-/// How far the interval of a score reaches below and above it.
-struct Reach {
-    below: f64,
-    above: f64,
+/// What is scored, and of which units.
+struct Judged {
+    rerun: usize,
+    truth: Vec<f64>,
+    estimate: Vec<f64>,
+    units: Vec<usize>,
 }
 
-fn alone(bootstrap: &Bootstrap, kind: Kind, reruns: &[&Held]) -> Result<Reach, BootstrapError> {
-    let values: Vec<[Vec<f64>; 2]> = reruns
-        .iter()
-        .map(|held| {
-            [&held.truth, &held.estimate].map(|values| judged(kind, values, &held.training_mean))
-        })
-        .collect();
-    let scored = reruns.iter().zip(&values);
-    let scored = scored.map(|(held, [truth, estimate])| {
+fn judged(kind: Kind, all: &[&[(usize, Held)]], units: &Outcomes) -> Vec<Judged> {
+    let judged = all.iter().copied().flatten().map(|(rerun, held)| {
+        let [truth, estimate] = held.judged(kind);
+        Judged {
+            rerun: *rerun,
+            truth,
+            estimate,
+            units: units.units_of(held),
+        }
+    });
+    judged.collect()
+}
+
+fn scored(kind: Kind, all: &[Judged]) -> Result<Vec<Scored<'_>>, IntervalError> {
+    let scored = all.iter().map(|judged| {
         Ok(Scored {
             metric: kind.metric()?,
-            samples: Samples { truth, estimate },
-            units: Some(&held.units),
+            samples: Samples {
+                truth: &judged.truth,
+                estimate: &judged.estimate,
+            },
+            units: Some(&judged.units),
+            rerun: judged.rerun,
         })
     });
-    let scored = scored.collect::<Result<Vec<_>, BootstrapError>>()?;
-    let found = bootstrap.mean_interval(&scored)?;
-    Ok(Reach {
-        below: found.estimate - found.low,
-        above: found.high - found.estimate,
-    })
-}
-
-/// Values as a score takes them.
-fn judged(kind: Kind, values: &[f64], training_means: &[f64]) -> Vec<f64> {
-    if !kind.is_about_training() {
-        return values.to_vec();
-    }
-    let values = values.iter().zip(training_means);
-    values.map(|(value, mean)| value - mean).collect()
+    scored.collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn held(error: f64, training_mean: f64) -> Held {
-        let truth = vec![1.0, 2.0, 4.0, 7.0];
+    fn held(names: [&str; 2], truth: f64) -> Held {
         Held {
-            surfaces: ["a", "b", "c", "d"].map(str::to_owned).to_vec(),
-            units: vec![0, 1, 2, 3],
-            estimate: truth.iter().map(|truth| truth + error).collect(),
-            training_mean: vec![training_mean; truth.len()],
-            truth,
+            surfaces: names.map(str::to_owned).to_vec(),
+            truth: vec![truth; 2],
+            ..Held::default()
         }
     }
 
-    fn interval(kind: Kind, first: &Held, second: &Held, difference: f64) -> [f64; 2] {
-        let pairs = [Pair {
-            first,
-            second,
-            units: &first.units,
-        }];
-        let bootstrap = Bootstrap::new(0).with_resamples(200);
-        paired(&bootstrap, kind, &pairs, difference).unwrap()
-    }
-
-    /// Errors of 1 and of 3 on every surface: whichever are drawn, MAE and RMSE are 2 apart.
     #[test]
-    fn what_is_the_same_on_every_surface_has_no_width() {
-        for kind in [Kind::Mae, Kind::Rmse] {
-            let [low, high] = interval(kind, &held(1.0, 0.0), &held(3.0, 0.0), 2.0);
-            assert!((low - 2.0).abs() < 1e-12 && (high - 2.0).abs() < 1e-12);
-        }
-        // The same estimates, judged about another mean: the interval lies about the reported
-        // difference.
-        let moved = interval(Kind::R2, &held(1.0, 3.0), &held(1.0, 5.0), 0.25);
-        assert_eq!(moved, [0.25, 0.25]);
-        // About the same mean R² does differ, and by how much depends on who is drawn.
-        let [low, high] = interval(Kind::R2, &held(1.0, 3.0), &held(0.0, 3.0), 4.0 / 22.0);
-        assert!(0.0 < low && low < 4.0 / 22.0 && 4.0 / 22.0 < high);
-    }
-
-    #[test]
-    fn independent_intervals_add_like_the_sides_of_a_triangle() {
-        let first = Reach {
-            below: 8.0,
-            above: 4.0,
+    fn runs_pair_rerun_by_rerun_or_where_all_are_of_the_same() {
+        let (ab, cd) = (held(["a", "b"], 1.0), held(["c", "d"], 1.0));
+        let other = held(["a", "b"], 2.0);
+        let numbered = |all: &[&Held]| -> Vec<(usize, Held)> {
+            all.iter().copied().cloned().enumerate().collect()
         };
-        let second = Reach {
-            below: 3.0,
-            above: 6.0,
-        };
-        assert_eq!(about(1.0, &first, &second), [-4.0, 11.0]);
+        for (mine, theirs, expected) in [
+            (vec![&ab, &cd], vec![&ab, &cd], true),
+            (vec![&ab, &cd], vec![&cd, &ab], false),
+            (vec![&ab], vec![&other], false),
+            (vec![&ab], vec![&ab, &ab], true),
+            (vec![&ab], vec![&ab, &cd], false),
+            (vec![], vec![&ab], false),
+        ] {
+            let (mine, theirs) = (numbered(&mine), numbered(&theirs));
+            assert_eq!([pair(&mine, &theirs), pair(&theirs, &mine)], [expected; 2]);
+        }
     }
 
     #[test]
-    fn reruns_come_up_equally_often() {
-        for (a, b, both) in [(1, 3, 3), (2, 3, 6), (4, 6, 12), (5, 5, 5)] {
-            assert_eq!(least_common_multiple(a, b), both);
-        }
+    fn each_table_is_corrected_for_the_rows_that_differ() {
+        let row = |property: Option<&str>, difference: f64, p| Moved {
+            method: "a".to_owned(),
+            property: property.map(str::to_owned),
+            score: Kind::R2,
+            first: Some(0.0),
+            second: Some(difference),
+            difference: Some(difference),
+            interval: None,
+            p,
+            corrected_p: None,
+            clear: false,
+            paired: true,
+            reason: None,
+        };
+        let mut rows = [
+            row(None, 0.1, Some(0.04)),
+            row(Some("x"), 0.1, Some(0.04)),
+            row(Some("y"), 0.1, Some(0.02)),
+            row(Some("z"), 0.0, Some(1.0)),
+            row(Some("w"), 0.1, None),
+        ];
+        correct(&mut rows, 0.05);
+        let clear = rows.each_ref().map(|row| row.clear);
+        assert_eq!(clear, [true, true, true, false, false]);
+        let corrected = rows.each_ref().map(|row| row.corrected_p);
+        assert_eq!(corrected, [Some(0.04), Some(0.04), Some(0.04), None, None]);
     }
 }

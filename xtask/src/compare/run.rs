@@ -3,17 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use sps_metrics::{Bootstrap, Level};
+use sps_metrics::{Intervals, Level, Samples};
 
 use super::held::Outcomes;
 use crate::checksums;
 use crate::files::read_text;
 use crate::report::predictions;
-use crate::results::Results;
+use crate::results::{Kind, Results};
 use crate::run::{CONFIG, RunFolder};
 
-/// The first version of `results.json` that has the means that R² is about.
-const LEAST_SCHEMA: u32 = 2;
+/// The first version of `results.json` that says what intervals count.
+const LEAST_SCHEMA: u32 = 4;
 
 /// What a run left in its folder.
 pub(crate) struct Run {
@@ -22,9 +22,8 @@ pub(crate) struct Run {
     pub config: toml::Table,
     pub results: Results,
     pub outcomes: Outcomes,
-    /// Of its intervals.
-    pub resamples: usize,
-    level: Level,
+    /// As its own intervals are made.
+    pub intervals: Intervals,
 }
 
 impl Run {
@@ -42,37 +41,34 @@ impl Run {
              older ones did not write; `cargo xtask experiment` writes it again",
             folder.file("results.json").display()
         );
-        let resamples = resamples(&config).with_context(|| {
+        let level = Level::new(results.interval_level).with_context(|| {
             format!(
-                "{}: `report.resamples` is no number of resamples",
-                file.display()
+                "{}: `interval_level`",
+                folder.file("results.json").display()
             )
         })?;
+        let shared = results.test_per_training.unwrap_or_default();
         Ok(Self {
             path: path.to_owned(),
             outcomes: Outcomes::of(&results, predictions::read(path)?)
                 .with_context(|| format!("{} cannot be compared", path.display()))?,
-            level: Level::new(results.interval_level).with_context(|| {
-                format!(
-                    "{}: `interval_level`",
-                    folder.file("results.json").display()
-                )
-            })?,
+            intervals: Intervals::of_training(level).sharing(shared),
             config,
             results,
-            resamples,
         })
     }
 
-    /// As its own intervals are drawn.
-    pub(super) fn bootstrap(&self) -> Bootstrap {
-        Bootstrap::new(self.results.provenance.seed)
-            .with_resamples(self.resamples)
-            .with_level(self.level)
+    /// The score of a method for a property in each rerun that has one.
+    pub(crate) fn scores(&self, kind: Kind, method: &str, property: &str) -> Vec<f64> {
+        let reruns = self.outcomes.get(method, property).iter();
+        let scores = reruns.filter_map(|(_, held)| {
+            let [truth, estimate] = held.judged(kind);
+            let samples = Samples {
+                truth: &truth,
+                estimate: &estimate,
+            };
+            Some(kind.metric().ok()?.score(samples).ok()?.value)
+        });
+        scores.collect()
     }
-}
-
-fn resamples(config: &toml::Table) -> Option<usize> {
-    let report = config.get("report")?.as_table()?;
-    usize::try_from(report.get("resamples")?.as_integer()?).ok()
 }

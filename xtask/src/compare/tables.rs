@@ -1,5 +1,6 @@
 //! A comparison as plain text.
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use super::Comparison;
@@ -35,6 +36,9 @@ impl fmt::Display for Comparison {
             }
         }
         writeln!(f, "\n{}", self.about_the_intervals())?;
+        if let Some(calls) = self.calls() {
+            writeln!(f, "{calls}")?;
+        }
         let same = self.scores.iter().filter(|score| !score.is_other()).count();
         match self.scores.len() {
             all if all == same => writeln!(f, "All {all} scores are the same.")?,
@@ -72,9 +76,8 @@ impl Comparison {
     fn about_the_intervals(&self) -> String {
         let paired = self.scores.iter().filter(|score| score.paired).count();
         let intervals = format!(
-            "{:.0} % bootstrap intervals of {} resamples",
-            100.0 * self.interval_level,
-            self.resamples
+            "{:.0} % intervals over surfaces and reruns",
+            100.0 * self.interval_level
         );
         if paired == self.scores.len() {
             format!("Both are scored on the same surfaces: {intervals}, paired.")
@@ -83,6 +86,35 @@ impl Comparison {
         } else {
             format!("{intervals}, paired but for rows marked unpaired: other surfaces.")
         }
+    }
+
+    /// How many rows are clear of 0, and how many would be by chance.
+    fn calls(&self) -> Option<String> {
+        let tested: Vec<&Moved> = self
+            .scores
+            .iter()
+            .filter(|one| one.corrected_p.is_some())
+            .collect();
+        if tested.is_empty() {
+            return None;
+        }
+        let tables: BTreeSet<Option<Kind>> = tested.iter().map(|one| one.table()).collect();
+        let outside = tested.iter().filter(|one| {
+            let [low, high] = one.interval.unwrap_or_default();
+            low > 0.0 || high < 0.0
+        });
+        let tails = 1.0 - self.interval_level;
+        Some(format!(
+            "{} of {} rows that differ are clear of 0 after Holm's correction for the rows of their \
+             table; chance alone calls any in {:.0} % of tables, of which there are {}. The intervals \
+             are not corrected: 0 is outside of {}, by chance alone of {:.1} or less.",
+            tested.iter().filter(|one| one.clear).count(),
+            tested.len(),
+            100.0 * tails,
+            tables.len(),
+            outside.count(),
+            tails * tested.len() as f64,
+        ))
     }
 
     /// One of means, and one for each score, of those that are not the same.
@@ -148,24 +180,10 @@ impl Comparison {
     }
 }
 
-/// Two scores that are nearer to one another differ by rounding.
-const ROUNDING: f64 = 1e-9;
-
 impl Moved {
-    /// Whether the score of one run is not that of the other.
-    fn is_other(&self) -> bool {
-        match self.difference {
-            Some(difference) => difference.abs() > ROUNDING,
-            None => self.first != self.second,
-        }
-    }
-
     fn row(&self, what: &str) -> Row {
         let decimals = self.score.decimals();
-        let clear = self
-            .interval
-            .is_some_and(|[low, high]| low > 0.0 || high < 0.0);
-        let marks = [(clear, "clear of 0"), (!self.paired, "unpaired")];
+        let marks = [(self.clear, "clear of 0"), (!self.paired, "unpaired")];
         let marks = marks.iter().filter(|(is, _)| *is).map(|(_, mark)| *mark);
         Row::measured(vec![
             self.method.as_str().into(),

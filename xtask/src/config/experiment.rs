@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, ensure};
 use glob::Pattern;
 use sps_dataset::Property;
-use sps_metrics::{Bootstrap, Level};
+use sps_metrics::Level;
 
 use super::data::{DataSpec, Protocol, data};
 use super::encoder::encoder;
@@ -36,7 +36,6 @@ pub(crate) struct Experiment {
     pub methods: Vec<Method>,
     /// Parts of the training surfaces between which selections are cross-validated; 1: none.
     pub selection_folds: usize,
-    pub bootstrap: Bootstrap,
     pub interval_level: Level,
     /// Indices of the methods that all others are compared with.
     pub against: Vec<usize>,
@@ -122,9 +121,6 @@ impl Experiment {
             data,
             protocol,
             selection_folds: config.selection.folds,
-            bootstrap: Bootstrap::new(config.seed)
-                .with_level(interval_level)
-                .with_resamples(config.report.resamples),
             interval_level,
             against: against(layers, &config, &written)?,
             speed: speed(layers, &config)?,

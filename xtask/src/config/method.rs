@@ -1,6 +1,7 @@
 //! The rows of the report.
 
 use sps_base::names::nearest;
+use sps_estimator::Regression;
 
 use super::adaptive;
 use super::data::Protocol;
@@ -36,6 +37,17 @@ impl Method {
     /// What its encoder computes in; none where it looks at nothing.
     pub(crate) fn precision(&self) -> Option<String> {
         (self.looks != Looks::Nothing).then(|| self.encoder.precision.to_string())
+    }
+
+    /// Whether fitting to so many surfaces draws anything at random, so that another rerun on the
+    /// same surfaces is another model.
+    pub(crate) fn draws(&self, training_surfaces: usize) -> bool {
+        let regression = self.estimator.regression();
+        self.adaptive.is_some()
+            || regression.is_some_and(|regression| {
+                matches!(regression, Regression::Head(_) | Regression::Stacked(_))
+                    || self.estimator.thinned(training_surfaces).is_some()
+            })
     }
 
     /// Those of the held-out surfaces that the method is scored on.

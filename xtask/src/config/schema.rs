@@ -282,7 +282,6 @@ impl MethodKind {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct ReportConfig {
     pub level: Level,
-    pub resamples: usize,
     pub against: Vec<String>,
     pub speed: SpeedConfig,
 }

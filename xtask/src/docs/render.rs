@@ -101,13 +101,15 @@ fn gains(results: &Results) -> Option<Table> {
         cells.extend(others.map(|other| gained(gains.get(&other.id), DECIMALS)));
         Row::measured(cells)
     });
-    (!against.is_empty()).then(|| Table {
-        name: "gains",
-        title: "Gains".to_owned(),
-        caption: String::new(),
-        columns,
-        rows: rows.collect(),
-    })
+    (!against.is_empty())
+        .then(|| Table {
+            name: "gains",
+            title: "Gains".to_owned(),
+            caption: String::new(),
+            columns,
+            rows: rows.collect(),
+        })
+        .map(|table| table.tested(results.interval_level))
 }
 
 /// The rows of the methods of these ids, in this order, with what the paper prints of them.

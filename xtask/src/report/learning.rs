@@ -90,10 +90,9 @@ pub(super) fn table(results: &Results) -> Option<Table> {
         name: "learning-curves",
         title: "Learning curves".to_owned(),
         caption: format!(
-            "R² against training surfaces: the mean over the properties, with {:.0} % bootstrap \
-             intervals over {}. A ceiling is what a perfect reader of the images would reach.",
-            100.0 * results.interval_level,
-            results.dataset.units_in_words()
+            "R² against training surfaces: the mean over the properties, with {}. A \
+             ceiling is what a perfect reader of the images would reach.",
+            results.intervals_in_words()
         ),
         columns,
         rows: curves
@@ -152,9 +151,9 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
         name: "learning",
         title: "R² against training surfaces".to_owned(),
         caption: format!(
-            "Mean over properties, with {:.0} % bootstrap intervals. The ceilings are what a \
+            "Mean over properties, with {}. The ceilings are what a \
              perfect reader of the images would reach.",
-            100.0 * results.interval_level
+            results.intervals_in_words()
         ),
         svg: plotted(plots, layout, (PAGE, 320.0)),
     })

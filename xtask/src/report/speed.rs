@@ -109,14 +109,13 @@ fn settings(results: &Results, speed: &Speed) -> Table {
         title: "Every setting, from fast to slow".to_owned(),
         caption: format!(
             "{ON_FRONT} marks the Pareto front: no other setting is both faster and better. R² with \
-             its {:.0} % bootstrap interval over {}; elsewhere, after the mean, the lowest and \
+             {}; elsewhere, after the mean, the lowest and \
              the highest of the reruns. Seconds, in ms, are medians over single surfaces, without \
              the cache: all properties together, of an adaptive setting one; simulated frames are \
              rendered where photographs would be decoded. Frames are decoded and encoded for one \
              surface. Memory is the encoder's and the most that one estimate allocates at any time. \
              Training is that of heads or ridges, all properties and reruns together.",
-            100.0 * results.interval_level,
-            results.dataset.units_in_words()
+            results.intervals_in_words()
         ),
         columns: columns.into_iter().map(str::to_owned).collect(),
         rows: rows.collect(),

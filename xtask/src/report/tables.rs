@@ -13,7 +13,7 @@ use crate::results::{Gain, MethodResult, Number, PerProperty, Results};
 
 /// The tables, in the order of the report.
 pub(crate) fn tables(results: &Results) -> Vec<Table> {
-    let mut tables = vec![means(results)];
+    let mut tables = vec![means(results).tested(results.interval_level)];
     tables.extend(speed::tables(results));
     tables.extend(learning::table(results));
     if results.properties.len() > 1 {
@@ -175,11 +175,15 @@ fn means_caption(results: &Results, compared: bool) -> String {
          units, and over the standard deviation of a property's values over all surfaces; Spearman's \
          rank correlation;{percent} means over reruns and properties. Held out are the \
          different surfaces that a row is scored on, all reruns together. ms are those of an \
-         estimate, with decoding or rendering. In brackets: {:.0} % bootstrap intervals over {}, \
-         paired for differences.",
-        100.0 * results.interval_level,
-        results.dataset.units_in_words()
+         estimate, with decoding or rendering. In brackets: {}, paired for differences.",
+        results.intervals_in_words()
     );
+    if results.test_per_training.is_some() && !results.against.is_empty() {
+        caption.push_str(
+            " ▲ and ▼ mark differences that are clear of 0 after Holm's correction for how many \
+             this table has.",
+        );
+    }
     if results.dataset.holds_out_groups() {
         caption.push_str(
             " R² about own mean is about the mean of the surfaces held out: where they differ from those \
@@ -195,7 +199,7 @@ fn means_caption(results: &Results, compared: bool) -> String {
 /// An empty cell where a method is not compared with the other.
 pub(crate) fn gained(gain: Option<&Gain>, decimals: usize) -> Cell {
     match gain {
-        Some(gain) => Cell::difference(Some(gain.value), Some(gain.interval), decimals),
+        Some(gain) => Cell::gain(gain.value, gain.interval, gain.p, decimals),
         None => Cell::from(""),
     }
 }

@@ -3,16 +3,17 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use sps_metrics::{BootstrapError, Compared, Undefined};
+use sps_metrics::{IntervalError, ScoreInterval, Scored, Undefined};
 
+use super::judged::{Judged, Reference};
 use super::notes::Notes;
-use super::{Judged, MethodOutcomes, Scoring};
+use super::{MethodOutcomes, Scoring};
 
 /// Gains in `r2_mean`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Gains {
-    /// Gain in `r2_mean` over the first method, with its paired bootstrap interval.
+    /// Gain in `r2_mean` over the first method, with its paired interval.
     pub r2_mean_gain: Option<Gain>,
     /// The same over each method that the config compares with, by id.
     #[serde(default)]
@@ -24,7 +25,12 @@ pub(crate) struct Gains {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Gain {
     pub value: f64,
+    /// Over units and reruns.
     pub interval: [f64; 2],
+    /// The p-value of no difference, not corrected for how many were compared; none in files
+    /// whose intervals are over units alone.
+    #[serde(default)]
+    pub p: Option<f64>,
 }
 
 impl Gains {
@@ -65,37 +71,51 @@ fn gain(
     if method.row.id == other.row.id {
         return None;
     }
-    let pairs: Vec<(Judged<'_>, Judged<'_>)> = method
+    let pairs: Vec<Pair<'_>> = method
         .outcomes
         .iter()
         .filter_map(|(property, mine)| Some((mine, other.outcomes.get(property)?)))
-        .flat_map(|(mine, theirs)| mine.iter().zip(theirs))
-        .map(|(mine, theirs)| mine.common(theirs))
-        .filter(|(mine, theirs)| mine.has_r2() && !theirs.is_empty())
+        .flat_map(|(mine, theirs)| mine.iter().zip(theirs).enumerate())
+        .filter_map(|(rerun, (mine, theirs))| Pair::of(rerun, mine.common(theirs), scoring))
         .collect();
-    let units: Vec<Vec<usize>> = pairs.iter().map(|(o, _)| o.units(scoring.units)).collect();
-    let compared = pairs.iter().zip(&units).map(|((mine, theirs), units)| {
-        let (mine_samples, theirs_samples) = (mine.r2_samples(), theirs.r2_samples());
-        Ok(Compared {
-            metric: mine.r2_metric()?,
-            truth: mine_samples.truth,
-            first: mine_samples.estimate,
-            second: theirs_samples.estimate,
-            units: Some(units),
+    let found = difference(&pairs, scoring);
+    let found = notes.found(&format!("gain over {}", other.row.label), found)?;
+    Some(Gain {
+        value: found.estimate,
+        interval: [found.low, found.high],
+        p: Some(found.p),
+    })
+}
+
+/// Two methods' estimates in one rerun, on the surfaces that both have.
+struct Pair<'a> {
+    rerun: usize,
+    sides: [Judged<'a>; 2],
+    units: Vec<usize>,
+}
+
+impl<'a> Pair<'a> {
+    /// `None` where one of them has no R².
+    fn of(
+        rerun: usize,
+        (mine, theirs): (Judged<'a>, Judged<'a>),
+        scoring: &Scoring<'_>,
+    ) -> Option<Self> {
+        let scored = mine.has_r2() && theirs.has_r2();
+        scored.then(|| Self {
+            rerun,
+            units: scoring.units_of(&mine),
+            sides: [mine, theirs],
         })
-    });
-    let difference = compared
-        .collect::<Result<Vec<_>, Undefined>>()
-        .map_err(BootstrapError::from)
-        .and_then(|compared| scoring.bootstrap.mean_difference(&compared));
-    match difference {
-        Ok(found) => Some(Gain {
-            value: found.estimate,
-            interval: [found.low, found.high],
-        }),
-        Err(reason) => {
-            notes.add(&format!("gain over {}", other.row.label), &reason);
-            None
-        }
     }
+}
+
+fn difference(pairs: &[Pair<'_>], scoring: &Scoring<'_>) -> Result<ScoreInterval, IntervalError> {
+    let side = |at: usize| {
+        let scored = pairs
+            .iter()
+            .map(|pair| pair.sides[at].scored(Reference::Training, &pair.units, pair.rerun));
+        scored.collect::<Result<Vec<Scored<'_>>, Undefined>>()
+    };
+    scoring.intervals.difference(&side(0)?, &side(1)?)
 }

@@ -1,8 +1,8 @@
 //! The outcome of one trial, as it is scored: that of one split, or those of all folds of a rerun.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
-use sps_metrics::{Metric, Samples, Scores, TrainingMean, Undefined};
+use sps_metrics::{Metric, Samples, Scored, Scores, TrainingMean, Undefined};
 
 use crate::journal::{Outcome, Stop};
 
@@ -21,6 +21,15 @@ pub(crate) struct Judged<'a> {
     estimate: Vec<f64>,
     /// Truth, estimate and training mean that R² is computed from.
     about_training: About,
+}
+
+/// What R² is about.
+#[derive(Clone, Copy)]
+pub(super) enum Reference {
+    /// The mean of the training part.
+    Training,
+    /// That of the surfaces held out.
+    HeldOut,
 }
 
 /// Values with the mean that they are judged about.
@@ -129,21 +138,35 @@ impl<'a> Judged<'a> {
         score.is_ok()
     }
 
-    pub(super) fn r2_metric(&self) -> Result<Metric, Undefined> {
+    fn r2_metric(&self) -> Result<Metric, Undefined> {
         Ok(Metric::R2(TrainingMean::new(self.about_training.mean)?))
     }
 
-    pub(super) fn r2_samples(&self) -> Samples<'_> {
+    fn r2_samples(&self) -> Samples<'_> {
         Samples {
             truth: &self.about_training.truth,
             estimate: &self.about_training.estimate,
         }
     }
 
-    /// The number of each surface's unit.
-    pub(super) fn units(&self, of_surface: &HashMap<String, usize>) -> Vec<usize> {
-        let unit = |name: &String| of_surface.get(name).copied().unwrap_or(usize::MAX);
-        self.surfaces.iter().map(unit).collect()
+    /// As R² of a rerun, about the mean of the training part or that of the surfaces held out;
+    /// `units` are those of its surfaces.
+    pub(super) fn scored<'o>(
+        &'o self,
+        about: Reference,
+        units: &'o [usize],
+        rerun: usize,
+    ) -> Result<Scored<'o>, Undefined> {
+        let (metric, samples) = match about {
+            Reference::Training => (self.r2_metric()?, self.r2_samples()),
+            Reference::HeldOut => (Metric::R2OwnMean, self.samples()),
+        };
+        Ok(Scored {
+            metric,
+            samples,
+            units: Some(units),
+            rerun,
+        })
     }
 
     /// Both on the surfaces that both have, in the same order.

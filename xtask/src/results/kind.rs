@@ -1,14 +1,12 @@
 //! The scores by name, for what treats them alike.
 
-use std::collections::BTreeMap;
-
 use serde::Serialize;
 use sps_metrics::{Metric, TrainingMean, Undefined};
 
-use super::{Means, Number, PerProperty, PropertyScores, Results};
+use super::{Means, Number, PerProperty, PropertyScores};
 
 /// A score of [`PropertyScores`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Kind {
     R2,
@@ -86,18 +84,4 @@ impl Kind {
     pub(crate) const fn is_about_training(self) -> bool {
         matches!(self, Self::R2)
     }
-}
-
-/// Every score of these kinds, of every method and property.
-pub(crate) fn named(results: &Results, kinds: &[Kind]) -> BTreeMap<String, Number> {
-    let mut scores = BTreeMap::new();
-    for method in &results.methods {
-        for kind in kinds {
-            let named = kind.of(&method.scores).iter().map(|(property, value)| {
-                (format!("{}: {} {property}", method.id, kind.name()), *value)
-            });
-            scores.extend(named);
-        }
-    }
-    scores
 }

@@ -6,8 +6,9 @@ use sps_metrics::{
     mean_over_named,
 };
 
+use super::judged::Reference;
 use super::notes::Notes;
-use super::scores::{About, PropertyScores, interval_over};
+use super::scores::{PropertyScores, interval_over};
 use super::{MethodOutcomes, Number, PerProperty, Scoring};
 
 /// Of one method.
@@ -70,9 +71,9 @@ impl Means {
         let names = names.collect();
         let median_percent_error_best8 = whole("best-8 median % error", best8);
         let r2_mean = notes.mean("mean R²", mean_over_all(&listed(&scores.r2)));
-        let interval = interval_over(method.trials(), scoring, About::Training);
+        let interval = interval_over(method.numbered(), scoring, Reference::Training);
         let own_interval = scoring.own_mean_interval.then(|| {
-            let interval = interval_over(method.trials(), scoring, About::HeldOut);
+            let interval = interval_over(method.numbered(), scoring, Reference::HeldOut);
             notes.interval("the interval of mean R² about own mean", interval)
         });
         Self {

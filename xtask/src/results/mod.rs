@@ -55,8 +55,13 @@ pub(crate) struct Results {
     /// What they are called and measured in, and how far their values differ.
     #[serde(default)]
     pub described: PerProperty<Described>,
-    /// Of the bootstrap intervals.
+    /// Of the intervals.
     pub interval_level: f64,
+    /// What intervals count beside units and reruns: units held out for each that is trained on
+    /// where reruns part one set of surfaces, 0 where they train on surfaces of their own. `null`
+    /// in files whose intervals are over units alone.
+    #[serde(default)]
+    pub test_per_training: Number,
     /// Ids of the methods that all others are compared with.
     #[serde(default)]
     pub against: Vec<String>,
@@ -95,7 +100,7 @@ pub(crate) struct Dataset {
     /// Surfaces that each rerun was trained on, on average.
     #[serde(default)]
     pub training_surfaces: usize,
-    /// What splits, folds, calibration and resamples keep together: `surface`, `group` or
+    /// What splits, folds, calibration and intervals keep together: `surface`, `group` or
     /// `material`.
     #[serde(default)]
     #[cfg_attr(test, schemars(with = "Option<String>"))]
@@ -223,6 +228,16 @@ impl Results {
             .iter()
             .filter_map(|id| self.method(id))
             .collect()
+    }
+
+    /// What the intervals are and count.
+    pub(crate) fn intervals_in_words(&self) -> String {
+        let percent = 100.0 * self.interval_level;
+        let units = self.dataset.units_in_words();
+        match self.test_per_training {
+            Some(_) => format!("{percent:.0} % intervals over {units} and reruns"),
+            None => format!("{percent:.0} % intervals over {units} alone, not over reruns"),
+        }
     }
 
     /// The unit of a property; empty where it has none.

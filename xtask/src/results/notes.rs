@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use sps_metrics::{BootstrapError, BootstrapInterval, PropertyMean, RerunSummary};
+use sps_metrics::{IntervalError, PropertyMean, RerunSummary, ScoreInterval};
 
 use super::{MethodOutcomes, Number};
 
@@ -56,14 +56,26 @@ impl Notes {
     pub(super) fn interval(
         &mut self,
         what: &str,
-        interval: Result<BootstrapInterval, BootstrapError>,
+        interval: Result<ScoreInterval, IntervalError>,
     ) -> Option<[f64; 2]> {
-        match interval {
-            Ok(interval) => Some([interval.low, interval.high]),
-            Err(reason) => {
-                self.add(what, &reason);
-                None
-            }
+        let found = self.found(what, interval)?;
+        Some([found.low, found.high])
+    }
+
+    /// One rerun leaves every interval out for the same reason, which is said once.
+    pub(super) fn found(
+        &mut self,
+        what: &str,
+        interval: Result<ScoreInterval, IntervalError>,
+    ) -> Option<ScoreInterval> {
+        let reason = match interval {
+            Ok(interval) => return Some(interval),
+            Err(reason @ IntervalError::TooFewReruns { .. }) => format!("no intervals: {reason}"),
+            Err(reason) => format!("{what}: {reason}"),
+        };
+        if !self.lines.contains(&reason) {
+            self.lines.push(reason);
         }
+        None
     }
 }

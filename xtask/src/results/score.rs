@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeSet, HashMap};
 
-use sps_metrics::Bootstrap;
+use sps_metrics::Intervals;
 
 use super::notes::Notes;
 use super::scores::intervals;
@@ -21,11 +21,19 @@ pub(crate) struct Scoring<'a> {
     pub deviations: &'a PerProperty<f64>,
     /// Whether R² about the mean of the surfaces held out has an interval.
     pub own_mean_interval: bool,
-    /// The unit of each surface, by the surface's name: what a resample keeps together.
+    /// The unit of each surface, by the surface's name: what is alike.
     pub units: &'a HashMap<String, usize>,
     /// The paper's fixed list; empty for data that is not the paper's or simulated after it.
     pub top8: &'a [String],
-    pub bootstrap: Bootstrap,
+    pub intervals: Intervals,
+}
+
+impl Scoring<'_> {
+    /// The number of the unit of each surface that a trial was scored on.
+    pub(super) fn units_of(&self, judged: &Judged<'_>) -> Vec<usize> {
+        let unit = |name: &String| self.units.get(name).copied().unwrap_or(usize::MAX);
+        judged.surfaces().iter().map(unit).collect()
+    }
 }
 
 /// The outcomes of one method.
@@ -41,6 +49,12 @@ impl<'a> MethodOutcomes<'a> {
     /// Those of all properties.
     pub(super) fn trials(&self) -> impl Iterator<Item = &Judged<'a>> {
         self.outcomes.values().flatten()
+    }
+
+    /// The same, each with its rerun.
+    pub(super) fn numbered(&self) -> impl Iterator<Item = (usize, &Judged<'a>)> {
+        let of_property = self.outcomes.values();
+        of_property.flat_map(|outcomes| outcomes.iter().enumerate())
     }
 }
 
@@ -112,6 +126,8 @@ fn held_out(method: &MethodOutcomes<'_>, scoring: &Scoring<'_>) -> (usize, usize
 
 #[cfg(test)]
 mod tests {
+    use sps_metrics::Level;
+
     use super::*;
     use crate::journal::{Outcome, TrialKey};
 
@@ -169,7 +185,7 @@ mod tests {
             own_mean_interval: true,
             units: &units,
             top8: &[],
-            bootstrap: Bootstrap::new(0).with_resamples(50),
+            intervals: Intervals::of_training(Level::P95),
         };
         let score = |method| score(method, methods, &[0], &scoring);
         methods.iter().map(score).collect()

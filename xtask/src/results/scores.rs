@@ -2,12 +2,11 @@
 //! `results.json` here, and `report/tables.rs` shows it.
 
 use serde::{Deserialize, Serialize};
-use sps_metrics::{
-    BootstrapError, BootstrapInterval, Metric, Outcome, Scored, Scores, Undefined, over_reruns,
-};
+use sps_metrics::{IntervalError, Outcome, ScoreInterval, Scored, Scores, Undefined, over_reruns};
 
+use super::judged::{Judged, Reference};
 use super::notes::Notes;
-use super::{Judged, MethodOutcomes, Number, PerProperty, Scoring};
+use super::{MethodOutcomes, Number, PerProperty, Scoring};
 
 /// Means over reruns, per property.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -29,7 +28,7 @@ pub(crate) struct PropertyScores {
     pub median_percent_error: PerProperty<Number>,
     pub rmse: PerProperty<Number>,
     pub spearman: PerProperty<Number>,
-    /// Bootstrap interval of `r2` over units of the dataset.
+    /// Interval of `r2` over units of the dataset and reruns.
     pub r2_interval: PerProperty<Option<[f64; 2]>>,
     /// Held-out samples, all reruns together, whose truth is zero: they have no percentage error.
     pub zero_truths: PerProperty<usize>,
@@ -101,41 +100,24 @@ pub(super) fn intervals(
     notes: &mut Notes,
 ) -> PerProperty<Option<[f64; 2]>> {
     let intervals = method.outcomes.iter().map(|(property, outcomes)| {
-        let interval = interval_over(outcomes.iter(), scoring, About::Training);
+        let interval = interval_over(outcomes.iter().enumerate(), scoring, Reference::Training);
         let what = format!("the interval of R² of {property}");
         (property.clone(), notes.interval(&what, interval))
     });
     intervals.collect()
 }
 
-/// What R² is about.
-#[derive(Clone, Copy)]
-pub(super) enum About {
-    /// The mean of the training part.
-    Training,
-    /// That of the surfaces held out.
-    HeldOut,
-}
-
-/// The interval of the mean R² over trials that have one.
+/// The interval of the mean R² over trials that have one, each with its rerun.
 pub(super) fn interval_over<'m, 'a: 'm>(
-    outcomes: impl Iterator<Item = &'m Judged<'a>>,
+    outcomes: impl Iterator<Item = (usize, &'m Judged<'a>)>,
     scoring: &Scoring<'_>,
-    about: About,
-) -> Result<BootstrapInterval, BootstrapError> {
-    let defined: Vec<&Judged<'_>> = outcomes.filter(|judged| judged.has_r2()).collect();
-    let units: Vec<Vec<usize>> = defined.iter().map(|o| o.units(scoring.units)).collect();
-    let scored = defined.iter().zip(&units).map(|(judged, units)| {
-        let (metric, samples) = match about {
-            About::Training => (judged.r2_metric()?, judged.r2_samples()),
-            About::HeldOut => (Metric::R2OwnMean, judged.samples()),
-        };
-        Ok(Scored {
-            metric,
-            samples,
-            units: Some(units),
-        })
-    });
-    let scored = scored.collect::<Result<Vec<_>, Undefined>>()?;
-    scoring.bootstrap.mean_interval(&scored)
+    about: Reference,
+) -> Result<ScoreInterval, IntervalError> {
+    let defined: Vec<(usize, &Judged<'_>)> =
+        outcomes.filter(|(_, judged)| judged.has_r2()).collect();
+    let units: Vec<Vec<usize>> = defined.iter().map(|(_, o)| scoring.units_of(o)).collect();
+    let scored = defined.iter().zip(&units);
+    let scored = scored.map(|((rerun, judged), units)| judged.scored(about, units, *rerun));
+    let scored = scored.collect::<Result<Vec<Scored<'_>>, Undefined>>()?;
+    scoring.intervals.interval(&scored)
 }

@@ -238,7 +238,13 @@ impl<'m> Finished<'m> {
     fn of(method: &'m Method, trials: Vec<TrialSpec>, journal: &Journal<Outcome>) -> Result<Self> {
         let outcomes = trials.iter().map(|trial| {
             let outcome = journal.get(&trial.key).context("a trial was not run")?;
-            Ok((&trial.property, outcome.clone()))
+            let mut outcome = outcome.clone();
+            if outcome.rerun != trial.rerun {
+                // Fitted once for several reruns.
+                outcome.rerun = trial.rerun;
+                outcome.train_seconds = 0.0;
+            }
+            Ok((&trial.property, outcome))
         });
         let outcomes = by_property(outcomes.collect::<Result<Vec<_>>>()?);
         let stops = outcomes.values().flatten().flat_map(|o| &o.stops);

@@ -1,6 +1,6 @@
 //! Fitting a method's trials, each outcome on disk as soon as it is there.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -44,9 +44,10 @@ pub(crate) fn run_missing(
     trials: &[TrialSpec],
     journal: &mut Journal<Outcome>,
 ) -> Result<()> {
+    let mut keys = HashSet::new();
     let missing: Vec<&TrialSpec> = trials
         .iter()
-        .filter(|trial| journal.get(&trial.key).is_none())
+        .filter(|trial| journal.get(&trial.key).is_none() && keys.insert(&trial.key))
         .collect();
     let Some(first) = missing.first() else {
         return Ok(());

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use rayon::prelude::*;
 use sps_dataset::{Description, Property, Source};
-use sps_metrics::Moments;
+use sps_metrics::{Intervals, Moments};
 use sps_simulate::Ceiling;
 use tracing::info;
 
@@ -112,6 +112,7 @@ pub(super) fn results<S: Source>(
             without.join(", ")
         ));
     }
+    let test_per_training = splits.test_per_training();
     let scoring = Scoring {
         properties: &properties,
         with_percentages: &with_percentages,
@@ -119,7 +120,7 @@ pub(super) fn results<S: Source>(
         own_mean_interval: dataset.holds_out_groups(),
         units: &units,
         top8: if after_the_paper { paper::top8() } else { &[] },
-        bootstrap: experiment.bootstrap,
+        intervals: Intervals::of_training(experiment.interval_level).sharing(test_per_training),
     };
     let outcomes = rows.iter();
     let outcomes: Vec<MethodOutcomes<'_>> = outcomes
@@ -136,6 +137,7 @@ pub(super) fn results<S: Source>(
         description: experiment.description.clone(),
         dataset,
         interval_level: experiment.interval_level.get(),
+        test_per_training: Some(test_per_training),
         against: against.map(|method| method.id.clone()).collect(),
         speed: experiment.speed.map(|asked| Speed::of(&methods, asked)),
         methods,

@@ -2,7 +2,7 @@
 //! on: all of them go by the same units, and nothing else in this program parts surfaces.
 
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use anyhow::{Context, Result, ensure};
 use sps_dataset::{Split, SplitError, Surface, Units};
@@ -84,6 +84,24 @@ impl Splits {
             units: self.units.clone(),
             pool: self.pool,
         }
+    }
+
+    /// Units held out for each that is trained on, where surfaces are both in turn; 0 where
+    /// those that are scored on are never trained on.
+    pub(crate) fn test_per_training(&self) -> f64 {
+        let units = self.units.of_surface();
+        if self.pool < units.len() {
+            return 0.0;
+        }
+        let count = |of: fn(&Split) -> &Vec<usize>| -> usize {
+            let different = |split: &Split| {
+                let units: BTreeSet<usize> = of(split).iter().map(|&at| units[at]).collect();
+                units.len()
+            };
+            self.all.iter().map(different).sum()
+        };
+        let training = count(|split| &split.train).max(1);
+        count(|split| &split.validation) as f64 / training as f64
     }
 
     /// Surfaces that a split trains on, on average.

@@ -88,7 +88,8 @@ struct Inputs<'a> {
     method: serde_json::Value,
     adaptive: Option<Adaptive>,
     property: &'a str,
-    rerun: usize,
+    /// None where nothing is drawn in training: reruns on the same surfaces are then one.
+    rerun: Option<usize>,
     training: &'a [usize],
     scored_on: &'a [usize],
     training_views: &'a Views,
@@ -114,7 +115,7 @@ fn key(
         method: method.estimator.settings()?,
         adaptive: method.adaptive,
         property: planned.property.code(),
-        rerun: planned.split,
+        rerun: method.draws(split.train.len()).then_some(planned.split),
         training: &split.train,
         scored_on,
         training_views: &views.training,

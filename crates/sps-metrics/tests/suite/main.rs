@@ -1,11 +1,10 @@
 //! Every test of the crate's public face, in one binary.
 
-mod bootstrap;
-mod cluster_bootstrap;
 mod conformal;
 mod golden;
 mod group_conformal;
 mod hard_cases;
+mod intervals;
 mod laws;
 mod paper;
 mod properties;

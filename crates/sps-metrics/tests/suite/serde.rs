@@ -1,6 +1,6 @@
 //! What was written can be read.
 
-use sps_metrics::{Bootstrap, Level, Metric, Samples, Scored, Scores, TrainingMean};
+use sps_metrics::{Intervals, Level, Metric, Samples, Scored, Scores, TrainingMean};
 
 #[test]
 fn scores_and_intervals_survive_json() {
@@ -16,11 +16,12 @@ fn scores_and_intervals_survive_json() {
         scores
     );
 
-    let interval = Bootstrap::new(1).interval(&Scored {
+    let interval = Intervals::of_models(Level::P95).interval(&[Scored {
         metric: Metric::Mae,
         samples,
         units: None,
-    });
+        rerun: 0,
+    }]);
     let interval = interval.expect("four surfaces");
     let text = serde_json::to_string(&interval).expect("it is plain data");
     assert_eq!(interval, serde_json::from_str(&text).expect("as written"));

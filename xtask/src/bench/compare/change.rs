@@ -14,6 +14,8 @@ pub(super) enum Verdict {
     None,
     Within,
     Past,
+    /// Past the budget, but by no more than reruns differ.
+    Chance,
     Slower,
     Faster,
     New,
@@ -30,6 +32,7 @@ impl Verdict {
             Self::None => "",
             Self::Within => "within",
             Self::Past => "PAST",
+            Self::Chance => "past, may be chance",
             Self::Slower => "slower",
             Self::Faster => "faster",
             Self::New => "new",

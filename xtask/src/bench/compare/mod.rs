@@ -5,6 +5,8 @@ mod table;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use sps_metrics::{holm, over_reruns};
+
 use super::budgets::{Budgets, Ratio};
 use super::measured::{Measured, Wall};
 use change::{Change, Verdict, percent};
@@ -22,24 +24,33 @@ pub(crate) fn compare(budgets: &Budgets, then: Option<&Measured>, now: &Measured
     Comparison(parts.into_iter().filter(|p| !p.rows.is_empty()).collect())
 }
 
-/// Scores by their names.
-type Scores = BTreeMap<String, Option<f64>>;
+/// Scores in each rerun, by their names.
+type Scores = BTreeMap<String, Vec<f64>>;
 
-/// The scores of `then` that `now` has no longer, or that lie further from it than `tolerance`.
-pub(crate) fn scores_past(tolerance: f64, then: &Scores, now: &Scores) -> Vec<String> {
-    Comparison(vec![scores(|_| tolerance, Some(then), now)]).past()
-}
+/// Chance alone makes any score past its budget in so many runs.
+const CHANCE: f64 = 0.05;
 
-/// A score may lie as far from the baseline's as `around` says of that.
+/// A mean score may lie as far from the baseline's as `around` says of that, and further where the
+/// reruns differ so much that it may be chance, after Holm's correction for how many scores there
+/// are.
 fn scores(around: impl Fn(f64) -> f64, then: Option<&Scores>, now: &Scores) -> Part {
-    let show = |score: &Option<f64>| score.map_or("null".to_owned(), |score| format!("{score:.4}"));
-    let judge = |_: &str, then: &Option<f64>, now: &Option<f64>| match (then, now) {
-        (Some(then), Some(now)) => {
-            let around = around(*then);
+    let mean = |scores: &Vec<f64>| over_reruns(scores.iter().copied().map(Ok)).mean.ok();
+    let show =
+        |scores: &Vec<f64>| mean(scores).map_or("none".to_owned(), |mean| format!("{mean:.4}"));
+    let chance = then.map(|then| chance(then, now)).unwrap_or_default();
+    let judge = |name: &str, then: &Vec<f64>, now: &Vec<f64>| match (mean(then), mean(now)) {
+        (Some(before), Some(after)) => {
+            let around = around(before);
+            let may_be_chance = chance.get(name).is_some_and(|p| *p > CHANCE);
+            let within = (after - before).abs() <= around;
             Change {
-                by: format!("{:+.4}", now - then),
+                by: format!("{:+.4}", after - before),
                 budget: format!("±{around:.4}"),
-                verdict: Verdict::within((now - then).abs() <= around),
+                verdict: match (within, may_be_chance) {
+                    (true, _) => Verdict::Within,
+                    (false, true) => Verdict::Chance,
+                    (false, false) => Verdict::Past,
+                },
             }
         }
         _ => Verdict::within(then == now).into(),
@@ -48,6 +59,17 @@ fn scores(around: impl Fn(f64) -> f64, then: Option<&Scores>, now: &Scores) -> P
         title: "Scores of the run".to_owned(),
         rows: rows(then, now, show, judge),
     }
+}
+
+/// The corrected p-value of each score that has as many reruns in both.
+fn chance(then: &Scores, now: &Scores) -> BTreeMap<String, f64> {
+    let both = then.iter().filter_map(|(name, then)| {
+        let now = now.get(name).filter(|now| now.len() == then.len())?;
+        let differences = then.iter().zip(now).map(|(then, now)| Ok(now - then));
+        Some((name.clone(), over_reruns(differences).p_value().ok()?))
+    });
+    let (names, p_values): (Vec<String>, Vec<f64>) = both.unzip();
+    names.into_iter().zip(holm(&p_values)).collect()
 }
 
 fn instructions(budgets: &Budgets, then: Option<&Measured>, now: &Measured) -> Part {
@@ -217,7 +239,7 @@ mod tests {
             },
             ratios: BTreeMap::from([("a over b".to_owned(), 0.2)]),
             instructions: BTreeMap::from([("kernel".to_owned(), 1_000_000)]),
-            scores: BTreeMap::from([("r".to_owned(), Some(0.5)), ("s".to_owned(), None)]),
+            scores: BTreeMap::from([("r".to_owned(), vec![0.4, 0.6]), ("s".to_owned(), vec![])]),
             wall: BTreeMap::from([("b".to_owned(), wall)]),
         }
     }
@@ -261,14 +283,18 @@ mod tests {
                 m.scores.insert(name.to_owned(), score);
             })
         };
-        assert!(score("r", Some(0.505)).is_empty());
+        assert!(score("r", vec![0.405, 0.605]).is_empty());
         // A score that became better is no longer what was committed either.
         assert_eq!(
-            score("r", Some(0.52)),
+            score("r", vec![0.42, 0.62]),
             ["r (0.5000 to 0.5200: +0.0200, budget ±0.0100)"]
         );
+        // One rerun up by 0.01, one by 0.03: that is as likely as not in two. One rerun alone, or
+        // another number of them, says nothing of chance.
+        assert!(score("r", vec![0.41, 0.63]).is_empty());
+        assert_eq!(score("r", vec![0.52]).len(), 1);
         assert_eq!(
-            (score("r", None).len(), score("s", Some(0.1)).len()),
+            (score("r", vec![]).len(), score("s", vec![0.1]).len()),
             (1, 1)
         );
         let lost = past(|m| {

@@ -16,11 +16,7 @@ fn caption(results: &Results, whiskers: bool) -> String {
     if !whiskers {
         return cut;
     }
-    format!(
-        "{cut} Whiskers are {:.0} % bootstrap intervals over {}.",
-        100.0 * results.interval_level,
-        results.dataset.units_in_words()
-    )
+    format!("{cut} Whiskers are {}.", results.intervals_in_words())
 }
 
 /// Below this a bar is cut: one property that fails must not flatten all others.

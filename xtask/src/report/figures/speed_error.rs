@@ -34,11 +34,11 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
         caption: format!(
             "One mark for each method that looks at a photograph, a colour for each {}; circles are \
              heads, squares ridge regressions, triangles other kinds, stars stop when they are sure \
-             enough. Whiskers are {:.0} % bootstrap intervals. Down and left is better. The line is \
+             enough. Whiskers are {}. Down and left is better. The line is \
              the front: what lies above and right of it is slower and worse than a setting on it. \
              A mark in the HTML report says its name where one points at it.",
             key.name(),
-            100.0 * results.interval_level
+            results.intervals_in_words()
         ),
         svg: plotted(plots, layout, (PAGE, 400.0)),
     })

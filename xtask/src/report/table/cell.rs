@@ -16,6 +16,10 @@ pub(crate) struct Numbers {
     ends: Option<[f64; 2]>,
     form: Form,
     decimals: usize,
+    /// Of a difference, how often chance alone makes one as large.
+    p: Option<f64>,
+    /// Whether it is clear of 0 among all differences of its table.
+    clear: bool,
 }
 
 /// How numbers are put together.
@@ -38,6 +42,16 @@ pub(super) enum Side {
     Below,
 }
 
+impl Side {
+    /// For the eye.
+    pub(super) const fn sign(self) -> &'static str {
+        match self {
+            Self::Above => "▲",
+            Self::Below => "▼",
+        }
+    }
+}
+
 impl Cell {
     /// A number with so many decimals.
     pub(crate) fn number(value: Option<f64>, decimals: usize) -> Self {
@@ -58,6 +72,14 @@ impl Cell {
         Self::of(value, ends, Form::Difference, decimals)
     }
 
+    /// The same with its p-value, for [`Table::tested`](super::Table::tested).
+    pub(crate) fn gain(value: f64, ends: [f64; 2], p: Option<f64>, decimals: usize) -> Self {
+        match Self::difference(Some(value), Some(ends), decimals) {
+            Self::Numbers(numbers) => Self::Numbers(Numbers { p, ..numbers }),
+            text @ Self::Text(_) => text,
+        }
+    }
+
     /// A mean with the lowest and the highest that it is made of.
     pub(crate) fn spread(value: Option<f64>, ends: Option<[f64; 2]>, decimals: usize) -> Self {
         Self::of(value, ends, Form::Spread, decimals)
@@ -74,7 +96,24 @@ impl Cell {
             ends,
             form,
             decimals,
+            p: None,
+            clear: false,
         })
+    }
+
+    /// Its p-value, where it has one.
+    pub(super) fn p(&self) -> Option<f64> {
+        match self {
+            Self::Text(_) => None,
+            Self::Numbers(numbers) => numbers.p,
+        }
+    }
+
+    /// Says that it is clear of 0 among all differences of its table.
+    pub(super) fn call(&mut self) {
+        if let Self::Numbers(numbers) = self {
+            numbers.clear = true;
+        }
     }
 
     pub(super) fn is_text(&self) -> bool {
@@ -106,17 +145,12 @@ impl Cell {
         }
     }
 
-    /// On which side of 0 a difference lies with all of its interval, if it does.
+    /// On which side of 0 a difference lies that is clear of it.
     pub(super) fn side(&self) -> Option<Side> {
         match self {
-            Self::Numbers(Numbers {
-                ends: Some([low, high]),
-                form: Form::Difference,
-                ..
-            }) => match (*low > 0.0, *high < 0.0) {
-                (true, _) => Some(Side::Above),
-                (_, true) => Some(Side::Below),
-                _ => None,
+            Self::Numbers(numbers) if numbers.clear => match numbers.value? {
+                value if value > 0.0 => Some(Side::Above),
+                _ => Some(Side::Below),
             },
             _ => None,
         }
@@ -150,7 +184,9 @@ impl fmt::Display for Cell {
             Self::Numbers(numbers) => {
                 let (value, ends) = numbers.parts();
                 formatter.write_str(&value)?;
-                ends.map_or(Ok(()), |ends| write!(formatter, " {ends}"))
+                ends.map_or(Ok(()), |ends| write!(formatter, " {ends}"))?;
+                let sign = self.side().map(Side::sign);
+                sign.map_or(Ok(()), |sign| write!(formatter, " {sign}"))
             }
         }
     }
@@ -164,6 +200,7 @@ impl Numbers {
             ends,
             form,
             decimals,
+            ..
         } = self;
         let text = number(value, decimals);
         match form {
@@ -262,13 +299,12 @@ mod tests {
     }
 
     #[test]
-    fn a_difference_is_clear_of_0_where_all_of_its_interval_is() {
-        let side = |ends| Cell::difference(Some(0.1), ends, 2).side();
-        assert_eq!(side(Some([0.001, 0.2])), Some(Side::Above));
-        assert_eq!(side(Some([-0.2, -0.001])), Some(Side::Below));
-        for ends in [Some([-0.1, 0.2]), Some([0.0, 0.2]), None] {
-            assert_eq!(side(ends), None);
+    fn a_difference_shows_its_side_once_it_is_called_clear() {
+        for (value, sign) in [(0.1, "▲"), (-0.1, "▼")] {
+            let mut cell = Cell::gain(value, [value - 0.05, value + 0.05], Some(0.01), 2);
+            assert_eq!((cell.side(), cell.p()), (None, Some(0.01)));
+            cell.call();
+            assert!(cell.to_string().ends_with(&format!("] {sign}")), "{cell}");
         }
-        assert_eq!(Cell::interval(Some(0.1), Some([0.05, 0.2]), 2).side(), None);
     }
 }

@@ -63,17 +63,16 @@ impl Line {
 impl Shown {
     fn of(cell: &Cell) -> Self {
         let (value, ends) = cell.parts();
-        let (sign, class) = match cell.side() {
-            Some(Side::Above) => (Some("▲"), Some("above")),
-            Some(Side::Below) => (Some("▼"), Some("below")),
-            None => (None, None),
+        let class = |side| match side {
+            Side::Above => "above",
+            Side::Below => "below",
         };
         Self {
             value,
             ends,
             rank: cell.rank(),
-            sign,
-            class,
+            sign: cell.side().map(Side::sign),
+            class: cell.side().map(class),
         }
     }
 }
@@ -88,11 +87,12 @@ mod tests {
         let table = Table {
             rows: vec![Row::measured(vec![
                 "a".into(),
-                Cell::difference(Some(-0.25), Some([-0.5, -0.25]), 2),
+                Cell::gain(-0.25, [-0.5, -0.25], Some(0.01), 2),
                 Cell::range(Some([1.0, 2.0]), 0),
             ])],
             ..hard_cases()
         };
+        let table = table.tested(0.95);
         let html = serde_json::to_value(table.html()).unwrap();
         let columns = html["columns"].as_array().unwrap().iter();
         let left: Vec<bool> = columns.map(|c| c["left"] == true).collect();

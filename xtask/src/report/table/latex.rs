@@ -74,6 +74,8 @@ fn escaped(text: &str) -> String {
             '²' => escaped.push_str("$^2$"),
             '°' => escaped.push_str("$^\\circ$"),
             '±' => escaped.push_str("$\\pm$"),
+            '▲' => escaped.push_str("$\\uparrow$"),
+            '▼' => escaped.push_str("$\\downarrow$"),
             '●' => escaped.push_str("$\\bullet$"),
             '…' => escaped.push_str("\\dots{}"),
             '–' => escaped.push_str("--"),

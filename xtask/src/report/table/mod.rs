@@ -7,6 +7,8 @@ mod latex;
 mod markdown;
 mod terminal;
 
+use sps_metrics::holm;
+
 pub(crate) use cell::{Cell, number, with_interval};
 pub(super) use html::Html;
 pub(crate) use terminal::aligned;
@@ -51,6 +53,24 @@ impl Row {
 }
 
 impl Table {
+    /// Calls those of its differences clear of 0 that are at this level, after Holm's correction
+    /// for how many it has.
+    pub(crate) fn tested(mut self, level: f64) -> Self {
+        let mut tested: Vec<&mut Cell> = self
+            .rows
+            .iter_mut()
+            .flat_map(|row| &mut row.cells)
+            .collect();
+        tested.retain(|cell| cell.p().is_some());
+        let p_values: Vec<f64> = tested.iter().filter_map(|cell| cell.p()).collect();
+        for (cell, p) in tested.into_iter().zip(holm(&p_values)) {
+            if p <= 1.0 - level {
+                cell.call();
+            }
+        }
+        self
+    }
+
     /// The cells of a column, from the top.
     fn column(&self, at: usize) -> impl Iterator<Item = &Cell> {
         self.rows.iter().filter_map(move |row| row.cells.get(at))

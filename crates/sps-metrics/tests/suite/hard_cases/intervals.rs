@@ -1,39 +1,34 @@
 //! Intervals from awkward samples.
 
 use sps_metrics::{
-    Bootstrap, BootstrapError, ConformalError, Level, Metric, Scored, SplitConformal,
+    ConformalError, IntervalError, Intervals, Level, Metric, Scored, SplitConformal,
 };
 
 use super::{naive, samples};
 use crate::support::{assert_close, relative_error, uniform};
 
 #[test]
-fn constant_resamples_are_not_scored() {
-    // Seven photographs each of a surface of 0.1 and one of 0.5: half of the resamples hold one of
-    // the two only. The mean of seven equal truths is not one of them in f64, which would give those
-    // resamples an R² below -1e28.
+fn equal_truths_that_are_left_are_not_scored() {
+    // Seven photographs each of a surface of 0.1 and one of 0.5: without either all truths are equal.
+    // The mean of seven equal truths is not one of them in f64, which would give the rest an R² below
+    // -1e28.
     let (truth, estimate) = ([[0.1; 7], [0.5; 7]].concat(), [0.3; 14]);
     let surfaces = [[0; 7], [1; 7]].concat();
-    let found = Bootstrap::new(1).interval(&Scored {
+    let found = Intervals::of_models(Level::P95).interval(&[Scored {
         metric: Metric::R2OwnMean,
         samples: samples(&truth, &estimate),
         units: Some(&surfaces),
-    });
-    match found {
-        Err(BootstrapError::UndefinedResamples { undefined, .. }) => {
-            let share = undefined as f64 / 2000.0;
-            assert!((share - 0.5).abs() < 0.05, "{share}");
-        }
-        other => panic!("{other:?}"),
-    }
+        rerun: 0,
+    }]);
+    assert_eq!(found, Err(IntervalError::OneUnit));
     let drawn = [0.1; 7];
     let silent = naive::r2(&drawn, &[0.3; 7], naive::mean(&drawn));
     assert!(silent.is_finite() && silent < -1e28);
 }
 
 #[test]
-fn bootstrap_at_1e8_equals_bootstrap_at_zero() {
-    // Truths a few units in the last place apart: 1e8 + k ulp scores as k does, on every resample.
+fn interval_at_1e8_equals_interval_at_zero() {
+    // Truths a few units in the last place apart: 1e8 + k ulp scores as k does, whichever is left out.
     const ULP: f64 = 1.0 / 67_108_864.0; // of 1e8: 2^-26
     let whole = |name: &str| {
         let numbers = uniform(name).map(|u| (u * 8.0).round());
@@ -46,11 +41,12 @@ fn bootstrap_at_1e8_equals_bootstrap_at_zero() {
             values.iter().map(|value| offset + scale * value).collect()
         };
         let (truth, estimate) = (moved(&truth), moved(&estimate));
-        let found = Bootstrap::new(9).interval(&Scored {
+        let found = Intervals::of_models(Level::P95).interval(&[Scored {
             metric: Metric::R2OwnMean,
             samples: samples(&truth, &estimate),
             units: None,
-        });
+            rerun: 0,
+        }]);
         let silent = naive::r2(&truth, &estimate, naive::mean(&truth));
         (found.expect("100 surfaces"), silent)
     };
@@ -59,7 +55,7 @@ fn bootstrap_at_1e8_equals_bootstrap_at_zero() {
     assert_close(there.high, here.high, 1e-13);
     let error = relative_error(there.low, here.low).max(relative_error(there.high, here.high));
     let naive = relative_error(naive_there, naive_here);
-    println!("bootstrap at 1e8: error {error:.1e}, bound 1e-13, naive form {naive:.1e}");
+    println!("interval at 1e8: error {error:.1e}, bound 1e-13, naive form {naive:.1e}");
     assert!(naive > 1e-6);
 }
 

@@ -18,7 +18,7 @@
 //! | half the sum of the middle two | percentages beyond `f64` |
 //! | no check for NaN; its index not moved by a merge | all NaN; one NaN |
 //! | ties by total order, or none | signed zeros; many ties |
-//! | resampled truths not moved to their middle | bootstrap at 1e8 |
+//! | truths not moved to their middle | interval at 1e8 |
 //! | one surface, or one sample for its own mean, allowed | one sample |
 //! | conformal rank by plain product, or of n | rank, too few samples |
 

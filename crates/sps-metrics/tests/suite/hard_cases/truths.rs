@@ -1,8 +1,8 @@
 //! Truths that are constant, zero, near zero, alone, tied or not numbers.
 
 use sps_metrics::{
-    Bootstrap, BootstrapError, Metric, NonFiniteKind, Pair, PercentErrorAccumulator, Quantity,
-    ScoreAccumulator, Scored, TrainingMean, Undefined,
+    IntervalError, Intervals, Level, Metric, NonFiniteKind, Pair, PercentErrorAccumulator,
+    Quantity, ScoreAccumulator, Scored, TrainingMean, Undefined,
 };
 
 use super::{naive, samples, within};
@@ -103,12 +103,13 @@ fn one_sample_has_errors_but_no_own_mean() {
     let silent = naive::r2(&[4.0], &[5.0], 4.0);
     let about = value(&one.r2(training_mean(2.0)));
     within("one sample", about, 0.75, 0.0, silent);
-    let found = Bootstrap::new(1).interval(&Scored {
+    let found = Intervals::of_models(Level::P95).interval(&[Scored {
         metric: Metric::Mae,
         samples: one,
         units: None,
-    });
-    assert_eq!(found, Err(BootstrapError::TooFewUnits { found: 1 }));
+        rerun: 0,
+    }]);
+    assert_eq!(found, Err(IntervalError::OneUnit));
 }
 
 #[test]

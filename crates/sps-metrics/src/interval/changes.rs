@@ -1,0 +1,163 @@
+//! By how much a score changes when a unit is left out, without scoring again.
+
+use std::collections::BTreeMap;
+
+use super::influence::{of_median, of_spearman};
+use super::{IntervalError, Scored};
+use crate::metric::Metric;
+use crate::outcome::Undefined;
+use crate::percent::percent_error;
+use crate::samples::{Pair, Samples};
+
+/// A remainder of a sum that is smaller than this share of it is what rounding left.
+const ROUNDING: f64 = 1e-12;
+
+/// The change of each unit, by its number, of samples that have a score.
+pub(super) fn changes(scored: &Scored<'_>) -> Result<Vec<(usize, f64)>, IntervalError> {
+    let samples = scored.samples.truth.len();
+    if let Some(units) = scored.units
+        && units.len() != samples
+    {
+        return Err(IntervalError::UnitMismatch {
+            samples,
+            units: units.len(),
+        });
+    }
+    let unit = |at: usize| scored.units.map_or(at, |units| units[at]);
+    let terms = Terms::of(scored.metric, scored.samples)?;
+    let mut of_unit: BTreeMap<usize, Sums> = BTreeMap::new();
+    let mut total = Sums::default();
+    for (at, term) in terms.each.iter().enumerate() {
+        of_unit.entry(unit(at)).or_default().add(term);
+        total.add(term);
+    }
+    let whole = (terms.score)(total);
+    let changes = of_unit.into_iter().map(|(unit, sums)| {
+        let rest = total.without(sums).map(terms.score);
+        let rest = rest.filter(|score| score.is_finite());
+        let rest = rest.ok_or(IntervalError::OneUnit)?;
+        Ok((unit, rest - whole))
+    });
+    changes.collect()
+}
+
+/// Sums over samples that a score is made of: how many there are, what it divides, and the sum and
+/// the sum of squares of what it divides by.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    count: f64,
+    errors: f64,
+    deviations: f64,
+    squares: f64,
+}
+
+impl Sums {
+    fn add(&mut self, other: &Self) {
+        self.count += other.count;
+        self.errors += other.errors;
+        self.deviations += other.deviations;
+        self.squares += other.squares;
+    }
+
+    /// What is left without some; `None` where that is nothing that can be told from rounding.
+    fn without(self, some: Self) -> Option<Self> {
+        let rest = Self {
+            count: self.count - some.count,
+            errors: self.errors - some.errors,
+            deviations: self.deviations - some.deviations,
+            squares: self.squares - some.squares,
+        };
+        let varies = self.squares == 0.0 || rest.squares > ROUNDING * self.squares;
+        (rest.count > 0.0 && varies).then_some(rest)
+    }
+
+    /// The sum of squares about the mean.
+    fn about_mean(self) -> f64 {
+        let rest = self.squares - self.deviations * self.deviations / self.count;
+        if rest > ROUNDING * self.squares {
+            rest
+        } else {
+            0.0
+        }
+    }
+}
+
+/// A score as a function of sums over samples.
+struct Terms {
+    each: Vec<Sums>,
+    score: fn(Sums) -> f64,
+}
+
+impl Terms {
+    fn of(metric: Metric, samples: Samples<'_>) -> Result<Self, Undefined> {
+        let pairs: Vec<Pair> = samples.pairs()?.collect();
+        let errors = |power: i32| {
+            let errors = pairs.iter();
+            errors.map(move |pair| (pair.truth - pair.estimate).abs().powi(power))
+        };
+        let about = |origin: f64, errors: f64, pair: &Pair| Sums {
+            count: 1.0,
+            errors,
+            deviations: pair.truth - origin,
+            squares: (pair.truth - origin).powi(2),
+        };
+        let plain = |errors: f64| Sums {
+            count: 1.0,
+            errors,
+            ..Sums::default()
+        };
+        let both = |origin: f64| {
+            let both = errors(2).zip(&pairs);
+            both.map(|(error, pair)| about(origin, error, pair))
+                .collect()
+        };
+        let (each, score): (Vec<Sums>, fn(Sums) -> f64) = match metric {
+            Metric::R2(mean) => (both(mean.get()), |sums| 1.0 - sums.errors / sums.squares),
+            Metric::R2OwnMean => (both(middle(samples.truth)), |sums| {
+                1.0 - sums.errors / sums.about_mean()
+            }),
+            Metric::Mae => (errors(1).map(plain).collect(), mean_of),
+            Metric::Rmse => (errors(2).map(plain).collect(), |sums| {
+                mean_of(sums).max(0.0).sqrt()
+            }),
+            Metric::MedianPercentError => {
+                let errors: Vec<Option<f64>> =
+                    pairs.iter().map(|&pair| percent_error(pair)).collect();
+                (of_influences(&of_median(&errors)), mean_of)
+            }
+            Metric::Spearman => {
+                let influences = of_spearman(samples).into_iter().map(Some);
+                (of_influences(&influences.collect::<Vec<_>>()), mean_of)
+            }
+        };
+        Ok(Self { each, score })
+    }
+}
+
+fn mean_of(sums: Sums) -> f64 {
+    sums.errors / sums.count
+}
+
+/// Terms whose mean without a unit is how much the score changes without it; of samples without an
+/// influence nothing.
+fn of_influences(influences: &[Option<f64>]) -> Vec<Sums> {
+    let term = |influence: &Option<f64>| match influence {
+        Some(errors) => Sums {
+            count: 1.0,
+            errors: *errors,
+            ..Sums::default()
+        },
+        None => Sums::default(),
+    };
+    influences.iter().map(term).collect()
+}
+
+/// The middle truth: near the bulk of them, so that differences from it are exact for that bulk.
+fn middle(truth: &[f64]) -> f64 {
+    let mut truth = truth.to_vec();
+    let middle = truth.len() / 2;
+    if truth.is_empty() {
+        return 0.0;
+    }
+    *truth.select_nth_unstable_by(middle, f64::total_cmp).1
+}

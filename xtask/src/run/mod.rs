@@ -5,6 +5,7 @@ mod costs;
 mod deal;
 mod encoded;
 mod encodings;
+mod estimates;
 mod fit;
 mod floors;
 mod folder;
@@ -33,6 +34,7 @@ use sps_dataset::Source;
 
 pub(crate) use deal::Dealt;
 pub(crate) use encodings::Encodings;
+pub(crate) use estimates::Estimates;
 pub(crate) use folder::{CONFIG, RunFolder};
 pub(crate) use found::Selections;
 pub(crate) use frozen::Folds;

@@ -14,9 +14,10 @@ use proc_macro2::{Delimiter, Ident, TokenStream, TokenTree};
 
 /// Files, and folders of files, below the root of the repository; of `crates`, what is in
 /// `crates/*/src`.
-pub(crate) const WATCHED: [&str; 9] = [
+pub(crate) const WATCHED: [&str; 10] = [
     "Cargo.lock",
     CRATES,
+    "xtask/src/cells.rs",
     "xtask/src/cmd/pretrain.rs",
     "xtask/src/data.rs",
     "xtask/src/embeddings",

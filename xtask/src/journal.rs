@@ -43,7 +43,7 @@ pub(crate) struct Outcome {
     pub estimate: Vec<f64>,
     /// Indices of the views that the method looks at.
     pub views: Vec<usize>,
-    /// Where a method looks at one view after the other: where it stopped, for each of `surfaces`.
+    /// Of methods that make an interval for each of `surfaces`: these, in that order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stops: Vec<Stop>,
     /// Of a network, the loss of its estimates in training, epoch by epoch.
@@ -71,10 +71,11 @@ impl Record for Encoding {
     }
 }
 
-/// Where looking at one view after the other ended.
+/// The interval of an estimate: where looking at one view after the other ended, or as another system
+/// gave it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Stop {
-    /// How many views were looked at.
+    /// How many views were looked at; 0 where the interval was given.
     pub views: usize,
     /// The interval around the estimate.
     pub low: f64,

@@ -1,6 +1,7 @@
 //! `cargo xtask`: runs experiments, and everything else that needs more than one crate.
 
 mod bench;
+mod cells;
 mod checksums;
 mod cmd;
 mod compare;

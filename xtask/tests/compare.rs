@@ -217,7 +217,7 @@ fn a_run_of_an_older_version_is_asked_for_again() {
     let run = ran(&scratch, "run", &[]);
     let old = scratch.path("old");
     support::copy(&run, &old);
-    scratch.edit("old/results.json", "\"schema\": 3", "\"schema\": 1");
+    scratch.edit("old/results.json", "\"schema\": 4", "\"schema\": 1");
     let sum = blake3::hash(&fs::read(old.join("results.json")).unwrap());
     let before = blake3::hash(&fs::read(run.join("results.json")).unwrap());
     scratch.edit("old/checksums", &before.to_string(), &sum.to_string());

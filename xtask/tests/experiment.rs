@@ -204,7 +204,7 @@ fn results_say_where_they_come_from() {
         serde_json::from_str(&text).unwrap()
     };
     let results = read();
-    assert_eq!(results["schema"], 3);
+    assert_eq!(results["schema"], 4);
     let config = fs::read(scratch.path("run/config.toml")).unwrap();
     let hash = blake3::hash(&config).to_string();
     assert_eq!(results["config_hash"], hash);

@@ -1,7 +1,10 @@
-//! What makes estimates of embeddings.
+//! What makes estimates.
 
-use anyhow::Result;
-use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use serde_json::{Value, json};
 use sps_estimator::{Regression, Stacked};
 use sps_models::heads::{Head, HeadConfig};
 use sps_models::kernel_ridge::KernelRidge;
@@ -9,6 +12,7 @@ use sps_models::ridge::Ridge;
 
 use super::looks::{Problem, refuse};
 use super::schema::{Config, MethodConfig, MethodKind};
+use crate::run::Estimates;
 
 #[derive(Clone, Debug)]
 pub(crate) enum Estimator {
@@ -18,6 +22,24 @@ pub(crate) enum Estimator {
     Mean,
     /// The mean of those of the same material.
     LabelMean,
+    /// Another system, whose estimates are in a file.
+    Given(Given),
+}
+
+/// A file of estimates.
+#[derive(Clone, Debug)]
+pub(crate) struct Given {
+    pub file: PathBuf,
+    /// What it holds; none before it has been read and checked against the data.
+    pub estimates: Option<Arc<Estimates>>,
+}
+
+impl Given {
+    /// What the file holds.
+    pub(crate) fn estimates(&self) -> Result<&Estimates> {
+        let read = self.estimates.as_deref();
+        read.with_context(|| format!("{} has not been read", self.file.display()))
+    }
 }
 
 impl Estimator {
@@ -27,6 +49,7 @@ impl Estimator {
             Self::Fitted(regression) => regression.kind(),
             Self::Mean => MethodKind::Mean.name(),
             Self::LabelMean => MethodKind::LabelMean.name(),
+            Self::Given(_) => MethodKind::Predictions.name(),
         }
     }
 
@@ -34,7 +57,15 @@ impl Estimator {
     pub(crate) fn regression(&self) -> Option<&Regression> {
         match self {
             Self::Fitted(regression) => Some(regression),
-            Self::Mean | Self::LabelMean => None,
+            Self::Mean | Self::LabelMean | Self::Given(_) => None,
+        }
+    }
+
+    /// The file that has the estimates, where one does.
+    pub(crate) fn file(&self) -> Option<&Path> {
+        match self {
+            Self::Given(given) => Some(&given.file),
+            _ => None,
         }
     }
 
@@ -43,6 +74,10 @@ impl Estimator {
         Ok(match self {
             Self::Fitted(regression) => regression.settings()?,
             Self::Mean | Self::LabelMean => self.kind().into(),
+            // Not the path: an edited file is scored anew, and one that was moved is not.
+            Self::Given(given) => {
+                json!({ "kind": self.kind(), "content": given.estimates()?.content() })
+            }
         })
     }
 
@@ -84,10 +119,26 @@ impl Estimator {
 
 /// What the config of a method says of it.
 pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Estimator, Problem> {
-    Ok(match method.kind {
-        MethodKind::Mean => Estimator::Mean,
-        MethodKind::LabelMean => Estimator::LabelMean,
-        _ => Estimator::Fitted(Box::new(regression(config, method)?)),
+    Ok(match (method.kind, &method.file) {
+        (MethodKind::Predictions, Some(file)) => Estimator::Given(Given {
+            file: file.clone(),
+            estimates: None,
+        }),
+        (MethodKind::Predictions, None) => {
+            let why = format!(
+                "is missing: method `{}` needs a CSV of its estimates",
+                method.id
+            );
+            return refuse("file", why);
+        }
+        (kind, Some(_)) => {
+            let (id, kind) = (&method.id, kind.name());
+            let why = format!("needs a method of the kind `predictions`, and `{id}` is `{kind}`");
+            return refuse("file", why);
+        }
+        (MethodKind::Mean, None) => Estimator::Mean,
+        (MethodKind::LabelMean, None) => Estimator::LabelMean,
+        (_, None) => Estimator::Fitted(Box::new(regression(config, method)?)),
     })
 }
 
@@ -130,7 +181,10 @@ fn single(config: &Config, method: &MethodConfig, kind: MethodKind) -> Result<Re
             Regression::KernelRidge(ridge.map_err(refused("kind"))?)
         }
         MethodKind::Nearest => Regression::Nearest,
-        MethodKind::Mean | MethodKind::LabelMean | MethodKind::Stacked => {
+        MethodKind::Mean
+        | MethodKind::LabelMean
+        | MethodKind::Predictions
+        | MethodKind::Stacked => {
             return refuse("members", format!("`{}` cannot be stacked", kind.name()));
         }
     })

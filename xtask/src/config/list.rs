@@ -33,6 +33,9 @@ pub(crate) fn list(experiment: &Experiment) -> Result<String> {
 /// Keys and values of one method.
 fn settings(method: &Method) -> Result<Vec<(String, String)>> {
     let mut lines = vec![("kind".to_owned(), quoted(method.estimator.kind()))];
+    if let Some(file) = method.estimator.file() {
+        lines.push(("file".to_owned(), quoted(&file.to_string_lossy())));
+    }
     if method.looks != Looks::Nothing {
         let encoder = quoted(&encoder::describe(&method.encoder));
         lines.push(("encoder".to_owned(), encoder));

@@ -10,7 +10,7 @@ use super::estimator::{self, Estimator};
 use super::layers::Layers;
 use super::locate::ConfigError;
 use super::looks::{self, Looks, Problem, refuse};
-use super::schema::{Adaptive, Config, MethodConfig, SelectorConfig};
+use super::schema::{Adaptive, Config, MethodConfig, MethodKind, SelectorConfig};
 use super::written::Written;
 use crate::paper;
 
@@ -108,6 +108,7 @@ fn training_surfaces(method: &MethodConfig) -> Result<Option<usize>, Problem> {
     let why = match method.training_surfaces {
         None => return Ok(None),
         Some(0) => "must be at least 1",
+        Some(_) if method.kind == MethodKind::Predictions => "needs a method that is trained",
         Some(_) if learned || !selector.all(SelectorConfig::is_fixed) => {
             "needs views that do not depend on them"
         }

@@ -22,7 +22,7 @@ mod written;
 pub(crate) use adaptive::in_order;
 pub(crate) use data::{DataSpec, Protocol, TestSurfaces};
 pub(crate) use encoder::{EncoderSpec, Network, WeightsSpec};
-pub(crate) use estimator::Estimator;
+pub(crate) use estimator::{Estimator, Given};
 pub(crate) use experiment::Experiment;
 pub(crate) use list::list;
 pub(crate) use looks::{Looks, Refit, Selected};

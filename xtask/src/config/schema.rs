@@ -106,6 +106,8 @@ pub(crate) struct MethodConfig {
     /// Names it in the report.
     pub label: String,
     pub kind: MethodKind,
+    /// The CSV of the estimates, where the kind is `predictions`.
+    pub file: Option<PathBuf>,
     /// What is stacked, where the kind is `stacked`.
     #[serde(default)]
     pub members: Vec<MethodKind>,
@@ -256,6 +258,8 @@ pub(crate) enum MethodKind {
     /// The mean of the training readings of the surface's own material: what a perfect reader of
     /// labels would say.
     LabelMean,
+    /// What another system estimates, from a file.
+    Predictions,
 }
 
 impl MethodKind {
@@ -269,12 +273,13 @@ impl MethodKind {
             Self::Stacked => "stacked",
             Self::Mean => "mean",
             Self::LabelMean => "label-mean",
+            Self::Predictions => "predictions",
         }
     }
 
     /// Whether it looks at the embeddings of views.
     pub(crate) const fn looks(self) -> bool {
-        !matches!(self, Self::Mean | Self::LabelMean)
+        !matches!(self, Self::Mean | Self::LabelMean | Self::Predictions)
     }
 }
 

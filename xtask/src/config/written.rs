@@ -36,11 +36,13 @@ fn floor(config: &Config, kind: MethodKind) -> MethodConfig {
         MethodKind::Stacked => "Stacked",
         MethodKind::Mean => "Mean of the training part",
         MethodKind::LabelMean => "Mean of the surface's material",
+        MethodKind::Predictions => "Estimates from a file",
     };
     MethodConfig {
         id: kind.name().to_owned(),
         label: label.to_owned(),
         kind,
+        file: None,
         members: Vec::new(),
         folds: 0,
         paper: None,

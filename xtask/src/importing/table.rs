@@ -1,13 +1,13 @@
 //! The table of values.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use sps_dataset::Property;
 
 use super::photographs::in_order;
+use crate::cells;
 
 /// What a row is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -169,37 +169,21 @@ impl Row {
 
 /// The lines of a table with their numbers: cells between commas or, in one `without_names`, between
 /// blanks where it has no comma.
-fn records(path: &Path, without_names: bool) -> Result<Vec<(u64, csv::StringRecord)>> {
-    let text = text(path)?;
-    let mut records = Vec::new();
+fn records(path: &Path, without_names: bool) -> Result<Vec<cells::Row>> {
+    let text = cells::text(path)?;
     if without_names && !text.contains(',') {
         let lines = (1..).zip(text.lines());
-        records.extend(lines.map(|(number, line)| (number, line.split_whitespace().collect())));
-    } else {
-        let mut reader = csv::ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .trim(csv::Trim::All)
-            .from_reader(text.as_bytes());
-        for record in reader.records() {
-            let record = record?;
-            records.push((record.position().map_or(0, csv::Position::line), record));
-        }
+        let lines = lines.map(|(number, line)| (number, line.split_whitespace().collect()));
+        return Ok(lines
+            .filter(|(_, line): &cells::Row| !line.is_empty())
+            .collect());
     }
-    // Spreadsheets write empty rows as commas.
-    records.retain(|(_, record)| record.iter().any(|cell| !cell.is_empty()));
-    Ok(records)
-}
-
-/// A file's text without the mark that some editors begin it with.
-fn text(path: &Path) -> Result<String> {
-    let text = fs::read_to_string(path)?;
-    Ok(text.trim_start_matches('\u{feff}').to_owned())
+    Ok(cells::rows(&text)?)
 }
 
 /// The names of columns, one a line; a name of several words becomes a code with hyphens.
 fn listed(names: &Path) -> Result<csv::StringRecord> {
-    let text = text(names)?;
+    let text = cells::text(names)?;
     let names = text
         .lines()
         .map(|line| line.split_whitespace().collect::<Vec<_>>().join("-"));
@@ -280,10 +264,8 @@ fn row(record: &csv::StringRecord, columns: &[Column], line: u64) -> Result<Row>
     let (mut named, mut values) = (BTreeMap::new(), Vec::new());
     for (cell, &column) in record.iter().zip(columns) {
         if column == Column::Property {
-            // As in the table of a dataset.
-            let number = cell.parse().is_ok_and(|value: f64| value.abs() <= 1e9);
             ensure!(
-                cell.is_empty() || number,
+                cell.is_empty() || cells::number(cell).is_some(),
                 "found `{}`, expected a number within 1e9 of 0, or nothing where it was not measured",
                 cell.escape_debug()
             );

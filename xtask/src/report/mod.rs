@@ -4,6 +4,7 @@
 mod calibration;
 mod figures;
 mod folders;
+mod intervals;
 mod learning;
 mod page;
 pub(crate) mod predictions;
@@ -60,15 +61,17 @@ pub(crate) fn write(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Methods with intervals of their own that are shown, at most.
+/// Methods with intervals that are shown, at most.
 const WITH_INTERVALS: usize = 5;
 
-/// The methods whose single estimates are shown: the best, then those that make intervals.
+/// The methods whose single estimates are shown: the best, then those with intervals.
 fn shown(results: &Results) -> Vec<&MethodResult> {
     let best = best(results);
     let is_best = |method: &MethodResult| best.is_some_and(|best| best.id == method.id);
     let methods = results.methods.iter();
-    let others = methods.filter(|method| method.adaptive.is_some() && !is_best(method));
+    let has_intervals =
+        |method: &MethodResult| method.adaptive.is_some() || method.intervals.is_some();
+    let others = methods.filter(|method| has_intervals(method) && !is_best(method));
     best.into_iter()
         .chain(others.take(WITH_INTERVALS))
         .collect()

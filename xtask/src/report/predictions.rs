@@ -21,9 +21,10 @@ pub(crate) struct Prediction {
     /// The surface's group; empty where surfaces do not come in groups that are kept whole.
     #[serde(default)]
     pub group: String,
-    /// Where a method stops when it is sure: how many views it looked at, and its interval.
+    /// Where a method stops when it is sure: how many views it looked at.
     #[serde(default)]
     pub views: Option<usize>,
+    /// The interval, where the method made one.
     #[serde(default)]
     pub low: Option<f64>,
     #[serde(default)]
@@ -60,7 +61,7 @@ pub(crate) fn of_outcomes<'a>(
                     truth: *truth,
                     estimate: *estimate,
                     group: group(surface),
-                    views: stop.map(|stop| stop.views),
+                    views: stop.map(|stop| stop.views).filter(|&views| views > 0),
                     low: stop.map(|stop| stop.low),
                     high: stop.map(|stop| stop.high),
                 }

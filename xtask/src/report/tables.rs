@@ -2,6 +2,7 @@
 
 use sps_dataset::Unit;
 
+use super::intervals;
 use super::learning;
 use super::selection;
 use super::speed;
@@ -25,6 +26,7 @@ pub(crate) fn tables(results: &Results) -> Vec<Table> {
         tables.push(per_property(results, &MAE_OVER_STD));
         tables.push(per_property(results, &SPEARMAN));
     }
+    tables.extend(intervals::table(results));
     tables.extend(properties(results));
     tables.extend(selection::table(results));
     tables.push(costs(results));
@@ -140,7 +142,7 @@ fn means(results: &Results) -> Table {
 }
 
 /// A heading with the unit of what is below it, where that has one.
-fn with_unit(heading: &str, unit: &str) -> String {
+pub(super) fn with_unit(heading: &str, unit: &str) -> String {
     match unit {
         "" => heading.to_owned(),
         unit => format!("{heading} [{unit}]"),

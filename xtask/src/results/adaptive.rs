@@ -1,8 +1,8 @@
 //! How methods fared that look at no more views than they need.
 
 use serde::{Deserialize, Serialize};
-use sps_metrics::{PredictionInterval, coverage};
 
+use super::intervals::held;
 use super::{Judged, MethodOutcomes};
 use crate::config::Adaptive;
 use crate::journal::Stop;
@@ -31,12 +31,7 @@ impl AdaptiveResult {
     /// `None` where nothing was estimated.
     pub(super) fn of(method: &MethodOutcomes<'_>, asked: Adaptive) -> Option<Self> {
         let stops: Vec<Stop> = method.trials().flat_map(Judged::stops).collect();
-        let truth: Vec<f64> = method.trials().flat_map(Judged::truth).copied().collect();
-        let intervals = stops.iter().map(|stop| PredictionInterval {
-            low: stop.low,
-            high: stop.high,
-        });
-        let covered = coverage(&intervals.collect::<Vec<_>>(), &truth).ok()?;
+        let covered = held(method.outcomes.values().flatten())?;
         let count = stops.len() as f64;
         let share = |holds: &dyn Fn(&Stop) -> bool| {
             stops.iter().filter(|stop| holds(stop)).count() as f64 / count

@@ -3,6 +3,7 @@
 mod adaptive;
 mod costs;
 mod gains;
+mod intervals;
 mod judged;
 pub(crate) mod kind;
 mod means;
@@ -24,6 +25,7 @@ use sps_dataset::Unit;
 pub(crate) use adaptive::AdaptiveResult;
 pub(crate) use costs::Costs;
 pub(crate) use gains::{Gain, Gains};
+pub(crate) use intervals::GivenIntervals;
 pub(crate) use judged::Judged;
 pub(crate) use kind::Kind;
 pub(crate) use means::Means;
@@ -178,6 +180,9 @@ pub(crate) struct MethodResult {
     /// Where it looks at no more views than it needs.
     #[serde(default)]
     pub adaptive: Option<AdaptiveResult>,
+    /// Where its estimates came with intervals.
+    #[serde(default)]
+    pub intervals: Option<GivenIntervals>,
     /// Per property, the mean truth of each split's training part: R² is about it.
     #[serde(default)]
     pub training_means: PerProperty<Vec<f64>>,

@@ -7,7 +7,8 @@ use sps_metrics::Intervals;
 use super::notes::Notes;
 use super::scores::intervals;
 use super::{
-    AdaptiveResult, Costs, Gains, Judged, Means, MethodResult, PerProperty, PropertyScores,
+    AdaptiveResult, Costs, Gains, GivenIntervals, Judged, Means, MethodResult, PerProperty,
+    PropertyScores,
 };
 use crate::config::Adaptive;
 
@@ -94,6 +95,7 @@ pub(crate) fn score(
         adaptive: method
             .adaptive
             .and_then(|asked| AdaptiveResult::of(method, asked)),
+        intervals: GivenIntervals::of(method, scoring),
         training_means: training_means.collect(),
         training_losses: training_losses(method),
         selected_views: views.collect(),

@@ -75,7 +75,7 @@ impl Walking<'_> {
             .collect::<Result<Vec<Look>>>()?;
         let regression = judge.method.estimator.regression();
         let regression = regression
-            .context("a mean looks at nothing")?
+            .context("a method that looks at nothing")?
             .with_views(views)?;
         let data = tables.training_data(units);
         let step = Step::fit(
@@ -145,7 +145,7 @@ struct Parts {
 }
 
 /// The standard deviation of readings; 1 where they do not differ.
-fn deviation(readings: &[(usize, f64)]) -> f64 {
+pub(super) fn deviation(readings: &[(usize, f64)]) -> f64 {
     let count = readings.len().max(1) as f64;
     let mean = readings.iter().map(|(_, value)| value).sum::<f64>() / count;
     let squares = readings.iter().map(|(_, value)| (value - mean).powi(2));

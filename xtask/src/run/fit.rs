@@ -31,7 +31,7 @@ pub(super) fn fit_some(
     observer: &dyn Observer,
 ) -> Result<Box<dyn FittedRegressor>> {
     let fitted = method.estimator.regression();
-    let fitted = fitted.context("a mean is not trained")?;
+    let fitted = fitted.context("a method that is not trained")?;
     Ok(fitted.fit_some(&tables.training_data(units), units, plan, observer)?)
 }
 

@@ -1,9 +1,10 @@
-//! Estimates that look at no image: what any method has to be better than.
+//! Estimates that look at no image: those that any method has to be better than, and those of others.
 
 use std::collections::HashMap;
 
 use anyhow::Result;
 
+use super::estimates;
 use super::fit::{Judge, measured};
 use super::trials::TrialSpec;
 use crate::config::Estimator;
@@ -11,9 +12,12 @@ use crate::journal::Outcome;
 
 /// The outcomes of a method that looks at nothing; `None` for one that does.
 pub(super) fn outcomes(judge: &Judge<'_>, trials: &[&TrialSpec]) -> Result<Option<Vec<Outcome>>> {
-    let by_label = match judge.method.estimator {
+    let by_label = match &judge.method.estimator {
         Estimator::Mean => false,
         Estimator::LabelMean => true,
+        Estimator::Given(given) => {
+            return estimates::outcomes(judge, trials, given.estimates()?).map(Some);
+        }
         Estimator::Fitted(_) => return Ok(None),
     };
     let outcome = |trial: &&TrialSpec| {

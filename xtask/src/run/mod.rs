@@ -5,6 +5,7 @@ mod costs;
 mod deal;
 mod encoded;
 mod encodings;
+mod estimates;
 mod fit;
 mod floors;
 mod folder;
@@ -33,6 +34,7 @@ use sps_dataset::Source;
 
 pub(crate) use deal::Dealt;
 pub(crate) use encodings::Encodings;
+pub(crate) use estimates::Estimates;
 pub(crate) use folder::{CONFIG, RunFolder};
 pub(crate) use found::Selections;
 pub(crate) use frozen::Folds;
@@ -58,56 +60,76 @@ use shards::Merged;
 /// Runs the experiment into `folder`, or finishes what was begun there, in shards or not; `fresh`
 /// begins again.
 pub(crate) fn run(experiment: &Experiment, folder: &Path, fresh: bool) -> Result<Results> {
-    let folder = RunFolder::open(folder, fresh)?;
-    if fresh {
-        shards::forget(folder.path())?;
-    }
-    finish(experiment, &folder, None)
+    let work = Run {
+        experiment,
+        folder,
+        fresh,
+        merged: None,
+    };
+    work.finish()
 }
 
 /// Makes the results, in `folder`, of an experiment that was done in shards, below the folders of the
 /// given runs.
 pub(crate) fn merge(experiment: &Experiment, folder: &Path, runs: &[PathBuf]) -> Result<Results> {
-    let merged = Merged::of(experiment, runs)?;
-    let folder = RunFolder::open(folder, false)?;
-    finish(experiment, &folder, Some(merged))
-}
-
-fn finish(experiment: &Experiment, folder: &RunFolder, merged: Option<Merged>) -> Result<Results> {
-    folder.write(folder::CONFIG, &experiment.resolved)?;
     let work = Run {
         experiment,
         folder,
-        merged,
+        fresh: false,
+        merged: Some(Merged::of(experiment, runs)?),
     };
-    let results = data::with_source(&experiment.data, work)?;
-    results.write(folder.path())?;
-    report::write(folder.path())?;
-    folder.seal()?;
-    Ok(results)
+    work.finish()
 }
 
 struct Run<'a> {
     experiment: &'a Experiment,
-    folder: &'a RunFolder,
+    folder: &'a Path,
+    fresh: bool,
     /// Shards in which it was done.
     merged: Option<Merged>,
 }
 
-impl WithSource for Run<'_> {
-    type Output = Results;
+impl Run<'_> {
+    fn finish(self) -> Result<Results> {
+        let (folder, results) = data::with_source(&self.experiment.data, self)?;
+        results.write(folder.path())?;
+        report::write(folder.path())?;
+        folder.seal()?;
+        Ok(results)
+    }
 
-    fn call<S: Source>(self, source: &S, about: About) -> Result<Results> {
-        let experiment = self.experiment;
-        let prepared = Prepared::new(experiment, source, &about)?;
-        let mut journals = Journals::open(self.folder.path())?;
+    /// The folder, to write to; only an experiment that can be run gets so far.
+    fn open(&self) -> Result<RunFolder> {
+        let folder = RunFolder::open(self.folder, self.fresh)?;
+        if self.fresh {
+            shards::forget(folder.path())?;
+        }
+        folder.write(folder::CONFIG, &self.experiment.resolved)?;
+        Ok(folder)
+    }
+
+    /// What others have done of it, too.
+    fn gather<S: Source>(&self, source: &S, about: &About, folder: &RunFolder) -> Result<Journals> {
+        let mut journals = Journals::open(folder.path())?;
         match &self.merged {
             Some(merged) => {
-                merged.ensure_data(&provenance::data_hash(source, &about)?)?;
+                merged.ensure_data(&provenance::data_hash(source, about)?)?;
                 merged.give(&mut journals)?;
             }
-            None => shards::give(self.folder.path(), &mut journals)?,
+            None => shards::give(folder.path(), &mut journals)?,
         }
+        Ok(journals)
+    }
+}
+
+impl WithSource for Run<'_> {
+    type Output = (RunFolder, Results);
+
+    fn call<S: Source>(self, source: &S, about: About) -> Result<Self::Output> {
+        let experiment = self.experiment;
+        let prepared = Prepared::new(experiment, source, &about)?;
+        let folder = self.open()?;
+        let mut journals = self.gather(source, &about, &folder)?;
         let dealt = prepared.dealt()?;
         let done = prepared.with_encoders(source, &dealt, Rows(&mut journals))?;
         let (mut rows, mut properties) = (Vec::new(), Vec::new());
@@ -120,8 +142,9 @@ impl WithSource for Run<'_> {
         let splits = &prepared.splits;
         let all = rows.iter().flat_map(|row| row.outcomes.values().flatten());
         let estimates = predictions::of_outcomes(all, &splits.groups(source.surfaces()));
-        predictions::write(self.folder.path(), &estimates)?;
-        results(experiment, source, &about, properties, splits, &rows)
+        predictions::write(folder.path(), &estimates)?;
+        let results = results(experiment, source, &about, properties, splits, &rows)?;
+        Ok((folder, results))
     }
 }
 

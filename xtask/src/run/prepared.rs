@@ -5,7 +5,7 @@ use sps_dataset::Source;
 
 use super::deal::Dealt;
 use super::encoded::Encoded;
-use super::{Splits, by_encoder, views};
+use super::{Splits, by_encoder, estimates, views};
 use crate::config::{Experiment, Method, Network};
 use crate::data::About;
 use crate::sequences::Sequences;
@@ -39,11 +39,14 @@ impl<'a> Prepared<'a> {
         about: &'a About,
     ) -> Result<Self> {
         let methods = experiment.methods.iter().map(|method| method.on(source));
+        let mut methods = methods.collect::<Result<Vec<_>>>()?;
+        let splits = Splits::of(experiment, source.surfaces())?;
+        estimates::read(experiment, &mut methods, (source, about), &splits)?;
         Ok(Self {
             experiment,
             about,
-            methods: methods.collect::<Result<_>>()?,
-            splits: Splits::of(experiment, source.surfaces())?,
+            methods,
+            splits,
         })
     }
 

@@ -131,6 +131,10 @@ fn which(experiment: &Experiment) -> String {
 fn keeps_its_views(method: &Method) -> Result<()> {
     let id = &method.id;
     match &method.looks {
+        Looks::Nothing if method.estimator.file().is_some() => bail!(
+            "method `{id}` has its estimates from a file, so there is nothing to fit and keep; \
+            `[train] method = \"ID\"` chooses another"
+        ),
         Looks::Nothing => {
             bail!("method `{id}` looks at no view; a model that is kept looks at some")
         }

@@ -76,17 +76,12 @@ pub(crate) fn run(
     fresh: bool,
 ) -> Result<PathBuf> {
     let path = folder.join(SHARDS).join(shard.folder());
-    let own = RunFolder::open(&path, fresh)?;
-    let known = if fresh {
-        None
-    } else {
-        Some(Journals::look(folder)?)
-    };
     let work = RunShard {
         experiment,
         shard,
-        own: &own,
-        known,
+        run: folder,
+        own: &path,
+        fresh,
     };
     data::with_source(&experiment.data, work)?;
     Ok(path)
@@ -95,23 +90,26 @@ pub(crate) fn run(
 struct RunShard<'a> {
     experiment: &'a Experiment,
     shard: Shard,
-    own: &'a RunFolder,
-    /// What the run itself has done.
-    known: Option<Journals>,
+    /// The folder of the run, and its own.
+    run: &'a Path,
+    own: &'a Path,
+    fresh: bool,
 }
 
 impl WithSource for RunShard<'_> {
     type Output = ();
 
     fn call<S: Source>(self, source: &S, about: About) -> Result<()> {
-        let (experiment, folder) = (self.experiment, self.own.path());
+        let (experiment, folder) = (self.experiment, self.own);
         let prepared = Prepared::new(experiment, source, &about)?;
+        let _locked = RunFolder::open(folder, self.fresh)?;
         let data_hash = provenance::data_hash(source, &about)?;
         let mut manifest = Manifest::new(experiment, self.shard, &data_hash);
         manifest.write(folder)?;
         let mut journals = Journals::open(folder)?;
-        if let Some(known) = self.known {
-            journals.know(known);
+        if !self.fresh {
+            // What the run itself has done.
+            journals.know(Journals::look(self.run)?);
         }
         let dealt = prepared.dealt()?;
         prepared.with_encoders(source, &dealt, Fit(&mut journals))?;

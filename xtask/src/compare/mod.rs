@@ -32,6 +32,8 @@ pub(crate) struct Comparison {
     pub only_second: Vec<String>,
     /// Of the intervals.
     pub interval_level: f64,
+    /// What they are over, in the plural.
+    pub units: String,
     pub scores: Vec<Moved>,
     pub speed: Vec<Speeds>,
 }
@@ -58,6 +60,7 @@ pub(crate) fn compare(first: &Run, second: &Run) -> Result<Comparison> {
         only_first,
         only_second,
         interval_level: first.results.interval_level,
+        units: first.outcomes.unit.max(second.outcomes.unit).to_string(),
         scores: moved::scores(first, second, &common),
         speed: common.into_iter().map(Speeds::of).collect(),
     })

@@ -76,8 +76,9 @@ impl Comparison {
     fn about_the_intervals(&self) -> String {
         let paired = self.scores.iter().filter(|score| score.paired).count();
         let intervals = format!(
-            "{:.0} % intervals over surfaces and reruns",
-            100.0 * self.interval_level
+            "{:.0} % intervals over {} and reruns",
+            100.0 * self.interval_level,
+            self.units
         );
         if paired == self.scores.len() {
             format!("Both are scored on the same surfaces: {intervals}, paired.")
@@ -105,9 +106,9 @@ impl Comparison {
         });
         let tails = 1.0 - self.interval_level;
         Some(format!(
-            "{} of {} rows that differ are clear of 0 after Holm's correction for the rows of their \
-             table; chance alone calls any in {:.0} % of tables, of which there are {}. The intervals \
-             are not corrected: 0 is outside of {}, by chance alone of {:.1} or less.",
+            "{} of the {} rows that differ are clear of 0, after Holm's correction for the rows of their\n\
+             table: where nothing differs, chance marks any row in at most {:.0} % of tables (here {}).\n\
+             Without the correction 0 is outside of {} of their intervals, by chance alone of about {:.0}.",
             tested.iter().filter(|one| one.clear).count(),
             tested.len(),
             100.0 * tails,

@@ -220,9 +220,11 @@ fn show(value: &Value, times: Option<f64>, decimals: Option<usize>) -> Option<St
             Some(format!("[{low}, {high}]"))
         }
         Value::Object(gain) => {
-            let (value, interval) = (gain.get("value")?.as_f64()?, ends(gain.get("interval")?)?);
-            let interval = interval.map(|end| times * end);
-            Some(Cell::difference(Some(times * value), Some(interval), places).to_string())
+            let value = times * gain.get("value")?.as_f64()?;
+            let interval = ends(gain.get("interval")?)?.map(|end| times * end);
+            // As in tables: one over units alone is not shown.
+            let interval = gain.get("p")?.as_f64().map(|_| interval);
+            Some(Cell::difference(Some(value), interval, places).to_string())
         }
         Value::Null | Value::Bool(_) => None,
     }

@@ -20,7 +20,8 @@ fn method(id: &str, label: &str, r2: f64) -> Value {
 
 fn results() -> Value {
     let mut network = method("full", "Whole | network", 0.622);
-    network["r2_mean_gains"] = json!({"ridge": {"value": 0.05, "interval": [0.0401, 0.0604]}});
+    network["r2_mean_gains"] =
+        json!({"ridge": {"value": 0.05, "interval": [0.0401, 0.0604], "p": 0.001}});
     json!({
         "experiment": "ablation", "description": "",
         "dataset": {

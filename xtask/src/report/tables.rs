@@ -201,6 +201,8 @@ fn means_caption(results: &Results, compared: bool) -> String {
 /// An empty cell where a method is not compared with the other.
 pub(crate) fn gained(gain: Option<&Gain>, decimals: usize) -> Cell {
     match gain {
+        // An interval over units alone says too little to stand beside a difference.
+        Some(gain) if gain.p.is_none() => Cell::difference(Some(gain.value), None, decimals),
         Some(gain) => Cell::gain(gain.value, gain.interval, gain.p, decimals),
         None => Cell::from(""),
     }

@@ -118,7 +118,7 @@ class TactileRegressor(RegressorMixin, BaseEstimator):
     def predict_interval(self, X: Any) -> _Floats:
         """The intervals, float64 with their lower and upper ends in the last axis: (n, 2), or
         (n, properties, 2) where y had columns in fit. NaN where there is none; `estimator_.no_interval`
-        says why.
+        says why, or Answer.no_interval of several photographs by a model of one.
 
         An interval holds the truth of a new surface, or of one of a new group, with a probability of at
         least `level`. Raises what predict raises.
@@ -133,7 +133,8 @@ class TactileRegressor(RegressorMixin, BaseEstimator):
 
     def familiarity(self, X: Any) -> _Floats:
         """The p-values of "like those that it was fitted on", float64 (n,): of surfaces that are, at most
-        q with a probability of at most q. NaN where the model does not know.
+        q with a probability of at most q. NaN where the model does not know, and
+        `estimator_.no_familiar` says why.
 
         Raises what predict raises.
         """

@@ -59,6 +59,7 @@ def looking(encoder):
 def test_what_it_is(model):
     assert model.properties == ["fRS", "coarse"]
     assert (model.level, model.angles, model.no_interval) == (0.9, [0.0], {})
+    assert model.no_familiar is None
     about = model.about
     assert (about["name"], about["frame-size"]) == ("stripes", [SIDE, SIDE])
     assert repr(model).startswith('Estimator(name="stripes", encoder="se-resnext-small"')
@@ -121,11 +122,25 @@ def test_several_surfaces_and_several_photographs(model, photographs):
     assert together == [model.predict(what) for what in (one, [one, other], other)]
     first, both, second = together
     for at in range(2):
-        for end in ("value", "low", "high"):
-            each = [getattr(answer.estimates[at], end) for answer in (first, second)]
-            assert getattr(both.estimates[at], end) == np.mean(each)
+        each = [answer.estimates[at].value for answer in (first, second)]
+        assert both.estimates[at].value == np.mean(each)
+        # 18 surfaces calibrate, and 90 % for the mean of two needs 19.
+        assert (both.estimates[at].low, both.estimates[at].high) == (None, None)
+    assert set(both.no_interval) == {"fRS", "coarse"}
+    assert "found 2 photographs" in both.no_interval["fRS"]
+    assert first.no_interval == {}
     assert both.familiar == min(1, 2 * min(first.familiar, second.familiar))
     assert model.predict_all([]) == []
+
+
+def test_the_interval_of_two_photographs_holds_at_the_level(encoder, photographs, widths):
+    model = sps.Estimator.fit(photographs, widths, encoder=encoder, level=0.8)
+    one, two = photographs[:2]
+    each = [model.predict(photograph).estimates[0] for photograph in (one, two)]
+    both = model.predict([one, two])
+    assert both.no_interval == {}
+    # Of 18 residuals the 16th for one photograph, the 18th for each of two.
+    assert both.estimates[0].high - both.estimates[0].low >= np.mean([e.high - e.low for e in each])
 
 
 def test_a_folder_is_its_photographs_by_name(model, looking, photographs, tmp_path):

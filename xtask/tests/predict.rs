@@ -7,9 +7,9 @@ use std::path::PathBuf;
 
 use candle_core::{Device, Tensor};
 use image::{Rgb, RgbImage};
-use serde_json::Value;
+use serde_json::{Value, json};
 use sps_dataset::{DatasetFolder, ReadSettings, Source, TactileSettings, Unit, Units};
-use sps_estimator::{Embedder, Network, photographs_in};
+use sps_estimator::{Embedder, Estimator, Network, photographs_in};
 use sps_models::encoders::{Encoder, EncoderKind};
 use sps_models::heads::{Plan, Rerun, TrainingData, Views};
 use sps_models::ridge::{Ridge, RidgeConfig};
@@ -32,17 +32,24 @@ fn fitted_in(scratch: Scratch, more: &[&str]) -> Scratch {
         "[train]\ncalibration = 0.5\nlevel = 0.5\n[cache]",
     );
     scratch.edit("tiny.toml", "validation = 0.34", "validation = 0.2");
+    train(&scratch, more).assert().success();
+    scratch
+}
+
+fn train(scratch: &Scratch, more: &[&str]) -> assert_cmd::Command {
     let mut train = xtask();
     train.arg("train").arg(scratch.path("tiny.toml"));
     for more in more {
         train.args(["--set", more]);
     }
+    train.arg("--out").arg(scratch.path("model"));
     train
-        .arg("--out")
-        .arg(scratch.path("model"))
-        .assert()
-        .success();
-    scratch
+}
+
+/// What a command that succeeds prints.
+fn said(command: &mut assert_cmd::Command) -> String {
+    let output = command.assert().success().get_output().clone();
+    String::from_utf8(output.stdout).unwrap()
 }
 
 fn predict(scratch: &Scratch, options: &[&str], images: &[PathBuf]) -> assert_cmd::Command {
@@ -76,6 +83,47 @@ fn a_model_answers_for_a_photograph() {
     let other = of(&images[1..]);
     let mean = estimate(predict(&scratch, &["--group-by", "all"], &images)).0;
     assert!((value(&mean) - f64::midpoint(value(&one), value(&other))).abs() < 1e-9);
+}
+
+/// Three surfaces calibrate at 50 %: 4 * 0.75 is 3, for two photographs, and 4 * 5 / 6 is above, for three.
+#[test]
+fn the_mean_of_more_photographs_than_were_calibrated_for_has_no_interval() {
+    let scratch = fitted(&[]);
+    let images = ["000.jpg", "001.jpg", "002.jpg"];
+    let images = images.map(|name| scratch.path("data/frames/oak-01").join(name));
+    let line = |count: usize| -> Value {
+        let text = said(&mut predict(
+            &scratch,
+            &["--group-by", "all"],
+            &images[..count],
+        ));
+        serde_json::from_str(&text).unwrap()
+    };
+    let (two, three) = (line(2), line(3));
+    assert_eq!(
+        (&two["level"], &two["no_interval"]),
+        (&json!(0.5), &json!({}))
+    );
+    assert!(two["estimates"][0]["low"].is_f64(), "{two}");
+    assert_eq!(three["estimates"][0]["high"], Value::Null);
+    let reason = three["no_interval"]["fRS"].as_str().unwrap();
+    expect(reason, &["found 3 photographs", "at most 2", "83.3 %"]);
+
+    let mut command = xtask();
+    command.args(["predict", "--group-by", "all", "--model"]);
+    command.arg(scratch.path("model")).args(&images);
+    let table = said(&mut command);
+    expect(
+        &table,
+        &[
+            "50 % interval",
+            "none",
+            "fRS: no interval, found 3 photographs",
+        ],
+    );
+    let csv = said(command.arg("--csv"));
+    let cells: Vec<&str> = csv.lines().nth(1).unwrap().split(',').collect();
+    assert_eq!((cells[1], &cells[3..5]), ("fRS", &["", ""][..]), "{csv}");
 }
 
 /// A photograph of the same surface with more pixels is brought to those of the model's frames.
@@ -307,12 +355,104 @@ fn a_model_that_resizes_is_not_resized() {
     expect(&message(refused), &["--resize", "16 pixels"]);
 }
 
+/// A method whose encoder learns from the surfaces fitted to.
+const TRAINED: &str = "methods=[{ id = \"ridge\", label = \"Ridge\", kind = \"ridge\", \
+    encoder = { trainable = true, training = { epochs = 1, batch-size = 4 } } }]";
+
+/// Two surfaces are left that the encoder has not seen.
+#[test]
+fn a_trained_encoder_that_has_seen_too_much_has_no_p_value() {
+    let more = [TRAINED, "train.calibration=0.34"];
+    let scratch = fitted(&more);
+    let reason = "found 2 surfaces that it has not seen, expected at least 19";
+    let printed = said(&mut train(&scratch, &more));
+    let of_splits = "no p-value of \"like what was fitted on\": the encoder learned";
+    let of_model = "the model has no p-value of \"like what it was fitted on\"";
+    expect(&printed, &[of_splits, of_model, reason]);
+
+    let image = [scratch.path("data/frames/oak-01/002.jpg")];
+    let line: Value = serde_json::from_str(&said(&mut predict(&scratch, &[], &image))).unwrap();
+    assert_eq!(
+        (&line["familiar"], &line["unfamiliar"]),
+        (&Value::Null, &json!(false))
+    );
+    expect(line["no_familiar"].as_str().unwrap(), &[reason]);
+    let ask = |options: &[&str]| {
+        let mut command = xtask();
+        command
+            .args(["predict", "--model"])
+            .arg(scratch.path("model"));
+        said(command.args(options).arg(&image[0]))
+    };
+    expect(
+        &ask(&[]),
+        &[
+            "no p-value of \"like what the model was fitted on\"",
+            reason,
+        ],
+    );
+    let csv = ask(&["--csv"]);
+    assert!(csv.lines().nth(1).unwrap().ends_with(','), "{csv}");
+    let maps = scratch.path("maps").display().to_string();
+    let drawn = ask(&["--map", "fRS", "--out", &maps]);
+    expect(
+        &drawn,
+        &["nothing is hatched, for there is no p-value", reason],
+    );
+    let numbers = fs::read(scratch.path("maps/002-fRS.npy")).unwrap();
+    let last = numbers.last_chunk().unwrap();
+    assert!(f64::from_le_bytes(*last).is_nan());
+}
+
+/// Twenty surfaces calibrate, and photographs are held against them as the trained encoder sees them.
+#[test]
+fn a_photograph_is_held_against_what_a_trained_encoder_has_not_seen() {
+    let scratch = Scratch::new();
+    let data = scratch.path("data");
+    fs::remove_dir_all(&data).unwrap();
+    let mut simulate = xtask();
+    simulate.args([
+        "simulate",
+        "--surfaces",
+        "40",
+        "--views",
+        "1",
+        "--size",
+        "32",
+    ]);
+    simulate.args(["--seed", "7", "--out"]).arg(&data);
+    simulate.assert().success();
+    let scratch = fitted_in(scratch, &[TRAINED, "properties=[\"fRS\"]"]);
+    let model = Estimator::load(&scratch.path("model")).unwrap();
+    assert_eq!(model.fitted().no_familiar(), None);
+
+    let dataset = DatasetFolder::open(&data, &ReadSettings::default()).unwrap();
+    let units = Units::by(dataset.surfaces(), Unit::Surface);
+    let all: Vec<usize> = (0..40).collect();
+    let part = units.keep_aside(&all, 0.5, 0, "random split", 0).unwrap();
+    let frames = part
+        .validation
+        .iter()
+        .map(|&at| dataset.frame(at, 0).unwrap());
+    let values = model.embedder().embed(&frames.collect::<Vec<_>>()).unwrap();
+    let width = model.embedder().width();
+    let of_unit_length = values.chunks(width).flat_map(|row| {
+        let squares = row.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>();
+        row.iter()
+            .map(move |&x| (f64::from(x) / squares.sqrt()) as f32)
+    });
+    let kept =
+        candle_core::safetensors::load(scratch.path("model/familiar.safetensors"), &Device::Cpu);
+    let kept = &kept.unwrap()["units"];
+    assert_eq!(kept.dims(), [20, 1, width]);
+    let kept: Vec<f32> = kept.flatten_all().unwrap().to_vec1().unwrap();
+    assert_eq!(kept, of_unit_length.collect::<Vec<f32>>());
+}
+
 /// Nothing that learns has seen the readings that calibrate intervals, an encoder as little as a
 /// regression.
 #[test]
 fn an_encoder_that_is_trained_does_not_see_what_calibrates() {
-    let trained = "methods=[{ id = \"ridge\", label = \"Ridge\", kind = \"ridge\", \
-        encoder = { trainable = true, training = { epochs = 1, batch-size = 4 } } }]";
     let dataset = root().join("fixtures/tiny-dataset");
     let dataset = DatasetFolder::open(&dataset, &ReadSettings::default()).unwrap();
     let units = Units::by(dataset.surfaces(), Unit::Surface);
@@ -337,7 +477,7 @@ fn an_encoder_that_is_trained_does_not_see_what_calibrates() {
         let readings = scratch.path("data/tactile.csv");
         let text = fs::read_to_string(&readings).unwrap();
         fs::write(&readings, read(&text)).unwrap();
-        let scratch = fitted_in(scratch, &[trained, "train.calibration=0.34"]);
+        let scratch = fitted_in(scratch, &[TRAINED, "train.calibration=0.34"]);
         fs::read(scratch.path("model/encoder.safetensors")).unwrap()
     };
     let before = weights(None);
@@ -434,10 +574,6 @@ fn people_read_as_many_digits_as_the_readings_have() {
     });
     fs::write(&readings, lines.collect::<String>()).unwrap();
     let scratch = fitted_in(scratch, &["train.method=ridge"]);
-    let said = |command: &mut assert_cmd::Command| {
-        let output = command.assert().success().get_output().clone();
-        String::from_utf8(output.stdout).unwrap()
-    };
     let decimals = |line: &str| {
         let numbers = line
             .split_whitespace()

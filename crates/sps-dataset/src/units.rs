@@ -185,6 +185,38 @@ impl Units {
         Ok(units.into_iter().map(aside).collect())
     }
 
+    /// One surface of each unit of some surfaces, drawn at random, ascending: the stream is keyed by
+    /// `seed`, `purpose` and `index`. Where units are alike and so are the surfaces within one, so are
+    /// those drawn. Indices without a surface are left out.
+    ///
+    /// ```
+    /// use sps_dataset::{Surface, Units};
+    ///
+    /// let surface = |group: &str| Surface {
+    ///     id: String::new(),
+    ///     material: String::new(),
+    ///     group: group.into(),
+    /// };
+    /// let units = Units::of(&["a", "b", "a", "a"].map(surface));
+    /// let drawn = units.one_of_each(&[0, 1, 2, 3], 1, "example", 0);
+    /// assert_eq!(drawn.len(), 2);
+    /// assert_eq!(units.among(&drawn), 2);
+    /// ```
+    pub fn one_of_each(
+        &self,
+        surfaces: &[usize],
+        seed: u64,
+        purpose: &str,
+        index: u64,
+    ) -> Vec<usize> {
+        let mut surfaces = surfaces.to_vec();
+        shuffle(&mut surfaces, seed, purpose, index);
+        let units = self.members(&surfaces).into_iter();
+        let mut drawn: Vec<usize> = units.filter_map(|unit| unit.first().copied()).collect();
+        drawn.sort_unstable();
+        drawn
+    }
+
     fn shuffled(
         &self,
         surfaces: &[usize],

@@ -65,6 +65,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let examples = Examples {
         data: TrainingData::new(&embeddings, &readings).with_units(units.of_surface()),
         units: &units,
+        encoder_saw: &[],
     };
     let fitted = recipe.fit(&examples, &(0..SURFACES).collect::<Vec<_>>(), 0)?;
     let about = About {

@@ -99,8 +99,11 @@ pub struct Answer {
     /// One for each property.
     pub estimates: Vec<Estimate>,
     /// The p-value of "these photographs are like those that the model was fitted on": where they are,
-    /// it is at most q with a probability of at most q. `None` where the model does not know.
+    /// it is at most q with a probability of at most q. `None` where the model does not know
+    /// ([`Fitted::no_familiar`]).
     pub familiar: Option<f64>,
+    /// The reason of each property that has no interval, by its code.
+    pub no_interval: BTreeMap<String, String>,
 }
 
 /// An estimate with its interval, in the property's measured units.
@@ -114,7 +117,7 @@ pub struct Estimate {
     pub unit: String,
     /// The estimate.
     pub value: f64,
-    /// The lower end of the interval; `None` where there is none ([`Estimator::no_interval`]).
+    /// The lower end of the interval; `None` where there is none ([`Answer::no_interval`]).
     pub low: Option<f64>,
     /// The upper end.
     pub high: Option<f64>,
@@ -176,7 +179,7 @@ impl Estimator {
         &self.fitted
     }
 
-    /// The properties that have no interval, and why.
+    /// The properties that have no interval, not of one photograph for each view either, and why.
     pub fn no_interval(&self) -> BTreeMap<&str, &str> {
         let measures = self.fitted.measures.iter();
         let reasons = measures.filter_map(|measure| match &measure.interval {
@@ -221,9 +224,10 @@ impl Estimator {
 
     /// What is said of one surface from photographs of it, which have the model's scale
     /// ([`Estimator::read`]): one for each view, in the order of [`About::angles`]. A model of one view
-    /// takes any number of photographs: the answer is the mean of what each says, with the mean of the
-    /// intervals, which promises no more than each of them does, and the smallest p-value times their
-    /// number.
+    /// takes any number of photographs: the answer is the mean of what each says, with the smallest
+    /// p-value times their number. The interval is the mean of one for each photograph. Those of k
+    /// photographs hold at 1 - (1 - level) / k each, so all at once at the level, and their mean with
+    /// them; where too few units calibrate for that there is none ([`Answer::no_interval`]).
     ///
     /// # Errors
     ///
@@ -242,15 +246,14 @@ impl Estimator {
         if photographs == 0 {
             return Err(Error::input("photographs", "none", "at least one"));
         }
-        let (surfaces, views) = if self.fitted.steps().eq([1]) {
+        let (surfaces, views) = if self.fitted.averages() {
             (photographs, 1)
         } else {
             (1, photographs)
         };
         self.check_views(views)?;
-        let predictions = self
-            .fitted
-            .predict(&self.embeddings(values, surfaces, views)?)?;
+        let embeddings = self.embeddings(values, surfaces, views)?;
+        let predictions = self.fitted.predict_at_once(&embeddings, surfaces)?;
         Ok(self.answer(&predictions, 0..surfaces))
     }
 
@@ -310,7 +313,7 @@ impl Estimator {
         Ok(Embeddings::new(&tensor.map_err(sps_models::Error::from)?)?)
     }
 
-    /// What is said of some surfaces that are one: the mean.
+    /// What is said of some photographs that are of one surface: the mean.
     pub(crate) fn answer(&self, predictions: &Predictions, of: Range<usize>) -> Answer {
         let count = of.len() as f64;
         let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / count;
@@ -331,6 +334,10 @@ impl Estimator {
                 high: intervals.map(|all| mean(&mut all.iter().map(|interval| interval.high))),
             }
         });
+        let reasons = predictions.properties.iter().filter_map(|predicted| {
+            let reason = predicted.intervals.as_ref().err()?;
+            Some((predicted.property.clone(), reason.clone()))
+        });
         let familiar = predictions.familiar.as_ref().map(|all| {
             let smallest = all[of.clone()].iter().copied().fold(1.0, f64::min);
             (smallest * count).min(1.0)
@@ -338,6 +345,7 @@ impl Estimator {
         Answer {
             estimates: estimates.collect(),
             familiar,
+            no_interval: reasons.collect(),
         }
     }
 }

@@ -7,6 +7,7 @@ use sps_models::Embeddings;
 
 use crate::error::{Error, Result};
 use crate::novelty::Familiar;
+use crate::radius::level_of_each;
 use crate::recipe::Wanted;
 use crate::step::{Expected, Step};
 
@@ -15,7 +16,8 @@ pub struct Fitted {
     pub(crate) measures: Vec<Measure>,
     /// By ascending number of views; one alone unless views may be looked at one by one.
     pub(crate) stages: Vec<Stage>,
-    pub(crate) familiar: Option<Familiar>,
+    /// What photographs are held against, or why there is nothing.
+    pub(crate) familiar: Result<Familiar, String>,
     pub(crate) level: Level,
     pub(crate) on: FittedOn,
     /// Of an embedding.
@@ -48,6 +50,10 @@ pub(crate) struct Measure {
     /// The standard deviation of the readings that were fitted; 1 where they do not differ.
     pub deviation: f64,
     pub interval: Interval,
+    /// How wide the interval of each of two photographs is whose mean is asked for, of three, and so on,
+    /// in expected errors; none where photographs are not averaged, or of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub several: Option<Vec<f64>>,
 }
 
 /// How wide intervals are.
@@ -75,6 +81,7 @@ impl Measure {
             highest: end(1),
             deviation: deviation(readings),
             interval: Interval::None("not calibrated".to_owned()),
+            several: None,
         }
     }
 
@@ -84,17 +91,38 @@ impl Measure {
         self.highest.map_or(value, |highest| value.min(highest))
     }
 
-    fn predicted(&self, expected: &[Expected]) -> Predicted {
-        let values = expected.iter().map(|expected| self.bounded(expected.value));
-        let intervals = match &self.interval {
-            Interval::None(reason) => Err(reason.clone()),
-            &Interval::Errors(times) => {
-                Ok(expected.iter().map(move |expected| PredictionInterval {
-                    low: self.bounded(expected.value - times * expected.error),
-                    high: self.bounded(expected.value + times * expected.error),
-                }))
-            }
+    /// Half the width, in expected errors, of the intervals of so many photographs that hold at once at
+    /// the level; a reason where there are none.
+    fn times(&self, photographs: usize, level: Level) -> Result<f64, String> {
+        let one = match &self.interval {
+            Interval::None(reason) => return Err(reason.clone()),
+            Interval::Errors(times) => *times,
         };
+        let Some(more) = photographs.checked_sub(2) else {
+            return Ok(one);
+        };
+        let several = self.several.as_ref().ok_or(
+            "an older version wrote the model, which has intervals for one photograph alone: fit it again",
+        )?;
+        several.get(more).copied().ok_or_else(|| {
+            let of_each = 100.0 * level_of_each(level, photographs);
+            format!(
+                "found {photographs} photographs, calibrated for the mean of at most {}: the interval of \
+                each would have to hold at {of_each:.1} %",
+                several.len() + 1
+            )
+        })
+    }
+
+    /// Estimates of photographs, with intervals that hold as [`Measure::times`] says.
+    fn predicted(&self, expected: &[Expected], times: Result<f64, String>) -> Predicted {
+        let values = expected.iter().map(|expected| self.bounded(expected.value));
+        let intervals = times.map(|times| {
+            expected.iter().map(move |expected| PredictionInterval {
+                low: self.bounded(expected.value - times * expected.error),
+                high: self.bounded(expected.value + times * expected.error),
+            })
+        });
         Predicted {
             property: self.property.clone(),
             values: values.collect(),
@@ -142,7 +170,7 @@ pub struct Predictions {
     /// One for each property, in their order.
     pub properties: Vec<Predicted>,
     /// How likely it is that a surface like those fitted on looks as strange, for each surface; `None`
-    /// where the model does not know.
+    /// where the model does not know ([`Fitted::no_familiar`]).
     pub familiar: Option<Vec<f64>>,
 }
 
@@ -186,6 +214,16 @@ impl Fitted {
         self.on
     }
 
+    /// Why it does not know whether a surface is like those that it was fitted on; `None` where it does.
+    pub fn no_familiar(&self) -> Option<&str> {
+        self.familiar.as_ref().err().map(String::as_str)
+    }
+
+    /// Whether it looks at one photograph of a surface, so that of several the mean is meant.
+    pub(crate) fn averages(&self) -> bool {
+        self.steps().eq([1])
+    }
+
     /// The width of the embeddings that it takes.
     pub fn width(&self) -> usize {
         self.width
@@ -212,6 +250,15 @@ impl Fitted {
     ///
     /// Another number of views, or another width.
     pub fn predict(&self, embeddings: &Embeddings) -> Result<Predictions> {
+        self.predict_at_once(embeddings, 1)
+    }
+
+    /// As [`Fitted::predict`], with intervals of which so many hold at once at the level.
+    pub(crate) fn predict_at_once(
+        &self,
+        embeddings: &Embeddings,
+        intervals: usize,
+    ) -> Result<Predictions> {
         let stage = self
             .stages
             .iter()
@@ -230,8 +277,10 @@ impl Fitted {
             })?;
         let expected = stage.expected(embeddings)?;
         let properties = self.measures.iter().zip(&expected);
-        let properties = properties.map(|(measure, expected)| measure.predicted(expected));
-        let familiar = self.familiar.as_ref();
+        let properties = properties.map(|(measure, expected)| {
+            measure.predicted(expected, measure.times(intervals, self.level))
+        });
+        let familiar = self.familiar.as_ref().ok();
         Ok(Predictions {
             properties: properties.collect(),
             familiar: familiar.map(|of| of.p_values(embeddings)).transpose()?,

@@ -52,7 +52,7 @@ impl Estimator {
     /// A model of several views, a photograph without its pixels or smaller than a window, a stride of
     /// 0, more windows than a gibibyte of embeddings holds.
     pub fn map(&self, photograph: &Frame, stride: usize, sight: Sight) -> Result<Map> {
-        if !self.fitted.steps().eq([1]) {
+        if !self.fitted.averages() {
             let found = format!("one of {} views", self.about.angles.len());
             let expected =
                 "one that looks at a single photograph of a surface, which can be mapped";

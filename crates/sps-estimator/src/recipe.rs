@@ -1,6 +1,6 @@
 //! How a model is fitted: what estimates, from which views, and what its intervals promise.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use sps_dataset::{Split, SplitError, Units};
 use sps_metrics::Level;
@@ -9,13 +9,17 @@ use sps_models::heads::TrainingData;
 use crate::error::{Error, Result};
 use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};
 use crate::novelty::Familiar;
-use crate::radius::radius;
+use crate::radius::radii;
 use crate::regression::Regression;
 use crate::step::{Expected, Look, Step};
 
 /// Parts of the surfaces fitted to, of which each is estimated by the others to know the error to
 /// expect of a photograph.
 const FOLDS: usize = 3;
+
+/// Units that an encoder that learned from others must not have seen, at least, to hold photographs
+/// against: of n the smallest p-value is 1 / (n + 1), and from 0.05 on a photograph counts as unfamiliar.
+const LEAST_UNSEEN: usize = 19;
 
 /// A property to estimate, and from what.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,6 +105,34 @@ pub struct Examples<'a> {
     pub data: TrainingData<'a>,
     /// What stays whole in every parting of surfaces, and what an interval speaks of.
     pub units: &'a Units,
+    /// The surfaces that the encoder of the embeddings learned from, those among them that said when to
+    /// stop; none where it was taken as it is. It may have seen none of a unit that calibrates.
+    pub encoder_saw: &'a [usize],
+}
+
+impl Examples<'_> {
+    /// Those of some surfaces of whose units the encoder saw nothing.
+    fn unseen(&self, surfaces: &[usize]) -> Vec<usize> {
+        let unit = |surface: &usize| self.units.of_surface().get(*surface).copied();
+        let seen: BTreeSet<usize> = self.encoder_saw.iter().filter_map(unit).collect();
+        let surfaces = surfaces.iter().copied();
+        let unseen = |surface: &usize| unit(surface).is_none_or(|unit| !seen.contains(&unit));
+        surfaces.filter(unseen).collect()
+    }
+
+    /// Refuses surfaces that calibrate if the encoder saw any of their units.
+    fn check_unseen(&self, calibrating: &[usize]) -> Result<()> {
+        if self.unseen(calibrating) == calibrating {
+            return Ok(());
+        }
+        let found = "some of units that calibrate the intervals";
+        let expected = "none of them";
+        Err(Error::input(
+            "surfaces that the encoder saw",
+            found,
+            expected,
+        ))
+    }
 }
 
 impl Recipe {
@@ -109,12 +141,13 @@ impl Recipe {
     ///
     /// # Errors
     ///
-    /// No property, views that differ where they are looked at one by one, too few units to part,
-    /// and what the regression says.
+    /// No property, views that differ where they are looked at one by one, too few units to part, one
+    /// that calibrates and that the encoder saw, and what the regression says.
     pub fn fit(&self, examples: &Examples<'_>, surfaces: &[usize], number: u64) -> Result<Fitted> {
         let slots = self.slots()?;
         let units = examples.units;
         let split = self.calibration.part(units, surfaces, number)?;
+        examples.check_unseen(&split.validation)?;
         let folds = self.folds(units, &split, number)?;
         let steps: Vec<usize> = if self.one_by_one {
             (1..=slots.len()).collect()
@@ -123,7 +156,7 @@ impl Recipe {
         };
         let groups = self.groups();
         let stages = steps.iter().map(|&views| {
-            let of_group = |(looked, members): (&Vec<usize>, &Vec<usize>)| {
+            let groups = groups.iter().map(|(looked, members)| {
                 let looks = members.iter().map(|&at| Look {
                     property: self.wanted[at].property.clone(),
                     rerun: number,
@@ -131,41 +164,79 @@ impl Recipe {
                     folds: folds.clone(),
                 });
                 let looks: Vec<Look> = looks.collect();
-                let data = (&examples.data, units);
-                let (views, regression) = if self.one_by_one {
-                    (views, self.regression.with_views(views)?)
-                } else {
-                    (looked.len(), self.regression.clone())
-                };
-                let slot = |view: &usize| slots.iter().position(|slot| slot == view);
-                Ok(Group {
-                    properties: members.clone(),
-                    slots: looked[..views].iter().filter_map(slot).collect(),
-                    step: Step::fit(&regression, data, self.calibration.seed, &looks, views)?,
-                })
-            };
-            let groups = groups.iter().map(of_group);
+                self.group(examples, members, &looks, (&slots, views))
+            });
             Ok(Stage {
                 views,
                 groups: groups.collect::<Result<_>>()?,
             })
         });
         let stages = stages.collect::<Result<Vec<Stage>>>()?;
-        let seen = examples.data.embeddings.select(surfaces, &slots)?;
         let mut fitted = Fitted {
             measures: self.measures(examples, surfaces),
             stages,
-            familiar: Familiar::of(&seen, &steps),
+            familiar: self.familiar(examples, surfaces, (&slots, &steps), number)?,
             level: self.calibration.level,
             on: FittedOn {
                 surfaces: surfaces.len(),
                 units: units.among(surfaces),
                 unit: units.unit(),
             },
-            width: seen.width(),
+            width: examples.data.embeddings.width(),
         };
-        self.calibrate(&mut fitted, examples, &split, &slots)?;
+        self.calibrate(&mut fitted, examples, &split.validation, &slots)?;
         Ok(fitted)
+    }
+
+    /// Fits the properties, by their places, that look at the same views, to the first so many of those
+    /// where they may be looked at one by one.
+    fn group(
+        &self,
+        examples: &Examples<'_>,
+        properties: &[usize],
+        looks: &[Look],
+        (slots, views): (&[usize], usize),
+    ) -> Result<Group> {
+        let looked = looks.first().map_or(&[][..], |look| &look.views);
+        let (views, regression) = if self.one_by_one {
+            (views, self.regression.with_views(views)?)
+        } else {
+            (looked.len(), self.regression.clone())
+        };
+        let data = (&examples.data, examples.units);
+        let slot = |view: &usize| slots.iter().position(|slot| slot == view);
+        Ok(Group {
+            properties: properties.to_vec(),
+            slots: looked[..views].iter().filter_map(slot).collect(),
+            step: Step::fit(&regression, data, self.calibration.seed, looks, views)?,
+        })
+    }
+
+    /// What photographs are held against, or why there is nothing: all surfaces where the encoder was
+    /// taken as it is. Where it learned from some, a new surface is not exchangeable with those, and is
+    /// held against one surface of each unit that it has not seen.
+    fn familiar(
+        &self,
+        examples: &Examples<'_>,
+        surfaces: &[usize],
+        (slots, steps): (&[usize], &[usize]),
+        number: u64,
+    ) -> Result<Result<Familiar, String>> {
+        let mut against = surfaces.to_vec();
+        if !examples.encoder_saw.is_empty() {
+            let (units, seed) = (examples.units, self.calibration.seed);
+            against = units.one_of_each(&examples.unseen(surfaces), seed, "familiar", number);
+            if against.len() < LEAST_UNSEEN {
+                return Ok(Err(format!(
+                    "the encoder learned from the surfaces fitted to, and found {} {} that it has not \
+                    seen, expected at least {LEAST_UNSEEN} for a p-value of 0.05",
+                    against.len(),
+                    units.unit()
+                )));
+            }
+        }
+        let seen = examples.data.embeddings.select(&against, slots)?;
+        Ok(Familiar::of(&seen, steps))
     }
 
     /// All views that any property looks at, in the order in which they come up.
@@ -243,15 +314,15 @@ impl Recipe {
         self.wanted.iter().map(of).collect()
     }
 
-    /// Sets how wide intervals are, by the surfaces that were kept aside.
-    fn calibrate(
+    /// Of each property the largest error of each surface that was kept aside, over all stages, in
+    /// expected errors.
+    fn scores(
         &self,
-        fitted: &mut Fitted,
+        fitted: &Fitted,
         examples: &Examples<'_>,
-        split: &Split,
+        surfaces: &[usize],
         slots: &[usize],
-    ) -> Result<()> {
-        let surfaces = &split.validation;
+    ) -> Result<Vec<Vec<f64>>> {
         let mut scores = vec![vec![0.0_f64; surfaces.len()]; self.wanted.len()];
         let truths = |at: usize| readings(examples, &self.wanted[at].property, surfaces);
         for stage in &fitted.stages {
@@ -268,13 +339,32 @@ impl Recipe {
                 }
             }
         }
+        Ok(scores)
+    }
+
+    /// Sets how wide intervals are, by the surfaces that were kept aside.
+    fn calibrate(
+        &self,
+        fitted: &mut Fitted,
+        examples: &Examples<'_>,
+        surfaces: &[usize],
+        slots: &[usize],
+    ) -> Result<()> {
+        let scores = self.scores(fitted, examples, surfaces, slots)?;
+        let averages = fitted.averages();
         for (at, measure) in fitted.measures.iter_mut().enumerate() {
-            let scored = surfaces.iter().zip(&scores[at]).zip(truths(at));
+            let truths = readings(examples, &measure.property, surfaces);
+            let scored = surfaces.iter().zip(&scores[at]).zip(truths);
             let scored = scored.filter(|(_, truth)| truth.is_some());
             let scored: Vec<(usize, f64)> = scored.map(|((&s, &score), _)| (s, score)).collect();
-            let quantile = radius(examples.units, &scored, self.calibration.level);
-            measure.interval = match quantile {
-                Ok(times) => Interval::Errors(times),
+            let times = radii(examples.units, &scored, self.calibration.level);
+            measure.interval = match times {
+                Ok(mut times) => {
+                    let one = times.remove(0);
+                    // The photographs of several views are one estimate: there is nothing to average.
+                    measure.several = averages.then_some(times);
+                    Interval::Errors(one)
+                }
                 Err(_) if self.calibration.share.is_none() => {
                     Interval::None("no part of the surfaces was kept aside to calibrate it".into())
                 }

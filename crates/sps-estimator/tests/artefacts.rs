@@ -90,6 +90,7 @@ fn texts_that_no_fit_writes_are_refused() {
     for edit in [
         |card: &mut Value| card["measures"] = json!([]),
         |card: &mut Value| card["measures"][0]["interval"] = json!({"errors": -1.0}),
+        |card: &mut Value| card["measures"][0]["several"] = json!([1.0, -1.0]),
         |card: &mut Value| {
             card["measures"][0]["lowest"] = json!(3.0);
             card["measures"][0]["highest"] = json!(2.0);
@@ -157,6 +158,27 @@ fn any_damage_is_refused_or_harmless() {
     });
 }
 
+/// As format 2 was before it kept the widths for several photographs.
+#[test]
+fn models_without_widths_for_several_photographs_are_read() {
+    let folder = kept();
+    let before = Estimator::load(folder.path()).unwrap();
+    let path = folder.path().join("estimator.json");
+    let mut card: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    for measure in card["measures"].as_array_mut().unwrap() {
+        assert!(measure.as_object_mut().unwrap().remove("several").is_some());
+    }
+    fs::write(&path, card.to_string()).unwrap();
+    let older = Estimator::load(folder.path()).unwrap();
+    let one = [photograph(40, 0)];
+    assert_eq!(older.predict(&one).unwrap(), before.predict(&one).unwrap());
+    let two = older.predict(&[photograph(40, 0), photograph(41, 0)]);
+    let two = two.unwrap();
+    assert_eq!((two.estimates[0].low, two.estimates[0].high), (None, None));
+    let reason = &two.no_interval["fRS"];
+    assert!(reason.contains("an older version wrote"), "{reason}");
+}
+
 /// As the first version wrote it: a regression, and a radius.
 #[test]
 fn artefacts_of_the_first_format_are_read() {
@@ -204,6 +226,8 @@ fn artefacts_of_the_first_format_are_read() {
         (None, "too few")
     );
     assert_eq!(answer.familiar, None);
+    let reason = estimator.fitted().no_familiar().unwrap();
+    assert!(reason.ends_with("fit it again"), "{reason}");
     let expected = ridges
         .predict(&tables.embeddings.select(&[3], &[0]).unwrap())
         .unwrap();

@@ -6,7 +6,8 @@ use std::fs;
 use std::thread;
 
 use sps_estimator::{
-    Embedder, Estimator, Frame, Regression, Scale, Sight, Stacked, Widths, photographs_in, radius,
+    Answer, Embedder, Estimate, Estimator, Frame, Regression, Scale, Sight, Stacked, Widths,
+    photographs_in, radius,
 };
 use sps_metrics::Level;
 use sps_models::heads::{Head, HeadConfig, Input, Plan, Rerun, Views};
@@ -172,6 +173,9 @@ fn several_photographs_of_one_view_are_averaged() {
     for (at, estimate) in both.estimates.iter().enumerate() {
         let mean = f64::midpoint(one.estimates[at].value, two.estimates[at].value);
         assert!((estimate.value - mean).abs() < 1e-9);
+        // Wider than the mean of intervals of one photograph each.
+        let low = |answer: &Answer| answer.estimates[at].low.unwrap();
+        assert!(low(&both) < f64::midpoint(low(&one), low(&two)));
     }
     let smallest = one.familiar.unwrap().min(two.familiar.unwrap());
     assert_eq!(both.familiar, Some((2.0 * smallest).min(1.0)));
@@ -181,6 +185,55 @@ fn several_photographs_of_one_view_are_averaged() {
             .unwrap_err()
             .to_string()
             .contains("none")
+    );
+}
+
+/// 16 of 40 surfaces calibrate at 80 %: of their residuals in order the 14th (17 * 0.8 = 13.6) reaches to
+/// either side of one photograph, the 16th of the mean of two (17 * 0.9 = 15.3) and of three (15.9), and
+/// none of four (17 * 0.95 = 16.15).
+#[test]
+fn the_interval_of_several_photographs_holds_at_the_level() {
+    let tables = Tables::new(40, 1, 1);
+    let mut recipe = recipe(ridge(), &[0]);
+    recipe.widths = Widths::Constant;
+    let fitted = tables.estimator(&recipe);
+    let folder = tempfile::tempdir().unwrap();
+    fitted.save(folder.path()).unwrap();
+    let estimator = Estimator::load(folder.path()).unwrap();
+    let all: Vec<usize> = (0..40).collect();
+    let part = recipe.calibration.part(&tables.units, &all, 0).unwrap();
+    let embeddings = tables.embeddings.select(&part.validation, &[0]).unwrap();
+    let estimates = estimator.fitted().predict(&embeddings).unwrap();
+    let pairs = part.validation.iter().zip(&estimates.properties[0].values);
+    let residual =
+        |(&at, estimate): (&usize, &f64)| (tables.readings.get(at, 0).unwrap() - estimate).abs();
+    let mut residuals: Vec<f64> = pairs.map(residual).collect();
+    residuals.sort_by(f64::total_cmp);
+    let photographs: Vec<Frame> = (60..64).map(|surface| photograph(surface, 0)).collect();
+    for (count, rank) in [(1, 14), (2, 16), (3, 16)] {
+        let answer = estimator.predict(&photographs[..count]).unwrap();
+        assert_eq!(fitted.predict(&photographs[..count]).unwrap(), answer);
+        let Estimate {
+            value, low, high, ..
+        } = answer.estimates[0].clone();
+        let reach = residuals[rank - 1];
+        assert!((value - low.unwrap() - reach).abs() < 1e-9, "{count}");
+        assert!((high.unwrap() - value - reach).abs() < 1e-9, "{count}");
+        assert!(answer.no_interval.is_empty());
+    }
+    let four = estimator.predict(&photographs).unwrap();
+    assert_eq!(
+        (four.estimates[0].low, four.estimates[0].high),
+        (None, None)
+    );
+    let reason = &four.no_interval["fRS"];
+    assert!(
+        reason.contains("found 4 photographs") && reason.contains("at most 3"),
+        "{reason}"
+    );
+    assert!(
+        reason.ends_with("at 95.0 %") && estimator.no_interval().is_empty(),
+        "{reason}"
     );
 }
 

@@ -82,6 +82,7 @@ fn a_material_that_was_left_out_is_unfamiliar() {
     let examples = Examples {
         data: TrainingData::new(&embeddings, &readings).with_units(units.of_surface()),
         units: &units,
+        encoder_saw: &[],
     };
     let single = Units::by(surfaces, Unit::Surface);
     let mut of_material = BTreeMap::new();

@@ -1,5 +1,7 @@
 //! What is said of a surface.
 
+use std::collections::BTreeMap;
+
 use pyo3::prelude::*;
 
 /// The estimate of one property, with the interval that holds the truth of a new surface (or of one of
@@ -15,7 +17,7 @@ pub(crate) struct Estimate {
     unit: String,
     /// The estimate, in the unit of the values fitted to.
     value: f64,
-    /// The lower end of the interval; None where there is none, and Estimator.no_interval says why.
+    /// The lower end of the interval; None where there is none, and Answer.no_interval says why.
     low: Option<f64>,
     /// The upper end of the interval; None where there is none.
     high: Option<f64>,
@@ -28,8 +30,11 @@ pub(crate) struct Answer {
     /// One Estimate for each property, in the order of Estimator.properties.
     estimates: Vec<Estimate>,
     /// The p-value of "these photographs are like those that the model was fitted on": where they are,
-    /// it is at most q with a probability of at most q. None where the model does not know.
+    /// it is at most q with a probability of at most q. None where the model does not know, and
+    /// Estimator.no_familiar says why.
     familiar: Option<f64>,
+    /// The reason of each property that has no interval, by its code.
+    no_interval: BTreeMap<String, String>,
 }
 
 impl From<sps_estimator::Answer> for Answer {
@@ -46,6 +51,7 @@ impl From<sps_estimator::Answer> for Answer {
         Self {
             estimates: estimates.collect(),
             familiar: answer.familiar,
+            no_interval: answer.no_interval,
         }
     }
 }

@@ -232,6 +232,7 @@ impl Settings {
         let examples = Examples {
             data: data.with_units(felt.units.of_surface()),
             units: &felt.units,
+            encoder_saw: &[],
         };
         let all: Vec<usize> = (0..surfaces).collect();
         let fitted = recipe.fit(&examples, &all, 0);

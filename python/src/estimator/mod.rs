@@ -71,6 +71,8 @@ impl Estimator {
     /// several photographs of each surface, `angles` are their roll angles in degrees (0 if not
     /// given), and `one_by_one` fits a model for Estimator.session. `name` is what about says.
     ///
+    /// Intervals and p-values hold where the encoder was not trained on these surfaces.
+    ///
     /// Raises what Encoder.embed raises, and ValueError for other shapes, numbers and names, infinite
     /// values, and too few surfaces or groups to keep any aside.
     #[staticmethod]
@@ -121,8 +123,10 @@ impl Estimator {
     }
 
     /// What is said of one surface, an Answer, from one photograph of it or several: one for each of
-    /// angles, in their order. The path of a folder stands for the photographs in it, by name. A model of one view takes any number: the answer is the mean of what each
-    /// says, with the mean of the intervals, and the smallest p-value times their number.
+    /// angles, in their order. The path of a folder stands for the photographs in it, by name. A model of
+    /// one view takes any number: the answer is the mean of what each says, with an interval of the same
+    /// level, and the smallest p-value times their number. Too few surfaces that calibrate for so many
+    /// photographs have no interval, and Answer.no_interval says so.
     ///
     /// Raises what Encoder.embed raises, and ValueError for another number of photographs and for a folder
     /// without any.
@@ -226,7 +230,15 @@ impl Estimator {
         self.model.about().angles.clone()
     }
 
-    /// The reason of each property that has no interval, by its code.
+    /// Why the model does not know whether photographs are like those that it was fitted on; None where
+    /// it does.
+    #[getter]
+    fn no_familiar(&self) -> Option<&str> {
+        self.model.fitted().no_familiar()
+    }
+
+    /// The reason of each property that has no interval, not of one photograph for each view either, by
+    /// its code.
     #[getter]
     fn no_interval(&self) -> BTreeMap<&str, &str> {
         self.model.no_interval()

@@ -69,9 +69,12 @@ impl Wanted<'_> {
         let picture = picture::draw((photograph, &map), &places, self, &scale);
         let drawn = with_ending(stem, ".png");
         write_atomically(&drawn, &picture.png(path)?)?;
+        let hatched = fitted.no_familiar().map_or_else(String::new, |reason| {
+            format!("; nothing is hatched, for there is no p-value: {reason}")
+        });
         let mean = places.iter().map(|place| place[0]).sum::<f64>() / places.len() as f64;
         Ok(format!(
-            "{}: {} {} on average over {} x {} places, {}",
+            "{}: {} {} on average over {} x {} places, {}{hatched}",
             drawn.display(),
             self.property,
             scale.shown(mean),

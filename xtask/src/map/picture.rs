@@ -37,7 +37,7 @@ pub(super) fn draw(
     wanted: &Wanted<'_>,
     scale: &Scale,
 ) -> Picture {
-    let legend = Legend::of(wanted, scale);
+    let legend = Legend::of(wanted, scale, map.predictions.familiar.is_some());
     let height = photograph.height.max(14 * LETTER + 5 * MARGIN);
     let mut picture = Picture::new(photograph.width + legend.width(), height);
     let rows = windows(map, 0, photograph.height, (map.rows, map.columns));
@@ -71,23 +71,29 @@ struct Legend<'a> {
     property: &'a str,
     /// Beside the colours, from the top.
     labels: [String; 3],
-    hatched: String,
+    /// What hatched places are; none where no place has a p-value.
+    hatched: Option<String>,
     intervals: String,
 }
 
 impl<'a> Legend<'a> {
-    fn of(wanted: &Wanted<'a>, scale: &Scale) -> Self {
+    fn of(wanted: &Wanted<'a>, scale: &Scale, familiar: bool) -> Self {
         let middle = f64::midpoint(scale.lowest, scale.highest);
         Self {
             property: wanted.property,
             labels: [scale.highest, middle, scale.lowest].map(|value| scale.shown(value)),
-            hatched: format!("p <= {}", wanted.unfamiliar),
+            hatched: familiar.then(|| format!("p <= {}", wanted.unfamiliar)),
             intervals: scale.intervals().unwrap_or_default(),
         }
     }
 
+    /// What stands beside the sample of hatching.
+    fn key(&self) -> &str {
+        self.hatched.as_deref().unwrap_or("no p-value")
+    }
+
     fn width(&self) -> usize {
-        let key = self.labels.iter().chain([&self.hatched]);
+        let key = self.labels.iter().map(String::as_str).chain([self.key()]);
         let key = key.map(|text| BAR + MARGIN + LETTER * text.chars().count());
         let line = [self.property, &self.intervals].map(|text| LETTER * text.chars().count());
         2 * MARGIN + key.chain(line).max().unwrap_or(0)
@@ -113,11 +119,12 @@ impl<'a> Legend<'a> {
         }
         for y in 0..2 * LETTER {
             for x in 0..BAR {
-                let shade = if (x + y) % HATCHING == 0 { 0 } else { 200 };
+                let line = self.hatched.is_some() && (x + y) % HATCHING == 0;
+                let shade = if line { 0 } else { 200 };
                 picture.set(left + x, bottom + MARGIN + y, [shade; 3]);
             }
         }
-        picture.write(&self.hatched, text, bottom + MARGIN + LETTER / 2);
+        picture.write(self.key(), text, bottom + MARGIN + LETTER / 2);
         picture.write(&self.intervals, left, bottom + 2 * MARGIN + 2 * LETTER);
     }
 }
@@ -221,7 +228,7 @@ mod tests {
             centres: vec![[5.0, 5.0], [5.0, 15.0]],
             predictions: Predictions {
                 properties: Vec::new(),
-                familiar: None,
+                familiar: places[0][3].is_finite().then(Vec::new),
             },
         };
         let wanted = Wanted {
@@ -265,5 +272,14 @@ mod tests {
         let at = |x: usize| picture.pixels[4 * picture.width + x];
         assert_eq!(at(3), at(13));
         assert_ne!(at(3), [0; 3]);
+        // The sample in the legend is not hatched either.
+        let sample = |picture: &Picture| {
+            let (left, top) = (30 + MARGIN, picture.height - 3 * MARGIN - 3 * LETTER);
+            let rows = (top..top + 2 * LETTER).map(|y| y * picture.width + left);
+            let pixels = rows.flat_map(|start| picture.pixels[start..start + BAR].to_vec());
+            pixels.filter(|pixel| *pixel == [0; 3]).count()
+        };
+        assert_eq!(sample(&picture), 0);
+        assert!(sample(&drawn([[2.0, 0.0, 3.0, 0.5]; 2])) > 0);
     }
 }

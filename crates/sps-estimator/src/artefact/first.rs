@@ -8,7 +8,7 @@ use sps_dataset::{DecodeSettings, Unit};
 use sps_metrics::Level;
 use sps_models::fitted_from_bytes;
 
-use super::{ENCODER, encoder, read, read_checked};
+use super::{ENCODER, NOT_KEPT, encoder, read, read_checked};
 use crate::embedder::{Embedder, Network};
 use crate::error::{Error, Result};
 use crate::estimator::{About, Estimator};
@@ -81,6 +81,7 @@ pub(super) fn load(folder: &Path) -> Result<Estimator> {
             highest: None,
             deviation: 1.0,
             interval,
+            several: None,
         }
     });
     let measures: Vec<Measure> = measures.collect();
@@ -98,7 +99,7 @@ pub(super) fn load(folder: &Path) -> Result<Estimator> {
                 },
             }],
         }],
-        familiar: None,
+        familiar: Err(NOT_KEPT.to_owned()),
         level: card.level,
         on: FittedOn {
             surfaces: 0,

@@ -29,6 +29,8 @@ const FORMAT: u64 = 2;
 const CARD: &str = "estimator.json";
 const ENCODER: &str = "encoder.safetensors";
 const FAMILIAR: &str = "familiar.safetensors";
+/// Why a model of an older version does not know what is familiar.
+const NOT_KEPT: &str = "the model keeps no surfaces to hold photographs against: fit it again";
 /// What an artefact's text may have at most.
 const MOST_TEXT: u64 = 64 << 20;
 
@@ -45,6 +47,9 @@ struct Card {
     fitted_on: FittedOn,
     measures: Vec<Measure>,
     stages: Vec<StageCard>,
+    /// Why there is no file of what is familiar.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    no_familiar: Option<String>,
     /// blake3 of the other files, by name.
     checksums: BTreeMap<String, String>,
 }
@@ -104,7 +109,7 @@ impl Estimator {
         let encoder = self.embedder.network().of_images()?;
         let weights = encoder.weights().to_bytes();
         files.write(ENCODER, &weights.map_err(sps_models::Error::from)?)?;
-        if let Some(familiar) = &self.fitted.familiar {
+        if let Ok(familiar) = &self.fitted.familiar {
             files.write(FAMILIAR, &familiar.to_bytes()?)?;
         }
         let mut stages = Vec::new();
@@ -129,6 +134,7 @@ impl Estimator {
             fitted_on: self.fitted.on,
             measures: self.fitted.measures.clone(),
             stages,
+            no_familiar: self.fitted.no_familiar().map(str::to_owned),
             checksums: files.checksums,
         };
         let path = folder.join(CARD);
@@ -179,9 +185,9 @@ impl Estimator {
                     "other numbers of views, or another width".to_owned(),
                 ));
             }
-            Some(familiar)
+            Ok(familiar)
         } else {
-            None
+            Err(card.no_familiar.unwrap_or_else(|| NOT_KEPT.to_owned()))
         };
         let stages = card.stages.iter().map(|stage| {
             let groups = stage.groups.iter();
@@ -214,10 +220,12 @@ impl Card {
         for measure in &self.measures {
             let ends = measure.lowest.zip(measure.highest);
             let bounded = ends.is_none_or(|(lowest, highest)| lowest <= highest);
-            let widths = match measure.interval {
-                Interval::Errors(times) => positive(times),
-                Interval::None(_) => true,
+            let one = match measure.interval {
+                Interval::Errors(times) => Some(times),
+                Interval::None(_) => None,
             };
+            let mut times = one.iter().chain(measure.several.iter().flatten());
+            let widths = times.all(|times| positive(*times));
             if !(bounded && widths && positive(measure.deviation)) {
                 let property = &measure.property;
                 return Err(format!(

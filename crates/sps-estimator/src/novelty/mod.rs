@@ -33,10 +33,13 @@ pub(crate) struct Familiar {
 
 impl Familiar {
     /// Keeps surfaces, `(surfaces, views, width)`, to be held against by their first so many views, for
-    /// each of `steps`. `None` where there are not two surfaces.
-    pub(crate) fn of(embeddings: &Embeddings, steps: &[usize]) -> Option<Self> {
+    /// each of `steps`; a reason where there are not two surfaces.
+    pub(crate) fn of(embeddings: &Embeddings, steps: &[usize]) -> Result<Self, String> {
         if embeddings.surfaces() < 2 {
-            return None;
+            let found = embeddings.surfaces();
+            return Err(format!(
+                "found {found} surface to hold photographs against, expected at least 2"
+            ));
         }
         let (surfaces, views) = (embeddings.surfaces(), embeddings.views());
         let mut familiar = Self {
@@ -60,7 +63,7 @@ impl Familiar {
             let nearest: Vec<Vec<f32>> = (0..surfaces).into_par_iter().map(of_surface).collect();
             familiar.nearest.push((step, nearest.concat()));
         }
-        Some(familiar)
+        Ok(familiar)
     }
 
     /// The p-value of each surface, `(surfaces, views, width)`: how likely it is that one like those

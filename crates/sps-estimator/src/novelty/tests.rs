@@ -84,7 +84,8 @@ fn p_values_are_uniform_where_nothing_is_new() {
 #[test]
 fn hard_cases() {
     let one = embeddings(numbers(1, 8), 1, 8);
-    assert_eq!(Familiar::of(&one, &[1]), None);
+    let reason = Familiar::of(&one, &[1]).unwrap_err();
+    assert!(reason.contains("found 1 surface"), "{reason}");
     // Black photographs have no direction; identical ones no distance.
     let known = embeddings([vec![0.0; 8], vec![1.0; 16]].concat(), 1, 8);
     let familiar = Familiar::of(&known, &[1]).unwrap();

@@ -120,6 +120,7 @@ impl Tables {
         Examples {
             data: data.with_units(self.units.of_surface()),
             units: &self.units,
+            encoder_saw: &[],
         }
     }
 

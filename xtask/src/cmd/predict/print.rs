@@ -1,6 +1,6 @@
 //! Answers as a table, as JSON or as CSV.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
@@ -30,7 +30,10 @@ pub(super) struct Printer<'a> {
     level: f64,
     /// The codes of the properties in their order, and how many decimals their values are shown with.
     properties: Vec<(&'a str, usize)>,
-    no_interval: BTreeMap<&'a str, &'a str>,
+    /// The properties, by their places, that had no interval for some surface, and why.
+    no_interval: BTreeSet<(usize, String)>,
+    /// Why there are no p-values.
+    no_familiar: Option<&'a str>,
     /// Whether the table has its heading.
     headed: bool,
     csv: Option<csv::Writer<io::Stdout>>,
@@ -45,7 +48,7 @@ struct Line<'a> {
     #[serde(flatten)]
     answer: &'a Answer,
     unfamiliar: bool,
-    no_interval: &'a BTreeMap<&'a str, &'a str>,
+    no_familiar: Option<&'a str>,
 }
 
 impl<'a> Printer<'a> {
@@ -59,7 +62,8 @@ impl<'a> Printer<'a> {
                 .properties()
                 .zip(fitted.deviations().map(decimals))
                 .collect(),
-            no_interval: model.no_interval(),
+            no_interval: BTreeSet::new(),
+            no_familiar: fitted.no_familiar(),
             headed: false,
             csv: format.csv.then(|| csv::Writer::from_writer(io::stdout())),
         };
@@ -78,7 +82,7 @@ impl<'a> Printer<'a> {
                 level: self.level,
                 answer,
                 unfamiliar,
-                no_interval: &self.no_interval,
+                no_familiar: self.no_familiar,
             };
             println!("{}", serde_json::to_string(&line)?);
         } else if let Some(csv) = &mut self.csv {
@@ -92,6 +96,11 @@ impl<'a> Printer<'a> {
             }
             csv.flush()?;
         } else {
+            for (at, one) in answer.estimates.iter().enumerate() {
+                let reason = answer.no_interval.get(&one.property);
+                let reason = reason.map(|reason| (at, reason.clone()));
+                self.no_interval.extend(reason);
+            }
             self.print_table(surface, answer);
             if let Some(p) = answer.familiar.filter(|_| unfamiliar) {
                 println!(
@@ -145,10 +154,11 @@ impl<'a> Printer<'a> {
 
     pub(super) fn end(&self) {
         if !self.format.json && !self.format.csv {
-            for (property, _) in &self.properties {
-                if let Some(reason) = self.no_interval.get(property) {
-                    println!("{property}: no interval, {reason}");
-                }
+            for (at, reason) in &self.no_interval {
+                println!("{}: no interval, {reason}", self.properties[*at].0);
+            }
+            if let Some(reason) = self.no_familiar {
+                println!("no p-value of \"like what the model was fitted on\": {reason}");
             }
         }
     }

@@ -24,6 +24,8 @@ pub(super) struct Check {
     views_taken: Vec<usize>,
     /// The p-value of each surface.
     familiar: Vec<f64>,
+    /// Why the models of some splits have none.
+    no_familiar: Option<String>,
 }
 
 /// How many views are looked at.
@@ -41,6 +43,7 @@ impl Check {
             rows: BTreeMap::new(),
             views_taken: Vec::new(),
             familiar: Vec::new(),
+            no_familiar: None,
         }
     }
 
@@ -66,6 +69,9 @@ impl Check {
             .pop_last()
             .and_then(|(_, predictions)| predictions.familiar);
         self.familiar.extend(last.unwrap_or_default());
+        if let Some(reason) = fitted.no_familiar() {
+            self.no_familiar = Some(reason.to_owned());
+        }
         Ok(())
     }
 
@@ -79,6 +85,9 @@ impl Check {
             println!(
                 "{share:.1} % of them are unlike what was fitted on (p <= {UNFAMILIAR}; where nothing is new, at most 5 %)"
             );
+        }
+        if let Some(reason) = &self.no_familiar {
+            println!("no p-value of \"like what was fitted on\": {reason}");
         }
         if self.adaptive.is_some() {
             self.print_steps()?;

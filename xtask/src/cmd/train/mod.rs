@@ -97,6 +97,9 @@ impl WithSource for Train<'_> {
         if let Some(thinned) = method.estimator.thinned(fit.part.train.len()) {
             warn!("{thinned}");
         }
+        if let Some(reason) = fit.fitted.no_familiar() {
+            println!("the model has no p-value of \"like what it was fitted on\": {reason}");
+        }
         let about = trainer.about(&fit, measured)?;
         let estimator = Estimator::new(fit.stage.embedder.clone(), fit.fitted, about)?;
         let file = |error| anyhow::Error::from(error).context(self.out.display().to_string());
@@ -211,9 +214,11 @@ impl<S: Source> Trainer<'_, S> {
             widths: Widths::ByPhotograph,
             calibration,
         };
+        let learns = self.method.encoder.learns();
         let examples = Examples {
             data: tables.training_data(units),
             units,
+            encoder_saw: if learns { &part.train } else { &[] },
         };
         let fitted = recipe.fit(&examples, surfaces, number).context("[train]")?;
         let photographs = recipe.slots()?;

@@ -1,0 +1,197 @@
+//! What p-values and intervals promise, simulated: no encoder, and surfaces that are drawn.
+
+mod support;
+
+use sps_dataset::{Surface, Units};
+use sps_estimator::{Calibration, Examples, Recipe, Wanted, Widths};
+use sps_metrics::Level;
+use sps_models::candle::{Device, Tensor};
+use sps_models::heads::TrainingData;
+use sps_models::{Embeddings, Readings};
+use support::{ridge, uniform};
+
+const WIDTH: usize = 6;
+const DRAWS: usize = 1500;
+
+/// Normal numbers (Box and Muller 1958).
+fn normal(purpose: &str, index: u64) -> f64 {
+    let (radius, angle) = (uniform(purpose, 2 * index), uniform(purpose, 2 * index + 1));
+    (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * angle).cos()
+}
+
+fn normals<const N: usize>(purpose: &str, index: usize) -> [f64; N] {
+    std::array::from_fn(|at| normal(purpose, (index * N + at) as u64))
+}
+
+fn recipe(share: f64, number: u64) -> Recipe {
+    Recipe {
+        regression: ridge(),
+        wanted: vec![Wanted {
+            property: "felt".into(),
+            views: vec![0],
+            range: None,
+        }],
+        one_by_one: false,
+        widths: Widths::Constant,
+        calibration: Calibration {
+            share: Some(share),
+            level: Level::new(0.8).unwrap(),
+            seed: number,
+        },
+    }
+}
+
+/// So many groups of equally many surfaces.
+fn grouped(groups: usize, of_group: usize) -> Units {
+    let surface = |at: usize| Surface {
+        id: at.to_string(),
+        material: String::new(),
+        group: (at / of_group).to_string(),
+    };
+    Units::of(&(0..groups * of_group).map(surface).collect::<Vec<_>>())
+}
+
+fn embeddings(rows: &[[f64; WIDTH]]) -> Embeddings {
+    let values: Vec<f32> = rows.as_flattened().iter().map(|&x| x as f32).collect();
+    let shape = (rows.len(), 1, WIDTH);
+    Embeddings::new(&Tensor::from_vec(values, shape, &Device::Cpu).unwrap()).unwrap()
+}
+
+/// What the encoder makes of a surface: it pulls what it learned from towards one point.
+fn embedded(group: usize, member: usize, learned: bool) -> [f64; WIDTH] {
+    let (own, common): ([f64; WIDTH], [f64; WIDTH]) =
+        (normals("own", member), normals("group", group));
+    let pull = if learned { 0.3 } else { 1.0 };
+    std::array::from_fn(|at| 2.0 + pull * (common[at] + 0.3 * own[at]))
+}
+
+/// The p-value of a surface of a new group, of a model whose encoder learned from the surfaces that are
+/// fitted to; none where the fit is not told.
+fn p_value(draw: usize, (groups, of_group): (usize, usize), told: bool) -> Option<f64> {
+    let units = grouped(groups, of_group);
+    let all: Vec<usize> = (0..groups * of_group).collect();
+    let recipe = recipe(0.4, draw as u64);
+    let part = recipe.calibration.part(&units, &all, 0).unwrap();
+    let of = |at: usize| {
+        let group = draw * (groups + 1) + at / of_group;
+        let member = draw * (all.len() + 1) + at;
+        embedded(group, member, part.train.contains(&at))
+    };
+    let rows: Vec<[f64; WIDTH]> = all.iter().map(|&at| of(at)).collect();
+    let felt: Vec<Vec<Option<f64>>> = rows.iter().map(|row| vec![Some(row[0])]).collect();
+    let (embedded, readings) = (
+        embeddings(&rows),
+        Readings::new(vec!["felt".into()], &felt).unwrap(),
+    );
+    let examples = Examples {
+        data: TrainingData::new(&embedded, &readings).with_units(units.of_surface()),
+        units: &units,
+        encoder_saw: if told { &part.train } else { &[] },
+    };
+    let fitted = recipe.fit(&examples, &all, 0).unwrap();
+    let new = fitted.predict(&embeddings(&[of(all.len())])).unwrap();
+    Some(new.familiar?[0])
+}
+
+/// The share of draws whose p-value is at most `q`, and three standard errors of it where it is `q`.
+fn at_most(q: f64, p_values: &[f64]) -> (f64, f64) {
+    let share = p_values.iter().filter(|p| **p <= q + 1e-12).count() as f64 / p_values.len() as f64;
+    (share, 3.0 * (q * (1.0 - q) / p_values.len() as f64).sqrt())
+}
+
+/// 19 of 48 surfaces calibrate, so p-values are multiples of 1 / 20, each as likely as any other.
+#[test]
+fn p_values_are_uniform_where_an_encoder_was_trained() {
+    let p_values = |told| -> Vec<f64> {
+        let each = (0..DRAWS).map(|draw| p_value(draw, (48, 1), told));
+        each.collect::<Option<_>>().unwrap()
+    };
+    let told = p_values(true);
+    for q in [0.05, 0.2, 0.5] {
+        let (share, error) = at_most(q, &told);
+        assert!((share - q).abs() < error, "{share} of {q}");
+    }
+    // Held against what the encoder learned from, new surfaces look strange.
+    let (share, error) = at_most(0.05, &p_values(false));
+    assert!(share > 0.05 + 2.0 * error, "{share}");
+}
+
+/// 20 of 50 groups calibrate, three surfaces each: a surface of a new group is held against one of each.
+#[test]
+fn p_values_are_uniform_for_new_groups() {
+    let p_values = (0..DRAWS).map(|draw| p_value(draw, (50, 3), true));
+    let p_values: Vec<f64> = p_values.collect::<Option<_>>().unwrap();
+    for q in [1.0, 4.0, 10.0].map(|rank| rank / 21.0) {
+        let (share, error) = at_most(q, &p_values);
+        assert!((share - q).abs() < error, "{share} of {q}");
+    }
+}
+
+/// 18 of 46 surfaces calibrate.
+#[test]
+fn too_few_that_the_encoder_has_not_seen_have_no_p_value() {
+    assert_eq!(p_value(0, (46, 1), true), None);
+    assert!(p_value(0, (46, 1), false).is_some());
+}
+
+const SURFACES: usize = 99;
+const PHOTOGRAPHS: usize = 4;
+
+/// How far off estimates of photographs of one surface are: by the same, each by its own where large
+/// errors are frequent (the share above x falls as 1 / sqrt(x)), or partly by the same.
+#[derive(Clone, Copy, Debug)]
+enum Errors {
+    Alike,
+    Apart,
+    Partly,
+}
+
+fn errors(of: Errors, surface: usize) -> [f64; PHOTOGRAPHS] {
+    let heavy = |at: usize| {
+        let index = (surface * PHOTOGRAPHS + at) as u64;
+        uniform("heavy", index).powi(-2)
+    };
+    let own: [f64; PHOTOGRAPHS] = normals("apart", surface);
+    let common = normal("alike", surface as u64);
+    std::array::from_fn(|at| match of {
+        Errors::Alike => common,
+        Errors::Apart => heavy(at),
+        Errors::Partly => common + own[at],
+    })
+}
+
+/// Whether the mean of four intervals holds the truth, 0, and whether the mean of four that hold at 90 %
+/// each does. Photographs of 99 surfaces calibrate, one of each.
+fn held(of: Errors, trial: usize) -> [bool; 2] {
+    let first = trial * (SURFACES + 1);
+    let units = grouped(SURFACES, 1);
+    let calibrating = (0..SURFACES).map(|at| (at, errors(of, first + at)[0]));
+    let calibrating: Vec<(usize, f64)> = calibrating.collect();
+    let new = errors(of, first + SURFACES);
+    let mean = new.iter().sum::<f64>() / PHOTOGRAPHS as f64;
+    [0.975, 0.9].map(|level| {
+        let level = Level::new(level).unwrap();
+        mean.abs() <= sps_estimator::radius(&units, &calibrating, level).unwrap()
+    })
+}
+
+/// Of errors that are one, the mean of intervals is one interval: at 97.5 % its coverage is 0.98, the
+/// 98th of 100. Of errors apart, the mean of intervals that hold at 90 % holds about
+/// 1 - sqrt(4) * 0.1 = 0.8 of the truths, since the largest error decides.
+#[test]
+fn the_mean_of_several_intervals_holds_what_it_promises() {
+    for of in [Errors::Alike, Errors::Apart, Errors::Partly] {
+        let trials: Vec<[bool; 2]> = (0..DRAWS).map(|trial| held(of, trial)).collect();
+        let coverage = |which: usize| {
+            let held = trials.iter().filter(|trial| trial[which]).count();
+            held as f64 / DRAWS as f64
+        };
+        let error = 3.0 * (0.9 * 0.1 / DRAWS as f64).sqrt();
+        assert!(coverage(0) >= 0.9 - error, "{of:?}: {}", coverage(0));
+        match of {
+            Errors::Alike => assert!((coverage(0) - 0.98).abs() < 0.011, "{}", coverage(0)),
+            Errors::Apart => assert!(coverage(1) < 0.9 - error, "{}", coverage(1)),
+            Errors::Partly => {}
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! What photographs are held against where the encoder learned from surfaces.
+
+mod support;
+
+use std::fs;
+
+use safetensors::SafeTensors;
+use sps_estimator::{About, Estimator, Examples, Fitted, Sight};
+use support::{Tables, photograph, recipe, ridge};
+
+/// 20 of 50 surfaces calibrate; the encoder learned from the others.
+#[test]
+fn what_the_encoder_saw_is_not_held_against() {
+    let tables = Tables::new(50, 2, 1);
+    let recipe = recipe(ridge(), &[1]);
+    let all: Vec<usize> = (0..50).collect();
+    let part = recipe.calibration.part(&tables.units, &all, 0).unwrap();
+    let fit = |saw: &[usize]| {
+        let examples = Examples {
+            encoder_saw: saw,
+            ..tables.examples()
+        };
+        recipe.fit(&examples, &all, 0)
+    };
+    let kept = |fitted: Fitted| {
+        let about = About {
+            frame_size: [32, 32],
+            angles: vec![0.0],
+            ..About::default()
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let estimator = Estimator::new(support::embedder(), fitted, about).unwrap();
+        estimator.save(folder.path()).unwrap();
+        let bytes = fs::read(folder.path().join("familiar.safetensors")).unwrap();
+        let units = SafeTensors::deserialize(&bytes).unwrap();
+        let units = units.tensor("units").unwrap().data().to_vec();
+        let values = units.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b));
+        values.collect::<Vec<f32>>()
+    };
+    let of_unit_length = |surfaces: &[usize]| {
+        let unit = |&at: &usize| {
+            let row = tables.embeddings.get(at, 1).unwrap();
+            let squares = row.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>();
+            let unit = row.iter().map(|&x| (f64::from(x) / squares.sqrt()) as f32);
+            unit.collect::<Vec<f32>>()
+        };
+        surfaces.iter().flat_map(unit).collect::<Vec<f32>>()
+    };
+    let trained = fit(&part.train).unwrap();
+    assert_eq!(trained.no_familiar(), None);
+    assert_eq!(kept(trained), of_unit_length(&part.validation));
+    assert_eq!(kept(fit(&[]).unwrap()), of_unit_length(&all));
+
+    let refused = fit(&part.validation[..1]).err().unwrap().to_string();
+    assert!(
+        refused.starts_with("surfaces that the encoder saw: found some of units that calibrate"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn a_model_that_does_not_know_what_is_familiar_says_why() {
+    let tables = Tables::new(40, 1, 1);
+    let recipe = recipe(ridge(), &[0]);
+    let all: Vec<usize> = (0..40).collect();
+    let part = recipe.calibration.part(&tables.units, &all, 0).unwrap();
+    let examples = Examples {
+        encoder_saw: &part.train,
+        ..tables.examples()
+    };
+    let fitted = recipe.fit(&examples, &all, 0).unwrap();
+    let about = tables.estimator(&recipe).about().clone();
+    let estimator = Estimator::new(support::embedder(), fitted, about).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    estimator.save(folder.path()).unwrap();
+    assert!(!folder.path().join("familiar.safetensors").exists());
+    let again = Estimator::load(folder.path()).unwrap();
+    for model in [estimator, again] {
+        assert_eq!(
+            model.fitted().no_familiar(),
+            Some(
+                "the encoder learned from the surfaces fitted to, and found 16 surfaces that it has not \
+                seen, expected at least 19 for a p-value of 0.05"
+            )
+        );
+        let one = [photograph(70, 0)];
+        assert_eq!(model.predict(&one).unwrap().familiar, None);
+        let map = model.map(&one[0], 16, Sight::Within).unwrap();
+        assert_eq!(map.predictions.familiar, None);
+        let looked = model.session(1.0).unwrap().look(&one[0]).unwrap();
+        assert_eq!(looked.answer.familiar, None);
+    }
+}

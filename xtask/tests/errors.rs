@@ -101,9 +101,9 @@ fn a_text_where_a_number_belongs() {
 #[test]
 fn a_misspelt_key() {
     let scratch = Scratch::new();
-    scratch.edit("tiny.toml", "resamples", "resample");
+    scratch.edit("tiny.toml", "level", "levels");
     let text = message(scratch.experiment().assert());
-    expect(&text, &["tiny.toml, line 18", "did you mean `resamples`?"]);
+    expect(&text, &["tiny.toml, line 18", "did you mean `level`?"]);
     let text = message(
         Scratch::new()
             .experiment()

@@ -223,7 +223,7 @@ fn results_say_where_they_come_from() {
     let again = |scratch: &Scratch| {
         let mut command = scratch.experiment();
         command
-            .args(["--set", "report.resamples=50"])
+            .args(["--set", "report.level=0.5"])
             .assert()
             .success();
         read()

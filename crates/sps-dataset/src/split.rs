@@ -188,7 +188,7 @@ fn kept_together(
 
 impl SplitPlan {
     /// What the plan keeps together of these surfaces. Whoever splits one of its parts again
-    /// (calibration, folds, early stopping) or resamples them does so by the same units.
+    /// (calibration, folds, early stopping) or counts them does so by the same units.
     pub fn units(&self, surfaces: &[Surface]) -> Units {
         let (Self::Random(RandomSplit { by, .. })
         | Self::KFold(KFold { by, .. })

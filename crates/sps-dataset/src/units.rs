@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::stream::shuffle;
 use crate::{Split, SplitError, Surface};
 
-/// What a split keeps together, a resample draws and an interval speaks of; in ascending order of
+/// What a split keeps together and an interval counts; in ascending order of
 /// how much that is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

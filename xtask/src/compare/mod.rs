@@ -13,6 +13,7 @@ use std::path::PathBuf;
 use anyhow::{Result, ensure};
 use serde::Serialize;
 
+use crate::report::table::Cell;
 use crate::results::{Kind, MethodResult};
 use differing::Aspect;
 pub(crate) use differing::differing_keys;
@@ -68,34 +69,19 @@ pub(crate) fn compare(first: &Run, second: &Run) -> Result<Comparison> {
 
 impl Comparison {
     /// R² of methods and properties that the second run has no longer, or that moved by more than
-    /// `tolerance` and more than by chance; by how much of it is chance is not known where there is no
-    /// interval.
+    /// `tolerance`.
     pub(crate) fn past(&self, tolerance: f64) -> Vec<String> {
-        let lost = self
-            .only_first
-            .iter()
-            .map(|method| format!("{method} (not in run 2)"));
-        let of_r2 = self
-            .scores
-            .iter()
-            .filter(|one| one.table() == Some(Kind::R2));
-        let past = of_r2.filter(|one| match one.difference {
-            Some(difference) => {
-                difference.abs() > tolerance && (one.clear || one.interval.is_none())
-            }
-            None => one.first.is_some(),
-        });
-        let property = |one: &Moved| one.property.clone().unwrap_or_default();
-        let past = past.map(|one| match (one.difference, one.interval) {
-            (Some(difference), Some([low, high])) => format!(
-                "{} {} ({difference:+.4} [{low:.4}, {high:.4}])",
-                one.method,
-                property(one)
-            ),
-            (Some(difference), None) => {
-                format!("{} {} ({difference:+.4})", one.method, property(one))
-            }
-            (None, _) => format!("{} {} (not in run 2)", one.method, property(one)),
+        let lost = self.only_first.iter();
+        let lost = lost.map(|method| format!("{method}: R² (not measured)"));
+        let of_r2 = self.scores.iter();
+        let past = of_r2.filter(|one| one.table() == Some(Kind::R2) && one.is_past(tolerance));
+        let past = past.map(|one| {
+            let property = one.property.as_deref().unwrap_or_default();
+            let by = match one.difference {
+                Some(_) => Cell::difference(one.difference, one.interval, 4).to_string(),
+                None => "not measured".to_owned(),
+            };
+            format!("{}: R² {property} ({by})", one.method)
         });
         lost.chain(past).collect()
     }

@@ -74,6 +74,17 @@ impl Moved {
         }
     }
 
+    /// Whether it moved by more than `tolerance`, and by more than chance where that is known; or is
+    /// no longer there.
+    pub(super) fn is_past(&self, tolerance: f64) -> bool {
+        match self.difference {
+            Some(difference) => {
+                difference.abs() > tolerance && (self.clear || self.interval.is_none())
+            }
+            None => self.first.is_some(),
+        }
+    }
+
     /// The table that it stands in: that of means, or that of its score.
     pub(super) fn table(&self) -> Option<Kind> {
         self.property.as_ref().map(|_| self.score)

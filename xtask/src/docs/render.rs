@@ -221,9 +221,11 @@ fn show(value: &Value, times: Option<f64>, decimals: Option<usize>) -> Option<St
         }
         Value::Object(gain) => {
             let value = times * gain.get("value")?.as_f64()?;
-            let interval = ends(gain.get("interval")?)?.map(|end| times * end);
             // As in tables: one over units alone is not shown.
-            let interval = gain.get("p")?.as_f64().map(|_| interval);
+            let interval = gain.get("p")?.as_f64().and(gain.get("interval"));
+            let interval = interval
+                .and_then(ends)
+                .map(|ends| ends.map(|end| times * end));
             Some(Cell::difference(Some(value), interval, places).to_string())
         }
         Value::Null | Value::Bool(_) => None,

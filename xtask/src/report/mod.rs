@@ -161,7 +161,7 @@ fn training_and_held_out(results: &Results) -> String {
         let units = counted(data.units, unit.name());
         let _ = write!(
             text,
-            " The surfaces lie in {units}, which splits, folds and resamples keep whole."
+            " The surfaces lie in {units}, which splits and folds keep whole."
         );
     }
     text

@@ -202,8 +202,10 @@ fn means_caption(results: &Results, compared: bool) -> String {
 pub(crate) fn gained(gain: Option<&Gain>, decimals: usize) -> Cell {
     match gain {
         // An interval over units alone says too little to stand beside a difference.
-        Some(gain) if gain.p.is_none() => Cell::difference(Some(gain.value), None, decimals),
-        Some(gain) => Cell::gain(gain.value, gain.interval, gain.p, decimals),
+        Some(gain) => match gain.interval.zip(gain.p) {
+            Some((interval, p)) => Cell::gain(gain.value, interval, p, decimals),
+            None => Cell::difference(Some(gain.value), None, decimals),
+        },
         None => Cell::from(""),
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use sps_metrics::{IntervalError, ScoreInterval, Scored, Undefined};
+use sps_metrics::{IntervalError, ScoreInterval, Scored, Undefined, over_reruns};
 
 use super::judged::{Judged, Reference};
 use super::notes::Notes;
@@ -25,10 +25,11 @@ pub(crate) struct Gains {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Gain {
     pub value: f64,
-    /// Over units and reruns.
-    pub interval: [f64; 2],
-    /// The p-value of no difference, not corrected for how many were compared; none in files
-    /// whose intervals are over units alone.
+    /// Over units and reruns; `null` where there is none, of one rerun say.
+    #[serde(default)]
+    pub interval: Option<[f64; 2]>,
+    /// The p-value of no difference, not corrected for how many were compared; `null` with no
+    /// interval, and in files whose intervals are over units alone.
     #[serde(default)]
     pub p: Option<f64>,
 }
@@ -79,12 +80,25 @@ fn gain(
         .filter_map(|(rerun, (mine, theirs))| Pair::of(rerun, mine.common(theirs), scoring))
         .collect();
     let found = difference(&pairs, scoring);
-    let found = notes.found(&format!("gain over {}", other.row.label), found)?;
+    let found = notes.found(
+        &format!("the interval of the gain over {}", other.row.label),
+        found,
+    );
     Some(Gain {
-        value: found.estimate,
-        interval: [found.low, found.high],
-        p: Some(found.p),
+        value: mean_difference(&pairs)?,
+        interval: found.map(|found| [found.low, found.high]),
+        p: found.map(|found| found.p),
     })
+}
+
+/// The mean of the first sides' R² less that of the second's.
+fn mean_difference(pairs: &[Pair<'_>]) -> Option<f64> {
+    let scores = |at: usize| {
+        let scores = pairs.iter().map(|pair| pair.sides[at].scores().r2);
+        let scores = scores.map(|score| score.map(|score| score.value));
+        over_reruns(scores).mean.ok()
+    };
+    Some(scores(0)? - scores(1)?)
 }
 
 /// Two methods' estimates in one rerun, on the surfaces that both have.

@@ -221,7 +221,13 @@ mod tests {
         assert_eq!(row.scores.mae["fRS"], Some(0.5));
         assert_eq!(row.scores.mae_over_std["fRS"], Some(0.25));
         assert_eq!(row.means.spearman_mean, Some(1.0));
-        assert!(row.scores.r2_interval["fRS"].is_some());
+        assert_eq!(row.scores.r2_interval["fRS"], None);
+        let one = "no intervals: 1 rerun(s)";
+        assert!(
+            row.notes.iter().any(|note| note.starts_with(one)),
+            "{:?}",
+            row.notes
+        );
         assert_eq!(row.means.over_reruns.r2_mean, None);
         // Paired with the baseline's second rerun, which leaves 4 of 14.
         let gain = row.gains.r2_mean_gains["zero"].value;
@@ -239,6 +245,16 @@ mod tests {
         assert_eq!(row.selected_views["fRS"], [[0], [0]]);
         let left_out = row.notes.iter().filter(|note| note.contains("left out"));
         assert_eq!(left_out.count(), 1, "{:?}", row.notes);
+    }
+
+    #[test]
+    fn reruns_have_an_interval_together() {
+        let some = [outcome(0, Some(0.5)), outcome(1, Some(0.6))];
+        let row = &scored(&[method("one", &some, 1)])[0];
+        let [low, high] = row.scores.r2_interval["fRS"].unwrap();
+        let r2 = row.scores.r2["fRS"].unwrap();
+        assert!(low < r2 && r2 < high && high < 1.0, "{low} {high}");
+        assert_eq!(row.means.r2_mean_interval, Some([low, high]));
     }
 
     #[test]

@@ -45,7 +45,7 @@ weights = "untrained"
 [head]
 epochs = 3
 [report]
-resamples = 100
+level = 0.95
 [cache]
 folder = "CACHE"
 [[methods]]

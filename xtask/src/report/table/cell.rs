@@ -73,9 +73,12 @@ impl Cell {
     }
 
     /// The same with its p-value, for [`Table::tested`](super::Table::tested).
-    pub(crate) fn gain(value: f64, ends: [f64; 2], p: Option<f64>, decimals: usize) -> Self {
+    pub(crate) fn gain(value: f64, ends: [f64; 2], p: f64, decimals: usize) -> Self {
         match Self::difference(Some(value), Some(ends), decimals) {
-            Self::Numbers(numbers) => Self::Numbers(Numbers { p, ..numbers }),
+            Self::Numbers(numbers) => Self::Numbers(Numbers {
+                p: Some(p),
+                ..numbers
+            }),
             text @ Self::Text(_) => text,
         }
     }
@@ -301,7 +304,7 @@ mod tests {
     #[test]
     fn a_difference_shows_its_side_once_it_is_called_clear() {
         for (value, sign) in [(0.1, "▲"), (-0.1, "▼")] {
-            let mut cell = Cell::gain(value, [value - 0.05, value + 0.05], Some(0.01), 2);
+            let mut cell = Cell::gain(value, [value - 0.05, value + 0.05], 0.01, 2);
             assert_eq!((cell.side(), cell.p()), (None, Some(0.01)));
             cell.call();
             assert!(cell.to_string().ends_with(&format!("] {sign}")), "{cell}");

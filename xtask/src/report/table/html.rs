@@ -87,7 +87,7 @@ mod tests {
         let table = Table {
             rows: vec![Row::measured(vec![
                 "a".into(),
-                Cell::gain(-0.25, [-0.5, -0.25], Some(0.01), 2),
+                Cell::gain(-0.25, [-0.5, -0.25], 0.01, 2),
                 Cell::range(Some([1.0, 2.0]), 0),
             ])],
             ..hard_cases()

@@ -11,7 +11,7 @@
 //! | sums in plain `f64` (`Double::add`) | all 1e8, outlier and ten-million tests |
 //! | products in plain `f64` (`Double::mul`) | outlier |
 //! | sums about zero, not the first value | 1e8, ten million, last place, constant truth |
-//! | a constant truth not looked for | constant truth, constant resamples |
+//! | a constant truth not looked for | constant truth, equal truths that are left |
 //! | R² as 1 - ratio | R² near zero |
 //! | no check of the range of sums or scores | squares and percentages beyond `f64` |
 //! | an epsilon in the percentage, or zero truths kept | zero, all zero, near zero |

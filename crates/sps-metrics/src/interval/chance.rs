@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use super::changes::changes;
+use super::changes::{Change, changes};
 use super::{IntervalError, Scored};
 use crate::outcome::Undefined;
 
@@ -18,8 +18,8 @@ pub(crate) struct Part {
 /// The mean of one method's scores, and how it changes.
 pub(super) struct Side {
     pub mean: f64,
-    /// By how much the mean changes without a unit, by the unit's number.
-    without: BTreeMap<usize, f64>,
+    /// What each unit is to the mean, by its number.
+    units: BTreeMap<usize, Change>,
     /// The scores of each rerun, by its number.
     reruns: BTreeMap<usize, Vec<f64>>,
     scores: usize,
@@ -33,7 +33,7 @@ impl Side {
         let scores = scored.len();
         let mut side = Self {
             mean: 0.0,
-            without: BTreeMap::new(),
+            units: BTreeMap::new(),
             reruns: BTreeMap::new(),
             scores,
         };
@@ -42,7 +42,9 @@ impl Side {
             side.mean += score / scores as f64;
             side.reruns.entry(one.rerun).or_default().push(score);
             for (unit, change) in changes(one)? {
-                *side.without.entry(unit).or_default() += change / scores as f64;
+                let sum = side.units.entry(unit).or_default();
+                sum.without += change.without / scores as f64;
+                sum.lighter += change.lighter / scores as f64;
             }
         }
         Ok(side)
@@ -50,7 +52,7 @@ impl Side {
 
     /// Units and reruns.
     pub(super) fn counts(&self) -> [usize; 2] {
-        [self.without.len(), self.reruns.len()]
+        [self.units.len(), self.reruns.len()]
     }
 
     /// How far each rerun draws the mean.
@@ -63,38 +65,63 @@ impl Side {
 }
 
 /// The variance that units make of a side's mean, or of the first's less the second's; `times` it is
-/// counted.
+/// counted. The larger of that by leaving units out and that by their weights.
 pub(super) fn of_units(sides: &[&Side], times: f64) -> Result<Part, IntervalError> {
-    let mut without: BTreeMap<usize, f64> = BTreeMap::new();
+    let mut units: BTreeMap<usize, Change> = BTreeMap::new();
     for (side, sign) in sides.iter().zip([1.0, -1.0]) {
-        for (&unit, change) in &side.without {
-            *without.entry(unit).or_default() += sign * change;
+        for (&unit, change) in &side.units {
+            let sum = units.entry(unit).or_default();
+            sum.without += sign * change.without;
+            sum.lighter += sign * change.lighter;
         }
     }
-    if without.len() < 2 {
+    if units.len() < 2 {
         return Err(IntervalError::OneUnit);
     }
-    let units = without.len() as f64;
-    let mean = without.values().sum::<f64>() / units;
-    let power = |n: i32| {
+    let count = units.len() as f64;
+    // Both are the variance of a mean where the score is one: changes without one of n values are
+    // n / (n - 1) as large as by its weight.
+    let scale = (count - 1.0) / count;
+    let by = |of: fn(&Change) -> f64| spread(&units.values().map(of).collect::<Vec<f64>>());
+    let (without, lighter) = (by(|change| change.without), by(|change| change.lighter));
+    let without = Part {
+        variance: scale * scale * without.variance,
+        ..without
+    };
+    let larger = if lighter.variance > without.variance {
+        lighter
+    } else {
         without
-            .values()
-            .map(|change| (change - mean).powi(n))
+    };
+    Ok(Part {
+        variance: times * larger.variance,
+        ..larger
+    })
+}
+
+/// The variance of a sum of independent values, from what each has added to it.
+fn spread(values: &[f64]) -> Part {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let power = |n: i32| {
+        values
+            .iter()
+            .map(|value| (value - mean).powi(n))
             .sum::<f64>()
     };
     let (squares, fourths) = (power(2), power(4));
     let heavy = if squares > 0.0 {
-        (units * fourths / (squares * squares) - 3.0).max(0.0)
+        (count * fourths / (squares * squares) - 3.0).max(0.0)
     } else {
         0.0
     };
     // The variance of a variance is 2 / (n - 1) + kurtosis / n of its square; of normal values with
     // f degrees of freedom it is 2 / f.
-    let degrees_of_freedom = 2.0 / (2.0 / (units - 1.0) + heavy / units);
-    Ok(Part {
-        variance: times * (units - 1.0) / units * squares,
+    let degrees_of_freedom = 2.0 / (2.0 / (count - 1.0) + heavy / count);
+    Part {
+        variance: squares * count / (count - 1.0),
         degrees_of_freedom: degrees_of_freedom.max(1.0),
-    })
+    }
 }
 
 /// The variances that reruns make of a side's mean, or of the first's less the second's: one where

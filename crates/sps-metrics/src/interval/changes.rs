@@ -1,4 +1,4 @@
-//! By how much a score changes when a unit is left out, without scoring again.
+//! By how much a score changes when a unit is left out, or weighs more, without scoring again.
 
 use std::collections::BTreeMap;
 
@@ -12,8 +12,20 @@ use crate::samples::{Pair, Samples};
 /// A remainder of a sum that is smaller than this share of it is what rounding left.
 const ROUNDING: f64 = 1e-12;
 
+/// What a unit is to a score.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Change {
+    /// The score without it less the score.
+    pub without: f64,
+    /// Less the derivative of the score by the unit's weight. The same to first order; of a unit that is
+    /// much of all there is, it says more of what a second such unit would do.
+    pub lighter: f64,
+}
+
 /// The change of each unit, by its number, of samples that have a score.
-pub(super) fn changes(scored: &Scored<'_>) -> Result<Vec<(usize, f64)>, IntervalError> {
+pub(super) fn changes(scored: &Scored<'_>) -> Result<Vec<(usize, Change)>, IntervalError> {
+    /// Of a weight, for a derivative by differences.
+    const STEP: f64 = 1e-4;
     let samples = scored.samples.truth.len();
     if let Some(units) = scored.units
         && units.len() != samples
@@ -36,7 +48,12 @@ pub(super) fn changes(scored: &Scored<'_>) -> Result<Vec<(usize, f64)>, Interval
         let rest = total.without(sums).map(terms.score);
         let rest = rest.filter(|score| score.is_finite());
         let rest = rest.ok_or(IntervalError::OneUnit)?;
-        Ok((unit, rest - whole))
+        let weighing = |more: f64| (terms.score)(total.plus(sums, more));
+        let change = Change {
+            without: rest - whole,
+            lighter: (weighing(-STEP) - weighing(STEP)) / (2.0 * STEP),
+        };
+        Ok((unit, change))
     });
     changes.collect()
 }
@@ -53,20 +70,22 @@ struct Sums {
 
 impl Sums {
     fn add(&mut self, other: &Self) {
-        self.count += other.count;
-        self.errors += other.errors;
-        self.deviations += other.deviations;
-        self.squares += other.squares;
+        *self = self.plus(*other, 1.0);
+    }
+
+    /// With some so many times more.
+    fn plus(self, some: Self, times: f64) -> Self {
+        Self {
+            count: self.count + times * some.count,
+            errors: self.errors + times * some.errors,
+            deviations: self.deviations + times * some.deviations,
+            squares: self.squares + times * some.squares,
+        }
     }
 
     /// What is left without some; `None` where that is nothing that can be told from rounding.
     fn without(self, some: Self) -> Option<Self> {
-        let rest = Self {
-            count: self.count - some.count,
-            errors: self.errors - some.errors,
-            deviations: self.deviations - some.deviations,
-            squares: self.squares - some.squares,
-        };
+        let rest = self.plus(some, -1.0);
         let varies = self.squares == 0.0 || rest.squares > ROUNDING * self.squares;
         (rest.count > 0.0 && varies).then_some(rest)
     }

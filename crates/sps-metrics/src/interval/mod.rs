@@ -21,10 +21,11 @@ pub use holm::holm;
 /// other is the *reruns*: another training draws other initial weights, batches, training surfaces
 /// or splits. Each source gives a variance of its own:
 ///
-/// - of units, the delete-one jackknife (Efron and Tibshirani, "An Introduction to the Bootstrap",
-///   1993, chapter 11), with influence functions for ranks and medians, where leaving one out says
-///   nothing. Its degrees of freedom are those of a variance of values with the kurtosis that the
-///   changes have, at most one less than there are units;
+/// - of units, the larger of the delete-one jackknife and the infinitesimal one (Efron, "The
+///   Jackknife, the Bootstrap and Other Resampling Plans", 1982, chapter 6), of which the second sees
+///   what a unit that is much of all samples can do; ranks and medians by influence functions. Its
+///   degrees of freedom are those of a variance of values with the kurtosis that the changes have,
+///   at most one less than there are units, and few where few units decide;
 /// - of reruns, the sample variance of their scores, with one degree of freedom less than there
 ///   are reruns. It also holds what units and reruns do together, which is so counted twice: with
 ///   ten reruns that widens an interval by 1 or 2 %.

@@ -108,7 +108,7 @@ impl Comparison {
         Some(format!(
             "{} of the {} rows that differ are clear of 0, after Holm's correction for the rows of their\n\
              table: where nothing differs, chance marks any row in at most {:.0} % of tables (here {}).\n\
-             Without the correction 0 is outside of {} of their intervals, by chance alone of about {:.0}.",
+             Without the correction {} of their intervals exclude 0, by chance alone about {:.0} would.",
             tested.iter().filter(|one| one.clear).count(),
             tested.len(),
             100.0 * tails,

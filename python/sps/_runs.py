@@ -39,7 +39,7 @@ def read_results(path: _Path, rows: str = "properties") -> Any:
 
     `path` is the run's folder or its `results.json`, whose keys `docs/results.md` explains. `rows` is
     "properties" for a row for each method and property, with the columns method, property, r2, r2_std,
-    r2_low and r2_high (the bootstrap interval), mae, rmse, median_percent_error, spearman and
+    r2_low and r2_high (the interval over units and reruns), mae, rmse, median_percent_error, spearman and
     zero_truths; or "methods" for a row for each method, with every single number and string of it,
     and r2_mean_low and r2_mean_high. What has no value is NaN.
 

@@ -175,7 +175,7 @@ def test_what_has_no_interval_says_why():
         sps.interval("mae", **one)
     with pytest.raises(sps.UndefinedScore, match="the score is undefined"):
         sps.interval("spearman", **one)
-    with pytest.raises(ValueError, match="1 rerun.* takes at least 2"):
+    with pytest.raises(ValueError, match="reruns: 1, and at least 2 are needed"):
         sps.interval("mae", reruns=[0, 0], **two)
     with pytest.raises(ValueError, match="3 units for 2 samples"):
         sps.interval("mae", units=[1, 2, 3], **two)

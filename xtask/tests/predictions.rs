@@ -110,6 +110,56 @@ fn copied_estimates_are_scored_as_those_they_were_copied_from() {
     assert_eq!(merged["methods"], results["methods"]);
 }
 
+/// Leaving one of six surfaces out, both reruns train on the same: what draws nothing is fitted once,
+/// a network twice, and a file may have other estimates for each rerun.
+#[test]
+fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() {
+    let scratch = scratch();
+    scratch.edit("tiny.toml", "[split.random]", "[split.leave-one-out]");
+    let by = "by = \"surface\"\n";
+    scratch.edit("tiny.toml", "validation = 0.34\nkeep-groups = false\n", by);
+    copy_ours(&scratch, 6);
+    let text = fs::read_to_string(scratch.path("estimates.csv")).unwrap();
+    let raised = text.lines().map(|line| match line.split_once(",1,") {
+        Some((value, rest)) => format!("{},1,{rest}\n", value.parse::<f64>().unwrap() + 1.0),
+        None => format!("{line}\n"),
+    });
+    fs::write(scratch.path("estimates.csv"), raised.collect::<String>()).unwrap();
+    scratch.experiment().assert().success();
+
+    let ours: BTreeMap<_, _> = of_splits(&scratch, "ours");
+    for ((surface, property, split), given) in of_splits(&scratch, "gpt") {
+        let raise = if split < 6 { 0.0 } else { 1.0 };
+        let expected = ours[&(surface, property, split)] + raise;
+        assert!((given - expected).abs() < 1e-9, "{given} {expected}");
+    }
+    let trials = fs::read_to_string(scratch.path("run/trials.jsonl")).unwrap();
+    let fitted = |id: &str| {
+        let of_method = format!("\"method\":\"{id}\"");
+        trials
+            .lines()
+            .filter(|line| line.contains(&of_method))
+            .count()
+    };
+    // Six folds of two properties, in one rerun or two.
+    assert_eq!(["ours", "cross-modal", "gpt"].map(fitted), [12, 24, 24]);
+    let results = scratch.results();
+    assert_eq!(method(&results, "ours")["r2_std"]["fRS"], 0.0);
+    assert!(method(&results, "ours")["r2_interval"]["fRS"].is_array());
+}
+
+/// Estimates by surface, property and split.
+fn of_splits(scratch: &Scratch, id: &str) -> BTreeMap<(String, String, usize), f64> {
+    let all = estimates(scratch, "run", id).into_iter();
+    all.map(|[surface, property, split, value]| {
+        (
+            (surface, property, split.parse().unwrap()),
+            value.parse().unwrap(),
+        )
+    })
+    .collect()
+}
+
 /// The folds of a rerun share its number.
 #[test]
 fn a_rerun_is_that_of_the_experiment_and_not_of_its_folds() {

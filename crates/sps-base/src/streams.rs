@@ -15,7 +15,7 @@
 pub use rand_chacha::ChaCha8Rng;
 pub use rand_chacha::rand_core::{RngCore, SeedableRng};
 
-/// The stream of `seed` and `purpose` that `index` names: the rerun, the resample, the step.
+/// The stream of `seed` and `purpose` that `index` names: the rerun, the split, the step.
 ///
 /// `index` is ChaCha's own stream number, so streams of one purpose never overlap.
 pub fn stream(seed: u64, purpose: [u8; 24], index: u64) -> ChaCha8Rng {

@@ -91,7 +91,7 @@ proptest! {
         }
     }
 
-    /// What a cluster bootstrap draws and a hierarchical interval counts.
+    /// What an interval counts.
     #[test]
     fn a_unit_is_a_group(groups in grouped(), by in keeping()) {
         let units = SplitPlan::LeaveOneOut { by }.units(&surfaces(&groups));

@@ -276,9 +276,8 @@ mod tests {
         }
     }
 
-    #[test]
-    fn each_table_is_corrected_for_the_rows_that_differ() {
-        let row = |property: Option<&str>, difference: f64, p| Moved {
+    fn row(property: Option<&str>, difference: f64, p: Option<f64>) -> Moved {
+        Moved {
             method: "a".to_owned(),
             property: property.map(str::to_owned),
             score: Kind::R2,
@@ -291,7 +290,39 @@ mod tests {
             clear: false,
             paired: true,
             reason: None,
+        }
+    }
+
+    #[test]
+    fn what_may_be_chance_is_not_past_a_tolerance() {
+        let moved = |interval, clear| Moved {
+            interval,
+            clear,
+            ..row(Some("x"), 0.02, Some(0.04))
         };
+        let interval = Some([0.001, 0.039]);
+        for (one, past) in [
+            (moved(interval, true), true),
+            (moved(interval, false), false),
+            // Of one rerun chance is not known.
+            (moved(None, false), true),
+            (
+                Moved {
+                    difference: None,
+                    second: None,
+                    ..moved(None, false)
+                },
+                true,
+            ),
+        ] {
+            assert_eq!(one.is_past(0.01), past, "{one:?}");
+            let lost = one.difference.is_none();
+            assert_eq!(one.is_past(0.02), lost, "{one:?}");
+        }
+    }
+
+    #[test]
+    fn each_table_is_corrected_for_the_rows_that_differ() {
         let mut rows = [
             row(None, 0.1, Some(0.04)),
             row(Some("x"), 0.1, Some(0.04)),

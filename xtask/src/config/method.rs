@@ -39,11 +39,12 @@ impl Method {
         (self.looks != Looks::Nothing).then(|| self.encoder.precision.to_string())
     }
 
-    /// Whether fitting to so many surfaces draws anything at random, so that another rerun on the
-    /// same surfaces is another model.
-    pub(crate) fn draws(&self, training_surfaces: usize) -> bool {
+    /// Whether another rerun on the same surfaces may estimate otherwise: because fitting to so many
+    /// of them draws something at random, or because a file may have estimates for each rerun.
+    pub(crate) fn differs_by_rerun(&self, training_surfaces: usize) -> bool {
         let regression = self.estimator.regression();
         self.adaptive.is_some()
+            || self.estimator.file().is_some()
             || regression.is_some_and(|regression| {
                 matches!(regression, Regression::Head(_) | Regression::Stacked(_))
                     || self.estimator.thinned(training_surfaces).is_some()

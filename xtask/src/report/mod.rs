@@ -6,6 +6,7 @@ mod figures;
 mod folders;
 mod intervals;
 mod learning;
+mod means;
 mod page;
 pub(crate) mod predictions;
 pub(crate) mod published;

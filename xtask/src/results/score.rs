@@ -222,7 +222,7 @@ mod tests {
         assert_eq!(row.scores.mae_over_std["fRS"], Some(0.25));
         assert_eq!(row.means.spearman_mean, Some(1.0));
         assert_eq!(row.scores.r2_interval["fRS"], None);
-        let one = "no intervals: 1 rerun(s)";
+        let one = "no intervals: reruns: 1";
         assert!(
             row.notes.iter().any(|note| note.starts_with(one)),
             "{:?}",

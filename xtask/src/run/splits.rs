@@ -16,7 +16,7 @@ pub(crate) struct Splits {
     pub all: Vec<Split>,
     /// How many each rerun has.
     pub of_rerun: usize,
-    /// What every split, fold and resample keeps together.
+    /// What every split and fold keeps together, and every interval counts.
     pub units: Units,
     /// Surfaces before this one may be trained on; from here on they are only scored on.
     pub pool: usize,
@@ -228,7 +228,7 @@ mod tests {
             .all(|&a| other.iter().all(|&b| groups[a] != groups[b]))
     }
 
-    /// Words that part surfaces, draw at random, resample or calibrate, with the files in which
+    /// Words that part surfaces, draw at random, count or calibrate, with the files in which
     /// they may stand and are seen to go by units.
     const PARTING: [(&str, &[&str]); 12] = [
         (".keep_aside(", &["run/splits.rs"]),
@@ -243,7 +243,7 @@ mod tests {
         ("rand_chacha::", &[]),
         ("streams::", &[]),
         ("Conformal::", &[]),
-        // A bootstrap of made-up numbers is timed.
+        // An interval of made-up numbers is timed.
         ("units: None", &["bench/kernels.rs"]),
     ];
 

@@ -88,7 +88,7 @@ struct Inputs<'a> {
     method: serde_json::Value,
     adaptive: Option<Adaptive>,
     property: &'a str,
-    /// None where nothing is drawn in training: reruns on the same surfaces are then one.
+    /// None where a rerun on the same surfaces is the same: it is fitted once.
     rerun: Option<usize>,
     training: &'a [usize],
     scored_on: &'a [usize],
@@ -115,7 +115,9 @@ fn key(
         method: method.estimator.settings()?,
         adaptive: method.adaptive,
         property: planned.property.code(),
-        rerun: method.draws(split.train.len()).then_some(planned.split),
+        rerun: method
+            .differs_by_rerun(split.train.len())
+            .then_some(planned.split),
         training: &split.train,
         scored_on,
         training_views: &views.training,

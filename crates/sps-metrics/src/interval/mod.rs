@@ -27,8 +27,8 @@ pub use holm::holm;
 ///   degrees of freedom are those of a variance of values with the kurtosis that the changes have,
 ///   at most one less than there are units, and few where few units decide;
 /// - of reruns, the sample variance of their scores, with one degree of freedom less than there
-///   are reruns. It also holds what units and reruns do together, which is so counted twice: with
-///   ten reruns that widens an interval by 1 or 2 %.
+///   are reruns. What units and reruns do together is in both variances and so counted twice. That
+///   widens an interval by at most 41 %, the square root of 2, and where units differ much by little.
 ///
 /// The half width is the root of the sum of the squares of the two half widths by Student's t (the
 /// modified large-sample interval of Burdick and Graybill, "Confidence Intervals on Variance
@@ -114,7 +114,7 @@ pub enum IntervalError {
     #[error("the score is undefined: {0}")]
     Undefined(#[from] Undefined),
     /// One training cannot say how much another would differ.
-    #[error("{found} rerun(s): how much another training would differ takes at least 2")]
+    #[error("reruns: {found}, and at least 2 are needed to see how much trainings differ")]
     TooFewReruns {
         /// How many there are.
         found: usize,

@@ -401,33 +401,29 @@ fn what_has_no_interval_says_why() {
     assert_eq!(OF_TRAINING.difference(&[good], &[good]), Err(reason));
 }
 
-/// One unit has two fifths of the samples, as one kind of material may. Without it R² about the own
-/// mean hardly changes, but another such unit would change it much: the interval must reach as far
-/// as that.
+/// Half of the samples are of one unit, as many may be of one kind of material. Without it R² about the
+/// own mean is the same: truths of -1 and 1 with errors of 1/2 have 1 - (1/4) / 1, and with as many
+/// truths of 2 with errors of √(1/2) besides they have 1 - (1/4 + 1/2) / (1 + 2). With the weight w of
+/// that unit it is 1 - (1/4 + w/2) / (1 + 4 w / (1 + w)), whose derivative at 1 is -1/12: another such unit
+/// would change the score by as much, and the standard error may not be less.
 #[test]
 fn a_unit_that_is_much_of_all_widens_an_interval() {
-    let mut numbers = uniform("one large unit");
-    let mut units = vec![0; 80];
-    units.extend((1..30).flat_map(|unit| [unit; 4]));
-    // The large unit's truths hardly differ, and are estimated no better than by its mean.
-    let truth: Vec<f64> = units
-        .iter()
-        .map(|&unit| if unit == 0 { 0.2 } else { 1.0 } * numbers.next().unwrap_or(0.0))
+    let others: Vec<usize> = (1..13).flat_map(|unit| [unit; 4]).collect();
+    let units = [vec![0; 48], others].concat();
+    let truth: Vec<f64> = (0..96)
+        .map(|at| match at {
+            0..48 => 2.0,
+            _ if at % 2 == 0 => 1.0,
+            _ => -1.0,
+        })
         .collect();
-    let errors = draw(&mut numbers, truth.len());
-    let errors: Vec<f64> = errors.iter().map(|error| 0.5 * error).collect();
-    let estimate = plus(&truth, &errors);
+    let error = |&unit: &usize| if unit == 0 { 0.5_f64.sqrt() } else { 0.5 };
+    let estimate = plus(&truth, &units.iter().map(error).collect::<Vec<f64>>());
     let found = OF_MODELS.interval(&[Scored {
         units: Some(&units),
         ..scored(Metric::R2OwnMean, &truth, &estimate)
     }]);
-    let found = found.expect("30 units");
-    let twice = |values: &[f64]| [values, &values[..80]].concat();
-    let (truth, estimate) = (twice(&truth), twice(&estimate));
-    let samples = Samples {
-        truth: &truth,
-        estimate: &estimate,
-    };
-    let with_another = samples.r2_own_mean().expect("it varies").value;
-    assert!(found.low < with_another, "{found:?} {with_another}");
+    let found = found.expect("13 units");
+    assert_close(found.estimate, 0.75, 1e-12);
+    assert!(found.standard_error >= 1.0 / 12.0, "{found:?}");
 }

@@ -140,7 +140,7 @@ impl Embedder {
             None => image,
         };
         let size = [frames, image.height, image.width];
-        self.network.encoder().kind().multiply_adds(size)
+        self.network.encoder().multiply_adds(size)
     }
 
     fn find_identity(&self) -> Result<String> {

@@ -83,7 +83,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 fn start(pretraining: &Pretraining) -> Result<Encoder> {
     let (kind, seed) = (pretraining.kind, pretraining.seed);
     let Some(path) = &pretraining.start else {
-        return Ok(Encoder::seeded(kind, seed, &Device::Cpu)?);
+        return Ok(Encoder::seeded(kind, seed, &Device::Cpu)?.with_depths(&pretraining.depths)?);
     };
     let weights = Weights::read(path)?;
     let (encoder, drawn) = Encoder::warm_started(kind, weights, seed, &Device::Cpu)?;
@@ -93,7 +93,7 @@ fn start(pretraining: &Pretraining) -> Result<Encoder> {
         path.display(),
         all - drawn.len()
     );
-    Ok(encoder)
+    Ok(encoder.with_depths(&pretraining.depths)?)
 }
 
 fn quality(trained: &TrainedEncoder) -> String {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use serde::Deserialize;
-use sps_models::encoders::EncoderKind;
+use sps_models::encoders::{Depths, EncoderKind};
 use sps_models::training::TrainingConfig;
 use sps_simulate::SimulatorSpec;
 
@@ -22,6 +22,8 @@ pub(crate) struct Pretraining {
     pub name: String,
     pub seed: u64,
     pub kind: EncoderKind,
+    /// What everything is learnt from.
+    pub depths: Depths,
     /// A weights file to start from.
     pub start: Option<PathBuf>,
     pub simulated: SimulatorSpec,
@@ -47,6 +49,7 @@ pub(crate) struct PatternsSpec {
 #[derive(Clone, Debug)]
 pub(crate) struct TeacherSpec {
     pub kind: EncoderKind,
+    pub depths: Depths,
     pub weights: PathBuf,
     /// Pixels along a side of what it sees.
     pub size: usize,
@@ -58,6 +61,8 @@ pub(crate) struct TeacherSpec {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 struct TeacherConfig {
     encoder: String,
+    #[serde(default)]
+    depths: Depths,
     weights: PathBuf,
     #[serde(default = "usual_size")]
     size: usize,
@@ -78,6 +83,7 @@ const fn usual_weight() -> f64 {
 struct Config {
     seed: u64,
     encoder: String,
+    depths: Depths,
     start: Option<PathBuf>,
     views_per_surface: usize,
     simulated: SimulatorSpec,
@@ -94,15 +100,18 @@ impl Pretraining {
         let layers = Layers::new(&defaults, path, &text, settings)?;
         let config: Config = layers.read()?;
         let kind = kind(&layers, "encoder", &config.encoder)?;
+        check_depths(&layers, "depths", kind, &config.depths)?;
         let teacher = config.teacher.map(|teacher| {
             let positive = teacher.weight.is_finite() && teacher.weight > 0.0;
             layers.require(positive, "teacher.weight", "must be above 0")?;
             let kind = self::kind(&layers, "teacher.encoder", &teacher.encoder)?;
+            check_depths(&layers, "teacher.depths", kind, &teacher.depths)?;
             let least = kind.min_size();
             let problem = format!("must be at least {least}, the least that the teacher takes");
             layers.require(teacher.size >= least, "teacher.size", &problem)?;
             Ok::<_, ConfigError>(TeacherSpec {
                 kind,
+                depths: teacher.depths,
                 weights: teacher.weights,
                 size: teacher.size,
                 weight: teacher.weight,
@@ -124,6 +133,7 @@ impl Pretraining {
             name: name.to_string_lossy().into_owned(),
             seed: config.seed,
             kind,
+            depths: config.depths,
             start: config.start,
             simulated: config.simulated,
             views_per_surface: config.views_per_surface,
@@ -133,6 +143,17 @@ impl Pretraining {
             resolved: layers.to_toml(),
         })
     }
+}
+
+fn check_depths(
+    layers: &Layers<'_>,
+    key: &str,
+    kind: EncoderKind,
+    depths: &Depths,
+) -> Result<(), ConfigError> {
+    let blocks = kind.blocks(depths);
+    blocks.map_err(|error| layers.error(key, error.to_string()))?;
+    Ok(())
 }
 
 fn kind(layers: &Layers<'_>, key: &str, name: &str) -> Result<EncoderKind, ConfigError> {

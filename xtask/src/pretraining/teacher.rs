@@ -30,6 +30,7 @@ impl<'a> Teacher<'a> {
     pub(crate) fn read(spec: &'a TeacherSpec) -> Result<Self> {
         let weights = Weights::read(&spec.weights)?;
         let encoder = Encoder::new(spec.kind, weights, &Device::Cpu)?;
+        let encoder = encoder.with_depths(&spec.depths)?;
         Ok(Self { spec, encoder })
     }
 
@@ -56,6 +57,7 @@ impl<'a> Teacher<'a> {
         };
         Ok(Features {
             embeddings,
+            blocks: self.encoder.blocks(),
             weight: self.spec.weight,
         })
     }
@@ -77,7 +79,7 @@ impl<'a> Teacher<'a> {
             rows.extend(self.encoder.embed_pixels(&pixels, [side, side])?);
             progress.advance(count);
         }
-        let shape = (world.len(), self.encoder.kind().width());
+        let shape = (world.len(), self.encoder.width());
         Ok(Tensor::from_vec(rows, shape, &Device::Cpu)?)
     }
 }

@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::fused::{Fused, GROUP, Workspace};
+use super::fused::{Fused, GROUP, Seen, Workspace};
 use super::images::{Normalisation, Order};
 use super::windows::CellSums;
 use crate::ops::bands::{Threads, inside_pool};
@@ -59,8 +59,8 @@ pub(super) trait Kernels: Debug + Send + Sync {
     /// threads then work together on those that are left.
     fn embed(&self, images: Images<'_>) -> Vec<f32>;
 
-    /// The sums of the last feature map of one image, by all threads together.
-    fn cell_sums(&self, image: Images<'_>) -> CellSums;
+    /// The sums of the feature maps of one image at each depth, by all threads together.
+    fn cell_sums(&self, image: Images<'_>) -> Vec<CellSums>;
 }
 
 impl<W: Word> Kernels for Pooled<W> {
@@ -68,13 +68,12 @@ impl<W: Word> Kernels for Pooled<W> {
         inside_pool(|| self.embed_inside(images))
     }
 
-    fn cell_sums(&self, image: Images<'_>) -> CellSums {
-        inside_pool(|| {
-            self.with_workspace(|workspace| {
-                let (features, grid) = self.network.features(Threads::All, &image, workspace);
-                CellSums::new(features, &grid, self.network.scale())
-            })
-        })
+    fn cell_sums(&self, image: Images<'_>) -> Vec<CellSums> {
+        let mut sums = Vec::new();
+        let see = |seen: Seen<'_, W>| sums.push(CellSums::new(seen.memory, seen.grid, seen.scale));
+        let network = &self.network;
+        inside_pool(|| self.with_workspace(|w| network.walk(Threads::All, &image, w, see)));
+        sums
     }
 }
 
@@ -115,13 +114,26 @@ impl<W: Word> Pooled<W> {
 
     fn embed_groups(&self, threads: Threads, images: Images<'_>, embeddings: &mut [f32]) {
         self.with_workspace(|workspace| {
-            let outs = embeddings.chunks_mut(GROUP * self.network.width());
+            let width = self.network.width();
+            let outs = embeddings.chunks_mut(GROUP * width);
             for (images, out) in images.chunks(GROUP).zip(outs) {
-                let (features, grid) = self.network.features(threads, &images, workspace);
-                frame_means(threads, self.network.level(), features, &grid, out);
-                for mean in out {
-                    *mean = self.network.scale().value(*mean);
-                }
+                self.network.walk(threads, &images, workspace, |seen| {
+                    let frames = out.chunks_exact_mut(width).skip(seen.first);
+                    let mut means: Vec<&mut [f32]> = frames
+                        .take(seen.grid.frames)
+                        .map(|frame| &mut frame[seen.block.clone()])
+                        .collect();
+                    frame_means(
+                        threads,
+                        self.network.level(),
+                        seen.memory,
+                        seen.grid,
+                        &mut means,
+                    );
+                    for mean in means.into_iter().flatten() {
+                        *mean = seen.scale.value(*mean);
+                    }
+                });
             }
         });
     }

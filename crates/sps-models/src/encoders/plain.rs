@@ -56,25 +56,29 @@ impl<'a> Plain<'a> {
         self.statistics.map(RefCell::into_inner).unwrap_or_default()
     }
 
-    /// Maps images `(n, 3, height, width)`, normalised, to embeddings `(n, width)`: the mean of the
-    /// last feature map over space.
+    /// Maps images `(n, 3, height, width)`, normalised, to embeddings `(n, width)`: the means of the
+    /// feature maps at the network's depths over space.
     pub(super) fn embed(&self, images: &Tensor) -> Result<Tensor> {
-        Ok(self.features(images)?.mean((2, 3))?)
+        let maps = self.features(images)?;
+        let means = maps.iter().map(|map| map.mean((2, 3)));
+        Ok(Tensor::cat(&means.collect::<Result<Vec<_>, _>>()?, 1)?)
     }
 
-    /// Maps such images to the last feature map, `(n, width, rows, columns)`.
-    pub(super) fn features(&self, images: &Tensor) -> Result<Tensor> {
+    /// Maps such images to the feature maps at the network's depths, `(n, channels, rows, columns)` each.
+    pub(super) fn features(&self, images: &Tensor) -> Result<Vec<Tensor>> {
         let last_readers = self.network.last_readers();
         let mut maps = Maps::new();
-        let mut last = IMAGE;
-        maps.insert(last, images.clone());
+        maps.insert(IMAGE, images.clone());
+        let mut seen = Vec::new();
         for (number, layer) in self.network.layers.iter().enumerate() {
             let map = self.layer(layer, &maps)?;
+            if self.network.block(number + 1).is_some() {
+                seen.push(map.clone());
+            }
             maps.retain(|&map, _| last_readers[map] > number);
-            last = number + 1;
-            maps.insert(last, map);
+            maps.insert(number + 1, map);
         }
-        Ok(maps[&last].clone())
+        Ok(seen)
     }
 
     fn layer(&self, layer: &Layer, maps: &Maps) -> Result<Tensor> {

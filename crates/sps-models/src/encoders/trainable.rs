@@ -1,6 +1,6 @@
 //! Encoders whose weights are variables.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 
@@ -12,7 +12,7 @@ use super::images::{Normalisation, Order};
 use super::network::Network;
 use super::plain::{BatchStatistics, Plain};
 use super::train::{Context, Gradients, Tape};
-use super::{Encoder, EncoderKind, Precision, check, normalise, scales};
+use super::{Block, Depths, Encoder, EncoderKind, Precision, check, normalise, scales};
 use crate::error::{Error, Result};
 use crate::ops::bands::inside_pool;
 use crate::ops::buffer::Recycler;
@@ -49,6 +49,7 @@ const MOMENTUM: f64 = 0.1;
 #[derive(Debug)]
 pub struct TrainableEncoder {
     kind: EncoderKind,
+    depths: Depths,
     network: Arc<Network>,
     /// All tensors by name: those of the variables share their memory.
     weights: Weights,
@@ -104,10 +105,13 @@ impl TrainableEncoder {
         let device = encoder.device().clone();
         let mut variables = BTreeMap::new();
         let mut tensors = Vec::new();
+        let specs = encoder.network.specs();
+        let used: BTreeSet<&str> = specs.iter().map(|spec| &spec.name[..]).collect();
         // The scales of int8 belong to weights that do not change.
         let tensors_of = encoder.weights().iter();
         for (name, tensor) in tensors_of.filter(|(name, _)| *name != scales::TENSOR) {
-            if name.ends_with(".running_mean") || name.ends_with(".running_var") {
+            let moved = name.ends_with(".running_mean") || name.ends_with(".running_var");
+            if moved || !used.contains(name) {
                 tensors.push((name.to_owned(), tensor.clone()));
             } else {
                 let variable = Var::from_tensor(&tensor.copy()?)?;
@@ -117,6 +121,7 @@ impl TrainableEncoder {
         }
         Ok(Self {
             kind: encoder.kind(),
+            depths: encoder.depths().clone(),
             network: Arc::clone(&encoder.network),
             weights: Weights::sharing(encoder.weights().origin(), tensors),
             variables,
@@ -174,7 +179,23 @@ impl TrainableEncoder {
         self.kind
     }
 
-    /// What training changes, in the order of the names: everything but running statistics.
+    /// Which feature maps an embedding is made of.
+    pub fn depths(&self) -> &Depths {
+        &self.depths
+    }
+
+    /// The blocks of an embedding, in their order.
+    pub fn blocks(&self) -> Vec<Block> {
+        self.network.named_blocks()
+    }
+
+    /// The length of an embedding.
+    pub fn width(&self) -> usize {
+        self.network.width()
+    }
+
+    /// What training changes, in the order of the names: all that embeddings of its depths need but running
+    /// statistics.
     pub fn variables(&self) -> impl Iterator<Item = (&str, &Var)> {
         self.variables
             .iter()
@@ -198,7 +219,7 @@ impl TrainableEncoder {
     ///
     /// When a weight is no longer finite.
     pub fn encoder(&self) -> Result<Encoder> {
-        Encoder::new(self.kind, self.weights()?, &self.device)
+        Encoder::new(self.kind, self.weights()?, &self.device)?.with_depths(&self.depths)
     }
 
     /// Embeds images or sequences, as [`Encoder::embed`] takes them, to `(n, width)`, as training does:
@@ -290,9 +311,7 @@ impl TrainableEncoder {
         let mut statistics = Vec::new();
         let (tape, embeddings) = inside_pool(|| {
             let checkpointing = self.checkpointing;
-            let tape = Tape::<W>::record(&context, &images, checkpointing, &mut statistics)?;
-            let embeddings = tape.embeddings(&context);
-            Ok::<_, Error>((tape, embeddings))
+            Tape::<W>::record(&context, &images, checkpointing, &mut statistics)
         })?;
         let received = Arc::clone(&self.received);
         let backward = move |_: &[f32], gradient: &[f32]| {

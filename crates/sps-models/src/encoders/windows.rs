@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use candle_core::Tensor;
 use rayon::prelude::*;
 
 use super::plain::Plain;
@@ -33,8 +34,8 @@ impl Encoder {
     /// widths in pixels. The first window begins in the image's upper left corner, the others
     /// `stride` pixels further to the right and down, as long as they lie in the image as a whole.
     ///
-    /// The embedding of a window is the mean of the last feature map over the cells whose centres lie
-    /// in it. A feature map of `n` rows cuts the image into `n` rows of one height, 32 pixels or 16
+    /// The embedding of a window has for each depth the mean of its feature map over the cells whose centres
+    /// lie in it. A feature map of `n` rows cuts the image into `n` rows of one height, 32 pixels or 16
     /// where the network has such strides, and a cell's centre is that of its piece; so with columns.
     /// A window as large as the image has the embedding that [`Encoder::embed`] gives, up to rounding.
     /// That of a smaller one differs from the embedding of a photograph that ends where the window
@@ -78,19 +79,22 @@ impl Encoder {
         windows.embed(&self.cell_sums(image, extents)?)
     }
 
-    /// The sums of the last feature map of an image that has been checked.
-    fn cell_sums(&self, image: &[f32], size: Size) -> Result<CellSums> {
+    /// The sums of the feature maps of an image that has been checked, at each depth.
+    fn cell_sums(&self, image: &[f32], size: Size) -> Result<Vec<CellSums>> {
         if let Some(kernels) = &self.kernels {
             return Ok(kernels.cell_sums(self.of_pixels(&[image], size)));
         }
         let [_, height, width] = size;
         let normalisation = &self.network.normalisation;
         let images = normalise(&self.planes(&[image], [height, width])?, normalisation)?;
+        let sums = |features: &Tensor| {
+            let (_, channels, rows, columns) = features.dims4()?;
+            let cells: Vec<f32> = features.permute((0, 2, 3, 1))?.flatten_all()?.to_vec1()?;
+            let grid = Grid::tight(1, [1, rows, columns], channels);
+            Ok(CellSums::new(&cells, &grid, Scale::UNIT))
+        };
         let features = Plain::new(&self.network, &self.weights).features(&images)?;
-        let (_, channels, rows, columns) = features.dims4()?;
-        let cells: Vec<f32> = features.permute((0, 2, 3, 1))?.flatten_all()?.to_vec1()?;
-        let grid = Grid::tight(1, [1, rows, columns], channels);
-        Ok(CellSums::new(&cells, &grid, Scale::UNIT))
+        features.iter().map(sums).collect()
     }
 }
 
@@ -176,33 +180,37 @@ impl Windows {
             .collect())
     }
 
-    /// The mean of the cells of each window.
+    /// The mean of the cells of each window, at each depth.
     ///
     /// # Errors
     ///
     /// Windows smaller than a cell, some of which would hold none, and more of them than a gibibyte
     /// holds.
-    fn embed(&self, sums: &CellSums) -> Result<WindowEmbeddings> {
-        let [rows, columns] = [self.cells(0, sums.rows)?, self.cells(1, sums.columns)?];
-        let values = rows
-            .len()
-            .saturating_mul(columns.len())
-            .saturating_mul(sums.width);
+    fn embed(&self, depths: &[CellSums]) -> Result<WindowEmbeddings> {
+        let cells = |sums: &CellSums| Ok([self.cells(0, sums.rows)?, self.cells(1, sums.columns)?]);
+        let cells = depths.iter().map(cells).collect::<Result<Vec<_>>>()?;
+        let [rows, columns] = self.counts();
+        let width: usize = depths.iter().map(|sums| sums.width).sum();
+        let values = rows.saturating_mul(columns).saturating_mul(width);
         if values > MOST_VALUES {
-            let found = format_args!("{} x {} of width {}", rows.len(), columns.len(), sums.width);
+            let found = format_args!("{rows} x {columns} of width {width}");
             let expected = format_args!("at most {MOST_VALUES} values; a larger stride");
             return Err(Error::input("windows", found, expected));
         }
         let mut embeddings = vec![0.0; values];
-        let outs = embeddings.par_chunks_mut(columns.len() * sums.width);
-        outs.zip(&rows).for_each(|(out, rows)| {
-            for (out, columns) in out.chunks_exact_mut(sums.width).zip(&columns) {
-                sums.mean(rows, columns, out);
+        let outs = embeddings.par_chunks_mut((columns * width).max(1));
+        outs.enumerate().for_each(|(row, out)| {
+            for (column, mut out) in out.chunks_exact_mut(width).enumerate() {
+                for (sums, [rows, columns]) in depths.iter().zip(&cells) {
+                    let (block, rest) = out.split_at_mut(sums.width);
+                    sums.mean(&rows[row], &columns[column], block);
+                    out = rest;
+                }
             }
         });
         Ok(WindowEmbeddings {
-            rows: rows.len(),
-            columns: columns.len(),
+            rows,
+            columns,
             centres: self.centres(),
             embeddings,
         })
@@ -289,7 +297,7 @@ mod tests {
             let grid = Grid::tight(1, [1, SIDE, SIDE], 1);
             let windows = Windows::new([SIDE; 2], [1, 1], 1).unwrap();
             let found = windows
-                .embed(&CellSums::new(&map, &grid, Scale::UNIT))
+                .embed(&[CellSums::new(&map, &grid, Scale::UNIT)])
                 .unwrap();
             let off = |value: f32| (value / DARK - 1.0).abs();
             let worst = found.embeddings[1..]
@@ -323,7 +331,7 @@ mod tests {
                 .collect();
             let grid = Grid::tight(1, [1, cells[0], cells[1]], width);
             let windows = Windows::new(image, window, stride).unwrap();
-            let found = windows.embed(&CellSums::new(&map, &grid, Scale::UNIT)).unwrap();
+            let found = windows.embed(&[CellSums::new(&map, &grid, Scale::UNIT)]).unwrap();
 
             let lasts = [0, 1].map(|axis| image[axis] - window[axis]);
             let mut at = 0;

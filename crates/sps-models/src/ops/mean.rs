@@ -13,7 +13,7 @@ const RUN: usize = 64;
 /// Words that are summed sooner than another thread is called for help.
 const FEW: usize = 64 << 10;
 
-/// Writes `(frames, channels)`, the mean of each channel over a frame's pixels.
+/// Writes into each frame's slice the mean of each channel over the frame's pixels.
 ///
 /// The order of the sums is that of the pixels, whatever the threads.
 pub(crate) fn frame_means<W: Word>(
@@ -21,15 +21,11 @@ pub(crate) fn frame_means<W: Word>(
     level: Level,
     source: &[W],
     grid: &Grid,
-    means: &mut [f32],
+    means: &mut [&mut [f32]],
 ) {
-    let channels = grid.channels;
     let places = Grid { frames: 1, ..*grid }.places();
     let runs: Vec<&[usize]> = places.chunks(RUN).collect();
-    let frames = source
-        .chunks_exact(grid.frame_len())
-        .zip(means.chunks_exact_mut(channels));
-    for (frame, means) in frames {
+    for (frame, means) in source.chunks_exact(grid.frame_len()).zip(means) {
         let sum = |run: &&[usize]| level.run(Sum { frame, run, grid });
         let sums: Vec<Vec<f32>> = match threads {
             Threads::All if frame.len() > FEW => runs.par_iter().map(sum).collect(),

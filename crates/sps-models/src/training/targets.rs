@@ -1,6 +1,7 @@
 use candle_core::{DType, Device, Tensor};
 
 use crate::data::{Embeddings, Readings};
+use crate::encoders::Block;
 use crate::error::{Error, Result};
 use crate::standardise::Standardiser;
 
@@ -29,6 +30,9 @@ pub struct Targets {
 pub struct Features {
     /// The teacher's embeddings, `(images, width)`, f32.
     pub embeddings: Tensor,
+    /// What they are made of: each of these blocks is learnt from the encoder's own of the same name, or from all
+    /// that the encoder embeds where it has none of that name. Without any they are one block without a name.
+    pub blocks: Vec<Block>,
     /// How much their loss counts beside the others.
     pub weight: f64,
 }
@@ -86,15 +90,24 @@ impl Targets {
 impl Features {
     /// How many images there are features of.
     fn images(&self) -> Result<usize> {
-        let Self { embeddings, weight } = self;
+        let Self {
+            embeddings,
+            blocks,
+            weight,
+        } = self;
         if !(weight.is_finite() && *weight > 0.0) {
             return Err(Error::input("weight of features", weight, "above 0"));
         }
-        match embeddings.dims() {
-            [images, _] if embeddings.dtype() == DType::F32 => Ok(*images),
-            dims => Err(Error::input(
+        let width: usize = blocks.iter().map(|block| block.width).sum();
+        match *embeddings.dims() {
+            [_, found] if !blocks.is_empty() && found != width => {
+                let expected = format_args!("{width}, the width of all blocks");
+                Err(Error::input("width of features", found, expected))
+            }
+            [images, _] if embeddings.dtype() == DType::F32 => Ok(images),
+            _ => Err(Error::input(
                 "features",
-                format_args!("{} {dims:?}", embeddings.dtype().as_str()),
+                format_args!("{} {:?}", embeddings.dtype().as_str(), embeddings.dims()),
                 "f32 (images, width)",
             )),
         }

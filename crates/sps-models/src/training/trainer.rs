@@ -104,8 +104,8 @@ impl Trainer {
         let data = state::hash(&targets, &parts)?;
         let encoder = TrainableEncoder::new(encoder)?.with_precision(config.precision)?;
         let encoder = encoder.with_checkpointing(config.checkpointing);
-        let width = encoder.kind().width();
-        let objective = Objective::new(&config, targets, &parts.training, width, seed)?;
+        let blocks = encoder.blocks();
+        let objective = Objective::new(&config, targets, &parts.training, &blocks, seed)?;
         let adam = Adam::new(config.adam.clone(), parameters(&encoder, &objective))?;
         Ok(Self {
             config,
@@ -188,7 +188,8 @@ impl Trainer {
         match self.best {
             Some(best) => {
                 let device = candle_core::Device::Cpu;
-                Encoder::new(self.encoder.kind(), best.weights, &device)
+                let encoder = Encoder::new(self.encoder.kind(), best.weights, &device)?;
+                encoder.with_depths(self.encoder.depths())
             }
             None => self.encoder.encoder(),
         }

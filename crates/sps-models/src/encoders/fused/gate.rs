@@ -51,7 +51,8 @@ impl PackedGate {
         conv: &Packed<W>,
     ) -> [Vec<f32>; 2] {
         let mut means = vec![0.0; from.frames * from.channels];
-        frame_means(threads, level, source, from, &mut means);
+        let mut rows_of: Vec<_> = means.chunks_exact_mut(from.channels).collect();
+        frame_means(threads, level, source, from, &mut rows_of);
         for mean in &mut means {
             *mean = of.value(*mean);
         }

@@ -13,6 +13,8 @@ mod gate;
 mod hard_cases;
 mod slots;
 
+use std::ops::Range;
+
 use super::batch::Images;
 use super::images::lay_out;
 use super::network::{Conv, IMAGE, Layer, Map, MaxPool, Network};
@@ -65,6 +67,18 @@ struct Part<W> {
     /// The factor of what is there already, where it is added to that.
     accumulate: Option<f32>,
     limits: [f32; 2],
+}
+
+/// A feature map at one of the network's depths.
+pub(super) struct Seen<'a, W> {
+    /// Its place in embeddings.
+    pub(super) block: Range<usize>,
+    /// The first of the frames that it is of.
+    pub(super) first: usize,
+    pub(super) memory: &'a [W],
+    pub(super) grid: &'a Grid,
+    /// What its numbers stand for.
+    pub(super) scale: Scale,
 }
 
 /// Memory of one thread's passes through the network.
@@ -120,20 +134,17 @@ impl<W: Word> Fused<W> {
         self.level
     }
 
-    /// What the numbers of the last feature map stand for.
-    pub(super) fn scale(&self) -> Scale {
-        self.scales[self.steps.len()]
-    }
-
-    /// The last feature map of at most [`GROUP`] images `(frames, 3, ..size)`, and its layout.
+    /// Shows the feature maps at the network's depths, of at most [`GROUP`] images `(frames, 3, ..size)`, as
+    /// soon as each is made: the next layer may write over it.
     ///
     /// Maps that are large go through one frame at a time, which then stays in the cache.
-    pub(super) fn features<'w>(
+    pub(super) fn walk(
         &self,
         threads: Threads,
         images: &Images<'_>,
-        workspace: &'w mut Workspace<W>,
-    ) -> (&'w [W], Grid) {
+        workspace: &mut Workspace<W>,
+        mut see: impl FnMut(Seen<'_, W>),
+    ) {
         let Workspace { slots, group } = workspace;
         slots.resize_with(self.slots.count, Slot::default);
         let frames = images.frames();
@@ -144,14 +155,15 @@ impl<W: Word> Fused<W> {
             self.lay_out(threads, image, images, &one[IMAGE], slots);
             for number in 0..meeting {
                 self.run(threads, number, &one, slots);
+                self.show(number + 1, frame, &one, slots, &mut see);
             }
-            if frames > 1 {
+            if frames > 1 && meeting < self.steps.len() {
                 let len = one[meeting].len();
                 group.resize(frames * len);
                 group[frame * len..(frame + 1) * len].copy_from_slice(&slots[slot].memory);
             }
         }
-        let grids = if frames > 1 {
+        let grids = if frames > 1 && meeting < self.steps.len() {
             std::mem::swap(&mut slots[slot].memory, group);
             slots[slot].border = None;
             self.grids(frames, images.size)
@@ -160,9 +172,28 @@ impl<W: Word> Fused<W> {
         };
         for number in meeting..self.steps.len() {
             self.run(threads, number, &grids, slots);
+            self.show(number + 1, 0, &grids, slots, &mut see);
         }
-        let last = self.steps.len();
-        (&slots[self.slots.of(last)].memory, grids[last])
+    }
+
+    /// Shows a map where it is at a depth.
+    fn show(
+        &self,
+        map: Map,
+        first: usize,
+        grids: &[Grid],
+        slots: &[Slot<W>],
+        see: &mut impl FnMut(Seen<'_, W>),
+    ) {
+        if let Some(block) = self.network.block(map) {
+            see(Seen {
+                block,
+                first,
+                memory: &slots[self.slots.of(map)].memory,
+                grid: &grids[map],
+                scale: self.scales[map],
+            });
+        }
     }
 
     /// Lays one of the images out in its slot.

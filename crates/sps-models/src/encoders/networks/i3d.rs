@@ -43,14 +43,19 @@ pub(in crate::encoders) fn i3d(name: &'static str) -> Network {
     };
     net.eps = 1e-3;
     net.sequences = true;
-    let mut x = IMAGE;
+    let (mut x, mut blocks) = (IMAGE, 0);
     for endpoint in ENDPOINTS {
         x = match endpoint {
             Endpoint::Unit(name, outputs, size, stride) => {
                 net.conv(x, unit(name, size, stride, outputs))
             }
             Endpoint::Pool(size, stride) => net.max_pool(x, Slide::Same { size, stride }, false),
-            Endpoint::Mixed(name, outputs) => mixed(&mut net, x, name, outputs),
+            Endpoint::Mixed(name, outputs) => {
+                let x = mixed(&mut net, x, name, outputs);
+                blocks += 1;
+                net.depth(format!("block-{blocks}"));
+                x
+            }
         };
     }
     net

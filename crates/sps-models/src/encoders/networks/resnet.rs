@@ -66,6 +66,7 @@ fn network(
             let (inner, last) = branch(&mut net, &block, x);
             x = net.residual(inner, last, None, shortcut);
         }
+        net.depth(format!("stage-{}", stage + 1));
     }
     net
 }

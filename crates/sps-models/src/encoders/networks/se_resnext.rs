@@ -61,6 +61,7 @@ impl Config {
                 let stride = if stage > 0 && index == 0 { 2 } else { 1 };
                 x = self.bottleneck(&mut net, x, stage, index, stride);
             }
+            net.depth(format!("stage-{}", stage + 1));
         }
         net
     }

@@ -54,11 +54,17 @@ fn network(name: &'static str, (window, stem): (usize, usize), modules: &[Module
     let mut net = Network::new(name, "classifier.1.");
     let stem = Conv::new("features.0", Slide::square(window, 2, 0), stem);
     let mut x = net.conv(IMAGE, stem.relu());
+    let mut blocks = 0;
     // The rectifier after the stem is counted too.
     for (index, module) in (2..).zip(modules) {
         x = match *module {
             Pool => net.max_pool(x, Slide::square(3, 2, 0), true),
-            Fire(squeeze, expand) => fire(&mut net, x, index, squeeze, expand),
+            Fire(squeeze, expand) => {
+                let x = fire(&mut net, x, index, squeeze, expand);
+                blocks += 1;
+                net.depth(format!("block-{blocks}"));
+                x
+            }
         };
     }
     net

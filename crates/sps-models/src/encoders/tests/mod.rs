@@ -11,7 +11,7 @@ use candle_core::{DType, Device, Tensor, Var};
 
 use super::images::Normalisation;
 use super::plain::Plain;
-use super::{Encoder, EncoderKind, Precision};
+use super::{Depths, Encoder, EncoderKind, Precision};
 use crate::golden::{self, error, values};
 use crate::ops::simd::forced::on_each_level;
 use crate::weights::Weights;
@@ -31,7 +31,7 @@ fn exact_features(encoder: &Encoder, images: &Tensor) -> Tensor {
     let images = double(images).broadcast_sub(&row(mean)).unwrap();
     let images = images.broadcast_div(&row(std)).unwrap();
     let net = Plain::new(&encoder.network, &weights);
-    net.features(&images).unwrap()
+    net.features(&images).unwrap().pop().unwrap()
 }
 
 /// The networks of images.
@@ -102,7 +102,10 @@ fn plain_operators_in_f64() {
     };
 
     let images = f32_input("golden/train64", &[4, 3, 64, 64]);
-    let network = EncoderKind::SeResNext50.network();
+    let network = EncoderKind::SeResNext50
+        .network()
+        .at(&Depths::Last)
+        .unwrap();
     let net = Plain::training(&network, &weights);
     let embedding = net.embed(&images).unwrap();
     let found = error(&values(&embedding), &values(&expected["train64.embedding"]));

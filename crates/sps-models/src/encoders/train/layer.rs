@@ -94,7 +94,7 @@ impl Context {
             |layer: &Layer| matches!(layer, Layer::Residual { shortcut, .. } if *shortcut == map);
         let makes = map.checked_sub(1).and_then(|number| layers.get(number));
         matches!(makes, Some(Layer::Conv(conv)) if conv.activation == Activation::Identity && conv.norm.is_some())
-            && map < layers.len()
+            && self.network.block(map).is_none()
             && { readers }.all(added)
     }
 

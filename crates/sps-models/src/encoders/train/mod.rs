@@ -47,7 +47,6 @@ pub(super) struct Tape<W: Real> {
     segments: Vec<Segment<W>>,
     /// The layout of each map.
     grids: Vec<Grid>,
-    last: Arc<Value<W>>,
 }
 
 /// Layers that read nothing made before them but one map.
@@ -60,18 +59,21 @@ struct Segment<W: Real> {
 }
 
 impl<W: Real> Tape<W> {
-    /// Runs forward. With `checkpointing`, only the inputs of the segments are kept, and the
+    /// Runs forward; returns the embeddings, `(frames, width)`, too. With `checkpointing`, only the inputs of the segments are kept, and the
     /// backward pass runs each segment forward once more.
     pub(super) fn record(
         context: &Context,
         images: &Images<'_>,
         checkpointing: bool,
         statistics: &mut Vec<BatchStatistics>,
-    ) -> Result<Self> {
+    ) -> Result<(Self, Vec<f32>)> {
         let grids = context.grids::<W>(images.frames(), images.size)?;
         let mut input = Arc::new(images_value(context, images, grids[IMAGE]));
         let mut segments = Vec::new();
+        let width = context.network.width();
+        let mut embeddings = vec![0.0; images.frames() * width];
         for layers in ranges(&context.network) {
+            let end = layers.end;
             let (kept, output) =
                 Kept::record(context, layers.clone(), &input, &grids, Some(statistics))?;
             segments.push(Segment {
@@ -79,28 +81,34 @@ impl<W: Real> Tape<W> {
                 input,
                 kept: (!checkpointing).then_some(kept),
             });
+            if let Some(block) = context.network.block(end) {
+                let (map, grid) = output.view();
+                let frames = embeddings.chunks_exact_mut(width);
+                let mut means: Vec<_> = frames.map(|frame| &mut frame[block.clone()]).collect();
+                frame_means(Threads::All, context.level, map, grid, &mut means);
+            }
             input = output;
         }
-        Ok(Self {
-            segments,
-            grids,
-            last: input,
-        })
-    }
-
-    /// The embeddings, `(frames, width)`.
-    pub(super) fn embeddings(&self, context: &Context) -> Vec<f32> {
-        let (last, grid) = self.last.view();
-        let mut means = vec![0.0; grid.frames * grid.channels];
-        frame_means(Threads::All, context.level, last, grid, &mut means);
-        means
+        Ok((Self { segments, grids }, embeddings))
     }
 
     /// The gradients of the parameters, from that of the embeddings.
     pub(super) fn backward(&self, context: &Context, cotangent: &[f32]) -> Result<Gradients> {
         let mut gradients = Gradients::default();
-        let mut next = Some(self.last_gradient(context, cotangent));
+        let mut next = None;
         for segment in self.segments.iter().rev() {
+            let map = segment.layers.end;
+            if let Some(block) = context.network.block(map) {
+                let cotangents = cotangent.chunks_exact(context.network.width());
+                let cotangents = cotangents.map(|frame| &frame[block.clone()]);
+                let grid = self.grids[map].bare();
+                let gradient = next.get_or_insert_with(|| {
+                    let mut nothing = context.recycler.take::<W>(grid.len());
+                    nothing.fill(W::default());
+                    nothing
+                });
+                add_of_mean(&grid, cotangents, gradient);
+            }
             let Some(gradient) = next else {
                 break;
             };
@@ -116,21 +124,22 @@ impl<W: Real> Tape<W> {
         }
         Ok(gradients)
     }
+}
 
-    /// The gradient of the last map, whose mean over space is the embedding.
-    fn last_gradient(&self, context: &Context, cotangent: &[f32]) -> Scratch<W> {
-        let grid = self.last.grid.bare();
-        let mut gradient = context.recycler.take::<W>(grid.len());
-        let share = 1.0 / pixels(grid.size) as f32;
-        let frames = gradient.chunks_exact_mut(grid.frame_len());
-        for (frame, cotangent) in frames.zip(cotangent.chunks_exact(grid.channels)) {
-            for pixel in frame.chunks_exact_mut(grid.pitch) {
-                for (gradient, cotangent) in W::each_mut(pixel).iter_mut().zip(cotangent) {
-                    *gradient = W::narrowed(cotangent * share);
-                }
+/// Adds to the gradient of a map, which lies without a border, that of its mean over space.
+fn add_of_mean<'a, W: Real>(
+    grid: &Grid,
+    cotangents: impl Iterator<Item = &'a [f32]>,
+    gradient: &mut [W],
+) {
+    let share = 1.0 / pixels(grid.size) as f32;
+    let frames = gradient.chunks_exact_mut(grid.frame_len());
+    for (frame, cotangent) in frames.zip(cotangents) {
+        for pixel in frame.chunks_exact_mut(grid.pitch) {
+            for (gradient, cotangent) in W::each_mut(pixel).iter_mut().zip(cotangent) {
+                *gradient = W::narrowed(W::widened(*gradient) + cotangent * share);
             }
         }
-        gradient
     }
 }
 

@@ -137,7 +137,7 @@ fn pooling_and_means() {
             assert_eq!(found, largest.fold(f64::NEG_INFINITY, f64::max));
         }
         let mut means = [0.0; 32];
-        frame_means(Threads::One, level, &source, &grid, &mut means);
+        frame_means(Threads::One, level, &source, &grid, &mut [&mut means]);
         for (channel, mean) in means.iter().enumerate() {
             let sum: f64 = values.iter().skip(channel).step_by(32).sum();
             assert!((f64::from(*mean) - sum / 42.0).abs() < 1e-7);

@@ -26,7 +26,7 @@ impl Linear {
         width: usize,
         seed: u64,
     ) -> Result<Self> {
-        let layer = |name: &'static str, outputs| Layer::new(name, width, outputs, seed);
+        let layer = |name: &str, outputs| Layer::new(name, width, outputs, seed);
         let values = match values {
             Some(readings) => {
                 let layer = layer("values", readings.properties().len())?;
@@ -97,14 +97,14 @@ fn count(readings: &Readings, images: &[usize]) -> usize {
 /// `x W^T + b`.
 #[derive(Debug)]
 pub(super) struct Layer {
-    name: &'static str,
+    name: String,
     weight: Var,
     bias: Var,
 }
 
 impl Layer {
     /// Filled as PyTorch fills a linear layer: uniformly within 1 / sqrt(width).
-    pub(super) fn new(name: &'static str, width: usize, outputs: usize, seed: u64) -> Result<Self> {
+    pub(super) fn new(name: &str, width: usize, outputs: usize, seed: u64) -> Result<Self> {
         let bound = 1.0 / (width as f32).sqrt();
         let draw = |leaf: &str, shape: &[usize]| {
             let mut rng = stream(seed, &format!("training/init/{name}.{leaf}"), 0);
@@ -113,7 +113,7 @@ impl Layer {
             Var::from_tensor(&values)
         };
         Ok(Self {
-            name,
+            name: name.to_owned(),
             weight: draw("weight", &[outputs, width])?,
             bias: draw("bias", &[outputs])?,
         })

@@ -4,6 +4,8 @@ mod linear;
 #[cfg(test)]
 mod tests;
 
+use std::ops::Range;
+
 use candle_core::backprop::GradStore;
 use candle_core::{Device, Tensor, Var};
 use serde::{Deserialize, Serialize};
@@ -11,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::batches;
 use super::config::{TrainingConfig, TrainingObjective};
 use super::targets::{Features, Targets};
+use crate::encoders::Block;
 use crate::error::{Error, Result};
 use crate::heads::{Draw, EpochLosses, HeadConfig, JointHeads, Share, TrainingData};
 use linear::{Layer, Linear};
@@ -38,6 +41,16 @@ struct Taught {
     /// Standardised, `(images, width)`.
     features: Tensor,
     weight: f64,
+    blocks: Vec<TaughtBlock>,
+}
+
+/// One of the teacher's depths.
+#[derive(Debug)]
+struct TaughtBlock {
+    /// Its place in the teacher's embeddings.
+    wanted: Range<usize>,
+    /// The place in the encoder's that it is learnt from.
+    from: Range<usize>,
     layer: Layer,
 }
 
@@ -105,9 +118,10 @@ impl Objective {
         config: &TrainingConfig,
         targets: Targets,
         training: &[usize],
-        width: usize,
+        encoder: &[Block],
         seed: u64,
     ) -> Result<Self> {
+        let width = encoder.iter().map(|block| block.width).sum();
         let images = batches::images(training, targets.views());
         check_start(&targets, config.objective.views(), width)?;
         let taught = taught_by(&targets, config.distillation)?;
@@ -139,7 +153,7 @@ impl Objective {
             Some(features) => Some(Taught {
                 features: features.standardised(&images)?,
                 weight: features.weight,
-                layer: Layer::new("features", width, features.embeddings.dim(1)?, seed)?,
+                blocks: taught_blocks(&features, encoder, seed)?,
             }),
             None => None,
         };
@@ -148,7 +162,7 @@ impl Objective {
 
     /// The parameters, by name.
     pub(super) fn parameters(&self) -> impl Iterator<Item = (String, &Var)> {
-        let features = self.features.iter().map(|taught| &taught.layer);
+        let features = self.features.iter().flat_map(Taught::layers);
         let mut parameters: Vec<(String, &Var)> = match &self.base {
             Base::Linear(linear) => linear.layers().flat_map(Layer::parameters).collect(),
             Base::Heads { heads, .. } => heads.parameters().collect(),
@@ -204,7 +218,7 @@ impl Objective {
             // Adam does not move what never had a gradient.
             None => variable.zeros_like(),
         };
-        let features = self.features.iter().map(|taught| &taught.layer);
+        let features = self.features.iter().flat_map(Taught::layers);
         let features = features.flat_map(Layer::parameters).map(of);
         let mut gradients = match &self.base {
             Base::Linear(linear) => {
@@ -235,16 +249,32 @@ impl Objective {
 }
 
 impl Taught {
+    fn layers(&self) -> impl Iterator<Item = &Layer> {
+        self.blocks.iter().map(|block| &block.layer)
+    }
+
+    /// The mean over the blocks of the mean squared error of their features.
     fn loss(&self, embeddings: &Tensor, Share { surfaces, of }: Share<'_>) -> Result<Tensor> {
-        let (images, width) = (embeddings.dim(0)?, self.features.dim(1)?);
+        let images = embeddings.dim(0)?;
         let views = images / surfaces.len().max(1);
         let images = batches::images(surfaces, views);
         let rows: Vec<u32> = images.iter().map(|&image| image as u32).collect();
         let rows = Tensor::new(rows, embeddings.device())?;
         let wanted = self.features.index_select(&rows, 0)?;
-        let error = self.layer.apply(embeddings)?.sub(&wanted)?;
-        let count = of.len() * views * width;
-        Ok(((error.sqr()?.sum_all()? / count as f64)? * self.weight)?)
+        let mut sum = nothing(embeddings)?;
+        for TaughtBlock {
+            wanted: range,
+            from,
+            layer,
+        } in &self.blocks
+        {
+            let wanted = wanted.narrow(1, range.start, range.len())?;
+            let seen = embeddings.narrow(1, from.start, from.len())?;
+            let error = layer.apply(&seen)?.sub(&wanted)?;
+            let count = of.len() * views * range.len() * self.blocks.len();
+            sum = (sum + (error.sqr()?.sum_all()? / count as f64)?)?;
+        }
+        Ok((sum * self.weight)?)
     }
 }
 
@@ -304,8 +334,43 @@ fn taught_by(targets: &Targets, distillation: f64) -> Result<Option<Features>> {
     let shape = (start.surfaces() * start.views(), start.width());
     Ok(Some(Features {
         embeddings: Tensor::from_vec(rows.collect::<Vec<f32>>(), shape, &Device::Cpu)?,
+        blocks: Vec::new(),
         weight: distillation,
     }))
+}
+
+/// What each of a teacher's blocks is learnt from, and by.
+fn taught_blocks(features: &Features, encoder: &[Block], seed: u64) -> Result<Vec<TaughtBlock>> {
+    let places = |blocks: &[Block]| {
+        let mut start = 0;
+        let place = |block: &Block| {
+            let range = start..start + block.width;
+            start = range.end;
+            (block.name.clone(), range)
+        };
+        blocks.iter().map(place).collect::<Vec<_>>()
+    };
+    let own = places(encoder);
+    let all = 0..own.last().map_or(0, |(_, range)| range.end);
+    let mut wanted = places(&features.blocks);
+    if wanted.is_empty() {
+        wanted.push((String::new(), 0..features.embeddings.dim(1)?));
+    }
+    let block = |(name, wanted): (String, Range<usize>)| {
+        let same = own.iter().find(|(other, _)| *other == name);
+        let from = same.map_or_else(|| all.clone(), |(_, range)| range.clone());
+        let stream = match name.as_str() {
+            "" => "features".to_owned(),
+            name => format!("features.{name}"),
+        };
+        let layer = Layer::new(&stream, from.len(), wanted.len(), seed)?;
+        Ok(TaughtBlock {
+            wanted,
+            from,
+            layer,
+        })
+    };
+    wanted.into_iter().map(block).collect()
 }
 
 /// A loss of nothing.

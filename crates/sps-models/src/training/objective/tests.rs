@@ -24,7 +24,11 @@ fn targets() -> Targets {
 }
 
 fn linear(targets: Targets, width: usize) -> Result<Objective> {
-    Objective::new(&TrainingConfig::default(), targets, &[0, 1, 2], width, 0)
+    let block = Block {
+        name: "last".to_owned(),
+        width,
+    };
+    Objective::new(&TrainingConfig::default(), targets, &[0, 1, 2], &[block], 0)
 }
 
 #[test]
@@ -60,6 +64,7 @@ fn the_loss_of_features_is_that_of_its_definition() {
     let targets = Targets {
         features: Some(Features {
             embeddings: Tensor::new(&rows, &Device::Cpu).unwrap(),
+            blocks: Vec::new(),
             weight: 2.0,
         }),
         ..Targets::default()

@@ -67,6 +67,7 @@ fn parts_have_the_gradient_of_the_whole_step() {
             embeddings: Tensor::arange(0.0_f32, 22.0, &Device::Cpu)
                 .and_then(|values| values.sin()?.reshape((11, 2)))
                 .unwrap(),
+            blocks: Vec::new(),
             weight: 0.5,
         }),
         ..stripes.targets()

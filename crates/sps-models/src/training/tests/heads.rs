@@ -462,6 +462,7 @@ mod hard_cases {
         let odd = change(|t| {
             t.features = Some(Features {
                 embeddings: Tensor::zeros((47, 5), DType::F32, &Device::Cpu).unwrap(),
+                blocks: Vec::new(),
                 weight: 1.0,
             });
         });
@@ -518,6 +519,7 @@ mod hard_cases {
             embeddings: golden::tensor("taught", &[48, 5])
                 .to_dtype(DType::F32)
                 .unwrap(),
+            blocks: Vec::new(),
             weight: 2.0,
         };
         let targets = Targets {
@@ -526,7 +528,7 @@ mod hard_cases {
         };
         let config = through_heads(Input::LateFusion { views: 2 }, model());
         let trainer = Trainer::new(&start(), targets, pairs.0.parts(), config, 5).unwrap();
-        let width = trainer.encoder.kind().width();
+        let width = trainer.encoder.width();
         let embeddings = Tensor::zeros((2, width), DType::F32, &Device::Cpu).unwrap();
         let (_, losses) = trainer
             .objective
@@ -563,6 +565,7 @@ mod hard_cases {
         let embeddings = Tensor::from_vec(rows.collect(), shape, &Device::Cpu).unwrap();
         let features = Features {
             embeddings,
+            blocks: Vec::new(),
             weight: 3.0,
         };
         let trainer = |targets: Targets, config: TrainingConfig| {

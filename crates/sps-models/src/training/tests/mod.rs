@@ -294,6 +294,7 @@ fn targets_that_do_not_fit_are_refused() {
     let features = |rows: usize, weight: f64| Targets {
         features: Some(Features {
             embeddings: Tensor::zeros((rows, 5), DType::F32, &Device::Cpu).unwrap(),
+            blocks: Vec::new(),
             weight,
         }),
         ..stripes.targets()

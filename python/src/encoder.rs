@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use sps_base::files::write_file;
 use sps_dataset::{DecodeSettings, Frame, read_image};
 use sps_models::candle::{Device, Tensor};
-use sps_models::encoders::{self, EncoderKind, Precision};
+use sps_models::encoders::{self, Depths, EncoderKind, Precision};
 use sps_models::weights::Weights;
 
 use crate::errors::{file_error, frame_error, model_error, value_error, weights_error};
@@ -36,7 +36,8 @@ const WEIGHTS: [(EncoderKind, &[u8]); 2] = [
 /// safetensors or PyTorch file, or "built-in" for those of efficientnet-lite-small and of
 /// se-resnext-small, which come with the package; `precision` is f32, bf16, which is faster on some
 /// processors with AVX512-BF16, or int8 where the file holds scales for it, as one that `calibrated`
-/// wrote does, and that of a model trained with `encoder.precision = "int8"`.
+/// wrote does, and that of a model trained with `encoder.precision = "int8"`; `depths` the feature maps whose
+/// means make an embedding, side by side: "last", "all", or a list of their names (`blocks` has them).
 ///
 /// Raises OSError where the file cannot be read, ValueError where it does not fit the network or a
 /// name is unknown.
@@ -50,9 +51,16 @@ pub(crate) struct Encoder {
 #[pymethods]
 impl Encoder {
     #[new]
-    #[pyo3(signature = (name, weights, precision = "f32"))]
-    fn new(py: Python<'_>, name: &str, weights: PathBuf, precision: &str) -> PyResult<Self> {
-        let network = py.detach(|| network(name, &weights, precision))?;
+    #[pyo3(signature = (name, weights, precision = "f32", depths = Words::Word("last".to_owned())))]
+    fn new(
+        py: Python<'_>,
+        name: &str,
+        weights: PathBuf,
+        precision: &str,
+        depths: Words,
+    ) -> PyResult<Self> {
+        let depths = depths.read()?;
+        let network = py.detach(|| network(name, &weights, precision, &depths))?;
         Ok(Self { network, weights })
     }
 
@@ -66,6 +74,13 @@ impl Encoder {
     #[getter]
     fn width(&self) -> usize {
         self.network.width()
+    }
+
+    /// The blocks that an embedding is made of, in their order: the name of each depth, and its width.
+    #[getter]
+    fn blocks(&self) -> Vec<(String, usize)> {
+        let blocks = self.network.blocks().into_iter();
+        blocks.map(|block| (block.name, block.width)).collect()
     }
 
     /// What the network computes in: f32, bf16 or int8.
@@ -124,14 +139,46 @@ impl Encoder {
     }
 
     /// What a copy is made of, such as another process's.
-    fn __getnewargs__(&self) -> (&'static str, PathBuf, &'static str) {
-        (self.name(), self.weights.clone(), self.precision())
+    fn __getnewargs__(&self) -> (&'static str, PathBuf, &'static str, Words) {
+        let depths = Words::of(self.network.depths());
+        (self.name(), self.weights.clone(), self.precision(), depths)
     }
 
     fn __repr__(&self) -> String {
         let (name, precision) = (self.name(), self.precision());
         let weights = self.weights.display();
-        format!("Encoder({name:?}, \"{weights}\", precision={precision:?})")
+        let depths = match Words::of(self.network.depths()) {
+            Words::Word(word) => format!("{word:?}"),
+            Words::Names(names) => format!("{names:?}"),
+        };
+        format!("Encoder({name:?}, \"{weights}\", precision={precision:?}, depths={depths})")
+    }
+}
+
+/// Depths as Python has them.
+#[derive(FromPyObject, IntoPyObject)]
+pub(crate) enum Words {
+    Word(String),
+    Names(Vec<String>),
+}
+
+impl Words {
+    fn read(self) -> PyResult<Depths> {
+        match self {
+            Self::Word(word) if word == "last" => Ok(Depths::Last),
+            Self::Word(word) if word == "all" => Ok(Depths::All),
+            Self::Word(word) => Err(value_error(format_args!(
+                "depths: found {word:?}, expected \"last\", \"all\" or a list of names"
+            ))),
+            Self::Names(names) => Ok(Depths::Named(names)),
+        }
+    }
+
+    fn of(depths: &Depths) -> Self {
+        match depths {
+            Depths::Named(names) => Self::Names(names.clone()),
+            word => Self::Word(word.to_string()),
+        }
     }
 }
 
@@ -207,7 +254,12 @@ fn built_in(kind: EncoderKind) -> PyResult<&'static [u8]> {
     Ok(weights)
 }
 
-fn network(name: &str, weights: &Path, precision: &str) -> PyResult<encoders::Encoder> {
+fn network(
+    name: &str,
+    weights: &Path,
+    precision: &str,
+    depths: &Depths,
+) -> PyResult<encoders::Encoder> {
     let kind: EncoderKind = name.parse().map_err(|error| model_error(&error))?;
     if kind.takes_sequences() {
         return Err(value_error(format_args!(
@@ -222,6 +274,7 @@ fn network(name: &str, weights: &Path, precision: &str) -> PyResult<encoders::En
     };
     let weights = weights.map_err(|error| weights_error(&error))?;
     encoders::Encoder::new(kind, weights, &Device::Cpu)
+        .and_then(|network| network.with_depths(depths))
         .and_then(|network| network.with_precision(precision))
         .map_err(|error| model_error(&error))
 }

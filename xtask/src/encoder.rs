@@ -5,7 +5,7 @@ use candle_core::{Device, Tensor};
 use rayon::prelude::*;
 use sps_dataset::Frame;
 use sps_estimator::{Embedder, Network};
-use sps_models::encoders::{Encoder, EncoderKind, Precision};
+use sps_models::encoders::{Depths, Encoder, EncoderKind, Precision};
 use sps_models::training::TrainingObjective;
 use sps_models::weights::Weights;
 
@@ -39,6 +39,7 @@ pub(crate) fn load(spec: &EncoderSpec, seed: u64) -> Result<Network> {
         WeightsSpec::Untrained => Encoder::seeded(kind, seed, &Device::Cpu)?,
         WeightsSpec::File(path) => Encoder::load(kind, path, &Device::Cpu)?,
     };
+    let encoder = encoder.with_depths(&spec.depths)?;
     let encoder = match spec.precision {
         Precision::Int8 => encoder,
         precision => encoder.with_precision(precision)?,
@@ -131,6 +132,11 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         (NetworkSpec::Images(_), Some(pixels)) => format!(", on frames of {pixels} pixels"),
         (NetworkSpec::Images(_), None) => String::new(),
     };
+    let depths = match &spec.depths {
+        Depths::Last => String::new(),
+        Depths::All => ", at all depths".to_owned(),
+        Depths::Named(names) => format!(", at {}", names.join(" and ")),
+    };
     let name = spec.network.kind();
-    format!("{name}{precision} with {weights}{frames}{trained}{maps}")
+    format!("{name}{precision} with {weights}{depths}{frames}{trained}{maps}")
 }

@@ -7,6 +7,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use sps_dataset::{DecodeSettings, Extent, Frame, FrameError, read_image, read_image_resized};
+use sps_models::Embeddings;
+use sps_models::candle::{Device, Tensor};
 use sps_models::encoders::Encoder;
 
 use crate::error::{Error, Result};
@@ -232,6 +234,21 @@ impl Embedder {
             prepared.data.extend_from_slice(&image.data);
         }
         Ok(Cow::Owned(prepared))
+    }
+
+    /// The embeddings of surfaces, `(surfaces, views, width)`, as a table with the blocks of the encoder's
+    /// depths.
+    ///
+    /// # Errors
+    ///
+    /// Another number of values, or one that is not finite.
+    pub fn table(&self, values: &[f32], surfaces: usize, views: usize) -> Result<Embeddings> {
+        let shape = (surfaces, views, self.width());
+        let tensor = Tensor::from_slice(values, shape, &Device::Cpu);
+        let table = Embeddings::new(&tensor.map_err(sps_models::Error::from)?)?;
+        let blocks = self.network.encoder().blocks();
+        let widths: Vec<usize> = blocks.iter().map(|block| block.width).collect();
+        Ok(table.in_blocks(&widths)?)
     }
 
     /// The photograph as the network takes it.

@@ -6,8 +6,6 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use sps_dataset::{DecodeSettings, Frame, toccare};
-use sps_models::Embeddings;
-use sps_models::candle::{Device, Tensor};
 
 use crate::embedder::{Embedder, read_photograph};
 use crate::error::{Error, Result};
@@ -252,7 +250,7 @@ impl Estimator {
             (1, photographs)
         };
         self.check_views(views)?;
-        let embeddings = self.embeddings(values, surfaces, views)?;
+        let embeddings = self.embedder.table(values, surfaces, views)?;
         let predictions = self.fitted.predict_at_once(&embeddings, surfaces)?;
         Ok(self.answer(&predictions, 0..surfaces))
     }
@@ -275,7 +273,7 @@ impl Estimator {
         self.check_views(views)?;
         let predictions = self
             .fitted
-            .predict(&self.embeddings(values, surfaces, views)?)?;
+            .predict(&self.embedder.table(values, surfaces, views)?)?;
         Ok((0..surfaces)
             .map(|at| self.answer(&predictions, at..at + 1))
             .collect())
@@ -300,17 +298,6 @@ impl Estimator {
             ""
         };
         format!("{steps}, at {angles} degrees{ordered}")
-    }
-
-    pub(crate) fn embeddings(
-        &self,
-        values: &[f32],
-        surfaces: usize,
-        views: usize,
-    ) -> Result<Embeddings> {
-        let shape = (surfaces, views, self.embedder.width());
-        let tensor = Tensor::from_slice(values, shape, &Device::Cpu);
-        Ok(Embeddings::new(&tensor.map_err(sps_models::Error::from)?)?)
     }
 
     /// What is said of some photographs that are of one surface: the mean.

@@ -80,7 +80,7 @@ impl Estimator {
             Sight::Alone => self.each_alone(&scaled, window, &windows)?,
         };
         let [rows, columns] = windows.counts();
-        let embeddings = self.embeddings(&embeddings, rows * columns, 1)?;
+        let embeddings = self.embedder().table(&embeddings, rows * columns, 1)?;
         let as_it_came = |[y, x]: [f64; 2]| {
             let down = photograph.height as f64 / scaled.height as f64;
             let right = photograph.width as f64 / scaled.width as f64;

@@ -114,7 +114,9 @@ impl<E: Borrow<Estimator>> Session<E> {
         self.embeddings.extend(embedded);
         self.views += 1;
         let fitted = estimator.fitted();
-        let embeddings = estimator.embeddings(&self.embeddings, 1, self.views)?;
+        let embeddings = estimator
+            .embedder()
+            .table(&self.embeddings, 1, self.views)?;
         let predictions = fitted.predict(&embeddings)?;
         let narrow = fitted.narrow(&predictions, self.width).concat();
         self.over = narrow.iter().all(|narrow| *narrow);

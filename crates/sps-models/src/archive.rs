@@ -117,6 +117,16 @@ impl Content {
     }
 }
 
+/// The blocks that embeddings of one encoder are made of, as files keep them: none where they are one.
+pub(crate) fn stored_blocks<'a>(
+    mut embeddings: impl Iterator<Item = &'a Embeddings>,
+) -> Vec<usize> {
+    match embeddings.next().map(Embeddings::blocks) {
+        None | Some([_]) => Vec::new(),
+        Some(blocks) => blocks.to_vec(),
+    }
+}
+
 /// The tensors of a file.
 pub(crate) struct Contents<'a> {
     archive: &'static Archive,
@@ -159,8 +169,8 @@ impl<'a> Contents<'a> {
         Ok(values.chunks(length).map(<[f64]>::to_vec).collect())
     }
 
-    /// What [`Content::embeddings`] wrote, of one surface or more.
-    pub(crate) fn embeddings(&self, name: &str) -> Result<Embeddings> {
+    /// What [`Content::embeddings`] wrote, of one surface or more, in [blocks](stored_blocks).
+    pub(crate) fn embeddings(&self, name: &str, blocks: &[usize]) -> Result<Embeddings> {
         let (shape, bytes) = self.tensor::<3>(name, Dtype::F32)?;
         // With these the product of the others might be more than a number holds.
         if shape.contains(&0) {
@@ -173,7 +183,11 @@ impl<'a> Contents<'a> {
         let values: Vec<f32> = values.iter().map(|b| f32::from_le_bytes(*b)).collect();
         let [surfaces, views, width] = shape;
         let shape = (surfaces, views, width);
-        Embeddings::new(&Tensor::from_vec(values, shape, &Device::Cpu)?)
+        let embeddings = Embeddings::new(&Tensor::from_vec(values, shape, &Device::Cpu)?)?;
+        match blocks {
+            [] => Ok(embeddings),
+            blocks => embeddings.in_blocks(blocks),
+        }
     }
 
     /// The shape and bytes of a tensor, when it has this type and so many axes.

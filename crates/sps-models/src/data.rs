@@ -1,16 +1,23 @@
 //! What the heads learn from: embeddings of photographs, and tactile readings.
 
+use std::ops::Range;
+
 use candle_core::{DType, Tensor};
 
 use crate::error::{Error, Result};
 
 /// Image embeddings of surfaces, `(surfaces, views, width)`, f32, every value finite.
+///
+/// The features of a view may be several blocks side by side, as those of
+/// [several depths](crate::encoders::Depths) are. Each is then scaled by itself, whatever is fitted to them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Embeddings {
     values: Vec<f32>,
     surfaces: usize,
     views: usize,
     width: usize,
+    /// The widths of the blocks, which are `width` together.
+    blocks: Vec<usize>,
 }
 
 impl Embeddings {
@@ -62,6 +69,23 @@ impl Embeddings {
             surfaces,
             views,
             width,
+            blocks: vec![width],
+        })
+    }
+
+    /// The same, the features of each view made of blocks of these widths.
+    ///
+    /// # Errors
+    ///
+    /// A block of no feature, widths that are not the whole together.
+    pub fn in_blocks(self, widths: &[usize]) -> Result<Self> {
+        if widths.contains(&0) || widths.iter().sum::<usize>() != self.width {
+            let expected = format_args!("some above 0 that are {} together", self.width);
+            return Err(Error::input("blocks", format_args!("{widths:?}"), expected));
+        }
+        Ok(Self {
+            blocks: widths.to_vec(),
+            ..self
         })
     }
 
@@ -78,6 +102,47 @@ impl Embeddings {
     /// Features of one view.
     pub fn width(&self) -> usize {
         self.width
+    }
+
+    /// The widths of the blocks that the features of a view are made of.
+    pub fn blocks(&self) -> &[usize] {
+        &self.blocks
+    }
+
+    /// The places of the blocks among the features of a view.
+    pub(crate) fn block_places(&self) -> impl Iterator<Item = Range<usize>> {
+        self.blocks.iter().scan(0, |start, width| {
+            let place = *start..*start + width;
+            *start = place.end;
+            Some(place)
+        })
+    }
+
+    /// What brings each block to a mean variance of 1 over these surfaces and views, one factor for each
+    /// feature of a view; 0 for a block that does not vary. One block alone stays as it is.
+    pub(crate) fn balance(&self) -> Vec<f32> {
+        if self.blocks.len() == 1 {
+            return vec![1.0; self.width];
+        }
+        let rows = self.values.chunks_exact(self.width);
+        let spread = Spread::of(self.width, rows);
+        let factors = self.block_places().flat_map(|place| {
+            let common = spread.common(place.clone());
+            let factor = if common > 0.0 { 1.0 / common } else { 0.0 };
+            place.map(move |_| factor as f32)
+        });
+        factors.collect()
+    }
+
+    /// Each feature of every view times its factor.
+    pub(crate) fn scaled(&self, factors: &[f32]) -> Self {
+        let values = self.values.chunks_exact(self.width);
+        let scaled = values.flat_map(|row| row.iter().zip(factors).map(|(x, factor)| x * factor));
+        Self {
+            values: scaled.collect(),
+            blocks: self.blocks.clone(),
+            ..*self
+        }
     }
 
     /// The embedding of one view of one surface, `width` values.
@@ -107,6 +172,7 @@ impl Embeddings {
             surfaces: surfaces.len(),
             views: views.len(),
             width: self.width,
+            blocks: self.blocks.clone(),
         })
     }
 
@@ -119,6 +185,54 @@ impl Embeddings {
     /// One view; both indices must have been checked.
     pub(crate) fn view(&self, surface: usize, view: usize) -> &[f32] {
         &self.surface(surface)[view * self.width..(view + 1) * self.width]
+    }
+}
+
+/// Mean and spread of each of some features.
+#[derive(Clone, Debug)]
+pub(crate) struct Spread {
+    count: f64,
+    pub(crate) mean: Vec<f64>,
+    /// Sums of squared deviations (Welford).
+    squares: Vec<f64>,
+    largest: f64,
+}
+
+impl Spread {
+    /// Over rows of so many features.
+    pub(crate) fn of<R: AsRef<[f32]>>(width: usize, rows: impl Iterator<Item = R>) -> Self {
+        let mut spread = Self {
+            count: 0.0,
+            mean: vec![0.0; width],
+            squares: vec![0.0; width],
+            largest: 0.0,
+        };
+        for row in rows {
+            spread.count += 1.0;
+            let parameters = spread.mean.iter_mut().zip(&mut spread.squares);
+            for (&x, (mean, squares)) in row.as_ref().iter().zip(parameters) {
+                let x = f64::from(x);
+                let before = x - *mean;
+                *mean += before / spread.count;
+                *squares += before * (x - *mean);
+                spread.largest = spread.largest.max(x.abs());
+            }
+        }
+        spread
+    }
+
+    /// The deviation of one feature.
+    pub(crate) fn deviation(&self, feature: usize) -> f64 {
+        (self.squares[feature] / self.count.max(1.0)).sqrt()
+    }
+
+    /// The root of the mean variance of some features; exactly 0 where they are constant up to rounding.
+    pub(crate) fn common(&self, features: Range<usize>) -> f64 {
+        let count = features.len().max(1) as f64;
+        let squares = self.squares[features].iter().sum::<f64>();
+        let common = (squares / self.count.max(1.0) / count).sqrt();
+        let rounding = self.count * f64::EPSILON * self.largest;
+        if common <= rounding { 0.0 } else { common }
     }
 }
 

@@ -218,8 +218,11 @@ pub(crate) fn check_fits(
     found: &Embeddings,
     training: &Embeddings,
 ) -> Result<()> {
-    let told = |of: &Embeddings| format!("{} views of width {}", of.views(), of.width());
-    if (found.views(), found.width()) == (training.views(), training.width()) {
+    let told = |of: &Embeddings| match of.blocks() {
+        [_] => format!("{} views of width {}", of.views(), of.width()),
+        blocks => format!("{} views of blocks {blocks:?}", of.views()),
+    };
+    if (found.views(), found.blocks()) == (training.views(), training.blocks()) {
         return Ok(());
     }
     Err(Error::input(what, told(found), told(training)))

@@ -10,7 +10,6 @@ use sps_estimator::{
     About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted,
     Widths, read_photograph,
 };
-use sps_models::candle::{Device, Tensor};
 use sps_models::encoders::Encoder;
 use sps_models::heads::TrainingData;
 use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
@@ -142,14 +141,10 @@ impl Seen {
             embeddings.map_err(|error| estimator_error(&error))
         })?;
         let views = views(&surfaces.counts)?;
-        let shape = (surfaces.counts.len(), views, embedder.width());
-        let values = Tensor::from_vec(values, shape, &Device::Cpu);
-        let embeddings = values
-            .map_err(Into::into)
-            .and_then(|all| Embeddings::new(&all));
+        let embeddings = embedder.table(&values, surfaces.counts.len(), views);
         Ok(Self {
+            embeddings: embeddings.map_err(|error| estimator_error(&error))?,
             embedder,
-            embeddings: embeddings.map_err(|error| model_error(&error))?,
             extent: extent.ok_or_else(|| value_error(NO_PHOTOGRAPH))?,
         })
     }

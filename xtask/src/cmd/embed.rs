@@ -1,3 +1,4 @@
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -6,7 +7,7 @@ use rayon::prelude::*;
 use safetensors::tensor::{Dtype, TensorView};
 use sps_dataset::{DecodeSettings, Frame};
 use sps_estimator::{Embedder, read_photograph};
-use sps_models::encoders::Precision;
+use sps_models::encoders::{Block, Depths, Precision};
 use tracing::info;
 
 use crate::config::{EncoderSpec, Network, WeightsSpec};
@@ -17,7 +18,8 @@ use crate::progress::Progress;
 /// Embed images with an encoder
 #[derive(clap::Args)]
 #[command(
-    after_help = "Writes the tensor `embeddings`, f32, (images, width), in the order given.\n\n\
+    after_help = "Writes the tensor `embeddings`, f32, (images, width), in the order given; of several depths \
+    they lie side by side in there, and each is a tensor of its own besides.\n\n\
     Example:\n  cargo xtask embed --encoder squeezenet1-0 --weights squeezenet1_0.safetensors \
     --out embeddings.safetensors photographs/*.jpg\n\n\
     With i3d, a row is a sequence of --frames images, which follow each other in the order given."
@@ -27,6 +29,9 @@ pub(crate) struct Args {
     /// efficientnet-lite0 to efficientnet-lite4, or i3d
     #[arg(long, value_name = "NAME")]
     encoder: String,
+    /// Feature maps whose means make an embedding: last, all, or names of depths with commas between them
+    #[arg(long, value_name = "DEPTHS", default_value = "last", value_parser = depths)]
+    depths: Depths,
     /// Images of a sequence, for i3d
     #[arg(long, value_name = "N", default_value = "16", value_parser = clap::value_parser!(u64).range(1..))]
     frames: u64,
@@ -62,6 +67,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     let spec = EncoderSpec {
         network: Network::named(&args.encoder, args.frames as usize).context("--encoder")?,
+        depths: args.depths.clone(),
         weights: WeightsSpec::named(&args.weights),
         precision: args.precision,
         resize: args.resize,
@@ -93,7 +99,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         seconds += start.elapsed().as_secs_f64();
         progress.advance(frames.len());
     }
-    write(&args.out, &values, args.images.len() / each)?;
+    write(&args.out, &values, &embedder.network().encoder().blocks())?;
     info!(
         "{} images, {:.2} ms each to encode",
         args.images.len(),
@@ -108,11 +114,36 @@ fn read(paths: &[PathBuf], resize: Option<usize>) -> Result<Vec<Frame>> {
     paths.par_iter().map(read).collect()
 }
 
-fn write(path: &Path, values: &[f32], rows: usize) -> Result<()> {
-    let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-    let shape = vec![rows, values.len() / rows];
-    let view = TensorView::new(Dtype::F32, shape, &bytes)?;
-    write_atomically(path, &safetensors::serialize([("embeddings", view)], None)?)
+#[expect(clippy::unnecessary_wraps, reason = "as clap wants it")]
+fn depths(text: &str) -> Result<Depths, String> {
+    Ok(match text {
+        "last" => Depths::Last,
+        "all" => Depths::All,
+        names => Depths::Named(names.split(',').map(str::to_owned).collect()),
+    })
+}
+
+fn write(path: &Path, values: &[f32], blocks: &[Block]) -> Result<()> {
+    let width = blocks.iter().map(|block| block.width).sum::<usize>();
+    let rows = values.len() / width;
+    let bytes = |place: Range<usize>| -> Vec<u8> {
+        let rows = values.chunks_exact(width);
+        let numbers = rows.flat_map(|row| &row[place.clone()]);
+        numbers.flat_map(|v| v.to_le_bytes()).collect()
+    };
+    let mut tensors = vec![("embeddings", width, bytes(0..width))];
+    let mut start = 0;
+    for block in blocks.iter().filter(|_| blocks.len() > 1) {
+        let place = start..start + block.width;
+        start = place.end;
+        tensors.push((&block.name, block.width, bytes(place)));
+    }
+    let views = tensors.iter().map(|(name, width, bytes)| {
+        let view = TensorView::new(Dtype::F32, vec![rows, *width], bytes);
+        Ok((*name, view?))
+    });
+    let views = views.collect::<Result<Vec<_>>>()?;
+    write_atomically(path, &safetensors::serialize(views, None)?)
 }
 
 /// Each so many images, one below the other.

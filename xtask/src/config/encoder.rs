@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use sps_models::encoders::{EncoderKind, Precision};
+use sps_models::encoders::{Depths, EncoderKind, Precision};
 use sps_models::training::TrainingConfig;
 
 use super::layers::Layers;
@@ -14,6 +14,7 @@ use crate::encoder::built_in;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct EncoderSpec {
     pub network: Network,
+    pub depths: Depths,
     pub weights: WeightsSpec,
     pub precision: Precision,
     /// Pixels of the shorter side.
@@ -98,6 +99,12 @@ pub(super) fn encoder(
     let precision = precision.map_err(|error: sps_models::Error| {
         layers.error(&format!("{key}.precision"), error.to_string())
     })?;
+    check_depths(
+        layers,
+        &format!("{key}.depths"),
+        network.kind(),
+        &encoder.depths,
+    )?;
     check_training(layers, &format!("{key}.training"), &encoder.training)?;
     let weights = WeightsSpec::named(&encoder.weights);
     if weights == WeightsSpec::BuiltIn {
@@ -106,11 +113,24 @@ pub(super) fn encoder(
     }
     Ok(EncoderSpec {
         network,
+        depths: encoder.depths.clone(),
         weights,
         precision,
         resize: (encoder.resize > 0).then_some(encoder.resize),
         training: encoder.trainable.then(|| encoder.training.clone()),
     })
+}
+
+/// Refuses depths that a network does not have.
+pub(super) fn check_depths(
+    layers: &Layers<'_>,
+    key: &str,
+    kind: EncoderKind,
+    depths: &Depths,
+) -> Result<(), ConfigError> {
+    let blocks = kind.blocks(depths);
+    blocks.map_err(|error| layers.error(key, error.to_string()))?;
+    Ok(())
 }
 
 /// Refuses a training that cannot be, at the line of its first such key.

@@ -8,7 +8,7 @@ use sps_models::encoders::{Depths, EncoderKind};
 use sps_models::training::TrainingConfig;
 use sps_simulate::SimulatorSpec;
 
-use super::encoder::check_training;
+use super::encoder::{check_depths, check_training};
 use super::layers::Layers;
 use super::locate::ConfigError;
 use super::setting::Setting;
@@ -143,17 +143,6 @@ impl Pretraining {
             resolved: layers.to_toml(),
         })
     }
-}
-
-fn check_depths(
-    layers: &Layers<'_>,
-    key: &str,
-    kind: EncoderKind,
-    depths: &Depths,
-) -> Result<(), ConfigError> {
-    let blocks = kind.blocks(depths);
-    blocks.map_err(|error| layers.error(key, error.to_string()))?;
-    Ok(())
 }
 
 fn kind(layers: &Layers<'_>, key: &str, name: &str) -> Result<EncoderKind, ConfigError> {

@@ -7,6 +7,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use sps_dataset::{ReadSettings, SplitPlan};
 use sps_metrics::Level;
+use sps_models::encoders::Depths;
 use sps_models::heads::HeadConfig;
 use sps_models::kernel_ridge::{Kernel, KernelRidgeConfig};
 use sps_models::ridge::RidgeConfig;
@@ -83,6 +84,7 @@ pub(crate) struct FolderConfig {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct EncoderConfig {
     pub name: String,
+    pub depths: Depths,
     pub weights: String,
     pub precision: String,
     pub frames: usize,

@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use sps_dataset::{Source, Split};
 
 use super::stage::{Stage, Stages};
-use super::tables::{Tables, table};
+use super::tables::Tables;
 use super::test_views::{TestViews, Wanted};
 use super::trials::Planned;
 use crate::config::{EncoderSpec, Experiment, Method};
@@ -126,7 +126,10 @@ impl Encodings {
                 values.extend(row.context("a view that was not embedded")?);
             }
         }
-        table(values, surfaces.len(), width)
+        Ok(self
+            .stage
+            .embedder
+            .table(&values, surfaces.len(), places.len())?)
     }
 
     /// A hash of what a trial is scored on: these views, and the readings, of these surfaces.

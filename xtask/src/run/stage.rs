@@ -11,7 +11,7 @@ use sps_models::training::{Classes, Parts, Targets, TrainingConfig, TrainingObje
 use tracing::info;
 
 use super::Splits;
-use super::tables::{self, Tables, hash_row, hash_text, readings, table};
+use super::tables::{self, Tables, hash_row, hash_text, readings};
 use super::views::equidistant;
 use crate::config::{EncoderSpec, Experiment};
 use crate::data::{self, About};
@@ -143,7 +143,10 @@ impl<'a, S: Source> Stages<'a, S> {
             embedded.frames_decoded
         );
         let encoded = (embedded.frames_decoded, embedded.seconds);
-        Ok((table(embedded.values, pool, embedded.width)?, encoded))
+        Ok((
+            embedder.table(&embedded.values, pool, views.len())?,
+            encoded,
+        ))
     }
 
     /// The encoder after it was trained on the surfaces `training`, and the seconds that took.

@@ -1,7 +1,6 @@
 //! The tables that every method is fitted on.
 
 use anyhow::{Context, Result, bail};
-use candle_core::{Device, Tensor};
 use sps_base::names::UnknownName;
 use sps_dataset::{FEWEST_PER_MATERIAL, MaterialLabels, Property, Source, Surface, Units};
 use sps_models::heads::TrainingData;
@@ -179,11 +178,4 @@ pub(crate) fn readings<S: Source>(source: &S, about: &About, surfaces: usize) ->
 
 fn codes(properties: &[Property]) -> Vec<String> {
     properties.iter().map(Property::to_string).collect()
-}
-
-/// The tensor (surfaces, views, width) of embedded frames, view after view of each surface.
-pub(crate) fn table(values: Vec<f32>, surfaces: usize, width: usize) -> Result<Embeddings> {
-    let views = values.len() / (surfaces * width).max(1);
-    let tensor = Tensor::from_vec(values, (surfaces, views, width), &Device::Cpu)?;
-    Ok(Embeddings::new(&tensor)?)
 }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use sps_base::files::write_file;
 use sps_metrics::Level;
 use sps_models::candle::Device;
-use sps_models::encoders::Encoder;
+use sps_models::encoders::{Depths, Encoder};
 use sps_models::weights::Weights;
 use sps_models::{FittedRegressor, fitted_from_bytes};
 
@@ -64,6 +64,8 @@ struct Format {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 struct EncoderCard {
     name: String,
+    #[serde(default)]
+    depths: Depths,
     precision: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     resize: Option<usize>,
@@ -127,6 +129,7 @@ impl Estimator {
             about: self.about.clone(),
             encoder: EncoderCard {
                 name: encoder.kind().name().to_owned(),
+                depths: encoder.depths().clone(),
                 precision: encoder.precision().to_string(),
                 resize: self.embedder.resize(),
             },
@@ -175,6 +178,7 @@ impl Estimator {
             &card.encoder.precision,
             &read_checked(folder, ENCODER, &card.checksums)?,
         )?;
+        let encoder = encoder.with_depths(&card.encoder.depths)?;
         let steps: Vec<usize> = card.stages.iter().map(|stage| stage.views).collect();
         let familiar = if card.checksums.contains_key(FAMILIAR) {
             let bytes = read_checked(folder, FAMILIAR, &card.checksums)?;

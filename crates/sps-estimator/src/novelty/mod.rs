@@ -13,7 +13,7 @@ const NEIGHBOURS: usize = 5;
 /// Surfaces that others are held against.
 ///
 /// The score of a surface is the mean of its five smallest Euclidean distances to the others, between
-/// embeddings brought to unit length, of several views side by side. The p-value of a new surface is
+/// embeddings each block of which is brought to unit length, of several views side by side. The p-value of a new surface is
 /// the share of all surfaces, the new one among them, whose score is at least as large, each scored
 /// among all others: full conformal prediction (Vovk, Gammerman and Shafer, "Algorithmic Learning in
 /// a Random World", 2005, section 2.2) with a distance to neighbours for the measure of strangeness.
@@ -24,7 +24,7 @@ pub(crate) struct Familiar {
     surfaces: usize,
     views: usize,
     width: usize,
-    /// `(surfaces, views, width)`; each view of unit length.
+    /// `(surfaces, views, width)`; each block of each view of unit length.
     units: Vec<f32>,
     /// For each number of views asked with, the smallest squared distances of each surface to others,
     /// ascending, `(surfaces, neighbours)`.
@@ -207,15 +207,19 @@ impl Familiar {
     }
 }
 
-/// The embeddings, each view of unit length; zeros stay zeros.
+/// The embeddings, each block of each view of unit length; zeros stay zeros.
 fn units(embeddings: &Embeddings) -> Vec<f32> {
     let mut units = Vec::new();
     for surface in 0..embeddings.surfaces() {
         for view in 0..embeddings.views() {
-            let row = embeddings.get(surface, view).unwrap_or_default();
-            let squares: f64 = row.iter().map(|&x| f64::from(x).powi(2)).sum();
-            let length = if squares > 0.0 { squares.sqrt() } else { 1.0 };
-            units.extend(row.iter().map(|&x| (f64::from(x) / length) as f32));
+            let mut row = embeddings.get(surface, view).unwrap_or_default();
+            for &width in embeddings.blocks() {
+                let (block, rest) = row.split_at(width.min(row.len()));
+                let squares: f64 = block.iter().map(|&x| f64::from(x).powi(2)).sum();
+                let length = if squares > 0.0 { squares.sqrt() } else { 1.0 };
+                units.extend(block.iter().map(|&x| (f64::from(x) / length) as f32));
+                row = rest;
+            }
         }
     }
     units

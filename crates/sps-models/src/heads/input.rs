@@ -5,7 +5,7 @@ use sps_base::streams::ChaCha8Rng;
 
 use super::config::{Input, RelationScale, Scale};
 use super::plan::Views;
-use crate::data::Embeddings;
+use crate::data::{Embeddings, Spread};
 
 /// Centre and scale of each feature of one slot.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +39,28 @@ impl InputStatistics {
         let rows = surfaces
             .iter()
             .flat_map(|&surface| rows(input, embeddings, surface, views));
-        Welford::of(width, rows).statistics(scale)
+        Self::of(scale, &Spread::of(width, rows), embeddings)
+    }
+
+    /// Each block is scaled by itself.
+    fn of(scale: Scale, spread: &Spread, embeddings: &Embeddings) -> Self {
+        let factors = embeddings.block_places().flat_map(|place| {
+            let common = spread.common(place.clone());
+            place.map(move |feature| {
+                if common == 0.0 {
+                    return 0.0;
+                }
+                let scale = match scale {
+                    Scale::PerFeature => spread.deviation(feature).max(0.1 * common),
+                    Scale::Common | Scale::None => common,
+                };
+                (1.0 / scale) as f32
+            })
+        });
+        Self {
+            mean: spread.mean.iter().map(|&mean| mean as f32).collect(),
+            factor: factors.collect(),
+        }
     }
 
     /// Appends `features`, scaled.
@@ -74,58 +95,6 @@ fn rows<'a>(
                 }
             }
             vec![largest.into()]
-        }
-    }
-}
-
-/// Running mean and sum of squared deviations of each feature (Welford).
-struct Welford {
-    count: f64,
-    mean: Vec<f64>,
-    squares: Vec<f64>,
-    largest: f64,
-}
-
-impl Welford {
-    fn of<R: AsRef<[f32]>>(width: usize, rows: impl Iterator<Item = R>) -> Self {
-        let mut welford = Self {
-            count: 0.0,
-            mean: vec![0.0; width],
-            squares: vec![0.0; width],
-            largest: 0.0,
-        };
-        for row in rows {
-            welford.count += 1.0;
-            let parameters = welford.mean.iter_mut().zip(&mut welford.squares);
-            for (&x, (mean, squares)) in row.as_ref().iter().zip(parameters) {
-                let x = f64::from(x);
-                let before = x - *mean;
-                *mean += before / welford.count;
-                *squares += before * (x - *mean);
-                welford.largest = welford.largest.max(x.abs());
-            }
-        }
-        welford
-    }
-
-    fn statistics(&self, scale: Scale) -> InputStatistics {
-        let std = |squares: &f64| (squares / self.count.max(1.0)).sqrt();
-        let width = self.mean.len().max(1) as f64;
-        let common = (self.squares.iter().sum::<f64>() / self.count.max(1.0) / width).sqrt();
-        let rounding = self.count * f64::EPSILON * self.largest;
-        let factor = |squares: &f64| {
-            if common <= rounding {
-                return 0.0;
-            }
-            let scale = match scale {
-                Scale::PerFeature => std(squares).max(0.1 * common),
-                Scale::Common | Scale::None => common,
-            };
-            (1.0 / scale) as f32
-        };
-        InputStatistics {
-            mean: self.mean.iter().map(|&mean| mean as f32).collect(),
-            factor: self.squares.iter().map(factor).collect(),
         }
     }
 }

@@ -9,8 +9,8 @@ use crate::dense::multiply;
 /// Squared distances below this part of the squared norms are rounding, and count as none.
 const ROUNDING: f64 = 1e-13;
 
-/// How alike two embeddings `x` and `y` of one view are; `w` is the width, a multiple of the view's
-/// median distance between training surfaces.
+/// How alike one block `x` of the embedding of a view and another `y` are; `w` is the width, a multiple of the
+/// block's median distance between training surfaces.
 #[derive(Default, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kernel {
@@ -20,13 +20,13 @@ pub enum Kernel {
     Exponential,
     /// `exp(-|x - y|² / 2w²)`.
     Gaussian,
-    /// The mean over the features of `(x - m)(y - m)`, with `m` the training mean: ridge
+    /// `(x - m)(y - m)` over its mean for `x = y` among the training surfaces, with `m` their mean: ridge
     /// regression. It has no width.
     Linear,
 }
 
 impl Kernel {
-    /// The kernel at a [proximity](Points::proximities), with the view's scale.
+    /// The kernel at a [proximity](Points::proximities), with the block's scale.
     fn at(self, proximity: f64, scale: f64, width: f64) -> f64 {
         match self {
             Self::Exponential => (-proximity / (width * scale)).exp(),
@@ -35,11 +35,14 @@ impl Kernel {
         }
     }
 
-    /// The scale of a view's proximities: the median distance of the training surfaces that
-    /// differ, or the number of features.
-    fn scale(self, proximities: &Mat<f64>, features: usize) -> f64 {
+    /// The scale of a block's proximities: the median distance of the training surfaces that differ, or the
+    /// mean product of one with itself.
+    fn scale(self, proximities: &Mat<f64>) -> f64 {
         if self == Self::Linear {
-            return features as f64;
+            let surfaces = proximities.ncols();
+            let trace: f64 = (0..surfaces).map(|i| proximities[(i, i)]).sum();
+            let mean = trace / surfaces.max(1) as f64;
+            return if mean > 0.0 { mean } else { 1.0 };
         }
         let columns = 0..proximities.ncols();
         let pairs = columns.flat_map(|j| (0..j).map(move |i| proximities[(i, j)]));
@@ -55,18 +58,42 @@ impl Kernel {
     }
 }
 
-/// How a view's kernel enters the kernel of a set.
+/// How the kernel of a block of a view enters the kernel of a set of views.
 #[derive(Clone, Copy)]
 pub(super) struct Terms {
-    /// One over the number of views.
+    /// One over the number of blocks of all views.
     pub(super) weight: f64,
     pub(super) scale: f64,
     pub(super) width: f64,
 }
 
-/// One view of the training surfaces, ready to be compared with.
+/// One block of a view.
+#[derive(Clone, Debug)]
+pub(super) struct Part {
+    pub(super) view: usize,
+    /// Its place among the features of the view.
+    pub(super) features: Range<usize>,
+}
+
+impl Part {
+    /// The blocks of each of the views.
+    pub(super) fn all(embeddings: &Embeddings) -> impl Iterator<Item = Self> {
+        let of_view = |view| {
+            let places = embeddings.block_places();
+            places.map(move |features| Self { view, features })
+        };
+        (0..embeddings.views()).flat_map(of_view)
+    }
+
+    fn of<'a>(&self, embeddings: &'a Embeddings, surface: usize) -> &'a [f32] {
+        &embeddings.view(surface, self.view)[self.features.clone()]
+    }
+}
+
+/// One block of a view of the training surfaces, ready to be compared with.
 pub(super) struct Points {
     kernel: Kernel,
+    part: Part,
     /// Mean of each feature.
     centre: Vec<f64>,
     /// `(width, surfaces)`, less the centre.
@@ -76,11 +103,12 @@ pub(super) struct Points {
 }
 
 impl Points {
-    pub(super) fn new(kernel: Kernel, embeddings: &Embeddings, view: usize) -> Self {
-        let centre = centre(embeddings, view);
-        let points = centred(embeddings, 0..embeddings.surfaces(), view, &centre);
+    pub(super) fn new(kernel: Kernel, embeddings: &Embeddings, part: Part) -> Self {
+        let centre = centre(embeddings, &part);
+        let points = centred(embeddings, 0..embeddings.surfaces(), &part, &centre);
         Self {
             kernel,
+            part,
             norms: norms(&points),
             centre,
             centred: points,
@@ -91,19 +119,14 @@ impl Points {
     /// surfaces)`, and the unit in which they shall be told.
     pub(super) fn among_themselves(&self) -> (Mat<f64>, f64) {
         let proximities = self.compared(&self.centred, &self.norms);
-        let scale = self.kernel.scale(&proximities, self.centred.nrows());
+        let scale = self.kernel.scale(&proximities);
         (proximities, scale)
     }
 
     /// The same from the training surfaces to some of other embeddings; `(training surfaces, those
-    /// in the range)`. The embeddings must have this view, and the width of the training surfaces.
-    pub(super) fn proximities(
-        &self,
-        embeddings: &Embeddings,
-        range: Range<usize>,
-        view: usize,
-    ) -> Mat<f64> {
-        let others = centred(embeddings, range, view, &self.centre);
+    /// in the range)`. The embeddings must have the views and blocks of the training surfaces.
+    pub(super) fn proximities(&self, embeddings: &Embeddings, range: Range<usize>) -> Mat<f64> {
+        let others = centred(embeddings, range, &self.part, &self.centre);
         self.compared(&others, &norms(&others))
     }
 
@@ -147,15 +170,15 @@ impl Points {
     }
 }
 
-/// The mean of each feature of a view, exact where all surfaces are equal.
-fn centre(embeddings: &Embeddings, view: usize) -> Vec<f64> {
-    let mut sums = vec![0.0; embeddings.width()];
+/// The mean of each feature, exact where all surfaces are equal.
+fn centre(embeddings: &Embeddings, part: &Part) -> Vec<f64> {
+    let mut sums = vec![0.0; part.features.len()];
     if embeddings.surfaces() == 0 {
         return sums;
     }
-    let first = embeddings.view(0, view);
+    let first = part.of(embeddings, 0);
     for surface in 0..embeddings.surfaces() {
-        let values = embeddings.view(surface, view).iter().zip(first);
+        let values = part.of(embeddings, surface).iter().zip(first);
         for (sum, (&value, &first)) in sums.iter_mut().zip(values) {
             *sum += f64::from(value) - f64::from(first);
         }
@@ -167,9 +190,9 @@ fn centre(embeddings: &Embeddings, view: usize) -> Vec<f64> {
         .collect()
 }
 
-fn centred(embeddings: &Embeddings, range: Range<usize>, view: usize, centre: &[f64]) -> Mat<f64> {
+fn centred(embeddings: &Embeddings, range: Range<usize>, part: &Part, centre: &[f64]) -> Mat<f64> {
     Mat::from_fn(centre.len(), range.len(), |feature, column| {
-        f64::from(embeddings.view(range.start + column, view)[feature]) - centre[feature]
+        f64::from(part.of(embeddings, range.start + column)[feature]) - centre[feature]
     })
 }
 

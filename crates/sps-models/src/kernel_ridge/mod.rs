@@ -22,7 +22,7 @@ use crate::heads::{Estimates, Plan, TrainingData, Trial};
 use crate::regressor::check_fits;
 use fit::{Fit, Spectrum};
 pub use kernel::Kernel;
-use kernel::{Points, Terms};
+use kernel::{Part, Points, Terms};
 pub use set_losses::SetLosses;
 
 /// Surfaces that are estimated at once.
@@ -38,7 +38,7 @@ pub struct KernelRidgeConfig {
     /// `|y - f|² / n + l v |f|²`, with `v` the mean diagonal element of the centred kernel matrix.
     pub penalties: Vec<f64>,
     /// The widths to choose from, each a multiple of the median distance between the training
-    /// surfaces' embeddings of a view. The linear kernel has none.
+    /// surfaces' embeddings, block by block of each view. The linear kernel has none.
     pub widths: Vec<f64>,
     /// Surfaces that a fit stands on at most: of more training surfaces so many are drawn at random,
     /// from a stream keyed by the plan's seed and the rerun. Time grows with the third power of
@@ -70,7 +70,8 @@ impl Default for KernelRidgeConfig {
 ///
 /// Of more training surfaces than [`KernelRidgeConfig::at_most`] it takes so many, drawn at random.
 ///
-/// The kernel of several views is the mean of theirs: views are alike in pairs, first with first.
+/// The kernel of several views is the mean of theirs, views being alike in pairs, first with first; and that of
+/// a view the mean of its blocks', each with a scale of its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KernelRidge(KernelRidgeConfig);
 
@@ -138,17 +139,18 @@ impl KernelRidge {
         Ok(fits.collect())
     }
 
-    /// The scale of each view, and the kernel matrix of the surfaces with each width.
+    /// The scale of each block of each view, and the kernel matrix of the surfaces with each width.
     fn kernels(&self, embeddings: &Embeddings) -> (Vec<f64>, Vec<(f64, Mat<f64>)>) {
         let surfaces = embeddings.surfaces();
         let sums = self.widths().iter();
         let mut sums: Vec<_> = sums
             .map(|&width| (width, Mat::zeros(surfaces, surfaces)))
             .collect();
-        let weight = 1.0 / embeddings.views() as f64;
-        let mut scales = Vec::with_capacity(embeddings.views());
-        for view in 0..embeddings.views() {
-            let points = Points::new(self.0.kernel, embeddings, view);
+        let parts: Vec<Part> = Part::all(embeddings).collect();
+        let weight = 1.0 / parts.len() as f64;
+        let mut scales = Vec::with_capacity(parts.len());
+        for part in parts {
+            let points = Points::new(self.0.kernel, embeddings, part);
             let (proximities, scale) = points.among_themselves();
             scales.push(scale);
             sums.par_iter_mut().for_each(|(width, sum)| {
@@ -182,7 +184,7 @@ struct Support {
     kernel: Kernel,
     /// The views in the order of the trial's.
     embeddings: Embeddings,
-    /// Of each view.
+    /// Of each block of each view.
     scales: Vec<f64>,
 }
 
@@ -197,9 +199,9 @@ impl Support {
         let zeros = |_: &f64| Mat::zeros(self.embeddings.surfaces(), range.len());
         let mut sums: Vec<Mat<f64>> = widths.iter().map(zeros).collect();
         let weight = 1.0 / self.scales.len() as f64;
-        for (view, &scale) in self.scales.iter().enumerate() {
-            let points = Points::new(self.kernel, &self.embeddings, view);
-            let proximities = points.proximities(embeddings, range.clone(), view);
+        for (part, &scale) in Part::all(&self.embeddings).zip(&self.scales) {
+            let points = Points::new(self.kernel, &self.embeddings, part);
+            let proximities = points.proximities(embeddings, range.clone());
             for (sum, &width) in sums.iter_mut().zip(widths) {
                 points.add(
                     sum,
@@ -290,7 +292,10 @@ impl TrainedKernelRidges {
             let expansions = expansions.filter(|&&at| self.ridges[at].fit.expansion.is_some());
             let distances = match sharing.widths.len() {
                 0 => 0,
-                widths => embeddings.views() * (embeddings.width() + widths),
+                widths => {
+                    let kernels = embeddings.blocks().len() * widths;
+                    embeddings.views() * (embeddings.width() + kernels)
+                }
             };
             (embeddings.surfaces() * (distances + expansions.count())) as u64
         };

@@ -2,7 +2,7 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use super::fit::{Fit, Spectrum};
-use super::kernel::{Points, Terms};
+use super::kernel::{Part, Points, Terms};
 use super::{KernelRidge, KernelRidgeConfig};
 use crate::data::{Embeddings, check_indices};
 use crate::error::{Error, Result};
@@ -156,21 +156,24 @@ impl Column {
 /// The kernel of each view, by width.
 fn kernels(ridge: &KernelRidge, embeddings: &Embeddings) -> Vec<(f64, Vec<Vec<f32>>)> {
     let widths = ridge.widths();
+    let size = embeddings.surfaces();
+    let weight = 1.0 / embeddings.blocks().len() as f64;
     let of_view = |view| {
-        let points = Points::new(ridge.config().kernel, embeddings, view);
-        let (proximities, scale) = points.among_themselves();
-        let of_width = widths.iter().map(|&width| {
-            let mut kernel = Mat::zeros(proximities.nrows(), proximities.ncols());
-            let weight = 1.0;
-            let terms = Terms {
-                weight,
-                scale,
-                width,
-            };
-            points.add(&mut kernel, &proximities, terms);
-            lower_triangle(&kernel)
-        });
-        of_width.collect::<Vec<_>>()
+        let mut sums = vec![Mat::zeros(size, size); widths.len()];
+        for features in embeddings.block_places() {
+            let part = Part { view, features };
+            let points = Points::new(ridge.config().kernel, embeddings, part);
+            let (proximities, scale) = points.among_themselves();
+            for (sum, &width) in sums.iter_mut().zip(widths) {
+                let terms = Terms {
+                    weight,
+                    scale,
+                    width,
+                };
+                points.add(sum, &proximities, terms);
+            }
+        }
+        sums.iter().map(lower_triangle).collect::<Vec<_>>()
     };
     let views: Vec<Vec<Vec<f32>>> = (0..embeddings.views())
         .into_par_iter()

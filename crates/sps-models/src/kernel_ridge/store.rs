@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::fit::{Expansion, Fit};
 use super::{Kernel, Support, TrainedKernelRidge, TrainedKernelRidges};
-use crate::archive::{Archive, Content, Contents};
+use crate::archive::{Archive, Content, Contents, stored_blocks};
 use crate::error::Result;
 use crate::heads::Trial;
 use crate::regressor::check_finite;
@@ -31,7 +31,11 @@ struct Metadata {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 struct StoredSupport {
     kernel: Kernel,
+    /// Of each view and block.
     scales: Vec<f64>,
+    /// The blocks of a view; none where it is one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    blocks: Vec<usize>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -78,6 +82,7 @@ impl TrainedKernelRidges {
             metadata.supports.push(StoredSupport {
                 kernel: support.kernel,
                 scales: support.scales.clone(),
+                blocks: stored_blocks([&support.embeddings].into_iter()),
             });
             for &ridge in &sharing.ridges {
                 metadata.ridges[ridge].support = at;
@@ -171,11 +176,12 @@ fn read_support(
     at: usize,
     stored: StoredSupport,
 ) -> Result<(Arc<Support>, std::vec::IntoIter<Vec<f64>>)> {
-    let embeddings = contents.embeddings(&format!("{at}/embeddings"))?;
-    if embeddings.views() != stored.scales.len() {
-        let (views, scales) = (embeddings.views(), stored.scales.len());
-        let found = format_args!("{views} views, {scales} scales");
-        return Err(FILE.refused(found, "a scale for each view"));
+    let embeddings = contents.embeddings(&format!("{at}/embeddings"), &stored.blocks)?;
+    let kernels = embeddings.views() * embeddings.blocks().len();
+    if kernels != stored.scales.len() {
+        let scales = stored.scales.len();
+        let found = format_args!("{kernels} blocks of views, {scales} scales");
+        return Err(FILE.refused(found, "a scale for each"));
     }
     for &scale in &stored.scales {
         positive("scale", scale)?;

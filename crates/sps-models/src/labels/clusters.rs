@@ -64,10 +64,11 @@ pub(super) fn visual(
     training: &[usize],
     components: usize,
 ) -> Result<Array2<f64>> {
-    let view = (features.views() - 1) / 2;
+    let features = features.select(training, &[(features.views() - 1) / 2])?;
+    let features = features.scaled(&features.balance());
     let mut rows = Array2::zeros((training.len(), features.width()));
-    for (mut row, &surface) in rows.rows_mut().into_iter().zip(training) {
-        for (cell, &value) in row.iter_mut().zip(features.view(surface, view)) {
+    for (surface, mut row) in rows.rows_mut().into_iter().enumerate() {
+        for (cell, &value) in row.iter_mut().zip(features.view(surface, 0)) {
             *cell = f64::from(value);
         }
     }

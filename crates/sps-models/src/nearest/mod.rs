@@ -18,7 +18,7 @@ use crate::regressor::check_fits;
 const LANES: usize = 16;
 
 /// The reading of the training surface whose embedding is nearest (Fix and Hodges 1951), by
-/// Euclidean distance over all views side by side. Only surfaces with a reading of the property
+/// Euclidean distance over all views side by side, each block of embeddings scaled to a mean variance of 1. Only surfaces with a reading of the property
 /// count; of equally near ones, that of the lowest index.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Nearest;
@@ -108,9 +108,11 @@ impl TrainedNearests {
         let mut all: Vec<Estimates> = self.nearests.iter().map(estimates).collect();
         for (training, places) in sharing(self.nearests.iter().map(|one| &one.embeddings)) {
             check_fits("embeddings for the nearest neighbour", embeddings, training)?;
+            let factors = training.balance();
+            let [training, embeddings] = [training, embeddings].map(|all| all.scaled(&factors));
             let nearest: Vec<usize> = (0..embeddings.surfaces())
                 .into_par_iter()
-                .map(|surface| nearest(training, embeddings.surface(surface)))
+                .map(|surface| nearest(&training, embeddings.surface(surface)))
                 .collect();
             for at in places {
                 let values = &self.nearests[at].values;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::{TrainedNearest, TrainedNearests};
-use crate::archive::{Archive, Content};
+use crate::archive::{Archive, Content, stored_blocks};
 use crate::error::Result;
 use crate::groups::sharing;
 use crate::heads::Trial;
@@ -25,6 +25,9 @@ struct Metadata {
     format: u32,
     /// How many sets of training surfaces there are.
     sets: usize,
+    /// The blocks of embeddings; none where they are one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    blocks: Vec<usize>,
     nearests: Vec<Stored>,
 }
 
@@ -65,6 +68,7 @@ impl TrainedNearests {
         let metadata = Metadata {
             format: FILE.format,
             sets: sets.len(),
+            blocks: stored_blocks(sets.iter().map(|(embeddings, _)| &***embeddings)),
             nearests,
         };
         FILE.write(&metadata, &contents)
@@ -81,7 +85,7 @@ impl TrainedNearests {
         contents.check_count(metadata.sets.saturating_mul(2))?;
         let mut sets = Vec::with_capacity(metadata.sets);
         for at in 0..metadata.sets {
-            let embeddings = contents.embeddings(&format!("{at}/embeddings"))?;
+            let embeddings = contents.embeddings(&format!("{at}/embeddings"), &metadata.blocks)?;
             let rows = contents.rows(&format!("{at}/readings"), embeddings.surfaces())?;
             sets.push((Arc::new(embeddings), rows.into_iter()));
         }

@@ -19,6 +19,8 @@ pub(super) struct Fit {
 /// orthogonal, and each penalty's fit has a closed form. All fits to the same surfaces share it.
 pub(super) struct Axes<'a> {
     components: Pca,
+    /// What each column was multiplied with.
+    factors: Array1<f64>,
     mean: Array1<f64>,
     scores: Array2<f64>,
     penalties: Vec<Penalty>,
@@ -40,7 +42,13 @@ impl<'a> Axes<'a> {
         penalties: &[f64],
         left_out: &'a LeftOut,
     ) -> Result<Self> {
-        let rows = table(features);
+        let balance = features.balance();
+        let columns = balance
+            .iter()
+            .cycle()
+            .take(features.views() * features.width());
+        let factors: Array1<f64> = columns.map(|&factor| f64::from(factor)).collect();
+        let rows = table(features) * &factors;
         let components = Pca::fit(rows.view(), rows.ncols())?;
         let scores = components.transform(rows.view());
         // Mean variance of a feature.
@@ -53,6 +61,7 @@ impl<'a> Axes<'a> {
             mean: rows.mean_axis(Axis(0)).unwrap_or_default(),
             scores,
             components,
+            factors,
             left_out,
         })
     }
@@ -75,7 +84,7 @@ impl<'a> Axes<'a> {
         Fit {
             penalty: best.map_or(1.0, |(best, _)| best.relative),
             intercept: level - self.mean.dot(&weights),
-            weights,
+            weights: weights * &self.factors,
         }
     }
 

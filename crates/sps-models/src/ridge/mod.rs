@@ -57,7 +57,8 @@ impl Default for RidgeConfig {
 /// training surface is left out in turn, as scikit-learn's `RidgeCV`, or each unit of them
 /// ([`TrainingData::units`]).
 ///
-/// Several views of a surface enter side by side. The features are turned to their principal axes,
+/// Several views of a surface enter side by side, and so do the blocks of embeddings, each scaled to a mean
+/// variance of 1. The features are turned to their principal axes,
 /// where every penalty's fit and errors have a closed form.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ridge(RidgeConfig);

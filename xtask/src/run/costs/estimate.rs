@@ -10,7 +10,6 @@ use sps_models::{Embeddings, FittedRegressor};
 use crate::memory;
 use crate::results::Costs;
 use crate::run::Stage;
-use crate::run::tables::table;
 
 /// What estimates are made of.
 pub(super) struct Estimating<'a, S> {
@@ -44,7 +43,7 @@ impl<S: Source> Estimating<'_, S> {
             let views: Vec<usize> = views.into_iter().collect();
             let of_heads = fillings.len() as u64 * model.multiply_adds();
             self.look(surface, &views, of_heads, |values| {
-                let embeddings = self.embeddings(values)?;
+                let embeddings = self.embeddings(&values)?;
                 for filling in fillings {
                     let slots = filling
                         .iter()
@@ -77,7 +76,7 @@ impl<S: Source> Estimating<'_, S> {
             let (step, memory) = memory::peak(|| {
                 self.look(surface, &[view], of_heads, |embedding| {
                     values.extend(embedding);
-                    let embeddings = self.embeddings(values.clone())?;
+                    let embeddings = self.embeddings(&values)?;
                     for model in models {
                         model.predict(&embeddings)?;
                     }
@@ -122,8 +121,9 @@ impl<S: Source> Estimating<'_, S> {
     }
 
     /// Embeddings of one surface.
-    fn embeddings(&self, values: Vec<f32>) -> Result<Embeddings> {
-        table(values, 1, self.stage.embedder.width())
+    fn embeddings(&self, values: &[f32]) -> Result<Embeddings> {
+        let embedder = &self.stage.embedder;
+        Ok(embedder.table(values, 1, values.len() / embedder.width())?)
     }
 }
 

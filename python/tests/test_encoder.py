@@ -39,7 +39,9 @@ def test_it_gives_what_pytorch_gives(tmp_path):
 
 def test_what_it_is(encoder):
     assert (encoder.name, encoder.width, encoder.precision) == ("se-resnext-small", 512, "f32")
-    assert repr(encoder) == 'Encoder("se-resnext-small", "built-in", precision="f32")'
+    expected = 'Encoder("se-resnext-small", "built-in", precision="f32", depths="last")'
+    assert repr(encoder) == expected
+    assert encoder.blocks == [("stage-4", 512)]
     embeddings = encoder.embed([image(20, 30)])
     assert (embeddings.dtype, embeddings.shape) == (np.float32, (1, 512))
 
@@ -53,6 +55,21 @@ def test_the_default_encoder():
     # It ends in a rectifier, and tells surfaces apart.
     assert embeddings.min() >= 0
     assert np.linalg.matrix_rank(embeddings) == len(frames)
+
+
+def test_depths(encoder):
+    every = sps.Encoder("se-resnext-small", "built-in", depths="all")
+    assert every.blocks == [("stage-1", 64), ("stage-2", 128), ("stage-3", 256), ("stage-4", 512)]
+    some = sps.Encoder("se-resnext-small", "built-in", depths=["stage-2", "stage-4"])
+    photograph = image(40, 50)
+    whole, part, last = (one.embed(photograph) for one in [every, some, encoder])
+    assert same_bits(part, np.concatenate([whole[:, 64:192], whole[:, 448:]], axis=1))
+    assert same_bits(last, np.ascontiguousarray(whole[:, 448:]))
+    again = pickle.loads(pickle.dumps(some))
+    assert (repr(again), again.blocks) == (repr(some), some.blocks)
+    for wrong in ["first", ["stage-9"], []]:
+        with pytest.raises(ValueError, match="depths"):
+            sps.Encoder("se-resnext-small", "built-in", depths=wrong)
 
 
 def test_a_file_and_its_pixels_have_the_same_embedding(encoder, tmp_path):

@@ -5,7 +5,7 @@ mod support;
 use std::fs;
 use std::process::{Command, Stdio};
 
-use support::{Scratch, method, root, xtask};
+use support::{Scratch, expect, message, method, root, xtask};
 
 #[test]
 fn an_experiment_ends_with_results_and_a_report() {
@@ -193,6 +193,95 @@ fn embeddings_are_written_in_the_order_given() {
     let forwards = embed(&[a, b], "1");
     let backwards = embed(&[b, a, b], "2");
     assert_eq!(forwards, [backwards[1].clone(), backwards[0].clone()]);
+}
+
+/// Each depth is a tensor of its own, and a part of the whole.
+#[test]
+fn depths_are_written_one_by_one() {
+    let scratch = Scratch::new();
+    let embed = |depths: &str| {
+        let out = scratch.path("out.safetensors");
+        let mut command = xtask();
+        command.args(["embed", "--encoder", "resnet18", "--weights", "untrained"]);
+        command.args(["--depths", depths, "--out"]).arg(&out);
+        command.arg(scratch.path("data/frames/oak-01/000.jpg"));
+        (command.assert(), out)
+    };
+    let read = |depths: &str| {
+        let (ended, out) = embed(depths);
+        ended.success();
+        let bytes = fs::read(out).unwrap();
+        let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+        let tensors = file.tensors().into_iter();
+        let mut tensors: Vec<_> = tensors
+            .map(|(name, tensor)| (name, tensor.shape().to_vec(), tensor.data().to_vec()))
+            .collect();
+        tensors.sort();
+        tensors
+    };
+    let all = read("all");
+    let shapes: Vec<_> = all
+        .iter()
+        .map(|(name, shape, _)| (&name[..], shape[1]))
+        .collect();
+    let expected = [
+        ("embeddings", 960),
+        ("stage-1", 64),
+        ("stage-2", 128),
+        ("stage-3", 256),
+        ("stage-4", 512),
+    ];
+    assert_eq!(shapes, expected);
+    let parts = all[1..].iter().flat_map(|(_, _, bytes)| bytes);
+    assert!(all[0].2.iter().eq(parts));
+    let two = read("stage-2,stage-4");
+    assert_eq!((&two[1], &two[2]), (&all[2], &all[4]));
+    assert_eq!(
+        read("last"),
+        [("embeddings".to_owned(), vec![1, 512], all[4].2.clone())]
+    );
+    let said = message(embed("stage-9").0);
+    expect(
+        &said,
+        &["stage-9", "resnet18's stage-1, stage-2, stage-3, stage-4"],
+    );
+}
+
+/// Methods may look at other depths of one encoder; an unknown one is named with its line.
+#[test]
+fn methods_look_at_the_depths_that_they_name() {
+    let scratch = Scratch::new();
+    let text = fs::read_to_string(scratch.path("tiny.toml")).unwrap();
+    let method = |id: &str, depths: &str| {
+        format!(
+            "[[methods]]\nid = {id:?}\nlabel = {id:?}\nkind = \"kernel-ridge\"\nencoder.depths = {depths}\n"
+        )
+    };
+    let methods = [
+        method("last", "\"last\""),
+        method("all", "\"all\""),
+        method("two", "[\"stage-1\", \"stage-3\"]"),
+    ];
+    fs::write(
+        scratch.path("tiny.toml"),
+        format!("{text}{}", methods.concat()),
+    )
+    .unwrap();
+    scratch.experiment().assert().success();
+    let results = scratch.results();
+    let scores =
+        ["last", "all", "two"].map(|id| support::method(&results, id)["mae"]["fRS"].clone());
+    assert!(
+        scores[0] != scores[1] && scores[1] != scores[2],
+        "{scores:?}"
+    );
+    let said = ["all", "two"].map(|id| support::method(&results, id)["encoder"].to_string());
+    assert!(said[0].contains("at all depths"), "{}", said[0]);
+    assert!(said[1].contains("at stage-1 and stage-3"), "{}", said[1]);
+
+    scratch.edit("tiny.toml", "\"stage-3\"", "\"stage-7\"");
+    let said = message(scratch.experiment().assert());
+    expect(&said, &["tiny.toml:", "depths", "\"stage-7\"", "stage-4"]);
 }
 
 #[test]

@@ -11,9 +11,10 @@ use fuzz::{Damage, damaged, fuzz, nested, with_header};
 use proptest::prelude::any;
 use serde_json::{Value, json};
 use sps_estimator::{Estimator, Sight};
+use sps_models::encoders::Depths;
 use sps_models::heads::{Plan, Rerun};
 use sps_models::ridge::{Ridge, RidgeConfig};
-use support::{Tables, embedder, photograph, recipe, ridge};
+use support::{Tables, embedder_at, photograph, recipe, ridge};
 
 #[global_allocator]
 static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
@@ -183,7 +184,8 @@ fn models_without_widths_for_several_photographs_are_read() {
 #[test]
 fn artefacts_of_the_first_format_are_read() {
     let folder = tempfile::tempdir().unwrap();
-    let tables = Tables::new(16, 1, 1);
+    let embedder = embedder_at(&Depths::Last, None);
+    let tables = Tables::by(&embedder, 16, 1, 1);
     let rerun = Rerun {
         number: 0,
         training: (0..16).collect(),
@@ -192,7 +194,6 @@ fn artefacts_of_the_first_format_are_read() {
     let plan = Plan::each(1, tables.readings.properties(), vec![rerun]);
     let ridges = Ridge::new(RidgeConfig::default()).unwrap();
     let ridges = ridges.train(&tables.examples().data, &plan).unwrap();
-    let embedder = embedder();
     let weights = embedder
         .network()
         .of_images()

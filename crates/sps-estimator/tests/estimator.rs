@@ -10,6 +10,7 @@ use sps_estimator::{
     photographs_in, radius,
 };
 use sps_metrics::Level;
+use sps_models::encoders::Depths;
 use sps_models::heads::{Head, HeadConfig, Input, Plan, Rerun, Views};
 use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_models::ridge::{Ridge, RidgeConfig};
@@ -53,6 +54,11 @@ fn every_regression_is_read_again_to_the_bit() {
         estimator.save(&folder).unwrap();
         let again = Estimator::load(&folder).unwrap();
         assert_eq!(again.about(), estimator.about());
+        let encoder = again.embedder().network().encoder();
+        assert_eq!(
+            (encoder.depths(), encoder.blocks().len()),
+            (&Depths::All, 4)
+        );
         let asked = photographs(97, &[1, 0]);
         let answer = estimator.predict(&asked).unwrap();
         assert_eq!(again.predict(&asked).unwrap(), answer, "{kind}");

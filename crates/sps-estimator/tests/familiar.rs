@@ -39,10 +39,19 @@ fn what_the_encoder_saw_is_not_held_against() {
     };
     let of_unit_length = |surfaces: &[usize]| {
         let unit = |&at: &usize| {
-            let row = tables.embeddings.get(at, 1).unwrap();
-            let squares = row.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>();
-            let unit = row.iter().map(|&x| (f64::from(x) / squares.sqrt()) as f32);
-            unit.collect::<Vec<f32>>()
+            let mut row = tables.embeddings.get(at, 1).unwrap();
+            let mut units = Vec::new();
+            for &width in tables.embeddings.blocks() {
+                let (block, rest) = row.split_at(width);
+                let squares = block.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>();
+                units.extend(
+                    block
+                        .iter()
+                        .map(|&x| (f64::from(x) / squares.sqrt()) as f32),
+                );
+                row = rest;
+            }
+            units
         };
         surfaces.iter().flat_map(unit).collect::<Vec<f32>>()
     };

@@ -118,15 +118,19 @@ impl Embeddings {
         })
     }
 
-    /// What brings each block to a mean variance of 1 over these surfaces and views, one factor for each
-    /// feature of a view; 0 for a block that does not vary. One block alone stays as it is.
+    /// What brings each block of each view to a mean variance of 1 over these surfaces, `(views, width)`; 0 for
+    /// a block that does not vary. One block alone stays as it is.
     pub(crate) fn balance(&self) -> Vec<f32> {
+        let length = self.views * self.width;
         if self.blocks.len() == 1 {
-            return vec![1.0; self.width];
+            return vec![1.0; length];
         }
-        let rows = self.values.chunks_exact(self.width);
-        let spread = Spread::of(self.width, rows);
-        let factors = self.block_places().flat_map(|place| {
+        let spread = Spread::of(length, self.values.chunks_exact(length));
+        let of_view = |view: usize| {
+            let places = self.block_places();
+            places.map(move |place| view * self.width + place.start..view * self.width + place.end)
+        };
+        let factors = (0..self.views).flat_map(of_view).flat_map(|place| {
             let common = spread.common(place.clone());
             let factor = if common > 0.0 { 1.0 / common } else { 0.0 };
             place.map(move |_| factor as f32)
@@ -134,9 +138,9 @@ impl Embeddings {
         factors.collect()
     }
 
-    /// Each feature of every view times its factor.
+    /// Each feature of each view times its factor.
     pub(crate) fn scaled(&self, factors: &[f32]) -> Self {
-        let values = self.values.chunks_exact(self.width);
+        let values = self.values.chunks_exact(self.views * self.width);
         let scaled = values.flat_map(|row| row.iter().zip(factors).map(|(x, factor)| x * factor));
         Self {
             values: scaled.collect(),

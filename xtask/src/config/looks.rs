@@ -5,7 +5,7 @@ use serde::{Serialize, Serializer};
 use sps_dataset::Source;
 use sps_models::encoders::EncoderKind;
 use sps_models::heads::{Input, RelationScale};
-use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig, Shape};
 use sps_viewselect::{Equidistant, RelationSampler, Selector, TemporalRelations};
 
 use super::method::Method;
@@ -217,6 +217,9 @@ fn selected(
     }
 }
 
+/// Of the kernel that sets of views are compared by.
+const REFIT_WIDTH: f64 = 4.0;
+
 fn refit(config: &Config, method: &MethodConfig) -> Result<Option<Refit>, Problem> {
     let Some(refit) = method.refit else {
         return Ok(None);
@@ -228,7 +231,10 @@ fn refit(config: &Config, method: &MethodConfig) -> Result<Option<Refit>, Proble
         return refuse("refit.pooled", "must lie between 0 and 1");
     }
     let ridge = KernelRidge::new(KernelRidgeConfig {
-        kernel: refit.kernel,
+        kernels: vec![Shape {
+            kernel: refit.kernel,
+            width: REFIT_WIDTH,
+        }],
         ..config.kernel_ridge.clone()
     });
     Ok(Some(Refit {

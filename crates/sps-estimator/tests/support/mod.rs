@@ -9,8 +9,8 @@ use sps_estimator::{
     Widths,
 };
 use sps_metrics::Level;
-use sps_models::candle::{Device, Tensor};
-use sps_models::encoders::{Encoder, EncoderKind};
+use sps_models::candle::Device;
+use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_models::heads::TrainingData;
 use sps_models::ridge::{Ridge, RidgeConfig};
 use sps_models::{Embeddings, Readings};
@@ -47,7 +47,12 @@ pub(crate) fn embedder() -> Embedder {
 }
 
 pub(crate) fn embedder_of(resize: Option<usize>) -> Embedder {
+    embedder_at(&Depths::All, resize)
+}
+
+pub(crate) fn embedder_at(depths: &Depths, resize: Option<usize>) -> Embedder {
     let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 3, &Device::Cpu).unwrap();
+    let encoder = encoder.with_depths(depths).unwrap();
     Embedder::new(Network::Images(encoder), resize).unwrap()
 }
 
@@ -86,13 +91,15 @@ impl Tables {
     }
 
     fn of(surfaces: usize, views: usize, of_group: usize, resize: Option<usize>) -> Self {
+        Self::by(&embedder_of(resize), surfaces, views, of_group)
+    }
+
+    /// As an embedder sees them.
+    pub(crate) fn by(embedder: &Embedder, surfaces: usize, views: usize, of_group: usize) -> Self {
         let frames: Vec<Frame> = (0..surfaces)
             .flat_map(|surface| (0..views).map(move |view| photograph(surface, view)))
             .collect();
-        let values = embedder_of(resize).embed(&frames).unwrap();
-        let width = values.len() / frames.len();
-        let shape = (surfaces, views, width);
-        let embeddings = Tensor::from_vec(values, shape, &Device::Cpu).unwrap();
+        let values = embedder.embed(&frames).unwrap();
         let row = |surface: usize| {
             let noise = 4.0 * uniform("noise", surface as u64);
             vec![
@@ -108,10 +115,10 @@ impl Tables {
         };
         let list: Vec<Surface> = (0..surfaces).map(of_group).collect();
         Self {
-            embeddings: Embeddings::new(&embeddings).unwrap(),
+            embeddings: embedder.table(&values, surfaces, views).unwrap(),
             readings: Readings::new(vec!["fRS".into(), "felt".into()], &rows).unwrap(),
             units: Units::of(&list),
-            resize,
+            resize: embedder.resize(),
         }
     }
 

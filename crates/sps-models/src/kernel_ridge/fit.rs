@@ -2,6 +2,7 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::evd::{self, ComputeEigenvectors};
 use faer::{Accum, Col, Mat, MatRef, Par, Spec};
 
+use super::kernel::Shape;
 use crate::dense::{cleanly, multiply};
 use crate::error::{Error, Result};
 use crate::left_out::{LeftOut, LeftOutBlock};
@@ -9,7 +10,7 @@ use crate::left_out::{LeftOut, LeftOutBlock};
 /// The centred kernel matrix of some surfaces on its principal axes, where every penalty is
 /// compared in closed form. All fits to the same surfaces share it.
 pub(super) struct Spectrum {
-    width: f64,
+    shape: Shape,
     penalties: Vec<f64>,
     /// Mean of each column of the kernel matrix.
     means: Vec<f64>,
@@ -35,7 +36,7 @@ pub(super) struct Fit {
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Expansion {
-    pub(super) width: f64,
+    pub(super) shape: Shape,
     pub(super) penalty: f64,
     /// One per training surface.
     pub(super) coefficients: Vec<f64>,
@@ -45,14 +46,14 @@ impl Spectrum {
     /// Decomposes a kernel matrix, of which both triangles are there.
     pub(super) fn new(
         mut kernel: Mat<f64>,
-        width: f64,
+        shape: Shape,
         penalties: &[f64],
         left_out: &LeftOut,
     ) -> Result<Self> {
         let means = centre(&mut kernel);
         let (values, vectors) = decompose(&kernel)?;
         let mut spectrum = Self {
-            width,
+            shape,
             penalties: penalties.to_vec(),
             means,
             trace: (0..kernel.nrows()).map(|i| kernel[(i, i)]).sum(),
@@ -124,7 +125,7 @@ impl Spectrum {
             }
         }
         Expansion {
-            width: self.width,
+            shape: self.shape,
             penalty: self.penalties[penalty],
             coefficients,
         }
@@ -132,7 +133,7 @@ impl Spectrum {
 }
 
 impl Fit {
-    /// The width and penalty of least error when each part is left out, or the mean of `values`
+    /// The kernel and penalty of least error when each part is left out, or the mean of `values`
     /// where that is as good.
     pub(super) fn best(spectra: &[Spectrum], values: &[f64], left_out: &LeftOut) -> Self {
         let level = mean(values);

@@ -20,29 +20,77 @@ pub enum Kernel {
     Exponential,
     /// `exp(-|x - y|² / 2w²)`.
     Gaussian,
-    /// `(x - m)(y - m)` over its mean for `x = y` among the training surfaces, with `m` their mean: ridge
-    /// regression. It has no width.
+    /// `(x - m)(y - m)`, with `m` the training mean: ridge regression. Of several blocks each counts in units of
+    /// its variance. It has no width.
     Linear,
 }
 
-impl Kernel {
+/// A kernel and its width.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shape {
+    /// Which kernel it is.
+    #[serde(rename = "kind")]
+    pub kernel: Kernel,
+    /// A multiple of the median distance between the training surfaces' embeddings, block by block of each view.
+    /// The linear kernel has none.
+    #[serde(default = "no_width", skip_serializing_if = "is_no_width")]
+    pub width: f64,
+}
+
+const fn no_width() -> f64 {
+    1.0
+}
+
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    clippy::float_cmp,
+    reason = "as serde wants it; the default itself"
+)]
+fn is_no_width(width: &f64) -> bool {
+    *width == no_width()
+}
+
+impl Shape {
     /// The kernel at a [proximity](Points::proximities), with the block's scale.
-    fn at(self, proximity: f64, scale: f64, width: f64) -> f64 {
-        match self {
-            Self::Exponential => (-proximity / (width * scale)).exp(),
-            Self::Gaussian => (-0.5 * (proximity / (width * scale)).powi(2)).exp(),
-            Self::Linear => proximity / scale,
+    fn at(self, proximity: f64, scale: f64) -> f64 {
+        match self.kernel {
+            Kernel::Exponential => (-proximity / (self.width * scale)).exp(),
+            Kernel::Gaussian => (-0.5 * (proximity / (self.width * scale)).powi(2)).exp(),
+            Kernel::Linear => proximity / scale,
+        }
+    }
+}
+
+/// How near surfaces are to each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Proximity {
+    /// Euclidean distances.
+    Distance,
+    /// Products about the training mean, for linear kernels.
+    Product,
+}
+
+impl Proximity {
+    /// What these kernels are of, which are either all linear or none of them.
+    pub(super) fn of(shapes: &[Shape]) -> Self {
+        match shapes.first().map(|shape| shape.kernel) {
+            Some(Kernel::Linear) => Self::Product,
+            _ => Self::Distance,
         }
     }
 
-    /// The scale of a block's proximities: the median distance of the training surfaces that differ, or the
-    /// mean product of one with itself.
-    fn scale(self, proximities: &Mat<f64>) -> f64 {
-        if self == Self::Linear {
+    /// The scale of a block's proximities: the median distance of the training surfaces that differ; or of
+    /// products their mean for each surface with itself, but for a block alone the number of features.
+    fn scale(self, proximities: &Mat<f64>, alone: Option<usize>) -> f64 {
+        if self == Self::Product {
             let surfaces = proximities.ncols();
             let trace: f64 = (0..surfaces).map(|i| proximities[(i, i)]).sum();
-            let mean = trace / surfaces.max(1) as f64;
-            return if mean > 0.0 { mean } else { 1.0 };
+            return match alone {
+                Some(features) => features as f64,
+                None if trace > 0.0 => trace / surfaces as f64,
+                None => 1.0,
+            };
         }
         let columns = 0..proximities.ncols();
         let pairs = columns.flat_map(|j| (0..j).map(move |i| proximities[(i, j)]));
@@ -64,7 +112,7 @@ pub(super) struct Terms {
     /// One over the number of blocks of all views.
     pub(super) weight: f64,
     pub(super) scale: f64,
-    pub(super) width: f64,
+    pub(super) shape: Shape,
 }
 
 /// One block of a view.
@@ -92,8 +140,10 @@ impl Part {
 
 /// One block of a view of the training surfaces, ready to be compared with.
 pub(super) struct Points {
-    kernel: Kernel,
+    proximity: Proximity,
     part: Part,
+    /// How many features there are, where a view has no other block.
+    alone: Option<usize>,
     /// Mean of each feature.
     centre: Vec<f64>,
     /// `(width, surfaces)`, less the centre.
@@ -103,11 +153,12 @@ pub(super) struct Points {
 }
 
 impl Points {
-    pub(super) fn new(kernel: Kernel, embeddings: &Embeddings, part: Part) -> Self {
+    pub(super) fn new(proximity: Proximity, embeddings: &Embeddings, part: Part) -> Self {
         let centre = centre(embeddings, &part);
         let points = centred(embeddings, 0..embeddings.surfaces(), &part, &centre);
         Self {
-            kernel,
+            proximity,
+            alone: (embeddings.blocks().len() == 1).then_some(embeddings.width()),
             part,
             norms: norms(&points),
             centre,
@@ -119,7 +170,7 @@ impl Points {
     /// surfaces)`, and the unit in which they shall be told.
     pub(super) fn among_themselves(&self) -> (Mat<f64>, f64) {
         let proximities = self.compared(&self.centred, &self.norms);
-        let scale = self.kernel.scale(&proximities);
+        let scale = self.proximity.scale(&proximities, self.alone);
         (proximities, scale)
     }
 
@@ -131,15 +182,15 @@ impl Points {
     }
 
     /// Adds the kernel at these proximities to `sum`, times `weight`.
-    pub(super) fn add(&self, sum: &mut Mat<f64>, proximities: &Mat<f64>, terms: Terms) {
+    pub(super) fn add(sum: &mut Mat<f64>, proximities: &Mat<f64>, terms: Terms) {
         let Terms {
             weight,
             scale,
-            width,
+            shape,
         } = terms;
         for (sum, proximities) in sum.col_iter_mut().zip(proximities.col_iter()) {
             for (sum, &proximity) in sum.iter_mut().zip(proximities.iter()) {
-                *sum += weight * self.kernel.at(proximity, scale, width);
+                *sum += weight * shape.at(proximity, scale);
             }
         }
     }
@@ -152,7 +203,7 @@ impl Points {
             self.centred.transpose(),
             others.as_ref(),
         );
-        if self.kernel == Kernel::Linear {
+        if self.proximity == Proximity::Product {
             return products;
         }
         for (column, other) in products.col_iter_mut().zip(others_norms) {

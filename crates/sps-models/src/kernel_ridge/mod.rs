@@ -21,8 +21,8 @@ use crate::groups::{Group, fit_groups, sharing};
 use crate::heads::{Estimates, Plan, TrainingData, Trial};
 use crate::regressor::check_fits;
 use fit::{Fit, Spectrum};
-pub use kernel::Kernel;
-use kernel::{Part, Points, Terms};
+pub use kernel::{Kernel, Shape};
+use kernel::{Part, Points, Proximity, Terms};
 pub use set_losses::SetLosses;
 
 /// Surfaces that are estimated at once.
@@ -32,14 +32,11 @@ const ROWS: usize = 512;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
 pub struct KernelRidgeConfig {
-    /// The kernel.
-    pub kernel: Kernel,
+    /// The kernels to choose from; a linear one stands alone.
+    pub kernels: Vec<Shape>,
     /// The penalties to choose from, each in units of the kernel's variance: `l` in
     /// `|y - f|² / n + l v |f|²`, with `v` the mean diagonal element of the centred kernel matrix.
     pub penalties: Vec<f64>,
-    /// The widths to choose from, each a multiple of the median distance between the training
-    /// surfaces' embeddings, block by block of each view. The linear kernel has none.
-    pub widths: Vec<f64>,
     /// Surfaces that a fit stands on at most: of more training surfaces so many are drawn at random,
     /// from a stream keyed by the plan's seed and the rerun. Time grows with the third power of
     /// their number, memory with its square. [`SetLosses`] take all that they are given.
@@ -49,18 +46,20 @@ pub struct KernelRidgeConfig {
 impl Default for KernelRidgeConfig {
     fn default() -> Self {
         Self {
-            kernel: Kernel::Exponential,
+            kernels: vec![Shape {
+                kernel: Kernel::Exponential,
+                width: 4.0,
+            }],
             penalties: vec![
                 1e-6, 1e-5, 3.16e-5, 1e-4, 3.16e-4, 1e-3, 3.16e-3, 0.01, 0.0316, 0.1, 0.316, 1.0,
                 3.16,
             ],
-            widths: vec![4.0],
             at_most: 4000,
         }
     }
 }
 
-/// Kernel ridge regression (Saunders, Gammerman and Vovk 1998) with an intercept; width and penalty
+/// Kernel ridge regression (Saunders, Gammerman and Vovk 1998) with an intercept; kernel and penalty
 /// are those that predict best when each training surface, or unit of them
 /// ([`TrainingData::units`]), is left out in turn, which has a closed form (Golub, Heath and Wahba
 /// 1979).
@@ -80,11 +79,13 @@ impl KernelRidge {
     ///
     /// # Errors
     ///
-    /// No penalty or width, or one that is not above zero; no surface to stand on.
+    /// No penalty or kernel, a penalty or width that is not above zero, a linear kernel among others; no surface
+    /// to stand on.
     pub fn new(config: KernelRidgeConfig) -> Result<Self> {
+        let widths: Vec<f64> = config.kernels.iter().map(|shape| shape.width).collect();
         let lists = [
             ("penalties of kernel ridge regression", &config.penalties),
-            ("widths of kernel ridge regression", &config.widths),
+            ("widths of kernels", &widths),
         ];
         for (what, list) in lists {
             if list.is_empty() {
@@ -93,6 +94,11 @@ impl KernelRidge {
             if let Some(value) = list.iter().find(|&&v| !(v.is_finite() && v > 0.0)) {
                 return Err(Error::input(what, value, "numbers above 0"));
             }
+        }
+        let linear = |shape: &Shape| shape.kernel == Kernel::Linear;
+        if config.kernels.len() > 1 && config.kernels.iter().any(linear) {
+            let found = "a linear one among others";
+            return Err(Error::input("kernels to choose from", found, "it alone"));
         }
         if config.at_most == 0 {
             let what = "surfaces that kernel ridge regression stands on";
@@ -123,11 +129,11 @@ impl KernelRidge {
         let (scales, kernels) = self.kernels(&group.embeddings);
         let spectra: Vec<Result<Spectrum>> = kernels
             .into_par_iter()
-            .map(|(width, kernel)| Spectrum::new(kernel, width, &self.0.penalties, &group.left_out))
+            .map(|(shape, kernel)| Spectrum::new(kernel, shape, &self.0.penalties, &group.left_out))
             .collect();
         let spectra = spectra.into_iter().collect::<Result<Vec<_>>>()?;
         let support = Arc::new(Support {
-            kernel: self.0.kernel,
+            proximity: Proximity::of(&self.0.kernels),
             embeddings: group.embeddings.clone(),
             scales,
         });
@@ -139,49 +145,38 @@ impl KernelRidge {
         Ok(fits.collect())
     }
 
-    /// The scale of each block of each view, and the kernel matrix of the surfaces with each width.
-    fn kernels(&self, embeddings: &Embeddings) -> (Vec<f64>, Vec<(f64, Mat<f64>)>) {
+    /// The scale of each block of each view, and the matrix of the surfaces by each kernel.
+    fn kernels(&self, embeddings: &Embeddings) -> (Vec<f64>, Vec<(Shape, Mat<f64>)>) {
         let surfaces = embeddings.surfaces();
-        let sums = self.widths().iter();
+        let proximity = Proximity::of(&self.0.kernels);
+        let sums = self.0.kernels.iter();
         let mut sums: Vec<_> = sums
-            .map(|&width| (width, Mat::zeros(surfaces, surfaces)))
+            .map(|&shape| (shape, Mat::zeros(surfaces, surfaces)))
             .collect();
         let parts: Vec<Part> = Part::all(embeddings).collect();
         let weight = 1.0 / parts.len() as f64;
         let mut scales = Vec::with_capacity(parts.len());
         for part in parts {
-            let points = Points::new(self.0.kernel, embeddings, part);
+            let points = Points::new(proximity, embeddings, part);
             let (proximities, scale) = points.among_themselves();
             scales.push(scale);
-            sums.par_iter_mut().for_each(|(width, sum)| {
-                let width = *width;
-                points.add(
-                    sum,
-                    &proximities,
-                    Terms {
-                        weight,
-                        scale,
-                        width,
-                    },
-                );
+            sums.par_iter_mut().for_each(|(shape, sum)| {
+                let terms = Terms {
+                    weight,
+                    scale,
+                    shape: *shape,
+                };
+                Points::add(sum, &proximities, terms);
             });
         }
         (scales, sums)
-    }
-
-    /// The widths that make a difference.
-    fn widths(&self) -> &[f64] {
-        match self.0.kernel {
-            Kernel::Linear => &self.0.widths[..1],
-            Kernel::Exponential | Kernel::Gaussian => &self.0.widths,
-        }
     }
 }
 
 /// The training surfaces of some regressions.
 #[derive(Debug, PartialEq)]
 struct Support {
-    kernel: Kernel,
+    proximity: Proximity,
     /// The views in the order of the trial's.
     embeddings: Embeddings,
     /// Of each block of each view.
@@ -189,29 +184,26 @@ struct Support {
 }
 
 impl Support {
-    /// Kernel matrices `(training surfaces, those in the range)`, one for each of the widths.
+    /// Matrices `(training surfaces, those in the range)`, one for each of the kernels.
     fn kernels(
         &self,
         embeddings: &Embeddings,
         range: &Range<usize>,
-        widths: &[f64],
+        shapes: &[Shape],
     ) -> Vec<Mat<f64>> {
-        let zeros = |_: &f64| Mat::zeros(self.embeddings.surfaces(), range.len());
-        let mut sums: Vec<Mat<f64>> = widths.iter().map(zeros).collect();
+        let zeros = |_: &Shape| Mat::zeros(self.embeddings.surfaces(), range.len());
+        let mut sums: Vec<Mat<f64>> = shapes.iter().map(zeros).collect();
         let weight = 1.0 / self.scales.len() as f64;
         for (part, &scale) in Part::all(&self.embeddings).zip(&self.scales) {
-            let points = Points::new(self.kernel, &self.embeddings, part);
+            let points = Points::new(self.proximity, &self.embeddings, part);
             let proximities = points.proximities(embeddings, range.clone());
-            for (sum, &width) in sums.iter_mut().zip(widths) {
-                points.add(
-                    sum,
-                    &proximities,
-                    Terms {
-                        weight,
-                        scale,
-                        width,
-                    },
-                );
+            for (sum, &shape) in sums.iter_mut().zip(shapes) {
+                let terms = Terms {
+                    weight,
+                    scale,
+                    shape,
+                };
+                Points::add(sum, &proximities, terms);
             }
         }
         sums
@@ -239,14 +231,13 @@ impl TrainedKernelRidge {
         self.fit.expansion.as_ref().map(|e| e.penalty)
     }
 
-    /// The width that was chosen, in the units of [`KernelRidgeConfig::widths`]; `None` where the
-    /// mean of the training readings is the estimate.
-    pub fn width(&self) -> Option<f64> {
-        self.fit.expansion.as_ref().map(|e| e.width)
+    /// The kernel that was chosen; `None` where the mean of the training readings is the estimate.
+    pub fn shape(&self) -> Option<Shape> {
+        self.fit.expansion.as_ref().map(|e| e.shape)
     }
 
     /// Mean squared error, in measured units, for each training surface by the fit to all others, or to
-    /// all others' units, with the width and penalty that were chosen; `None` of one surface alone. The least of many
+    /// all others' units, with the kernel and penalty that were chosen; `None` of one surface alone. The least of many
     /// choices: a little less than the error of a new surface or unit.
     pub fn left_out_error(&self) -> Option<f64> {
         self.fit.left_out_error
@@ -259,12 +250,12 @@ pub struct TrainedKernelRidges {
     ridges: Vec<TrainedKernelRidge>,
 }
 
-/// The regressions that share their training surfaces, by their place among all, and the widths
+/// The regressions that share their training surfaces, by their place among all, and the kernels
 /// that they chose.
 struct Sharing<'a> {
     support: &'a Arc<Support>,
     ridges: Vec<usize>,
-    widths: Vec<f64>,
+    shapes: Vec<Shape>,
 }
 
 impl TrainedKernelRidges {
@@ -283,17 +274,17 @@ impl TrainedKernelRidges {
     }
 
     /// Multiply-adds to estimate one surface from its embeddings, all regressions together;
-    /// regressions on the same surfaces share the distances to them, and those of one width the
+    /// regressions on the same surfaces share the distances to them, and those of one shape the
     /// kernel. An element of a kernel counts as one.
     pub fn multiply_adds(&self) -> u64 {
         let of = |sharing: &Sharing<'_>| {
             let embeddings = &sharing.support.embeddings;
             let expansions = sharing.ridges.iter();
             let expansions = expansions.filter(|&&at| self.ridges[at].fit.expansion.is_some());
-            let distances = match sharing.widths.len() {
+            let distances = match sharing.shapes.len() {
                 0 => 0,
-                widths => {
-                    let kernels = embeddings.blocks().len() * widths;
+                shapes => {
+                    let kernels = embeddings.blocks().len() * shapes;
                     embeddings.views() * (embeddings.width() + kernels)
                 }
             };
@@ -304,7 +295,7 @@ impl TrainedKernelRidges {
 
     /// The estimates of every regression for every surface, in measured units, on the threads of
     /// the current rayon pool. The views of `embeddings` are the ones to use, in the order of the
-    /// trial's views. Regressions that share training surfaces and width are estimated together,
+    /// trial's views. Regressions that share training surfaces and kernel are estimated together,
     /// which takes little more time than one.
     ///
     /// # Errors
@@ -351,16 +342,16 @@ impl TrainedKernelRidges {
         for Sharing {
             support,
             ridges,
-            widths,
+            shapes,
         } in sharing
         {
-            let kernels = support.kernels(embeddings, range, widths);
+            let kernels = support.kernels(embeddings, range, shapes);
             for &at in ridges {
                 let Some(expansion) = &self.ridges[at].fit.expansion else {
                     continue;
                 };
-                let of_width = widths.iter().zip(&kernels);
-                for (_, kernel) in of_width.filter(|(width, _)| **width == expansion.width) {
+                let of_shape = shapes.iter().zip(&kernels);
+                for (_, kernel) in of_shape.filter(|(shape, _)| **shape == expansion.shape) {
                     for (estimate, column) in estimates[at].iter_mut().zip(kernel.col_iter()) {
                         let terms = column.iter().zip(&expansion.coefficients);
                         *estimate += terms.map(|(k, c)| k * c).sum::<f64>();
@@ -374,16 +365,16 @@ impl TrainedKernelRidges {
     fn sharing(&self) -> Vec<Sharing<'_>> {
         let shared = sharing(self.ridges.iter().map(|ridge| &ridge.support));
         let of = |(support, ridges): (_, Vec<usize>)| {
-            let mut widths = Vec::new();
-            for width in ridges.iter().filter_map(|&at| self.ridges[at].width()) {
-                if !widths.contains(&width) {
-                    widths.push(width);
+            let mut shapes = Vec::new();
+            for shape in ridges.iter().filter_map(|&at| self.ridges[at].shape()) {
+                if !shapes.contains(&shape) {
+                    shapes.push(shape);
                 }
             }
             Sharing {
                 support,
                 ridges,
-                widths,
+                shapes,
             }
         };
         shared.into_iter().map(of).collect()

@@ -2,7 +2,7 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use super::fit::{Fit, Spectrum};
-use super::kernel::{Part, Points, Terms};
+use super::kernel::{Part, Points, Proximity, Shape, Terms};
 use super::{KernelRidge, KernelRidgeConfig};
 use crate::data::{Embeddings, check_indices};
 use crate::error::{Error, Result};
@@ -13,11 +13,11 @@ use crate::left_out::LeftOut;
 /// training surface, or unit of them, left out in turn, in closed form. With [`Kernel::Linear`](super::Kernel) it is
 /// that of ridge regression.
 ///
-/// Properties with readings of the same training surfaces share one decomposition for each width;
+/// Properties with readings of the same training surfaces share one decomposition for each kernel;
 /// where gaps differ, each pattern of gaps costs as much as all properties without.
 ///
 /// Every view's kernel is kept, one triangle in f32: `2 n²` bytes for `n` surfaces, for each view,
-/// width and pattern of gaps.
+/// kernel and pattern of gaps.
 #[derive(Debug)]
 pub struct SetLosses {
     config: KernelRidgeConfig,
@@ -32,8 +32,8 @@ struct Pattern {
     surfaces: Vec<usize>,
     left_out: LeftOut,
     columns: Vec<Column>,
-    /// By width and view: the columns of the lower triangle, one after the other.
-    kernels: Vec<(f64, Vec<Vec<f32>>)>,
+    /// By kernel and view: the columns of the lower triangle, one after the other.
+    kernels: Vec<(Shape, Vec<Vec<f32>>)>,
 }
 
 #[derive(Debug)]
@@ -92,7 +92,7 @@ impl SetLosses {
     }
 
     /// The loss of a set of views, one for each property, in units of the variance of its training
-    /// readings, with the width and penalty that are best for it; never above that of the mean of
+    /// readings, with the kernel and penalty that are best for it; never above that of the mean of
     /// the readings, which is a little above 1, and 0 for readings that do not vary. The order of
     /// the set does not matter; a view may be in it several times.
     ///
@@ -108,9 +108,9 @@ impl SetLosses {
         set.sort_unstable();
         let mut losses = vec![0.0; self.properties];
         for pattern in &self.patterns {
-            let spectra = pattern.kernels.iter().map(|(width, views)| {
+            let spectra = pattern.kernels.iter().map(|(shape, views)| {
                 let kernel = mean(views, &set, pattern.surfaces.len());
-                Spectrum::new(kernel, *width, &self.config.penalties, &pattern.left_out)
+                Spectrum::new(kernel, *shape, &self.config.penalties, &pattern.left_out)
             });
             let spectra = spectra.collect::<Result<Vec<_>>>()?;
             for column in pattern.columns.iter().filter(|one| one.variance > 0.0) {
@@ -153,24 +153,24 @@ impl Column {
     }
 }
 
-/// The kernel of each view, by width.
-fn kernels(ridge: &KernelRidge, embeddings: &Embeddings) -> Vec<(f64, Vec<Vec<f32>>)> {
-    let widths = ridge.widths();
+/// The matrix of each view, by kernel.
+fn kernels(ridge: &KernelRidge, embeddings: &Embeddings) -> Vec<(Shape, Vec<Vec<f32>>)> {
+    let shapes = &ridge.config().kernels;
     let size = embeddings.surfaces();
     let weight = 1.0 / embeddings.blocks().len() as f64;
     let of_view = |view| {
-        let mut sums = vec![Mat::zeros(size, size); widths.len()];
+        let mut sums = vec![Mat::zeros(size, size); shapes.len()];
         for features in embeddings.block_places() {
             let part = Part { view, features };
-            let points = Points::new(ridge.config().kernel, embeddings, part);
+            let points = Points::new(Proximity::of(shapes), embeddings, part);
             let (proximities, scale) = points.among_themselves();
-            for (sum, &width) in sums.iter_mut().zip(widths) {
+            for (sum, &shape) in sums.iter_mut().zip(shapes) {
                 let terms = Terms {
                     weight,
                     scale,
-                    width,
+                    shape,
                 };
-                points.add(sum, &proximities, terms);
+                Points::add(sum, &proximities, terms);
             }
         }
         sums.iter().map(lower_triangle).collect::<Vec<_>>()
@@ -179,7 +179,7 @@ fn kernels(ridge: &KernelRidge, embeddings: &Embeddings) -> Vec<(f64, Vec<Vec<f3
         .into_par_iter()
         .map(of_view)
         .collect();
-    let mut kernels: Vec<_> = widths.iter().map(|&width| (width, Vec::new())).collect();
+    let mut kernels: Vec<_> = shapes.iter().map(|&shape| (shape, Vec::new())).collect();
     for view in views {
         for ((_, kernels), kernel) in kernels.iter_mut().zip(view) {
             kernels.push(kernel);

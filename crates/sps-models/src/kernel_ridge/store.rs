@@ -7,7 +7,8 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::fit::{Expansion, Fit};
-use super::{Kernel, Support, TrainedKernelRidge, TrainedKernelRidges};
+use super::kernel::Proximity;
+use super::{Kernel, Shape, Support, TrainedKernelRidge, TrainedKernelRidges};
 use crate::archive::{Archive, Content, Contents, stored_blocks};
 use crate::error::Result;
 use crate::heads::Trial;
@@ -30,6 +31,7 @@ struct Metadata {
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 struct StoredSupport {
+    /// Of the regressions that say no other.
     kernel: Kernel,
     /// Of each view and block.
     scales: Vec<f64>,
@@ -52,6 +54,8 @@ struct Stored {
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 struct Chosen {
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    kernel: Option<Kernel>,
     width: f64,
     penalty: f64,
 }
@@ -80,7 +84,7 @@ impl TrainedKernelRidges {
         for (at, sharing) in self.sharing().iter().enumerate() {
             let support = sharing.support;
             metadata.supports.push(StoredSupport {
-                kernel: support.kernel,
+                kernel: usual(support.proximity),
                 scales: support.scales.clone(),
                 blocks: stored_blocks([&support.embeddings].into_iter()),
             });
@@ -113,13 +117,16 @@ impl TrainedKernelRidges {
         }
         let mut ridges = Vec::with_capacity(metadata.ridges.len());
         for stored in metadata.ridges {
-            let Some((support, rows)) = supports.get_mut(stored.support) else {
+            let Some((support, usual, rows)) = supports.get_mut(stored.support) else {
                 let found = format_args!("training surfaces {}", stored.support);
                 return Err(FILE.refused(found, "some that are there"));
             };
-            ridges.push(stored.with(support, rows)?);
+            ridges.push(stored.with(support, *usual, rows)?);
         }
-        if supports.iter_mut().any(|(_, rows)| rows.next().is_some()) {
+        if supports
+            .iter_mut()
+            .any(|(_, _, rows)| rows.next().is_some())
+        {
             return Err(FILE.refused("coefficients of no regression", "none such"));
         }
         Ok(Self { ridges })
@@ -135,7 +142,9 @@ impl Stored {
             intercept: ridge.fit.intercept,
             left_out_error: ridge.fit.left_out_error,
             expansion: ridge.fit.expansion.as_ref().map(|expansion| Chosen {
-                width: expansion.width,
+                kernel: Some(expansion.shape.kernel)
+                    .filter(|kernel| *kernel != usual(ridge.support.proximity)),
+                width: expansion.shape.width,
                 penalty: expansion.penalty,
             }),
         }
@@ -144,15 +153,25 @@ impl Stored {
     fn with(
         self,
         support: &Arc<Support>,
+        usual: Kernel,
         rows: &mut impl Iterator<Item = Vec<f64>>,
     ) -> Result<TrainedKernelRidge> {
         let expansion = match self.expansion {
             None => None,
-            Some(Chosen { width, penalty }) => {
+            Some(Chosen {
+                kernel,
+                width,
+                penalty,
+            }) => {
                 positive("width", width)?;
+                let kernel = kernel.unwrap_or(usual);
+                let shape = Shape { kernel, width };
+                if Proximity::of(&[shape]) != support.proximity {
+                    return Err(FILE.refused("a linear kernel among others", "it alone"));
+                }
                 let missing = || FILE.refused("too few coefficients", "some for each regression");
                 Some(Expansion {
-                    width,
+                    shape,
                     penalty,
                     coefficients: rows.next().ok_or_else(missing)?,
                 })
@@ -170,12 +189,13 @@ impl Stored {
     }
 }
 
-/// Training surfaces, and the rows of coefficients that belong to them.
+/// Training surfaces, the kernel of regressions that say no other, and the rows of coefficients that belong to
+/// them.
 fn read_support(
     contents: &Contents<'_>,
     at: usize,
     stored: StoredSupport,
-) -> Result<(Arc<Support>, std::vec::IntoIter<Vec<f64>>)> {
+) -> Result<(Arc<Support>, Kernel, std::vec::IntoIter<Vec<f64>>)> {
     let embeddings = contents.embeddings(&format!("{at}/embeddings"), &stored.blocks)?;
     let kernels = embeddings.views() * embeddings.blocks().len();
     if kernels != stored.scales.len() {
@@ -188,11 +208,22 @@ fn read_support(
     }
     let rows = contents.rows(&format!("{at}/coefficients"), embeddings.surfaces())?;
     let support = Support {
-        kernel: stored.kernel,
+        proximity: Proximity::of(&[Shape {
+            kernel: stored.kernel,
+            width: 1.0,
+        }]),
         embeddings,
         scales: stored.scales,
     };
-    Ok((Arc::new(support), rows.into_iter()))
+    Ok((Arc::new(support), stored.kernel, rows.into_iter()))
+}
+
+/// The kernel that a file need not say of each regression.
+fn usual(proximity: Proximity) -> Kernel {
+    match proximity {
+        Proximity::Distance => Kernel::Exponential,
+        Proximity::Product => Kernel::Linear,
+    }
 }
 
 fn positive(what: &str, value: f64) -> Result<()> {

@@ -42,12 +42,8 @@ impl<'a> Axes<'a> {
         penalties: &[f64],
         left_out: &'a LeftOut,
     ) -> Result<Self> {
-        let balance = features.balance();
-        let columns = balance
-            .iter()
-            .cycle()
-            .take(features.views() * features.width());
-        let factors: Array1<f64> = columns.map(|&factor| f64::from(factor)).collect();
+        let factors = features.balance().into_iter();
+        let factors: Array1<f64> = factors.map(f64::from).collect();
         let rows = table(features) * &factors;
         let components = Pca::fit(rows.view(), rows.ncols())?;
         let scores = components.transform(rows.view());

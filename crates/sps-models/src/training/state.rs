@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::config::TrainingConfig;
 use super::targets::Targets;
 use super::trainer::{Best, Epoch, Parts, Trainer};
-use crate::encoders::{Encoder, EncoderKind};
+use crate::encoders::{Depths, Encoder, EncoderKind};
 use crate::error::{Error, Result};
 use crate::weights::{Storage, Weights};
 
@@ -19,6 +19,8 @@ const FORMAT: u32 = 4;
 struct Metadata {
     format: u32,
     encoder: String,
+    #[serde(default)]
+    depths: Depths,
     config: TrainingConfig,
     seed: u64,
     /// The hash of targets and parts.
@@ -38,6 +40,7 @@ impl Trainer {
         let metadata = Metadata {
             format: FORMAT,
             encoder: self.encoder.kind().to_string(),
+            depths: self.encoder.depths().clone(),
             config: self.config.clone(),
             seed: self.seed,
             data: self.data.clone(),
@@ -93,6 +96,7 @@ impl Trainer {
         let tensors = Weights::from_bytes(name, bytes)?;
         let kind: EncoderKind = metadata.encoder.parse()?;
         let encoder = Encoder::new(kind, tensors.part("encoder/"), &Device::Cpu)?;
+        let encoder = encoder.with_depths(&metadata.depths)?;
         let mut trainer = Self::new(&encoder, targets, parts, config, seed)?;
         if trainer.data != metadata.data {
             let expected = "a state of these targets and parts";

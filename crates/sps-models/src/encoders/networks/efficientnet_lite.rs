@@ -53,7 +53,7 @@ const STAGES: [Stage; 7] = [
 const SCALES: [[f64; 2]; 5] = [[1.0, 1.0], [1.0, 1.1], [1.1, 1.2], [1.2, 1.4], [1.4, 1.8]];
 
 /// Blocks in each stage of the short network.
-const SHORT: [usize; 7] = [1, 1, 2, 2, 2, 2, 1];
+const SHORT: [usize; 7] = [4; 7];
 
 /// Channels of the stem and of the last map, the same in every version.
 const STEM: usize = 32;

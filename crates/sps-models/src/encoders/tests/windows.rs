@@ -4,7 +4,7 @@ use candle_core::{Device, Tensor};
 
 use super::{calibrated, exact_features, of_images};
 use crate::Error;
-use crate::encoders::{Encoder, EncoderKind, Precision, WindowEmbeddings};
+use crate::encoders::{Depths, Encoder, EncoderKind, Precision, WindowEmbeddings};
 use crate::golden::{self, error, uniform};
 use crate::weights::Weights;
 
@@ -101,6 +101,7 @@ fn one_window_is_the_image() {
     for kind in of_images() {
         for precision in Precision::ALL {
             let encoder = encoder(kind, precision);
+            let encoder = encoder.with_depths(&Depths::All).unwrap();
             let found = windows(&encoder, SIZE, 1);
             assert_eq!((found.rows, found.columns), (1, 1));
             assert_eq!(found.centres, [[73.5, 105.0]]);

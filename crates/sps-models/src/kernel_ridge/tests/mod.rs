@@ -78,10 +78,17 @@ pub(super) fn smooth(shape: (usize, usize, usize)) -> Vec<Option<f64>> {
 }
 
 pub(super) fn config(kernel: Kernel, penalties: &[f64], widths: &[f64]) -> KernelRidgeConfig {
+    let used = if kernel == Kernel::Linear {
+        1
+    } else {
+        widths.len()
+    };
     KernelRidgeConfig {
-        kernel,
         penalties: penalties.to_vec(),
-        widths: widths.to_vec(),
+        kernels: widths[..used]
+            .iter()
+            .map(|&width| Shape { kernel, width })
+            .collect(),
         ..KernelRidgeConfig::default()
     }
 }
@@ -224,11 +231,11 @@ fn predictions_are_scikit_learns() {
             .collect();
         let embeddings = data.embeddings.select(&training, &[0]).unwrap();
         let (scales, kernels) = ridge.kernels(&embeddings);
-        let (width, matrix) = kernels.into_iter().next().unwrap();
+        let (shape, matrix) = kernels.into_iter().next().unwrap();
         let alone = crate::left_out::LeftOut::of(&training, None);
-        let spectrum = Spectrum::new(matrix, width, &config.penalties, &alone).unwrap();
+        let spectrum = Spectrum::new(matrix, shape, &config.penalties, &alone).unwrap();
         let support = Support {
-            kernel,
+            proximity: Proximity::Distance,
             embeddings,
             scales,
         };
@@ -248,22 +255,80 @@ fn predictions_are_scikit_learns() {
     }
 }
 
+/// Blocks of one view count as views do: each with a scale of its own, whatever they are measured in.
+#[test]
+fn the_kernel_of_a_view_is_the_mean_of_its_blocks() {
+    let set = Set::new((30, 4, 3), &[smooth((30, 4, 3))]);
+    let values = |factors: [f32; 2]| -> Vec<f32> {
+        let rows = (0..30).flat_map(|s| (0..4).map(move |view| (s, view)));
+        let scaled = rows.flat_map(|(s, view)| {
+            let row = set.embeddings.get(s, view).unwrap();
+            row.iter().map(move |x| x * factors[view % 2])
+        });
+        scaled.collect()
+    };
+    let train = |embeddings: Embeddings, views: &[usize]| {
+        let readings = set.readings.clone();
+        let set = Set {
+            embeddings,
+            readings,
+        };
+        let config = config(Kernel::Exponential, &[0.01, 0.1], &[1.0, 4.0]);
+        let trained = set.train(&config, 20, views).unwrap();
+        let losses = SetLosses::new(
+            &set.data(),
+            set.readings.properties(),
+            &(0..20).collect::<Vec<_>>(),
+            &config,
+        );
+        let losses = losses.unwrap().losses(views).unwrap();
+        let all: Vec<usize> = (0..30).collect();
+        let seen = set.embeddings.select(&all, views).unwrap();
+        let again = TrainedKernelRidges::from_bytes(&trained.to_bytes().unwrap()).unwrap();
+        assert_eq!(again, trained);
+        (trained.predict(&seen).unwrap()[0].values.clone(), losses)
+    };
+    let tensor = |factors, shape| Tensor::from_vec(values(factors), shape, &Device::Cpu).unwrap();
+    let views = Embeddings::new(&tensor([1.0; 2], (30, 4, 3))).unwrap();
+    let (expected, expected_losses) = train(views, &[0, 1, 2, 3]);
+    // Powers of two change no bit.
+    let blocks = Embeddings::new(&tensor([4.0, 0.25], (30, 2, 6))).unwrap();
+    let (found, losses) = train(blocks.clone().in_blocks(&[3, 3]).unwrap(), &[0, 1]);
+    close(&found, &expected, 1e-9);
+    close(&losses, &expected_losses, 1e-6);
+    let (as_one, _) = train(blocks.clone(), &[0, 1]);
+    assert!(
+        as_one
+            .iter()
+            .zip(&expected)
+            .any(|(a, b)| (a - b).abs() > 1e-3)
+    );
+    for wrong in [&[6, 0][..], &[3, 4], &[]] {
+        let error = blocks.clone().in_blocks(wrong).unwrap_err().to_string();
+        assert!(error.contains("6 together"), "{error}");
+    }
+}
+
 /// Surfaces one by one, and in units of 1 to 7 of them.
 #[test]
 fn the_choice_is_the_best_when_each_unit_is_left_out() {
     let shape = (25, 2, 4);
-    let (penalties, widths) = ([1e-4, 0.01, 1.0], [0.5, 2.0]);
+    let penalties = [1e-4, 0.01, 1.0];
     let set = Set::new(shape, &[smooth(shape)]);
     let values: Vec<f64> = smooth(shape).into_iter().flatten().collect();
-    let config = config(Kernel::Exponential, &penalties, &widths);
+    let mut config = config(Kernel::Exponential, &penalties, &[0.5, 2.0]);
+    config.kernels.push(Shape {
+        kernel: Kernel::Gaussian,
+        width: 1.5,
+    });
     let uneven = |i: usize| (f64::from(i as u32) * 2.0 + 0.25).sqrt() as usize;
     for units in [(0..25).collect(), (0..25).map(uneven).collect::<Vec<_>>()] {
         let data = set.data().with_units(&units);
         let ridge = KernelRidge::new(config.clone()).unwrap();
         let trained = ridge.train(&data, &set.plan(25, &[0, 1])).unwrap();
         let mut errors = Vec::new();
-        for width in widths {
-            let kernel = matrix(&set, Kernel::Exponential, width, 25, &[0, 1]);
+        for &shape in &config.kernels {
+            let kernel = matrix(&set, shape.kernel, shape.width, 25, &[0, 1]);
             for penalty in penalties {
                 let ridge = penalty * trace(&kernel);
                 let squared = (0..25).map(|out| {
@@ -274,17 +339,17 @@ fn the_choice_is_the_best_when_each_unit_is_left_out() {
                     let estimate = part(&kernel, &[out], &others).dot(&c)[0] + intercept;
                     (values[out] - estimate).powi(2)
                 });
-                errors.push((squared.sum::<f64>() / 25.0, width, penalty));
+                errors.push((squared.sum::<f64>() / 25.0, shape, penalty));
             }
         }
-        let (error, width, penalty) = errors
+        let (error, shape, penalty) = errors
             .into_iter()
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .unwrap();
         let ridge = &trained.ridges()[0];
         assert_eq!(
-            (ridge.width(), ridge.penalty()),
-            (Some(width), Some(penalty))
+            (ridge.shape(), ridge.penalty()),
+            (Some(shape), Some(penalty))
         );
         assert!((ridge.left_out_error().unwrap() / error - 1.0).abs() < 1e-9);
         let losses = SetLosses::new(
@@ -310,7 +375,7 @@ fn what_cannot_be_predicted_gets_the_mean() {
     let values: Vec<f64> = column("kernel.noise", 30).into_iter().flatten().collect();
     let mean = values.iter().sum::<f64>() / 30.0;
     let ridge = &trained.ridges()[0];
-    assert_eq!((ridge.width(), ridge.penalty()), (None, None));
+    assert_eq!((ridge.shape(), ridge.penalty()), (None, None));
     close(
         &trained.predict(&set.embeddings).unwrap()[0].values,
         &[mean; 40],
@@ -336,11 +401,7 @@ fn the_linear_kernel_is_ridge_regression() {
     let ridge = ridge.unwrap().train(&set.data(), &plan).unwrap();
     // Ridge regression's penalty is one of a feature's variance with `n - 1` below it.
     let penalty = penalty / 10.0 * 30.0 / 29.0;
-    let trained = set.train(
-        &config(Kernel::Linear, &[penalty], &[1.0, 2.0]),
-        30,
-        &[0, 1],
-    );
+    let trained = set.train(&config(Kernel::Linear, &[penalty], &[1.0]), 30, &[0, 1]);
     let trained = trained.unwrap();
     assert_eq!(trained.ridges()[0].penalty(), Some(penalty));
     let estimates = |estimates: Vec<Estimates>| estimates[0].values.clone();

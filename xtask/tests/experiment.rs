@@ -281,7 +281,14 @@ fn methods_look_at_the_depths_that_they_name() {
 
     scratch.edit("tiny.toml", "\"stage-3\"", "\"stage-7\"");
     let said = message(scratch.experiment().assert());
-    expect(&said, &["tiny.toml:", "depths", "\"stage-7\"", "stage-4"]);
+    expect(
+        &said,
+        &[
+            "tiny.toml, line",
+            "depths`: is \"stage-7\", expected",
+            "stage-4",
+        ],
+    );
 }
 
 #[test]

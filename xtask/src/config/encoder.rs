@@ -128,9 +128,13 @@ pub(super) fn check_depths(
     kind: EncoderKind,
     depths: &Depths,
 ) -> Result<(), ConfigError> {
-    let blocks = kind.blocks(depths);
-    blocks.map_err(|error| layers.error(key, error.to_string()))?;
-    Ok(())
+    match kind.blocks(depths) {
+        Ok(_) => Ok(()),
+        Err(sps_models::Error::Input {
+            found, expected, ..
+        }) => Err(layers.error(key, format!("is {found}, expected {expected}"))),
+        Err(other) => Err(layers.error(key, other.to_string())),
+    }
 }
 
 /// Refuses a training that cannot be, at the line of its first such key.

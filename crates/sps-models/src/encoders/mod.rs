@@ -167,7 +167,7 @@ impl Encoder {
             kind,
             precision,
             kernels: kernels(kind, &network, &weights, device, precision)?,
-            hash: content_hash(&network, &weights, device, precision)?,
+            hash: content_hash(kind, &network.named_blocks(), &weights, device, precision)?,
             weights,
             device: device.clone(),
             network: Arc::new(network),
@@ -535,14 +535,16 @@ fn kernels_of<W: Word>(
 }
 
 fn content_hash(
-    network: &Network,
+    kind: EncoderKind,
+    depths: &[Block],
     weights: &Weights,
     device: &Device,
     precision: Precision,
 ) -> Result<blake3::Hash> {
     let mut hasher = blake3::Hasher::new_derive_key("sps-models encoder");
-    hasher.update(network.name.as_bytes());
-    for block in network.named_blocks() {
+    hasher.update(kind.name().as_bytes());
+    // The last depth alone, which embeddings had before they had any other, goes without saying.
+    for block in depths.iter().filter(|_| *depths != [kind.last_depth()]) {
         hasher.update(block.name.as_bytes());
         hasher.update(&[0]);
     }

@@ -52,9 +52,6 @@ const STAGES: [Stage; 7] = [
 /// Width and depth of each version over those of version 0.
 const SCALES: [[f64; 2]; 5] = [[1.0, 1.0], [1.0, 1.1], [1.1, 1.2], [1.2, 1.4], [1.4, 1.8]];
 
-/// Blocks in each stage of the short network.
-const SHORT: [usize; 7] = [4; 7];
-
 /// Channels of the stem and of the last map, the same in every version.
 const STEM: usize = 32;
 const HEAD: usize = 1280;
@@ -78,35 +75,18 @@ pub(in crate::encoders) fn efficientnet_lite(name: &'static str, version: usize)
         }
     }
     let mut net = stem(name);
-    let x = add_stages(&mut net, &stages, [usize::MAX; 7]);
+    let (mut x, mut all) = (STEM_MAP, blocks(&stages));
+    for (number, stage) in (1..).zip(&stages) {
+        let of_stage = all.by_ref().take(stage.repeats);
+        x = of_stage.fold(x, |x, block| block.add(&mut net, x));
+        net.depth(format!("stage-{number}"));
+    }
     net.alias("conv_head", "_conv_head");
     net.alias("bn2", "_bn1");
     let head = Conv::new("conv_head", Slide::same(1, 1), HEAD);
     net.conv(x, normed(head, "bn2"));
     net.depth("head");
     net
-}
-
-/// The first blocks of each stage of version 0, without the convolution behind them.
-pub(in crate::encoders) fn efficientnet_lite_short(name: &'static str) -> Network {
-    let mut net = stem(name);
-    add_stages(&mut net, &STAGES, SHORT);
-    net
-}
-
-/// Adds so many blocks of each stage, at most all that it has; returns the last map.
-fn add_stages(net: &mut Network, stages: &[Stage], most: [usize; 7]) -> Map {
-    let mut x = STEM_MAP;
-    let mut all = blocks(stages);
-    for (place, stage) in stages.iter().enumerate() {
-        let of_stage = all.by_ref().take(stage.repeats);
-        let taken = of_stage
-            .enumerate()
-            .filter(|(index, _)| *index < most[place]);
-        x = taken.fold(x, |x, (_, block)| block.add(net, x));
-        net.depth(format!("stage-{}", place + 1));
-    }
-    x
 }
 
 /// Version 0 as far as the depth-wise convolution of its ninth block, which sees a sixteenth of the

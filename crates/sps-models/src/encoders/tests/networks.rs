@@ -254,5 +254,5 @@ fn parameters_are_as_many_as_printed() {
 #[test]
 fn the_smallest_image_follows_from_the_windows() {
     let least = EncoderKind::ALL.map(EncoderKind::min_size);
-    assert_eq!(least, [1, 1, 7, 3, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]);
+    assert_eq!(least, [1, 1, 7, 3, 1, 1, 1, 1, 1, 1, 1, 1, 1]);
 }

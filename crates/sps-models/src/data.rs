@@ -120,6 +120,7 @@ impl Embeddings {
 
     /// What brings each block of each view to a mean variance of 1 over these surfaces, `(views, width)`; 0 for
     /// a block that does not vary. One block alone stays as it is.
+    #[cfg(feature = "regressions")]
     pub(crate) fn balance(&self) -> Vec<f32> {
         let length = self.views * self.width;
         if self.blocks.len() == 1 {
@@ -139,6 +140,7 @@ impl Embeddings {
     }
 
     /// Each feature of each view times its factor.
+    #[cfg(feature = "regressions")]
     pub(crate) fn scaled(&self, factors: &[f32]) -> Self {
         let values = self.values.chunks_exact(self.views * self.width);
         let scaled = values.flat_map(|row| row.iter().zip(factors).map(|(x, factor)| x * factor));

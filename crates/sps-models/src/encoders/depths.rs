@@ -2,9 +2,6 @@
 
 use std::fmt;
 
-use serde::de::{Error as _, SeqAccess, Visitor, value::SeqAccessDeserializer};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
 use super::network::Depth;
 use crate::error::{Error, Result};
 
@@ -78,45 +75,58 @@ impl fmt::Display for Depths {
     }
 }
 
-impl Serialize for Depths {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Last => serializer.serialize_str(LAST),
-            Self::All => serializer.serialize_str(ALL),
-            Self::Named(names) => names.serialize(serializer),
-        }
-    }
-}
+/// As configurations and files have them.
+#[cfg(feature = "heads")]
+mod words {
+    use std::fmt;
+    use std::result::Result;
 
-impl<'de> Deserialize<'de> for Depths {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(Words)
-    }
-}
+    use serde::de::value::SeqAccessDeserializer;
+    use serde::de::{self, Error as _, SeqAccess, Visitor};
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Takes a word or a list of names.
-struct Words;
+    use super::{ALL, Depths, LAST};
 
-impl<'de> Visitor<'de> for Words {
-    type Value = Depths;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("\"last\", \"all\" or a list of names of depths")
-    }
-
-    fn visit_str<E: serde::de::Error>(self, word: &str) -> Result<Depths, E> {
-        match word {
-            LAST => Ok(Depths::Last),
-            ALL => Ok(Depths::All),
-            _ => Err(E::invalid_value(serde::de::Unexpected::Str(word), &self)),
+    impl Serialize for Depths {
+        fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+            match self {
+                Self::Last => serializer.serialize_str(LAST),
+                Self::All => serializer.serialize_str(ALL),
+                Self::Named(names) => names.serialize(serializer),
+            }
         }
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, names: A) -> Result<Depths, A::Error> {
-        let names = Vec::deserialize(SeqAccessDeserializer::new(names))?;
-        if names.is_empty() {
-            return Err(A::Error::invalid_length(0, &self));
+    impl<'de> Deserialize<'de> for Depths {
+        fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+            deserializer.deserialize_any(Words)
         }
-        Ok(Depths::Named(names))
+    }
+
+    /// Takes a word or a list of names.
+    struct Words;
+
+    impl<'de> Visitor<'de> for Words {
+        type Value = Depths;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("\"last\", \"all\" or a list of names of depths")
+        }
+
+        fn visit_str<E: de::Error>(self, word: &str) -> Result<Depths, E> {
+            match word {
+                LAST => Ok(Depths::Last),
+                ALL => Ok(Depths::All),
+                _ => Err(E::invalid_value(de::Unexpected::Str(word), &self)),
+            }
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, names: A) -> Result<Depths, A::Error> {
+            let names = Vec::deserialize(SeqAccessDeserializer::new(names))?;
+            if names.is_empty() {
+                return Err(A::Error::invalid_length(0, &self));
+            }
+            Ok(Depths::Named(names))
+        }
     }
 }

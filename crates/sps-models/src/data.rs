@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use candle_core::{DType, Tensor};
 
+use crate::encoders::places;
 use crate::error::{Error, Result};
 
 /// Image embeddings of surfaces, `(surfaces, views, width)`, f32, every value finite.
@@ -111,11 +112,7 @@ impl Embeddings {
 
     /// The places of the blocks among the features of a view.
     pub(crate) fn block_places(&self) -> impl Iterator<Item = Range<usize>> {
-        self.blocks.iter().scan(0, |start, width| {
-            let place = *start..*start + width;
-            *start = place.end;
-            Some(place)
-        })
+        places(self.blocks.iter().copied())
     }
 
     /// What brings each block of each view to a mean variance of 1 over these surfaces, `(views, width)`; 0 for
@@ -127,11 +124,8 @@ impl Embeddings {
             return vec![1.0; length];
         }
         let spread = Spread::of(length, self.values.chunks_exact(length));
-        let of_view = |view: usize| {
-            let places = self.block_places();
-            places.map(move |place| view * self.width + place.start..view * self.width + place.end)
-        };
-        let factors = (0..self.views).flat_map(of_view).flat_map(|place| {
+        let of_all_views = (0..self.views).flat_map(|_| self.blocks.iter().copied());
+        let factors = places(of_all_views).flat_map(|place| {
             let common = spread.common(place.clone());
             let factor = if common > 0.0 { 1.0 / common } else { 0.0 };
             place.map(move |_| factor as f32)
@@ -333,5 +327,89 @@ pub(crate) fn check_indices(what: &'static str, indices: &[usize], count: usize)
             format_args!("index {index}"),
             format_args!("below {count}"),
         )),
+    }
+}
+
+#[cfg(all(test, feature = "regressions"))]
+mod tests {
+    use candle_core::Device;
+
+    use super::*;
+    use crate::golden::uniform;
+    use crate::heads::{Head, HeadConfig, Input, Plan, Rerun, TrainingData, Views};
+    use crate::nearest::Nearest;
+    use crate::ridge::{Ridge, RidgeConfig};
+
+    /// Two views of two blocks, 2 and 3 wide, each of which is measured in units of its own.
+    fn embeddings(units: [f32; 4]) -> Embeddings {
+        let values = uniform("blocks", 30 * 10).into_iter().enumerate();
+        let unit = |at: usize| match at % 10 {
+            0..2 => units[0],
+            2..5 => units[1],
+            5..7 => units[2],
+            _ => units[3],
+        };
+        let values = values.map(|(at, value)| value as f32 * unit(at));
+        let tensor = Tensor::from_vec(values.collect(), (30, 2, 5), &Device::Cpu).unwrap();
+        Embeddings::new(&tensor)
+            .unwrap()
+            .in_blocks(&[2, 3])
+            .unwrap()
+    }
+
+    #[test]
+    fn every_block_of_every_view_is_brought_to_a_mean_variance_of_1() {
+        let found = embeddings([1.0, 100.0, 0.01, 0.0]);
+        let found = found.scaled(&found.balance());
+        for (place, expected) in [(0..2, 1.0), (2..5, 1.0), (5..7, 1.0), (7..10, 0.0)] {
+            let variance = |feature: usize| {
+                let values: Vec<f64> = (0..30)
+                    .map(|s| f64::from(found.surface(s)[feature]))
+                    .collect();
+                let mean = values.iter().sum::<f64>() / 30.0;
+                values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 30.0
+            };
+            let count = place.len() as f64;
+            let mean = place.clone().map(variance).sum::<f64>() / count;
+            assert!((mean - expected).abs() < 1e-5, "{place:?}: {mean}");
+        }
+        let one = found.clone().in_blocks(&[5]).unwrap();
+        assert_eq!(one.balance(), [1.0; 10]);
+    }
+
+    /// Powers of two change no bit, so that estimates must be the same to the last.
+    #[test]
+    fn units_of_blocks_do_not_matter() {
+        let rows: Vec<_> = uniform("touch", 30)
+            .into_iter()
+            .map(|v| vec![Some(v)])
+            .collect();
+        let readings = Readings::new(vec!["p".into()], &rows).unwrap();
+        let rerun = Rerun {
+            number: 0,
+            training: (0..20).collect(),
+            validation: Vec::new(),
+        };
+        let mut plan = Plan::each(1, readings.properties(), vec![rerun]);
+        plan.trials[0].views = Views::Fixed(vec![0, 1]);
+        let estimates = |units| {
+            let embeddings = embeddings(units);
+            let data = TrainingData::new(&embeddings, &readings);
+            let ridge = Ridge::new(RidgeConfig::default()).unwrap();
+            let ridge = ridge.train(&data, &plan).unwrap();
+            let nearest = Nearest.train(&data, &plan).unwrap();
+            let head = Head::new(HeadConfig {
+                epochs: 2,
+                input: Input::LateFusion { views: 2 },
+                ..HeadConfig::default()
+            });
+            let head = head.unwrap().train(&data, &plan, &()).unwrap();
+            [
+                ridge.predict(&embeddings).unwrap()[0].values.clone(),
+                nearest.predict(&embeddings).unwrap()[0].values.clone(),
+                head.predict(&embeddings).unwrap()[0].values.clone(),
+            ]
+        };
+        assert_eq!(estimates([1.0; 4]), estimates([8.0, 0.25, 8.0, 0.25]));
     }
 }

@@ -30,7 +30,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME")]
     encoder: String,
     /// Feature maps whose means make an embedding: last, all, or names of depths with commas between them
-    #[arg(long, value_name = "DEPTHS", default_value = "last", value_parser = depths)]
+    #[arg(long, value_name = "DEPTHS", default_value_t = Depths::Last)]
     depths: Depths,
     /// Images of a sequence, for i3d
     #[arg(long, value_name = "N", default_value = "16", value_parser = clap::value_parser!(u64).range(1..))]
@@ -112,15 +112,6 @@ fn read(paths: &[PathBuf], resize: Option<usize>) -> Result<Vec<Frame>> {
     let settings = DecodeSettings::default();
     let read = |path: &PathBuf| Ok(read_photograph(path, &settings, resize)?);
     paths.par_iter().map(read).collect()
-}
-
-#[expect(clippy::unnecessary_wraps, reason = "as clap wants it")]
-fn depths(text: &str) -> Result<Depths, String> {
-    Ok(match text {
-        "last" => Depths::Last,
-        "all" => Depths::All,
-        names => Depths::Named(names.split(',').map(str::to_owned).collect()),
-    })
 }
 
 fn write(path: &Path, values: &[f32], blocks: &[Block]) -> Result<()> {

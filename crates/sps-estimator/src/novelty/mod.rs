@@ -13,8 +13,8 @@ const NEIGHBOURS: usize = 5;
 /// Surfaces that others are held against.
 ///
 /// The score of a surface is the mean of its five smallest Euclidean distances to the others, between
-/// embeddings each block of which is brought to unit length, of several views side by side. The p-value of a new surface is
-/// the share of all surfaces, the new one among them, whose score is at least as large, each scored
+/// embeddings each block of which is brought to unit length, of several views side by side. The p-value
+/// of a new surface is the share of all surfaces, the new one among them, whose score is at least as large, each scored
 /// among all others: full conformal prediction (Vovk, Gammerman and Shafer, "Algorithmic Learning in
 /// a Random World", 2005, section 2.2) with a distance to neighbours for the measure of strangeness.
 /// Where the new surface and those fitted on are exchangeable, a p-value of at most q comes up with a

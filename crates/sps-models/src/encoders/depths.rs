@@ -1,9 +1,12 @@
 //! Which feature maps an embedding is made of.
 
+use std::convert::Infallible;
 use std::fmt;
+use std::ops::Range;
+use std::str::FromStr;
 
 use super::network::Depth;
-use crate::error::{Error, Result};
+use crate::error::Error;
 
 /// The feature maps whose means over space make an embedding, one block each, side by side in the order of the
 /// network's layers.
@@ -30,12 +33,21 @@ pub struct Block {
     pub width: usize,
 }
 
+/// The places of blocks of such widths side by side.
+pub(crate) fn places(widths: impl Iterator<Item = usize>) -> impl Iterator<Item = Range<usize>> {
+    widths.scan(0, |start, width| {
+        let place = *start..*start + width;
+        *start = place.end;
+        Some(place)
+    })
+}
+
 const LAST: &str = "last";
 const ALL: &str = "all";
 
 impl Depths {
     /// Leaves the depths that are chosen.
-    pub(super) fn choose(&self, network: &str, depths: &mut Vec<Depth>) -> Result<()> {
+    pub(super) fn choose(&self, network: &str, depths: &mut Vec<Depth>) -> crate::Result<()> {
         let names = match self {
             Self::All => return Ok(()),
             Self::Last => {
@@ -60,7 +72,7 @@ impl Depths {
             }
         };
         let all: Vec<&str> = depths.iter().map(|depth| &depth.name[..]).collect();
-        let expected = format!("some of {}'s {}, each once", network, all.join(", "));
+        let expected = format!("some of {network}'s {}, each once", all.join(", "));
         Err(Error::input("depths", found, expected))
     }
 }
@@ -70,8 +82,21 @@ impl fmt::Display for Depths {
         match self {
             Self::Last => f.write_str(LAST),
             Self::All => f.write_str(ALL),
-            Self::Named(names) => f.write_str(&names.join("+")),
+            Self::Named(names) => f.write_str(&names.join(",")),
         }
+    }
+}
+
+/// As they are printed: names with commas between them.
+impl FromStr for Depths {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        Ok(match text {
+            LAST => Self::Last,
+            ALL => Self::All,
+            names => Self::Named(names.split(',').map(str::to_owned).collect()),
+        })
     }
 }
 
@@ -79,7 +104,6 @@ impl fmt::Display for Depths {
 #[cfg(feature = "heads")]
 mod words {
     use std::fmt;
-    use std::result::Result;
 
     use serde::de::value::SeqAccessDeserializer;
     use serde::de::{self, Error as _, SeqAccess, Visitor};

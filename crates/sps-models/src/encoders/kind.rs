@@ -122,18 +122,7 @@ impl EncoderKind {
 
     /// The length of an embedding of the last depth alone.
     pub fn width(self) -> usize {
-        self.last_depth().width
-    }
-
-    /// What embeddings are made of by default.
-    pub(super) fn last_depth(self) -> Block {
-        let network = self.network();
-        let width = network.channels[network.layers.len()];
-        let name = network.depths.last().map(|depth| depth.name.clone());
-        Block {
-            name: name.unwrap_or_default(),
-            width,
-        }
+        self.depths().last().map_or(0, |depth| depth.width)
     }
 
     /// The depths that embeddings may be made of, in the order of the layers: the last is what they are made of

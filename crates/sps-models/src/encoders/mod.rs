@@ -8,6 +8,7 @@ mod depths;
 mod fused;
 mod images;
 mod init;
+mod input;
 mod kind;
 mod network;
 mod networks;
@@ -23,8 +24,9 @@ mod windows;
 use std::path::Path;
 use std::sync::Arc;
 
-use candle_core::{DType, Device, Tensor};
+use candle_core::{Device, Tensor};
 
+pub(crate) use depths::places;
 pub use depths::{Block, Depths};
 pub use kind::EncoderKind;
 pub use precision::Precision;
@@ -40,6 +42,7 @@ use crate::weights::{TensorSpec, Weights};
 use batch::{Images, Kernels, Pooled, each};
 use fused::Fused;
 use images::{Normalisation, Order};
+use input::{check, check_pixels, normalise};
 use network::Network;
 use plain::Plain;
 use scales::{Calibration, Scale};
@@ -167,7 +170,7 @@ impl Encoder {
             kind,
             precision,
             kernels: kernels(kind, &network, &weights, device, precision)?,
-            hash: content_hash(kind, &network.named_blocks(), &weights, device, precision)?,
+            hash: content_hash(&network, &depths, &weights, device, precision)?,
             weights,
             device: device.clone(),
             network: Arc::new(network),
@@ -193,6 +196,9 @@ impl Encoder {
     ///
     /// No depth, one that the network does not have, one named twice.
     pub fn with_depths(self, depths: &Depths) -> Result<Self> {
+        if *depths == self.depths {
+            return Ok(self);
+        }
         let (depths, precision) = (depths.clone(), self.precision);
         Self::of(self.kind, depths, precision, self.weights, &self.device)
     }
@@ -429,75 +435,6 @@ fn fit(network: &Network, weights: Weights) -> Result<Weights> {
     Ok(weights.fit(network.name, &network.specs(), passes)?)
 }
 
-/// The extents of images of so many rows and columns. Refuses no image, images that do not fill their
-/// size, sizes that the network does not take, and sequences of different lengths.
-fn check_pixels(network: &Network, images: &[&[f32]], [height, width]: [usize; 2]) -> Result<Size> {
-    let min = network.min_size();
-    let frame = height.checked_mul(width).and_then(|n| n.checked_mul(3));
-    let first = images.first().map_or(0, |image| image.len());
-    let frames = match frame {
-        Some(frame) if network.sequences => first.checked_div(frame).unwrap_or(0),
-        _ => 1,
-    };
-    let len = frame.and_then(|frame| frame.checked_mul(frames));
-    let misfit = images.iter().find(|image| Some(image.len()) != len);
-    if first == 0 || misfit.is_some() || height.min(width) < min {
-        let values = misfit.map_or(first, |image| image.len());
-        return Err(Error::input(
-            "pixels",
-            format_args!(
-                "{} images, one of {values} values for {:?}",
-                images.len(),
-                [height, width]
-            ),
-            format_args!("images of three values a pixel, sides of at least {min}"),
-        ));
-    }
-    Ok([frames, height, width])
-}
-
-/// The extents of the images of a batch. Refuses what the network does not take.
-fn check(network: &Network, images: &Tensor) -> Result<Size> {
-    let min = network.min_size();
-    let size = match *images.dims() {
-        [_, 3, height, width] if !network.sequences => [1, height, width],
-        [_, 3, frames, height, width] if network.sequences => [frames, height, width],
-        _ => [0; 3],
-    };
-    let fits = images.elem_count() > 0 && size[1].min(size[2]) >= min;
-    if !fits || images.dtype() != DType::F32 {
-        let frames = if network.sequences { "frames, " } else { "" };
-        return Err(Error::input(
-            "images",
-            format_args!("{:?} of {:?}", images.dims(), images.dtype()),
-            format_args!(
-                "(n, 3, {frames}height, width) of F32, none of them 0, sides of at least {min}"
-            ),
-        ));
-    }
-    constant(images)?;
-    Ok(size)
-}
-
-/// The kernels have no gradient for images; one that is asked for is not left out silently.
-fn constant(images: &Tensor) -> Result<()> {
-    if images.track_op() {
-        return Err(Error::input(
-            "images",
-            "a variable, or computed from one",
-            "constants: `Tensor::detach` gives them",
-        ));
-    }
-    Ok(())
-}
-
-fn normalise(images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
-    let device = images.device();
-    let row = |values: &[f32; 3]| Tensor::new(values, device)?.reshape((1, 3, 1, 1));
-    let centred = images.broadcast_sub(&row(&normalisation.mean)?)?;
-    Ok(centred.broadcast_div(&row(&normalisation.std)?)?)
-}
-
 fn kernels(
     kind: EncoderKind,
     network: &Network,
@@ -535,18 +472,17 @@ fn kernels_of<W: Word>(
 }
 
 fn content_hash(
-    kind: EncoderKind,
-    depths: &[Block],
+    network: &Network,
+    depths: &Depths,
     weights: &Weights,
     device: &Device,
     precision: Precision,
 ) -> Result<blake3::Hash> {
     let mut hasher = blake3::Hasher::new_derive_key("sps-models encoder");
-    hasher.update(kind.name().as_bytes());
-    // The last depth alone, which embeddings had before they had any other, goes without saying.
-    for block in depths.iter().filter(|_| *depths != [kind.last_depth()]) {
-        hasher.update(block.name.as_bytes());
-        hasher.update(&[0]);
+    hasher.update(network.name.as_bytes());
+    // Caches were filled before there were other depths than the last: its hash is what it was.
+    if *depths != Depths::Last {
+        hasher.update(depths.to_string().as_bytes());
     }
     if precision != Precision::F32 {
         hasher.update(precision.name().as_bytes());

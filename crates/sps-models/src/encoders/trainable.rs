@@ -9,10 +9,11 @@ use candle_core::{DType, Device, Tensor, Var};
 
 use super::batch::{Images, each};
 use super::images::{Normalisation, Order};
+use super::input::{check, normalise};
 use super::network::Network;
 use super::plain::{BatchStatistics, Plain};
 use super::train::{Context, Gradients, Tape};
-use super::{Block, Depths, Encoder, EncoderKind, Precision, check, normalise, scales};
+use super::{Block, Depths, Encoder, EncoderKind, Precision, scales};
 use crate::error::{Error, Result};
 use crate::ops::bands::inside_pool;
 use crate::ops::buffer::Recycler;
@@ -187,11 +188,6 @@ impl TrainableEncoder {
     /// The blocks of an embedding, in their order.
     pub fn blocks(&self) -> Vec<Block> {
         self.network.named_blocks()
-    }
-
-    /// The length of an embedding.
-    pub fn width(&self) -> usize {
-        self.network.width()
     }
 
     /// What training changes, in the order of the names: all that embeddings of its depths need but running

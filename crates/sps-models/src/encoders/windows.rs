@@ -5,9 +5,10 @@ use std::ops::Range;
 use candle_core::Tensor;
 use rayon::prelude::*;
 
+use super::Encoder;
+use super::input::{check_pixels, normalise};
 use super::plain::Plain;
 use super::scales::Scale;
-use super::{Encoder, check_pixels, normalise};
 use crate::error::{Error, Result};
 use crate::ops::grid::{Grid, Size};
 use crate::ops::words::Word;

@@ -59,7 +59,9 @@ impl Shape {
     /// The weight of one of so many blocks; all are 1 together.
     pub(super) fn weight(self, block: usize, blocks: usize) -> f64 {
         let last = blocks.saturating_sub(1).max(1) as f64;
-        let weight = |block: usize| (self.leaning * (block as f64 - last) / last).exp();
+        // Over the largest of them, so that none is more than a number holds.
+        let largest = if self.leaning > 0.0 { 1.0 } else { 0.0 };
+        let weight = |block: usize| (self.leaning * (block as f64 / last - largest)).exp();
         weight(block) / (0..blocks).map(weight).sum::<f64>()
     }
 

@@ -18,7 +18,8 @@ use crate::regressor::check_fits;
 const LANES: usize = 16;
 
 /// The reading of the training surface whose embedding is nearest (Fix and Hodges 1951), by
-/// Euclidean distance over all views side by side, each block of embeddings scaled to a mean variance of 1. Only surfaces with a reading of the property
+/// Euclidean distance over all views side by side, each block of embeddings scaled to a mean variance of 1.
+/// Only surfaces with a reading of the property
 /// count; of equally near ones, that of the lowest index.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Nearest;

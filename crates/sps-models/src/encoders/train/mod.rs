@@ -59,8 +59,8 @@ struct Segment<W: Real> {
 }
 
 impl<W: Real> Tape<W> {
-    /// Runs forward; returns the embeddings, `(frames, width)`, too. With `checkpointing`, only the inputs of the segments are kept, and the
-    /// backward pass runs each segment forward once more.
+    /// Runs forward; returns the embeddings, `(frames, width)`, too. With `checkpointing`, only the
+    /// inputs of the segments are kept, and the backward pass runs each segment forward once more.
     pub(super) fn record(
         context: &Context,
         images: &Images<'_>,

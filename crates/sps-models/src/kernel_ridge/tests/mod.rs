@@ -339,6 +339,15 @@ fn later_blocks_count_more_where_a_kernel_leans() {
     let found = trained.predict(&set.embeddings.select(&new, &[0]).unwrap());
     close(&found.unwrap()[0].values, &expected.to_vec(), 1e-9);
 
+    // However far a kernel leans, all weights are 1 together.
+    for (leaning, expected) in [(1e308, [0.0, 0.0, 1.0]), (-1e308, [1.0, 0.0, 0.0])] {
+        let shape = Shape {
+            leaning,
+            ..Shape::even(Kernel::Exponential, 1.0)
+        };
+        assert_eq!([0, 1, 2].map(|block| shape.weight(block, 3)), expected);
+    }
+
     // Of one block alone both are one kernel, which is fitted once.
     let default = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
     let one = Embeddings::new(&tensor).unwrap();

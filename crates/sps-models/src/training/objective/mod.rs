@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::batches;
 use super::config::{TrainingConfig, TrainingObjective};
 use super::targets::{Features, Targets};
-use crate::encoders::Block;
+use crate::encoders::{Block, places};
 use crate::error::{Error, Result};
 use crate::heads::{Draw, EpochLosses, HeadConfig, JointHeads, Share, TrainingData};
 use linear::{Layer, Linear};
@@ -341,36 +341,31 @@ fn taught_by(targets: &Targets, distillation: f64) -> Result<Option<Features>> {
 
 /// What each of a teacher's blocks is learnt from, and by.
 fn taught_blocks(features: &Features, encoder: &[Block], seed: u64) -> Result<Vec<TaughtBlock>> {
-    let places = |blocks: &[Block]| {
-        let mut start = 0;
-        let place = |block: &Block| {
-            let range = start..start + block.width;
-            start = range.end;
-            (block.name.clone(), range)
-        };
-        blocks.iter().map(place).collect::<Vec<_>>()
+    let placed = |blocks: &[Block]| -> Vec<(String, Range<usize>)> {
+        let places = places(blocks.iter().map(|block| block.width));
+        let names = blocks.iter().map(|block| block.name.clone());
+        names.zip(places).collect()
     };
-    let own = places(encoder);
+    let own = placed(encoder);
     let all = 0..own.last().map_or(0, |(_, range)| range.end);
-    let mut wanted = places(&features.blocks);
-    if wanted.is_empty() {
-        wanted.push((String::new(), 0..features.embeddings.dim(1)?));
-    }
-    let block = |(name, wanted): (String, Range<usize>)| {
-        let same = own.iter().find(|(other, _)| *other == name);
-        let from = same.map_or_else(|| all.clone(), |(_, range)| range.clone());
-        let stream = match name.as_str() {
-            "" => "features".to_owned(),
-            name => format!("features.{name}"),
-        };
-        let layer = Layer::new(&stream, from.len(), wanted.len(), seed)?;
+    let block = |name: &str, wanted: Range<usize>, from: Range<usize>| {
+        let layer = Layer::new(name, from.len(), wanted.len(), seed)?;
         Ok(TaughtBlock {
             wanted,
             from,
             layer,
         })
     };
-    wanted.into_iter().map(block).collect()
+    if features.blocks.is_empty() {
+        let wanted = 0..features.embeddings.dim(1)?;
+        return Ok(vec![block("features", wanted, all)?]);
+    }
+    let named = placed(&features.blocks).into_iter().map(|(name, wanted)| {
+        let same = own.iter().find(|(other, _)| *other == name);
+        let from = same.map_or_else(|| all.clone(), |(_, range)| range.clone());
+        block(&format!("features.{name}"), wanted, from)
+    });
+    named.collect()
 }
 
 /// A loss of nothing.

@@ -83,6 +83,61 @@ fn the_loss_of_features_is_that_of_its_definition() {
     assert!((f64::from(loss.to_scalar::<f32>().unwrap()) - expected).abs() < 1e-6);
 }
 
+/// A teacher's depth is learnt from the encoder's own of that name, any other from all; each counts alike, however
+/// wide it is.
+#[test]
+fn each_of_a_teachers_depths_is_learnt_by_itself() {
+    let block = |name: &str, width| Block {
+        name: name.to_owned(),
+        width,
+    };
+    let rows = [[1.0f32, 5.0, 2.0], [3.0, 5.0, 4.0], [5.0, 5.0, 6.0]];
+    let targets = |blocks: Vec<Block>| Targets {
+        features: Some(Features {
+            embeddings: Tensor::new(&rows, &Device::Cpu).unwrap(),
+            blocks,
+            weight: 2.0,
+        }),
+        ..Targets::default()
+    };
+    let encoder = [block("stage-1", 2), block("stage-2", 3)];
+    let objective = |blocks| {
+        let targets = targets(blocks);
+        targets.check()?;
+        Objective::new(&TrainingConfig::default(), targets, &[0, 1, 2], &encoder, 0)
+    };
+    let taught = objective(vec![block("stage-2", 2), block("head", 1)]).unwrap();
+    let shapes: Vec<_> = taught
+        .parameters()
+        .map(|(name, var)| (name, var.dims().to_vec()))
+        .collect();
+    let expected = [
+        ("features.stage-2.weight", vec![2, 3]),
+        ("features.stage-2.bias", vec![2]),
+        ("features.head.weight", vec![1, 5]),
+        ("features.head.bias", vec![1]),
+    ];
+    assert_eq!(
+        shapes,
+        expected.map(|(name, shape)| (name.to_owned(), shape))
+    );
+
+    for (_, var) in taught.parameters() {
+        var.set(&var.zeros_like().unwrap()).unwrap();
+    }
+    let embeddings = Tensor::zeros((2, 5), candle_core::DType::F32, &Device::Cpu).unwrap();
+    let (_, parts) = taught.loss(&embeddings, Share::whole(&[2, 1]), 0).unwrap();
+    // Columns 1 and 3: standardised to 1.2247 and 0; column 2 never changes and is 0. The first block has
+    // 1.5 in four numbers, the second 1.5 in two.
+    let expected = 2.0 * (1.5 / 4.0 + 1.5 / 2.0) / 2.0;
+    assert!((parts.features - expected).abs() < 1e-6, "{parts:?}");
+
+    let error = objective(vec![block("stage-2", 2)])
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("found 3, expected 2"), "{error}");
+}
+
 #[test]
 fn every_parameter_receives_a_gradient() {
     let objective = linear(targets(), 4).unwrap();

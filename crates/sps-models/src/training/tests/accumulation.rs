@@ -2,6 +2,7 @@
 
 use super::heads::{Pairs, inputs, model, through_heads};
 use super::*;
+use crate::encoders::Depths;
 use crate::training::batches::Batch;
 
 /// A network without batch norm, which would see the parts one by one.
@@ -92,7 +93,8 @@ fn parts_are_resumed_and_shared_among_threads_to_the_same_bits() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         pool.build().unwrap().install(|| {
             let (targets, parts) = (stripes.targets(), stripes.parts());
-            let mut trainer = Trainer::new(&start(), targets, parts, config(), 5).unwrap();
+            let start = start().with_depths(&Depths::All).unwrap();
+            let mut trainer = Trainer::new(&start, targets, parts, config(), 5).unwrap();
             trainer.epoch(&stripes, |_| ()).unwrap();
             if stopped {
                 let state = trainer.to_bytes().unwrap();
@@ -101,7 +103,9 @@ fn parts_are_resumed_and_shared_among_threads_to_the_same_bits() {
                 trainer = resumed.unwrap();
             }
             trainer.epoch(&stripes, |_| ()).unwrap();
-            trainer.to_bytes().unwrap()
+            let state = trainer.to_bytes().unwrap();
+            assert_eq!(trainer.into_encoder().unwrap().depths(), &Depths::All);
+            state
         })
     };
     let once = train(1, false);

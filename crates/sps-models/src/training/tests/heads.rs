@@ -528,7 +528,7 @@ mod hard_cases {
         };
         let config = through_heads(Input::LateFusion { views: 2 }, model());
         let trainer = Trainer::new(&start(), targets, pairs.0.parts(), config, 5).unwrap();
-        let width = trainer.encoder.width();
+        let width = trainer.encoder.kind().width();
         let embeddings = Tensor::zeros((2, width), DType::F32, &Device::Cpu).unwrap();
         let (_, losses) = trainer
             .objective

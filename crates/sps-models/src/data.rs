@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use candle_core::{DType, Tensor};
 
-use crate::encoders::places;
+use crate::encoders::depths::places;
 use crate::error::{Error, Result};
 
 /// Image embeddings of surfaces, `(surfaces, views, width)`, f32, every value finite.

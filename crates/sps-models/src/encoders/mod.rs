@@ -4,7 +4,7 @@
 //! [depths](Depths).
 
 mod batch;
-mod depths;
+pub(crate) mod depths;
 mod fused;
 mod images;
 mod init;
@@ -26,7 +26,6 @@ use std::sync::Arc;
 
 use candle_core::{Device, Tensor};
 
-pub(crate) use depths::places;
 pub use depths::{Block, Depths};
 pub use kind::EncoderKind;
 pub use precision::Precision;

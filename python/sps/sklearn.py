@@ -39,7 +39,7 @@ class TactileRegressor(RegressorMixin, BaseEstimator):
     was measured.
 
     The parameters are the keywords of Estimator.fit, which says what each does. `encoder` is an Encoder;
-    None is efficientnet-lite-small with the weights that come with the package. `properties` names the columns
+    None is efficientnet-lite-body with the weights that come with the package. `properties` names the columns
     of y; None takes their names where y is a table, else "value", or "value 0", "value 1" and so on.
     `scale` is that of Estimator.predict; fit takes photographs as they come, or as `resize` says.
 
@@ -98,7 +98,7 @@ class TactileRegressor(RegressorMixin, BaseEstimator):
         settings = self.get_params(deep=False)
         del settings["scale"]
         if self.encoder is None:
-            settings["encoder"] = Encoder("efficientnet-lite-small", "built-in")
+            settings["encoder"] = Encoder("efficientnet-lite-body", "built-in")
         if self.properties is None:
             settings["properties"] = _names(y, values)
         self.estimator_ = Estimator.fit(_surfaces(X), values, groups=groups, **settings)

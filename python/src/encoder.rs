@@ -16,28 +16,15 @@ use crate::images::{Image, Images, embed_each, frames};
 /// In place of the path of a weights file.
 const BUILT_IN: &str = "built-in";
 
-/// The weights that come with the package: of the first, trained by `cargo xtask pretrain
-/// configs/pretrain.toml`; of the second, trained on simulated surfaces alone.
-const WEIGHTS: [(EncoderKind, &[u8]); 2] = [
-    (
-        EncoderKind::EfficientNetLiteSmall,
-        include_bytes!("../../fixtures/encoders/efficientnet-lite-small.safetensors"),
-    ),
-    (
-        EncoderKind::SeResNextSmall,
-        include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors"),
-    ),
-];
-
 /// A network with its weights, ready to embed images.
 ///
-/// `name` is se-resnext50-32x4d, se-resnext-small, squeezenet1-0, squeezenet1-1, resnet18, resnet50,
-/// efficientnet-lite-small or efficientnet-lite0 to efficientnet-lite4; `weights` the path of a
-/// safetensors or PyTorch file, or "built-in" for those of efficientnet-lite-small and of
-/// se-resnext-small, which come with the package; `precision` is f32, bf16, which is faster on some
+/// `name` is se-resnext50-32x4d, squeezenet1-0, squeezenet1-1, resnet18, resnet50,
+/// efficientnet-lite-body or efficientnet-lite0 to efficientnet-lite4; `weights` the path of a
+/// safetensors or PyTorch file, or "built-in" for those of efficientnet-lite-body, which come with the
+/// package; `precision` is f32, bf16, which is faster on some
 /// processors with AVX512-BF16, or int8 where the file holds scales for it, as one that `calibrated`
 /// wrote does, and that of a model trained with `encoder.precision = "int8"`; `depths` the feature maps whose
-/// means make an embedding, side by side: "last", "all", or a list of their names (`blocks` has them).
+/// means make an embedding, side by side: "all", "last", or a list of their names (`blocks` has them).
 ///
 /// Raises OSError where the file cannot be read, ValueError where it does not fit the network or a
 /// name is unknown.
@@ -51,7 +38,7 @@ pub(crate) struct Encoder {
 #[pymethods]
 impl Encoder {
     #[new]
-    #[pyo3(signature = (name, weights, precision = "f32", depths = Words::Word("last".to_owned())))]
+    #[pyo3(signature = (name, weights, precision = "f32", depths = Words::Word("all".to_owned())))]
     fn new(
         py: Python<'_>,
         name: &str,
@@ -243,17 +230,6 @@ fn size(frame: &Frame) -> [usize; 2] {
     [frame.height, frame.width]
 }
 
-fn built_in(kind: EncoderKind) -> PyResult<&'static [u8]> {
-    let found = WEIGHTS.iter().find(|(other, _)| *other == kind);
-    let (_, weights) = found.ok_or_else(|| {
-        let [first, second] = WEIGHTS.map(|(kind, _)| kind);
-        value_error(format_args!(
-            "{kind} has no built-in weights, only {first} and {second} have; expected the path of a file"
-        ))
-    })?;
-    Ok(weights)
-}
-
 fn network(
     name: &str,
     weights: &Path,
@@ -267,13 +243,13 @@ fn network(
         )));
     }
     let precision: Precision = precision.parse().map_err(|error| model_error(&error))?;
-    let weights = if weights == Path::new(BUILT_IN) {
-        Weights::from_bytes("the built-in weights", built_in(kind)?)
+    let encoder = if weights == Path::new(BUILT_IN) {
+        encoders::Encoder::built_in(kind, &Device::Cpu)
     } else {
-        Weights::read(weights)
+        let weights = Weights::read(weights).map_err(|error| weights_error(&error))?;
+        encoders::Encoder::new(kind, weights, &Device::Cpu)
     };
-    let weights = weights.map_err(|error| weights_error(&error))?;
-    encoders::Encoder::new(kind, weights, &Device::Cpu)
+    encoder
         .and_then(|network| network.with_depths(depths))
         .and_then(|network| network.with_precision(precision))
         .map_err(|error| model_error(&error))

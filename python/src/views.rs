@@ -8,27 +8,10 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use rayon::ThreadPoolBuilder;
-use serde::Deserialize;
 use serde_json::{Map, Value};
-use sps_viewselect::{
-    Equidistant, Exhaustive, Greedy, LossError, Nadir, Nvs, Problem, Random, SelectError, Selector,
-    SetLoss, Sets, VbNvs,
-};
+use sps_viewselect::{AnySelector, LossError, Problem, SelectError, Selector, SetLoss, Sets};
 
 use crate::errors::value_error;
-
-/// A selector with its settings.
-#[derive(Deserialize)]
-#[serde(tag = "method", rename_all = "kebab-case")]
-enum Method {
-    Random(Random),
-    Equidistant(Equidistant),
-    Nadir(Nadir),
-    Greedy(Greedy),
-    Exhaustive(Exhaustive),
-    Nvs(Nvs),
-    VbNvs(VbNvs),
-}
 
 /// The views that were selected, and what they cost.
 #[pyclass(module = "sps", frozen, get_all)]
@@ -96,7 +79,7 @@ pub(crate) fn select_views(
     };
     let search = move || {
         let problem = Problem::new(&remote)?.distinct(distinct).seed(seed);
-        method.selector().select(&problem)
+        method.select(&problem)
     };
     let found = answer_while(py, loss, asked, search)?;
     let found = found.map_err(value_error)?;
@@ -113,22 +96,8 @@ pub(crate) fn select_views(
     })
 }
 
-impl Method {
-    fn selector(&self) -> &dyn Selector {
-        match self {
-            Self::Random(selector) => selector,
-            Self::Equidistant(selector) => selector,
-            Self::Nadir(selector) => selector,
-            Self::Greedy(selector) => selector,
-            Self::Exhaustive(selector) => selector,
-            Self::Nvs(selector) => selector,
-            Self::VbNvs(selector) => selector,
-        }
-    }
-}
-
 /// The selector of this name. Settings have the crate's names, with `_` for `-`.
-fn configured(method: &str, settings: Option<&Bound<'_, PyDict>>) -> PyResult<Method> {
+fn configured(method: &str, settings: Option<&Bound<'_, PyDict>>) -> PyResult<AnySelector> {
     let mut values = Map::new();
     if let Some(settings) = settings {
         let json = settings.py().import("json")?;
@@ -137,7 +106,7 @@ fn configured(method: &str, settings: Option<&Bound<'_, PyDict>>) -> PyResult<Me
     }
     let mut values = Value::Object(values);
     kebab_case(&mut values);
-    values["method"] = method.into();
+    values["kind"] = method.into();
     serde_json::from_value(values).map_err(value_error)
 }
 

@@ -9,4 +9,4 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="session")
 def encoder():
-    return sps.Encoder("se-resnext-small", "built-in")
+    return sps.Encoder("efficientnet-lite-body", "built-in")

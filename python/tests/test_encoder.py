@@ -27,7 +27,7 @@ def same_bits(one, other):
 def test_it_gives_what_pytorch_gives(tmp_path):
     weights = tmp_path / "squeezenet.safetensors"
     write_safetensors(weights, squeezenet())
-    encoder = sps.Encoder("squeezenet1-0", weights)
+    encoder = sps.Encoder("squeezenet1-0", weights, depths="last")
     # The network's own normalisation, undone.
     mean, std = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
     images = uniform("golden/squeeze", (2, 3, 224, 224)).transpose(0, 2, 3, 1) * std + mean
@@ -38,38 +38,35 @@ def test_it_gives_what_pytorch_gives(tmp_path):
 
 
 def test_what_it_is(encoder):
-    assert (encoder.name, encoder.width, encoder.precision) == ("se-resnext-small", 512, "f32")
-    expected = 'Encoder("se-resnext-small", "built-in", precision="f32", depths="last")'
+    assert (encoder.name, encoder.width, encoder.precision) == ("efficientnet-lite-body", 784, "f32")
+    expected = 'Encoder("efficientnet-lite-body", "built-in", precision="f32", depths="all")'
     assert repr(encoder) == expected
-    assert encoder.blocks == [("stage-4", 512)]
+    widths = [16, 24, 40, 80, 112, 192, 320]
+    assert encoder.blocks == [(f"stage-{i}", width) for i, width in enumerate(widths, 1)]
     embeddings = encoder.embed([image(20, 30)])
-    assert (embeddings.dtype, embeddings.shape) == (np.float32, (1, 512))
+    assert (embeddings.dtype, embeddings.shape) == (np.float32, (1, 784))
 
 
-def test_the_default_encoder():
-    encoder = sps.Encoder("efficientnet-lite-small", "built-in")
-    assert (encoder.name, encoder.width) == ("efficientnet-lite-small", 480)
+def test_it_tells_surfaces_apart(encoder):
     frames = sorted(FRAMES.glob("*/002.*"))
     embeddings = encoder.embed(frames)
-    assert embeddings.shape == (len(frames), 480)
-    # It ends in a rectifier, and tells surfaces apart.
-    assert embeddings.min() >= 0
+    assert embeddings.shape == (len(frames), 784)
     assert np.linalg.matrix_rank(embeddings) == len(frames)
 
 
 def test_depths(encoder):
-    every = sps.Encoder("se-resnext-small", "built-in", depths="all")
-    assert every.blocks == [("stage-1", 64), ("stage-2", 128), ("stage-3", 256), ("stage-4", 512)]
-    some = sps.Encoder("se-resnext-small", "built-in", depths=["stage-2", "stage-4"])
+    deep = sps.Encoder("efficientnet-lite-body", "built-in", depths="last")
+    assert deep.blocks == [("stage-7", 320)]
+    some = sps.Encoder("efficientnet-lite-body", "built-in", depths=["stage-2", "stage-7"])
     photograph = image(40, 50)
-    whole, part, last = (one.embed(photograph) for one in [every, some, encoder])
-    assert same_bits(part, np.concatenate([whole[:, 64:192], whole[:, 448:]], axis=1))
-    assert same_bits(last, np.ascontiguousarray(whole[:, 448:]))
+    whole, part, last = (one.embed(photograph) for one in [encoder, some, deep])
+    assert same_bits(part, np.concatenate([whole[:, 16:40], whole[:, 464:]], axis=1))
+    assert same_bits(last, np.ascontiguousarray(whole[:, 464:]))
     again = pickle.loads(pickle.dumps(some))
     assert (repr(again), again.blocks) == (repr(some), some.blocks)
     for wrong in ["first", ["stage-9"], []]:
         with pytest.raises(ValueError, match="depths"):
-            sps.Encoder("se-resnext-small", "built-in", depths=wrong)
+            sps.Encoder("efficientnet-lite-body", "built-in", depths=wrong)
 
 
 def test_a_file_and_its_pixels_have_the_same_embedding(encoder, tmp_path):
@@ -104,7 +101,7 @@ def test_any_layout_in_memory(encoder):
 
 
 def test_no_images(encoder):
-    assert encoder.embed([]).shape == (0, 512)
+    assert encoder.embed([]).shape == (0, 784)
 
 
 @pytest.mark.parametrize(
@@ -130,33 +127,33 @@ def test_what_is_no_image(encoder, images, error, message):
 def test_what_is_no_encoder(tmp_path):
     with pytest.raises(ValueError, match='unknown encoder "alexnet", expected one of'):
         sps.Encoder("alexnet", "built-in")
-    with pytest.raises(ValueError, match="squeezenet1-0 has no built-in .* efficientnet-lite-small and se-resnext-small"):
+    with pytest.raises(ValueError, match="squeezenet1-0 has no built-in weights, only efficientnet-lite-body has"):
         sps.Encoder("squeezenet1-0", "built-in")
     with pytest.raises(ValueError, match="precision: found f16, expected f32, bf16"):
-        sps.Encoder("se-resnext-small", "built-in", precision="f16")
+        sps.Encoder("efficientnet-lite-body", "built-in", precision="f16")
     with pytest.raises(FileNotFoundError, match="none.safetensors: cannot be read"):
-        sps.Encoder("se-resnext-small", tmp_path / "none.safetensors")
+        sps.Encoder("efficientnet-lite-body", tmp_path / "none.safetensors")
     write_safetensors(tmp_path / "other.safetensors", {"x": np.zeros(1)})
     with pytest.raises(ValueError, match="other.safetensors: tensor .* is missing"):
-        sps.Encoder("se-resnext-small", tmp_path / "other.safetensors")
+        sps.Encoder("efficientnet-lite-body", tmp_path / "other.safetensors")
 
 
 def test_bf16_is_near(encoder):
     exact = encoder.embed(image(64, 64))
-    near = sps.Encoder("se-resnext-small", "built-in", precision="bf16").embed(image(64, 64))
+    near = sps.Encoder("efficientnet-lite-body", "built-in", precision="bf16").embed(image(64, 64))
     assert 0 < np.linalg.norm(near - exact) < 0.02 * np.linalg.norm(exact)
 
 
 def test_int8_is_near_once_it_is_calibrated(encoder, tmp_path):
     images = [image(48, 40, seed) for seed in range(4)] + [image(64, 64)]
     with pytest.raises(ValueError, match="int8"):
-        sps.Encoder("se-resnext-small", "built-in", precision="int8")
+        sps.Encoder("efficientnet-lite-body", "built-in", precision="int8")
     file = tmp_path / "int8.safetensors"
     calibrated = encoder.calibrated(images, file)
-    assert (calibrated.name, calibrated.precision) == ("se-resnext-small", "int8")
+    assert (calibrated.name, calibrated.precision) == ("efficientnet-lite-body", "int8")
     exact, near = encoder.embed(images), calibrated.embed(images)
     assert 0 < np.linalg.norm(near - exact) < 0.1 * np.linalg.norm(exact)
-    again = sps.Encoder("se-resnext-small", file, precision="int8")
+    again = sps.Encoder("efficientnet-lite-body", file, precision="int8")
     for copy in (again, pickle.loads(pickle.dumps(calibrated))):
         assert same_bits(copy.embed(images), near)
 

@@ -62,7 +62,7 @@ def test_what_it_is(model):
     assert model.no_familiar is None
     about = model.about
     assert (about["name"], about["frame-size"]) == ("stripes", [SIDE, SIDE])
-    assert repr(model).startswith('Estimator(name="stripes", encoder="se-resnext-small"')
+    assert repr(model).startswith('Estimator(name="stripes", encoder="efficientnet-lite-body"')
     first, second = model.predict(stripes(3, 1)).estimates
     assert (first.property, first.name) == ("fRS", "sliding resistance")
     assert (second.property, second.name) == ("coarse", "coarse")

@@ -240,7 +240,7 @@ def test_a_score_is_of_what_was_measured(photographs, values):
 
 
 def test_a_copy_is_as_the_original(photographs, values, tmp_path):
-    encoder = sps.Encoder("se-resnext-small", "built-in", precision="bf16")
+    encoder = sps.Encoder("efficientnet-lite-body", "built-in", precision="bf16")
     model = TactileRegressor(encoder, level=0.7, properties=["fRS", "coarse"])
     assert repr(pickle.loads(pickle.dumps(model))) == repr(model)
     model.fit(photographs, values)

@@ -1,28 +1,14 @@
 //! The encoder that a config asks for.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use candle_core::{Device, Tensor};
 use rayon::prelude::*;
 use sps_dataset::Frame;
 use sps_estimator::{Embedder, Network};
-use sps_models::encoders::{Depths, Encoder, EncoderKind, Precision};
+use sps_models::encoders::{Depths, Encoder, Precision};
 use sps_models::training::TrainingObjective;
-use sps_models::weights::Weights;
 
 use crate::config::{EncoderSpec, Network as NetworkSpec, WeightsSpec};
-
-/// The weights that come with the project: of the first, trained by `pretrain configs/pretrain.toml`; of
-/// the second, trained on simulated surfaces alone.
-const BUILT_IN: [(EncoderKind, &[u8]); 2] = [
-    (
-        EncoderKind::EfficientNetLiteSmall,
-        include_bytes!("../../fixtures/encoders/efficientnet-lite-small.safetensors"),
-    ),
-    (
-        EncoderKind::SeResNextSmall,
-        include_bytes!("../../fixtures/encoders/se-resnext-small.safetensors"),
-    ),
-];
 
 /// Images that are enough to scale feature maps by.
 const CALIBRATION: usize = 64;
@@ -32,10 +18,7 @@ const CALIBRATION: usize = 64;
 pub(crate) fn load(spec: &EncoderSpec, seed: u64) -> Result<Network> {
     let kind = spec.network.kind();
     let encoder = match &spec.weights {
-        WeightsSpec::BuiltIn => {
-            let weights = Weights::from_bytes("the built-in weights", built_in(kind)?)?;
-            Encoder::new(kind, weights, &Device::Cpu)?
-        }
+        WeightsSpec::BuiltIn => Encoder::built_in(kind, &Device::Cpu)?,
         WeightsSpec::Untrained => Encoder::seeded(kind, seed, &Device::Cpu)?,
         WeightsSpec::File(path) => Encoder::load(kind, path, &Device::Cpu)?,
     };
@@ -78,23 +61,6 @@ pub(crate) fn calibrated(
     let network = embedder.network();
     let encoder = network.encoder().clone().calibrated(&images)?;
     Ok(network.with_encoder(encoder.with_precision(Precision::Int8)?))
-}
-
-/// The weights of an encoder that come with the project.
-///
-/// # Errors
-///
-/// An encoder that has none.
-pub(crate) fn built_in(kind: EncoderKind) -> Result<&'static [u8]> {
-    let found = BUILT_IN.iter().find(|(other, _)| *other == kind);
-    let (_, weights) = found.with_context(|| {
-        let [first, second] = BUILT_IN.map(|(kind, _)| kind);
-        format!(
-            "{kind} has no built-in weights, only {first} and {second} have; expected a file, or \
-             `untrained`"
-        )
-    })?;
-    Ok(weights)
 }
 
 /// The encoder in words, for reports.

@@ -116,7 +116,7 @@ fn a_misspelt_key() {
 /// Writes the encoder's weights with one tensor taken away or misshapen.
 fn spoilt_weights(path: &Path, spoil: impl Fn(&str, &mut Vec<usize>) -> bool) {
     let encoder = sps_models::encoders::Encoder::seeded(
-        sps_models::encoders::EncoderKind::SeResNextSmall,
+        sps_models::encoders::EncoderKind::EfficientNetLiteBody,
         0,
         &candle_core::Device::Cpu,
     );

@@ -170,7 +170,7 @@ fn embeddings_are_written_in_the_order_given() {
         command.args([
             "embed",
             "--encoder",
-            "se-resnext-small",
+            "efficientnet-lite-body",
             "--weights",
             "untrained",
         ]);
@@ -403,7 +403,7 @@ fn a_list_shows_settings_and_opens_no_data() {
     let head = head.split("\n    kind = \"mean\"").next().unwrap();
     for line in [
         "    kind = \"head\"\n",
-        "    encoder = \"se-resnext-small with untrained, random weights\"\n",
+        "    encoder = \"efficientnet-lite-body with untrained, random weights, at all depths\"\n",
         "    views = 1 # the one straight down\n",
         "    head.epochs = 3\n",
         "    head.batch-size = 16\n",

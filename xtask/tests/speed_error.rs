@@ -141,9 +141,9 @@ fn costs_come_in_parts() {
     }
     let views = results["dataset"]["views"].as_f64().unwrap();
     assert_eq!(of("small-all-ridge", "frames_encoded_per_surface"), views);
-    // Two properties from embeddings of 512 numbers.
-    let encoder = of("small-1-ridge", "multiply_adds_per_surface") - 2.0 * 512.0;
-    let two = of("small-2-ridge", "multiply_adds_per_surface") - 2.0 * 2.0 * 512.0;
+    // Two properties from embeddings of 784 numbers.
+    let encoder = of("small-1-ridge", "multiply_adds_per_surface") - 2.0 * 784.0;
+    let two = of("small-2-ridge", "multiply_adds_per_surface") - 2.0 * 2.0 * 784.0;
     assert_eq!(two, 2.0 * encoder);
     // 1.2 million parameters in single precision.
     assert!(of("small-1-ridge", "peak_memory_bytes") > 4.0 * 1.2e6);

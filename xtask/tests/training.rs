@@ -6,7 +6,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use candle_core::Tensor;
 use serde_json::Value;
+use sps_models::weights::Weights;
 use support::{Scratch, results_without_timings, root, xtask};
 
 const PRETRAIN: &str = "
@@ -75,7 +77,7 @@ fn pretraining_that_was_killed_ends_with_the_same_weights() {
 #[test]
 fn an_encoder_starts_from_weights_that_fit_it() {
     let scratch = tempfile::tempdir().unwrap();
-    let fixture = |name: &str| root().join("fixtures/encoders").join(name);
+    let fixture = |name: &str| root().join("crates/sps-models/weights").join(name);
     let start = |name: &str| format!("start = {:?}\n", fixture(name).display().to_string());
     let run = |folder: &str, settings: &str| {
         let folder = scratch.path().join(folder);
@@ -85,27 +87,55 @@ fn an_encoder_starts_from_weights_that_fit_it() {
         let output = command.stderr(Stdio::piped()).output().unwrap();
         (output, folder)
     };
-    let small = "encoder = \"efficientnet-lite-small\"\n";
+    let body = "encoder = \"efficientnet-lite-body\"\n";
     let weights = |settings: &str, folder: &str| {
         let (output, folder) = run(folder, settings);
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.success(), "{said}");
         (fs::read(folder.join("weights.safetensors")).unwrap(), said)
     };
-    let (from_seed, _) = weights(small, "seeded");
-    let started = format!("{small}{}", start("efficientnet-lite-small.safetensors"));
+    let (from_seed, _) = weights(body, "seeded");
+    let started = format!("{body}{}", start("efficientnet-lite-body.safetensors"));
     let (from_file, said) = weights(&started, "started");
     assert!(from_seed != from_file);
-    assert!(said.contains("115 of 115 tensors"), "{said}");
+    assert!(said.contains("240 of 240 tensors"), "{said}");
+    let (mixed, _) = weights(&format!("{started}trained-share = 0.5\n"), "mixed");
+    let read = |bytes: &[u8]| Weights::from_bytes("weights", bytes).unwrap();
+    let [first, trained, mixed] = [
+        &fs::read(fixture("efficientnet-lite-body.safetensors")).unwrap(),
+        &from_file,
+        &mixed,
+    ]
+    .map(|bytes| read(bytes));
+    for (name, found) in mixed.iter() {
+        let values = |tensor: &Tensor| tensor.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+        let ends = [&first, &trained].map(|weights| values(weights.get(name).unwrap()));
+        for ((a, b), found) in ends[0].iter().zip(&ends[1]).zip(values(found)) {
+            let expected = 0.5 * (a + b);
+            let rounding = 2e-3 * (a.abs() + b.abs()) + 1e-7;
+            assert!(
+                (found - expected).abs() <= rounding,
+                "{name}: {found}, expected {expected}"
+            );
+        }
+    }
 
+    for (settings, part) in [
+        (format!("{started}trained-share = 0.0\n"), "trained-share"),
+        (format!("{body}trained-share = 0.5\n"), "it needs `start`"),
+    ] {
+        let (output, _) = run("refused", &settings);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && said.contains(part), "{said}");
+    }
     for (weights, part) in [
         (
-            "se-resnext-small.safetensors",
-            "no tensor of which efficientnet-lite-small has",
+            "../../../fixtures/golden/squeezenet1_0.safetensors",
+            "no tensor of which efficientnet-lite-body has",
         ),
         ("none.safetensors", "none.safetensors"),
     ] {
-        let (output, _) = run("refused", &format!("{small}{}", start(weights)));
+        let (output, _) = run("refused", &format!("{body}{}", start(weights)));
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(!output.status.success() && said.contains(part), "{said}");
     }
@@ -113,9 +143,9 @@ fn an_encoder_starts_from_weights_that_fit_it() {
 
 /// The built-in encoder as a teacher, of patterns too.
 fn taught(weight: f64, size: usize, images: usize) -> String {
-    let weights = root().join("fixtures/encoders/se-resnext-small.safetensors");
+    let weights = root().join("crates/sps-models/weights/efficientnet-lite-body.safetensors");
     format!(
-        "[patterns]\nclasses = 5\nimages = {images}\n[teacher]\nencoder = \"se-resnext-small\"\n\
+        "[patterns]\nclasses = 5\nimages = {images}\n[teacher]\nencoder = \"efficientnet-lite-body\"\n\
          weights = {:?}\nsize = {size}\nweight = {weight:?}\n",
         weights.display().to_string()
     )
@@ -154,12 +184,12 @@ fn a_teacher_and_patterns_that_cannot_be_meant_are_refused_by_key() {
         (taught(1.0, 0, 6), "teacher.size"),
         (taught(1.0, 48, 0), "patterns.images"),
         (
-            taught(1.0, 48, 6).replace("se-resnext-small\"", "vgg\""),
+            taught(1.0, 48, 6).replace("efficientnet-lite-body\"", "vgg\""),
             "teacher.encoder",
         ),
         (
-            taught(1.0, 48, 6).replace("small.safe", "gone.safe"),
-            "se-resnext-gone",
+            taught(1.0, 48, 6).replace("body.safe", "gone.safe"),
+            "efficientnet-lite-gone",
         ),
     ] {
         let mut command = pretrain(scratch.path(), &tables);

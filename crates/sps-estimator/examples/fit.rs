@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = PathBuf::from(folder);
 
     // Untrained weights do for an example; `Encoder::load` reads trained ones.
-    let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
+    let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
     let embedder = Embedder::new(Network::Images(encoder), None)?;
     let photographs: Vec<Frame> = (0..SURFACES).map(photograph).collect();
     let shape = (SURFACES, 1, embedder.width());

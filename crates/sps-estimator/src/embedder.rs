@@ -71,7 +71,7 @@ impl Network {
 /// use sps_estimator::{Embedder, Network};
 /// use sps_models::{candle::Device, encoders::{Encoder, EncoderKind}};
 ///
-/// let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
+/// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
 /// let embedder = Embedder::new(Network::Images(encoder), Some(64))?;
 /// let photograph = Frame { width: 200, height: 100, data: vec![0.5; 3 * 200 * 100] };
 /// assert_eq!(embedder.embed(&[photograph])?.len(), embedder.width());

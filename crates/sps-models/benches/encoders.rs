@@ -78,7 +78,7 @@ fn training(c: &mut Criterion) -> sps_models::Result<()> {
 
 /// Encoders beside the paper's, with the height and width of their images.
 const OTHERS: [(EncoderKind, usize); 6] = [
-    (EncoderKind::SeResNextSmall, 128),
+    (EncoderKind::EfficientNetLiteBody, 128),
     (EncoderKind::SqueezeNet1_0, 224),
     (EncoderKind::SqueezeNet1_1, 224),
     (EncoderKind::ResNet18, 224),

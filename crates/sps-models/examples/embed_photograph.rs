@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         _ => {
             println!("no KIND WEIGHTS PHOTOGRAPH.. given: untrained weights, drawn images");
-            let kind = EncoderKind::SeResNextSmall;
+            let kind = EncoderKind::EfficientNetLiteBody;
             let encoder = Encoder::seeded(kind, 0, &Device::Cpu)?;
             (encoder, vec![stripes(0.1), stripes(0.5)])
         }

@@ -50,6 +50,14 @@ pub enum Error {
         /// The names there are.
         expected: String,
     },
+    /// An encoder without weights that come with this crate.
+    #[error("{encoder} has no built-in weights, only {expected} has; expected a file of weights")]
+    NoBuiltInWeights {
+        /// The encoder asked for.
+        encoder: &'static str,
+        /// The one that has them.
+        expected: &'static str,
+    },
     /// An image to train on could not be had.
     #[error("image {index}: {source}")]
     Image {

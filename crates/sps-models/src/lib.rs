@@ -13,7 +13,7 @@
 //! let images = Tensor::rand(0.0_f32, 1.0, (2, 3, 64, 48), &Device::Cpu)?;
 //!
 //! // Frozen: `Encoder::load` reads weights from a file instead.
-//! let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
+//! let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
 //! assert_eq!(encoder.embed(&images)?.dims(), [2, encoder.width()]);
 //!
 //! // Trained: every weight is a variable, with a gradient after the backward pass.

@@ -50,6 +50,7 @@
 //!   network as [`ValueTraining`] and [`ValueSearch`] say. [`Policy`] is the distribution over sets
 //!   with its gradient, for those who train it beside something else.
 //! - Searched: [`Greedy`], a good local optimum; [`Exhaustive`], the optimum.
+//! - Any of these by its name, with its settings: [`AnySelector`].
 //! - [`TemporalRelations`] picks no fixed set: it draws ordered groups of views for the relation
 //!   heads of a temporal relation network.
 //!
@@ -63,6 +64,7 @@
 //! unknown ones are refused, and writes selections.
 
 mod adam;
+mod any;
 mod baselines;
 mod critic;
 mod error;
@@ -89,6 +91,7 @@ mod value_search;
 mod vb_nvs;
 mod vector;
 
+pub use any::AnySelector;
 pub use baselines::{Equidistant, EquidistantAt, Nadir, Random};
 pub use error::SelectError;
 pub use exhaustive::Exhaustive;

@@ -145,7 +145,7 @@ fn max_pool() -> Result<Pass> {
 
 fn small_encoder() -> Result<Encoder> {
     Ok(Encoder::seeded(
-        EncoderKind::SeResNextSmall,
+        EncoderKind::EfficientNetLiteBody,
         0,
         &Device::Cpu,
     )?)

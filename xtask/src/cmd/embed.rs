@@ -25,12 +25,11 @@ use crate::progress::Progress;
     With i3d, a row is a sequence of --frames images, which follow each other in the order given."
 )]
 pub(crate) struct Args {
-    /// se-resnext50-32x4d, se-resnext-small, squeezenet1-0, squeezenet1-1, resnet18, resnet50, efficientnet-lite-small,
-    /// efficientnet-lite0 to efficientnet-lite4, or i3d
+    /// se-resnext50-32x4d, squeezenet1-0, squeezenet1-1, resnet18, resnet50, efficientnet-lite-body, efficientnet-lite0 to efficientnet-lite4, or i3d
     #[arg(long, value_name = "NAME")]
     encoder: String,
     /// Feature maps whose means make an embedding: last, all, or names of depths with commas between them
-    #[arg(long, value_name = "DEPTHS", default_value_t = Depths::Last)]
+    #[arg(long, value_name = "DEPTHS", default_value_t = Depths::All)]
     depths: Depths,
     /// Images of a sequence, for i3d
     #[arg(long, value_name = "N", default_value = "16", value_parser = clap::value_parser!(u64).range(1..))]

@@ -66,7 +66,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     });
     let trained = train(task, &images, &runs)?;
     let note = note(&pretraining, &trained)?;
-    let weights = trained.encoder.weights();
+    let weights = mixed(&start, &trained.encoder, pretraining.trained_share)?;
     let bytes = weights.to_bytes_as(Storage::F16, Some(("sps-pretraining", &note)))?;
     write_atomically(&args.out, &bytes)?;
     println!(
@@ -94,6 +94,21 @@ fn start(pretraining: &Pretraining) -> Result<Encoder> {
         all - drawn.len()
     );
     Ok(encoder.with_depths(&pretraining.depths)?)
+}
+
+/// The trained weights, and the rest of the start.
+fn mixed(start: &Encoder, trained: &Encoder, share: f64) -> Result<Weights> {
+    let trained = trained.weights();
+    if share == 1.0 {
+        return Ok(trained.clone());
+    }
+    let tensors = trained.iter().map(|(name, tensor)| {
+        let first = start.weights().get(name)?;
+        let mixed = ((first * (1.0 - share))? + (tensor * share)?)?;
+        Ok((name.to_owned(), mixed))
+    });
+    let tensors: Vec<_> = tensors.collect::<Result<_>>()?;
+    Ok(Weights::from_tensors("the mixed weights", tensors)?)
 }
 
 fn quality(trained: &TrainedEncoder) -> String {

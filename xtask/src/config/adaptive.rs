@@ -1,7 +1,9 @@
 //! When a method that looks at one view after the other has looked enough.
 
+use sps_viewselect::AnySelector;
+
 use super::looks::{Looks, Problem, refuse};
-use super::schema::{Adaptive, MethodConfig, SelectorConfig};
+use super::schema::{Adaptive, MethodConfig};
 
 /// What the config of a method says of it.
 pub(super) fn of(method: &MethodConfig, looks: &Looks) -> Result<Option<Adaptive>, Problem> {
@@ -13,7 +15,7 @@ pub(super) fn of(method: &MethodConfig, looks: &Looks) -> Result<Option<Adaptive
         return refuse("adaptive", why);
     };
     // Whatever has seen the readings of the calibration surfaces is surer of them than of others.
-    if selected.learns() {
+    if selected.selector.learns() {
         let why = "needs a selector that learns nothing: its intervals would be too narrow";
         return refuse("adaptive", why);
     }
@@ -33,8 +35,8 @@ pub(super) fn of(method: &MethodConfig, looks: &Looks) -> Result<Option<Adaptive
 /// The picks of a selector in the order in which they are looked at. Most selectors have an order;
 /// equidistant views lie from one end to the other, so each next one is that farthest from those
 /// before it, beginning in the middle.
-pub(crate) fn in_order(selector: &SelectorConfig, mut picks: Vec<usize>) -> Vec<usize> {
-    if !matches!(selector, SelectorConfig::Equidistant(_)) || picks.is_empty() {
+pub(crate) fn in_order(selector: &AnySelector, mut picks: Vec<usize>) -> Vec<usize> {
+    if !matches!(selector, AnySelector::Equidistant(_)) || picks.is_empty() {
         return picks;
     }
     let mut ordered = vec![picks.remove((picks.len() - 1) / 2)];
@@ -58,10 +60,10 @@ mod tests {
 
     #[test]
     fn equidistant_views_spread_from_the_middle() {
-        let equidistant = SelectorConfig::Equidistant(Equidistant::default());
+        let equidistant = AnySelector::Equidistant(Equidistant::default());
         let ordered = in_order(&equidistant, vec![10, 30, 50, 70, 90]);
         assert_eq!(ordered, [50, 10, 90, 30, 70]);
-        let nadir = SelectorConfig::Nadir(Nadir::default());
+        let nadir = AnySelector::Nadir(Nadir::default());
         assert_eq!(in_order(&nadir, vec![50, 49, 51]), [50, 49, 51]);
     }
 }

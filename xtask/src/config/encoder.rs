@@ -8,7 +8,6 @@ use sps_models::training::TrainingConfig;
 use super::layers::Layers;
 use super::locate::ConfigError;
 use super::schema::EncoderConfig;
-use crate::encoder::built_in;
 
 /// An encoder as methods use it.
 #[derive(Clone, Debug, PartialEq)]
@@ -108,7 +107,9 @@ pub(super) fn encoder(
     check_training(layers, &format!("{key}.training"), &encoder.training)?;
     let weights = WeightsSpec::named(&encoder.weights);
     if weights == WeightsSpec::BuiltIn {
-        built_in(network.kind())
+        network
+            .kind()
+            .check_built_in()
             .map_err(|error| layers.error(&format!("{key}.weights"), error.to_string()))?;
     }
     Ok(EncoderSpec {

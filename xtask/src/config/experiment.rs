@@ -289,8 +289,7 @@ pub(super) mod tests {
                 "line 5",
                 "encoder.weights",
                 "resnet18",
-                "efficientnet-lite-small",
-                "se-resnext-small",
+                "efficientnet-lite-body",
             ],
         );
         let head = METHOD.replace("ridge", "head");

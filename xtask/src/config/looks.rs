@@ -6,10 +6,10 @@ use sps_dataset::Source;
 use sps_models::encoders::EncoderKind;
 use sps_models::heads::{Input, RelationScale};
 use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig, Shape};
-use sps_viewselect::{Equidistant, RelationSampler, Selector, TemporalRelations};
+use sps_viewselect::{AnySelector, Equidistant, RelationSampler, TemporalRelations};
 
 use super::method::Method;
-use super::schema::{Config, JudgedOn, MethodConfig, MethodKind, SelectorConfig, ViewCount};
+use super::schema::{Config, JudgedOn, MethodConfig, MethodKind, ViewCount};
 use crate::data;
 
 /// The views that an estimate looks at.
@@ -32,7 +32,7 @@ pub(crate) enum Looks {
 pub(crate) struct Selected {
     pub picks: usize,
     pub distinct: bool,
-    pub selector: SelectorConfig,
+    pub selector: AnySelector,
     /// What it asks of a set; `None`: a frozen network.
     pub refit: Option<Refit>,
 }
@@ -53,37 +53,9 @@ fn settings<S: Serializer>(ridge: &KernelRidge, serializer: S) -> Result<S::Ok, 
 }
 
 impl Selected {
-    /// Whether the choice depends on the loss of the sets.
-    pub(crate) fn learns(&self) -> bool {
-        match &self.selector {
-            SelectorConfig::Random(random) => random.draws > 1,
-            selector => !selector.is_fixed(),
-        }
-    }
-
     /// Whether it may choose a view more than once.
     pub(crate) fn may_repeat(&self) -> bool {
         self.picks > 1 && !self.distinct && !self.selector.is_fixed()
-    }
-}
-
-impl SelectorConfig {
-    /// Whether it chooses the same views whatever the loss and the seed.
-    pub(crate) fn is_fixed(&self) -> bool {
-        matches!(self, Self::Equidistant(_) | Self::Nadir(_))
-    }
-
-    /// The selector.
-    pub(crate) fn selector(&self) -> &dyn Selector {
-        match self {
-            Self::Random(selector) => selector,
-            Self::Equidistant(selector) => selector,
-            Self::Nadir(selector) => selector,
-            Self::Nvs(selector) => selector,
-            Self::VbNvs(selector) => selector,
-            Self::Greedy(selector) => selector,
-            Self::Exhaustive(selector) => selector,
-        }
     }
 }
 
@@ -179,7 +151,7 @@ fn views(config: &Config, method: &MethodConfig) -> Result<Looks, Problem> {
         (None, ViewCount::All, None) => Ok(Looks::All),
         (None, ViewCount::Number(1), None) => Ok(Looks::Nadir),
         (None, ViewCount::Number(picks), selector) => {
-            let equidistant = || SelectorConfig::Equidistant(Equidistant::default());
+            let equidistant = || AnySelector::Equidistant(Equidistant::default());
             let selector = selector.clone().unwrap_or_else(equidistant);
             selected(config, method, picks, selector).map(Looks::Selected)
         }
@@ -198,7 +170,7 @@ fn selected(
     config: &Config,
     method: &MethodConfig,
     picks: usize,
-    selector: SelectorConfig,
+    selector: AnySelector,
 ) -> Result<Selected, Problem> {
     let selected = Selected {
         picks,
@@ -207,7 +179,7 @@ fn selected(
         refit: refit(config, method)?,
     };
     let fused_late = has_head(method) && method.head.input != Input::ViewPooling {};
-    match (selected.learns(), &selected.refit) {
+    match (selected.selector.learns(), &selected.refit) {
         (false, Some(_)) => refuse("refit", "needs a selector that asks for a loss"),
         (true, None) if !fused_late => {
             let why = "is learned on a late fusion: it needs a method of the kind `head`";
@@ -265,7 +237,7 @@ impl Method {
     pub(crate) fn on<S: Source>(&self, source: &S) -> Result<Self> {
         let mut method = self.taking(source.view_angles().len())?;
         if let Looks::Selected(selected) = &mut method.looks
-            && let SelectorConfig::Nadir(selector) = &mut selected.selector
+            && let AnySelector::Nadir(selector) = &mut selected.selector
             && selector.view.is_none()
         {
             selector.view = Some(data::nadir(source)?);
@@ -409,6 +381,6 @@ mod tests {
         assert_eq!(plain[2].1, Looks::All);
         let chosen = swept("selector = { kind = \"greedy\" }\ndistinct = true\nrefit = {}\n");
         assert_eq!((&chosen[0], &chosen[2]), (&plain[0], &plain[2]));
-        assert!(matches!(&chosen[1].1, Looks::Selected(greedy) if greedy.learns()));
+        assert!(matches!(&chosen[1].1, Looks::Selected(greedy) if greedy.selector.learns()));
     }
 }

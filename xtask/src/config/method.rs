@@ -2,6 +2,7 @@
 
 use sps_base::names::nearest;
 use sps_estimator::Regression;
+use sps_viewselect::AnySelector;
 
 use super::adaptive;
 use super::data::Protocol;
@@ -10,7 +11,7 @@ use super::estimator::{self, Estimator};
 use super::layers::Layers;
 use super::locate::ConfigError;
 use super::looks::{self, Looks, Problem, refuse};
-use super::schema::{Adaptive, Config, MethodConfig, MethodKind, SelectorConfig};
+use super::schema::{Adaptive, Config, MethodConfig, MethodKind};
 use super::written::Written;
 use crate::paper;
 
@@ -110,7 +111,7 @@ fn training_surfaces(method: &MethodConfig) -> Result<Option<usize>, Problem> {
         None => return Ok(None),
         Some(0) => "must be at least 1",
         Some(_) if method.kind == MethodKind::Predictions => "needs a method that is trained",
-        Some(_) if learned || !selector.all(SelectorConfig::is_fixed) => {
+        Some(_) if learned || !selector.all(AnySelector::is_fixed) => {
             "needs views that do not depend on them"
         }
         Some(_) if method.encoder.trainable => "needs an encoder that is not trained",

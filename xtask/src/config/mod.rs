@@ -28,5 +28,5 @@ pub(crate) use list::list;
 pub(crate) use looks::{Looks, Refit, Selected};
 pub(crate) use method::Method;
 pub(crate) use pretrain::{PatternsSpec, Pretraining, TeacherSpec};
-pub(crate) use schema::{Adaptive, JudgedOn, SelectorConfig, SpeedConfig};
+pub(crate) use schema::{Adaptive, JudgedOn, SpeedConfig};
 pub(crate) use setting::Setting;

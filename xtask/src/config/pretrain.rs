@@ -26,6 +26,8 @@ pub(crate) struct Pretraining {
     pub depths: Depths,
     /// A weights file to start from.
     pub start: Option<PathBuf>,
+    /// Share of the trained weights in those that result; the rest is the start.
+    pub trained_share: f64,
     pub simulated: SimulatorSpec,
     pub views_per_surface: usize,
     pub patterns: PatternsSpec,
@@ -85,6 +87,7 @@ struct Config {
     encoder: String,
     depths: Depths,
     start: Option<PathBuf>,
+    trained_share: f64,
     views_per_surface: usize,
     simulated: SimulatorSpec,
     patterns: PatternsSpec,
@@ -117,6 +120,12 @@ impl Pretraining {
                 weight: teacher.weight,
             })
         });
+        let share = config.trained_share;
+        layers.require(
+            share > 0.0 && (share == 1.0 || share < 1.0 && config.start.is_some()),
+            "trained-share",
+            "must be above 0 and at most 1; below 1 it needs `start`",
+        )?;
         layers.require(
             config.patterns.images > 0,
             "patterns.images",
@@ -135,6 +144,7 @@ impl Pretraining {
             kind,
             depths: config.depths,
             start: config.start,
+            trained_share: share,
             simulated: config.simulated,
             views_per_surface: config.views_per_surface,
             patterns: config.patterns,

@@ -12,9 +12,7 @@ use sps_models::heads::HeadConfig;
 use sps_models::kernel_ridge::{Kernel, KernelRidgeConfig};
 use sps_models::ridge::RidgeConfig;
 use sps_models::training::TrainingConfig;
-use sps_viewselect::{
-    Equidistant, Exhaustive, Greedy, Nadir, Nvs, Random, TemporalRelations, VbNvs,
-};
+use sps_viewselect::{AnySelector, TemporalRelations};
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
@@ -128,7 +126,7 @@ pub(crate) struct MethodConfig {
     #[serde(default)]
     pub views: ViewCount,
     /// Chooses the views, for each property and rerun.
-    pub selector: Option<SelectorConfig>,
+    pub selector: Option<AnySelector>,
     /// Whether the selector may not choose a view twice.
     #[serde(default)]
     pub distinct: bool,
@@ -230,19 +228,6 @@ fn a_fifth() -> f64 {
 
 fn five() -> usize {
     5
-}
-
-/// A selector of `sps-viewselect` with its settings.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case")]
-pub(crate) enum SelectorConfig {
-    Random(Random),
-    Equidistant(Equidistant),
-    Nadir(Nadir),
-    Nvs(Nvs),
-    VbNvs(VbNvs),
-    Greedy(Greedy),
-    Exhaustive(Exhaustive),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -356,7 +341,7 @@ mod tests {
                 "docs/config.md has no row for `{key}`"
             );
         }
-        let unknown = toml::from_str::<SelectorConfig>("kind = \"no-such-kind\"")
+        let unknown = toml::from_str::<AnySelector>("kind = \"no-such-kind\"")
             .err()
             .unwrap();
         for kind in UnknownName::of_serde(unknown.message()).unwrap().expected {

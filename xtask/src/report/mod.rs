@@ -3,6 +3,7 @@
 
 mod calibration;
 mod figures;
+mod findings;
 mod folders;
 mod intervals;
 mod learning;
@@ -53,6 +54,7 @@ pub(crate) fn write(folder: &Path) -> Result<()> {
     folders::FIGURES.write(folder, &drawn(&figures))?;
     folders::TABLES.write(folder, &printed(&tables)?)?;
     let mut page = Page::new(&results.experiment, &results.description);
+    page.findings = findings::of(&results);
     page.data = about_the_data(&results);
     page.sections = sections(tables, figures, gallery);
     page.notes = notes(&results);

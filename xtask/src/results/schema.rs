@@ -75,7 +75,7 @@ pub(crate) fn old_file() -> Value {
         "experiment": "single-image", "description": "",
         "dataset": {
             "name": "the simulator", "simulated": true, "published_sps": false,
-            "surfaces": 400, "views": 100, "encoder": "se-resnext-small",
+            "surfaces": 400, "views": 100, "encoder": "efficientnet-lite-body",
             "ceiling_one_view": {}, "ceiling_all_views": {},
         },
         "properties": ["fRS"], "interval_level": 0.95, "methods": [method], "notes": [],

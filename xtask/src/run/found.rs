@@ -39,7 +39,7 @@ impl Found {
         let random = random.select(problem)?;
         Ok(Self {
             key,
-            selection: thinned(selected.selector.selector().select(problem)?),
+            selection: thinned(selected.selector.select(problem)?),
             random_loss: random.curve.first().map(|point| point.mean),
             seconds: 0.0,
         })

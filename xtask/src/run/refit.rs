@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use sps_dataset::{Split, Units};
 use sps_models::heads::{Plan, Rerun, Trial, Views};
 use sps_models::kernel_ridge::{KernelRidge, SetLosses};
-use sps_viewselect::{LossError, Pooled, Problem, Remembered, Sets, SharedLoss};
+use sps_viewselect::{LossError, Pooled, Problem, Remembered, Selector, Sets, SharedLoss};
 
 use super::found::Found;
 use super::views::seed;
@@ -167,7 +167,7 @@ fn crossed(
     for property in 0..properties {
         let pooled = Pooled::new(chooser, property, amount)?;
         let problem = Problem::new(&pooled)?.distinct(selected.distinct);
-        let picks = selected.selector.selector().select(&problem)?.picks;
+        let picks = selected.selector.select(&problem)?.picks;
         let judged = judge.losses(Sets::new(&picks, picks.len())?, &mut losses);
         judged.map_err(|error| anyhow::anyhow!(error))?;
         sum += losses[property];

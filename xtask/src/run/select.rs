@@ -283,7 +283,7 @@ fn families<'m>(methods: &[&'m Method]) -> Result<BTreeMap<String, Family<'m>>> 
             frozen: None,
             members: Vec::new(),
         });
-        if selected.learns() && selected.refit.is_none() {
+        if selected.selector.learns() && selected.refit.is_none() {
             family.frozen = head;
         }
         family.members.push((place, method, selected));

@@ -1,10 +1,11 @@
 //! What selectors found, beside each other.
 
 use sps_dataset::RollAngle;
+use sps_viewselect::AnySelector;
 
 use super::found::Found;
 use super::results::MethodRow;
-use crate::config::{Looks, Method, Selected, SelectorConfig};
+use crate::config::{Looks, Method, Selected};
 use crate::results::{PerProperty, SelectionResult};
 
 /// The selections of one row, by property, in the order of the reruns. Regrets are counted from
@@ -34,7 +35,7 @@ fn is_optimum(method: &Method, other: &Method) -> bool {
     };
     let heads = method.estimator.head().zip(other.estimator.head());
     let same_estimator = heads.is_some_and(|(one, two)| one == two);
-    let exhaustive = matches!(two.selector, SelectorConfig::Exhaustive(_));
+    let exhaustive = matches!(two.selector, AnySelector::Exhaustive(_));
     let same_encoder = method.encoder == other.encoder;
     let same_loss = match (&one.refit, &two.refit) {
         (None, None) => same_estimator,

@@ -5,11 +5,14 @@ use std::collections::BTreeSet;
 use anyhow::{Context, Result};
 use sps_dataset::{Property, Source, Split};
 use sps_models::heads::{HeadConfig, Views};
-use sps_viewselect::{Equidistant, Problem, Relations, Selection, SetFunction, TemporalRelations};
+use sps_viewselect::{
+    AnySelector, Equidistant, Problem, Relations, Selection, Selector, SetFunction,
+    TemporalRelations,
+};
 
 use super::Tables;
 use super::found::Selections;
-use crate::config::{Experiment, Looks, Method, Selected, SelectorConfig, in_order};
+use crate::config::{Experiment, Looks, Method, Selected, in_order};
 use crate::data;
 
 /// The views of a trial, as places in the tables.
@@ -75,7 +78,7 @@ pub(crate) fn equidistant<S: Source>(source: &S, views: usize) -> Result<Vec<usi
     let selected = Selected {
         picks: views,
         distinct: false,
-        selector: SelectorConfig::Equidistant(Equidistant::default()),
+        selector: AnySelector::Equidistant(Equidistant::default()),
         refit: None,
     };
     Ok(without_loss(&selected, source.view_angles().len(), 0)?.picks)
@@ -85,7 +88,7 @@ pub(crate) fn equidistant<S: Source>(source: &S, views: usize) -> Result<Vec<usi
 pub(crate) fn without_loss(selected: &Selected, views: usize, seed: u64) -> Result<Selection> {
     let loss = SetFunction::new(views, selected.picks, |_: &[usize]| 0.0);
     let problem = Problem::new(&loss)?.distinct(selected.distinct).seed(seed);
-    Ok(selected.selector.selector().select(&problem)?)
+    Ok(selected.selector.select(&problem)?)
 }
 
 /// The views of one trial of `method`.

@@ -40,7 +40,6 @@ from = "folder"
 [data.folder]
 path = "DATA"
 [encoder]
-name = "se-resnext-small"
 weights = "untrained"
 [head]
 epochs = 3

@@ -51,7 +51,7 @@ pub(crate) fn embedder_of(resize: Option<usize>) -> Embedder {
 }
 
 pub(crate) fn embedder_at(depths: &Depths, resize: Option<usize>) -> Embedder {
-    let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 3, &Device::Cpu).unwrap();
+    let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 3, &Device::Cpu).unwrap();
     let encoder = encoder.with_depths(depths).unwrap();
     Embedder::new(Network::Images(encoder), resize).unwrap()
 }

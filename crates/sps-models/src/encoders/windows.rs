@@ -50,7 +50,7 @@ impl Encoder {
     /// use candle_core::Device;
     /// use sps_models::encoders::{Encoder, EncoderKind};
     ///
-    /// let encoder = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
+    /// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
     /// let image = vec![0.5; 128 * 192 * 3];
     /// let windows = encoder.embed_windows(&image, [128, 192], [64, 64], 32)?;
     /// assert_eq!((windows.rows, windows.columns), (3, 5));

@@ -19,7 +19,7 @@
 //!     }
 //! }
 //!
-//! let start = Encoder::seeded(EncoderKind::SeResNextSmall, 0, &Device::Cpu)?;
+//! let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
 //! let targets = Targets {
 //!     classes: Some(Classes { of_image: vec![0, 1, 0, 1], count: 2 }),
 //!     ..Targets::default()

@@ -1,8 +1,8 @@
 //! The figures of an experiment's report, as SVG: as wide as a column of a paper, or as both, with
 //! letters that can be read there; a page shows them as large as it has room.
 
-mod bars;
 mod fan;
+mod heat;
 mod scatter;
 mod speed_error;
 
@@ -47,10 +47,10 @@ pub(crate) fn figures(
     shown: &[&MethodResult],
     predictions: &[Prediction],
 ) -> Vec<Figure> {
-    let mut figures: Vec<Figure> = speed_error::figure(results).into_iter().collect();
+    let mut figures = vec![heat::figure(results)];
+    figures.extend(speed_error::figure(results));
     figures.extend(learning::figure(results));
     figures.extend(training::figure(results));
-    figures.push(bars::figure(results));
     figures.extend(fan::figure(results));
     figures.extend(selection::curves(results));
     let best = shown.first();

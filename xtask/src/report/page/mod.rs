@@ -20,6 +20,8 @@ const HTML: &str = include_str!("report.html.j2");
 pub(super) struct Page<'a> {
     pub title: &'a str,
     pub description: &'a str,
+    /// What was found, in sentences.
+    pub findings: Vec<String>,
     pub data: String,
     pub sections: Vec<Section>,
     pub notes: Vec<String>,
@@ -51,6 +53,7 @@ impl<'a> Page<'a> {
         Self {
             title,
             description,
+            findings: Vec::new(),
             data: String::new(),
             sections: Vec::new(),
             notes: Vec::new(),

@@ -59,10 +59,6 @@ const HEAD: usize = 1280;
 /// The map that the stem makes.
 const STEM_MAP: Map = IMAGE + 1;
 
-/// Blocks of version 0, from 0: the one that the small network ends in, and one that it does without.
-const SMALL_LAST: usize = 8;
-const SMALL_WITHOUT: usize = 2;
-
 /// The version of this number, 0 to 4.
 pub(in crate::encoders) fn efficientnet_lite(name: &'static str, version: usize) -> Network {
     let [width, depth] = SCALES[version];
@@ -74,13 +70,7 @@ pub(in crate::encoders) fn efficientnet_lite(name: &'static str, version: usize)
             stage.repeats = deeper(stage.repeats, depth);
         }
     }
-    let mut net = stem(name);
-    let (mut x, mut all) = (STEM_MAP, blocks(&stages));
-    for (number, stage) in (1..).zip(&stages) {
-        let of_stage = all.by_ref().take(stage.repeats);
-        x = of_stage.fold(x, |x, block| block.add(&mut net, x));
-        net.depth(format!("stage-{number}"));
-    }
+    let (mut net, x) = body(name, &stages);
     net.alias("conv_head", "_conv_head");
     net.alias("bn2", "_bn1");
     let head = Conv::new("conv_head", Slide::same(1, 1), HEAD);
@@ -89,22 +79,21 @@ pub(in crate::encoders) fn efficientnet_lite(name: &'static str, version: usize)
     net
 }
 
-/// Version 0 as far as the depth-wise convolution of its ninth block, which sees a sixteenth of the
-/// image's side, without a block that costs more than it brings.
-pub(in crate::encoders) fn efficientnet_lite_small(name: &'static str) -> Network {
+/// Version 0 without its head.
+pub(in crate::encoders) fn efficientnet_lite_body(name: &'static str) -> Network {
+    body(name, &STAGES).0
+}
+
+/// The first convolution and the stages, and the last stage's map.
+fn body(name: &'static str, stages: &[Stage]) -> (Network, Map) {
     let mut net = stem(name);
-    let mut x = STEM_MAP;
-    for (number, block) in blocks(&STAGES).enumerate().take(SMALL_LAST + 1) {
-        x = match number {
-            SMALL_WITHOUT => x,
-            SMALL_LAST => block.add_depthwise(&mut net, x),
-            _ => block.add(&mut net, x),
-        };
-        if number != SMALL_WITHOUT {
-            net.depth(format!("block-{}", number + 1));
-        }
+    let (mut x, mut all) = (STEM_MAP, blocks(stages));
+    for (number, stage) in (1..).zip(stages) {
+        let of_stage = all.by_ref().take(stage.repeats);
+        x = of_stage.fold(x, |x, block| block.add(&mut net, x));
+        net.depth(format!("stage-{number}"));
     }
-    net
+    (net, x)
 }
 
 /// A network of the first convolution.
@@ -202,25 +191,7 @@ impl Block {
 
     fn add(&self, net: &mut Network, x: Map) -> Map {
         let inputs = net.channels[x];
-        let y = self.add_depthwise(net, x);
-        let (own, number) = if self.expansion > 1 {
-            ("conv_pwl", 3)
-        } else {
-            ("conv_pw", 2)
-        };
-        let names = [own, "_project_conv"];
-        let project = self.layer(net, names, number, Slide::same(1, 1), self.outputs);
-        let project = project.activation(Activation::Identity);
-        if self.stride == 1 && inputs == self.outputs {
-            net.residual(y, project, None, x)
-        } else {
-            net.conv(y, project)
-        }
-    }
-
-    /// Adds what comes before the last convolution.
-    fn add_depthwise(&self, net: &mut Network, x: Map) -> Map {
-        let mid = net.channels[x] * self.expansion;
+        let mid = inputs * self.expansion;
         let (mut y, mut number) = (x, 1);
         if self.expansion > 1 {
             let names = ["conv_pw", "_expand_conv"];
@@ -231,6 +202,19 @@ impl Block {
         let names = ["conv_dw", "_depthwise_conv"];
         let slide = Slide::same(self.window, self.stride);
         let depthwise = self.layer(net, names, number, slide, mid);
-        net.conv(y, depthwise.groups(mid))
+        y = net.conv(y, depthwise.groups(mid));
+        let own = if self.expansion > 1 {
+            "conv_pwl"
+        } else {
+            "conv_pw"
+        };
+        let names = [own, "_project_conv"];
+        let project = self.layer(net, names, number + 1, Slide::same(1, 1), self.outputs);
+        let project = project.activation(Activation::Identity);
+        if self.stride == 1 && inputs == self.outputs {
+            net.residual(y, project, None, x)
+        } else {
+            net.conv(y, project)
+        }
     }
 }

@@ -184,7 +184,7 @@ mod hard_cases {
 
     #[test]
     fn a_network_of_images_takes_no_sequence() {
-        let kind = EncoderKind::SeResNextSmall;
+        let kind = EncoderKind::EfficientNetLiteBody;
         let encoder = Encoder::seeded(kind, 1, &Device::Cpu).unwrap();
         let sequence = Tensor::zeros((1, 3, 2, 8, 8), DType::F32, &Device::Cpu).unwrap();
         assert!(encoder.embed(&sequence).is_err());

@@ -89,7 +89,7 @@ fn every_level_gives_the_same_bits() {
     let images = images("levels", 1, 65, 40);
     for kind in [
         EncoderKind::SqueezeNet1_0,
-        EncoderKind::EfficientNetLiteSmall,
+        EncoderKind::EfficientNetLiteBody,
     ] {
         let encoder = int8(encoder(kind));
         let expected = rows(&encoder, &images);
@@ -102,7 +102,7 @@ fn every_level_gives_the_same_bits() {
 
 #[test]
 fn scales_are_saved_and_loaded_with_the_weights() {
-    let kind = EncoderKind::EfficientNetLiteSmall;
+    let kind = EncoderKind::EfficientNetLiteBody;
     let images = images("saved", 2, 48, 48);
     let plain = encoder(kind);
     let encoder = int8(plain.clone());
@@ -123,7 +123,7 @@ fn scales_are_saved_and_loaded_with_the_weights() {
 
 #[test]
 fn training_leaves_no_scales() {
-    let encoder = int8(encoder(EncoderKind::SeResNextSmall));
+    let encoder = int8(encoder(EncoderKind::EfficientNetLiteBody));
     let trainable = TrainableEncoder::new(&encoder).unwrap();
     assert!(
         trainable
@@ -136,7 +136,7 @@ fn training_leaves_no_scales() {
 
 #[test]
 fn what_is_no_calibration_is_refused() {
-    let kind = EncoderKind::EfficientNetLiteSmall;
+    let kind = EncoderKind::EfficientNetLiteBody;
     let encoder = encoder(kind);
     let refused = |outcome: crate::Result<Encoder>, expected: &str| {
         let error = outcome.unwrap_err().to_string();

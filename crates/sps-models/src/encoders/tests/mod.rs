@@ -73,7 +73,7 @@ fn multiply_adds_are_those_printed() {
 fn an_image_too_small_to_embed_has_no_multiply_adds() {
     assert_eq!(EncoderKind::SqueezeNet1_0.multiply_adds([1, 6, 64]), None);
     assert!(
-        EncoderKind::SeResNextSmall
+        EncoderKind::EfficientNetLiteBody
             .multiply_adds([1, 1, 1])
             .is_some()
     );
@@ -126,9 +126,9 @@ fn plain_operators_in_f64() {
 }
 
 const SMALL_ONES: [EncoderKind; 3] = [
-    EncoderKind::SeResNextSmall,
+    EncoderKind::SeResNext50,
     EncoderKind::SqueezeNet1_0,
-    EncoderKind::EfficientNetLiteSmall,
+    EncoderKind::EfficientNetLiteBody,
 ];
 
 /// One hash, one embedding to the last bit, whatever instructions the processor has.

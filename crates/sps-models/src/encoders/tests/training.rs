@@ -10,7 +10,7 @@ fn input(name: &str, shape: &[usize]) -> Tensor {
 }
 
 fn small(seed: u64) -> TrainableEncoder {
-    let start = Encoder::seeded(EncoderKind::SeResNextSmall, seed, &Device::Cpu).unwrap();
+    let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, seed, &Device::Cpu).unwrap();
     TrainableEncoder::new(&start).unwrap()
 }
 

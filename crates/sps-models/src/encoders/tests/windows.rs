@@ -116,7 +116,7 @@ fn one_window_is_the_image() {
 #[test]
 fn the_number_of_threads_changes_no_bit() {
     for precision in Precision::ALL {
-        let encoder = encoder(EncoderKind::SeResNextSmall, precision);
+        let encoder = encoder(EncoderKind::EfficientNetLiteBody, precision);
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
             let pool = pool.build().unwrap();
@@ -130,7 +130,7 @@ fn the_number_of_threads_changes_no_bit() {
 
 #[test]
 fn hard_cases() {
-    let small = encoder(EncoderKind::SeResNextSmall, Precision::F32);
+    let small = encoder(EncoderKind::EfficientNetLiteBody, Precision::F32);
     let squeezenet = encoder(EncoderKind::SqueezeNet1_0, Precision::F32);
     let size = [64, 96];
     let refused = |encoder: &Encoder, size: [usize; 2], window, stride, expected: &str| {

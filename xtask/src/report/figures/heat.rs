@@ -1,0 +1,135 @@
+//! The figure of R² per property and method: a table of coloured cells.
+
+use std::fmt::Write as _;
+
+use super::{Figure, PAGE};
+use crate::report::table::number;
+use crate::results::Results;
+
+const ROW: f64 = 15.0;
+const LABELS: f64 = 190.0;
+/// Letters of a label that fit on its line.
+const LETTERS: usize = 44;
+
+pub(super) fn figure(results: &Results) -> Figure {
+    Figure {
+        name: "r2",
+        title: "R² per property and method".to_owned(),
+        caption: "The darker the blue, the more of a property is explained; orange is worse than the mean of the \
+                  training part. The first column is the mean. A table below has the same numbers."
+            .to_owned(),
+        svg: svg(results),
+    }
+}
+
+fn svg(results: &Results) -> String {
+    let columns = results.properties.len() + 1;
+    let width = ((PAGE - LABELS) / columns as f64).clamp(24.0, 60.0);
+    let names = results.properties.iter().map(String::as_str);
+    // Names longer than codes stand upright.
+    let longest = names.clone().map(|name| name.chars().count()).max();
+    let upright = longest.is_some_and(|longest| longest as f64 * 5.0 > width);
+    let head = if upright {
+        longest.unwrap_or(0) as f64 * 4.6 + 8.0
+    } else {
+        ROW
+    };
+    let size = [
+        LABELS + width * columns as f64,
+        head + ROW * results.methods.len() as f64,
+    ];
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" \
+         font-family=\"sans-serif\" font-size=\"8.5\"><rect width=\"{0}\" height=\"{1}\" fill=\"#fff\"/>",
+        size[0].ceil(),
+        size[1].ceil() + 2.0
+    );
+    for (at, name) in ["mean"].into_iter().chain(names).enumerate() {
+        let (x, y) = (LABELS + width * (at as f64 + 0.5), head - 4.0);
+        let turned = if upright {
+            format!(" transform=\"rotate(-90 {x} {y}) translate(0 3)\"")
+        } else {
+            " text-anchor=\"middle\"".to_owned()
+        };
+        let _ = write!(
+            svg,
+            "<text x=\"{x}\" y=\"{y}\"{turned}>{}</text>",
+            escaped(name)
+        );
+    }
+    for (at, method) in results.methods.iter().enumerate() {
+        let y = head + ROW * at as f64;
+        let _ = write!(
+            svg,
+            "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>",
+            LABELS - 5.0,
+            y + 10.5,
+            escaped(&shortened(&method.label))
+        );
+        let of_property = |name| method.scores.r2.get(name).copied().flatten();
+        let values = results.properties.iter().map(of_property);
+        for (at, value) in [method.means.r2_mean].into_iter().chain(values).enumerate() {
+            let x = LABELS + width * at as f64;
+            let (fill, ink) = colours(value);
+            let _ = write!(
+                svg,
+                "<rect x=\"{x}\" y=\"{y}\" width=\"{}\" height=\"{}\" fill=\"{fill}\"/><text x=\"{}\" y=\"{}\" \
+                 text-anchor=\"middle\" fill=\"{ink}\">{}</text>",
+                width - 1.0,
+                ROW - 1.0,
+                x + width / 2.0,
+                y + 10.5,
+                number(value, 2)
+            );
+        }
+    }
+    svg + "</svg>"
+}
+
+/// Of a cell and of the number in it. Blue from 0 to 1; orange from 0 down to -0.5.
+fn colours(value: Option<f64>) -> (String, &'static str) {
+    let Some(value) = value else {
+        return ("#f0f0f0".to_owned(), "#555");
+    };
+    let (share, [r, g, b]) = if value < 0.0 {
+        ((-2.0 * value).min(1.0), [213.0, 94.0, 0.0])
+    } else {
+        (value.min(1.0), [0.0, 90.0, 150.0])
+    };
+    let mixed = [r, g, b].map(|end: f64| (255.0 + (end - 255.0) * share).round() as u8);
+    let ink = if share > 0.55 { "#fff" } else { "#111" };
+    (
+        format!("#{:02x}{:02x}{:02x}", mixed[0], mixed[1], mixed[2]),
+        ink,
+    )
+}
+
+fn shortened(label: &str) -> String {
+    if label.chars().count() <= LETTERS {
+        return label.to_owned();
+    }
+    label.chars().take(LETTERS - 1).chain(['…']).collect()
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_go_from_orange_through_white_to_blue() {
+        assert_eq!(colours(Some(0.0)).0, "#ffffff");
+        assert_eq!(colours(Some(1.0)).0, "#005a96");
+        assert_eq!(colours(Some(-7.0)).0, "#d55e00");
+        assert_eq!(colours(None).0, "#f0f0f0");
+    }
+
+    #[test]
+    fn long_labels_are_cut_and_markup_is_escaped() {
+        assert_eq!(shortened(&"é".repeat(60)).chars().count(), LETTERS);
+        assert_eq!(escaped("a<b & c"), "a&lt;b &amp; c");
+    }
+}

@@ -1,13 +1,10 @@
-//! The ranges printed in `docs/simulator.md` are those of the code.
+//! The ranges in `docs/simulator/ranges.csv` are those of the code.
 
 use std::fmt::Write as _;
 
 use sps_simulate::{Material, Profile, Range};
 
-const HEADER: &str = "\
-| material | kind | weight | pitch mm | relief mm | order | micro um | micro length mm | alpha | sheen | f0 | coated | printed | modulus kPa | loss | relaxation | creep | thickness mm | effusivity | adhesion | tack |
-|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|
-";
+const HEADER: &str = "material,kind,weight,pitch mm,relief mm,order,micro um,micro length mm,alpha,sheen,f0,coated,printed,modulus kPa,loss,relaxation,creep,thickness mm,effusivity,adhesion,tack\n";
 
 fn shown(range: Range) -> String {
     let number = |v: f64| {
@@ -21,22 +18,17 @@ fn shown(range: Range) -> String {
 }
 
 fn row(material: Material, weight: f64, p: &Profile) -> String {
-    let ranges = |list: &[Range]| {
-        list.iter()
-            .map(|&r| shown(r))
-            .collect::<Vec<_>>()
-            .join(" | ")
-    };
+    let ranges = |list: &[Range]| list.iter().map(|&r| shown(r)).collect::<Vec<_>>().join(",");
     let kind = serde_json::to_value(p.structure).unwrap();
     let kind = match &kind {
         serde_json::Value::String(name) => name.clone(),
         other => other["woven"]
             .as_str()
-            .map(|weave| format!("woven, {weave}"))
+            .map(|weave| format!("woven {weave}"))
             .unwrap(),
     };
     format!(
-        "| {} | {kind} | {weight} | {} | {} | {} | {} | {} |\n",
+        "{},{kind},{weight},{},{},{},{},{}\n",
         material.label(),
         ranges(&[
             p.period_mm,
@@ -71,13 +63,9 @@ fn the_printed_ranges_are_those_of_the_code() {
             write!(table, "{}", row(material, *weight, profile)).unwrap();
         }
     }
-    let page = include_str!("../../../docs/simulator.md");
-    let printed = page
-        .split_once("<!-- ranges -->\n")
-        .and_then(|(_, rest)| rest.split_once("<!-- end of ranges -->"))
-        .map(|(table, _)| table.trim());
-    if printed != Some(table.trim()) {
+    let printed = include_str!("../../../docs/simulator/ranges.csv");
+    if printed != table {
         println!("{table}");
-        panic!("the ranges changed: put the lines above between the marks in docs/simulator.md");
+        panic!("the ranges changed: put the lines above into docs/simulator/ranges.csv");
     }
 }

@@ -89,7 +89,7 @@ pub enum Structure {
 /// The ranges of one kind of one material.
 ///
 /// A surface's parameter is [`Range::at`] its latent score. The sources of the ranges are in the
-/// repository's `docs/simulator.md`.
+/// repository's `docs/simulator/ranges.csv`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Profile {

@@ -37,8 +37,8 @@ pub(crate) struct Args {
     /// List the methods, those of sweeps and the floors included, each with all its settings, and exit
     #[arg(long)]
     list: bool,
-    /// Say how much is done, how much is missing and how long that will take, and exit; writes nothing
-    #[arg(long)]
+    /// Say how much is done and how much is missing, and exit; writes nothing
+    #[arg(long, conflicts_with = "fresh")]
     dry_run: bool,
     /// Do the K-th of N parts and write no report; other processes or machines do the other parts
     #[arg(long, value_name = "K/N", conflicts_with = "merge")]
@@ -64,10 +64,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         .unwrap_or_else(|| PathBuf::from("runs").join(&experiment.name));
     if args.dry_run {
         experiment.work = Work::None;
-        print!(
-            "{}",
-            run::outlook(&experiment, &folder, args.fresh, args.shard)?
-        );
+        print!("{}", run::outlook(&experiment, &folder, args.shard)?);
         return Ok(());
     }
     if let Some(shard) = args.shard {

@@ -14,8 +14,6 @@ use crate::report;
 pub(crate) const TRIALS: &str = "trials.jsonl";
 /// The journal of selected views.
 pub(crate) const SELECTIONS: &str = "selections.jsonl";
-/// The journal of how long frames took to encode.
-pub(crate) const ENCODINGS: &str = "encodings.jsonl";
 /// The config with its defaults and all that was set.
 pub(crate) const CONFIG: &str = "config.toml";
 const LOCK: &str = "lock";
@@ -41,7 +39,7 @@ impl RunFolder {
         }
         checksums::unseal(path)?;
         remove_unfinished(path)?;
-        for journal in [TRIALS, SELECTIONS, ENCODINGS].map(|name| folder.file(name)) {
+        for journal in [TRIALS, SELECTIONS].map(|name| folder.file(name)) {
             if fresh && journal.exists() {
                 std::fs::remove_file(&journal)
                     .with_context(|| format!("cannot remove {}", journal.display()))?;

@@ -61,13 +61,6 @@ impl Selections {
         self.0.insert((method.to_owned(), property, rerun), found);
     }
 
-    /// All of a method.
-    pub(super) fn of_method(&self, method: &str) -> impl Iterator<Item = &Found> {
-        let all = self.0.iter();
-        all.filter(move |((id, ..), _)| id == method)
-            .map(|(_, found)| found)
-    }
-
     pub(crate) fn get(&self, method: &str, property: &Property, rerun: usize) -> Option<&Found> {
         self.0.get(&(method.to_owned(), property.clone(), rerun))
     }

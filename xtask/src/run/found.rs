@@ -23,7 +23,6 @@ pub(crate) struct Found {
     /// Mean loss of random sets; none where no loss was asked for.
     pub random_loss: Option<f64>,
     /// What it took, with its share of the training of the networks that were asked.
-    #[serde(default)]
     pub seconds: f64,
 }
 

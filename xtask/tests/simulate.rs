@@ -196,8 +196,9 @@ fn inspect_reads_a_dataset_by_the_settings_of_a_config() {
     assert_eq!(medians["surfaces"], by_folder["surfaces"]);
     assert_ne!(medians["properties"], by_folder["properties"]);
 
-    scratch.edit("tiny.toml", "[split.random]", "[split.leave-one-group-out]");
-    scratch.edit("tiny.toml", "validation = 0.34\nkeep-groups = false\n", "");
+    let split = "[split.leave-one-out]\nby = \"group\"";
+    scratch.edit("tiny.toml", "[split.random]", split);
+    scratch.edit("tiny.toml", "validation = 0.34\nby = \"surface\"\n", "");
     scratch.edit(
         "tiny.toml",
         "[data]\n",

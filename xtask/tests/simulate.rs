@@ -165,6 +165,13 @@ fn inspect_prints_and_draws_the_statistics() {
     }
     let labels = fs::read_to_string(figures.join("materials.svg")).unwrap();
     assert!(labels.contains("other 100.0 %"));
+
+    let elsewhere = scratch.path("elsewhere");
+    fs::create_dir(&elsewhere).unwrap();
+    let mut inspect = xtask();
+    inspect.current_dir(&elsewhere).arg("inspect").arg(&data);
+    inspect.assert().success();
+    assert_eq!(fs::read_dir(elsewhere).unwrap().count(), 0);
 }
 
 #[test]

@@ -1,11 +1,13 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use glob::Pattern;
 
+use crate::compare;
 use crate::config::{self, Experiment, Setting};
+use crate::files::read_text;
 use crate::report;
-use crate::run;
+use crate::run::{self, CONFIG};
 use crate::work::{Shard, Work};
 
 /// Run an experiment, or finish one that was stopped
@@ -73,6 +75,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         println!("{}", own.display());
         return Ok(());
     }
+    if args.out.is_none() {
+        ensure_same_settings(&experiment, &folder)?;
+    }
     let results = match &args.merge {
         None => run::run(&experiment, &folder, args.fresh)?,
         Some(runs) => {
@@ -84,5 +89,23 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     };
     print!("{}", report::summary(&results).terminal());
     println!("{}", folder.join("report.html").display());
+    Ok(())
+}
+
+/// That a folder which was not named has no report of other settings, which would be replaced.
+fn ensure_same_settings(experiment: &Experiment, folder: &Path) -> Result<()> {
+    let path = folder.join(CONFIG);
+    if !path.exists() {
+        return Ok(());
+    }
+    let there: toml::Table = sps_dataset::parse_toml(&path, &read_text(&path)?)?;
+    if let Some(differing) = compare::differing_keys(&there, &experiment.resolved.parse()?).first()
+    {
+        bail!(
+            "{}: {differing}; `--out DIR` keeps that run, `--out {}` replaces its report",
+            path.display(),
+            folder.display()
+        );
+    }
     Ok(())
 }

@@ -135,10 +135,8 @@ fn cut(table: &mut Table, titles: &str) -> Result<()> {
     for title in titles.split(',') {
         let begins = format!("{title}-");
         let is_whole = slugs[1..].iter().any(|slug| slug == title);
-        let fits = |at: &usize| match is_whole {
-            true => slugs[*at] == title,
-            false => slugs[*at].starts_with(&begins),
-        };
+        let fits =
+            |at: &usize| slugs[*at] == title || (!is_whole && slugs[*at].starts_with(&begins));
         let before = kept.len();
         kept.extend((1..slugs.len()).filter(fits));
         ensure!(

@@ -59,16 +59,16 @@ impl WithSource for Look<'_> {
         let looking = Looking(&mut journals, properties);
         let seen = prepared.with_encoders(source, &dealt, looking)?;
         let mut methods: Vec<(usize, Counts)> = Vec::new();
-        let mut encoders = String::new();
+        let mut encoders = Vec::new();
         for (places, seen) in seen {
             methods.extend(places.into_iter().zip(seen.methods));
             if seen.frames > 0 {
                 let frames = counted(seen.frames, "frame");
-                encoders.push_str(&format!("  {}: {frames} to encode\n", seen.encoder));
+                encoders.push(format!("  {}: {frames} to encode\n", seen.encoder));
             }
             if seen.untrained > 0 {
                 let splits = counted(seen.untrained, "split");
-                encoders.push_str(&format!("  {}: to be trained on {splits}\n", seen.encoder));
+                encoders.push(format!("  {}: to be trained on {splits}\n", seen.encoder));
             }
         }
         methods.sort_unstable();
@@ -82,12 +82,13 @@ impl WithSource for Look<'_> {
         let lines: Vec<Vec<String>> = iter::once(head.to_vec()).chain(lines).collect();
         let is_whole = methods.iter().all(|(_, counts)| counts[1] == 0);
         Ok(format!(
-            "{} in {}{}\n{}{encoders}{}",
+            "{} in {}{}\n{}{}{}",
             self.experiment.name,
             self.folder.display(),
             self.shard
                 .map_or(String::new(), |shard| format!(", shard {shard}")),
             aligned(&lines, |at| at == 0),
+            encoders.concat(),
             if is_whole { "nothing is missing\n" } else { "" },
         ))
     }

@@ -1,9 +1,10 @@
 //! Writing files so that a reader never sees half of one.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, ErrorKind};
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Error, Result};
 use sps_base::files::write_file;
 use tracing::info;
 
@@ -45,6 +46,18 @@ pub(crate) fn lock(path: &Path) -> Result<File> {
         Err(TryLockError::Error(error)) => return Err(error).with_context(failed),
     }
     Ok(file)
+}
+
+/// Whether something was not written because its folder may not be written to.
+pub(crate) fn is_read_only(error: &Error) -> bool {
+    let error = error.root_cause().downcast_ref::<io::Error>();
+    error.is_some_and(|error| {
+        let kind = error.kind();
+        matches!(
+            kind,
+            ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem
+        )
+    })
 }
 
 /// Reads a text file.

@@ -55,22 +55,6 @@ pub(crate) struct Outcome {
     pub failed: Option<String>,
 }
 
-/// How long some frames took to encode.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Encoding {
-    pub key: TrialKey,
-    /// In words.
-    pub encoder: String,
-    pub frames: usize,
-    pub seconds: f64,
-}
-
-impl Record for Encoding {
-    fn key(&self) -> &TrialKey {
-        &self.key
-    }
-}
-
 /// The interval of an estimate: where looking at one view after the other ended, or as another system
 /// gave it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -158,11 +142,6 @@ impl<R: Record> Journal<R> {
         for (key, record) in other.records {
             self.records.entry(key).or_insert(record);
         }
-    }
-
-    /// All that it holds, in no order.
-    pub(crate) fn records(&self) -> impl Iterator<Item = &R> {
-        self.records.values()
     }
 
     /// Adds those of the records of another journal that it lacks.

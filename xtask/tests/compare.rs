@@ -211,24 +211,3 @@ fn what_cannot_be_compared_is_refused_by_name() {
     expect(&text, &["--tolerance", "-1"]);
     compare(&[&run]).assert().failure();
 }
-
-#[test]
-fn a_run_of_an_older_version_is_asked_for_again() {
-    let scratch = Scratch::new();
-    let run = ran(&scratch, "run", &[]);
-    let old = scratch.path("old");
-    support::copy(&run, &old);
-    scratch.edit("old/results.json", "\"schema\": 4", "\"schema\": 1");
-    let sum = blake3::hash(&fs::read(old.join("results.json")).unwrap());
-    let before = blake3::hash(&fs::read(run.join("results.json")).unwrap());
-    scratch.edit("old/checksums", &before.to_string(), &sum.to_string());
-    let text = message(compare(&[&run, &old]).assert());
-    expect(
-        &text,
-        &[
-            "old/results.json",
-            "`schema` is 1, expected at least 4",
-            "cargo xtask experiment",
-        ],
-    );
-}

@@ -427,3 +427,22 @@ fn a_list_shows_settings_and_opens_no_data() {
         assert_eq!(found, format!("head.input = {expected}"));
     }
 }
+
+#[test]
+fn other_settings_do_not_replace_a_report_unasked() {
+    let scratch = Scratch::new();
+    let experiment = |more: &[&str]| {
+        let mut command = xtask();
+        command.current_dir(scratch.path("."));
+        command.args(["experiment", "tiny.toml"]).args(more);
+        command.assert()
+    };
+    experiment(&["--set", "reruns=1"]).success();
+    let results = || fs::read(scratch.path("runs/tiny/results.json")).unwrap();
+    let before = results();
+    let refused = message(experiment(&[]));
+    expect(&refused, &["config.toml", "`reruns` is 1, here 2", "--out"]);
+    assert_eq!(results(), before);
+    experiment(&["--out", "runs/tiny"]).success();
+    assert_ne!(results(), before);
+}

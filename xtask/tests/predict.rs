@@ -619,13 +619,14 @@ fn train_says_what_it_fits_and_what_its_numbers_mean() {
     let train = |more: &[&str]| {
         let mut train = xtask();
         train.arg("train").arg(scratch.path("tiny.toml")).args(more);
-        let output = train.arg("--out").arg(scratch.path("model")).assert();
-        let output = output.success().get_output().clone();
-        [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap())
+        train.arg("--out").arg(scratch.path("model")).assert()
     };
-    let [said, log] = train(&[]);
+    let said = |assert: assert_cmd::assert::Assert| {
+        String::from_utf8(assert.success().get_output().stdout.clone()).unwrap()
+    };
+    let first = said(train(&[]));
     expect(
-        &said,
+        &first,
         &[
             "Fits method `cross-modal`, the last of the config's methods; `[train] method = \"ID\"` \
             chooses another: ridge",
@@ -635,15 +636,16 @@ fn train_says_what_it_fits_and_what_its_numbers_mean() {
             "`experiment` fits to all",
         ],
     );
-    let at = |property: &str| said.find(property).unwrap();
-    assert!(at("\n  fRS") < at("\n  cDF"), "{said}");
-    assert!(!log.contains("holds a model"), "{log}");
-    let [said, log] = train(&["--set", "train.method=ridge"]);
+    let at = |property: &str| first.find(property).unwrap();
+    assert!(at("\n  fRS") < at("\n  cDF"), "{first}");
+    let other = ["--set", "train.method=ridge"];
+    let refused = message(train(&other));
+    expect(&refused, &["model holds a model; `--force` replaces it"]);
+    let second = said(train(&[&other[..], &["--force"]].concat()));
     expect(
-        &said,
+        &second,
         &["Fits method `ridge`, as `train.method` says", "cross-modal"],
     );
-    expect(&log, &["model holds a model, which this one replaces"]);
 }
 
 #[test]

@@ -117,7 +117,7 @@ fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() 
     let scratch = scratch();
     scratch.edit("tiny.toml", "[split.random]", "[split.leave-one-out]");
     let by = "by = \"surface\"\n";
-    scratch.edit("tiny.toml", "validation = 0.34\nkeep-groups = false\n", by);
+    scratch.edit("tiny.toml", "validation = 0.34\nby = \"surface\"\n", by);
     copy_ours(&scratch, 6);
     let text = fs::read_to_string(scratch.path("estimates.csv")).unwrap();
     let raised = text.lines().map(|line| match line.split_once(",1,") {
@@ -179,7 +179,7 @@ fn a_rerun_is_that_of_the_experiment_and_not_of_its_folds() {
 #[test]
 fn simulated_surfaces_are_estimated_by_their_names() {
     let scratch = scratch();
-    let split = "[split.random]\nvalidation = 0.34\nkeep-groups = false\n";
+    let split = "[split.random]\nvalidation = 0.34\nby = \"surface\"\n";
     scratch.edit("tiny.toml", split, "");
     scratch.edit("tiny.toml", "from = \"folder\"", "from = \"simulator\"");
     let simulated = "surfaces = 8\ntest-surfaces = 12\nsize = 32\nviews = 3\n[data.folder]";

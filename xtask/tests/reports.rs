@@ -6,7 +6,7 @@ use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
-use support::{Scratch, expect, message, root, xtask};
+use support::{Mounted, Scratch, expect, message, root, xtask};
 
 fn report(scratch: &Scratch) -> assert_cmd::Command {
     let mut command = xtask();
@@ -171,4 +171,24 @@ fn a_folder_without_a_run_is_left_as_it_was() {
     let text = message(xtask().arg("report").arg(folder.path()).assert());
     expect(&text, &["is not the folder of a run"]);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn runs_that_cannot_be_written_to_are_shown_and_compared() {
+    let scratch = Scratch::new();
+    let run = scratch.path("run");
+    let Some(mounted) = Mounted::new(&run, "size=50m") else {
+        return;
+    };
+    scratch.experiment().assert().success();
+    mounted.remount("ro");
+    let shown = report(&scratch).assert().success().get_output().clone();
+    let [table, log] = [shown.stdout, shown.stderr].map(|text| String::from_utf8(text).unwrap());
+    expect(&table, &["Ridge"]);
+    expect(
+        &log,
+        &["the report was not written", "Read-only file system"],
+    );
+    let mut compare = xtask();
+    compare.arg("compare").args([&run, &run]).assert().success();
 }

@@ -321,31 +321,24 @@ fn a_dry_run_counts_and_writes_nothing() {
     let scratch = Scratch::with(METHODS);
     let before = said(&mut scratch.experiment());
     assert!(!scratch.path("run").exists() && !scratch.path("cache").exists());
-    assert_eq!(line(&before, "ridge")[..3], ["0", "4", "not"], "{before}");
-    assert_eq!(line(&before, "nvs")[..4], ["0", "4", "0", "4"], "{before}");
+    assert_eq!(line(&before, "ridge"), ["0", "4"], "{before}");
+    assert_eq!(line(&before, "nvs"), ["0", "4", "0", "4"], "{before}");
     assert!(before.contains("to encode") && before.contains("to be trained on 2 splits"));
-    assert!(before.contains("is not known"), "{before}");
+    assert!(!before.contains("nothing is missing"), "{before}");
 
     shard(&scratch, "run", "1/2").assert().success();
     let part = said(&mut scratch.experiment());
-    assert_eq!(line(&part, "ridge")[..2], ["2", "2"], "{part}");
-    assert_eq!(line(&part, "nvs")[..4], ["2", "2", "2", "2"], "{part}");
+    assert_eq!(line(&part, "ridge"), ["2", "2"], "{part}");
+    assert_eq!(line(&part, "nvs"), ["2", "2", "2", "2"], "{part}");
     assert!(part.contains("to be trained on 1 split"), "{part}");
-    assert!(
-        part.contains("missing: ") && part.contains("in 64 shards"),
-        "{part}"
-    );
     let own = said(&mut shard(&scratch, "run", "1/2"));
-    assert_eq!(line(&own, "ridge")[..3], ["2", "0", "0"], "{own}");
+    assert_eq!(line(&own, "ridge"), ["2", "0"], "{own}");
 
     scratch.experiment().assert().success();
     let journal = fs::read(scratch.path("run/trials.jsonl")).unwrap();
     let after = said(&mut scratch.experiment());
-    let done = ["4", "0", "4", "0", "0"];
-    assert_eq!(line(&after, "exhaustive")[..5], done, "{after}");
+    let done = ["4", "0", "4", "0"];
+    assert_eq!(line(&after, "exhaustive"), done, "{after}");
     assert!(after.contains("nothing is missing"), "{after}");
-    let fresh = said(scratch.experiment().arg("--fresh"));
-    let undone = ["0", "4", "0", "4"];
-    assert_eq!(line(&fresh, "exhaustive")[..4], undone, "{fresh}");
     assert_eq!(fs::read(scratch.path("run/trials.jsonl")).unwrap(), journal);
 }

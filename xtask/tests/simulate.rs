@@ -165,6 +165,13 @@ fn inspect_prints_and_draws_the_statistics() {
     }
     let labels = fs::read_to_string(figures.join("materials.svg")).unwrap();
     assert!(labels.contains("other 100.0 %"));
+
+    let elsewhere = scratch.path("elsewhere");
+    fs::create_dir(&elsewhere).unwrap();
+    let mut inspect = xtask();
+    inspect.current_dir(&elsewhere).arg("inspect").arg(&data);
+    inspect.assert().success();
+    assert_eq!(fs::read_dir(elsewhere).unwrap().count(), 0);
 }
 
 #[test]
@@ -196,8 +203,9 @@ fn inspect_reads_a_dataset_by_the_settings_of_a_config() {
     assert_eq!(medians["surfaces"], by_folder["surfaces"]);
     assert_ne!(medians["properties"], by_folder["properties"]);
 
-    scratch.edit("tiny.toml", "[split.random]", "[split.leave-one-group-out]");
-    scratch.edit("tiny.toml", "validation = 0.34\nkeep-groups = false\n", "");
+    let split = "[split.leave-one-out]\nby = \"group\"";
+    scratch.edit("tiny.toml", "[split.random]", split);
+    scratch.edit("tiny.toml", "validation = 0.34\nby = \"surface\"\n", "");
     scratch.edit(
         "tiny.toml",
         "[data]\n",

@@ -42,7 +42,7 @@ fn folds_by_material_are_pooled_in_a_rerun_and_differ_between_reruns() {
     let scratch = Scratch::new();
     scratch.edit("tiny.toml", "[split.random]", "[split.k-fold]");
     let by = "folds = 2\nby = \"material\"\n";
-    scratch.edit("tiny.toml", "validation = 0.34\nkeep-groups = false\n", by);
+    scratch.edit("tiny.toml", "validation = 0.34\nby = \"surface\"\n", by);
     scratch.edit("tiny.toml", "reruns = 2", "reruns = 3");
     scratch.edit("tiny.toml", "[\"fRS\", \"cDF\"]", "[\"fRS\"]");
     let mut run = scratch.experiment();

@@ -85,8 +85,8 @@ pub use folder::{
 pub use frame::{Extent, Frame, LinearFrame};
 pub use image::{
     DecodeSettings, Decoded, EncodeError, FrameError, FrameErrorKind, FrameFormat, ImageFormat,
-    LightCounts, Limits, NonFinite, decode_image, decode_image_resized, read_image,
-    read_image_resized,
+    LightCounts, Limits, NonFinite, PHOTOGRAPH_ENDINGS, decode_image, decode_image_resized,
+    photograph_ending, read_image, read_image_resized,
 };
 pub use inspect::{BrokenFrame, FrameSummary, Inspection, PropertySummary};
 pub use material::{FEWEST_PER_MATERIAL, MaterialLabels, OTHER};

@@ -1,4 +1,4 @@
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::Surface;
 use crate::units::{Unit, Units};
@@ -26,7 +26,7 @@ pub struct Split {
 /// # Ok::<(), sps_dataset::SplitError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", try_from = "Written")]
+#[serde(rename_all = "kebab-case")]
 pub enum SplitPlan {
     /// One split at random, another for each rerun; the paper's, with a tenth kept aside.
     Random(RandomSplit),
@@ -34,14 +34,26 @@ pub enum SplitPlan {
     KFold(KFold),
     /// Every surface, group or material kept aside once, on its own: what a model knows of one that
     /// it has not seen. The same splits in every rerun.
+    #[serde(deserialize_with = "leave_one_out")]
     LeaveOneOut {
         /// What is kept together.
         by: Option<Unit>,
     },
 }
 
+/// Names a key that is not known, which a TOML reader does not do for a variant with fields.
+fn leave_one_out<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Unit>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Keys {
+        by: Option<Unit>,
+    }
+    Keys::deserialize(deserializer).map(|keys| keys.by)
+}
+
 /// The settings of [`SplitPlan::Random`].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct RandomSplit {
     /// The share of surfaces, groups or materials that is kept aside, between 0 and 1. Default 0.1,
     /// as in the paper (section 5).
@@ -51,59 +63,13 @@ pub struct RandomSplit {
 }
 
 /// The settings of [`SplitPlan::KFold`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct KFold {
     /// How many parts the surfaces are dealt into. Default 10.
     pub folds: usize,
     /// What is kept together.
     pub by: Option<Unit>,
-}
-
-/// The keys of a [`SplitPlan`], with those of earlier configs: `keep-groups` and
-/// `leave-one-group-out`.
-#[derive(Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Written {
-    Random(RandomKeys),
-    KFold(KFoldKeys),
-    LeaveOneOut(LeaveOneOutKeys),
-    LeaveOneGroupOut {},
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-struct RandomKeys {
-    validation: Option<f64>,
-    by: Option<Unit>,
-    keep_groups: Option<KeepGroups>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-struct KFoldKeys {
-    folds: Option<usize>,
-    by: Option<Unit>,
-    keep_groups: Option<KeepGroups>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct LeaveOneOutKeys {
-    by: Option<Unit>,
-}
-
-/// Whether surfaces of one group stay together.
-#[derive(Clone, Copy, Deserialize)]
-#[serde(untagged, expecting = "expected \"auto\", true or false")]
-enum KeepGroups {
-    Always(bool),
-    WhereSeveral(Auto),
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Auto {
-    Auto,
 }
 
 /// Surfaces that cannot be split as asked.
@@ -149,40 +115,6 @@ impl Default for KFold {
             folds: 10,
             by: None,
         }
-    }
-}
-
-impl TryFrom<Written> for SplitPlan {
-    type Error = &'static str;
-
-    fn try_from(written: Written) -> Result<Self, Self::Error> {
-        Ok(match written {
-            Written::Random(keys) => Self::Random(RandomSplit {
-                validation: keys.validation.unwrap_or(RandomSplit::default().validation),
-                by: kept_together(keys.by, keys.keep_groups)?,
-            }),
-            Written::KFold(keys) => Self::KFold(KFold {
-                folds: keys.folds.unwrap_or(KFold::default().folds),
-                by: kept_together(keys.by, keys.keep_groups)?,
-            }),
-            Written::LeaveOneOut(LeaveOneOutKeys { by }) => Self::LeaveOneOut { by },
-            Written::LeaveOneGroupOut {} => Self::LeaveOneOut {
-                by: Some(Unit::Group),
-            },
-        })
-    }
-}
-
-fn kept_together(
-    by: Option<Unit>,
-    keep_groups: Option<KeepGroups>,
-) -> Result<Option<Unit>, &'static str> {
-    match (by, keep_groups) {
-        (by, None) => Ok(by),
-        (Some(_), Some(_)) => Err("found both `by` and `keep-groups`, expected `by` alone"),
-        (None, Some(KeepGroups::WhereSeveral(Auto::Auto))) => Ok(None),
-        (None, Some(KeepGroups::Always(true))) => Ok(Some(Unit::Group)),
-        (None, Some(KeepGroups::Always(false))) => Ok(Some(Unit::Surface)),
     }
 }
 

@@ -134,17 +134,7 @@ fn a_config_says_what_is_kept_together() {
         ("k-fold]\nfolds = 5\nby = \"material\"", folds(5, material)),
         ("leave-one-out]", out(None)),
         ("leave-one-out]\nby = \"material\"", out(material)),
-        // As configs said it before.
-        (
-            "random]\nvalidation = 0.2\nkeep-groups = \"auto\"",
-            random(None),
-        ),
-        (
-            "random]\nvalidation = 0.2\nkeep-groups = false",
-            random(surface),
-        ),
-        ("k-fold]\nkeep-groups = true", folds(10, group)),
-        ("leave-one-group-out]", out(group)),
+        ("leave-one-out]\nby = \"group\"", out(group)),
     ] {
         assert_eq!(read(&format!("[split.{text}")), Ok(plan), "{text}");
     }
@@ -156,13 +146,9 @@ fn a_config_that_says_it_wrong_is_told_what_is_right() {
     for (text, parts) in [
         (
             "random]\nby = \"surface\"\nkeep-groups = false",
-            &["`by`", "`keep-groups`"][..],
+            &["line 3", "`by`", "`keep-groups`"][..],
         ),
         ("k-fold]\nby = \"kind\"", &["line 2", "kind", "material"]),
-        (
-            "k-fold]\nkeep-groups = 1",
-            &["line 2", "\"auto\", true or false"],
-        ),
         ("k-fold]\nfold = 3", &["line 2", "`fold`", "`folds`"]),
         ("leave-one-out]\nkeep-groups = true", &["line 2", "`by`"]),
         ("leave-one-outs]", &["leave-one-outs", "leave-one-out"]),

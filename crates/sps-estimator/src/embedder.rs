@@ -2,11 +2,13 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use sps_dataset::{DecodeSettings, Extent, Frame, FrameError, read_image, read_image_resized};
+use sps_dataset::{
+    DecodeSettings, Extent, Frame, FrameError, PHOTOGRAPH_ENDINGS, photograph_ending, read_image,
+    read_image_resized,
+};
 use sps_models::Embeddings;
 use sps_models::candle::{Device, Tensor};
 use sps_models::encoders::Encoder;
@@ -260,9 +262,6 @@ impl Embedder {
     }
 }
 
-/// Endings of files that are photographs.
-const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
-
 /// The photographs in a folder, by name: PNG, JPEG and EXR.
 ///
 /// # Errors
@@ -276,15 +275,14 @@ pub fn photographs_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let (mut photographs, mut folders) = (Vec::new(), 0);
     for entry in fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
-        let ending = path.extension().map(OsStr::to_ascii_lowercase);
         if path.is_dir() {
             folders += 1;
-        } else if ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending == *known)) {
+        } else if photograph_ending(&path).is_some() {
             photographs.push(path);
         }
     }
     if photographs.is_empty() {
-        let mut expected = format!("files that end in {}", ENDINGS.join(", "));
+        let mut expected = format!("files that end in {}", PHOTOGRAPH_ENDINGS.join(", "));
         if folders > 0 {
             let each = folder.join("*");
             let each = each.display();

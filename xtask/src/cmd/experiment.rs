@@ -1,11 +1,13 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use glob::Pattern;
 
+use crate::compare;
 use crate::config::{self, Experiment, Setting};
+use crate::files::read_text;
 use crate::report;
-use crate::run;
+use crate::run::{self, CONFIG};
 use crate::work::{Shard, Work};
 
 /// Run an experiment, or finish one that was stopped
@@ -37,8 +39,8 @@ pub(crate) struct Args {
     /// List the methods, those of sweeps and the floors included, each with all its settings, and exit
     #[arg(long)]
     list: bool,
-    /// Say how much is done, how much is missing and how long that will take, and exit; writes nothing
-    #[arg(long)]
+    /// Say how much is done and how much is missing, and exit; writes nothing
+    #[arg(long, conflicts_with = "fresh")]
     dry_run: bool,
     /// Do the K-th of N parts and write no report; other processes or machines do the other parts
     #[arg(long, value_name = "K/N", conflicts_with = "merge")]
@@ -64,10 +66,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         .unwrap_or_else(|| PathBuf::from("runs").join(&experiment.name));
     if args.dry_run {
         experiment.work = Work::None;
-        print!(
-            "{}",
-            run::outlook(&experiment, &folder, args.fresh, args.shard)?
-        );
+        print!("{}", run::outlook(&experiment, &folder, args.shard)?);
         return Ok(());
     }
     if let Some(shard) = args.shard {
@@ -75,6 +74,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         let own = run::shard(&experiment, shard, &folder, args.fresh)?;
         println!("{}", own.display());
         return Ok(());
+    }
+    if args.out.is_none() {
+        ensure_same_settings(&experiment, &folder)?;
     }
     let results = match &args.merge {
         None => run::run(&experiment, &folder, args.fresh)?,
@@ -87,5 +89,23 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     };
     print!("{}", report::summary(&results).terminal());
     println!("{}", folder.join("report.html").display());
+    Ok(())
+}
+
+/// That a folder which was not named has no report of other settings, which would be replaced.
+fn ensure_same_settings(experiment: &Experiment, folder: &Path) -> Result<()> {
+    let path = folder.join(CONFIG);
+    if !path.exists() {
+        return Ok(());
+    }
+    let there: toml::Table = sps_dataset::parse_toml(&path, &read_text(&path)?)?;
+    if let Some(differing) = compare::differing_keys(&there, &experiment.resolved.parse()?).first()
+    {
+        bail!(
+            "{}: {differing}; `--out DIR` keeps that run, `--out {}` replaces its report",
+            path.display(),
+            folder.display()
+        );
+    }
     Ok(())
 }

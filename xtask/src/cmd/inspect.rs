@@ -18,10 +18,10 @@ use crate::report::table::{aligned, number};
 /// Check a dataset and show its statistics
 #[derive(clap::Args)]
 #[command(
-    after_help = "Values are drawn as boxes.svg and materials.svg; those of the paper's dataset, \
-    and of one that was simulated after it, stand beside the published ones. Ends with status 1 where a frame is missing or broken.\n\n\
+    after_help = "Values of the paper's dataset, and of one that was simulated after it, stand beside \
+    the published ones. Ends with status 1 where a frame is missing or broken.\n\n\
     Examples:\n  \
-    cargo xtask inspect fixtures/tiny-dataset\n  \
+    cargo xtask inspect fixtures/tiny-dataset --out runs/inspect\n  \
     cargo xtask inspect --config configs/friction-photos.toml"
 )]
 pub(crate) struct Args {
@@ -37,7 +37,7 @@ pub(crate) struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// The folder to draw to [default: runs/inspect/ and the dataset's folder name]
+    /// Draw the values, as boxes.svg and materials.svg, into this folder; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -56,7 +56,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     } else {
         print(&inspection, &labels(&dataset), dataset.origin().is_some());
     }
-    draw(&dataset, read.tactile, &args.figures(&path))?;
+    if let Some(folder) = &args.out {
+        draw(&dataset, read.tactile, folder)?;
+    }
     if broken > 0 {
         bail!("{broken} frames of {} cannot be read", path.display());
     }
@@ -77,14 +79,6 @@ impl Args {
                 config.display()
             ),
         }
-    }
-
-    fn figures(&self, dataset: &Path) -> PathBuf {
-        self.out.clone().unwrap_or_else(|| {
-            let folder = dataset.canonicalize();
-            let folder = folder.as_deref().unwrap_or(dataset);
-            Path::new("runs/inspect").join(folder.file_name().unwrap_or_default())
-        })
     }
 }
 

@@ -1,8 +1,11 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
+use tracing::warn;
 
+use crate::files::is_read_only;
 use crate::report;
+use crate::results::Results;
 use crate::run::RunFolder;
 
 /// Render the report of a finished run again
@@ -15,8 +18,16 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<()> {
     let folder = RunFolder::finished(&args.run_dir)?;
-    report::write(folder.path())?;
-    folder.seal()?;
-    println!("{}", folder.file("report.html").display());
+    match report::write(folder.path()).and_then(|()| folder.seal()) {
+        Err(error) if is_read_only(&error) => {
+            warn!("the report was not written: {error:#}");
+            let results = Results::read(folder.path())?;
+            print!("{}", report::summary(&results).terminal());
+        }
+        written => {
+            written?;
+            println!("{}", folder.file("report.html").display());
+        }
+    }
     Ok(())
 }

@@ -1,5 +1,7 @@
 //! What two runs were computed from and with, where it differs.
 
+use std::fmt;
+
 use serde::Serialize;
 use toml::{Table, Value};
 
@@ -20,6 +22,14 @@ pub(crate) struct Differing {
     /// `null` where there is none.
     pub first: Option<String>,
     pub second: Option<String>,
+}
+
+impl fmt::Display for Differing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [there, here] =
+            [&self.first, &self.second].map(|value| value.as_deref().unwrap_or("not set"));
+        write!(f, "`{}` is {there}, here {here}", self.key)
+    }
 }
 
 /// Config, sources, data and machine.

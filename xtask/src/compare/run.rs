@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use sps_metrics::{Intervals, Level, Samples};
 
 use super::held::Outcomes;
@@ -11,9 +11,6 @@ use crate::files::read_text;
 use crate::report::predictions;
 use crate::results::{Kind, Results};
 use crate::run::{CONFIG, RunFolder};
-
-/// The first version of `results.json` that says what intervals count.
-const LEAST_SCHEMA: u32 = 4;
 
 /// What a run left in its folder.
 pub(crate) struct Run {
@@ -34,13 +31,6 @@ impl Run {
         let file = folder.file(CONFIG);
         let config: toml::Table = sps_dataset::parse_toml(&file, &read_text(&file)?)?;
         let results = Results::read(path)?;
-        let schema = results.provenance.schema;
-        ensure!(
-            schema >= LEAST_SCHEMA,
-            "{}: `schema` is {schema}, expected at least {LEAST_SCHEMA}: runs are compared by what \
-             older ones did not write; `cargo xtask experiment` writes it again",
-            folder.file("results.json").display()
-        );
         let level = Level::new(results.interval_level).with_context(|| {
             format!(
                 "{}: `interval_level`",

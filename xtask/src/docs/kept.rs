@@ -1,12 +1,12 @@
 //! What the documents keep of a finished run: `docs/measured/RUN.json`.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use serde_json::{Number, Value};
 
+use super::matching;
 use crate::checksums;
 use crate::files::{read_text, write_atomically};
 use crate::results::{MethodResult, Results};
@@ -19,27 +19,16 @@ pub(super) struct Runs(BTreeMap<String, Results>);
 impl Runs {
     /// Reads what is kept below `root`.
     pub(super) fn read(root: &Path) -> Result<Self> {
-        let folder = root.join(FOLDER);
-        let mut runs = BTreeMap::new();
-        if !folder.exists() {
-            return Ok(Self(runs));
-        }
-        let failed = || format!("cannot read {}", folder.display());
-        for entry in fs::read_dir(&folder).with_context(failed)? {
-            let path = entry.with_context(failed)?.path();
-            let (Some(name), true) = (
-                path.file_stem(),
-                path.extension().is_some_and(|ending| ending == "json"),
-            ) else {
-                continue;
-            };
+        let read = |path: PathBuf| {
             let results = serde_json::from_str(&read_text(&path)?).with_context(|| {
                 let path = path.display();
                 format!("{path} is damaged; `cargo xtask docs RUN_DIR` writes it again")
             });
-            runs.insert(name.to_string_lossy().into_owned(), results?);
-        }
-        Ok(Self(runs))
+            let name = path.file_stem().unwrap_or_default().to_string_lossy();
+            Ok((name.into_owned(), results?))
+        };
+        let paths = matching(root, &format!("{FOLDER}/*.json"))?;
+        Ok(Self(paths.into_iter().map(read).collect::<Result<_>>()?))
     }
 
     /// The run of that name.
@@ -86,20 +75,15 @@ fn text(results: &Results) -> Result<String> {
     let mut whole = serde_json::to_value(results)?;
     round(&mut whole);
     let keys = whole.as_object().into_iter().flatten();
-    let lines = keys.map(|(key, value)| {
-        let key = Value::from(key.as_str());
-        match value.as_array().filter(|_| key == "methods") {
-            Some(methods) => {
-                let methods: Vec<String> = methods.iter().map(Value::to_string).collect();
-                format!("{key}: [\n{}\n]", methods.join(",\n"))
-            }
-            None => format!("{key}: {value}"),
+    let lines = keys.map(|(key, value)| match value {
+        Value::Array(methods) if key == "methods" => {
+            let methods: Vec<String> = methods.iter().map(Value::to_string).collect();
+            format!("\"{key}\": [\n{}\n]", methods.join(",\n"))
         }
+        _ => format!("\"{key}\": {value}"),
     });
-    Ok(format!(
-        "{{\n{}\n}}\n",
-        lines.collect::<Vec<_>>().join(",\n")
-    ))
+    let lines: Vec<String> = lines.collect();
+    Ok(format!("{{\n{}\n}}\n", lines.join(",\n")))
 }
 
 /// Rounds to eight digits: more than any table prints.

@@ -2,20 +2,18 @@
 //! `docs/measured/README.md` says how.
 
 mod kept;
-mod markers;
 mod render;
 #[cfg(test)]
 mod tests;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, ensure};
+use glob::{Pattern, glob};
 
 use crate::files::{read_text, write_atomically};
 use crate::report;
 use kept::Runs;
-use markers::{Marker, markers};
 
 /// A page as it should be.
 struct Page {
@@ -36,10 +34,8 @@ pub(crate) fn keep(root: &Path, run: &Path) -> Result<Vec<PathBuf>> {
     let (name, numbers) = kept::numbers(root, run)?;
     let mut kept = vec![numbers];
     let pages = paths(root)?;
-    let pages: Vec<String> = pages
-        .iter()
-        .map(|path| read_text(path))
-        .collect::<Result<_>>()?;
+    let pages = pages.iter().map(|path| read_text(path));
+    let pages: Vec<String> = pages.collect::<Result<_>>()?;
     for figure in report::figure_files(run)? {
         let file = figure.file_name().unwrap_or_default().to_string_lossy();
         let image = format!("images/{name}-{file}");
@@ -81,10 +77,8 @@ pub(crate) fn check(root: &Path) -> Result<()> {
 
 fn none_of<'a>(problems: impl Iterator<Item = &'a String>) -> Result<()> {
     let lines: Vec<&str> = problems.map(String::as_str).collect();
-    if lines.is_empty() {
-        return Ok(());
-    }
-    bail!("{}", lines.join("\n"))
+    ensure!(lines.is_empty(), "{}", lines.join("\n"));
+    Ok(())
 }
 
 /// `README.md` and the pages below `docs`, each as it should be.
@@ -100,55 +94,66 @@ fn pages(root: &Path) -> Result<Vec<Page>> {
 /// `README.md` and the Markdown files below `docs`.
 fn paths(root: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = vec![root.join("README.md")];
-    below(&root.join("docs"), &mut paths)?;
+    paths.extend(matching(root, "docs/**/*.md")?);
     Ok(paths)
 }
 
-fn below(folder: &Path, pages: &mut Vec<PathBuf>) -> Result<()> {
-    let failed = || format!("cannot read {}", folder.display());
-    let entries = fs::read_dir(folder).with_context(failed)?;
-    let entries = entries.map(|entry| Ok(entry.with_context(failed)?.path()));
-    let mut entries: Vec<PathBuf> = entries.collect::<Result<_>>()?;
-    entries.sort();
-    for path in entries {
-        if path.is_dir() {
-            below(&path, pages)?;
-        } else if path.extension().is_some_and(|ending| ending == "md") {
-            pages.push(path);
-        }
-    }
-    Ok(())
+/// The files below `root` that match a pattern, by name.
+fn matching(root: &Path, pattern: &str) -> Result<Vec<PathBuf>> {
+    let root = Pattern::escape(&root.to_string_lossy());
+    let pattern = Path::new(&root).join(pattern);
+    let paths = glob(&pattern.to_string_lossy())?;
+    Ok(paths.collect::<Result<_, _>>()?)
 }
+
+/// What opens a marker, `<!-- NAME: WORDS -->`; `<!-- /NAME -->` closes it.
+const OPEN: &str = "<!-- ";
+const CLOSE: &str = "-->";
+
+/// The name of a table's or paragraph's marker, and that of a number's within a sentence.
+const NAMES: [&str; 2] = [render::BLOCK, render::INLINE];
 
 impl Page {
     fn of(path: PathBuf, text: &str, runs: &Runs) -> Self {
         let (mut edited, mut unanswered) = (Vec::new(), Vec::new());
-        let at = |line: usize, what: &str| format!("{}:{line}: {what}", path.display());
-        let (markers, unclosed) = markers(text);
-        unanswered.extend(unclosed.iter().map(|(line, what)| at(*line, what)));
-        let (mut written, mut end) = (String::with_capacity(text.len()), 0);
-        for Marker {
-            line,
-            form,
-            words,
-            inner,
-        } in markers
+        let (mut written, mut rest) = (String::with_capacity(text.len()), text);
+        while let Some((before, inside)) = rest.split_once(OPEN)
+            && let Some((comment, after)) = inside.split_once(CLOSE)
         {
-            let found = &text[inner.clone()];
-            let wanted = render::render(runs, form, &words).unwrap_or_else(|error| {
-                unanswered.push(at(line, &format!("{error:#}")));
+            let before = &text[..text.len() - rest.len() + before.len()];
+            written.push_str(&rest[..rest.len() - after.len()]);
+            rest = after;
+            let at = |what: &str| {
+                let line = 1 + before.matches('\n').count();
+                format!("{}:{line}: {what}", path.display())
+            };
+            let comment = comment.trim();
+            let (name, words) = comment.split_once(':').unwrap_or((comment, ""));
+            if !NAMES.contains(&name.trim_start_matches('/')) || is_code(before) {
+                continue;
+            }
+            if name.starts_with('/') {
+                unanswered.push(at(&format!("`{name}` closes nothing")));
+                continue;
+            }
+            let (words, closing) = (words.trim(), format!("{OPEN}/{name} {CLOSE}"));
+            let found = rest.split_once(&closing);
+            let Some((found, after)) = found.filter(|(found, _)| !found.contains(OPEN)) else {
+                unanswered.push(at(&format!("`{words}` has no `{closing}`")));
+                continue;
+            };
+            let wanted = render::render(runs, name, words).unwrap_or_else(|error| {
+                unanswered.push(at(&format!("{error:#}")));
                 found.to_owned()
             });
             if wanted != found {
-                let what =
-                    format!("`{words}` was edited, or measured again: run `cargo xtask docs`");
-                edited.push(at(line, &what));
+                let what = "was edited, or measured again: run `cargo xtask docs`";
+                edited.push(at(&format!("`{words}` {what}")));
             }
-            written.push_str(&text[end..inner.start]);
-            written.push_str(&wanted);
-            end = inner.end;
+            written.extend([&wanted, closing.as_str()]);
+            rest = after;
         }
-        written.push_str(&text[end..]);
+        written.push_str(rest);
         Self {
             path,
             text: written,
@@ -156,4 +161,12 @@ impl Page {
             unanswered,
         }
     }
+}
+
+/// Whether what follows this is code, which may show markers.
+fn is_code(before: &str) -> bool {
+    let fences = before
+        .lines()
+        .filter(|line| line.trim_start().starts_with("```"));
+    before.ends_with('`') || fences.count() % 2 == 1
 }

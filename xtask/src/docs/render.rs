@@ -4,7 +4,6 @@ use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
 
 use super::kept::Runs;
-use super::markers::Form;
 use crate::report::table::{Cell, Row, Table, number};
 use crate::report::{about_the_data, gained, tables};
 use crate::results::{MethodResult, Results};
@@ -12,59 +11,53 @@ use crate::results::{MethodResult, Results};
 /// Decimals where a marker does not say how many.
 const DECIMALS: usize = 3;
 
-/// What a marker asks for, as it stands between the two.
-pub(super) fn render(runs: &Runs, form: Form, words: &str) -> Result<String> {
-    match form {
-        Form::Block => Ok(format!("\n{}\n", block(runs, words)?)),
-        Form::Inline => inline(runs, words),
+/// The name of the marker of a table or a paragraph.
+pub(super) const BLOCK: &str = "measured";
+/// That of a number within a sentence.
+pub(super) const INLINE: &str = "value";
+
+/// What a marker of a name asks for, as it stands between the two.
+pub(super) fn render(runs: &Runs, name: &str, words: &str) -> Result<String> {
+    match name {
+        BLOCK => Ok(format!("\n{}\n", block(runs, words)?)),
+        _ => inline(runs, words),
     }
 }
 
-/// The words of a marker: some in order, and options.
-struct Request<'w> {
-    words: Vec<&'w str>,
-    options: Vec<(&'w str, &'w str)>,
-}
-
-impl<'w> Request<'w> {
-    fn of(text: &'w str, count: usize, known: &[&str]) -> Result<Self> {
-        let (options, words): (Vec<&str>, Vec<&str>) =
-            text.split_whitespace().partition(|word| word.contains('='));
-        ensure!(
-            words.len() == count,
-            "`{text}` has {} words, expected {count}",
-            words.len()
-        );
-        let options: Vec<_> = options.iter().filter_map(|o| o.split_once('=')).collect();
-        for (key, _) in &options {
-            let expected = known.join("`, `");
-            ensure!(
-                known.contains(key),
-                "unknown option `{key}`, expected `{expected}`"
-            );
-        }
-        Ok(Self { words, options })
+/// The words of a marker: some in order, and options, each of which is one of `known`.
+fn words<'w, const N: usize>(
+    text: &'w str,
+    known: [&str; 2],
+) -> Result<([&'w str; N], [Option<&'w str>; 2])> {
+    let (mut words, mut options) = (Vec::new(), [None; 2]);
+    for word in text.split_whitespace() {
+        let Some((key, value)) = word.split_once('=') else {
+            words.push(word);
+            continue;
+        };
+        let at = known.iter().position(|known| *known == key);
+        let unknown = || format!("unknown option `{key}`, expected `{}`", known.join("`, `"));
+        options[at.with_context(unknown)?] = Some(value);
     }
-
-    fn option(&self, key: &str) -> Option<&'w str> {
-        let found = self.options.iter().find(|(name, _)| *name == key);
-        found.map(|(_, value)| *value)
+    match words.try_into() {
+        Ok(words) => Ok((words, options)),
+        Err(words) => bail!("`{text}` has {} words, expected {N}", Vec::len(&words)),
     }
 }
 
 /// `RUN TABLE [rows=ID,ID] [columns=TITLE,TITLE]`, or `RUN about`.
 fn block(runs: &Runs, text: &str) -> Result<String> {
-    let request = Request::of(text, 2, &["rows", "columns"])?;
-    let results = runs.get(request.words[0])?;
-    if request.words[1] == "about" {
+    let ([run, name], [ids, titles]) = words(text, ["rows", "columns"])?;
+    let results = runs.get(run)?;
+    if name == "about" {
         return Ok(about_the_data(results));
     }
-    let mut table = find(results, request.words[1])?;
-    if let Some(ids) = request.option("rows") {
+    let mut table = find(results, name)?;
+    if let Some(ids) = ids {
         table.rows = rows(&table, results, ids)?;
     }
-    if let Some(titles) = request.option("columns") {
-        table = columns(&table, titles)?;
+    if let Some(titles) = titles {
+        cut(&mut table, titles)?;
     }
     Ok(table.markdown())
 }
@@ -95,21 +88,20 @@ fn gains(results: &Results) -> Option<Table> {
     columns.extend(against.iter().map(|other| format!("over {}", other.label)));
     let rows = results.methods.iter().map(|method| {
         let r2 = Cell::number(method.means.r2_mean, DECIMALS);
-        let mut cells = vec![method.label.as_str().into(), r2];
         let gains = &method.gains.r2_mean_gains;
         let others = against.iter();
-        cells.extend(others.map(|other| gained(gains.get(&other.id), DECIMALS)));
-        Row::measured(cells)
+        let others = others.map(|other| gained(gains.get(&other.id), DECIMALS));
+        let cells = [method.label.as_str().into(), r2].into_iter();
+        Row::measured(cells.chain(others).collect())
     });
-    (!against.is_empty())
-        .then(|| Table {
-            name: "gains",
-            title: "Gains".to_owned(),
-            caption: String::new(),
-            columns,
-            rows: rows.collect(),
-        })
-        .map(|table| table.tested(results.interval_level))
+    let table = Table {
+        name: "gains",
+        title: "Gains".to_owned(),
+        caption: String::new(),
+        columns,
+        rows: rows.collect(),
+    };
+    (!against.is_empty()).then(|| table.tested(results.interval_level))
 }
 
 /// The rows of the methods of these ids, in this order, with what the paper prints of them.
@@ -136,35 +128,28 @@ fn method<'r>(results: &'r Results, id: &str) -> Result<&'r MethodResult> {
     method.with_context(|| format!("the run has no method `{id}`"))
 }
 
-/// The first column and those with these titles, or titles that begin so.
-fn columns(table: &Table, titles: &str) -> Result<Table> {
+/// Keeps the first column and those with these titles, or else titles that begin so.
+fn cut(table: &mut Table, titles: &str) -> Result<()> {
     let slugs: Vec<String> = table.columns.iter().map(|title| slug(title)).collect();
     let mut kept = vec![0];
     for title in titles.split(',') {
-        let places = |fits: &dyn Fn(&str) -> bool| -> Vec<usize> {
-            (1..slugs.len()).filter(|&at| fits(&slugs[at])).collect()
-        };
-        let mut found = places(&|slug| slug == title);
-        if found.is_empty() {
-            found = places(&|slug| slug.starts_with(&format!("{title}-")));
-        }
-        let known = || slugs[1..].join("`, `");
+        let begins = format!("{title}-");
+        let is_whole = slugs[1..].iter().any(|slug| slug == title);
+        let fits =
+            |at: &usize| slugs[*at] == title || (!is_whole && slugs[*at].starts_with(&begins));
+        let before = kept.len();
+        kept.extend((1..slugs.len()).filter(fits));
         ensure!(
-            !found.is_empty(),
+            kept.len() > before,
             "no column `{title}`; there are `{}`",
-            known()
+            slugs[1..].join("`, `")
         );
-        kept.extend(found);
     }
-    let row = |row: &Row| Row {
-        cells: at(&kept, &row.cells),
-        ..row.clone()
-    };
-    Ok(Table {
-        columns: at(&kept, &table.columns),
-        rows: table.rows.iter().map(row).collect(),
-        ..table.clone()
-    })
+    table.columns = at(&kept, &table.columns);
+    for row in &mut table.rows {
+        row.cells = at(&kept, &row.cells);
+    }
+    Ok(())
 }
 
 /// What stands at these places.
@@ -184,20 +169,19 @@ fn slug(title: &str) -> String {
 /// `RUN METHOD KEY [decimals=N] [times=X]`: a value of a method of `results.json`, or with `-` in
 /// place of the method of the run; KEY has a slash before every further key.
 fn inline(runs: &Runs, text: &str) -> Result<String> {
-    let request = Request::of(text, 3, &["decimals", "times"])?;
-    let (run, id, key) = (request.words[0], request.words[1], request.words[2]);
+    let ([run, id, key], [decimals, times]) = words(text, ["decimals", "times"])?;
     let results = runs.get(run)?;
-    let within = if id == "-" {
-        serde_json::to_value(results)?
-    } else {
-        serde_json::to_value(method(results, id)?)?
+    let within = match id {
+        "-" => serde_json::to_value(results)?,
+        _ => serde_json::to_value(method(results, id)?)?,
     };
-    let decimals = request.option("decimals").map(str::parse::<usize>);
-    let decimals = decimals.transpose().context("`decimals` is not a number")?;
-    let times = request.option("times").map(str::parse::<f64>);
-    let times = times.transpose().context("`times` is not a number")?;
-    let value = within.pointer(&format!("/{key}"));
-    let shown = value.and_then(|value| show(value, times, decimals));
+    let decimals = decimals.map(str::parse).transpose();
+    let times = times.map(str::parse).transpose();
+    let shown = show(
+        within.pointer(&format!("/{key}")).unwrap_or(&Value::Null),
+        times.context("`times` is not a number")?,
+        decimals.context("`decimals` is not a number")?,
+    );
     shown.with_context(|| format!("`{key}` of `{id}` is no value"))
 }
 
@@ -205,27 +189,23 @@ fn inline(runs: &Runs, text: &str) -> Result<String> {
 fn show(value: &Value, times: Option<f64>, decimals: Option<usize>) -> Option<String> {
     let plain = times.is_none() && decimals.is_none();
     let (times, places) = (times.unwrap_or(1.0), decimals.unwrap_or(DECIMALS));
-    let ends = |value: &Value| {
-        let [low, high] = value.as_array()?.as_slice() else {
-            return None;
-        };
-        Some([low.as_f64()?, high.as_f64()?])
+    let ends = |value: &Value| match value.as_array()?.as_slice() {
+        [low, high] => Some([times * low.as_f64()?, times * high.as_f64()?]),
+        _ => None,
     };
     match value {
         Value::Number(count) if plain && !count.is_f64() => Some(count.to_string()),
         Value::Number(found) => Some(number(Some(times * found.as_f64()?), places)),
         Value::String(text) => Some(text.clone()),
         Value::Array(_) => {
-            let [low, high] = ends(value)?.map(|end| number(Some(times * end), places));
+            let [low, high] = ends(value)?.map(|end| number(Some(end), places));
             Some(format!("[{low}, {high}]"))
         }
         Value::Object(gain) => {
             let value = times * gain.get("value")?.as_f64()?;
             // As in tables: one over units alone is not shown.
             let interval = gain.get("p")?.as_f64().and(gain.get("interval"));
-            let interval = interval
-                .and_then(ends)
-                .map(|ends| ends.map(|end| times * end));
+            let interval = interval.and_then(ends);
             Some(Cell::difference(Some(value), interval, places).to_string())
         }
         Value::Null | Value::Bool(_) => None,

@@ -1,37 +1,44 @@
+use std::fs;
+
 use serde_json::{Value, json};
 
 use super::*;
+use crate::results::schema::file;
+
+/// A value with some of its keys set.
+fn with(mut value: Value, keys: Value) -> Value {
+    let keys = keys.as_object().unwrap().clone();
+    value.as_object_mut().unwrap().extend(keys);
+    value
+}
 
 /// A method with what tables need.
 fn method(id: &str, label: &str, r2: f64) -> Value {
-    json!({
-        "id": id, "label": label, "reruns": 3, "held_out_surfaces": 2000,
+    let keys = json!({
+        "id": id, "label": label, "held_out_surfaces": 2000,
         "r2": {"fRS": r2 + 0.1, "mTX": r2 - 0.1}, "r2_std": {"fRS": 0.01, "mTX": 0.01},
         "mae": {"fRS": 4.0, "mTX": 5.0}, "median_percent_error": {"fRS": 20.0, "mTX": null},
-        "rmse": {}, "spearman": {}, "r2_interval": {}, "zero_truths": {"fRS": 0, "mTX": 3},
-        "r2_mean": r2, "r2_mean_interval": [r2 - 0.012_345_678_912, r2 + 0.01],
-        "mae_mean": 4.5, "median_percent_error_mean": 20.0, "median_percent_error_top8": null,
-        "median_percent_error_best8": null, "best8": [], "r2_mean_gain": null, "paper": null,
-        "frames_decoded_per_surface": 1.0, "frames_encoded_per_surface": 1.0,
-        "predict_seconds_per_surface": 0.003_25, "train_seconds": 4.0,
-        "selected_views": {"fRS": [[0], [0], [0]]}, "notes": [],
-    })
+        "r2_interval": {}, "zero_truths": {"fRS": 0, "mTX": 3}, "r2_mean": r2,
+        "r2_mean_interval": [r2 - 0.012_345_678_912, r2 + 0.01], "mae_mean": 4.5,
+        "median_percent_error_mean": 20.0, "predict_seconds_per_surface": 0.003_25,
+    });
+    with(file()["methods"][0].clone(), keys)
 }
 
 fn results() -> Value {
-    let mut network = method("full", "Whole | network", 0.622);
-    network["r2_mean_gains"] =
-        json!({"ridge": {"value": 0.05, "interval": [0.0401, 0.0604], "p": 0.001}});
-    json!({
-        "experiment": "ablation", "description": "",
-        "dataset": {
-            "name": "simulated", "simulated": true, "published_sps": false, "surfaces": 2360,
-            "views": 1, "encoder": "small", "ceiling_one_view": {"fRS": 0.9, "mTX": 0.8},
-            "ceiling_all_views": {},
-        },
-        "properties": ["fRS", "mTX"], "interval_level": 0.95, "against": ["ridge"],
-        "methods": [method("ridge", "Ridge", 0.575), network], "notes": [],
-    })
+    let gains = json!({"ridge": {"value": 0.05, "interval": [0.0401, 0.0604], "p": 0.001}});
+    let network = method("full", "Whole | network", 0.622);
+    let network = with(network, json!({"r2_mean_gains": gains}));
+    let dataset = json!({
+        "name": "simulated", "surfaces": 2360, "views": 1, "encoder": "small",
+        "ceiling_one_view": {"fRS": 0.9, "mTX": 0.8},
+    });
+    let keys = json!({
+        "experiment": "ablation", "dataset": with(file()["dataset"].clone(), dataset),
+        "properties": ["fRS", "mTX"], "against": ["ridge"],
+        "methods": [method("ridge", "Ridge", 0.575), network],
+    });
+    with(file(), keys)
 }
 
 /// A repository with a finished run and a page.

@@ -7,7 +7,6 @@ use std::collections::{HashMap, HashSet};
 use std::iter;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use rayon::prelude::*;
@@ -37,8 +36,6 @@ pub(crate) struct Embeddings {
     pub values: Vec<f32>,
     /// Frames that had to be decoded or rendered, because the cache did not have them.
     pub frames_decoded: usize,
-    /// What that and encoding them took.
-    pub seconds: f64,
 }
 
 /// Embeds the given frames of `source`, decoding only what `cache` lacks.
@@ -57,7 +54,7 @@ pub(crate) fn embed<S: Source>(
         .collect::<Result<Vec<FrameKey>, _>>()?;
     let (wanted, names) = (once_each(frames, &keys), keys.iter().copied().collect());
     let (mut rows, mut seen) = (HashMap::new(), Seen::new());
-    let (mut frames_decoded, mut seconds) = (0, 0.0);
+    let mut frames_decoded = 0;
     for block in blocks(cache.work, wanted.len()) {
         rows.extend(cache.get(&names, &mut seen)?);
         let missing = wanted[block].iter();
@@ -66,9 +63,7 @@ pub(crate) fn embed<S: Source>(
         if cache.work == Work::None && !missing.is_empty() {
             bail!(Undone::Frames(missing.len()));
         }
-        let begun = Instant::now();
         encode_missing(source, &missing, embedder, cache, &mut rows)?;
-        seconds += begun.elapsed().as_secs_f64();
         frames_decoded += missing.len();
     }
     let mut values = Vec::with_capacity(frames.len() * embedder.width());
@@ -80,7 +75,6 @@ pub(crate) fn embed<S: Source>(
         width: embedder.width(),
         values,
         frames_decoded,
-        seconds,
     })
 }
 

@@ -5,9 +5,7 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-
-/// Endings of photographs.
-const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
+use sps_dataset::{PHOTOGRAPH_ENDINGS, photograph_ending};
 
 /// A folder outside of which no photograph is taken: a path is judged by what it leads to, symbolic
 /// links followed.
@@ -23,7 +21,7 @@ pub(super) struct Folder {
 pub(super) struct Photograph {
     pub(super) path: PathBuf,
     /// What its name ends in, in small letters.
-    pub(super) ending: String,
+    pub(super) ending: &'static str,
 }
 
 impl Folder {
@@ -60,17 +58,16 @@ impl Folder {
     /// The photograph that a path names, in the folder of each view.
     pub(super) fn photographs(&self, path: &str) -> Result<Vec<Photograph>> {
         let expected = || {
-            let endings = ENDINGS.join(", ");
+            let endings = PHOTOGRAPH_ENDINGS.join(", ");
             format!(
                 "found `{}`, expected a file that ends in {endings}",
                 path.escape_debug()
             )
         };
-        let ending = ending(Path::new(path)).with_context(expected)?;
+        let ending = photograph_ending(Path::new(path)).with_context(expected)?;
         let of_view = |view: &PathBuf| {
             let path = self.inside(view, path)?;
             ensure!(path.is_file(), expected());
-            let ending = ending.clone();
             Ok(Photograph { path, ending })
         };
         self.views.iter().map(of_view).collect()
@@ -115,7 +112,7 @@ impl Folder {
             !names.is_empty(),
             "{} has no photograph, expected files that end in {}",
             self.named.join(below).display(),
-            ENDINGS.join(", ")
+            PHOTOGRAPH_ENDINGS.join(", ")
         );
         Ok(names)
     }
@@ -178,17 +175,11 @@ fn by_numbers(name: &str) -> String {
 }
 
 fn is_photograph(path: &Path) -> bool {
-    !is_hidden(path) && ending(path).is_some() && path.is_file()
+    !is_hidden(path) && photograph_ending(path).is_some() && path.is_file()
 }
 
 /// Some systems put hidden files of their own beside photographs.
 fn is_hidden(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default();
     name.to_string_lossy().starts_with('.')
-}
-
-/// A photograph's ending, in small letters.
-fn ending(path: &Path) -> Option<String> {
-    let ending = path.extension()?.to_string_lossy().to_lowercase();
-    ENDINGS.contains(&&ending[..]).then_some(ending)
 }

@@ -88,11 +88,11 @@ fn listed(names: &[String]) -> String {
 mod tests {
     use super::*;
     use crate::results::Gain;
-    use crate::results::schema::old_file;
+    use crate::results::schema::file;
 
     #[test]
     fn a_run_is_told_in_sentences() {
-        let results: Results = serde_json::from_value(old_file()).unwrap();
+        let results: Results = serde_json::from_value(file()).unwrap();
         let found = of(&results);
         assert!(
             found[0].contains("is the best method: mean R² 0.50 [0.40, 0.60] over"),

@@ -136,11 +136,8 @@ pub(crate) fn about_the_data(results: &Results) -> String {
         counted(data.views, "view"),
         data.encoder
     );
-    // Old results do not say.
-    if data.training_surfaces > 0 {
-        measured.push(' ');
-        measured.push_str(&training_and_held_out(results));
-    }
+    measured.push(' ');
+    measured.push_str(&training_and_held_out(results));
     if !data.simulated || results.methods.iter().all(|m| m.paper.is_none()) {
         return measured;
     }

@@ -19,15 +19,11 @@ pub(crate) struct Prediction {
     pub truth: f64,
     pub estimate: f64,
     /// The surface's group; empty where surfaces do not come in groups that are kept whole.
-    #[serde(default)]
     pub group: String,
     /// Where a method stops when it is sure: how many views it looked at.
-    #[serde(default)]
     pub views: Option<usize>,
     /// The interval, where the method made one.
-    #[serde(default)]
     pub low: Option<f64>,
-    #[serde(default)]
     pub high: Option<f64>,
 }
 

@@ -93,11 +93,11 @@ pub(crate) fn summary(results: &Results) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::schema::old_file;
+    use crate::results::schema::file;
 
     #[test]
     fn the_best_and_the_fastest_are_marked() {
-        let mut results: Results = serde_json::from_value(old_file()).unwrap();
+        let mut results: Results = serde_json::from_value(file()).unwrap();
         let ridge = results.methods[0].clone();
         let method = |id: &str, r2, frames, seconds| {
             let mut method = ridge.clone();

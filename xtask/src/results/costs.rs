@@ -13,22 +13,16 @@ pub(crate) struct Costs {
     pub frames_encoded_per_surface: f64,
     pub predict_seconds_per_surface: Number,
     /// The three parts of it; medians of their own.
-    #[serde(default)]
     pub decode_seconds_per_surface: Number,
-    #[serde(default)]
     pub encode_seconds_per_surface: Number,
-    #[serde(default)]
     pub head_seconds_per_surface: Number,
     /// The encoder, and the most that one estimate has allocated at any one time.
-    #[serde(default)]
     pub peak_memory_bytes: Number,
     /// Of encoder and heads.
-    #[serde(default)]
     pub multiply_adds_per_surface: Number,
     /// All properties and reruns together.
     pub train_seconds: f64,
     /// To train the encoder, all reruns together; 0 where it is left as it is.
-    #[serde(default)]
     pub encoder_train_seconds: f64,
 }
 

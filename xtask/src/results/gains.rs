@@ -16,7 +16,6 @@ pub(crate) struct Gains {
     /// Gain in `r2_mean` over the first method, with its paired interval.
     pub r2_mean_gain: Option<Gain>,
     /// The same over each method that the config compares with, by id.
-    #[serde(default)]
     pub r2_mean_gains: BTreeMap<String, Gain>,
 }
 
@@ -26,11 +25,9 @@ pub(crate) struct Gains {
 pub(crate) struct Gain {
     pub value: f64,
     /// Over units and reruns; `null` where there is none, of one rerun say.
-    #[serde(default)]
     pub interval: Option<[f64; 2]>,
     /// The p-value of no difference, not corrected for how many were compared; `null` with no
     /// interval, and in files whose intervals are over units alone.
-    #[serde(default)]
     pub p: Option<f64>,
 }
 

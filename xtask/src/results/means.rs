@@ -19,14 +19,10 @@ pub(crate) struct Means {
     pub r2_mean: Number,
     pub r2_mean_interval: Option<[f64; 2]>,
     /// Of `r2_own_mean`; the interval where groups or materials are held out.
-    #[serde(default)]
     pub r2_own_mean_mean: Number,
-    #[serde(default)]
     pub r2_own_mean_mean_interval: Option<[f64; 2]>,
     pub mae_mean: Number,
-    #[serde(default)]
     pub mae_over_std_mean: Number,
-    #[serde(default)]
     pub spearman_mean: Number,
     /// Over the properties that have one.
     pub median_percent_error_mean: Number,
@@ -36,7 +32,6 @@ pub(crate) struct Means {
     pub median_percent_error_best8: Number,
     pub best8: Vec<String>,
     /// How much the means differ from rerun to rerun.
-    #[serde(default)]
     pub over_reruns: Ranges,
 }
 

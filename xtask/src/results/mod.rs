@@ -62,14 +62,11 @@ pub(crate) struct Results {
     /// What intervals count beside units and reruns: units held out for each that is trained on
     /// where reruns part one set of surfaces, 0 where they train on surfaces of their own. `null`
     /// in files whose intervals are over units alone.
-    #[serde(default)]
     pub test_per_training: Number,
     /// Ids of the methods that all others are compared with.
-    #[serde(default)]
     pub against: Vec<String>,
     pub methods: Vec<MethodResult>,
     /// Speed against error, where the config asks for it.
-    #[serde(default)]
     pub speed: Option<Speed>,
     /// What holds for the whole run, for example values out of range in the data.
     pub notes: Vec<String>,
@@ -100,19 +97,15 @@ pub(crate) struct Dataset {
     pub published_sps: bool,
     pub surfaces: usize,
     /// Surfaces that each rerun was trained on, on average.
-    #[serde(default)]
     pub training_surfaces: usize,
     /// What splits, folds, calibration and intervals keep together: `surface`, `group` or
     /// `material`.
-    #[serde(default)]
     #[cfg_attr(test, schemars(with = "Option<String>"))]
     pub unit: Option<Unit>,
     /// How many of them there are.
-    #[serde(default)]
     pub units: usize,
     pub views: usize,
     /// Their roll angles in degrees, in order.
-    #[serde(default)]
     pub view_angles_deg: Vec<f64>,
     /// Name and origin of the encoder's weights.
     pub encoder: String,
@@ -149,23 +142,17 @@ pub(crate) struct MethodResult {
     /// In reports.
     pub label: String,
     /// As the config names it: `head`, `ridge`, `stacked` and so on.
-    #[serde(default)]
     pub kind: String,
     /// Its encoder, in words; empty where it looks at nothing.
-    #[serde(default)]
     pub encoder: String,
     /// What its encoder computes in, `f32`, `bf16` or `int8`; empty where it looks at nothing.
-    #[serde(default)]
     pub precision: String,
     /// That were asked for; the notes name those that came to nothing.
     pub reruns: usize,
     /// Surfaces that each rerun was trained on, on average.
-    #[serde(default)]
     pub training_surfaces: usize,
     /// Different surfaces that it was scored on, all reruns together, and units of them.
-    #[serde(default)]
     pub held_out_surfaces: usize,
-    #[serde(default)]
     pub held_out_units: usize,
     #[serde(flatten)]
     pub scores: PropertyScores,
@@ -178,13 +165,10 @@ pub(crate) struct MethodResult {
     #[serde(flatten)]
     pub costs: Costs,
     /// Where it looks at no more views than it needs.
-    #[serde(default)]
     pub adaptive: Option<AdaptiveResult>,
     /// Where its estimates came with intervals.
-    #[serde(default)]
     pub intervals: Option<GivenIntervals>,
     /// Per property, the mean truth of each split's training part: R² is about it.
-    #[serde(default)]
     pub training_means: PerProperty<Vec<f64>>,
     /// Of networks: the mean squared error of their estimates in training, epoch by epoch, in units of the
     /// readings' variance; over all properties and reruns.
@@ -193,7 +177,6 @@ pub(crate) struct MethodResult {
     /// Per property, the views of each rerun.
     pub selected_views: PerProperty<Vec<Vec<usize>>>,
     /// Where a selector chose them: how it went, per property and rerun.
-    #[serde(default)]
     pub selections: PerProperty<Vec<SelectionResult>>,
     pub notes: Vec<String>,
 }

@@ -5,13 +5,11 @@ use serde::{Deserialize, Serialize};
 /// The version of `results.json`: it rises when keys are added, which is all that ever happens.
 pub(crate) const SCHEMA: u32 = 4;
 
-/// At the top of `results.json`; all empty in files that are older than these keys.
+/// At the top of `results.json`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(default)]
 pub(crate) struct Provenance {
-    /// Version of this file: it rises when keys are added, which is all that ever happens. 0 in
-    /// files that are older than versions.
+    /// Version of this file: it rises when keys are added, which is all that ever happens.
     pub schema: u32,
     /// Hash of the sources that decide what a trial comes to, and of `Cargo.lock`. Trials of
     /// other sources are computed again.

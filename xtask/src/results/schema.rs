@@ -55,59 +55,34 @@ fn the_page_in_docs_names_every_key() {
     assert!(unnamed.is_empty(), "docs/results.md lacks {unnamed:?}");
 }
 
-/// A file of the first version of this project, when none of the keys existed that may be missing.
-pub(crate) fn old_file() -> Value {
+/// A file with the keys that every kept file has.
+pub(crate) fn file() -> Value {
     let nothing = json!({});
     let method = json!({
-        "id": "ridge", "label": "Ridge", "reruns": 3,
+        "id": "ridge", "label": "Ridge", "kind": "ridge", "encoder": "", "precision": "f32",
+        "reruns": 3, "training_surfaces": 360, "held_out_surfaces": 0, "held_out_units": 0,
         "r2": { "fRS": 0.5 }, "r2_std": { "fRS": null }, "mae": nothing,
         "median_percent_error": nothing, "rmse": nothing, "spearman": nothing,
         "r2_interval": { "fRS": [0.4, 0.6] }, "zero_truths": { "fRS": 0 },
         "r2_mean": 0.5, "r2_mean_interval": [0.4, 0.6], "mae_mean": null,
         "median_percent_error_mean": null, "median_percent_error_top8": null,
         "median_percent_error_best8": null, "best8": [],
-        "r2_mean_gain": null, "paper": null,
+        "over_reruns": {}, "r2_mean_gain": null, "r2_mean_gains": {}, "paper": null,
         "frames_decoded_per_surface": 1.0, "frames_encoded_per_surface": 1.0,
-        "predict_seconds_per_surface": 0.01, "train_seconds": 0.5,
-        "selected_views": { "fRS": [[49]] }, "notes": [],
+        "predict_seconds_per_surface": 0.01, "train_seconds": 0.5, "encoder_train_seconds": 0.0,
+        "training_means": {}, "selected_views": { "fRS": [[49]] }, "selections": {}, "notes": [],
     });
     json!({
+        "schema": 4, "source_hash": "", "config_hash": "", "data_hash": "", "seed": 0,
+        "cpu": "", "threads": 1, "precision": ["f32"],
         "experiment": "single-image", "description": "",
         "dataset": {
             "name": "the simulator", "simulated": true, "published_sps": false,
-            "surfaces": 400, "views": 100, "encoder": "efficientnet-lite-body",
+            "surfaces": 400, "training_surfaces": 360, "units": 400, "views": 100,
+            "view_angles_deg": [], "encoder": "efficientnet-lite-body",
             "ceiling_one_view": {}, "ceiling_all_views": {},
         },
-        "properties": ["fRS"], "interval_level": 0.95, "methods": [method], "notes": [],
+        "properties": ["fRS"], "interval_level": 0.95, "against": [], "methods": [method],
+        "notes": [],
     })
-}
-
-#[test]
-fn a_file_without_the_later_keys_is_read() {
-    let old = old_file();
-    let results: Results = serde_json::from_value(old.clone()).unwrap();
-    assert_eq!(
-        (results.provenance.schema, results.methods[0].means.r2_mean),
-        (0, Some(0.5))
-    );
-    assert_eq!(results.dataset.unit, None);
-
-    // What is new is written beside the old keys, at the top.
-    let written = serde_json::to_value(&results).unwrap();
-    for (key, value) in old.as_object().unwrap() {
-        if value.is_string() || value.is_f64() {
-            assert_eq!(&written[key], value);
-        }
-    }
-    for key in [
-        "schema",
-        "source_hash",
-        "config_hash",
-        "data_hash",
-        "seed",
-        "cpu",
-        "threads",
-    ] {
-        assert!(!written[key].is_null(), "{key}");
-    }
 }

@@ -21,13 +21,13 @@ use crate::config::Method;
 use crate::work::{Shard, Work};
 
 /// What is done together, of methods by their places.
-pub(super) struct Item {
-    pub methods: Vec<usize>,
-    pub split: usize,
+struct Item {
+    methods: Vec<usize>,
+    split: usize,
 }
 
 /// The items of an experiment with so many splits.
-pub(super) fn items(methods: &[Method], splits: usize) -> Result<Vec<Item>> {
+fn items(methods: &[Method], splits: usize) -> Result<Vec<Item>> {
     let mut together = Vec::new();
     for (encoder, members) in by_encoder(methods) {
         if encoder.learns() {

@@ -14,8 +14,7 @@ use super::trials::{self, Planned, TrialSpec};
 use super::{Encodings, Journals, Splits, fit, views};
 use crate::config::{EncoderSpec, Experiment, Looks, Method};
 use crate::data::About;
-use crate::encoder;
-use crate::journal::{Encoding, Journal, Outcome, Stop, TrialKey};
+use crate::journal::{Journal, Outcome, Stop};
 use crate::results::{Costs, PerProperty};
 
 /// Methods that share an encoder.
@@ -55,9 +54,6 @@ impl<'m> Encoded<'_, 'm> {
                 group.look_at_all(self.experiment, source, splits)?;
             }
         }
-        for group in &groups {
-            self.note(&group.encoded(), &mut journals.encodings)?;
-        }
         let selections = self.select(&groups, &mut journals.selections)?;
         let trials = self.fit(source, &mut groups, &selections, journals)?;
         Ok(Fitted {
@@ -90,21 +86,6 @@ impl<'m> Encoded<'_, 'm> {
         let methods = self.methods.iter().enumerate();
         let mut dealt = methods.filter(|(at, _)| !self.dealt.splits_of(*at).is_empty());
         dealt.any(|(_, method)| method.in_hindsight())
-    }
-
-    /// Writes down how long frames took to encode.
-    fn note(&self, encoded: &[(usize, f64)], journal: &mut Journal<Encoding>) -> Result<()> {
-        let encoder = encoder::describe(self.encoder);
-        let encoded = encoded.iter().filter(|(frames, _)| *frames > 0);
-        let noted = encoded.map(|&(frames, seconds)| {
-            Ok(Encoding {
-                key: TrialKey::of(&(&encoder, frames, seconds))?,
-                encoder: encoder.clone(),
-                frames,
-                seconds,
-            })
-        });
-        journal.append(noted.collect::<Result<_>>()?)
     }
 
     /// The codes of the properties, and the rows of the methods.
@@ -166,8 +147,6 @@ impl<'m> Encoded<'_, 'm> {
             let dealt = self.dealt.within(&group.splits);
             let planned = self.planned(group, &dealt, selections)?;
             self.look(source, group, &planned)?;
-            let [_, encoded] = group.encoded();
-            self.note(&[encoded], &mut journals.encodings)?;
             for ((method, planned), all) in self.methods.iter().zip(planned).zip(&mut trials) {
                 let own = self.splits.of_method(method, experiment.seed)?;
                 let specs = trials::keyed(experiment, method, group, &own.all, planned)?;

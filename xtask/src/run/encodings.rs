@@ -99,12 +99,6 @@ impl Encodings {
         })
     }
 
-    /// Frames that were encoded now, and the seconds that took: of surfaces that may be trained on, and
-    /// of the others.
-    pub(crate) fn encoded(&self) -> [(usize, f64); 2] {
-        [self.stage.encoded, self.test.encoded]
-    }
-
     /// Embeddings of these views, given by their places in the tables, of any of the surfaces.
     pub(crate) fn select(
         &self,

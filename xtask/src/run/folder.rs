@@ -7,15 +7,13 @@ use anyhow::{Context, Result, ensure};
 use tracing::warn;
 
 use crate::checksums;
-use crate::files::{create_folder, lock, remove_unfinished, write_atomically};
+use crate::files::{create_folder, is_read_only, lock, remove_unfinished, write_atomically};
 use crate::report;
 
 /// The journal of finished trials.
 pub(crate) const TRIALS: &str = "trials.jsonl";
 /// The journal of selected views.
 pub(crate) const SELECTIONS: &str = "selections.jsonl";
-/// The journal of how long frames took to encode.
-pub(crate) const ENCODINGS: &str = "encodings.jsonl";
 /// The config with its defaults and all that was set.
 pub(crate) const CONFIG: &str = "config.toml";
 const LOCK: &str = "lock";
@@ -23,7 +21,8 @@ const LOCK: &str = "lock";
 /// A locked folder; the lock goes with the process, however that ends.
 pub(crate) struct RunFolder {
     path: PathBuf,
-    _lock: File,
+    /// None where it cannot be written to.
+    _lock: Option<File>,
 }
 
 impl RunFolder {
@@ -41,7 +40,7 @@ impl RunFolder {
         }
         checksums::unseal(path)?;
         remove_unfinished(path)?;
-        for journal in [TRIALS, SELECTIONS, ENCODINGS].map(|name| folder.file(name)) {
+        for journal in [TRIALS, SELECTIONS].map(|name| folder.file(name)) {
             if fresh && journal.exists() {
                 std::fs::remove_file(&journal)
                     .with_context(|| format!("cannot remove {}", journal.display()))?;
@@ -50,15 +49,21 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// Opens the folder of a finished run to render its report again, waiting for a run that is at
-    /// work there.
+    /// Opens the folder of a finished run to look at it, waiting for a run that is at work there. One
+    /// that cannot be written to is not locked.
     pub(crate) fn finished(path: &Path) -> Result<Self> {
         ensure!(
             path.join(CONFIG).exists(),
             "{} is not the folder of a run",
             path.display()
         );
-        let folder = Self::locked(path)?;
+        let folder = match Self::locked(path) {
+            Err(error) if is_read_only(&error) => Self {
+                path: path.to_owned(),
+                _lock: None,
+            },
+            locked => locked?,
+        };
         checksums::ensure_finished(path, &report::INPUTS)?;
         Ok(folder)
     }
@@ -67,7 +72,7 @@ impl RunFolder {
     pub(super) fn locked(path: &Path) -> Result<Self> {
         Ok(Self {
             path: path.to_owned(),
-            _lock: lock(&path.join(LOCK))?,
+            _lock: Some(lock(&path.join(LOCK))?),
         })
     }
 

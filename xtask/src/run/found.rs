@@ -23,7 +23,6 @@ pub(crate) struct Found {
     /// Mean loss of random sets; none where no loss was asked for.
     pub random_loss: Option<f64>,
     /// What it took, with its share of the training of the networks that were asked.
-    #[serde(default)]
     pub seconds: f64,
 }
 
@@ -59,13 +58,6 @@ pub(crate) struct Selections(BTreeMap<(String, Property, usize), Found>);
 impl Selections {
     pub(super) fn insert(&mut self, method: &str, property: Property, rerun: usize, found: Found) {
         self.0.insert((method.to_owned(), property, rerun), found);
-    }
-
-    /// All of a method.
-    pub(super) fn of_method(&self, method: &str) -> impl Iterator<Item = &Found> {
-        let all = self.0.iter();
-        all.filter(move |((id, ..), _)| id == method)
-            .map(|(_, found)| found)
     }
 
     pub(crate) fn get(&self, method: &str, property: &Property, rerun: usize) -> Option<&Found> {

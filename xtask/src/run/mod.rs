@@ -48,7 +48,7 @@ pub(crate) use tables::Tables;
 
 use crate::config::{EncoderSpec, Experiment, Method};
 use crate::data::{self, About, WithSource};
-use crate::journal::{Encoding, Journal, Outcome};
+use crate::journal::{Journal, Outcome};
 use crate::report::{self, predictions};
 use crate::results::Results;
 use encoded::Encoded;
@@ -168,7 +168,6 @@ impl<'m> WithEncoder<'m> for Rows<'_> {
 struct Journals {
     trials: Journal<Outcome>,
     selections: Journal<Found>,
-    encodings: Journal<Encoding>,
 }
 
 impl Journals {
@@ -177,7 +176,6 @@ impl Journals {
         Ok(Self {
             trials: Journal::open(&folder.join(folder::TRIALS))?,
             selections: Journal::open(&folder.join(folder::SELECTIONS))?,
-            encodings: Journal::open(&folder.join(folder::ENCODINGS))?,
         })
     }
 
@@ -186,7 +184,6 @@ impl Journals {
         Ok(Self {
             trials: Journal::look(&folder.join(folder::TRIALS))?,
             selections: Journal::look(&folder.join(folder::SELECTIONS))?,
-            encodings: Journal::look(&folder.join(folder::ENCODINGS))?,
         })
     }
 
@@ -194,14 +191,12 @@ impl Journals {
     fn know(&mut self, others: Self) {
         self.trials.know(others.trials);
         self.selections.know(others.selections);
-        self.encodings.know(others.encodings);
     }
 
     /// Adds what others hold.
     fn adopt(&mut self, others: Self) -> Result<()> {
         self.trials.adopt(others.trials)?;
-        self.selections.adopt(others.selections)?;
-        self.encodings.adopt(others.encodings)
+        self.selections.adopt(others.selections)
     }
 }
 

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context, Result, bail};
 use sps_dataset::{Split, Units};
+use sps_metrics::{Samples, TrainingMean};
 use sps_models::heads::{Plan, Rerun, Trial, Views};
 use sps_models::kernel_ridge::{KernelRidge, SetLosses};
 use sps_viewselect::{LossError, Pooled, Problem, Remembered, Selector, Sets, SharedLoss};
@@ -243,19 +244,14 @@ impl HeldOut<'_> {
             let column = column.context("a property that was not measured")?;
             let reading = |surface: &usize| tables.readings.get(*surface, column);
             let training: Vec<f64> = self.split.train.iter().filter_map(reading).collect();
-            let mean = training.iter().sum::<f64>() / training.len().max(1) as f64;
-            let (mut errors, mut distances) = (0.0, 0.0);
-            for (surface, estimate) in held_out.iter().zip(&estimates.values) {
-                if let Some(truth) = reading(surface) {
-                    errors += (truth - estimate).powi(2);
-                    distances += (truth - mean).powi(2);
-                }
-            }
-            Ok(if distances > 0.0 {
-                errors / distances
-            } else {
-                0.0
-            })
+            let estimated = held_out.iter().zip(&estimates.values);
+            let read =
+                estimated.filter_map(|(surface, estimate)| Some((reading(surface)?, *estimate)));
+            let (truth, estimate): (Vec<f64>, Vec<f64>) = read.unzip();
+            let (truth, estimate) = (&truth[..], &estimate[..]);
+            let r2 = Samples { truth, estimate }.r2(TrainingMean::of(&training)?);
+            // Readings that do not differ from the mean say nothing of the set.
+            Ok(r2.map_or(0.0, |r2| 1.0 - r2.value))
         });
         losses.collect()
     }

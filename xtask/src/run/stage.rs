@@ -27,8 +27,6 @@ pub(crate) struct Stage {
     pub tables: Tables,
     /// Seconds that the encoder was trained for; 0 where it was not.
     pub train_seconds: f64,
-    /// Frames that were encoded now, and the seconds that took.
-    pub encoded: (usize, f64),
     /// Memory that the encoder takes, in bytes.
     pub encoder_bytes: usize,
 }
@@ -115,22 +113,20 @@ impl<'a, S: Source> Stages<'a, S> {
     fn stage(&self, encoder: Network, train_seconds: f64) -> Result<Stage> {
         let embedder = Embedder::new(encoder, self.encoder.resize)?;
         let views = &self.views;
-        let (embeddings, encoded) = self.embedded(&embedder, views)?;
+        let embeddings = self.embedded(&embedder, views)?;
         let properties = self.properties.clone();
         let mut tables = Tables::new(self.source, self.about, views, embeddings, properties)?;
         tables.sequence.clone_from(&self.sequence);
         Ok(Stage {
             encoder_bytes: self.encoder_bytes,
-            encoded,
             embedder,
             tables,
             train_seconds,
         })
     }
 
-    /// Some views of every surface that may be trained on; how many frames were encoded now, and the
-    /// seconds that took.
-    fn embedded(&self, embedder: &Embedder, views: &[usize]) -> Result<(Embeddings, (usize, f64))> {
+    /// Some views of every surface that may be trained on.
+    fn embedded(&self, embedder: &Embedder, views: &[usize]) -> Result<Embeddings> {
         let experiment = self.experiment;
         let (identity, width) = (embedder.identity(), embedder.width());
         let cache = EmbeddingCache::open(&experiment.cache, identity, width, experiment.work)?;
@@ -142,11 +138,7 @@ impl<'a, S: Source> Stages<'a, S> {
             frames.len(),
             embedded.frames_decoded
         );
-        let encoded = (embedded.frames_decoded, embedded.seconds);
-        Ok((
-            embedder.table(&embedded.values, pool, views.len())?,
-            encoded,
-        ))
+        Ok(embedder.table(&embedded.values, pool, views.len())?)
     }
 
     /// The encoder after it was trained on the surfaces `training`, and the seconds that took.
@@ -212,7 +204,7 @@ impl<'a, S: Source> Stages<'a, S> {
             }
         }
         if config.needs_start() {
-            targets.start = Some(self.embedded(embedder, views)?.0);
+            targets.start = Some(self.embedded(embedder, views)?);
         }
         Ok(targets)
     }

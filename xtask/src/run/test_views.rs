@@ -18,8 +18,6 @@ pub(crate) struct TestViews {
     of_view: BTreeMap<usize, Vec<f32>>,
     /// By view and number of surfaces.
     hashes: Mutex<BTreeMap<(usize, usize), blake3::Hash>>,
-    /// Frames that were encoded now, and the seconds that took.
-    pub encoded: (usize, f64),
 }
 
 /// The number of surfaces that each view is looked at of.
@@ -65,7 +63,6 @@ impl TestViews {
         }
         Ok(Self {
             width: embedded.width,
-            encoded: (embedded.frames_decoded, embedded.seconds),
             of_view,
             hashes: Mutex::default(),
         })

@@ -34,7 +34,7 @@ floors = []
 properties = ["fRS", "cDF"]
 [split.random]
 validation = 0.34
-keep-groups = false
+by = "surface"
 [data]
 from = "folder"
 [data.folder]

@@ -10,7 +10,7 @@ mod write;
 use std::path::{Path, PathBuf};
 
 use crate::files::{read_file, text};
-use crate::image::read_frame_file;
+use crate::image::{PHOTOGRAPH_ENDINGS, read_frame_file};
 use crate::table::{TactileRead, read_table};
 use crate::{
     DatasetError, DatasetErrorKind, DecodeSettings, Decoded, Description, Frame, FrameError,
@@ -24,9 +24,6 @@ pub use surfaces::{InvalidSurfaceId, check_surface_id};
 use surfaces::{check_table, read_surfaces};
 pub use twins::NearTwins;
 pub use write::{WriteError, WriteErrorKind, WriteOptions, Written, write_dataset};
-
-/// What a frame's file may end in.
-const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
 
 /// A change of how files become frames must change every frame's key.
 const FRAME_KEY_CONTEXT: &str = "sps-dataset 0.1 frame key";
@@ -134,7 +131,7 @@ impl DatasetFolder {
         }
         let folder = self.folder.join("frames").join(&found.id);
         let name = |extension: &&str| format!("{view:03}.{extension}");
-        let mut files = EXTENSIONS
+        let mut files = PHOTOGRAPH_ENDINGS
             .iter()
             .map(name)
             .filter(|name| folder.join(name).is_file());
@@ -149,7 +146,11 @@ impl DatasetFolder {
                 Err(FrameError::new(&folder, kind))
             }
             (None, _) => {
-                let tried = EXTENSIONS.iter().map(name).collect::<Vec<_>>().join(", ");
+                let tried = PHOTOGRAPH_ENDINGS
+                    .iter()
+                    .map(name)
+                    .collect::<Vec<_>>()
+                    .join(", ");
                 Err(FrameError::new(
                     &folder,
                     FrameErrorKind::Missing { view, tried },

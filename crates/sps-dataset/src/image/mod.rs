@@ -25,6 +25,16 @@ use samples::Samples;
 pub use settings::{DecodeSettings, Limits, NonFinite};
 pub use write::{EncodeError, FrameFormat};
 
+/// What the name of a photograph's file may end in.
+pub const PHOTOGRAPH_ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
+
+/// Which of [`PHOTOGRAPH_ENDINGS`] a file's name ends in, in small or capital letters.
+pub fn photograph_ending(path: &Path) -> Option<&'static str> {
+    let ending = path.extension()?;
+    let mut known = PHOTOGRAPH_ENDINGS.into_iter();
+    known.find(|known| ending.eq_ignore_ascii_case(known))
+}
+
 /// A frame, and what had to be done to its light to show it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoded {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use anyhow::{Context, Result};
 use sps_dataset::Split;
 use sps_estimator::{Fitted, Measured, Predicted, Predictions};
-use sps_metrics::{Moments, PredictionInterval, coverage};
+use sps_metrics::{Moments, Pair, PredictionInterval, ScoreAccumulator, TrainingMean, coverage};
 
 use crate::config::Adaptive;
 use crate::digits::decimals;
@@ -221,14 +221,9 @@ fn line(name: &str, measured: &Measured, decimals: usize) -> Vec<String> {
 /// What was measured of the training surfaces.
 fn training(tables: &Tables, property: &str, training: &[usize]) -> Result<Moments> {
     let column = tables.readings.column(property).context(NOT_MEASURED)?;
-    let mut moments = Moments::new();
-    for reading in training
-        .iter()
-        .filter_map(|&surface| tables.readings.get(surface, column))
-    {
-        moments.push(reading);
-    }
-    Ok(moments)
+    let training = training.iter();
+    let readings = training.filter_map(|&surface| tables.readings.get(surface, column));
+    Ok(readings.collect())
 }
 
 const NOT_MEASURED: &str = "a property that was not measured";
@@ -236,16 +231,14 @@ const NOT_MEASURED: &str = "a property that was not measured";
 /// One property over all splits.
 #[derive(Default)]
 struct HeldOut {
-    readings: usize,
-    /// Squared errors, and squared distances from the training mean, all splits together.
-    errors: f64,
-    distances: f64,
+    /// Of differences from each split's training mean.
+    scores: ScoreAccumulator,
     intervals: Vec<PredictionInterval>,
     /// Of the splits that have intervals.
     truth: Vec<f64>,
     no_interval: Option<String>,
     /// Standard deviations of the training readings, one of each split.
-    deviations: Vec<f64>,
+    deviations: Moments,
 }
 
 impl HeldOut {
@@ -268,9 +261,10 @@ impl HeldOut {
             .collect();
         for (truth, estimate) in truths.iter().zip(&predicted.values) {
             if let Some(truth) = truth {
-                self.readings += 1;
-                self.errors += (truth - estimate).powi(2);
-                self.distances += (truth - mean).powi(2);
+                self.scores.push(Pair {
+                    truth: truth - mean,
+                    estimate: estimate - mean,
+                });
             }
         }
         match &predicted.intervals {
@@ -287,7 +281,7 @@ impl HeldOut {
     }
 
     fn deviation(&self) -> f64 {
-        self.deviations.iter().sum::<f64>() / self.deviations.len().max(1) as f64
+        self.deviations.mean().unwrap_or_default()
     }
 
     fn measured(&self) -> Result<Measured> {
@@ -295,8 +289,12 @@ impl HeldOut {
         let coverage = any.then(|| coverage(&self.intervals, &self.truth));
         let coverage = coverage.transpose()?;
         Ok(Measured {
-            readings: self.readings,
-            r2: (self.distances > 0.0).then(|| 1.0 - self.errors / self.distances),
+            readings: self.scores.samples().unwrap_or_default(),
+            r2: self
+                .scores
+                .r2(TrainingMean::new(0.0)?)
+                .ok()
+                .map(|r2| r2.value),
             coverage: coverage.map(|coverage| coverage.fraction()),
             mean_width: coverage.map(|coverage| coverage.mean_width),
         })

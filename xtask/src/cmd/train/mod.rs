@@ -37,11 +37,19 @@ pub(crate) struct Args {
     /// The folder to write the model to
     #[arg(long, value_name = "MODEL_DIR")]
     out: PathBuf,
+    /// Replace a model that is in the folder
+    #[arg(long)]
+    force: bool,
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
     let experiment = Experiment::read(&args.config, &args.settings)?;
     let out = &args.out;
+    ensure!(
+        args.force || !Estimator::is_in(out),
+        "{} holds a model; `--force` replaces it",
+        out.display()
+    );
     data::with_source(
         &experiment.data,
         Train {
@@ -70,12 +78,6 @@ impl WithSource for Train<'_> {
         );
         keeps_its_views(&method)?;
         println!("{}", which(experiment));
-        if Estimator::is_in(self.out) {
-            warn!(
-                "{} holds a model, which this one replaces",
-                self.out.display()
-            );
-        }
         let splits = Splits::of(experiment, source.surfaces())?;
         let data = (source, &about);
         let views = views::needed(&[&method], source)?;

@@ -79,11 +79,8 @@ impl Manifest {
             config.remove("cache");
         }
         let differing = compare::differing_keys(&there, &here);
-        Ok(differing.first().map(|key| {
-            let value = |value: &Option<String>| value.clone().unwrap_or_else(|| "not set".into());
-            let (there, here) = (value(&key.first), value(&key.second));
-            format!("another config: `{}` is {there}, here {here}", key.key)
-        }))
+        let first = differing.first();
+        Ok(first.map(|first| format!("another config: {first}")))
     }
 
     /// What it is where this is not the data.

@@ -2,11 +2,9 @@
 //! outcomes, as the compiler reads them. Comments, layout and tests decide nothing.
 
 use std::collections::BTreeSet;
-use std::collections::hash_map::DefaultHasher;
 use std::error::Error;
 use std::fmt::Write as _;
 use std::fs;
-use std::hash::{Hash, Hasher};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -14,7 +12,7 @@ use proc_macro2::{Delimiter, Ident, TokenStream, TokenTree};
 
 /// Files, and folders of files, below the root of the repository; of `crates`, what is in
 /// `crates/*/src`.
-pub(crate) const WATCHED: [&str; 10] = [
+pub(crate) const WATCHED: [&str; 11] = [
     "Cargo.lock",
     CRATES,
     "xtask/src/cells.rs",
@@ -22,6 +20,7 @@ pub(crate) const WATCHED: [&str; 10] = [
     "xtask/src/data.rs",
     "xtask/src/embeddings",
     "xtask/src/encoder.rs",
+    "xtask/src/pretraining",
     "xtask/src/run",
     "xtask/src/sequences.rs",
     "xtask/src/training",
@@ -59,14 +58,16 @@ pub(crate) fn hash(root: &Path) -> Result<String, Box<dyn Error>> {
         }
         contents.push((file, content));
     }
-    let mut hasher = DefaultHasher::new();
+    let mut hasher = blake3::Hasher::new();
     for (file, content) in contents {
         let mut within = file.ancestors().map(|path| path.with_extension(""));
         if !within.any(|module| tests.contains(&module)) {
-            (file.strip_prefix(root)?, content).hash(&mut hasher);
+            let name = file.strip_prefix(root)?.as_os_str().as_encoded_bytes();
+            hasher.update(blake3::hash(name).as_bytes());
+            hasher.update(blake3::hash(&content).as_bytes());
         }
     }
-    Ok(format!("{:016x}", hasher.finish()))
+    Ok(hasher.finalize().to_hex()[..16].to_owned())
 }
 
 /// The file at `path`, or all files below it.

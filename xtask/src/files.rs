@@ -3,6 +3,7 @@
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind};
 use std::path::Path;
+use std::time::Duration;
 
 use anyhow::{Context, Error, Result};
 use sps_base::files::write_file;
@@ -14,9 +15,9 @@ pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     write_file(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Removes what writers left in `folder` that were killed; none may be at work there.
-pub(crate) fn remove_unfinished(folder: &Path) -> Result<()> {
-    sps_base::files::remove_unfinished(folder)
+/// Removes what writers left in `folder` that were killed: what was not written to for at least so long.
+pub(crate) fn remove_unfinished(folder: &Path, idle: Duration) -> Result<()> {
+    sps_base::files::remove_unfinished(folder, idle)
         .with_context(|| format!("cannot remove unfinished files from {}", folder.display()))
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, ErrorKind, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -97,22 +97,16 @@ fn check(trial: &str) -> String {
 impl<R: Record> Journal<R> {
     /// Opens or creates the journal at `path` and reads what it holds.
     pub(crate) fn open(path: &Path) -> Result<Self> {
-        let mut file = OpenOptions::new()
+        let file = OpenOptions::new()
             .read(true)
             .append(true)
             .create(true)
             .open(path)
             .with_context(|| format!("cannot open {}", path.display()))?;
-        let (records, is_whole) = read(&file, path)?;
-        if !is_whole {
-            // The next line must not be glued to the half one that a kill left behind.
-            let written = file.write_all(b"\n");
-            written.with_context(|| format!("cannot add to {}", path.display()))?;
-        }
         Ok(Self {
             path: path.to_owned(),
+            records: read(&file, path)?,
             file: Some(file),
-            records,
         })
     }
 
@@ -124,7 +118,7 @@ impl<R: Record> Journal<R> {
     /// What the journal at `path` holds, to look at alone; nothing where there is none.
     pub(crate) fn look(path: &Path) -> Result<Self> {
         let records = match File::open(path) {
-            Ok(file) => read(&file, path)?.0,
+            Ok(file) => read(&file, path)?,
             Err(error) if error.kind() == ErrorKind::NotFound => HashMap::new(),
             Err(error) => {
                 return Err(error).with_context(|| format!("cannot open {}", path.display()));
@@ -159,7 +153,7 @@ impl<R: Record> Journal<R> {
         self.records.get(key)
     }
 
-    /// Adds finished trials; when this returns they are on disk.
+    /// Adds finished trials; when this returns they are on disk. Several processes may add to one file.
     pub(crate) fn append(&mut self, records: Vec<R>) -> Result<()> {
         let mut text = String::new();
         for record in &records {
@@ -174,26 +168,39 @@ impl<R: Record> Journal<R> {
         let failed = || format!("cannot add to {}", self.path.display());
         let file = self.file.as_mut();
         let file = file.context("it is only looked at").with_context(failed)?;
-        let before = file.metadata().with_context(failed)?.len();
-        let written = file.write_all(text.as_bytes());
-        let written = written.and_then(|()| file.sync_data());
-        if written.is_err() {
-            // Or the next line would be glued to what a full disk has left of this one.
-            file.set_len(before).with_context(failed)?;
-        }
-        written.with_context(failed)?;
+        file.lock().with_context(failed)?;
+        let added = add(file, &text);
+        file.unlock().with_context(failed)?;
+        added.with_context(failed)?;
         self.records
             .extend(records.into_iter().map(|r| (r.key().clone(), r)));
         Ok(())
     }
 }
 
-/// The records of a file, and whether its last line is whole.
-fn read<R: Record>(mut file: &File, path: &Path) -> Result<(HashMap<TrialKey, R>, bool)> {
+/// Adds lines to a file that is locked, or nothing.
+fn add(file: &mut File, lines: &str) -> io::Result<()> {
+    let before = file.metadata()?.len();
+    let mut last = [b'\n'];
+    if before > 0 {
+        file.seek(SeekFrom::End(-1))?;
+        file.read_exact(&mut last)?;
+    }
+    // Nothing may be glued to the half line that a kill has left.
+    let between = if last == [b'\n'] { "" } else { "\n" };
+    let written = file.write_all(format!("{between}{lines}").as_bytes());
+    let written = written.and_then(|()| file.sync_data());
+    if written.is_err() {
+        file.set_len(before)?;
+    }
+    written
+}
+
+/// The records of a file.
+fn read<R: Record>(mut file: &File, path: &Path) -> Result<HashMap<TrialKey, R>> {
     let failed = || format!("cannot read {}", path.display());
     let mut records = HashMap::new();
     let mut damaged = Vec::new();
-    let mut ends_with_newline = true;
     let mut bytes = Vec::new();
     file.seek(SeekFrom::Start(0)).with_context(failed)?;
     let mut reader = BufReader::new(file);
@@ -202,7 +209,6 @@ fn read<R: Record>(mut file: &File, path: &Path) -> Result<(HashMap<TrialKey, R>
         if reader.read_until(b'\n', &mut bytes).with_context(failed)? == 0 {
             break;
         }
-        ends_with_newline = bytes.ends_with(b"\n");
         match parse::<R>(&bytes) {
             Some(record) => drop(records.insert(record.key().clone(), record)),
             None => damaged.push(number),
@@ -215,7 +221,7 @@ fn read<R: Record>(mut file: &File, path: &Path) -> Result<(HashMap<TrialKey, R>
             damaged.len()
         );
     }
-    Ok((records, ends_with_newline))
+    Ok(records)
 }
 
 fn parse<R: Record>(bytes: &[u8]) -> Option<R> {
@@ -312,6 +318,26 @@ mod tests {
             let again = Journal::<Outcome>::open(&path).unwrap();
             assert_eq!(again.records.len(), expected + 1, "cut at {cut}");
         }
+    }
+
+    /// Another process writes to the file, and is killed, while this one has it open.
+    #[test]
+    fn two_processes_may_add_to_one_journal() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("selections.jsonl");
+        let [mut one, mut two] = [(); 2].map(|()| Journal::open(&path).unwrap());
+        let mut other = OpenOptions::new().append(true).open(&path).unwrap();
+        other.lock().unwrap();
+        let added = std::thread::spawn(move || one.append(vec![outcome("a", 1.0)]));
+        std::thread::sleep(std::time::Duration::from_millis(100));
+        other.write_all(b"{\"check\":\"0123").unwrap();
+        assert_eq!(fs::read(&path).unwrap().len(), 14, "the lock was not kept");
+        other.unlock().unwrap();
+        added.join().unwrap().unwrap();
+        two.append(vec![outcome("b", 2.0)]).unwrap();
+        let journal = Journal::<Outcome>::open(&path).unwrap();
+        assert_eq!(keys(&journal), ["a", "b"]);
+        assert_eq!(fs::read_to_string(&path).unwrap().lines().count(), 3);
     }
 
     #[test]

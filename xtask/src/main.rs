@@ -31,6 +31,7 @@ mod work;
 
 use std::process::ExitCode;
 
+use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
 use tracing_indicatif::IndicatifLayer;
 use tracing_subscriber::EnvFilter;
@@ -41,6 +42,9 @@ use tracing_subscriber::util::SubscriberInitExt;
 #[derive(Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask", version)]
 struct Cli {
+    /// Threads to use [default: all cores]
+    #[arg(long, value_name = "N", global = true)]
+    threads: Option<usize>,
     #[command(subcommand)]
     command: Command,
 }
@@ -65,7 +69,25 @@ fn main() -> ExitCode {
     end_quietly_on_closed_pipes();
     let cli = Cli::parse();
     log();
-    let outcome = match cli.command {
+    let outcome = start_threads(cli.threads).and_then(|()| dispatch(cli.command));
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Makes the pool that all work is done by, where another number is asked for than it would have.
+fn start_threads(count: Option<usize>) -> Result<()> {
+    let Some(count) = count else { return Ok(()) };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(count);
+    pool.build_global().context("--threads")
+}
+
+fn dispatch(command: Command) -> Result<()> {
+    match command {
         Command::Experiment(args) => cmd::experiment::run(&args),
         Command::Compare(args) => cmd::compare::run(&args),
         Command::Simulate(args) => cmd::simulate::run(&args),
@@ -78,13 +100,6 @@ fn main() -> ExitCode {
         Command::Report(args) => cmd::report::run(&args),
         Command::Docs(args) => cmd::docs::run(&args),
         Command::Bench(args) => cmd::bench::run(&args),
-    };
-    match outcome {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            ExitCode::FAILURE
-        }
     }
 }
 

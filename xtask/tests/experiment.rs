@@ -3,9 +3,8 @@
 mod support;
 
 use std::fs;
-use std::process::{Command, Stdio};
 
-use support::{Scratch, expect, message, method, root, xtask};
+use support::{Scratch, expect, kill, message, method, process, xtask};
 
 #[test]
 fn an_experiment_ends_with_results_and_a_report() {
@@ -88,25 +87,15 @@ fn a_killed_run_ends_as_one_that_was_not() {
     let scratch = Scratch::new();
     scratch.edit("tiny.toml", "epochs = 3", "epochs = 40");
     let journal = scratch.path("run/trials.jsonl");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_xtask"))
-        .current_dir(root())
+    let child = process()
         .arg("experiment")
         .arg(scratch.path("tiny.toml"))
         .arg("--out")
         .arg(scratch.path("run"))
-        .stderr(Stdio::null())
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    // Until the first trials are on disk, or the run is over.
-    while fs::metadata(&journal).map_or(0, |file| file.len()) == 0 {
-        if child.try_wait().unwrap().is_some() {
-            break;
-        }
-        std::thread::yield_now();
-    }
-    let _ = child.kill();
-    child.wait().unwrap();
+        .spawn();
+    // Once the first trials are on disk.
+    let begun = || fs::metadata(&journal).is_ok_and(|file| file.len() > 0);
+    kill(child.unwrap(), begun);
     let begun = fs::read_to_string(&journal).unwrap();
     scratch.experiment().assert().success();
     assert!(fs::read_to_string(&journal).unwrap().starts_with(&begun));
@@ -167,13 +156,8 @@ fn embeddings_are_written_in_the_order_given() {
     let embed = |images: &[&str], threads: &str| {
         let out = scratch.path("out.safetensors");
         let mut command = xtask();
-        command.args([
-            "embed",
-            "--encoder",
-            "efficientnet-lite-body",
-            "--weights",
-            "untrained",
-        ]);
+        let encoder = "embed --encoder efficientnet-lite-body --weights untrained";
+        command.args(encoder.split(' '));
         command.args(["--threads", threads, "--out"]).arg(&out);
         for image in images {
             command.arg(scratch.path(image));
@@ -373,10 +357,9 @@ fn a_method_that_diverges_has_a_reason_and_the_others_go_on() {
 /// Beside the same one that stands on all it was given; a stack says it as well.
 #[test]
 fn a_row_says_that_it_stands_on_fewer_surfaces() {
-    let scratch = Scratch::with(
-        "[[methods]]\nid = \"kernel\"\nlabel = \"Kernel\"\nkind = \"kernel-ridge\"\n\
-         [[methods]]\nid = \"stacked\"\nlabel = \"Stacked\"\nkind = \"stacked\"\n\
-         members = [\"ridge\", \"kernel-ridge\"]\nfolds = 2\n",
+    let scratch = Scratch::with_methods(
+        "kernel | Kernel | kernel-ridge\n\
+         stacked | Stacked | stacked | members = ['ridge', 'kernel-ridge']; folds = 2",
     );
     let said = |at_most: &str| {
         let setting = format!("kernel-ridge.at-most={at_most}");

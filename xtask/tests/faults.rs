@@ -11,36 +11,21 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ExitStatus};
 use std::time::{Duration, Instant, SystemTime};
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 use serde_json::Value;
-use support::{Mounted, Scratch, copy, root};
+use support::{Mounted, Scratch, copy, process};
 
 /// One method that selects its views, and one whose encoder is trained, through heads of two views.
-const METHODS: &str = r#"
-[[methods]]
-id = "nvs"
-label = "NVS"
-kind = "head"
-views = 2
-selector = { kind = "nvs", evaluations = 200 }
-[[methods]]
-id = "fine-tuned"
-label = "Fine-tuned"
-kind = "ridge"
-[methods.encoder]
-trainable = true
-[methods.encoder.training]
-epochs = 2
-batch-size = 4
-[methods.encoder.training.objective]
-kind = "heads"
-input = { kind = "late-fusion", views = 2 }
-model = { kind = "cross-modal", adversarial = {} }
-"#;
+const METHODS: &str = "\
+nvs | NVS | head | views = 2; selector = { kind = 'nvs', evaluations = 200 }
+fine-tuned | Fine-tuned | ridge | encoder = { trainable = true, training = { epochs = 2, \
+    batch-size = 4, objective = { kind = 'heads', input = { kind = 'late-fusion', views = 2 }, \
+    model = { kind = 'cross-modal', adversarial = {} } } } }
+";
 
 const JOURNALS: [&str; 2] = ["trials.jsonl", "selections.jsonl"];
 
@@ -140,7 +125,7 @@ struct Ended {
 impl Faults {
     fn new() -> Self {
         let mut faults = Self {
-            scratch: Scratch::with(METHODS),
+            scratch: Scratch::with_methods(METHODS),
             expected: Value::Null,
             takes: Duration::ZERO,
             random: ChaCha8Rng::seed_from_u64(0),
@@ -172,15 +157,12 @@ impl Faults {
     fn start_with(&mut self, run: &str, arguments: &[&str]) -> Run {
         self.summary.runs += 1;
         let log = self.path(&format!("{}.log", self.summary.runs));
-        let child = Command::new(env!("CARGO_BIN_EXE_xtask"))
-            .current_dir(root())
-            .env_remove("RUST_LOG")
+        let child = process()
             .arg("experiment")
             .arg(self.path("tiny.toml"))
             .arg("--out")
             .arg(self.path(run))
             .args(arguments)
-            .stdout(Stdio::null())
             .stderr(File::create(&log).expect("a log"))
             .spawn()
             .expect("a run");

@@ -58,14 +58,25 @@ impl Photographs {
     fn text(&self, name: &str) -> String {
         fs::read_to_string(self.dataset().join(name)).unwrap()
     }
-}
 
-/// What `inspect` says of a dataset.
-fn inspected(dataset: &Path, figures: &Path) -> Value {
-    let mut command = xtask();
-    command.arg("inspect").arg(dataset).arg("--json");
-    let output = command.arg("--out").arg(figures).assert().success();
-    serde_json::from_slice(&output.get_output().stdout).unwrap()
+    /// What `inspect` says of a dataset.
+    fn inspected(&self, dataset: &Path) -> Value {
+        let mut command = xtask();
+        command.arg("inspect").arg(dataset).arg("--json");
+        command.arg("--out").arg(self.folder.path().join("figures"));
+        let output = command.assert().success();
+        serde_json::from_slice(&output.get_output().stdout).unwrap()
+    }
+
+    /// Nothing but the name of their dataset is another than that of `dataset`.
+    fn ensure_are(&self, dataset: &Path) {
+        let [mut found, mut expected] =
+            [&*self.dataset(), dataset].map(|dataset| self.inspected(dataset));
+        for inspection in [&mut found, &mut expected] {
+            inspection["name"].take();
+        }
+        assert_eq!(found, expected);
+    }
 }
 
 /// What is hidden, or no photograph, is not looked at where a folder is a class.
@@ -97,10 +108,7 @@ fn folders_by_class() {
     let copied = fs::read(photographs.dataset().join("frames/oak-1/000.jpg")).unwrap();
     let own = root().join("fixtures/tiny-dataset/frames/oak-01/002.jpg");
     assert!(copied == fs::read(own).unwrap());
-    let found = inspected(
-        &photographs.dataset(),
-        &photographs.folder.path().join("figures"),
-    );
+    let found = photographs.inspected(&photographs.dataset());
     assert_eq!(found["surfaces"], 3);
     assert_eq!(found["groups"], 2);
 
@@ -117,10 +125,7 @@ fn photographs_of_a_table() {
         photographs.text("surfaces.csv"),
         "surface,material,group\ndenim-b,denim,bolt 7\noak-1,unknown,oak-1\n"
     );
-    let found = inspected(
-        &photographs.dataset(),
-        &photographs.folder.path().join("figures"),
-    );
+    let found = photographs.inspected(&photographs.dataset());
     assert_eq!(found["properties"][0]["quantiles"][2], 10.0);
     let manifest = photographs.text("dataset.toml");
     for assumed in ["without a material", "without a group", "straight down"] {
@@ -243,11 +248,5 @@ fn friction_photographs_taken_apart() {
     fs::write(folder.path().join("values.csv"), table).unwrap();
     let photographs = Photographs { folder };
     photographs.import().success();
-    let figures = photographs.folder.path().join("figures");
-    let [mut found, mut expected] =
-        [photographs.dataset(), dataset].map(|dataset| inspected(&dataset, &figures));
-    for inspection in [&mut found, &mut expected] {
-        inspection["name"].take();
-    }
-    assert_eq!(found, expected);
+    photographs.ensure_are(&dataset);
 }

@@ -6,84 +6,25 @@ use std::fs;
 
 use support::{Scratch, expect, message, method};
 
-const METHODS: &str = r#"
-[[methods]]
-id = "all"
-label = "All"
-kind = "head"
-views = "all"
-[[methods]]
-id = "i3d"
-label = "I3D"
-kind = "head"
-encoder = { name = "i3d", weights = "untrained", frames = 3, resize = 16 }
-[[methods]]
-id = "i3d-trained"
-label = "I3D, trained"
-kind = "head"
-[methods.encoder]
-name = "i3d"
-weights = "untrained"
-frames = 3
-resize = 16
-trainable = true
-training = { epochs = 1, batch-size = 8 }
-[[methods]]
-id = "pooling"
-label = "Pooling"
-kind = "head"
-views = "all"
-head.input = { kind = "view-pooling" }
-[[methods]]
-id = "random"
-label = "Random"
-kind = "head"
-views = 2
-distinct = true
-selector = { kind = "random" }
-[[methods]]
-id = "nvs"
-label = "NVS"
-kind = "head"
-views = 2
-distinct = true
-selector = { kind = "nvs", evaluations = 200 }
-[[methods]]
-id = "vb-nvs"
-label = "VB-NVS"
-kind = "head"
-views = 2
-distinct = true
-selector = { kind = "vb-nvs", evaluations = 200, search = { rounds = 2, shortlist = 5 } }
-[[methods]]
-id = "greedy"
-label = "Greedy"
-kind = "head"
-views = 2
-distinct = true
-selector = { kind = "greedy" }
-[[methods]]
-id = "exhaustive"
-label = "Exhaustive"
-kind = "head"
-views = 2
-distinct = true
-selector = { kind = "exhaustive" }
-[[methods]]
-id = "trn"
-label = "TRN"
-kind = "head"
-relations = { scales = [1, 2], per-scale = 2, test-draws = 2 }
-[[methods]]
-id = "equidistant-ridge"
-label = "Ridge of two"
-kind = "ridge"
-views = 2
-"#;
+const METHODS: &str = "\
+all | All | head | views = 'all'
+i3d | I3D | head | encoder = { name = 'i3d', weights = 'untrained', frames = 3, resize = 16 }
+i3d-trained | I3D, trained | head | encoder = { name = 'i3d', weights = 'untrained', frames = 3, resize = 16, \
+    trainable = true, training = { epochs = 1, batch-size = 8 } }
+pooling | Pooling | head | views = 'all'; head.input = { kind = 'view-pooling' }
+random | Random | head | views = 2; distinct = true; selector = { kind = 'random' }
+nvs | NVS | head | views = 2; distinct = true; selector = { kind = 'nvs', evaluations = 200 }
+vb-nvs | VB-NVS | head | views = 2; distinct = true; selector = { kind = 'vb-nvs', evaluations = 200, \
+    search = { rounds = 2, shortlist = 5 } }
+greedy | Greedy | head | views = 2; distinct = true; selector = { kind = 'greedy' }
+exhaustive | Exhaustive | head | views = 2; distinct = true; selector = { kind = 'exhaustive' }
+trn | TRN | head | relations = { scales = [1, 2], per-scale = 2, test-draws = 2 }
+equidistant-ridge | Ridge of two | ridge | views = 2
+";
 
 #[test]
 fn a_method_decodes_the_views_that_it_looks_at_and_no_other() {
-    let scratch = Scratch::with(METHODS);
+    let scratch = Scratch::with_methods(METHODS);
     scratch.experiment().assert().success();
     let results = scratch.results();
     let views = results["dataset"]["views"].as_f64().unwrap();
@@ -113,7 +54,7 @@ fn a_method_decodes_the_views_that_it_looks_at_and_no_other() {
 
 #[test]
 fn no_selector_is_better_than_the_exhaustive_one() {
-    let scratch = Scratch::with(METHODS);
+    let scratch = Scratch::with_methods(METHODS);
     scratch.experiment().assert().success();
     let results = scratch.results();
     for property in ["fRS", "cDF"] {
@@ -137,9 +78,9 @@ fn no_selector_is_better_than_the_exhaustive_one() {
 
 #[test]
 fn methods_at_nadir_say_the_same_beside_others() {
-    let alone = Scratch::with("");
+    let alone = Scratch::with_methods("");
     alone.experiment().assert().success();
-    let beside = Scratch::with(METHODS);
+    let beside = Scratch::with_methods(METHODS);
     beside.experiment().assert().success();
     let (alone, beside) = (alone.results(), beside.results());
     for id in ["ridge", "cross-modal"] {
@@ -151,7 +92,7 @@ fn methods_at_nadir_say_the_same_beside_others() {
 
 #[test]
 fn the_number_of_threads_changes_no_pick() {
-    let scratch = Scratch::with(METHODS);
+    let scratch = Scratch::with_methods(METHODS);
     let run = |threads: &str| {
         let mut command = scratch.experiment();
         command.arg("--fresh").env("RAYON_NUM_THREADS", threads);
@@ -163,7 +104,7 @@ fn the_number_of_threads_changes_no_pick() {
 
 #[test]
 fn selections_that_were_made_are_not_made_again() {
-    let scratch = Scratch::with(METHODS);
+    let scratch = Scratch::with_methods(METHODS);
     scratch.experiment().assert().success();
     let (path, results) = (scratch.path("run/selections.jsonl"), scratch.results());
     let whole = fs::read(&path).unwrap();
@@ -178,8 +119,8 @@ fn selections_that_were_made_are_not_made_again() {
     let lines = fs::read_to_string(&path).unwrap().lines().count();
     scratch.edit(
         "tiny.toml",
-        "\"nvs\", evaluations = 200",
-        "\"nvs\", evaluations = 100",
+        "'nvs', evaluations = 200",
+        "'nvs', evaluations = 100",
     );
     scratch.experiment().assert().success();
     let after = fs::read_to_string(&path).unwrap().lines().count();
@@ -188,8 +129,7 @@ fn selections_that_were_made_are_not_made_again() {
 
 #[test]
 fn fixed_views_alone_are_embedded_alone() {
-    let ridge = METHODS.rfind("[[methods]]").unwrap();
-    let scratch = Scratch::with(&METHODS[ridge..]);
+    let scratch = Scratch::with_methods(METHODS.lines().last().unwrap());
     let run = scratch.experiment().assert().success();
     let log = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
     let surfaces = scratch.results()["dataset"]["surfaces"].as_u64().unwrap();
@@ -209,27 +149,12 @@ fn more_views_than_there_are_are_refused_by_the_name_of_the_method() {
 /// Angles of 0, 15, 30, 45 and 60 degrees: the middle view is not the one straight down.
 #[test]
 fn straight_down_is_where_the_angle_is_nearest_to_0() {
-    let scratch = Scratch::with(
-        r#"
-[[methods]]
-id = "one"
-label = "One"
-kind = "ridge"
-selector = { kind = "nadir" }
-[[methods]]
-id = "two"
-label = "Two"
-kind = "head"
-views = 2
-selector = { kind = "nadir" }
-[[methods]]
-id = "neighbours"
-label = "Neighbours"
-kind = "ridge"
-views = 3
-distinct = true
-selector = { kind = "nadir" }
-"#,
+    let scratch = Scratch::with_methods(
+        "\
+one | One | ridge | selector = { kind = 'nadir' }
+two | Two | head | views = 2; selector = { kind = 'nadir' }
+neighbours | Neighbours | ridge | views = 3; distinct = true; selector = { kind = 'nadir' }
+",
     );
     let angles = ["from = -45.0, to = 45.0", "from = 0.0, to = 60.0"];
     scratch.edit("data/dataset.toml", angles[0], angles[1]);

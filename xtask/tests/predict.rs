@@ -24,13 +24,26 @@ fn fitted(more: &[&str]) -> Scratch {
     fitted_in(Scratch::new(), more)
 }
 
+/// Has half of the surfaces calibrate intervals at a level of a half.
+fn calibrates(scratch: &Scratch) {
+    let set = "[train]\ncalibration = 0.5\nlevel = 0.5\n[cache]";
+    scratch.edit("tiny.toml", "[cache]", set);
+}
+
+/// A scratch folder whose dataset is simulated.
+fn simulated(options: &str) -> Scratch {
+    let scratch = Scratch::new();
+    let data = scratch.path("data");
+    fs::remove_dir_all(&data).unwrap();
+    let mut simulate = xtask();
+    simulate.arg("simulate").args(options.split(' '));
+    simulate.arg("--out").arg(&data).assert().success();
+    scratch
+}
+
 /// The same in a folder whose dataset may be another.
 fn fitted_in(scratch: Scratch, more: &[&str]) -> Scratch {
-    scratch.edit(
-        "tiny.toml",
-        "[cache]",
-        "[train]\ncalibration = 0.5\nlevel = 0.5\n[cache]",
-    );
+    calibrates(&scratch);
     scratch.edit("tiny.toml", "validation = 0.34", "validation = 0.2");
     train(&scratch, more).assert().success();
     scratch
@@ -207,25 +220,7 @@ fn a_model_of_several_views_says_what_an_experiment_does() {
 
 #[test]
 fn so_does_one_of_simulated_surfaces() {
-    let scratch = Scratch::new();
-    let data = scratch.path("data");
-    fs::remove_dir_all(&data).unwrap();
-    let mut simulate = xtask();
-    simulate.args([
-        "simulate",
-        "--surfaces",
-        "20",
-        "--views",
-        "5",
-        "--size",
-        "48",
-    ]);
-    simulate
-        .args(["--seed", "7", "--out"])
-        .arg(&data)
-        .assert()
-        .success();
-    three_views_say_what_a_ridge_does(scratch);
+    three_views_say_what_a_ridge_does(simulated("--surfaces 20 --views 5 --size 48 --seed 7"));
 }
 
 fn three_views_say_what_a_ridge_does(scratch: Scratch) {
@@ -407,21 +402,8 @@ fn a_trained_encoder_that_has_seen_too_much_has_no_p_value() {
 /// Twenty surfaces calibrate, and photographs are held against them as the trained encoder sees them.
 #[test]
 fn a_photograph_is_held_against_what_a_trained_encoder_has_not_seen() {
-    let scratch = Scratch::new();
+    let scratch = simulated("--surfaces 40 --views 1 --size 32 --seed 7");
     let data = scratch.path("data");
-    fs::remove_dir_all(&data).unwrap();
-    let mut simulate = xtask();
-    simulate.args([
-        "simulate",
-        "--surfaces",
-        "40",
-        "--views",
-        "1",
-        "--size",
-        "32",
-    ]);
-    simulate.args(["--seed", "7", "--out"]).arg(&data);
-    simulate.assert().success();
     let scratch = fitted_in(scratch, &[TRAINED, "properties=[\"fRS\"]"]);
     let model = Estimator::load(&scratch.path("model")).unwrap();
     assert_eq!(model.fitted().no_familiar(), None);
@@ -611,11 +593,7 @@ fn people_read_as_many_digits_as_the_readings_have() {
 #[test]
 fn train_says_what_it_fits_and_what_its_numbers_mean() {
     let scratch = Scratch::new();
-    scratch.edit(
-        "tiny.toml",
-        "[cache]",
-        "[train]\ncalibration = 0.5\nlevel = 0.5\n[cache]",
-    );
+    calibrates(&scratch);
     let train = |more: &[&str]| {
         let mut train = xtask();
         train.arg("train").arg(scratch.path("tiny.toml")).args(more);

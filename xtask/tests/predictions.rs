@@ -10,20 +10,13 @@ use serde_json::Value;
 use support::{Scratch, expect, message, method, results_without_timings, xtask};
 
 /// A method whose estimates are those of the file, beside ridge regression, whose may be copied there.
-const METHODS: &str = r#"
-[[methods]]
-id = "ours"
-label = "Ours"
-kind = "ridge"
-[[methods]]
-id = "gpt"
-label = "GPT"
-kind = "predictions"
-file = "FILE"
-"#;
+const METHODS: &str = "\
+ours | Ours | ridge
+gpt | GPT | predictions | file = 'FILE'
+";
 
 fn scratch() -> Scratch {
-    let scratch = Scratch::with(METHODS);
+    let scratch = Scratch::with_methods(METHODS);
     let file = scratch.path("estimates.csv").display().to_string();
     scratch.edit("tiny.toml", "FILE", &file);
     // So that both are compared with another.
@@ -65,19 +58,10 @@ fn ensure_same(results: &Value) {
         ours.keys().collect::<Vec<_>>(),
         gpt.keys().collect::<Vec<_>>()
     );
-    let others = [
-        "id",
-        "label",
-        "kind",
-        "encoder",
-        "precision",
-        "frames_decoded_per_surface",
-        "frames_encoded_per_surface",
-        "multiply_adds_per_surface",
-        "selected_views",
-    ];
+    let others = "id label kind encoder precision \
+        frames_decoded_per_surface frames_encoded_per_surface multiply_adds_per_surface selected_views";
     for (key, value) in ours {
-        if !others.contains(&key.as_str()) {
+        if !others.split(' ').any(|other| other == key) {
             assert_eq!(value, &gpt[key], "{key}");
         }
     }
@@ -386,7 +370,7 @@ fn a_file_is_of_this_kind_of_method_alone_and_nothing_is_fitted_to_it() {
         ],
     );
     let file = scratch.path("estimates.csv").display().to_string();
-    scratch.edit("tiny.toml", &format!("file = \"{file}\"\n"), "");
+    scratch.edit("tiny.toml", &format!("file = '{file}'\n"), "");
     expect(
         &message(scratch.experiment().assert()),
         &["`methods.3.file`", "method `gpt` needs a CSV"],

@@ -4,9 +4,9 @@ mod support;
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
-use support::{Mounted, Scratch, expect, message, root, xtask};
+use support::{Mounted, Scratch, expect, message, process, root, xtask};
 
 fn report(scratch: &Scratch) -> assert_cmd::Command {
     let mut command = xtask();
@@ -21,12 +21,9 @@ fn a_report_waits_for_the_run_in_its_folder() {
     let lock = File::options().append(true).open(scratch.path("run/lock"));
     let lock = lock.unwrap();
     lock.lock().unwrap();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_xtask"))
-        .current_dir(root())
-        .env_remove("RUST_LOG")
+    let mut child = process()
         .arg("report")
         .arg(scratch.path("run"))
-        .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
@@ -84,14 +81,8 @@ fn what_a_run_did_not_write_is_neither_sealed_nor_reported() {
         assert!(tables.count() >= 10);
         names.retain(|name| !name.starts_with("figures/") && !name.starts_with("tables/"));
         names.sort_unstable();
-        let written = [
-            "config.toml",
-            "predictions.csv",
-            "report.html",
-            "report.md",
-            "results.json",
-        ];
-        assert_eq!(names, written);
+        let written = "config.toml predictions.csv report.html report.md results.json";
+        assert_eq!(names.join(" "), written);
         leave_old();
     }
 }
@@ -104,16 +95,7 @@ fn every_table_is_there_for_programs_and_for_papers() {
     scratch.experiment().assert().success();
     let read = |name: &str| fs::read_to_string(scratch.path("run").join(name)).unwrap();
     let page = read("report.md");
-    let names = [
-        "means",
-        "r2",
-        "percent-error",
-        "mae",
-        "mae-over-std",
-        "spearman",
-        "costs",
-    ];
-    for name in names {
+    for name in "means r2 percent-error mae mae-over-std spearman costs".split(' ') {
         let mut csv = csv::Reader::from_path(scratch.path(&format!("run/tables/{name}.csv")));
         let csv = csv.as_mut().unwrap();
         let records = csv.records().map(Result::unwrap);

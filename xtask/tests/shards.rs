@@ -5,43 +5,20 @@ mod support;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 
 use serde_json::Value;
-use support::{Scratch, expect, message, results_without_timings, root};
+use support::{Scratch, expect, kill, message, process, results_without_timings};
 
 /// Methods that ask the same networks, one that asks refits, and two on an encoder that is trained.
-const METHODS: &str = r#"
-[[methods]]
-id = "nvs"
-label = "NVS"
-kind = "head"
-views = 2
-selector = { kind = "nvs", evaluations = 200 }
-[[methods]]
-id = "exhaustive"
-label = "Exhaustive"
-kind = "head"
-views = 2
-selector = { kind = "exhaustive" }
-[[methods]]
-id = "refit"
-label = "Refit"
-kind = "kernel-ridge"
-views = 2
-selector = { kind = "greedy" }
-refit = {}
-[[methods]]
-id = "fine-tuned"
-label = "Fine-tuned"
-kind = "ridge"
-encoder = { trainable = true, training = { epochs = 2, batch-size = 4 } }
-[[methods]]
-id = "fine-tuned-kernel"
-label = "Fine-tuned, kernel"
-kind = "kernel-ridge"
-encoder = { trainable = true, training = { epochs = 2, batch-size = 4 } }
-"#;
+const METHODS: &str = "\
+nvs | NVS | head | views = 2; selector = { kind = 'nvs', evaluations = 200 }
+exhaustive | Exhaustive | head | views = 2; selector = { kind = 'exhaustive' }
+refit | Refit | kernel-ridge | views = 2; selector = { kind = 'greedy' }; refit = {}
+fine-tuned | Fine-tuned | ridge | encoder = { trainable = true, training = { epochs = 2, batch-size = 4 } }
+fine-tuned-kernel | Fine-tuned, kernel | kernel-ridge | \
+    encoder = { trainable = true, training = { epochs = 2, batch-size = 4 } }
+";
 
 /// A shard of the run in the folder of this name.
 fn shard(scratch: &Scratch, run: &str, shard: &str) -> assert_cmd::Command {
@@ -61,15 +38,12 @@ fn merge(scratch: &Scratch, to: &str, runs: &[&str]) -> assert_cmd::Command {
 
 /// Starts a shard of the run in `run`, with its log in a file.
 fn start(scratch: &Scratch, shard: &str, log: &str) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_xtask"))
-        .current_dir(root())
-        .env_remove("RUST_LOG")
+    process()
         .arg("experiment")
         .arg(scratch.path("tiny.toml"))
         .arg("--out")
         .arg(scratch.path("run"))
         .args(["--shard", shard])
-        .stdout(Stdio::null())
         .stderr(fs::File::create(scratch.path(log)).unwrap())
         .spawn()
         .unwrap()
@@ -95,7 +69,7 @@ fn keys(journal: &Path) -> Vec<String> {
 
 #[test]
 fn shards_come_to_what_one_run_does() {
-    let scratch = Scratch::with(METHODS);
+    let scratch = Scratch::with_methods(METHODS);
     scratch.experiment().assert().success();
     let expected = results(&scratch.path("run"));
     let all = keys(&scratch.path("run/trials.jsonl"));
@@ -142,7 +116,7 @@ fn more_shards_than_items_leave_some_without_work() {
 
 #[test]
 fn shards_at_once_share_one_cache() {
-    let scratch = Scratch::with(METHODS);
+    let scratch = Scratch::with_methods(METHODS);
     scratch.experiment().assert().success();
     let expected = results(&scratch.path("run"));
     fs::remove_dir_all(scratch.path("run")).unwrap();
@@ -171,16 +145,11 @@ fn a_shard_that_was_killed_is_run_again_alone() {
     fs::remove_dir_all(scratch.path("run")).unwrap();
     shard(&scratch, "run", "1/2").assert().success();
     let journal = scratch.path("run/shards/2-of-2/trials.jsonl");
-    let mut child = start(&scratch, "2/2", "killed.log");
-    // Until the first trials are on disk, or the shard is over.
-    while fs::metadata(&journal).map_or(0, |file| file.len()) == 0 {
-        if child.try_wait().unwrap().is_some() {
-            break;
-        }
-        std::thread::yield_now();
-    }
-    let _ = child.kill();
-    let killed = child.wait().unwrap().code().is_none();
+    let child = start(&scratch, "2/2", "killed.log");
+    // Once the first trials are on disk.
+    let killed = kill(child, || {
+        fs::metadata(&journal).is_ok_and(|file| file.len() > 0)
+    });
     let begun = fs::read_to_string(&journal).unwrap();
     if killed {
         let refused = message(merge(&scratch, "run", &["run"]).assert());
@@ -209,7 +178,7 @@ fn two_of_one_number_wait_for_one_another() {
 
 #[test]
 fn shards_in_folders_of_their_own_with_caches_of_their_own_are_merged() {
-    let scratch = Scratch::with(METHODS);
+    let scratch = Scratch::with_methods(METHODS);
     scratch.experiment().assert().success();
     let expected = results(&scratch.path("run"));
     for (number, run) in [(1, "here"), (2, "there")] {
@@ -318,7 +287,7 @@ fn line(said: &str, first: &str) -> Vec<String> {
 
 #[test]
 fn a_dry_run_counts_and_writes_nothing() {
-    let scratch = Scratch::with(METHODS);
+    let scratch = Scratch::with_methods(METHODS);
     let before = said(&mut scratch.experiment());
     assert!(!scratch.path("run").exists() && !scratch.path("cache").exists());
     assert_eq!(line(&before, "ridge"), ["0", "4"], "{before}");

@@ -6,25 +6,21 @@ use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{self, Stdio};
 
 use assert_cmd::Command;
+use assert_cmd::assert::Assert;
 use serde_json::Value;
 use sps_dataset::{DecodeSettings, read_image};
-use support::{Mounted, Scratch, expect, message, results_without_timings, root, xtask};
+use support::{Mounted, Scratch, expect, kill, message, process, results_without_timings, xtask};
 
 /// Eight surfaces of four small views.
-const SMALL: [&str; 9] = [
-    "simulate",
-    "--surfaces",
-    "8",
-    "--views",
-    "4",
-    "--size",
-    "48",
-    "--seed",
-    "5",
-];
+const SMALL: &str = "simulate --surfaces 8 --views 4 --size 48 --seed 5";
+
+fn small(out: &Path) -> Assert {
+    let mut simulate = xtask();
+    simulate.args(SMALL.split(' ')).arg("--out").arg(out);
+    simulate.assert()
+}
 
 /// Every file below a folder with its content.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
@@ -57,40 +53,17 @@ fn finished(folder: &Path) -> Vec<PathBuf> {
 fn a_killed_run_goes_on_and_gives_the_files_of_one_that_was_not() {
     let scratch = Scratch::new();
     let (whole, cut) = (scratch.path("whole"), scratch.path("cut"));
-    xtask()
-        .args(SMALL)
-        .arg("--out")
-        .arg(&whole)
-        .assert()
-        .success();
-    let mut child = process::Command::new(env!("CARGO_BIN_EXE_xtask"))
-        .current_dir(root())
-        .args(SMALL)
-        .arg("--out")
-        .arg(&cut)
-        .env("RAYON_NUM_THREADS", "1")
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    // Until the first surface is whole, or the run is over.
-    while finished(&cut).is_empty() {
-        if child.try_wait().unwrap().is_some() {
-            break;
-        }
-        std::thread::yield_now();
-    }
-    let _ = child.kill();
-    child.wait().unwrap();
+    small(&whole).success();
+    let mut child = process();
+    child.args(SMALL.split(' ')).arg("--out").arg(&cut);
+    let child = child.args(["--threads", "1"]).spawn().unwrap();
+    // Once the first surface is whole.
+    kill(child, || !finished(&cut).is_empty());
     let begun = finished(&cut);
     for surface in &begun {
         assert_eq!(fs::read_dir(surface).unwrap().count(), 4);
     }
-    let again = xtask()
-        .args(SMALL)
-        .arg("--out")
-        .arg(&cut)
-        .assert()
-        .success();
+    let again = small(&cut).success();
     let log = String::from_utf8_lossy(&again.get_output().stderr).into_owned();
     if begun.len() < 8 {
         assert!(!log.contains(" 0 were there"), "{log}");
@@ -106,7 +79,7 @@ fn a_full_disk_ends_with_one_message_and_whole_surfaces_only() {
         return;
     };
     let out = data.join("set");
-    let text = message(xtask().args(SMALL).arg("--out").arg(&out).assert());
+    let text = message(small(&out));
     expect(&text, &["disk/set", "no space is left"]);
     assert_eq!(text.lines().count(), 1, "{text}");
     assert!(!out.join("dataset.toml").exists());
@@ -118,19 +91,9 @@ fn a_full_disk_ends_with_one_message_and_whole_surfaces_only() {
         }
     }
     mounted.remount("size=10m");
-    xtask()
-        .args(SMALL)
-        .arg("--out")
-        .arg(&out)
-        .assert()
-        .success();
+    small(&out).success();
     let straight = scratch.path("straight");
-    xtask()
-        .args(SMALL)
-        .arg("--out")
-        .arg(&straight)
-        .assert()
-        .success();
+    small(&straight).success();
     assert_eq!(files(&out), files(&straight));
 }
 
@@ -219,19 +182,9 @@ fn inspect_reads_a_dataset_by_the_settings_of_a_config() {
 fn a_simulated_dataset_reads_back_as_it_was_simulated() {
     let scratch = Scratch::new();
     let data = scratch.path("simulated");
+    let simulate = "simulate --surfaces 6 --views 3 --size 32 --seed 5 --format png --out";
     xtask()
-        .args([
-            "simulate",
-            "--surfaces",
-            "6",
-            "--views",
-            "3",
-            "--size",
-            "32",
-            "--seed",
-            "5",
-        ])
-        .args(["--format", "png", "--out"])
+        .args(simulate.split(' '))
         .arg(&data)
         .assert()
         .success();

@@ -41,6 +41,7 @@ impl Repository {
         }
         repository.write("crates/a/tests/all.rs", "1");
         repository.write("xtask/src/embeddings/embedder.rs", "FilterType::Triangle");
+        repository.write("xtask/src/pretraining/world.rs", "FilterType::Triangle");
         repository
     }
 
@@ -120,8 +121,10 @@ fn what_is_compiled_decides() {
             "{name}"
         );
     }
-    let resize = "xtask/src/embeddings/embedder.rs";
-    assert!(repository.matters(resize, "Triangle", "Lanczos3"));
+    for name in ["embeddings/embedder.rs", "pretraining/world.rs"] {
+        let name = format!("xtask/src/{name}");
+        assert!(repository.matters(&name, "Triangle", "Lanczos3"), "{name}");
+    }
     repository.write("Cargo.lock", "[package]");
     assert_ne!(repository.hash(), Repository::new().hash());
 }

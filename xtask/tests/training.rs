@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use candle_core::Tensor;
 use serde_json::Value;
 use sps_models::weights::Weights;
-use support::{Scratch, results_without_timings, root, xtask};
+use support::{Scratch, kill, results_without_timings, root, xtask};
 
 const PRETRAIN: &str = "
 views-per-surface = 2
@@ -49,13 +49,9 @@ fn pretraining_that_was_killed_ends_with_the_same_weights() {
     assert!(pretrain(&through, "").status().unwrap().success());
     let expected = fs::read(through.join("weights.safetensors")).unwrap();
 
-    let mut child = pretrain(&killed, "").spawn().unwrap();
+    let child = pretrain(&killed, "").spawn().unwrap();
     let begun = || record(&killed).is_some_and(|folder| folder.join("state.safetensors").exists());
-    while !begun() && child.try_wait().unwrap().is_none() {
-        std::thread::yield_now();
-    }
-    child.kill().unwrap();
-    child.wait().unwrap();
+    kill(child, begun);
     assert!(pretrain(&killed, "").status().unwrap().success());
     assert!(fs::read(killed.join("weights.safetensors")).unwrap() == expected);
 
@@ -171,6 +167,16 @@ fn an_encoder_learns_patterns_and_what_a_teacher_sees() {
     let (other, kept) = weights("a", &taught(3.0, 48, 6), "3");
     assert_eq!(kept, 1);
     assert!(first != other);
+    // Damaged, they are made again.
+    let entries = fs::read_dir(scratch.path().join("a/runs/small")).unwrap();
+    let mut paths = entries.map(|entry| entry.unwrap().path());
+    let kept = paths.find(|path| path.extension().is_some_and(|e| e == "safetensors"));
+    let kept = kept.unwrap();
+    let mut bytes = fs::read(&kept).unwrap();
+    *bytes.last_mut().unwrap() ^= 0x80;
+    fs::write(&kept, bytes).unwrap();
+    let [again, whole] = ["a", "b"].map(|folder| weights(folder, &taught(2.0, 48, 6), "3"));
+    assert!(again == whole);
     let (alone, kept) = weights("a", "[patterns]\nclasses = 5\nimages = 6\n", "3");
     assert_eq!(kept, 1);
     assert!(first != alone);
@@ -242,13 +248,7 @@ fn an_encoder_is_trained_once_for_each_rerun() {
     for entry in fs::read_dir(scratch.path("cache/encoders")).unwrap() {
         let epochs = fs::read(entry.unwrap().path().join("epochs.json")).unwrap();
         let epochs: Value = serde_json::from_slice(&epochs).unwrap();
-        for loss in [
-            "values",
-            "classes",
-            "embedding",
-            "generator",
-            "discriminator",
-        ] {
+        for loss in "values classes embedding generator discriminator".split(' ') {
             let value = epochs[1]["training"][loss].as_f64().unwrap();
             assert!(value.is_finite() && value != 0.0, "{loss}: {value}");
         }

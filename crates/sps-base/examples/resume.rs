@@ -4,6 +4,7 @@
 //! `cargo run --example resume FOLDER`, any number of times, and killed at any moment.
 
 use std::path::Path;
+use std::time::Duration;
 use std::{env, fs, io};
 
 use sps_base::streams::{below, stream};
@@ -30,6 +31,6 @@ fn main() -> io::Result<()> {
 /// How many throws are kept; what was being written when the program was killed is removed.
 fn kept(folder: &Path) -> io::Result<u64> {
     fs::create_dir_all(folder)?;
-    files::remove_unfinished(folder)?;
+    files::remove_unfinished(folder, Duration::ZERO)?;
     Ok(fs::read_dir(folder)?.count() as u64)
 }

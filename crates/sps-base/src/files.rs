@@ -4,17 +4,20 @@
 //! processes may write to one folder, and the last one that finishes a file decides its content.
 //!
 //! ```
+//! use std::time::Duration;
+//!
 //! use sps_base::files::{remove_unfinished, write_file};
 //!
 //! let folder = std::env::temp_dir().join("sps-base-files");
 //! write_file(&folder.join("results.json"), b"{}")?;
-//! remove_unfinished(&folder)?; // what an earlier program left that was killed
+//! remove_unfinished(&folder, Duration::ZERO)?; // what an earlier program left that was killed
 //! # Ok::<(), std::io::Error>(())
 //! ```
 
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 const UNFINISHED: &str = ".writing-";
 
@@ -66,19 +69,31 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
     write_all(File::create(path)?, bytes)
 }
 
-/// Removes what writers left in `folder` that were killed; none may be at work there.
+/// Removes what writers left in `folder` that were killed: what was not written to for at least so
+/// long. None may be at work there that takes longer.
 ///
 /// # Errors
 /// Where the folder cannot be read, or something in it not removed.
-pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
+pub fn remove_unfinished(folder: &Path, idle: Duration) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
-        if entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
-            if entry.file_type()?.is_dir() {
-                fs::remove_dir_all(entry.path())?;
+        if !entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
+            continue;
+        }
+        let removed = entry.metadata().and_then(|metadata| {
+            // A time to come is one of another machine's clock.
+            if metadata.modified()?.elapsed().unwrap_or_default() < idle {
+                Ok(())
+            } else if metadata.is_dir() {
+                fs::remove_dir_all(entry.path())
             } else {
-                fs::remove_file(entry.path())?;
+                fs::remove_file(entry.path())
             }
+        });
+        match removed {
+            // Finished, or removed by another.
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            removed => removed?,
         }
     }
     Ok(())

@@ -3,6 +3,7 @@
 use std::fs;
 use std::io;
 use std::path::Path;
+use std::time::Duration;
 
 use sps_base::files::{remove_unfinished, write_file, write_folder, write_new};
 
@@ -26,7 +27,9 @@ fn replaces_whole_files_and_leaves_nothing_else() {
     let folder = path.parent().unwrap();
     fs::create_dir_all(folder.join(".writing-7-0/b")).unwrap();
     fs::write(folder.join(".writing-a1b2"), b"half").unwrap();
-    remove_unfinished(folder).unwrap();
+    remove_unfinished(folder, Duration::from_secs(60)).unwrap();
+    assert_eq!(names(folder).len(), 3);
+    remove_unfinished(folder, Duration::ZERO).unwrap();
     assert_eq!(names(folder), ["a.json"]);
 }
 

@@ -3,8 +3,8 @@
 
 mod common;
 
-use common::{check, data, decoded, decoded_with, naive_misses};
-use sps_dataset::{DecodeSettings, FrameErrorKind, LightCounts, Limits, decode_image};
+use common::{at_most, check, cut_anywhere, data, decoded, decoded_with, naive_misses};
+use sps_dataset::{DecodeSettings, FrameErrorKind, LightCounts, decode_image};
 
 const SIZE: (usize, usize) = (16, 12);
 
@@ -85,14 +85,7 @@ fn a_header_that_lies_reserves_nothing() {
     assert_eq!(refused.to_string(), expected);
     assert!(decode_image(&png, &DecodeSettings::default()).is_err());
 
-    let limits = Limits {
-        pixels: 191,
-        ..Limits::default()
-    };
-    let small = DecodeSettings {
-        limits,
-        ..DecodeSettings::default()
-    };
+    let small = at_most(191);
     for name in ["png/rgb8.png", "jpeg/rgb.jpg"] {
         let refused = decoded_with(name, &small).unwrap_err();
         let too_many = matches!(
@@ -286,28 +279,9 @@ mod hard_cases {
         );
     }
 
-    fn cut_anywhere(name: &str) {
-        let bytes = data(name);
-        for cut in 0..bytes.len() {
-            let refused = decode_image(&bytes[..cut], &DecodeSettings::default());
-            assert!(
-                refused.is_err(),
-                "{name} cut after {cut} of {} bytes",
-                bytes.len()
-            );
-        }
-    }
-
     #[test]
     fn jpeg_cut_at_any_byte_is_an_error() {
-        for name in [
-            "rgb",
-            "progressive",
-            "restarts",
-            "stray-bytes",
-            "cmyk-adobe",
-            "turned6",
-        ] {
+        for name in "rgb progressive restarts stray-bytes cmyk-adobe turned6".split(' ') {
             cut_anywhere(&format!("jpeg/{name}.jpg"));
         }
     }

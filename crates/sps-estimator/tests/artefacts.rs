@@ -38,10 +38,7 @@ fn refused(folder: &Path) -> String {
 #[test]
 fn every_changed_file_is_noticed_and_named() {
     let folder = kept();
-    let names: Vec<_> = fs::read_dir(folder.path())
-        .unwrap()
-        .map(|e| e.unwrap().file_name())
-        .collect();
+    let names = names(folder.path());
     assert_eq!(names.len(), 5, "{names:?}");
     for name in names.iter().filter(|name| *name != "estimator.json") {
         let path = folder.path().join(name);
@@ -49,14 +46,52 @@ fn every_changed_file_is_noticed_and_named() {
         let mut other = whole.clone();
         *other.last_mut().unwrap() ^= 1;
         fs::write(&path, &other).unwrap();
-        assert!(refused(folder.path()).contains(name.to_str().unwrap()));
+        assert!(refused(folder.path()).contains(name));
         fs::remove_file(&path).unwrap();
-        assert!(refused(folder.path()).contains(name.to_str().unwrap()));
+        assert!(refused(folder.path()).contains(name));
         fs::write(&path, &whole).unwrap();
     }
     Estimator::load(folder.path()).unwrap();
     fs::remove_file(folder.path().join("estimator.json")).unwrap();
     assert!(refused(folder.path()).contains("estimator.json"));
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_model_is_replaced_in_one_step() {
+    let folder = kept();
+    let path = folder.path();
+    let asked = [photograph(40, 0)];
+    let answer = || Estimator::load(path).unwrap().predict(&asked).unwrap();
+    let first = answer();
+    let card = fs::read(path.join("estimator.json")).unwrap();
+    let notes = path.join("notes.txt");
+    fs::write(&notes, "kept").unwrap();
+
+    let second = Tables::new(24, 1, 1).estimator(&recipe(ridge(), &[0]));
+    // A folder in the card's place stops it where a kill just before the card would.
+    fs::remove_file(path.join("estimator.json")).unwrap();
+    fs::create_dir(path.join("estimator.json")).unwrap();
+    second.save(path).unwrap_err();
+    fs::remove_dir(path.join("estimator.json")).unwrap();
+    fs::write(path.join("estimator.json"), card).unwrap();
+    assert_eq!(answer(), first);
+
+    for _ in 0..3 {
+        second.save(path).unwrap();
+        assert_eq!(answer(), second.predict(&asked).unwrap());
+        assert_ne!(answer(), first);
+        assert_eq!(names(path).len(), 6, "{:?}", names(path));
+    }
+    assert!(notes.exists());
 }
 
 /// The text with one value changed.
@@ -116,10 +151,7 @@ fn texts_that_no_fit_writes_are_refused() {
 fn any_damage_is_refused_or_harmless() {
     let folder = kept();
     let folder = folder.path();
-    let names: Vec<String> = fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect();
+    let names = names(folder);
     let wholes: Vec<Vec<u8>> = names
         .iter()
         .map(|name| fs::read(folder.join(name)).unwrap())

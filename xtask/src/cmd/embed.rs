@@ -40,9 +40,6 @@ pub(crate) struct Args {
     /// What to compute in: f32, bf16, or int8, which is scaled by up to 64 of the images
     #[arg(long, default_value_t = Precision::F32)]
     precision: Precision,
-    /// Threads to use [default: all cores]
-    #[arg(long, value_name = "N")]
-    threads: Option<usize>,
     /// Images encoded at once
     #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u64).range(1..))]
     batch: u64,
@@ -58,12 +55,6 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
-    if let Some(threads) = args.threads {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build_global()
-            .context("--threads")?;
-    }
     let spec = EncoderSpec {
         network: Network::named(&args.encoder, args.frames as usize).context("--encoder")?,
         depths: args.depths.clone(),

@@ -2,21 +2,27 @@
 
 use std::collections::{HashMap, HashSet};
 use std::fs;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::{Context, Result};
 use sps_dataset::FrameKey;
 use tracing::warn;
 
 use super::segment::Segment;
-use crate::files::create_folder;
+use crate::files::{create_folder, remove_unfinished};
 use crate::work::Work;
+
+/// How long after the last write a file that is not whole belongs to a process that was killed: others
+/// write one in seconds.
+const IDLE: Duration = Duration::from_secs(3600);
 
 /// The cached embeddings of one encoder with one way of preparing frames.
 ///
 /// A folder of [`Segment`]s, each written once, so that several runs can share it and a run killed
 /// at any moment leaves only whole segments behind. A damaged segment is set aside with a line in
-/// the log, and its frames are encoded again.
+/// the log, and its frames are encoded again; one that cannot be read is an error.
 pub(crate) struct EmbeddingCache {
     folder: PathBuf,
     width: usize,
@@ -33,6 +39,7 @@ impl EmbeddingCache {
         let folder = root.join("embeddings").join(encoder);
         if work != Work::None {
             create_folder(&folder)?;
+            remove_unfinished(&folder, IDLE)?;
         }
         Ok(Self {
             folder,
@@ -64,7 +71,12 @@ impl EmbeddingCache {
                     let rows = rows.filter(|(key, _)| wanted.contains(*key));
                     found.extend(rows.map(|(key, row)| (*key, row.to_vec())));
                 }
-                Err(error) => self.set_aside(&path, &error),
+                Err(error) => match error.downcast_ref().map(io::Error::kind) {
+                    None | Some(ErrorKind::UnexpectedEof) => self.set_aside(&path, &error),
+                    // Another process has set it aside.
+                    Some(ErrorKind::NotFound) => {}
+                    Some(_) => return Err(error),
+                },
             }
         }
         Ok(found)
@@ -152,7 +164,7 @@ mod tests {
 
     /// A cache with one segment.
     struct Stored {
-        _folder: tempfile::TempDir,
+        root: tempfile::TempDir,
         cache: EmbeddingCache,
         path: PathBuf,
         whole: Vec<u8>,
@@ -166,7 +178,7 @@ mod tests {
             let path = cache.segments().unwrap().remove(0);
             let whole = fs::read(&path).unwrap();
             Self {
-                _folder: folder,
+                root: folder,
                 cache,
                 path,
                 whole,
@@ -227,6 +239,35 @@ mod tests {
                 .is_empty()
         );
         assert!(path.with_extension("damaged").exists());
+    }
+
+    /// Whatever the reason, nothing is known of its content.
+    #[test]
+    fn a_segment_that_cannot_be_read_is_named_and_stays() {
+        let Stored { cache, path, .. } = &Stored::new(0, 4);
+        fs::remove_file(path).unwrap();
+        fs::create_dir(path).unwrap();
+        let error = cache.get(&wanted([1]), &mut Seen::new()).unwrap_err();
+        let name = path.display().to_string();
+        assert!(format!("{error:#}").contains(&name), "{error:#}");
+        assert!(path.exists());
+    }
+
+    #[test]
+    fn what_killed_processes_left_is_removed() {
+        let Stored { root, cache, .. } = &Stored::new(0, 4);
+        let [old, new] = [2 * IDLE, IDLE / 2].map(|idle| {
+            let path = cache.folder.join(format!(".writing-{}", idle.as_secs()));
+            let file = fs::File::create(&path).unwrap();
+            let modified = std::time::SystemTime::now() - idle;
+            file.set_modified(modified).unwrap();
+            path
+        });
+        EmbeddingCache::open(root.path(), "e", 2, Work::None).unwrap();
+        assert!(old.exists());
+        EmbeddingCache::open(root.path(), "e", 2, Work::All).unwrap();
+        assert!(!old.exists() && new.exists());
+        assert_eq!(cache.segments().unwrap().len(), 1);
     }
 
     #[test]

@@ -1,14 +1,16 @@
 //! What a teacher sees in a world.
 
+use std::fs;
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context, Result, ensure};
 use candle_core::{Device, Tensor};
 use rayon::prelude::*;
 use sps_dataset::Frame;
 use sps_models::encoders::{Depths, Encoder};
 use sps_models::training::Features;
 use sps_models::weights::{Storage, Weights};
+use tracing::warn;
 
 use super::World;
 use crate::config::TeacherSpec;
@@ -19,6 +21,8 @@ use crate::progress::Progress;
 const BATCH: usize = 32;
 
 const NAME: &str = "features";
+/// In the metadata: the hash of what the features were made by, and their checksum.
+const NOTE: &str = "sps-teacher";
 
 /// An encoder whose embeddings are learnt.
 pub(crate) struct Teacher<'a> {
@@ -43,16 +47,19 @@ impl<'a> Teacher<'a> {
     /// The embeddings of all images of a world; kept in `folder`, where another training by the same
     /// teacher in the same world finds them.
     pub(crate) fn features(&self, world: &World, folder: &Path) -> Result<Features> {
-        let name = blake3::hash(format!("{} {}", self.key(), world.key()).as_bytes());
-        let name = &name.to_hex()[..16];
+        let key = format!("{} {}", self.key(), world.key());
+        let name = &blake3::hash(key.as_bytes()).to_hex()[..16];
         let path = folder.join(format!("teacher-{name}.safetensors"));
-        let embeddings = if path.exists() {
-            Weights::read(&path)?.get(NAME)?.clone()
+        let source = blake3::hash(format!("{} {key}", env!("SOURCE_HASH")).as_bytes());
+        let embeddings = if let Some(kept) = kept(&path, source)? {
+            kept
         } else {
             let embeddings = self.embed(world)?;
             let kept = Weights::from_tensors(NAME, [(NAME.to_owned(), embeddings.clone())])?;
+            let note = note(source, &kept)?;
             create_folder(folder)?;
-            write_atomically(&path, &kept.to_bytes_as(Storage::F32, None)?)?;
+            let bytes = kept.to_bytes_as(Storage::F32, Some((NOTE, &note)))?;
+            write_atomically(&path, &bytes)?;
             embeddings
         };
         Ok(Features {
@@ -85,4 +92,30 @@ impl<'a> Teacher<'a> {
         let shape = (world.len(), self.encoder.width());
         Ok(Tensor::from_vec(rows, shape, &Device::Cpu)?)
     }
+}
+
+/// What was kept at `path`; none where it was made by another source, or is damaged.
+fn kept(path: &Path, source: blake3::Hash) -> Result<Option<Tensor>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let name = path.display().to_string();
+    let bytes = fs::read(path).with_context(|| format!("cannot read {name}"))?;
+    let check = || {
+        let weights = Weights::from_bytes(&name, &bytes)?;
+        let found = Weights::note(&name, &bytes, NOTE)?;
+        let expected = note(source, &weights)?;
+        ensure!(
+            found == expected,
+            "{name}: found the note {found:?}, expected {expected:?}"
+        );
+        Ok(weights.get(NAME)?.clone())
+    };
+    let kept = check().inspect_err(|error: &anyhow::Error| warn!("{error:#}; it is made again"));
+    Ok(kept.ok())
+}
+
+fn note(source: blake3::Hash, features: &Weights) -> Result<String> {
+    let checksum = blake3::hash(&features.to_bytes()?);
+    Ok(format!("{source} {checksum}"))
 }

@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use tracing::warn;
@@ -39,7 +40,7 @@ impl RunFolder {
             );
         }
         checksums::unseal(path)?;
-        remove_unfinished(path)?;
+        remove_unfinished(path, Duration::ZERO)?;
         for journal in [TRIALS, SELECTIONS].map(|name| folder.file(name)) {
             if fresh && journal.exists() {
                 std::fs::remove_file(&journal)

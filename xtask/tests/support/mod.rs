@@ -4,7 +4,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process;
+use std::process::{self, Stdio};
 
 use assert_cmd::Command;
 use assert_cmd::assert::Assert;
@@ -21,6 +21,23 @@ pub(crate) fn xtask() -> Command {
     let mut command = Command::cargo_bin("xtask").expect("xtask is built");
     command.current_dir(root()).env_remove("RUST_LOG");
     command
+}
+
+/// The same as a process to start, which prints nothing.
+pub(crate) fn process() -> process::Command {
+    let mut command = process::Command::new(env!("CARGO_BIN_EXE_xtask"));
+    command.current_dir(root()).env_remove("RUST_LOG");
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    command
+}
+
+/// Kills a process once it has `begun`, or lets it end before that; whether it was killed.
+pub(crate) fn kill(mut child: process::Child, begun: impl Fn() -> bool) -> bool {
+    while !begun() && child.try_wait().expect("a process").is_none() {
+        std::thread::yield_now();
+    }
+    let _ = child.kill();
+    child.wait().expect("a process").code().is_none()
 }
 
 /// A scratch folder with a copy of the tiny dataset and an experiment on it.
@@ -79,6 +96,18 @@ impl Scratch {
         let text = fs::read_to_string(&path).expect("a config");
         fs::write(path, text + methods).expect("a config");
         scratch
+    }
+
+    /// The same with methods, one a line: `ID | LABEL | KIND | KEY = VALUE; KEY = VALUE`.
+    pub(crate) fn with_methods(lines: &str) -> Self {
+        let table = |line: &str| {
+            let mut cells = line.split(" | ");
+            let mut next = || cells.next().unwrap_or_default();
+            let [id, label, kind, more] = [next(), next(), next(), next()];
+            let more = more.replace("; ", "\n");
+            format!("[[methods]]\nid = '{id}'\nlabel = '{label}'\nkind = '{kind}'\n{more}\n")
+        };
+        Self::with(&lines.lines().map(table).collect::<String>())
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {

@@ -3,6 +3,7 @@ use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 
 use rayon::prelude::*;
 use sps_base::files::{remove_unfinished, write_file, write_folder, write_new};
@@ -316,7 +317,8 @@ impl<S: Source> Writer<'_, S> {
             TryLockError::Error(refused) => error(refused),
         })?;
         for folder in [self.folder, &frames] {
-            remove_unfinished(folder).map_err(|left| WriteError::new(folder, left.into()))?;
+            remove_unfinished(folder, Duration::ZERO)
+                .map_err(|left| WriteError::new(folder, left.into()))?;
         }
         let plan = self.plan(files)?;
         let mut found = Vec::new();

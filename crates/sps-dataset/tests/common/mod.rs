@@ -25,6 +25,23 @@ pub(crate) fn decoded_with(
     decode_image(&data(name), settings)
 }
 
+/// Settings with a limit of so many pixels.
+pub(crate) fn at_most(pixels: u64) -> DecodeSettings {
+    let mut settings = DecodeSettings::default();
+    settings.limits.pixels = pixels;
+    settings
+}
+
+/// A file of `tests/data` that ends early, wherever it does, is no image.
+pub(crate) fn cut_anywhere(name: &str) {
+    let bytes = data(name);
+    for cut in 0..bytes.len() {
+        let refused = decode_image(&bytes[..cut], &DecodeSettings::default());
+        let of = bytes.len();
+        assert!(refused.is_err(), "{name} cut after {cut} of {of} bytes");
+    }
+}
+
 /// The sRGB transfer function (IEC 61966-2-1) in double precision.
 pub(crate) fn srgb(light: f64) -> f64 {
     let light = light.clamp(0.0, 1.0);

@@ -1,11 +1,13 @@
 //! A model in a folder: everything that it takes to predict.
 //!
 //! `estimator.json` says what there is; it is written last and holds the checksums of the other files,
-//! so that a folder without it, or with one of them changed, holds no model.
+//! so that a folder without it, or with one of them changed, holds no model. A file whose name is taken
+//! by an earlier model's is written under one that begins with its checksum, so that the earlier model
+//! is whole until `estimator.json` is replaced.
 
 mod first;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
@@ -31,6 +33,8 @@ const ENCODER: &str = "encoder.safetensors";
 const FAMILIAR: &str = "familiar.safetensors";
 /// Why a model of an older version does not know what is familiar.
 const NOT_KEPT: &str = "the model keeps no surfaces to hold photographs against: fit it again";
+/// What of a checksum a file's name begins with where another has its name.
+const PREFIX: usize = 16;
 /// What an artefact's text may have at most.
 const MOST_TEXT: u64 = 64 << 20;
 
@@ -58,6 +62,12 @@ struct Card {
 #[derive(Deserialize)]
 struct Format {
     format: u64,
+}
+
+/// Of a card that is replaced.
+#[derive(Default, Deserialize)]
+struct Earlier {
+    checksums: BTreeMap<String, String>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -97,7 +107,10 @@ struct ModelsCard {
 }
 
 impl Estimator {
-    /// Writes the model into a folder, which is created where it is not there.
+    /// Writes the model into a folder, which is created where it is not there. A model that the folder
+    /// holds is replaced in one step: killed before that, the earlier one is still whole.
+    ///
+    /// One process may save into a folder at a time.
     ///
     /// # Errors
     ///
@@ -106,6 +119,7 @@ impl Estimator {
         fs::create_dir_all(folder).map_err(|error| file_error(folder, error))?;
         let mut files = Files {
             folder,
+            written: BTreeSet::new(),
             checksums: BTreeMap::new(),
         };
         let encoder = self.embedder.network().of_images()?;
@@ -123,6 +137,13 @@ impl Estimator {
                 groups: groups.collect::<Result<_>>()?,
             });
         }
+        let path = folder.join(CARD);
+        let earlier = fs::read(&path).ok();
+        let earlier = earlier.and_then(|text| serde_json::from_slice(&text).ok());
+        let Earlier {
+            checksums: mut names,
+        } = earlier.unwrap_or_default();
+        names.extend(files.checksums.clone());
         let card = Card {
             format: FORMAT,
             written_by: concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")).to_owned(),
@@ -140,10 +161,10 @@ impl Estimator {
             no_familiar: self.fitted.no_familiar().map(str::to_owned),
             checksums: files.checksums,
         };
-        let path = folder.join(CARD);
         let text = serde_json::to_vec_pretty(&card);
         let text = text.map_err(|error| Error::artefact(&path, error))?;
-        write_file(&path, &text).map_err(|error| file_error(&path, error))
+        write_file(&path, &text).map_err(|error| file_error(&path, error))?;
+        remove_others(folder, &names, &files.written).map_err(|error| file_error(folder, error))
     }
 
     /// Whether a folder holds a model, of this version or an older one, whole or not.
@@ -299,14 +320,20 @@ impl GroupCard {
 /// The files of an artefact that is written.
 struct Files<'a> {
     folder: &'a Path,
+    /// Their names in the folder.
+    written: BTreeSet<String>,
     checksums: BTreeMap<String, String>,
 }
 
 impl Files<'_> {
     fn write(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
-        let path = self.folder.join(name);
-        write_file(&path, bytes).map_err(|error| file_error(&path, error))?;
         let hash = blake3::hash(bytes).to_hex().to_string();
+        let taken = self.folder.join(name).exists();
+        let renamed = renamed(name, &hash).filter(|_| taken);
+        let file = renamed.unwrap_or_else(|| name.to_owned());
+        let path = self.folder.join(&file);
+        write_file(&path, bytes).map_err(|error| file_error(&path, error))?;
+        self.written.insert(file);
         self.checksums.insert(name.to_owned(), hash);
         Ok(())
     }
@@ -331,6 +358,33 @@ impl Files<'_> {
             least_errors: group.step.least.clone(),
         })
     }
+}
+
+/// The file `name` in a folder where another has that name; `None` where `checksum` is none.
+fn renamed(name: &str, checksum: &str) -> Option<String> {
+    let prefix = checksum.get(..PREFIX)?;
+    let hex = prefix.bytes().all(|byte| byte.is_ascii_hexdigit());
+    hex.then(|| format!("{prefix}-{name}"))
+}
+
+/// Removes what has one of `names`, also behind a checksum, and was not `written`.
+fn remove_others(
+    folder: &Path,
+    names: &BTreeMap<String, String>,
+    written: &BTreeSet<String>,
+) -> std::io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let file = entry.file_name();
+        let Some(file) = file.to_str().filter(|file| !written.contains(*file)) else {
+            continue;
+        };
+        let behind = file.get(PREFIX..).and_then(|rest| rest.strip_prefix('-'));
+        if names.contains_key(file) || behind.is_some_and(|name| names.contains_key(name)) {
+            fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
 }
 
 fn encoder(name: &str, precision: &str, weights: &[u8]) -> Result<Encoder> {
@@ -373,9 +427,15 @@ fn read_checked(
             "expected a file of the folder itself",
         ));
     }
+    let checksum = checksums.get(name);
+    let path = checksum
+        .and_then(|sum| renamed(name, sum))
+        .map(|file| folder.join(file))
+        .filter(|path| path.exists())
+        .unwrap_or(path);
     let bytes = fs::read(&path).map_err(|error| file_error(&path, error))?;
     let found = blake3::hash(&bytes).to_hex();
-    if checksums.get(name).is_some_and(|sum| *sum == *found) {
+    if checksum.is_some_and(|sum| *sum == *found) {
         return Ok(bytes);
     }
     Err(Error::artefact(

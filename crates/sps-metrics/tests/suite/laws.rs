@@ -6,7 +6,9 @@ use sps_metrics::{
     Metric, Moments, Outcome, Pair, PercentErrorAccumulator, Samples, ScoreAccumulator,
 };
 
-use crate::support::{AT_1E8, Exact, UNIT, Units, relative_error, training_mean, value};
+use crate::support::{
+    AT_1E8, Exact, UNIT, Units, every_metric, relative_error, training_mean, value,
+};
 
 /// What the crate promises.
 const PROMISED: f64 = 1e-12;
@@ -65,17 +67,6 @@ fn agree(left: &Outcome, right: &Outcome, bound: f64) -> bool {
         (Err(left), Err(right)) => std::mem::discriminant(left) == std::mem::discriminant(right),
         _ => false,
     }
-}
-
-fn metrics(mean: f64) -> [Metric; 6] {
-    [
-        Metric::R2(training_mean(mean)),
-        Metric::R2OwnMean,
-        Metric::Mae,
-        Metric::Rmse,
-        Metric::MedianPercentError,
-        Metric::Spearman,
-    ]
 }
 
 /// Merges the samples in an order and in parts that the indices choose.
@@ -147,7 +138,7 @@ proptest! {
         let mut turned = pairs.clone();
         turned.rotate_left(turn.index(pairs.len()));
         turned.reverse();
-        for metric in metrics(0.3) {
+        for metric in every_metric(0.3) {
             prop_assert!(agree(&scored(metric, &pairs), &scored(metric, &turned), KEPT));
         }
     }
@@ -159,7 +150,7 @@ proptest! {
         let shift = shift as f64 * UNIT;
         let shifted = mapped(&pairs, |value| value + shift);
         let mean = units[0].estimate as f64 * UNIT;
-        for (metric, there) in metrics(mean).into_iter().zip(metrics(mean + shift)) {
+        for (metric, there) in every_metric(mean).into_iter().zip(every_metric(mean + shift)) {
             if metric != Metric::MedianPercentError {
                 let (here, there) = (scored(metric, &pairs), scored(there, &shifted));
                 prop_assert!(agree(&here, &there, PROMISED), "{metric:?}: {here:?} {there:?}");
@@ -170,7 +161,7 @@ proptest! {
     #[test]
     fn scales_scale_errors_alone(pairs in any_pairs(), scale in 0.01..100.0_f64) {
         let scaled = mapped(&pairs, |value| value * scale);
-        for (metric, there) in metrics(0.3).into_iter().zip(metrics(0.3 * scale)) {
+        for (metric, there) in every_metric(0.3).into_iter().zip(every_metric(0.3 * scale)) {
             let expected = scored(metric, &pairs).map(|mut score| {
                 if matches!(metric, Metric::Mae | Metric::Rmse) {
                     score.value *= scale;
@@ -193,7 +184,7 @@ proptest! {
     fn perfect_estimates_score_perfectly(pairs in any_pairs()) {
         let perfect: Vec<Pair> = pairs.iter().map(|pair| Pair { estimate: pair.truth, ..*pair }).collect();
         let expected = [1.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-        for (metric, expected) in metrics(0.3).into_iter().zip(expected) {
+        for (metric, expected) in every_metric(0.3).into_iter().zip(expected) {
             if let Ok(score) = scored(metric, &perfect) {
                 prop_assert_eq!(score.value, expected);
             }

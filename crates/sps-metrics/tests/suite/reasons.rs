@@ -6,18 +6,7 @@ use sps_metrics::{
     Table, TableParts, TrainingMean, Undefined,
 };
 
-use crate::support::training_mean;
-
-fn every_metric(mean: f64) -> [Metric; 6] {
-    [
-        Metric::R2(training_mean(mean)),
-        Metric::R2OwnMean,
-        Metric::Mae,
-        Metric::Rmse,
-        Metric::MedianPercentError,
-        Metric::Spearman,
-    ]
-}
+use crate::support::every_metric;
 
 fn for_every_metric(samples: Samples<'_>, check: impl Fn(Metric, Outcome)) {
     for metric in every_metric(1.0) {

@@ -1,6 +1,6 @@
 //! Reference arithmetic that shares nothing with the crate.
 
-use sps_metrics::{Outcome, Pair, TrainingMean};
+use sps_metrics::{Metric, Outcome, Pair, TrainingMean};
 
 /// Numbers in [-1, 1) by the rule of `fixtures/golden/make_golden.py`: FNV-1a of a name seeds
 /// SplitMix64, whose top 24 bits are taken.
@@ -126,4 +126,15 @@ pub(crate) fn assert_close(found: f64, expected: f64, bound: f64) {
         error <= bound,
         "{found:e} against {expected:e}: relative error {error:e}, allowed {bound:e}"
     );
+}
+
+pub(crate) fn every_metric(mean: f64) -> [Metric; 6] {
+    [
+        Metric::R2(training_mean(mean)),
+        Metric::R2OwnMean,
+        Metric::Mae,
+        Metric::Rmse,
+        Metric::MedianPercentError,
+        Metric::Spearman,
+    ]
 }

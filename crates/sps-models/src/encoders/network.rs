@@ -363,7 +363,7 @@ impl Network {
         blocks.find_map(|(other, range)| (other == map).then_some(range))
     }
 
-    /// The extents of each map of an image; `None` where it is too small.
+    /// The extents of each map of an image; `None` where it is too small or too large for a number.
     pub(super) fn sizes(&self, image: Size) -> Option<Vec<Size>> {
         let mut sizes = vec![image];
         for layer in &self.layers {
@@ -397,17 +397,18 @@ impl Network {
             .unwrap_or(LARGEST_MIN_SIZE)
     }
 
-    /// Multiply-adds for one image of so many pixels: those of the convolutions and of the gates.
+    /// Multiply-adds for one image of so many pixels: those of the convolutions and of the gates; `None`
+    /// where no number holds them.
     pub(super) fn multiply_adds(&self, image: Size) -> Option<u64> {
         let sizes = self.sizes(image)?;
-        let mut count = 0;
+        let mut count = 0_u64;
         for layer in &self.layers {
             for conv in layer.convs() {
                 let input = sizes[conv.input];
-                count += conv.shape(input).multiply_adds(input)?;
+                count = conv.shape(input).multiply_adds(input)?.checked_add(count)?;
             }
             if let Some(gate) = layer.gate() {
-                count += 2 * (gate.channels * gate.hidden) as u64;
+                count = count.checked_add(2 * (gate.channels * gate.hidden) as u64)?;
             }
         }
         Some(count)

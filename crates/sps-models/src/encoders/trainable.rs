@@ -1,6 +1,6 @@
 //! Encoders whose weights are variables.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 
@@ -65,28 +65,33 @@ pub struct TrainableEncoder {
     received: Arc<Received>,
 }
 
-/// The weights' gradients of backward passes that are under way, each on a thread of its own.
+/// The weights' gradients of backward passes that are under way, each on one thread. A thread that waits
+/// for others within a pass may run another pass meanwhile, which is over before the first goes on: of a
+/// thread, the last one is at work.
 #[derive(Debug, Default)]
-struct Received(Mutex<HashMap<ThreadId, Gradients>>);
+struct Received(Mutex<Vec<(ThreadId, Gradients)>>);
 
 impl Received {
-    fn passes(&self) -> MutexGuard<'_, HashMap<ThreadId, Gradients>> {
+    fn passes(&self) -> MutexGuard<'_, Vec<(ThreadId, Gradients)>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Runs candle's backward pass; returns what it says, and what the kernels handed over in it.
     fn listen(&self, loss: &Tensor) -> candle_core::Result<(GradStore, Gradients)> {
         let thread = thread::current().id();
-        self.passes().insert(thread, Gradients::default());
+        self.passes().push((thread, Gradients::default()));
         let store = loss.backward();
-        let gradients = self.passes().remove(&thread).unwrap_or_default();
+        let mut passes = self.passes();
+        let last = passes.iter().rposition(|(of, _)| *of == thread);
+        let gradients = last.map(|last| passes.remove(last).1).unwrap_or_default();
         Ok((store?, gradients))
     }
 
     /// Hands gradients over to the pass on this thread.
     fn add(&self, gradients: Gradients) -> candle_core::Result<()> {
-        match self.passes().get_mut(&thread::current().id()) {
-            Some(sum) => sum.add(gradients),
+        let thread = thread::current().id();
+        match self.passes().iter_mut().rfind(|(of, _)| *of == thread) {
+            Some((_, sum)) => sum.add(gradients),
             None => candle_core::bail!(
                 "an encoder's weights have gradients by `TrainableEncoder::backward` of that encoder \
                  alone, not by `Tensor::backward`"

@@ -47,11 +47,14 @@ impl ConvShape {
         self.groups > 1 && self.groups == self.inputs && self.groups == self.outputs
     }
 
-    /// Multiply-adds on a feature map of so many pixels; `None` where the window does not fit.
+    /// Multiply-adds on a feature map of so many pixels; `None` where the window does not fit, or no
+    /// number holds them.
     pub(crate) fn multiply_adds(&self, input: Size) -> Option<u64> {
-        let places = pixels(self.window.output(input)?);
         let taps = pixels(self.window.size) * self.group_inputs() * self.outputs;
-        Some((places * taps) as u64)
+        let mut places = self.window.output(input)?.into_iter();
+        places.try_fold(taps as u64, |count, extent| {
+            count.checked_mul(extent as u64)
+        })
     }
 }
 

@@ -77,22 +77,24 @@ impl Window {
     /// not fit.
     pub(crate) fn output_ceil(&self, input: Size) -> Size {
         std::array::from_fn(|axis| {
-            let room = input[axis] + self.before[axis] + self.after[axis];
+            // Saturating, as an extent without elements may be any.
+            let begins = input[axis].saturating_add(self.before[axis]);
+            let room = begins.saturating_add(self.after[axis]);
             let count = room
                 .saturating_sub(self.size[axis])
                 .div_ceil(self.stride[axis])
                 + 1;
             // The last place must begin before the padding does.
-            let begins = input[axis] + self.before[axis];
             count.min(begins.saturating_sub(1) / self.stride[axis] + 1)
         })
     }
 
-    /// How often the window fits; `None` where it does not.
+    /// How often the window fits; `None` where it does not, or no number holds the padded extent.
     pub(crate) fn output(&self, input: Size) -> Option<Size> {
         let mut output = [0; 3];
         for axis in 0..3 {
-            let room = input[axis] + self.before[axis] + self.after[axis];
+            let padding = self.before[axis] + self.after[axis];
+            let room = input[axis].checked_add(padding)?;
             output[axis] = room.checked_sub(self.size[axis])? / self.stride[axis] + 1;
         }
         Some(output)

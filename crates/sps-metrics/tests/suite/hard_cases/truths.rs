@@ -6,7 +6,7 @@ use sps_metrics::{
 };
 
 use super::{naive, samples, within};
-use crate::support::{assert_close, training_mean, value};
+use crate::support::{assert_close, every_metric, training_mean, value};
 
 #[test]
 fn constant_truth_is_named_where_rounding_hides_it() {
@@ -123,14 +123,7 @@ fn all_nan_is_named_by_every_score() {
         of: 9,
     });
     let scored = samples(&nan, &nan);
-    for metric in [
-        Metric::R2(training_mean(1.0)),
-        Metric::R2OwnMean,
-        Metric::Mae,
-        Metric::Rmse,
-        Metric::MedianPercentError,
-        Metric::Spearman,
-    ] {
+    for metric in every_metric(1.0) {
         assert_eq!(metric.score(scored), reason, "{metric:?}");
     }
     assert!(naive::r2_of_sums(&nan, &nan).is_nan());

@@ -79,6 +79,15 @@ fn an_image_too_small_to_embed_has_no_multiply_adds() {
     );
 }
 
+#[test]
+fn an_image_whose_multiply_adds_no_number_holds_has_none() {
+    for kind in EncoderKind::ALL {
+        for size in [[1, usize::MAX, usize::MAX], [1, 1 << 32, 1 << 32]] {
+            assert_eq!(kind.multiply_adds(size), None, "{kind}");
+        }
+    }
+}
+
 /// Without rounding, the composition that the kernels are measured against is PyTorch's network:
 /// no gradient hangs on which side of zero a rectifier's input falls.
 #[test]

@@ -1,9 +1,12 @@
 //! What a backward pass gives and what it refuses. `tests/golden_training.rs` has the numbers.
 
+use std::sync::Arc;
+
 use candle_core::{DType, Device, Tensor, Var};
 
 use crate::encoders::{Encoder, EncoderKind, TrainableEncoder};
 use crate::golden;
+use crate::ops::differentiable;
 
 fn input(name: &str, shape: &[usize]) -> Tensor {
     golden::tensor(name, shape).to_dtype(DType::F32).unwrap()
@@ -17,6 +20,13 @@ fn small(seed: u64) -> TrainableEncoder {
 fn loss(encoder: &mut TrainableEncoder, images: &Tensor) -> Tensor {
     let embeddings = encoder.forward(images).unwrap();
     embeddings.sqr().unwrap().mean_all().unwrap()
+}
+
+/// Of the first variable.
+fn gradient(encoder: &TrainableEncoder, loss: &Tensor) -> Vec<f64> {
+    let gradients = encoder.backward(loss).unwrap();
+    let (_, variable) = encoder.variables().next().unwrap();
+    golden::values(gradients.get(variable).unwrap())
 }
 
 /// A store without the weights' gradients would train the rest and leave the encoder as it is.
@@ -37,6 +47,26 @@ fn a_backward_pass_that_leaves_weights_out_fails() {
     assert!(one.backward(&of_one).is_ok());
 }
 
+/// As where a thread of the pool takes up another pass while it waits for others.
+#[test]
+fn a_pass_within_a_pass_leaves_its_gradients_alone() {
+    let images = input("images", &[2, 3, 17, 19]);
+    let mut encoder = small(1);
+    let inner = loss(&mut encoder, &images);
+    let outer = loss(&mut encoder, &images);
+    let encoder = Arc::new(encoder);
+    let gradient = |loss: &Tensor| gradient(&encoder, loss);
+    let alone = gradient(&outer);
+    let within = Arc::clone(&encoder);
+    let pass = move |_: &[f32], of_loss: &[f32]| {
+        within.backward(&inner).map_err(candle_core::Error::wrap)?;
+        Ok([Some(of_loss.to_vec()), None, None])
+    };
+    let value = vec![outer.to_scalar().unwrap()];
+    let outer = differentiable([&outer; 3], value, (), pass).unwrap();
+    assert_eq!(gradient(&outer), alone);
+}
+
 /// Passes at the same time do not take each other's gradients, and two in one loss add up.
 #[test]
 fn backward_passes_keep_their_gradients_apart() {
@@ -44,11 +74,7 @@ fn backward_passes_keep_their_gradients_apart() {
     let mut encoder = small(1);
     let once = loss(&mut encoder, &images);
     let twice = (&once + loss(&mut encoder, &images)).unwrap();
-    let gradient = |loss: &Tensor| {
-        let gradients = encoder.backward(loss).unwrap();
-        let (_, variable) = encoder.variables().next().unwrap();
-        golden::values(gradients.get(variable).unwrap())
-    };
+    let gradient = |loss: &Tensor| gradient(&encoder, loss);
     let (alone, double) = (gradient(&once), gradient(&twice));
     assert!(alone.iter().zip(&double).all(|(a, d)| 2.0 * a == *d));
     std::thread::scope(|scope| {

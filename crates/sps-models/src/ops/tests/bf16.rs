@@ -17,7 +17,7 @@ use super::super::simd::Level;
 use super::super::simd::forced::on_each_level;
 use super::super::statistics::ChannelStatistics;
 use super::super::words::{Bf16Pair, Real, Word};
-use super::{noise, window_sums};
+use super::{noise, shape, window_sums};
 
 /// A feature map without a border as words.
 fn words(values: &[f64]) -> Vec<Bf16Pair> {
@@ -80,15 +80,6 @@ fn check(shape: ConvShape, size: [usize; 2]) {
             }
         }
     });
-}
-
-fn shape(window: Window, inputs: usize, outputs: usize, groups: usize) -> ConvShape {
-    ConvShape {
-        window,
-        inputs,
-        outputs,
-        groups,
-    }
 }
 
 #[test]

@@ -12,7 +12,7 @@ use super::super::product::{Columns, Epilogue};
 use super::super::simd::forced::on_each_level;
 use super::super::simd::{Kernel, Lanes, Level};
 use super::super::words::{Bytes, Word};
-use super::{noise, window_sums};
+use super::{noise, shape, window_sums};
 
 /// Whole numbers of `least` to `most`, both among them.
 fn whole(len: usize, seed: u64, least: f64, most: f64) -> Vec<f64> {
@@ -88,15 +88,6 @@ fn check(shape: ConvShape, size: [usize; 2], seed: u64) {
             }
         }
     });
-}
-
-fn shape(window: Window, inputs: usize, outputs: usize, groups: usize) -> ConvShape {
-    ConvShape {
-        window,
-        inputs,
-        outputs,
-        groups,
-    }
 }
 
 #[test]

@@ -1,7 +1,8 @@
 use candle_core::Tensor;
 
-use super::{check, distance, noise, numbers, tensor};
+use super::{check, distance, noise, numbers, shape, tensor};
 use crate::ops::conv;
+use crate::ops::conv::ConvShape;
 use crate::ops::grid::{Window, pixels};
 
 #[derive(Clone, Copy)]
@@ -15,6 +16,10 @@ pub(super) struct Case {
 }
 
 impl Case {
+    pub(super) const fn shape(&self) -> ConvShape {
+        shape(self.window, self.inputs, self.outputs, self.groups)
+    }
+
     pub(super) fn x_dims(&self) -> Vec<usize> {
         let [t, h, w] = self.size;
         vec![self.frames, t, h, w, self.inputs]

@@ -1,12 +1,12 @@
 //! Convolution of each channel by itself, against its definition in f64.
 
 use super::super::bands::Threads;
-use super::super::conv::{Conv, ConvShape};
+use super::super::conv::Conv;
 use super::super::grid::{Grid, Window, pixels};
 use super::super::product::{Activation, Columns, Epilogue};
 use super::super::simd::forced::on_each_level;
 use super::super::words::{Bf16Pair, Word};
-use super::noise;
+use super::{noise, shape};
 
 /// Sums over the window, plus a shift, within 0 to 6; in f64.
 fn reference(
@@ -40,12 +40,7 @@ fn reference(
 
 /// A convolution's sums may be off by `rounding` of themselves and by what sums in f32 lose.
 fn check<W: Word>(window: Window, size: [usize; 3], channels: usize, rounding: f64) {
-    let shape = ConvShape {
-        window,
-        inputs: channels,
-        outputs: channels,
-        groups: channels,
-    };
+    let shape = shape(window, channels, channels, channels);
     let as_words = |values: &[f64]| -> Vec<W> {
         let words = values.chunks_exact(W::NUMBERS);
         words.map(|w| W::of(|i| w[i] as f32)).collect()
@@ -112,12 +107,7 @@ fn depthwise_convolutions() {
 #[test]
 fn what_is_no_number_stays_so() {
     let window = Window::square(1, 1, 0);
-    let shape = |groups| ConvShape {
-        window,
-        inputs: 8,
-        outputs: 8,
-        groups,
-    };
+    let shape = |groups| shape(window, 8, 8, groups);
     let grid = Grid::tight(1, [1; 3], 8);
     on_each_level(|level| {
         for groups in [1, 8] {

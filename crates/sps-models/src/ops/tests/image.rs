@@ -3,7 +3,7 @@
 use super::conv::Case;
 use super::{distance, noise, on_each_level};
 use crate::ops::bands::{Threads, inside_pool};
-use crate::ops::conv::{Conv, ConvShape};
+use crate::ops::conv::Conv;
 use crate::ops::conv_weight::weight_gradient_of_images;
 use crate::ops::grid::{Grid, Window, pixels};
 use crate::ops::image::rows_of_words;
@@ -35,15 +35,6 @@ fn cases() -> Vec<Case> {
         case([1, 10, 11], lopsided),
         case([3, 7, 10], Window::same([3, 5, 5], [1, 2, 2], [3, 7, 10])),
     ]
-}
-
-fn shape(case: &Case) -> ConvShape {
-    ConvShape {
-        window: case.window,
-        inputs: 3,
-        outputs: case.outputs,
-        groups: 1,
-    }
 }
 
 /// Whole numbers, which words of every kind hold, from `least` on.
@@ -81,7 +72,7 @@ fn convolved<W: Word>(level: Level, case: &Case, threads: Threads) -> Vec<f32> {
     let weights: Vec<f32> = weights(case).into_iter().map(|w| w as f32).collect();
     let values = whole(case.x_dims().iter().product(), 1, 0.0);
     let (source, from) = images::<W>(case, &values);
-    let conv = Conv::<W>::pack_for_images(level, shape(case), &weights);
+    let conv = Conv::<W>::pack_for_images(level, case.shape(), &weights);
     let size = case.window.output(case.size).unwrap();
     let to = Grid::tight(case.frames, size, case.outputs).of::<W>();
     let to = to.padded(&Window::square(3, 1, 1));
@@ -133,7 +124,13 @@ fn the_gradient_of_the_weights_is_that_of_the_definition() {
         let gradient: Vec<W> = cotangent.map(|c| W::of(|i| c[i] as f32)).collect();
         let mut target = vec![1.0; case.weight_dims().iter().product()];
         let gradient = (&gradient[..], &to);
-        weight_gradient_of_images(level, &shape(case), (&source, &from), gradient, &mut target);
+        weight_gradient_of_images(
+            level,
+            &case.shape(),
+            (&source, &from),
+            gradient,
+            &mut target,
+        );
         target.into_iter().map(f64::from).collect()
     }
     for case in cases() {

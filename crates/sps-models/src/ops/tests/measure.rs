@@ -18,6 +18,7 @@ use super::super::image::rows_of_words;
 use super::super::product::Epilogue;
 use super::super::simd::Level;
 use super::super::words::{Bf16Pair, Word};
+use super::shape;
 
 /// The shortest of several runs, in seconds.
 fn shortest(mut run: impl FnMut()) -> f64 {
@@ -121,12 +122,7 @@ const fn row(
     (inputs, outputs, groups): (usize, usize, usize),
 ) -> Row {
     let window = Window::square(size, stride, size / 2);
-    let shape = ConvShape {
-        window,
-        inputs,
-        outputs,
-        groups,
-    };
+    let shape = shape(window, inputs, outputs, groups);
     Row {
         name,
         extent,

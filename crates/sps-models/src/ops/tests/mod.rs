@@ -21,12 +21,21 @@ mod winograd;
 use candle_core::{DType, Device, Tensor, Var};
 
 use super::conv::ConvShape;
-use super::grid::Grid;
+use super::grid::{Grid, Window};
 use super::simd::Level;
 use super::simd::forced::on_each_level;
 
 /// A function of several flat arrays, in f64.
 type Reference<'a> = &'a dyn Fn(&[Vec<f64>]) -> Vec<f64>;
+
+const fn shape(window: Window, inputs: usize, outputs: usize, groups: usize) -> ConvShape {
+    ConvShape {
+        window,
+        inputs,
+        outputs,
+        groups,
+    }
+}
 
 /// Uniform in -1..1, the same for the same seed.
 fn noise(len: usize, seed: u64) -> Vec<f64> {

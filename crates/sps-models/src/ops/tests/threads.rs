@@ -1,9 +1,9 @@
 //! Threads share out the rows of a feature map or, where that is less to read, the columns of the
 //! weights: the bits are those of one thread.
 
-use super::noise;
+use super::{noise, shape};
 use crate::ops::bands::{Threads, inside_pool};
-use crate::ops::conv::{Conv, ConvShape};
+use crate::ops::conv::Conv;
 use crate::ops::conv_input::ConvTranspose;
 use crate::ops::conv_weight::weight_gradient;
 use crate::ops::grid::{Grid, Window};
@@ -36,12 +36,7 @@ fn by<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
 fn onto<W: Word>(threads: usize, outputs: usize, extent: usize) -> Vec<W> {
     let (frames, inputs) = (2, 64);
     let window = Window::square(3, 1, 1);
-    let shape = ConvShape {
-        window,
-        inputs,
-        outputs,
-        groups: 1,
-    };
+    let shape = shape(window, inputs, outputs, 1);
     let conv = Conv::<W>::pack(
         Level::detect(),
         shape,
@@ -85,12 +80,7 @@ fn gradients<W: Real>(
 ) -> (Vec<f32>, Vec<W>) {
     let (frames, inputs, input) = (2, 40, [1, 9, 9]);
     let window = Window::square(size, stride, size / 2);
-    let shape = ConvShape {
-        window,
-        inputs,
-        outputs,
-        groups: 1,
-    };
+    let shape = shape(window, inputs, outputs, 1);
     let weights = numbers::<W>(outputs * inputs * size * size, 1, 1.0);
     let from = Grid::tight(frames, input, inputs).of::<W>();
     let from = from.padded(&window);

@@ -3,7 +3,7 @@
 use super::conv::Case;
 use super::{distance, noise, on_each_level};
 use crate::ops::bands::{Threads, inside_pool};
-use crate::ops::conv::{Conv, ConvShape};
+use crate::ops::conv::Conv;
 use crate::ops::conv_input::ConvTranspose;
 use crate::ops::conv_weight::weight_gradient;
 use crate::ops::grid::{Grid, Window, pixels};
@@ -46,15 +46,6 @@ fn doubles(values: &[f32]) -> Vec<f64> {
     values.iter().map(|&x| f64::from(x)).collect()
 }
 
-fn shape(case: &Case) -> ConvShape {
-    ConvShape {
-        window: case.window,
-        inputs: case.inputs,
-        outputs: case.outputs,
-        groups: 1,
-    }
-}
-
 /// Pixels of a grid without its border.
 fn inside(memory: &[f32], grid: &Grid) -> Vec<f32> {
     let pixel = |place: usize| &memory[place..place + grid.channels];
@@ -74,7 +65,7 @@ fn laid_out(values: &[f32], grid: &Grid) -> Vec<f32> {
 /// What a convolution writes onto what is there.
 fn convolved(case: &Case, threads: Threads, epilogue: Epilogue<'_>) -> Vec<f32> {
     let weights = singles(&noise(case.weight_dims().iter().product(), 2));
-    let conv = Conv::<f32>::pack_for_inference(Level::detect(), shape(case), &weights);
+    let conv = Conv::<f32>::pack_for_inference(Level::detect(), case.shape(), &weights);
     let from = Grid::tight(case.frames, case.size, case.inputs).padded(&case.window);
     let output = case.window.output(case.size).unwrap();
     let to = Grid::tight(case.frames, output, case.outputs).staggered();
@@ -180,7 +171,7 @@ fn the_gradient_of_the_input_is_that_of_the_definition() {
             }
         }
         on_each_level(|level| {
-            let transpose = ConvTranspose::<f32>::pack(level, shape(&case), &singles(&weights));
+            let transpose = ConvTranspose::<f32>::pack(level, case.shape(), &singles(&weights));
             let layout = transpose.layout(case.frames, case.size, output);
             let gradient = laid_out(&singles(&cotangent), &layout);
             let to = Grid::tight(case.frames, case.size, case.inputs);
@@ -215,7 +206,7 @@ fn the_gradient_of_the_weights_is_that_of_the_definition() {
             let gradient = (&gradient[..], &to);
             weight_gradient(
                 level,
-                &shape(&case),
+                &case.shape(),
                 (&source, &from),
                 gradient,
                 &mut target,
@@ -244,7 +235,7 @@ fn a_bright_pixel_is_felt_in_its_tiles_alone() {
         let output = case.window.output(case.size).unwrap();
         let to = Grid::tight(case.frames, output, case.outputs);
         let weights = singles(&noise(case.weight_dims().iter().product(), 2));
-        let conv = Conv::<f32>::pack_for_inference(Level::detect(), shape(&case), &weights);
+        let conv = Conv::<f32>::pack_for_inference(Level::detect(), case.shape(), &weights);
         let dark = singles(&noise(case.x_dims().iter().product(), 1));
         let run = |values: &[f32]| {
             let mut target = vec![0.0; to.len()];

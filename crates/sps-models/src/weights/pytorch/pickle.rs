@@ -2,8 +2,8 @@
 //!
 //! A pickle is a program; this is the part of its language that a saved dictionary of tensors
 //! uses. Every other instruction, and every name that is not in [`Global`], is refused where it
-//! stands. Nothing is ever called, and what the program builds lies flat in three lists, so that
-//! neither depth nor a claimed size costs more than the program's own bytes.
+//! stands. Nothing is ever called, and what the program builds lies flat in lists and is counted, so
+//! that neither depth nor a claimed size costs more than the program's own bytes.
 
 use std::collections::BTreeMap;
 
@@ -12,6 +12,10 @@ use crate::weights::WeightsErrorKind;
 
 /// The longest pickle that is read, in bytes: a network of ten thousand tensors takes one.
 const LONGEST: usize = 4 << 20;
+
+/// The most values that are held at once, on the stack, in the memo and within others: each takes up to
+/// fifty times its bytes in the file.
+const MOST_VALUES: usize = 2_100_000;
 
 /// Runs the pickle that `bytes` begin with; returns what it leaves and its length.
 ///
@@ -26,7 +30,12 @@ pub(super) fn run(bytes: &[u8], heap: &mut Heap) -> Result<(Value, usize), Weigh
     };
     loop {
         let start = machine.at;
-        let step = machine.step();
+        let step = machine.step().and_then(|last| {
+            let held = machine.stack.len() + machine.memo.len() + machine.heap.values();
+            let few = held <= MOST_VALUES;
+            few.then_some(last)
+                .ok_or_else(|| format!("more than {MOST_VALUES} values"))
+        });
         let refused = |found| WeightsErrorKind::Pickle {
             offset: start,
             found,

@@ -214,8 +214,22 @@ mod hard_cases {
         for cycle in [&b"}q\0X\x01\0\0\0ah\0s."[..], b"]q\0h\0a."] {
             assert!(pickle::run(cycle, &mut Heap::default()).is_ok());
         }
-        let long = vec![b'('; 8 << 20];
+        let long = b"\x80\x02".repeat(4 << 20);
         refused(&long, 4 << 20, "1 bytes where 0 are left");
+    }
+
+    #[test]
+    fn values_without_number() {
+        let most = "more than 2100000 values";
+        refused(&vec![b'('; 4 << 20], 2_100_000, most);
+        // A list is one value, and one more on the stack; so is a text, and a dictionary's entry.
+        refused(&vec![b']'; 4 << 20], 1_050_000, most);
+        refused(&b"\x8c\0".repeat(2 << 20), 2_100_000, most);
+        let memo: Vec<u8> = (0..1_u32 << 19)
+            .flat_map(|at| [&b"]r"[..], &at.to_le_bytes()].concat())
+            .collect();
+        assert!(pickle::run(&[&memo[..], b"."].concat(), &mut Heap::default()).is_ok());
+        refused(&[&memo[..], &vec![b'}'; 1 << 19]].concat(), 3_409_296, most);
     }
 
     /// Parts that a pickle names again in a few bytes: work must grow with its own bytes alone.

@@ -121,6 +121,8 @@ pub(super) struct Heap {
     /// Tuples and lists.
     sequences: Vec<Vec<Value>>,
     dictionaries: Vec<Vec<(usize, Value)>>,
+    /// How many values lie in sequences and dictionaries.
+    within: usize,
     storages: Vec<Storage>,
     /// The number of each storage.
     numbers: HashMap<Storage, usize>,
@@ -128,6 +130,12 @@ pub(super) struct Heap {
 }
 
 impl Heap {
+    /// How many values there are, those within others too.
+    pub(super) fn values(&self) -> usize {
+        let whole = self.texts.len() + self.storages.len() + self.views.len();
+        whole + self.sequences.len() + self.dictionaries.len() + self.within
+    }
+
     pub(super) fn text(&mut self, text: &str) -> Value {
         self.texts.push(text.to_owned());
         Value::Text(self.texts.len() - 1)
@@ -141,6 +149,7 @@ impl Heap {
     }
 
     pub(super) fn tuple(&mut self, items: Vec<Value>) -> Value {
+        self.within += items.len();
         self.sequences.push(items);
         Value::Tuple(self.sequences.len() - 1)
     }
@@ -151,6 +160,7 @@ impl Heap {
     }
 
     pub(super) fn extend(&mut self, list: usize, items: Vec<Value>) {
+        self.within += items.len();
         self.sequences[list].extend(items);
     }
 
@@ -174,6 +184,7 @@ impl Heap {
             return Err("a key that is no text".to_owned());
         };
         short(&self.texts[key])?;
+        self.within += 1;
         self.dictionaries[dictionary].push((key, value));
         Ok(())
     }
@@ -242,6 +253,7 @@ impl Heap {
     /// A dictionary of a list of pairs, as Python 2 wrote it; the pairs leave the list.
     fn ordered(&mut self, pairs: usize) -> Result<Value, String> {
         let pairs = std::mem::take(&mut self.sequences[pairs]);
+        self.within -= pairs.len();
         let all = self.dictionary();
         for pair in pairs {
             let (Value::List(pair) | Value::Tuple(pair)) = pair else {

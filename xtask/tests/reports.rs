@@ -6,7 +6,7 @@ use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
-use support::{Mounted, Scratch, expect, message, process, root, xtask};
+use support::{Mounted, Scratch, expect, message, process, xtask};
 
 fn report(scratch: &Scratch) -> assert_cmd::Command {
     let mut command = xtask();

@@ -246,7 +246,7 @@ fn artefacts_of_the_first_format_are_read() {
     }
     let card = json!({
         "format": 1, "experiment": "old", "method": "Ridge", "data": "stripes",
-        "encoder": "se-resnext-small", "resize": null, "frame-size": [32, 32], "level": 0.9,
+        "encoder": "efficientnet-lite-body", "resize": null, "frame-size": [32, 32], "level": 0.9,
         "radius": { "fRS": 3.5 }, "no-interval": { "felt": "too few" }, "checksums": checksums,
     });
     fs::write(folder.path().join("model.json"), card.to_string()).unwrap();

@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 use candle_core::{DType, Device, Tensor};
 use common::{encoder, golden, input, relative_error, root};
 use sps_models::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder};
-use sps_models::weights::Weights;
 
 /// Everything the golden files hold: embedding, loss, chosen gradients, all gradients' norms and
 /// running statistics, each within `bound` relative.

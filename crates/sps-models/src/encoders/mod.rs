@@ -232,7 +232,7 @@ impl Encoder {
     /// use candle_core::{Device, Tensor};
     /// use sps_models::encoders::{Encoder, EncoderKind, Precision};
     ///
-    /// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteSmall, 0, &Device::Cpu)?;
+    /// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
     /// let images = Tensor::rand(0.0_f32, 1.0, (2, 3, 64, 64), &Device::Cpu)?;
     /// let encoder = encoder.calibrated(&[&images])?.with_precision(Precision::Int8)?;
     /// assert_eq!(encoder.embed(&images)?.dims(), [2, encoder.width()]);

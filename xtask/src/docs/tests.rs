@@ -7,7 +7,9 @@ use crate::results::schema::file;
 
 /// A value with some of its keys set.
 fn with(mut value: Value, keys: Value) -> Value {
-    let keys = keys.as_object().unwrap().clone();
+    let Value::Object(keys) = keys else {
+        panic!("{keys} has no keys");
+    };
     value.as_object_mut().unwrap().extend(keys);
     value
 }

@@ -3,8 +3,6 @@
 //! `estimator.json` says what there is; it is written last and holds the checksums of the other files,
 //! so that a folder without it, or with one of them changed, holds no model.
 
-mod first;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -54,7 +52,7 @@ struct Card {
     checksums: BTreeMap<String, String>,
 }
 
-/// Of any version.
+/// What is read first: the text of another format has other keys.
 #[derive(Deserialize)]
 struct Format {
     format: u64,
@@ -146,28 +144,23 @@ impl Estimator {
         write_file(&path, &text).map_err(|error| file_error(&path, error))
     }
 
-    /// Whether a folder holds a model, of this version or an older one, whole or not.
+    /// Whether a folder holds a model, whole or not.
     pub fn is_in(folder: &Path) -> bool {
-        folder.join(CARD).exists() || folder.join(first::CARD).exists()
+        folder.join(CARD).exists()
     }
 
-    /// Reads a model that [`Estimator::save`] wrote, of this version or an older one, and checks that
-    /// its files belong together.
+    /// Reads a model that [`Estimator::save`] wrote and checks that its files belong together.
     ///
     /// # Errors
     ///
-    /// A file that cannot be read, is damaged or was written with another; a format of a later
-    /// version.
+    /// A file that cannot be read, is damaged or was written with another; another format.
     pub fn load(folder: &Path) -> Result<Self> {
         let path = folder.join(CARD);
-        if !path.exists() && folder.join(first::CARD).exists() {
-            return first::load(folder);
-        }
         let text = read(&path)?;
         let refused = |error| Error::artefact(&path, error);
         let Format { format } = serde_json::from_slice(&text).map_err(refused)?;
         if format != FORMAT {
-            let problem = format!("format {format}, expected {FORMAT}: a later version wrote it");
+            let problem = format!("format {format}, expected {FORMAT}: another version wrote it");
             return Err(Error::artefact(&path, problem));
         }
         let card: Card = serde_json::from_slice(&text).map_err(refused)?;

@@ -5,8 +5,6 @@
 //! by an earlier model's is written under one that begins with its checksum, so that the earlier model
 //! is whole until `estimator.json` is replaced.
 
-mod first;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
@@ -58,7 +56,7 @@ struct Card {
     checksums: BTreeMap<String, String>,
 }
 
-/// Of any version.
+/// What is read first: the text of another format has other keys.
 #[derive(Deserialize)]
 struct Format {
     format: u64,
@@ -167,28 +165,23 @@ impl Estimator {
         remove_others(folder, &names, &files.written).map_err(|error| file_error(folder, error))
     }
 
-    /// Whether a folder holds a model, of this version or an older one, whole or not.
+    /// Whether a folder holds a model, whole or not.
     pub fn is_in(folder: &Path) -> bool {
-        folder.join(CARD).exists() || folder.join(first::CARD).exists()
+        folder.join(CARD).exists()
     }
 
-    /// Reads a model that [`Estimator::save`] wrote, of this version or an older one, and checks that
-    /// its files belong together.
+    /// Reads a model that [`Estimator::save`] wrote and checks that its files belong together.
     ///
     /// # Errors
     ///
-    /// A file that cannot be read, is damaged or was written with another; a format of a later
-    /// version.
+    /// A file that cannot be read, is damaged or was written with another; another format.
     pub fn load(folder: &Path) -> Result<Self> {
         let path = folder.join(CARD);
-        if !path.exists() && folder.join(first::CARD).exists() {
-            return first::load(folder);
-        }
         let text = read(&path)?;
         let refused = |error| Error::artefact(&path, error);
         let Format { format } = serde_json::from_slice(&text).map_err(refused)?;
         if format != FORMAT {
-            let problem = format!("format {format}, expected {FORMAT}: a later version wrote it");
+            let problem = format!("format {format}, expected {FORMAT}: another version wrote it");
             return Err(Error::artefact(&path, problem));
         }
         let card: Card = serde_json::from_slice(&text).map_err(refused)?;

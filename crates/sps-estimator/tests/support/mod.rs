@@ -47,12 +47,8 @@ pub(crate) fn embedder() -> Embedder {
 }
 
 pub(crate) fn embedder_of(resize: Option<usize>) -> Embedder {
-    embedder_at(&Depths::All, resize)
-}
-
-pub(crate) fn embedder_at(depths: &Depths, resize: Option<usize>) -> Embedder {
     let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 3, &Device::Cpu).unwrap();
-    let encoder = encoder.with_depths(depths).unwrap();
+    let encoder = encoder.with_depths(&Depths::All).unwrap();
     Embedder::new(Network::Images(encoder), resize).unwrap()
 }
 
@@ -91,11 +87,7 @@ impl Tables {
     }
 
     fn of(surfaces: usize, views: usize, of_group: usize, resize: Option<usize>) -> Self {
-        Self::by(&embedder_of(resize), surfaces, views, of_group)
-    }
-
-    /// As an embedder sees them.
-    pub(crate) fn by(embedder: &Embedder, surfaces: usize, views: usize, of_group: usize) -> Self {
+        let embedder = embedder_of(resize);
         let frames: Vec<Frame> = (0..surfaces)
             .flat_map(|surface| (0..views).map(move |view| photograph(surface, view)))
             .collect();
@@ -118,7 +110,7 @@ impl Tables {
             embeddings: embedder.table(&values, surfaces, views).unwrap(),
             readings: Readings::new(vec!["fRS".into(), "felt".into()], &rows).unwrap(),
             units: Units::of(&list),
-            resize: embedder.resize(),
+            resize,
         }
     }
 

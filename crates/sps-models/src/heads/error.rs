@@ -47,14 +47,6 @@ pub enum HeadError {
         /// What the heads take.
         expected: String,
     },
-    /// A file of trained heads could not be read or written.
-    #[error("{path}: {source}")]
-    File {
-        /// The file.
-        path: std::path::PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
     /// A file that does not hold trained heads.
     #[error("{file}: {what}: found {found}, expected {expected}")]
     Format {

@@ -21,9 +21,6 @@ pub struct TrainingData<'a> {
     pub readings: &'a Readings,
     /// The material of each surface; needed for labels from materials alone.
     pub materials: Option<&'a [String]>,
-    /// Features from a network trained on ImageNet, for visuo-tactile labels; `embeddings` where
-    /// none are given.
-    pub label_features: Option<&'a Embeddings>,
     /// A number for each surface: those of one number are never parted, neither by what is left out
     /// to choose a penalty nor by the folds of a stack. Each surface is for itself where none are
     /// given.
@@ -37,7 +34,6 @@ impl<'a> TrainingData<'a> {
             embeddings,
             readings,
             materials: None,
-            label_features: None,
             units: None,
         }
     }
@@ -46,13 +42,6 @@ impl<'a> TrainingData<'a> {
     #[must_use]
     pub fn with_materials(mut self, materials: &'a [String]) -> Self {
         self.materials = Some(materials);
-        self
-    }
-
-    /// With features from a network trained on ImageNet.
-    #[must_use]
-    pub fn with_label_features(mut self, label_features: &'a Embeddings) -> Self {
-        self.label_features = Some(label_features);
         self
     }
 
@@ -70,10 +59,6 @@ impl<'a> TrainingData<'a> {
             ("readings", Some(self.readings.surfaces())),
             ("materials", self.materials.map(<[_]>::len)),
             ("units", self.units.map(<[_]>::len)),
-            (
-                "label features",
-                self.label_features.map(Embeddings::surfaces),
-            ),
         ];
         match others
             .iter()
@@ -91,7 +76,7 @@ impl<'a> TrainingData<'a> {
     pub(super) fn label_tables(&self) -> LabelTables<'a> {
         LabelTables {
             readings: self.readings,
-            visual: self.label_features.unwrap_or(self.embeddings),
+            visual: self.embeddings,
             materials: self.materials,
         }
     }

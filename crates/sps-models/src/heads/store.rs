@@ -1,8 +1,6 @@
 //! Trained heads as safetensors: the tensors of head `i` are named `i/<parameter>`, and the
 //! metadata hold the configuration and what each head was trained for.
 
-use std::path::Path;
-
 use candle_core::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
@@ -76,43 +74,6 @@ impl TrainedHeads {
         }
         let tensors = Weights::from_tensors("trained heads", tensors)?;
         Ok(tensors.to_bytes_as(Storage::F32, Some((KEY, &metadata)))?)
-    }
-
-    /// Writes the heads to a file, which is there whole or not at all.
-    ///
-    /// # Errors
-    ///
-    /// What the file system says, with the path.
-    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
-        let path = path.as_ref();
-        let bytes = self.to_bytes()?;
-        let mut partial = path.as_os_str().to_owned();
-        partial.push(format!(".{}.partial", std::process::id()));
-        let written =
-            std::fs::write(&partial, bytes).and_then(|()| std::fs::rename(&partial, path));
-        written.map_err(|source| {
-            // What is left of it is of no use; that it cannot be removed matters less.
-            let _ = std::fs::remove_file(&partial);
-            HeadError::File {
-                path: path.to_owned(),
-                source,
-            }
-            .into()
-        })
-    }
-
-    /// Reads a file that [`TrainedHeads::save`] wrote.
-    ///
-    /// # Errors
-    ///
-    /// What the file system says, or a file that does not hold trained heads; with the path.
-    pub fn load(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(|source| HeadError::File {
-            path: path.to_owned(),
-            source,
-        })?;
-        Self::from_bytes(&path.display().to_string(), &bytes)
     }
 
     /// Reads the content of a file; `name` stands for it in error messages.

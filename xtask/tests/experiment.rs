@@ -263,14 +263,14 @@ fn methods_look_at_the_depths_that_they_name() {
     assert!(said[0].contains("at all depths"), "{}", said[0]);
     assert!(said[1].contains("at stage-1 and stage-3"), "{}", said[1]);
 
-    scratch.edit("tiny.toml", "\"stage-3\"", "\"stage-7\"");
+    scratch.edit("tiny.toml", "\"stage-3\"", "\"stage-9\"");
     let said = message(scratch.experiment().assert());
     expect(
         &said,
         &[
             "tiny.toml, line",
-            "depths`: is \"stage-7\", expected",
-            "stage-4",
+            "depths`: is \"stage-9\", expected",
+            "stage-7",
         ],
     );
 }

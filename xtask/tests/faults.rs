@@ -337,7 +337,7 @@ impl Faults {
     /// Runs on disks that become full, and goes on when there is room.
     fn fill_disks(&mut self, disks: usize) {
         for _ in 0..disks {
-            // A run takes some 90 KiB, a cache 10 MiB.
+            // A run takes some 90 KiB, a cache 50 MiB.
             for (folder, most) in [("run", 80), ("cache", 8000)] {
                 self.begin_again();
                 let size = 4 + self.draw(most);
@@ -351,7 +351,7 @@ impl Faults {
                     self.lose(format!("{size} KiB for {folder}: {}", ended.log));
                 }
                 let before = Contents::of(self);
-                disk.remount("size=100m");
+                disk.remount("size=400m");
                 let ended = self.run("run");
                 self.summary.full_disks += usize::from(full);
                 self.check_once("after a full disk", "run", &ended);

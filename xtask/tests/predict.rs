@@ -5,15 +5,15 @@ mod support;
 use std::fs;
 use std::path::PathBuf;
 
-use candle_core::{Device, Tensor};
+use candle_core::Device;
 use image::{Rgb, RgbImage};
 use serde_json::{Value, json};
 use sps_dataset::{DatasetFolder, ReadSettings, Source, TactileSettings, Unit, Units};
 use sps_estimator::{Embedder, Estimator, Network, photographs_in};
-use sps_models::encoders::{Encoder, EncoderKind};
+use sps_models::Readings;
+use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_models::heads::{Plan, Rerun, TrainingData, Views};
 use sps_models::ridge::{Ridge, RidgeConfig};
-use sps_models::{Embeddings, Readings};
 use support::{Scratch, expect, message, root, xtask};
 
 /// The frames of the tiny dataset.
@@ -233,15 +233,14 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
     );
     let dataset = DatasetFolder::open(&scratch.path("data"), &ReadSettings::default()).unwrap();
     let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu).unwrap();
+    let encoder = encoder.with_depths(&Depths::All).unwrap();
     let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
     let views = [0, 2, 4];
     let count = dataset.surfaces().len();
     let frames =
         (0..count).flat_map(|surface| views.map(|view| dataset.frame(surface, view).unwrap()));
     let values = embedder.embed(&frames.collect::<Vec<_>>()).unwrap();
-    let shape = (count, 3, embedder.width());
-    let tensor = Tensor::from_vec(values, shape, &Device::Cpu).unwrap();
-    let embeddings = Embeddings::new(&tensor).unwrap();
+    let embeddings = embedder.table(&values, count, 3).unwrap();
     let touched = dataset
         .tactile()
         .averages(&TactileSettings::default(), count);
@@ -360,7 +359,7 @@ fn a_trained_encoder_that_has_seen_too_much_has_no_p_value() {
     let more = [TRAINED, "train.calibration=0.34"];
     let scratch = fitted(&more);
     let reason = "found 2 surfaces that it has not seen, expected at least 19";
-    let printed = said(&mut train(&scratch, &more));
+    let printed = said(train(&scratch, &more).arg("--force"));
     let of_splits = "no p-value of \"like what was fitted on\": the encoder learned";
     let of_model = "the model has no p-value of \"like what it was fitted on\"";
     expect(&printed, &[of_splits, of_model, reason]);
@@ -418,17 +417,25 @@ fn a_photograph_is_held_against_what_a_trained_encoder_has_not_seen() {
         .map(|&at| dataset.frame(at, 0).unwrap());
     let values = model.embedder().embed(&frames.collect::<Vec<_>>()).unwrap();
     let width = model.embedder().width();
-    let of_unit_length = values.chunks(width).flat_map(|row| {
-        let squares = row.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>();
-        row.iter()
-            .map(move |&x| (f64::from(x) / squares.sqrt()) as f32)
-    });
+    // Each block of its own.
+    let blocks = model.embedder().network().encoder().blocks();
+    let mut of_unit_length = Vec::new();
+    for row in values.chunks(width) {
+        let mut rest = row;
+        for block in &blocks {
+            let (part, behind) = rest.split_at(block.width);
+            let squares = part.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>();
+            let scaled = part.iter().map(|&x| (f64::from(x) / squares.sqrt()) as f32);
+            of_unit_length.extend(scaled);
+            rest = behind;
+        }
+    }
     let kept =
         candle_core::safetensors::load(scratch.path("model/familiar.safetensors"), &Device::Cpu);
     let kept = &kept.unwrap()["units"];
     assert_eq!(kept.dims(), [20, 1, width]);
     let kept: Vec<f32> = kept.flatten_all().unwrap().to_vec1().unwrap();
-    assert_eq!(kept, of_unit_length.collect::<Vec<f32>>());
+    assert_eq!(kept, of_unit_length);
 }
 
 /// Nothing that learns has seen the readings that calibrate intervals, an encoder as little as a

@@ -166,7 +166,7 @@ fn runs_that_cannot_be_written_to_are_shown_and_compared() {
     mounted.remount("ro");
     let shown = report(&scratch).assert().success().get_output().clone();
     let [table, log] = [shown.stdout, shown.stderr].map(|text| String::from_utf8(text).unwrap());
-    expect(&table, &["Ridge"]);
+    expect(&table, &["ridge"]);
     expect(
         &log,
         &["the report was not written", "Read-only file system"],

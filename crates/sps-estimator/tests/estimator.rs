@@ -57,7 +57,7 @@ fn every_regression_is_read_again_to_the_bit() {
         let encoder = again.embedder().network().encoder();
         assert_eq!(
             (encoder.depths(), encoder.blocks().len()),
-            (&Depths::All, 4)
+            (&Depths::All, 7)
         );
         let asked = photographs(97, &[1, 0]);
         let answer = estimator.predict(&asked).unwrap();

@@ -195,14 +195,15 @@ fn kernels_train_every_network_as_candle_does() {
 }
 
 /// Feature maps of bf16, against f32, and with checkpointing to the same bits. What rounding makes of the gradients
-/// is the network's: PyTorch's autocast moves those of SqueezeNet by 2.3e-2, those of ResNet-18 by 0.35.
+/// is the network's: PyTorch's autocast moves those of SqueezeNet by 2.3e-2, those of ResNet-18 by
+/// 0.35, those of the built-in encoder by 0.94 and its embeddings by 0.20: its last maps have four pixels an image.
 #[test]
 fn networks_train_on_maps_of_bf16() {
     let built_in = |kind| Encoder::built_in(kind, &Device::Cpu).unwrap();
     for (start, bounds) in [
         (encoder(EncoderKind::SqueezeNet1_0), [5e-3, 4e-2]),
         (encoder(EncoderKind::ResNet18), [5e-2, 0.5]),
-        (built_in(EncoderKind::EfficientNetLiteBody), [5e-2, 0.5]),
+        (built_in(EncoderKind::EfficientNetLiteBody), [0.2, 0.95]),
     ] {
         let kind = start.kind();
         let new = || TrainableEncoder::new(&start).unwrap();

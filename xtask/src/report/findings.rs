@@ -1,5 +1,7 @@
 //! What a run found, in three sentences.
 
+use sps_metrics::holm;
+
 use super::summary::best;
 use super::table::{counted, with_interval};
 use crate::results::{MethodResult, Results};
@@ -25,26 +27,27 @@ fn scored(results: &Results, best: &MethodResult) -> Option<String> {
         count => format!("{count} properties"),
     };
     Some(format!(
-        "{} is the best method: mean R² {score} over {properties}, on {} that it was not trained on. 0 is \
-         guessing the mean, 1 is no error.",
+        "{} has the highest mean R²: {score} over {properties}, on {} that it was not trained on. 0 is guessing \
+         the mean, 1 is no error.",
         best.label,
         counted(best.held_out_surfaces, "surface")
     ))
 }
 
-/// Against what the config compares with.
+/// Against what the config compares with, corrected for how many that are.
 fn ahead(results: &Results, best: &MethodResult) -> Option<String> {
+    let gains = &best.gains.r2_mean_gains;
+    let compared = results.compared_with().into_iter();
+    let tested: Vec<_> = compared
+        .filter_map(|other| Some((other, gains.get(&other.id)?.value, gains.get(&other.id)?.p?)))
+        .collect();
+    let p_values: Vec<f64> = tested.iter().map(|&(_, _, p)| p).collect();
     let (mut ahead, mut level) = (Vec::new(), Vec::new());
-    for other in results.compared_with() {
-        let Some(gain) = best.gains.r2_mean_gains.get(&other.id) else {
-            continue;
-        };
-        match gain.interval {
-            Some([low, _]) if low > 0.0 => {
-                ahead.push(format!("{} (+{:.2})", other.label, gain.value));
-            }
-            Some(_) => level.push(other.label.clone()),
-            None => (),
+    for ((other, gain, _), p) in tested.into_iter().zip(holm(&p_values)) {
+        if gain > 0.0 && p <= 1.0 - results.interval_level {
+            ahead.push(format!("{} (+{gain:.3})", other.label));
+        } else {
+            level.push(other.label.clone());
         }
     }
     let ahead = (!ahead.is_empty()).then(|| format!("It is ahead of {}", listed(&ahead)));
@@ -95,7 +98,7 @@ mod tests {
         let results: Results = serde_json::from_value(file()).unwrap();
         let found = of(&results);
         assert!(
-            found[0].contains("is the best method: mean R² 0.50 [0.40, 0.60] over"),
+            found[0].contains("has the highest mean R²: 0.50 [0.40, 0.60] over"),
             "{found:?}"
         );
 
@@ -103,20 +106,20 @@ mod tests {
         let mut network = results.methods[0].clone();
         (network.id, network.label) = ("network".to_owned(), "Network".to_owned());
         network.means.r2_mean = Some(0.75);
-        let gain = |low| Gain {
+        let gain = |p| Gain {
             value: 0.25,
-            interval: Some([low, 0.4]),
-            p: None,
+            interval: None,
+            p: Some(p),
         };
         network
             .gains
             .r2_mean_gains
-            .insert("ridge".to_owned(), gain(0.1));
+            .insert("ridge".to_owned(), gain(0.01));
         results.methods.push(network);
         results.against = vec!["ridge".to_owned()];
-        assert_eq!(of(&results)[1], "It is ahead of Ridge (+0.25).");
+        assert_eq!(of(&results)[1], "It is ahead of Ridge (+0.250).");
         let gains = &mut results.methods[1].gains.r2_mean_gains;
-        gains.insert("ridge".to_owned(), gain(-0.1));
+        gains.insert("ridge".to_owned(), gain(0.2));
         let level = "Beside it, chance does not rule out that Ridge does as well.";
         assert_eq!(of(&results)[1], level);
         assert_eq!(listed(&["a", "b", "c"].map(str::to_owned)), "a, b and c");

@@ -9,7 +9,7 @@ use crate::results::Results;
 const ROW: f64 = 15.0;
 const LABELS: f64 = 190.0;
 /// Letters of a label that fit on its line.
-const LETTERS: usize = 44;
+const LETTERS: usize = 40;
 
 pub(super) fn figure(results: &Results) -> Figure {
     Figure {
@@ -59,13 +59,7 @@ fn svg(results: &Results) -> String {
     }
     for (at, method) in results.methods.iter().enumerate() {
         let y = head + ROW * at as f64;
-        let _ = write!(
-            svg,
-            "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>",
-            LABELS - 5.0,
-            y + 10.5,
-            escaped(&shortened(&method.label))
-        );
+        svg.push_str(&label(&method.label, y));
         let of_property = |name| method.scores.r2.get(name).copied().flatten();
         let values = results.properties.iter().map(of_property);
         for (at, value) in [method.means.r2_mean].into_iter().chain(values).enumerate() {
@@ -104,11 +98,24 @@ fn colours(value: Option<f64>) -> (String, &'static str) {
     )
 }
 
-fn shortened(label: &str) -> String {
-    if label.chars().count() <= LETTERS {
-        return label.to_owned();
+/// On one line or, cut between words, on two.
+fn label(label: &str, y: f64) -> String {
+    let letters = label.chars().count();
+    let spaces = label.match_indices(' ').map(|(at, _)| at);
+    let middle = spaces.min_by_key(|at| at.abs_diff(label.len() / 2));
+    let text = |text: &str, y: f64, size: f64| {
+        let x = LABELS - 5.0;
+        format!(
+            "<text x=\"{x}\" y=\"{y}\" text-anchor=\"end\" font-size=\"{size}\">{}</text>",
+            escaped(text)
+        )
+    };
+    match middle {
+        Some(at) if letters > LETTERS => {
+            text(&label[..at], y + 6.5, 7.0) + &text(&label[at + 1..], y + 13.5, 7.0)
+        }
+        _ => text(label, y + 10.5, 8.5),
     }
-    label.chars().take(LETTERS - 1).chain(['…']).collect()
 }
 
 fn escaped(text: &str) -> String {
@@ -128,8 +135,10 @@ mod tests {
     }
 
     #[test]
-    fn long_labels_are_cut_and_markup_is_escaped() {
-        assert_eq!(shortened(&"é".repeat(60)).chars().count(), LETTERS);
+    fn long_labels_have_two_lines_and_markup_is_escaped() {
+        let lines = |text: &str| label(text, 0.0).matches("<text").count();
+        assert_eq!((lines("Ridge regression"), lines(&"é".repeat(60))), (1, 1));
+        assert_eq!(lines(&"ünten ".repeat(12)), 2);
         assert_eq!(escaped("a<b & c"), "a&lt;b &amp; c");
     }
 }

@@ -10,7 +10,7 @@ use crate::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder};
 use crate::golden::{error, values};
 use crate::weights::{Weights, WeightsErrorKind};
 
-const PAPERS: EncoderKind = EncoderKind::SeResNext50;
+const NETWORK: EncoderKind = EncoderKind::ResNet18;
 
 fn encoder(kind: EncoderKind) -> Encoder {
     Encoder::seeded(kind, 1, &Device::Cpu).unwrap()
@@ -120,7 +120,7 @@ fn denormal_images() {
 
 #[test]
 fn images_of_any_extent() {
-    let small = encoder(PAPERS);
+    let small = encoder(NETWORK);
     for (height, width) in [(1, 1), (1, 2), (2, 1), (7, 5000), (3, 64), (65, 31)] {
         let case = format!("{height} x {width}");
         agree(&case, &small, &textured((1, 3, height, width)));
@@ -134,7 +134,7 @@ fn images_of_any_extent() {
 
 #[test]
 fn values_outside_of_what_a_camera_gives() {
-    let small = encoder(PAPERS);
+    let small = encoder(NETWORK);
     for scale in [1e4, -1e4] {
         let images = (textured((2, 3, 17, 19)) * scale).unwrap();
         agree(&format!("values of {scale}"), &small, &images);
@@ -143,7 +143,7 @@ fn values_outside_of_what_a_camera_gives() {
 
 #[test]
 fn images_that_cannot_be_embedded() {
-    let small = encoder(PAPERS);
+    let small = encoder(NETWORK);
     let squeezenet = encoder(EncoderKind::SqueezeNet1_0);
     let ints = filled(0.0, (1, 3, 8, 8)).to_dtype(DType::U8).unwrap();
     let no_images = Tensor::zeros((0, 3, 8, 8), DType::F32, &Device::Cpu).unwrap();
@@ -163,7 +163,7 @@ fn images_that_cannot_be_embedded() {
 #[test]
 fn training_on_images_of_one_value_is_finite() {
     for value in [0.0, 0.5, 1e4] {
-        let mut trainable = TrainableEncoder::new(&encoder(PAPERS)).unwrap();
+        let mut trainable = TrainableEncoder::new(&encoder(NETWORK)).unwrap();
         let images = filled(value, (2, 3, 33, 40));
         let embedding = trainable.forward(&images).unwrap();
         let loss = embedding.sqr().unwrap().mean_all().unwrap();
@@ -179,7 +179,7 @@ fn training_on_images_of_one_value_is_finite() {
 #[test]
 fn training_needs_two_numbers_a_channel() {
     for plain in [false, true] {
-        let mut trainable = TrainableEncoder::new(&encoder(PAPERS)).unwrap();
+        let mut trainable = TrainableEncoder::new(&encoder(NETWORK)).unwrap();
         if plain {
             trainable = trainable.with_plain_operators();
         }
@@ -197,7 +197,7 @@ fn training_needs_two_numbers_a_channel() {
 #[test]
 fn training_on_odd_extents_agrees_with_plain_operators() {
     for shape in [(4, 3, 40, 37), (2, 3, 65, 70), (1, 3, 97, 131)] {
-        let start = encoder(PAPERS);
+        let start = encoder(NETWORK);
         let images = textured(shape);
         let run = |mut trainable: TrainableEncoder| {
             let embedding = trainable.forward(&images).unwrap();
@@ -220,7 +220,7 @@ fn training_on_odd_extents_agrees_with_plain_operators() {
 #[test]
 fn half_weights_that_are_infinite_are_refused_by_name() {
     let broken = |value: f16| {
-        let tensors = PAPERS.specs().into_iter().map(|spec| {
+        let tensors = NETWORK.specs().into_iter().map(|spec| {
             let mut values = vec![f16::ONE; spec.shape.iter().product()];
             if spec.name == "layer2.0.conv2.weight" {
                 values[5] = value;
@@ -247,7 +247,7 @@ fn half_weights_that_are_infinite_are_refused_by_name() {
 fn a_batch_of_one() {
     let images = textured((4, 3, 33, 40));
     let first = images.narrow(0, 0, 1).unwrap();
-    let small = encoder(PAPERS);
+    let small = encoder(NETWORK);
     agree("batch of one", &small, &first);
     let together = small.embed(&images).unwrap().narrow(0, 0, 1).unwrap();
     assert_eq!(numbers(&small.embed(&first).unwrap()), numbers(&together));
@@ -267,7 +267,7 @@ proptest! {
     /// An image's embedding does not hang on its neighbours in the batch, to the last bit.
     #[test]
     fn an_image_alone_embeds_as_in_a_batch(n in 2_usize..6, h in 1_usize..40, w in 1_usize..40) {
-        let small = encoder(PAPERS);
+        let small = encoder(NETWORK);
         let images = textured((n, 3, h, w));
         let together = small.embed(&images).unwrap();
         for i in 0..n {

@@ -186,7 +186,7 @@ fn training_needs_two_numbers_a_channel() {
         let error = trainable.forward(&textured((1, 3, 1, 1))).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "batch in training: found one number in each channel at layer0.bn1, expected at least \
+            "batch in training: found one number in each channel at bn1, expected at least \
              two: more images or larger ones"
         );
         assert!(trainable.forward(&textured((2, 3, 1, 1))).is_ok());

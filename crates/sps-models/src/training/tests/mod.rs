@@ -180,9 +180,7 @@ fn a_state_of_other_targets_or_parts_or_without_its_best_network_is_refused() {
 
     let note = Weights::note("a state", &state, "sps-training").unwrap();
     let all = Weights::from_bytes("a state", &state).unwrap();
-    let kept = all
-        .iter()
-        .filter(|(name, _)| *name != "best/conv1.weight");
+    let kept = all.iter().filter(|(name, _)| *name != "best/conv1.weight");
     let kept = kept.map(|(name, tensor)| (name.to_owned(), tensor.clone()));
     let without = Weights::from_tensors("a state", kept).unwrap();
     assert_eq!(without.iter().count() + 1, all.iter().count());

@@ -33,7 +33,7 @@ def run(readme, example):
 
 @pytest.mark.parametrize(
     ("readme", "said"),
-    [("python/README.md", ["Estimate(", "(1, 1, 1)", "radius"]), ("README.md", ["value ", "share"])],
+    [("python/README.md", ["Estimate(", "(1, 1, 1)", "radius"]), ("README.md", ["value ", "familiarity p ="])],
 )
 def test_the_readmes_examples_run(readme, said, folder, capsys):
     for example in examples(readme):

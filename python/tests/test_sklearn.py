@@ -41,9 +41,15 @@ class OfNumbers(TactileRegressor):
 
 
 def drawn(rows):
-    """A grey stripe for each number, (n, 8, 4 * features, 3)."""
-    greys = np.uint8(255 / (1 + np.exp(-rows)))
-    return np.tile(greys.repeat(4, axis=1)[:, None, :, None], (1, 8, 1, 3))
+    """A grating for each number, of its own period and direction and as strong, (n, 12, 12 * features, 3)."""
+    strengths = 1 / (1 + np.exp(-rows))
+    y, x = np.mgrid[:12, :12]
+    gratings = []
+    for at in range(rows.shape[1]):
+        turn = np.pi * at / rows.shape[1]
+        phase = 2 * np.pi * (np.cos(turn) * x + np.sin(turn) * y) / (3 + at)
+        gratings.append(strengths[:, at, None, None] * (0.5 + 0.5 * np.sin(phase)))
+    return np.tile(np.uint8(255 * np.concatenate(gratings, axis=2))[..., None], (1, 1, 1, 3))
 
 
 def not_as_expected(_):

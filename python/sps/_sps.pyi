@@ -49,7 +49,7 @@ class Encoder:
         name: str,
         weights: _Path,
         precision: str = "f32",
-        depths: str | Sequence[str] = "last",
+        depths: str | Sequence[str] = "all",
     ) -> Encoder: ...
     @property
     def name(self) -> str: ...

@@ -329,7 +329,7 @@ mod tests {
         let mut other = OpenOptions::new().append(true).open(&path).unwrap();
         other.lock().unwrap();
         let added = std::thread::spawn(move || one.append(vec![outcome("a", 1.0)]));
-        std::thread::sleep(std::time::Duration::from_millis(100));
+        (0..10_000).for_each(|_| std::thread::yield_now());
         other.write_all(b"{\"check\":\"0123").unwrap();
         assert_eq!(fs::read(&path).unwrap().len(), 14, "the lock was not kept");
         other.unlock().unwrap();

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use candle_core::{DType, Device, Tensor};
 use common::{encoder, golden, input, relative_error, root};
-use sps_models::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder};
+use sps_models::encoders::{Depths, Encoder, EncoderKind, Precision, TrainableEncoder};
 
 /// Everything the golden files hold: embedding, loss, chosen gradients, all gradients' norms and
 /// running statistics, each within `bound` relative.
@@ -195,15 +195,20 @@ fn kernels_train_every_network_as_candle_does() {
 }
 
 /// Feature maps of bf16, against f32, and with checkpointing to the same bits. What rounding makes of the gradients
-/// is the network's: PyTorch's autocast moves those of SqueezeNet by 2.3e-2, those of ResNet-18 by
-/// 0.35, those of the built-in encoder by 0.94 and its embeddings by 0.20: its last maps have four pixels an image.
+/// is the network's: PyTorch's autocast moves those of SqueezeNet by 2.3e-2, those of ResNet-18 by 0.35.
+/// The built-in encoder is taken as far as its maps of 8 x 8: batch norm over the four pixels of its last ones magnifies
+/// any rounding (PyTorch's moves its embeddings by 0.20 and the gradients by 0.94).
 #[test]
 fn networks_train_on_maps_of_bf16() {
-    let built_in = |kind| Encoder::built_in(kind, &Device::Cpu).unwrap();
+    let built_in = |kind| {
+        let encoder = Encoder::built_in(kind, &Device::Cpu).unwrap();
+        let depths = Depths::Named(vec!["stage-3".to_owned()]);
+        encoder.with_depths(&depths).unwrap()
+    };
     for (start, bounds) in [
         (encoder(EncoderKind::SqueezeNet1_0), [5e-3, 4e-2]),
         (encoder(EncoderKind::ResNet18), [5e-2, 0.5]),
-        (built_in(EncoderKind::EfficientNetLiteBody), [0.2, 0.95]),
+        (built_in(EncoderKind::EfficientNetLiteBody), [5e-2, 0.5]),
     ] {
         let kind = start.kind();
         let new = || TrainableEncoder::new(&start).unwrap();

@@ -73,7 +73,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         "{} ({} KiB)\n{}\nTensorBoard: {}",
         args.out.display(),
         bytes.len() / 1024,
-        quality(&trained),
+        quality(&pretraining, &trained),
         trained.folder.display()
     );
     Ok(())
@@ -111,11 +111,17 @@ fn mixed(start: &Encoder, trained: &Encoder, share: f64) -> Result<Weights> {
     Ok(Weights::from_tensors("the mixed weights", tensors)?)
 }
 
-fn quality(trained: &TrainedEncoder) -> String {
+fn quality(pretraining: &Pretraining, trained: &TrainedEncoder) -> String {
     let kept = trained.history.iter().rfind(|epoch| epoch.best);
+    let mixed = pretraining.trained_share < 1.0;
+    let mixed = if mixed {
+        ", before the average with the start"
+    } else {
+        ""
+    };
     match kept.and_then(|epoch| Some((epoch.number, epoch.validation?))) {
         Some((number, losses)) => format!(
-            "surfaces kept out, after epoch {number}: {}",
+            "surfaces kept out, after epoch {number}{mixed}: {}",
             in_words(&losses)
         ),
         None => "no surfaces were kept out".to_owned(),
@@ -126,7 +132,7 @@ fn quality(trained: &TrainedEncoder) -> String {
 fn note(pretraining: &Pretraining, trained: &TrainedEncoder) -> Result<String> {
     let note = serde_json::json!({
         "config": pretraining.resolved,
-        "quality": quality(trained),
+        "quality": quality(pretraining, trained),
     });
     Ok(serde_json::to_string(&note)?)
 }

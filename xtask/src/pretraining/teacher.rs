@@ -111,7 +111,8 @@ fn kept(path: &Path, source: blake3::Hash) -> Result<Option<Tensor>> {
         );
         Ok(weights.get(NAME)?.clone())
     };
-    let kept = check().inspect_err(|error: &anyhow::Error| warn!("{error:#}; it is made again"));
+    let kept = check()
+        .inspect_err(|error: &anyhow::Error| warn!("{error:#}; the features are computed again"));
     Ok(kept.ok())
 }
 

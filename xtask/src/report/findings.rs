@@ -42,27 +42,25 @@ fn ahead(results: &Results, best: &MethodResult) -> Option<String> {
         .filter_map(|other| Some((other, gains.get(&other.id)?.value, gains.get(&other.id)?.p?)))
         .collect();
     let p_values: Vec<f64> = tested.iter().map(|&(_, _, p)| p).collect();
-    let (mut ahead, mut level) = (Vec::new(), Vec::new());
+    let [mut ahead, mut level, mut behind] = [const { Vec::new() }; 3];
     for ((other, gain, _), p) in tested.into_iter().zip(holm(&p_values)) {
-        if gain > 0.0 && p <= 1.0 - results.interval_level {
-            ahead.push(format!("{} (+{gain:.3})", other.label));
-        } else {
-            level.push(other.label.clone());
+        let with_gain = format!("{} ({gain:+.3})", other.label);
+        match p <= 1.0 - results.interval_level {
+            true if gain > 0.0 => ahead.push(with_gain),
+            true => behind.push(with_gain),
+            false => level.push(other.label.clone()),
         }
     }
-    let ahead = (!ahead.is_empty()).then(|| format!("It is ahead of {}", listed(&ahead)));
-    let level = (!level.is_empty()).then(|| {
-        format!(
-            "chance does not rule out that {} does as well",
-            listed(&level)
-        )
-    });
-    match (ahead, level) {
-        (Some(ahead), Some(level)) => Some(format!("{ahead}; {level}.")),
-        (Some(ahead), None) => Some(format!("{ahead}.")),
-        (None, Some(level)) => Some(format!("Beside it, {level}.")),
-        (None, None) => None,
-    }
+    let said = [
+        ("it is ahead of", ahead),
+        ("it is behind", behind),
+        ("it cannot be told apart from", level),
+    ];
+    let said = said.into_iter().filter(|(_, names)| !names.is_empty());
+    let said: Vec<String> = said
+        .map(|(what, names)| format!("{what} {}", listed(&names)))
+        .collect();
+    (!said.is_empty()).then(|| format!("Compared with others, {}.", said.join("; ")))
 }
 
 fn properties(results: &Results, best: &MethodResult) -> Option<String> {
@@ -117,11 +115,21 @@ mod tests {
             .insert("ridge".to_owned(), gain(0.01));
         results.methods.push(network);
         results.against = vec!["ridge".to_owned()];
-        assert_eq!(of(&results)[1], "It is ahead of Ridge (+0.250).");
-        let gains = &mut results.methods[1].gains.r2_mean_gains;
-        gains.insert("ridge".to_owned(), gain(0.2));
-        let level = "Beside it, chance does not rule out that Ridge does as well.";
-        assert_eq!(of(&results)[1], level);
+        let ahead = "Compared with others, it is ahead of Ridge (+0.250).";
+        assert_eq!(of(&results)[1], ahead);
+        let mut said_of = |gain| {
+            let gains = &mut results.methods[1].gains.r2_mean_gains;
+            gains.insert("ridge".to_owned(), gain);
+            of(&results).remove(1)
+        };
+        let level = "Compared with others, it cannot be told apart from Ridge.";
+        assert_eq!(said_of(gain(0.2)), level);
+        let behind = Gain {
+            value: -0.25,
+            ..gain(0.01)
+        };
+        let said = "Compared with others, it is behind Ridge (-0.250).";
+        assert_eq!(said_of(behind), said);
         assert_eq!(listed(&["a", "b", "c"].map(str::to_owned)), "a, b and c");
     }
 }

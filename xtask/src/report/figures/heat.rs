@@ -1,10 +1,8 @@
 //! The figure of R² per property and method: a table of coloured cells.
 
-use std::fmt::Write as _;
-
 use super::{Figure, PAGE};
 use crate::report::table::number;
-use crate::results::Results;
+use crate::results::{MethodResult, Results};
 
 const ROW: f64 = 15.0;
 const LABELS: f64 = 190.0;
@@ -24,60 +22,64 @@ pub(super) fn figure(results: &Results) -> Figure {
 
 fn svg(results: &Results) -> String {
     let columns = results.properties.len() + 1;
-    let width = ((PAGE - LABELS) / columns as f64).clamp(24.0, 60.0);
-    let names = results.properties.iter().map(String::as_str);
-    // Names longer than codes stand upright.
-    let longest = names.clone().map(|name| name.chars().count()).max();
-    let upright = longest.is_some_and(|longest| longest as f64 * 5.0 > width);
-    let head = if upright {
-        longest.unwrap_or(0) as f64 * 4.6 + 8.0
-    } else {
-        ROW
-    };
-    let size = [
-        LABELS + width * columns as f64,
-        head + ROW * results.methods.len() as f64,
-    ];
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" \
-         font-family=\"sans-serif\" font-size=\"8.5\"><rect width=\"{0}\" height=\"{1}\" fill=\"#fff\"/>",
-        size[0].ceil(),
-        size[1].ceil() + 2.0
+    let column = ((PAGE - LABELS) / columns as f64).clamp(24.0, 60.0);
+    let (head, names) = names(results, column);
+    let (width, height) = (
+        (LABELS + column * columns as f64).ceil(),
+        (head + ROW * results.methods.len() as f64).ceil() + 2.0,
     );
-    for (at, name) in ["mean"].into_iter().chain(names).enumerate() {
-        let (x, y) = (LABELS + width * (at as f64 + 0.5), head - 4.0);
+    let rows = results.methods.iter().enumerate();
+    let rows = rows.map(|(at, method)| row(results, method, column, head + ROW * at as f64));
+    let rows: String = rows.collect();
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
+         height=\"{height}\" font-family=\"sans-serif\" font-size=\"8.5\"><rect width=\"{width}\" \
+         height=\"{height}\" fill=\"#fff\"/>{names}{rows}</svg>"
+    )
+}
+
+/// The height of the head, and the names of the columns in it. Names longer than codes stand upright.
+fn names(results: &Results, column: f64) -> (f64, String) {
+    let names = results.properties.iter().map(String::as_str);
+    let longest = names.clone().map(|name| name.chars().count()).max();
+    let longest = longest.unwrap_or(0) as f64;
+    let upright = longest * 5.0 > column;
+    let head = if upright { longest * 4.6 + 8.0 } else { ROW };
+    let text = |(at, name): (usize, &str)| {
+        let (x, y) = (LABELS + column * (at as f64 + 0.5), head - 4.0);
         let turned = if upright {
-            format!(" transform=\"rotate(-90 {x} {y}) translate(0 3)\"")
+            format!("transform=\"rotate(-90 {x} {y}) translate(0 3)\"")
         } else {
-            " text-anchor=\"middle\"".to_owned()
+            "text-anchor=\"middle\"".to_owned()
         };
-        let _ = write!(
-            svg,
-            "<text x=\"{x}\" y=\"{y}\"{turned}>{}</text>",
+        format!(
+            "<text x=\"{x}\" y=\"{y}\" {turned}>{}</text>",
             escaped(name)
-        );
-    }
-    for (at, method) in results.methods.iter().enumerate() {
-        let y = head + ROW * at as f64;
-        svg.push_str(&label(&method.label, y));
-        let of_property = |name| method.scores.r2.get(name).copied().flatten();
-        let values = results.properties.iter().map(of_property);
-        for (at, value) in [method.means.r2_mean].into_iter().chain(values).enumerate() {
-            let x = LABELS + width * at as f64;
-            let (fill, ink) = colours(value);
-            let _ = write!(
-                svg,
-                "<rect x=\"{x}\" y=\"{y}\" width=\"{}\" height=\"{}\" fill=\"{fill}\"/><text x=\"{}\" y=\"{}\" \
-                 text-anchor=\"middle\" fill=\"{ink}\">{}</text>",
-                width - 1.0,
-                ROW - 1.0,
-                x + width / 2.0,
-                y + 10.5,
-                number(value, 2)
-            );
-        }
-    }
-    svg + "</svg>"
+        )
+    };
+    let all = ["mean"].into_iter().chain(names);
+    (head, all.enumerate().map(text).collect())
+}
+
+/// A method: its label, its mean and the value of each property.
+fn row(results: &Results, method: &MethodResult, column: f64, y: f64) -> String {
+    let of_property = |name| method.scores.r2.get(name).copied().flatten();
+    let values = results.properties.iter().map(of_property);
+    let values = [method.means.r2_mean].into_iter().chain(values);
+    let cell = |(at, value): (usize, Option<f64>)| {
+        let x = LABELS + column * at as f64;
+        let (fill, ink) = colours(value);
+        format!(
+            "<rect x=\"{x}\" y=\"{y}\" width=\"{}\" height=\"{}\" fill=\"{fill}\"/><text x=\"{}\" \
+             y=\"{}\" text-anchor=\"middle\" fill=\"{ink}\">{}</text>",
+            column - 1.0,
+            ROW - 1.0,
+            x + column / 2.0,
+            y + 10.5,
+            number(value, 2)
+        )
+    };
+    label(&method.label, y) + &values.enumerate().map(cell).collect::<String>()
 }
 
 /// Of a cell and of the number in it. Blue from 0 to 1; orange from 0 down to -0.5.

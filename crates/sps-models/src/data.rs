@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use candle_core::{DType, Tensor};
 
-use crate::encoders::depths::places;
 use crate::error::{Error, Result};
+use sps_kernels::network::places;
 
 /// Image embeddings of surfaces, `(surfaces, views, width)`, f32, every value finite.
 ///

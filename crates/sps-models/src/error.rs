@@ -24,6 +24,9 @@ pub enum Error {
     #[cfg(feature = "heads")]
     #[error(transparent)]
     Label(#[from] LabelError),
+    /// The kernels refuse what they are given.
+    #[error(transparent)]
+    Kernels(#[from] sps_kernels::Error),
     /// A tensor or table handed in has the wrong shape, type or values.
     #[error("{what}: found {found}, expected {expected}")]
     Input {

@@ -29,7 +29,6 @@
 //! - [`encoders`]: the networks, frozen ([`encoders::Encoder`]) and trainable
 //!   ([`encoders::TrainableEncoder`]).
 //! - [`weights`]: their tensors by name, from safetensors and from PyTorch's `.pth` files.
-//! - [`ops`]: the operators below them, channels last, differentiable, for networks of your own.
 //! - [`heads`]: from an embedding to tactile values; [`ridge`], [`kernel_ridge`] and [`nearest`] are
 //!   the floors under it, [`stacking`] is several as one, and all of them a [`Regressor`] whose
 //!   models can be kept ([`fitted_from_bytes`]).
@@ -39,7 +38,7 @@
 //!
 //! # Features
 //!
-//! Encoders, operators and weights are always there. The others are on by default:
+//! Encoders and weights are always there. The others are on by default:
 //!
 //! | feature | modules | packages that it brings |
 //! |---|---|---|
@@ -49,7 +48,7 @@
 //! | `training` | [`training`], [`optim`] | |
 //!
 //! `cuda` and `metal` (off by default) are candle's. On such a device the encoders run by candle's
-//! own operators; the kernels of this crate are for the CPU.
+//! own operators; the kernels, those of `sps-kernels`, are for the CPU.
 
 #[cfg(feature = "regressions")]
 mod archive;
@@ -57,6 +56,7 @@ mod archive;
 mod data;
 #[cfg(feature = "heads")]
 mod dense;
+mod differentiable;
 pub mod encoders;
 mod error;
 #[cfg(test)]
@@ -73,7 +73,6 @@ pub mod labels;
 mod left_out;
 #[cfg(feature = "regressions")]
 pub mod nearest;
-pub mod ops;
 #[cfg(any(feature = "heads", feature = "training"))]
 pub mod optim;
 #[cfg(feature = "regressions")]

@@ -3,15 +3,15 @@
 use std::hint::black_box;
 
 use anyhow::{Context, Result};
-use candle_core::{Device, Tensor, Var};
+use candle_core::{Device, Tensor};
 use sps_dataset::{DecodeSettings, decode_image};
+use sps_kernels::{ConvShape, Convolution, MaxPooling, Window};
 use sps_metrics::{Intervals, Level, Metric, Samples, Scored, Scores, TrainingMean};
 use sps_models::encoders::{Encoder, EncoderKind, TrainableEncoder};
 use sps_models::heads::{
     Adversarial, Classification, CrossModal, Head, HeadConfig, Model, Plan, Rerun, TrainingData,
 };
 use sps_models::labels::LabelSource;
-use sps_models::ops::{self, Window};
 use sps_models::ridge::{Ridge, RidgeConfig};
 use sps_models::{Embeddings, Readings};
 use sps_simulate::{Simulator, SimulatorSpec};
@@ -81,11 +81,16 @@ fn counted(pass: &mut Pass) -> Result<()> {
     black_box(pass())
 }
 
-/// Values of any shape, in -0.5..0.5.
+/// So many values, in -0.5..0.5.
+fn numbers(count: usize) -> Vec<f32> {
+    let value = |i: usize| (i * 7919 % 251) as f32 / 251.0 - 0.5;
+    (0..count).map(value).collect()
+}
+
+/// Such values of any shape.
 fn ramp(shape: &[usize]) -> Result<Tensor> {
-    let count = shape.iter().product::<usize>();
-    let values = (0..count).map(|i| (i * 7919 % 251) as f32 / 251.0 - 0.5);
-    Ok(Tensor::from_iter(values, &Device::Cpu)?.reshape(shape)?)
+    let values = numbers(shape.iter().product());
+    Ok(Tensor::from_vec(values, shape, &Device::Cpu)?)
 }
 
 fn decode(path: &str) -> Result<Pass> {
@@ -116,29 +121,42 @@ fn convolution(
     (size, stride): (usize, usize),
     (outputs, inputs): (usize, usize),
 ) -> Result<Pass> {
-    let x = ramp(&[1, extent, extent, channels])?;
-    let weight = ramp(&[outputs, inputs, size, size])?;
-    let window = Window::square(size, stride, size / 2);
+    let shape = ConvShape {
+        window: Window::square(size, stride, size / 2),
+        inputs: channels,
+        outputs,
+        groups: channels / inputs,
+    };
+    let convolution = Convolution::new(1, [1, extent, extent], shape)?;
+    let x = numbers(extent * extent * channels);
+    let weight = numbers(outputs * inputs * size * size);
     Ok(Box::new(move || {
-        black_box(ops::conv(&x, &weight, window, channels / inputs)?);
+        black_box(convolution.forward(&x, &weight)?);
         Ok(())
     }))
 }
 
 fn convolution_gradients() -> Result<Pass> {
-    let x = Var::from_tensor(&ramp(&[1, 14, 14, 64])?)?;
-    let weight = Var::from_tensor(&ramp(&[64, 64, 3, 3])?)?;
+    let shape = ConvShape {
+        window: Window::square(3, 1, 1),
+        inputs: 64,
+        outputs: 64,
+        groups: 1,
+    };
+    let convolution = Convolution::new(1, [1, 14, 14], shape)?;
+    let (x, weight) = (numbers(14 * 14 * 64), numbers(64 * 64 * 9));
     Ok(Box::new(move || {
-        let y = ops::conv(&x, &weight, Window::square(3, 1, 1), 1)?;
-        black_box(y.sum_all()?.backward()?);
+        let y = convolution.forward(&x, &weight)?;
+        black_box(convolution.backward(&x, &weight, &vec![1.0; y.len()])?);
         Ok(())
     }))
 }
 
 fn max_pool() -> Result<Pass> {
-    let x = ramp(&[1, 56, 56, 64])?;
+    let pooling = MaxPooling::new(1, [1, 56, 56], 64, Window::square(3, 2, 0), true)?;
+    let x = numbers(56 * 56 * 64);
     Ok(Box::new(move || {
-        black_box(ops::max_pool(&x, Window::square(3, 2, 0), true)?);
+        black_box(pooling.forward(&x)?);
         Ok(())
     }))
 }

@@ -1,11 +1,10 @@
 //! Images that a network takes, and those that it refuses.
 
 use candle_core::{DType, Tensor};
+use sps_kernels::network::Network;
+use sps_kernels::{Normalisation, Size};
 
-use super::images::Normalisation;
-use super::network::Network;
 use crate::error::{Error, Result};
-use crate::ops::grid::Size;
 
 /// The extents of images of so many rows and columns. Refuses no image, images that do not fill their
 /// size, sizes that the network does not take, and sequences of different lengths.

@@ -1,8 +1,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::depths::{Block, Depths};
-use super::network::Network;
+use sps_kernels::network::{Block, Depths, Network};
+
 use super::networks;
 use crate::error::{Error, Result};
 use crate::weights::TensorSpec;

@@ -3,21 +3,14 @@
 //! An embedding is the mean over space of the network's last feature map, or of the maps at several
 //! [depths](Depths).
 
-mod batch;
-pub(crate) mod depths;
-mod fused;
-mod images;
 mod init;
 mod input;
 mod kind;
-mod network;
 mod networks;
 mod plain;
-mod precision;
 mod scales;
 #[cfg(test)]
 mod tests;
-mod train;
 mod trainable;
 mod windows;
 
@@ -25,26 +18,20 @@ use std::path::Path;
 use std::sync::Arc;
 
 use candle_core::{Device, Tensor};
+use sps_kernels::inference::{Inference, calibrate};
+use sps_kernels::network::Network;
+use sps_kernels::simd::Level;
+use sps_kernels::{Images, Normalisation, Order, Size};
 
-pub use depths::{Block, Depths};
 pub use kind::EncoderKind;
-pub use precision::Precision;
+pub use sps_kernels::network::{Block, Depths};
+pub use sps_kernels::{Precision, WindowEmbeddings, Windows};
 pub use trainable::TrainableEncoder;
-pub use windows::{WindowEmbeddings, Windows};
 
 use crate::error::{Error, Result};
-use crate::ops::bands::inside_pool;
-use crate::ops::grid::Size;
-use crate::ops::simd::Level;
-use crate::ops::words::{Bf16Pair, Bytes, Word};
 use crate::weights::{TensorSpec, Weights};
-use batch::{Images, Kernels, Pooled, each};
-use fused::Fused;
-use images::{Normalisation, Order};
 use input::{check, check_pixels, normalise};
-use network::Network;
 use plain::Plain;
-use scales::{Calibration, Scale};
 
 /// A network with its weights, ready to embed images, or sequences of frames where it
 /// [takes those](EncoderKind::takes_sequences).
@@ -72,8 +59,8 @@ pub struct Encoder {
     weights: Weights,
     device: Device,
     hash: blake3::Hash,
-    /// The kernels of this crate on the CPU; candle's own operators where there are none.
-    kernels: Option<Arc<dyn Kernels>>,
+    /// On the CPU; candle's own operators where there are none.
+    kernels: Option<Inference>,
 }
 
 impl Encoder {
@@ -246,20 +233,22 @@ impl Encoder {
     pub fn calibrated(self, images: &[&Tensor]) -> Result<Self> {
         self.on_cpu(Precision::Int8)?;
         let network = self.kind.network();
-        let fused = Fused::<f32>::new(&network, &self.weights, None, Level::detect())?;
-        let mut calibration = Calibration::new(&network);
+        let mut batches = Vec::new();
         for images in images {
             let size = check(&self.network, images)?;
-            let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
-            let images = Images {
-                pixels: &each(&values, size),
-                order: Order::Planes,
-                size,
-                normalisation: &self.network.normalisation,
-            };
-            inside_pool(|| fused.calibrate(&images, &mut calibration));
+            batches.push((images.flatten_all()?.to_vec1::<f32>()?, size));
         }
-        let scales = calibration.scales(&network)?;
+        let images = batches
+            .iter()
+            .map(|(values, size)| Images::each(values, *size));
+        let images: Vec<Vec<&[f32]>> = images.collect();
+        let normalisation = network.normalisation;
+        let batches = images
+            .iter()
+            .zip(&batches)
+            .map(|(images, (_, size))| Images::new(images, Order::Planes, *size, normalisation));
+        let batches = batches.collect::<Result<Vec<_>, _>>()?;
+        let scales = calibrate(&network, &self.weights, &batches, Level::detect())?;
         let precision = self.precision;
         let mut encoder = self;
         encoder
@@ -380,7 +369,7 @@ impl Encoder {
             let embeddings = self.embed(&self.planes(images, size)?)?;
             return Ok(embeddings.flatten_all()?.to_vec1()?);
         };
-        Ok(kernels.embed(self.of_pixels(images, extents)))
+        Ok(kernels.embed(&self.of_pixels(images, extents)?)?)
     }
 
     /// Images `(height, width, 3)` as a tensor `(images, 3, height, width)`.
@@ -417,12 +406,9 @@ impl Encoder {
             return self.run_plain(images, normalisation);
         };
         let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
-        let embeddings = kernels.embed(Images {
-            pixels: &each(&values, size),
-            order: Order::Planes,
-            size,
-            normalisation,
-        });
+        let each = Images::each(&values, size);
+        let embeddings =
+            kernels.embed(&Images::new(&each, Order::Planes, size, *normalisation)?)?;
         let shape = (images.dim(0)?, self.width());
         Ok(Tensor::from_vec(embeddings, shape, &self.device)?)
     }
@@ -433,13 +419,9 @@ impl Encoder {
     }
 
     /// Images `(..size, 3)` for the kernels.
-    fn of_pixels<'a>(&'a self, pixels: &'a [&'a [f32]], size: Size) -> Images<'a> {
-        Images {
-            pixels,
-            order: Order::Pixels,
-            size,
-            normalisation: &self.network.normalisation,
-        }
+    fn of_pixels<'a>(&self, pixels: &'a [&'a [f32]], size: Size) -> Result<Images<'a>> {
+        let normalisation = self.network.normalisation;
+        Ok(Images::new(pixels, Order::Pixels, size, normalisation)?)
     }
 }
 
@@ -456,34 +438,26 @@ fn kernels(
     weights: &Weights,
     device: &Device,
     precision: Precision,
-) -> Result<Option<Arc<dyn Kernels>>> {
+) -> Result<Option<Inference>> {
     if !device.is_cpu() {
         return Ok(None);
     }
-    Ok(Some(match precision {
-        Precision::F32 => kernels_of::<f32>(network, weights, None)?,
-        Precision::Bf16 => kernels_of::<Bf16Pair>(network, weights, None)?,
+    let scales = match precision {
         Precision::Int8 => {
-            let Some(mut scales) = scales::read(&kind.network(), weights)? else {
-                return Err(Error::input(
+            let scales = scales::read(&kind.network(), weights)?;
+            Some(scales.ok_or_else(|| {
+                Error::input(
                     "precision",
                     format_args!("{precision} without scales of the feature maps"),
                     "`Encoder::calibrated` before, or the weights of such an encoder",
-                ));
-            };
-            scales.truncate(network.channels.len());
-            kernels_of::<Bytes>(network, weights, Some(scales))?
+                )
+            })?)
         }
-    }))
-}
-
-fn kernels_of<W: Word>(
-    network: &Network,
-    weights: &Weights,
-    scales: Option<Vec<Scale>>,
-) -> Result<Arc<dyn Kernels>> {
-    let fused = Fused::<W>::new(network, weights, scales, Level::detect())?;
-    Ok(Arc::new(Pooled::new(fused)))
+        _ => None,
+    };
+    let level = Level::detect();
+    let inference = Inference::new(network, weights, precision, scales.as_deref(), level)?;
+    Ok(Some(inference))
 }
 
 fn content_hash(

@@ -5,25 +5,12 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use candle_core::{DType, Tensor};
+use sps_kernels::network::{Conv, Gate, IMAGE, Layer, MaxPool, Network};
+use sps_kernels::training::BatchStatistics;
+use sps_kernels::{Activation, Window};
 
-use super::network::{Conv, Gate, IMAGE, Layer, MaxPool, Network};
 use crate::error::{Error, Result};
-use crate::ops::Window;
-use crate::ops::product::Activation;
 use crate::weights::Weights;
-
-/// What one batch tells of a batch norm's input.
-#[derive(Debug, Clone)]
-pub(super) struct BatchStatistics {
-    /// The batch norm's name.
-    pub(super) layer: String,
-    /// `(channels)`
-    pub(super) mean: Vec<f32>,
-    /// `(channels)`, over the count.
-    pub(super) variance: Vec<f32>,
-    /// Numbers in one channel.
-    pub(super) count: usize,
-}
 
 /// A network of images with its weights.
 pub(super) struct Plain<'a> {
@@ -157,7 +144,7 @@ impl<'a> Plain<'a> {
         statistics: &mut Vec<BatchStatistics>,
     ) -> Result<Tensor> {
         let count = x.elem_count() / x.dim(1)?;
-        check_count(count, layer)?;
+        BatchStatistics::check_count(count, layer)?;
         let mean = x.mean_keepdim((0, 2, 3))?;
         let centred = x.broadcast_sub(&mean)?;
         let variance = centred.sqr()?.mean_keepdim((0, 2, 3))?;
@@ -178,7 +165,8 @@ impl<'a> Plain<'a> {
         let size = extents(x)?;
         let window = pool.slide.window(size);
         let Some([_, rows, columns]) = pool.output(size) else {
-            return Err(too_small(size));
+            let found = format_args!("a map of {size:?}");
+            return Err(Error::input("images", found, "larger ones"));
         };
         let x = pad(x, &window)?;
         let Window { size, stride, .. } = window;
@@ -200,27 +188,10 @@ fn numbers(tensor: &Tensor) -> Result<Vec<f32>> {
     Ok(tensor.flatten_all()?.to_dtype(DType::F32)?.to_vec1()?)
 }
 
-/// Batch norm in training needs a spread.
-pub(super) fn check_count(count: usize, layer: &str) -> Result<()> {
-    if count >= 2 {
-        return Ok(());
-    }
-    Err(Error::input(
-        "batch in training",
-        format_args!("one number in each channel at {layer}"),
-        "at least two: more images or larger ones",
-    ))
-}
-
 /// Extents of a map `(n, channels, height, width)`.
 fn extents(x: &Tensor) -> Result<[usize; 3]> {
     let (_, _, height, width) = x.dims4()?;
     Ok([1, height, width])
-}
-
-/// An image of which a layer leaves nothing.
-pub(super) fn too_small(size: [usize; 3]) -> Error {
-    Error::input("images", format_args!("a map of {size:?}"), "larger ones")
 }
 
 fn activate(x: Tensor, activation: Activation) -> Result<Tensor> {

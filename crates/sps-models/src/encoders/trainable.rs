@@ -6,21 +6,15 @@ use std::thread::{self, ThreadId};
 
 use candle_core::backprop::GradStore;
 use candle_core::{DType, Device, Tensor, Var};
+use sps_kernels::network::Network;
+use sps_kernels::training::{BatchStatistics, Gradients, Training};
+use sps_kernels::{Images, Normalisation, Order, Size};
 
-use super::batch::{Images, each};
-use super::images::{Normalisation, Order};
 use super::input::{check, normalise};
-use super::network::Network;
-use super::plain::{BatchStatistics, Plain};
-use super::train::{Context, Gradients, Tape};
+use super::plain::Plain;
 use super::{Block, Depths, Encoder, EncoderKind, Precision, scales};
+use crate::differentiable::differentiable;
 use crate::error::{Error, Result};
-use crate::ops::bands::inside_pool;
-use crate::ops::buffer::Recycler;
-use crate::ops::differentiable;
-use crate::ops::grid::Size;
-use crate::ops::simd::Level;
-use crate::ops::words::{Bf16Pair, Real};
 use crate::weights::Weights;
 
 /// How much a batch's statistics count in the running ones, as PyTorch's default.
@@ -57,11 +51,9 @@ pub struct TrainableEncoder {
     variables: BTreeMap<String, Var>,
     device: Device,
     plain: bool,
-    checkpointing: bool,
-    precision: Precision,
+    training: Training,
     /// What candle's backward pass ends in, in front of the kernels' own.
     anchor: Var,
-    recycler: Arc<Recycler>,
     received: Arc<Received>,
 }
 
@@ -132,11 +124,9 @@ impl TrainableEncoder {
             weights: Weights::sharing(encoder.weights().origin(), tensors),
             variables,
             plain: !device.is_cpu(),
-            checkpointing: false,
-            precision: Precision::F32,
+            training: Training::new(Arc::clone(&encoder.network)),
             anchor: Var::zeros(1, DType::F32, &device)?,
             device,
-            recycler: Arc::default(),
             received: Arc::default(),
         })
     }
@@ -154,7 +144,7 @@ impl TrainableEncoder {
     /// runs each block forward once more. The gradients are the same to the last bit.
     #[must_use]
     pub fn with_checkpointing(mut self, checkpointing: bool) -> Self {
-        self.checkpointing = checkpointing;
+        self.training.checkpointing = checkpointing;
         self
     }
 
@@ -173,7 +163,7 @@ impl TrainableEncoder {
                 Precision::F32.to_string(),
             ),
             _ => {
-                self.precision = precision;
+                self.training.precision = precision;
                 return Ok(self);
             }
         };
@@ -269,10 +259,7 @@ impl TrainableEncoder {
         let (embeddings, statistics) = if self.plain {
             self.run_plain(images, normalisation)?
         } else {
-            match self.precision {
-                Precision::Bf16 => self.run_fused::<Bf16Pair>(images, size, normalisation)?,
-                _ => self.run_fused::<f32>(images, size, normalisation)?,
-            }
+            self.run_fused(images, size, normalisation)?
         };
         for statistics in statistics {
             self.update(&statistics)?;
@@ -290,40 +277,28 @@ impl TrainableEncoder {
         Ok((embeddings, net.into_statistics()))
     }
 
-    fn run_fused<W: Real>(
+    fn run_fused(
         &self,
         images: &Tensor,
         size: Size,
         normalisation: &Normalisation,
     ) -> Result<(Tensor, Vec<BatchStatistics>)> {
         let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
-        let images = Images {
-            pixels: &each(&values, size),
-            order: Order::Planes,
-            size,
-            normalisation,
-        };
-        let context = Context {
-            network: Arc::clone(&self.network),
-            weights: self.weights.clone(),
-            recycler: Arc::clone(&self.recycler),
-            level: Level::detect(),
-        };
-        let mut statistics = Vec::new();
-        let (tape, embeddings) = inside_pool(|| {
-            let checkpointing = self.checkpointing;
-            Tape::<W>::record(&context, &images, checkpointing, &mut statistics)
-        })?;
-        let received = Arc::clone(&self.received);
+        let each = Images::each(&values, size);
+        let images = Images::new(&each, Order::Planes, size, *normalisation)?;
+        let forward = self
+            .training
+            .forward(Arc::new(self.weights.clone()), &images)?;
+        let (pass, received) = (forward.pass, Arc::clone(&self.received));
         let backward = move |_: &[f32], gradient: &[f32]| {
-            let gradients = inside_pool(|| tape.backward(&context, gradient));
+            let gradients = pass.backward(gradient);
             received.add(gradients.map_err(candle_core::Error::wrap)?)?;
             Ok([const { None }; 3])
         };
-        let shape = (images.frames(), self.network.width());
+        let shape = (each.len(), self.network.width());
         let anchor = self.anchor.as_tensor();
-        let embeddings = differentiable([anchor; 3], embeddings, shape, backward)?;
-        Ok((embeddings, statistics))
+        let embeddings = differentiable([anchor; 3], forward.embeddings, shape, backward)?;
+        Ok((embeddings, forward.statistics))
     }
 
     /// Moves a batch norm's running statistics towards a batch's.

@@ -6,6 +6,7 @@
 use candle_core::Tensor;
 use faer::{Accum, MatMut, MatRef};
 use rayon::prelude::*;
+use sps_kernels::simd::{Kernel, Lanes, Level};
 
 use super::HeadError;
 use super::config::{Input, Model};
@@ -14,7 +15,6 @@ use super::trained::{TrainedHead, TrainedHeads};
 use crate::data::{Embeddings, check_indices};
 use crate::dense::multiply;
 use crate::error::{Error, Result};
-use crate::ops::simd::{Kernel, Lanes, Level};
 
 /// Surfaces that lie side by side in memory.
 const TILE: usize = 16;

@@ -3,10 +3,10 @@ use std::cell::RefCell;
 use candle_core::backend::BackendStorage;
 use candle_core::{CpuStorage, DType, InplaceOp1, Layout, Tensor, Var};
 use serde::{Deserialize, Serialize};
+use sps_kernels::simd::{Kernel, Lanes, Level};
 
 use super::{Elements, Gradient};
 use crate::error::{Error, Result};
-use crate::ops::simd::{Kernel, Lanes, Level};
 
 /// Adam's settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

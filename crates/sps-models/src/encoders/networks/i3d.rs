@@ -1,8 +1,8 @@
 //! Inflated Inception-v1, I3D (Carreira and Zisserman, "Quo Vadis, Action Recognition?", CVPR
 //! 2017), with the tensor names of the widely used port to PyTorch (`pytorch-i3d`).
 
-use super::super::images::Normalisation;
-use super::super::network::{Conv, IMAGE, Map, Network, Slide};
+use sps_kernels::Normalisation;
+use sps_kernels::network::{Conv, IMAGE, Map, Network, Slide};
 
 /// A layer, or layers side by side, as the authors number them: everything is padded so that its
 /// stride alone decides the extents.

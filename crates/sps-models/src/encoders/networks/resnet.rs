@@ -2,7 +2,7 @@
 //! layout of torchvision's `resnet18` and `resnet50`: the stride of a bottleneck is that of its 3x3
 //! convolution.
 
-use super::super::network::{Conv, IMAGE, Map, Network, Slide};
+use sps_kernels::network::{Conv, IMAGE, Map, Network, Slide};
 
 /// Channels of the stem and of the first stage's 3x3 convolutions; each stage has twice as many.
 const CHANNELS: usize = 64;

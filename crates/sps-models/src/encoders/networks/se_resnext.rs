@@ -5,7 +5,7 @@
 //! convolution and a squeeze-and-excitation gate on the residual branch. A stage halves height
 //! and width (but for the first) and doubles both channel counts.
 
-use super::super::network::{Conv, Gate, IMAGE, Map, Network, Slide};
+use sps_kernels::network::{Conv, Gate, IMAGE, Map, Network, Slide};
 
 /// Bottlenecks in each stage.
 const STAGES: [usize; 4] = [3, 4, 6, 3];

@@ -1,7 +1,7 @@
 //! `SqueezeNet` (Iandola et al., 2016), in the layout of torchvision's `squeezenet1_0` and
 //! `squeezenet1_1`.
 
-use super::super::network::{Conv, IMAGE, Map, Network, Slide};
+use sps_kernels::network::{Conv, IMAGE, Map, Network, Slide};
 
 /// A module after the stem.
 enum Module {

@@ -1,11 +1,11 @@
 //! Networks in int8 beside themselves in f32, and what calibration must survive.
 
 use candle_core::{DType, Device, Tensor};
+use sps_kernels::simd::Level;
 
 use super::{SMALL_ONES, calibrated, of_images, relative};
 use crate::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder, scales};
 use crate::golden;
-use crate::ops::simd::forced::on_each_level;
 use crate::weights::Weights;
 
 /// With weights by the golden rule.
@@ -93,7 +93,7 @@ fn every_level_gives_the_same_bits() {
     ] {
         let encoder = int8(encoder(kind));
         let expected = rows(&encoder, &images);
-        on_each_level(|level| {
+        Level::on_each(|level| {
             let again = encoder.clone().with_precision(Precision::Int8).unwrap();
             assert_eq!(rows(&again, &images), expected, "{kind} {level:?}");
         });

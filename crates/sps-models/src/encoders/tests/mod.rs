@@ -8,12 +8,12 @@ mod training;
 mod windows;
 
 use candle_core::{DType, Device, Tensor, Var};
+use sps_kernels::Normalisation;
+use sps_kernels::simd::Level;
 
-use super::images::Normalisation;
 use super::plain::Plain;
 use super::{Depths, Encoder, EncoderKind, Precision};
 use crate::golden::{self, error, values};
-use crate::ops::simd::forced::on_each_level;
 use crate::weights::Weights;
 
 /// The last feature map of a network in f64, `(n, width, rows, columns)`, by candle's operators, which
@@ -154,7 +154,7 @@ fn encoders_of_one_content_hash_embed_alike() {
                 (encoder.content_hash(), embedding.to_vec2::<f32>().unwrap())
             };
             let (hash, embedding) = embed();
-            on_each_level(|level| {
+            Level::on_each(|level| {
                 let (found_hash, found) = embed();
                 let alike = (found_hash == hash, found == embedding);
                 let case = format!("{kind} {precision} {level:?}: {alike:?}");

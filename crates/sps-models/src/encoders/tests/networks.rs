@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 
 use candle_core::{DType, Device, Tensor, Var};
+use sps_kernels::network::{IMAGE, Layer};
 
 use super::relative;
-use crate::encoders::network::{IMAGE, Layer};
 use crate::encoders::plain::Plain;
 use crate::encoders::{Depths, Encoder, EncoderKind};
 use crate::golden;

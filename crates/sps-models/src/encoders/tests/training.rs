@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use candle_core::{DType, Device, Tensor, Var};
 
+use crate::differentiable::differentiable;
 use crate::encoders::{Encoder, EncoderKind, TrainableEncoder};
 use crate::golden;
-use crate::ops::differentiable;
 
 fn input(name: &str, shape: &[usize]) -> Tensor {
     golden::tensor(name, shape).to_dtype(DType::F32).unwrap()

@@ -1,7 +1,8 @@
 //! The loss of sets of views, and heads over relations between views.
 
+use sps_kernels::simd::Level;
+
 use super::*;
-use crate::ops::simd::forced::on_each_level;
 
 const VIEWS: usize = 7;
 const SLOTS: usize = 3;
@@ -80,7 +81,7 @@ fn the_loss_of_a_set_is_that_of_the_plain_prediction() {
         let heads = set.train(&late_fusion(model), &plan);
         for trial in &plan.trials {
             let training = &plan.rerun(trial.rerun).unwrap().training;
-            on_each_level(|_| {
+            Level::on_each(|_| {
                 let loss = heads.fusion_loss(trial, &set.data(), training).unwrap();
                 assert_eq!((loss.slots(), loss.views()), (SLOTS, VIEWS));
                 for (views, found) in sets().iter().zip(losses(&loss, &sets())) {

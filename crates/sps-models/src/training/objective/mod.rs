@@ -14,10 +14,10 @@ use super::batches;
 use super::config::{TrainingConfig, TrainingObjective};
 use super::targets::{Features, Targets};
 use crate::encoders::Block;
-use crate::encoders::depths::places;
 use crate::error::{Error, Result};
 use crate::heads::{Draw, EpochLosses, HeadConfig, JointHeads, Share, TrainingData};
 use linear::{Layer, Linear};
+use sps_kernels::network::places;
 
 /// What stands on the embedding while the encoder is trained, and the loss of what it says.
 #[derive(Debug)]

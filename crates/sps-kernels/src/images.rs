@@ -1,0 +1,180 @@
+//! Images as the kernels take them.
+
+use std::ops::Range;
+
+use crate::error::{Error, Result};
+use crate::inference::Scale;
+use crate::ops::bands::{Threads, for_each_band};
+use crate::ops::grid::{Grid, Size};
+use crate::ops::image::rows_of_words;
+use crate::ops::words::Word;
+
+/// What a network takes out of its input: `(value - mean) / std` of each channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Normalisation {
+    /// Of red, green and blue.
+    pub mean: [f32; 3],
+    /// Of red, green and blue.
+    pub std: [f32; 3],
+}
+
+impl Normalisation {
+    /// ImageNet's, which torchvision's and timm's networks expect.
+    pub const IMAGENET: Self = Self {
+        mean: [0.485, 0.456, 0.406],
+        std: [0.229, 0.224, 0.225],
+    };
+    /// Of values that are normalised already.
+    pub const NONE: Self = Self {
+        mean: [0.0; 3],
+        std: [1.0; 3],
+    };
+
+    /// To the numbers of a map.
+    pub(crate) fn scaled(&self, scale: Scale) -> Self {
+        let std = self.std.map(|std| std * scale.step);
+        let mean = [0, 1, 2].map(|channel| self.mean[channel] - scale.zero * std[channel]);
+        Self { mean, std }
+    }
+}
+
+/// Where the channels of an image in memory are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    /// A plane for each.
+    Planes,
+    /// Those of a pixel together.
+    Pixels,
+}
+
+/// Images, or sequences of frames, and what is taken out of them.
+#[derive(Debug, Clone, Copy)]
+pub struct Images<'a> {
+    pub(crate) pixels: &'a [&'a [f32]],
+    pub(crate) order: Order,
+    pub(crate) size: Size,
+    pub(crate) normalisation: Normalisation,
+}
+
+impl<'a> Images<'a> {
+    /// Takes images of one size (frames, one but for a sequence; rows; columns), each `(3, ..size)` or
+    /// `(..size, 3)` row-major.
+    ///
+    /// # Errors
+    ///
+    /// No image, one that does not fill its size, a size with a 0.
+    pub fn new(
+        pixels: &'a [&'a [f32]],
+        order: Order,
+        size: Size,
+        normalisation: Normalisation,
+    ) -> Result<Self> {
+        let len = size
+            .iter()
+            .try_fold(3_usize, |len, side| len.checked_mul(*side));
+        let misfit = pixels.iter().find(|image| Some(image.len()) != len);
+        if pixels.is_empty() || misfit.is_some() || size.contains(&0) {
+            let values = misfit.or(pixels.first()).map_or(0, |image| image.len());
+            let found = format_args!(
+                "{} images, one of {values} values for {size:?}",
+                pixels.len()
+            );
+            return Err(Error::input("images", found, "three values a pixel"));
+        }
+        Ok(Self {
+            pixels,
+            order,
+            size,
+            normalisation,
+        })
+    }
+
+    /// The images of a batch `(images, 3, ..size)` or `(images, ..size, 3)` that lies in memory as a whole.
+    pub fn each(values: &[f32], size: Size) -> Vec<&[f32]> {
+        let len = 3 * size.iter().product::<usize>();
+        values.chunks_exact(len.max(1)).collect()
+    }
+
+    pub(crate) fn frames(&self) -> usize {
+        self.pixels.len()
+    }
+
+    /// The images one by one.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &'a [f32]> {
+        self.pixels.iter().copied()
+    }
+
+    pub(crate) fn split_at(self, frames: usize) -> (Self, Self) {
+        let (left, right) = self.pixels.split_at(frames);
+        let with = |pixels| Self { pixels, ..self };
+        (with(left), with(right))
+    }
+
+    pub(crate) fn chunks(self, frames: usize) -> impl Iterator<Item = Self> {
+        let chunks = self.pixels.chunks(frames);
+        chunks.map(move |pixels| Self { pixels, ..self })
+    }
+}
+
+/// Lays one of the images out as `grid` says of a single frame and [`crate::ops::image`] of its rows; around it
+/// lies `zero`.
+pub(crate) fn lay_out<W: Word>(
+    threads: Threads,
+    image: &[f32],
+    images: &Images<'_>,
+    (out, grid): (&mut [W], &Grid),
+    zero: f32,
+) {
+    let memory = rows_of_words::<W>(grid);
+    memory.fill_border(out, W::of(|_| zero));
+    for_each_band(threads, &memory, out, |band| {
+        let rows = band.rows(&memory);
+        let target = (band.target, band.origin);
+        lay_out_rows(image, images, grid, rows, target, zero);
+    });
+}
+
+/// The same for some rows, into memory that begins at `origin`.
+fn lay_out_rows<W: Word>(
+    image: &[f32],
+    images: &Images<'_>,
+    grid: &Grid,
+    rows: Range<usize>,
+    (out, origin): (&mut [W], usize),
+    zero: f32,
+) {
+    let [time, height, width] = grid.size;
+    let memory = rows_of_words::<W>(grid);
+    let words = memory.size[2];
+    let plane = time * height * width;
+    // Of each number of a row, so that a vector of them is normalised at once.
+    let Normalisation { mean, std } = images.normalisation;
+    let (means, stds) = (mean.repeat(width), std.repeat(width));
+    let mut numbers = vec![zero; W::NUMBERS * words];
+    for row in rows {
+        let pixels = &mut numbers[3 * grid.before[2]..][..3 * width];
+        match images.order {
+            Order::Planes => {
+                for channel in 0..3 {
+                    let values = &image[channel * plane + row * width..][..width];
+                    for (pixel, value) in pixels.chunks_exact_mut(3).zip(values) {
+                        pixel[channel] = *value;
+                    }
+                }
+            }
+            Order::Pixels => pixels.copy_from_slice(&image[3 * row * width..][..3 * width]),
+        }
+        for ((value, mean), std) in pixels.iter_mut().zip(&means).zip(&stds) {
+            *value = (*value - mean) / std;
+        }
+        let place = [
+            memory.before[0] + row / height,
+            memory.before[1] + row % height,
+            0,
+        ];
+        let out = &mut out[memory.index(0, place) - origin..][..words];
+        for (word, numbers) in out.iter_mut().zip(numbers.chunks_exact(W::NUMBERS)) {
+            *word = W::of(|i| numbers[i]);
+        }
+    }
+}

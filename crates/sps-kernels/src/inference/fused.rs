@@ -1,0 +1,384 @@
+//! A network laid out for words of one kind, and its walk through the layers.
+
+#[cfg(test)]
+mod hard_cases;
+
+use std::ops::Range;
+
+use super::folded::{Ends, Folded, Packed};
+use super::gate::PackedGate;
+use super::scales::{Calibration, Scale};
+use super::slots::Slots;
+use crate::error::{Result, too_small};
+use crate::images::Images;
+use crate::images::lay_out;
+use crate::network::{Conv, IMAGE, Layer, Map, MaxPool, Network};
+use crate::ops::bands::Threads;
+use crate::ops::buffer::Buffer;
+use crate::ops::grid::{Grid, Size};
+use crate::ops::image::rows_of_words;
+use crate::ops::pool::max_pool;
+use crate::ops::product::{Columns, Epilogue};
+use crate::ops::simd::Level;
+use crate::ops::words::Word;
+use crate::tensors::Tensors;
+
+/// Frames that go through the network together: enough that a layer's weights, read once, serve
+/// several frames; few enough that their feature maps stay in the cache.
+pub(super) const GROUP: usize = 4;
+
+/// A network with its weights laid out for the kernels.
+#[derive(Debug)]
+pub(super) struct Fused<W> {
+    level: Level,
+    network: Network,
+    steps: Vec<Step<W>>,
+    slots: Slots,
+    /// Of each map.
+    scales: Vec<Scale>,
+}
+
+/// What makes a layer's map.
+#[derive(Debug)]
+enum Step<W> {
+    /// Convolutions side by side.
+    Convs(Vec<Part<W>>),
+    /// The end of a gated residual branch.
+    Gated(Box<(Part<W>, PackedGate)>),
+    Pool(MaxPool),
+}
+
+/// A convolution and the channel that it writes from.
+#[derive(Debug)]
+struct Part<W> {
+    conv: Conv,
+    packed: Packed<W>,
+    column: usize,
+    /// The factor of what is there already, where it is added to that.
+    accumulate: Option<f32>,
+    limits: [f32; 2],
+}
+
+/// A feature map at one of the network's depths.
+pub(super) struct Seen<'a, W> {
+    /// Its place in embeddings.
+    pub(super) block: Range<usize>,
+    /// The first of the frames that it is of.
+    pub(super) first: usize,
+    pub(super) memory: &'a [W],
+    pub(super) grid: &'a Grid,
+    /// What its numbers stand for.
+    pub(super) scale: Scale,
+}
+
+/// Memory of one thread's passes through the network.
+#[derive(Debug, Default)]
+pub(super) struct Workspace<W> {
+    slots: Vec<Slot<W>>,
+    /// The map at which frames meet, of all frames of a group.
+    group: Buffer<W>,
+}
+
+/// Memory of maps, one after the other.
+#[derive(Debug, Default)]
+struct Slot<W> {
+    memory: Buffer<W>,
+    /// The layout whose border is filled, and with what: maps leave it as it is.
+    border: Option<(Grid, f32)>,
+}
+
+impl<W: Word> Fused<W> {
+    /// By scales of each map where words hold whole numbers; none otherwise.
+    pub(super) fn new(
+        network: &Network,
+        weights: &dyn Tensors,
+        scales: Option<Vec<Scale>>,
+        level: Level,
+    ) -> Result<Self> {
+        let unit = || vec![Scale::UNIT; network.channels.len()];
+        let scales = scales.unwrap_or_else(unit);
+        let plan = Plan {
+            eps: network.eps,
+            weights,
+            scales: &scales,
+            level,
+        };
+        let steps = (1..).zip(&network.layers);
+        let steps = steps.map(|(map, layer)| plan.step(layer, scales[map]));
+        Ok(Self {
+            level,
+            steps: steps.collect::<Result<_>>()?,
+            slots: Slots::new(network),
+            network: network.clone(),
+            scales,
+        })
+    }
+
+    /// Refuses images that are smaller than the network takes.
+    pub(super) fn check(&self, images: &Images<'_>) -> Result<()> {
+        let sizes = self.network.sizes(images.size);
+        sizes.map(|_| ()).ok_or_else(|| too_small(images.size))
+    }
+
+    /// The length of an embedding.
+    pub(super) fn width(&self) -> usize {
+        self.network.width()
+    }
+
+    /// The instructions that it runs by.
+    pub(super) fn level(&self) -> Level {
+        self.level
+    }
+
+    /// Shows the feature maps at the network's depths, of at most [`GROUP`] images `(frames, 3, ..size)`, as
+    /// soon as each is made: the next layer may write over it.
+    ///
+    /// Maps that are large go through one frame at a time, which then stays in the cache.
+    pub(super) fn walk(
+        &self,
+        threads: Threads,
+        images: &Images<'_>,
+        workspace: &mut Workspace<W>,
+        mut see: impl FnMut(Seen<'_, W>),
+    ) {
+        let Workspace { slots, group } = workspace;
+        slots.resize_with(self.slots.count, Slot::default);
+        let frames = images.frames();
+        let meeting = self.slots.meeting;
+        let slot = self.slots.of(meeting);
+        let one = self.grids(1, images.size);
+        for (frame, image) in images.iter().enumerate() {
+            self.lay_out(threads, image, images, &one[IMAGE], slots);
+            for number in 0..meeting {
+                self.run(threads, number, &one, slots);
+                self.show(number + 1, frame, &one, slots, &mut see);
+            }
+            if frames > 1 && meeting < self.steps.len() {
+                let len = one[meeting].len();
+                group.resize(frames * len);
+                group[frame * len..(frame + 1) * len].copy_from_slice(&slots[slot].memory);
+            }
+        }
+        let grids = if frames > 1 && meeting < self.steps.len() {
+            std::mem::swap(&mut slots[slot].memory, group);
+            slots[slot].border = None;
+            self.grids(frames, images.size)
+        } else {
+            one
+        };
+        for number in meeting..self.steps.len() {
+            self.run(threads, number, &grids, slots);
+            self.show(number + 1, 0, &grids, slots, &mut see);
+        }
+    }
+
+    /// Shows a map where it is at a depth.
+    fn show(
+        &self,
+        map: Map,
+        first: usize,
+        grids: &[Grid],
+        slots: &[Slot<W>],
+        see: &mut impl FnMut(Seen<'_, W>),
+    ) {
+        if let Some(block) = self.network.block(map) {
+            see(Seen {
+                block,
+                first,
+                memory: &slots[self.slots.of(map)].memory,
+                grid: &grids[map],
+                scale: self.scales[map],
+            });
+        }
+    }
+
+    /// Lays one of the images out in its slot.
+    fn lay_out(
+        &self,
+        threads: Threads,
+        image: &[f32],
+        images: &Images<'_>,
+        grid: &Grid,
+        slots: &mut [Slot<W>],
+    ) {
+        let Slot { memory, border } = &mut slots[self.slots.of(IMAGE)];
+        memory.resize(rows_of_words::<W>(grid).len());
+        *border = None;
+        let normalisation = images.normalisation.scaled(self.scales[IMAGE]);
+        let images = Images {
+            normalisation,
+            ..*images
+        };
+        let zero = self.scales[IMAGE].zero;
+        lay_out(threads, image, &images, (memory, grid), zero);
+    }
+
+    /// Makes room for a map, with a border of what stands for 0.
+    fn pad(&self, map: Map, grid: &Grid, slot: &mut Slot<W>) {
+        let zero = self.scales[map].zero;
+        slot.memory.resize(grid.len());
+        if slot.border != Some((*grid, zero)) {
+            grid.fill_border(&mut slot.memory, W::of(|_| zero));
+            slot.border = Some((*grid, zero));
+        }
+    }
+
+    /// The layout of each map of so many frames, with the border that its readers need. Maps that
+    /// share memory share a layout.
+    fn grids(&self, frames: usize, image: Size) -> Vec<Grid> {
+        let sizes = self.network.sizes(image).unwrap_or_default();
+        let maps = sizes.iter().zip(&self.network.channels);
+        let tight = |(&size, &channels)| Grid::tight(frames, size, channels).of::<W>();
+        let mut grids: Vec<Grid> = maps.map(|map| tight(map).staggered()).collect();
+        for layer in &self.network.layers {
+            for (map, slide) in layer.slides() {
+                let host = self.slots.host(map);
+                grids[host] = grids[host].enclosing(&slide.window(sizes[map]));
+            }
+        }
+        let shared = (0..grids.len()).map(|map| grids[self.slots.host(map)]);
+        shared.collect()
+    }
+
+    /// Makes the map of a layer.
+    fn run(&self, threads: Threads, number: usize, grids: &[Grid], slots: &mut [Slot<W>]) {
+        let map = number + 1;
+        let (slot, to) = (self.slots.of(map), &grids[map]);
+        let mut taken = std::mem::take(&mut slots[slot]);
+        self.pad(map, to, &mut taken);
+        let memory = &mut taken.memory;
+        let source = |map: Map| (&slots[self.slots.of(map)].memory[..], &grids[map]);
+        match &self.steps[number] {
+            Step::Convs(parts) => {
+                for part in parts {
+                    let target = (&mut memory[W::words(part.column)..], to);
+                    part.apply(threads, source(part.conv.input), target);
+                }
+            }
+            Step::Gated(gated) => {
+                let (part, gate) = gated.as_ref();
+                let input = part.conv.input;
+                let (source, from) = source(input);
+                let map = (source, from, self.scales[input]);
+                let factors = gate.factors(threads, self.level, map, &part.packed);
+                part.apply_gated(threads, (source, from), (memory, to), &factors);
+            }
+            Step::Pool(pool) => {
+                let (source, from) = source(pool.input);
+                let window = pool.slide.window(from.size);
+                max_pool(threads, self.level, &window, (source, from), (memory, to));
+            }
+        }
+        slots[slot] = taken;
+    }
+}
+
+impl Fused<f32> {
+    /// Shows the maps of images to a calibration.
+    pub(super) fn calibrate(&self, images: &Images<'_>, calibration: &mut Calibration) {
+        let mut slots: Vec<_> = (0..self.slots.count).map(|_| Slot::default()).collect();
+        let grids = self.grids(1, images.size);
+        for image in images.iter() {
+            self.lay_out(Threads::All, image, images, &grids[IMAGE], &mut slots);
+            calibration.see(IMAGE, &slots[self.slots.of(IMAGE)].memory, &grids[IMAGE]);
+            for number in 0..self.steps.len() {
+                self.run(Threads::All, number, &grids, &mut slots);
+                let map = number + 1;
+                calibration.see(map, &slots[self.slots.of(map)].memory, &grids[map]);
+            }
+        }
+    }
+}
+
+impl<W: Word> Part<W> {
+    /// Convolves and adds the shift, and what is there already where that is wanted.
+    fn apply(&self, threads: Threads, source: (&[W], &Grid), target: (&mut [W], &Grid)) {
+        let epilogue = Epilogue {
+            scale: self.packed.scale.as_deref().map(Columns::shared),
+            shift: Some(Columns::shared(&self.packed.shift)),
+            accumulate: self.accumulate,
+            limits: self.limits,
+        };
+        let window = self.conv.slide.window(source.1.size);
+        let conv = &self.packed.conv;
+        conv.apply_by(&window, threads, source, target, epilogue);
+    }
+
+    /// Convolves, multiplies with the gate's factors and adds its shifts and what is there already.
+    fn apply_gated(
+        &self,
+        threads: Threads,
+        source: (&[W], &Grid),
+        target: (&mut [W], &Grid),
+        [scale, shift]: &[Vec<f32>; 2],
+    ) {
+        let channels = self.conv.outputs;
+        let epilogue = Epilogue {
+            scale: Some(Columns::per_frame(scale, channels)),
+            shift: Some(Columns::per_frame(shift, channels)),
+            accumulate: self.accumulate,
+            limits: self.limits,
+        };
+        self.packed.conv.apply(threads, source, target, epilogue);
+    }
+}
+
+/// What steps are made of.
+struct Plan<'a> {
+    eps: f64,
+    weights: &'a dyn Tensors,
+    scales: &'a [Scale],
+    level: Level,
+}
+
+impl Plan<'_> {
+    /// What makes a layer's map, which is scaled like this.
+    fn step<W: Word>(&self, layer: &Layer, to: Scale) -> Result<Step<W>> {
+        let onto = match layer {
+            Layer::Residual { shortcut, .. } => Some(self.scales[*shortcut]),
+            _ => None,
+        };
+        let ends = |conv: &Conv| Ends {
+            from: self.scales[conv.input],
+            to,
+            onto,
+        };
+        Ok(match layer {
+            Layer::MaxPool(pool) => Step::Pool(pool.clone()),
+            Layer::Residual {
+                conv,
+                gate: Some(gate),
+                ..
+            } => {
+                let folded = Folded::new(conv, self.weights, self.eps)?;
+                let gate = PackedGate::new(gate, &folded, self.weights, self.level)?;
+                Step::Gated(Box::new((self.part(conv, folded, 0, ends(conv)), gate)))
+            }
+            Layer::Conv(_) | Layer::Concat(_) | Layer::Residual { .. } => {
+                let mut column = 0;
+                let part = |conv: &Conv| {
+                    let folded = Folded::new(conv, self.weights, self.eps)?;
+                    let mut part = self.part(conv, folded, column, ends(conv));
+                    let offset = part.packed.offset;
+                    part.packed
+                        .shift
+                        .iter_mut()
+                        .for_each(|shift| *shift += offset);
+                    column += conv.outputs;
+                    Ok(part)
+                };
+                Step::Convs(layer.convs().iter().map(part).collect::<Result<_>>()?)
+            }
+        })
+    }
+
+    fn part<W: Word>(&self, conv: &Conv, folded: Folded, column: usize, ends: Ends) -> Part<W> {
+        Part {
+            conv: conv.clone(),
+            packed: folded.pack(self.level, ends),
+            column,
+            accumulate: ends.accumulate(),
+            limits: ends.limits::<W>(conv.activation),
+        }
+    }
+}

@@ -1,0 +1,258 @@
+//! A network in inference.
+//!
+//! The plan is made once from the network's layers. Batch norm is folded into the convolution
+//! before it. What follows a convolution, up to the gate, the shortcut and the rectifier of a residual
+//! branch, happens where it stores its sums: the mean of a 1x1 convolution's output is that
+//! convolution of the mean of its input, so the gate is known before. Convolutions side by side
+//! write into one map. A map lies in memory with the padding that its readers need around it, in a
+//! slot that is free again once it has been read.
+
+mod folded;
+mod fused;
+mod gate;
+mod scales;
+mod slots;
+
+use std::fmt::Debug;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rayon::prelude::*;
+
+pub use scales::Scale;
+
+use crate::error::{Error, Result};
+use crate::images::Images;
+use crate::network::Network;
+use crate::ops::bands::{Threads, inside_pool};
+use crate::ops::mean::frame_means;
+use crate::ops::simd::Level;
+use crate::ops::words::{Bf16Pair, Bytes, Word};
+use crate::precision::Precision;
+use crate::tensors::{self, Tensors};
+use crate::windows::CellSums;
+use fused::{Fused, GROUP, Seen, Workspace};
+use scales::Calibration;
+
+/// A network with its tensors, ready to embed images. Clones share it.
+///
+/// ```
+/// use sps_kernels::inference::Inference;
+/// use sps_kernels::network::{Conv, IMAGE, Network, Slide};
+/// use sps_kernels::{Images, Normalisation, Order, Precision, simd::Level};
+/// use std::collections::BTreeMap;
+///
+/// // Eight windows of 3 x 3 over an image, rectified; an embedding is their mean over space.
+/// let mut network = Network::new("example", "classifier.");
+/// network.conv(IMAGE, Conv::new("stem", Slide::square(3, 2, 1), 8).relu());
+/// network.depth("stem");
+/// let numbers = |len: usize| vec![0.1; len];
+/// let specs = network.specs().into_iter();
+/// let tensors: BTreeMap<String, Vec<f32>> = specs
+///     .map(|spec| (spec.name, numbers(spec.shape.iter().product())))
+///     .collect();
+///
+/// let inference = Inference::new(&network, &tensors, Precision::F32, None, Level::detect())?;
+/// let (image, size) = (vec![0.5; 3 * 32 * 24], [1, 32, 24]);
+/// let images = [&image[..], &image[..]];
+/// let images = Images::new(&images, Order::Pixels, size, Normalisation::IMAGENET)?;
+/// assert_eq!(inference.embed(&images)?.len(), 2 * network.width());
+/// # Ok::<(), sps_kernels::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Inference(Arc<dyn Kernels>);
+
+impl Inference {
+    /// Lays a network's tensors out for the kernels. int8 needs the scale of each map of the network, from
+    /// [`calibrate`]; further ones are left alone.
+    ///
+    /// # Errors
+    ///
+    /// Tensors that are not the network's; int8 with too few scales.
+    pub fn new(
+        network: &Network,
+        tensors: &dyn Tensors,
+        precision: Precision,
+        scales: Option<&[Scale]>,
+        level: Level,
+    ) -> Result<Self> {
+        tensors::check(network, tensors)?;
+        Ok(match precision {
+            Precision::F32 => Self::of::<f32>(network, tensors, None, level)?,
+            Precision::Bf16 => Self::of::<Bf16Pair>(network, tensors, None, level)?,
+            Precision::Int8 => {
+                let maps = network.channels.len();
+                let Some(scales) = scales.and_then(|scales| scales.get(..maps)) else {
+                    let found = format_args!("{}", scales.map_or(0, <[Scale]>::len));
+                    return Err(Error::input("scales for int8", found, maps));
+                };
+                Self::of::<Bytes>(network, tensors, Some(scales.to_vec()), level)?
+            }
+        })
+    }
+
+    fn of<W: Word>(
+        network: &Network,
+        tensors: &dyn Tensors,
+        scales: Option<Vec<Scale>>,
+        level: Level,
+    ) -> Result<Self> {
+        let fused = Fused::<W>::new(network, tensors, scales, level)?;
+        Ok(Self(Arc::new(Pooled::new(fused))))
+    }
+
+    /// Embeds a batch, `(images, width)`, on the threads of the caller's rayon pool. The embedding of an image is
+    /// the same to the last bit whatever else is in the batch and however many threads there are.
+    ///
+    /// As many images as the threads can share evenly are each embedded by one thread; the
+    /// threads then work together on those that are left.
+    ///
+    /// # Errors
+    ///
+    /// Images smaller than the network takes.
+    pub fn embed(&self, images: &Images<'_>) -> Result<Vec<f32>> {
+        self.0.check(images)?;
+        Ok(self.0.embed(images))
+    }
+
+    /// The sums of the feature maps of the first of the images at each depth, for
+    /// [`Windows::embed`](crate::Windows::embed), by all threads together.
+    ///
+    /// # Errors
+    ///
+    /// An image smaller than the network takes.
+    pub fn cell_sums(&self, image: &Images<'_>) -> Result<Vec<CellSums>> {
+        self.0.check(image)?;
+        Ok(self.0.cell_sums(image))
+    }
+}
+
+/// The scale of each map of a network in int8, found on images like those that it is to embed. A few dozen
+/// are enough.
+///
+/// The images go through the network in f32. A map's numbers are then 255 steps from the least to
+/// the largest of its values, 0 among them, after each end was brought nearer to 0 by as many hundredths
+/// as make the squared error of rounding and clipping least over these images: first the upper end,
+/// then the lower one, then the upper one again.
+///
+/// # Errors
+///
+/// Tensors that are not the network's, images smaller than it takes, no image at all, one that makes a feature map
+/// that is not finite.
+pub fn calibrate(
+    network: &Network,
+    tensors: &dyn Tensors,
+    batches: &[Images<'_>],
+    level: Level,
+) -> Result<Vec<Scale>> {
+    tensors::check(network, tensors)?;
+    let fused = Fused::<f32>::new(network, tensors, None, level)?;
+    let mut calibration = Calibration::new(network);
+    for images in batches {
+        fused.check(images)?;
+        inside_pool(|| fused.calibrate(images, &mut calibration));
+    }
+    calibration.scales(network)
+}
+
+/// A network of any words.
+trait Kernels: Debug + Send + Sync {
+    fn check(&self, images: &Images<'_>) -> Result<()>;
+
+    fn embed(&self, images: &Images<'_>) -> Vec<f32>;
+
+    fn cell_sums(&self, image: &Images<'_>) -> Vec<CellSums>;
+}
+
+impl<W: Word> Kernels for Pooled<W> {
+    fn check(&self, images: &Images<'_>) -> Result<()> {
+        self.network.check(images)
+    }
+
+    fn embed(&self, images: &Images<'_>) -> Vec<f32> {
+        inside_pool(|| self.embed_inside(*images))
+    }
+
+    fn cell_sums(&self, image: &Images<'_>) -> Vec<CellSums> {
+        let (image, _) = image.split_at(1);
+        let mut sums = Vec::new();
+        let see = |seen: Seen<'_, W>| sums.push(CellSums::new(seen.memory, seen.grid, seen.scale));
+        let network = &self.network;
+        inside_pool(|| self.with_workspace(|w| network.walk(Threads::All, &image, w, see)));
+        sums
+    }
+}
+
+/// A network and the workspaces that are not in use.
+#[derive(Debug)]
+struct Pooled<W> {
+    network: Fused<W>,
+    workspaces: Mutex<Vec<Workspace<W>>>,
+}
+
+impl<W: Word> Pooled<W> {
+    fn new(network: Fused<W>) -> Self {
+        Self {
+            network,
+            workspaces: Mutex::new(Vec::new()),
+        }
+    }
+
+    fn embed_inside(&self, images: Images<'_>) -> Vec<f32> {
+        let width = self.network.width();
+        let mut embeddings = vec![0.0; images.frames() * width];
+        let threads = rayon::current_num_threads();
+        let share = images.frames() / threads;
+        let (even, left) = images.split_at(share * threads);
+        let (even_out, left_out) = embeddings.split_at_mut(share * threads * width);
+        if share > 0 {
+            let outs = even_out.chunks_mut(share * width);
+            let shares: Vec<_> = even.chunks(share).zip(outs).collect();
+            shares
+                .into_par_iter()
+                .for_each(|(images, out)| self.embed_groups(Threads::One, images, out));
+        }
+        if left.frames() > 0 {
+            self.embed_groups(Threads::All, left, left_out);
+        }
+        embeddings
+    }
+
+    fn embed_groups(&self, threads: Threads, images: Images<'_>, embeddings: &mut [f32]) {
+        self.with_workspace(|workspace| {
+            let width = self.network.width();
+            let outs = embeddings.chunks_mut(GROUP * width);
+            for (images, out) in images.chunks(GROUP).zip(outs) {
+                self.network.walk(threads, &images, workspace, |seen| {
+                    let frames = out.chunks_exact_mut(width).skip(seen.first);
+                    let mut means: Vec<&mut [f32]> = frames
+                        .take(seen.grid.frames)
+                        .map(|frame| &mut frame[seen.block.clone()])
+                        .collect();
+                    frame_means(
+                        threads,
+                        self.network.level(),
+                        seen.memory,
+                        seen.grid,
+                        &mut means,
+                    );
+                    for mean in means.into_iter().flatten() {
+                        *mean = seen.scale.value(*mean);
+                    }
+                });
+            }
+        });
+    }
+
+    /// Runs `work` with a workspace that is not in use.
+    fn with_workspace<T>(&self, work: impl FnOnce(&mut Workspace<W>) -> T) -> T {
+        let lock = || {
+            self.workspaces
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+        };
+        let mut workspace = lock().pop().unwrap_or_default();
+        let outcome = work(&mut workspace);
+        lock().push(workspace);
+        outcome
+    }
+}

@@ -1,0 +1,35 @@
+//! Kernels on feature maps, channels last: a map is `(frames, time, height, width, channels)`, laid out as a
+//! [`grid::Grid`] says.
+
+// A kernel is compiled with its level's instructions only if all of it is inlined; see `simd`.
+#![allow(clippy::inline_always)]
+
+#[macro_use]
+mod unroll;
+
+pub(crate) mod activated;
+pub(crate) mod bands;
+pub(crate) mod batch_norm;
+pub(crate) mod buffer;
+pub(crate) mod conv;
+pub(crate) mod conv_input;
+pub(crate) mod conv_weight;
+mod depthwise;
+mod depthwise_bytes;
+pub(crate) mod grid;
+mod grouped;
+pub(crate) mod image;
+pub(crate) mod mean;
+mod native;
+pub(crate) mod outer;
+pub(crate) mod panels;
+pub(crate) mod pool;
+pub(crate) mod product;
+pub(crate) mod residual;
+pub mod simd;
+pub(crate) mod statistics;
+mod winograd;
+pub(crate) mod words;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,566 @@
+//! The vector instructions a kernel runs on, chosen when the program runs.
+//!
+//! A kernel is written once, against [`Lanes`]; [`Level::run`] compiles it for each instruction
+//! set and calls the one the machine has. The unsafe side of that lies in pulp.
+
+use std::cell::Cell;
+use std::sync::OnceLock;
+
+use bytemuck::{cast_slice, cast_slice_mut};
+pub use pulp::NullaryFnOnce;
+#[cfg(target_arch = "aarch64")]
+use pulp::aarch64::Neon;
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::{V3, V4};
+use pulp::{Scalar128b, Simd};
+
+use super::words::byte;
+
+thread_local! {
+    static FORCED: Cell<Option<Level>> = const { Cell::new(None) };
+}
+
+/// A set of vector instructions that this machine has.
+#[derive(Debug, Clone, Copy)]
+pub enum Level {
+    /// Four lanes without any instruction named: what the compiler makes of arrays.
+    Portable,
+    /// 256-bit vectors with fused multiply-add.
+    #[cfg(target_arch = "x86_64")]
+    Avx2(V3),
+    /// 512-bit vectors.
+    #[cfg(target_arch = "x86_64")]
+    Avx512(V4),
+    /// 128-bit vectors of ARM.
+    #[cfg(target_arch = "aarch64")]
+    Neon(Neon),
+}
+
+impl Level {
+    /// The widest that this machine has, or the one that `SPS_INSTRUCTIONS` names: `portable`, `avx2`, `avx512` or `neon`.
+    /// Where the machine has none of that name, portable.
+    pub fn detect() -> Self {
+        static ASKED_FOR: OnceLock<Option<Level>> = OnceLock::new();
+        let asked_for = ASKED_FOR.get_or_init(|| {
+            let name = std::env::var("SPS_INSTRUCTIONS").ok()?;
+            let found = Self::all().into_iter().find(|level| level.name() == name);
+            Some(found.unwrap_or(Self::Portable))
+        });
+        let widest = || Self::all().pop().unwrap_or(Self::Portable);
+        FORCED.get().or(*asked_for).unwrap_or_else(widest)
+    }
+
+    /// Those that this machine has, the widest last.
+    pub fn all() -> Vec<Self> {
+        let mut levels = vec![Self::Portable];
+        #[cfg(target_arch = "x86_64")]
+        levels.extend(V3::try_new().map(Self::Avx2));
+        #[cfg(target_arch = "x86_64")]
+        levels.extend(V4::try_new().map(Self::Avx512));
+        #[cfg(target_arch = "aarch64")]
+        levels.extend(Neon::try_new().map(Self::Neon));
+        levels
+    }
+
+    /// As `SPS_INSTRUCTIONS` has it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Portable => "portable",
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(_) => "avx2",
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(_) => "avx512",
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon(_) => "neon",
+        }
+    }
+
+    /// Runs `work` on each level of this machine, which [`Level::detect`] then says on this thread: what is
+    /// compared level by level.
+    pub fn on_each(work: impl Fn(Self)) {
+        for level in Self::all() {
+            let before = FORCED.replace(Some(level));
+            work(level);
+            FORCED.set(before);
+        }
+    }
+
+    /// The machine's own instructions for bf16, which round otherwise than those for f32.
+    #[cfg(target_arch = "x86_64")]
+    pub(crate) fn bf16(self) -> Option<super::native::bf16::Native> {
+        match self {
+            Self::Avx512(simd) => super::native::bf16::Native::detect(simd),
+            _ => None,
+        }
+    }
+
+    /// The machine's own instructions for bytes.
+    #[cfg(target_arch = "x86_64")]
+    pub(crate) fn vnni(self) -> Option<super::native::vnni::Native> {
+        match self {
+            Self::Avx512(simd) => super::native::vnni::Native::detect(simd),
+            _ => None,
+        }
+    }
+
+    /// What the last bits of sums depend on beside the order of their terms, in words; nothing for
+    /// f32 by fused multiply-add.
+    pub fn rounding(self, bf16: bool) -> Option<&'static str> {
+        if matches!(self, Self::Portable) && !FUSED {
+            return Some("products rounded");
+        }
+        #[cfg(target_arch = "x86_64")]
+        if self.bf16().is_some() {
+            return None;
+        }
+        bf16.then_some("pairs widened")
+    }
+
+    /// Numbers in one vector.
+    pub const fn lanes(self) -> usize {
+        match self {
+            Self::Portable => Scalar128b::F32_LANES,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(_) => V3::F32_LANES,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(_) => V4::F32_LANES,
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon(_) => Neon::F32_LANES,
+        }
+    }
+
+    /// Runs a kernel, compiled for this level.
+    // What is inlined is compiled once more in every part of the crate that calls it, with all its kernels.
+    #[inline(never)]
+    pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        match self {
+            Self::Portable => kernel.run(Scalar128b),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(simd) => simd.vectorize(Call { kernel, simd }),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(simd) => simd.vectorize(Call { kernel, simd }),
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon(simd) => simd.vectorize(Call { kernel, simd }),
+        }
+    }
+}
+
+/// A piece of work written against [`Lanes`].
+///
+/// `run` must be `#[inline(always)]`, and so must everything that it calls with `lanes`: only
+/// then is it compiled with the level's instructions.
+pub trait Kernel {
+    /// What comes of it.
+    type Output;
+
+    /// Does it.
+    fn run<S: Lanes>(self, lanes: S) -> Self::Output;
+}
+
+struct Call<K, S> {
+    kernel: K,
+    simd: S,
+}
+
+impl<K: Kernel, S: Lanes> NullaryFnOnce for Call<K, S> {
+    type Output = K::Output;
+
+    #[inline(always)]
+    fn call(self) -> K::Output {
+        self.kernel.run(self.simd)
+    }
+}
+
+/// What kernels need beside pulp's operations.
+pub trait Lanes: Simd {
+    /// `a * b + c`, in one rounding where the machine can.
+    fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s;
+
+    /// Runs work in a function of its own, compiled with the same instructions. Where much is inlined into
+    /// one function, compiling it takes a time that grows with the square of its size.
+    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output;
+
+    /// The larger of `x` and `floor`, which is no NaN; where `x` is NaN, NaN.
+    fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s;
+
+    /// The smaller of `x` and `ceiling`, which is no NaN; where `x` is NaN, NaN.
+    fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s;
+
+    /// `x`, but no less than the first limit and no more than the second.
+    #[inline(always)]
+    fn within(self, [least, most]: [Self::f32s; 2], x: Self::f32s) -> Self::f32s {
+        self.at_most(most, self.at_least(least, x))
+    }
+
+    /// In each run of `G` lanes, that run's lane `index` everywhere.
+    ///
+    /// `G` is 4, or 8 where there are 16 lanes.
+    fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s;
+
+    /// The same for words that hold `N` numbers each, in `N` vectors, of which this is `v`: in
+    /// each run of `G` lanes that group's word `index`.
+    ///
+    /// `G` is 4 or 8, `N` 2 or 4.
+    fn spread_words<const G: usize, const N: usize>(
+        self,
+        x: Self::f32s,
+        v: usize,
+        index: usize,
+    ) -> Self::f32s;
+
+    /// In each lane, whose bits are an i32, `sum` and the products of the four bytes of `x`, which are
+    /// u8, with those of `y`, which are i8.
+    #[inline(always)]
+    fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s {
+        let (x, y, mut sums) = ([x], [y], [sum]);
+        let (x, y): (&[u8], &[i8]) = (cast_slice(&x), cast_slice(&y));
+        let of_lanes = x.chunks_exact(4).zip(y.chunks_exact(4));
+        for (sum, (x, y)) in cast_slice_mut::<_, i32>(&mut sums).iter_mut().zip(of_lanes) {
+            for (&x, &y) in x.iter().zip(y) {
+                *sum += i32::from(x) * i32::from(y);
+            }
+        }
+        sums[0]
+    }
+
+    /// The larger of each two bytes.
+    #[inline(always)]
+    fn larger_bytes(self, x: Self::f32s, y: Self::f32s) -> Self::f32s {
+        let mut larger = [x];
+        for (x, &y) in cast_slice_mut::<_, u8>(&mut larger)
+            .iter_mut()
+            .zip(cast_slice::<_, u8>(&[y]))
+        {
+            *x = y.max(*x);
+        }
+        larger[0]
+    }
+
+    /// Numbers of lanes whose bits are an i32.
+    #[inline(always)]
+    fn of_integers(self, x: Self::f32s) -> Self::f32s {
+        let mut numbers = [x];
+        for number in cast_slice_mut::<_, f32>(&mut numbers) {
+            *number = number.to_bits() as i32 as f32;
+        }
+        numbers[0]
+    }
+
+    /// Of four rows of bytes, a word for each byte's place: the four bytes there. Where which stands,
+    /// [`channel_of`] says.
+    #[inline(always)]
+    fn interleave(self, rows: [Self::f32s; 4]) -> [Self::f32s; 4] {
+        let mut words = rows;
+        let out: &mut [u8] = cast_slice_mut(&mut words);
+        for (row, from) in rows.iter().enumerate() {
+            let from: &[u8] = cast_slice(std::slice::from_ref(from));
+            for (i, out) in out.iter_mut().skip(row).step_by(4).enumerate() {
+                *out = from[channel_of(i / Self::F32_LANES, i % Self::F32_LANES)];
+            }
+        }
+        words
+    }
+
+    /// Numbers of 0 to 255, rounded to even, as bytes: each where a row has it whose word stands as
+    /// [`Lanes::interleave`] puts it.
+    #[inline(always)]
+    fn join(self, numbers: [Self::f32s; 4]) -> Self::f32s {
+        let mut joined = [numbers[0]];
+        let out: &mut [u8] = cast_slice_mut(&mut joined);
+        for (i, &number) in cast_slice::<_, f32>(&numbers).iter().enumerate() {
+            out[channel_of(i / Self::F32_LANES, i % Self::F32_LANES)] = byte(number);
+        }
+        joined[0]
+    }
+}
+
+/// The place in a row of the byte whose word [`Lanes::interleave`] puts into a lane of a vector.
+#[inline(always)]
+pub(crate) const fn channel_of(vector: usize, lane: usize) -> usize {
+    lane / 4 * 16 + 4 * vector + lane % 4
+}
+
+/// The word that [`Lanes::spread_words`] puts into a lane.
+#[inline(always)]
+const fn word_of<const G: usize, const N: usize>(
+    lanes: usize,
+    v: usize,
+    index: usize,
+    lane: usize,
+) -> usize {
+    (v * lanes + lane) / G * (G / N) + index
+}
+
+/// Reads up to a vector; lanes beyond the slice are zero.
+#[inline(always)]
+pub(crate) fn load<S: Lanes>(lanes: S, from: &[f32]) -> S::f32s {
+    match S::as_simd_f32s(from).0 {
+        [whole, ..] => *whole,
+        [] => lanes.partial_load_f32s(from),
+    }
+}
+
+/// What is an instruction of every set.
+macro_rules! by_instructions {
+    () => {
+        #[inline(always)]
+        fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
+            self.vectorize(work)
+        }
+
+        #[inline(always)]
+        fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
+            self.mul_add_e_f32s(a, b, c)
+        }
+
+        #[inline(always)]
+        fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s {
+            // The instruction returns its second operand where one is NaN.
+            self.max_f32s(floor, x)
+        }
+
+        #[inline(always)]
+        fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s {
+            self.min_f32s(ceiling, x)
+        }
+    };
+}
+
+/// Spreading where a vector has four lanes.
+macro_rules! of_four_lanes {
+    () => {
+        #[inline(always)]
+        fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
+            let lane = [x.0, x.1, x.2, x.3][index % 4];
+            pulp::f32x4(lane, lane, lane, lane)
+        }
+
+        #[inline(always)]
+        fn spread_words<const G: usize, const N: usize>(
+            self,
+            x: Self::f32s,
+            v: usize,
+            index: usize,
+        ) -> Self::f32s {
+            let words = [x.0, x.1, x.2, x.3];
+            let word = |lane| words[word_of::<G, N>(4, v, index, lane) % 4];
+            pulp::f32x4(word(0), word(1), word(2), word(3))
+        }
+    };
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Lanes for V4 {
+    by_instructions!();
+
+    #[inline(always)]
+    fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
+        use pulp::{cast, i32x16};
+        let f = self.avx512f;
+        let x = cast(x);
+        cast(match (G, index) {
+            (4, 0) => f._mm512_permute_ps::<0b00_00_00_00>(x),
+            (4, 1) => f._mm512_permute_ps::<0b01_01_01_01>(x),
+            (4, 2) => f._mm512_permute_ps::<0b10_10_10_10>(x),
+            (4, _) => f._mm512_permute_ps::<0b11_11_11_11>(x),
+            _ => {
+                let (low, high) = (index as i32, (index + G) as i32);
+                let (l, h) = (low, high);
+                let lanes = i32x16(l, l, l, l, l, l, l, l, h, h, h, h, h, h, h, h);
+                f._mm512_permutexvar_ps(cast(lanes), x)
+            }
+        })
+    }
+
+    #[inline(always)]
+    fn spread_words<const G: usize, const N: usize>(
+        self,
+        x: Self::f32s,
+        v: usize,
+        index: usize,
+    ) -> Self::f32s {
+        use pulp::cast;
+        let lanes: [i32; 16] =
+            std::array::from_fn(|lane| word_of::<G, N>(16, v, index, lane) as i32);
+        cast(self.avx512f._mm512_permutexvar_ps(cast(lanes), cast(x)))
+    }
+
+    #[inline(always)]
+    fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s {
+        use pulp::cast;
+        let (f, bw) = (self.avx512f, self.avx512bw);
+        let (x, y) = (cast(x), cast(y));
+        let even = f._mm512_and_si512(x, f._mm512_set1_epi16(0xff));
+        let odd = bw._mm512_srli_epi16::<8>(x);
+        let even_weights = bw._mm512_srai_epi16::<8>(bw._mm512_slli_epi16::<8>(y));
+        let odd_weights = bw._mm512_srai_epi16::<8>(y);
+        let even = bw._mm512_madd_epi16(even, even_weights);
+        let odd = bw._mm512_madd_epi16(odd, odd_weights);
+        let products = f._mm512_add_epi32(even, odd);
+        cast(f._mm512_add_epi32(cast(sum), products))
+    }
+
+    #[inline(always)]
+    fn larger_bytes(self, x: Self::f32s, y: Self::f32s) -> Self::f32s {
+        use pulp::cast;
+        cast(self.avx512bw._mm512_max_epu8(cast(x), cast(y)))
+    }
+
+    #[inline(always)]
+    fn of_integers(self, x: Self::f32s) -> Self::f32s {
+        pulp::cast(self.avx512f._mm512_cvtepi32_ps(pulp::cast(x)))
+    }
+
+    #[inline(always)]
+    fn interleave(self, [a, b, c, d]: [Self::f32s; 4]) -> [Self::f32s; 4] {
+        use pulp::cast;
+        let bw = self.avx512bw;
+        let (a, b, c, d) = (cast(a), cast(b), cast(c), cast(d));
+        let [low, high] = [bw._mm512_unpacklo_epi8(a, b), bw._mm512_unpackhi_epi8(a, b)];
+        let [low2, high2] = [bw._mm512_unpacklo_epi8(c, d), bw._mm512_unpackhi_epi8(c, d)];
+        [
+            cast(bw._mm512_unpacklo_epi16(low, low2)),
+            cast(bw._mm512_unpackhi_epi16(low, low2)),
+            cast(bw._mm512_unpacklo_epi16(high, high2)),
+            cast(bw._mm512_unpackhi_epi16(high, high2)),
+        ]
+    }
+
+    #[inline(always)]
+    fn join(self, [a, b, c, d]: [Self::f32s; 4]) -> Self::f32s {
+        use pulp::cast;
+        let (f, bw) = (self.avx512f, self.avx512bw);
+        let [a, b] = [f._mm512_cvtps_epi32(cast(a)), f._mm512_cvtps_epi32(cast(b))];
+        let [c, d] = [f._mm512_cvtps_epi32(cast(c)), f._mm512_cvtps_epi32(cast(d))];
+        let low = bw._mm512_packs_epi32(a, b);
+        cast(bw._mm512_packus_epi16(low, bw._mm512_packs_epi32(c, d)))
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Lanes for V3 {
+    by_instructions!();
+
+    #[inline(always)]
+    fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
+        use pulp::cast;
+        let avx = self.avx;
+        let x = cast(x);
+        cast(match index {
+            0 => avx._mm256_permute_ps::<0b00_00_00_00>(x),
+            1 => avx._mm256_permute_ps::<0b01_01_01_01>(x),
+            2 => avx._mm256_permute_ps::<0b10_10_10_10>(x),
+            _ => avx._mm256_permute_ps::<0b11_11_11_11>(x),
+        })
+    }
+
+    #[inline(always)]
+    fn spread_words<const G: usize, const N: usize>(
+        self,
+        x: Self::f32s,
+        v: usize,
+        index: usize,
+    ) -> Self::f32s {
+        use pulp::cast;
+        let lanes: [i32; 8] = std::array::from_fn(|lane| word_of::<G, N>(8, v, index, lane) as i32);
+        cast(self.avx2._mm256_permutevar8x32_ps(cast(x), cast(lanes)))
+    }
+
+    #[inline(always)]
+    fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s {
+        use pulp::cast;
+        let i = self.avx2;
+        let (x, y) = (cast(x), cast(y));
+        // Two products of a byte with a byte could be too large for 16 bits, which `maddubs` sums in.
+        let even = i._mm256_and_si256(x, self.avx._mm256_set1_epi16(0xff));
+        let odd = i._mm256_srli_epi16::<8>(x);
+        let even_weights = i._mm256_srai_epi16::<8>(i._mm256_slli_epi16::<8>(y));
+        let odd_weights = i._mm256_srai_epi16::<8>(y);
+        let even = i._mm256_madd_epi16(even, even_weights);
+        let odd = i._mm256_madd_epi16(odd, odd_weights);
+        let products = i._mm256_add_epi32(even, odd);
+        cast(i._mm256_add_epi32(cast(sum), products))
+    }
+
+    #[inline(always)]
+    fn larger_bytes(self, x: Self::f32s, y: Self::f32s) -> Self::f32s {
+        use pulp::cast;
+        cast(self.avx2._mm256_max_epu8(cast(x), cast(y)))
+    }
+
+    #[inline(always)]
+    fn interleave(self, [a, b, c, d]: [Self::f32s; 4]) -> [Self::f32s; 4] {
+        use pulp::cast;
+        let i = self.avx2;
+        let (a, b, c, d) = (cast(a), cast(b), cast(c), cast(d));
+        let [low, high] = [i._mm256_unpacklo_epi8(a, b), i._mm256_unpackhi_epi8(a, b)];
+        let [low2, high2] = [i._mm256_unpacklo_epi8(c, d), i._mm256_unpackhi_epi8(c, d)];
+        [
+            cast(i._mm256_unpacklo_epi16(low, low2)),
+            cast(i._mm256_unpackhi_epi16(low, low2)),
+            cast(i._mm256_unpacklo_epi16(high, high2)),
+            cast(i._mm256_unpackhi_epi16(high, high2)),
+        ]
+    }
+
+    #[inline(always)]
+    fn join(self, [a, b, c, d]: [Self::f32s; 4]) -> Self::f32s {
+        use pulp::cast;
+        let (f, i) = (self.avx, self.avx2);
+        let [a, b] = [f._mm256_cvtps_epi32(cast(a)), f._mm256_cvtps_epi32(cast(b))];
+        let [c, d] = [f._mm256_cvtps_epi32(cast(c)), f._mm256_cvtps_epi32(cast(d))];
+        let low = i._mm256_packs_epi32(a, b);
+        cast(i._mm256_packus_epi16(low, i._mm256_packs_epi32(c, d)))
+    }
+}
+
+#[cfg(target_arch = "aarch64")]
+impl Lanes for Neon {
+    by_instructions!();
+
+    of_four_lanes!();
+}
+
+/// Whether a fused multiply-add is an instruction without any named.
+const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
+
+impl Lanes for Scalar128b {
+    #[inline(never)]
+    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
+        work.call()
+    }
+
+    #[inline(always)]
+    fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
+        if FUSED {
+            self.mul_add_e_f32s(a, b, c)
+        } else {
+            // Without the instruction a fused product is a call into software.
+            self.add_f32s(self.mul_f32s(a, b), c)
+        }
+    }
+
+    #[inline(always)]
+    fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s {
+        let at_least = |floor: f32, x: f32| if x < floor { floor } else { x };
+        pulp::f32x4(
+            at_least(floor.0, x.0),
+            at_least(floor.1, x.1),
+            at_least(floor.2, x.2),
+            at_least(floor.3, x.3),
+        )
+    }
+
+    #[inline(always)]
+    fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s {
+        let at_most = |ceiling: f32, x: f32| if x > ceiling { ceiling } else { x };
+        pulp::f32x4(
+            at_most(ceiling.0, x.0),
+            at_most(ceiling.1, x.1),
+            at_most(ceiling.2, x.2),
+            at_most(ceiling.3, x.3),
+        )
+    }
+
+    of_four_lanes!();
+}

@@ -1,0 +1,418 @@
+//! Convolution, pooling and mean of bf16 feature maps, against f64 on the same rounded numbers; gradients
+//! and batch norm against those of f32, which other tests hold to f64.
+
+use half::bf16;
+
+use super::super::bands::Threads;
+use super::super::batch_norm::{FrameSums, Norm, NormGradients};
+use super::super::conv::{Conv, ConvShape};
+use super::super::conv_input::ConvTranspose;
+use super::super::conv_weight::weight_gradient;
+use super::super::grid::{Grid, Window, pixels};
+use super::super::mean::frame_means;
+use super::super::pool::{max_pool, max_pool_backward};
+use super::super::product::{Activation, Columns, Epilogue};
+use super::super::residual::{Branch, FrameSlopes, Shortcut};
+use super::super::simd::Level;
+use super::super::statistics::ChannelStatistics;
+use super::super::words::{Bf16Pair, Real, Word};
+use super::{noise, shape, window_sums};
+
+/// A feature map without a border as words.
+fn words(values: &[f64]) -> Vec<Bf16Pair> {
+    let pairs = values.chunks_exact(2);
+    pairs.map(|p| Bf16Pair::of(|i| p[i] as f32)).collect()
+}
+
+fn numbers(words: &[Bf16Pair]) -> Vec<f64> {
+    Bf16Pair::numbers(words).map(f64::from).collect()
+}
+
+fn rounded(values: &[f64]) -> Vec<f64> {
+    numbers(&words(values))
+}
+
+/// What a number differs by once it is rounded to eight bits.
+const ROUNDING: f64 = 1.0 / 256.0;
+
+fn check(shape: ConvShape, size: [usize; 2]) {
+    let [height, width] = size;
+    let grid = Grid::tight(1, [1, height, width], shape.inputs).of::<Bf16Pair>();
+    let values = rounded(&noise(height * width * shape.inputs, 1));
+    let taps = pixels(shape.window.size);
+    let weights = rounded(&noise(shape.outputs * shape.group_inputs() * taps, 2));
+    let shift = noise(shape.outputs, 3);
+    let sums = window_sums(&shape, size, &values, &weights, 0.0);
+    // Sums of as many products as there are, each of at most 1, in f32.
+    let slack = 1e-6 * (shape.group_inputs() * taps) as f64;
+
+    Level::on_each(|level| {
+        let weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
+        let shift: Vec<f32> = shift.iter().map(|&s| s as f32).collect();
+        let conv = Conv::pack(level, shape, &weights);
+        let for_inference = Conv::pack_for_inference(level, shape, &weights);
+        let from = grid.padded(&shape.window);
+        let mut source = vec![Bf16Pair::default(); from.len()];
+        for (&place, pixel) in from.places().iter().zip(words(&values).chunks(grid.pitch)) {
+            source[place..][..grid.pitch].copy_from_slice(pixel);
+        }
+        let to = shape.window.output(grid.size).unwrap();
+        let to = Grid::tight(1, to, shape.outputs).of::<Bf16Pair>();
+        let before = rounded(&noise(2 * to.len(), 4));
+        for (conv, accumulate) in [(&conv, false), (&conv, true), (&for_inference, true)] {
+            let mut target = words(&before);
+            let epilogue = Epilogue {
+                shift: Some(Columns::shared(&shift)),
+                accumulate: accumulate.then_some(1.0),
+                limits: Activation::Relu.limits(),
+                ..Epilogue::default()
+            };
+            conv.apply(Threads::One, (&source, &from), (&mut target, &to), epilogue);
+            for (i, found) in numbers(&target).into_iter().enumerate() {
+                let stored = if accumulate { before[i] } else { 0.0 };
+                let expected = (sums[i] + f64::from(shift[i % shape.outputs]) + stored).max(0.0);
+                let error = (found - expected).abs();
+                assert!(
+                    error <= ROUNDING * expected.abs() + slack,
+                    "{level:?} {shape:?} number {i}: {found} instead of {expected}"
+                );
+            }
+        }
+    });
+}
+
+#[test]
+fn convolutions() {
+    let point = Window::square(1, 1, 0);
+    let halving = Window::square(1, 2, 0);
+    let square = Window::square(3, 1, 1);
+    let jumping = Window::square(3, 2, 1);
+    check(shape(point, 64, 48, 1), [5, 7]);
+    check(shape(point, 300, 32, 1), [1, 1]);
+    check(shape(halving, 32, 64, 1), [7, 5]);
+    check(shape(Window::square(7, 2, 3), 4, 64, 1), [15, 13]);
+    check(shape(square, 16, 80, 1), [6, 5]);
+    // By fewer products in inference.
+    check(shape(square, 32, 48, 1), [11, 10]);
+    // Columns that fill no vector.
+    check(shape(point, 6, 10, 1), [3, 3]);
+    for window in [square, jumping] {
+        check(shape(window, 128, 128, 32), [9, 6]);
+        check(shape(window, 64, 64, 8), [6, 9]);
+        check(shape(window, 64, 64, 4), [5, 5]);
+        check(shape(window, 64, 64, 2), [4, 3]);
+    }
+}
+
+/// Neither rounds: the largest number is one of those that are there, and the sum is of f32.
+#[test]
+fn pooling_and_means() {
+    let window = Window::square(3, 2, 0);
+    let grid = Grid::tight(1, [1, 7, 6], 32).of::<Bf16Pair>();
+    let values = rounded(&noise(7 * 6 * 32, 5));
+    let to = Grid {
+        size: window.output_ceil(grid.size),
+        ..grid
+    };
+    Level::on_each(|level| {
+        let source = words(&values);
+        let mut target = vec![Bf16Pair::default(); to.len()];
+        let pair = ((&source[..], &grid), (&mut target[..], &to));
+        max_pool(Threads::One, level, &window, pair.0, pair.1);
+        for (i, found) in numbers(&target).into_iter().enumerate() {
+            let (pixel, channel) = (i / 32, i % 32);
+            let (y, x) = (pixel / to.size[2] * 2, pixel % to.size[2] * 2);
+            let under = (y..(y + 3).min(7)).flat_map(|y| (x..(x + 3).min(6)).map(move |x| (y, x)));
+            let largest = under.map(|(y, x)| values[(y * 6 + x) * 32 + channel]);
+            assert_eq!(found, largest.fold(f64::NEG_INFINITY, f64::max));
+        }
+        let mut means = [0.0; 32];
+        frame_means(Threads::One, level, &source, &grid, &mut [&mut means]);
+        for (channel, mean) in means.iter().enumerate() {
+            let sum: f64 = values.iter().skip(channel).step_by(32).sum();
+            assert!((f64::from(*mean) - sum / 42.0).abs() < 1e-7);
+        }
+    });
+}
+
+/// Words of numbers that are rounded to bf16, those of a border 0.
+fn map<W: Word>(grid: &Grid, seed: u64) -> Vec<W> {
+    let tight = grid.frames * pixels(grid.size) * grid.channels;
+    let values = rounded(&noise(tight, seed));
+    let mut memory = vec![W::default(); grid.len()];
+    for (&place, pixel) in grid.places().iter().zip(values.chunks(grid.channels)) {
+        for (word, numbers) in memory[place..].iter_mut().zip(pixel.chunks(W::NUMBERS)) {
+            *word = W::of(|i| numbers[i] as f32);
+        }
+    }
+    memory
+}
+
+/// The gradients of a convolution's weights and of its input, the latter added to what is there.
+fn gradients<W: Real>(level: Level, shape: ConvShape, size: [usize; 2]) -> [Vec<f64>; 2] {
+    let input = [1, size[0], size[1]];
+    let taps = pixels(shape.window.size);
+    let weights = rounded(&noise(shape.outputs * shape.group_inputs() * taps, 1));
+    let weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
+    let transpose = ConvTranspose::<W>::pack(level, shape, &weights);
+    let output = shape.window.output(input).unwrap();
+    let from = Grid::tight(2, input, shape.inputs).of::<W>();
+    let (from, to) = (from.padded(&shape.window), from);
+    let layout = transpose.layout(2, input, output);
+    let (source, gradient) = (map::<W>(&from, 2), map::<W>(&layout, 3));
+    let gradient = (&gradient[..], &layout);
+    let mut of_weights = vec![0.0; weights.len()];
+    weight_gradient(level, &shape, (&source, &from), gradient, &mut of_weights);
+    let mut of_input = map::<W>(&to, 4);
+    transpose.apply(gradient, (&mut of_input, &to), true);
+    let wide = |values: &mut dyn Iterator<Item = f32>| values.map(f64::from).collect();
+    [
+        wide(&mut of_weights.into_iter()),
+        wide(&mut W::numbers(&of_input)),
+    ]
+}
+
+#[test]
+fn gradients_of_convolutions() {
+    let point = Window::square(1, 1, 0);
+    let halving = Window::square(1, 2, 0);
+    let square = Window::square(3, 1, 1);
+    let jumping = Window::square(3, 2, 1);
+    let cases = [
+        (shape(point, 64, 48, 1), [5, 7]),
+        (shape(point, 300, 34, 1), [1, 1]),
+        (shape(point, 6, 10, 1), [3, 3]),
+        (shape(halving, 32, 64, 1), [7, 5]),
+        (shape(Window::square(7, 2, 3), 4, 64, 1), [15, 13]),
+        (shape(square, 16, 80, 1), [6, 5]),
+        (shape(square, 32, 48, 1), [11, 10]),
+        (shape(jumping, 40, 24, 1), [23, 20]),
+        (shape(square, 128, 128, 32), [9, 6]),
+        (shape(jumping, 64, 64, 8), [6, 9]),
+        (shape(square, 64, 64, 4), [5, 5]),
+        (shape(square, 40, 40, 40), [7, 6]),
+        (shape(Window::square(5, 2, 2), 96, 96, 96), [9, 11]),
+    ];
+    for (shape, size) in cases {
+        let [weights, input] = gradients::<f32>(Level::detect(), shape, size);
+        let products = 2 * size[0] * size[1];
+        Level::on_each(|level| {
+            let found = gradients::<Bf16Pair>(level, shape, size);
+            for (found, expected) in found[0].iter().zip(&weights) {
+                let error = (found - expected).abs();
+                assert!(
+                    error <= 1e-6 * products as f64,
+                    "{level:?} {shape:?} weights: {error}"
+                );
+            }
+            let slack = 1e-6 * (shape.group_outputs() * pixels(shape.window.size)) as f64;
+            for (found, expected) in found[1].iter().zip(&input) {
+                let error = (found - expected).abs();
+                let bound = ROUNDING * expected.abs() + slack;
+                assert!(error <= bound, "{level:?} {shape:?} input: {error}");
+            }
+        });
+    }
+}
+
+/// Each window's gradient goes to the same number as in f32, also where several are the largest.
+#[test]
+fn gradients_of_pooling() {
+    fn gradient<W: Real>(level: Level, size: usize) -> Vec<f32> {
+        let window = Window::square(size, 2, 0);
+        let from = Grid::tight(2, [1, 7, 6], 34).of::<W>();
+        let to = Grid {
+            size: window.output_ceil(from.size),
+            ..from
+        };
+        let mut source = map::<W>(&from, 5);
+        // Few different numbers.
+        for number in W::each_mut(&mut source) {
+            *number = W::narrowed((4.0 * W::widened(*number)).round());
+        }
+        let mut pooled = vec![W::default(); to.len()];
+        max_pool(
+            Threads::One,
+            level,
+            &window,
+            (&source, &from),
+            (&mut pooled, &to),
+        );
+        let mut target = vec![W::default(); from.len()];
+        let (source, pooled) = ((&source[..], &from), (&pooled[..], &to));
+        max_pool_backward(
+            level,
+            &window,
+            source,
+            pooled,
+            &map::<W>(&to, 6),
+            &mut target,
+        );
+        W::numbers(&target).collect()
+    }
+    Level::on_each(|level| {
+        assert_eq!(gradient::<Bf16Pair>(level, 2), gradient::<f32>(level, 2));
+        let (found, expected) = (gradient::<Bf16Pair>(level, 3), gradient::<f32>(level, 3));
+        for (found, expected) in found.iter().zip(&expected) {
+            let error = f64::from((found - expected).abs());
+            assert!(error <= 2.0 * ROUNDING * f64::from(expected.abs()).max(1.0));
+        }
+    });
+}
+
+/// What a pass over feature maps leaves: maps, and sums.
+type Left = (Vec<Vec<f32>>, FrameSums);
+
+/// Numbers from a quarter to one and a quarter.
+fn parameters(len: usize, seed: u64) -> Vec<f32> {
+    noise(len, seed)
+        .iter()
+        .map(|x| 0.75 + 0.5 * *x as f32)
+        .collect()
+}
+
+const CHANNELS: usize = 34;
+
+fn norm_of<W: Real>(level: Level, x: &[W], grid: &Grid) -> (Norm, usize) {
+    let statistics = ChannelStatistics::of(level, x, grid);
+    let (gamma, beta) = (parameters(CHANNELS, 11), parameters(CHANNELS, 12));
+    (
+        Norm::new(&statistics, &gamma, &beta, 1e-5),
+        statistics.count,
+    )
+}
+
+/// Batch norm with a rectifier, forward and backward, into a map with a border.
+fn norm<W: Real>(level: Level) -> Left {
+    let grid = Grid::tight(2, [1, 7, 6], CHANNELS).of::<W>();
+    let to = grid.padded(&Window::square(3, 1, 1));
+    let (x, gradient) = (map::<W>(&grid, 1), map::<W>(&grid, 2));
+    let (norm, count) = norm_of(level, &x, &grid);
+    let activation = Activation::Relu6;
+    let (mut y, mut dx) = (vec![W::default(); to.len()], vec![W::default(); grid.len()]);
+    norm.apply(level, (&x, &grid), (&mut y, &to), activation);
+    let sums = norm.sums(level, &x, &gradient, &grid, activation);
+    let slopes = NormGradients::new(&norm, count, &sums.over_frames(CHANNELS)).slopes;
+    norm.backward(level, &slopes, &x, &gradient, (&mut dx, &grid), activation);
+    let maps = [y, dx].map(|map| W::numbers(&map).collect());
+    (maps.to_vec(), sums)
+}
+
+/// The end of a residual branch, forward onto either kind of shortcut, and backward.
+fn residual<W: Real>(level: Level) -> Left {
+    let grid = Grid::tight(2, [1, 7, 6], CHANNELS).of::<W>();
+    let (x, added) = (map::<W>(&grid, 1), map::<W>(&grid, 2));
+    let (norm, _) = norm_of(level, &x, &grid);
+    let (other, _) = norm_of(level, &added, &grid);
+    let gate = parameters(2 * CHANNELS, 13);
+    let branch = Branch {
+        x: &x,
+        norm: &norm,
+        gate: &gate,
+        grid: &grid,
+        activation: Activation::Relu,
+    };
+    let [mut plain, mut normed, mut dx] = [0; 3].map(|_| vec![W::default(); grid.len()]);
+    branch.end(level, Shortcut::Plain(&added, &grid), (&mut plain, &grid));
+    branch.end(
+        level,
+        Shortcut::Normed(&added, &other),
+        (&mut normed, &grid),
+    );
+    let (end, mut masked) = (map::<W>(&grid, 3), map::<W>(&grid, 4));
+    let sums = branch.mask(level, (&end, &grid), &mut masked);
+    let slopes = FrameSlopes {
+        of_gradient: gate.clone(),
+        of_x: parameters(CHANNELS, 14),
+        constant: parameters(2 * CHANNELS, 15),
+    };
+    branch.backward(level, &slopes, &masked, (&mut dx, &grid));
+    let maps = [plain, normed, masked, dx].map(|map| W::numbers(&map).collect());
+    (maps.to_vec(), sums)
+}
+
+/// Both compute in f32: of the same rounded numbers the sums are the same, and maps are those of f32,
+/// rounded.
+fn rounds_maps_alone(single: fn(Level) -> Left, pair: fn(Level) -> Left) {
+    Level::on_each(|level| {
+        let ((maps, sums), (expected, of_f32)) = (pair(level), single(level));
+        for (found, expected) in maps.iter().zip(&expected) {
+            let round = |&x: &f32| Bf16Pair::widened(Bf16Pair::narrowed(x));
+            let rounded: Vec<f32> = expected.iter().map(round).collect();
+            assert_eq!(*found, rounded, "{level:?}");
+        }
+        assert_eq!(sums.gradient, of_f32.gradient, "{level:?}");
+        assert_eq!(sums.product, of_f32.product, "{level:?}");
+    });
+}
+
+#[test]
+fn batch_norm_in_training() {
+    rounds_maps_alone(norm::<f32>, norm::<Bf16Pair>);
+}
+
+#[test]
+fn the_end_of_a_residual_branch() {
+    rounds_maps_alone(residual::<f32>, residual::<Bf16Pair>);
+}
+
+/// As the processor's own instruction rounds, ties to even; NaN stays NaN.
+#[test]
+fn numbers_are_narrowed() {
+    let ulp = 1.0 / 128.0;
+    for (number, expected) in [
+        (1.0, 1.0),
+        (1.0 + ulp / 2.0, 1.0),
+        (1.0 + 1.5 * ulp, 1.0 + 2.0 * ulp),
+        (-1.0 - 0.51 * ulp, -1.0 - ulp),
+        (f32::MAX, f32::INFINITY),
+        (f32::NEG_INFINITY, f32::NEG_INFINITY),
+    ] {
+        let found = Bf16Pair::widened(Bf16Pair::narrowed(number));
+        assert_eq!(found, expected, "{number}");
+    }
+    assert!(Bf16Pair::widened(Bf16Pair::narrowed(f32::NAN)).is_nan());
+}
+
+/// A matrix is rounded in vectors as `half` rounds one number: ties, infinities, subnormal numbers and NaN too.
+#[test]
+fn matrices_are_rounded_as_numbers_are() {
+    let upper = (0..=u16::MAX).step_by(97);
+    let lower = [0, 1, 0x7fff, 0x8000, 0x8001, 0xffff];
+    let numbers = upper.flat_map(|upper| lower.map(|lower| u32::from(upper) << 16 | lower));
+    let numbers: Vec<f32> = numbers.map(f32::from_bits).collect();
+    let bits = |numbers: &[bf16]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    let expected: Vec<bf16> = numbers.iter().map(|&x| bf16::from_f32(x)).collect();
+    Level::on_each(|level| {
+        let words = Bf16Pair::of_weights(level, &numbers);
+        let found = &Bf16Pair::each(&words)[..numbers.len()];
+        assert_eq!(bits(found), bits(&expected), "{level:?}");
+    });
+}
+
+/// NaN stays in the maximum wherever it lies, with either sign, and numbers below 0 keep their order.
+#[test]
+fn the_larger_of_pairs() {
+    let window = Window::square(2, 2, 0);
+    let pool = |values: [f32; 4]| {
+        let (from, to) = (Grid::tight(1, [1, 2, 2], 2), Grid::tight(1, [1, 1, 1], 2));
+        let (from, to) = (from.of::<Bf16Pair>(), to.of::<Bf16Pair>());
+        let source = values.map(|x| Bf16Pair::of(|_| x));
+        let mut target = [Bf16Pair::default()];
+        let level = Level::detect();
+        let target_map = (&mut target[..], &to);
+        max_pool(Threads::One, level, &window, (&source, &from), target_map);
+        Bf16Pair::numbers(&target).collect::<Vec<_>>()
+    };
+    Level::on_each(|level| {
+        assert_eq!(pool([-3.0, -1.0, -2.0, -4.0]), [-1.0; 2], "{level:?}");
+        for nan in [f32::NAN, -f32::NAN] {
+            for position in 0..4 {
+                let mut values = [1.0, f32::INFINITY, 0.0, -1.0];
+                values[position] = nan;
+                let found = pool(values);
+                assert!(found.iter().all(|x| x.is_nan()), "{level:?} {position}");
+            }
+        }
+    });
+}

@@ -1,0 +1,250 @@
+//! Convolution, pooling and mean of feature maps of bytes, against whole numbers in f64, to the bit on every
+//! level.
+
+use proptest::prelude::*;
+
+use super::super::bands::Threads;
+use super::super::conv::{Conv, ConvShape};
+use super::super::grid::{Grid, Window, pixels};
+use super::super::mean::frame_means;
+use super::super::pool::max_pool;
+use super::super::product::{Columns, Epilogue};
+use super::super::simd::{Kernel, Lanes, Level};
+use super::super::words::{Bytes, Word};
+use super::{noise, shape, window_sums};
+
+/// Whole numbers of `least` to `most`, both among them.
+fn whole(len: usize, seed: u64, least: f64, most: f64) -> Vec<f64> {
+    let (middle, reach) = (f64::midpoint(least, most), (most - least) / 2.0 + 0.5);
+    let number = |x: f64| (middle + reach * x).round().clamp(least, most);
+    noise(len, seed).into_iter().map(number).collect()
+}
+
+/// A feature map without a border as words.
+fn words(numbers: &[f64]) -> Vec<Bytes> {
+    let quads = numbers.chunks_exact(4);
+    quads.map(|q| Bytes::of(|i| q[i] as f32)).collect()
+}
+
+fn numbers(words: &[Bytes]) -> Vec<f64> {
+    Bytes::numbers(words).map(f64::from).collect()
+}
+
+/// A convolution of bytes is that of whole numbers, scaled in one rounding and rounded to even.
+fn check(shape: ConvShape, size: [usize; 2], seed: u64) {
+    let [height, width] = size;
+    let grid = Grid::tight(1, [1, height, width], shape.inputs).of::<Bytes>();
+    let values = whole(height * width * shape.inputs, seed, 0.0, 255.0);
+    let count = shape.outputs * shape.group_inputs() * pixels(shape.window.size);
+    let mut weights = whole(count, seed + 1, -127.0, 127.0);
+    // A channel of nothing but zeros.
+    weights[..count / shape.outputs].fill(0.0);
+    let padding = 77.0;
+    let sums = window_sums(&shape, size, &values, &weights, padding);
+    let largest = sums.iter().fold(1.0, |m: f64, sum| m.max(sum.abs())) as f32;
+    let factors: Vec<f32> = noise(shape.outputs, seed + 2)
+        .iter()
+        .map(|&x| 180.0 * x as f32 / largest)
+        .collect();
+    let shifts: Vec<f32> = noise(shape.outputs, seed + 3)
+        .iter()
+        .map(|&x| 99.0 + 90.0 * x as f32)
+        .collect();
+    let weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
+
+    Level::on_each(|level| {
+        let conv = Conv::pack(level, shape, &weights);
+        // A border wider than the window's, as another reader may need it.
+        let wider = Window::square(9, 1, 4);
+        let from = grid.enclosing(&shape.window).enclosing(&wider);
+        let mut source = vec![Bytes::default(); from.len()];
+        from.fill_border(&mut source, Bytes::of(|_| padding as f32));
+        for (&place, pixel) in from.places().iter().zip(words(&values).chunks(grid.pitch)) {
+            source[place..][..grid.pitch].copy_from_slice(pixel);
+        }
+        let to = shape.window.output(grid.size).unwrap();
+        let to = Grid::tight(1, to, shape.outputs).of::<Bytes>();
+        let before = whole(sums.len(), seed + 4, 0.0, 255.0);
+        for (accumulate, limits) in [(None, [0.0, 255.0]), (Some(0.37), [13.0, 201.5])] {
+            let mut target = words(&before);
+            let epilogue = Epilogue {
+                scale: Some(Columns::shared(&factors)),
+                shift: Some(Columns::shared(&shifts)),
+                accumulate,
+                limits,
+            };
+            conv.apply(Threads::One, (&source, &from), (&mut target, &to), epilogue);
+            for (i, found) in numbers(&target).into_iter().enumerate() {
+                let channel = i % shape.outputs;
+                let y = (sums[i] as f32).mul_add(factors[channel], shifts[channel]);
+                let y = accumulate.map_or(y, |factor| (before[i] as f32).mul_add(factor, y));
+                let expected = y.clamp(limits[0], limits[1]).round_ties_even();
+                assert_eq!(
+                    found,
+                    f64::from(expected),
+                    "{level:?} {shape:?} number {i}: {y}"
+                );
+            }
+        }
+    });
+}
+
+#[test]
+fn convolutions() {
+    let point = Window::square(1, 1, 0);
+    let (square, jumping) = (Window::square(3, 1, 1), Window::square(3, 2, 1));
+    check(shape(point, 64, 48, 1), [5, 7], 1);
+    check(shape(point, 300, 32, 1), [1, 1], 2);
+    check(shape(Window::square(1, 2, 0), 32, 64, 1), [7, 5], 3);
+    check(shape(Window::square(7, 2, 3), 4, 64, 1), [15, 13], 4);
+    // Columns that fill no vector.
+    check(shape(point, 8, 12, 1), [3, 3], 5);
+    check(shape(square, 16, 80, 1), [6, 5], 6);
+    for window in [square, jumping] {
+        for groups in [32, 16, 8, 4] {
+            check(shape(window, 128, 128, groups), [9, 6], 7);
+        }
+        for channels in [4, 24, 64, 144] {
+            check(shape(window, channels, channels, channels), [6, 9], 8);
+            let wide = Window::same([1, 5, 5], window.stride, [1, 7, 10]);
+            check(shape(wide, channels, channels, channels), [7, 10], 9);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn convolutions_of_any_extent(
+        size in [1_usize..12, 1_usize..12],
+        (kernel, stride) in (1_usize..6, 1_usize..4),
+        quads in [1_usize..20, 1_usize..20],
+        depthwise: bool,
+        seed in 0_u64..1000,
+    ) {
+        let window = Window::same([1, kernel, kernel], [1, stride, stride], [1, size[0], size[1]]);
+        let [inputs, outputs] = quads.map(|quads| 4 * quads);
+        let shape = if depthwise {
+            shape(window, inputs, inputs, inputs)
+        } else {
+            shape(window, inputs, outputs, 1)
+        };
+        check(shape, size, seed);
+    }
+}
+
+/// The longest sum of a network, all of its products as large as they can be.
+#[test]
+fn the_largest_sum_does_not_overflow() {
+    let window = Window::square(3, 1, 0);
+    let shape = shape(window, 512, 4, 1);
+    let taps = 512 * 9;
+    assert!(taps <= Bytes::LONGEST_SUM);
+    let grid = Grid::tight(1, [1, 3, 3], 512).of::<Bytes>();
+    let to = Grid::tight(1, [1; 3], 4).of::<Bytes>();
+    let source = vec![Bytes::of(|_| 255.0); grid.len()];
+    Level::on_each(|level| {
+        for sign in [1.0, -1.0] {
+            let conv = Conv::pack(level, shape, &vec![127.0 * sign; 4 * taps]);
+            let mut target = [Bytes::default()];
+            let scale = [sign / (127 * 255) as f32; 4];
+            let shift = [200.0 - taps as f32; 4];
+            let epilogue = Epilogue {
+                scale: Some(Columns::shared(&scale)),
+                shift: Some(Columns::shared(&shift)),
+                limits: [0.0, 255.0],
+                ..Epilogue::default()
+            };
+            conv.apply(Threads::One, (&source, &grid), (&mut target, &to), epilogue);
+            assert_eq!(numbers(&target), [200.0; 4], "{level:?}");
+        }
+    });
+    // In 16 bits, as `maddubs` adds two products, it does.
+    assert!(2 * 255 * 127 > i32::from(i16::MAX));
+}
+
+/// Without instructions for it, the sum is the same.
+#[test]
+fn a_sum_without_instructions_for_bytes() {
+    struct Dot<'a>(&'a [f64], &'a [f64]);
+    impl Kernel for Dot<'_> {
+        type Output = Vec<i32>;
+
+        #[inline(always)]
+        fn run<S: Lanes>(self, lanes: S) -> Vec<i32> {
+            let x: Vec<u8> = self.0.iter().map(|&x| x as u8).collect();
+            let y: Vec<u8> = self.1.iter().map(|&y| y as i8 as u8).collect();
+            let chunks = |bytes: &[u8]| -> Vec<f32> {
+                let words = bytes.as_chunks::<4>().0.iter();
+                words.map(|word| f32::from_le_bytes(*word)).collect()
+            };
+            let (x, y) = (chunks(&x), chunks(&y));
+            let vectors = S::as_simd_f32s(&x).0.iter().zip(S::as_simd_f32s(&y).0);
+            let sums = vectors.map(|(x, y)| lanes.dot(*x, *y, lanes.splat_f32s(0.0)));
+            sums.flat_map(|sum| bytemuck::cast_slice::<_, i32>(&[sum]).to_vec())
+                .collect()
+        }
+    }
+    let (mut x, mut y) = (whole(256, 1, 0.0, 255.0), whole(256, 2, -128.0, 127.0));
+    x[..8].fill(255.0);
+    y[..4].fill(127.0);
+    y[4..8].fill(-128.0);
+    let products: Vec<f64> = x.iter().zip(&y).map(|(x, y)| x * y).collect();
+    let expected: Vec<f64> = products.chunks(4).map(|four| four.iter().sum()).collect();
+    Level::on_each(|level: Level| {
+        let found = level.run(Dot(&x, &y)).into_iter().map(f64::from);
+        assert_eq!(found.collect::<Vec<_>>(), expected, "{level:?}");
+    });
+}
+
+/// Neither rounds.
+#[test]
+fn pooling_and_means() {
+    let window = Window::square(3, 2, 0);
+    let grid = Grid::tight(1, [1, 7, 6], 32).of::<Bytes>();
+    let values = whole(7 * 6 * 32, 5, 0.0, 255.0);
+    let to = Grid {
+        size: window.output_ceil(grid.size),
+        ..grid
+    };
+    Level::on_each(|level| {
+        let source = words(&values);
+        let mut target = vec![Bytes::default(); to.len()];
+        let pair = ((&source[..], &grid), (&mut target[..], &to));
+        max_pool(Threads::One, level, &window, pair.0, pair.1);
+        for (i, found) in numbers(&target).into_iter().enumerate() {
+            let (pixel, channel) = (i / 32, i % 32);
+            let (y, x) = (pixel / to.size[2] * 2, pixel % to.size[2] * 2);
+            let under = (y..(y + 3).min(7)).flat_map(|y| (x..(x + 3).min(6)).map(move |x| (y, x)));
+            let largest = under.map(|(y, x)| values[(y * 6 + x) * 32 + channel]);
+            assert_eq!(found, largest.fold(0.0, f64::max));
+        }
+        let mut means = [0.0; 32];
+        frame_means(Threads::One, level, &source, &grid, &mut [&mut means]);
+        for (channel, mean) in means.iter().enumerate() {
+            let sum: f64 = values.iter().skip(channel).step_by(32).sum();
+            assert_eq!(*mean, (sum / 42.0) as f32);
+        }
+    });
+}
+
+/// What leaves the range of a byte ends at its ends, and what is no number at the lower one.
+#[test]
+fn numbers_become_bytes() {
+    let rounded = |x: f32| numbers(&[Bytes::of(|_| x)])[0];
+    let given = [
+        -1e9,
+        -0.5,
+        0.5,
+        1.5,
+        254.5,
+        255.4,
+        1e9,
+        f32::INFINITY,
+        f32::NEG_INFINITY,
+        f32::NAN,
+    ];
+    let expected = [0.0, 0.0, 0.0, 2.0, 254.0, 255.0, 255.0, 255.0, 0.0, 0.0];
+    assert_eq!(given.map(rounded), expected);
+}

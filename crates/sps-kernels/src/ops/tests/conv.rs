@@ -1,0 +1,211 @@
+use super::{check, distance, narrow, noise, shape, wide};
+use crate::Convolution;
+use crate::ops::conv::ConvShape;
+use crate::ops::grid::{Window, pixels};
+
+#[derive(Clone, Copy)]
+pub(super) struct Case {
+    pub(super) frames: usize,
+    pub(super) size: [usize; 3],
+    pub(super) inputs: usize,
+    pub(super) outputs: usize,
+    pub(super) groups: usize,
+    pub(super) window: Window,
+}
+
+impl Case {
+    pub(super) const fn shape(&self) -> ConvShape {
+        shape(self.window, self.inputs, self.outputs, self.groups)
+    }
+
+    /// How many numbers the input has.
+    pub(super) fn numbers(&self) -> usize {
+        self.frames * pixels(self.size) * self.inputs
+    }
+
+    /// How many weights there are.
+    pub(super) fn weights(&self) -> usize {
+        self.outputs * self.inputs / self.groups * pixels(self.window.size)
+    }
+
+    fn inputs(&self) -> Vec<Vec<f64>> {
+        vec![noise(self.numbers(), 1), noise(self.weights(), 2)]
+    }
+
+    fn convolution(&self) -> Convolution {
+        Convolution::new(self.frames, self.size, self.shape()).unwrap()
+    }
+
+    /// Convolution by its definition.
+    pub(super) fn reference(&self, x: &[f64], weight: &[f64]) -> Vec<f64> {
+        let to = self.window.output(self.size).unwrap();
+        let (inputs, outputs) = (self.inputs / self.groups, self.outputs / self.groups);
+        let taps = pixels(self.window.size);
+        let mut y = vec![0.0; self.frames * pixels(to) * self.outputs];
+        for [pixel, tap, from] in self.pairs() {
+            for output in 0..self.outputs {
+                let x = &x[from * self.inputs + output / outputs * inputs..][..inputs];
+                for (input, x) in x.iter().enumerate() {
+                    let weight = weight[(output * inputs + input) * taps + tap];
+                    y[pixel * self.outputs + output] += x * weight;
+                }
+            }
+        }
+        y
+    }
+
+    /// The gradient of the weights by its definition; of one group.
+    pub(super) fn weight_gradient(&self, x: &[f64], cotangent: &[f64]) -> Vec<f64> {
+        let taps = pixels(self.window.size);
+        let mut gradient = vec![0.0; self.outputs * self.inputs * taps];
+        for [pixel, tap, from] in self.pairs() {
+            for (i, gradient) in gradient.iter_mut().skip(tap).step_by(taps).enumerate() {
+                let (output, input) = (i / self.inputs, i % self.inputs);
+                *gradient +=
+                    cotangent[pixel * self.outputs + output] * x[from * self.inputs + input];
+            }
+        }
+        gradient
+    }
+
+    /// Each pixel of the output with each tap of the window and the pixel of the input under it,
+    /// pixels counted over all frames.
+    pub(super) fn pairs(&self) -> Vec<[usize; 3]> {
+        let to = self.window.output(self.size).unwrap();
+        let mut pairs = Vec::new();
+        for pixel in 0..self.frames * pixels(to) {
+            let (frame, place) = (pixel / pixels(to), unflatten(pixel % pixels(to), to));
+            for tap in 0..pixels(self.window.size) {
+                let under = unflatten(tap, self.window.size);
+                if let Some(from) = self.source(place, under) {
+                    pairs.push([pixel, tap, frame * pixels(self.size) + from]);
+                }
+            }
+        }
+        pairs
+    }
+
+    /// The pixel under the window, `None` in the padding.
+    fn source(&self, place: [usize; 3], under: [usize; 3]) -> Option<usize> {
+        let mut flat = 0;
+        for axis in 0..3 {
+            let at = place[axis] * self.window.stride[axis] + under[axis];
+            let at = at.checked_sub(self.window.before[axis])?;
+            if at >= self.size[axis] {
+                return None;
+            }
+            flat = flat * self.size[axis] + at;
+        }
+        Some(flat)
+    }
+
+    fn check(&self, name: &str) {
+        let convolution = self.convolution();
+        let operator = |inputs: &[Vec<f32>], gradient: &[f32]| {
+            let [x, weight] = inputs else { unreachable!() };
+            let gradients = convolution.backward(x, weight, gradient).unwrap();
+            (convolution.forward(x, weight).unwrap(), gradients.to_vec())
+        };
+        check(name, &self.inputs(), &operator, &|x| {
+            self.reference(&x[0], &x[1])
+        });
+    }
+}
+
+fn unflatten(index: usize, size: [usize; 3]) -> [usize; 3] {
+    [
+        index / (size[1] * size[2]),
+        index / size[2] % size[1],
+        index % size[2],
+    ]
+}
+
+const fn image(height: usize, width: usize) -> [usize; 3] {
+    [1, height, width]
+}
+
+#[test]
+fn convolutions_of_many_shapes() {
+    let square = Window::square;
+    let case = |frames, size, inputs, outputs, groups, window| Case {
+        frames,
+        size,
+        inputs,
+        outputs,
+        groups,
+        window,
+    };
+    case(2, image(5, 3), 7, 33, 1, square(1, 1, 0)).check("1x1, odd sizes");
+    case(1, image(5, 6), 6, 5, 1, square(1, 2, 0)).check("1x1, stride 2");
+    case(1, image(1, 1), 3, 4, 1, square(1, 1, 0)).check("one pixel");
+    case(1, image(1, 1), 2, 3, 1, square(3, 1, 1)).check("one pixel in padding");
+    case(1, image(4, 5), 1, 1, 1, square(3, 1, 1)).check("one channel");
+    case(2, image(6, 5), 3, 5, 1, square(3, 1, 1)).check("3x3");
+    case(1, image(9, 11), 3, 6, 1, square(7, 2, 3)).check("7x7 stem");
+    case(1, image(8, 7), 3, 6, 1, square(7, 2, 0)).check("7x7 without padding");
+    case(2, image(5, 7), 16, 16, 4, square(3, 1, 1)).check("groups of 4");
+    case(1, image(5, 6), 16, 16, 4, square(3, 2, 1)).check("groups of 4, stride 2");
+    case(1, image(4, 5), 16, 16, 2, square(3, 1, 1)).check("groups of 8");
+    case(1, image(5, 4), 32, 32, 4, square(3, 2, 1)).check("groups of 8, stride 2");
+    case(1, image(3, 4), 32, 32, 2, square(3, 1, 1)).check("groups of 16");
+    case(2, image(3, 3), 6, 9, 3, square(3, 2, 1)).check("groups of 2 to 3");
+    case(1, image(1, 9), 5, 5, 5, square(3, 1, 1)).check("each channel its own group");
+    case(1, image(6, 5), 40, 40, 40, square(3, 1, 1)).check("depth-wise");
+    case(2, image(5, 4), 24, 24, 24, square(5, 2, 2)).check("depth-wise, stride 2");
+    case(2, image(3, 17), 40, 40, 40, square(3, 1, 1)).check("depth-wise, wide");
+    case(1, image(3, 16), 40, 40, 40, square(5, 1, 2)).check("depth-wise, wider window");
+    case(1, image(4, 31), 40, 40, 40, square(5, 2, 2)).check("depth-wise, wide, stride 2");
+    case(1, image(2, 3), 4, 3, 1, square(3, 5, 2)).check("stride beyond the window");
+    let cube = Window::same([3, 3, 3], [1, 2, 1], [4, 5, 3]);
+    case(2, [4, 5, 3], 4, 6, 2, cube).check("three dimensions");
+    let stem = Window::same([5, 3, 3], [2, 2, 2], [6, 5, 4]);
+    case(1, [6, 5, 4], 3, 5, 1, stem).check("three dimensions, 'same' padding");
+}
+
+#[test]
+fn more_rows_than_a_block_sums_to_the_last_digits() {
+    // Long enough for several blocks of every kernel; gradients by the definition in f64.
+    for window in [Window::square(1, 1, 0), Window::square(3, 1, 1)] {
+        let case = Case {
+            frames: 2,
+            size: image(37, 41),
+            inputs: 16,
+            outputs: 48,
+            groups: 1,
+            window,
+        };
+        let inputs = case.inputs();
+        let (x, w) = (narrow(&inputs[0]), narrow(&inputs[1]));
+        let y = case.convolution().forward(&x, &w).unwrap();
+        let expected = case.reference(&inputs[0], &inputs[1]);
+        assert!(distance(&wide(&y), &expected) < 3e-6);
+        let cotangent = noise(y.len(), 3);
+        let [_, found] = case
+            .convolution()
+            .backward(&x, &w, &narrow(&cotangent))
+            .unwrap();
+        let expected = case.weight_gradient(&inputs[0], &cotangent);
+        assert!(distance(&wide(&found), &expected) < 2e-6);
+    }
+}
+
+#[test]
+fn shapes_that_do_not_fit_are_refused() {
+    let window = Window::square(3, 1, 1);
+    let new = |window, size, [inputs, outputs, groups]: [usize; 3]| {
+        Convolution::new(2, size, shape(window, inputs, outputs, groups))
+    };
+    let convolution = new(window, image(4, 4), [6, 8, 2]).unwrap();
+    let (x, weight) = ([0.0; 2 * 4 * 4 * 6], [0.0; 8 * 3 * 9]);
+    let y = convolution.forward(&x, &weight).unwrap();
+    for channels in [[6, 8, 3], [6, 8, 0], [6, 0, 2], [0, 8, 2], [5, 8, 2]] {
+        let error = new(window, image(4, 4), channels).unwrap_err();
+        let found = "convolution: found 2 frames of [1, 4, 4]";
+        assert!(error.to_string().starts_with(found), "{error}");
+    }
+    assert!(new(Window::square(3, 1, 0), image(1, 2), [6, 8, 2]).is_err());
+    assert!(new(window, [1, usize::MAX, 1 << 40], [6, 8, 2]).is_err());
+    assert!(convolution.forward(&x[1..], &weight).is_err());
+    assert!(convolution.forward(&x, &weight[1..]).is_err());
+    assert!(convolution.backward(&x, &weight, &y[1..]).is_err());
+}

@@ -1,0 +1,158 @@
+//! Convolutions of images against their definition: windows that begin within words, at every stride.
+
+use super::conv::Case;
+use super::{distance, noise};
+use crate::ops::bands::{Threads, inside_pool};
+use crate::ops::conv::Conv;
+use crate::ops::conv_weight::weight_gradient_of_images;
+use crate::ops::grid::{Grid, Window, pixels};
+use crate::ops::image::rows_of_words;
+use crate::ops::product::Epilogue;
+use crate::ops::simd::Level;
+use crate::ops::words::{Bf16Pair, Bytes, Real, Word};
+
+/// Two images or sequences; windows one to seven pixels wide, whose places lie one to four pixels apart.
+fn cases() -> Vec<Case> {
+    let case = |size, window| Case {
+        frames: 2,
+        size,
+        inputs: 3,
+        outputs: 32,
+        groups: 1,
+        window,
+    };
+    let lopsided = Window {
+        before: [0, 1, 2],
+        after: [0, 0, 1],
+        ..Window::square(3, 2, 1)
+    };
+    vec![
+        case([1, 17, 21], Window::square(7, 2, 3)),
+        case([1, 9, 8], Window::square(3, 1, 1)),
+        case([1, 11, 13], Window::square(5, 3, 2)),
+        case([1, 8, 12], Window::square(4, 4, 0)),
+        case([1, 6, 5], Window::square(1, 1, 0)),
+        case([1, 10, 11], lopsided),
+        case([3, 7, 10], Window::same([3, 5, 5], [1, 2, 2], [3, 7, 10])),
+    ]
+}
+
+/// Whole numbers, which words of every kind hold, from `least` on.
+fn whole(len: usize, seed: u64, least: f64) -> Vec<f64> {
+    let unit = noise(len, seed).into_iter().map(|x| 2.0 * (x + 1.0));
+    unit.map(|x| x.floor() + least).collect()
+}
+
+/// Images in memory, around which lie zeros.
+fn images<W: Word>(case: &Case, values: &[f64]) -> (Vec<W>, Grid) {
+    let grid = Grid::tight(case.frames, case.size, 3).padded(&case.window);
+    let rows = rows_of_words::<W>(&grid);
+    let mut memory = vec![W::default(); rows.len()];
+    let words = rows.size[2];
+    for (row, start) in rows.places().into_iter().step_by(words).enumerate() {
+        let pixels = &values[row * 3 * case.size[2]..][..3 * case.size[2]];
+        let number = |i: usize| {
+            let inside = i.checked_sub(3 * grid.before[2]);
+            inside
+                .and_then(|i| pixels.get(i))
+                .map_or(0.0, |&x| x as f32)
+        };
+        for (i, word) in memory[start..][..words].iter_mut().enumerate() {
+            *word = W::of(|j| number(W::NUMBERS * i + j));
+        }
+    }
+    (memory, grid)
+}
+
+fn weights(case: &Case) -> Vec<f64> {
+    whole(case.weights(), 2, -2.0)
+}
+
+fn convolved<W: Word>(level: Level, case: &Case, threads: Threads) -> Vec<f32> {
+    let weights: Vec<f32> = weights(case).into_iter().map(|w| w as f32).collect();
+    let values = whole(case.numbers(), 1, 0.0);
+    let (source, from) = images::<W>(case, &values);
+    let conv = Conv::<W>::pack_for_images(level, case.shape(), &weights);
+    let size = case.window.output(case.size).unwrap();
+    let to = Grid::tight(case.frames, size, case.outputs).of::<W>();
+    let to = to.padded(&Window::square(3, 1, 1));
+    let mut target = vec![W::default(); to.len()];
+    let epilogue = Epilogue {
+        limits: [0.0, 255.0],
+        ..Epilogue::default()
+    };
+    conv.apply(threads, (&source, &from), (&mut target, &to), epilogue);
+    let pixel = |place: usize| W::numbers(&target[place..][..to.words]);
+    to.places().into_iter().flat_map(pixel).collect()
+}
+
+/// Sums of whole numbers, which are exact: of bf16 until they are stored.
+#[test]
+fn sums_are_those_of_the_definition() {
+    for case in cases() {
+        let x = whole(case.numbers(), 1, 0.0);
+        let expected = case.reference(&x, &weights(&case));
+        Level::on_each(|level| {
+            for threads in [Threads::One, Threads::All] {
+                let run = || {
+                    let exact = [
+                        convolved::<f32>(level, &case, threads),
+                        convolved::<Bytes>(level, &case, threads),
+                    ];
+                    (exact, convolved::<Bf16Pair>(level, &case, threads))
+                };
+                let (exact, rounded) = inside_pool(run);
+                for (i, sum) in expected.iter().enumerate() {
+                    let sum = sum.clamp(0.0, 255.0) as f32;
+                    let what = format!("{level:?}, {:?}, number {i}", case.window);
+                    assert_eq!(exact[0][i], sum, "{what}");
+                    assert_eq!(exact[1][i], sum, "{what}");
+                    assert!((rounded[i] - sum).abs() <= sum / 256.0, "{what}");
+                }
+            }
+        });
+    }
+}
+
+#[test]
+fn the_gradient_of_the_weights_is_that_of_the_definition() {
+    fn gradient<W: Real>(level: Level, case: &Case, x: &[f64], cotangent: &[f64]) -> Vec<f64> {
+        let (source, from) = images::<W>(case, x);
+        let size = case.window.output(case.size).unwrap();
+        let to = Grid::tight(case.frames, size, case.outputs).of::<W>();
+        let cotangent = cotangent.chunks_exact(W::NUMBERS);
+        let gradient: Vec<W> = cotangent.map(|c| W::of(|i| c[i] as f32)).collect();
+        let mut target = vec![1.0; case.weights()];
+        let gradient = (&gradient[..], &to);
+        weight_gradient_of_images(
+            level,
+            &case.shape(),
+            (&source, &from),
+            gradient,
+            &mut target,
+        );
+        target.into_iter().map(f64::from).collect()
+    }
+    for case in cases() {
+        let x = whole(case.numbers(), 1, 0.0);
+        let size = case.window.output(case.size).unwrap();
+        let cotangent = whole(case.frames * pixels(size) * case.outputs, 3, -2.0);
+        let expected = case.weight_gradient(&x, &cotangent);
+        Level::on_each(|level| {
+            let found = gradient::<f32>(level, &case, &x, &cotangent);
+            assert_eq!(
+                distance(&found, &expected),
+                0.0,
+                "{level:?}, {:?}",
+                case.window
+            );
+            let found = gradient::<Bf16Pair>(level, &case, &x, &cotangent);
+            assert_eq!(
+                distance(&found, &expected),
+                0.0,
+                "{level:?}, {:?}",
+                case.window
+            );
+        });
+    }
+}

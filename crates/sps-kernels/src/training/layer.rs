@@ -1,0 +1,208 @@
+//! What the parts of the tape share: parameters, memory, gradients.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::sync::Arc;
+
+use crate::error::{Result, too_small};
+use crate::network::{self, IMAGE, Layer, Map, Network};
+use crate::ops::bands::Threads;
+use crate::ops::batch_norm::{Norm, NormGradients};
+use crate::ops::buffer::{Recycler, Scratch};
+use crate::ops::conv::{Conv, ConvShape};
+use crate::ops::conv_input::ConvTranspose;
+use crate::ops::conv_weight::{weight_gradient, weight_gradient_of_images};
+use crate::ops::grid::{Grid, Size, pixels};
+use crate::ops::product::{Activation, Columns, Epilogue};
+use crate::ops::simd::Level;
+use crate::ops::statistics::ChannelStatistics;
+use crate::ops::words::Real;
+use crate::tensors::{Tensors, with_values};
+use crate::training::BatchStatistics;
+
+/// What a pass works with.
+#[derive(Debug)]
+pub(super) struct Context {
+    pub(super) network: Arc<Network>,
+    pub(super) tensors: Arc<dyn Tensors>,
+    pub(super) recycler: Arc<Recycler>,
+    pub(super) level: Level,
+}
+
+/// Gradients by the parameters' names.
+#[derive(Debug, Clone, Default)]
+pub struct Gradients(pub BTreeMap<String, Vec<f32>>);
+
+impl Gradients {
+    /// Adds those of another pass.
+    pub fn add(&mut self, other: Self) {
+        for (name, values) in other.0 {
+            match self.0.entry(name) {
+                Entry::Vacant(entry) => {
+                    entry.insert(values);
+                }
+                Entry::Occupied(mut entry) => {
+                    for (sum, value) in entry.get_mut().iter_mut().zip(values) {
+                        *sum += value;
+                    }
+                }
+            }
+        }
+    }
+
+    pub(super) fn insert(&mut self, layer: &str, leaf: &str, values: Vec<f32>) {
+        self.0.insert(format!("{layer}.{leaf}"), values);
+    }
+
+    /// Those of a batch norm's own parameters.
+    pub(super) fn norm(&mut self, layer: &str, gradients: NormGradients) {
+        self.insert(layer, "weight", gradients.gamma);
+        self.insert(layer, "bias", gradients.beta);
+    }
+}
+
+impl Context {
+    /// Calls `work` with a parameter's numbers.
+    pub(super) fn parameter<T>(&self, name: &str, work: impl FnOnce(&[f32]) -> T) -> Result<T> {
+        with_values(self.tensors.as_ref(), name, work)
+    }
+
+    /// The layout of each map of so many frames, with the border that its readers need.
+    pub(super) fn grids<W: Real>(&self, frames: usize, image: Size) -> Result<Vec<Grid>> {
+        let sizes = self.network.sizes(image).ok_or_else(|| too_small(image))?;
+        let maps = sizes.iter().zip(&self.network.channels);
+        let tight = |(&size, &channels)| Grid::tight(frames, size, channels).of::<W>();
+        let mut grids: Vec<Grid> = maps.map(|map| tight(map).staggered()).collect();
+        for layer in &self.network.layers {
+            for (map, slide) in layer.slides() {
+                grids[map] = grids[map].enclosing(&slide.window(sizes[map]));
+            }
+        }
+        Ok(grids)
+    }
+
+    /// Whether a map is only what a residual branch is added to, and its norm alone: the addition
+    /// takes the norm, and the map is never written.
+    pub(super) fn deferred(&self, map: Map) -> bool {
+        let layers = &self.network.layers;
+        let readers = layers
+            .iter()
+            .filter(|layer| layer.inputs().any(|m| m == map));
+        let added =
+            |layer: &Layer| matches!(layer, Layer::Residual { shortcut, .. } if *shortcut == map);
+        let makes = map.checked_sub(1).and_then(|number| layers.get(number));
+        matches!(makes, Some(Layer::Conv(conv)) if conv.activation == Activation::Identity && conv.norm.is_some())
+            && self.network.block(map).is_none()
+            && { readers }.all(added)
+    }
+
+    /// Convolves, without the bias.
+    pub(super) fn conv<W: Real>(
+        &self,
+        conv: &network::Conv,
+        source: (&[W], &Grid),
+    ) -> Result<(Scratch<W>, Grid)> {
+        let to = output::<W>(conv, source.1)?;
+        let mut target = self.recycler.take(to.len());
+        self.convolve(conv, source, (&mut target, &to), Epilogue::default())?;
+        Ok((target, to))
+    }
+
+    /// Convolves, adds the bias and activates, into channels of a map, which the target begins with.
+    pub(super) fn biased<W: Real>(
+        &self,
+        conv: &network::Conv,
+        source: (&[W], &Grid),
+        target: (&mut [W], &Grid),
+    ) -> Result<()> {
+        self.parameter(&format!("{}.bias", conv.name), |bias| {
+            let epilogue = Epilogue {
+                shift: Some(Columns::shared(bias)),
+                limits: conv.activation.limits(),
+                ..Epilogue::default()
+            };
+            self.convolve(conv, source, target, epilogue)
+        })?
+    }
+
+    fn convolve<W: Real>(
+        &self,
+        conv: &network::Conv,
+        source: (&[W], &Grid),
+        target: (&mut [W], &Grid),
+        epilogue: Epilogue<'_>,
+    ) -> Result<()> {
+        let shape = conv.shape(source.1.size);
+        let packed = self.parameter(&format!("{}.weight", conv.name), |weights| {
+            let pack = match conv.input {
+                IMAGE => Conv::pack_for_images,
+                _ => Conv::pack,
+            };
+            pack(self.level, shape, weights)
+        })?;
+        packed.apply(Threads::All, source, target, epilogue);
+        Ok(())
+    }
+
+    /// Batch norm's statistics of a feature map; noted where asked for.
+    pub(super) fn norm<W: Real>(
+        &self,
+        layer: &str,
+        (source, grid): (&[W], &Grid),
+        statistics: Option<&mut Vec<BatchStatistics>>,
+    ) -> Result<(Norm, ChannelStatistics)> {
+        let moments = ChannelStatistics::of(self.level, source, grid);
+        BatchStatistics::check_count(moments.count, layer)?;
+        let gamma = self.parameter(&format!("{layer}.weight"), <[f32]>::to_vec)?;
+        let norm = self.parameter(&format!("{layer}.bias"), |beta| {
+            Norm::new(&moments, &gamma, beta, self.network.eps)
+        })?;
+        if let Some(statistics) = statistics {
+            statistics.push(BatchStatistics {
+                layer: layer.to_owned(),
+                mean: moments.mean.clone(),
+                variance: moments.variance.clone(),
+                count: moments.count,
+            });
+        }
+        Ok((norm, moments))
+    }
+
+    /// Notes the gradient of a convolution's weights.
+    pub(super) fn weight_gradient<W: Real>(
+        &self,
+        conv: &network::Conv,
+        shape: &ConvShape,
+        source: (&[W], &Grid),
+        gradient: (&[W], &Grid),
+        gradients: &mut Gradients,
+    ) {
+        let taps = pixels(shape.window.size);
+        let mut values = vec![0.0; shape.outputs * shape.group_inputs() * taps];
+        let write = match conv.input {
+            IMAGE => weight_gradient_of_images,
+            _ => weight_gradient,
+        };
+        write(self.level, shape, source, gradient, &mut values);
+        gradients.insert(&conv.name, "weight", values);
+    }
+
+    /// The transpose of the convolution by `{layer}.weight`.
+    pub(super) fn transpose<W: Real>(
+        &self,
+        layer: &str,
+        shape: ConvShape,
+    ) -> Result<ConvTranspose<W>> {
+        self.parameter(&format!("{layer}.weight"), |weights| {
+            ConvTranspose::pack(self.level, shape, weights)
+        })
+    }
+}
+
+/// The layout of what a convolution makes of a map, by itself.
+pub(super) fn output<W: Real>(conv: &network::Conv, from: &Grid) -> Result<Grid> {
+    let size = conv.shape(from.size).window.output(from.size);
+    let size = size.ok_or_else(|| too_small(from.size))?;
+    let to = Grid::tight(from.frames, size, conv.outputs).of::<W>();
+    Ok(to.staggered())
+}

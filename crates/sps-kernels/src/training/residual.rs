@@ -1,0 +1,155 @@
+//! The end of a residual branch, forward and backward.
+
+use super::conv::{KeptConv, input_gradient};
+use super::gate::KeptGate;
+use super::layer::{Context, Gradients};
+use super::{Value, segment::MapGradients};
+use crate::error::{Error, Result};
+use crate::network::{Conv, Gate};
+use crate::ops::batch_norm::{FrameSums, NormGradients};
+use crate::ops::buffer::Scratch;
+use crate::ops::grid::{Grid, pixels};
+use crate::ops::residual::{Branch, FrameSlopes, Shortcut};
+use crate::ops::words::Real;
+use crate::training::BatchStatistics;
+
+/// What the backward pass needs beside input and output.
+#[derive(Debug)]
+pub(super) struct KeptResidual<W: Real> {
+    conv: KeptConv<W>,
+    gate: Option<KeptGate>,
+    /// `(frames, channels)`, 1 where there is no gate.
+    factors: Vec<f32>,
+}
+
+impl<W: Real> KeptResidual<W> {
+    /// Runs forward up to the gate.
+    pub(super) fn record(
+        context: &Context,
+        conv: &Conv,
+        gate: Option<&Gate>,
+        source: &Value<W>,
+        statistics: Option<&mut Vec<BatchStatistics>>,
+    ) -> Result<Self> {
+        let Some(norm) = &conv.norm else {
+            return Err(Error::input(
+                "network",
+                &conv.name,
+                "a batch norm before its shortcut",
+            ));
+        };
+        let conv = KeptConv::record(context, (conv, norm), source, statistics)?;
+        let means = conv.squeeze();
+        let gate = gate.map(|gate| KeptGate::record(gate, context, means.clone()));
+        let gate = gate.transpose()?;
+        let factors = match &gate {
+            Some(gate) => gate.factors.clone(),
+            None => vec![1.0; means.len()],
+        };
+        Ok(Self {
+            conv,
+            gate,
+            factors,
+        })
+    }
+
+    /// Writes the end of the branch, which `shortcut` is added to.
+    pub(super) fn end(
+        &self,
+        context: &Context,
+        conv: &Conv,
+        shortcut: Shortcut<'_, W>,
+        target: (&mut [W], &Grid),
+    ) {
+        self.branch(conv).end(context.level, shortcut, target);
+    }
+
+    fn branch(&self, conv: &Conv) -> Branch<'_, W> {
+        Branch {
+            x: &self.conv.raw,
+            norm: &self.conv.norm,
+            gate: &self.factors,
+            grid: &self.conv.grid,
+            activation: conv.activation,
+        }
+    }
+
+    /// Runs backward; returns the gradient of what the branch was added to, which lies as the branch
+    /// does.
+    pub(super) fn backward(
+        &self,
+        (context, conv, gate): (&Context, &Conv, Option<&Gate>),
+        [source, end]: [&Value<W>; 2],
+        mut gradient: Scratch<W>,
+        of_maps: &mut MapGradients<W>,
+        gradients: &mut Gradients,
+    ) -> Result<Scratch<W>> {
+        let branch = self.branch(conv);
+        let sums = branch.mask(context.level, end.view(), &mut gradient);
+        let slopes = self.slopes(context, conv, gate, &sums, gradients)?;
+        let write = |target: &mut [W], layout: &Grid| {
+            branch.backward(context.level, &slopes, &gradient, (target, layout));
+        };
+        let grid = &self.conv.grid;
+        input_gradient((context, conv), grid, source, of_maps, gradients, write)?;
+        Ok(gradient)
+    }
+
+    /// Through the gate and the norm: what gives the gradient of the convolution.
+    fn slopes(
+        &self,
+        context: &Context,
+        conv: &Conv,
+        gate: Option<&Gate>,
+        sums: &FrameSums,
+        gradients: &mut Gradients,
+    ) -> Result<FrameSlopes> {
+        let KeptConv {
+            norm,
+            moments,
+            grid,
+            ..
+        } = &self.conv;
+        let channels = grid.channels;
+        let count = pixels(grid.size) as f64;
+        let wide = |values: &[f32], i: usize| f64::from(values[i % values.len()]);
+        let means = match (gate, &self.gate) {
+            (Some(gate), Some(kept)) => {
+                let pairs = sums.gradient.iter().zip(&sums.product).enumerate();
+                let factors: Vec<f32> = pairs
+                    .map(|(i, (g, p))| (wide(&norm.factor, i) * p + wide(&norm.beta, i) * g) as f32)
+                    .collect();
+                kept.backward(gate, context, &factors, gradients)?
+            }
+            _ => vec![0.0; self.factors.len()],
+        };
+        // Each pixel's gradient behind the norm is its own times the gate, and its share of the
+        // mean's.
+        let mut behind = FrameSums {
+            gradient: Vec::with_capacity(means.len()),
+            product: Vec::with_capacity(means.len()),
+        };
+        for (i, mean) in means.iter().enumerate() {
+            let (gate, mean) = (f64::from(self.factors[i]), f64::from(*mean));
+            let offset = f64::from(moments.frame_means[i]) - wide(&norm.mean, i);
+            behind.gradient.push(gate * sums.gradient[i] + mean);
+            behind.product.push(gate * sums.product[i] + mean * offset);
+        }
+        let normed = NormGradients::new(norm, moments.count, &behind.over_frames(channels));
+        let factor = |i: usize| norm.factor[i % channels];
+        let gates = self.factors.iter().enumerate();
+        let shares = means.iter().enumerate().map(|(i, mean)| {
+            let share = (f64::from(*mean) / count) as f32;
+            factor(i) * share + normed.slopes.constant[i % channels]
+        });
+        let slopes = FrameSlopes {
+            of_gradient: gates.map(|(i, gate)| factor(i) * gate).collect(),
+            of_x: normed.slopes.of_x.clone(),
+            constant: shares.collect(),
+        };
+        if let Some(name) = &conv.norm {
+            gradients.norm(name, normed);
+        }
+        Ok(slopes)
+    }
+}

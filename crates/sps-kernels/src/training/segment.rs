@@ -1,0 +1,309 @@
+//! A few layers, forward and backward.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::Value;
+use super::conv::{KeptConv, biased_backward};
+use super::layer::{Context, Gradients};
+use super::residual::KeptResidual;
+use crate::error::Result;
+use crate::network::{Conv, Layer, Map, MaxPool};
+use crate::ops::bands::{Threads, for_each_band};
+use crate::ops::buffer::Scratch;
+use crate::ops::grid::Grid;
+use crate::ops::pool::{max_pool, max_pool_backward};
+use crate::ops::residual::Shortcut;
+use crate::ops::words::Real;
+use crate::training::BatchStatistics;
+
+/// What the backward pass needs of a segment beside its input and output.
+#[derive(Debug)]
+pub(super) struct Kept<W: Real> {
+    layers: Vec<KeptLayer<W>>,
+    /// The maps from the input to the output. One that is deferred is not among them.
+    values: BTreeMap<Map, Arc<Value<W>>>,
+}
+
+#[derive(Debug)]
+enum KeptLayer<W: Real> {
+    /// Convolutions side by side. Of one with a bias nothing is kept: its output is part of the map.
+    Convs(Vec<Option<KeptConv<W>>>),
+    Residual(Box<KeptResidual<W>>),
+    Pool,
+}
+
+/// The gradients of maps, without borders, as far as they are known.
+pub(super) type MapGradients<W> = BTreeMap<Map, Scratch<W>>;
+
+impl<W: Real> Kept<W> {
+    /// Runs forward; returns what to keep, and the output.
+    pub(super) fn record(
+        context: &Context,
+        layers: Range<usize>,
+        input: &Arc<Value<W>>,
+        grids: &[Grid],
+        mut statistics: Option<&mut Vec<BatchStatistics>>,
+    ) -> Result<(Self, Arc<Value<W>>)> {
+        let mut kept = Self {
+            layers: Vec::new(),
+            values: BTreeMap::from([(layers.start, Arc::clone(input))]),
+        };
+        let mut output = Arc::clone(input);
+        for number in layers {
+            let (map, grid) = (number + 1, grids[number + 1]);
+            let layer = &context.network.layers[number];
+            let statistics = statistics.as_deref_mut();
+            let (layer, memory) = kept.layer(context, (map, layer), &grid, statistics)?;
+            kept.layers.push(layer);
+            if let Some(memory) = memory {
+                output = Arc::new(Value { memory, grid });
+                kept.values.insert(map, Arc::clone(&output));
+            }
+        }
+        Ok((kept, output))
+    }
+
+    /// Runs one layer forward; returns what to keep of it, and its map but where that is deferred.
+    fn layer(
+        &self,
+        context: &Context,
+        (map, layer): (Map, &Layer),
+        to: &Grid,
+        mut statistics: Option<&mut Vec<BatchStatistics>>,
+    ) -> Result<(KeptLayer<W>, Option<Scratch<W>>)> {
+        let memory = || {
+            let mut memory = context.recycler.take(to.len());
+            to.fill_border(&mut memory, W::default());
+            memory
+        };
+        Ok(match layer {
+            Layer::MaxPool(pool) => {
+                let (mut memory, source) = (memory(), &self.values[&pool.input]);
+                let window = pool.slide.window(source.grid.size);
+                let target = (&mut memory[..], to);
+                max_pool(Threads::All, context.level, &window, source.view(), target);
+                (KeptLayer::Pool, Some(memory))
+            }
+            Layer::Residual {
+                conv,
+                gate,
+                shortcut,
+            } => {
+                let source = &self.values[&conv.input];
+                let kept = KeptResidual::record(context, conv, gate.as_ref(), source, statistics)?;
+                let mut memory = memory();
+                if let Some(added) = self.shortcut(*shortcut) {
+                    kept.end(context, conv, added, (&mut memory, to));
+                }
+                (KeptLayer::Residual(Box::new(kept)), Some(memory))
+            }
+            Layer::Conv(_) | Layer::Concat(_) => {
+                let mut all = Vec::new();
+                let mut memory = (!context.deferred(map)).then(memory);
+                let mut column = 0;
+                for conv in layer.convs() {
+                    let source = &self.values[&conv.input];
+                    let target = memory.as_mut();
+                    let target = target.map(|memory| (&mut memory[W::words(column)..], to));
+                    let statistics = statistics.as_deref_mut();
+                    all.push(record(context, conv, source, target, statistics)?);
+                    column += conv.outputs;
+                }
+                (KeptLayer::Convs(all), memory)
+            }
+        })
+    }
+
+    /// Runs backward: from the gradient of the output to that of the input, but where that is the
+    /// image.
+    pub(super) fn backward(
+        &self,
+        context: &Context,
+        layers: &Range<usize>,
+        gradient: Scratch<W>,
+        gradients: &mut Gradients,
+    ) -> Result<Option<Scratch<W>>> {
+        let mut of_maps = MapGradients::from([(layers.end, gradient)]);
+        for (number, kept) in layers.clone().zip(&self.layers).rev() {
+            let map = number + 1;
+            let Some(gradient) = of_maps.remove(&map) else {
+                continue;
+            };
+            let layer = &context.network.layers[number];
+            match (layer, kept) {
+                (
+                    Layer::Residual {
+                        conv,
+                        gate,
+                        shortcut,
+                    },
+                    KeptLayer::Residual(kept),
+                ) => {
+                    let ends = [&self.values[&conv.input], &self.values[&map]];
+                    let pass = (context, conv, gate.as_ref());
+                    let added = kept.backward(
+                        pass,
+                        ends.map(Arc::as_ref),
+                        gradient,
+                        &mut of_maps,
+                        gradients,
+                    )?;
+                    give(&mut of_maps, *shortcut, added);
+                }
+                (Layer::MaxPool(pool), _) => {
+                    let of_input = self.pooled(context, pool, &self.values[&map], &gradient);
+                    give(&mut of_maps, pool.input, of_input);
+                }
+                (layer, KeptLayer::Convs(all)) => {
+                    let convs = (layer.convs(), &all[..]);
+                    self.convs(context, map, convs, &gradient, &mut of_maps, gradients)?;
+                }
+                _ => {}
+            }
+        }
+        Ok(of_maps.remove(&layers.start))
+    }
+
+    /// The map of a residual branch's shortcut, or its norm where it is deferred.
+    fn shortcut(&self, map: Map) -> Option<Shortcut<'_, W>> {
+        if let Some(value) = self.values.get(&map) {
+            return Some(Shortcut::Plain(&value.memory, &value.grid));
+        }
+        let (first, _) = self.values.first_key_value()?;
+        match self.layers.get(map.checked_sub(first + 1)?)? {
+            KeptLayer::Convs(all) => {
+                let kept = all.first()?.as_ref()?;
+                Some(Shortcut::Normed(&kept.raw, &kept.norm))
+            }
+            _ => None,
+        }
+    }
+
+    /// Runs convolutions side by side backward, from the gradient of their map.
+    fn convs(
+        &self,
+        context: &Context,
+        map: Map,
+        (convs, all): (&[Conv], &[Option<KeptConv<W>>]),
+        gradient: &[W],
+        of_maps: &mut MapGradients<W>,
+        gradients: &mut Gradients,
+    ) -> Result<()> {
+        let channels = convs.iter().map(|conv| conv.outputs).sum();
+        let mut column = 0;
+        for (conv, kept) in convs.iter().zip(all) {
+            let source = &self.values[&conv.input];
+            if let (Some(kept), Some(norm)) = (kept, &conv.norm) {
+                let pass = (context, conv, &norm[..]);
+                if let [_] = convs {
+                    kept.backward(pass, source, gradient, of_maps, gradients)?;
+                } else {
+                    let part = columns(context, gradient, (channels, column), &kept.grid);
+                    kept.backward(pass, source, &part, of_maps, gradients)?;
+                }
+            } else {
+                let (output, grid) = self.values[&map].view();
+                let first = W::words(column);
+                let output = (&output[first..], grid);
+                let gradient = &gradient[first..];
+                let pass = (context, conv);
+                biased_backward(pass, source, output, gradient, of_maps, gradients)?;
+            }
+            column += conv.outputs;
+        }
+        Ok(())
+    }
+
+    /// The gradient of a pooled map.
+    fn pooled(
+        &self,
+        context: &Context,
+        pool: &MaxPool,
+        output: &Value<W>,
+        gradient: &[W],
+    ) -> Scratch<W> {
+        let input = &self.values[&pool.input];
+        let window = pool.slide.window(input.grid.size);
+        let mut target = context.recycler.take::<W>(input.grid.len());
+        let level = context.level;
+        max_pool_backward(
+            level,
+            &window,
+            input.view(),
+            output.view(),
+            gradient,
+            &mut target,
+        );
+        let bare = input.grid.bare();
+        if bare == input.grid {
+            return target;
+        }
+        let mut inside = context.recycler.take::<W>(bare.len());
+        let (width, row) = (bare.size[2], bare.size[2] * bare.pitch);
+        for_each_band(Threads::All, &bare, &mut inside, |band| {
+            let places = input.grid.places_of(band.rows(&bare));
+            let rows = band.target.chunks_exact_mut(row);
+            for (out, place) in rows.zip(places.into_iter().step_by(width)) {
+                out.copy_from_slice(&target[place..place + row]);
+            }
+        });
+        inside
+    }
+}
+
+/// Runs a convolution forward, and writes its activated output into channels of its map, which the target begins with,
+/// but where that is deferred; returns what to keep.
+fn record<W: Real>(
+    context: &Context,
+    conv: &Conv,
+    source: &Value<W>,
+    target: Option<(&mut [W], &Grid)>,
+    statistics: Option<&mut Vec<BatchStatistics>>,
+) -> Result<Option<KeptConv<W>>> {
+    if let Some(norm) = &conv.norm {
+        let kept = KeptConv::record(context, (conv, norm), source, statistics)?;
+        if let Some(target) = target {
+            kept.activate(context, conv.activation, target);
+        }
+        return Ok(Some(kept));
+    }
+    if let Some(target) = target {
+        context.biased(conv, source.view(), target)?;
+    }
+    Ok(None)
+}
+
+/// Adds to the gradient of a map.
+fn give<W: Real>(of_maps: &mut MapGradients<W>, map: Map, gradient: Scratch<W>) {
+    match of_maps.entry(map) {
+        Entry::Vacant(entry) => {
+            entry.insert(gradient);
+        }
+        Entry::Occupied(mut entry) => {
+            let sums = W::each_mut(entry.get_mut());
+            for (sum, gradient) in sums.iter_mut().zip(W::numbers(&gradient)) {
+                *sum = W::narrowed(W::widened(*sum) + gradient);
+            }
+        }
+    }
+}
+
+/// The part of a gradient from a column on, as `to` lies.
+fn columns<W: Real>(
+    context: &Context,
+    gradient: &[W],
+    (channels, column): (usize, usize),
+    to: &Grid,
+) -> Scratch<W> {
+    let whole = Grid::tight(to.frames, to.size, channels).of::<W>();
+    let whole = whole.staggered();
+    let mut part = context.recycler.take::<W>(to.len());
+    let pixels = part.chunks_exact_mut(to.pitch);
+    for (pixel, whole) in pixels.zip(gradient.chunks_exact(whole.pitch)) {
+        pixel[..to.words].copy_from_slice(&whole[W::words(column)..][..to.words]);
+    }
+    part
+}

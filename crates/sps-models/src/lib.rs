@@ -82,8 +82,6 @@ mod pca;
 mod regressor;
 #[cfg(feature = "regressions")]
 pub mod ridge;
-#[cfg(any(feature = "heads", feature = "training"))]
-mod rng;
 #[cfg(feature = "heads")]
 mod stacked;
 #[cfg(feature = "regressions")]

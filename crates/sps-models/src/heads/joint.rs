@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use candle_core::{Device, Tensor, Var};
 use rand::seq::index;
+use sps_base::streams::named_stream;
 
 use super::HeadError;
 use super::batches::{mean_weights, rows_that_count};
@@ -20,7 +21,6 @@ use crate::data::check_indices;
 use crate::error::Result;
 use crate::labels::Labels;
 use crate::optim::{Elements, Gradient};
-use crate::rng;
 
 /// One network for each property on the same views of the same surfaces.
 ///
@@ -235,8 +235,8 @@ impl JointHeads {
             return Vec::new();
         };
         let mut rng = match draw {
-            Draw::Step(step) => rng::stream(self.seed, "training/relations", step as u64),
-            Draw::Validation => rng::stream(self.seed, "training/validation-relations", 0),
+            Draw::Step(step) => named_stream(self.seed, "training/relations", step as u64),
+            Draw::Validation => named_stream(self.seed, "training/validation-relations", 0),
         };
         let mut slots = Vec::new();
         for scale in scales {

@@ -10,7 +10,7 @@ use crate::data::{Embeddings, Readings};
 use crate::error::Result;
 use crate::labels::LabelTables;
 #[cfg(feature = "regressions")]
-use crate::rng::stream;
+use sps_base::streams::named_stream;
 
 /// The tables that heads are trained on; one row per surface of the data set in each.
 #[derive(Clone, Copy, Debug)]
@@ -185,7 +185,7 @@ impl Plan {
         let crowded = plan.reruns.iter_mut();
         for rerun in crowded.filter(|rerun| rerun.training.len() > at_most) {
             rerun.training.sort_unstable();
-            let mut rng = stream(plan.seed, "thinned", rerun.number);
+            let mut rng = named_stream(plan.seed, "thinned", rerun.number);
             rerun.training.partial_shuffle(&mut rng, at_most);
             // The drawn ones stand at the end.
             rerun.training.drain(..rerun.training.len() - at_most);

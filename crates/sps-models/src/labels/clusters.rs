@@ -6,12 +6,14 @@ use linfa::DatasetBase;
 use linfa::traits::{Fit, Predict};
 use linfa_clustering::{KMeans, KMeansInit};
 use ndarray::{Array2, Axis, concatenate};
+use rand_chacha_03::ChaCha8Rng;
+use rand_chacha_03::rand_core::SeedableRng;
+use sps_base::streams;
 
 use super::{LabelError, Labels};
 use crate::data::{Embeddings, Readings};
 use crate::error::{Error, Result};
 use crate::pca::Pca;
-use crate::rng;
 use crate::standardise::Standardiser;
 
 /// Restarts, of which the one with the least inertia is kept.
@@ -116,7 +118,7 @@ pub(super) fn cluster(
 ) -> Result<(Vec<usize>, usize), LabelError> {
     let clusters = clusters.min(distinct(&points));
     let points = DatasetBase::from(points);
-    let rng = rng::stream_for_linfa(seed, "labels/k-means", rerun);
+    let rng = stream_for_linfa(seed, "labels/k-means", rerun);
     let model = KMeans::params_with_rng(clusters, rng)
         .init_method(KMeansInit::KMeansPlusPlus)
         .n_runs(RESTARTS)
@@ -136,4 +138,11 @@ fn distinct(points: &Array2<f64>) -> usize {
         .map(|row| row.iter().map(|v| (v + 0.0).to_bits()).collect::<Vec<_>>())
         .collect::<HashSet<_>>()
         .len()
+}
+
+/// The stream of [`streams::named_stream`], for linfa, which takes rand 0.8.
+pub(super) fn stream_for_linfa(seed: u64, purpose: &str, index: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::from_seed(streams::key(seed, streams::name(purpose)));
+    rng.set_stream(index);
+    rng
 }

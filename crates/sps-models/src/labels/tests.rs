@@ -1,6 +1,6 @@
 use ndarray::{Array2, array};
 
-use super::clusters::columns;
+use super::clusters::{columns, stream_for_linfa};
 use super::*;
 use crate::error::Error;
 use crate::golden;
@@ -361,5 +361,16 @@ mod hard_cases {
         };
         let naive = apart(&by_score(&one, &rows), &by_score(&negated, &minus));
         within("sign of components", from_below.max(of_minus), 1e-12, naive);
+    }
+}
+
+#[test]
+fn a_stream_is_the_same_for_both_versions_of_rand() {
+    use rand_chacha_03::rand_core::RngCore as _;
+    use sps_base::streams::{RngCore as _, named_stream};
+    let mut new = named_stream(7, "labels", 3);
+    let mut old = stream_for_linfa(7, "labels", 3);
+    for _ in 0..100 {
+        assert_eq!(new.next_u64(), old.next_u64());
     }
 }

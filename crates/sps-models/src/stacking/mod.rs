@@ -10,12 +10,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
+use sps_base::streams::named_stream;
 
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
 use crate::heads::{Estimates, Plan, Rerun, TrainingData, Trial, Views};
 use crate::regressor::{FittedRegressor, Regressor, STACKS};
-use crate::rng::stream;
 pub(crate) use store::MOST_DEPTH;
 use weights::nonnegative_least_squares;
 
@@ -124,7 +124,7 @@ impl Folds {
             let unit = |surface: usize| units.map_or(surface, |units| units[surface]);
             let all: BTreeSet<usize> = rerun.training.iter().map(|&s| unit(s)).collect();
             let mut order: Vec<usize> = all.into_iter().collect();
-            order.shuffle(&mut stream(plan.seed, "stacking folds", rerun.number));
+            order.shuffle(&mut named_stream(plan.seed, "stacking folds", rerun.number));
             let dealt = order.into_iter().enumerate();
             let of_unit: BTreeMap<usize, usize> = dealt.map(|(at, u)| (u, at % count)).collect();
             for fold in 0..count {

@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use sps_dataset::{Split, SplitError, Units};
 use sps_metrics::Level;
-use sps_models::heads::TrainingData;
 
 use crate::error::{Error, Result};
 use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};
@@ -12,6 +11,7 @@ use crate::novelty::Familiar;
 use crate::radius::radii;
 use crate::regression::Regression;
 use crate::step::{Expected, Look, Step};
+use sps_regress::TrainingData;
 
 /// Parts of the surfaces fitted to, of which each is estimated by the others to know the error to
 /// expect of a photograph.

@@ -1,4 +1,4 @@
-//! The rule by which the scripts in `fixtures/golden` fill tensors, and the files they wrote.
+//! Tensors as the scripts in `fixtures/golden` fill them, and the files they wrote.
 
 use std::collections::HashMap;
 
@@ -6,19 +6,10 @@ use candle_core::{DType, Device, Tensor};
 
 use crate::weights::TensorSpec;
 
-/// Uniform values in [-1, 1): SplitMix64 seeded by FNV-1a of the name.
-pub(crate) fn uniform(name: &str, len: usize) -> Vec<f64> {
-    let mut state = name.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    });
-    let draw = |_| {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f64 / f64::from(1 << 23) - 1.0
-    };
-    (0..len).map(draw).collect()
-}
+#[path = "../../../fixtures/golden/rule.rs"]
+mod rule;
+
+pub(crate) use rule::{error, uniform};
 
 /// Such values as a tensor, f64.
 pub(crate) fn tensor(name: &str, shape: &[usize]) -> Tensor {
@@ -51,12 +42,4 @@ pub(crate) fn load(file: &str) -> HashMap<String, Tensor> {
 pub(crate) fn values(tensor: &Tensor) -> Vec<f64> {
     let tensor = tensor.to_dtype(DType::F64).unwrap();
     tensor.flatten_all().unwrap().to_vec1().unwrap()
-}
-
-/// The largest difference, over the largest expected value.
-pub(crate) fn error(found: &[f64], expected: &[f64]) -> f64 {
-    assert_eq!(found.len(), expected.len());
-    let largest = expected.iter().fold(0.0_f64, |max, e| max.max(e.abs()));
-    let differences = found.iter().zip(expected).map(|(f, e)| (f - e).abs());
-    differences.fold(0.0, f64::max) / largest
 }

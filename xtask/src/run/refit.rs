@@ -6,8 +6,7 @@ use std::collections::BTreeMap;
 use anyhow::{Context, Result, bail};
 use sps_dataset::{Split, Units};
 use sps_metrics::{Samples, TrainingMean};
-use sps_models::heads::{Plan, Rerun, Trial, Views};
-use sps_models::kernel_ridge::{KernelRidge, SetLosses};
+use sps_regress::kernel_ridge::{KernelRidge, SetLosses};
 use sps_viewselect::{LossError, Pooled, Problem, Remembered, Selector, Sets, SharedLoss};
 
 use super::found::Found;
@@ -15,6 +14,7 @@ use super::views::seed;
 use super::{Encodings, Splits};
 use crate::config::{JudgedOn, Refit, Selected};
 use crate::journal::TrialKey;
+use sps_regress::{Plan, Rerun, Trial, Views};
 
 /// Random sets whose mean loss stands for that of a random set.
 const RANDOM_SETS: usize = 100;

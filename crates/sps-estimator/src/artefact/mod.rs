@@ -14,8 +14,9 @@ use sps_base::files::write_file;
 use sps_metrics::Level;
 use sps_models::candle::Device;
 use sps_models::encoders::{Depths, Encoder};
+use sps_models::fitted_from_bytes;
 use sps_models::weights::Weights;
-use sps_models::{FittedRegressor, fitted_from_bytes};
+use sps_regress::FittedRegressor;
 
 use crate::embedder::{Embedder, Network};
 use crate::error::{Error, Result};

@@ -4,7 +4,7 @@
 
 use std::ops::Range;
 
-use super::depths::{Block, Depths, places};
+use super::depths::{Block, Depths};
 use super::images::Normalisation;
 use crate::error::Result;
 use crate::ops::Window;
@@ -352,9 +352,11 @@ impl Network {
 
     /// The maps at the depths of an embedding, each with its place in there.
     pub(super) fn blocks(&self) -> impl Iterator<Item = (Map, Range<usize>)> {
-        let widths = self.depths.iter().map(|depth| self.channels[depth.map]);
-        let maps = self.depths.iter().map(|depth| depth.map);
-        maps.zip(places(widths))
+        self.depths.iter().scan(0, |start, depth| {
+            let place = *start..*start + self.channels[depth.map];
+            *start = place.end;
+            Some((depth.map, place))
+        })
     }
 
     /// The place of a map in embeddings, where they have a block of it.

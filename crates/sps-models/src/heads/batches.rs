@@ -3,11 +3,11 @@
 use candle_core::{Device, Tensor};
 use rand::seq::SliceRandom;
 use sps_base::streams::{ChaCha8Rng, named_stream};
+use sps_regress::{TrainingData, Views};
 
 use super::config::HeadConfig;
 use super::job::Job;
 use super::losses::Batch;
-use super::plan::{TrainingData, Views};
 use crate::error::Result;
 
 /// The mini-batches of a stack. Trials of one rerun go through the same surfaces in the same order.

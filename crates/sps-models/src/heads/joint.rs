@@ -7,6 +7,7 @@ use std::sync::Arc;
 use candle_core::{Device, Tensor, Var};
 use rand::seq::index;
 use sps_base::streams::named_stream;
+use sps_regress::{Plan, Rerun, TrainingData, Trial, Views, check_indices};
 
 use super::HeadError;
 use super::batches::{mean_weights, rows_that_count};
@@ -14,10 +15,8 @@ use super::config::{HeadConfig, Input};
 use super::job::{self, Job};
 use super::losses::{Batch, Losses};
 use super::network::Dims;
-use super::plan::{Plan, Rerun, TrainingData, Trial, Views};
 use super::stack::Stack;
 use super::trained::EpochLosses;
-use crate::data::check_indices;
 use crate::error::Result;
 use crate::labels::Labels;
 use crate::optim::{Elements, Gradient};

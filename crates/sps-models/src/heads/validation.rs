@@ -2,11 +2,11 @@
 
 use candle_core::{Device, Tensor};
 use sps_base::streams::named_stream;
+use sps_regress::{TrainingData, Views};
 
 use super::config::{EarlyStopping, HeadConfig};
 use super::job::Job;
 use super::network::Network;
-use super::plan::{TrainingData, Views};
 use crate::error::Result;
 
 /// Surfaces that are estimated at once.

@@ -9,12 +9,10 @@ use ndarray::{Array2, Axis, concatenate};
 use rand_chacha_03::ChaCha8Rng;
 use rand_chacha_03::rand_core::SeedableRng;
 use sps_base::streams;
+use sps_regress::{Embeddings, Pca, Readings, Standardiser};
 
 use super::{LabelError, Labels};
-use crate::data::{Embeddings, Readings};
-use crate::error::{Error, Result};
-use crate::pca::Pca;
-use crate::standardise::Standardiser;
+use crate::error::Result;
 
 /// Restarts, of which the one with the least inertia is kept.
 const RESTARTS: usize = 10;
@@ -67,14 +65,8 @@ pub(super) fn visual(
     components: usize,
 ) -> Result<Array2<f64>> {
     let features = features.select(training, &[(features.views() - 1) / 2])?;
-    let features = features.scaled(&features.balance());
-    let mut rows = Array2::zeros((training.len(), features.width()));
-    for (surface, mut row) in rows.rows_mut().into_iter().enumerate() {
-        for (cell, &value) in row.iter_mut().zip(features.view(surface, 0)) {
-            *cell = f64::from(value);
-        }
-    }
-    let pca = Pca::fit(rows.view(), components).map_err(Error::from)?;
+    let rows = features.balanced().table();
+    let pca = Pca::fit(rows.view(), components)?;
     Ok(columns(pca.transform(rows.view())))
 }
 
@@ -97,7 +89,7 @@ pub(super) fn beside(left: &Array2<f64>, right: &Array2<f64>) -> Result<Array2<f
 }
 
 /// Each column to zero mean and unit variance; a constant column becomes zero.
-pub(super) fn columns(mut table: Array2<f64>) -> Array2<f64> {
+fn columns(mut table: Array2<f64>) -> Array2<f64> {
     for mut column in table.columns_mut() {
         if let Some(standard) = Standardiser::of(column.iter().copied()) {
             column.mapv_inplace(|value| standard.standardise(value));

@@ -5,13 +5,12 @@
 //! rerun alone.
 //!
 //! ```
-//! use candle_core::{DType, Device, Tensor};
 //! use sps_models::labels::{LabelSource, LabelTables, label};
-//! use sps_models::{Embeddings, Readings};
+//! use sps_regress::{Embeddings, Readings};
 //!
 //! let rows = [Some(31.0), Some(78.0), None, Some(30.0), Some(80.0)].map(|reading| vec![reading]);
 //! let readings = Readings::new(vec!["friction".into()], &rows)?;
-//! let visual = Embeddings::new(&Tensor::zeros((5, 2), DType::F32, &Device::Cpu)?)?;
+//! let visual = Embeddings::new(vec![0.0; 10], [5, 1, 2])?;
 //! let tables = LabelTables { readings: &readings, visual: &visual, materials: None };
 //!
 //! let source = LabelSource::TactileCluster { clusters: 2, standardise_tactile: true };
@@ -33,8 +32,8 @@ use serde::{Deserialize, Serialize};
 
 #[cfg(feature = "clusters")]
 use clusters::{beside, cluster, spread_out, tactile, visual};
+use sps_regress::{Embeddings, Readings, check_indices};
 
-use crate::data::{Embeddings, Readings, check_indices};
 use crate::error::Result;
 
 /// Why labels could not be formed.
@@ -47,14 +46,6 @@ pub enum LabelError {
     /// None of the training surfaces has a tactile reading to cluster.
     #[error("labels: none of the training surfaces has a tactile reading")]
     NotMeasured,
-    /// A value is infinite or not a number.
-    #[error("labels: {value} in row {row} of the table, expected finite values")]
-    NotFinite {
-        /// The row.
-        row: usize,
-        /// The value.
-        value: f64,
-    },
     /// Material labels were asked for, and no materials given.
     #[error("labels: material classes need the surfaces' materials, found none")]
     NoMaterials,
@@ -64,9 +55,6 @@ pub enum LabelError {
         /// The key.
         what: &'static str,
     },
-    /// The singular value decomposition did not converge.
-    #[error("principal components: the decomposition did not converge")]
-    Decomposition,
     /// Clusters were asked for, and the crate was built without them.
     #[error("labels: clusters need the feature `clusters` of sps-models")]
     WithoutClusters,

@@ -10,7 +10,6 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use sps_dataset::{Property, Source, Surface};
-use sps_models::Readings;
 
 use super::adaptive::deviation;
 use super::fit::{Judge, measured};
@@ -21,6 +20,7 @@ use crate::config::{Estimator, Experiment, Given, Method};
 use crate::data::About;
 use crate::journal::{Outcome, Stop};
 use problems::Problems;
+use sps_regress::Readings;
 
 /// What a file of estimates holds.
 #[derive(Debug)]

@@ -11,7 +11,7 @@ mod gated_residual;
 mod golden3d;
 mod hard_cases;
 mod image;
-#[cfg(feature = "regressions")]
+#[cfg(feature = "clusters")]
 mod measure;
 mod others;
 mod threads;

@@ -4,9 +4,9 @@ use candle_core::{D, Device, Tensor, Var};
 use candle_nn::ops::log_softmax;
 use rand::Rng;
 use sps_base::streams::named_stream;
+use sps_regress::Readings;
 
 use super::{Losses, nothing};
-use crate::data::Readings;
 use crate::error::Result;
 use crate::heads::Share;
 use crate::training::targets::{Classes, Standards};

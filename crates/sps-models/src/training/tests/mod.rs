@@ -8,9 +8,9 @@ use std::error::Error as StdError;
 
 use candle_core::{DType, Device, Tensor};
 use sps_base::streams::named_stream;
+use sps_regress::Readings;
 
 use super::*;
-use crate::data::Readings;
 use crate::encoders::{Encoder, EncoderKind};
 use crate::error::Result;
 use crate::weights::{Storage, Weights};

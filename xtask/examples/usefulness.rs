@@ -12,7 +12,7 @@ use sps_dataset::{
 use sps_metrics::{Intervals, Level, Metric, Samples, Scored};
 use sps_models::encoders::{Encoder, EncoderKind};
 use sps_regress::ridge::{Ridge, RidgeConfig};
-use sps_regress::{Embeddings, Plan, Readings, Rerun, TrainingData, Trial, Views};
+use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData, Trial, Views};
 use sps_simulate::{Simulator, SimulatorSpec};
 
 /// R² of ridge regression on simulated surfaces, every surface held out once

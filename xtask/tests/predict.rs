@@ -12,7 +12,7 @@ use sps_dataset::{DatasetFolder, ReadSettings, Source, TactileSettings, Unit, Un
 use sps_estimator::{Embedder, Estimator, Network, photographs_in};
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_regress::ridge::{Ridge, RidgeConfig};
-use sps_regress::{Plan, Readings, Rerun, TrainingData, Views};
+use sps_regress::{FittedRegressor, Plan, Readings, Rerun, TrainingData, Views};
 use support::{Scratch, expect, message, root, xtask};
 
 /// The frames of the tiny dataset.

@@ -3,13 +3,13 @@
 use serde::{Deserialize, Serialize};
 use sps_dataset::Unit;
 use sps_metrics::{Level, PredictionInterval};
+use sps_regress::Embeddings;
 
 use crate::error::{Error, Result};
 use crate::novelty::Familiar;
 use crate::radius::level_of_each;
 use crate::recipe::Wanted;
 use crate::step::{Expected, Step};
-use sps_regress::Embeddings;
 
 /// A fitted model without its encoder.
 pub struct Fitted {

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use sps_dataset::{Split, SplitError, Units};
 use sps_metrics::Level;
+use sps_regress::TrainingData;
 
 use crate::error::{Error, Result};
 use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};
@@ -11,7 +12,6 @@ use crate::novelty::Familiar;
 use crate::radius::radii;
 use crate::regression::Regression;
 use crate::step::{Expected, Look, Step};
-use sps_regress::TrainingData;
 
 /// Parts of the surfaces fitted to, of which each is estimated by the others to know the error to
 /// expect of a photograph.

@@ -13,10 +13,10 @@
 
 use sps_dataset::Units;
 use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData, Trial, Views};
 
 use crate::error::{Error, Result};
 use crate::regression::Regression;
-use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData, Trial, Views};
 
 /// The least expected error, as a share of the mean residual: a regression of residuals may say
 /// zero, or less.

@@ -14,7 +14,7 @@ use sps_models::encoders::Depths;
 use sps_models::heads::{Head, HeadConfig, Input};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_regress::ridge::{Ridge, RidgeConfig};
-use sps_regress::{Plan, Rerun, Views};
+use sps_regress::{FittedRegressor, Plan, Rerun, Views};
 use support::{Tables, embedder, photograph, recipe, ridge};
 
 fn kernel() -> Regression {

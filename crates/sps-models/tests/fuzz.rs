@@ -8,8 +8,7 @@ use std::error::Error;
 use std::path::Path;
 
 use candle_core::{Device, Tensor};
-use fuzz::{Damage, damaged, fuzz, nested, with_header};
-use proptest::prelude::*;
+use fuzz::{Damage, broken, damaged, fuzz, nested, said, with_header};
 use proptest::sample::select;
 use sps_models::encoders::{Encoder, EncoderKind};
 use sps_models::fitted_from_bytes;
@@ -27,27 +26,6 @@ use sps_regress::{Embeddings, Plan, Readings, Regressor, Rerun, TrainingData, Vi
 
 #[global_allocator]
 static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
-
-/// A safetensors file, damaged anywhere or in its header.
-fn broken(files: Vec<Vec<u8>>) -> impl Strategy<Value = Vec<u8>> {
-    (select(files), Damage::some(), any::<bool>()).prop_map(|(file, damages, in_header)| {
-        if in_header {
-            with_header(&file, |header| damaged(header, &damages))
-        } else {
-            damaged(file, &damages)
-        }
-    })
-}
-
-fn said<T>(outcome: Result<T, impl Error>) -> Option<T> {
-    match outcome {
-        Ok(value) => Some(value),
-        Err(error) => {
-            assert!(!error.to_string().is_empty());
-            None
-        }
-    }
-}
 
 fn read_weights(bytes: &[u8]) {
     let Some(weights) = said(Weights::from_bytes("file", bytes)) else {

@@ -4,6 +4,7 @@ mod archive;
 mod data;
 pub mod dense;
 mod error;
+mod fitted;
 #[cfg(test)]
 #[path = "../../../fixtures/golden/rule.rs"]
 mod golden;
@@ -20,6 +21,7 @@ mod standardise;
 
 pub use data::{Embeddings, Readings, Spread, check_indices, places};
 pub use error::{Error, Result};
+pub use fitted::{Fitted, FittedModel};
 pub use pca::Pca;
 pub use plan::{Plan, Rerun, TrainingData, Trial, Views};
 pub use regressor::{

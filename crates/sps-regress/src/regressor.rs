@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
+use crate::fitted::FittedModel as _;
 use crate::kernel_ridge::{KernelRidge, TrainedKernelRidge, TrainedKernelRidges};
 use crate::nearest::{Nearest, TrainedNearest, TrainedNearests};
 use crate::plan::{Plan, TrainingData, Trial};
@@ -85,20 +86,15 @@ pub trait FittedRegressor: Send + Sync {
     }
 }
 
-pub(crate) const RIDGES: &str = "ridges";
-pub(crate) const KERNEL_RIDGES: &str = "kernel-ridges";
-pub(crate) const NEAREST: &str = "nearest";
-pub(crate) const STACKS: &str = "stacks";
-
-/// Reads fitted models from bytes; the name stands for the bytes in error messages.
-pub type Read = fn(name: &str, bytes: &[u8]) -> Result<Box<dyn FittedRegressor>>;
+/// Reads fitted models from bytes, for which a name stands in error messages.
+pub type Read = fn(&str, &[u8]) -> Result<Box<dyn FittedRegressor>>;
 
 /// A kind of fitted models that another crate has.
 #[derive(Clone, Copy, Debug)]
 pub struct OtherKind {
     /// Its [name](FittedRegressor::kind).
     pub kind: &'static str,
-    /// Reads what [`FittedRegressor::to_bytes`] gave. What it says when it fails names the bytes.
+    /// Reads what [`FittedRegressor::to_bytes`] gave.
     pub read: Read,
 }
 
@@ -149,13 +145,18 @@ pub(crate) fn fitted_within(
         return (other.read)(name, bytes);
     }
     let read = match kind {
-        RIDGES => TrainedRidges::from_bytes(bytes).map(boxed),
-        KERNEL_RIDGES => TrainedKernelRidges::from_bytes(bytes).map(boxed),
-        NEAREST => TrainedNearests::from_bytes(bytes).map(boxed),
-        STACKS => TrainedStacks::from_bytes_within(depth, bytes, others).map(boxed),
+        TrainedRidge::KIND => TrainedRidges::from_bytes(bytes).map(boxed),
+        TrainedKernelRidge::KIND => TrainedKernelRidges::from_bytes(bytes).map(boxed),
+        TrainedNearest::KIND => TrainedNearests::from_bytes(bytes).map(boxed),
+        stacking::KIND => TrainedStacks::from_bytes(depth, bytes, others).map(boxed),
         _ => {
             let kinds = others.iter().map(|other| other.kind);
-            let kinds = kinds.chain([RIDGES, KERNEL_RIDGES, NEAREST, STACKS]);
+            let kinds = kinds.chain([
+                TrainedRidge::KIND,
+                TrainedKernelRidge::KIND,
+                TrainedNearest::KIND,
+                stacking::KIND,
+            ]);
             let expected = format!("one of {}", kinds.collect::<Vec<_>>().join(", "));
             let found = format_args!("{kind:?}");
             Err(Error::input("kind of fitted models", found, expected))
@@ -181,43 +182,7 @@ macro_rules! regressors {
     )*};
 }
 
-macro_rules! fitted {
-    ($($fitted:ty, $kind:ident, $models:ident, $model:ty;)*) => {$(
-        impl FittedRegressor for $fitted {
-            fn trials(&self) -> Vec<&Trial> {
-                self.$models().iter().map(<$model>::trial).collect()
-            }
-
-            fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
-                self.predict(embeddings)
-            }
-
-            fn filtered(&self, keep: &dyn Fn(&Trial) -> bool) -> Box<dyn FittedRegressor> {
-                Box::new(self.filter(keep))
-            }
-
-            fn multiply_adds(&self) -> u64 {
-                self.multiply_adds()
-            }
-
-            fn kind(&self) -> &'static str {
-                $kind
-            }
-
-            fn to_bytes(&self) -> Result<Vec<u8>> {
-                self.to_bytes()
-            }
-        }
-    )*};
-}
-
 regressors!(Ridge, KernelRidge, Nearest);
-
-fitted! {
-    TrainedRidges, RIDGES, ridges, TrainedRidge;
-    TrainedKernelRidges, KERNEL_RIDGES, ridges, TrainedKernelRidge;
-    TrainedNearests, NEAREST, nearests, TrainedNearest;
-}
 
 /// Refuses embeddings of another number of views or width than those of the training surfaces.
 pub(crate) fn check_fits(

@@ -5,40 +5,19 @@
 mod fuzz;
 
 use std::collections::HashMap;
-use std::error::Error;
 
-use fuzz::{Damage, damaged, fuzz, nested, with_header};
-use proptest::prelude::*;
+use fuzz::{Damage, broken, damaged, fuzz, nested, said};
 use safetensors::tensor::TensorView;
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_regress::nearest::Nearest;
 use sps_regress::ridge::{Ridge, RidgeConfig, TrainedRidges};
 use sps_regress::stacking::Stacking;
-use sps_regress::{Embeddings, Plan, Readings, Regressor, Rerun, TrainingData, fitted_from_bytes};
+use sps_regress::{
+    Embeddings, FittedRegressor, Plan, Readings, Regressor, Rerun, TrainingData, fitted_from_bytes,
+};
 
 #[global_allocator]
 static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
-
-/// A safetensors file, damaged anywhere or in its header.
-fn broken(file: Vec<u8>) -> impl Strategy<Value = Vec<u8>> {
-    (Damage::some(), any::<bool>()).prop_map(move |(damages, in_header)| {
-        if in_header {
-            with_header(&file, |header| damaged(header, &damages))
-        } else {
-            damaged(file.clone(), &damages)
-        }
-    })
-}
-
-fn said<T>(outcome: Result<T, impl Error>) -> Option<T> {
-    match outcome {
-        Ok(value) => Some(value),
-        Err(error) => {
-            assert!(!error.to_string().is_empty());
-            None
-        }
-    }
-}
 
 const WIDTH: usize = 4;
 
@@ -108,7 +87,7 @@ fn archives() {
         let fitted = regressor.fit(&made.data(), &made.plan()).unwrap();
         fuzz(
             fitted.kind(),
-            &broken(fitted.to_bytes().unwrap()),
+            &broken(vec![fitted.to_bytes().unwrap()]),
             |bytes| {
                 if let Some(read) = said(fitted_from_bytes(fitted.kind(), "file", &bytes, &[])) {
                     said(read.predict(&made.embeddings));

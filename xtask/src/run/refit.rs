@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 use sps_dataset::{Split, Units};
 use sps_metrics::{Samples, TrainingMean};
 use sps_regress::kernel_ridge::{KernelRidge, SetLosses};
+use sps_regress::{FittedRegressor, Plan, Rerun, Trial, Views};
 use sps_viewselect::{LossError, Pooled, Problem, Remembered, Selector, Sets, SharedLoss};
 
 use super::found::Found;
@@ -14,7 +15,6 @@ use super::views::seed;
 use super::{Encodings, Splits};
 use crate::config::{JudgedOn, Refit, Selected};
 use crate::journal::TrialKey;
-use sps_regress::{Plan, Rerun, Trial, Views};
 
 /// Random sets whose mean loss stands for that of a random set.
 const RANDOM_SETS: usize = 100;

@@ -3,9 +3,9 @@
 use anyhow::{Context, Result, bail};
 use sps_base::names::UnknownName;
 use sps_dataset::{FEWEST_PER_MATERIAL, MaterialLabels, Property, Source, Surface, Units};
+use sps_regress::{Embeddings, Readings, TrainingData};
 
 use crate::data::{self, About};
-use sps_regress::{Embeddings, Readings, TrainingData};
 
 /// One row per surface in each.
 pub(crate) struct Tables {

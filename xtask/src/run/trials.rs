@@ -5,13 +5,13 @@ use std::collections::BTreeSet;
 use anyhow::Result;
 use serde::Serialize;
 use sps_dataset::{Property, Split};
+use sps_regress::{Plan, Rerun, Trial, Views};
 
 use super::found::Selections;
 use super::views::{self, TrialViews};
 use super::{Encodings, Tables};
 use crate::config::{Adaptive, Experiment, Method};
 use crate::journal::TrialKey;
-use sps_regress::{Plan, Rerun, Trial, Views};
 
 /// One trial, and what identifies it.
 #[derive(Clone, Debug)]

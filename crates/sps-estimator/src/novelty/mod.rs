@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use sps_regress::Embeddings;
 use sps_regress::nearest::squared_distance;
 
 use crate::error::{Error, Result};
-use sps_regress::Embeddings;
 
 /// Neighbours that a distance is the mean over.
 const NEIGHBOURS: usize = 5;

@@ -10,7 +10,7 @@ use super::config::HeadConfig;
 use super::input::{self, InputStatistics};
 use super::network::Dims;
 use crate::error::Result;
-use crate::labels::{self, LabelTables, Labels};
+use crate::labels::{self, Labels};
 
 /// The most trials in one stack, which spreads the cost of a tensor operation over them.
 const WIDEST_STACK: usize = 8;
@@ -133,14 +133,10 @@ impl<'a> Shared<'a> {
                     Some(_) => ascending(&rerun.validation),
                     None => Arc::default(),
                 };
-                let labels = config.model.labels().map(|source| {
-                    let tables = LabelTables {
-                        readings: data.readings,
-                        visual: data.embeddings,
-                        materials: data.materials,
-                    };
-                    labels::label(source, &tables, &training, plan.seed, rerun.number)
-                });
+                let labels = config
+                    .model
+                    .labels()
+                    .map(|source| labels::label(source, data, &training, plan.seed, rerun.number));
                 Ok((
                     rerun.number,
                     SharedRerun {

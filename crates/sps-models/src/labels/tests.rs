@@ -1,3 +1,5 @@
+use sps_regress::{Embeddings, Readings};
+
 use super::clusters::stream_for_linfa;
 use super::*;
 use crate::error::Error;
@@ -32,14 +34,6 @@ fn planted(surfaces: usize) -> (Readings, Embeddings) {
     (readings(&touch), sight)
 }
 
-fn tables<'a>(readings: &'a Readings, visual: &'a Embeddings) -> LabelTables<'a> {
-    LabelTables {
-        readings,
-        visual,
-        materials: None,
-    }
-}
-
 fn sources(clusters: usize) -> [LabelSource; 2] {
     [
         LabelSource::TactileCluster {
@@ -57,7 +51,7 @@ fn sources(clusters: usize) -> [LabelSource; 2] {
 #[test]
 fn clusters_find_groups_that_are_far_apart() {
     let (readings, visual) = planted(30);
-    let tables = tables(&readings, &visual);
+    let tables = TrainingData::new(&visual, &readings);
     let training: Vec<usize> = (3..30).collect();
     for source in sources(3) {
         let labels = label(&source, &tables, &training, 1, 0).unwrap();
@@ -84,7 +78,7 @@ fn labels_repeat_on_any_number_of_threads_and_ignore_surfaces_kept_out() {
     let training: Vec<usize> = (0..20).collect();
     for source in sources(7) {
         let with = |threads, visual| {
-            let tables = tables(&readings, visual);
+            let tables = TrainingData::new(visual, &readings);
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .build()
@@ -102,7 +96,7 @@ fn labels_repeat_on_any_number_of_threads_and_ignore_surfaces_kept_out() {
 fn a_material_is_a_class_with_or_without_a_training_surface() {
     let (readings, visual) = planted(5);
     let materials = ["wood", "silk", "wood", "stone", "silk"].map(String::from);
-    let mut tables = tables(&readings, &visual);
+    let mut tables = TrainingData::new(&visual, &readings);
     tables.materials = Some(&materials);
     let labels = label(&LabelSource::Material {}, &tables, &[0, 2, 4], 1, 0).unwrap();
     assert_eq!(labels.classes(), 3);
@@ -123,7 +117,7 @@ fn standardising_is_what_makes_sight_count() {
     let visual = embeddings(40, 3, |s, f| {
         (if s < 20 { -1.0 } else { 1.0 } + 0.05 * noise[40 + s * 3 + f]) as f32
     });
-    let tables = tables(&readings, &visual);
+    let tables = TrainingData::new(&visual, &readings);
     let training: Vec<usize> = (0..40).collect();
     let groups = |standardise_tactile| {
         let source = LabelSource::VisuoTactileCluster {
@@ -150,7 +144,7 @@ fn a_missing_reading_counts_as_the_mean_and_a_surface_without_any_has_no_tactile
     ];
     let readings = readings(&rows);
     let visual = embeddings(4, 1, |s, _| s as f32);
-    let tables = tables(&readings, &visual);
+    let tables = TrainingData::new(&visual, &readings);
     let [touch, both] = sources(2);
     let labels = label(&touch, &tables, &[0, 1, 2, 3], 1, 0).unwrap();
     assert_eq!(labels.of()[2], None);
@@ -165,7 +159,7 @@ fn a_missing_reading_counts_as_the_mean_and_a_surface_without_any_has_no_tactile
 #[test]
 fn bad_input_is_named() {
     let (readings, visual) = planted(5);
-    let tables = tables(&readings, &visual);
+    let tables = TrainingData::new(&visual, &readings);
     let failure = |source: &LabelSource, training: &[usize]| {
         label(source, &tables, training, 1, 0)
             .unwrap_err()
@@ -206,7 +200,7 @@ mod hard_cases {
             .collect();
         let readings = readings(&rows);
         let visual = embeddings(9, 2, |s, _| (s % 3) as f32);
-        let tables = tables(&readings, &visual);
+        let tables = TrainingData::new(&visual, &readings);
         for source in sources(15) {
             let training: Vec<usize> = (0..9).collect();
             let labels = label(&source, &tables, &training, 3, 0).unwrap();

@@ -2,6 +2,7 @@ use super::*;
 use crate::golden::uniform;
 use crate::nearest::Nearest;
 use crate::plan::{Plan, Rerun, TrainingData, Views};
+use crate::regressor::FittedRegressor;
 use crate::ridge::{Ridge, RidgeConfig};
 
 /// Two views of two blocks, 2 and 3 wide, each of which is measured in units of its own.

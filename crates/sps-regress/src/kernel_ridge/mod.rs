@@ -17,9 +17,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
+use crate::fitted::{Fitted, FittedModel};
 use crate::groups::{Group, fit_groups, sharing};
 use crate::plan::{Plan, TrainingData, Trial};
-use crate::regressor::{Estimates, check_fits};
+use crate::regressor::check_fits;
 use fit::{Fit, Spectrum};
 pub use kernel::{Kernel, Shape};
 use kernel::{Part, Points, Proximity, Terms};
@@ -129,7 +130,7 @@ impl KernelRidge {
     pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedKernelRidges> {
         let plan = plan.thinned(self.0.at_most);
         let ridges = fit_groups(data, &plan, |group| self.fit(group))?;
-        Ok(TrainedKernelRidges { ridges })
+        Ok(Fitted(ridges))
     }
 
     fn fit(&self, group: &Group<'_>) -> Result<Vec<TrainedKernelRidge>> {
@@ -248,11 +249,6 @@ pub struct TrainedKernelRidge {
 }
 
 impl TrainedKernelRidge {
-    /// What it was fitted for.
-    pub fn trial(&self) -> &Trial {
-        &self.trial
-    }
-
     /// The penalty that was chosen, in the units of [`KernelRidgeConfig::penalties`]; `None` where
     /// the mean of the training readings is the estimate.
     pub fn penalty(&self) -> Option<f64> {
@@ -273,9 +269,61 @@ impl TrainedKernelRidge {
 }
 
 /// Fitted kernel ridge regressions.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TrainedKernelRidges {
-    ridges: Vec<TrainedKernelRidge>,
+pub type TrainedKernelRidges = Fitted<TrainedKernelRidge>;
+
+impl FittedModel for TrainedKernelRidge {
+    const KIND: &'static str = "kernel-ridges";
+
+    fn trial(&self) -> &Trial {
+        &self.trial
+    }
+
+    /// On the threads of the current rayon pool. Regressions that share training surfaces and kernel
+    /// are estimated together, which takes little more time than one.
+    fn estimate(models: &[Self], embeddings: &Embeddings) -> Result<Vec<Vec<f64>>> {
+        let sharing = Sharing::of(models);
+        for Sharing { support, .. } in &sharing {
+            let what = "embeddings for kernel ridge regression";
+            check_fits(what, embeddings, &support.embeddings)?;
+        }
+        let starts: Vec<usize> = (0..embeddings.surfaces()).step_by(ROWS).collect();
+        let parts: Vec<Vec<Vec<f64>>> = starts
+            .into_par_iter()
+            .map(|start| {
+                let range = start..embeddings.surfaces().min(start + ROWS);
+                estimate_some(models, &sharing, embeddings, &range)
+            })
+            .collect();
+        let of_model = |at: usize| parts.iter().flat_map(|part| &part[at]).copied().collect();
+        Ok((0..models.len()).map(of_model).collect())
+    }
+
+    /// Regressions on the same surfaces share the distances to them, and those of one shape the
+    /// kernel. An element of a kernel counts as one.
+    fn multiply_adds(models: &[Self]) -> u64 {
+        let of = |sharing: &Sharing<'_>| {
+            let embeddings = &sharing.support.embeddings;
+            let expansions = sharing.ridges.iter();
+            let expansions = expansions.filter(|&&at| models[at].fit.expansion.is_some());
+            let distances = match sharing.shapes.len() {
+                0 => 0,
+                shapes => {
+                    let kernels = embeddings.blocks().len() * shapes;
+                    embeddings.views() * (embeddings.width() + kernels)
+                }
+            };
+            (embeddings.surfaces() * (distances + expansions.count())) as u64
+        };
+        Sharing::of(models).iter().map(of).sum()
+    }
+
+    fn to_bytes(models: &[Self]) -> Result<Vec<u8>> {
+        store::to_bytes(models)
+    }
+
+    fn from_bytes(bytes: &[u8]) -> Result<Vec<Self>> {
+        store::from_bytes(bytes)
+    }
 }
 
 /// The regressions that share their training surfaces, by their place among all, and the kernels
@@ -286,120 +334,17 @@ struct Sharing<'a> {
     shapes: Vec<Shape>,
 }
 
-impl TrainedKernelRidges {
-    /// The regressions, in the order of the plan.
-    pub fn ridges(&self) -> &[TrainedKernelRidge] {
-        &self.ridges
-    }
-
-    /// The regressions for which `keep` says so.
-    #[must_use]
-    pub fn filter(&self, keep: impl Fn(&Trial) -> bool) -> Self {
-        let kept = self.ridges.iter().filter(|ridge| keep(&ridge.trial));
-        Self {
-            ridges: kept.cloned().collect(),
-        }
-    }
-
-    /// Multiply-adds to estimate one surface from its embeddings, all regressions together;
-    /// regressions on the same surfaces share the distances to them, and those of one shape the
-    /// kernel. An element of a kernel counts as one.
-    pub fn multiply_adds(&self) -> u64 {
-        let of = |sharing: &Sharing<'_>| {
-            let embeddings = &sharing.support.embeddings;
-            let expansions = sharing.ridges.iter();
-            let expansions = expansions.filter(|&&at| self.ridges[at].fit.expansion.is_some());
-            let distances = match sharing.shapes.len() {
-                0 => 0,
-                shapes => {
-                    let kernels = embeddings.blocks().len() * shapes;
-                    embeddings.views() * (embeddings.width() + kernels)
-                }
-            };
-            (embeddings.surfaces() * (distances + expansions.count())) as u64
-        };
-        self.sharing().iter().map(of).sum()
-    }
-
-    /// The estimates of every regression for every surface, in measured units, on the threads of
-    /// the current rayon pool. The views of `embeddings` are the ones to use, in the order of the
-    /// trial's views. Regressions that share training surfaces and kernel are estimated together,
-    /// which takes little more time than one.
-    ///
-    /// # Errors
-    ///
-    /// Embeddings of another width or number of views than were fitted.
-    pub fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
-        let sharing = self.sharing();
-        for sharing in &sharing {
-            let training = &sharing.support.embeddings;
-            check_fits(
-                "embeddings for kernel ridge regression",
-                embeddings,
-                training,
-            )?;
-        }
-        let starts: Vec<usize> = (0..embeddings.surfaces()).step_by(ROWS).collect();
-        let parts: Vec<Vec<Vec<f64>>> = starts
-            .into_par_iter()
-            .map(|start| {
-                let range = start..embeddings.surfaces().min(start + ROWS);
-                self.estimate(&sharing, embeddings, &range)
-            })
-            .collect();
-        let estimates = self.ridges.iter().enumerate().map(|(at, ridge)| Estimates {
-            property: ridge.trial.property.clone(),
-            rerun: ridge.trial.rerun,
-            values: parts
-                .iter()
-                .flat_map(|part| part[at].iter().copied())
-                .collect(),
-        });
-        Ok(estimates.collect())
-    }
-
-    /// The estimates for some surfaces, by regression.
-    fn estimate(
-        &self,
-        sharing: &[Sharing<'_>],
-        embeddings: &Embeddings,
-        range: &Range<usize>,
-    ) -> Vec<Vec<f64>> {
-        let mean = |ridge: &TrainedKernelRidge| vec![ridge.fit.intercept; range.len()];
-        let mut estimates: Vec<Vec<f64>> = self.ridges.iter().map(mean).collect();
-        for Sharing {
-            support,
-            ridges,
-            shapes,
-        } in sharing
-        {
-            let kernels = support.kernels(embeddings, range, shapes);
-            for &at in ridges {
-                let Some(expansion) = &self.ridges[at].fit.expansion else {
-                    continue;
-                };
-                let of_shape = shapes.iter().zip(&kernels);
-                for (_, kernel) in of_shape.filter(|(shape, _)| **shape == expansion.shape) {
-                    for (estimate, column) in estimates[at].iter_mut().zip(kernel.col_iter()) {
-                        let terms = column.iter().zip(&expansion.coefficients);
-                        *estimate += terms.map(|(k, c)| k * c).sum::<f64>();
-                    }
-                }
-            }
-        }
-        estimates
-    }
-
-    fn sharing(&self) -> Vec<Sharing<'_>> {
-        let shared = sharing(self.ridges.iter().map(|ridge| &ridge.support));
+impl<'a> Sharing<'a> {
+    fn of(models: &'a [TrainedKernelRidge]) -> Vec<Self> {
+        let shared = sharing(models.iter().map(|ridge| &ridge.support));
         let of = |(support, ridges): (_, Vec<usize>)| {
             let mut shapes = Vec::new();
-            for shape in ridges.iter().filter_map(|&at| self.ridges[at].shape()) {
+            for shape in ridges.iter().filter_map(|&at| models[at].shape()) {
                 if !shapes.contains(&shape) {
                     shapes.push(shape);
                 }
             }
-            Sharing {
+            Self {
                 support,
                 ridges,
                 shapes,
@@ -407,4 +352,36 @@ impl TrainedKernelRidges {
         };
         shared.into_iter().map(of).collect()
     }
+}
+
+/// The estimates for some surfaces, by regression.
+fn estimate_some(
+    models: &[TrainedKernelRidge],
+    sharing: &[Sharing<'_>],
+    embeddings: &Embeddings,
+    range: &Range<usize>,
+) -> Vec<Vec<f64>> {
+    let mean = |ridge: &TrainedKernelRidge| vec![ridge.fit.intercept; range.len()];
+    let mut estimates: Vec<Vec<f64>> = models.iter().map(mean).collect();
+    for Sharing {
+        support,
+        ridges,
+        shapes,
+    } in sharing
+    {
+        let kernels = support.kernels(embeddings, range, shapes);
+        for &at in ridges {
+            let Some(expansion) = &models[at].fit.expansion else {
+                continue;
+            };
+            let of_shape = shapes.iter().zip(&kernels);
+            for (_, kernel) in of_shape.filter(|(shape, _)| **shape == expansion.shape) {
+                for (estimate, column) in estimates[at].iter_mut().zip(kernel.col_iter()) {
+                    let terms = column.iter().zip(&expansion.coefficients);
+                    *estimate += terms.map(|(k, c)| k * c).sum::<f64>();
+                }
+            }
+        }
+    }
+    estimates
 }

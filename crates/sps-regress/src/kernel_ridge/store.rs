@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::fit::{Expansion, Fit};
 use super::kernel::Proximity;
-use super::{Kernel, Shape, Support, TrainedKernelRidge, TrainedKernelRidges};
+use super::{Kernel, Shape, Sharing, Support, TrainedKernelRidge};
 use crate::archive::{Archive, Content, Contents, stored_blocks};
 use crate::error::Result;
 use crate::plan::Trial;
@@ -62,77 +62,65 @@ struct Chosen {
     penalty: f64,
 }
 
-impl TrainedKernelRidges {
-    /// The file's content, safetensors; the same regressions give the same bytes.
-    ///
-    /// # Errors
-    ///
-    /// A number that is not finite.
-    pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        for TrainedKernelRidge { fit, support, .. } in &self.ridges {
-            let numbers = fit.left_out_error.iter().chain(&support.scales).chain(
-                fit.expansion
-                    .iter()
-                    .flat_map(|expansion| &expansion.coefficients),
-            );
-            check_finite(FILE.what, numbers.copied().chain([fit.intercept]))?;
-        }
-        let mut metadata = Metadata {
-            format: FILE.format,
-            supports: Vec::new(),
-            ridges: self.ridges.iter().map(Stored::of).collect(),
-        };
-        let mut contents = Vec::new();
-        for (at, sharing) in self.sharing().iter().enumerate() {
-            let support = sharing.support;
-            metadata.supports.push(StoredSupport {
-                kernel: usual(support.proximity),
-                scales: support.scales.clone(),
-                blocks: stored_blocks([&support.embeddings].into_iter()),
-            });
-            for &ridge in &sharing.ridges {
-                metadata.ridges[ridge].support = at;
-            }
-            let ridges = sharing.ridges.iter().map(|&ridge| &self.ridges[ridge]);
-            let rows = ridges.filter_map(|ridge| ridge.fit.expansion.as_ref());
-            let rows: Vec<&[f64]> = rows.map(|e| &e.coefficients[..]).collect();
-            let surfaces = support.embeddings.surfaces();
-            contents.push(Content::rows(format!("{at}/coefficients"), &rows, surfaces));
-            let name = format!("{at}/embeddings");
-            contents.push(Content::embeddings(name, &support.embeddings));
-        }
-        FILE.write(&metadata, &contents)
+pub(super) fn to_bytes(models: &[TrainedKernelRidge]) -> Result<Vec<u8>> {
+    for TrainedKernelRidge { fit, support, .. } in models {
+        let numbers = fit.left_out_error.iter().chain(&support.scales).chain(
+            fit.expansion
+                .iter()
+                .flat_map(|expansion| &expansion.coefficients),
+        );
+        check_finite(FILE.what, numbers.copied().chain([fit.intercept]))?;
     }
+    let mut metadata = Metadata {
+        format: FILE.format,
+        supports: Vec::new(),
+        ridges: models.iter().map(Stored::of).collect(),
+    };
+    let mut contents = Vec::new();
+    for (at, sharing) in Sharing::of(models).iter().enumerate() {
+        let support = sharing.support;
+        metadata.supports.push(StoredSupport {
+            kernel: usual(support.proximity),
+            scales: support.scales.clone(),
+            blocks: stored_blocks([&support.embeddings].into_iter()),
+        });
+        for &ridge in &sharing.ridges {
+            metadata.ridges[ridge].support = at;
+        }
+        let ridges = sharing.ridges.iter().map(|&ridge| &models[ridge]);
+        let rows = ridges.filter_map(|ridge| ridge.fit.expansion.as_ref());
+        let rows: Vec<&[f64]> = rows.map(|e| &e.coefficients[..]).collect();
+        let surfaces = support.embeddings.surfaces();
+        contents.push(Content::rows(format!("{at}/coefficients"), &rows, surfaces));
+        let name = format!("{at}/embeddings");
+        contents.push(Content::embeddings(name, &support.embeddings));
+    }
+    FILE.write(&metadata, &contents)
+}
 
-    /// Reads what [`TrainedKernelRidges::to_bytes`] gave.
-    ///
-    /// # Errors
-    ///
-    /// Bytes that are not fitted regressions of this format.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let (metadata, contents) = FILE.read::<Metadata>(bytes)?;
-        // Two for each set of training surfaces.
-        contents.check_count(2 * metadata.supports.len())?;
-        let mut supports = Vec::with_capacity(metadata.supports.len());
-        for (at, support) in metadata.supports.into_iter().enumerate() {
-            supports.push(read_support(&contents, at, support)?);
-        }
-        let mut ridges = Vec::with_capacity(metadata.ridges.len());
-        for stored in metadata.ridges {
-            let Some((support, usual, rows)) = supports.get_mut(stored.support) else {
-                let found = format_args!("training surfaces {}", stored.support);
-                return Err(FILE.refused(found, "some that are there"));
-            };
-            ridges.push(stored.with(support, *usual, rows)?);
-        }
-        if supports
-            .iter_mut()
-            .any(|(_, _, rows)| rows.next().is_some())
-        {
-            return Err(FILE.refused("coefficients of no regression", "none such"));
-        }
-        Ok(Self { ridges })
+pub(super) fn from_bytes(bytes: &[u8]) -> Result<Vec<TrainedKernelRidge>> {
+    let (metadata, contents) = FILE.read::<Metadata>(bytes)?;
+    // Two for each set of training surfaces.
+    contents.check_count(2 * metadata.supports.len())?;
+    let mut supports = Vec::with_capacity(metadata.supports.len());
+    for (at, support) in metadata.supports.into_iter().enumerate() {
+        supports.push(read_support(&contents, at, support)?);
     }
+    let mut ridges = Vec::with_capacity(metadata.ridges.len());
+    for stored in metadata.ridges {
+        let Some((support, usual, rows)) = supports.get_mut(stored.support) else {
+            let found = format_args!("training surfaces {}", stored.support);
+            return Err(FILE.refused(found, "some that are there"));
+        };
+        ridges.push(stored.with(support, *usual, rows)?);
+    }
+    if supports
+        .iter_mut()
+        .any(|(_, _, rows)| rows.next().is_some())
+    {
+        return Err(FILE.refused("coefficients of no regression", "none such"));
+    }
+    Ok(ridges)
 }
 
 impl Stored {

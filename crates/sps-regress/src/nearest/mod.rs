@@ -10,9 +10,10 @@ use rayon::prelude::*;
 
 use crate::data::Embeddings;
 use crate::error::Result;
+use crate::fitted::{Fitted, FittedModel};
 use crate::groups::{fit_groups, sharing};
 use crate::plan::{Plan, TrainingData, Trial};
-use crate::regressor::{Estimates, check_fits};
+use crate::regressor::check_fits;
 
 /// Sums that a distance is added up in side by side.
 const LANES: usize = 16;
@@ -41,7 +42,7 @@ impl Nearest {
             });
             Ok(nearests.collect())
         })?;
-        Ok(TrainedNearests { nearests })
+        Ok(Fitted(nearests))
     }
 }
 
@@ -55,59 +56,19 @@ pub struct TrainedNearest {
     values: Vec<f64>,
 }
 
-impl TrainedNearest {
-    /// What it was kept for.
-    pub fn trial(&self) -> &Trial {
+/// The training surfaces of a plan's trials.
+pub type TrainedNearests = Fitted<TrainedNearest>;
+
+impl FittedModel for TrainedNearest {
+    const KIND: &'static str = "nearest";
+
+    fn trial(&self) -> &Trial {
         &self.trial
     }
-}
 
-/// The training surfaces of a plan's trials.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TrainedNearests {
-    nearests: Vec<TrainedNearest>,
-}
-
-impl TrainedNearests {
-    /// Each trial's, in the order of the plan.
-    pub fn nearests(&self) -> &[TrainedNearest] {
-        &self.nearests
-    }
-
-    /// Those for which `keep` says so.
-    #[must_use]
-    pub fn filter(&self, keep: impl Fn(&Trial) -> bool) -> Self {
-        let kept = self.nearests.iter().filter(|one| keep(&one.trial));
-        Self {
-            nearests: kept.cloned().collect(),
-        }
-    }
-
-    /// Multiply-adds to estimate one surface from its embeddings, all trials together; those on
-    /// the same surfaces share the distances to them.
-    pub fn multiply_adds(&self) -> u64 {
-        let shared = sharing(self.nearests.iter().map(|one| &one.embeddings));
-        let distances = |of: &Embeddings| (of.surfaces() * of.views() * of.width()) as u64;
-        shared
-            .iter()
-            .map(|(embeddings, _)| distances(embeddings))
-            .sum()
-    }
-
-    /// The estimates of every trial for every surface, in measured units. The views of
-    /// `embeddings` are the ones to use, in the order of the trial's views.
-    ///
-    /// # Errors
-    ///
-    /// Embeddings of another width or number of views than were kept.
-    pub fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
-        let estimates = |one: &TrainedNearest| Estimates {
-            property: one.trial.property.clone(),
-            rerun: one.trial.rerun,
-            values: Vec::new(),
-        };
-        let mut all: Vec<Estimates> = self.nearests.iter().map(estimates).collect();
-        for (training, places) in sharing(self.nearests.iter().map(|one| &one.embeddings)) {
+    fn estimate(models: &[Self], embeddings: &Embeddings) -> Result<Vec<Vec<f64>>> {
+        let mut all = vec![Vec::new(); models.len()];
+        for (training, places) in sharing(models.iter().map(|one| &one.embeddings)) {
             check_fits("embeddings for the nearest neighbour", embeddings, training)?;
             let factors = training.balance();
             let [training, embeddings] = [training, embeddings].map(|all| all.scaled(&factors));
@@ -116,11 +77,26 @@ impl TrainedNearests {
                 .map(|surface| nearest(&training, embeddings.surface(surface)))
                 .collect();
             for at in places {
-                let values = &self.nearests[at].values;
-                all[at].values = nearest.iter().map(|&surface| values[surface]).collect();
+                let values = &models[at].values;
+                all[at] = nearest.iter().map(|&surface| values[surface]).collect();
             }
         }
         Ok(all)
+    }
+
+    /// Trials on the same surfaces share the distances to them.
+    fn multiply_adds(models: &[Self]) -> u64 {
+        let shared = sharing(models.iter().map(|one| &one.embeddings));
+        let distances = shared.iter().map(|(of, _)| of.values().len() as u64);
+        distances.sum()
+    }
+
+    fn to_bytes(models: &[Self]) -> Result<Vec<u8>> {
+        store::to_bytes(models)
+    }
+
+    fn from_bytes(bytes: &[u8]) -> Result<Vec<Self>> {
+        store::from_bytes(bytes)
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{TrainedNearest, TrainedNearests};
+use super::TrainedNearest;
 use crate::archive::{Archive, Content, stored_blocks};
 use crate::error::Result;
 use crate::groups::sharing;
@@ -39,73 +39,61 @@ struct Stored {
     set: usize,
 }
 
-impl TrainedNearests {
-    /// The file's content, safetensors; the same surfaces give the same bytes.
-    ///
-    /// # Errors
-    ///
-    /// A reading that is not finite.
-    pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        let readings = self.nearests.iter().flat_map(|one| &one.values);
-        check_finite(FILE.what, readings.copied())?;
-        let sets = sharing(self.nearests.iter().map(|one| &one.embeddings));
-        let stored = |one: &TrainedNearest| Stored {
-            trial: one.trial.clone(),
-            set: 0,
-        };
-        let mut nearests: Vec<Stored> = self.nearests.iter().map(stored).collect();
-        let mut contents = Vec::with_capacity(2 * sets.len());
-        for (at, (embeddings, places)) in sets.iter().enumerate() {
-            let values = |&place: &usize| &self.nearests[place].values[..];
-            let rows: Vec<&[f64]> = places.iter().map(values).collect();
-            let name = format!("{at}/readings");
-            contents.push(Content::rows(name, &rows, embeddings.surfaces()));
-            contents.push(Content::embeddings(format!("{at}/embeddings"), embeddings));
-            for &place in places {
-                nearests[place].set = at;
-            }
+pub(super) fn to_bytes(models: &[TrainedNearest]) -> Result<Vec<u8>> {
+    let readings = models.iter().flat_map(|one| &one.values);
+    check_finite(FILE.what, readings.copied())?;
+    let sets = sharing(models.iter().map(|one| &one.embeddings));
+    let stored = |one: &TrainedNearest| Stored {
+        trial: one.trial.clone(),
+        set: 0,
+    };
+    let mut nearests: Vec<Stored> = models.iter().map(stored).collect();
+    let mut contents = Vec::with_capacity(2 * sets.len());
+    for (at, (embeddings, places)) in sets.iter().enumerate() {
+        let values = |&place: &usize| &models[place].values[..];
+        let rows: Vec<&[f64]> = places.iter().map(values).collect();
+        let name = format!("{at}/readings");
+        contents.push(Content::rows(name, &rows, embeddings.surfaces()));
+        contents.push(Content::embeddings(format!("{at}/embeddings"), embeddings));
+        for &place in places {
+            nearests[place].set = at;
         }
-        let metadata = Metadata {
-            format: FILE.format,
-            sets: sets.len(),
-            blocks: stored_blocks(sets.iter().map(|(embeddings, _)| &***embeddings)),
-            nearests,
-        };
-        FILE.write(&metadata, &contents)
     }
+    let metadata = Metadata {
+        format: FILE.format,
+        sets: sets.len(),
+        blocks: stored_blocks(sets.iter().map(|(embeddings, _)| &***embeddings)),
+        nearests,
+    };
+    FILE.write(&metadata, &contents)
+}
 
-    /// Reads what [`TrainedNearests::to_bytes`] gave.
-    ///
-    /// # Errors
-    ///
-    /// Bytes that are not training surfaces of this format.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let (metadata, contents) = FILE.read::<Metadata>(bytes)?;
-        // Two for each set, and so no more sets than tensors.
-        contents.check_count(metadata.sets.saturating_mul(2))?;
-        let mut sets = Vec::with_capacity(metadata.sets);
-        for at in 0..metadata.sets {
-            let embeddings = contents.embeddings(&format!("{at}/embeddings"), &metadata.blocks)?;
-            let rows = contents.rows(&format!("{at}/readings"), embeddings.surfaces())?;
-            sets.push((Arc::new(embeddings), rows.into_iter()));
-        }
-        let mut nearests = Vec::with_capacity(metadata.nearests.len());
-        for Stored { trial, set } in metadata.nearests {
-            let found = sets.get_mut(set);
-            let next = found.and_then(|(shared, rows)| Some((shared, rows.next()?)));
-            let Some((embeddings, values)) = next else {
-                let found = format_args!("no readings of training surfaces {set} for a trial");
-                return Err(FILE.refused(found, "some for each trial"));
-            };
-            nearests.push(TrainedNearest {
-                trial,
-                embeddings: Arc::clone(embeddings),
-                values,
-            });
-        }
-        if sets.iter_mut().any(|(_, rows)| rows.next().is_some()) {
-            return Err(FILE.refused("readings of no trial", "none such"));
-        }
-        Ok(Self { nearests })
+pub(super) fn from_bytes(bytes: &[u8]) -> Result<Vec<TrainedNearest>> {
+    let (metadata, contents) = FILE.read::<Metadata>(bytes)?;
+    // Two for each set, and so no more sets than tensors.
+    contents.check_count(metadata.sets.saturating_mul(2))?;
+    let mut sets = Vec::with_capacity(metadata.sets);
+    for at in 0..metadata.sets {
+        let embeddings = contents.embeddings(&format!("{at}/embeddings"), &metadata.blocks)?;
+        let rows = contents.rows(&format!("{at}/readings"), embeddings.surfaces())?;
+        sets.push((Arc::new(embeddings), rows.into_iter()));
     }
+    let mut nearests = Vec::with_capacity(metadata.nearests.len());
+    for Stored { trial, set } in metadata.nearests {
+        let found = sets.get_mut(set);
+        let next = found.and_then(|(shared, rows)| Some((shared, rows.next()?)));
+        let Some((embeddings, values)) = next else {
+            let found = format_args!("no readings of training surfaces {set} for a trial");
+            return Err(FILE.refused(found, "some for each trial"));
+        };
+        nearests.push(TrainedNearest {
+            trial,
+            embeddings: Arc::clone(embeddings),
+            values,
+        });
+    }
+    if sets.iter_mut().any(|(_, rows)| rows.next().is_some()) {
+        return Err(FILE.refused("readings of no trial", "none such"));
+    }
+    Ok(nearests)
 }

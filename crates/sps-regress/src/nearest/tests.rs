@@ -1,6 +1,7 @@
 use super::*;
 use crate::data::Readings;
 use crate::plan::{Rerun, Views};
+use crate::regressor::FittedRegressor;
 
 /// Five surfaces on a line, of two views each, and the readings of two properties.
 fn fitted(properties: [[Option<f64>; 5]; 2]) -> Result<TrainedNearests> {
@@ -46,7 +47,7 @@ fn the_nearest_surface_with_a_reading_answers() {
     assert_eq!(found[1], [20.0, 20.0, 22.0, 22.0, 22.0, 22.0, 22.0]);
     assert_eq!(nearests.multiply_adds(), 4 * 4 + 2 * 4);
     let second = nearests.filter(|trial| trial.property == "b");
-    assert_eq!(second.nearests()[0].trial().rerun, 4);
+    assert_eq!(second.models()[0].trial().rerun, 4);
     assert_eq!(predict(&second, &[0.6, 90.0]), [[22.0, 22.0]]);
 }
 

@@ -1,19 +1,12 @@
 use faer::Mat;
 use ndarray::{Array1, Array2, ArrayView1, Axis};
 
+use super::TrainedRidge;
 use crate::data::Embeddings;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::left_out::{LeftOut, LeftOutBlock};
 use crate::pca::Pca;
-
-/// A fitted plane over the features of all views side by side.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Fit {
-    pub(super) penalty: f64,
-    pub(super) intercept: f64,
-    /// `(views x width)`.
-    pub(super) weights: Array1<f64>,
-}
+use crate::plan::Trial;
 
 /// The features of some surfaces on their principal axes, where the columns are centred and
 /// orthogonal, and each penalty's fit has a closed form. All fits to the same surfaces share it.
@@ -63,7 +56,7 @@ impl<'a> Axes<'a> {
     }
 
     /// Fits `values`, one per surface, with the best of the penalties.
-    pub(super) fn fit(&self, values: &[f64]) -> Fit {
+    pub(super) fn fit(&self, trial: &Trial, values: &[f64]) -> TrainedRidge {
         let values = ArrayView1::from(values);
         let level = values.mean().unwrap_or_default();
         let centred = &values - level;
@@ -77,10 +70,11 @@ impl<'a> Axes<'a> {
                 self.components.components().t().dot(&on_axes)
             },
         );
-        Fit {
+        TrainedRidge {
+            trial: trial.clone(),
             penalty: best.map_or(1.0, |(best, _)| best.relative),
             intercept: level - self.mean.dot(&weights),
-            weights: weights * &self.factors,
+            weights: (weights * &self.factors).to_vec(),
         }
     }
 
@@ -123,24 +117,10 @@ impl Penalty {
     }
 }
 
-impl Fit {
-    /// One estimate per surface.
-    pub(super) fn predict(&self, features: &Embeddings) -> Result<Vec<f64>> {
-        if features.views() * features.width() != self.weights.len() {
-            return Err(Error::input(
-                "embeddings for ridge regression",
-                format_args!("{} views of width {}", features.views(), features.width()),
-                format_args!("{} features in all", self.weights.len()),
-            ));
-        }
-        let estimates = features.table().dot(&self.weights) + self.intercept;
-        Ok(estimates.to_vec())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::Views;
     use faer::linalg::solvers::Solve;
     use ndarray::Array;
 
@@ -174,9 +154,18 @@ mod tests {
         (weights, level - offset)
     }
 
-    fn fit(features: &Embeddings, values: &[f64], penalties: &[f64]) -> Fit {
+    fn fit(features: &Embeddings, values: &[f64], penalties: &[f64]) -> TrainedRidge {
         let alone = alone(values.len());
-        Axes::new(features, penalties, &alone).unwrap().fit(values)
+        let axes = Axes::new(features, penalties, &alone).unwrap();
+        axes.fit(&trial(), values)
+    }
+
+    fn trial() -> Trial {
+        Trial {
+            property: "p".into(),
+            rerun: 0,
+            views: Views::Fixed(vec![0]),
+        }
     }
 
     /// Each surface is left out for itself.
@@ -240,7 +229,7 @@ mod tests {
             let best = penalties
                 .into_iter()
                 .min_by(|a, b| error(*a).total_cmp(&error(*b)));
-            assert_eq!(Some(axes.fit(&values).penalty), best);
+            assert_eq!(Some(axes.fit(&trial(), &values).penalty), best);
         }
     }
 

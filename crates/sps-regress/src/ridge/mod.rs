@@ -2,7 +2,7 @@
 //!
 //! ```
 //! use sps_regress::ridge::{Ridge, RidgeConfig};
-//! use sps_regress::{Embeddings, Plan, Readings, Rerun, TrainingData};
+//! use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData};
 //!
 //! // One feature, and a reading that is a line in it.
 //! let embeddings = Embeddings::new(vec![1.0, 2.0, 3.0, 4.0, 5.0], [5, 1, 1])?;
@@ -13,24 +13,25 @@
 //! let plan = Plan::each(7, readings.properties(), vec![rerun]);
 //!
 //! let trained = Ridge::new(RidgeConfig::default())?.train(&data, &plan)?;
-//! assert_eq!(trained.ridges()[0].penalty(), 0.01); // the least of those tried
+//! assert_eq!(trained.models()[0].penalty(), 0.01); // the least of those tried
 //! let estimates = trained.predict(&embeddings.select(&[2], &[0])?)?;
 //! assert!((estimates[0].values[0] - 30.0).abs() < 1e-3);
 //! # Ok::<(), sps_regress::Error>(())
 //! ```
 
 mod fit;
-mod store;
 
+use ndarray::ArrayView1;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
+use crate::fitted::{Fitted, FittedModel};
 use crate::groups::fit_groups;
 use crate::plan::{Plan, TrainingData, Trial};
-use crate::regressor::Estimates;
-use fit::{Axes, Fit};
+use crate::regressor::check_finite;
+use fit::Axes;
 
 /// Settings of [`Ridge`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -98,80 +99,98 @@ impl Ridge {
     pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedRidges> {
         let ridges = fit_groups(data, plan, |group| {
             let axes = Axes::new(&group.embeddings, &self.0.penalties, &group.left_out)?;
-            let fits = group.jobs.par_iter().map(|job| TrainedRidge {
-                trial: job.trial.clone(),
-                fit: axes.fit(&job.values),
-            });
-            Ok(fits.collect())
+            let fits = group.jobs.par_iter();
+            Ok(fits.map(|job| axes.fit(job.trial, &job.values)).collect())
         })?;
-        Ok(TrainedRidges { ridges })
+        Ok(Fitted(ridges))
     }
 }
 
-/// One fitted ridge regression.
-#[derive(Clone, Debug, PartialEq)]
+/// One fitted ridge regression: a plane over the features of all views side by side.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct TrainedRidge {
     trial: Trial,
-    fit: Fit,
-}
-
-impl TrainedRidge {
-    /// What it was fitted for.
-    pub fn trial(&self) -> &Trial {
-        &self.trial
-    }
-
-    /// The penalty that was chosen, in the units of [`RidgeConfig::penalties`].
-    pub fn penalty(&self) -> f64 {
-        self.fit.penalty
-    }
+    penalty: f64,
+    intercept: f64,
+    /// `(views x width)`.
+    weights: Vec<f64>,
 }
 
 /// Fitted ridge regressions.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TrainedRidges {
+pub type TrainedRidges = Fitted<TrainedRidge>;
+
+impl TrainedRidge {
+    /// The penalty that was chosen, in the units of [`RidgeConfig::penalties`].
+    pub fn penalty(&self) -> f64 {
+        self.penalty
+    }
+
+    /// One estimate per surface.
+    fn predict(&self, embeddings: &Embeddings) -> Result<Vec<f64>> {
+        if embeddings.views() * embeddings.width() != self.weights.len() {
+            let (views, width) = (embeddings.views(), embeddings.width());
+            return Err(Error::input(
+                "embeddings for ridge regression",
+                format_args!("{views} views of width {width}"),
+                format_args!("{} features in all", self.weights.len()),
+            ));
+        }
+        let weights = ArrayView1::from(&self.weights);
+        Ok((embeddings.table().dot(&weights) + self.intercept).to_vec())
+    }
+}
+
+/// Kept as JSON: small enough, and every digit is kept.
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct File {
+    format: u32,
     ridges: Vec<TrainedRidge>,
 }
 
-impl TrainedRidges {
-    /// The regressions, in the order of the plan.
-    pub fn ridges(&self) -> &[TrainedRidge] {
-        &self.ridges
+const FORMAT: u32 = 1;
+
+impl FittedModel for TrainedRidge {
+    const KIND: &'static str = "ridges";
+
+    fn trial(&self) -> &Trial {
+        &self.trial
     }
 
-    /// The regressions for which `keep` says so.
-    #[must_use]
-    pub fn filter(&self, keep: impl Fn(&Trial) -> bool) -> Self {
-        let kept = self.ridges.iter().filter(|ridge| keep(&ridge.trial));
-        Self {
-            ridges: kept.cloned().collect(),
-        }
-    }
-
-    /// Multiply-adds to estimate one surface from its embeddings, all regressions together.
-    pub fn multiply_adds(&self) -> u64 {
-        let ridges = self.ridges.iter();
-        ridges.map(|ridge| ridge.fit.weights.len() as u64).sum()
-    }
-
-    /// The estimates of every regression for every surface, in measured units. The views of
-    /// `embeddings` are the ones to use, in the order of the trial's views.
-    ///
-    /// # Errors
-    ///
-    /// Embeddings of another width or number of views than were fitted.
-    pub fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
-        let estimates: Vec<Result<Estimates>> = self
-            .ridges
-            .par_iter()
-            .map(|ridge| {
-                Ok(Estimates {
-                    property: ridge.trial.property.clone(),
-                    rerun: ridge.trial.rerun,
-                    values: ridge.fit.predict(embeddings)?,
-                })
-            })
-            .collect();
+    fn estimate(models: &[Self], embeddings: &Embeddings) -> Result<Vec<Vec<f64>>> {
+        let estimates = models.par_iter().map(|model| model.predict(embeddings));
+        let estimates: Vec<Result<_>> = estimates.collect();
         estimates.into_iter().collect()
+    }
+
+    fn multiply_adds(models: &[Self]) -> u64 {
+        models.iter().map(|model| model.weights.len() as u64).sum()
+    }
+
+    fn to_bytes(models: &[Self]) -> Result<Vec<u8>> {
+        for model in models {
+            let numbers = model
+                .weights
+                .iter()
+                .chain([&model.penalty, &model.intercept]);
+            check_finite("ridge regressions", numbers.copied())?;
+        }
+        let file = File {
+            format: FORMAT,
+            ridges: models.to_vec(),
+        };
+        serde_json::to_vec(&file)
+            .map_err(|error| Error::input("ridge regressions", error, "finite weights"))
+    }
+
+    fn from_bytes(bytes: &[u8]) -> Result<Vec<Self>> {
+        let file: File = serde_json::from_slice(bytes)
+            .map_err(|error| Error::input("ridge regressions", error, "a file of them"))?;
+        if file.format != FORMAT {
+            let what = "format of ridge regressions";
+            return Err(Error::input(what, file.format, FORMAT));
+        }
+        Ok(file.ridges)
     }
 }

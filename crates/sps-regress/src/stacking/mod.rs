@@ -15,9 +15,12 @@ use sps_base::streams::named_stream;
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
 use crate::plan::{Plan, Rerun, TrainingData, Trial, Views};
-use crate::regressor::{Estimates, FittedRegressor, Regressor, STACKS};
+use crate::regressor::{Estimates, FittedRegressor, Regressor};
 pub(crate) use store::MOST_DEPTH;
 use weights::nonnegative_least_squares;
+
+/// What fitted stacks are read by.
+pub(crate) const KIND: &str = "stacks";
 
 /// The most members: their subsets are tried one by one.
 const MOST_MEMBERS: usize = 4;
@@ -313,11 +316,11 @@ impl FittedRegressor for TrainedStacks {
     }
 
     fn kind(&self) -> &'static str {
-        STACKS
+        KIND
     }
 
     fn to_bytes(&self) -> Result<Vec<u8>> {
-        self.to_bytes()
+        store::to_bytes(self)
     }
 }
 

@@ -3,11 +3,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{MOST_MEMBERS, TrainedStack, TrainedStacks};
+use super::{KIND, MOST_MEMBERS, TrainedStack, TrainedStacks};
 use crate::archive::{Archive, Content, Contents};
 use crate::error::Result;
 use crate::plan::Trial;
-use crate::regressor::{FittedRegressor, OtherKind, STACKS, check_finite, fitted_within};
+use crate::regressor::{FittedRegressor, OtherKind, check_finite, fitted_within};
 
 /// How deep stacks may hold others, themselves included: reading goes down as deep.
 pub(crate) const MOST_DEPTH: usize = 8;
@@ -29,52 +29,35 @@ struct Metadata {
     stacks: Vec<TrainedStack>,
 }
 
+/// The file's content, safetensors; stacks that hold others more than 8 deep are refused.
+pub(super) fn to_bytes(stacks: &TrainedStacks) -> Result<Vec<u8>> {
+    for TrainedStack { mean, weights, .. } in &stacks.stacks {
+        check_finite(FILE.what, weights.iter().copied().chain([*mean]))?;
+    }
+    let mut metadata = Metadata {
+        format: FILE.format,
+        depth: 1,
+        members: Vec::with_capacity(stacks.members.len()),
+        stacks: stacks.stacks.clone(),
+    };
+    let mut contents = Vec::with_capacity(stacks.members.len());
+    for (at, member) in stacks.members.iter().enumerate() {
+        let bytes = member.to_bytes()?;
+        if member.kind() == KIND {
+            let (inner, _) = FILE.read::<Metadata>(&bytes)?;
+            metadata.depth = metadata.depth.max(inner.depth + 1);
+        }
+        metadata.members.push(member.kind().to_owned());
+        contents.push(Content::bytes(at.to_string(), bytes));
+    }
+    check_depth(metadata.depth, MOST_DEPTH)?;
+    FILE.write(&metadata, &contents)
+}
+
 impl TrainedStacks {
-    /// The file's content, safetensors; the same stacks give the same bytes.
-    ///
-    /// # Errors
-    ///
-    /// A number that is not finite; members of a kind that is not kept; stacks that hold others
-    /// more than 8 deep.
-    pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        for TrainedStack { mean, weights, .. } in &self.stacks {
-            check_finite(FILE.what, weights.iter().copied().chain([*mean]))?;
-        }
-        let mut metadata = Metadata {
-            format: FILE.format,
-            depth: 1,
-            members: Vec::with_capacity(self.members.len()),
-            stacks: self.stacks.clone(),
-        };
-        let mut contents = Vec::with_capacity(self.members.len());
-        for (at, member) in self.members.iter().enumerate() {
-            let bytes = member.to_bytes()?;
-            if member.kind() == STACKS {
-                let (inner, _) = FILE.read::<Metadata>(&bytes)?;
-                metadata.depth = metadata.depth.max(inner.depth + 1);
-            }
-            metadata.members.push(member.kind().to_owned());
-            contents.push(Content::bytes(at.to_string(), bytes));
-        }
-        check_depth(metadata.depth, MOST_DEPTH)?;
-        FILE.write(&metadata, &contents)
-    }
-
-    /// Reads what [`TrainedStacks::to_bytes`] gave; members may be of `others` too.
-    ///
-    /// # Errors
-    ///
-    /// Bytes that are not fitted stacks of this format, or members that are not what the file says.
-    pub fn from_bytes(bytes: &[u8], others: &[OtherKind]) -> Result<Self> {
-        Self::from_bytes_within(MOST_DEPTH, bytes, others)
-    }
-
-    /// The same, of stacks that hold others at most so deep, themselves included.
-    pub(crate) fn from_bytes_within(
-        depth: usize,
-        bytes: &[u8],
-        others: &[OtherKind],
-    ) -> Result<Self> {
+    /// Reads what [`FittedRegressor::to_bytes`] gave of stacks that hold others at most so deep, themselves
+    /// included; members may be of `others` too.
+    pub(crate) fn from_bytes(depth: usize, bytes: &[u8], others: &[OtherKind]) -> Result<Self> {
         let (metadata, contents) = FILE.read::<Metadata>(bytes)?;
         check_depth(metadata.depth, depth)?;
         let count = metadata.members.len();

@@ -5,11 +5,11 @@ use std::time::Instant;
 
 use anyhow::Result;
 use sps_dataset::{Frame, Source};
+use sps_regress::{Embeddings, FittedRegressor};
 
 use crate::memory;
 use crate::results::Costs;
 use crate::run::Stage;
-use sps_regress::{Embeddings, FittedRegressor};
 
 /// What estimates are made of.
 pub(super) struct Estimating<'a, S> {

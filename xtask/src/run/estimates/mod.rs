@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use sps_dataset::{Property, Source, Surface};
+use sps_regress::Readings;
 
 use super::adaptive::deviation;
 use super::fit::{Judge, measured};
@@ -20,7 +21,6 @@ use crate::config::{Estimator, Experiment, Given, Method};
 use crate::data::About;
 use crate::journal::{Outcome, Stop};
 use problems::Problems;
-use sps_regress::Readings;
 
 /// What a file of estimates holds.
 #[derive(Debug)]

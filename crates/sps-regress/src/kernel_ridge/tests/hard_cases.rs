@@ -12,7 +12,7 @@ fn one_surface_is_its_own_mean() {
             trained.predict(&set.embeddings).unwrap()[0].values,
             [7.0; 3]
         );
-        assert_eq!(trained.ridges()[0].left_out_error(), None);
+        assert_eq!(trained.models()[0].left_out_error(), None);
     }
 }
 
@@ -77,8 +77,8 @@ fn gaps_are_left_out() {
     };
     let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
     let without = ridge.train(&set.data(), &plan).unwrap();
-    assert_eq!(trained.ridges()[1], without.ridges()[1]);
-    assert_ne!(trained.ridges()[0].fit, without.ridges()[0].fit);
+    assert_eq!(trained.models()[1], without.models()[1]);
+    assert_ne!(trained.models()[0].fit, without.models()[0].fit);
 }
 
 #[test]

@@ -7,6 +7,7 @@ use super::*;
 use crate::data::Readings;
 use crate::golden::uniform;
 use crate::plan::{Rerun, Views};
+use crate::regressor::{Estimates, FittedRegressor};
 use crate::ridge::{Ridge, RidgeConfig};
 
 pub(super) struct Set {
@@ -167,7 +168,7 @@ fn the_fit_solves_the_normal_equations() {
             let found = trained
                 .predict(&set.embeddings.select(&all, views).unwrap())
                 .unwrap();
-            assert_eq!(trained.ridges()[0].penalty(), Some(0.02));
+            assert_eq!(trained.models()[0].penalty(), Some(0.02));
             let among = part(&whole, &training, &training);
             let (coefficients, intercept) = direct(&among, &values, 0.02 * trace(&among));
             let expected = part(&whole, &all, &training).dot(&coefficients) + intercept;
@@ -235,13 +236,11 @@ fn predictions_are_scikit_learns() {
             embeddings,
             scales,
         };
-        let trained = TrainedKernelRidges {
-            ridges: vec![TrainedKernelRidge {
-                trial: set.plan(20, &[0]).trials[0].clone(),
-                fit: Fit::with(&spectrum, &values, 0),
-                support: Arc::new(support),
-            }],
-        };
+        let trained = Fitted(vec![TrainedKernelRidge {
+            trial: set.plan(20, &[0]).trials[0].clone(),
+            fit: Fit::with(&spectrum, &values, 0),
+            support: Arc::new(support),
+        }]);
         let held_out = data.embeddings.select(&[20, 21, 22, 23, 24], &[0]).unwrap();
         close(
             &trained.predict(&held_out).unwrap()[0].values,
@@ -328,7 +327,7 @@ fn later_blocks_count_more_where_a_kernel_leans() {
     let mut config = config(Kernel::Exponential, &[0.02], &[1.5]);
     config.kernels[0].leaning = 2.0;
     let trained = set.train(&config, 20, &[0]).unwrap();
-    assert_eq!(trained.ridges()[0].shape(), Some(config.kernels[0]));
+    assert_eq!(trained.models()[0].shape(), Some(config.kernels[0]));
     let found = trained.predict(&set.embeddings.select(&new, &[0]).unwrap());
     close(&found.unwrap()[0].values, &expected.to_vec(), 1e-9);
 
@@ -393,7 +392,7 @@ fn the_choice_is_the_best_when_each_unit_is_left_out() {
             .into_iter()
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .unwrap();
-        let ridge = &trained.ridges()[0];
+        let ridge = &trained.models()[0];
         assert_eq!(
             (ridge.shape(), ridge.penalty()),
             (Some(shape), Some(penalty))
@@ -421,7 +420,7 @@ fn what_cannot_be_predicted_gets_the_mean() {
         .unwrap();
     let values: Vec<f64> = column("kernel.noise", 30).into_iter().flatten().collect();
     let mean = values.iter().sum::<f64>() / 30.0;
-    let ridge = &trained.ridges()[0];
+    let ridge = &trained.models()[0];
     assert_eq!((ridge.shape(), ridge.penalty()), (None, None));
     close(
         &trained.predict(&set.embeddings).unwrap()[0].values,
@@ -450,7 +449,7 @@ fn the_linear_kernel_is_ridge_regression() {
     let penalty = penalty / 10.0 * 30.0 / 29.0;
     let trained = set.train(&config(Kernel::Linear, &[penalty], &[1.0]), 30, &[0, 1]);
     let trained = trained.unwrap();
-    assert_eq!(trained.ridges()[0].penalty(), Some(penalty));
+    assert_eq!(trained.models()[0].penalty(), Some(penalty));
     let estimates = |estimates: Vec<Estimates>| estimates[0].values.clone();
     let expected = estimates(ridge.predict(&set.embeddings).unwrap());
     close(
@@ -484,9 +483,9 @@ fn company_and_threads_change_nothing() {
         (&all, &estimates),
         (&on(1, &|_| true).0, &on(1, &|_| true).1)
     );
-    for (at, ridge) in all.ridges().iter().enumerate() {
+    for (at, ridge) in all.models().iter().enumerate() {
         let (alone, estimate) = on(2, &|trial| trial == ridge.trial());
-        assert_eq!(alone.ridges(), std::slice::from_ref(ridge));
+        assert_eq!(alone.models(), std::slice::from_ref(ridge));
         assert_eq!(estimate, estimates[at..=at]);
         let kept = all.filter(|trial| trial == ridge.trial());
         assert_eq!(kept.predict(&set.embeddings).unwrap(), estimate);

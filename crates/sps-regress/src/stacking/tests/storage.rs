@@ -159,7 +159,10 @@ fn stacks_that_do_not_fit_together_are_refused() {
         ("\"mean\"", "\"median\"", "median"),
     ] {
         let changed = with(&bytes, from, to);
-        refused(TrainedStacks::from_bytes(&changed, &[]).map(drop), expected);
+        refused(
+            TrainedStacks::from_bytes(MOST_DEPTH, &changed, &[]).map(drop),
+            expected,
+        );
         refused(fitted_from_bytes("stacks", "file", &changed, &[]), "file: ");
     }
 }

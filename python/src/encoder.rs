@@ -242,7 +242,7 @@ fn network(
             "{kind} embeds sequences of images, expected a network of images"
         )));
     }
-    let precision: Precision = precision.parse().map_err(|error| model_error(&error))?;
+    let precision: Precision = precision.parse().map_err(value_error)?;
     let encoder = if weights == Path::new(BUILT_IN) {
         encoders::Encoder::built_in(kind, &Device::Cpu)
     } else {

@@ -11,9 +11,8 @@ use sps_dataset::{
 };
 use sps_metrics::{Intervals, Level, Metric, Samples, Scored};
 use sps_models::encoders::{Encoder, EncoderKind};
-use sps_models::heads::{Plan, Rerun, TrainingData, Trial, Views};
-use sps_models::ridge::{Ridge, RidgeConfig};
-use sps_models::{Embeddings, Readings};
+use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData, Trial, Views};
 use sps_simulate::{Simulator, SimulatorSpec};
 
 /// R² of ridge regression on simulated surfaces, every surface held out once
@@ -140,12 +139,8 @@ fn embed(encoder: &Encoder, simulator: &Simulator) -> Result<Embeddings> {
         let features = encoder.embed(&images.permute((0, 3, 1, 2))?)?;
         values.extend(features.flatten_all()?.to_vec1::<f32>()?);
     }
-    let shape = (surfaces, ANGLES.len(), encoder.width());
-    Ok(Embeddings::new(&Tensor::from_vec(
-        values,
-        shape,
-        &Device::Cpu,
-    )?)?)
+    let shape = [surfaces, ANGLES.len(), encoder.width()];
+    Ok(Embeddings::new(values, shape)?)
 }
 
 /// Values and estimates of every property over the surfaces of all seeds.

@@ -10,10 +10,9 @@ use image::{Rgb, RgbImage};
 use serde_json::{Value, json};
 use sps_dataset::{DatasetFolder, ReadSettings, Source, TactileSettings, Unit, Units};
 use sps_estimator::{Embedder, Estimator, Network, photographs_in};
-use sps_models::Readings;
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
-use sps_models::heads::{Plan, Rerun, TrainingData, Views};
-use sps_models::ridge::{Ridge, RidgeConfig};
+use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::{FittedRegressor, Plan, Readings, Rerun, TrainingData, Views};
 use support::{Scratch, expect, message, root, xtask};
 
 /// The frames of the tiny dataset.

@@ -10,11 +10,10 @@ use sps_estimator::{
     Widths,
 };
 use sps_metrics::Level;
-use sps_models::candle::{Device, Tensor};
+use sps_models::candle::Device;
 use sps_models::encoders::{Encoder, EncoderKind};
-use sps_models::heads::TrainingData;
-use sps_models::ridge::{Ridge, RidgeConfig};
-use sps_models::{Embeddings, Readings};
+use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::{Embeddings, Readings, TrainingData};
 
 const SIDE: usize = 48;
 const SURFACES: usize = 40;
@@ -29,15 +28,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
     let embedder = Embedder::new(Network::Images(encoder), None)?;
     let photographs: Vec<Frame> = (0..SURFACES).map(photograph).collect();
-    let shape = (SURFACES, 1, embedder.width());
-    let values = Tensor::from_vec(embedder.embed(&photographs)?, shape, &Device::Cpu)?;
+    let values = embedder.embed(&photographs)?;
 
     // What was felt on each: rougher where the stripes are wide.
     let rows: Vec<_> = (0..SURFACES)
         .map(|surface| vec![Some(roughness(surface))])
         .collect();
     let (embeddings, readings) = (
-        Embeddings::new(&values)?,
+        Embeddings::new(values, [SURFACES, 1, embedder.width()])?,
         Readings::new(vec!["mTX".into()], &rows)?,
     );
     let surface = |at: usize| Surface {

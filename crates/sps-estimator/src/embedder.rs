@@ -9,9 +9,8 @@ use sps_dataset::{
     DecodeSettings, Extent, Frame, FrameError, PHOTOGRAPH_ENDINGS, photograph_ending, read_image,
     read_image_resized,
 };
-use sps_models::Embeddings;
-use sps_models::candle::{Device, Tensor};
 use sps_models::encoders::Encoder;
+use sps_regress::Embeddings;
 
 use crate::error::{Error, Result};
 
@@ -245,9 +244,7 @@ impl Embedder {
     ///
     /// Another number of values, or one that is not finite.
     pub fn table(&self, values: &[f32], surfaces: usize, views: usize) -> Result<Embeddings> {
-        let shape = (surfaces, views, self.width());
-        let tensor = Tensor::from_slice(values, shape, &Device::Cpu);
-        let table = Embeddings::new(&tensor.map_err(sps_models::Error::from)?)?;
+        let table = Embeddings::new(values.to_vec(), [surfaces, views, self.width()])?;
         let blocks = self.network.encoder().blocks();
         let widths: Vec<usize> = blocks.iter().map(|block| block.width).collect();
         Ok(table.in_blocks(&widths)?)

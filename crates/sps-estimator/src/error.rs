@@ -59,6 +59,12 @@ pub enum Error {
     },
 }
 
+impl From<sps_regress::Error> for Error {
+    fn from(error: sps_regress::Error) -> Self {
+        Self::Model(error.into())
+    }
+}
+
 impl Error {
     pub(crate) fn input(
         what: impl fmt::Display,

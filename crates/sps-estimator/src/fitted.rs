@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use sps_dataset::Unit;
 use sps_metrics::{Level, PredictionInterval};
-use sps_models::Embeddings;
+use sps_regress::Embeddings;
 
 use crate::error::{Error, Result};
 use crate::novelty::Familiar;

@@ -70,7 +70,7 @@ impl Estimator {
         if size[0] < window[0] || size[1] < window[1] {
             return Err(self.smaller_than_a_window(photograph));
         }
-        let windows = Windows::new(size, window, stride)?;
+        let windows = Windows::new(size, window, stride).map_err(sps_models::Error::from)?;
         let embeddings = match sight {
             Sight::Within => {
                 let encoder = self.embedder.network().of_images()?;

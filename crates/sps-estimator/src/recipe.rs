@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use sps_dataset::{Split, SplitError, Units};
 use sps_metrics::Level;
-use sps_models::heads::TrainingData;
+use sps_regress::TrainingData;
 
 use crate::error::{Error, Result};
 use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};

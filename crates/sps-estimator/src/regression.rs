@@ -2,12 +2,12 @@
 
 use serde_json::{Value, json};
 use sps_dataset::Units;
-use sps_models::heads::{DivergedTrial, Head, HeadConfig, Input, Observer, Plan, TrainingData};
-use sps_models::kernel_ridge::KernelRidge;
-use sps_models::nearest::Nearest;
-use sps_models::ridge::Ridge;
-use sps_models::stacking::Stacking;
-use sps_models::{FittedRegressor, Regressor};
+use sps_models::heads::{Head, HeadConfig, Input, Observer};
+use sps_regress::kernel_ridge::KernelRidge;
+use sps_regress::nearest::Nearest;
+use sps_regress::ridge::Ridge;
+use sps_regress::stacking::Stacking;
+use sps_regress::{DivergedTrial, FittedRegressor, Plan, Regressor, TrainingData};
 
 use crate::error::{Error, Result};
 
@@ -15,11 +15,11 @@ use crate::error::{Error, Result};
 ///
 /// ```
 /// use sps_estimator::Regression;
-/// use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+/// use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 ///
 /// let kernel = KernelRidge::new(KernelRidgeConfig::default())?;
 /// assert_eq!(Regression::KernelRidge(kernel).kind(), "kernel-ridge");
-/// # Ok::<(), sps_models::Error>(())
+/// # Ok::<(), sps_regress::Error>(())
 /// ```
 #[derive(Clone, Debug)]
 pub enum Regression {

@@ -12,9 +12,8 @@
 //! promised rate, and so at the m where one stops, however that is decided.
 
 use sps_dataset::Units;
-use sps_models::heads::{Plan, Rerun, TrainingData, Trial, Views};
-use sps_models::ridge::{Ridge, RidgeConfig};
-use sps_models::{Embeddings, FittedRegressor, Readings};
+use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData, Trial, Views};
 
 use crate::error::{Error, Result};
 use crate::regression::Regression;

@@ -11,9 +11,10 @@ use sps_estimator::{
 };
 use sps_metrics::Level;
 use sps_models::encoders::Depths;
-use sps_models::heads::{Head, HeadConfig, Input, Plan, Rerun, Views};
-use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
-use sps_models::ridge::{Ridge, RidgeConfig};
+use sps_models::heads::{Head, HeadConfig, Input};
+use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::{FittedRegressor, Plan, Rerun, Views};
 use support::{Tables, embedder, photograph, recipe, ridge};
 
 fn kernel() -> Regression {

@@ -5,9 +5,7 @@ mod support;
 use sps_dataset::{Surface, Units};
 use sps_estimator::{Calibration, Examples, Recipe, Wanted, Widths};
 use sps_metrics::Level;
-use sps_models::candle::{Device, Tensor};
-use sps_models::heads::TrainingData;
-use sps_models::{Embeddings, Readings};
+use sps_regress::{Embeddings, Readings, TrainingData};
 use support::{ridge, uniform};
 
 const WIDTH: usize = 6;
@@ -52,9 +50,8 @@ fn grouped(groups: usize, of_group: usize) -> Units {
 }
 
 fn embeddings(rows: &[[f64; WIDTH]]) -> Embeddings {
-    let values: Vec<f32> = rows.as_flattened().iter().map(|&x| x as f32).collect();
-    let shape = (rows.len(), 1, WIDTH);
-    Embeddings::new(&Tensor::from_vec(values, shape, &Device::Cpu).unwrap()).unwrap()
+    let values = rows.as_flattened().iter().map(|&x| x as f32).collect();
+    Embeddings::new(values, [rows.len(), 1, WIDTH]).unwrap()
 }
 
 /// What the encoder makes of a surface: it pulls what it learned from towards one point.

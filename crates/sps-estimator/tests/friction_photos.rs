@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 use sps_dataset::{DatasetFolder, Frame, ReadSettings, Source, TactileSettings, Unit, Units};
 use sps_estimator::{Calibration, Embedder, Examples, Network, Recipe, Regression, Wanted, Widths};
 use sps_metrics::Level;
-use sps_models::candle::{Device, Tensor};
+use sps_models::candle::Device;
 use sps_models::encoders::{Encoder, EncoderKind};
-use sps_models::heads::TrainingData;
-use sps_models::ridge::{Ridge, RidgeConfig};
-use sps_models::{Embeddings, Readings};
+use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::{Embeddings, Readings, TrainingData};
 
 fn shared(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -53,9 +52,8 @@ fn a_material_that_was_left_out_is_unfamiliar() {
     let frames: Vec<Frame> = (0..surfaces.len())
         .map(|s| dataset.frame(s, 0).unwrap())
         .collect();
-    let shape = (surfaces.len(), 1, embedder.width());
-    let values = Tensor::from_vec(embedder.embed(&frames).unwrap(), shape, &Device::Cpu).unwrap();
-    let embeddings = Embeddings::new(&values).unwrap();
+    let values = embedder.embed(&frames).unwrap();
+    let embeddings = Embeddings::new(values, [surfaces.len(), 1, embedder.width()]).unwrap();
     let touched = dataset
         .tactile()
         .averages(&TactileSettings::default(), surfaces.len());

@@ -12,7 +12,6 @@
 
 mod error;
 #[cfg(test)]
-#[path = "../../../fixtures/golden/rule.rs"]
 mod golden;
 mod images;
 pub mod inference;

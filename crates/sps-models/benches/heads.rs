@@ -6,14 +6,12 @@
 
 use std::hint::black_box;
 
-use candle_core::{Device, Tensor};
 use criterion::{Criterion, criterion_group, criterion_main};
-use sps_models::heads::{
-    Adversarial, Classification, CrossModal, Head, HeadConfig, Model, Plan, Rerun, TrainingData,
-};
+use sps_models::Result;
+use sps_models::heads::{Adversarial, Classification, CrossModal, Head, HeadConfig, Model};
 use sps_models::labels::LabelSource;
-use sps_models::ridge::{Ridge, RidgeConfig};
-use sps_models::{Embeddings, Readings, Result};
+use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::{Embeddings, Plan, Readings, Rerun, TrainingData};
 
 const SURFACES: usize = 400;
 const WIDTH: usize = 512;
@@ -69,7 +67,6 @@ fn train(rows: &[Model], epochs: usize, data: &TrainingData<'_>, plan: &Plan) ->
 
 fn ablation(c: &mut Criterion) -> Result<()> {
     let embeddings = (0..SURFACES * WIDTH).map(|i| value(i * i) as f32);
-    let embeddings = Tensor::from_iter(embeddings, &Device::Cpu)?.reshape((SURFACES, WIDTH))?;
     let table: Vec<Vec<Option<f64>>> = (0..SURFACES)
         .map(|s| {
             (0..PROPERTIES)
@@ -79,7 +76,7 @@ fn ablation(c: &mut Criterion) -> Result<()> {
         .collect();
     let names: Vec<String> = (0..PROPERTIES).map(|p| format!("p{p}")).collect();
     let readings = Readings::new(names.clone(), &table)?;
-    let embeddings = Embeddings::new(&embeddings)?;
+    let embeddings = Embeddings::new(embeddings.collect(), [SURFACES, 1, WIDTH])?;
     let materials: Vec<String> = (0..SURFACES).map(|s| format!("m{}", s % 15)).collect();
     let data = TrainingData::new(&embeddings, &readings).with_materials(&materials);
     let rerun = |number: u64| Rerun {

@@ -24,10 +24,14 @@ pub enum Error {
     #[cfg(feature = "heads")]
     #[error(transparent)]
     Label(#[from] LabelError),
-    /// The kernels refuse what they are given.
+    /// The kernels cannot have a tensor.
     #[error(transparent)]
-    Kernels(#[from] sps_kernels::Error),
-    /// A tensor or table handed in has the wrong shape, type or values.
+    Kernels(sps_kernels::Error),
+    /// A table, a plan or a regression is not what it should be.
+    #[cfg(feature = "heads")]
+    #[error(transparent)]
+    Regression(sps_regress::Error),
+    /// A tensor or an image handed in has the wrong shape, type or values.
     #[error("{what}: found {found}, expected {expected}")]
     Input {
         /// The argument.
@@ -36,14 +40,6 @@ pub enum Error {
         found: String,
         /// What it must be.
         expected: String,
-    },
-    /// Kept models could not be read.
-    #[error("{name}: {source}")]
-    Kept {
-        /// What stands for their bytes.
-        name: String,
-        /// Why.
-        source: Box<Self>,
     },
     /// No encoder has this name.
     #[error("unknown encoder {found:?}, expected one of {expected}")]
@@ -84,6 +80,48 @@ impl Error {
             what,
             found: found.to_string(),
             expected: expected.to_string(),
+        }
+    }
+}
+
+/// What the kernels refuse is what this crate refuses.
+impl From<sps_kernels::Error> for Error {
+    fn from(error: sps_kernels::Error) -> Self {
+        match error {
+            sps_kernels::Error::Input {
+                what,
+                found,
+                expected,
+            } => Self::Input {
+                what,
+                found,
+                expected,
+            },
+            error => Self::Kernels(error),
+        }
+    }
+}
+
+/// An error of this crate that went through a regressor comes out as it was.
+#[cfg(feature = "heads")]
+impl From<sps_regress::Error> for Error {
+    fn from(error: sps_regress::Error) -> Self {
+        match error {
+            sps_regress::Error::Other(other) => match other.downcast() {
+                Ok(own) => *own,
+                Err(other) => Self::Regression(sps_regress::Error::Other(other)),
+            },
+            error => Self::Regression(error),
+        }
+    }
+}
+
+#[cfg(feature = "heads")]
+impl From<Error> for sps_regress::Error {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Regression(error) => error,
+            error => Self::Other(error.into()),
         }
     }
 }

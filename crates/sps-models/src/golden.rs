@@ -1,4 +1,4 @@
-//! The rule by which the scripts in `fixtures/golden` fill tensors, and the files they wrote.
+//! Tensors as the scripts in `fixtures/golden` fill them, and the files they wrote.
 
 use std::collections::HashMap;
 
@@ -8,6 +8,8 @@ use crate::weights::TensorSpec;
 
 #[path = "../../../fixtures/golden/rule.rs"]
 mod rule;
+#[path = "../../../fixtures/golden/weights.rs"]
+mod weights;
 
 pub(crate) use rule::{error, uniform};
 
@@ -19,7 +21,7 @@ pub(crate) fn tensor(name: &str, shape: &[usize]) -> Tensor {
 
 /// A network's tensor as the scripts fill it, f32.
 pub(crate) fn weight(spec: &TensorSpec) -> Tensor {
-    let values = rule::weight(&spec.name, &spec.shape);
+    let values = weights::weight(&spec.name, &spec.shape);
     Tensor::from_vec(values, spec.shape.as_slice(), &Device::Cpu).unwrap()
 }
 

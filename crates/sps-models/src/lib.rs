@@ -29,9 +29,8 @@
 //! - [`encoders`]: the networks, frozen ([`encoders::Encoder`]) and trainable
 //!   ([`encoders::TrainableEncoder`]).
 //! - [`weights`]: their tensors by name, from safetensors and from PyTorch's `.pth` files.
-//! - [`heads`]: from an embedding to tactile values; [`ridge`], [`kernel_ridge`] and [`nearest`] are
-//!   the floors under it, [`stacking`] is several as one, and all of them a [`Regressor`] whose
-//!   models can be kept ([`fitted_from_bytes`]).
+//! - [`heads`]: from an embedding to tactile values. They are a regressor beside those of `sps-regress`, which
+//!   takes [`Embeddings`](embeddings_of) too; models of both are read by [`fitted_from_bytes`].
 //! - [`labels`]: the classes that the cross-modal estimator learns from.
 //! - [`training`]: an encoder learns from images, end to end.
 //! - [`optim`]: Adam as PyTorch has it.
@@ -42,64 +41,34 @@
 //!
 //! | feature | modules | packages that it brings |
 //! |---|---|---|
-//! | `heads` | [`heads`], [`labels`] by material, [`optim`] | faer |
-//! | `regressions` | `heads`, [`ridge`], [`kernel_ridge`], [`nearest`], [`stacking`] | faer, ndarray |
-//! | `clusters` | `regressions`, [`labels`] by k-means | faer, ndarray, linfa |
-//! | `training` | [`training`], [`optim`] | |
+//! | `heads` | [`heads`], [`labels`] by material, [`training`], [`optim`] | sps-regress with faer and ndarray |
+//! | `clusters` | `heads`, [`labels`] by k-means | linfa too |
 //!
 //! `cuda` and `metal` (off by default) are candle's. On such a device the encoders run by candle's
 //! own operators; the kernels, those of `sps-kernels`, are for the CPU.
 
-#[cfg(feature = "regressions")]
-mod archive;
-#[cfg(any(feature = "heads", feature = "training"))]
-mod data;
-#[cfg(feature = "heads")]
-mod dense;
 mod differentiable;
 pub mod encoders;
 mod error;
 #[cfg(test)]
 mod golden;
-#[cfg(feature = "regressions")]
-mod groups;
 #[cfg(feature = "heads")]
 pub mod heads;
-#[cfg(feature = "regressions")]
-pub mod kernel_ridge;
 #[cfg(feature = "heads")]
 pub mod labels;
-#[cfg(feature = "regressions")]
-mod left_out;
-#[cfg(feature = "regressions")]
-pub mod nearest;
-#[cfg(any(feature = "heads", feature = "training"))]
+#[cfg(feature = "heads")]
 pub mod optim;
-#[cfg(feature = "regressions")]
-mod pca;
-#[cfg(feature = "regressions")]
-mod regressor;
-#[cfg(feature = "regressions")]
-pub mod ridge;
-#[cfg(any(feature = "heads", feature = "training"))]
-mod rng;
 #[cfg(feature = "heads")]
 mod stacked;
-#[cfg(feature = "regressions")]
-pub mod stacking;
-#[cfg(any(feature = "heads", feature = "training"))]
-mod standardise;
-#[cfg(feature = "training")]
+#[cfg(feature = "heads")]
 pub mod training;
 pub mod weights;
 
 /// The tensors that go in and come out, in the one version that this crate takes.
 pub use candle_core as candle;
-#[cfg(any(feature = "heads", feature = "training"))]
-pub use data::{Embeddings, Readings};
 pub use error::{Error, Result};
-#[cfg(feature = "regressions")]
-pub use regressor::{FittedRegressor, Regressor, fitted_from_bytes};
+#[cfg(feature = "heads")]
+pub use heads::regressor::{embeddings_of, fitted_from_bytes};
 
 /// Runs the example of the README.
 #[cfg(doctest)]

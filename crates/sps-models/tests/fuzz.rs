@@ -1,4 +1,4 @@
-//! Whatever bytes a reader of weights, fitted heads, regressions or training states is given, it
+//! Whatever bytes a reader of weights, fitted heads or training states is given, it
 //! answers within its limits; `fixtures/fuzz` says which.
 
 #[path = "../../../fixtures/fuzz/mod.rs"]
@@ -8,47 +8,24 @@ use std::error::Error;
 use std::path::Path;
 
 use candle_core::{Device, Tensor};
-use fuzz::{Damage, damaged, fuzz, nested, with_header};
-use proptest::prelude::*;
+use fuzz::{Damage, broken, damaged, fuzz, nested, said, with_header};
 use proptest::sample::select;
 use sps_models::encoders::{Encoder, EncoderKind};
+use sps_models::fitted_from_bytes;
 use sps_models::heads::{
-    Adversarial, CrossModal, Head, HeadConfig, Input, Model, Plan, RelationScale, Rerun,
-    TrainedHeads, TrainingData, Views,
+    Adversarial, CrossModal, Head, HeadConfig, Input, Model, RelationScale, TrainedHeads,
 };
-use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig, TrainedKernelRidges};
-use sps_models::nearest::Nearest;
-use sps_models::ridge::{Ridge, RidgeConfig, TrainedRidges};
-use sps_models::stacking::Stacking;
 use sps_models::training::{
     Augmentation, Classes, Image, ImageSource, Parts, Targets, Trainer, TrainingConfig,
 };
 use sps_models::weights::{Storage, Weights};
-use sps_models::{Embeddings, Readings, Regressor, fitted_from_bytes};
+use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::stacking::Stacking;
+use sps_regress::{Embeddings, Plan, Readings, Regressor, Rerun, TrainingData, Views};
 
 #[global_allocator]
 static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
-
-/// A safetensors file, damaged anywhere or in its header.
-fn broken(files: Vec<Vec<u8>>) -> impl Strategy<Value = Vec<u8>> {
-    (select(files), Damage::some(), any::<bool>()).prop_map(|(file, damages, in_header)| {
-        if in_header {
-            with_header(&file, |header| damaged(header, &damages))
-        } else {
-            damaged(file, &damages)
-        }
-    })
-}
-
-fn said<T>(outcome: Result<T, impl Error>) -> Option<T> {
-    match outcome {
-        Ok(value) => Some(value),
-        Err(error) => {
-            assert!(!error.to_string().is_empty());
-            None
-        }
-    }
-}
 
 fn read_weights(bytes: &[u8]) {
     let Some(weights) = said(Weights::from_bytes("file", bytes)) else {
@@ -143,10 +120,9 @@ impl Made {
         let values: Vec<f32> = (0..12 * 3 * WIDTH)
             .map(|i| (i * i % 17) as f32 / 17.0)
             .collect();
-        let tensor = Tensor::from_vec(values, (12, 3, WIDTH), &Device::Cpu).unwrap();
         let rows: Vec<_> = (0..12).map(|s| vec![Some(f64::from(s % 5))]).collect();
         Self {
-            embeddings: Embeddings::new(&tensor).unwrap(),
+            embeddings: Embeddings::new(values, [12, 3, WIDTH]).unwrap(),
             readings: Readings::new(vec!["p".into()], &rows).unwrap(),
         }
     }
@@ -226,51 +202,6 @@ fn relations_without_end_are_refused() {
         let trained = head.and_then(|head| head.train(&made.data(), &made.plan(), &()));
         assert!(said(trained).is_none());
     }
-}
-
-#[test]
-fn ridges() {
-    let made = Made::new();
-    let ridge = Ridge::new(RidgeConfig::default()).unwrap();
-    let trained = ridge.train(&made.data(), &made.plan());
-    let file = trained.unwrap().to_bytes().unwrap();
-    let read = |bytes: &[u8]| {
-        if let Some(ridges) = said(TrainedRidges::from_bytes(bytes)) {
-            said(ridges.predict(&made.embeddings));
-        }
-    };
-    fuzz("ridge regressions", &Damage::some(), |damages| {
-        read(&damaged(file.clone(), &damages));
-    });
-    nested("ridge regressions", |text| read(text.as_bytes()));
-}
-
-#[test]
-fn kernel_ridges() {
-    let made = Made::new();
-    let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
-    let trained = ridge.train(&made.data(), &made.plan());
-    let file = trained.unwrap().to_bytes().unwrap();
-    fuzz("kernel ridge regressions", &broken(vec![file]), |bytes| {
-        if let Some(ridges) = said(TrainedKernelRidges::from_bytes(&bytes)) {
-            said(ridges.predict(&made.embeddings));
-        }
-    });
-}
-
-#[test]
-fn nearest() {
-    let made = Made::new();
-    let file = Nearest.fit(&made.data(), &made.plan()).unwrap().to_bytes();
-    fuzz(
-        "nearest neighbours",
-        &broken(vec![file.unwrap()]),
-        |bytes| {
-            if let Some(nearests) = said(fitted_from_bytes("nearest", "file", &bytes)) {
-                said(nearests.predict(&made.embeddings));
-            }
-        },
-    );
 }
 
 /// A stack of a kernel ridge, a head, and a stack of a ridge.
@@ -370,11 +301,5 @@ fn headers_that_nest() {
         let note = Some(("sps-heads", text.as_str()));
         let file = weights().to_bytes_as(Storage::F32, note).unwrap();
         assert!(said(TrainedHeads::from_bytes("file", &file)).is_none());
-        for kind in ["kernel-ridges", "nearest", "stacks"] {
-            let note = format!("sps-{kind}");
-            let note = Some((note.as_str(), text.as_str()));
-            let file = weights().to_bytes_as(Storage::F32, note).unwrap();
-            assert!(said(fitted_from_bytes(kind, "file", &file)).is_none());
-        }
     });
 }

@@ -11,13 +11,12 @@ use sps_estimator::{
     Widths, read_photograph,
 };
 use sps_models::encoders::Encoder;
-use sps_models::heads::TrainingData;
-use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig};
-use sps_models::ridge::{Ridge, RidgeConfig};
-use sps_models::{Embeddings, Readings};
+use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::{Embeddings, Readings, TrainingData};
 
 use super::photographs::Surfaces;
-use crate::errors::{estimator_error, frame_error, model_error, value_error};
+use crate::errors::{estimator_error, frame_error, value_error};
 use crate::images::{Image, embed_each, frames};
 
 /// What a single column of values is called.
@@ -58,7 +57,7 @@ impl Felt {
         let cells: Vec<Option<f64>> = cells.collect();
         let rows: Vec<_> = cells.chunks(columns.max(1)).map(<[_]>::to_vec).collect();
         Ok(Self {
-            readings: Readings::new(properties, &rows).map_err(|error| model_error(&error))?,
+            readings: Readings::new(properties, &rows).map_err(value_error)?,
             units: units(surfaces, groups)?,
         })
     }
@@ -109,7 +108,7 @@ pub(crate) fn regression(name: &str) -> PyResult<Regression> {
             )));
         }
     };
-    regression.map_err(|error| model_error(&error))
+    regression.map_err(value_error)
 }
 
 /// Photographs of surfaces, as many of each, turned to embeddings.

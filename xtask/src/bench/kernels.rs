@@ -7,13 +7,12 @@ use candle_core::{Device, Tensor};
 use sps_dataset::{DecodeSettings, decode_image};
 use sps_kernels::{ConvShape, Convolution, MaxPooling, Window};
 use sps_metrics::{Intervals, Level, Metric, Samples, Scored, Scores, TrainingMean};
+use sps_models::embeddings_of;
 use sps_models::encoders::{Encoder, EncoderKind, TrainableEncoder};
-use sps_models::heads::{
-    Adversarial, Classification, CrossModal, Head, HeadConfig, Model, Plan, Rerun, TrainingData,
-};
+use sps_models::heads::{Adversarial, Classification, CrossModal, Head, HeadConfig, Model};
 use sps_models::labels::LabelSource;
-use sps_models::ridge::{Ridge, RidgeConfig};
-use sps_models::{Embeddings, Readings};
+use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::{Embeddings, Plan, Readings, Rerun, TrainingData};
 use sps_simulate::{Simulator, SimulatorSpec};
 use sps_viewselect::{Exhaustive, Nvs, Problem, Selector, SetFunction};
 
@@ -202,7 +201,7 @@ impl Tables {
         let row = |row: &Vec<f32>| row.iter().map(|&value| Some(f64::from(value))).collect();
         let rows: Vec<Vec<Option<f64>>> = values.iter().map(row).collect();
         Ok(Self {
-            embeddings: Embeddings::new(&ramp(&[Self::SURFACES, 64])?)?,
+            embeddings: embeddings_of(&ramp(&[Self::SURFACES, 64])?)?,
             readings: Readings::new(names(), &rows)?,
         })
     }

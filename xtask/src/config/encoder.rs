@@ -94,10 +94,9 @@ pub(super) fn encoder(
         let why = "looks at several views; an encoder of sequences sees one sequence";
         layers.require(one, &at("training.objective"), why)?;
     }
-    let precision = encoder.precision.parse();
-    let precision = precision.map_err(|error: sps_models::Error| {
-        layers.error(&format!("{key}.precision"), error.to_string())
-    })?;
+    let precision = encoder.precision.parse::<Precision>();
+    let precision =
+        precision.map_err(|error| layers.error(&format!("{key}.precision"), error.to_string()))?;
     check_depths(
         layers,
         &format!("{key}.depths"),

@@ -7,8 +7,8 @@ use anyhow::{Context, Result};
 use serde_json::{Value, json};
 use sps_estimator::{Regression, Stacked};
 use sps_models::heads::{Head, HeadConfig};
-use sps_models::kernel_ridge::KernelRidge;
-use sps_models::ridge::Ridge;
+use sps_regress::kernel_ridge::KernelRidge;
+use sps_regress::ridge::Ridge;
 
 use super::looks::{Problem, refuse};
 use super::schema::{Config, MethodConfig, MethodKind};
@@ -168,17 +168,16 @@ fn regression(config: &Config, method: &MethodConfig) -> Result<Regression, Prob
 }
 
 fn single(config: &Config, method: &MethodConfig, kind: MethodKind) -> Result<Regression, Problem> {
-    let refused = |field| move |error: sps_models::Error| (field, error.to_string());
+    let refused = |error: sps_regress::Error| ("kind", error.to_string());
     Ok(match kind {
         MethodKind::Head => {
-            Regression::Head(Head::new(method.head.clone()).map_err(refused("head"))?)
+            let head = Head::new(method.head.clone());
+            Regression::Head(head.map_err(|error| ("head", error.to_string()))?)
         }
-        MethodKind::Ridge => {
-            Regression::Ridge(Ridge::new(config.ridge.clone()).map_err(refused("kind"))?)
-        }
+        MethodKind::Ridge => Regression::Ridge(Ridge::new(config.ridge.clone()).map_err(refused)?),
         MethodKind::KernelRidge => {
             let ridge = KernelRidge::new(config.kernel_ridge.clone());
-            Regression::KernelRidge(ridge.map_err(refused("kind"))?)
+            Regression::KernelRidge(ridge.map_err(refused)?)
         }
         MethodKind::Nearest => Regression::Nearest,
         MethodKind::Mean

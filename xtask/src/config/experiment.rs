@@ -161,9 +161,9 @@ pub(super) mod tests {
     use proptest::sample::select;
     use sps_dataset::TactileSettings;
     use sps_models::heads::HeadConfig;
-    use sps_models::kernel_ridge::KernelRidgeConfig;
-    use sps_models::ridge::RidgeConfig;
     use sps_models::training::TrainingConfig;
+    use sps_regress::kernel_ridge::KernelRidgeConfig;
+    use sps_regress::ridge::RidgeConfig;
     use sps_simulate::SimulatorSpec;
 
     pub(in crate::config) fn read(text: &str) -> Result<Experiment, ConfigError> {

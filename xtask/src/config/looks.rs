@@ -5,7 +5,7 @@ use serde::{Serialize, Serializer};
 use sps_dataset::Source;
 use sps_models::encoders::EncoderKind;
 use sps_models::heads::{Input, RelationScale};
-use sps_models::kernel_ridge::{KernelRidge, KernelRidgeConfig, Shape};
+use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig, Shape};
 use sps_viewselect::{AnySelector, Equidistant, RelationSampler, TemporalRelations};
 
 use super::method::Method;

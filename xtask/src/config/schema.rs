@@ -9,9 +9,9 @@ use sps_dataset::{ReadSettings, SplitPlan};
 use sps_metrics::Level;
 use sps_models::encoders::Depths;
 use sps_models::heads::HeadConfig;
-use sps_models::kernel_ridge::{Kernel, KernelRidgeConfig};
-use sps_models::ridge::RidgeConfig;
 use sps_models::training::TrainingConfig;
+use sps_regress::kernel_ridge::{Kernel, KernelRidgeConfig};
+use sps_regress::ridge::RidgeConfig;
 use sps_viewselect::{AnySelector, TemporalRelations};
 
 #[derive(Clone, Debug, Deserialize)]

@@ -2,8 +2,8 @@
 
 use anyhow::{Context, Result};
 use sps_dataset::{Frame, FrameIndex, Source};
-use sps_models::Readings;
 use sps_models::training::{Classes, Parts};
+use sps_regress::Readings;
 use sps_simulate::{Material, Patterns, Simulator};
 
 use crate::config::{PatternsSpec, Pretraining};

@@ -104,7 +104,7 @@ impl Encodings {
         &self,
         surfaces: &[usize],
         places: &[usize],
-    ) -> Result<sps_models::Embeddings> {
+    ) -> Result<sps_regress::Embeddings> {
         let tables = &self.stage.tables;
         if surfaces.iter().all(|&surface| surface < tables.pool()) {
             return Ok(tables.embeddings.select(surfaces, places)?);

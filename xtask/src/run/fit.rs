@@ -8,8 +8,8 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use sps_dataset::Units;
 use sps_estimator::Regression;
-use sps_models::FittedRegressor;
-use sps_models::heads::{DivergedTrial, Observer, Plan, TrainedHead, TrainedHeads, Trial};
+use sps_models::heads::{Observer, TrainedHead, TrainedHeads};
+use sps_regress::{DivergedTrial, FittedRegressor, Plan, Trial};
 use tracing::warn;
 
 use super::adaptive::Walking;

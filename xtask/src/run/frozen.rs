@@ -7,9 +7,8 @@
 use anyhow::{Context, Result};
 use sps_dataset::{Property, Split};
 use sps_estimator::early_stopped;
-use sps_models::heads::{
-    FusionLoss, Head, Observer, Plan, Rerun, TrainedHeads, TrainingData, Trial, Views,
-};
+use sps_models::heads::{FusionLoss, Head, Observer, TrainedHeads};
+use sps_regress::{Plan, Rerun, TrainingData, Trial, Views};
 use sps_viewselect::{LossError, SetLoss, Sets};
 
 use super::{Encodings, Splits};

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use anyhow::{Context, Result, bail};
 use sps_dataset::{Split, Units};
 use sps_metrics::{Samples, TrainingMean};
-use sps_models::heads::{Plan, Rerun, Trial, Views};
-use sps_models::kernel_ridge::{KernelRidge, SetLosses};
+use sps_regress::kernel_ridge::{KernelRidge, SetLosses};
+use sps_regress::{FittedRegressor, Plan, Rerun, Trial, Views};
 use sps_viewselect::{LossError, Pooled, Problem, Remembered, Selector, Sets, SharedLoss};
 
 use super::found::Found;

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use sps_dataset::{FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, Property, Source};
 use sps_estimator::{Embedder, Network};
-use sps_models::Embeddings;
 use sps_models::encoders::Precision;
 use sps_models::training::{Classes, Parts, Targets, TrainingConfig, TrainingObjective};
+use sps_regress::Embeddings;
 use tracing::info;
 
 use super::Splits;

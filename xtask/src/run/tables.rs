@@ -3,8 +3,7 @@
 use anyhow::{Context, Result, bail};
 use sps_base::names::UnknownName;
 use sps_dataset::{FEWEST_PER_MATERIAL, MaterialLabels, Property, Source, Surface, Units};
-use sps_models::heads::TrainingData;
-use sps_models::{Embeddings, Readings};
+use sps_regress::{Embeddings, Readings, TrainingData};
 
 use crate::data::{self, About};
 

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use anyhow::Result;
 use serde::Serialize;
 use sps_dataset::{Property, Split};
-use sps_models::heads::{Plan, Rerun, Trial, Views};
+use sps_regress::{Plan, Rerun, Trial, Views};
 
 use super::found::Selections;
 use super::views::{self, TrialViews};

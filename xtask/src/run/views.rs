@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use anyhow::{Context, Result};
 use sps_dataset::{Property, Source, Split};
-use sps_models::heads::{HeadConfig, Views};
+use sps_models::heads::HeadConfig;
+use sps_regress::Views;
 use sps_viewselect::{
     AnySelector, Equidistant, Problem, Relations, Selection, Selector, SetFunction,
     TemporalRelations,

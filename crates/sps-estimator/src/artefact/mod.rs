@@ -13,9 +13,10 @@ use serde::{Deserialize, Serialize};
 use sps_base::files::write_file;
 use sps_metrics::Level;
 use sps_models::candle::Device;
-use sps_models::encoders::{Depths, Encoder};
+use sps_models::encoders::{Depths, Encoder, Precision};
+use sps_models::fitted_from_bytes;
 use sps_models::weights::Weights;
-use sps_models::{FittedRegressor, fitted_from_bytes};
+use sps_regress::FittedRegressor;
 
 use crate::embedder::{Embedder, Network};
 use crate::error::{Error, Result};
@@ -383,7 +384,8 @@ fn remove_others(
 fn encoder(name: &str, precision: &str, weights: &[u8]) -> Result<Encoder> {
     let weights = Weights::from_bytes(ENCODER, weights).map_err(sps_models::Error::from)?;
     let encoder = Encoder::new(name.parse()?, weights, &Device::Cpu)?;
-    Ok(encoder.with_precision(precision.parse()?)?)
+    let precision: Precision = precision.parse().map_err(sps_models::Error::from)?;
+    Ok(encoder.with_precision(precision)?)
 }
 
 fn file_error(path: &Path, error: std::io::Error) -> Error {

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
-use sps_models::Embeddings;
-use sps_models::nearest::squared_distance;
+use sps_regress::Embeddings;
+use sps_regress::nearest::squared_distance;
 
 use crate::error::{Error, Result};
 

@@ -1,5 +1,4 @@
 use proptest::prelude::*;
-use sps_models::candle::{Device, Tensor};
 
 use super::*;
 
@@ -15,8 +14,8 @@ fn numbers(seed: u64, count: usize) -> Vec<f32> {
 }
 
 fn embeddings(values: Vec<f32>, views: usize, width: usize) -> Embeddings {
-    let shape = (values.len() / (views * width), views, width);
-    Embeddings::new(&Tensor::from_vec(values, shape, &Device::Cpu).unwrap()).unwrap()
+    let surfaces = values.len() / (views * width);
+    Embeddings::new(values, [surfaces, views, width]).unwrap()
 }
 
 /// As the definition has it: every surface scored among all others, in f64. The least and the most

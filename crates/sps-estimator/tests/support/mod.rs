@@ -11,9 +11,8 @@ use sps_estimator::{
 use sps_metrics::Level;
 use sps_models::candle::Device;
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
-use sps_models::heads::TrainingData;
-use sps_models::ridge::{Ridge, RidgeConfig};
-use sps_models::{Embeddings, Readings};
+use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::{Embeddings, Readings, TrainingData};
 
 pub(crate) const SIDE: usize = 32;
 

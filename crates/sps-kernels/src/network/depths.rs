@@ -2,7 +2,6 @@
 
 use std::convert::Infallible;
 use std::fmt;
-use std::ops::Range;
 use std::str::FromStr;
 
 use super::Depth;
@@ -31,15 +30,6 @@ pub struct Block {
     pub name: String,
     /// How many features it has: the channels of its map.
     pub width: usize,
-}
-
-/// The places of blocks of such widths side by side.
-pub fn places(widths: impl Iterator<Item = usize>) -> impl Iterator<Item = Range<usize>> {
-    widths.scan(0, |start, width| {
-        let place = *start..*start + width;
-        *start = place.end;
-        Some(place)
-    })
 }
 
 const LAST: &str = "last";

@@ -6,7 +6,7 @@ mod depths;
 
 use std::ops::Range;
 
-pub use depths::{Block, Depths, places};
+pub use depths::{Block, Depths};
 
 use crate::error::Result;
 use crate::images::Normalisation;
@@ -379,9 +379,11 @@ impl Network {
 
     /// The maps at the depths of an embedding, each with its place in there.
     pub fn blocks(&self) -> impl Iterator<Item = (Map, Range<usize>)> {
-        let widths = self.depths.iter().map(|depth| self.channels[depth.map]);
-        let maps = self.depths.iter().map(|depth| depth.map);
-        maps.zip(places(widths))
+        self.depths.iter().scan(0, |start, depth| {
+            let place = *start..*start + self.channels[depth.map];
+            *start = place.end;
+            Some((depth.map, place))
+        })
     }
 
     /// The place of a map in embeddings, where they have a block of it.

@@ -2,14 +2,13 @@
 
 use candle_core::{Device, Tensor};
 use rand::seq::SliceRandom;
-use sps_base::streams::ChaCha8Rng;
+use sps_base::streams::{ChaCha8Rng, named_stream};
+use sps_regress::{TrainingData, Views};
 
 use super::config::HeadConfig;
 use super::job::Job;
 use super::losses::Batch;
-use super::plan::{TrainingData, Views};
 use crate::error::Result;
-use crate::rng;
 
 /// The mini-batches of a stack. Trials of one rerun go through the same surfaces in the same order.
 pub(super) struct Batches<'a> {
@@ -34,7 +33,7 @@ impl<'a> Batches<'a> {
     ) -> Self {
         let views = jobs.iter().map(|job| {
             let purpose = format!("views/{}", job.trial.property);
-            rng::stream(seed, &purpose, job.trial.rerun)
+            named_stream(seed, &purpose, job.trial.rerun)
         });
         Self {
             config,
@@ -60,7 +59,7 @@ impl<'a> Batches<'a> {
             let purpose = format!("order/{}", job.trial.rerun);
             order.clear();
             order.extend(0..job.training.len());
-            order.shuffle(&mut rng::stream(self.seed, &purpose, epoch as u64));
+            order.shuffle(&mut named_stream(self.seed, &purpose, epoch as u64));
         }
     }
 

@@ -143,6 +143,13 @@ pub enum Model {
 }
 
 impl Model {
+    pub(super) fn labels(&self) -> Option<&LabelSource> {
+        match self {
+            Self::Regression {} => None,
+            Self::CrossModal(model) => Some(&model.classification.as_ref()?.labels),
+        }
+    }
+
     /// How much each loss counts; one that is not there counts for 0.
     pub(crate) fn loss_weights(&self) -> EpochLosses {
         let mut weights = EpochLosses {

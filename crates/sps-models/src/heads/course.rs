@@ -1,9 +1,11 @@
 //! How the training of one trial goes, apart from those that are trained beside it.
 
+use sps_regress::DivergedTrial;
+
 use super::job::Job;
 use super::network::Dims;
 use super::train::Outcome;
-use super::trained::{DivergedTrial, EpochLosses, KeptEpoch, Parameters, TrainedHead};
+use super::trained::{EpochLosses, KeptEpoch, Parameters, TrainedHead};
 use super::validation::Validation;
 use crate::error::Result;
 

@@ -12,24 +12,6 @@ pub enum HeadError {
         /// What it may be.
         expected: &'static str,
     },
-    /// The plan names something that the data does not have, or contradicts itself.
-    #[error("training plan: {what}: found {found}, expected {expected}")]
-    Plan {
-        /// The part of the plan.
-        what: String,
-        /// What it says.
-        found: String,
-        /// What it may say.
-        expected: String,
-    },
-    /// None of a rerun's training surfaces has a reading of the property.
-    #[error("no training surface of rerun {rerun} has a reading of {property}")]
-    NotMeasured {
-        /// The property.
-        property: String,
-        /// The rerun's number.
-        rerun: u64,
-    },
     /// A parameter received no gradient: the model and its losses do not fit together.
     #[error("parameter {name} has no gradient")]
     NoGradient {

@@ -7,13 +7,12 @@ use candle_core::Tensor;
 use faer::{Accum, MatMut, MatRef};
 use rayon::prelude::*;
 use sps_kernels::simd::{Kernel, Lanes, Level};
+use sps_regress::dense::multiply;
+use sps_regress::{Embeddings, TrainingData, Trial, check_indices};
 
 use super::HeadError;
 use super::config::{Input, Model};
-use super::plan::{TrainingData, Trial};
 use super::trained::{TrainedHead, TrainedHeads};
-use crate::data::{Embeddings, check_indices};
-use crate::dense::multiply;
 use crate::error::{Error, Result};
 
 /// Surfaces that lie side by side in memory.
@@ -221,7 +220,7 @@ impl TrainedHeads {
         surfaces: &[usize],
     ) -> Result<FusionLoss> {
         let wrong = |found: String, expected: &str| {
-            Err(HeadError::Plan {
+            Err(sps_regress::Error::Plan {
                 what: format!("views of {}, rerun {}", trial.property, trial.rerun),
                 found,
                 expected: expected.to_owned(),
@@ -294,8 +293,8 @@ fn terms(
         .map(|view| {
             let mut rows = Vec::with_capacity(surfaces.len() * head.dims.width);
             for &surface in surfaces {
-                head.statistics
-                    .push(embeddings.view(surface, view), &mut rows);
+                let features = embeddings.get(surface, view).unwrap_or_default();
+                head.statistics.push(features, &mut rows);
             }
             let mut out = vec![0.0; slots * units * surfaces.len()];
             multiply(

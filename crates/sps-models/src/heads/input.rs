@@ -2,10 +2,9 @@
 
 use rand::seq::index;
 use sps_base::streams::ChaCha8Rng;
+use sps_regress::{Embeddings, Spread, Views};
 
 use super::config::{Input, RelationScale, Scale};
-use super::plan::Views;
-use crate::data::{Embeddings, Spread};
 
 /// Centre and scale of each feature of one slot.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,7 +57,7 @@ impl InputStatistics {
             })
         });
         Self {
-            mean: spread.mean.iter().map(|&mean| mean as f32).collect(),
+            mean: spread.mean().iter().map(|&mean| mean as f32).collect(),
             factor: factors.collect(),
         }
     }
@@ -82,7 +81,7 @@ fn rows<'a>(
     surface: usize,
     views: &[usize],
 ) -> Vec<std::borrow::Cow<'a, [f32]>> {
-    let one = |&view: &usize| embeddings.view(surface, view);
+    let one = |&view: &usize| embeddings.get(surface, view).unwrap_or_default();
     match input {
         Input::Single {} | Input::LateFusion { .. } | Input::Relations { .. } => {
             views.iter().map(|view| one(view).into()).collect()

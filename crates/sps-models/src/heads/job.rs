@@ -4,15 +4,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use rayon::prelude::*;
+use sps_regress::{Embeddings, Plan, Standardiser, TrainingData, Trial, Views};
 
 use super::config::HeadConfig;
 use super::input::{self, InputStatistics};
 use super::network::Dims;
-use super::plan::{Plan, TrainingData, Trial, Views};
-use crate::data::Embeddings;
 use crate::error::Result;
 use crate::labels::{self, Labels};
-use crate::standardise::Standardiser;
 
 /// The most trials in one stack, which spreads the cost of a tensor operation over them.
 const WIDEST_STACK: usize = 8;
@@ -135,10 +133,10 @@ impl<'a> Shared<'a> {
                     Some(_) => ascending(&rerun.validation),
                     None => Arc::default(),
                 };
-                let labels = config.model.labels().map(|source| {
-                    let tables = data.label_tables();
-                    labels::label(source, &tables, &training, plan.seed, rerun.number)
-                });
+                let labels = config
+                    .model
+                    .labels()
+                    .map(|source| labels::label(source, data, &training, plan.seed, rerun.number));
                 Ok((
                     rerun.number,
                     SharedRerun {

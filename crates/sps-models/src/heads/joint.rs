@@ -6,6 +6,8 @@ use std::sync::Arc;
 
 use candle_core::{Device, Tensor, Var};
 use rand::seq::index;
+use sps_base::streams::named_stream;
+use sps_regress::{Plan, Rerun, TrainingData, Trial, Views, check_indices};
 
 use super::HeadError;
 use super::batches::{mean_weights, rows_that_count};
@@ -13,14 +15,11 @@ use super::config::{HeadConfig, Input};
 use super::job::{self, Job};
 use super::losses::{Batch, Losses};
 use super::network::Dims;
-use super::plan::{Plan, Rerun, TrainingData, Trial, Views};
 use super::stack::Stack;
 use super::trained::EpochLosses;
-use crate::data::check_indices;
 use crate::error::Result;
 use crate::labels::Labels;
 use crate::optim::{Elements, Gradient};
-use crate::rng;
 
 /// One network for each property on the same views of the same surfaces.
 ///
@@ -235,8 +234,8 @@ impl JointHeads {
             return Vec::new();
         };
         let mut rng = match draw {
-            Draw::Step(step) => rng::stream(self.seed, "training/relations", step as u64),
-            Draw::Validation => rng::stream(self.seed, "training/validation-relations", 0),
+            Draw::Step(step) => named_stream(self.seed, "training/relations", step as u64),
+            Draw::Validation => named_stream(self.seed, "training/validation-relations", 0),
         };
         let mut slots = Vec::new();
         for scale in scales {

@@ -6,11 +6,12 @@
 //!
 //! ```
 //! use candle_core::{DType, Device, Tensor};
-//! use sps_models::heads::{Head, HeadConfig, Plan, Rerun, TrainingData};
-//! use sps_models::{Embeddings, Readings};
+//! use sps_models::embeddings_of;
+//! use sps_models::heads::{Head, HeadConfig};
+//! use sps_regress::{Plan, Readings, Rerun, TrainingData};
 //!
 //! // Six surfaces, one view of each; a reading that was not taken is `None`.
-//! let embeddings = Embeddings::new(&Tensor::eye(6, DType::F32, &Device::Cpu)?)?;
+//! let embeddings = embeddings_of(&Tensor::eye(6, DType::F32, &Device::Cpu)?)?;
 //! let readings = [Some(31.0), None, Some(55.0), Some(48.0), Some(40.0), None].map(|r| vec![r]);
 //! let readings = Readings::new(vec!["friction".into()], &readings)?;
 //! let data = TrainingData::new(&embeddings, &readings);
@@ -32,11 +33,10 @@ mod error;
 mod fusion;
 mod input;
 mod job;
-#[cfg(feature = "training")]
 mod joint;
 mod losses;
 mod network;
-mod plan;
+pub(crate) mod regressor;
 mod stack;
 mod store;
 #[cfg(all(test, feature = "clusters"))]
@@ -51,12 +51,11 @@ pub use config::{
 };
 pub use error::HeadError;
 pub use fusion::FusionLoss;
-#[cfg(feature = "training")]
 pub(crate) use joint::{Draw, JointHeads, Share};
-pub use plan::{Plan, Rerun, TrainingData, Trial, Views};
-pub use trained::{DivergedTrial, EpochLosses, Estimates, KeptEpoch, TrainedHead, TrainedHeads};
+pub use trained::{EpochLosses, KeptEpoch, TrainedHead, TrainedHeads};
 
 use rayon::prelude::*;
+use sps_regress::{DivergedTrial, Error as RegressError, Plan, TrainingData, Views};
 
 use crate::error::Result;
 
@@ -158,7 +157,7 @@ impl Head {
     fn check_drawn(&self, plan: &Plan) -> Result<()> {
         let random = plan.trials.iter().any(|trial| trial.views == Views::Random);
         match &self.0.input {
-            Input::Relations { .. } if random => Err(HeadError::Plan {
+            Input::Relations { .. } if random => Err(RegressError::Plan {
                 what: "views of relations".into(),
                 found: "random ones".into(),
                 expected: "those of each step".into(),

@@ -2,13 +2,13 @@
 
 use candle_core::{Device, Var};
 use rand::Rng;
+use sps_base::streams::named_stream;
 
 use super::config::HeadConfig;
 use super::job::Job;
 use super::network::{Dims, Fill, Network, Spec};
 use super::trained::Parameters;
 use crate::error::Result;
-use crate::rng;
 use crate::stacked::{GradientSlot, Parameter};
 
 /// One network for each of some jobs, and their parameters.
@@ -68,7 +68,7 @@ impl Fill for Drawn<'_> {
         let mut values = Vec::with_capacity(self.jobs.len() * count);
         for job in self.jobs {
             let purpose = format!("init/{}/{}", job.trial.property, spec.name);
-            let mut rng = rng::stream(self.seed, &purpose, job.trial.rerun);
+            let mut rng = named_stream(self.seed, &purpose, job.trial.rerun);
             values.extend((0..count).map(|_| rng.random_range(-bound..bound)));
         }
         let shape: Vec<usize> = std::iter::once(self.jobs.len())

@@ -3,15 +3,14 @@
 
 use candle_core::{Device, Tensor};
 use serde::{Deserialize, Serialize};
+use sps_regress::{DivergedTrial, Standardiser, Trial};
 
 use super::config::HeadConfig;
 use super::input::InputStatistics;
 use super::network::{self, Dims};
-use super::plan::Trial;
-use super::trained::{DivergedTrial, EpochLosses, KeptEpoch, TrainedHead, TrainedHeads};
+use super::trained::{EpochLosses, KeptEpoch, TrainedHead, TrainedHeads};
 use super::{Head, HeadError};
 use crate::error::Result;
-use crate::standardise::Standardiser;
 use crate::weights::{Storage, TensorSpec, Weights};
 
 /// The one key of the metadata: several would be written in an order that changes.

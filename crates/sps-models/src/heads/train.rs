@@ -1,14 +1,15 @@
 //! The training loop of one stack.
 
+use sps_regress::{DivergedTrial, TrainingData};
+
 use super::batches::Batches;
 use super::config::HeadConfig;
 use super::course::Course;
 use super::job::Job;
 use super::losses::Losses;
 use super::network::{Network, is_discriminator, specs};
-use super::plan::TrainingData;
 use super::stack::{Stack, StackParameter};
-use super::trained::{DivergedTrial, EpochLosses, TrainedHead};
+use super::trained::{EpochLosses, TrainedHead};
 use super::validation::Validation;
 use super::{HeadError, Observer};
 use crate::error::Result;

@@ -3,17 +3,15 @@ use std::collections::BTreeMap;
 use candle_core::{Device, Tensor};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use sps_regress::{DivergedTrial, Embeddings, Estimates, Standardiser, Trial};
 
 use super::config::{HeadConfig, Input};
 use super::input::{self, InputStatistics};
 use super::job::Job;
 use super::network::{Dims, Fill, Network, Spec};
-use super::plan::Trial;
 use super::{Head, HeadError};
-use crate::data::Embeddings;
 use crate::error::Result;
 use crate::stacked::Parameter;
-use crate::standardise::Standardiser;
 
 /// Rows that prediction computes at once. Always this many, the last ones filled with zeros: so
 /// a surface's estimate has the same bits whichever surfaces stand beside it.
@@ -74,16 +72,6 @@ pub struct KeptEpoch {
     /// `L_est` on the validation part, in units of the training readings' variance: of the
     /// training mean, and after each epoch that was run; [`f64::MAX`] where it is not finite.
     pub errors: Vec<f64>,
-}
-
-/// A trial whose training came to nothing, while the others of its plan went on.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub struct DivergedTrial {
-    /// Which.
-    pub trial: Trial,
-    /// What is no longer finite, and where; to be read.
-    pub reason: String,
 }
 
 /// One trained network, for one property and rerun.
@@ -234,17 +222,6 @@ pub struct TrainedHeads {
     pub(super) head: Head,
     pub(super) heads: Vec<TrainedHead>,
     pub(super) diverged: Vec<DivergedTrial>,
-}
-
-/// The estimates of one head.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Estimates {
-    /// The property.
-    pub property: String,
-    /// The rerun of the head.
-    pub rerun: u64,
-    /// One value per surface, in the property's measured units.
-    pub values: Vec<f64>,
 }
 
 impl TrainedHeads {

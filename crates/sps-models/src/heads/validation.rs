@@ -1,13 +1,13 @@
 //! How good the networks of a stack are on surfaces that they are not trained on.
 
 use candle_core::{Device, Tensor};
+use sps_base::streams::named_stream;
+use sps_regress::{TrainingData, Views};
 
 use super::config::{EarlyStopping, HeadConfig};
 use super::job::Job;
 use super::network::Network;
-use super::plan::{TrainingData, Views};
 use crate::error::Result;
-use crate::rng;
 
 /// Surfaces that are estimated at once.
 const ROWS: usize = 32;
@@ -37,7 +37,7 @@ impl<'a> Validation<'a> {
                 return Vec::new();
             }
             let purpose = format!("validation-views/{}", job.trial.property);
-            let mut rng = rng::stream(seed, &purpose, job.trial.rerun);
+            let mut rng = named_stream(seed, &purpose, job.trial.rerun);
             let surfaces = 0..job.validation.len();
             let draw = |_| config.input.draw(data.embeddings.views(), &mut rng);
             surfaces.map(draw).collect()

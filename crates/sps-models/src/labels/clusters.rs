@@ -6,13 +6,13 @@ use linfa::DatasetBase;
 use linfa::traits::{Fit, Predict};
 use linfa_clustering::{KMeans, KMeansInit};
 use ndarray::{Array2, Axis, concatenate};
+use rand_chacha_03::ChaCha8Rng;
+use rand_chacha_03::rand_core::SeedableRng;
+use sps_base::streams;
+use sps_regress::{Embeddings, Pca, Readings, Standardiser};
 
 use super::{LabelError, Labels};
-use crate::data::{Embeddings, Readings};
-use crate::error::{Error, Result};
-use crate::pca::Pca;
-use crate::rng;
-use crate::standardise::Standardiser;
+use crate::error::Result;
 
 /// Restarts, of which the one with the least inertia is kept.
 const RESTARTS: usize = 10;
@@ -65,14 +65,8 @@ pub(super) fn visual(
     components: usize,
 ) -> Result<Array2<f64>> {
     let features = features.select(training, &[(features.views() - 1) / 2])?;
-    let features = features.scaled(&features.balance());
-    let mut rows = Array2::zeros((training.len(), features.width()));
-    for (surface, mut row) in rows.rows_mut().into_iter().enumerate() {
-        for (cell, &value) in row.iter_mut().zip(features.view(surface, 0)) {
-            *cell = f64::from(value);
-        }
-    }
-    let pca = Pca::fit(rows.view(), components).map_err(Error::from)?;
+    let rows = features.balanced().table();
+    let pca = Pca::fit(rows.view(), components)?;
     Ok(columns(pca.transform(rows.view())))
 }
 
@@ -95,7 +89,7 @@ pub(super) fn beside(left: &Array2<f64>, right: &Array2<f64>) -> Result<Array2<f
 }
 
 /// Each column to zero mean and unit variance; a constant column becomes zero.
-pub(super) fn columns(mut table: Array2<f64>) -> Array2<f64> {
+fn columns(mut table: Array2<f64>) -> Array2<f64> {
     for mut column in table.columns_mut() {
         if let Some(standard) = Standardiser::of(column.iter().copied()) {
             column.mapv_inplace(|value| standard.standardise(value));
@@ -116,7 +110,7 @@ pub(super) fn cluster(
 ) -> Result<(Vec<usize>, usize), LabelError> {
     let clusters = clusters.min(distinct(&points));
     let points = DatasetBase::from(points);
-    let rng = rng::stream_for_linfa(seed, "labels/k-means", rerun);
+    let rng = stream_for_linfa(seed, "labels/k-means", rerun);
     let model = KMeans::params_with_rng(clusters, rng)
         .init_method(KMeansInit::KMeansPlusPlus)
         .n_runs(RESTARTS)
@@ -136,4 +130,11 @@ fn distinct(points: &Array2<f64>) -> usize {
         .map(|row| row.iter().map(|v| (v + 0.0).to_bits()).collect::<Vec<_>>())
         .collect::<HashSet<_>>()
         .len()
+}
+
+/// The stream of [`streams::named_stream`], for linfa, which takes rand 0.8.
+pub(super) fn stream_for_linfa(seed: u64, purpose: &str, index: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::from_seed(streams::key(seed, streams::name(purpose)));
+    rng.set_stream(index);
+    rng
 }

@@ -5,14 +5,13 @@
 //! rerun alone.
 //!
 //! ```
-//! use candle_core::{DType, Device, Tensor};
-//! use sps_models::labels::{LabelSource, LabelTables, label};
-//! use sps_models::{Embeddings, Readings};
+//! use sps_models::labels::{LabelSource, label};
+//! use sps_regress::{Embeddings, Readings, TrainingData};
 //!
 //! let rows = [Some(31.0), Some(78.0), None, Some(30.0), Some(80.0)].map(|reading| vec![reading]);
 //! let readings = Readings::new(vec!["friction".into()], &rows)?;
-//! let visual = Embeddings::new(&Tensor::zeros((5, 2), DType::F32, &Device::Cpu)?)?;
-//! let tables = LabelTables { readings: &readings, visual: &visual, materials: None };
+//! let visual = Embeddings::new(vec![0.0; 10], [5, 1, 2])?;
+//! let tables = TrainingData::new(&visual, &readings);
 //!
 //! let source = LabelSource::TactileCluster { clusters: 2, standardise_tactile: true };
 //! let labels = label(&source, &tables, &[0, 1, 2, 3, 4], 7, 0)?;
@@ -33,8 +32,8 @@ use serde::{Deserialize, Serialize};
 
 #[cfg(feature = "clusters")]
 use clusters::{beside, cluster, spread_out, tactile, visual};
+use sps_regress::{TrainingData, check_indices};
 
-use crate::data::{Embeddings, Readings, check_indices};
 use crate::error::Result;
 
 /// Why labels could not be formed.
@@ -47,14 +46,6 @@ pub enum LabelError {
     /// None of the training surfaces has a tactile reading to cluster.
     #[error("labels: none of the training surfaces has a tactile reading")]
     NotMeasured,
-    /// A value is infinite or not a number.
-    #[error("labels: {value} in row {row} of the table, expected finite values")]
-    NotFinite {
-        /// The row.
-        row: usize,
-        /// The value.
-        value: f64,
-    },
     /// Material labels were asked for, and no materials given.
     #[error("labels: material classes need the surfaces' materials, found none")]
     NoMaterials,
@@ -64,9 +55,6 @@ pub enum LabelError {
         /// The key.
         what: &'static str,
     },
-    /// The singular value decomposition did not converge.
-    #[error("principal components: the decomposition did not converge")]
-    Decomposition,
     /// Clusters were asked for, and the crate was built without them.
     #[error("labels: clusters need the feature `clusters` of sps-models")]
     WithoutClusters,
@@ -189,21 +177,10 @@ impl Labels {
     }
 }
 
-/// What labels can be formed from. All tables have one row per surface of the data set.
-#[derive(Clone, Copy, Debug)]
-pub struct LabelTables<'a> {
-    /// Tactile readings.
-    pub readings: &'a Readings,
-    /// Visual features from a network trained on ImageNet; of several views the middle one
-    /// counts (the lower of two), which is the nadir of a symmetrical sequence.
-    pub visual: &'a Embeddings,
-    /// The material of each surface, where known.
-    pub materials: Option<&'a [String]>,
-}
-
 /// Labels the surfaces of `training` (indices into the tables), from these surfaces alone.
 ///
-/// A missing tactile value counts as its property's mean. A surface without any tactile value has
+/// Of several views of a surface the middle one counts (the lower of two), which is the nadir of a symmetrical
+/// sequence. A missing tactile value counts as its property's mean. A surface without any tactile value has
 /// no label from tactile clusters, and one by sight alone from visuo-tactile clusters. The same
 /// (source, tables, surfaces, seed, rerun) gives the same labels on any number of threads.
 ///
@@ -214,7 +191,7 @@ pub struct LabelTables<'a> {
 #[cfg_attr(not(feature = "clusters"), expect(unused_variables))]
 pub fn label(
     source: &LabelSource,
-    tables: &LabelTables<'_>,
+    tables: &TrainingData<'_>,
     training: &[usize],
     seed: u64,
     rerun: u64,
@@ -242,9 +219,9 @@ pub fn label(
             components,
             standardise_tactile,
         } => {
-            check_indices("labelled surface", training, tables.visual.surfaces())?;
+            check_indices("labelled surface", training, tables.embeddings.surfaces())?;
             let (all, touch) = tactile(tables.readings, training, *standardise_tactile, true)?;
-            let sight = visual(tables.visual, training, *components)?;
+            let sight = visual(tables.embeddings, training, *components)?;
             let (of, classes) = cluster(beside(&sight, &touch)?, *clusters, seed, rerun)?;
             Ok(spread_out(training.len(), &all, &of, classes))
         }

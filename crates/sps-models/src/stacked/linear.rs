@@ -1,8 +1,7 @@
 use candle_core::backend::BackendStorage;
 use candle_core::{CpuStorage, CustomOp2, CustomOp3, Layout, Result, Shape, Tensor, bail};
 use faer::{Accum, MatMut, MatRef};
-
-use crate::dense::multiply;
+use sps_regress::dense::multiply;
 
 use super::{Element, GradientSlot, Output, Parameter, elements, for_element, with_elements};
 

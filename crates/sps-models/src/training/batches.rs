@@ -8,11 +8,11 @@ use std::thread;
 use candle_core::{Device, Tensor};
 use rand::seq::SliceRandom;
 use rayon::prelude::*;
+use sps_base::streams::named_stream;
 
 use super::config::Augmentation;
 use super::image::Image;
 use crate::error::{Error, Result};
-use crate::rng::stream;
 
 /// Where training images, or sequences, come from, by index; asked for from several threads at once.
 ///
@@ -50,7 +50,7 @@ pub(super) struct Batch {
 /// The surfaces of an epoch in batches of nearly the same size, of at most `size`.
 pub(super) fn epoch(surfaces: &[usize], size: usize, seed: u64, epoch: usize) -> Vec<Vec<usize>> {
     let mut order = surfaces.to_vec();
-    order.shuffle(&mut stream(seed, "training/order", epoch as u64));
+    order.shuffle(&mut named_stream(seed, "training/order", epoch as u64));
     let parts = cut(order.len(), size);
     parts.map(|part| order[part].to_vec()).collect()
 }
@@ -107,7 +107,7 @@ fn read(
         let images = images(surfaces, vary.views);
         let shown = images.par_iter().map(|&index| {
             let image = image(source, index)?;
-            let mut rng = stream(vary.seed, &purpose, index as u64);
+            let mut rng = named_stream(vary.seed, &purpose, index as u64);
             Ok(image.varied(vary.augmentation, &mut rng))
         });
         let batch = shown

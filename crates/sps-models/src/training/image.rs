@@ -128,7 +128,7 @@ impl Image {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::stream;
+    use sps_base::streams::named_stream;
 
     fn ramp(height: usize, width: usize) -> Image {
         let len = height * width * 3;
@@ -153,7 +153,7 @@ mod tests {
     fn without_variation_an_image_stays_as_it_is() {
         let image = ramp(5, 5);
         assert!(same(
-            &image.varied(&STILL, &mut stream(0, "test", 0)).pixels,
+            &image.varied(&STILL, &mut named_stream(0, "test", 0)).pixels,
             &image.pixels
         ));
     }
@@ -163,7 +163,7 @@ mod tests {
         let image = ramp(8, 12);
         let half = Augmentation { crop: 0.5, ..STILL };
         for index in 0..20 {
-            let part = image.varied(&half, &mut stream(0, "test", index));
+            let part = image.varied(&half, &mut named_stream(0, "test", index));
             assert_eq!(part.size(), (4, 4));
             let corner = |v: &f32| (v - part.pixels[0]).abs() < 1e-6;
             let first = image.pixels.iter().position(corner).unwrap();
@@ -182,7 +182,7 @@ mod tests {
             ..STILL
         };
         let turned = (0..1000).filter(|&index| {
-            let shown = image.varied(&flip, &mut stream(0, "test", index));
+            let shown = image.varied(&flip, &mut named_stream(0, "test", index));
             let upside_down = same(&shown.pixels[..12], &image.pixels[36..]);
             assert!(upside_down || same(&shown.pixels, &image.pixels));
             upside_down
@@ -204,7 +204,7 @@ mod tests {
             colour: 0.3,
         };
         for index in 0..20 {
-            let shown = |image: &Image| image.varied(&strong, &mut stream(0, "test", index));
+            let shown = |image: &Image| image.varied(&strong, &mut named_stream(0, "test", index));
             let (expected, found) = (shown(&image), shown(&sequence));
             assert_eq!(found.shape(), [3, 4, 4, 3]);
             for frame in found.pixels.chunks_exact(expected.pixels.len()) {
@@ -234,7 +234,7 @@ mod tests {
             };
             for (index, value) in (0..100).zip([0.0, 1.0, 0.5].into_iter().cycle()) {
                 let image = Image::new(3, 3, vec![value; 27]).unwrap();
-                let shown = image.varied(&strong, &mut stream(0, "test", index));
+                let shown = image.varied(&strong, &mut named_stream(0, "test", index));
                 assert!(shown.pixels.iter().all(|v| (0.0..=1.0).contains(v)));
                 assert!(shown.pixels.iter().all(|v| *v == shown.pixels[0]));
             }

@@ -171,7 +171,7 @@ pub(super) fn hash(targets: &Targets, parts: &Parts) -> Result<String> {
         }
     };
     if let Some(start) = &targets.start {
-        (0..start.surfaces()).for_each(|surface| add(start.surface(surface)));
+        add(start.values());
     }
     if let Some(features) = &targets.features {
         add(&features.embeddings.flatten_all()?.to_vec1::<f32>()?);

@@ -1,9 +1,8 @@
 use candle_core::{DType, Device, Tensor};
+use sps_regress::{Embeddings, Readings, Standardiser};
 
-use crate::data::{Embeddings, Readings};
 use crate::encoders::Block;
 use crate::error::{Error, Result};
-use crate::standardise::Standardiser;
 
 /// What an image is to say: values, a class, what another encoder sees, or several of these.
 ///

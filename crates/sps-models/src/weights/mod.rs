@@ -124,7 +124,7 @@ impl Weights {
     }
 
     /// The tensors whose names begin with `prefix`, without it.
-    #[cfg(any(feature = "heads", feature = "training"))]
+    #[cfg(feature = "heads")]
     pub(crate) fn part(&self, prefix: &str) -> Self {
         let tensors = self.iter().filter_map(|(name, tensor)| {
             let rest = name.strip_prefix(prefix)?;

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use sps_dataset::{Frame, Source};
-use sps_models::{Embeddings, FittedRegressor};
+use sps_regress::{Embeddings, FittedRegressor};
 
 use crate::memory;
 use crate::results::Costs;

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use anyhow::Result;
 use sps_dataset::{Source, Split};
-use sps_models::FittedRegressor;
 use sps_models::heads::HeadConfig;
-use sps_models::ridge::{Ridge, RidgeConfig};
+use sps_regress::FittedRegressor;
+use sps_regress::ridge::{Ridge, RidgeConfig};
 
 use super::estimate::{Estimating, Spent, costs, timed};
 use crate::config::Method;

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use sps_dataset::{Property, Source, Surface};
-use sps_models::Readings;
+use sps_regress::Readings;
 
 use super::adaptive::deviation;
 use super::fit::{Judge, measured};

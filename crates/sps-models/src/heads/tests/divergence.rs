@@ -44,7 +44,7 @@ fn others_go_on(set: &Set, config: &HeadConfig, plan: &Plan, lost: &Trial, expec
     }
     let back = TrainedHeads::from_bytes("f", &trained.to_bytes().unwrap()).unwrap();
     assert_eq!(back.diverged(), trained.diverged());
-    let models: &dyn crate::FittedRegressor = &back;
+    let models: &dyn sps_regress::FittedRegressor = &back;
     assert_eq!(models.diverged(), trained.diverged());
     assert!(trained.filter(|trial| trial != lost).diverged().is_empty());
 }
@@ -53,12 +53,12 @@ fn others_go_on(set: &Set, config: &HeadConfig, plan: &Plan, lost: &Trial, expec
 #[test]
 fn an_absurd_view_takes_nothing_from_another() {
     let mut set = Set::new(40, 2, 9, 2);
-    let factor = Tensor::new(&[[[1.0_f32], [1e25]]], &Device::Cpu).unwrap();
-    let rows: Vec<f32> = (0..40)
-        .flat_map(|s| [set.embeddings.view(s, 0), set.embeddings.view(s, 1)].concat())
-        .collect();
-    let table = Tensor::from_vec(rows, (40, 2, 9), &Device::Cpu).unwrap();
-    set.embeddings = Embeddings::new(&table.broadcast_mul(&factor).unwrap()).unwrap();
+    let views = (0..40).flat_map(|s| [(s, 0, 1.0), (s, 1, 1e25)]);
+    let values = views.flat_map(|(s, view, factor)| {
+        let row = set.embeddings.get(s, view).unwrap();
+        row.iter().map(move |x| x * factor)
+    });
+    set.embeddings = Embeddings::new(values.collect(), [40, 2, 9]).unwrap();
     let mut plan = set.plan(1);
     plan.trials[1].property = "p0".into();
     plan.trials[1].views = Views::Fixed(vec![1]);
@@ -137,7 +137,7 @@ fn a_regressor_without_a_model_for_a_trial_is_an_error() {
     let mut config = full();
     config.adam.learning_rate = 1e30;
     let head = Head::new(config).unwrap();
-    let error = crate::Regressor::fit(&head, &set.data(), &set.plan(1));
+    let error = sps_regress::Regressor::fit(&head, &set.data(), &set.plan(1));
     let error = error.err().unwrap().to_string();
     assert!(error.contains("p0, rerun 0: the loss is "), "{error}");
 }

@@ -137,8 +137,8 @@ fn targets_that_are_all_equal() {
 #[test]
 fn embeddings_that_are_all_equal() {
     let mut set = Set::new(30, 1, 5, 1);
-    let same = Tensor::full(0.1_f32, (30, 5), &Device::Cpu).unwrap();
-    let trained_on = std::mem::replace(&mut set.embeddings, Embeddings::new(&same).unwrap());
+    let same = Embeddings::new(vec![0.1; 150], [30, 1, 5]).unwrap();
+    let trained_on = std::mem::replace(&mut set.embeddings, same);
     for scale in [Scale::Common, Scale::PerFeature] {
         let mut config = full();
         config.scale = scale;

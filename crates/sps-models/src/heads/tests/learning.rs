@@ -30,7 +30,7 @@ fn bent() -> Set {
     let mut set = Set::new(400, 1, 32, 3);
     let rows: Vec<Vec<_>> = (0..400)
         .map(|s| {
-            let x = set.embeddings.view(s, 0);
+            let x = set.embeddings.get(s, 0).unwrap();
             let of = |p: usize| f64::from(x[p] + 2.0 * (x[p + 3] * 0.8).abs() - x[p + 6]);
             (0..3).map(|p| Some(30.0 + 20.0 * of(p))).collect()
         })
@@ -147,12 +147,11 @@ fn views_enter_the_slots_in_order_and_pooling_takes_the_largest() {
     let largest: Vec<f32> = all
         .iter()
         .flat_map(|&s| {
-            let views = [0, 1, 2].map(|v| set.embeddings.view(s, v));
+            let views = [0, 1, 2].map(|v| set.embeddings.get(s, v).unwrap());
             (0..4).map(move |f| views.iter().map(|view| view[f]).fold(f32::MIN, f32::max))
         })
         .collect();
-    let largest = Tensor::from_vec(largest, (30, 4), &Device::Cpu).unwrap();
-    let largest = Embeddings::new(&largest).unwrap();
+    let largest = Embeddings::new(largest, [30, 1, 4]).unwrap();
     assert_eq!(
         pooled.predict(&set.embeddings).unwrap(),
         pooled.predict(&largest).unwrap()
@@ -165,9 +164,15 @@ fn a_feature_that_was_silent_in_training_is_not_blown_up() {
     let values = set.embeddings.clone();
     let with = |quiet: f32| {
         let all: Vec<f32> = (0..40)
-            .flat_map(|s| [values.view(s, 0), &[if s == 0 { 1e-6 } else { quiet }]].concat())
+            .flat_map(|s| {
+                [
+                    values.get(s, 0).unwrap(),
+                    &[if s == 0 { 1e-6 } else { quiet }],
+                ]
+                .concat()
+            })
             .collect();
-        Embeddings::new(&Tensor::from_vec(all, (40, 7), &Device::Cpu).unwrap()).unwrap()
+        Embeddings::new(all, [40, 1, 7]).unwrap()
     };
     set.embeddings = with(0.0);
     let mut plan = set.plan(1);

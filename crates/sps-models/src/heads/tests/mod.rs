@@ -6,13 +6,14 @@ mod gradients;
 mod hard_cases;
 mod learning;
 mod plans;
+mod regressor;
 mod stopping;
 mod storage;
 
 use candle_core::{Device, Tensor};
+use sps_regress::{Embeddings, Estimates, Readings, Rerun, Trial};
 
 use super::*;
-use crate::data::{Embeddings, Readings};
 use crate::golden::uniform;
 use crate::labels::LabelSource;
 
@@ -40,11 +41,9 @@ impl Set {
             })
             .collect();
         let seen: Vec<f32> = seen.iter().map(|&x| x as f32).collect();
-        let shape = (surfaces, views, width);
-        let tensor = Tensor::from_vec(seen, shape, &Device::Cpu).unwrap();
         let names = (0..properties).map(|p| format!("p{p}")).collect();
         Self {
-            embeddings: Embeddings::new(&tensor).unwrap(),
+            embeddings: Embeddings::new(seen, [surfaces, views, width]).unwrap(),
             readings: Readings::new(names, &rows).unwrap(),
             materials: (0..surfaces).map(|s| format!("m{}", s % 4)).collect(),
         }

@@ -1,4 +1,5 @@
 use super::*;
+use crate::embeddings_of;
 
 type Change = fn(&mut Plan);
 
@@ -96,43 +97,22 @@ fn tables_of_different_length_are_refused() {
 }
 
 #[test]
-fn embeddings_and_readings_are_checked() {
+fn tensors_of_embeddings_are_checked() {
     let tensor =
         |values: &[f32], shape: &[usize]| Tensor::from_slice(values, shape, &Device::Cpu).unwrap();
-    assert!(Embeddings::new(&tensor(&[1.0], &[1])).is_err());
-    assert!(Embeddings::new(&tensor(&[], &[1, 0])).is_err());
-    assert!(Embeddings::new(&tensor(&[], &[1, 0, 3])).is_err());
-    let message = Embeddings::new(&tensor(&[1.0, 2.0, f32::NAN, 4.0], &[2, 2])).unwrap_err();
+    assert!(embeddings_of(&tensor(&[1.0], &[1])).is_err());
+    assert!(embeddings_of(&tensor(&[], &[1, 0])).is_err());
+    assert!(embeddings_of(&tensor(&[], &[1, 0, 3])).is_err());
+    let message = embeddings_of(&tensor(&[1.0, 2.0, f32::NAN, 4.0], &[2, 2])).unwrap_err();
     assert!(
         message.to_string().contains("NaN in surface 1"),
         "{message}"
     );
     let whole = Tensor::zeros((1, 2), candle_core::DType::U8, &Device::Cpu).unwrap();
-    assert!(Embeddings::new(&whole).is_err());
+    assert!(embeddings_of(&whole).is_err());
     let half = Tensor::ones((1, 2), candle_core::DType::F16, &Device::Cpu).unwrap();
     assert_eq!(
-        Embeddings::new(&half).unwrap().get(0, 0),
+        embeddings_of(&half).unwrap().get(0, 0),
         Some(&[1.0, 1.0][..])
-    );
-    let two = Embeddings::new(&tensor(&[1.0, 2.0], &[2, 1])).unwrap();
-    assert!(two.select(&[2], &[0]).is_err());
-    assert!(two.select(&[0], &[1]).is_err());
-    assert!(two.select(&[0], &[]).is_err());
-    assert_eq!(two.get(2, 0), None);
-
-    let names = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
-    assert!(Readings::new(Vec::new(), &[]).is_err());
-    assert!(Readings::new(names(&["a", "a"]), &[]).is_err());
-    assert!(Readings::new(names(&["a"]), &[vec![]]).is_err());
-    let message = Readings::new(names(&["a"]), &[vec![Some(f64::INFINITY)]]).unwrap_err();
-    assert!(
-        message.to_string().contains("inf for a of surface 0"),
-        "{message}"
-    );
-    let readings = Readings::new(names(&["a", "b"]), &[vec![None, Some(2.0)]]).unwrap();
-    assert_eq!((readings.get(0, 1), readings.get(0, 0)), (Some(2.0), None));
-    assert_eq!(
-        (readings.get(0, 2), readings.get(usize::MAX, 0)),
-        (None, None)
     );
 }

@@ -234,11 +234,10 @@ fn a_plan_without_a_validation_part_that_fits_is_refused_by_name() {
 fn an_error_that_is_not_finite_is_worse_than_any() {
     let mut set = Set::new(40, 1, 9, 1);
     let mut seen: Vec<f32> = (0..40)
-        .flat_map(|s| set.embeddings.surface(s).to_vec())
+        .flat_map(|s| set.embeddings.get(s, 0).unwrap().to_vec())
         .collect();
     seen[9..18].fill(f32::MAX);
-    let seen = Tensor::from_vec(seen, (40, 9), &Device::Cpu).unwrap();
-    set.embeddings = Embeddings::new(&seen).unwrap();
+    set.embeddings = Embeddings::new(seen, [40, 1, 9]).unwrap();
     let mut config = stopping(0);
     config.model = Model::Regression {};
     let trained = set.train(&config, &with_validation(set.plan(1)));

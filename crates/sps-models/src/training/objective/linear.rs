@@ -3,12 +3,12 @@
 use candle_core::{D, Device, Tensor, Var};
 use candle_nn::ops::log_softmax;
 use rand::Rng;
+use sps_base::streams::named_stream;
+use sps_regress::Readings;
 
 use super::{Losses, nothing};
-use crate::data::Readings;
 use crate::error::Result;
 use crate::heads::Share;
-use crate::rng::stream;
 use crate::training::targets::{Classes, Standards};
 
 /// The mean squared error of the standardised values, plus the cross-entropy of the classes, each a
@@ -107,7 +107,7 @@ impl Layer {
     pub(super) fn new(name: &str, width: usize, outputs: usize, seed: u64) -> Result<Self> {
         let bound = 1.0 / (width as f32).sqrt();
         let draw = |leaf: &str, shape: &[usize]| {
-            let mut rng = stream(seed, &format!("training/init/{name}.{leaf}"), 0);
+            let mut rng = named_stream(seed, &format!("training/init/{name}.{leaf}"), 0);
             let values = (0..shape.iter().product()).map(|_| rng.random_range(-bound..bound));
             let values = Tensor::from_vec(values.collect::<Vec<f32>>(), shape, &Device::Cpu)?;
             Var::from_tensor(&values)

@@ -9,15 +9,15 @@ use std::ops::Range;
 use candle_core::backprop::GradStore;
 use candle_core::{Device, Tensor, Var};
 use serde::{Deserialize, Serialize};
+use sps_regress::{TrainingData, places};
 
 use super::batches;
 use super::config::{TrainingConfig, TrainingObjective};
 use super::targets::{Features, Targets};
 use crate::encoders::Block;
 use crate::error::{Error, Result};
-use crate::heads::{Draw, EpochLosses, HeadConfig, JointHeads, Share, TrainingData};
+use crate::heads::{Draw, EpochLosses, HeadConfig, JointHeads, Share};
 use linear::{Layer, Linear};
-use sps_kernels::network::places;
 
 /// What stands on the embedding while the encoder is trained, and the loss of what it says.
 #[derive(Debug)]
@@ -331,10 +331,9 @@ fn taught_by(targets: &Targets, distillation: f64) -> Result<Option<Features>> {
             expected,
         ));
     }
-    let rows = (0..start.surfaces()).flat_map(|surface| start.surface(surface).iter().copied());
     let shape = (start.surfaces() * start.views(), start.width());
     Ok(Some(Features {
-        embeddings: Tensor::from_vec(rows.collect::<Vec<f32>>(), shape, &Device::Cpu)?,
+        embeddings: Tensor::from_slice(start.values(), shape, &Device::Cpu)?,
         blocks: Vec::new(),
         weight: distillation,
     }))

@@ -1,9 +1,9 @@
 //! Linear layers by their definition; heads are in `training/tests`.
 
 use candle_core::Device;
+use sps_regress::Readings;
 
 use super::*;
-use crate::data::Readings;
 use crate::training::targets::{Classes, Features};
 
 fn targets() -> Targets {

@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 
 use candle_core::Var;
 use serde::Deserialize;
+use sps_regress::Embeddings;
 
 use super::*;
-use crate::data::Embeddings;
+use crate::embeddings_of;
 use crate::golden;
 use crate::heads::{
     Adversarial, Classification, CrossModal, GeneratorLoss, Input, Model, RelationScale, Scale,
@@ -57,7 +58,7 @@ impl Golden {
         let start = start.to_dtype(DType::F32).unwrap();
         Targets {
             values: Some(Readings::new(names, &rows).unwrap()),
-            start: Some(Embeddings::new(&start).unwrap()),
+            start: Some(embeddings_of(&start).unwrap()),
             materials: Some(["m", "n", "m", "o"].map(str::to_owned).to_vec()),
             ..Targets::default()
         }
@@ -296,7 +297,7 @@ impl Pairs {
         let seen = seen.unwrap().reshape((surfaces, 2, ())).unwrap();
         Targets {
             classes: None,
-            start: Some(Embeddings::new(&seen).unwrap()),
+            start: Some(embeddings_of(&seen).unwrap()),
             materials: Some((0..surfaces).map(|s| format!("m{}", s % 2)).collect()),
             ..self.0.targets()
         }
@@ -455,8 +456,7 @@ mod hard_cases {
         });
         refused(short, fusion(), "23");
         let wide = change(|t| {
-            let wide = Tensor::zeros((24, 2, 7), DType::F32, &Device::Cpu).unwrap();
-            t.start = Some(Embeddings::new(&wide).unwrap());
+            t.start = Some(Embeddings::new(vec![0.0; 24 * 2 * 7], [24, 2, 7]).unwrap());
         });
         refused(wide, fusion(), "width 7");
         let odd = change(|t| {
@@ -560,9 +560,8 @@ mod hard_cases {
         let pairs = Pairs::new(24);
         let heads = || through_heads(Input::LateFusion { views: 2 }, model());
         let start = pairs.targets().start.unwrap();
-        let rows = (0..24).flat_map(|s| start.surface(s).to_vec());
         let shape = (48, start.width());
-        let embeddings = Tensor::from_vec(rows.collect(), shape, &Device::Cpu).unwrap();
+        let embeddings = Tensor::from_slice(start.values(), shape, &Device::Cpu).unwrap();
         let features = Features {
             embeddings,
             blocks: Vec::new(),

@@ -7,12 +7,12 @@ mod sequences;
 use std::error::Error as StdError;
 
 use candle_core::{DType, Device, Tensor};
+use sps_base::streams::named_stream;
+use sps_regress::Readings;
 
 use super::*;
-use crate::data::Readings;
 use crate::encoders::{Encoder, EncoderKind};
 use crate::error::Result;
-use crate::rng::stream;
 use crate::weights::{Storage, Weights};
 use rand::Rng;
 
@@ -23,7 +23,7 @@ struct Stripes {
 
 impl Stripes {
     fn new(count: usize) -> Self {
-        let mut rng = stream(1, "stripes", 0);
+        let mut rng = named_stream(1, "stripes", 0);
         let brightness = (0..count).map(|_| rng.random_range(0.3..0.9)).collect();
         Self { brightness }
     }

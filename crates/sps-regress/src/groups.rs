@@ -1,0 +1,90 @@
+//! Trials that are fitted together, because they see the same views of the same surfaces.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use crate::data::Embeddings;
+use crate::error::{Error, Result};
+use crate::left_out::LeftOut;
+use crate::plan::{Plan, TrainingData, Trial, Views};
+
+/// A trial of a plan, with its training values.
+pub(crate) struct Job<'a> {
+    at: usize,
+    pub(crate) trial: &'a Trial,
+    /// One reading per surface of its group.
+    pub(crate) values: Vec<f64>,
+}
+
+/// The trials on the same views of the same surfaces.
+pub(crate) struct Group<'a> {
+    /// `(surfaces, views, width)`, the training surfaces in ascending order.
+    pub(crate) embeddings: Embeddings,
+    pub(crate) left_out: LeftOut,
+    /// In the order of the plan.
+    pub(crate) jobs: Vec<Job<'a>>,
+}
+
+/// What `fit` makes of each group, a model for each of its jobs, in the order of the plan's trials.
+///
+/// # Errors
+///
+/// A plan that does not fit the data, a trial without fixed views, a property without a training
+/// reading, what `fit` says.
+pub(crate) fn fit_groups<T: Send>(
+    data: &TrainingData<'_>,
+    plan: &Plan,
+    fit: impl Fn(&Group<'_>) -> Result<Vec<T>> + Sync,
+) -> Result<Vec<T>> {
+    plan.check(None, data)?;
+    let mut groups: BTreeMap<(&[usize], Vec<usize>), Vec<Job<'_>>> = BTreeMap::new();
+    for (at, trial) in plan.trials.iter().enumerate() {
+        let Views::Fixed(views) = &trial.views else {
+            return Err(Error::input(
+                "views of a trial",
+                "ones that change",
+                "fixed ones",
+            ));
+        };
+        let (surfaces, values) = plan.readings(data, trial).into_iter().unzip();
+        let job = Job { at, trial, values };
+        groups.entry((views, surfaces)).or_default().push(job);
+    }
+    let groups: Vec<_> = groups.into_iter().collect();
+    let fitted: Vec<Result<Vec<(usize, T)>>> = groups
+        .into_par_iter()
+        .map(|((views, surfaces), jobs)| {
+            let embeddings = data.embeddings.select(&surfaces, views)?;
+            let group = Group {
+                left_out: LeftOut::of(&surfaces, data.units),
+                embeddings,
+                jobs,
+            };
+            let models = fit(&group)?;
+            Ok(group.jobs.iter().map(|job| job.at).zip(models).collect())
+        })
+        .collect();
+    let mut models = Vec::with_capacity(plan.trials.len());
+    for group in fitted {
+        models.extend(group?);
+    }
+    models.sort_by_key(|(at, _)| *at);
+    Ok(models.into_iter().map(|(_, model)| model).collect())
+}
+
+/// The models that share what `shared` points to, by their place among all, in the order of the
+/// first of each.
+pub(crate) fn sharing<'a, T>(
+    shared: impl Iterator<Item = &'a Arc<T>>,
+) -> Vec<(&'a Arc<T>, Vec<usize>)> {
+    let mut all: Vec<(&Arc<T>, Vec<usize>)> = Vec::new();
+    for (at, one) in shared.enumerate() {
+        match all.iter_mut().find(|(other, _)| Arc::ptr_eq(other, one)) {
+            Some((_, places)) => places.push(at),
+            None => all.push((one, vec![at])),
+        }
+    }
+    all
+}

@@ -1,0 +1,387 @@
+//! Kernel ridge regression from embeddings to tactile values: the strong, cheap floor under every
+//! network.
+
+mod fit;
+mod kernel;
+mod set_losses;
+mod store;
+#[cfg(test)]
+mod tests;
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use faer::Mat;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::data::Embeddings;
+use crate::error::{Error, Result};
+use crate::fitted::{Fitted, FittedModel};
+use crate::groups::{Group, fit_groups, sharing};
+use crate::plan::{Plan, TrainingData, Trial};
+use crate::regressor::check_fits;
+use fit::{Fit, Spectrum};
+pub use kernel::{Kernel, Shape};
+use kernel::{Part, Points, Proximity, Terms};
+pub use set_losses::SetLosses;
+
+/// Surfaces that are estimated at once.
+const ROWS: usize = 512;
+
+/// Settings of [`KernelRidge`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct KernelRidgeConfig {
+    /// The kernels to choose from, all of them linear or none.
+    pub kernels: Vec<Shape>,
+    /// The penalties to choose from, each in units of the kernel's variance: `l` in
+    /// `|y - f|² / n + l v |f|²`, with `v` the mean diagonal element of the centred kernel matrix.
+    pub penalties: Vec<f64>,
+    /// Surfaces that a fit stands on at most: of more training surfaces so many are drawn at random,
+    /// from a stream keyed by the plan's seed and the rerun. Time grows with the third power of
+    /// their number, memory with its square. [`SetLosses`] take all that they are given.
+    pub at_most: usize,
+}
+
+impl Default for KernelRidgeConfig {
+    fn default() -> Self {
+        Self {
+            kernels: [0.0, 4.0]
+                .map(|leaning| Shape {
+                    leaning,
+                    ..Shape::even(Kernel::Exponential, 4.0)
+                })
+                .to_vec(),
+            penalties: vec![
+                1e-6, 1e-5, 3.16e-5, 1e-4, 3.16e-4, 1e-3, 3.16e-3, 0.01, 0.0316, 0.1, 0.316, 1.0,
+                3.16,
+            ],
+            at_most: 4000,
+        }
+    }
+}
+
+/// Kernel ridge regression (Saunders, Gammerman and Vovk 1998) with an intercept; kernel and penalty
+/// are those that predict best when each training surface, or unit of them
+/// ([`TrainingData::units`]), is left out in turn, which has a closed form (Golub, Heath and Wahba
+/// 1979).
+///
+/// The mean of the training readings is one of the choices, and is taken where nothing predicts
+/// better: an unpredictable property falls back to it.
+///
+/// Of more training surfaces than [`KernelRidgeConfig::at_most`] it takes so many, drawn at random.
+///
+/// The kernel of several views is the mean of theirs, views being alike in pairs, first with first; and that of
+/// a view the weighted mean of its blocks', each with a scale of its own. [`Shape`] says how they weigh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KernelRidge(KernelRidgeConfig);
+
+impl KernelRidge {
+    /// Checks a configuration.
+    ///
+    /// # Errors
+    ///
+    /// No penalty or kernel, a penalty or width that is not above zero, a leaning that is not finite, linear kernels
+    /// among others; no surface to stand on.
+    pub fn new(config: KernelRidgeConfig) -> Result<Self> {
+        let widths: Vec<f64> = config.kernels.iter().map(|shape| shape.width).collect();
+        let lists = [
+            ("penalties of kernel ridge regression", &config.penalties),
+            ("widths of kernels", &widths),
+        ];
+        for (what, list) in lists {
+            if list.is_empty() {
+                return Err(Error::input(what, "none", "at least one"));
+            }
+            if let Some(value) = list.iter().find(|&&v| !(v.is_finite() && v > 0.0)) {
+                return Err(Error::input(what, value, "numbers above 0"));
+            }
+        }
+        if let Some(shape) = config.kernels.iter().find(|s| !s.leaning.is_finite()) {
+            let expected = "a finite number";
+            return Err(Error::input("leaning of a kernel", shape.leaning, expected));
+        }
+        let linear = config.kernels.iter().filter(|s| s.kernel == Kernel::Linear);
+        if !(linear.count() == 0 || Proximity::all_linear(&config.kernels)) {
+            let found = "linear ones among others";
+            let expected = "none but linear ones, or none of these";
+            return Err(Error::input("kernels to choose from", found, expected));
+        }
+        if config.at_most == 0 {
+            let what = "surfaces that kernel ridge regression stands on";
+            return Err(Error::input(what, 0, "at least 1"));
+        }
+        Ok(Self(config))
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &KernelRidgeConfig {
+        &self.0
+    }
+
+    /// Fits every trial of the plan, on the threads of the current rayon pool. A trial's fit
+    /// depends on its own data alone.
+    ///
+    /// # Errors
+    ///
+    /// A plan that does not fit the data, a trial without fixed views, a property without a
+    /// training reading.
+    pub fn train(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<TrainedKernelRidges> {
+        let plan = plan.thinned(self.0.at_most);
+        let ridges = fit_groups(data, &plan, |group| self.fit(group))?;
+        Ok(Fitted(ridges))
+    }
+
+    fn fit(&self, group: &Group<'_>) -> Result<Vec<TrainedKernelRidge>> {
+        let (scales, kernels) = self.kernels(&group.embeddings);
+        let spectra: Vec<Result<Spectrum>> = kernels
+            .into_par_iter()
+            .map(|(shape, kernel)| Spectrum::new(kernel, shape, &self.0.penalties, &group.left_out))
+            .collect();
+        let spectra = spectra.into_iter().collect::<Result<Vec<_>>>()?;
+        let support = Arc::new(Support {
+            proximity: Proximity::of(&self.0.kernels),
+            embeddings: group.embeddings.clone(),
+            scales,
+        });
+        let fits = group.jobs.par_iter().map(|job| TrainedKernelRidge {
+            trial: job.trial.clone(),
+            fit: Fit::best(&spectra, &job.values, &group.left_out),
+            support: Arc::clone(&support),
+        });
+        Ok(fits.collect())
+    }
+
+    /// The scale of each block of each view, and the matrix of the surfaces by each kernel.
+    fn kernels(&self, embeddings: &Embeddings) -> (Vec<f64>, Vec<(Shape, Mat<f64>)>) {
+        let surfaces = embeddings.surfaces();
+        let proximity = Proximity::of(&self.0.kernels);
+        let shapes = self.shapes(embeddings).into_iter();
+        let mut sums: Vec<_> = shapes
+            .map(|shape| (shape, Mat::zeros(surfaces, surfaces)))
+            .collect();
+        let (views, blocks) = (embeddings.views() as f64, embeddings.blocks().len());
+        let mut scales = Vec::new();
+        for part in Part::all(embeddings) {
+            let block = part.block;
+            let points = Points::new(proximity, embeddings, part);
+            let (proximities, scale) = points.among_themselves();
+            scales.push(scale);
+            sums.par_iter_mut().for_each(|(shape, sum)| {
+                let terms = Terms {
+                    weight: shape.weight(block, blocks) / views,
+                    scale,
+                    shape: *shape,
+                };
+                Points::add(sum, &proximities, terms);
+            });
+        }
+        (scales, sums)
+    }
+}
+
+impl KernelRidge {
+    /// The kernels that differ: how far they lean makes no difference to one block.
+    fn shapes(&self, embeddings: &Embeddings) -> Vec<Shape> {
+        let mut shapes: Vec<Shape> = Vec::new();
+        for &shape in &self.0.kernels {
+            let shape = match embeddings.blocks() {
+                [_] => Shape::even(shape.kernel, shape.width),
+                _ => shape,
+            };
+            if !shapes.contains(&shape) {
+                shapes.push(shape);
+            }
+        }
+        shapes
+    }
+}
+
+/// The training surfaces of some regressions.
+#[derive(Debug, PartialEq)]
+struct Support {
+    proximity: Proximity,
+    /// The views in the order of the trial's.
+    embeddings: Embeddings,
+    /// Of each block of each view.
+    scales: Vec<f64>,
+}
+
+impl Support {
+    /// Matrices `(training surfaces, those in the range)`, one for each of the kernels.
+    fn kernels(
+        &self,
+        embeddings: &Embeddings,
+        range: &Range<usize>,
+        shapes: &[Shape],
+    ) -> Vec<Mat<f64>> {
+        let zeros = |_: &Shape| Mat::zeros(self.embeddings.surfaces(), range.len());
+        let mut sums: Vec<Mat<f64>> = shapes.iter().map(zeros).collect();
+        let (views, blocks) = (
+            self.embeddings.views() as f64,
+            self.embeddings.blocks().len(),
+        );
+        for (part, &scale) in Part::all(&self.embeddings).zip(&self.scales) {
+            let block = part.block;
+            let points = Points::new(self.proximity, &self.embeddings, part);
+            let proximities = points.proximities(embeddings, range.clone());
+            for (sum, &shape) in sums.iter_mut().zip(shapes) {
+                let terms = Terms {
+                    weight: shape.weight(block, blocks) / views,
+                    scale,
+                    shape,
+                };
+                Points::add(sum, &proximities, terms);
+            }
+        }
+        sums
+    }
+}
+
+/// One fitted kernel ridge regression.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainedKernelRidge {
+    trial: Trial,
+    fit: Fit,
+    /// Shared by the regressions on the same views of the same surfaces.
+    support: Arc<Support>,
+}
+
+impl TrainedKernelRidge {
+    /// The penalty that was chosen, in the units of [`KernelRidgeConfig::penalties`]; `None` where
+    /// the mean of the training readings is the estimate.
+    pub fn penalty(&self) -> Option<f64> {
+        self.fit.expansion.as_ref().map(|e| e.penalty)
+    }
+
+    /// The kernel that was chosen; `None` where the mean of the training readings is the estimate.
+    pub fn shape(&self) -> Option<Shape> {
+        self.fit.expansion.as_ref().map(|e| e.shape)
+    }
+
+    /// Mean squared error, in measured units, for each training surface by the fit to all others, or to
+    /// all others' units, with the kernel and penalty that were chosen; `None` of one surface alone. The least of many
+    /// choices: a little less than the error of a new surface or unit.
+    pub fn left_out_error(&self) -> Option<f64> {
+        self.fit.left_out_error
+    }
+}
+
+/// Fitted kernel ridge regressions.
+pub type TrainedKernelRidges = Fitted<TrainedKernelRidge>;
+
+impl FittedModel for TrainedKernelRidge {
+    const KIND: &'static str = "kernel-ridges";
+
+    fn trial(&self) -> &Trial {
+        &self.trial
+    }
+
+    /// On the threads of the current rayon pool. Regressions that share training surfaces and kernel
+    /// are estimated together, which takes little more time than one.
+    fn estimate(models: &[Self], embeddings: &Embeddings) -> Result<Vec<Vec<f64>>> {
+        let sharing = Sharing::of(models);
+        for Sharing { support, .. } in &sharing {
+            let what = "embeddings for kernel ridge regression";
+            check_fits(what, embeddings, &support.embeddings)?;
+        }
+        let starts: Vec<usize> = (0..embeddings.surfaces()).step_by(ROWS).collect();
+        let parts: Vec<Vec<Vec<f64>>> = starts
+            .into_par_iter()
+            .map(|start| {
+                let range = start..embeddings.surfaces().min(start + ROWS);
+                estimate_some(models, &sharing, embeddings, &range)
+            })
+            .collect();
+        let of_model = |at: usize| parts.iter().flat_map(|part| &part[at]).copied().collect();
+        Ok((0..models.len()).map(of_model).collect())
+    }
+
+    /// Regressions on the same surfaces share the distances to them, and those of one shape the
+    /// kernel. An element of a kernel counts as one.
+    fn multiply_adds(models: &[Self]) -> u64 {
+        let of = |sharing: &Sharing<'_>| {
+            let embeddings = &sharing.support.embeddings;
+            let expansions = sharing.ridges.iter();
+            let expansions = expansions.filter(|&&at| models[at].fit.expansion.is_some());
+            let distances = match sharing.shapes.len() {
+                0 => 0,
+                shapes => {
+                    let kernels = embeddings.blocks().len() * shapes;
+                    embeddings.views() * (embeddings.width() + kernels)
+                }
+            };
+            (embeddings.surfaces() * (distances + expansions.count())) as u64
+        };
+        Sharing::of(models).iter().map(of).sum()
+    }
+
+    fn to_bytes(models: &[Self]) -> Result<Vec<u8>> {
+        store::to_bytes(models)
+    }
+
+    fn from_bytes(bytes: &[u8]) -> Result<Vec<Self>> {
+        store::from_bytes(bytes)
+    }
+}
+
+/// The regressions that share their training surfaces, by their place among all, and the kernels
+/// that they chose.
+struct Sharing<'a> {
+    support: &'a Arc<Support>,
+    ridges: Vec<usize>,
+    shapes: Vec<Shape>,
+}
+
+impl<'a> Sharing<'a> {
+    fn of(models: &'a [TrainedKernelRidge]) -> Vec<Self> {
+        let shared = sharing(models.iter().map(|ridge| &ridge.support));
+        let of = |(support, ridges): (_, Vec<usize>)| {
+            let mut shapes = Vec::new();
+            for shape in ridges.iter().filter_map(|&at| models[at].shape()) {
+                if !shapes.contains(&shape) {
+                    shapes.push(shape);
+                }
+            }
+            Self {
+                support,
+                ridges,
+                shapes,
+            }
+        };
+        shared.into_iter().map(of).collect()
+    }
+}
+
+/// The estimates for some surfaces, by regression.
+fn estimate_some(
+    models: &[TrainedKernelRidge],
+    sharing: &[Sharing<'_>],
+    embeddings: &Embeddings,
+    range: &Range<usize>,
+) -> Vec<Vec<f64>> {
+    let mean = |ridge: &TrainedKernelRidge| vec![ridge.fit.intercept; range.len()];
+    let mut estimates: Vec<Vec<f64>> = models.iter().map(mean).collect();
+    for Sharing {
+        support,
+        ridges,
+        shapes,
+    } in sharing
+    {
+        let kernels = support.kernels(embeddings, range, shapes);
+        for &at in ridges {
+            let Some(expansion) = &models[at].fit.expansion else {
+                continue;
+            };
+            let of_shape = shapes.iter().zip(&kernels);
+            for (_, kernel) in of_shape.filter(|(shape, _)| **shape == expansion.shape) {
+                for (estimate, column) in estimates[at].iter_mut().zip(kernel.col_iter()) {
+                    let terms = column.iter().zip(&expansion.coefficients);
+                    *estimate += terms.map(|(k, c)| k * c).sum::<f64>();
+                }
+            }
+        }
+    }
+    estimates
+}

@@ -1,0 +1,281 @@
+use faer::Mat;
+use rayon::prelude::*;
+
+use super::fit::{Fit, Spectrum};
+use super::kernel::{Part, Points, Proximity, Shape, Terms};
+use super::{KernelRidge, KernelRidgeConfig};
+use crate::data::{Embeddings, check_indices};
+use crate::error::{Error, Result};
+use crate::left_out::LeftOut;
+use crate::plan::TrainingData;
+
+/// What a set of views is worth: the error of a [`KernelRidge`] that is fitted anew to the set, each
+/// training surface, or unit of them, left out in turn, in closed form. With [`Kernel::Linear`](super::Kernel) it is
+/// that of ridge regression.
+///
+/// Properties with readings of the same training surfaces share one decomposition for each kernel;
+/// where gaps differ, each pattern of gaps costs as much as all properties without.
+///
+/// Every view's kernel is kept, one triangle in f32: `2 n²` bytes for `n` surfaces, for each view,
+/// kernel and pattern of gaps.
+#[derive(Debug)]
+pub struct SetLosses {
+    config: KernelRidgeConfig,
+    properties: usize,
+    views: usize,
+    patterns: Vec<Pattern>,
+}
+
+/// The properties with readings of the same surfaces.
+#[derive(Debug)]
+struct Pattern {
+    surfaces: Vec<usize>,
+    left_out: LeftOut,
+    columns: Vec<Column>,
+    /// By kernel and view: the columns of the lower triangle, one after the other.
+    kernels: Vec<(Shape, Vec<Vec<f32>>)>,
+}
+
+#[derive(Debug)]
+struct Column {
+    property: usize,
+    values: Vec<f64>,
+    variance: f64,
+}
+
+impl SetLosses {
+    /// Compares the training surfaces in each of their views, on the threads of the current rayon
+    /// pool.
+    ///
+    /// # Errors
+    ///
+    /// A configuration that [`KernelRidge::new`] refuses, tables that do not fit each other, no training surface or one twice, a
+    /// surface or property that is not in the tables, a property without a training reading.
+    pub fn new(
+        data: &TrainingData<'_>,
+        properties: &[String],
+        training: &[usize],
+        config: &KernelRidgeConfig,
+    ) -> Result<Self> {
+        let ridge = KernelRidge::new(config.clone())?;
+        data.check()?;
+        check_indices("training surface", training, data.embeddings.surfaces())?;
+        let mut training = training.to_vec();
+        training.sort_unstable();
+        if training.windows(2).any(|pair| pair[0] == pair[1]) {
+            return Err(Error::input("training surfaces", "one twice", "each once"));
+        }
+        let mut patterns: Vec<Pattern> = Vec::new();
+        for (property, name) in properties.iter().enumerate() {
+            let (surfaces, column) = Column::of(data, property, name, &training)?;
+            match patterns.iter_mut().find(|one| one.surfaces == surfaces) {
+                Some(pattern) => pattern.columns.push(column),
+                None => patterns.push(Pattern {
+                    left_out: LeftOut::of(&surfaces, data.units),
+                    surfaces,
+                    columns: vec![column],
+                    kernels: Vec::new(),
+                }),
+            }
+        }
+        let all: Vec<usize> = (0..data.embeddings.views()).collect();
+        for pattern in &mut patterns {
+            let embeddings = data.embeddings.select(&pattern.surfaces, &all)?;
+            pattern.kernels = kernels(&ridge, &embeddings);
+        }
+        Ok(Self {
+            config: config.clone(),
+            properties: properties.len(),
+            views: all.len(),
+            patterns,
+        })
+    }
+
+    /// The loss of a set of views, one for each property, in units of the variance of its training
+    /// readings, with the kernel and penalty that are best for it; never above that of the mean of
+    /// the readings, which is a little above 1, and 0 for readings that do not vary. The order of
+    /// the set does not matter; a view may be in it several times.
+    ///
+    /// # Errors
+    ///
+    /// No view, or one that is not there.
+    pub fn losses(&self, set: &[usize]) -> Result<Vec<f64>> {
+        check_indices("view of a set", set, self.views)?;
+        if set.is_empty() {
+            return Err(Error::input("set of views", "none", "at least one"));
+        }
+        let mut set = set.to_vec();
+        set.sort_unstable();
+        let mut losses = vec![0.0; self.properties];
+        for pattern in &self.patterns {
+            let spectra = pattern.kernels.iter().map(|(shape, views)| {
+                let kernel = mean(views, &set, pattern.surfaces.len());
+                Spectrum::new(kernel, *shape, &self.config.penalties, &pattern.left_out)
+            });
+            let spectra = spectra.collect::<Result<Vec<_>>>()?;
+            for column in pattern.columns.iter().filter(|one| one.variance > 0.0) {
+                let error = Fit::best(&spectra, &column.values, &pattern.left_out).left_out_error;
+                losses[column.property] = error.unwrap_or(0.0) / column.variance;
+            }
+        }
+        Ok(losses)
+    }
+}
+
+impl Column {
+    /// The surfaces that have a reading, and their readings.
+    fn of(
+        data: &TrainingData<'_>,
+        property: usize,
+        name: &str,
+        training: &[usize],
+    ) -> Result<(Vec<usize>, Self)> {
+        let Some(column) = data.readings.column(name) else {
+            let known = data.readings.properties().join(", ");
+            let expected = format_args!("one of {known}");
+            return Err(Error::input("property of a set's loss", name, expected));
+        };
+        let read = |&surface: &usize| Some((surface, data.readings.get(surface, column)?));
+        let (surfaces, values): (Vec<usize>, Vec<f64>) = training.iter().filter_map(read).unzip();
+        if values.is_empty() {
+            let found = format_args!("none of {name}");
+            return Err(Error::input("training readings", found, "at least one"));
+        }
+        let level = values.iter().sum::<f64>() / values.len() as f64;
+        let squared = values.iter().map(|value| (value - level).powi(2));
+        let variance = squared.sum::<f64>() / values.len() as f64;
+        let column = Self {
+            property,
+            values,
+            variance,
+        };
+        Ok((surfaces, column))
+    }
+}
+
+/// The matrix of each view, by kernel.
+fn kernels(ridge: &KernelRidge, embeddings: &Embeddings) -> Vec<(Shape, Vec<Vec<f32>>)> {
+    let shapes = ridge.shapes(embeddings);
+    let size = embeddings.surfaces();
+    let of_view = |view| {
+        let mut sums = vec![Mat::zeros(size, size); shapes.len()];
+        for part in Part::of_view(embeddings, view) {
+            let block = part.block;
+            let points = Points::new(Proximity::of(&shapes), embeddings, part);
+            let (proximities, scale) = points.among_themselves();
+            for (sum, &shape) in sums.iter_mut().zip(&shapes) {
+                let terms = Terms {
+                    weight: shape.weight(block, embeddings.blocks().len()),
+                    scale,
+                    shape,
+                };
+                Points::add(sum, &proximities, terms);
+            }
+        }
+        sums.iter().map(lower_triangle).collect::<Vec<_>>()
+    };
+    let views: Vec<Vec<Vec<f32>>> = (0..embeddings.views())
+        .into_par_iter()
+        .map(of_view)
+        .collect();
+    let mut kernels: Vec<_> = shapes.iter().map(|&shape| (shape, Vec::new())).collect();
+    for view in views {
+        for ((_, kernels), kernel) in kernels.iter_mut().zip(view) {
+            kernels.push(kernel);
+        }
+    }
+    kernels
+}
+
+fn lower_triangle(kernel: &Mat<f64>) -> Vec<f32> {
+    let size = kernel.nrows();
+    let column = |j: usize| (j..size).map(move |i| kernel[(i, j)] as f32);
+    (0..size).flat_map(column).collect()
+}
+
+/// The mean kernel of a set, both triangles.
+fn mean(views: &[Vec<f32>], set: &[usize], size: usize) -> Mat<f64> {
+    let mut sums = vec![0.0; size * (size + 1) / 2];
+    for &view in set {
+        for (sum, &value) in sums.iter_mut().zip(&views[view]) {
+            *sum += f64::from(value);
+        }
+    }
+    let mut kernel = Mat::zeros(size, size);
+    let mut rest = sums.iter().map(|sum| sum / set.len() as f64);
+    for j in 0..size {
+        for (i, value) in (j..size).zip(&mut rest) {
+            kernel[(i, j)] = value;
+            kernel[(j, i)] = value;
+        }
+    }
+    kernel
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Kernel;
+    use super::super::tests::{Set, column, config, smooth};
+    use super::*;
+
+    fn variance(values: &[f64]) -> f64 {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64
+    }
+
+    /// The order of a set does not matter, and its views may repeat.
+    #[test]
+    fn losses_are_those_of_the_fitted_regressions() {
+        let shape = (40, 4, 3);
+        let mut gaps = smooth(shape);
+        gaps[..5].fill(None);
+        let columns = [smooth(shape), column("kernel.noise", 40), gaps];
+        let set = Set::new(shape, &columns);
+        let training: Vec<usize> = (0..30).rev().collect();
+        for kernel in [Kernel::Exponential, Kernel::Gaussian, Kernel::Linear] {
+            let config = config(kernel, &[1e-3, 0.03, 1.0], &[0.7, 3.0]);
+            let properties = set.readings.properties();
+            let losses = SetLosses::new(&set.data(), properties, &training, &config).unwrap();
+            for views in [&[2][..], &[3, 0], &[1, 0, 1], &[0, 1, 2, 3]] {
+                let trained = set.train(&config, 30, views).unwrap();
+                let found = losses.losses(views).unwrap();
+                for ((found, ridge), column) in found.iter().zip(trained.models()).zip(&columns) {
+                    let values: Vec<f64> = column[..30].iter().flatten().copied().collect();
+                    let expected = ridge.left_out_error().unwrap() / variance(&values);
+                    assert!((found / expected - 1.0).abs() < 1e-4, "{found} {expected}");
+                }
+                let turned: Vec<usize> = views.iter().rev().copied().collect();
+                assert_eq!(losses.losses(&turned).unwrap(), found);
+            }
+        }
+    }
+
+    #[test]
+    fn hard_cases() {
+        let columns = [
+            vec![Some(0.5); 6],
+            vec![None, None, Some(1.0), None, None, None],
+        ];
+        let set = Set::new((6, 2, 3), &columns);
+        let data = set.data();
+        let config = KernelRidgeConfig::default();
+        let both = set.readings.properties();
+        let losses = SetLosses::new(&data, both, &[0, 1, 2], &config).unwrap();
+        // Constant readings, and one alone.
+        assert_eq!(losses.losses(&[0]).unwrap(), [0.0, 0.0]);
+        for wrong in [&[][..], &[2], &[0, 9]] {
+            assert!(matches!(losses.losses(wrong), Err(Error::Input { .. })));
+        }
+        let unknown = ["none".to_owned()];
+        for (properties, training) in [
+            (both, &[0, 1][..]),
+            (both, &[0, 2, 2]),
+            (both, &[2, 6]),
+            (both, &[]),
+            (&unknown, &[2]),
+        ] {
+            let refused = SetLosses::new(&data, properties, training, &config);
+            assert!(matches!(refused, Err(Error::Input { .. })));
+        }
+    }
+}

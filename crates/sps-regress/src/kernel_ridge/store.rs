@@ -1,0 +1,227 @@
+//! Fitted regressions as safetensors. The training surfaces that some share are there once, as
+//! `i/embeddings`, f32, `(surfaces, views, width)`, and their coefficients beside them as
+//! `i/coefficients`, f64, `(regressions, surfaces)`; the metadata hold the rest as JSON.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::fit::{Expansion, Fit};
+use super::kernel::Proximity;
+use super::{Kernel, Shape, Sharing, Support, TrainedKernelRidge};
+use crate::archive::{Archive, Content, Contents, stored_blocks};
+use crate::error::Result;
+use crate::plan::Trial;
+use crate::regressor::check_finite;
+
+static FILE: Archive = Archive {
+    what: "kernel ridge regressions",
+    key: "sps-kernel-ridges",
+    format: 1,
+};
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct Metadata {
+    format: u32,
+    supports: Vec<StoredSupport>,
+    ridges: Vec<Stored>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct StoredSupport {
+    /// Of the regressions that say no other.
+    kernel: Kernel,
+    /// Of each view and block.
+    scales: Vec<f64>,
+    /// The blocks of a view; none where it is one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    blocks: Vec<usize>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct Stored {
+    trial: Trial,
+    support: usize,
+    intercept: f64,
+    left_out_error: Option<f64>,
+    /// None for the mean, which has no coefficients.
+    expansion: Option<Chosen>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+struct Chosen {
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    kernel: Option<Kernel>,
+    width: f64,
+    #[serde(default)]
+    leaning: f64,
+    penalty: f64,
+}
+
+pub(super) fn to_bytes(models: &[TrainedKernelRidge]) -> Result<Vec<u8>> {
+    for TrainedKernelRidge { fit, support, .. } in models {
+        let numbers = fit.left_out_error.iter().chain(&support.scales).chain(
+            fit.expansion
+                .iter()
+                .flat_map(|expansion| &expansion.coefficients),
+        );
+        check_finite(FILE.what, numbers.copied().chain([fit.intercept]))?;
+    }
+    let mut metadata = Metadata {
+        format: FILE.format,
+        supports: Vec::new(),
+        ridges: models.iter().map(Stored::of).collect(),
+    };
+    let mut contents = Vec::new();
+    for (at, sharing) in Sharing::of(models).iter().enumerate() {
+        let support = sharing.support;
+        metadata.supports.push(StoredSupport {
+            kernel: usual(support.proximity),
+            scales: support.scales.clone(),
+            blocks: stored_blocks([&support.embeddings].into_iter()),
+        });
+        for &ridge in &sharing.ridges {
+            metadata.ridges[ridge].support = at;
+        }
+        let ridges = sharing.ridges.iter().map(|&ridge| &models[ridge]);
+        let rows = ridges.filter_map(|ridge| ridge.fit.expansion.as_ref());
+        let rows: Vec<&[f64]> = rows.map(|e| &e.coefficients[..]).collect();
+        let surfaces = support.embeddings.surfaces();
+        contents.push(Content::rows(format!("{at}/coefficients"), &rows, surfaces));
+        let name = format!("{at}/embeddings");
+        contents.push(Content::embeddings(name, &support.embeddings));
+    }
+    FILE.write(&metadata, &contents)
+}
+
+pub(super) fn from_bytes(bytes: &[u8]) -> Result<Vec<TrainedKernelRidge>> {
+    let (metadata, contents) = FILE.read::<Metadata>(bytes)?;
+    // Two for each set of training surfaces.
+    contents.check_count(2 * metadata.supports.len())?;
+    let mut supports = Vec::with_capacity(metadata.supports.len());
+    for (at, support) in metadata.supports.into_iter().enumerate() {
+        supports.push(read_support(&contents, at, support)?);
+    }
+    let mut ridges = Vec::with_capacity(metadata.ridges.len());
+    for stored in metadata.ridges {
+        let Some((support, usual, rows)) = supports.get_mut(stored.support) else {
+            let found = format_args!("training surfaces {}", stored.support);
+            return Err(FILE.refused(found, "some that are there"));
+        };
+        ridges.push(stored.with(support, *usual, rows)?);
+    }
+    if supports
+        .iter_mut()
+        .any(|(_, _, rows)| rows.next().is_some())
+    {
+        return Err(FILE.refused("coefficients of no regression", "none such"));
+    }
+    Ok(ridges)
+}
+
+impl Stored {
+    /// Its training surfaces are still to be named.
+    fn of(ridge: &TrainedKernelRidge) -> Self {
+        Self {
+            trial: ridge.trial.clone(),
+            support: 0,
+            intercept: ridge.fit.intercept,
+            left_out_error: ridge.fit.left_out_error,
+            expansion: ridge.fit.expansion.as_ref().map(|expansion| Chosen {
+                kernel: Some(expansion.shape.kernel)
+                    .filter(|kernel| *kernel != usual(ridge.support.proximity)),
+                width: expansion.shape.width,
+                leaning: expansion.shape.leaning,
+                penalty: expansion.penalty,
+            }),
+        }
+    }
+
+    fn with(
+        self,
+        support: &Arc<Support>,
+        usual: Kernel,
+        rows: &mut impl Iterator<Item = Vec<f64>>,
+    ) -> Result<TrainedKernelRidge> {
+        let expansion = match self.expansion {
+            None => None,
+            Some(Chosen {
+                kernel,
+                width,
+                leaning,
+                penalty,
+            }) => {
+                positive("width", width)?;
+                let kernel = kernel.unwrap_or(usual);
+                let shape = Shape {
+                    kernel,
+                    width,
+                    leaning,
+                };
+                if Proximity::of(&[shape]) != support.proximity {
+                    return Err(FILE.refused("a linear kernel among others", "none such"));
+                }
+                let missing = || FILE.refused("too few coefficients", "some for each regression");
+                Some(Expansion {
+                    shape,
+                    penalty,
+                    coefficients: rows.next().ok_or_else(missing)?,
+                })
+            }
+        };
+        Ok(TrainedKernelRidge {
+            trial: self.trial,
+            fit: Fit {
+                intercept: self.intercept,
+                left_out_error: self.left_out_error,
+                expansion,
+            },
+            support: Arc::clone(support),
+        })
+    }
+}
+
+/// Training surfaces, the kernel of regressions that say no other, and the rows of coefficients that belong to
+/// them.
+fn read_support(
+    contents: &Contents<'_>,
+    at: usize,
+    stored: StoredSupport,
+) -> Result<(Arc<Support>, Kernel, std::vec::IntoIter<Vec<f64>>)> {
+    let embeddings = contents.embeddings(&format!("{at}/embeddings"), &stored.blocks)?;
+    let kernels = embeddings.views() * embeddings.blocks().len();
+    if kernels != stored.scales.len() {
+        let scales = stored.scales.len();
+        let found = format_args!("{kernels} blocks of views, {scales} scales");
+        return Err(FILE.refused(found, "a scale for each"));
+    }
+    for &scale in &stored.scales {
+        positive("scale", scale)?;
+    }
+    let rows = contents.rows(&format!("{at}/coefficients"), embeddings.surfaces())?;
+    let support = Support {
+        proximity: Proximity::of(&[Shape::even(stored.kernel, 1.0)]),
+        embeddings,
+        scales: stored.scales,
+    };
+    Ok((Arc::new(support), stored.kernel, rows.into_iter()))
+}
+
+/// The kernel that a file need not say of each regression.
+fn usual(proximity: Proximity) -> Kernel {
+    match proximity {
+        Proximity::Distance => Kernel::Exponential,
+        Proximity::Product => Kernel::Linear,
+    }
+}
+
+fn positive(what: &str, value: f64) -> Result<()> {
+    if value > 0.0 {
+        return Ok(());
+    }
+    Err(FILE.refused(format_args!("{what} {value}"), "above 0"))
+}

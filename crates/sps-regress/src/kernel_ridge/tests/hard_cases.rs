@@ -1,0 +1,184 @@
+use std::collections::BTreeSet;
+
+use super::*;
+
+#[test]
+fn one_surface_is_its_own_mean() {
+    let set = Set::new((3, 1, 4), &[vec![Some(7.0), None, None]]);
+    for kernel in [Kernel::Exponential, Kernel::Gaussian, Kernel::Linear] {
+        let config = config(kernel, &[0.1], &[1.0]);
+        let trained = set.train(&config, 3, &[0]).unwrap();
+        assert_eq!(
+            trained.predict(&set.embeddings).unwrap()[0].values,
+            [7.0; 3]
+        );
+        assert_eq!(trained.models()[0].left_out_error(), None);
+    }
+}
+
+#[test]
+fn equal_surfaces_get_the_mean() {
+    let values = [0.1_f32, 0.2, 0.7].repeat(5);
+    let embeddings = Embeddings::new(values, [5, 1, 3]).unwrap();
+    let set = Set::of(embeddings, &[[1.0, 2.0, 3.0, 4.0, 5.0].map(Some).to_vec()]);
+    for kernel in [Kernel::Exponential, Kernel::Gaussian, Kernel::Linear] {
+        let config = config(kernel, &[1e-9, 0.1], &[1.0]);
+        let trained = set.train(&config, 5, &[0]).unwrap();
+        assert_eq!(
+            trained.predict(&set.embeddings).unwrap()[0].values,
+            [3.0; 5]
+        );
+    }
+}
+
+/// Two equal surfaces with unlike readings, among others.
+#[test]
+fn two_equal_surfaces_are_fitted_alike() {
+    let mut values: Vec<f32> = uniform("kernel.x", 30).iter().map(|&x| x as f32).collect();
+    values.copy_within(0..3, 3);
+    let readings: Vec<_> = values.chunks(3).map(|x| Some(f64::from(x[0]))).collect();
+    let mut unlike = readings.clone();
+    unlike[0] = Some(0.5);
+    let embeddings = Embeddings::new(values, [10, 1, 3]).unwrap();
+    let set = Set::of(embeddings, &[unlike]);
+    let config = config(Kernel::Exponential, &[1e-12, 1e-3], &[1.0]);
+    let trained = set.train(&config, 10, &[0]).unwrap();
+    let estimates = trained.predict(&set.embeddings).unwrap();
+    assert!(estimates[0].values.iter().all(|value| value.is_finite()));
+    assert_eq!(estimates[0].values[0], estimates[0].values[1]);
+}
+
+#[test]
+fn constant_readings_are_kept() {
+    let set = Set::new((12, 1, 3), &[vec![Some(0.1); 12]]);
+    let trained = set.train(&KernelRidgeConfig::default(), 12, &[0]).unwrap();
+    close(
+        &trained.predict(&set.embeddings).unwrap()[0].values,
+        &[0.1; 12],
+        1e-15,
+    );
+}
+
+/// The surfaces without a reading are not there for that property.
+#[test]
+fn gaps_are_left_out() {
+    let shape = (40, 1, 5);
+    let mut gaps = smooth(shape);
+    gaps[..6].fill(None);
+    let set = Set::new(shape, &[smooth(shape), gaps.clone()]);
+    let trained = set.train(&KernelRidgeConfig::default(), 30, &[0]).unwrap();
+    let plan = Plan {
+        reruns: vec![Rerun {
+            number: 0,
+            training: (6..30).collect(),
+            validation: Vec::new(),
+        }],
+        ..set.plan(30, &[0])
+    };
+    let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+    let without = ridge.train(&set.data(), &plan).unwrap();
+    assert_eq!(trained.models()[1], without.models()[1]);
+    assert_ne!(trained.models()[0].fit, without.models()[0].fit);
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let shape = (20, 2, 3);
+    let set = Set::new(shape, &[smooth(shape)]);
+    for (penalties, widths) in [
+        (&[][..], &[1.0][..]),
+        (&[0.1], &[]),
+        (&[0.0], &[1.0]),
+        (&[f64::INFINITY], &[1.0]),
+        (&[0.1], &[-1.0]),
+        (&[0.1], &[f64::NAN]),
+    ] {
+        let config = config(Kernel::Gaussian, penalties, widths);
+        assert!(matches!(KernelRidge::new(config), Err(Error::Input { .. })));
+    }
+    let trained = set.train(&KernelRidgeConfig::default(), 20, &[0]).unwrap();
+    let error = trained.predict(&set.embeddings).unwrap_err();
+    assert!(error.to_string().contains("2 views of width 3"), "{error}");
+    let mut plan = set.plan(20, &[0]);
+    plan.trials[0].views = Views::Random;
+    let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+    assert!(ridge.train(&set.data(), &plan).is_err());
+}
+
+#[test]
+fn stored_regressions_are_what_they_were() {
+    let shape = (30, 2, 4);
+    let mut gaps = smooth(shape);
+    gaps[0] = None;
+    let columns = [smooth(shape), column("kernel.noise", 30), gaps];
+    let set = Set::new(shape, &columns);
+    let trained = set
+        .train(&KernelRidgeConfig::default(), 25, &[0, 1])
+        .unwrap();
+    let bytes = trained.to_bytes().unwrap();
+    let again = TrainedKernelRidges::from_bytes(&bytes).unwrap();
+    assert_eq!(trained, again);
+    assert_eq!(again.to_bytes().unwrap(), bytes);
+    for length in 0..bytes.len() {
+        assert!(TrainedKernelRidges::from_bytes(&bytes[..length]).is_err());
+    }
+}
+
+/// Readings whose mean leaves f64, and such whose squares do.
+#[test]
+fn numbers_that_are_not_finite_cannot_be_stored() {
+    for reading in [f64::MAX, 1e200] {
+        let signs = [1.0, 1.0, 1.0, -1.0, 1.0];
+        let set = Set::new(
+            (5, 1, 4),
+            &[signs.map(|sign| Some(sign * reading)).to_vec()],
+        );
+        let config = KernelRidgeConfig::default();
+        let stored = set.train(&config, 5, &[0]).unwrap().to_bytes();
+        let message = stored.unwrap_err().to_string();
+        assert!(message.contains("finite"), "{message}");
+        let ridge = Ridge::new(RidgeConfig::default()).unwrap();
+        let trained = ridge.train(&set.data(), &set.plan(5, &[0])).unwrap();
+        if reading == f64::MAX {
+            let message = trained.to_bytes().unwrap_err().to_string();
+            assert!(message.contains("finite"), "{message}");
+        }
+    }
+}
+
+/// The fit is that of the surfaces drawn, whatever their order in the plan; another rerun draws others.
+#[test]
+fn of_many_surfaces_some_are_drawn() {
+    let set = Set::new((60, 1, 4), &[smooth((60, 1, 4))]);
+    let few = KernelRidgeConfig {
+        at_most: 12,
+        ..KernelRidgeConfig::default()
+    };
+    let plan = set.plan(50, &[0]);
+    let thinned = plan.thinned(12);
+    let drawn: BTreeSet<usize> = thinned.reruns[0].training.iter().copied().collect();
+    assert_eq!((drawn.len(), drawn.iter().all(|&s| s < 50)), (12, true));
+    assert_eq!(plan.thinned(50), plan);
+
+    let fit = |config: &KernelRidgeConfig, plan: &Plan| {
+        let ridge = KernelRidge::new(config.clone()).unwrap();
+        ridge.train(&set.data(), plan).unwrap()
+    };
+    let found = fit(&few, &plan);
+    assert_eq!(found, fit(&KernelRidgeConfig::default(), &thinned));
+    let mut turned = plan.clone();
+    turned.reruns[0].training.reverse();
+    assert_eq!(found, fit(&few, &turned));
+    let mut other = plan;
+    other.reruns[0].number = 1;
+    let others = other.thinned(12).reruns[0]
+        .training
+        .iter()
+        .copied()
+        .collect();
+    assert_ne!(drawn, others);
+
+    let none = KernelRidgeConfig { at_most: 0, ..few };
+    let error = KernelRidge::new(none).unwrap_err().to_string();
+    assert!(error.contains("at least 1"), "{error}");
+}

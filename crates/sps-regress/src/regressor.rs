@@ -1,0 +1,212 @@
+//! What all estimators of tactile values have in common, for code that takes any of them.
+
+use serde::{Deserialize, Serialize};
+
+use crate::data::Embeddings;
+use crate::error::{Error, Result};
+use crate::fitted::FittedModel as _;
+use crate::kernel_ridge::{KernelRidge, TrainedKernelRidge, TrainedKernelRidges};
+use crate::nearest::{Nearest, TrainedNearest, TrainedNearests};
+use crate::plan::{Plan, TrainingData, Trial};
+use crate::ridge::{Ridge, TrainedRidge, TrainedRidges};
+use crate::stacking::{self, TrainedStacks};
+
+/// The estimates of one model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimates {
+    /// The property.
+    pub property: String,
+    /// The rerun of the model.
+    pub rerun: u64,
+    /// One value per surface, in the property's measured units.
+    pub values: Vec<f64>,
+}
+
+/// A trial whose training came to nothing, while the others of its plan went on.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct DivergedTrial {
+    /// Which.
+    pub trial: Trial,
+    /// What is no longer finite, and where; to be read.
+    pub reason: String,
+}
+
+/// An estimator that can be fitted to the trials of a plan.
+pub trait Regressor: Sync {
+    /// Fits every trial of the plan, on the threads of the current rayon pool. A trial's fit has
+    /// the bits that it would have alone.
+    ///
+    /// # Errors
+    ///
+    /// A plan that does not fit the data or the estimator, what the estimator says, and a trial that
+    /// comes to nothing: there is a model for every trial.
+    fn fit(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<Box<dyn FittedRegressor>>;
+
+    /// Whether the plans that it is fitted to must name a validation part
+    /// ([`Rerun::validation`](crate::Rerun::validation)).
+    fn needs_validation(&self) -> bool {
+        false
+    }
+}
+
+/// Fitted models, one for each trial of a plan.
+pub trait FittedRegressor: Send + Sync {
+    /// What the models were fitted for, in the order of the plan.
+    fn trials(&self) -> Vec<&Trial>;
+
+    /// The estimates of every model for every surface, in measured units and in the order of the
+    /// trials. The views of `embeddings` are the ones to use, in the order of the trials' views.
+    ///
+    /// # Errors
+    ///
+    /// Embeddings of another width or number of views than were fitted.
+    fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>>;
+
+    /// The models for which `keep` says so.
+    fn filtered(&self, keep: &dyn Fn(&Trial) -> bool) -> Box<dyn FittedRegressor>;
+
+    /// Multiply-adds to estimate one surface from its embeddings, all models together.
+    fn multiply_adds(&self) -> u64;
+
+    /// What [`fitted_from_bytes`] reads the models by: `ridges`, `kernel-ridges`, `nearest`, `stacks`, or
+    /// the name of [another kind](OtherKind).
+    fn kind(&self) -> &'static str;
+
+    /// The models as the content of a file; the same models give the same bytes.
+    ///
+    /// # Errors
+    ///
+    /// A number that is not finite, and models of a kind that is not kept.
+    fn to_bytes(&self) -> Result<Vec<u8>>;
+
+    /// The trials without a model, in the order of the plan: training came to nothing.
+    fn diverged(&self) -> &[DivergedTrial] {
+        &[]
+    }
+}
+
+/// Reads fitted models from bytes, for which a name stands in error messages.
+pub type Read = fn(&str, &[u8]) -> Result<Box<dyn FittedRegressor>>;
+
+/// A kind of fitted models that another crate has.
+#[derive(Clone, Copy, Debug)]
+pub struct OtherKind {
+    /// Its [name](FittedRegressor::kind).
+    pub kind: &'static str,
+    /// Reads what [`FittedRegressor::to_bytes`] gave.
+    pub read: Read,
+}
+
+/// Reads what [`FittedRegressor::to_bytes`] gave of models of this [kind](FittedRegressor::kind), one of this
+/// crate or of `others`; `name` stands for the bytes in error messages.
+///
+/// ```
+/// # use sps_regress::{Embeddings, Plan, Readings, Rerun, TrainingData};
+/// use sps_regress::nearest::Nearest;
+/// use sps_regress::{Regressor, fitted_from_bytes};
+///
+/// # let embeddings = Embeddings::new(vec![1.0, 2.0], [2, 1, 1])?;
+/// # let readings = Readings::new(vec!["friction".into()], &[vec![Some(3.0)], vec![Some(4.0)]])?;
+/// # let data = TrainingData::new(&embeddings, &readings);
+/// # let rerun = Rerun { number: 0, training: vec![0, 1], validation: vec![] };
+/// # let plan = Plan::each(7, readings.properties(), vec![rerun]);
+/// let fitted = Nearest.fit(&data, &plan)?;
+/// let bytes = fitted.to_bytes()?;
+/// let read = fitted_from_bytes(fitted.kind(), "model.bin", &bytes, &[])?;
+/// assert_eq!(read.predict(&embeddings)?, fitted.predict(&embeddings)?);
+/// # Ok::<(), sps_regress::Error>(())
+/// ```
+///
+/// # Errors
+///
+/// A kind that there is not, and bytes that are not models of it.
+pub fn fitted_from_bytes(
+    kind: &str,
+    name: &str,
+    bytes: &[u8],
+    others: &[OtherKind],
+) -> Result<Box<dyn FittedRegressor>> {
+    fitted_within(stacking::MOST_DEPTH, kind, name, bytes, others)
+}
+
+/// The same, of stacks that hold others at most so deep, themselves included.
+pub(crate) fn fitted_within(
+    depth: usize,
+    kind: &str,
+    name: &str,
+    bytes: &[u8],
+    others: &[OtherKind],
+) -> Result<Box<dyn FittedRegressor>> {
+    fn boxed<F: FittedRegressor + 'static>(fitted: F) -> Box<dyn FittedRegressor> {
+        Box::new(fitted)
+    }
+    if let Some(other) = others.iter().find(|other| other.kind == kind) {
+        return (other.read)(name, bytes);
+    }
+    let read = match kind {
+        TrainedRidge::KIND => TrainedRidges::from_bytes(bytes).map(boxed),
+        TrainedKernelRidge::KIND => TrainedKernelRidges::from_bytes(bytes).map(boxed),
+        TrainedNearest::KIND => TrainedNearests::from_bytes(bytes).map(boxed),
+        stacking::KIND => TrainedStacks::from_bytes(depth, bytes, others).map(boxed),
+        _ => {
+            let kinds = others.iter().map(|other| other.kind);
+            let kinds = kinds.chain([
+                TrainedRidge::KIND,
+                TrainedKernelRidge::KIND,
+                TrainedNearest::KIND,
+                stacking::KIND,
+            ]);
+            let expected = format!("one of {}", kinds.collect::<Vec<_>>().join(", "));
+            let found = format_args!("{kind:?}");
+            Err(Error::input("kind of fitted models", found, expected))
+        }
+    };
+    read.map_err(|error| Error::Kept {
+        name: name.to_owned(),
+        source: Box::new(error),
+    })
+}
+
+macro_rules! regressors {
+    ($($regressor:ty),*) => {$(
+        impl Regressor for $regressor {
+            fn fit(
+                &self,
+                data: &TrainingData<'_>,
+                plan: &Plan,
+            ) -> Result<Box<dyn FittedRegressor>> {
+                Ok(Box::new(self.train(data, plan)?))
+            }
+        }
+    )*};
+}
+
+regressors!(Ridge, KernelRidge, Nearest);
+
+/// Refuses embeddings of another number of views or width than those of the training surfaces.
+pub(crate) fn check_fits(
+    what: &'static str,
+    found: &Embeddings,
+    training: &Embeddings,
+) -> Result<()> {
+    let told = |of: &Embeddings| match of.blocks() {
+        [_] => format!("{} views of width {}", of.views(), of.width()),
+        blocks => format!("{} views of blocks {blocks:?}", of.views()),
+    };
+    if (found.views(), found.blocks()) == (training.views(), training.blocks()) {
+        return Ok(());
+    }
+    Err(Error::input(what, told(found), told(training)))
+}
+
+/// Refuses the first number that is not finite.
+pub(crate) fn check_finite(
+    what: &'static str,
+    numbers: impl IntoIterator<Item = f64>,
+) -> Result<()> {
+    match numbers.into_iter().find(|number| !number.is_finite()) {
+        None => Ok(()),
+        Some(number) => Err(Error::input(what, number, "finite numbers")),
+    }
+}

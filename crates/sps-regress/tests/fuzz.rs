@@ -1,0 +1,111 @@
+//! Whatever bytes a reader of fitted regressions is given, it answers within its limits; `fixtures/fuzz`
+//! says which.
+
+#[path = "../../../fixtures/fuzz/mod.rs"]
+mod fuzz;
+
+use std::collections::HashMap;
+
+use fuzz::{Damage, broken, damaged, fuzz, nested, said};
+use safetensors::tensor::TensorView;
+use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+use sps_regress::nearest::Nearest;
+use sps_regress::ridge::{Ridge, RidgeConfig, TrainedRidges};
+use sps_regress::stacking::Stacking;
+use sps_regress::{
+    Embeddings, FittedRegressor, Plan, Readings, Regressor, Rerun, TrainingData, fitted_from_bytes,
+};
+
+#[global_allocator]
+static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
+
+const WIDTH: usize = 4;
+
+/// Twelve surfaces of three views.
+struct Made {
+    embeddings: Embeddings,
+    readings: Readings,
+}
+
+impl Made {
+    fn new() -> Self {
+        let values: Vec<f32> = (0..12 * 3 * WIDTH)
+            .map(|i| (i * i % 17) as f32 / 17.0)
+            .collect();
+        let rows: Vec<_> = (0..12).map(|s| vec![Some(f64::from(s % 5))]).collect();
+        Self {
+            embeddings: Embeddings::new(values, [12, 3, WIDTH]).unwrap(),
+            readings: Readings::new(vec!["p".into()], &rows).unwrap(),
+        }
+    }
+
+    fn data(&self) -> TrainingData<'_> {
+        TrainingData::new(&self.embeddings, &self.readings)
+    }
+
+    fn plan(&self) -> Plan {
+        let rerun = Rerun {
+            number: 0,
+            training: (0..10).collect(),
+            validation: Vec::new(),
+        };
+        Plan::each(1, self.readings.properties(), vec![rerun])
+    }
+}
+
+#[test]
+fn ridges() {
+    let made = Made::new();
+    let ridge = Ridge::new(RidgeConfig::default()).unwrap();
+    let trained = ridge.train(&made.data(), &made.plan());
+    let file = trained.unwrap().to_bytes().unwrap();
+    let read = |bytes: &[u8]| {
+        if let Some(ridges) = said(TrainedRidges::from_bytes(bytes)) {
+            said(ridges.predict(&made.embeddings));
+        }
+    };
+    fuzz("ridge regressions", &Damage::some(), |damages| {
+        read(&damaged(file.clone(), &damages));
+    });
+    nested("ridge regressions", |text| read(text.as_bytes()));
+}
+
+/// The last is of a kernel ridge and of a stack of a ridge.
+#[test]
+fn archives() {
+    let made = Made::new();
+    let stacking = |members| Stacking::new(members, 2).unwrap();
+    let ridge = Ridge::new(RidgeConfig::default()).unwrap();
+    let kernel = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+    let stack = stacking(vec![
+        Box::new(kernel.clone()),
+        Box::new(stacking(vec![Box::new(ridge)])),
+    ]);
+    let regressors: [Box<dyn Regressor>; 3] =
+        [Box::new(kernel), Box::new(Nearest), Box::new(stack)];
+    for regressor in regressors {
+        let fitted = regressor.fit(&made.data(), &made.plan()).unwrap();
+        fuzz(
+            fitted.kind(),
+            &broken(vec![fitted.to_bytes().unwrap()]),
+            |bytes| {
+                if let Some(read) = said(fitted_from_bytes(fitted.kind(), "file", &bytes, &[])) {
+                    said(read.predict(&made.embeddings));
+                }
+            },
+        );
+    }
+}
+
+/// Metadata that nest.
+#[test]
+fn metadata_that_nest() {
+    nested("metadata", |text| {
+        for kind in ["kernel-ridges", "nearest", "stacks"] {
+            let metadata = HashMap::from([(format!("sps-{kind}"), text.clone())]);
+            let tensors: [(&str, TensorView<'_>); 0] = [];
+            let file = safetensors::serialize(tensors, Some(metadata)).unwrap();
+            assert!(said(fitted_from_bytes(kind, "file", &file, &[])).is_none());
+        }
+    });
+}

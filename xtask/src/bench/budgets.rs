@@ -4,8 +4,7 @@ use std::path::Path;
 
 use anyhow::{Result, ensure};
 use serde::Deserialize;
-
-use crate::files::read_text;
+use sps_experiment::files::read_text;
 
 /// Where the budgets are.
 pub(crate) const FILE: &str = "benches/budgets.toml";

@@ -7,11 +7,11 @@ use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
 use rayon::prelude::*;
+use sps_experiment::files::read_text;
 use tracing::{info, warn};
 
 use super::kernels::KERNELS;
 use super::machine::Machine;
-use crate::files::read_text;
 
 /// Counts every kernel, each in a process of its own; nothing where there is no valgrind.
 pub(crate) fn count(machine: &Machine) -> Result<BTreeMap<String, u64>> {

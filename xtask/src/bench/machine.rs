@@ -1,10 +1,10 @@
 //! What a measurement was made with.
 
-use std::fs;
 use std::process::Command;
 
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
+use sps_experiment::machine::processor;
 
 /// What numbers depend on beside the code.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -58,16 +58,6 @@ fn version(program: &str, argument: &str) -> Option<String> {
     let text = String::from_utf8(output.stdout).ok()?;
     let line = text.lines().next()?;
     output.status.success().then(|| line.trim().to_owned())
-}
-
-/// The model of the processor, or else its architecture.
-pub(crate) fn processor() -> String {
-    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = text.lines().find_map(|line| {
-        let (key, value) = line.split_once(':')?;
-        (key.trim() == "model name").then(|| value.trim().to_owned())
-    });
-    model.unwrap_or_else(|| std::env::consts::ARCH.to_owned())
 }
 
 #[cfg(target_arch = "x86_64")]

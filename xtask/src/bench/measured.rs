@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
+use sps_experiment::files::{read_text, write_atomically};
 
 use super::machine::Machine;
-use crate::files::{read_text, write_atomically};
 
 const FOLDER: &str = "benches/baselines";
 

@@ -18,7 +18,6 @@ use tracing::warn;
 use budgets::Budgets;
 pub(crate) use kernels::run as run_kernel;
 use machine::Machine;
-pub(crate) use machine::processor;
 use measured::Measured;
 
 /// What to measure, and what to do with it.

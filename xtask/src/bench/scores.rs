@@ -4,9 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Result, ensure};
-
-use crate::compare::Run;
-use crate::results::Kind;
+use sps_experiment::results::Kind;
+use sps_report::compare::Run;
 
 /// Every score that has a mean over properties, of every method and property, in each rerun.
 pub(crate) fn of_run(folder: &Path) -> Result<BTreeMap<String, Vec<f64>>> {

@@ -8,11 +8,11 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, Result, ensure};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use sps_experiment::files::read_text;
 use tracing::info;
 
 use super::budgets::{Budgets, Ratio};
 use super::measured::Wall;
-use crate::files::read_text;
 
 /// A bench of the workspace.
 struct Bench {

@@ -1,14 +1,5 @@
 //! One module per subcommand: its arguments, and `run`.
 
 pub(crate) mod bench;
-pub(crate) mod compare;
 pub(crate) mod docs;
-pub(crate) mod embed;
-pub(crate) mod experiment;
-pub(crate) mod import;
-pub(crate) mod inspect;
-pub(crate) mod predict;
 pub(crate) mod pretrain;
-pub(crate) mod report;
-pub(crate) mod simulate;
-pub(crate) mod train;

@@ -2,15 +2,15 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use candle_core::Device;
+use sps_experiment::config::Setting;
+use sps_experiment::files::write_atomically;
+use sps_experiment::training::{FrameImages, Task, TrainedEncoder, in_words, train};
 use sps_models::encoders::Encoder;
 use sps_models::training::{Image, Targets};
 use sps_models::weights::{Storage, Weights};
 use tracing::info;
 
-use crate::config::{Pretraining, Setting};
-use crate::files::write_atomically;
-use crate::pretraining::{Teacher, World};
-use crate::training::{FrameImages, Task, TrainedEncoder, in_words, train};
+use crate::pretraining::{Pretraining, Teacher, World, sources};
 
 /// Train an encoder on simulated surfaces and patterns, by itself or as a teacher sees them
 #[derive(clap::Args)]
@@ -58,7 +58,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         parts: world.parts(pretraining.training.validation),
         config: &pretraining.training,
         seed: pretraining.seed,
-        key: blake3::hash(format!("{} {taught:?}", world.key()).as_bytes()),
+        key: blake3::hash(format!("{} {taught:?} {}", world.key(), sources()).as_bytes()),
     };
     let images = FrameImages::new(world.len(), |image| {
         let frame = world.frame(image)?;

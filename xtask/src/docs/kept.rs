@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use serde_json::{Number, Value};
+use sps_experiment::checksums;
+use sps_experiment::files::{read_text, write_atomically};
+use sps_experiment::results::{MethodResult, Results};
 
 use super::matching;
-use crate::checksums;
-use crate::files::{read_text, write_atomically};
-use crate::results::{MethodResult, Results};
 
 const FOLDER: &str = "docs/measured";
 

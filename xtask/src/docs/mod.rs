@@ -1,6 +1,9 @@
 //! Measured numbers in `README.md` and `docs`: written from finished runs, between markers.
 //! `docs/measured/README.md` says how.
 
+#[cfg(test)]
+#[path = "../../../fixtures/results/mod.rs"]
+mod fixture;
 mod kept;
 mod render;
 #[cfg(test)]
@@ -11,9 +14,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, ensure};
 use glob::{Pattern, glob};
 
-use crate::files::{read_text, write_atomically};
-use crate::report;
 use kept::Runs;
+use sps_experiment::files::{read_text, write_atomically};
+use sps_report as report;
 
 /// A page as it should be.
 struct Page {

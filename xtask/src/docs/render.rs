@@ -2,11 +2,12 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
+use sps_experiment::results::{MethodResult, Results};
+use sps_experiment::text::number;
+use sps_report::table::{Cell, Row, Table};
+use sps_report::{about_the_data, gained, tables};
 
 use super::kept::Runs;
-use crate::report::table::{Cell, Row, Table, number};
-use crate::report::{about_the_data, gained, tables};
-use crate::results::{MethodResult, Results};
 
 /// Decimals where a marker does not say how many.
 const DECIMALS: usize = 3;

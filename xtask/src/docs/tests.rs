@@ -2,8 +2,8 @@ use std::fs;
 
 use serde_json::{Value, json};
 
+use super::fixture::file;
 use super::*;
-use crate::results::schema::file;
 
 /// A value with some of its keys set.
 fn with(mut value: Value, keys: Value) -> Value {
@@ -56,7 +56,7 @@ impl Repository {
         fs::write(repository.path("docs/deep/page.md"), page).unwrap();
         let run = repository.path("runs/ablation");
         fs::write(run.join("results.json"), results().to_string()).unwrap();
-        crate::checksums::seal(&run, &["results.json".to_owned()]).unwrap();
+        sps_experiment::checksums::seal(&run, &["results.json".to_owned()]).unwrap();
         repository
     }
 

@@ -3,19 +3,20 @@
 use std::fs;
 use std::path::Path;
 
+use super::sources;
 use anyhow::{Context, Result, ensure};
 use candle_core::{Device, Tensor};
 use rayon::prelude::*;
 use sps_dataset::Frame;
+use sps_experiment::files::{create_folder, write_atomically};
+use sps_experiment::progress::Progress;
 use sps_models::encoders::{Depths, Encoder};
 use sps_models::training::Features;
 use sps_models::weights::{Storage, Weights};
 use tracing::warn;
 
 use super::World;
-use crate::config::TeacherSpec;
-use crate::files::{create_folder, write_atomically};
-use crate::progress::Progress;
+use super::config::TeacherSpec;
 
 /// Images that are embedded together.
 const BATCH: usize = 32;
@@ -50,7 +51,7 @@ impl<'a> Teacher<'a> {
         let key = format!("{} {}", self.key(), world.key());
         let name = &blake3::hash(key.as_bytes()).to_hex()[..16];
         let path = folder.join(format!("teacher-{name}.safetensors"));
-        let source = blake3::hash(format!("{} {key}", env!("SOURCE_HASH")).as_bytes());
+        let source = blake3::hash(format!("{} {key}", sources()).as_bytes());
         let embeddings = if let Some(kept) = kept(&path, source)? {
             kept
         } else {

@@ -6,7 +6,7 @@ use sps_models::training::{Classes, Parts};
 use sps_regress::Readings;
 use sps_simulate::{Material, Patterns, Simulator};
 
-use crate::config::{PatternsSpec, Pretraining};
+use super::config::{PatternsSpec, Pretraining};
 
 /// All images by their numbers: first those of surfaces, then those of patterns, class by class.
 pub(crate) struct World {

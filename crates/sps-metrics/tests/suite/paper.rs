@@ -11,7 +11,7 @@ const METHODS: usize = 10;
 fn tables() -> Table {
     let path = concat!(
         env!("CARGO_MANIFEST_DIR"),
-        "/../../fixtures/paper/tables.toml"
+        "/../sps-experiment/src/paper.toml"
     );
     let text = std::fs::read_to_string(path).expect("the paper's tables");
     text.parse().expect("a TOML file")

@@ -42,7 +42,7 @@ mod tests {
         struct Published {
             materials: BTreeMap<String, f64>,
         }
-        let text = include_str!("../../../../fixtures/paper/dataset-statistics.toml");
+        let text = include_str!("../../../sps-report/src/published.toml");
         let published: Published = toml::from_str(text).unwrap();
 
         let mut counts = BTreeMap::<String, usize>::new();

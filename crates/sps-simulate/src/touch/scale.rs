@@ -111,7 +111,7 @@ mod tests {
         struct Published {
             quantiles: BTreeMap<String, [f64; 5]>,
         }
-        let text = include_str!("../../../../fixtures/paper/dataset-statistics.toml");
+        let text = include_str!("../../../sps-report/src/published.toml");
         let published: Published = toml::from_str(text).unwrap();
         for (property, ours) in toccare::properties().into_iter().zip(PUBLISHED) {
             assert_eq!(ours, published.quantiles[property.code()], "{property}");

@@ -2,8 +2,9 @@
 
 use std::fmt;
 
+use sps_experiment::text::aligned;
+
 use super::change::{Change, Verdict};
-use crate::report::table::aligned;
 
 /// Everything measured, beside its baseline where there is one.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,0 +1,124 @@
+//! What of two configs differs.
+
+use std::fmt;
+
+use serde::Serialize;
+use toml::{Table, Value};
+
+/// A value that is another in each run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Differing {
+    /// Its key, with those of the tables that it lies in.
+    pub key: String,
+    /// `null` where there is none.
+    pub first: Option<String>,
+    /// The same in the second.
+    pub second: Option<String>,
+}
+
+impl fmt::Display for Differing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [there, here] =
+            [&self.first, &self.second].map(|value| value.as_deref().unwrap_or("not set"));
+        write!(f, "`{}` is {there}, here {here}", self.key)
+    }
+}
+
+/// The keys of two configs whose values differ.
+pub fn differing_keys(first: &Table, second: &Table) -> Vec<Differing> {
+    let mut found = Vec::new();
+    tables("", first, second, &mut found);
+    found
+}
+
+/// The keys below `prefix` whose values differ.
+fn tables(prefix: &str, first: &Table, second: &Table, found: &mut Vec<Differing>) {
+    let added = second.keys().filter(|key| !first.contains_key(*key));
+    for key in first.keys().chain(added) {
+        values(
+            &format!("{prefix}{key}"),
+            first.get(key),
+            second.get(key),
+            found,
+        );
+    }
+}
+
+/// `key` itself, or what differs within it.
+fn values(key: &str, first: Option<&Value>, second: Option<&Value>, found: &mut Vec<Differing>) {
+    if first == second {
+        return;
+    }
+    let within = first.zip(second).and_then(|(first, second)| {
+        let named = by_id(first).zip(by_id(second));
+        named.or_else(|| Some((first.as_table()?.clone(), second.as_table()?.clone())))
+    });
+    if let Some((first, second)) = within {
+        tables(&format!("{key}."), &first, &second, found);
+        return;
+    }
+    let text = |value: Option<&Value>| value.map(ToString::to_string);
+    found.push(Differing {
+        key: key.to_owned(),
+        first: text(first),
+        second: text(second),
+    });
+}
+
+/// An array of tables that have an `id` each, as a table.
+fn by_id(value: &Value) -> Option<Table> {
+    let named = value.as_array()?.iter().map(|one| {
+        let id = one.get("id")?.as_str()?.to_owned();
+        Some((id, one.clone()))
+    });
+    named.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn differing(first: &str, second: &str) -> Vec<[String; 3]> {
+        let mut found = Vec::new();
+        let [first, second] = [first, second].map(|text| text.parse::<Table>().unwrap());
+        tables("", &first, &second, &mut found);
+        let none = || "none".to_owned();
+        let found = found.into_iter();
+        found
+            .map(|one| {
+                [
+                    one.key,
+                    one.first.unwrap_or_else(none),
+                    one.second.unwrap_or_else(none),
+                ]
+            })
+            .collect()
+    }
+
+    #[test]
+    fn keys_are_named_down_to_the_value() {
+        let first = "seed = 0\n[data]\nviews = 3\nsize = 48\n[gone]\na = 1";
+        let second = "seed = 1\n[data]\nviews = 3\nsize = 64\nnew = true";
+        assert_eq!(
+            differing(first, second),
+            [
+                ["seed", "0", "1"],
+                ["data.size", "48", "64"],
+                ["data.new", "none", "true"],
+                ["gone", "{ a = 1 }", "none"],
+            ]
+        );
+        assert!(differing(first, first).is_empty());
+    }
+
+    #[test]
+    fn methods_are_named_by_their_ids() {
+        let first = "[[methods]]\nid = \"a\"\nviews = 1\n[[methods]]\nid = \"b\"\nviews = 1";
+        let second = "[[methods]]\nid = \"b\"\nviews = 2\n[[methods]]\nid = \"a\"\nviews = 1";
+        assert_eq!(differing(first, second), [["methods.b.views", "1", "2"]]);
+        assert_eq!(
+            differing("angles = [1.0, 2.0]", "angles = [1.0]"),
+            [["angles", "[1.0, 2.0]", "[1.0]"]]
+        );
+    }
+}

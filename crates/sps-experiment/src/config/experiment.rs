@@ -1,0 +1,326 @@
+//! An experiment as the runner works with it: every value has been checked.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, ensure};
+use glob::Pattern;
+use sps_dataset::Property;
+use sps_metrics::Level;
+
+use super::data::{DataSpec, Protocol, data};
+use super::encoder::encoder;
+use super::layers::Layers;
+use super::locate::ConfigError;
+use super::method::{Method, methods};
+use super::report::{against, position, speed};
+use super::schema::{Config, SpeedConfig};
+use super::setting::Setting;
+use super::written::{self, Written};
+use crate::files::read_text;
+use crate::work::Work;
+
+const DEFAULTS: &str = include_str!("defaults.toml");
+
+/// A checked experiment.
+#[derive(Clone, Debug)]
+pub struct Experiment {
+    /// The name of its file.
+    pub name: String,
+    pub(crate) description: String,
+    pub(crate) seed: u64,
+    pub(crate) reruns: usize,
+    /// None: all that the dataset has.
+    pub(crate) properties: Vec<Property>,
+    /// What it runs on.
+    pub data: DataSpec,
+    pub(crate) protocol: Protocol,
+    pub(crate) methods: Vec<Method>,
+    /// Parts of the training surfaces between which selections are cross-validated; 1: none.
+    pub(crate) selection_folds: usize,
+    pub(crate) interval_level: Level,
+    /// Indices of the methods that all others are compared with.
+    pub(crate) against: Vec<usize>,
+    /// What is asked about speed and error; none where it is not.
+    pub(crate) speed: Option<SpeedConfig>,
+    pub(crate) train: TrainSpec,
+    pub(crate) cache: PathBuf,
+    /// What is done of it; all, unless the command line says otherwise.
+    pub work: Work,
+    /// Every key with its value, as TOML.
+    pub resolved: String,
+}
+
+/// What `train` fits, and the intervals of its model.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TrainSpec {
+    /// Index of the method to fit.
+    pub method: usize,
+    /// Whether the config says which; it is the last method otherwise.
+    pub named: bool,
+    pub calibration: f64,
+    pub level: Level,
+}
+
+impl Experiment {
+    /// Reads the experiment at `path` with `settings` over it.
+    ///
+    /// # Errors
+    /// A file that cannot be read; a key or value that cannot be meant, with its line.
+    pub fn read(path: &Path, settings: &[Setting]) -> Result<Self> {
+        let text = read_text(path)?;
+        let defaults = DEFAULTS.parse()?;
+        let layers = Layers::new(&defaults, path, &text, settings)?;
+        let config: Config = layers.read()?;
+        Ok(Self::check(path, &layers, config)?)
+    }
+
+    /// Keeps the methods whose ids match one of the patterns.
+    ///
+    /// # Errors
+    ///
+    /// A pattern that matches none.
+    pub fn keep_only(&mut self, patterns: &[Pattern]) -> Result<()> {
+        let ids: Vec<&str> = self.methods.iter().map(|method| &method.id[..]).collect();
+        for pattern in patterns {
+            ensure!(
+                ids.iter().any(|id| pattern.matches(id)),
+                "--only {pattern}: no such method; there are {}",
+                ids.join(", ")
+            );
+        }
+        let is_kept = |at: &usize| patterns.iter().any(|pattern| pattern.matches(ids[*at]));
+        let kept: Vec<usize> = (0..ids.len()).filter(is_kept).collect();
+        let place = |at: &usize| kept.iter().position(|other| other == at);
+        self.against = self.against.iter().filter_map(place).collect();
+        if self.against.is_empty() {
+            self.against.push(0);
+        }
+        self.methods = kept.iter().map(|&at| self.methods[at].clone()).collect();
+        Ok(())
+    }
+
+    fn check(path: &Path, layers: &Layers<'_>, config: Config) -> Result<Self, ConfigError> {
+        let resolved = layers.to_toml();
+        let properties = config.properties.iter().enumerate().map(|(index, code)| {
+            code.parse::<Property>()
+                .map_err(|error| layers.error(&format!("properties.{index}"), error.to_string()))
+        });
+        layers.require(config.reruns > 0, "reruns", "must be at least 1")?;
+        encoder(layers, "encoder", &config.encoder)?;
+        let written = written::all(&config);
+        let listed = !written::asked_for(&config).is_empty();
+        layers.require(listed, "methods", "lists no method")?;
+        let folds = config.selection.folds > 0;
+        layers.require(folds, "selection.folds", "must be at least 1")?;
+        let interval_level = config.report.level;
+        let (data, protocol) = data(layers, &config)?;
+        Ok(Self {
+            name: path
+                .file_stem()
+                .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+            seed: config.seed,
+            reruns: config.reruns,
+            properties: properties.collect::<Result<_, _>>()?,
+            methods: methods(layers, &config, &written, protocol)?,
+            data,
+            protocol,
+            selection_folds: config.selection.folds,
+            interval_level,
+            against: against(layers, &config, &written)?,
+            speed: speed(layers, &config)?,
+            train: train(layers, &config, &written)?,
+            cache: config.cache.folder,
+            work: Work::All,
+            description: config.description,
+            resolved,
+        })
+    }
+}
+
+fn train(
+    layers: &Layers<'_>,
+    config: &Config,
+    written: &[Written],
+) -> Result<TrainSpec, ConfigError> {
+    let train = &config.train;
+    let method = if train.method.is_empty() {
+        written::asked_for(config).len().saturating_sub(1)
+    } else {
+        position(layers, written, "train.method", &train.method)?
+    };
+    let share = train.calibration > 0.0 && train.calibration < 1.0;
+    layers.require(share, "train.calibration", "must lie between 0 and 1")?;
+    Ok(TrainSpec {
+        method,
+        named: !train.method.is_empty(),
+        calibration: train.calibration,
+        level: train.level,
+    })
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::fuzz::{Damage, damaged, fuzz, nested};
+    use proptest::sample::select;
+    use sps_dataset::TactileSettings;
+    use sps_models::heads::HeadConfig;
+    use sps_models::training::TrainingConfig;
+    use sps_regress::kernel_ridge::KernelRidgeConfig;
+    use sps_regress::ridge::RidgeConfig;
+    use sps_simulate::SimulatorSpec;
+
+    pub(in crate::config) fn read(text: &str) -> Result<Experiment, ConfigError> {
+        let defaults = DEFAULTS.parse().unwrap();
+        let path = Path::new("folder/test.toml");
+        let layers = Layers::new(&defaults, path, text, &[])?;
+        Experiment::check(path, &layers, layers.read()?)
+    }
+
+    pub(in crate::config) const METHOD: &str =
+        "[[methods]]\nid = \"a\"\nlabel = \"A\"\nkind = \"ridge\"\n";
+
+    /// Holds that the config is refused, and that the message has all these parts.
+    pub(in crate::config) fn refused(text: &str, parts: &[&str]) {
+        let message = read(text).unwrap_err().to_string();
+        for part in parts {
+            assert!(message.contains(part), "`{part}` is not in: {message}");
+        }
+    }
+
+    #[test]
+    fn the_written_defaults_are_those_of_the_crates() {
+        let config: Config = toml::from_str(DEFAULTS).unwrap();
+        let simulated = SimulatorSpec {
+            surfaces: config.data.simulated.surfaces,
+            ..SimulatorSpec::default()
+        };
+        assert_eq!(config.data.simulated.spec(), simulated);
+        assert_eq!(config.data.folder.read.tactile, TactileSettings::default());
+        assert_eq!(config.head, HeadConfig::default());
+        assert_eq!(config.ridge, RidgeConfig::default());
+        assert_eq!(config.kernel_ridge, KernelRidgeConfig::default());
+        assert_eq!(config.encoder.training, TrainingConfig::default());
+    }
+
+    #[test]
+    fn some_methods_may_be_kept() {
+        let text = "[report]\nagainst = [\"b-3\"]\n[[sweep]]\nid = \"b\"\nkind = \"ridge\"\n\
+            grid = { views = [1, 3] }\n";
+        let kept = |patterns: &[&str]| {
+            let mut experiment = read(&format!("{text}{METHOD}")).unwrap();
+            let patterns = patterns.iter().map(|text| Pattern::new(text).unwrap());
+            experiment.keep_only(&patterns.collect::<Vec<_>>())?;
+            let ids = experiment.methods.iter().map(|method| method.id.clone());
+            anyhow::Ok((ids.collect::<Vec<_>>().join(" "), experiment.against))
+        };
+        assert_eq!(kept(&["b*"]).unwrap(), ("b-1 b-3".to_owned(), vec![1]));
+        assert_eq!(kept(&["a", "*-1"]).unwrap(), ("a b-1".to_owned(), vec![0]));
+        let error = kept(&["b*", "c*"]).unwrap_err().to_string();
+        assert!(
+            error.starts_with("--only c*: no such method; there are a, b-1"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn an_experiment_takes_its_name_from_its_file() {
+        let experiment = read(METHOD).unwrap();
+        assert_eq!((experiment.name.as_str(), experiment.reruns), ("test", 3));
+    }
+
+    #[test]
+    fn what_cannot_be_meant_is_refused_at_its_line() {
+        refused("", &["lists no method"]);
+        refused(&format!("reruns = 0\n{METHOD}"), &["line 1", "at least 1"]);
+        refused(
+            &format!("{METHOD}{METHOD}"),
+            &["line 6", "two methods", "`a`"],
+        );
+        refused(
+            &format!("{METHOD}paper = \"ablatoin.1\""),
+            &["line 5", "did you mean `ablation.1`"],
+        );
+        refused(
+            &format!("[encoder]\nname = \"vgg\"\n{METHOD}"),
+            &["line 2", "vgg"],
+        );
+        refused(
+            &format!("[data]\nfrom = \"folder\"\n{METHOD}"),
+            &["names no folder"],
+        );
+        refused(
+            &format!(
+                "[data]\nfrom = \"folder\"\n[data.folder]\npath = \"x\"\nnear-twins = 1.5\n{METHOD}"
+            ),
+            &["line 5", "near-twins", "is 1.5", "at most 1"],
+        );
+        refused(
+            &format!(
+                "[data]\nfrom = \"folder\"\n[data.folder]\npath = \"x\"\nnear-twins = 0.75\n\
+                 [split.k-fold]\nby = \"surface\"\n{METHOD}"
+            ),
+            &["line 5", "near-twins", "by = \"group\""],
+        );
+        refused(
+            &format!("[report]\nlevel = 95.0\n{METHOD}"),
+            &["line 2", "95"],
+        );
+        refused(
+            &format!("[train]\nmethod = \"b\"\n{METHOD}"),
+            &["line 2", "no method `b`"],
+        );
+        refused(
+            &format!("[head]\nepochs = 0\n{METHOD}kind = \"head\""),
+            &["duplicate key"],
+        );
+        refused(
+            &format!("{METHOD}selector = {{ kind = \"nvs\", evaluation = 3 }}"),
+            &["line 5", "evaluation"],
+        );
+        let i3d = format!("{METHOD}[methods.encoder]\nname = \"i3d\"\n");
+        refused(&format!("{i3d}frames = 0"), &["line 7", "at least 1"]);
+        refused(
+            &format!(
+                "{i3d}trainable = true\n[methods.encoder.training.objective]\nkind = \"heads\"\n\
+                 input = {{ kind = \"late-fusion\", views = 3 }}"
+            ),
+            &["line 8", "sees one sequence"],
+        );
+        refused(
+            &format!("{METHOD}encoder.name = \"resnet18\""),
+            &[
+                "line 5",
+                "encoder.weights",
+                "resnet18",
+                "efficientnet-lite-body",
+            ],
+        );
+        let head = METHOD.replace("ridge", "head");
+        refused(&format!("{head}head.epochs = 0"), &["line 5", "epochs"]);
+    }
+
+    #[test]
+    fn any_damage_to_a_config_is_an_error_with_a_place() {
+        let read = |text: &str| {
+            if let Err(error) = read(text) {
+                assert!(error.to_string().contains("test.toml"), "{error}");
+            }
+        };
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
+        let names = ["ablation", "end-to-end", "friction-photos", "view-counts"];
+        let texts =
+            names.map(|name| std::fs::read_to_string(folder.join(format!("{name}.toml"))).unwrap());
+        let mut texts = texts.to_vec();
+        texts.push(format!("{DEFAULTS}\n{METHOD}"));
+        let input = (select(texts), Damage::some());
+        fuzz("experiments", &input, |(text, damages)| {
+            let text = damaged(text.into_bytes(), &damages);
+            read(&String::from_utf8_lossy(&text));
+        });
+        nested("experiments", |text| {
+            read(&text);
+            read(&format!("{METHOD}{text}"));
+        });
+    }
+}

@@ -1,0 +1,281 @@
+//! Layers of TOML, one over the other, read as one value.
+
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
+use serde_path_to_error::{Path as KeyPath, Segment};
+use sps_base::names::UnknownName;
+use toml::de::DeTable;
+use toml::{Table, Value};
+
+use super::grid::expand;
+use super::locate::{ConfigError, Place, place_of_span, span_of};
+use super::merge::{apply, inherit, merge, take_back};
+use super::setting::Setting;
+
+/// Keys that there once were, and what says the same.
+const REPLACED: [(&str, &str); 1] = [("all-views", "views = \"all\"")];
+
+/// The text of a config, what it overrides and what overrides it.
+pub struct Layers<'a> {
+    path: &'a Path,
+    text: &'a str,
+    /// What was set, each by its key with an index for each element of a list.
+    settings: Vec<(String, &'a Setting)>,
+    merged: Table,
+    /// The same with the methods of its sweeps.
+    expanded: Table,
+}
+
+impl<'a> Layers<'a> {
+    /// Lays `text` over `defaults`, and `settings` over both.
+    ///
+    /// # Errors
+    /// What is no TOML; a setting that cannot be laid over it.
+    pub fn new(
+        defaults: &Table,
+        path: &'a Path,
+        text: &'a str,
+        settings: &'a [Setting],
+    ) -> Result<Self, ConfigError> {
+        let unread = |place, problem| ConfigError {
+            place,
+            key: String::new(),
+            problem,
+        };
+        let table = text.parse::<Table>().map_err(|error| {
+            let place = place_of_span(path, text, error.span().unwrap_or(0..0));
+            unread(place, error.message().to_owned())
+        })?;
+        let mut merged = defaults.clone();
+        merge(&mut merged, table);
+        let apply = |setting: &'a Setting| {
+            let place = || Place::Setting(setting.key.clone());
+            let key = apply(&mut merged, setting).map_err(|problem| unread(place(), problem))?;
+            Ok((key, setting))
+        };
+        let settings = settings.iter().map(apply).collect::<Result<_, _>>()?;
+        for list in ["methods", "sweep"] {
+            for base in ["head", "encoder"] {
+                inherit(&mut merged, base, list);
+            }
+        }
+        take_back(&mut merged);
+        let mut layers = Self {
+            path,
+            text,
+            settings,
+            expanded: merged.clone(),
+            merged,
+        };
+        let expanded = expand(&mut layers.expanded);
+        expanded.map_err(|(key, problem)| layers.error(&key, problem))?;
+        take_back(&mut layers.expanded);
+        Ok(layers)
+    }
+
+    /// The layers as one text.
+    pub fn to_toml(&self) -> String {
+        self.merged.to_string()
+    }
+
+    /// Whether any layer has this key, sweeps expanded.
+    pub(crate) fn has(&self, key: &str) -> bool {
+        let (first, rest) = key.split_once('.').unwrap_or((key, ""));
+        let steps = rest.split('.').filter(|step| !step.is_empty());
+        let found = steps.fold(self.expanded.get(first), |at, step| match at? {
+            Value::Array(list) => list.get(step.parse::<usize>().ok()?),
+            at => at.get(step),
+        });
+        found.is_some()
+    }
+
+    /// Reads the layers as one value.
+    ///
+    /// # Errors
+    /// A key that is not known, or a value of another type, with its line.
+    pub fn read<T: DeserializeOwned>(&self) -> Result<T, ConfigError> {
+        serde_path_to_error::deserialize(Value::Table(self.expanded.clone())).map_err(|error| {
+            let mut key = segments(error.path());
+            if key.len() > 2 && key[0] == "sweep" {
+                // Which of its methods is not for the file to say.
+                key.remove(2);
+            }
+            let message = error.inner().message();
+            let unknown = UnknownName::of_serde(message);
+            if let Some(UnknownName {
+                what: "key", found, ..
+            }) = &unknown
+                && key.last() != Some(found)
+            {
+                key.push(found.clone());
+            }
+            let problem = match unknown {
+                None => message.to_owned(),
+                Some(name) => match REPLACED.iter().find(|(old, _)| *old == name.found) {
+                    Some((_, new)) => format!("was replaced by `{new}`"),
+                    None => name.to_string(),
+                },
+            };
+            self.error_at(&key, problem)
+        })
+    }
+
+    /// An error about the value at `key`, which has been read but cannot be meant.
+    pub fn error(&self, key: &str, problem: impl Into<String>) -> ConfigError {
+        let segments: Vec<String> = key.split('.').map(str::to_owned).collect();
+        self.error_at(&segments, problem.into())
+    }
+
+    /// Refuses the value at `key` unless `holds`.
+    ///
+    /// # Errors
+    /// The problem, with the line of the key, where it does not hold.
+    pub fn require(&self, holds: bool, key: &str, problem: &str) -> Result<(), ConfigError> {
+        if holds {
+            Ok(())
+        } else {
+            Err(self.error(key, problem))
+        }
+    }
+
+    fn error_at(&self, key: &[String], problem: String) -> ConfigError {
+        let dotted = key.join(".");
+        let set = self
+            .settings
+            .iter()
+            .rev()
+            .find(|(key, _)| dotted == *key || dotted.starts_with(&format!("{key}.")));
+        let place = match set {
+            Some((_, setting)) => Place::Setting(format!("{}={}", setting.key, setting.value)),
+            None => self.place_in_file(key),
+        };
+        ConfigError {
+            place,
+            key: dotted,
+            problem,
+        }
+    }
+
+    fn place_in_file(&self, key: &[String]) -> Place {
+        DeTable::parse(self.text)
+            .ok()
+            .and_then(|table| span_of(table.get_ref(), key))
+            .map_or_else(
+                || Place::Whole(self.path.to_owned()),
+                |span| place_of_span(self.path, self.text, span),
+            )
+    }
+}
+
+fn segments(path: &KeyPath) -> Vec<String> {
+    path.iter()
+        .filter_map(|segment| match segment {
+            Segment::Seq { index } => Some(index.to_string()),
+            Segment::Map { key } => Some(key.clone()),
+            Segment::Enum { .. } | Segment::Unknown => None,
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields, rename_all = "kebab-case")]
+    struct Sample {
+        seed: u64,
+        training: Training,
+        #[serde(default)]
+        methods: Vec<Method>,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields, rename_all = "kebab-case")]
+    struct Training {
+        learning_rate: f64,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields, rename_all = "kebab-case")]
+    struct Method {
+        id: String,
+    }
+
+    const DEFAULTS: &str = "seed = 7\n[training]\nlearning-rate = 1e-4\n";
+
+    fn read(text: &str, settings: &[&str]) -> Result<Sample, String> {
+        let settings: Vec<Setting> = settings.iter().map(|s| s.parse().unwrap()).collect();
+        let defaults = DEFAULTS.parse().unwrap();
+        Layers::new(&defaults, Path::new("a.toml"), text, &settings)
+            .and_then(|layers| layers.read())
+            .map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn later_layers_win() {
+        let sample = read(
+            "seed = 1\n[[methods]]\nid = \"x\"",
+            &["seed=2", "methods.x.id=z", "methods.0.id=y"],
+        );
+        let sample = sample.unwrap();
+        assert_eq!((sample.seed, sample.methods[0].id.as_str()), (2, "y"));
+        assert_eq!(sample.training.learning_rate, 1e-4);
+    }
+
+    #[test]
+    fn a_misspelt_key_shows_its_line_and_the_nearest_name() {
+        let message = read("seed = 1\n\n[training]\nlearnin-rate = 2\n", &[]).unwrap_err();
+        assert!(message.starts_with("a.toml, line 4: "), "{message}");
+        assert!(
+            message.contains("did you mean `learning-rate`?"),
+            "{message}"
+        );
+        assert!(message.contains("4 | learnin-rate = 2"), "{message}");
+    }
+
+    #[test]
+    fn a_misspelt_key_in_a_list_shows_its_line() {
+        let message = read(
+            "[[methods]]\nid = \"a\"\n[[methods]]\nid = \"b\"\nidd = 1",
+            &[],
+        );
+        assert!(message.unwrap_err().starts_with("a.toml, line 5: "));
+    }
+
+    #[test]
+    fn a_wrong_type_names_the_setting_it_came_from() {
+        let message = read("seed = 1", &["training.learning-rate=fast"]).unwrap_err();
+        assert!(
+            message.starts_with("--set training.learning-rate=\"fast\""),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn a_setting_of_a_method_by_its_id_is_named_as_it_was_given() {
+        let message = read("seed = 1\n[[methods]]\nid = \"a\"", &["methods.a.idd=b"]);
+        let message = message.unwrap_err();
+        assert!(
+            message.starts_with("--set methods.a.idd=\"b\""),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn broken_syntax_shows_its_line() {
+        let message = read("seed = 1\nlearning = = 3", &[]).unwrap_err();
+        assert!(message.starts_with("a.toml, line 2: "), "{message}");
+    }
+
+    #[test]
+    fn a_setting_outside_a_list_is_refused() {
+        let message = read("[[methods]]\nid = \"a\"", &["methods.3.id=b"]).unwrap_err();
+        assert!(
+            message.contains("neither an id nor an index of a list of 1"),
+            "{message}"
+        );
+    }
+}

@@ -1,0 +1,36 @@
+//! Experiment configs: TOML in, checked [`Experiment`]s out.
+
+mod adaptive;
+mod data;
+mod differing;
+mod encoder;
+mod estimator;
+mod experiment;
+mod grid;
+mod grid_words;
+mod layers;
+mod list;
+mod locate;
+mod looks;
+mod merge;
+mod method;
+mod report;
+mod schema;
+mod setting;
+mod written;
+
+pub use data::DataSpec;
+pub use differing::{Differing, differing_keys};
+pub use encoder::{EncoderSpec, Network, WeightsSpec, check_depths, check_training};
+pub use experiment::Experiment;
+pub use layers::Layers;
+pub use list::list;
+pub use locate::ConfigError;
+pub use setting::Setting;
+
+pub(crate) use adaptive::in_order;
+pub(crate) use data::{Protocol, TestSurfaces};
+pub(crate) use estimator::{Estimator, Given};
+pub(crate) use looks::{Looks, Refit, Selected};
+pub(crate) use method::Method;
+pub(crate) use schema::{Adaptive, JudgedOn, SpeedConfig};

@@ -1,0 +1,354 @@
+//! The keys of an experiment as they are written; `defaults.toml` says what each means.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
+use sps_dataset::{ReadSettings, SplitPlan};
+use sps_metrics::Level;
+use sps_models::encoders::Depths;
+use sps_models::heads::HeadConfig;
+use sps_models::training::TrainingConfig;
+use sps_regress::kernel_ridge::{Kernel, KernelRidgeConfig};
+use sps_regress::ridge::RidgeConfig;
+use sps_viewselect::{AnySelector, TemporalRelations};
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct Config {
+    pub description: String,
+    pub seed: u64,
+    pub reruns: usize,
+    pub properties: Vec<String>,
+    pub data: DataConfig,
+    pub split: Option<SplitPlan>,
+    pub encoder: EncoderConfig,
+    pub head: HeadConfig,
+    pub ridge: RidgeConfig,
+    pub kernel_ridge: KernelRidgeConfig,
+    pub floors: Vec<MethodKind>,
+    pub selection: SelectionConfig,
+    #[serde(default)]
+    pub methods: Vec<MethodConfig>,
+    /// The methods of each sweep.
+    #[serde(default)]
+    pub sweep: Vec<Vec<MethodConfig>>,
+    pub report: ReportConfig,
+    pub train: TrainConfig,
+    pub cache: CacheConfig,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct DataConfig {
+    pub from: DataOrigin,
+    pub simulated: SimulatedConfig,
+    pub folder: FolderConfig,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct SimulatedConfig {
+    pub surfaces: usize,
+    pub test_surfaces: usize,
+    pub pool: usize,
+    pub seed: u64,
+    pub size: usize,
+    pub views: usize,
+    pub from_deg: f64,
+    pub to_deg: f64,
+    pub locations: u32,
+    pub repeats: u32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum DataOrigin {
+    Simulator,
+    Folder,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct FolderConfig {
+    pub path: PathBuf,
+    pub published_sps: bool,
+    pub near_twins: f64,
+    pub read: ReadSettings,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct EncoderConfig {
+    pub name: String,
+    pub depths: Depths,
+    pub weights: String,
+    pub precision: String,
+    pub frames: usize,
+    pub resize: usize,
+    pub trainable: bool,
+    pub training: TrainingConfig,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct SelectionConfig {
+    pub folds: usize,
+}
+
+/// One row of the report.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct MethodConfig {
+    /// Names the method in files; unique.
+    pub id: String,
+    /// Names it in the report.
+    pub label: String,
+    pub kind: MethodKind,
+    /// The CSV of the estimates, where the kind is `predictions`.
+    pub file: Option<PathBuf>,
+    /// What is stacked, where the kind is `stacked`.
+    #[serde(default)]
+    pub members: Vec<MethodKind>,
+    /// Parts of the training surfaces, of which each is estimated by members that were trained on
+    /// the others to weigh them.
+    #[serde(default = "five")]
+    pub folds: usize,
+    /// The printed row that stands beside it in the report.
+    pub paper: Option<String>,
+    /// The top-level `encoder` with the method's own laid over it.
+    pub encoder: EncoderConfig,
+    /// The top-level `head` with the method's own laid over it.
+    pub head: HeadConfig,
+    /// Views of a surface that an estimate looks at. Without a selector, 1 is the view straight down
+    /// and more are equidistant.
+    #[serde(default)]
+    pub views: ViewCount,
+    /// Chooses the views, for each property and rerun.
+    pub selector: Option<AnySelector>,
+    /// Whether the selector may not choose a view twice.
+    #[serde(default)]
+    pub distinct: bool,
+    /// The selector's loss is that of kernel ridge regression, fitted anew to each set of views;
+    /// elsewhere it is that of a network that was trained on random sets and frozen.
+    pub refit: Option<RefitConfig>,
+    /// Related views of a temporal relation network, instead.
+    pub relations: Option<TemporalRelations>,
+    /// Looks at the selected views one at a time, and at no more than a surface needs.
+    pub adaptive: Option<Adaptive>,
+    /// Scored on the first so many of the surfaces that exist for scoring alone.
+    pub test_surfaces: Option<usize>,
+    /// Trained on so many of a rerun's training surfaces, drawn at random.
+    pub training_surfaces: Option<usize>,
+}
+
+/// How many views an estimate looks at: a number, at least 1, or "all".
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ViewCount {
+    Number(usize),
+    All,
+}
+
+impl fmt::Display for ViewCount {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(number) => number.fmt(f),
+            Self::All => f.write_str("\"all\""),
+        }
+    }
+}
+
+impl Default for ViewCount {
+    fn default() -> Self {
+        Self::Number(1)
+    }
+}
+
+impl<'de> Deserialize<'de> for ViewCount {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = toml::Value::deserialize(deserializer)?;
+        if value.as_str() == Some("all") {
+            return Ok(Self::All);
+        }
+        let number = value.as_integer().and_then(|n| usize::try_from(n).ok());
+        let number = number.filter(|&number| number > 0).map(Self::Number);
+        number
+            .ok_or_else(|| D::Error::custom(format!("is {value}, expected at least 1, or \"all\"")))
+    }
+}
+
+/// How sets of views are compared by regression that is fitted anew to each.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct RefitConfig {
+    #[serde(default)]
+    pub kernel: Kernel,
+    /// How far the loss of each property is drawn towards the mean over all: 0 for each its own
+    /// views, 1 for one choice for all. Chosen on the training part where it is not given.
+    pub pooled: Option<f64>,
+    #[serde(default)]
+    pub judged_on: JudgedOn,
+}
+
+/// Which surfaces say what a set is worth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum JudgedOn {
+    /// The training surfaces, each left out in turn.
+    #[default]
+    Training,
+    /// Those held out, in hindsight: no method, but what was there to be had.
+    HeldOut,
+}
+
+/// When a surface has been looked at enough: at the first number of views whose interval is narrow
+/// enough.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct Adaptive {
+    /// The width of an interval that is narrow enough, in standard deviations of the training
+    /// readings.
+    pub width: f64,
+    /// Share of surfaces that an interval must hold.
+    #[serde(default = "ninety_percent")]
+    pub level: Level,
+    /// Share of the training surfaces that the intervals are calibrated on.
+    #[serde(default = "a_fifth")]
+    pub calibration: f64,
+}
+
+fn ninety_percent() -> Level {
+    Level::P90
+}
+
+fn a_fifth() -> f64 {
+    0.2
+}
+
+fn five() -> usize {
+    5
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum MethodKind {
+    Head,
+    Ridge,
+    KernelRidge,
+    /// The reading of the nearest neighbour in the embedding.
+    Nearest,
+    /// Several kinds, weighed by how well each does out of fold.
+    Stacked,
+    /// The mean of the training readings.
+    Mean,
+    /// The mean of the training readings of the surface's own material: what a perfect reader of
+    /// labels would say.
+    LabelMean,
+    /// What another system estimates, from a file.
+    Predictions,
+}
+
+impl MethodKind {
+    /// As a config writes it.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Head => "head",
+            Self::Ridge => "ridge",
+            Self::KernelRidge => "kernel-ridge",
+            Self::Nearest => "nearest",
+            Self::Stacked => "stacked",
+            Self::Mean => "mean",
+            Self::LabelMean => "label-mean",
+            Self::Predictions => "predictions",
+        }
+    }
+
+    /// Whether it looks at the embeddings of views.
+    pub(crate) const fn looks(self) -> bool {
+        !matches!(self, Self::Mean | Self::LabelMean | Self::Predictions)
+    }
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct ReportConfig {
+    pub level: Level,
+    pub against: Vec<String>,
+    pub speed: SpeedConfig,
+}
+
+/// The two questions about speed and error.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct SpeedConfig {
+    /// Whether they are asked.
+    pub front: bool,
+    /// Share of the best error that the fastest method may lie above it.
+    pub within_error: f64,
+    /// Seconds per surface that the method of least error may take.
+    pub within_seconds: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct TrainConfig {
+    pub method: String,
+    pub calibration: f64,
+    pub level: Level,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) struct CacheConfig {
+    pub folder: PathBuf,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::de::DeserializeOwned;
+    use sps_base::names::UnknownName;
+
+    /// The keys of a table, by what serde says of one that it has not.
+    fn keys<T: DeserializeOwned>() -> Vec<String> {
+        keys_in::<T>("")
+    }
+
+    /// The keys of a table inside.
+    fn keys_in<T: DeserializeOwned>(heading: &str) -> Vec<String> {
+        let text = format!("{heading}\nno-such-key = 1");
+        let error = toml::from_str::<T>(&text).err().unwrap();
+        UnknownName::of_serde(error.message()).unwrap().expected
+    }
+
+    #[test]
+    fn the_page_in_docs_names_every_key_of_methods_and_splits() {
+        let page = include_str!("../../../../docs/config.md");
+        let methods = keys::<MethodConfig>();
+        assert!(methods.len() > 12, "{methods:?}");
+        let inside = [
+            keys::<RefitConfig>(),
+            keys::<TemporalRelations>(),
+            keys::<Adaptive>(),
+        ];
+        let splits = ["random", "k-fold", "leave-one-out"]
+            .map(|plan| keys_in::<SplitPlan>(&format!("[{plan}]")));
+        for key in methods.iter().chain(inside.iter().chain(&splits).flatten()) {
+            let row = |line: &str| line.starts_with('|') && line.contains(&format!("| `{key}` |"));
+            assert!(
+                page.lines().any(row),
+                "docs/config.md has no row for `{key}`"
+            );
+        }
+        let unknown = toml::from_str::<AnySelector>("kind = \"no-such-kind\"")
+            .err()
+            .unwrap();
+        for kind in UnknownName::of_serde(unknown.message()).unwrap().expected {
+            assert!(
+                page.contains(&format!("`{kind}`")) || page.contains(&format!("\"{kind}\"")),
+                "docs/config.md lacks the selector `{kind}`"
+            );
+        }
+    }
+}

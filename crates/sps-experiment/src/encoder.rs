@@ -1,0 +1,114 @@
+//! The encoder that a config asks for.
+
+use anyhow::Result;
+use candle_core::{Device, Tensor};
+use rayon::prelude::*;
+use sps_dataset::Frame;
+use sps_estimator::{Embedder, Network};
+use sps_models::encoders::{Depths, Encoder, Precision};
+use sps_models::training::TrainingObjective;
+
+use crate::config::{EncoderSpec, Network as NetworkSpec, WeightsSpec};
+
+/// Images that are enough to scale feature maps by.
+const CALIBRATION: usize = 64;
+
+/// The network; `seed` draws the weights where they are to be untrained. One that is to compute in int8
+/// computes in f32 until it is [`calibrated`].
+///
+/// # Errors
+/// Weights that cannot be read or do not fit the network.
+pub fn load(spec: &EncoderSpec, seed: u64) -> Result<Network> {
+    let kind = spec.network.kind();
+    let encoder = match &spec.weights {
+        WeightsSpec::BuiltIn => Encoder::built_in(kind, &Device::Cpu)?,
+        WeightsSpec::Untrained => Encoder::seeded(kind, seed, &Device::Cpu)?,
+        WeightsSpec::File(path) => Encoder::load(kind, path, &Device::Cpu)?,
+    };
+    let encoder = encoder.with_depths(&spec.depths)?;
+    let encoder = match spec.precision {
+        Precision::Int8 => encoder,
+        precision => encoder.with_precision(precision)?,
+    };
+    Ok(match spec.network {
+        NetworkSpec::Images(_) => Network::Images(encoder),
+        NetworkSpec::Sequences { frames, .. } => Network::Sequences(encoder, frames),
+    })
+}
+
+/// The embedder's network in int8, its feature maps scaled by some of `count` frames, evenly spread.
+///
+/// # Errors
+/// A frame that cannot be had, or that the network does not take.
+pub fn calibrated(
+    embedder: &Embedder,
+    count: usize,
+    frame: impl Fn(usize) -> Result<Frame> + Sync,
+) -> Result<Network> {
+    let some = count.min(CALIBRATION);
+    let image = |i: usize| {
+        let frame = frame(i * count / some)?;
+        let Frame {
+            width,
+            height,
+            data,
+        } = embedder.prepared(&frame)?.into_owned();
+        let frames = embedder.network().frames();
+        let shape = (frames, height / frames, width, 3);
+        let pixels = Tensor::from_vec(data, shape, &Device::Cpu)?;
+        Ok(match embedder.network() {
+            Network::Images(_) => pixels.permute((0, 3, 1, 2))?,
+            Network::Sequences(..) => pixels.permute((3, 0, 1, 2))?.unsqueeze(0)?,
+        })
+    };
+    let images = (0..some).into_par_iter().map(image);
+    let images: Vec<Tensor> = images.collect::<Result<_>>()?;
+    let images: Vec<&Tensor> = images.iter().collect();
+    let network = embedder.network();
+    let encoder = network.encoder().clone().calibrated(&images)?;
+    Ok(network.with_encoder(encoder.with_precision(Precision::Int8)?))
+}
+
+/// The encoder in words, for reports.
+pub(crate) fn describe(spec: &EncoderSpec) -> String {
+    let weights = match &spec.weights {
+        WeightsSpec::BuiltIn => "its built-in weights".to_owned(),
+        WeightsSpec::Untrained => "untrained, random weights".to_owned(),
+        WeightsSpec::File(path) => {
+            let name = path.file_name().unwrap_or(path.as_os_str());
+            format!("weights from {}", name.to_string_lossy())
+        }
+    };
+    let trained = match spec.training.as_ref().map(|training| &training.objective) {
+        Some(TrainingObjective::Linear {}) => ", then trained on each training part",
+        Some(TrainingObjective::Heads { .. }) => {
+            ", then trained through heads on each training part"
+        }
+        None => "",
+    };
+    let maps = match spec.training.as_ref().map(|training| training.precision) {
+        None | Some(Precision::F32) => String::new(),
+        Some(precision) => format!(" on maps of {precision}"),
+    };
+    let precision = match spec.precision {
+        Precision::F32 => String::new(),
+        precision => format!(" in {precision}"),
+    };
+    let frames = match (spec.network, spec.resize) {
+        (NetworkSpec::Sequences { frames, .. }, Some(pixels)) => {
+            format!(", on {frames} equidistant frames of {pixels} pixels")
+        }
+        (NetworkSpec::Sequences { frames, .. }, None) => {
+            format!(", on {frames} equidistant frames")
+        }
+        (NetworkSpec::Images(_), Some(pixels)) => format!(", on frames of {pixels} pixels"),
+        (NetworkSpec::Images(_), None) => String::new(),
+    };
+    let depths = match &spec.depths {
+        Depths::Last => String::new(),
+        Depths::All => ", at all depths".to_owned(),
+        Depths::Named(names) => format!(", at {}", names.join(" and ")),
+    };
+    let name = spec.network.kind();
+    format!("{name}{precision} with {weights}{depths}{frames}{trained}{maps}")
+}

@@ -1,0 +1,123 @@
+//! The paper's printed results, to stand beside measured ones.
+
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+use serde::Deserialize;
+
+const TABLES: &str = include_str!("paper.toml");
+
+/// One printed row; what the paper does not print is `None`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PaperRow {
+    /// R² per property.
+    pub r2: BTreeMap<String, f64>,
+    /// Median percentage error per property.
+    pub median_percent_error: BTreeMap<String, f64>,
+    /// Mean R² over the properties.
+    pub r2_mean: f64,
+    /// Mean absolute error, over the properties.
+    pub mae_mean: f64,
+    /// Mean of the median percentage errors.
+    pub median_percent_error_mean: f64,
+    /// The same over the paper's fixed list of eight.
+    pub median_percent_error_top8: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Tables {
+    properties: Vec<String>,
+    top8: Vec<String>,
+    methods: BTreeMap<String, Method>,
+    ablation: Vec<Ablation>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct Method {
+    #[serde(rename = "label")]
+    _label: String,
+    r2: Vec<f64>,
+    r2_mean: f64,
+    mae_mean: f64,
+    median_percent_error: Vec<f64>,
+    median_percent_error_mean: f64,
+    median_percent_error_top8: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+struct Ablation {
+    r2: f64,
+    mae: f64,
+    median_percent_error: f64,
+    median_percent_error_top8: f64,
+}
+
+static PRINTED: LazyLock<Tables> =
+    LazyLock::new(|| toml::from_str(TABLES).expect("the committed tables are read by a test"));
+
+/// The eight properties of the paper's top-8 average.
+pub(crate) fn top8() -> &'static [String] {
+    &PRINTED.top8
+}
+
+/// The printed row that a config calls `name`: a method of the per-property tables
+/// (`cross-modal`), or `ablation.N` for the N-th row of the ablation.
+pub fn row(name: &str) -> Option<PaperRow> {
+    if let Some(index) = name.strip_prefix("ablation.") {
+        let row = PRINTED.ablation.get(index.parse::<usize>().ok()?)?;
+        return Some(PaperRow {
+            r2_mean: row.r2,
+            mae_mean: row.mae,
+            median_percent_error_mean: row.median_percent_error,
+            median_percent_error_top8: row.median_percent_error_top8,
+            ..PaperRow::default()
+        });
+    }
+    let row = PRINTED.methods.get(name)?;
+    let by_property = |values: &[f64]| {
+        let names = PRINTED.properties.iter().cloned();
+        names.zip(values.iter().copied()).collect()
+    };
+    Some(PaperRow {
+        r2: by_property(&row.r2),
+        median_percent_error: by_property(&row.median_percent_error),
+        r2_mean: row.r2_mean,
+        mae_mean: row.mae_mean,
+        median_percent_error_mean: row.median_percent_error_mean,
+        median_percent_error_top8: row.median_percent_error_top8,
+    })
+}
+
+/// What `row` would answer to.
+pub(crate) fn names() -> Vec<String> {
+    let ablation = (0..PRINTED.ablation.len()).map(|i| format!("ablation.{i}"));
+    PRINTED.methods.keys().cloned().chain(ablation).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_printed_row_is_whole() {
+        assert_eq!(PRINTED.properties.len(), 15);
+        assert_eq!(names().len(), 10 + 7);
+        for method in PRINTED.methods.values() {
+            assert_eq!(
+                (method.r2.len(), method.median_percent_error.len()),
+                (15, 15)
+            );
+        }
+    }
+
+    #[test]
+    fn rows_are_found_by_name() {
+        assert_eq!(row("vb-nvs").unwrap().r2["fRS"], 0.65);
+        assert_eq!(row("ablation.0").unwrap().mae_mean, 6.17);
+        assert_eq!(row("ablation.7"), None);
+        assert_eq!(row("nothing"), None);
+    }
+}

@@ -1,0 +1,133 @@
+//! How much better a method is than others, paired by surface.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use sps_metrics::{IntervalError, ScoreInterval, Scored, Undefined, over_reruns};
+
+use super::judged::{Judged, Reference};
+use super::notes::Notes;
+use super::{MethodOutcomes, Scoring};
+
+/// Gains in `r2_mean`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Gains {
+    /// Gain in `r2_mean` over the first method, with its paired interval.
+    pub r2_mean_gain: Option<Gain>,
+    /// The same over each method that the config compares with, by id.
+    pub r2_mean_gains: BTreeMap<String, Gain>,
+}
+
+/// The difference of two methods' scores.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Gain {
+    /// Above 0 where the method is ahead.
+    pub value: f64,
+    /// Over units and reruns; `null` where there is none, of one rerun say.
+    pub interval: Option<[f64; 2]>,
+    /// The p-value of no difference, not corrected for how many were compared; `null` with no
+    /// interval, and in files whose intervals are over units alone.
+    pub p: Option<f64>,
+}
+
+impl Gains {
+    /// Over the first of `methods`, and over those at `against`.
+    pub(super) fn of(
+        method: &MethodOutcomes<'_>,
+        methods: &[MethodOutcomes<'_>],
+        against: &[usize],
+        scoring: &Scoring<'_>,
+        notes: &mut Notes,
+    ) -> Self {
+        let mut over = |at: usize| {
+            let other = methods.get(at)?;
+            let gain = gain(method, other, scoring, notes)?;
+            Some((other.row.id.clone(), gain))
+        };
+        let gains: BTreeMap<String, Gain> = against.iter().filter_map(|&at| over(at)).collect();
+        let first = methods.first().and_then(|first| gains.get(&first.row.id));
+        Self {
+            r2_mean_gain: match first {
+                Some(gain) => Some(*gain),
+                // One that has failed has its note already.
+                None if against.contains(&0) => None,
+                None => over(0).map(|(_, gain)| gain),
+            },
+            r2_mean_gains: gains,
+        }
+    }
+}
+
+/// The gain over `other` on the surfaces that both were scored on.
+fn gain(
+    method: &MethodOutcomes<'_>,
+    other: &MethodOutcomes<'_>,
+    scoring: &Scoring<'_>,
+    notes: &mut Notes,
+) -> Option<Gain> {
+    if method.row.id == other.row.id {
+        return None;
+    }
+    let pairs: Vec<Pair<'_>> = method
+        .outcomes
+        .iter()
+        .filter_map(|(property, mine)| Some((mine, other.outcomes.get(property)?)))
+        .flat_map(|(mine, theirs)| mine.iter().zip(theirs).enumerate())
+        .filter_map(|(rerun, (mine, theirs))| Pair::of(rerun, mine.common(theirs), scoring))
+        .collect();
+    let found = difference(&pairs, scoring);
+    let found = notes.found(
+        &format!("the interval of the gain over {}", other.row.label),
+        found,
+    );
+    Some(Gain {
+        value: mean_difference(&pairs)?,
+        interval: found.map(|found| [found.low, found.high]),
+        p: found.map(|found| found.p),
+    })
+}
+
+/// The mean of the first sides' R² less that of the second's.
+fn mean_difference(pairs: &[Pair<'_>]) -> Option<f64> {
+    let scores = |at: usize| {
+        let scores = pairs.iter().map(|pair| pair.sides[at].scores().r2);
+        let scores = scores.map(|score| score.map(|score| score.value));
+        over_reruns(scores).mean.ok()
+    };
+    Some(scores(0)? - scores(1)?)
+}
+
+/// Two methods' estimates in one rerun, on the surfaces that both have.
+struct Pair<'a> {
+    rerun: usize,
+    sides: [Judged<'a>; 2],
+    units: Vec<usize>,
+}
+
+impl<'a> Pair<'a> {
+    /// `None` where one of them has no R².
+    fn of(
+        rerun: usize,
+        (mine, theirs): (Judged<'a>, Judged<'a>),
+        scoring: &Scoring<'_>,
+    ) -> Option<Self> {
+        let scored = mine.has_r2() && theirs.has_r2();
+        scored.then(|| Self {
+            rerun,
+            units: scoring.units_of(&mine),
+            sides: [mine, theirs],
+        })
+    }
+}
+
+fn difference(pairs: &[Pair<'_>], scoring: &Scoring<'_>) -> Result<ScoreInterval, IntervalError> {
+    let side = |at: usize| {
+        let scored = pairs
+            .iter()
+            .map(|pair| pair.sides[at].scored(Reference::Training, &pair.units, pair.rerun));
+        scored.collect::<Result<Vec<Scored<'_>>, Undefined>>()
+    };
+    scoring.intervals.difference(&side(0)?, &side(1)?)
+}

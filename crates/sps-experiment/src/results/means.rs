@@ -1,0 +1,143 @@
+//! Means of one method over its properties.
+
+use serde::{Deserialize, Serialize};
+use sps_metrics::{
+    Better, Outcome, PropertyMean, PropertyScore, Scores, Undefined, mean_over_all, mean_over_best,
+    mean_over_named,
+};
+
+use super::judged::Reference;
+use super::notes::Notes;
+use super::scores::{PropertyScores, interval_over};
+use super::{MethodOutcomes, Number, PerProperty, Scoring};
+
+/// Of one method.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Means {
+    /// Means over properties.
+    pub r2_mean: Number,
+    /// Of `r2_mean`, over units and reruns.
+    pub r2_mean_interval: Option<[f64; 2]>,
+    /// Of `r2_own_mean`; the interval where groups or materials are held out.
+    pub r2_own_mean_mean: Number,
+    /// Of `r2_own_mean_mean`, over units and reruns.
+    pub r2_own_mean_mean_interval: Option<[f64; 2]>,
+    /// In the properties' unit, where they share one.
+    pub mae_mean: Number,
+    /// Mean absolute errors in standard deviations.
+    pub mae_over_std_mean: Number,
+    /// Of the rank correlations.
+    pub spearman_mean: Number,
+    /// Over the properties that have one.
+    pub median_percent_error_mean: Number,
+    /// Over the paper's fixed list of eight.
+    pub median_percent_error_top8: Number,
+    /// Over the eight properties with the least error in this run, and which they are.
+    pub median_percent_error_best8: Number,
+    /// Codes of those eight.
+    pub best8: Vec<String>,
+    /// How much the means differ from rerun to rerun.
+    pub over_reruns: Ranges,
+}
+
+/// The lowest and the highest value of the reruns; `null` where a rerun has none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Ranges {
+    pub r2_mean: Option<[f64; 2]>,
+    pub mae_mean: Option<[f64; 2]>,
+    pub median_percent_error_mean: Option<[f64; 2]>,
+    pub median_percent_error_top8: Option<[f64; 2]>,
+}
+
+impl Means {
+    pub(super) fn of(
+        scores: &PropertyScores,
+        method: &MethodOutcomes<'_>,
+        scoring: &Scoring<'_>,
+        notes: &mut Notes,
+    ) -> Self {
+        let listed = |values| listed(values, scoring.properties);
+        let percent = self::listed(&scores.median_percent_error, scoring.with_percentages);
+        let best8 = (!scoring.top8.is_empty())
+            .then(|| mean_over_best(&percent, scoring.top8.len(), Better::Lower));
+        let top8 = best8
+            .is_some()
+            .then(|| mean_over_named(&percent, scoring.top8));
+        let of_percent = (!percent.is_empty()).then(|| mean_over_all(&percent));
+        let mut whole = |what, mean: Option<PropertyMean>| notes.whole_mean(what, mean?);
+        let median_percent_error_top8 = whole("top-8 median % error", top8);
+        let names = best8.iter().flat_map(|best| best.properties.clone());
+        let names = names.collect();
+        let median_percent_error_best8 = whole("best-8 median % error", best8);
+        let r2_mean = notes.mean("mean R²", mean_over_all(&listed(&scores.r2)));
+        let interval = interval_over(method.numbered(), scoring, Reference::Training);
+        let own_interval = scoring.own_mean_interval.then(|| {
+            let interval = interval_over(method.numbered(), scoring, Reference::HeldOut);
+            notes.interval("the interval of mean R² about own mean", interval)
+        });
+        Self {
+            r2_mean,
+            r2_mean_interval: notes.interval("the interval of mean R²", interval),
+            r2_own_mean_mean: mean_over_all(&listed(&scores.r2_own_mean)).value.ok(),
+            r2_own_mean_mean_interval: own_interval.flatten(),
+            mae_mean: notes.mean("mean MAE", mean_over_all(&listed(&scores.mae))),
+            mae_over_std_mean: mean_over_all(&listed(&scores.mae_over_std)).value.ok(),
+            spearman_mean: mean_over_all(&listed(&scores.spearman)).value.ok(),
+            median_percent_error_mean: of_percent
+                .and_then(|mean| notes.mean("mean median % error", mean)),
+            median_percent_error_top8,
+            best8: names,
+            median_percent_error_best8,
+            over_reruns: Ranges::of(method, scoring),
+        }
+    }
+}
+
+impl Ranges {
+    fn of(method: &MethodOutcomes<'_>, scoring: &Scoring<'_>) -> Self {
+        let of_rerun = |rerun: usize| -> PerProperty<Scores> {
+            let outcomes = method.outcomes.iter();
+            let scored = outcomes
+                .filter_map(|(property, all)| Some((property.clone(), all.get(rerun)?.scores())));
+            scored.collect()
+        };
+        let reruns: Vec<PerProperty<Scores>> = (0..method.row.reruns).map(of_rerun).collect();
+        let range = |of: fn(&Scores) -> &Outcome,
+                     properties: &[String],
+                     mean: &dyn Fn(&[PropertyScore]) -> PropertyMean| {
+            let values = reruns.iter().map(|scores| {
+                let value = |s| of(s).as_ref().ok().map(|score| score.value);
+                let values = scores
+                    .iter()
+                    .map(|(property, s)| (property.clone(), value(s)));
+                let mean = mean(&listed(&values.collect(), properties));
+                mean.is_complete().then_some(mean.value.ok()).flatten()
+            });
+            let values = values.collect::<Option<Vec<f64>>>()?;
+            let low = values.iter().copied().reduce(f64::min)?;
+            Some([low, values.iter().copied().reduce(f64::max)?])
+        };
+        let top8 = |scores: &[PropertyScore]| mean_over_named(scores, scoring.top8);
+        let (all, some) = (scoring.properties, scoring.with_percentages);
+        Self {
+            r2_mean: range(|s| &s.r2, all, &mean_over_all),
+            mae_mean: range(|s| &s.mae, all, &mean_over_all),
+            median_percent_error_mean: range(|s| &s.median_percent_error, some, &mean_over_all),
+            median_percent_error_top8: range(|s| &s.median_percent_error, some, &top8),
+        }
+    }
+}
+
+fn listed(values: &PerProperty<Number>, properties: &[String]) -> Vec<PropertyScore> {
+    let of = |property: &String| PropertyScore {
+        property: property.clone(),
+        value: values
+            .get(property)
+            .copied()
+            .flatten()
+            .ok_or(Undefined::NotScored),
+    };
+    properties.iter().map(of).collect()
+}

@@ -1,0 +1,64 @@
+//! What is wrong with a file, all of it at once.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Result, bail};
+
+use crate::text::counted;
+
+/// So many problems are shown; the others are counted.
+const SHOWN: usize = 20;
+
+/// The problems of a file.
+pub(super) struct Problems<'a> {
+    file: &'a Path,
+    shown: Vec<String>,
+    count: usize,
+}
+
+impl<'a> Problems<'a> {
+    /// None yet.
+    pub(super) fn of(file: &'a Path) -> Self {
+        Self {
+            file,
+            shown: Vec::new(),
+            count: 0,
+        }
+    }
+
+    /// One of a line. It is put into words only where it is shown: names that are near take time.
+    pub(super) fn at(&mut self, line: u64, problem: impl FnOnce() -> String) {
+        let file = self.file.display();
+        self.add(|| format!("{file}, line {line}: {}", problem()));
+    }
+
+    /// One of the file as a whole.
+    pub(super) fn of_all(&mut self, problem: impl FnOnce() -> String) {
+        let file = self.file.display();
+        self.add(|| format!("{file}: {}", problem()));
+    }
+
+    fn add(&mut self, problem: impl FnOnce() -> String) {
+        self.count += 1;
+        if self.shown.len() < SHOWN {
+            self.shown.push(problem());
+        }
+    }
+
+    /// Fails with those that there are.
+    pub(super) fn ensure_none(self) -> Result<()> {
+        if self.count == 0 {
+            return Ok(());
+        }
+        let mut text = counted(self.count, "problem");
+        for problem in &self.shown {
+            text.push_str("\n  ");
+            text.push_str(problem);
+        }
+        if self.count > self.shown.len() {
+            let _ = write!(text, "\n  and {} more", self.count - self.shown.len());
+        }
+        bail!(text)
+    }
+}

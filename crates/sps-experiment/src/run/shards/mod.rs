@@ -1,0 +1,133 @@
+//! Shards: parts of an experiment that other processes do, each in a folder of its own below that of
+//! a run, `shards/2-of-4`, with a journal and a manifest.
+
+mod manifest;
+mod merge;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use sps_dataset::Source;
+
+use super::encoded::Encoded;
+use super::folder::RunFolder;
+use super::prepared::{Prepared, WithEncoder};
+use super::{Journals, provenance};
+use crate::config::Experiment;
+use crate::data::{self, About, WithSource};
+use crate::work::Shard;
+use manifest::Manifest;
+pub(super) use merge::Merged;
+
+/// Where the folders of a run's shards are.
+const SHARDS: &str = "shards";
+
+/// A shard that has begun.
+pub(super) struct OfShard {
+    pub shard: Shard,
+    pub path: PathBuf,
+}
+
+/// The shards below the folder of a run, in their order.
+pub(super) fn folders(run: &Path) -> Result<Vec<OfShard>> {
+    let folder = run.join(SHARDS);
+    if !folder.exists() {
+        return Ok(Vec::new());
+    }
+    let failed = || format!("cannot read {}", folder.display());
+    let mut found = Vec::new();
+    for entry in fs::read_dir(&folder).with_context(failed)? {
+        let entry = entry.with_context(failed)?;
+        if let Some(shard) = Shard::of_folder(&entry.file_name().to_string_lossy()) {
+            let path = entry.path();
+            found.push(OfShard { shard, path });
+        }
+    }
+    found.sort_by_key(|one| one.shard);
+    Ok(found)
+}
+
+/// Adds what the shards of a run have done, waiting for those that are at work.
+pub(super) fn give(run: &Path, journals: &mut Journals) -> Result<()> {
+    for OfShard { path, .. } in folders(run)? {
+        let _lock = RunFolder::locked(&path)?;
+        journals.adopt(Journals::look(&path)?)?;
+    }
+    Ok(())
+}
+
+/// Forgets the shards of a run, waiting for those that are at work.
+pub(super) fn forget(run: &Path) -> Result<()> {
+    for OfShard { path, .. } in folders(run)? {
+        let _lock = RunFolder::locked(&path)?;
+        let removed = fs::remove_dir_all(&path);
+        removed.with_context(|| format!("cannot remove {}", path.display()))?;
+    }
+    Ok(())
+}
+
+/// Does what is missing of a shard of the experiment, whose run is in `folder`; `fresh` begins again.
+/// The shard's own folder.
+///
+/// # Errors
+/// As those of [`run`](fn@super::run).
+pub fn run(experiment: &Experiment, shard: Shard, folder: &Path, fresh: bool) -> Result<PathBuf> {
+    let path = folder.join(SHARDS).join(shard.folder());
+    let work = RunShard {
+        experiment,
+        shard,
+        run: folder,
+        own: &path,
+        fresh,
+    };
+    data::with_source(&experiment.data, work)?;
+    Ok(path)
+}
+
+struct RunShard<'a> {
+    experiment: &'a Experiment,
+    shard: Shard,
+    /// The folder of the run, and its own.
+    run: &'a Path,
+    own: &'a Path,
+    fresh: bool,
+}
+
+impl WithSource for RunShard<'_> {
+    type Output = ();
+
+    fn call<S: Source>(self, source: &S, about: About) -> Result<()> {
+        let (experiment, folder) = (self.experiment, self.own);
+        let prepared = Prepared::new(experiment, source, &about)?;
+        let _locked = RunFolder::open(folder, self.fresh)?;
+        let data_hash = provenance::data_hash(source, &about)?;
+        let mut manifest = Manifest::new(experiment, self.shard, &data_hash);
+        manifest.write(folder)?;
+        let mut journals = Journals::open(folder)?;
+        if !self.fresh {
+            // What the run itself has done.
+            journals.know(Journals::look(self.run)?);
+        }
+        let dealt = prepared.dealt()?;
+        prepared.with_encoders(source, &dealt, Fit(&mut journals))?;
+        manifest.ended = true;
+        manifest.write(folder)
+    }
+}
+
+/// Runs what the journals lack.
+struct Fit<'a>(&'a mut Journals);
+
+impl<'m> WithEncoder<'m> for Fit<'_> {
+    type Output = ();
+
+    fn call<S: Source>(
+        &mut self,
+        encoded: &Encoded<'_, 'm>,
+        source: &S,
+        sequence: Option<Vec<usize>>,
+    ) -> Result<()> {
+        encoded.fitted(source, sequence, self.0).map(|_| ())
+    }
+}

@@ -1,0 +1,338 @@
+//! Fitting a model that is kept.
+
+mod check;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail, ensure};
+use sps_dataset::{DecodeSettings, Description, Frame, PropertyRange, Source, Split, Unit};
+use sps_estimator::{
+    About, Calibration, Described, Estimator, Examples, Fitted, Measured, Predictions, Recipe,
+    Wanted, Widths,
+};
+use tracing::warn;
+
+use self::check::Check;
+use crate::config::{DataSpec, Experiment, Looks, Method, Network as NetworkSpec};
+use crate::data::{self, About as AboutData, WithSource};
+use crate::journal::Journal;
+use crate::run::{
+    Dealt, Encodings, Folds, Selecting, Selections, Splits, Stage, Stages, portion, views,
+    what_is_measured,
+};
+
+/// What is known while a model is fitted, for people: called with lines of text as soon as they are
+/// known.
+pub type Say<'a> = &'a mut dyn FnMut(&str);
+
+/// Fits the method that the config's `train` names and writes the model to `out`, replacing one that is
+/// there. Before that it says how well models of this kind do on the splits of the config.
+///
+/// # Errors
+/// A method that cannot be kept as a model; data or weights that cannot be read; a folder that cannot
+/// be written to.
+pub fn train(experiment: &Experiment, out: &Path, say: Say<'_>) -> Result<()> {
+    let train = Train {
+        experiment,
+        out,
+        say,
+    };
+    data::with_source(&experiment.data, train)
+}
+
+struct Train<'a> {
+    experiment: &'a Experiment,
+    out: &'a Path,
+    say: Say<'a>,
+}
+
+impl WithSource for Train<'_> {
+    type Output = ();
+
+    fn call<S: Source>(self, source: &S, about: AboutData) -> Result<()> {
+        let experiment = self.experiment;
+        let method = experiment.methods[experiment.train.method].on(source)?;
+        ensure!(
+            matches!(method.encoder.network, NetworkSpec::Images(_)),
+            "method `{}` looks at a sequence by {}; a model that is kept looks at photographs",
+            method.id,
+            method.encoder.network.kind()
+        );
+        keeps_its_views(&method)?;
+        (self.say)(&which(experiment));
+        let splits = Splits::of(experiment, source.surfaces())?;
+        let data = (source, &about);
+        let views = views::needed(&[&method], source)?;
+        let trainer = Trainer {
+            experiment,
+            method: &method,
+            source,
+            origin: &about.origin,
+            splits: &splits,
+            stages: Stages::new(experiment, &method.encoder, data, &splits, views, None)?,
+        };
+        let measured = trainer.check(self.say)?;
+        let all: Vec<usize> = (0..splits.pool).collect();
+        let fit = trainer.fit(&all, 0)?;
+        if splits.units.unit() != Unit::Surface {
+            let calibrated = portion(&splits, std::slice::from_ref(&fit.part));
+            (self.say)(&format!(
+                "the intervals of the model are calibrated on {calibrated}"
+            ));
+        }
+        if let Some(thinned) = method.estimator.thinned(fit.part.train.len()) {
+            warn!("{thinned}");
+        }
+        if let Some(reason) = fit.fitted.no_familiar() {
+            (self.say)(&format!(
+                "the model has no p-value of \"like what it was fitted on\": {reason}"
+            ));
+        }
+        let about = trainer.about(&fit, measured)?;
+        let estimator = Estimator::new(fit.stage.embedder.clone(), fit.fitted, about)?;
+        let file = |error| anyhow::Error::from(error).context(self.out.display().to_string());
+        estimator.save(self.out).map_err(file)
+    }
+}
+
+/// Which method is fitted, why, and how another is chosen.
+fn which(experiment: &Experiment) -> String {
+    let train = &experiment.train;
+    let id = &experiment.methods[train.method].id;
+    let kept = |method: &&Method| method.estimator.regression().is_some() && method.id != *id;
+    let others = experiment.methods.iter().filter(kept);
+    let others: Vec<&str> = others.map(|method| method.id.as_str()).collect();
+    let why = if train.named {
+        "as `train.method` says"
+    } else {
+        "the last of the config's methods"
+    };
+    if others.is_empty() {
+        return format!("Fits method `{id}`, {why}.");
+    }
+    format!(
+        "Fits method `{id}`, {why}; `[train] method = \"ID\"` chooses another: {}.",
+        others.join(", ")
+    )
+}
+
+/// Refuses a method whose views are not one photograph each, and the same for every surface.
+fn keeps_its_views(method: &Method) -> Result<()> {
+    let id = &method.id;
+    match &method.looks {
+        Looks::Nothing if method.estimator.file().is_some() => bail!(
+            "method `{id}` has its estimates from a file, so there is nothing to fit and keep; \
+            `[train] method = \"ID\"` chooses another"
+        ),
+        Looks::Nothing => {
+            bail!("method `{id}` looks at no view; a model that is kept looks at some")
+        }
+        Looks::Relations(_) => bail!(
+            "method `{id}` relates views that are drawn anew for each estimate; a model that is kept \
+            looks at the same ones of every surface"
+        ),
+        Looks::Selected(_) if method.in_hindsight() => bail!(
+            "method `{id}` chooses views by the surfaces held out; a model that is kept does not know \
+            those that it will be asked about"
+        ),
+        Looks::Selected(selected) if selected.may_repeat() => bail!(
+            "method `{id}` may look at a view twice; a model that is kept takes one photograph of \
+            each: `distinct = true` chooses such views"
+        ),
+        Looks::Nadir | Looks::All | Looks::Selected(_) => Ok(()),
+    }
+}
+
+/// What was fitted.
+struct Fit {
+    stage: Arc<Stage>,
+    fitted: Fitted,
+    /// The views that photographs are taken of, in their order, as places in the tables.
+    photographs: Vec<usize>,
+    /// Surfaces that the regression learned from, and those that calibrate.
+    part: Split,
+}
+
+struct Trainer<'a, S> {
+    experiment: &'a Experiment,
+    method: &'a Method,
+    source: &'a S,
+    /// Where the data comes from and under which licence.
+    origin: &'a str,
+    splits: &'a Splits,
+    stages: Stages<'a, S>,
+}
+
+impl<S: Source> Trainer<'_, S> {
+    /// Fits on some surfaces, a part of which calibrates the intervals: neither the regression, nor
+    /// what chose the views, nor an encoder that is trained has seen its readings.
+    fn fit(&self, surfaces: &[usize], number: u64) -> Result<Fit> {
+        let (experiment, units) = (self.experiment, &self.splits.units);
+        let calibration = Calibration {
+            share: Some(experiment.train.calibration),
+            level: experiment.train.level,
+            seed: experiment.seed,
+        };
+        let part = calibration.part(units, surfaces, number);
+        let part = part.context("[train]")?;
+        let parts = self.splits.only(part.clone());
+        let encodings =
+            Encodings::of_splits(&self.stages, &self.method.encoder, &parts.all, &[0].into())?
+                .remove(0);
+        let views = self.views(&encodings, &parts)?;
+        let stage = encodings.stage;
+        let tables = &stage.tables;
+        let wanted = tables.properties.iter().zip(views);
+        let wanted = wanted.map(|(property, views)| Wanted {
+            property: property.to_string(),
+            views,
+            range: self
+                .source
+                .describe(property)
+                .range
+                .map(PropertyRange::ends),
+        });
+        let regression = self.method.estimator.regression();
+        let recipe = Recipe {
+            regression: regression.context("a mean is not kept")?.clone(),
+            wanted: wanted.collect(),
+            one_by_one: self.method.adaptive.is_some(),
+            widths: Widths::ByPhotograph,
+            calibration,
+        };
+        let learns = self.method.encoder.learns();
+        let examples = Examples {
+            data: tables.training_data(units),
+            units,
+            encoder_saw: if learns { &part.train } else { &[] },
+        };
+        let fitted = recipe.fit(&examples, surfaces, number).context("[train]")?;
+        let photographs = recipe.slots()?;
+        Ok(Fit {
+            stage,
+            fitted,
+            photographs,
+            part,
+        })
+    }
+
+    /// The views that each property is estimated from, as places in the tables: a selector that learns
+    /// does so on the one training part of `parts`.
+    fn views(&self, encodings: &Encodings, parts: &Splits) -> Result<Vec<Vec<usize>>> {
+        let (experiment, tables) = (self.experiment, &encodings.stage.tables);
+        let mut journal = Journal::open(&experiment.cache.join("selections.jsonl"))?;
+        let mut selections = Selections::default();
+        let folds = Folds {
+            experiment,
+            encodings,
+            splits: parts,
+        };
+        let mut selecting = Selecting {
+            folds,
+            journal: &mut journal,
+        };
+        selecting.run(&[self.method], &Dealt::all(1, 0..1), &mut selections)?;
+        let of_property = |property| {
+            let (method, split) = (self.method, &parts.all[0]);
+            let trial = (property, 0);
+            let views = views::of_trial(experiment, method, tables, split, trial, &selections)?;
+            Ok(views.shown())
+        };
+        tables.properties.iter().map(of_property).collect()
+    }
+
+    fn about(&self, fit: &Fit, measured: BTreeMap<String, Measured>) -> Result<About> {
+        let (experiment, source) = (self.experiment, self.source);
+        let views = fit.stage.tables.shown(&fit.photographs);
+        let frame = source.frame(0, views[0])?;
+        self.warn_of_sizes(&frame, views[0])?;
+        let angles = source.view_angles();
+        let described = fit.stage.tables.properties.iter().map(|property| {
+            let Description { name, unit, .. } = source.describe(property);
+            (property.to_string(), Described { name, unit })
+        });
+        let decode = match &experiment.data {
+            DataSpec::Folder { read, .. } => read.images.clone(),
+            DataSpec::Simulated { .. } => DecodeSettings::default(),
+        };
+        Ok(About {
+            name: experiment.name.clone(),
+            method: self.method.label.clone(),
+            data: source.name().to_owned(),
+            source: self.origin.to_owned(),
+            frame_size: [frame.height, frame.width],
+            angles: views.iter().map(|&view| angles[view].0).collect(),
+            decode,
+            described: described.collect(),
+            measured,
+        })
+    }
+
+    /// Photographs are brought to the size of one frame: where the frames differ and are not brought to
+    /// one size, that is not how the model saw them.
+    fn warn_of_sizes(&self, first: &Frame, view: usize) -> Result<()> {
+        const SOME: usize = 16;
+        if self.method.encoder.resize.is_some() {
+            return Ok(());
+        }
+        for surface in 1..self.source.surfaces().len().min(SOME) {
+            let frame = self.source.frame(surface, view)?;
+            if frame.extent() != first.extent() {
+                warn!(
+                    "frames differ in size; photographs are brought to that of the first, {} x {} \
+                    pixels: `encoder.resize` brings frames and photographs to one size",
+                    first.width, first.height
+                );
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Says what such models do on the surfaces that each split of the config holds out.
+    fn check(&self, say: Say<'_>) -> Result<BTreeMap<String, Measured>> {
+        let splits = &self.splits.all;
+        let mut check = Check::new(self.method.adaptive);
+        for (number, split) in splits.iter().enumerate() {
+            let fit = self.fit(&split.train, number as u64)?;
+            let predictions = self.predictions(&fit, &split.validation)?;
+            check.add((&fit.stage.tables, split), &fit.fitted, predictions)?;
+        }
+        let held_out: usize = splits.iter().map(|split| split.validation.len()).sum();
+        let of_split = held_out / splits.len().max(1);
+        let times = match splits.len() {
+            1 => String::new(),
+            several => format!(" in each of {several} splits"),
+        };
+        let unit = self.splits.units.unit();
+        let train = &self.experiment.train;
+        say(&format!(
+            "{} on {unit} held out, {of_split} surfaces{times}, intervals of {:.0} %:",
+            self.method.label,
+            100.0 * train.level.get()
+        ));
+        say(&what_is_measured(self.splits, self.source.surfaces()));
+        let measured = check.print(say)?;
+        say(&format!(
+            "{:.0} % of the surfaces fitted to calibrate the intervals, and estimates learn from the \
+            others alone: `experiment` fits to all of them, and as a rule has a higher R² on these splits.",
+            100.0 * train.calibration
+        ));
+        Ok(measured)
+    }
+
+    /// What is predicted of surfaces from each number of views that the model takes.
+    fn predictions(&self, fit: &Fit, surfaces: &[usize]) -> Result<BTreeMap<usize, Predictions>> {
+        let (experiment, source) = (self.experiment, self.source);
+        let (stage, places) = (Arc::clone(&fit.stage), &fit.photographs);
+        let beyond = source.surfaces().len() - self.splits.pool;
+        let encodings = Encodings::with_test_views(experiment, source, stage, places, beyond)?;
+        let step = |views: usize| {
+            let embeddings = encodings.select(surfaces, &places[..views])?;
+            Ok((views, fit.fitted.predict(&embeddings)?))
+        };
+        fit.fitted.steps().map(step).collect()
+    }
+}

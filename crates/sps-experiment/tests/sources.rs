@@ -1,0 +1,145 @@
+//! What of the sources tells trials of other code apart.
+
+#[path = "../build/sources.rs"]
+mod sources;
+
+use std::fs;
+use std::path::Path;
+
+use tempfile::TempDir;
+
+const LIB: &str = r"
+//! A crate.
+mod inner;
+#[cfg(test)]
+mod tests;
+/// What it does.
+pub fn twice(x: f64) -> f64 {
+    #[cfg(test)]
+    if x < 0.0 {
+        return 0.0;
+    }
+    // Not three times.
+    2.0 * x
+}
+#[cfg(test)]
+use std::fs::{self, File};
+";
+
+/// A repository with one crate and what else is hashed.
+struct Repository(TempDir);
+
+impl Repository {
+    fn new() -> Self {
+        let repository = Self(tempfile::tempdir().unwrap());
+        for name in sources::WATCHED {
+            repository.write(name, if name.contains('.') { "" } else { "/" });
+        }
+        repository.write("crates/a/src/lib.rs", LIB);
+        for name in ["inner.rs", "tests.rs", "tests/more.rs", "data.toml"] {
+            repository.write(&format!("crates/a/src/{name}"), "1");
+        }
+        repository.write("crates/a/tests/all.rs", "1");
+        for name in [
+            "sps-experiment/src/embeddings/embedder.rs",
+            "sps-experiment/src/report.rs",
+        ] {
+            repository.write(&format!("crates/{name}"), "FilterType::Triangle");
+        }
+        repository
+    }
+
+    /// A file or, where `text` is `/`, a folder.
+    fn write(&self, name: &str, text: &str) {
+        let path = self.0.path().join(name);
+        let folder = if text == "/" {
+            &path
+        } else {
+            path.parent().unwrap()
+        };
+        fs::create_dir_all(folder).unwrap();
+        if text != "/" {
+            fs::write(path, text).unwrap();
+        }
+    }
+
+    fn hash(&self) -> String {
+        sources::hash(self.0.path(), &sources::WATCHED).unwrap()
+    }
+
+    /// Whether other text in a file makes another hash.
+    fn matters(&self, name: &str, from: &str, to: &str) -> bool {
+        let (path, before) = (self.0.path().join(name), self.hash());
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.contains(from), "{name} has no `{from}`");
+        fs::write(&path, text.replace(from, to)).unwrap();
+        let after = self.hash();
+        fs::write(&path, text).unwrap();
+        assert_eq!(self.hash(), before);
+        after != before
+    }
+}
+
+#[test]
+fn comments_layout_and_tests_decide_nothing() {
+    let repository = Repository::new();
+    for (from, to) in [
+        ("Not three times", "By a factor of two"),
+        ("What it does", "Twice"),
+        ("A crate", "The crate"),
+        ("x < 0.0", "x < 1.0"),
+        ("{self, File}", "File"),
+        ("    2.0 * x", "2.0*x"),
+    ] {
+        assert!(
+            !repository.matters("crates/a/src/lib.rs", from, to),
+            "{from}"
+        );
+    }
+    for name in ["src/tests.rs", "src/tests/more.rs", "tests/all.rs"] {
+        assert!(
+            !repository.matters(&format!("crates/a/{name}"), "1", "2"),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn what_is_compiled_decides() {
+    let repository = Repository::new();
+    for (from, to) in [
+        ("2.0", "3.0"),
+        ("2.0 * x", "2.0 + x"),
+        ("mod inner;", "mod tests;"),
+        ("pub fn", "#[inline] pub fn"),
+        ("#[cfg(test)]\nmod tests;", "mod tests;"),
+    ] {
+        assert!(
+            repository.matters("crates/a/src/lib.rs", from, to),
+            "{from}"
+        );
+    }
+    for name in ["inner.rs", "data.toml"] {
+        assert!(
+            repository.matters(&format!("crates/a/src/{name}"), "1", "2"),
+            "{name}"
+        );
+    }
+    for (name, matters) in [("embeddings/embedder.rs", true), ("report.rs", false)] {
+        let name = format!("crates/sps-experiment/src/{name}");
+        assert_eq!(repository.matters(&name, "Triangle", "Lanczos3"), matters);
+    }
+    repository.write("Cargo.lock", "[package]");
+    assert_ne!(repository.hash(), Repository::new().hash());
+}
+
+/// Every file of this repository can be read.
+#[test]
+fn the_sources_have_a_hash() {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let hash = sources::hash(&package.join("../.."), &sources::WATCHED);
+    assert_eq!(hash.unwrap().len(), 16);
+    // A package has its own lock file beside them.
+    let hash = sources::hash(package, &sources::PACKAGED[1..]);
+    assert_eq!(hash.unwrap().len(), 16);
+}

@@ -1,0 +1,213 @@
+//! Figures of prediction intervals: how many truths they hold, and whether the wide ones err more.
+
+mod halves;
+
+use kuva::plot::line::LinePlot;
+use kuva::plot::scatter::MarkerShape;
+use kuva::plot::{LegendPosition, ScatterPlot};
+use kuva::render::layout::Layout;
+use kuva::render::plots::Plot;
+use sps_experiment::predictions::Prediction;
+use sps_experiment::results::{MethodResult, Results};
+use sps_experiment::text::number;
+use sps_metrics::Level;
+
+use super::figures::{COLOURS, COLUMN, Figure, plotted};
+use super::scales::scales;
+
+/// A method with its estimates.
+struct Estimates<'a> {
+    method: &'a MethodResult,
+    predictions: Vec<&'a Prediction>,
+    colour: &'static str,
+}
+
+/// The figures of these methods; none where there are too few estimates to calibrate on.
+pub(super) fn figures(
+    results: &Results,
+    methods: &[&MethodResult],
+    predictions: &[Prediction],
+) -> Vec<Figure> {
+    let colours = COLOURS.into_iter().cycle();
+    let of_method = |(method, colour)| {
+        let method: &MethodResult = method;
+        let of_method = predictions.iter().filter(|p| p.method == method.id);
+        Estimates {
+            method,
+            predictions: of_method.collect(),
+            colour,
+        }
+    };
+    let all = methods.iter().copied().zip(colours).map(of_method);
+    let all: Vec<Estimates<'_>> = all.collect();
+    let figures = [coverage(results, &all), widths(&all)];
+    figures.into_iter().flatten().collect()
+}
+
+fn coverage(results: &Results, all: &[Estimates<'_>]) -> Option<Figure> {
+    let levels = (1..20).filter_map(|at| Level::new(f64::from(at) / 20.0).ok());
+    let levels: Vec<Level> = levels.collect();
+    let mut plots = vec![Plot::Line(diagonal(1.0))];
+    for of in all {
+        let held = halves::held(&of.predictions, &levels);
+        if held.is_empty() {
+            continue;
+        }
+        let line = LinePlot::new()
+            .with_data(held.into_iter().map(|(level, share)| (level.get(), share)))
+            .with_color(of.colour)
+            .with_stroke_width(1.4)
+            .with_legend(of.method.label.as_str());
+        plots.push(Plot::Line(line));
+    }
+    let own = all.iter().filter_map(promised);
+    plots.extend(own.map(Plot::Scatter));
+    if plots.len() == 1 {
+        return None;
+    }
+    let layout = Layout::auto_from_plots(&plots)
+        .with_x_axis_min(0.0)
+        .with_x_axis_max(1.0)
+        .with_y_axis_min(0.0)
+        .with_y_axis_max(1.0)
+        .with_x_label("level")
+        .with_y_label("share of truths held")
+        .with_legend_position(LegendPosition::InsideBottomRight);
+    Some(Figure {
+        name: "coverage",
+        title: "Coverage of intervals".to_owned(),
+        caption: format!(
+            "Lines: intervals around the estimates are made from one half of the held-out {units} and \
+             judged on the other, and the other way round; all properties and reruns together. On the \
+             dashed line they hold as many truths as they promise, below it fewer. Stars: the \
+             intervals that a method made itself, to stop when it is sure.",
+            units = results.dataset.units_in_words()
+        ),
+        svg: plotted(plots, layout, (COLUMN, 320.0)),
+    })
+}
+
+/// What a method's own intervals promise and hold.
+fn promised(of: &Estimates<'_>) -> Option<ScatterPlot> {
+    let own = of.method.adaptive.as_ref()?;
+    let hover = format!(
+        "{}: {} % of {} %",
+        of.method.label,
+        number(Some(100.0 * own.coverage), 1),
+        number(Some(100.0 * own.level), 0)
+    );
+    Some(
+        ScatterPlot::new()
+            .with_data([(own.level, own.coverage)])
+            .with_marker(MarkerShape::Star)
+            .with_size(6.0)
+            .with_color(of.colour)
+            .with_tooltips()
+            .with_tooltip_labels([hover]),
+    )
+}
+
+/// Where both axes say the same, up to here.
+fn diagonal(end: f64) -> LinePlot {
+    LinePlot::new()
+        .with_data([(0.0, 0.0), (end, end)])
+        .with_color("#777777")
+        .with_stroke_width(1.0)
+        .with_dashed()
+}
+
+/// Marks of a method.
+const BINS: usize = 10;
+
+fn widths(all: &[Estimates<'_>]) -> Option<Figure> {
+    let mut plots = Vec::new();
+    for of in all {
+        let bins = bins(&of.predictions);
+        if bins.is_empty() {
+            continue;
+        }
+        let line = LinePlot::new()
+            .with_data(bins.iter().copied())
+            .with_color(of.colour)
+            .with_stroke_width(1.2)
+            .with_legend(of.method.label.as_str());
+        let marks = ScatterPlot::new()
+            .with_data(bins.iter().copied())
+            .with_color(of.colour)
+            .with_size(3.0);
+        plots.extend([Plot::Line(line), Plot::Scatter(marks)]);
+    }
+    if plots.is_empty() {
+        return None;
+    }
+    let layout = Layout::auto_from_plots(&plots)
+        .with_y_axis_min(0.0)
+        .with_x_label("width of the interval, deviations")
+        .with_y_label("mean error, deviations")
+        .with_legend_position(LegendPosition::InsideBottomRight);
+    Some(Figure {
+        name: "width-error",
+        title: "Width of intervals against error".to_owned(),
+        caption: format!(
+            "Of methods that make an interval for each estimate. The held-out estimates are in \
+             {BINS} parts by the width of their interval, from narrow to wide; a mark is the mean of \
+             a part. Widths that say how sure an estimate is rise with the error. Both are in \
+             standard deviations of a property's measured values."
+        ),
+        svg: plotted(plots, layout, (COLUMN, 300.0)),
+    })
+}
+
+/// Mean width and mean error of each part, where there is something to tell apart.
+fn bins(predictions: &[&Prediction]) -> Vec<(f64, f64)> {
+    let scales = scales(predictions);
+    let pairs = predictions.iter().filter_map(|prediction| {
+        let [low, high] = prediction.interval()?;
+        let scale = scales.get(prediction.property.as_str())?;
+        Some(((high - low) / scale.deviation, scale.error(prediction)))
+    });
+    let mut pairs: Vec<(f64, f64)> = pairs.collect();
+    pairs.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    let size = pairs.len() / BINS;
+    if size == 0 {
+        return Vec::new();
+    }
+    let mean = |bin: &[(f64, f64)], of: fn(&(f64, f64)) -> f64| {
+        bin.iter().map(of).sum::<f64>() / bin.len() as f64
+    };
+    let bins = (0..BINS).map(|at| &pairs[at * pairs.len() / BINS..(at + 1) * pairs.len() / BINS]);
+    bins.map(|bin| (mean(bin, |pair| pair.0), mean(bin, |pair| pair.1)))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Twenty estimates as far off as their intervals are wide, in any order; the deviation of the
+    /// truths -1 and 1 is 1.
+    #[test]
+    fn parts_go_from_narrow_to_wide() {
+        let of = |at: usize| {
+            let width = ((7 * at) % 20 + 1) as f64;
+            let truth = if at.is_multiple_of(2) { 1.0 } else { -1.0 };
+            let estimate = truth + width;
+            Prediction {
+                property: "fRS".to_owned(),
+                truth,
+                estimate,
+                low: Some(estimate - width / 2.0),
+                high: Some(estimate + width / 2.0),
+                ..Prediction::default()
+            }
+        };
+        let predictions: Vec<Prediction> = (0..20).map(of).collect();
+        let found = bins(&predictions.iter().collect::<Vec<_>>());
+        let expected: Vec<(f64, f64)> = (0..10)
+            .map(|at| (1.5 + 2.0 * f64::from(at), 1.5 + 2.0 * f64::from(at)))
+            .collect();
+        assert_eq!(found, expected);
+        let bare = Prediction::default();
+        assert!(bins(&[&bare]).is_empty());
+    }
+}

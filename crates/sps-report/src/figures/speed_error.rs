@@ -1,0 +1,231 @@
+//! The figure of speed against error, with the front.
+
+use std::collections::BTreeSet;
+
+use kuva::plot::line::LinePlot;
+use kuva::plot::scatter::MarkerShape;
+use kuva::plot::{LegendPosition, ScatterPlot};
+use kuva::render::layout::Layout;
+use kuva::render::plots::Plot;
+use sps_experiment::results::speed::{Point, front};
+use sps_experiment::results::{MethodResult, Results};
+use sps_experiment::text::number;
+
+use super::{COLOURS, Figure, PAGE, plotted};
+use crate::summary::looking;
+use crate::table::with_interval;
+
+/// The methods in the plane of time and error; none where fewer than two look at a photograph.
+pub(super) fn figure(results: &Results) -> Option<Figure> {
+    let points = looking(results);
+    if points.len() < 2 {
+        return None;
+    }
+    let mut plots = vec![Plot::Line(staircase(&points))];
+    let key = Key::of(points.iter().map(|point| &results.methods[point.method]));
+    plots.extend(marks(results, &points, &key));
+    let layout = along(Layout::auto_from_plots(&plots), &points)
+        .with_y_axis_max(highest(results, &points))
+        .with_x_label("milliseconds per surface")
+        .with_y_label("error, 1 - R²")
+        .with_legend_position(LegendPosition::InsideTopRight);
+    Some(Figure {
+        name: "speed-error",
+        title: "Speed against error".to_owned(),
+        caption: format!(
+            "One mark for each method that looks at a photograph, a colour for each {}; circles are \
+             heads, squares ridge regressions, triangles other kinds, stars stop when they are sure \
+             enough. Whiskers are {}. Down and left is better. The line is \
+             the front: what lies above and right of it is slower and worse than a setting on it. \
+             A mark in the HTML report says its name where one points at it.",
+            key.name(),
+            results.intervals_in_words()
+        ),
+        svg: plotted(plots, layout, (PAGE, 400.0)),
+    })
+}
+
+/// Times that lie far apart stand on a logarithmic axis.
+fn along(layout: Layout, points: &[Point]) -> Layout {
+    let seconds = || points.iter().map(|point| 1e3 * point.seconds);
+    let (least, most) = (
+        seconds().fold(f64::MAX, f64::min),
+        seconds().fold(0.0, f64::max),
+    );
+    let between = layout
+        .with_x_axis_min(0.8 * least)
+        .with_x_axis_max(1.25 * most);
+    if most > 4.0 * least {
+        between.with_log_x()
+    } else {
+        between
+    }
+}
+
+/// Above all whiskers, with room for the legend.
+fn highest(results: &Results, points: &[Point]) -> f64 {
+    let ends = points.iter().map(|point| {
+        let [low, high] = interval(results, point);
+        (1.0 - high, 1.0 - low)
+    });
+    let (low, high) = ends.fold((f64::MAX, f64::MIN), |(low, high), (from, to)| {
+        (low.min(from), high.max(to))
+    });
+    high + 0.25 * (high - low)
+}
+
+/// That of a point's R².
+fn interval(results: &Results, point: &Point) -> [f64; 2] {
+    let interval = results.methods[point.method].means.r2_mean_interval;
+    interval.unwrap_or([1.0 - point.error; 2])
+}
+
+/// What colours stand for: encoders; where there are more than colours, what they compute in; where
+/// there is but one, kinds of estimators.
+#[derive(Debug, PartialEq)]
+enum Key {
+    Encoder,
+    Precision,
+    Kind,
+}
+
+impl Key {
+    fn of<'m>(methods: impl Iterator<Item = &'m MethodResult>) -> Self {
+        let encoders: BTreeSet<&str> = methods.map(|method| method.encoder.as_str()).collect();
+        match encoders.len() {
+            0 | 1 => Self::Kind,
+            several if several <= COLOURS.len() => Self::Encoder,
+            _ => Self::Precision,
+        }
+    }
+
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Encoder => "encoder",
+            Self::Precision => "precision",
+            Self::Kind => "kind of estimator",
+        }
+    }
+
+    fn value<'m>(&self, method: &'m MethodResult) -> &'m str {
+        match self {
+            Self::Encoder => &method.encoder,
+            Self::Precision => &method.precision,
+            Self::Kind => &method.kind,
+        }
+    }
+}
+
+/// From each point of the front right to the next, then down to it.
+fn staircase(points: &[Point]) -> LinePlot {
+    let slowest = points.iter().map(|point| point.seconds).fold(0.0, f64::max);
+    let mut line: Vec<(f64, f64)> = Vec::new();
+    for point in front(points) {
+        if let Some(&(_, error)) = line.last() {
+            line.push((1e3 * point.seconds, error));
+        }
+        line.push((1e3 * point.seconds, point.error));
+    }
+    if let Some(&(_, error)) = line.last() {
+        line.push((1e3 * slowest, error));
+    }
+    LinePlot::new()
+        .with_data(line)
+        .with_color("#555555")
+        .with_stroke_width(1.0)
+        .with_dashed()
+}
+
+/// The marks, colour by colour and shape by shape.
+fn marks(results: &Results, points: &[Point], key: &Key) -> Vec<Plot> {
+    let method = |point: &Point| &results.methods[point.method];
+    let mut values: Vec<&str> = Vec::new();
+    for point in points {
+        let value = key.value(method(point));
+        if !values.contains(&value) {
+            values.push(value);
+        }
+    }
+    let mut plots = Vec::new();
+    for (value, colour) in values.into_iter().zip(COLOURS.into_iter().cycle()) {
+        let mut legend = Some(value);
+        for shape in SHAPES {
+            let alike = |point: &&Point| {
+                key.value(method(point)) == value && marker(method(point)) == shape
+            };
+            let alike: Vec<&Point> = points.iter().filter(alike).collect();
+            if alike.is_empty() {
+                continue;
+            }
+            let plot = scattered(results, &alike)
+                .with_color(colour)
+                .with_marker(shape);
+            plots.push(Plot::Scatter(match legend.take() {
+                Some(words) => plot.with_legend(words),
+                None => plot,
+            }));
+        }
+    }
+    plots
+}
+
+/// Points with their intervals and names.
+fn scattered(results: &Results, points: &[&Point]) -> ScatterPlot {
+    let whisker = |point: &&Point| {
+        let (r2, [low, high]) = (1.0 - point.error, interval(results, point));
+        (high - r2, r2 - low)
+    };
+    let hover = points.iter().map(|point| hover(results, point));
+    ScatterPlot::new()
+        .with_data(points.iter().map(|p| (1e3 * p.seconds, p.error)))
+        .with_y_err_asymmetric(points.iter().map(whisker))
+        .with_size(4.0)
+        .with_marker_opacity(0.85)
+        .with_tooltips()
+        .with_tooltip_labels(hover.collect::<Vec<_>>())
+}
+
+const SHAPES: [MarkerShape; 4] = [
+    MarkerShape::Circle,
+    MarkerShape::Square,
+    MarkerShape::Triangle,
+    MarkerShape::Star,
+];
+
+fn marker(method: &MethodResult) -> MarkerShape {
+    match (&method.adaptive, method.kind.as_str()) {
+        (Some(_), _) => MarkerShape::Star,
+        (None, "ridge") => MarkerShape::Square,
+        (None, "head") => MarkerShape::Circle,
+        (None, _) => MarkerShape::Triangle,
+    }
+}
+
+fn hover(results: &Results, point: &Point) -> String {
+    let method = &results.methods[point.method];
+    format!(
+        "{}: {} ms, R² {}",
+        method.label,
+        number(Some(1e3 * point.seconds), 2),
+        with_interval(method.means.r2_mean, method.means.r2_mean_interval, 3)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_never_stand_for_two_things() {
+        let methods = |encoders: usize| -> Vec<MethodResult> {
+            let method = |at: usize| MethodResult {
+                encoder: format!("encoder {}", at % encoders),
+                ..MethodResult::default()
+            };
+            (0..20).map(method).collect()
+        };
+        for (encoders, key) in [(1, Key::Kind), (8, Key::Encoder), (9, Key::Precision)] {
+            assert_eq!(Key::of(methods(encoders).iter()), key, "{encoders}");
+        }
+    }
+}

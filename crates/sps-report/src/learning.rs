@@ -1,0 +1,160 @@
+//! R² against the number of training surfaces, for methods that were trained on several numbers.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use kuva::plot::LegendPosition;
+use kuva::plot::line::LinePlot;
+use kuva::render::layout::Layout;
+use kuva::render::plots::Plot;
+use sps_experiment::results::{MethodResult, PerProperty, Results};
+
+use super::figures::{Figure, PAGE, plotted, told_apart};
+use super::table::{Cell, Row, Table};
+
+/// One method, by the number of surfaces that it was trained on.
+struct Curve<'a> {
+    label: &'a str,
+    points: BTreeMap<usize, &'a MethodResult>,
+}
+
+/// The methods that differ in their training surfaces alone, in the order of the report.
+fn curves(results: &Results) -> Vec<Curve<'_>> {
+    let mut curves: Vec<Curve<'_>> = Vec::new();
+    for method in &results.methods {
+        let surfaces = method.training_surfaces;
+        let Some(label) = base_label(method) else {
+            continue;
+        };
+        match curves.iter_mut().find(|curve| curve.label == label) {
+            Some(curve) => {
+                curve.points.insert(surfaces, method);
+            }
+            None => curves.push(Curve {
+                label,
+                points: BTreeMap::from([(surfaces, method)]),
+            }),
+        }
+    }
+    curves.retain(|curve| curve.points.len() > 1);
+    curves
+}
+
+/// The label without the number that a sweep has put at its end.
+fn base_label(method: &MethodResult) -> Option<&str> {
+    let swept = format!(", {} training surfaces", method.training_surfaces);
+    method.label.strip_suffix(&swept)
+}
+
+/// Means over the properties that a perfect reader of the images would reach.
+fn ceilings(results: &Results) -> impl Iterator<Item = (&'static str, f64)> + '_ {
+    let mean = |ceiling: &PerProperty<f64>| {
+        let values = results.properties.iter().map(|code| ceiling.get(code));
+        let sum = values.sum::<Option<f64>>();
+        sum.map(|sum| sum / results.properties.len() as f64)
+    };
+    let data = &results.dataset;
+    [
+        ("Ceiling, one view", mean(&data.ceiling_one_view)),
+        ("Ceiling, all views", mean(&data.ceiling_all_views)),
+    ]
+    .into_iter()
+    .filter_map(|(label, mean)| Some((label, mean?)))
+}
+
+/// Mean R² with its interval; none where every method has one number of training surfaces.
+pub(super) fn table(results: &Results) -> Option<Table> {
+    let curves = curves(results);
+    let numbers: BTreeSet<usize> = curves
+        .iter()
+        .flat_map(|c| c.points.keys().copied())
+        .collect();
+    if curves.is_empty() {
+        return None;
+    }
+    let mut columns = vec!["Method".to_owned()];
+    columns.extend(numbers.iter().map(usize::to_string));
+    let row = |curve: &Curve<'_>| {
+        let cell = |surfaces: &usize| {
+            let method = curve.points.get(surfaces);
+            let interval = method.and_then(|m| m.means.r2_mean_interval);
+            Cell::interval(method.and_then(|m| m.means.r2_mean), interval, 3)
+        };
+        let label = [Cell::from(curve.label)].into_iter();
+        Row::measured(label.chain(numbers.iter().map(cell)).collect())
+    };
+    let ceiling = |(label, value): (&str, f64)| {
+        let cells = numbers.iter().map(|_| Cell::number(Some(value), 3));
+        Row::reference([Cell::from(label)].into_iter().chain(cells).collect())
+    };
+    Some(Table {
+        name: "learning-curves",
+        title: "Learning curves".to_owned(),
+        caption: format!(
+            "R² against training surfaces: the mean over the properties, with {}. A \
+             ceiling is what a perfect reader of the images would reach.",
+            results.intervals_in_words()
+        ),
+        columns,
+        rows: curves
+            .iter()
+            .map(row)
+            .chain(ceilings(results).map(ceiling))
+            .collect(),
+    })
+}
+
+/// Where a method lies, and how far its interval reaches below and above.
+fn point(surfaces: usize, method: &MethodResult) -> Option<((f64, f64), (f64, f64))> {
+    let r2 = method.means.r2_mean?;
+    let [low, high] = method.means.r2_mean_interval.unwrap_or([r2; 2]);
+    Some(((surfaces as f64, r2), (r2 - low, high - r2)))
+}
+
+/// The same, drawn; none where every method has one number of training surfaces.
+pub(super) fn figure(results: &Results) -> Option<Figure> {
+    let curves = curves(results);
+    let numbers = || curves.iter().flat_map(|curve| curve.points.keys());
+    let (least, most) = (*numbers().min()? as f64, *numbers().max()? as f64);
+    let mut plots: Vec<Plot> = Vec::new();
+    for (index, curve) in curves.iter().enumerate() {
+        let points = curve.points.iter();
+        let (points, whiskers): (Vec<_>, Vec<_>) = points
+            .filter_map(|(&surfaces, method)| point(surfaces, method))
+            .unzip();
+        let line = LinePlot::new()
+            .with_data(points)
+            .with_y_err_asymmetric(whiskers)
+            .with_stroke_width(1.8);
+        plots.push(told_apart(line, index, curve.label));
+    }
+    for (label, value) in ceilings(results) {
+        let line = LinePlot::new()
+            .with_data(vec![(least, value), (most, value)])
+            .with_color("#555555")
+            .with_stroke_width(1.4);
+        let line = if label.ends_with("one view") {
+            line.with_dashed()
+        } else {
+            line.with_dotted()
+        };
+        plots.push(Plot::Line(line.with_legend(label)));
+    }
+    let layout = Layout::auto_from_plots(&plots)
+        .with_log_x()
+        .with_x_axis_min(0.8 * least)
+        .with_x_axis_max(1.25 * most)
+        .with_x_label("training surfaces")
+        .with_y_label("R², mean over properties")
+        .with_legend_box(false)
+        .with_legend_position(LegendPosition::OutsideBottomColumns);
+    Some(Figure {
+        name: "learning",
+        title: "R² against training surfaces".to_owned(),
+        caption: format!(
+            "Mean over properties, with {}. The ceilings are what a \
+             perfect reader of the images would reach.",
+            results.intervals_in_words()
+        ),
+        svg: plotted(plots, layout, (PAGE, 320.0)),
+    })
+}

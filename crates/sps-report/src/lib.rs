@@ -1,0 +1,201 @@
+//! Reports of experiments on tactile properties, and what differs between them.
+//!
+//! [`write()`] makes `report.md`, `report.html`, `figures` and `tables` of a finished run from its
+//! `results.json` and `predictions.csv`. [`compare`] sets runs side by side. [`tables()`] has the tables
+//! themselves, for a terminal or a document.
+//!
+//! Nothing is printed but progress, as by `sps-experiment`.
+
+mod calibration;
+pub mod compare;
+mod figures;
+mod findings;
+mod folders;
+mod intervals;
+mod learning;
+mod means;
+mod page;
+pub mod published;
+mod scales;
+mod selection;
+mod speed;
+pub mod statistics;
+mod summary;
+mod surfaces;
+pub mod table;
+mod tables;
+mod training;
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use sps_dataset::Unit;
+use sps_experiment::files::write_atomically;
+use sps_experiment::predictions;
+use sps_experiment::results::{MethodResult, Results};
+use sps_experiment::run::RunFolder;
+use sps_experiment::text::counted;
+
+use figures::{Figure, figures};
+use page::{PAGES, Page, Section};
+use summary::best;
+pub use summary::summary;
+use surfaces::Gallery;
+use table::Table;
+pub use tables::{gained, tables};
+
+/// Writes the report of the run in `folder`, and the checksums of all that is then in it.
+///
+/// # Errors
+/// Results that cannot be read; a file that cannot be written.
+pub fn write(folder: &RunFolder) -> Result<()> {
+    write_files(folder.path())?;
+    folder.seal(files(folder.path())?)
+}
+
+fn write_files(folder: &Path) -> Result<()> {
+    let results = Results::read(folder)?;
+    let shown = shown(&results);
+    let is_shown = |id: &str| shown.iter().any(|method| method.id == id);
+    let predictions = predictions::of_methods(folder, is_shown)?;
+    let figures = figures(&results, &shown, &predictions);
+    let tables = tables(&results);
+    let best = shown.first();
+    let gallery = best.and_then(|best| surfaces::gallery(folder, &results, best, &predictions));
+    folders::FIGURES.write(folder, &drawn(&figures))?;
+    folders::TABLES.write(folder, &printed(&tables)?)?;
+    let mut page = Page::new(&results.experiment, &results.description);
+    page.findings = findings::of(&results);
+    page.data = about_the_data(&results);
+    page.sections = sections(tables, figures, gallery);
+    page.notes = notes(&results);
+    for (name, text) in PAGES.iter().zip(page.texts()?) {
+        write_atomically(&folder.join(name), text.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Methods with intervals that are shown, at most.
+const WITH_INTERVALS: usize = 5;
+
+/// The methods whose single estimates are shown: the best, then those with intervals.
+fn shown(results: &Results) -> Vec<&MethodResult> {
+    let best = best(results);
+    let is_best = |method: &MethodResult| best.is_some_and(|best| best.id == method.id);
+    let methods = results.methods.iter();
+    let has_intervals =
+        |method: &MethodResult| method.adaptive.is_some() || method.intervals.is_some();
+    let others = methods.filter(|method| has_intervals(method) && !is_best(method));
+    best.into_iter()
+        .chain(others.take(WITH_INTERVALS))
+        .collect()
+}
+
+/// The means, what can be seen, then what only some readers look up.
+fn sections(tables: Vec<Table>, figures: Vec<Figure>, gallery: Option<Gallery>) -> Vec<Section> {
+    let mut tables = tables.into_iter().map(Section::from);
+    let means = tables.next().into_iter();
+    let figures = figures.into_iter().map(Section::from);
+    let gallery = gallery.into_iter().map(Section::from);
+    means.chain(figures).chain(gallery).chain(tables).collect()
+}
+
+/// The files of figures, by their names.
+fn drawn(figures: &[Figure]) -> BTreeMap<String, Vec<u8>> {
+    let files = figures.iter();
+    files
+        .map(|figure| (format!("{}.svg", figure.name), figure.svg.clone().into()))
+        .collect()
+}
+
+/// The files of tables, by their names: for programs as CSV, for papers as LaTeX.
+fn printed(tables: &[Table]) -> Result<BTreeMap<String, Vec<u8>>> {
+    let mut files = BTreeMap::new();
+    for table in tables {
+        files.insert(format!("{}.csv", table.name), table.csv()?);
+        files.insert(format!("{}.tex", table.name), table.latex().into());
+    }
+    Ok(files)
+}
+
+/// The figures of a finished run, in the order of their names.
+///
+/// # Errors
+/// A folder that cannot be read.
+pub fn figure_files(run: &Path) -> Result<Vec<PathBuf>> {
+    folders::FIGURES.paths(run)
+}
+
+/// The names of all files of the report in the folder of a run.
+fn files(run: &Path) -> Result<Vec<String>> {
+    let mut names = PAGES.map(str::to_owned).to_vec();
+    for folder in folders::ALL {
+        names.extend(folder.names(run)?);
+    }
+    Ok(names)
+}
+
+/// What was measured on, and how that stands to the paper's numbers.
+pub fn about_the_data(results: &Results) -> String {
+    let data = &results.dataset;
+    let kind = if data.simulated {
+        "simulated surface"
+    } else {
+        "surface"
+    };
+    let mut measured = format!(
+        "Measured on {} ({}), {} each; encoder {}.",
+        counted(data.surfaces, kind),
+        data.name,
+        counted(data.views, "view"),
+        data.encoder
+    );
+    measured.push(' ');
+    measured.push_str(&training_and_held_out(results));
+    if !data.simulated || results.methods.iter().all(|m| m.paper.is_none()) {
+        return measured;
+    }
+    format!(
+        "{measured} The paper's printed values were measured on its own photographs and Toccare \
+         readings: they come from different data, so compare which method is ahead of which, not \
+         the numbers."
+    )
+}
+
+fn training_and_held_out(results: &Results) -> String {
+    let data = &results.dataset;
+    let most = |of: fn(&MethodResult) -> usize| results.methods.iter().map(of).max().unwrap_or(0);
+    let held_out = most(|method| method.held_out_surfaces);
+    let mut text = format!(
+        "A rerun trains on {} and is scored on others: {} different ones, all reruns together.",
+        counted(data.training_surfaces, "surface"),
+        held_out
+    );
+    if let Some(unit @ (Unit::Group | Unit::Material)) = data.unit {
+        let units = counted(data.units, unit.name());
+        let _ = write!(
+            text,
+            " The surfaces lie in {units}, which splits and folds keep whole."
+        );
+    }
+    text
+}
+
+fn notes(results: &Results) -> Vec<String> {
+    let of_methods = results.methods.iter().flat_map(|method| {
+        let note = move |note: &String| format!("{}: {note}", method.label);
+        method.notes.iter().map(note)
+    });
+    results.notes.iter().cloned().chain(of_methods).collect()
+}
+
+#[cfg(test)]
+#[path = "../../../fixtures/results/mod.rs"]
+mod fixture;
+
+/// Runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

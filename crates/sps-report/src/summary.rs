@@ -1,0 +1,131 @@
+//! What a run came to, in a table for the terminal.
+
+use sps_experiment::results::speed::{Point, best_within, fastest, points};
+use sps_experiment::results::{MethodResult, Results};
+
+use super::speed::{looked_at, milliseconds};
+use super::table::{Cell, Row, Table};
+
+/// Methods that stand out of those that look at a photograph.
+pub(super) struct StandingOut {
+    best: Option<Point>,
+    fastest: Option<Point>,
+}
+
+impl StandingOut {
+    pub(super) fn of(results: &Results) -> Self {
+        let points = looking(results);
+        Self {
+            best: best_within(&points, f64::INFINITY),
+            fastest: fastest(&points, f64::INFINITY),
+        }
+    }
+
+    /// In a word, how the method at this place stands out; empty where it does not.
+    pub(super) fn mark(&self, at: usize) -> &'static str {
+        let is = |point: Option<Point>| point.is_some_and(|point| point.method == at);
+        match (is(self.best), is(self.fastest)) {
+            (true, true) => "best, fastest",
+            (true, false) => "best",
+            (false, true) => "fastest",
+            (false, false) => "",
+        }
+    }
+}
+
+/// The methods that look at a photograph, in the plane of time and error.
+pub(super) fn looking(results: &Results) -> Vec<Point> {
+    let mut points = points(&results.methods);
+    let frames = |at: usize| results.methods[at].costs.frames_decoded_per_surface;
+    points.retain(|point| frames(point.method) > 0.0);
+    points
+}
+
+/// The best method of those that look at a photograph; of all where none does.
+pub(super) fn best(results: &Results) -> Option<&MethodResult> {
+    let looking = best_within(&looking(results), f64::INFINITY);
+    let all = || best_within(&points(&results.methods), f64::INFINITY);
+    let best = looking.or_else(all)?;
+    results.methods.get(best.method)
+}
+
+/// Means over properties and what an estimate costs. The best and the fastest method are marked, of
+/// those that look at a photograph.
+pub fn summary(results: &Results) -> Table {
+    let percentages = results.has_percentages();
+    let mae = if results.shared_unit().is_some() {
+        "MAE"
+    } else {
+        "MAE / std"
+    };
+    let mut columns = vec!["method", "R²", mae];
+    columns.extend(percentages.then_some("% error"));
+    columns.extend(["frames", "ms per surface", ""]);
+    let standing_out = StandingOut::of(results);
+    let rows = results.methods.iter().enumerate().map(|(at, method)| {
+        let (means, costs) = (&method.means, &method.costs);
+        let error = match mae {
+            "MAE" => means.mae_mean,
+            _ => means.mae_over_std_mean,
+        };
+        let percent = Cell::number(means.median_percent_error_mean, 1);
+        let mut cells = vec![
+            method.id.as_str().into(),
+            Cell::interval(means.r2_mean, means.r2_mean_interval, 3),
+            Cell::number(error, 2),
+        ];
+        cells.extend(percentages.then_some(percent));
+        cells.extend([
+            looked_at(costs),
+            milliseconds(costs),
+            standing_out.mark(at).into(),
+        ]);
+        Row::measured(cells)
+    });
+    Table {
+        name: "summary",
+        title: format!("{}: means over properties", results.experiment),
+        caption: String::new(),
+        columns: columns.into_iter().map(str::to_owned).collect(),
+        rows: rows.collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::file;
+
+    #[test]
+    fn the_best_and_the_fastest_are_marked() {
+        let mut results: Results = serde_json::from_value(file()).unwrap();
+        let ridge = results.methods[0].clone();
+        let method = |id: &str, r2, frames, seconds| {
+            let mut method = ridge.clone();
+            method.id = id.to_owned();
+            method.means.r2_mean = r2;
+            method.means.r2_mean_interval = r2.and(method.means.r2_mean_interval);
+            method.costs.frames_decoded_per_surface = frames;
+            method.costs.frames_encoded_per_surface = frames;
+            method.costs.predict_seconds_per_surface = seconds;
+            method
+        };
+        results.methods.extend([
+            method("slow", Some(0.625), 2.0, Some(0.02)),
+            // Looks at nothing.
+            method("label", Some(0.75), 0.0, Some(0.0)),
+            method("failed", None, 1.0, None),
+        ]);
+        assert_eq!(
+            summary(&results).terminal(),
+            concat!(
+                "single-image: means over properties\n",
+                "  method                    R²  MAE  frames  ms per surface\n",
+                "  ridge   0.500 [0.400, 0.600]    –       1           10.00  fastest\n",
+                "  slow    0.625 [0.400, 0.600]    –       2           20.00  best\n",
+                "  label   0.750 [0.400, 0.600]    –       0            0.00\n",
+                "  failed                     –    –       1               –\n",
+            )
+        );
+    }
+}

@@ -1,0 +1,80 @@
+use std::path::PathBuf;
+
+use anyhow::{Result, bail, ensure};
+use serde::Serialize;
+use sps_report::compare::{self, Comparison, Run};
+
+/// Set finished runs beside the first of them
+///
+/// Says which configs, sources, data and machines differ, and by how much every score of the methods
+/// that both have: with paired intervals where both are scored on the same surfaces, with unpaired
+/// ones elsewhere. docs/comparing.md says how to read it.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    sps compare runs/before runs/after\n  \
+    sps compare runs/main runs/branch --tolerance 0.01")]
+pub struct Args {
+    /// The folder of the run that the others are compared with
+    first: PathBuf,
+    /// Folders of other runs
+    #[arg(required = true, value_name = "RUN_DIR")]
+    others: Vec<PathBuf>,
+    /// End with status 1 where R² of any method and property differs by more, and by more than
+    /// chance, or is no longer there
+    #[arg(long, value_name = "R2", value_parser = tolerance)]
+    tolerance: Option<f64>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn tolerance(text: &str) -> Result<f64> {
+    let found: f64 = text.parse()?;
+    ensure!(
+        found.is_finite() && found >= 0.0,
+        "expected a number from 0 on"
+    );
+    Ok(found)
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Compared {
+    comparisons: Vec<Comparison>,
+    /// What is past the tolerance.
+    past: Vec<String>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let first = Run::read(&args.first)?;
+    let (mut comparisons, mut past) = (Vec::new(), Vec::new());
+    for other in &args.others {
+        let other = Run::read(other)?;
+        let comparison = compare::compare(&first, &other)?;
+        if !args.json {
+            println!("{comparison}");
+        }
+        comparisons.push(comparison);
+        if let Some(tolerance) = args.tolerance {
+            let found = comparisons
+                .last()
+                .map(|comparison| comparison.past(tolerance));
+            let in_run = found
+                .into_iter()
+                .flatten()
+                .map(|what| format!("{}: {what}", other.path.display()));
+            past.extend(in_run);
+        }
+    }
+    let compared = Compared { comparisons, past };
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&compared)?);
+    }
+    match (args.tolerance, compared.past.as_slice()) {
+        (Some(tolerance), past @ [_, ..]) => bail!(
+            "past the tolerance of {tolerance} in R²: {}",
+            past.join("; ")
+        ),
+        _ => Ok(()),
+    }
+}

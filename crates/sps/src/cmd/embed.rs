@@ -1,0 +1,150 @@
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, Result, ensure};
+use rayon::prelude::*;
+use safetensors::tensor::{Dtype, TensorView};
+use sps_dataset::{DecodeSettings, Frame};
+use sps_estimator::{Embedder, read_photograph};
+use sps_experiment::config::{EncoderSpec, Network, WeightsSpec};
+use sps_experiment::encoder;
+use sps_experiment::files::write_atomically;
+use sps_experiment::progress::Progress;
+use sps_models::encoders::{Block, Depths, Precision};
+use tracing::info;
+
+/// Embed images with an encoder
+#[derive(clap::Args)]
+#[command(
+    after_help = "Writes the tensor `embeddings`, f32, (images, width), in the order given; of several depths \
+    they lie side by side in there, and each is a tensor of its own besides.\n\n\
+    Example:\n  sps embed --encoder squeezenet1-0 --weights squeezenet1_0.safetensors \
+    --out embeddings.safetensors photographs/*.jpg\n\n\
+    With i3d, a row is a sequence of --frames images, which follow each other in the order given."
+)]
+pub struct Args {
+    /// se-resnext50-32x4d, squeezenet1-0, squeezenet1-1, resnet18, resnet50, efficientnet-lite-body, efficientnet-lite0 to efficientnet-lite4, or i3d
+    #[arg(long, value_name = "NAME")]
+    encoder: String,
+    /// Feature maps whose means make an embedding: last, all, or names of depths with commas between them
+    #[arg(long, value_name = "DEPTHS", default_value_t = Depths::All)]
+    depths: Depths,
+    /// Images of a sequence, for i3d
+    #[arg(long, value_name = "N", default_value = "16", value_parser = clap::value_parser!(u64).range(1..))]
+    frames: u64,
+    /// A weights file, or `built-in`, or `untrained`
+    #[arg(long, value_name = "FILE")]
+    weights: String,
+    /// What to compute in: f32, bf16, or int8, which is scaled by up to 64 of the images
+    #[arg(long, default_value_t = Precision::F32)]
+    precision: Precision,
+    /// Images encoded at once
+    #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u64).range(1..))]
+    batch: u64,
+    /// Bring the shorter side to so many pixels; by default images keep their size
+    #[arg(long, value_name = "PIXELS")]
+    resize: Option<usize>,
+    /// The file to write
+    #[arg(long, value_name = "FILE.safetensors")]
+    out: PathBuf,
+    /// PNG, JPEG or EXR
+    #[arg(required = true, value_name = "IMAGE")]
+    images: Vec<PathBuf>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let spec = EncoderSpec {
+        network: Network::named(&args.encoder, args.frames as usize).context("--encoder")?,
+        depths: args.depths.clone(),
+        weights: WeightsSpec::named(&args.weights),
+        precision: args.precision,
+        resize: args.resize,
+        training: None,
+    };
+    let mut embedder = Embedder::new(encoder::load(&spec, 0)?, spec.resize)?;
+    let each = embedder.network().frames();
+    ensure!(
+        args.images.len().is_multiple_of(each),
+        "{} images, expected a multiple of --frames {each}",
+        args.images.len()
+    );
+    if spec.precision == Precision::Int8 {
+        let frame = |i: usize| {
+            let paths = &args.images[i * each..(i + 1) * each];
+            Ok(stacked(&read(paths, args.resize)?, each)?.remove(0))
+        };
+        let network = encoder::calibrated(&embedder, args.images.len() / each, frame)?;
+        embedder = Embedder::new(network, spec.resize)?;
+    }
+    let progress = Progress::new("images encoded", args.images.len());
+    let mut values = Vec::new();
+    let mut seconds = 0.0;
+    for paths in args.images.chunks(each * args.batch as usize) {
+        let frames = read(paths, args.resize)?;
+        let sequences = stacked(&frames, each)?;
+        let start = Instant::now();
+        values.extend(embedder.embed(&sequences)?);
+        seconds += start.elapsed().as_secs_f64();
+        progress.advance(frames.len());
+    }
+    write(&args.out, &values, &embedder.network().encoder().blocks())?;
+    info!(
+        "{} images, {:.2} ms each to encode",
+        args.images.len(),
+        1e3 * seconds / args.images.len() as f64
+    );
+    Ok(())
+}
+
+fn read(paths: &[PathBuf], resize: Option<usize>) -> Result<Vec<Frame>> {
+    let settings = DecodeSettings::default();
+    let read = |path: &PathBuf| Ok(read_photograph(path, &settings, resize)?);
+    paths.par_iter().map(read).collect()
+}
+
+fn write(path: &Path, values: &[f32], blocks: &[Block]) -> Result<()> {
+    let width = blocks.iter().map(|block| block.width).sum::<usize>();
+    let rows = values.len() / width;
+    let bytes = |place: Range<usize>| -> Vec<u8> {
+        let rows = values.chunks_exact(width);
+        let numbers = rows.flat_map(|row| &row[place.clone()]);
+        numbers.flat_map(|v| v.to_le_bytes()).collect()
+    };
+    let mut tensors = vec![("embeddings", width, bytes(0..width))];
+    let mut start = 0;
+    for block in blocks.iter().filter(|_| blocks.len() > 1) {
+        let place = start..start + block.width;
+        start = place.end;
+        tensors.push((&block.name, block.width, bytes(place)));
+    }
+    let views = tensors.iter().map(|(name, width, bytes)| {
+        let view = TensorView::new(Dtype::F32, vec![rows, *width], bytes);
+        Ok((*name, view?))
+    });
+    let views = views.collect::<Result<Vec<_>>>()?;
+    write_atomically(path, &safetensors::serialize(views, None)?)
+}
+
+/// Each so many images, one below the other.
+fn stacked(frames: &[Frame], each: usize) -> Result<Vec<Frame>> {
+    let stack = |images: &[Frame]| {
+        let (width, height) = (images[0].width, images[0].height);
+        ensure!(
+            images
+                .iter()
+                .all(|image| (image.width, image.height) == (width, height)),
+            "images of one sequence have different sizes, expected one size"
+        );
+        Ok(Frame {
+            width,
+            height: each * height,
+            data: images
+                .iter()
+                .flat_map(|image| &image.data)
+                .copied()
+                .collect(),
+        })
+    };
+    frames.chunks_exact(each).map(stack).collect()
+}

@@ -1,0 +1,11 @@
+//! One module per subcommand: its arguments, and `run`.
+
+pub(crate) mod compare;
+pub(crate) mod embed;
+pub(crate) mod experiment;
+pub(crate) mod import;
+pub(crate) mod inspect;
+pub(crate) mod predict;
+pub(crate) mod report;
+pub(crate) mod simulate;
+pub(crate) mod train;

@@ -1,0 +1,225 @@
+mod maps;
+mod print;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use rayon::prelude::*;
+use sps_estimator::{Answer, Estimator, Frame, Scale, photographs_in};
+use sps_experiment::progress::Progress;
+use tracing::error;
+
+use self::print::Printer;
+
+/// Estimate the tactile properties of surfaces from photographs of them
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  sps predict --model models/friction photograph.jpg\n  \
+    sps predict --model models/friction --csv photographs/ > estimates.csv\n\nA model of one \
+    view takes every photograph for a surface of its own, one of several views those of a folder, or \
+    all that are named one by one, for one surface; --group-by says otherwise. Photographs of a folder \
+    are taken by name, those that are named in the order given; it is that of the model's angles. \
+    Photographs that cannot be read are named, the others are estimated, and the status \
+    is 1."
+)]
+pub struct Args {
+    /// A folder that `train` wrote
+    #[arg(long, value_name = "MODEL_DIR")]
+    model: PathBuf,
+    /// Bring the shorter side to so many pixels [default: as many as the frames that the model was
+    /// fitted on have, which is right where a photograph shows as much of a surface as those did]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u64).range(1..))]
+    resize: Option<u64>,
+    /// Photographs keep their size: right where a pixel shows as much as in the frames that the model
+    /// was fitted on
+    #[arg(long, conflicts_with = "resize")]
+    keep_size: bool,
+    /// What one surface is: an image, a folder, or all that is named
+    #[arg(long, value_enum, value_name = "WHAT")]
+    group_by: Option<GroupBy>,
+    /// Say so where photographs like those that the model was fitted on look as strange with at most
+    /// this probability
+    #[arg(long, value_name = "P", default_value = "0.05")]
+    unfamiliar: f64,
+    #[command(flatten)]
+    maps: maps::Options,
+    #[command(flatten)]
+    format: print::Format,
+    /// PNG, JPEG or EXR, or folders of them
+    #[arg(required = true, value_name = "IMAGE")]
+    images: Vec<PathBuf>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum GroupBy {
+    Image,
+    Folder,
+    All,
+}
+
+/// Images read ahead while as many are encoded; where they keep their size, one for each thread.
+const AT_ONCE: usize = 16;
+
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let model = Estimator::load(&args.model).context("--model")?;
+    ensure!(
+        (0.0..=1.0).contains(&args.unfamiliar),
+        "--unfamiliar: found {}, expected a probability",
+        args.unfamiliar
+    );
+    if let Some(property) = &args.maps.map {
+        return maps::draw(args, &model, property);
+    }
+    let scale = scale(args, &model)?;
+    let surfaces = surfaces(args, &model)?;
+    let mut printer = Printer::new(&args.format, args.unfamiliar, &model)?;
+    let progress = Progress::new("photographs", surfaces.iter().map(|s| s.images.len()).sum());
+    let mut failed = 0;
+    let at_once = match scale {
+        Scale::Keep => rayon::current_num_threads(),
+        _ => AT_ONCE,
+    };
+    let mut chunks = chunks(&surfaces, at_once).into_iter();
+    let mut at_work = chunks
+        .next()
+        .map(|chunk| (chunk, read(&model, scale, chunk)));
+    while let Some((chunk, photographs)) = at_work {
+        let next = chunks.next();
+        let (answers, ahead) = rayon::join(
+            || answers(&model, photographs),
+            || next.map(|next| (next, read(&model, scale, next))),
+        );
+        for (surface, answer) in chunk.iter().zip(answers) {
+            match answer {
+                Ok(answer) => printer.print(surface, &answer)?,
+                Err(reason) => {
+                    failed += 1;
+                    error!("{}: {reason:#}", surface.name);
+                }
+            }
+            progress.advance(surface.images.len());
+        }
+        at_work = ahead;
+    }
+    printer.end();
+    ensure!(
+        failed == 0,
+        "{failed} of {} surfaces have no estimate",
+        surfaces.len()
+    );
+    Ok(())
+}
+
+fn scale(args: &Args, model: &Estimator) -> Result<Scale> {
+    let asked = match (args.resize, args.keep_size) {
+        (Some(pixels), _) => Scale::ShorterSide(pixels as usize),
+        (None, true) => Scale::Keep,
+        (None, false) => Scale::OfModel,
+    };
+    match model.embedder().resize() {
+        Some(own) if args.resize.is_some() || args.keep_size => bail!(
+            "--resize, --keep-size: the model itself brings the shorter side of every photograph to {own} pixels"
+        ),
+        _ => Ok(asked),
+    }
+}
+
+/// Photographs of one surface.
+struct Surface {
+    name: String,
+    images: Vec<PathBuf>,
+}
+
+impl Surface {
+    fn of(path: &Path, images: Vec<PathBuf>) -> Self {
+        Self {
+            name: path.display().to_string(),
+            images,
+        }
+    }
+}
+
+/// The surfaces that are asked for, in the order given; the photographs of a folder by name.
+fn surfaces(args: &Args, model: &Estimator) -> Result<Vec<Surface>> {
+    let group_by = args.group_by.unwrap_or(if model.fitted().steps().eq([1]) {
+        GroupBy::Image
+    } else {
+        GroupBy::Folder
+    });
+    let mut surfaces = Vec::new();
+    let mut named = Vec::new();
+    for path in &args.images {
+        if !path.is_dir() {
+            named.push(path.clone());
+            continue;
+        }
+        let images = photographs_in(path)?;
+        match group_by {
+            GroupBy::Folder => surfaces.push(Surface::of(path, images)),
+            GroupBy::Image | GroupBy::All => named.extend(images),
+        }
+    }
+    match (group_by, named.first()) {
+        (_, None) => {}
+        (GroupBy::Image, _) => {
+            surfaces.extend(
+                named
+                    .into_iter()
+                    .map(|path| Surface::of(&path, vec![path.clone()])),
+            );
+        }
+        (GroupBy::Folder | GroupBy::All, Some(first)) => {
+            surfaces.push(Surface::of(&first.clone(), named));
+        }
+    }
+    Ok(surfaces)
+}
+
+/// Surfaces that are read at once: those of so many images, at least one.
+fn chunks(surfaces: &[Surface], at_once: usize) -> Vec<&[Surface]> {
+    let mut chunks = Vec::new();
+    let mut rest = surfaces;
+    while !rest.is_empty() {
+        let mut images = 0;
+        let fits = |surface: &&Surface| {
+            images += surface.images.len();
+            images <= at_once
+        };
+        let (chunk, others) = rest.split_at(rest.iter().take_while(fits).count().max(1));
+        chunks.push(chunk);
+        rest = others;
+    }
+    chunks
+}
+
+type Read = Vec<Result<Vec<Frame>>>;
+
+fn read(model: &Estimator, scale: Scale, chunk: &[Surface]) -> Read {
+    let surface = |surface: &Surface| {
+        let images = surface.images.par_iter();
+        let frames = images.map(|path| Ok(model.read(path, scale)?));
+        frames.collect::<Result<Vec<Frame>>>()
+    };
+    chunk.par_iter().map(surface).collect()
+}
+
+/// What is said of each surface; the photographs of all are encoded together.
+fn answers(model: &Estimator, read: Read) -> Vec<Result<Answer>> {
+    let each = |photographs: Result<Vec<Frame>>| Ok(model.predict(&photographs?)?);
+    let all: Vec<&Frame> = read.iter().flatten().flatten().collect();
+    let Ok(values) = model.embedder().embed_each(&all) else {
+        // One of them is refused: which, is found one by one.
+        return read.into_iter().map(each).collect();
+    };
+    let width = model.embedder().width();
+    let mut values = values.as_slice();
+    let mut answers = Vec::new();
+    for photographs in read {
+        answers.push(photographs.and_then(|photographs| {
+            let (own, others) = values.split_at(photographs.len() * width);
+            values = others;
+            Ok(model.predict_embedded(own, photographs.len())?)
+        }));
+    }
+    answers
+}

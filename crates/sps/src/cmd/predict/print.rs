@@ -1,0 +1,165 @@
+//! Answers as a table, as JSON or as CSV.
+
+use std::collections::BTreeSet;
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use anyhow::Result;
+use serde::Serialize;
+use sps_estimator::{Answer, Estimate, Estimator};
+use sps_experiment::text::decimals;
+use sps_experiment::text::number;
+
+use super::Surface;
+
+/// What is printed in place of a table.
+#[derive(clap::Args)]
+pub(super) struct Format {
+    /// Print a line of JSON for each surface
+    #[arg(long, conflicts_with = "csv")]
+    pub json: bool,
+    /// Print CSV: a line for each surface and property
+    #[arg(long)]
+    pub csv: bool,
+}
+
+/// Prints answers as they come.
+pub(super) struct Printer<'a> {
+    format: &'a Format,
+    unfamiliar: f64,
+    level: f64,
+    /// The codes of the properties in their order, and how many decimals their values are shown with.
+    properties: Vec<(&'a str, usize)>,
+    /// The properties, by their places, that had no interval for some surface, and why.
+    no_interval: BTreeSet<(usize, String)>,
+    /// Why there are no p-values.
+    no_familiar: Option<&'a str>,
+    /// Whether the table has its heading.
+    headed: bool,
+    csv: Option<csv::Writer<io::Stdout>>,
+}
+
+/// A line of JSON.
+#[derive(Serialize)]
+struct Line<'a> {
+    surface: &'a str,
+    images: &'a [PathBuf],
+    level: f64,
+    #[serde(flatten)]
+    answer: &'a Answer,
+    unfamiliar: bool,
+    no_familiar: Option<&'a str>,
+}
+
+impl<'a> Printer<'a> {
+    pub(super) fn new(format: &'a Format, unfamiliar: f64, model: &'a Estimator) -> Result<Self> {
+        let fitted = model.fitted();
+        let mut printer = Self {
+            format,
+            unfamiliar,
+            level: fitted.level().get(),
+            properties: fitted
+                .properties()
+                .zip(fitted.deviations().map(decimals))
+                .collect(),
+            no_interval: BTreeSet::new(),
+            no_familiar: fitted.no_familiar(),
+            headed: false,
+            csv: format.csv.then(|| csv::Writer::from_writer(io::stdout())),
+        };
+        if let Some(csv) = &mut printer.csv {
+            csv.write_record(["surface", "property", "value", "low", "high", "familiar"])?;
+        }
+        Ok(printer)
+    }
+
+    pub(super) fn print(&mut self, surface: &Surface, answer: &Answer) -> Result<()> {
+        let unfamiliar = answer.familiar.is_some_and(|p| p <= self.unfamiliar);
+        if self.format.json {
+            let line = Line {
+                surface: &surface.name,
+                images: &surface.images,
+                level: self.level,
+                answer,
+                unfamiliar,
+                no_familiar: self.no_familiar,
+            };
+            println!("{}", serde_json::to_string(&line)?);
+        } else if let Some(csv) = &mut self.csv {
+            let text =
+                |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
+            for one in &answer.estimates {
+                let value = one.value.to_string();
+                let numbers = [value, text(one.low), text(one.high), text(answer.familiar)];
+                let [value, low, high, familiar] = &numbers;
+                csv.write_record([&surface.name, &one.property, value, low, high, familiar])?;
+            }
+            csv.flush()?;
+        } else {
+            for (at, one) in answer.estimates.iter().enumerate() {
+                let reason = answer.no_interval.get(&one.property);
+                let reason = reason.map(|reason| (at, reason.clone()));
+                self.no_interval.extend(reason);
+            }
+            self.print_table(surface, answer);
+            if let Some(p) = answer.familiar.filter(|_| unfamiliar) {
+                println!(
+                    "      unlike what the model was fitted on (p = {p:.3}): intervals promise nothing here"
+                );
+            }
+        }
+        io::stdout().flush()?;
+        Ok(())
+    }
+
+    fn print_table(&mut self, surface: &Surface, answer: &Answer) {
+        let codes = self.properties.iter().map(|(code, _)| code.chars().count());
+        let code = codes.max().unwrap_or_default();
+        let label = |one: &Estimate| {
+            let Estimate {
+                property,
+                name,
+                unit,
+                ..
+            } = one;
+            let name = if name == property { "" } else { name };
+            let unit = match unit.as_str() {
+                "" => String::new(),
+                unit => format!(" [{unit}]"),
+            };
+            format!("{property:<code$}  {name}{unit}")
+        };
+        let labels = answer.estimates.iter().map(label);
+        let labels: Vec<String> = labels.collect();
+        let widths = labels.iter().map(|label| label.chars().count());
+        let width = widths.chain(["property".len()]).max().unwrap_or_default();
+        if !std::mem::replace(&mut self.headed, true) {
+            let share = 100.0 * self.level;
+            println!(
+                "{:<width$} {:>9}   {share:.0} % interval",
+                "property", "value"
+            );
+        }
+        println!("{}", surface.name);
+        let rows = labels.iter().zip(&answer.estimates).zip(&self.properties);
+        for ((label, one), &(_, decimals)) in rows {
+            let shown = |value: f64| number(Some(value), decimals);
+            let interval = match one.low.zip(one.high) {
+                Some((low, high)) => format!("{} to {}", shown(low), shown(high)),
+                None => "none".to_owned(),
+            };
+            println!("{label:<width$} {:>9}   {interval}", shown(one.value));
+        }
+    }
+
+    pub(super) fn end(&self) {
+        if !self.format.json && !self.format.csv {
+            for (at, reason) in &self.no_interval {
+                println!("{}: no interval, {reason}", self.properties[*at].0);
+            }
+            if let Some(reason) = self.no_familiar {
+                println!("no p-value of \"like what the model was fitted on\": {reason}");
+            }
+        }
+    }
+}

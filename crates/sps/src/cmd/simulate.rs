@@ -1,0 +1,75 @@
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use clap::ValueEnum;
+use sps_dataset::{FrameFormat, WriteOptions, write_dataset};
+use sps_experiment::data::CEILING_SURFACES;
+use sps_experiment::files::write_atomically;
+use sps_experiment::progress::Progress;
+use sps_simulate::{Simulator, SimulatorSpec, ceilings};
+use tracing::info;
+
+/// Write a simulated dataset
+#[derive(clap::Args)]
+#[command(
+    after_help = "A run that was stopped goes on where it was.\n\nExample:\n  \
+    sps simulate --surfaces 400 --views 100 --size 128 --seed 1 --format png --out data/simulated"
+)]
+pub struct Args {
+    /// Number of surfaces
+    #[arg(long, value_name = "N", default_value_t = 400)]
+    surfaces: usize,
+    /// Number of views of each, from -45 to 45 degrees
+    #[arg(long, value_name = "V", default_value_t = 100)]
+    views: usize,
+    /// Width and height of a view
+    #[arg(long, value_name = "PX", default_value_t = 128)]
+    size: usize,
+    /// Seed of everything
+    #[arg(long, value_name = "K", default_value_t = 1)]
+    seed: u64,
+    /// 8-bit display-referred PNG, or linear half-precision EXR
+    #[arg(long, value_enum, default_value_t = Format::Png)]
+    format: Format,
+    /// The folder to write
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Format {
+    Png,
+    Exr,
+}
+
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let spec = SimulatorSpec {
+        surfaces: args.surfaces,
+        views: args.views,
+        size: args.size,
+        seed: args.seed,
+        ..SimulatorSpec::default()
+    };
+    let simulator = Simulator::new(spec.clone())?;
+    let options = WriteOptions {
+        format: match args.format {
+            Format::Png => FrameFormat::Png,
+            Format::Exr => FrameFormat::Exr,
+        },
+        description: "Simulated surfaces; no value in it was measured".to_owned(),
+        source: format!("sps simulator, seed {}", spec.seed),
+    };
+    let progress = Progress::new("surfaces", spec.surfaces);
+    let written = write_dataset(&simulator, &args.out, &options, |_, _| progress.advance(1))?;
+    let ceilings = ceilings(spec.seed, CEILING_SURFACES, spec.locations);
+    let mut text = serde_json::to_string_pretty(&ceilings).context("ceilings")?;
+    text.push('\n');
+    write_atomically(&args.out.join("ceilings.json"), text.as_bytes())?;
+    info!(
+        "{}: {} surfaces written, {} were there",
+        args.out.display(),
+        written.written,
+        written.already_there
+    );
+    Ok(())
+}

@@ -1,0 +1,132 @@
+//! The program `sps`: tactile properties of surfaces from photographs, by the commands that a user types.
+//!
+//! `sps --help` lists them. A program with commands of its own takes these in by `clap`'s `flatten` of
+//! [`Command`], and starts by [`main`].
+
+mod cmd;
+mod importing;
+mod map;
+
+use std::process::ExitCode;
+
+use anyhow::{Context, Result};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use tracing_indicatif::IndicatifLayer;
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+
+/// The name of the program in the examples of these commands.
+pub const NAME: &str = "sps";
+
+/// Tactile properties of surfaces from photographs.
+#[derive(Parser)]
+#[command(version)]
+struct Cli<C: Subcommand> {
+    /// Threads to use [default: all cores]
+    #[arg(long, value_name = "N", global = true)]
+    threads: Option<usize>,
+    #[command(subcommand)]
+    command: C,
+}
+
+/// What a user types.
+#[derive(Subcommand)]
+#[expect(missing_docs, reason = "a variant's text would be that of its help")]
+pub enum Command {
+    Experiment(cmd::experiment::Args),
+    Compare(cmd::compare::Args),
+    Simulate(cmd::simulate::Args),
+    Import(cmd::import::Args),
+    Inspect(cmd::inspect::Args),
+    Embed(cmd::embed::Args),
+    Train(cmd::train::Args),
+    Predict(cmd::predict::Args),
+    Report(cmd::report::Args),
+}
+
+impl Command {
+    /// Does what was asked for.
+    ///
+    /// # Errors
+    /// What went wrong, with the file, key or value that it lies in.
+    pub fn run(&self) -> Result<()> {
+        match self {
+            Self::Experiment(args) => cmd::experiment::run(args),
+            Self::Compare(args) => cmd::compare::run(args),
+            Self::Simulate(args) => cmd::simulate::run(args),
+            Self::Import(args) => cmd::import::run(args),
+            Self::Inspect(args) => cmd::inspect::run(args),
+            Self::Embed(args) => cmd::embed::run(args),
+            Self::Train(args) => cmd::train::run(args),
+            Self::Predict(args) => cmd::predict::run(args),
+            Self::Report(args) => cmd::report::run(args),
+        }
+    }
+}
+
+/// A program of the commands `C`, which a user starts as `name`: reads the command line, sets up log and
+/// threads, and runs the command. The status is 0, or 1 where the command fails; a command line that
+/// cannot be understood ends the process with 2.
+pub fn main<C: Subcommand>(name: &'static str, run: impl FnOnce(&C) -> Result<()>) -> ExitCode {
+    end_quietly_on_closed_pipes();
+    let matches = named(Cli::<C>::command(), name).get_matches();
+    let cli = Cli::<C>::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    log();
+    match start_threads(cli.threads).and_then(|()| run(&cli.command)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The command line of a program that is started as `name`, which its examples then say.
+fn named(command: clap::Command, name: &'static str) -> clap::Command {
+    let of = |command: clap::Command| match command.get_after_help().map(ToString::to_string) {
+        Some(text) => {
+            let [from, to] = [NAME, name].map(|name| format!("\n  {name} "));
+            command.after_help(text.replace(&from, &to))
+        }
+        None => command,
+    };
+    command.name(name).bin_name(name).mut_subcommands(of)
+}
+
+/// Makes the pool that all work is done by, where another number is asked for than it would have.
+fn start_threads(count: Option<usize>) -> Result<()> {
+    let Some(count) = count else { return Ok(()) };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(count);
+    pool.build_global().context("--threads")
+}
+
+/// Ends the process where it writes to a pipe that nobody reads any more, as `head` leaves one behind.
+/// Rust starts programs with that signal ignored, and `println!` then panics.
+#[expect(
+    unsafe_code,
+    reason = "the standard library has no way to reset a signal"
+)]
+fn end_quietly_on_closed_pipes() {
+    #[cfg(unix)]
+    // SAFETY: the default action is no handler that could run at a wrong time, and no other thread runs
+    // yet.
+    unsafe {
+        libc::signal(libc::SIGPIPE, libc::SIG_DFL);
+    }
+}
+
+/// Lines of the log go above the progress bars; `RUST_LOG` sets how many there are.
+fn log() {
+    let progress = IndicatifLayer::new();
+    let lines = tracing_subscriber::fmt::layer()
+        .with_target(false)
+        .without_time()
+        .with_writer(progress.get_stderr_writer());
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    tracing_subscriber::registry()
+        .with(filter)
+        .with(lines)
+        .with(progress)
+        .init();
+}

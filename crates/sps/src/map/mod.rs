@@ -1,0 +1,109 @@
+//! Maps of a property over a photograph, as pictures and as numbers.
+
+mod npy;
+mod picture;
+mod scale;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, ensure};
+use sps_base::names::UnknownName;
+use sps_estimator::{Estimator, Frame, Map, Sight};
+use sps_experiment::files::write_atomically;
+use tracing::warn;
+
+pub(crate) use self::picture::source;
+use self::scale::Scale;
+
+/// What is drawn of one photograph.
+pub(crate) struct Wanted<'a> {
+    pub property: &'a str,
+    /// Its place among those of the model.
+    pub at: usize,
+    pub sight: Sight,
+    /// Places are hatched whose p-value is at most this.
+    pub unfamiliar: f64,
+}
+
+/// The place of a property among those of the model, which must be able to map.
+pub(crate) fn place(model: &Estimator, property: &str) -> Result<usize> {
+    ensure!(
+        model.fitted().steps().eq([1]),
+        "--map: the model looks at {} photographs of a surface, and a map is of one: train a method \
+        without `views`, which looks at one straight down",
+        model.views_in_words()
+    );
+    let known = || model.fitted().properties();
+    let place = known().position(|known| known == property);
+    place.ok_or_else(|| {
+        anyhow::Error::msg(UnknownName::new("property", property, known())).context("--map")
+    })
+}
+
+impl Wanted<'_> {
+    /// Writes `STEM.png` and `STEM.npy`, (rows, columns, 4), f64: estimate, lower and upper end of its
+    /// interval, and p-value, each NaN where there is none. The picture names the photograph. In words,
+    /// what they show.
+    pub(crate) fn write(
+        &self,
+        model: &Estimator,
+        (photograph, path): (&Frame, &Path),
+        stem: &Path,
+    ) -> Result<String> {
+        let map = model.map(photograph, model.stride(), self.sight)?;
+        if map.rows * map.columns == 1 {
+            let [height, width] = map.window;
+            warn!(
+                "{}: one place, for the photograph is no larger than those that the model was fitted \
+                on, {width} x {height} pixels: map one that shows more of the surface, or bring it to \
+                more pixels by --resize where it does",
+                path.display()
+            );
+        }
+        let places = self.places(&map);
+        let numbers = npy::bytes([map.rows, map.columns, 4], places.iter().flatten());
+        write_atomically(&with_ending(stem, ".npy"), &numbers)?;
+        let fitted = model.fitted();
+        let deviation = fitted.deviations().nth(self.at).unwrap_or(1.0);
+        let scale = Scale::of(&places, fitted.level().get(), deviation);
+        let picture = picture::draw((photograph, &map), &places, self, &scale);
+        let drawn = with_ending(stem, ".png");
+        write_atomically(&drawn, &picture.png(path)?)?;
+        let hatched = fitted.no_familiar().map_or_else(String::new, |reason| {
+            format!("; nothing is hatched, for there is no p-value: {reason}")
+        });
+        let mean = places.iter().map(|place| place[0]).sum::<f64>() / places.len() as f64;
+        Ok(format!(
+            "{}: {} {} on average over {} x {} places, {}{hatched}",
+            drawn.display(),
+            self.property,
+            scale.shown(mean),
+            map.rows,
+            map.columns,
+            scale.in_words()
+        ))
+    }
+
+    /// Estimate, interval and p-value of each place.
+    fn places(&self, map: &Map) -> Vec<[f64; 4]> {
+        let predicted = &map.predictions.properties[self.at];
+        let place = |at: usize| {
+            let interval = predicted.intervals.as_ref().ok().map(|all| all[at]);
+            let familiar = map.predictions.familiar.as_ref().map(|all| all[at]);
+            [
+                predicted.values[at],
+                interval.map_or(f64::NAN, |interval| interval.low),
+                interval.map_or(f64::NAN, |interval| interval.high),
+                familiar.unwrap_or(f64::NAN),
+            ]
+        };
+        (0..map.rows * map.columns).map(place).collect()
+    }
+}
+
+/// The path with an ending after the whole of its name, whatever dots are in it.
+pub(crate) fn with_ending(stem: &Path, ending: &str) -> PathBuf {
+    let mut name = stem.as_os_str().to_owned();
+    name.push(ending);
+    name.into()
+}

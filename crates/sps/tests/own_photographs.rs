@@ -1,0 +1,119 @@
+//! From a folder of photographs and a table of two measured columns to a dataset, an experiment, a model
+//! and a map.
+
+mod support;
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use image::{Rgb, RgbImage};
+use serde_json::Value;
+use support::{expect, method, root, sps};
+
+/// Pixels of a photograph's side.
+const SIDE: u32 = 64;
+
+/// A number from 0 to 1 that is another for each `at` (SplitMix64).
+fn share(at: u64) -> f64 {
+    let mixed = (at + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((mixed ^ (mixed >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+/// A hard surface is bright, one of high friction is grainy.
+fn photograph(width: u32, number: u64, friction: f64, hardness: f64) -> RgbImage {
+    RgbImage::from_fn(width, SIDE, |x, y| {
+        let grain = share((number << 32) + u64::from(y * width + x)) - 0.5;
+        let level = (40.0 + 15.0 * hardness + 120.0 * friction * grain).clamp(0.0, 255.0) as u8;
+        Rgb([level, level, level / 2 + 60])
+    })
+}
+
+/// A hundred photographs of fifty sheets, two of each, and what was measured on the sheets.
+fn lay_out(folder: &Path) {
+    fs::create_dir(folder.join("photographs")).unwrap();
+    let mut table = "photograph,group,friction,hardness\n".to_owned();
+    for number in 0..100 {
+        let sheet = number / 2;
+        let friction = 0.1 + 0.8 * share(2 * sheet);
+        let hardness = 1.0 + 8.0 * share(2 * sheet + 1);
+        let name = format!("{number:03}.png");
+        photograph(SIDE, number, friction, hardness)
+            .save(folder.join("photographs").join(&name))
+            .unwrap();
+        // One is not measured.
+        let hardness = if number == 7 {
+            String::new()
+        } else {
+            format!("{hardness:.3}")
+        };
+        writeln!(table, "{name},sheet-{sheet},{friction:.3},{hardness}").unwrap();
+    }
+    fs::write(folder.join("values.csv"), table).unwrap();
+}
+
+/// The commands of the README's section on one's own photographs, without `cargo xtask`.
+fn commands_of_the_readme() -> Vec<Vec<String>> {
+    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+    let (_, section) = readme.split_once("## On your own photographs").unwrap();
+    let (_, lines) = section.split_once("```sh\n").unwrap();
+    let (lines, _) = lines.split_once("```").unwrap();
+    let words = |line: &str| {
+        let line = line.strip_prefix("cargo xtask ").unwrap();
+        line.split_whitespace().map(str::to_owned).collect()
+    };
+    lines.lines().map(words).collect()
+}
+
+#[test]
+fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
+    let scratch = tempfile::tempdir().unwrap();
+    let path = |name: &str| scratch.path().join(name);
+    lay_out(scratch.path());
+    fs::create_dir(path("configs")).unwrap();
+    let config = "configs/own-photographs.toml";
+    fs::copy(root().join(config), path(config)).unwrap();
+    photograph(4 * SIDE, 1000, 0.5, 8.0)
+        .save(path("photograph.jpg"))
+        .unwrap();
+
+    let commands = commands_of_the_readme();
+    let printed = commands.iter().map(|words| {
+        let done = sps().args(words).current_dir(scratch.path()).assert();
+        String::from_utf8(done.success().get_output().stdout.clone()).unwrap()
+    });
+    let printed: Vec<String> = printed.collect();
+    let of = |command: &str| {
+        let found = commands.iter().position(|words| words[0] == command);
+        &printed[found.unwrap()]
+    };
+    expect(
+        of("import"),
+        &["100 surfaces in 50 groups", "friction, hardness"],
+    );
+    expect(
+        of("inspect"),
+        &["100 surfaces in 50 groups", "64 x 64: 100"],
+    );
+    expect(of("train"), &["Kernel ridge", "friction", "hardness"]);
+    expect(of("predict"), &["friction", "hardness", "90 % interval"]);
+    expect(
+        printed.last().unwrap(),
+        &["photograph-hardness.png", "places"],
+    );
+    assert!(path("maps/photograph-hardness.npy").is_file());
+
+    let results = fs::read_to_string(path("runs/own-photographs/results.json")).unwrap();
+    let results: Value = serde_json::from_str(&results).unwrap();
+    assert_eq!(
+        results["properties"],
+        serde_json::json!(["friction", "hardness"])
+    );
+    // Brightness and grain are plain to see, also on sheets that were held out.
+    for property in ["friction", "hardness"] {
+        let r2 = &method(&results, "kernel-ridge")["r2"][property];
+        assert!(r2.as_f64().unwrap() > 0.5, "{property}: {r2}");
+    }
+}

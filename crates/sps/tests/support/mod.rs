@@ -1,0 +1,244 @@
+//! Running `sps` on small data.
+
+#![allow(dead_code, reason = "each test file uses a part")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{self, Stdio};
+
+use assert_cmd::Command;
+use assert_cmd::assert::Assert;
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// The root of the repository.
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// The command, in the root of the repository.
+pub(crate) fn sps() -> Command {
+    let mut command = Command::cargo_bin("sps").expect("sps is built");
+    command.current_dir(root()).env_remove("RUST_LOG");
+    command
+}
+
+/// The same as a process to start, which prints nothing.
+pub(crate) fn process() -> process::Command {
+    let mut command = process::Command::new(env!("CARGO_BIN_EXE_sps"));
+    command.current_dir(root()).env_remove("RUST_LOG");
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    command
+}
+
+/// Kills a process once it has `begun`, or lets it end before that; whether it was killed.
+pub(crate) fn kill(mut child: process::Child, begun: impl Fn() -> bool) -> bool {
+    while !begun() && child.try_wait().expect("a process").is_none() {
+        std::thread::yield_now();
+    }
+    let _ = child.kill();
+    child.wait().expect("a process").code().is_none()
+}
+
+/// A scratch folder with a copy of the tiny dataset and an experiment on it.
+pub(crate) struct Scratch {
+    folder: TempDir,
+}
+
+const CONFIG: &str = r#"
+reruns = 2
+floors = []
+properties = ["fRS", "cDF"]
+[split.random]
+validation = 0.34
+by = "surface"
+[data]
+from = "folder"
+[data.folder]
+path = "DATA"
+[encoder]
+weights = "untrained"
+[head]
+epochs = 3
+[report]
+level = 0.95
+[cache]
+folder = "CACHE"
+[[methods]]
+id = "ridge"
+label = "Ridge"
+kind = "ridge"
+[[methods]]
+id = "cross-modal"
+label = "Cross-modal"
+kind = "head"
+head.model = { kind = "cross-modal" }
+"#;
+
+impl Scratch {
+    pub(crate) fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        copy(
+            &root().join("fixtures/tiny-dataset"),
+            &folder.path().join("data"),
+        );
+        let text = CONFIG
+            .replace("DATA", &folder.path().join("data").display().to_string())
+            .replace("CACHE", &folder.path().join("cache").display().to_string());
+        fs::write(folder.path().join("tiny.toml"), text).expect("a config");
+        Self { folder }
+    }
+
+    /// The same with methods added to its config.
+    pub(crate) fn with(methods: &str) -> Self {
+        let scratch = Self::new();
+        let path = scratch.path("tiny.toml");
+        let text = fs::read_to_string(&path).expect("a config");
+        fs::write(path, text + methods).expect("a config");
+        scratch
+    }
+
+    /// The same with methods, one a line: `ID | LABEL | KIND | KEY = VALUE; KEY = VALUE`.
+    pub(crate) fn with_methods(lines: &str) -> Self {
+        let table = |line: &str| {
+            let mut cells = line.split(" | ");
+            let mut next = || cells.next().unwrap_or_default();
+            let [id, label, kind, more] = [next(), next(), next(), next()];
+            let more = more.replace("; ", "\n");
+            format!("[[methods]]\nid = '{id}'\nlabel = '{label}'\nkind = '{kind}'\n{more}\n")
+        };
+        Self::with(&lines.lines().map(table).collect::<String>())
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Replaces `from` by `to` in a file of the scratch folder.
+    pub(crate) fn edit(&self, name: &str, from: &str, to: &str) {
+        let text = fs::read_to_string(self.path(name)).expect("a text file");
+        assert!(text.contains(from), "{name} has no `{from}`");
+        fs::write(self.path(name), text.replacen(from, to, 1)).expect("a text file");
+    }
+
+    /// `experiment` on the scratch config, into the folder `run`.
+    pub(crate) fn experiment(&self) -> Command {
+        self.experiment_into("run")
+    }
+
+    /// `experiment` on the scratch config, into a folder of this name.
+    pub(crate) fn experiment_into(&self, run: &str) -> Command {
+        let mut command = sps();
+        command
+            .arg("experiment")
+            .arg(self.path("tiny.toml"))
+            .arg("--out")
+            .arg(self.path(run));
+        command
+    }
+
+    /// `results.json` of the run without what depends on the clock.
+    pub(crate) fn results(&self) -> Value {
+        results_without_timings(&self.path("run"))
+    }
+}
+
+/// `results.json` without what depends on the clock.
+pub(crate) fn results_without_timings(run: &Path) -> Value {
+    let text = fs::read_to_string(run.join("results.json")).expect("results");
+    let mut results: Value = serde_json::from_str(&text).expect("JSON");
+    let whole = results.as_object_mut().expect("results");
+    // The config names the folder of the cache.
+    for key in ["cpu", "threads", "config_hash"] {
+        assert!(whole.remove(key).is_some());
+    }
+    for method in results["methods"].as_array_mut().expect("methods") {
+        let method = method.as_object_mut().expect("a method");
+        assert!(method.remove("predict_seconds_per_surface").is_some());
+        assert!(method.remove("train_seconds").is_some());
+        for part in ["decode", "encode", "head"] {
+            let key = format!("{part}_seconds_per_surface");
+            assert!(method.remove(&key).is_some());
+        }
+        // More threads hold more at once.
+        assert!(method.remove("peak_memory_bytes").is_some());
+        let selections = method["selections"].as_object_mut().expect("selections");
+        for selection in selections
+            .values_mut()
+            .filter_map(|all| all.as_array_mut())
+            .flatten()
+        {
+            selection["seconds"].take();
+        }
+    }
+    results
+}
+
+/// The method of this id in results.
+pub(crate) fn method<'a>(results: &'a Value, id: &str) -> &'a Value {
+    let mut methods = results["methods"].as_array().expect("methods").iter();
+    let found = methods.find(|method| method["id"] == id);
+    found.unwrap_or_else(|| panic!("no method {id}"))
+}
+
+/// Copies a folder.
+pub(crate) fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).expect("a folder");
+    for entry in fs::read_dir(from).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let target = to.join(path.file_name().expect("a name"));
+        if path.is_dir() {
+            copy(&path, &target);
+        } else {
+            fs::copy(&path, &target).expect("a copy");
+        }
+    }
+}
+
+/// The message of a command that failed as it should.
+pub(crate) fn message(assert: Assert) -> String {
+    let output = assert.code(1).get_output().clone();
+    let text = String::from_utf8(output.stderr).expect("UTF-8");
+    assert!(!text.contains("panicked"), "{text}");
+    let error = text.find("error: ").expect("an error message");
+    text[error..].trim_end().to_owned()
+}
+
+/// Every part is in the message.
+pub(crate) fn expect(message: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(message.contains(part), "`{part}` is not in: {message}");
+    }
+}
+
+/// A file system of its own, gone with the value; none where that is not permitted.
+pub(crate) struct Mounted<'a>(&'a Path);
+
+impl<'a> Mounted<'a> {
+    pub(crate) fn new(path: &'a Path, options: &str) -> Option<Self> {
+        fs::create_dir_all(path).unwrap();
+        let mounted = process::Command::new("mount")
+            .args(["-t", "tmpfs", "-o", options, "tmpfs"])
+            .arg(path)
+            .output();
+        if mounted.is_ok_and(|output| output.status.success()) {
+            return Some(Self(path));
+        }
+        println!("skipped: file systems cannot be mounted here");
+        None
+    }
+
+    pub(crate) fn remount(&self, options: &str) {
+        let mut command = process::Command::new("mount");
+        command
+            .args(["-o", &format!("remount,{options}")])
+            .arg(self.0);
+        assert!(command.status().unwrap().success());
+    }
+}
+
+impl Drop for Mounted<'_> {
+    fn drop(&mut self) {
+        let _ = process::Command::new("umount").arg(self.0).status();
+    }
+}

@@ -2,6 +2,7 @@
 //! slices in, embeddings and gradients out. f32, bf16 and int8; no tensor library, no files.
 //!
 //! - [`network`]: a network as data. Its tensors, multiply-adds and widths follow from the list of its layers.
+//!   [`networks`] has some: SqueezeNet, ResNet, SE-ResNeXt, EfficientNet-Lite, I3D.
 //! - [`inference`]: images to embeddings, in three precisions.
 //! - [`training`]: a forward pass that is kept, and its backward pass.
 //! - [`Convolution`] and [`MaxPooling`]: one operator on slices, with its gradients.
@@ -16,6 +17,7 @@ mod golden;
 mod images;
 pub mod inference;
 pub mod network;
+pub mod networks;
 mod operators;
 mod ops;
 mod precision;

@@ -2,8 +2,8 @@ use std::fmt;
 use std::str::FromStr;
 
 use sps_kernels::network::{Block, Depths, Network};
+use sps_kernels::networks;
 
-use super::networks;
 use crate::error::{Error, Result};
 use crate::weights::TensorSpec;
 

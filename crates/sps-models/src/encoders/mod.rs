@@ -6,7 +6,6 @@
 mod init;
 mod input;
 mod kind;
-mod networks;
 mod plain;
 mod scales;
 #[cfg(test)]

@@ -15,33 +15,14 @@
 //! # Ok::<(), sps_models::Error>(())
 //! ```
 
-mod error;
-mod pytorch;
-mod safetensors;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use candle_core::{DType, Device, Tensor};
 
 use crate::differentiable::with_values;
-pub use error::{WeightsError, WeightsErrorKind};
 pub use sps_kernels::TensorSpec;
-
-/// How numbers are kept in a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Storage {
-    /// As they are.
-    F32,
-    /// Rounded to 16 bits: half the size, three significant digits.
-    F16,
-}
-
-/// A tensor as a file holds it.
-pub(crate) struct RawTensor {
-    pub(crate) shape: Vec<usize>,
-    pub(crate) values: Vec<f32>,
-}
+pub use sps_weights::{RawTensor, Storage, WeightsError, WeightsErrorKind};
 
 /// The tensors of a network by name, f32 and finite.
 #[derive(Debug, Clone)]
@@ -67,7 +48,7 @@ impl Weights {
         let origin = path.display().to_string();
         let read = || {
             let bytes = std::fs::read(path)?;
-            parse(&bytes)
+            sps_weights::read(&bytes)
         };
         let tensors = read().map_err(|kind| WeightsError::new(&origin, kind))?;
         Self::from_raw(&origin, tensors)
@@ -79,7 +60,7 @@ impl Weights {
     ///
     /// As [`Weights::read`].
     pub fn from_bytes(origin: &str, bytes: &[u8]) -> Result<Self, WeightsError> {
-        let tensors = parse(bytes).map_err(|kind| WeightsError::new(origin, kind))?;
+        let tensors = sps_weights::read(bytes).map_err(|kind| WeightsError::new(origin, kind))?;
         Self::from_raw(origin, tensors)
     }
 
@@ -105,13 +86,11 @@ impl Weights {
         note: Option<(&str, &str)>,
     ) -> Result<Vec<u8>, WeightsError> {
         let error = |kind| WeightsError::new(&self.origin, kind);
-        let raw = self.iter().map(|(name, tensor)| {
-            let raw = raw_tensor(name, tensor)?;
-            check_finite(name, &raw.values)?;
-            Ok((name, raw))
-        });
+        let raw = self
+            .iter()
+            .map(|(name, tensor)| Ok((name, raw_tensor(name, tensor)?)));
         let raw = raw.collect::<Result<Vec<_>, _>>().map_err(error)?;
-        safetensors::write(raw, storage, note).map_err(error)
+        sps_weights::write(raw, storage, note).map_err(error)
     }
 
     /// A note that [`Weights::to_bytes_as`] put into a file; `origin` names the file in errors.
@@ -120,7 +99,7 @@ impl Weights {
     ///
     /// When it is no safetensors file or has no note of this name.
     pub fn note(origin: &str, bytes: &[u8], name: &str) -> Result<String, WeightsError> {
-        safetensors::note(bytes, name).map_err(|kind| WeightsError::new(origin, kind))
+        sps_weights::note(bytes, name).map_err(|kind| WeightsError::new(origin, kind))
     }
 
     /// The tensors whose names begin with `prefix`, without it.
@@ -162,7 +141,7 @@ impl Weights {
         let tensors = tensors
             .into_iter()
             .map(|(name, raw)| {
-                let tensor = finite(&name, raw).map_err(|kind| WeightsError::new(origin, kind))?;
+                let tensor = checked(&name, raw).map_err(|kind| WeightsError::new(origin, kind))?;
                 Ok((name, tensor))
             })
             .collect::<Result<_, WeightsError>>()?;
@@ -302,11 +281,6 @@ impl sps_kernels::Tensors for Weights {
     }
 }
 
-/// The tensors of a file of any format.
-fn parse(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
-    pytorch::read(bytes).unwrap_or_else(|| safetensors::read(bytes))
-}
-
 fn raw_tensor(name: &str, tensor: &Tensor) -> Result<RawTensor, WeightsErrorKind> {
     if !tensor.dtype().is_float() {
         return Err(WeightsErrorKind::ElementType {
@@ -324,26 +298,8 @@ fn raw_tensor(name: &str, tensor: &Tensor) -> Result<RawTensor, WeightsErrorKind
     })
 }
 
-fn check_finite(name: &str, values: &[f32]) -> Result<(), WeightsErrorKind> {
-    match values.iter().position(|value| !value.is_finite()) {
-        None => Ok(()),
-        Some(index) => Err(WeightsErrorKind::NotFinite {
-            tensor: name.to_owned(),
-            index,
-            found: values[index],
-        }),
-    }
-}
-
-fn finite(name: &str, raw: RawTensor) -> Result<Tensor, WeightsErrorKind> {
-    check_finite(name, &raw.values)?;
-    let size = |size: usize, &extent: &usize| size.checked_mul(extent.max(1));
-    if raw.shape.iter().try_fold(1, size).is_none() {
-        let shape = raw.shape;
-        return Err(WeightsErrorKind::Format(format!(
-            "tensor {name:?} has extents of {shape:?}, whose product no number holds"
-        )));
-    }
+fn checked(name: &str, raw: RawTensor) -> Result<Tensor, WeightsErrorKind> {
+    raw.check(name)?;
     Tensor::from_vec(raw.values, raw.shape, &Device::Cpu)
         .map_err(|error| WeightsErrorKind::Format(format!("tensor {name:?}: {error}")))
 }

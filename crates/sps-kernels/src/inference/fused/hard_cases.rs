@@ -5,58 +5,8 @@ use std::collections::BTreeMap;
 use super::*;
 use crate::golden::{uniform, weight};
 use crate::images::{Normalisation, Order};
-use crate::network::{Gate, Slide};
+use crate::networks::se_resnext50;
 use crate::ops::words::Bf16Pair;
-
-/// The layers of an SE-ResNeXt-50, whose kin the paper's encoder is.
-fn network() -> Network {
-    let mut net = Network::new("SE-ResNeXt-50", "last_linear.");
-    let point = |name: String, outputs| {
-        Conv::new(&name[..], Slide::square(1, 1, 0), outputs).norm(name.replace("conv", "bn"))
-    };
-    let stem = Conv::new("conv1", Slide::square(7, 2, 3), 64).norm("bn1");
-    let stem = net.conv(IMAGE, stem.relu());
-    let mut x = net.max_pool(stem, Slide::square(3, 2, 0), true);
-    for (stage, blocks) in [3, 4, 6, 3].into_iter().enumerate() {
-        for block in 0..blocks {
-            x = bottleneck(&mut net, x, stage, block, &point);
-        }
-    }
-    net.depth("stage-4");
-    net
-}
-
-fn bottleneck(
-    net: &mut Network,
-    x: Map,
-    stage: usize,
-    block: usize,
-    point: &dyn Fn(String, usize) -> Conv,
-) -> Map {
-    let (middle, outputs) = (128 << stage, 256 << stage);
-    let name = |leaf: &str| format!("layer{stage}.{block}.{leaf}");
-    let stride = if block == 0 && stage > 0 { 2 } else { 1 };
-    let reduced = net.conv(x, point(name("conv1"), middle).relu());
-    let grouped = Conv::new(name("conv2"), Slide::square(3, stride, 1), middle);
-    let grouped = net.conv(reduced, grouped.norm(name("bn2")).groups(32).relu());
-    let shortcut = if block == 0 {
-        let conv = Conv::new(name("conv4"), Slide::square(1, stride, 0), outputs);
-        net.conv(x, conv.norm(name("bn4")))
-    } else {
-        x
-    };
-    let gate = Gate {
-        layers: ["fc1", "fc2"].map(name),
-        channels: outputs,
-        hidden: outputs / 16,
-    };
-    net.residual(
-        grouped,
-        point(name("conv3"), outputs).relu(),
-        Some(gate),
-        shortcut,
-    )
-}
 
 type Numbers = BTreeMap<String, Vec<f32>>;
 
@@ -69,7 +19,7 @@ fn numbers<W: Word>(memory: &[W], grid: &Grid) -> Vec<f64> {
 
 /// What leaves the stem and each bottleneck.
 fn layers<W: Word>(weights: &Numbers, image: &[f32], size: [usize; 3]) -> Vec<Vec<f64>> {
-    let network = network();
+    let network = se_resnext50("SE-ResNeXt-50");
     let fused = Fused::<W>::new(&network, weights, None, Level::detect()).unwrap();
     let images = Images {
         pixels: &[image],
@@ -100,7 +50,7 @@ fn relative(found: &[f64], expected: &[f64]) -> f64 {
 
 /// The tensors of a network by the golden rule, each number as `change` makes it.
 fn weights(change: impl Fn(f32) -> f32) -> Numbers {
-    let specs = network().specs().into_iter();
+    let specs = se_resnext50("SE-ResNeXt-50").specs().into_iter();
     let numbers = specs.map(|spec| {
         let numbers = weight(&spec.name, &spec.shape).into_iter().map(&change);
         (spec.name, numbers.collect())

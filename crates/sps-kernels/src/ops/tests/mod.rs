@@ -11,7 +11,6 @@ mod gated_residual;
 mod golden3d;
 mod hard_cases;
 mod image;
-mod measure;
 mod others;
 mod threads;
 mod windows;

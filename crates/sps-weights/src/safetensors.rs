@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use half::{bf16, f16};
 use safetensors::{Dtype, SafeTensors, View};
 
-use super::{RawTensor, Storage, WeightsErrorKind};
+use crate::{RawTensor, Storage, WeightsErrorKind};
 
 /// Every tensor of the file, its elements as f32.
 pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
@@ -22,15 +22,24 @@ pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErro
         .collect()
 }
 
-/// The tensors as a file, with a note by its name in the metadata.
-pub(super) fn write<'a>(
+/// The tensors as a safetensors file, with a note (its name and text) in the metadata; the same tensors give the same bytes.
+///
+/// # Errors
+///
+/// A tensor whose values do not fill its shape or are not finite: it could not be read back.
+pub fn write<'a>(
     tensors: impl IntoIterator<Item = (&'a str, RawTensor)>,
     storage: Storage,
     note: Option<(&str, &str)>,
 ) -> Result<Vec<u8>, WeightsErrorKind> {
-    let stored = |(name, tensor)| (name, Stored { tensor, storage });
+    let checked = |(name, tensor): (&'a str, RawTensor)| {
+        tensor.check(name)?;
+        Ok((name, Stored { tensor, storage }))
+    };
+    let stored = tensors.into_iter().map(checked);
+    let stored = stored.collect::<Result<Vec<_>, WeightsErrorKind>>()?;
     let note = note.map(|(name, text)| HashMap::from([(name.to_owned(), text.to_owned())]));
-    safetensors::serialize(tensors.into_iter().map(stored), note)
+    safetensors::serialize(stored, note)
         .map_err(|error| WeightsErrorKind::Format(format!("cannot be written: {error}")))
 }
 
@@ -67,8 +76,12 @@ impl View for Stored {
     }
 }
 
-/// A note in the metadata.
-pub(super) fn note(bytes: &[u8], name: &str) -> Result<String, WeightsErrorKind> {
+/// A note that [`write`] put into a file.
+///
+/// # Errors
+///
+/// When it is no safetensors file or has no note of this name.
+pub fn note(bytes: &[u8], name: &str) -> Result<String, WeightsErrorKind> {
     let (_, header) = SafeTensors::read_metadata(bytes)
         .map_err(|error| WeightsErrorKind::Format(format!("not a safetensors file: {error}")))?;
     let note = header.metadata().as_ref().and_then(|all| all.get(name));
@@ -100,15 +113,13 @@ fn elements<const N: usize>(data: &[u8], decode: impl Fn([u8; N]) -> f32) -> Vec
 
 #[cfg(test)]
 mod tests {
-    use crate::weights::Weights;
-
     #[test]
     fn extents_whose_product_no_number_holds() {
         // No element, so that nothing else is wrong with it.
         let header =
             br#"{"a":{"dtype":"F32","shape":[0,4294967296,4294967296],"data_offsets":[0,0]}}"#;
         let bytes = [&(header.len() as u64).to_le_bytes()[..], header].concat();
-        let error = Weights::from_bytes("file", &bytes).unwrap_err();
+        let error = crate::read(&bytes).unwrap_err();
         let found = "[0, 4294967296, 4294967296], whose product no number holds";
         assert!(error.to_string().ends_with(found), "{error}");
     }

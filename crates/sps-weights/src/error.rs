@@ -9,7 +9,8 @@ pub struct WeightsError {
 }
 
 impl WeightsError {
-    pub(crate) fn new(origin: impl fmt::Display, kind: WeightsErrorKind) -> Self {
+    /// Takes a file, or what else the weights came from, and what is wrong.
+    pub fn new(origin: impl fmt::Display, kind: WeightsErrorKind) -> Self {
         Self {
             origin: origin.to_string(),
             kind,

@@ -9,7 +9,7 @@ mod zip;
 
 use std::collections::BTreeMap;
 
-use super::{RawTensor, WeightsErrorKind};
+use crate::{RawTensor, WeightsErrorKind};
 use half::{bf16, f16};
 use value::{ElementType, Heap, Storage, Value, View, tensors};
 

@@ -8,7 +8,7 @@ use zip::{CompressionMethod, ZipArchive};
 
 use super::value::Heap;
 use super::{gather, pickle};
-use crate::weights::{RawTensor, WeightsErrorKind};
+use crate::{RawTensor, WeightsErrorKind};
 
 /// Whether the bytes begin as an archive does.
 pub(super) fn is(bytes: &[u8]) -> bool {

@@ -2,18 +2,18 @@
 //! layout of torchvision's `resnet18` and `resnet50`: the stride of a bottleneck is that of its 3x3
 //! convolution.
 
-use sps_kernels::network::{Conv, IMAGE, Map, Network, Slide};
+use crate::network::{Conv, IMAGE, Map, Network, Slide};
 
 /// Channels of the stem and of the first stage's 3x3 convolutions; each stage has twice as many.
 const CHANNELS: usize = 64;
 
 /// Two 3x3 convolutions a block.
-pub(in crate::encoders) fn resnet18(name: &'static str) -> Network {
+pub fn resnet18(name: &'static str) -> Network {
     network(name, [2; 4], 1, basic)
 }
 
 /// Bottlenecks of 1x1, 3x3 and 1x1 convolutions, the last to four times as many channels.
-pub(in crate::encoders) fn resnet50(name: &'static str) -> Network {
+pub fn resnet50(name: &'static str) -> Network {
     network(name, [3, 4, 6, 3], 4, bottleneck)
 }
 

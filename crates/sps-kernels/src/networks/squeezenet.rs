@@ -1,7 +1,7 @@
 //! `SqueezeNet` (Iandola et al., 2016), in the layout of torchvision's `squeezenet1_0` and
 //! `squeezenet1_1`.
 
-use sps_kernels::network::{Conv, IMAGE, Map, Network, Slide};
+use crate::network::{Conv, IMAGE, Map, Network, Slide};
 
 /// A module after the stem.
 enum Module {
@@ -14,7 +14,7 @@ enum Module {
 use Module::{Fire, Pool};
 
 /// Version 1.0: a 7x7 stem of 96 channels.
-pub(in crate::encoders) fn squeezenet1_0(name: &'static str) -> Network {
+pub fn squeezenet1_0(name: &'static str) -> Network {
     let modules = [
         Pool,
         Fire(16, 64),
@@ -32,7 +32,7 @@ pub(in crate::encoders) fn squeezenet1_0(name: &'static str) -> Network {
 }
 
 /// Version 1.1: a 3x3 stem of 64 channels, and pooling earlier, for 2.4 times fewer multiply-adds.
-pub(in crate::encoders) fn squeezenet1_1(name: &'static str) -> Network {
+pub fn squeezenet1_1(name: &'static str) -> Network {
     let modules = [
         Pool,
         Fire(16, 64),

@@ -5,7 +5,7 @@
 //! convolution and a squeeze-and-excitation gate on the residual branch. A stage halves height
 //! and width (but for the first) and doubles both channel counts.
 
-use sps_kernels::network::{Conv, Gate, IMAGE, Map, Network, Slide};
+use crate::network::{Conv, Gate, IMAGE, Map, Network, Slide};
 
 /// Bottlenecks in each stage.
 const STAGES: [usize; 4] = [3, 4, 6, 3];
@@ -22,7 +22,7 @@ const REDUCTION: usize = 16;
 
 /// The paper's encoder: 50 layers, 32 groups of 4 channels, 25.5 M parameters, 4.2 G multiply-adds
 /// for an image of 224 x 224.
-pub(in crate::encoders) fn se_resnext50(name: &'static str) -> Network {
+pub fn se_resnext50(name: &'static str) -> Network {
     let mut net = Network::new(name, "last_linear.");
     let stem = Conv::new("layer0.conv1", Slide::square(7, 2, 3), 64);
     let mut x = net.conv(IMAGE, stem.norm("layer0.bn1").relu());

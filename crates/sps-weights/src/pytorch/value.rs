@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::super::WeightsErrorKind;
+use crate::WeightsErrorKind;
 
 /// The most axes of a tensor, and the longest name of one in bytes: a pickle can name a part again
 /// in two bytes, and each time costs as much as the part is long.

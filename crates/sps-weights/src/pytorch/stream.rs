@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::value::{Heap, Value};
 use super::{gather, pickle};
-use crate::weights::{RawTensor, WeightsErrorKind};
+use crate::{RawTensor, WeightsErrorKind};
 
 const MAGIC: i128 = 0x1950_a86a_20f9_469c_fc6c;
 const VERSION: i128 = 1001;

@@ -1,8 +1,8 @@
 //! Inflated Inception-v1, I3D (Carreira and Zisserman, "Quo Vadis, Action Recognition?", CVPR
 //! 2017), with the tensor names of the widely used port to PyTorch (`pytorch-i3d`).
 
-use sps_kernels::Normalisation;
-use sps_kernels::network::{Conv, IMAGE, Map, Network, Slide};
+use crate::images::Normalisation;
+use crate::network::{Conv, IMAGE, Map, Network, Slide};
 
 /// A layer, or layers side by side, as the authors number them: everything is padded so that its
 /// stride alone decides the extents.
@@ -35,7 +35,7 @@ const ENDPOINTS: [Endpoint; 16] = [
 ];
 
 /// Takes values in -1..=1, sequences of any number of frames.
-pub(in crate::encoders) fn i3d(name: &'static str) -> Network {
+pub fn i3d(name: &'static str) -> Network {
     let mut net = Network::new(name, "logits.");
     net.normalisation = Normalisation {
         mean: [0.5; 3],

@@ -13,9 +13,9 @@ pub enum Work {
     /// One of several parts.
     Shard(Shard),
     /// Frames are encoded: without embeddings nobody can tell what else is there. All else is
-    /// there, or [`Undone`].
+    /// there, or told as not done.
     Encoding,
-    /// Nothing, and nothing is written: what is missing is [`Undone`].
+    /// Nothing, and nothing is written: what is missing is told as not done.
     None,
 }
 

@@ -130,3 +130,8 @@ fn log() {
         .with(progress)
         .init();
 }
+
+/// Runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

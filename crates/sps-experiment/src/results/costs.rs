@@ -12,7 +12,7 @@ pub struct Costs {
     pub frames_decoded_per_surface: f64,
     /// At prediction.
     pub frames_encoded_per_surface: f64,
-    /// Median time of one estimate.
+    /// Of one estimate, without the cache; the median.
     pub predict_seconds_per_surface: Number,
     /// The three parts of it; medians of their own.
     pub decode_seconds_per_surface: Number,

@@ -23,7 +23,7 @@ pub struct Means {
     pub r2_own_mean_mean: Number,
     /// Of `r2_own_mean_mean`, over units and reruns.
     pub r2_own_mean_mean_interval: Option<[f64; 2]>,
-    /// In the properties' unit, where they share one.
+    /// Means something where the properties share a unit.
     pub mae_mean: Number,
     /// Mean absolute errors in standard deviations.
     pub mae_over_std_mean: Number,

@@ -24,7 +24,7 @@ impl Progress {
     }
 
     /// Goes on counting where `done` were done before.
-    pub fn resumed(what: &str, done: usize, total: usize) -> Self {
+    pub(crate) fn resumed(what: &str, done: usize, total: usize) -> Self {
         let style = ProgressStyle::with_template(
             "{msg} {wide_bar} {human_pos}/{human_len}, {per_sec}, {eta} left",
         )

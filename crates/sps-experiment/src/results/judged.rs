@@ -12,7 +12,7 @@ use crate::journal::{Outcome, Stop};
 /// may hold surfaces of one value alone, and then has no R² that means anything. Folds whose
 /// training failed have no estimates, and the others are scored without them.
 #[derive(Clone)]
-pub struct Judged<'a> {
+pub(crate) struct Judged<'a> {
     folds: Vec<&'a Outcome>,
     /// How many of them are scored.
     scored: usize,

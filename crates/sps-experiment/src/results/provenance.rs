@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The version of `results.json`: it rises when keys are added, which is all that ever happens.
-pub const SCHEMA: u32 = 4;
+pub(crate) const SCHEMA: u32 = 4;
 
 /// At the top of `results.json`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

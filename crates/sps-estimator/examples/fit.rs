@@ -13,7 +13,7 @@ use sps_metrics::Level;
 use sps_models::candle::Device;
 use sps_models::encoders::{Encoder, EncoderKind};
 use sps_regress::ridge::{Ridge, RidgeConfig};
-use sps_regress::{Embeddings, Readings, TrainingData};
+use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
 
 const SIDE: usize = 48;
 const SURFACES: usize = 40;
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let units = Units::of(&(0..SURFACES).map(surface).collect::<Vec<_>>());
 
     let recipe = Recipe {
-        regression: Regression::Ridge(Ridge::new(RidgeConfig::default())?),
+        regression: Regression::Rows(AnyRegressor::Ridge(Ridge::new(RidgeConfig::default())?)),
         wanted: vec![Wanted {
             property: "mTX".into(),
             views: vec![0],

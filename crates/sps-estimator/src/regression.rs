@@ -3,11 +3,8 @@
 use serde_json::{Value, json};
 use sps_dataset::Units;
 use sps_models::heads::{Head, HeadConfig, Input, Observer};
-use sps_regress::kernel_ridge::KernelRidge;
-use sps_regress::nearest::Nearest;
-use sps_regress::ridge::Ridge;
 use sps_regress::stacking::Stacking;
-use sps_regress::{DivergedTrial, FittedRegressor, Plan, Regressor, TrainingData};
+use sps_regress::{AnyRegressor, DivergedTrial, FittedRegressor, Plan, Regressor, TrainingData};
 
 use crate::error::{Error, Result};
 
@@ -15,22 +12,18 @@ use crate::error::{Error, Result};
 ///
 /// ```
 /// use sps_estimator::Regression;
-/// use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+/// use sps_regress::{AnyRegressor, RegressorKind, RegressorSettings};
 ///
-/// let kernel = KernelRidge::new(KernelRidgeConfig::default())?;
-/// assert_eq!(Regression::KernelRidge(kernel).kind(), "kernel-ridge");
+/// let kernel = AnyRegressor::new(RegressorKind::KernelRidge, &RegressorSettings::default())?;
+/// assert_eq!(Regression::Rows(kernel).kind(), "kernel-ridge");
 /// # Ok::<(), sps_regress::Error>(())
 /// ```
 #[derive(Clone, Debug)]
 pub enum Regression {
     /// A network: the paper's cross-modal one, or a part of it.
     Head(Head),
-    /// Ridge regression.
-    Ridge(Ridge),
-    /// Kernel ridge regression.
-    KernelRidge(KernelRidge),
-    /// The reading of the nearest neighbour.
-    Nearest,
+    /// One that takes embeddings as rows of numbers.
+    Rows(AnyRegressor),
     /// Several, weighed by how well each does out of fold.
     Stacked(Stacked),
 }
@@ -50,9 +43,7 @@ impl Regression {
     pub const fn kind(&self) -> &'static str {
         match self {
             Self::Head(_) => "head",
-            Self::Ridge(_) => "ridge",
-            Self::KernelRidge(_) => "kernel-ridge",
-            Self::Nearest => "nearest",
+            Self::Rows(regressor) => regressor.kind().name(),
             Self::Stacked(_) => "stacked",
         }
     }
@@ -65,14 +56,12 @@ impl Regression {
     pub fn settings(&self) -> serde_json::Result<Value> {
         Ok(match self {
             Self::Head(head) => serde_json::to_value(head.config())?,
-            Self::Ridge(ridge) => serde_json::to_value(ridge.config())?,
-            Self::KernelRidge(ridge) => serde_json::to_value(ridge.config())?,
+            Self::Rows(regressor) => regressor.settings()?,
             Self::Stacked(stacked) => {
                 let members = stacked.members.iter().map(Self::settings);
                 let members = members.collect::<serde_json::Result<Vec<Value>>>()?;
                 json!({ "folds": stacked.folds, "members": members })
             }
-            Self::Nearest => self.kind().into(),
         })
     }
 
@@ -81,16 +70,16 @@ impl Regression {
         match self {
             Self::Head(head) => Some(head),
             Self::Stacked(stacked) => stacked.members.iter().find_map(Self::head),
-            Self::Ridge(_) | Self::KernelRidge(_) | Self::Nearest => None,
+            Self::Rows(_) => None,
         }
     }
 
     /// Training surfaces that a fit stands on at most, where there is a bound.
     pub fn at_most(&self) -> Option<usize> {
         match self {
-            Self::KernelRidge(ridge) => Some(ridge.config().at_most),
+            Self::Rows(regressor) => regressor.at_most(),
             Self::Stacked(stacked) => stacked.members.iter().filter_map(Self::at_most).min(),
-            Self::Head(_) | Self::Ridge(_) | Self::Nearest => None,
+            Self::Head(_) => None,
         }
     }
 
@@ -158,9 +147,7 @@ impl Regression {
                 let plan = early_stopped(head, units, plan.clone())?;
                 Box::new(head.train(data, &plan, observer)?)
             }
-            Self::Ridge(ridge) => ridge.fit(data, plan)?,
-            Self::KernelRidge(ridge) => ridge.fit(data, plan)?,
-            Self::Nearest => Nearest.fit(data, plan)?,
+            Self::Rows(regressor) => regressor.fit(data, plan)?,
             Self::Stacked(stacked) => {
                 let members = stacked.members.iter().map(Self::member);
                 let stacking = Stacking::new(members.collect::<Result<_>>()?, stacked.folds)?;
@@ -194,9 +181,7 @@ impl Regression {
     fn member(&self) -> Result<Box<dyn Regressor>> {
         Ok(match self {
             Self::Head(head) => Box::new(head.clone()),
-            Self::Ridge(ridge) => Box::new(ridge.clone()),
-            Self::KernelRidge(ridge) => Box::new(ridge.clone()),
-            Self::Nearest => Box::new(Nearest),
+            Self::Rows(regressor) => Box::new(regressor.clone()),
             Self::Stacked(_) => {
                 return Err(Error::input("members of a stack", "a stack", "others"));
             }

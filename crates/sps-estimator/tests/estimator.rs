@@ -14,11 +14,13 @@ use sps_models::encoders::Depths;
 use sps_models::heads::{Head, HeadConfig, Input};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_regress::ridge::{Ridge, RidgeConfig};
-use sps_regress::{FittedRegressor, Plan, Rerun, Views};
+use sps_regress::{AnyRegressor, FittedRegressor, Plan, Rerun, Views};
 use support::{Tables, embedder, photograph, recipe, ridge};
 
 fn kernel() -> Regression {
-    Regression::KernelRidge(KernelRidge::new(KernelRidgeConfig::default()).unwrap())
+    Regression::Rows(AnyRegressor::KernelRidge(
+        KernelRidge::new(KernelRidgeConfig::default()).unwrap(),
+    ))
 }
 
 fn network(views: usize) -> Regression {
@@ -47,7 +49,13 @@ fn every_regression_is_read_again_to_the_bit() {
         members: vec![ridge(), kernel(), network(2)],
         folds: 3,
     });
-    for regression in [ridge(), kernel(), network(2), Regression::Nearest, stacked] {
+    for regression in [
+        ridge(),
+        kernel(),
+        network(2),
+        Regression::Rows(AnyRegressor::Nearest),
+        stacked,
+    ] {
         let kind = regression.kind();
         let estimator = tables.estimator(&recipe(regression, &[1, 0]));
         let folder = tempfile::tempdir().unwrap();

@@ -9,7 +9,7 @@ use sps_metrics::Level;
 use sps_models::candle::Device;
 use sps_models::encoders::{Encoder, EncoderKind};
 use sps_regress::ridge::{Ridge, RidgeConfig};
-use sps_regress::{Embeddings, Readings, TrainingData};
+use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
 
 fn shared(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -63,7 +63,9 @@ fn a_material_that_was_left_out_is_unfamiliar() {
     let readings = Readings::new(vec!["fRS".into()], &rows).unwrap();
     let units = Units::of(surfaces);
     let recipe = Recipe {
-        regression: Regression::Ridge(Ridge::new(RidgeConfig::default()).unwrap()),
+        regression: Regression::Rows(AnyRegressor::Ridge(
+            Ridge::new(RidgeConfig::default()).unwrap(),
+        )),
         wanted: vec![Wanted {
             property: "fRS".into(),
             views: vec![0],

@@ -25,6 +25,7 @@ pub use fitted::{Fitted, FittedModel};
 pub use pca::Pca;
 pub use plan::{Plan, Rerun, TrainingData, Trial, Views};
 pub use regressor::{
-    DivergedTrial, Estimates, FittedRegressor, OtherKind, Read, Regressor, fitted_from_bytes,
+    AnyRegressor, DivergedTrial, Estimates, FittedRegressor, OtherKind, Read, Regressor,
+    RegressorKind, RegressorSettings, fitted_from_bytes,
 };
 pub use standardise::Standardiser;

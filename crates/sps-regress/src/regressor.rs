@@ -5,10 +5,12 @@ use serde::{Deserialize, Serialize};
 use crate::data::Embeddings;
 use crate::error::{Error, Result};
 use crate::fitted::FittedModel as _;
-use crate::kernel_ridge::{KernelRidge, TrainedKernelRidge, TrainedKernelRidges};
+use crate::kernel_ridge::{
+    KernelRidge, KernelRidgeConfig, TrainedKernelRidge, TrainedKernelRidges,
+};
 use crate::nearest::{Nearest, TrainedNearest, TrainedNearests};
 use crate::plan::{Plan, TrainingData, Trial};
-use crate::ridge::{Ridge, TrainedRidge, TrainedRidges};
+use crate::ridge::{Ridge, RidgeConfig, TrainedRidge, TrainedRidges};
 use crate::stacking::{self, TrainedStacks};
 
 /// The estimates of one model.
@@ -47,6 +49,127 @@ pub trait Regressor: Sync {
     /// ([`Rerun::validation`](crate::Rerun::validation)).
     fn needs_validation(&self) -> bool {
         false
+    }
+}
+
+/// The regressors of this crate that are no stack, by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RegressorKind {
+    /// Ridge regression.
+    Ridge,
+    /// Kernel ridge regression.
+    KernelRidge,
+    /// The reading of the nearest neighbour.
+    Nearest,
+}
+
+impl RegressorKind {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Ridge, Self::KernelRidge, Self::Nearest];
+
+    /// The name in configurations.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Ridge => "ridge",
+            Self::KernelRidge => "kernel-ridge",
+            Self::Nearest => "nearest",
+        }
+    }
+
+    /// The name in a report.
+    pub const fn label(self) -> &'static str {
+        match self {
+            Self::Ridge => "Ridge regression",
+            Self::KernelRidge => "Kernel ridge regression",
+            Self::Nearest => "Nearest neighbour",
+        }
+    }
+}
+
+/// The settings of each, as configurations have them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct RegressorSettings {
+    /// Of ridge regression.
+    pub ridge: RidgeConfig,
+    /// Of kernel ridge regression.
+    pub kernel_ridge: KernelRidgeConfig,
+}
+
+/// One of the regressors of this crate that are no stack, with its settings.
+///
+/// ```
+/// use sps_regress::{AnyRegressor, RegressorKind, RegressorSettings};
+///
+/// let kernel = AnyRegressor::new(RegressorKind::KernelRidge, &RegressorSettings::default())?;
+/// assert_eq!((kernel.kind().name(), kernel.at_most()), ("kernel-ridge", Some(4000)));
+/// # Ok::<(), sps_regress::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub enum AnyRegressor {
+    /// Ridge regression.
+    Ridge(Ridge),
+    /// Kernel ridge regression.
+    KernelRidge(KernelRidge),
+    /// The reading of the nearest neighbour.
+    Nearest,
+}
+
+impl AnyRegressor {
+    /// The one of this kind.
+    ///
+    /// # Errors
+    ///
+    /// Settings that it refuses.
+    pub fn new(kind: RegressorKind, settings: &RegressorSettings) -> Result<Self> {
+        Ok(match kind {
+            RegressorKind::Ridge => Self::Ridge(Ridge::new(settings.ridge.clone())?),
+            RegressorKind::KernelRidge => {
+                Self::KernelRidge(KernelRidge::new(settings.kernel_ridge.clone())?)
+            }
+            RegressorKind::Nearest => Self::Nearest,
+        })
+    }
+
+    /// Which one it is.
+    pub const fn kind(&self) -> RegressorKind {
+        match self {
+            Self::Ridge(_) => RegressorKind::Ridge,
+            Self::KernelRidge(_) => RegressorKind::KernelRidge,
+            Self::Nearest => RegressorKind::Nearest,
+        }
+    }
+
+    /// All that an estimate depends on beside the data, as JSON.
+    ///
+    /// # Errors
+    ///
+    /// Settings that JSON cannot hold.
+    pub fn settings(&self) -> serde_json::Result<serde_json::Value> {
+        match self {
+            Self::Ridge(ridge) => serde_json::to_value(ridge.config()),
+            Self::KernelRidge(ridge) => serde_json::to_value(ridge.config()),
+            Self::Nearest => Ok(self.kind().name().into()),
+        }
+    }
+
+    /// Training surfaces that a fit stands on at most, where there is a bound.
+    pub fn at_most(&self) -> Option<usize> {
+        match self {
+            Self::KernelRidge(ridge) => Some(ridge.config().at_most),
+            Self::Ridge(_) | Self::Nearest => None,
+        }
+    }
+}
+
+impl Regressor for AnyRegressor {
+    fn fit(&self, data: &TrainingData<'_>, plan: &Plan) -> Result<Box<dyn FittedRegressor>> {
+        match self {
+            Self::Ridge(ridge) => ridge.fit(data, plan),
+            Self::KernelRidge(ridge) => ridge.fit(data, plan),
+            Self::Nearest => Nearest.fit(data, plan),
+        }
     }
 }
 

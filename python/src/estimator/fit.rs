@@ -11,9 +11,9 @@ use sps_estimator::{
     Widths, read_photograph,
 };
 use sps_models::encoders::Encoder;
-use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
-use sps_regress::ridge::{Ridge, RidgeConfig};
-use sps_regress::{Embeddings, Readings, TrainingData};
+use sps_regress::{
+    AnyRegressor, Embeddings, Readings, RegressorKind, RegressorSettings, TrainingData,
+};
 
 use super::photographs::Surfaces;
 use crate::errors::{estimator_error, frame_error, value_error};
@@ -97,18 +97,17 @@ fn numbered(things: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
 
 /// The regression of this name, with its usual settings.
 pub(crate) fn regression(name: &str) -> PyResult<Regression> {
-    let regression = match name {
-        "ridge" => Ridge::new(RidgeConfig::default()).map(Regression::Ridge),
-        "kernel-ridge" => {
-            KernelRidge::new(KernelRidgeConfig::default()).map(Regression::KernelRidge)
-        }
-        _ => {
-            return Err(value_error(format_args!(
-                "regression: found {name:?}, expected \"ridge\" or \"kernel-ridge\""
-            )));
-        }
-    };
-    regression.map_err(value_error)
+    let kind = RegressorKind::ALL
+        .into_iter()
+        .find(|kind| kind.name() == name);
+    let kind = kind.ok_or_else(|| {
+        let names = RegressorKind::ALL.map(RegressorKind::name).join(", ");
+        value_error(format_args!(
+            "regression: found {name:?}, expected one of {names}"
+        ))
+    })?;
+    let regressor = AnyRegressor::new(kind, &RegressorSettings::default());
+    Ok(Regression::Rows(regressor.map_err(value_error)?))
 }
 
 /// Photographs of surfaces, as many of each, turned to embeddings.

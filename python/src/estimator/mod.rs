@@ -62,7 +62,7 @@ impl Estimator {
     /// surfaces are alike (sheets of one roll, photographs of one material): a group is never parted,
     /// and intervals are for a surface of a new one.
     ///
-    /// `regression` is ridge or kernel-ridge; the latter stands on 4,000 surfaces, drawn at random, where there are
+    /// `regression` is ridge, kernel-ridge or nearest; kernel-ridge stands on 4,000 surfaces, drawn at random, where there are
     /// more. The share `calibration` of the surfaces is kept aside for
     /// the intervals, which hold the truth of the share `level` of new surfaces; where these are too few
     /// for the level there are none (Estimator.no_interval). With `calibration` None all surfaces are

@@ -12,7 +12,7 @@ use sps_metrics::Level;
 use sps_models::candle::Device;
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_regress::ridge::{Ridge, RidgeConfig};
-use sps_regress::{Embeddings, Readings, TrainingData};
+use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
 
 pub(crate) const SIDE: usize = 32;
 
@@ -52,7 +52,9 @@ pub(crate) fn embedder_of(resize: Option<usize>) -> Embedder {
 }
 
 pub(crate) fn ridge() -> Regression {
-    Regression::Ridge(Ridge::new(RidgeConfig::default()).unwrap())
+    Regression::Rows(AnyRegressor::Ridge(
+        Ridge::new(RidgeConfig::default()).unwrap(),
+    ))
 }
 
 /// Tables of surfaces of which so many form a group.

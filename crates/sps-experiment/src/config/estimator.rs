@@ -7,8 +7,7 @@ use anyhow::{Context, Result};
 use serde_json::{Value, json};
 use sps_estimator::{Regression, Stacked};
 use sps_models::heads::{Head, HeadConfig};
-use sps_regress::kernel_ridge::KernelRidge;
-use sps_regress::ridge::Ridge;
+use sps_regress::{AnyRegressor, RegressorSettings};
 
 use super::looks::{Problem, refuse};
 use super::schema::{Config, MethodConfig, MethodKind};
@@ -168,18 +167,19 @@ fn regression(config: &Config, method: &MethodConfig) -> Result<Regression, Prob
 }
 
 fn single(config: &Config, method: &MethodConfig, kind: MethodKind) -> Result<Regression, Problem> {
-    let refused = |error: sps_regress::Error| ("kind", error.to_string());
     Ok(match kind {
         MethodKind::Head => {
             let head = Head::new(method.head.clone());
             Regression::Head(head.map_err(|error| ("head", error.to_string()))?)
         }
-        MethodKind::Ridge => Regression::Ridge(Ridge::new(config.ridge.clone()).map_err(refused)?),
-        MethodKind::KernelRidge => {
-            let ridge = KernelRidge::new(config.kernel_ridge.clone());
-            Regression::KernelRidge(ridge.map_err(refused)?)
+        MethodKind::Rows(kind) => {
+            let settings = RegressorSettings {
+                ridge: config.ridge.clone(),
+                kernel_ridge: config.kernel_ridge.clone(),
+            };
+            let regressor = AnyRegressor::new(kind, &settings);
+            Regression::Rows(regressor.map_err(|error| ("kind", error.to_string()))?)
         }
-        MethodKind::Nearest => Regression::Nearest,
         MethodKind::Mean
         | MethodKind::LabelMean
         | MethodKind::Predictions

@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -10,6 +11,7 @@ use sps_metrics::Level;
 use sps_models::encoders::Depths;
 use sps_models::heads::HeadConfig;
 use sps_models::training::TrainingConfig;
+use sps_regress::RegressorKind;
 use sps_regress::kernel_ridge::{Kernel, KernelRidgeConfig};
 use sps_regress::ridge::RidgeConfig;
 use sps_viewselect::{AnySelector, TemporalRelations};
@@ -230,14 +232,11 @@ fn five() -> usize {
     5
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum MethodKind {
     Head,
-    Ridge,
-    KernelRidge,
-    /// The reading of the nearest neighbour in the embedding.
-    Nearest,
+    /// A regressor that takes embeddings as rows of numbers.
+    Rows(RegressorKind),
     /// Several kinds, weighed by how well each does out of fold.
     Stacked,
     /// The mean of the training readings.
@@ -249,14 +248,33 @@ pub(crate) enum MethodKind {
     Predictions,
 }
 
+impl<'de> Deserialize<'de> for MethodKind {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        static NAMES: LazyLock<Vec<&'static str>> =
+            LazyLock::new(|| MethodKind::all().map(MethodKind::name).collect());
+        let name = String::deserialize(deserializer)?;
+        let found = Self::all().find(|kind| kind.name() == name);
+        found.ok_or_else(|| D::Error::unknown_variant(&name, &NAMES))
+    }
+}
+
 impl MethodKind {
+    fn all() -> impl Iterator<Item = Self> {
+        let others = [
+            Self::Stacked,
+            Self::Mean,
+            Self::LabelMean,
+            Self::Predictions,
+        ];
+        let rows = RegressorKind::ALL.map(Self::Rows);
+        [Self::Head].into_iter().chain(rows).chain(others)
+    }
+
     /// As a config writes it.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Head => "head",
-            Self::Ridge => "ridge",
-            Self::KernelRidge => "kernel-ridge",
-            Self::Nearest => "nearest",
+            Self::Rows(kind) => kind.name(),
             Self::Stacked => "stacked",
             Self::Mean => "mean",
             Self::LabelMean => "label-mean",

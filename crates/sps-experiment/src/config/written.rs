@@ -30,9 +30,7 @@ pub(super) fn all(config: &Config) -> Vec<Written> {
 fn floor(config: &Config, kind: MethodKind) -> MethodConfig {
     let label = match kind {
         MethodKind::Head => "Head",
-        MethodKind::Ridge => "Ridge regression",
-        MethodKind::KernelRidge => "Kernel ridge regression",
-        MethodKind::Nearest => "Nearest neighbour",
+        MethodKind::Rows(kind) => kind.label(),
         MethodKind::Stacked => "Stacked",
         MethodKind::Mean => "Mean of the training part",
         MethodKind::LabelMean => "Mean of the surface's material",

@@ -99,7 +99,7 @@ impl Regression {
                     folds: stacked.folds,
                 })
             }
-            other => other.clone(),
+            Self::Rows(regressor) => Self::Rows(regressor.clone()),
         })
     }
 

@@ -76,7 +76,7 @@ impl View for Stored {
     }
 }
 
-/// A note that [`write`] put into a file.
+/// A note that [`write()`] put into a file.
 ///
 /// # Errors
 ///

@@ -247,7 +247,7 @@ pub trait Lanes: Simd {
     }
 
     /// Of four rows of bytes, a word for each byte's place: the four bytes there. Where which stands,
-    /// [`channel_of`] says.
+    /// `channel_of` says.
     #[inline(always)]
     fn interleave(self, rows: [Self::f32s; 4]) -> [Self::f32s; 4] {
         let mut words = rows;

@@ -34,7 +34,7 @@ pub struct HeadConfig {
 }
 
 /// Which epoch's weights are kept: for each trial those with the least `L_est` on the validation
-/// part of its rerun ([`Rerun::validation`](super::Rerun::validation)). Where no epoch beats the
+/// part of its rerun ([`Rerun::validation`](sps_regress::Rerun::validation)). Where no epoch beats the
 /// training mean there, the training mean is the estimate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields, default)]

@@ -281,7 +281,7 @@ def test_eight_threads_at_once(model, photographs):
         ({"values": np.zeros((60, 2))}, ValueError, 'found \\["value"\\], expected a name for each'),
         ({"values": np.full(60, np.inf)}, ValueError, "inf for value of surface 0"),
         ({"values": np.zeros(59)}, ValueError, "found those of 60 surfaces, expected 59"),
-        ({"regression": "forest"}, ValueError, 'found "forest", expected "ridge" or "kernel-rid'),
+        ({"regression": "forest"}, ValueError, 'found "forest", expected one of ridge, kernel-ri'),
         ({"level": 1.0}, ValueError, "1"),
         ({"calibration": 0.0}, ValueError, "0"),
         ({"resize": 0}, ValueError, "resize: found 0, expected at least a pixel"),

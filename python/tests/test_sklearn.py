@@ -286,7 +286,7 @@ def test_what_cannot_be_set(photographs, widths):
     with pytest.raises(ValueError, match="Invalid parameter 'levels' for estimator TactileRegr"):
         TactileRegressor().set_params(levels=0.5)
     for settings, message in [
-        ({"regression": "forest"}, 'found "forest", expected "ridge"'),
+        ({"regression": "forest"}, 'found "forest", expected one of ridge'),
         ({"level": 2.0}, "2"),
         ({"properties": ["a", "b"]}, "expected a name for each of 1 columns"),
     ]:

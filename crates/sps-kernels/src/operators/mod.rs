@@ -3,12 +3,13 @@
 mod convolution;
 mod max_pooling;
 
-use std::borrow::Cow;
+use std::ops::Deref;
 
 pub use convolution::Convolution;
 pub use max_pooling::MaxPooling;
 
 use crate::error::{Error, Result};
+use crate::ops::buffer::Buffer;
 use crate::ops::grid::{Grid, pixels};
 
 /// Refuses numbers that are not as many as a tensor has.
@@ -27,16 +28,34 @@ fn sound(grid: &Grid) -> bool {
     len.is_some_and(|len| (1..=isize::MAX as usize / size_of::<f32>()).contains(&len))
 }
 
-/// A feature map with a border of zeros, itself where the border is empty.
-fn with_border<'a>(values: &'a [f32], padded: &Grid) -> Cow<'a, [f32]> {
-    if values.len() == padded.len() {
-        return Cow::Borrowed(values);
+/// A feature map as kernels take it.
+enum Bordered<'a> {
+    Given(&'a [f32]),
+    /// At a cache line.
+    Copied(Buffer),
+}
+
+impl Deref for Bordered<'_> {
+    type Target = [f32];
+
+    fn deref(&self) -> &[f32] {
+        match self {
+            Self::Given(values) => values,
+            Self::Copied(values) => values,
+        }
     }
-    let mut out = vec![0.0; padded.len()];
+}
+
+/// A feature map with a border of zeros, itself where the border is empty.
+fn with_border<'a>(values: &'a [f32], padded: &Grid) -> Bordered<'a> {
+    if values.len() == padded.len() {
+        return Bordered::Given(values);
+    }
+    let mut out = Buffer::zeros(padded.len());
     for (row, first) in values.chunks_exact(row(padded)).zip(firsts(padded)) {
         out[first..first + row.len()].copy_from_slice(row);
     }
-    Cow::Owned(out)
+    Bordered::Copied(out)
 }
 
 /// A feature map without its border.

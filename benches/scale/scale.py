@@ -5,7 +5,6 @@ See README.md. Needs Linux, Python 3.9 or later, and nothing else.
 
 import argparse
 import json
-import math
 import os
 import platform
 import re
@@ -87,21 +86,15 @@ def law(points, key):
     return start, slope, max(errors)
 
 
-def exponent(points, key):
-    """The power by which it grows between the last two points."""
-    one, other = points[-2:]
-    return math.log(other[key] / one[key]) / math.log(other["size"] / one["size"])
-
-
 def count(number):
     return f"{number:,}"
 
 
 def table(name, points, beyond):
-    keys = [("seconds", "seconds"), ("processor_seconds", "seconds of a processor"), ("mebibytes", "MiB")]
+    keys = [("seconds", "seconds"), ("mebibytes", "MiB")]
     lines = [
         f"| {name} | " + " | ".join(title for _, title in keys) + " |",
-        "|---:|---:|---:|---:|",
+        "|---:|---:|---:|",
     ]
     for point in points:
         cells = [count(point["size"])] + [count(point[key]) for key, _ in keys]
@@ -111,14 +104,14 @@ def table(name, points, beyond):
         cells = [count(round(start + slope * size)) for start, slope, _ in laws.values()]
         lines.append(f"| {count(size)}, by the law | " + " | ".join(cells) + " |")
     lines.append("")
-    for key, title in keys[::2]:
-        start, slope, worst = laws[key]
-        lines.append(
-            f"{title} = {start:.3g} + {slope:.3g} x {name}, within {100 * worst:.0f} % of what was measured; "
-            f"between the last two sizes it grows by the power {exponent(points, key):.2f}."
+    formulas = [(title, *laws[key]) for key, title in keys]
+    lines.append(
+        "; ".join(
+            f"{title} = {start:.3g} + {slope:.3g} x {name} (within {100 * worst:.0f} %)"
+            for title, start, slope, worst in formulas
         )
-        lines.append("")
-    return "\n".join(lines[:-1])
+    )
+    return "\n".join(lines)
 
 
 def machine():

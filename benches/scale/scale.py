@@ -40,11 +40,11 @@ def properties(n):
     return {**surfaces(400)[0], "properties": json.dumps(PROPERTIES[:n])}, []
 
 
-# What grows, its settings, and the sizes that are measured and those that the law is read at.
+# What grows, its settings, and the sizes that are measured.
 SERIES = {
-    "surfaces": (surfaces, [400, 1200, 4000, 12000, 40000], [100000, 400000]),
-    "views": (views, [1, 3, 10, 30, 100], [300]),
-    "properties": (properties, [1, 5, 10, 15], [30]),
+    "surfaces": (surfaces, [400, 1200, 4000, 12000, 40000]),
+    "views": (views, [1, 3, 10, 30, 100]),
+    "properties": (properties, [1, 5, 10, 15]),
 }
 
 
@@ -90,7 +90,7 @@ def count(number):
     return f"{number:,}"
 
 
-def table(name, points, beyond):
+def table(name, points):
     keys = [("seconds", "seconds"), ("mebibytes", "MiB")]
     lines = [
         f"| {name} | " + " | ".join(title for _, title in keys) + " |",
@@ -99,12 +99,8 @@ def table(name, points, beyond):
     for point in points:
         cells = [count(point["size"])] + [count(point[key]) for key, _ in keys]
         lines.append("| " + " | ".join(cells) + " |")
-    laws = {key: law(points, key) for key, _ in keys}
-    for size in beyond:
-        cells = [count(round(start + slope * size)) for start, slope, _ in laws.values()]
-        lines.append(f"| {count(size)}, by the law | " + " | ".join(cells) + " |")
     lines.append("")
-    formulas = [(title, *laws[key]) for key, title in keys]
+    formulas = [(title, *law(points, key)) for key, title in keys]
     lines.append(
         "; ".join(
             f"{title} = {start:.3g} + {slope:.3g} x {name} (within {100 * worst:.0f} %)"
@@ -124,8 +120,8 @@ def page(measured):
     """The page with its tables as measured."""
     text = PAGE.read_text(encoding="utf-8")
     blocks = {"machine": measured["machine"]}
-    for name, (_, _, beyond) in SERIES.items():
-        blocks[name] = table(name, measured[name], beyond)
+    for name in SERIES:
+        blocks[name] = table(name, measured[name])
     for name, block in blocks.items():
         pattern = rf"(<!-- scale: {name} -->\n).*?(\n<!-- /scale -->)"
         text, found = re.subn(pattern, lambda m: m[1] + block + m[2], text, flags=re.DOTALL)
@@ -145,7 +141,7 @@ def main():
         program = str(Path(arguments.program).resolve())
         measured["machine"] = machine()
         for name in arguments.series or SERIES:
-            settings, sizes, _ = SERIES[name]
+            settings, sizes = SERIES[name]
             measured[name] = []
             for size in sizes:
                 point = {"size": size, **measure(program, *settings(size))}

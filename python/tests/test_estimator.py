@@ -328,9 +328,9 @@ def test_the_command_line_says_the_same(tmp_path):
 
     folder = tmp_path / "model"
     # Several views one after the other in none of them: a model of one photograph.
-    xtask("train", "configs/smoke.toml", "--set", "data.simulated.views=1", "--out", folder)
+    xtask("fit", "--config", "configs/smoke.toml", "--set", "data.simulated.views=1", "--out", folder)
     images = sorted((ROOT / "fixtures/tiny-dataset/frames").glob("*/00[12].*"))
-    lines = xtask("predict", "--model", folder, "--json", *images).splitlines()
+    lines = xtask("predict", folder, "--json", *images).splitlines()
     model = sps.Estimator.load(folder)
     answers = model.predict_all(images)
     assert len(lines) == len(answers) == 12

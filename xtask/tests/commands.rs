@@ -25,7 +25,7 @@ fn examples_say_what_to_type() {
         "import",
         "inspect",
         "embed",
-        "train",
+        "fit",
     ] {
         let text = help(&[command]);
         let example = format!("\n  cargo xtask {command} ");

@@ -61,8 +61,14 @@ pub struct Measured {
     pub readings: usize,
     /// About the training mean of each split.
     pub r2: Option<f64>,
+    /// The mean absolute error, in measured units.
+    #[serde(default)]
+    pub mae: Option<f64>,
     /// The share of truths that lie in their interval; none where there are no intervals.
     pub coverage: Option<f64>,
+    /// The same where each unit that was held out counts as much as any other.
+    #[serde(default)]
+    pub unit_coverage: Option<f64>,
     /// The mean width of an interval, in measured units.
     pub mean_width: Option<f64>,
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use sps_dataset::Unit;
 use sps_metrics::{Level, PredictionInterval};
-use sps_regress::Embeddings;
+use sps_regress::{Embeddings, FittedRegressor};
 
 use crate::error::{Error, Result};
 use crate::novelty::Familiar;
@@ -114,19 +114,37 @@ impl Measure {
         })
     }
 
-    /// Estimates of photographs, with intervals that hold as [`Measure::times`] says.
-    fn predicted(&self, expected: &[Expected], times: Result<f64, String>) -> Predicted {
-        let values = expected.iter().map(|expected| self.bounded(expected.value));
-        let intervals = times.map(|times| {
-            expected.iter().map(move |expected| PredictionInterval {
+    /// Estimates of photographs, with intervals of which so many hold at once at the level. `values` are
+    /// the estimates where they are not those that intervals lie around; one outside of the interval that
+    /// a single photograph has becomes the nearer end of it.
+    fn predicted(
+        &self,
+        expected: &[Expected],
+        values: Option<Vec<f64>>,
+        (photographs, level): (usize, Level),
+    ) -> Predicted {
+        let at_once = |photographs: usize| {
+            let times = self.times(photographs, level)?;
+            let around = |expected: &Expected| PredictionInterval {
                 low: self.bounded(expected.value - times * expected.error),
                 high: self.bounded(expected.value + times * expected.error),
-            })
-        });
+            };
+            Ok(expected.iter().map(around).collect::<Vec<_>>())
+        };
+        let values = values.unwrap_or_else(|| expected.iter().map(|one| one.value).collect());
+        let mut values: Vec<f64> = values
+            .into_iter()
+            .map(|value| self.bounded(value))
+            .collect();
+        if let Ok(intervals) = at_once(1) {
+            for (value, interval) in values.iter_mut().zip(intervals) {
+                *value = value.max(interval.low).min(interval.high);
+            }
+        }
         Predicted {
             property: self.property.clone(),
-            values: values.collect(),
-            intervals: intervals.map(Iterator::collect),
+            values,
+            intervals: at_once(photographs),
         }
     }
 }
@@ -144,6 +162,9 @@ pub(crate) struct Group {
     /// The views, by their places among those that are asked with.
     pub slots: Vec<usize>,
     pub step: Step,
+    /// What gives values where `step` learned from a part of the surfaces: the same regression, fitted
+    /// to all of them. Intervals are those of `step`, which has not seen the surfaces that calibrate.
+    pub whole: Option<Box<dyn FittedRegressor>>,
 }
 
 impl Stage {
@@ -158,6 +179,22 @@ impl Stage {
             let expected = group.step.predict(&embeddings)?;
             for (&property, expected) in group.properties.iter().zip(expected) {
                 all[property] = expected;
+            }
+        }
+        Ok(all)
+    }
+
+    /// The values of every property that are not those of [`Stage::expected`], for each surface.
+    fn values(&self, embeddings: &Embeddings) -> Result<Vec<Option<Vec<f64>>>> {
+        let surfaces: Vec<usize> = (0..embeddings.surfaces()).collect();
+        let count = self.groups.iter().map(|group| group.properties.len()).sum();
+        let mut all = vec![None; count];
+        for group in &self.groups {
+            let Some(whole) = &group.whole else { continue };
+            let embeddings = embeddings.select(&surfaces, &group.slots)?;
+            let estimates = whole.predict(&embeddings)?;
+            for (&property, estimates) in group.properties.iter().zip(estimates) {
+                all[property] = Some(estimates.values);
             }
         }
         Ok(all)
@@ -275,10 +312,11 @@ impl Fitted {
                 let expected = format!("{} of width {}", steps.join(" or "), self.width);
                 Error::input("embeddings", found, expected)
             })?;
-        let expected = stage.expected(embeddings)?;
-        let properties = self.measures.iter().zip(&expected);
-        let properties = properties.map(|(measure, expected)| {
-            measure.predicted(expected, measure.times(intervals, self.level))
+        let expected = stage.expected(embeddings)?.into_iter();
+        let expected = expected.zip(stage.values(embeddings)?);
+        let properties = self.measures.iter().zip(expected);
+        let properties = properties.map(|(measure, (expected, values))| {
+            measure.predicted(&expected, values, (intervals, self.level))
         });
         let familiar = self.familiar.as_ref().ok();
         Ok(Predictions {

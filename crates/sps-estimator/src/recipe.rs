@@ -11,7 +11,7 @@ use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};
 use crate::novelty::Familiar;
 use crate::radius::radii;
 use crate::regression::Regression;
-use crate::step::{Expected, Look, Step};
+use crate::step::{self, Expected, Look, Step};
 
 /// Parts of the surfaces fitted to, of which each is estimated by the others to know the error to
 /// expect of a photograph.
@@ -155,6 +155,7 @@ impl Recipe {
             vec![slots.len()]
         };
         let groups = self.groups();
+        let whole = (!split.validation.is_empty()).then_some(surfaces);
         let stages = steps.iter().map(|&views| {
             let groups = groups.iter().map(|(looked, members)| {
                 let looks = members.iter().map(|&at| Look {
@@ -164,7 +165,7 @@ impl Recipe {
                     folds: folds.clone(),
                 });
                 let looks: Vec<Look> = looks.collect();
-                self.group(examples, members, &looks, (&slots, views))
+                self.group(examples, members, (&looks, whole), (&slots, views))
             });
             Ok(Stage {
                 views,
@@ -189,12 +190,12 @@ impl Recipe {
     }
 
     /// Fits the properties, by their places, that look at the same views, to the first so many of those
-    /// where they may be looked at one by one.
+    /// where they may be looked at one by one; values by `whole`, where the looks learn from a part of it.
     fn group(
         &self,
         examples: &Examples<'_>,
         properties: &[usize],
-        looks: &[Look],
+        (looks, whole): (&[Look], Option<&[usize]>),
         (slots, views): (&[usize], usize),
     ) -> Result<Group> {
         let looked = looks.first().map_or(&[][..], |look| &look.views);
@@ -204,11 +205,15 @@ impl Recipe {
             (looked.len(), self.regression.clone())
         };
         let data = (&examples.data, examples.units);
+        let seed = self.calibration.seed;
+        let whole =
+            whole.map(|surfaces| step::whole(&regression, data, seed, (looks, surfaces), views));
         let slot = |view: &usize| slots.iter().position(|slot| slot == view);
         Ok(Group {
             properties: properties.to_vec(),
             slots: looked[..views].iter().filter_map(slot).collect(),
-            step: Step::fit(&regression, data, self.calibration.seed, looks, views)?,
+            step: Step::fit(&regression, data, seed, looks, views)?,
+            whole: whole.transpose()?,
         })
     }
 

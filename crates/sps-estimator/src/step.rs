@@ -178,6 +178,29 @@ fn of(models: &dyn FittedRegressor, look: usize) -> Box<dyn FittedRegressor> {
     models.filtered(&|other| Some(other) == trial.as_ref())
 }
 
+/// An estimator of each look that learns from `surfaces`, whatever the look itself learns from.
+pub(crate) fn whole(
+    regression: &Regression,
+    (data, units): (&TrainingData<'_>, &Units),
+    seed: u64,
+    (looks, surfaces): (&[Look], &[usize]),
+    views: usize,
+) -> Result<Box<dyn FittedRegressor>> {
+    let number = looks.first().map_or(0, |look| look.rerun);
+    let trials = looks.iter();
+    let trials = trials.map(|look| look.trial(look.property.clone(), number, views));
+    let plan = Plan {
+        seed,
+        reruns: vec![Rerun {
+            number,
+            training: surfaces.to_vec(),
+            validation: Vec::new(),
+        }],
+        trials: trials.collect(),
+    };
+    regression.fit(data, units, &plan)
+}
+
 /// An estimator of each look without each part of its surfaces, and one with all.
 fn estimators(seed: u64, looks: &[Look], views: usize) -> Result<Plan> {
     let mut plan = Plan {

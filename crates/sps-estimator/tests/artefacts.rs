@@ -36,7 +36,7 @@ fn refused(folder: &Path) -> String {
 fn every_changed_file_is_noticed_and_named() {
     let folder = kept();
     let names = names(folder.path());
-    assert_eq!(names.len(), 5, "{names:?}");
+    assert_eq!(names.len(), 6, "{names:?}");
     for name in names.iter().filter(|name| *name != "estimator.json") {
         let path = folder.path().join(name);
         let whole = fs::read(&path).unwrap();
@@ -86,7 +86,7 @@ fn a_model_is_replaced_in_one_step() {
         second.save(path).unwrap();
         assert_eq!(answer(), second.predict(&asked).unwrap());
         assert_ne!(answer(), first);
-        assert_eq!(names(path).len(), 6, "{:?}", names(path));
+        assert_eq!(names(path).len(), 7, "{:?}", names(path));
     }
     assert!(notes.exists());
 }

@@ -66,7 +66,7 @@ pub(crate) fn with_source<W: WithSource>(data: &DataSpec, work: W) -> Result<W::
                 ceilings: None,
                 notes,
             };
-            info!("{}: {} surfaces", path.display(), source.surfaces().len());
+            info!("{}: {} surfaces", source.name(), source.surfaces().len());
             work.call(&source, about)
         }
     }

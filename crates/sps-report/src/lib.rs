@@ -40,8 +40,7 @@ use sps_experiment::text::counted;
 
 use figures::{Figure, figures};
 use page::{PAGES, Page, Section};
-use summary::best;
-pub use summary::summary;
+pub use summary::{best, summary};
 use surfaces::Gallery;
 use table::Table;
 pub use tables::{gained, tables};

@@ -42,7 +42,7 @@ pub(super) fn looking(results: &Results) -> Vec<Point> {
 }
 
 /// The best method of those that look at a photograph; of all where none does.
-pub(super) fn best(results: &Results) -> Option<&MethodResult> {
+pub fn best(results: &Results) -> Option<&MethodResult> {
     let looking = best_within(&looking(results), f64::INFINITY);
     let all = || best_within(&points(&results.methods), f64::INFINITY);
     let best = looking.or_else(all)?;

@@ -34,14 +34,14 @@ struct Cli<C: Subcommand> {
 #[derive(Subcommand)]
 #[expect(missing_docs, reason = "a variant's text would be that of its help")]
 pub enum Command {
+    Fit(Box<cmd::fit::Args>),
+    Predict(cmd::predict::Args),
     Experiment(cmd::experiment::Args),
     Compare(cmd::compare::Args),
     Simulate(cmd::simulate::Args),
     Import(cmd::import::Args),
     Inspect(cmd::inspect::Args),
     Embed(cmd::embed::Args),
-    Train(cmd::train::Args),
-    Predict(cmd::predict::Args),
     Report(cmd::report::Args),
 }
 
@@ -52,14 +52,14 @@ impl Command {
     /// What went wrong, with the file, key or value that it lies in.
     pub fn run(&self) -> Result<()> {
         match self {
+            Self::Fit(args) => cmd::fit::run(args),
+            Self::Predict(args) => cmd::predict::run(args),
             Self::Experiment(args) => cmd::experiment::run(args),
             Self::Compare(args) => cmd::compare::run(args),
             Self::Simulate(args) => cmd::simulate::run(args),
             Self::Import(args) => cmd::import::run(args),
             Self::Inspect(args) => cmd::inspect::run(args),
             Self::Embed(args) => cmd::embed::run(args),
-            Self::Train(args) => cmd::train::run(args),
-            Self::Predict(args) => cmd::predict::run(args),
             Self::Report(args) => cmd::report::run(args),
         }
     }

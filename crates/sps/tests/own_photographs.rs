@@ -1,5 +1,4 @@
-//! From a folder of photographs and a table of two measured columns to a dataset, an experiment, a model
-//! and a map.
+//! From a folder of photographs and a table of two measured columns to a model and a map.
 
 mod support;
 
@@ -8,8 +7,8 @@ use std::fs;
 use std::path::Path;
 
 use image::{Rgb, RgbImage};
-use serde_json::Value;
-use support::{expect, method, root, sps};
+use sps_estimator::Estimator;
+use support::{expect, root, sps};
 
 /// Pixels of a photograph's side.
 const SIDE: u32 = 64;
@@ -72,9 +71,6 @@ fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
     let scratch = tempfile::tempdir().unwrap();
     let path = |name: &str| scratch.path().join(name);
     lay_out(scratch.path());
-    fs::create_dir(path("configs")).unwrap();
-    let config = "configs/own-photographs.toml";
-    fs::copy(root().join(config), path(config)).unwrap();
     photograph(4 * SIDE, 1000, 0.5, 8.0)
         .save(path("photograph.jpg"))
         .unwrap();
@@ -89,15 +85,14 @@ fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
         let found = commands.iter().position(|words| words[0] == command);
         &printed[found.unwrap()]
     };
-    expect(
-        of("import"),
-        &["100 surfaces in 50 groups", "friction, hardness"],
-    );
-    expect(
-        of("inspect"),
-        &["100 surfaces in 50 groups", "64 x 64: 100"],
-    );
-    expect(of("train"), &["Kernel ridge", "friction", "hardness"]);
+    // Sheets are held out whole, so there is a column for them.
+    let fitted = [
+        "100 surfaces in 50 groups",
+        "friction, hardness",
+        "by group, %",
+        "furthest from what was measured",
+    ];
+    expect(of("fit"), &fitted);
     expect(of("predict"), &["friction", "hardness", "90 % interval"]);
     expect(
         printed.last().unwrap(),
@@ -105,15 +100,46 @@ fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
     );
     assert!(path("maps/photograph-hardness.npy").is_file());
 
-    let results = fs::read_to_string(path("runs/own-photographs/results.json")).unwrap();
-    let results: Value = serde_json::from_str(&results).unwrap();
-    assert_eq!(
-        results["properties"],
-        serde_json::json!(["friction", "hardness"])
-    );
+    let model = Estimator::load(&path("models/mine")).unwrap();
     // Brightness and grain are plain to see, also on sheets that were held out.
     for property in ["friction", "hardness"] {
-        let r2 = &method(&results, "kernel-ridge")["r2"][property];
-        assert!(r2.as_f64().unwrap() > 0.5, "{property}: {r2}");
+        let measured = model.about().measured[property];
+        assert!(measured.r2.unwrap() > 0.5, "{property}: {measured:?}");
+        for coverage in [measured.coverage, measured.unit_coverage] {
+            assert!(coverage.unwrap() > 0.7, "{property}: {measured:?}");
+        }
     }
+    let page = fs::read_to_string(path("models/mine/report.html")).unwrap();
+    expect(&page, &["Ridge regression", "Nearest neighbour"]);
+    // What the data was laid out in is gone.
+    let left = fs::read_dir(path("models")).unwrap();
+    assert_eq!(left.count(), 1);
+}
+
+#[test]
+fn what_cannot_be_fitted_is_refused_before_anything_is_written() {
+    let scratch = tempfile::tempdir().unwrap();
+    lay_out(scratch.path());
+    let refused = |values: &str, more: &[&str], code: i32, named: &[&str]| {
+        let table = scratch.path().join("other.csv");
+        fs::write(&table, values).unwrap();
+        let mut fit = sps();
+        fit.current_dir(scratch.path()).args(["fit", "photographs"]);
+        fit.args(["--out", "models/other"]).args(more);
+        let assert = fit.assert().code(code);
+        expect(&String::from_utf8_lossy(&assert.get_output().stderr), named);
+        assert!(!scratch.path().join("models").exists());
+    };
+    let table = ["--values", "other.csv"];
+    let one = "photograph,group,friction\n000.png,steel,0.5\n001.png,steel,0.6\n";
+    refused(one, &table, 1, &["other.csv: found one group", "two"]);
+    let missing = "photograph,friction\n000.png,0.5\nnone.png,0.6\n";
+    refused(missing, &table, 1, &["other.csv, line 3", "none.png"]);
+    refused(one, &[], 2, &["--values"]);
+    refused(
+        one,
+        &["--config", "other.toml"],
+        2,
+        &["cannot be used with"],
+    );
 }

@@ -39,24 +39,25 @@ fn closed_pipes_end_commands_quietly() {
     closed(&["experiment", &config, "--list"]);
     closed(&["inspect", &data, "--out", &figures]);
     closed(&["inspect", &data, "--json", "--out", &figures]);
-    closed(&["train", &config, "--out", &model]);
-    let mut train = support::sps();
-    train.args([
-        "train",
+    closed(&["fit", "--config", &config, "--out", &model]);
+    let mut fit = support::sps();
+    fit.args([
+        "fit",
+        "--config",
         &config,
         "--out",
         &model,
         "--set",
         "train.method=ridge",
     ]);
-    train.assert().success();
+    fit.assert().success();
     for form in [
         &[][..],
         &["--json"],
         &["--csv"],
         &["--map", "fRS", "--out", &figures],
     ] {
-        let ask = ["predict", "--model", &model, &photograph];
+        let ask = ["predict", &model, &photograph];
         closed(&[&ask[..], form].concat());
     }
 }

@@ -50,7 +50,9 @@ fn fitted_in(scratch: Scratch, more: &[&str]) -> Scratch {
 
 fn train(scratch: &Scratch, more: &[&str]) -> assert_cmd::Command {
     let mut train = sps();
-    train.arg("train").arg(scratch.path("tiny.toml"));
+    train
+        .args(["fit", "--config"])
+        .arg(scratch.path("tiny.toml"));
     for more in more {
         train.args(["--set", more]);
     }
@@ -66,7 +68,7 @@ fn said(command: &mut assert_cmd::Command) -> String {
 
 fn predict(scratch: &Scratch, options: &[&str], images: &[PathBuf]) -> assert_cmd::Command {
     let mut command = sps();
-    command.args(["predict", "--json", "--model"]);
+    command.args(["predict", "--json"]);
     command
         .arg(scratch.path("model"))
         .args(options)
@@ -122,7 +124,7 @@ fn the_mean_of_more_photographs_than_were_calibrated_for_has_no_interval() {
     expect(reason, &["found 3 photographs", "at most 2", "83.3 %"]);
 
     let mut command = sps();
-    command.args(["predict", "--group-by", "all", "--model"]);
+    command.args(["predict", "--group-by", "all"]);
     command.arg(scratch.path("model")).args(&images);
     let table = said(&mut command);
     expect(
@@ -156,8 +158,13 @@ fn a_large_photograph_comes_to_the_scale_of_the_model() {
         estimate["value"].as_f64().unwrap()
     };
     let expected = value(&[], &small);
-    // 8 bits, and a filter that is wider than a block of pixels.
-    assert!((value(&[], &large) - expected).abs() < 1.0);
+    // Not the same to the bit: 8 bits, and a filter that is wider than a block of pixels.
+    let (found, kept) = (value(&[], &large), value(&["--keep-size"], &large));
+    let near = (kept - expected).abs() / 3.0;
+    assert!(
+        (found - expected).abs() < near,
+        "{expected}: {found}, {kept}"
+    );
     assert_eq!(value(&["--resize", "32"], &large), value(&[], &large));
     assert_eq!(value(&["--keep-size"], &small), expected);
     assert_ne!(value(&["--keep-size"], &large), value(&[], &large));
@@ -198,7 +205,7 @@ fn broken_photographs_do_not_stop_the_others() {
 
     let mut table = sps();
     table
-        .args(["predict", "--csv", "--model"])
+        .args(["predict", "--csv"])
         .arg(scratch.path("model"))
         .arg(&folder);
     let table = String::from_utf8(table.assert().code(1).get_output().stdout.clone()).unwrap();
@@ -246,11 +253,10 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
     let rows: Vec<_> = (0..count).map(|s| vec![touched.value(s, "fRS")]).collect();
     let readings = Readings::new(vec!["fRS".into()], &rows).unwrap();
     let units = Units::by(dataset.surfaces(), Unit::Surface);
-    let all: Vec<usize> = (0..count).collect();
-    let split = units.keep_aside(&all, 0.5, 0, "random split", 0).unwrap();
+    // Values come from a fit to all surfaces, those among them that calibrate.
     let rerun = Rerun {
         number: 0,
-        training: split.train,
+        training: (0..count).collect(),
         validation: Vec::new(),
     };
     let mut plan = Plan::each(0, readings.properties(), vec![rerun]);
@@ -273,8 +279,9 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
             }
         }
         let of_folder = estimate(predict(&scratch, &[], &[folder(&surface.id)])).0;
-        let value = of_folder["value"].as_f64();
-        assert_eq!(value, Some(expected[at]), "{}", surface.id);
+        let of = |key: &str| of_folder[key].as_f64().unwrap();
+        let expected = expected[at].clamp(of("low"), of("high"));
+        assert_eq!(of("value"), expected, "{}", surface.id);
         // Of a folder they are taken by name, named one by one as they come.
         let mut named = photographs_in(&folder(&surface.id)).unwrap();
         assert_eq!(estimate(predict(&scratch, &[], &named)).0, of_folder);
@@ -288,7 +295,7 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
     let angles = "found 1, expected 3, at -45, 0 and 45 degrees";
     expect(&log, &[first, angles]);
     let mut map = sps();
-    map.args(["predict", "--map", "fRS", "--model"]);
+    map.args(["predict", "--map", "fRS"]);
     map.arg(scratch.path("model"))
         .arg(dataset.frame_path(0, 2).unwrap());
     expect(
@@ -372,9 +379,7 @@ fn a_trained_encoder_that_has_seen_too_much_has_no_p_value() {
     expect(line["no_familiar"].as_str().unwrap(), &[reason]);
     let ask = |options: &[&str]| {
         let mut command = sps();
-        command
-            .args(["predict", "--model"])
-            .arg(scratch.path("model"));
+        command.args(["predict"]).arg(scratch.path("model"));
         said(command.args(options).arg(&image[0]))
     };
     expect(
@@ -484,7 +489,7 @@ fn a_map_is_a_picture_and_numbers() {
     let map = |options: &[&str], images: &[PathBuf]| {
         let mut command = sps();
         command
-            .args(["predict", "--map", "fRS", "--model"])
+            .args(["predict", "--map", "fRS"])
             .arg(scratch.path("model"));
         command
             .arg("--out")
@@ -536,7 +541,7 @@ fn a_map_is_a_picture_and_numbers() {
     let refused = map(&[], &two[..1]).assert();
     expect(&message(refused), &["is no map that names its photograph"]);
     let mut misspelt = sps();
-    misspelt.args(["predict", "--map", "frs", "--model"]);
+    misspelt.args(["predict", "--map", "frs"]);
     misspelt.arg(scratch.path("model")).arg(&photograph);
     let refused = message(misspelt.assert());
     expect(
@@ -545,7 +550,7 @@ fn a_map_is_a_picture_and_numbers() {
     );
 }
 
-/// What `train` says of the tiny dataset, its readings a hundredth of what they were, and what `predict`
+/// What `fit` says of the tiny dataset, its readings a hundredth of what they were, and what `predict`
 /// and `inspect` show of them.
 #[test]
 fn people_read_as_many_digits_as_the_readings_have() {
@@ -579,9 +584,7 @@ fn people_read_as_many_digits_as_the_readings_have() {
     };
 
     let mut predict = sps();
-    predict
-        .args(["predict", "--model"])
-        .arg(scratch.path("model"));
+    predict.args(["predict"]).arg(scratch.path("model"));
     let table = said(predict.arg(scratch.path("data/frames/oak-01/002.jpg")));
     // Their standard deviations are 0.117 and 0.318.
     assert_eq!(decimals(&of(&table, "fRS")), [3; 3], "{table}");
@@ -597,12 +600,15 @@ fn people_read_as_many_digits_as_the_readings_have() {
 }
 
 #[test]
-fn train_says_what_it_fits_and_what_its_numbers_mean() {
+fn fit_says_what_it_fits_and_what_its_numbers_mean() {
     let scratch = Scratch::new();
     calibrates(&scratch);
     let train = |more: &[&str]| {
         let mut train = sps();
-        train.arg("train").arg(scratch.path("tiny.toml")).args(more);
+        train
+            .args(["fit", "--config"])
+            .arg(scratch.path("tiny.toml"))
+            .args(more);
         train.arg("--out").arg(scratch.path("model")).assert()
     };
     let said = |assert: assert_cmd::assert::Assert| {
@@ -615,9 +621,9 @@ fn train_says_what_it_fits_and_what_its_numbers_mean() {
             "Fits method `cross-modal`, the last of the config's methods; `[train] method = \"ID\"` \
             chooses another: ridge",
             "intervals of 50 %:",
-            "R²  interval half width  covered, %",
-            "50 % of the surfaces fitted to calibrate the intervals",
-            "`experiment` fits to all",
+            "R²   MAE  interval half width  covered, %",
+            "furthest from what was measured",
+            "the 50 % that calibrate them",
         ],
     );
     let at = |property: &str| first.find(property).unwrap();
@@ -637,7 +643,9 @@ fn what_no_photographs_can_be_taken_for_is_not_kept() {
     let refused = |method: &str, named: &[&str]| {
         let scratch = Scratch::new();
         let mut train = sps();
-        train.arg("train").arg(scratch.path("tiny.toml"));
+        train
+            .args(["fit", "--config"])
+            .arg(scratch.path("tiny.toml"));
         train.arg("--set").arg(format!("methods=[{method}]"));
         let refused = train.arg("--out").arg(scratch.path("model")).assert();
         expect(&message(refused), named);

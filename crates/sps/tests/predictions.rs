@@ -360,7 +360,9 @@ fn a_file_is_of_this_kind_of_method_alone_and_nothing_is_fitted_to_it() {
     );
 
     let mut train = sps();
-    train.arg("train").arg(scratch.path("tiny.toml"));
+    train
+        .args(["fit", "--config"])
+        .arg(scratch.path("tiny.toml"));
     train.arg("--out").arg(scratch.path("model"));
     expect(
         &message(train.assert()),

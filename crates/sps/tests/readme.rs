@@ -27,7 +27,7 @@ fn the_program_of_the_readme_runs() {
     fs::copy(root().join(photograph), to).unwrap();
     let cache = format!("cache.folder={:?}", folder.path().join("cache"));
     let mut train = sps();
-    train.args(["train", "configs/smoke.toml", "--set", &cache]);
+    train.args(["fit", "--config", "configs/smoke.toml", "--set", &cache]);
     train
         .arg("--out")
         .arg(folder.path().join("models/smoke"))

@@ -104,7 +104,9 @@ fn training_says_which_question_was_asked() {
     let scratch = Scratch::new();
     let train = |by: &str, said: &[&str]| {
         let mut train = sps();
-        train.arg("train").arg(scratch.path("tiny.toml"));
+        train
+            .args(["fit", "--config"])
+            .arg(scratch.path("tiny.toml"));
         let split = format!("split={{leave-one-out={{by=\"{by}\"}}}}");
         for set in [split.as_str(), "train.method=ridge", "reruns=1"] {
             train.args(["--set", set]);

@@ -28,7 +28,7 @@ use crate::images::{Image, Images, embed_each};
 /// with an interval, and a p-value that says whether the surface is like those fitted on.
 ///
 /// It is made by Estimator.fit, or read by Estimator.load from a folder that Estimator.save or
-/// `cargo xtask train` wrote. It never changes; any number of threads may use it at once, and the same
+/// `cargo xtask fit` wrote. It never changes; any number of threads may use it at once, and the same
 /// photographs give the same bits on each and beside any others.
 ///
 /// A photograph is a path or an array as Encoder.embed takes them. `scale` says to which size one is

@@ -95,6 +95,8 @@ struct GroupCard {
     models: ModelsCard,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     errors: Option<ModelsCard>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    whole: Option<ModelsCard>,
     least_errors: Vec<f64>,
 }
 
@@ -307,6 +309,7 @@ impl GroupCard {
                 errors: self.errors.as_ref().map(models).transpose()?,
                 least: self.least_errors.clone(),
             },
+            whole: self.whole.as_ref().map(models).transpose()?,
         })
     }
 }
@@ -342,12 +345,16 @@ impl Files<'_> {
             })
         };
         let errors = group.step.errors.as_ref();
+        let whole = group.whole.as_ref();
         Ok(GroupCard {
             properties: group.properties.clone(),
             slots: group.slots.clone(),
             models: models("models", group.step.models.as_ref())?,
             errors: errors
                 .map(|errors| models("errors", errors.as_ref()))
+                .transpose()?,
+            whole: whole
+                .map(|whole| models("whole", whole.as_ref()))
                 .transpose()?,
             least_errors: group.step.least.clone(),
         })

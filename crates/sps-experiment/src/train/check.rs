@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Context, Result};
-use sps_dataset::Split;
+use sps_dataset::{Split, Surface, Unit, Units};
 use sps_estimator::{Fitted, Measured, Predicted, Predictions};
 use sps_metrics::{Moments, Pair, PredictionInterval, ScoreAccumulator, TrainingMean, coverage};
 
@@ -15,8 +15,13 @@ use crate::text::{aligned, decimals, number};
 /// Photographs are counted as unlike what a model was fitted on below this p-value.
 const UNFAMILIAR: f64 = 0.05;
 
+/// Surfaces that are named for their errors.
+const WORST: usize = 3;
+
 /// Over all splits.
-pub(super) struct Check {
+pub(super) struct Check<'a> {
+    /// What an interval promises to hold for.
+    units: &'a Units,
     /// Set where views are looked at one by one.
     adaptive: Option<Adaptive>,
     rows: BTreeMap<Row, HeldOuts>,
@@ -26,6 +31,9 @@ pub(super) struct Check {
     familiar: Vec<f64>,
     /// Why the models of some splits have none.
     no_familiar: Option<String>,
+    /// Of each surface the squared errors of all properties, in variances of the training readings, and
+    /// how many they are.
+    errors: BTreeMap<usize, (f64, usize)>,
 }
 
 /// How many views are looked at.
@@ -36,14 +44,16 @@ enum Row {
     Session,
 }
 
-impl Check {
-    pub(super) fn new(adaptive: Option<Adaptive>) -> Self {
+impl<'a> Check<'a> {
+    pub(super) fn new(units: &'a Units, adaptive: Option<Adaptive>) -> Self {
         Self {
+            units,
             adaptive,
             rows: BTreeMap::new(),
             views_taken: Vec::new(),
             familiar: Vec::new(),
             no_familiar: None,
+            errors: BTreeMap::new(),
         }
     }
 
@@ -56,29 +66,70 @@ impl Check {
     ) -> Result<()> {
         for (views, predictions) in &all {
             let row = self.rows.entry(Row::Views(*views)).or_default();
-            row.add(tables, split, predictions)?;
+            row.add(tables, split, predictions, self.units)?;
         }
         if let Some(adaptive) = &self.adaptive
             && let Some((views, predictions)) = stopped(fitted, &all, adaptive.width)
         {
             self.views_taken.extend(views);
             let row = self.rows.entry(Row::Session).or_default();
-            row.add(tables, split, &predictions)?;
+            row.add(tables, split, &predictions, self.units)?;
         }
-        let last = all
-            .pop_last()
-            .and_then(|(_, predictions)| predictions.familiar);
-        self.familiar.extend(last.unwrap_or_default());
+        if let Some((_, last)) = all.pop_last() {
+            self.note_errors(tables, split, &last)?;
+            self.familiar.extend(last.familiar.unwrap_or_default());
+        }
         if let Some(reason) = fitted.no_familiar() {
             self.no_familiar = Some(reason.to_owned());
         }
         Ok(())
     }
 
+    fn note_errors(&mut self, tables: &Tables, split: &Split, all: &Predictions) -> Result<()> {
+        for predicted in &all.properties {
+            let training = training(tables, &predicted.property, &split.train)?;
+            let variance = training.sample_std().unwrap_or_default().powi(2);
+            let column = tables.readings.column(&predicted.property);
+            let column = column.context(NOT_MEASURED)?;
+            for (&surface, estimate) in split.validation.iter().zip(&predicted.values) {
+                if let Some(truth) = tables.readings.get(surface, column)
+                    && variance > 0.0
+                {
+                    let (sum, count) = self.errors.entry(surface).or_default();
+                    *sum += (truth - estimate).powi(2) / variance;
+                    *count += 1;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The surfaces whose estimates are furthest from what was measured, the worst first.
+    fn print_worst(&self, surfaces: &[Surface], say: Say<'_>) {
+        let errors = self.errors.iter();
+        let errors = errors.map(|(&at, (sum, count))| ((sum / *count as f64).sqrt(), at));
+        let mut errors: Vec<(f64, usize)> = errors.collect();
+        errors.sort_by(|one, other| other.0.total_cmp(&one.0));
+        let worst = errors.iter().take(WORST);
+        let worst = worst.map(|(error, at)| format!("{} {error:.2}", surfaces[*at].id));
+        let worst: Vec<String> = worst.collect();
+        say(&format!(
+            "furthest from what was measured, error in standard deviations: {}",
+            worst.join(", ")
+        ));
+    }
+
     /// Says it, and gives what is measured of each property from all views.
-    pub(super) fn print(&self, say: Say<'_>) -> Result<BTreeMap<String, Measured>> {
+    pub(super) fn print(
+        &self,
+        surfaces: &[Surface],
+        say: Say<'_>,
+    ) -> Result<BTreeMap<String, Measured>> {
         let last = self.rows.iter().rfind(|(row, _)| **row != Row::Session);
-        let measured = last.map(|(_, held_out)| held_out.print(say)).transpose()?;
+        let unit = self.units.unit();
+        let measured = last.map(|(_, held_out)| held_out.print(unit, say));
+        let measured = measured.transpose()?;
+        self.print_worst(surfaces, say);
         if !self.familiar.is_empty() {
             let unlike = self.familiar.iter().filter(|p| **p <= UNFAMILIAR).count();
             let share = 100.0 * unlike as f64 / self.familiar.len() as f64;
@@ -101,14 +152,15 @@ impl Check {
         say("\nViews one by one, means over the properties, half widths in standard deviations:");
         let taken = self.views_taken.iter().sum::<usize>();
         let mean = taken as f64 / self.views_taken.len().max(1) as f64;
-        let mut lines = vec![heading()];
+        let unit = self.units.unit();
+        let mut lines = vec![heading(unit)];
         for (row, held_out) in &self.rows {
             let name = match row {
                 Row::Views(1) => "1 view".to_owned(),
                 Row::Views(views) => format!("{views} views"),
                 Row::Session => format!("until sure, {mean:.2} views"),
             };
-            lines.push(line(&name, &held_out.means()?, 2));
+            lines.push(line(&name, &held_out.means()?, 2, unit));
         }
         say(aligned(&lines, |at| at == 0).trim_end());
         Ok(())
@@ -146,7 +198,13 @@ fn stopped(
 struct HeldOuts(Vec<(String, HeldOut)>);
 
 impl HeldOuts {
-    fn add(&mut self, tables: &Tables, split: &Split, predictions: &Predictions) -> Result<()> {
+    fn add(
+        &mut self,
+        tables: &Tables,
+        split: &Split,
+        predictions: &Predictions,
+        units: &Units,
+    ) -> Result<()> {
         for predicted in &predictions.properties {
             let training = training(tables, &predicted.property, &split.train)?;
             let place = self
@@ -159,18 +217,19 @@ impl HeldOuts {
                 self.0.len() - 1
             });
             let (_, all) = &mut self.0[place];
-            all.add(tables, &split.validation, &training, predicted)?;
+            all.add((tables, units), &split.validation, &training, predicted)?;
         }
         Ok(())
     }
 
     /// Says a line for each property, and gives what it says.
-    fn print(&self, say: Say<'_>) -> Result<BTreeMap<String, Measured>> {
+    fn print(&self, unit: Unit, say: Say<'_>) -> Result<BTreeMap<String, Measured>> {
         let mut measured = BTreeMap::new();
-        let mut lines = vec![heading()];
+        let mut lines = vec![heading(unit)];
         for (property, all) in &self.0 {
             let of_property = all.measured()?;
-            lines.push(line(property, &of_property, decimals(all.deviation())));
+            let decimals = decimals(all.deviation());
+            lines.push(line(property, &of_property, decimals, unit));
             measured.insert(property.clone(), of_property);
         }
         say(aligned(&lines, |at| at == 0).trim_end());
@@ -196,26 +255,35 @@ impl HeldOuts {
         Ok(Measured {
             readings: all.iter().map(|(measured, _)| measured.readings).sum(),
             r2: mean(&|(measured, _)| measured.r2),
+            mae: mean(&|(measured, deviation)| Some(measured.mae? / deviation)),
             coverage: mean(&|(measured, _)| measured.coverage),
+            unit_coverage: mean(&|(measured, _)| measured.unit_coverage),
             mean_width: mean(&|(measured, deviation)| Some(measured.mean_width? / deviation)),
         })
     }
 }
 
-fn heading() -> Vec<String> {
-    ["", "R²", "interval half width", "covered, %"]
+/// The last column where intervals are for a new group or material alone.
+fn heading(unit: Unit) -> Vec<String> {
+    let mut heading = ["", "R²", "MAE", "interval half width", "covered, %"]
         .map(str::to_owned)
-        .to_vec()
+        .to_vec();
+    heading.extend((unit != Unit::Surface).then(|| format!("by {}, %", unit.name())));
+    heading
 }
 
-/// What was measured below the [`heading`], half widths with so many decimals.
-fn line(name: &str, measured: &Measured, decimals: usize) -> Vec<String> {
-    vec![
+/// What was measured below the [`heading`], errors and half widths with so many decimals.
+fn line(name: &str, measured: &Measured, decimals: usize, unit: Unit) -> Vec<String> {
+    let percent = |share: Option<f64>| number(share.map(|share| 100.0 * share), 1);
+    let mut line = vec![
         name.to_owned(),
         number(measured.r2, 3),
+        number(measured.mae, decimals),
         number(measured.mean_width.map(|width| width / 2.0), decimals),
-        number(measured.coverage.map(|share| 100.0 * share), 1),
-    ]
+        percent(measured.coverage),
+    ];
+    line.extend((unit != Unit::Surface).then(|| percent(measured.unit_coverage)));
+    line
 }
 
 /// What was measured of the training surfaces.
@@ -236,6 +304,8 @@ struct HeldOut {
     intervals: Vec<PredictionInterval>,
     /// Of the splits that have intervals.
     truth: Vec<f64>,
+    /// Of each unit, how many of its surfaces the intervals hold, and of how many.
+    units: BTreeMap<usize, (usize, usize)>,
     no_interval: Option<String>,
     /// Standard deviations of the training readings, one of each split.
     deviations: Moments,
@@ -245,7 +315,7 @@ impl HeldOut {
     /// Adds what was predicted of some surfaces, as far as they were measured.
     fn add(
         &mut self,
-        tables: &Tables,
+        (tables, units): (&Tables, &Units),
         surfaces: &[usize],
         training: &Moments,
         predicted: &Predicted,
@@ -270,11 +340,15 @@ impl HeldOut {
         match &predicted.intervals {
             Err(reason) => self.no_interval = Some(reason.clone()),
             Ok(intervals) => {
-                let read = truths.into_iter().zip(intervals);
-                let read = read.filter_map(|(truth, interval)| Some((truth?, *interval)));
-                let (truth, intervals): (Vec<f64>, Vec<_>) = read.unzip();
-                self.truth.extend(truth);
-                self.intervals.extend(intervals);
+                for ((truth, interval), surface) in truths.into_iter().zip(intervals).zip(surfaces)
+                {
+                    let Some(truth) = truth else { continue };
+                    self.truth.push(truth);
+                    self.intervals.push(*interval);
+                    let (held, count) = self.units.entry(units.of_surface()[*surface]).or_default();
+                    *held += usize::from((interval.low..=interval.high).contains(&truth));
+                    *count += 1;
+                }
             }
         }
         Ok(())
@@ -285,6 +359,8 @@ impl HeldOut {
     }
 
     fn measured(&self) -> Result<Measured> {
+        let shares = self.units.values();
+        let shares = shares.map(|(held, count)| *held as f64 / *count as f64);
         let any = !self.intervals.is_empty();
         let coverage = any.then(|| coverage(&self.intervals, &self.truth));
         let coverage = coverage.transpose()?;
@@ -295,7 +371,9 @@ impl HeldOut {
                 .r2(TrainingMean::new(0.0)?)
                 .ok()
                 .map(|r2| r2.value),
+            mae: self.scores.mae().ok().map(|mae| mae.value),
             coverage: coverage.map(|coverage| coverage.fraction()),
+            unit_coverage: any.then(|| shares.sum::<f64>() / self.units.len() as f64),
             mean_width: coverage.map(|coverage| coverage.mean_width),
         })
     }

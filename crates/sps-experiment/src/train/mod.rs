@@ -61,7 +61,6 @@ impl WithSource for Train<'_> {
             method.encoder.network.kind()
         );
         keeps_its_views(&method)?;
-        (self.say)(&which(experiment));
         let splits = Splits::of(experiment, source.surfaces())?;
         let data = (source, &about);
         let views = views::needed(&[&method], source)?;
@@ -97,8 +96,8 @@ impl WithSource for Train<'_> {
     }
 }
 
-/// Which method is fitted, why, and how another is chosen.
-fn which(experiment: &Experiment) -> String {
+/// Which method [`train`] fits, why, and how another is chosen.
+pub fn which(experiment: &Experiment) -> String {
     let train = &experiment.train;
     let id = &experiment.methods[train.method].id;
     let kept = |method: &&Method| method.estimator.regression().is_some() && method.id != *id;
@@ -293,8 +292,8 @@ impl<S: Source> Trainer<'_, S> {
 
     /// Says what such models do on the surfaces that each split of the config holds out.
     fn check(&self, say: Say<'_>) -> Result<BTreeMap<String, Measured>> {
-        let splits = &self.splits.all;
-        let mut check = Check::new(self.method.adaptive);
+        let (splits, source) = (&self.splits.all, self.source);
+        let mut check = Check::new(&self.splits.units, self.method.adaptive);
         for (number, split) in splits.iter().enumerate() {
             let fit = self.fit(&split.train, number as u64)?;
             let predictions = self.predictions(&fit, &split.validation)?;
@@ -313,11 +312,11 @@ impl<S: Source> Trainer<'_, S> {
             self.method.label,
             100.0 * train.level.get()
         ));
-        say(&what_is_measured(self.splits, self.source.surfaces()));
-        let measured = check.print(say)?;
+        say(&what_is_measured(self.splits, source.surfaces()));
+        let measured = check.print(source.surfaces(), say)?;
         say(&format!(
-            "{:.0} % of the surfaces fitted to calibrate the intervals, and estimates learn from the \
-            others alone: `experiment` fits to all of them, and as a rule has a higher R² on these splits.",
+            "values are estimated by a model of all surfaces fitted to; intervals by one that has not seen \
+            the {:.0} % that calibrate them",
             100.0 * train.calibration
         ));
         Ok(measured)

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 
-use crate::importing::{Import, Request};
+use crate::importing::{Frames, Import, Options, Request};
 
 /// Lay photographs and a table of values out as a dataset
 #[derive(clap::Args)]
@@ -28,25 +28,8 @@ pub struct Args {
     /// The table of values
     #[arg(long, value_name = "FILE.csv")]
     values: PathBuf,
-    /// The names of the table's columns, one a line, where its first line does not have them; without
-    /// a column that says which photographs a row is of, rows are in the order of their names, and
-    /// blanks may stand for commas
-    #[arg(long, value_name = "FILE")]
-    columns: Option<PathBuf>,
-    /// Folders in that of the photographs, one for each view, with the same names in each
-    #[arg(long, value_name = "FOLDER,...", value_delimiter = ',')]
-    views: Vec<String>,
-    /// The roll angle of each view in degrees, 0 straight down; by default evenly spaced from 0 to 45
-    #[arg(
-        long,
-        value_name = "DEGREES,...",
-        value_delimiter = ',',
-        allow_hyphen_values = true
-    )]
-    angles: Vec<f64>,
-    /// Take materials from names: 001_baked_clay01.jpg is surface 001-baked-clay, of baked-clay
-    #[arg(long)]
-    materials_from_names: bool,
+    #[command(flatten)]
+    options: Options,
     /// The folder to write the dataset to
     #[arg(long, value_name = "DATASET")]
     out: PathBuf,
@@ -56,35 +39,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let import = Import::find(&Request {
         photographs: &args.photographs,
         values: &args.values,
-        columns: args.columns.as_deref(),
-        views: &args.views,
-        angles: &args.angles,
-        materials_from_names: args.materials_from_names,
+        options: &args.options,
     })?;
-    import.write(&args.out)?;
-    let [surfaces, views, groups] = import.counts();
-    println!(
-        "{}: {surfaces} surfaces in {groups} groups, photographs of each: {views}. It was assumed that",
-        args.out.display()
-    );
-    for assumed in import.assumed() {
-        println!("- {assumed};");
-    }
-    let properties = import.properties().iter().map(ToString::to_string);
-    println!("Properties: {}.", properties.collect::<Vec<_>>().join(", "));
-    let without_row = import.without_row();
-    if !without_row.is_empty() {
-        let first = without_row
-            .iter()
-            .take(3)
-            .map(|path| path.display().to_string());
-        let more = if without_row.len() > 3 { ", ..." } else { "" };
-        println!(
-            "Left out, for no row is of them: {} photographs ({}{more}).",
-            without_row.len(),
-            first.collect::<Vec<_>>().join(", ")
-        );
-    }
+    import.write(&args.out, Frames::Copied)?;
+    print!("{}: {}", args.out.display(), import.described());
     println!("`inspect {}` shows what is in it.", args.out.display());
     Ok(())
 }

@@ -3,9 +3,9 @@
 pub(crate) mod compare;
 pub(crate) mod embed;
 pub(crate) mod experiment;
+pub(crate) mod fit;
 pub(crate) mod import;
 pub(crate) mod inspect;
 pub(crate) mod predict;
 pub(crate) mod report;
 pub(crate) mod simulate;
-pub(crate) mod train;

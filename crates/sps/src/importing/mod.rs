@@ -5,6 +5,7 @@ mod surfaces;
 mod table;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -27,14 +28,39 @@ pub(crate) struct Request<'a> {
     pub(crate) photographs: &'a Path,
     /// The table of values.
     pub(crate) values: &'a Path,
-    /// The names of the table's columns, where its first line does not have them.
-    pub(crate) columns: Option<&'a Path>,
-    /// The folders of the views, where each view has one.
-    pub(crate) views: &'a [String],
-    /// The roll angle of each view in degrees, where they are known.
-    pub(crate) angles: &'a [f64],
-    /// Materials that the table does not have are taken from names.
-    pub(crate) materials_from_names: bool,
+    pub(crate) options: &'a Options,
+}
+
+/// What is known of photographs and table.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// The names of the table's columns, one a line, where its first line does not have them; without
+    /// a column that says which photographs a row is of, rows are in the order of their names, and
+    /// blanks may stand for commas
+    #[arg(long, value_name = "FILE")]
+    columns: Option<PathBuf>,
+    /// Folders in that of the photographs, one for each view, with the same names in each
+    #[arg(long, value_name = "FOLDER,...", value_delimiter = ',')]
+    views: Vec<String>,
+    /// The roll angle of each view in degrees, 0 straight down; by default evenly spaced from 0 to 45
+    #[arg(
+        long,
+        value_name = "DEGREES,...",
+        value_delimiter = ',',
+        allow_hyphen_values = true
+    )]
+    angles: Vec<f64>,
+    /// Take materials from names: 001_baked_clay01.jpg is surface 001-baked-clay, of baked-clay
+    #[arg(long)]
+    materials_from_names: bool,
+}
+
+/// How a dataset has its photographs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Frames {
+    Copied,
+    /// As the same files, for a dataset that is gone before they change; copied where that cannot be.
+    Linked,
 }
 
 /// Surfaces with their photographs and values.
@@ -50,18 +76,19 @@ pub(crate) struct Import {
 impl Import {
     /// Finds the photographs that the table has rows for; nothing is written.
     pub(crate) fn find(request: &Request) -> Result<Self> {
-        let table = Table::read(request.values, request.columns)?;
+        let options = request.options;
+        let table = Table::read(request.values, options.columns.as_deref())?;
         let in_folders = table.key == Key::Surface || table.columns.contains(&Column::View);
         ensure!(
-            !in_folders || request.views.is_empty(),
+            !in_folders || options.views.is_empty(),
             "{} says which photograph is of which view, expected no folders of views beside it",
             request.values.display()
         );
-        let folder = Folder::open(request.photographs, request.views)?;
+        let folder = Folder::open(request.photographs, &options.views)?;
         let finder = Finder {
             table: &table,
             folder: &folder,
-            materials_from_names: request.materials_from_names,
+            materials_from_names: options.materials_from_names,
         };
         let surfaces = finder.find()?;
         let photographs = surfaces.iter().flat_map(|surface| &surface.photographs);
@@ -75,41 +102,53 @@ impl Import {
                 request.photographs.display(),
                 request.values.display()
             ),
-            angles: angles(request.angles, views)?,
+            angles: angles(&options.angles, views)?,
             without_row: folder.others(&used)?,
-            assumed: assumed(request, &table, &surfaces)?,
+            assumed: assumed(options, &table, &surfaces)?,
             properties: table.properties,
             surfaces,
         })
     }
 
-    /// How many surfaces there are, photographs of each, and groups.
-    pub(crate) fn counts(&self) -> [usize; 3] {
+    /// How many groups there are.
+    pub(crate) fn groups(&self) -> usize {
         let groups: BTreeSet<&str> = self.surfaces.iter().map(Imported::group).collect();
-        [
+        groups.len()
+    }
+
+    /// What was found, what is assumed beside it, and what is left out, for people.
+    pub(crate) fn described(&self) -> String {
+        let properties: Vec<_> = self.properties.iter().map(ToString::to_string).collect();
+        let mut text = format!(
+            "{} surfaces in {} groups, photographs of each: {}. It was assumed that\n",
             self.surfaces.len(),
-            self.angles.as_slice().len(),
-            groups.len(),
-        ]
-    }
-
-    /// The columns with values.
-    pub(crate) fn properties(&self) -> &[Property] {
-        &self.properties
-    }
-
-    /// Photographs of the folder that no row is of, by name.
-    pub(crate) fn without_row(&self) -> &[PathBuf] {
-        &self.without_row
-    }
-
-    /// What the photographs and the table do not say.
-    pub(crate) fn assumed(&self) -> &[String] {
-        &self.assumed
+            self.groups(),
+            self.angles.as_slice().len()
+        );
+        for assumed in &self.assumed {
+            let _ = writeln!(text, "- {assumed};");
+        }
+        let _ = writeln!(text, "Properties: {}.", properties.join(", "));
+        if !self.without_row.is_empty() {
+            let first = self.without_row.iter().take(3);
+            let first: Vec<_> = first.map(|path| path.display().to_string()).collect();
+            let more = if self.without_row.len() > 3 {
+                ", ..."
+            } else {
+                ""
+            };
+            let _ = writeln!(
+                text,
+                "Left out, for no row is of them: {} photographs ({}{more}).",
+                self.without_row.len(),
+                first.join(", ")
+            );
+        }
+        text
     }
 
     /// Writes the dataset; `folder` must not be there yet.
-    pub(crate) fn write(&self, folder: &Path) -> Result<()> {
+    pub(crate) fn write(&self, folder: &Path, frames: Frames) -> Result<()> {
         ensure!(
             fs::symlink_metadata(folder).is_err(),
             "{} is there already; choose another folder",
@@ -131,7 +170,7 @@ impl Import {
                 DatasetFolder::open(folder, &ReadSettings::default())?;
                 self.surfaces
                     .iter()
-                    .try_for_each(|surface| surface.copy(folder))
+                    .try_for_each(|surface| surface.lay_out(folder, frames))
             },
             |error| Error::from(error).context(folder.display().to_string()),
         )
@@ -187,12 +226,15 @@ impl Imported {
         self.group.as_deref().unwrap_or(&self.id)
     }
 
-    /// Copies the photographs to where the dataset in `folder` has its views.
-    fn copy(&self, folder: &Path) -> Result<()> {
+    /// Brings the photographs to where the dataset in `folder` has its views.
+    fn lay_out(&self, folder: &Path, frames: Frames) -> Result<()> {
         let to = folder.join("frames").join(&self.id);
         fs::create_dir_all(&to).with_context(|| to.display().to_string())?;
         for (view, photograph) in self.photographs.iter().enumerate() {
             let to = to.join(format!("{view:03}.{}", photograph.ending));
+            if frames == Frames::Linked && fs::hard_link(&photograph.path, &to).is_ok() {
+                continue;
+            }
             fs::copy(&photograph.path, to)
                 .with_context(|| format!("cannot copy {}", photograph.path.display()))?;
         }
@@ -215,13 +257,13 @@ fn angles(given: &[f64], views: usize) -> Result<ViewAngles> {
 
 /// What is taken for granted; nothing of it may hold the text of a table as it is, since it becomes a
 /// comment in TOML.
-fn assumed(request: &Request, table: &Table, surfaces: &[Imported]) -> Result<Vec<String>> {
+fn assumed(options: &Options, table: &Table, surfaces: &[Imported]) -> Result<Vec<String>> {
     let views = surfaces
         .first()
         .map_or(0, |surface| surface.photographs.len());
     let mut assumed = Vec::new();
     let mut assume = |line: &str| assumed.push(line.to_owned());
-    match (views, request.angles) {
+    match (views, options.angles.as_slice()) {
         (..=1, []) => assume("each photograph is a surface of its own, seen from straight down"),
         (_, []) => assume(
             "angles of views are nominal: the first is seen from straight down, the last from 45 degrees, \
@@ -242,7 +284,7 @@ fn assumed(request: &Request, table: &Table, surfaces: &[Imported]) -> Result<Ve
         }
         Key::Photograph => {}
     }
-    if request.materials_from_names {
+    if options.materials_from_names {
         assume("a material is the name without numbers at its ends, unless the table says another");
     }
     if surfaces.iter().any(|surface| surface.material.is_none()) {

@@ -3,7 +3,7 @@ mod print;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, bail, ensure};
 use rayon::prelude::*;
 use sps_estimator::{Answer, Estimator, Frame, Scale, photographs_in};
 use sps_experiment::progress::Progress;
@@ -14,8 +14,8 @@ use self::print::Printer;
 /// Estimate the tactile properties of surfaces from photographs of them
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  sps predict --model models/friction photograph.jpg\n  \
-    sps predict --model models/friction --csv photographs/ > estimates.csv\n\nA model of one \
+    after_help = "Examples:\n  sps predict models/friction photograph.jpg\n  \
+    sps predict models/friction --csv photographs/ > estimates.csv\n\nA model of one \
     view takes every photograph for a surface of its own, one of several views those of a folder, or \
     all that are named one by one, for one surface; --group-by says otherwise. Photographs of a folder \
     are taken by name, those that are named in the order given; it is that of the model's angles. \
@@ -23,8 +23,8 @@ use self::print::Printer;
     is 1."
 )]
 pub struct Args {
-    /// A folder that `train` wrote
-    #[arg(long, value_name = "MODEL_DIR")]
+    /// A folder that `fit` wrote
+    #[arg(value_name = "MODEL")]
     model: PathBuf,
     /// Bring the shorter side to so many pixels [default: as many as the frames that the model was
     /// fitted on have, which is right where a photograph shows as much of a surface as those did]
@@ -61,7 +61,7 @@ enum GroupBy {
 const AT_ONCE: usize = 16;
 
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let model = Estimator::load(&args.model).context("--model")?;
+    let model = Estimator::load(&args.model)?;
     ensure!(
         (0.0..=1.0).contains(&args.unfamiliar),
         "--unfamiliar: found {}, expected a probability",

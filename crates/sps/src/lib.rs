@@ -36,6 +36,7 @@ struct Cli<C: Subcommand> {
 pub enum Command {
     Fit(Box<cmd::fit::Args>),
     Predict(cmd::predict::Args),
+    Suggest(cmd::suggest::Args),
     Experiment(cmd::experiment::Args),
     Compare(cmd::compare::Args),
     Simulate(cmd::simulate::Args),
@@ -54,6 +55,7 @@ impl Command {
         match self {
             Self::Fit(args) => cmd::fit::run(args),
             Self::Predict(args) => cmd::predict::run(args),
+            Self::Suggest(args) => cmd::suggest::run(args),
             Self::Experiment(args) => cmd::experiment::run(args),
             Self::Compare(args) => cmd::compare::run(args),
             Self::Simulate(args) => cmd::simulate::run(args),

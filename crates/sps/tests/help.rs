@@ -6,7 +6,8 @@ use support::sps;
 
 #[test]
 fn examples_say_what_to_type() {
-    for command in "fit predict experiment compare simulate import inspect embed report".split(' ')
+    for command in
+        "fit predict suggest experiment compare simulate import inspect embed report".split(' ')
     {
         let output = sps().args([command, "--help"]).assert().success();
         let text = String::from_utf8_lossy(&output.get_output().stdout).into_owned();

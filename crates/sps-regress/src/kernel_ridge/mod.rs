@@ -1,6 +1,7 @@
 //! Kernel ridge regression from embeddings to tactile values: the strong, cheap floor under every
 //! network.
 
+mod design;
 mod fit;
 mod kernel;
 mod set_losses;

@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Error, Result, ensure};
 use sps_base::files::{write_folder, write_new};
 use sps_dataset::{
-    DatasetFolder, Manifest, Property, PropertyOrder, ReadSettings, TableFormat, ViewAngles,
+    DatasetFolder, Manifest, PHOTOGRAPH_ENDINGS, Property, PropertyOrder, ReadSettings,
+    TableFormat, ViewAngles,
 };
 
 use self::photographs::Folder;
@@ -71,6 +72,18 @@ pub(crate) struct Import {
     surfaces: Vec<Imported>,
     without_row: Vec<PathBuf>,
     assumed: Vec<String>,
+}
+
+/// All photographs below a folder, by name; at least one.
+pub(crate) fn photographs_below(folder: &Path) -> Result<Vec<PathBuf>> {
+    let photographs = Folder::open(folder, &[])?.others(&BTreeSet::new())?;
+    ensure!(
+        !photographs.is_empty(),
+        "{} has no photograph, expected files that end in {}",
+        folder.display(),
+        PHOTOGRAPH_ENDINGS.join(", ")
+    );
+    Ok(photographs.iter().map(|path| folder.join(path)).collect())
 }
 
 impl Import {
@@ -145,6 +158,20 @@ impl Import {
             );
         }
         text
+    }
+
+    /// Photographs of the folder that no row is of, below it, by name.
+    pub(crate) fn without_row(&self) -> &[PathBuf] {
+        &self.without_row
+    }
+
+    /// The photographs that rows are of.
+    pub(crate) fn photographs(&self) -> impl Iterator<Item = &Path> {
+        let photographs = self
+            .surfaces
+            .iter()
+            .flat_map(|surface| &surface.photographs);
+        photographs.map(|photograph| photograph.path.as_path())
     }
 
     /// Writes the dataset; `folder` must not be there yet.

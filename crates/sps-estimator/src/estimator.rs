@@ -241,6 +241,18 @@ impl Estimator {
         self.predict_embedded(&values, photographs.len())
     }
 
+    /// As [`Estimator::predict`], with intervals of which those of all properties hold at once at the level.
+    ///
+    /// # Errors
+    ///
+    /// As [`Estimator::predict`]; several photographs, where the model takes one.
+    pub fn predict_jointly(&self, photographs: &[Frame]) -> Result<Answer> {
+        self.check_views(photographs.len())?;
+        let values = self.embedder.embed(photographs)?;
+        let embeddings = self.embedder.table(&values, 1, photographs.len())?;
+        Ok(self.answer(&self.fitted.predict_jointly(&embeddings)?, 0..1))
+    }
+
     /// As [`Estimator::predict`], from the embeddings of so many photographs, `(photographs, width)`.
     ///
     /// # Errors

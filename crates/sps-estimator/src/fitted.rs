@@ -19,6 +19,8 @@ pub struct Fitted {
     /// What photographs are held against, or why there is nothing.
     pub(crate) familiar: Result<Familiar, String>,
     pub(crate) level: Level,
+    /// How wide intervals are that hold for all properties at once.
+    pub(crate) joint: Interval,
     pub(crate) on: FittedOn,
     /// Of an embedding.
     pub(crate) width: usize,
@@ -114,17 +116,17 @@ impl Measure {
         })
     }
 
-    /// Estimates of photographs, with intervals of which so many hold at once at the level. `values` are
-    /// the estimates where they are not those that intervals lie around; one outside of the interval that
-    /// a single photograph has becomes the nearer end of it.
+    /// Estimates of photographs, with intervals half as wide as so many `times` the expected error.
+    /// `values` are the estimates where they are not those that intervals lie around; one outside of the
+    /// interval that it has by itself becomes the nearer end of it.
     fn predicted(
         &self,
         expected: &[Expected],
         values: Option<Vec<f64>>,
-        (photographs, level): (usize, Level),
+        (times, level): (Result<f64, String>, Level),
     ) -> Predicted {
-        let at_once = |photographs: usize| {
-            let times = self.times(photographs, level)?;
+        let intervals = |times: Result<f64, String>| {
+            let times = times?;
             let around = |expected: &Expected| PredictionInterval {
                 low: self.bounded(expected.value - times * expected.error),
                 high: self.bounded(expected.value + times * expected.error),
@@ -136,7 +138,7 @@ impl Measure {
             .into_iter()
             .map(|value| self.bounded(value))
             .collect();
-        if let Ok(intervals) = at_once(1) {
+        if let Ok(intervals) = intervals(self.times(1, level)) {
             for (value, interval) in values.iter_mut().zip(intervals) {
                 *value = value.max(interval.low).min(interval.high);
             }
@@ -144,7 +146,7 @@ impl Measure {
         Predicted {
             property: self.property.clone(),
             values,
-            intervals: at_once(photographs),
+            intervals: intervals(times),
         }
     }
 }
@@ -296,6 +298,28 @@ impl Fitted {
         embeddings: &Embeddings,
         intervals: usize,
     ) -> Result<Predictions> {
+        self.predict_with(embeddings, |measure| measure.times(intervals, self.level))
+    }
+
+    /// As [`Fitted::predict`], with intervals of which those of all properties of a surface hold at once
+    /// at the level: of the largest error over the properties, in expected errors, as [`Fitted::predict`]
+    /// is of each.
+    ///
+    /// # Errors
+    ///
+    /// As [`Fitted::predict`].
+    pub fn predict_jointly(&self, embeddings: &Embeddings) -> Result<Predictions> {
+        self.predict_with(embeddings, |_| match &self.joint {
+            Interval::Errors(times) => Ok(*times),
+            Interval::None(reason) => Err(reason.clone()),
+        })
+    }
+
+    fn predict_with(
+        &self,
+        embeddings: &Embeddings,
+        times: impl Fn(&Measure) -> Result<f64, String>,
+    ) -> Result<Predictions> {
         let stage = self
             .stages
             .iter()
@@ -316,7 +340,7 @@ impl Fitted {
         let expected = expected.zip(stage.values(embeddings)?);
         let properties = self.measures.iter().zip(expected);
         let properties = properties.map(|(measure, (expected, values))| {
-            measure.predicted(&expected, values, (intervals, self.level))
+            measure.predicted(&expected, values, (times(measure), self.level))
         });
         let familiar = self.familiar.as_ref().ok();
         Ok(Predictions {

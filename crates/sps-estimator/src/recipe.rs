@@ -3,13 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use sps_dataset::{Split, SplitError, Units};
-use sps_metrics::Level;
+use sps_metrics::{ConformalError, Level};
 use sps_regress::TrainingData;
 
 use crate::error::{Error, Result};
 use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};
 use crate::novelty::Familiar;
-use crate::radius::radii;
+use crate::radius::{radii, radius};
 use crate::regression::Regression;
 use crate::step::{self, Expected, Look, Step};
 
@@ -178,6 +178,7 @@ impl Recipe {
             stages,
             familiar: self.familiar(examples, surfaces, (&slots, &steps), number)?,
             level: self.calibration.level,
+            joint: Interval::None("not calibrated".to_owned()),
             on: FittedOn {
                 surfaces: surfaces.len(),
                 units: units.among(surfaces),
@@ -356,6 +357,7 @@ impl Recipe {
         slots: &[usize],
     ) -> Result<()> {
         let scores = self.scores(fitted, examples, surfaces, slots)?;
+        fitted.joint = self.joint(examples, surfaces, &scores);
         let averages = fitted.averages();
         for (at, measure) in fitted.measures.iter_mut().enumerate() {
             let truths = readings(examples, &measure.property, surfaces);
@@ -370,13 +372,33 @@ impl Recipe {
                     measure.several = averages.then_some(times);
                     Interval::Errors(one)
                 }
-                Err(_) if self.calibration.share.is_none() => {
-                    Interval::None("no part of the surfaces was kept aside to calibrate it".into())
-                }
-                Err(reason) => Interval::None(reason.to_string()),
+                Err(reason) => self.no_interval(&reason),
             };
         }
         Ok(())
+    }
+
+    /// How wide intervals are of which those of all properties hold at once, by the surfaces of which all
+    /// were read.
+    fn joint(&self, examples: &Examples<'_>, surfaces: &[usize], scores: &[Vec<f64>]) -> Interval {
+        let wanted = self.wanted.iter();
+        let truths = wanted.map(|wanted| readings(examples, &wanted.property, surfaces));
+        let truths: Vec<Vec<Option<f64>>> = truths.collect();
+        let read = |at: &usize| truths.iter().all(|truths| truths[*at].is_some());
+        let largest = |at: usize| scores.iter().map(|scores| scores[at]).fold(0.0, f64::max);
+        let all = (0..surfaces.len()).filter(read);
+        let all: Vec<(usize, f64)> = all.map(|at| (surfaces[at], largest(at))).collect();
+        match radius(examples.units, &all, self.calibration.level) {
+            Ok(times) => Interval::Errors(times),
+            Err(reason) => self.no_interval(&reason),
+        }
+    }
+
+    fn no_interval(&self, reason: &ConformalError) -> Interval {
+        Interval::None(match self.calibration.share {
+            None => "no part of the surfaces was kept aside to calibrate it".to_owned(),
+            Some(_) => reason.to_string(),
+        })
     }
 }
 

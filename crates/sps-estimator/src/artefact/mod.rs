@@ -47,6 +47,8 @@ struct Card {
     about: About,
     encoder: EncoderCard,
     level: Level,
+    #[serde(default = "no_joint")]
+    joint: Interval,
     fitted_on: FittedOn,
     measures: Vec<Measure>,
     stages: Vec<StageCard>,
@@ -55,6 +57,10 @@ struct Card {
     no_familiar: Option<String>,
     /// blake3 of the other files, by name.
     checksums: BTreeMap<String, String>,
+}
+
+fn no_joint() -> Interval {
+    Interval::None("an older version wrote the model: fit it again".to_owned())
 }
 
 /// What is read first: the text of another format has other keys.
@@ -156,6 +162,7 @@ impl Estimator {
                 resize: self.embedder.resize(),
             },
             level: self.fitted.level,
+            joint: self.fitted.joint.clone(),
             fitted_on: self.fitted.on,
             measures: self.fitted.measures.clone(),
             stages,
@@ -222,6 +229,7 @@ impl Estimator {
             stages: stages.collect::<Result<_>>()?,
             familiar,
             level: card.level,
+            joint: card.joint,
             on: card.fitted_on,
             width: encoder.width(),
             measures: card.measures,
@@ -238,6 +246,9 @@ impl Card {
             return Err("no property, expected at least one".to_owned());
         }
         let positive = |value: f64| value.is_finite() && value >= 0.0;
+        if matches!(self.joint, Interval::Errors(times) if !positive(times)) {
+            return Err("all properties at once: expected a finite width".to_owned());
+        }
         for measure in &self.measures {
             let ends = measure.lowest.zip(measure.highest);
             let bounded = ends.is_none_or(|(lowest, highest)| lowest <= highest);

@@ -34,6 +34,9 @@ pub(super) struct Check<'a> {
     /// Of each surface the squared errors of all properties, in variances of the training readings, and
     /// how many they are.
     errors: BTreeMap<usize, (f64, usize)>,
+    /// Of each unit, the surfaces of which intervals hold all properties at once, and those of which all
+    /// were read.
+    joint: BTreeMap<usize, (usize, usize)>,
 }
 
 /// How many views are looked at.
@@ -54,7 +57,40 @@ impl<'a> Check<'a> {
             familiar: Vec::new(),
             no_familiar: None,
             errors: BTreeMap::new(),
+            joint: BTreeMap::new(),
         }
+    }
+
+    /// Adds intervals of the held-out surfaces of a split that are to hold all properties at once.
+    pub(super) fn add_joint(
+        &mut self,
+        (tables, split): (&Tables, &Split),
+        predictions: &Predictions,
+    ) -> Result<()> {
+        let mut held = vec![Some(true); split.validation.len()];
+        for predicted in &predictions.properties {
+            let column = tables.readings.column(&predicted.property);
+            let column = column.context(NOT_MEASURED)?;
+            for (at, (held, &surface)) in held.iter_mut().zip(&split.validation).enumerate() {
+                let interval = predicted.intervals.as_ref().ok().map(|all| all[at]);
+                let truth = tables.readings.get(surface, column);
+                *held = truth
+                    .zip(interval)
+                    .zip(*held)
+                    .map(|((truth, interval), so_far)| {
+                        so_far && (interval.low..=interval.high).contains(&truth)
+                    });
+            }
+        }
+        for (held, surface) in held.into_iter().zip(&split.validation) {
+            if let Some(held) = held {
+                let unit = self.units.of_surface()[*surface];
+                let (sum, count) = self.joint.entry(unit).or_default();
+                *sum += usize::from(held);
+                *count += 1;
+            }
+        }
+        Ok(())
     }
 
     /// Adds what was predicted of the held-out surfaces of a split from each number of views.
@@ -129,6 +165,12 @@ impl<'a> Check<'a> {
         let unit = self.units.unit();
         let measured = last.map(|(_, held_out)| held_out.print(unit, say));
         let measured = measured.transpose()?;
+        if measured.as_ref().is_some_and(|all| all.len() > 1) && !self.joint.is_empty() {
+            say(&format!(
+                "wider intervals, meant to hold all properties at once (`predict --joint`): {:.1} % of {unit}",
+                100.0 * mean_share(&self.joint)
+            ));
+        }
         self.print_worst(surfaces, say);
         if !self.familiar.is_empty() {
             let unlike = self.familiar.iter().filter(|p| **p <= UNFAMILIAR).count();
@@ -286,6 +328,13 @@ fn line(name: &str, measured: &Measured, decimals: usize, unit: Unit) -> Vec<Str
     line
 }
 
+/// The mean over units of the share of each.
+fn mean_share(units: &BTreeMap<usize, (usize, usize)>) -> f64 {
+    let shares = units.values();
+    let shares = shares.map(|(held, count)| *held as f64 / *count as f64);
+    shares.sum::<f64>() / units.len() as f64
+}
+
 /// What was measured of the training surfaces.
 fn training(tables: &Tables, property: &str, training: &[usize]) -> Result<Moments> {
     let column = tables.readings.column(property).context(NOT_MEASURED)?;
@@ -359,8 +408,6 @@ impl HeldOut {
     }
 
     fn measured(&self) -> Result<Measured> {
-        let shares = self.units.values();
-        let shares = shares.map(|(held, count)| *held as f64 / *count as f64);
         let any = !self.intervals.is_empty();
         let coverage = any.then(|| coverage(&self.intervals, &self.truth));
         let coverage = coverage.transpose()?;
@@ -373,7 +420,7 @@ impl HeldOut {
                 .map(|r2| r2.value),
             mae: self.scores.mae().ok().map(|mae| mae.value),
             coverage: coverage.map(|coverage| coverage.fraction()),
-            unit_coverage: any.then(|| shares.sum::<f64>() / self.units.len() as f64),
+            unit_coverage: any.then(|| mean_share(&self.units)),
             mean_width: coverage.map(|coverage| coverage.mean_width),
         })
     }

@@ -296,8 +296,10 @@ impl<S: Source> Trainer<'_, S> {
         let mut check = Check::new(&self.splits.units, self.method.adaptive);
         for (number, split) in splits.iter().enumerate() {
             let fit = self.fit(&split.train, number as u64)?;
-            let predictions = self.predictions(&fit, &split.validation)?;
-            check.add((&fit.stage.tables, split), &fit.fitted, predictions)?;
+            let (predictions, joint) = self.predictions(&fit, &split.validation)?;
+            let of_split = (&fit.stage.tables, split);
+            check.add(of_split, &fit.fitted, predictions)?;
+            check.add_joint(of_split, &joint)?;
         }
         let held_out: usize = splits.iter().map(|split| split.validation.len()).sum();
         let of_split = held_out / splits.len().max(1);
@@ -322,8 +324,13 @@ impl<S: Source> Trainer<'_, S> {
         Ok(measured)
     }
 
-    /// What is predicted of surfaces from each number of views that the model takes.
-    fn predictions(&self, fit: &Fit, surfaces: &[usize]) -> Result<BTreeMap<usize, Predictions>> {
+    /// What is predicted of surfaces from each number of views that the model takes, and of all properties
+    /// at once from all views.
+    fn predictions(
+        &self,
+        fit: &Fit,
+        surfaces: &[usize],
+    ) -> Result<(BTreeMap<usize, Predictions>, Predictions)> {
         let (experiment, source) = (self.experiment, self.source);
         let (stage, places) = (Arc::clone(&fit.stage), &fit.photographs);
         let beyond = source.surfaces().len() - self.splits.pool;
@@ -332,6 +339,8 @@ impl<S: Source> Trainer<'_, S> {
             let embeddings = encodings.select(surfaces, &places[..views])?;
             Ok((views, fit.fitted.predict(&embeddings)?))
         };
-        fit.fitted.steps().map(step).collect()
+        let all = encodings.select(surfaces, places)?;
+        let joint = fit.fitted.predict_jointly(&all)?;
+        Ok((fit.fitted.steps().map(step).collect::<Result<_>>()?, joint))
     }
 }

@@ -3,6 +3,7 @@
 //! `sps --help` lists them. A program with commands of its own takes these in by `clap`'s `flatten` of
 //! [`Command`], and starts by [`main`].
 
+mod answer;
 mod cmd;
 mod importing;
 mod map;

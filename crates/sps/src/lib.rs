@@ -7,6 +7,7 @@ mod answer;
 mod cmd;
 mod importing;
 mod map;
+mod serve;
 
 use std::process::ExitCode;
 
@@ -43,6 +44,7 @@ pub enum Command {
     Embed(cmd::embed::Args),
     Train(cmd::train::Args),
     Predict(cmd::predict::Args),
+    Serve(cmd::serve::Args),
     Report(cmd::report::Args),
 }
 
@@ -61,6 +63,7 @@ impl Command {
             Self::Embed(args) => cmd::embed::run(args),
             Self::Train(args) => cmd::train::run(args),
             Self::Predict(args) => cmd::predict::run(args),
+            Self::Serve(args) => cmd::serve::run(args),
             Self::Report(args) => cmd::report::run(args),
         }
     }

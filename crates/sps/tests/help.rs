@@ -7,7 +7,7 @@ use support::sps;
 #[test]
 fn examples_say_what_to_type() {
     for command in
-        "experiment compare simulate import inspect embed train predict report".split(' ')
+        "experiment compare simulate import inspect embed train predict serve report".split(' ')
     {
         let output = sps().args([command, "--help"]).assert().success();
         let text = String::from_utf8_lossy(&output.get_output().stdout).into_owned();

@@ -32,7 +32,7 @@ pub struct Args {
     /// The most pixels of the photographs of a request, by what their headers say [default: 2^25]
     #[arg(long, value_name = "N", default_value_t = 1 << 25, hide_default_value = true, value_parser = clap::value_parser!(u64).range(1..))]
     max_pixels: u64,
-    /// How long a request may take to come in
+    /// How long a request may take to come in, and a connection may wait for its next one
     #[arg(long, value_name = "SECONDS", default_value = "30", value_parser = clap::value_parser!(u64).range(1..=86400))]
     timeout: u64,
     /// Requests with a body that are taken in at once; as many are worked on as there are threads

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use sps_dataset::{DecodeSettings, Frame, toccare};
+use sps_dataset::{DecodeSettings, Frame, Limits, decode_image, decode_image_resized, toccare};
 
 use crate::embedder::{Embedder, read_photograph};
 use crate::error::{Error, Result};
@@ -201,6 +201,24 @@ impl Estimator {
     pub fn read(&self, path: &Path, scale: Scale) -> Result<Frame> {
         let (decode, shorter_side) = (&self.about.decode, self.shorter_side(scale));
         Ok(read_photograph(path, decode, shorter_side)?)
+    }
+
+    /// Decodes the bytes of an image file as the model was taught to, and brings it to its scale: what
+    /// [`Estimator::read`] makes of the file, within limits of the caller.
+    ///
+    /// # Errors
+    ///
+    /// What [`decode_image_resized`] says.
+    pub fn decode(&self, bytes: &[u8], limits: Limits, scale: Scale) -> Result<Frame> {
+        let decode = DecodeSettings {
+            limits,
+            ..self.about.decode.clone()
+        };
+        let decoded = match self.shorter_side(scale) {
+            Some(pixels) => decode_image_resized(bytes, &decode, pixels)?,
+            None => decode_image(bytes, &decode)?,
+        };
+        Ok(decoded.frame)
     }
 
     /// Brings a photograph that is in memory to the model's scale.

@@ -3,9 +3,11 @@
 //! `sps --help` lists them. A program with commands of its own takes these in by `clap`'s `flatten` of
 //! [`Command`], and starts by [`main`].
 
+mod answer;
 mod cmd;
 mod importing;
 mod map;
+mod serve;
 
 use std::process::ExitCode;
 
@@ -43,6 +45,7 @@ pub enum Command {
     Import(cmd::import::Args),
     Inspect(cmd::inspect::Args),
     Embed(cmd::embed::Args),
+    Serve(cmd::serve::Args),
     Report(cmd::report::Args),
 }
 
@@ -62,6 +65,7 @@ impl Command {
             Self::Import(args) => cmd::import::run(args),
             Self::Inspect(args) => cmd::inspect::run(args),
             Self::Embed(args) => cmd::embed::run(args),
+            Self::Serve(args) => cmd::serve::run(args),
             Self::Report(args) => cmd::report::run(args),
         }
     }

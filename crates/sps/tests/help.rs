@@ -7,7 +7,8 @@ use support::sps;
 #[test]
 fn examples_say_what_to_type() {
     for command in
-        "fit predict suggest experiment compare simulate import inspect embed report".split(' ')
+        "fit predict suggest serve experiment compare simulate import inspect embed report"
+            .split(' ')
     {
         let output = sps().args([command, "--help"]).assert().success();
         let text = String::from_utf8_lossy(&output.get_output().stdout).into_owned();

@@ -3,14 +3,11 @@
 mod support;
 
 use std::fs;
-use std::path::Path;
 use std::sync::LazyLock;
-use std::time::Duration;
 
-use support::Scratch;
+use support::{Scratch, browser};
 
 const PROBE: &str = include_str!("page/probe.js");
-const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 const WIDTHS: [usize; 3] = [800, 1300, 1600];
 
 /// The report of the tiny experiment, with a probe at its end.
@@ -24,25 +21,6 @@ static PROBED: LazyLock<Scratch> = LazyLock::new(|| {
     fs::write(scratch.path("probed.html"), page).unwrap();
     scratch
 });
-
-/// A browser without a window; none, with a line that says so, where none is installed.
-fn browser(profile: &Path) -> Option<assert_cmd::Command> {
-    let is_there = |name: &&str| {
-        let version = assert_cmd::Command::new(name).arg("--version").output();
-        version.is_ok_and(|output| output.status.success())
-    };
-    let Some(name) = BROWSERS.into_iter().find(is_there) else {
-        println!("SKIPPED: none of {} is installed", BROWSERS.join(", "));
-        return None;
-    };
-    let mut command = assert_cmd::Command::new(name);
-    command
-        .args(["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"])
-        .args(["--enable-logging=stderr", "--v=0"])
-        .arg(format!("--user-data-dir={}", profile.display()))
-        .timeout(Duration::from_secs(120));
-    Some(command)
-}
 
 /// What a browser makes of the page.
 struct Seen {

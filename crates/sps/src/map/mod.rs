@@ -29,15 +29,13 @@ pub(crate) struct Wanted<'a> {
 pub(crate) fn place(model: &Estimator, property: &str) -> Result<usize> {
     ensure!(
         model.fitted().steps().eq([1]),
-        "--map: the model looks at {} photographs of a surface, and a map is of one: train a method \
+        "the model looks at {} photographs of a surface, and a map is of one: train a method \
         without `views`, which looks at one straight down",
         model.views_in_words()
     );
     let known = || model.fitted().properties();
     let place = known().position(|known| known == property);
-    place.ok_or_else(|| {
-        anyhow::Error::msg(UnknownName::new("property", property, known())).context("--map")
-    })
+    place.ok_or_else(|| anyhow::Error::msg(UnknownName::new("property", property, known())))
 }
 
 impl Wanted<'_> {
@@ -50,9 +48,10 @@ impl Wanted<'_> {
         (photograph, path): (&Frame, &Path),
         stem: &Path,
     ) -> Result<String> {
-        let map = model.map(photograph, model.stride(), self.sight)?;
-        if map.rows * map.columns == 1 {
-            let [height, width] = map.window;
+        let map = self.of(model, photograph)?;
+        let Map { rows, columns, .. } = map.grid;
+        if rows * columns == 1 {
+            let [height, width] = map.grid.window;
             warn!(
                 "{}: one place, for the photograph is no larger than those that the model was fitted \
                 on, {width} x {height} pixels: map one that shows more of the surface, or bring it to \
@@ -60,28 +59,43 @@ impl Wanted<'_> {
                 path.display()
             );
         }
-        let places = self.places(&map);
-        let numbers = npy::bytes([map.rows, map.columns, 4], places.iter().flatten());
+        let numbers = map.places.iter().flatten();
+        let numbers = npy::bytes([rows, columns, 4], numbers);
         write_atomically(&with_ending(stem, ".npy"), &numbers)?;
+        let drawn = with_ending(stem, ".png");
+        write_atomically(&drawn, &map.png(photograph, path)?)?;
+        let hatched = model.fitted().no_familiar();
+        let hatched = hatched.map_or_else(String::new, |reason| {
+            format!("; nothing is hatched, for there is no p-value: {reason}")
+        });
+        let values = map.places.iter().map(|place| place[0]);
+        let mean = values.sum::<f64>() / map.places.len() as f64;
+        Ok(format!(
+            "{}: {} {} on average over {rows} x {columns} places, {}{hatched}",
+            drawn.display(),
+            self.property,
+            map.scale.shown(mean),
+            map.scale.in_words()
+        ))
+    }
+
+    /// The map of a photograph, which has the model's scale.
+    pub(crate) fn of(
+        &self,
+        model: &Estimator,
+        photograph: &Frame,
+    ) -> sps_estimator::Result<Mapped<'_>> {
+        let map = model.map(photograph, model.stride(), self.sight)?;
+        let places = self.places(&map);
         let fitted = model.fitted();
         let deviation = fitted.deviations().nth(self.at).unwrap_or(1.0);
         let scale = Scale::of(&places, fitted.level().get(), deviation);
-        let picture = picture::draw((photograph, &map), &places, self, &scale);
-        let drawn = with_ending(stem, ".png");
-        write_atomically(&drawn, &picture.png(path)?)?;
-        let hatched = fitted.no_familiar().map_or_else(String::new, |reason| {
-            format!("; nothing is hatched, for there is no p-value: {reason}")
-        });
-        let mean = places.iter().map(|place| place[0]).sum::<f64>() / places.len() as f64;
-        Ok(format!(
-            "{}: {} {} on average over {} x {} places, {}{hatched}",
-            drawn.display(),
-            self.property,
-            scale.shown(mean),
-            map.rows,
-            map.columns,
-            scale.in_words()
-        ))
+        Ok(Mapped {
+            wanted: self,
+            grid: map,
+            places,
+            scale,
+        })
     }
 
     /// Estimate, interval and p-value of each place.
@@ -98,6 +112,24 @@ impl Wanted<'_> {
             ]
         };
         (0..map.rows * map.columns).map(place).collect()
+    }
+}
+
+/// A map of one property.
+pub(crate) struct Mapped<'a> {
+    wanted: &'a Wanted<'a>,
+    pub grid: Map,
+    /// Of each place, row by row, its estimate, the lower and upper end of its interval, and its p-value;
+    /// NaN where there is none.
+    pub places: Vec<[f64; 4]>,
+    scale: Scale,
+}
+
+impl Mapped<'_> {
+    /// The content of a PNG file: colours over the photograph, which it names, and a legend.
+    pub(crate) fn png(&self, photograph: &Frame, path: &Path) -> Result<Vec<u8>> {
+        let of = (photograph, &self.grid);
+        picture::draw(of, &self.places, self.wanted, &self.scale).png(path)
     }
 }
 

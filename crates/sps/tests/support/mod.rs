@@ -5,6 +5,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{self, Stdio};
+use std::time::Duration;
 
 use assert_cmd::Command;
 use assert_cmd::assert::Assert;
@@ -209,6 +210,28 @@ pub(crate) fn expect(message: &str, parts: &[&str]) {
     for part in parts {
         assert!(message.contains(part), "`{part}` is not in: {message}");
     }
+}
+
+/// What a browser may be called.
+const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
+
+/// A browser without a window; none, with a line that says so, where none is installed.
+pub(crate) fn browser(profile: &Path) -> Option<Command> {
+    let is_there = |name: &&str| {
+        let version = Command::new(name).arg("--version").output();
+        version.is_ok_and(|output| output.status.success())
+    };
+    let Some(name) = BROWSERS.into_iter().find(is_there) else {
+        println!("SKIPPED: none of {} is installed", BROWSERS.join(", "));
+        return None;
+    };
+    let mut command = Command::new(name);
+    command
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"])
+        .args(["--enable-logging=stderr", "--v=0"])
+        .arg(format!("--user-data-dir={}", profile.display()))
+        .timeout(Duration::from_secs(120));
+    Some(command)
 }
 
 /// A file system of its own, gone with the value; none where that is not permitted.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use sps_estimator::{Estimator, Scale, Sight, photographs_in};
 use sps_experiment::files::create_folder;
 use sps_experiment::progress::Progress;
@@ -33,7 +33,7 @@ pub(super) fn draw(args: &Args, model: &Estimator, property: &str) -> Result<()>
     let options = &args.maps;
     let wanted = map::Wanted {
         property,
-        at: map::place(model, property)?,
+        at: map::place(model, property).context("--map")?,
         sight: if options.alone {
             Sight::Alone
         } else {

@@ -3,13 +3,14 @@ mod print;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use rayon::prelude::*;
 use sps_estimator::{Answer, Estimator, Frame, Scale, photographs_in};
 use sps_experiment::progress::Progress;
 use tracing::error;
 
 use self::print::Printer;
+use crate::answer;
 
 /// Estimate the tactile properties of surfaces from photographs of them
 #[derive(clap::Args)]
@@ -62,15 +63,12 @@ const AT_ONCE: usize = 16;
 
 pub(crate) fn run(args: &Args) -> Result<()> {
     let model = Estimator::load(&args.model)?;
-    ensure!(
-        (0.0..=1.0).contains(&args.unfamiliar),
-        "--unfamiliar: found {}, expected a probability",
-        args.unfamiliar
-    );
+    answer::check_probability(args.unfamiliar).context("--unfamiliar")?;
     if let Some(property) = &args.maps.map {
         return maps::draw(args, &model, property);
     }
-    let scale = scale(args, &model)?;
+    let scale =
+        answer::scale(&model, args.resize, args.keep_size).context("--resize, --keep-size")?;
     let surfaces = surfaces(args, &model)?;
     let mut printer = Printer::new(&args.format, args.unfamiliar, &model)?;
     let progress = Progress::new("photographs", surfaces.iter().map(|s| s.images.len()).sum());
@@ -108,20 +106,6 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         surfaces.len()
     );
     Ok(())
-}
-
-fn scale(args: &Args, model: &Estimator) -> Result<Scale> {
-    let asked = match (args.resize, args.keep_size) {
-        (Some(pixels), _) => Scale::ShorterSide(pixels as usize),
-        (None, true) => Scale::Keep,
-        (None, false) => Scale::OfModel,
-    };
-    match model.embedder().resize() {
-        Some(own) if args.resize.is_some() || args.keep_size => bail!(
-            "--resize, --keep-size: the model itself brings the shorter side of every photograph to {own} pixels"
-        ),
-        _ => Ok(asked),
-    }
 }
 
 /// Photographs of one surface.

@@ -2,15 +2,14 @@
 
 use std::collections::BTreeSet;
 use std::io::{self, Write};
-use std::path::PathBuf;
 
 use anyhow::Result;
-use serde::Serialize;
 use sps_estimator::{Answer, Estimate, Estimator};
 use sps_experiment::text::decimals;
 use sps_experiment::text::number;
 
 use super::Surface;
+use crate::answer::{Line, Said};
 
 /// What is printed in place of a table.
 #[derive(clap::Args)]
@@ -26,29 +25,15 @@ pub(super) struct Format {
 /// Prints answers as they come.
 pub(super) struct Printer<'a> {
     format: &'a Format,
+    model: &'a Estimator,
     unfamiliar: f64,
-    level: f64,
     /// The codes of the properties in their order, and how many decimals their values are shown with.
     properties: Vec<(&'a str, usize)>,
     /// The properties, by their places, that had no interval for some surface, and why.
     no_interval: BTreeSet<(usize, String)>,
-    /// Why there are no p-values.
-    no_familiar: Option<&'a str>,
     /// Whether the table has its heading.
     headed: bool,
     csv: Option<csv::Writer<io::Stdout>>,
-}
-
-/// A line of JSON.
-#[derive(Serialize)]
-struct Line<'a> {
-    surface: &'a str,
-    images: &'a [PathBuf],
-    level: f64,
-    #[serde(flatten)]
-    answer: &'a Answer,
-    unfamiliar: bool,
-    no_familiar: Option<&'a str>,
 }
 
 impl<'a> Printer<'a> {
@@ -56,14 +41,13 @@ impl<'a> Printer<'a> {
         let fitted = model.fitted();
         let mut printer = Self {
             format,
+            model,
             unfamiliar,
-            level: fitted.level().get(),
             properties: fitted
                 .properties()
                 .zip(fitted.deviations().map(decimals))
                 .collect(),
             no_interval: BTreeSet::new(),
-            no_familiar: fitted.no_familiar(),
             headed: false,
             csv: format.csv.then(|| csv::Writer::from_writer(io::stdout())),
         };
@@ -74,15 +58,12 @@ impl<'a> Printer<'a> {
     }
 
     pub(super) fn print(&mut self, surface: &Surface, answer: &Answer) -> Result<()> {
-        let unfamiliar = answer.familiar.is_some_and(|p| p <= self.unfamiliar);
+        let said = Said::new(self.model, answer, self.unfamiliar);
         if self.format.json {
             let line = Line {
                 surface: &surface.name,
                 images: &surface.images,
-                level: self.level,
-                answer,
-                unfamiliar,
-                no_familiar: self.no_familiar,
+                said,
             };
             println!("{}", serde_json::to_string(&line)?);
         } else if let Some(csv) = &mut self.csv {
@@ -102,7 +83,7 @@ impl<'a> Printer<'a> {
                 self.no_interval.extend(reason);
             }
             self.print_table(surface, answer);
-            if let Some(p) = answer.familiar.filter(|_| unfamiliar) {
+            if let Some(p) = answer.familiar.filter(|_| said.unfamiliar) {
                 println!(
                     "      unlike what the model was fitted on (p = {p:.3}): intervals promise nothing here"
                 );
@@ -134,7 +115,7 @@ impl<'a> Printer<'a> {
         let widths = labels.iter().map(|label| label.chars().count());
         let width = widths.chain(["property".len()]).max().unwrap_or_default();
         if !std::mem::replace(&mut self.headed, true) {
-            let share = 100.0 * self.level;
+            let share = 100.0 * self.model.fitted().level().get();
             println!(
                 "{:<width$} {:>9}   {share:.0} % interval",
                 "property", "value"
@@ -157,7 +138,7 @@ impl<'a> Printer<'a> {
             for (at, reason) in &self.no_interval {
                 println!("{}: no interval, {reason}", self.properties[*at].0);
             }
-            if let Some(reason) = self.no_familiar {
+            if let Some(reason) = self.model.fitted().no_familiar() {
                 println!("no p-value of \"like what the model was fitted on\": {reason}");
             }
         }

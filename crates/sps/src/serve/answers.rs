@@ -1,0 +1,234 @@
+//! What each route answers, but for sessions.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use axum::body::Body;
+use axum::extract::{Request, State};
+use axum::http::{HeaderName, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use sps_estimator::{About, Described, Estimator, FittedOn, Scale, Sight};
+
+use super::failure::Failure;
+use super::{Service, Shared, sessions};
+use crate::answer::{self, Line, Said};
+use crate::map::{self, Mapped, Wanted};
+
+pub(super) const OPENAPI: &str = include_str!("openapi.json");
+const PAGE: &str = include_str!("page.html");
+/// In the page, what marks its own script and style.
+const NONCE: &str = "NONCE";
+
+pub(super) type Answered = Result<Response, Failure>;
+
+/// A line of JSON.
+pub(super) fn json(status: StatusCode, content: &impl Serialize) -> Answered {
+    let text = serde_json::to_string(content).map_err(|error| Failure::internal(&error))?;
+    let mut response = typed("application/json", text + "\n");
+    *response.status_mut() = status;
+    Ok(response)
+}
+
+fn typed(media: &'static str, content: impl Into<Body>) -> Response {
+    let headers: [(HeaderName, &str); 3] = [
+        (header::CONTENT_TYPE, media),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::CACHE_CONTROL, "no-store"),
+    ];
+    (headers, content.into()).into_response()
+}
+
+/// The page, which runs no script but its own and asks nobody but this service.
+pub(super) async fn page() -> Answered {
+    let nonce = sessions::random();
+    let policy = format!(
+        "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; connect-src 'self'; \
+        img-src blob: data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    );
+    let policy = HeaderValue::from_str(&policy).map_err(|error| Failure::internal(&error))?;
+    let mut response = typed("text/html; charset=utf-8", PAGE.replace(NONCE, &nonce));
+    let headers = response.headers_mut();
+    headers.insert(header::CONTENT_SECURITY_POLICY, policy);
+    headers.insert(
+        header::REFERRER_POLICY,
+        HeaderValue::from_static("no-referrer"),
+    );
+    Ok(response)
+}
+
+pub(super) async fn health() -> Answered {
+    json(StatusCode::OK, &serde_json::json!({ "status": "ok" }))
+}
+
+pub(super) async fn openapi() -> Response {
+    typed("application/json", OPENAPI)
+}
+
+pub(super) async fn metrics(State(service): State<Shared>) -> Response {
+    let text = service.metrics.text(service.sessions.count());
+    typed("text/plain; version=0.0.4; charset=utf-8", text)
+}
+
+/// What is known of the model.
+#[derive(Serialize)]
+struct Model<'a> {
+    about: &'a About,
+    properties: Vec<Property<'a>>,
+    /// The numbers of photographs of a surface that it can be asked with.
+    views: Vec<usize>,
+    level: f64,
+    fitted_on: FittedOn,
+    no_interval: BTreeMap<&'a str, &'a str>,
+    no_familiar: Option<&'a str>,
+    unfamiliar: f64,
+}
+
+#[derive(Serialize)]
+struct Property<'a> {
+    #[serde(rename = "property")]
+    code: &'a str,
+    #[serde(flatten)]
+    described: Described,
+    /// Of the readings that it was fitted on.
+    deviation: f64,
+}
+
+impl<'a> Model<'a> {
+    fn of(model: &'a Estimator, unfamiliar: f64) -> Self {
+        let (about, fitted) = (model.about(), model.fitted());
+        let properties = fitted.properties().zip(fitted.deviations());
+        let properties = properties.map(|(code, deviation)| Property {
+            code,
+            described: about.describe(code),
+            deviation,
+        });
+        Self {
+            about,
+            properties: properties.collect(),
+            views: fitted.steps().collect(),
+            level: fitted.level().get(),
+            fitted_on: fitted.fitted_on(),
+            no_interval: model.no_interval(),
+            no_familiar: fitted.no_familiar(),
+            unfamiliar,
+        }
+    }
+}
+
+pub(super) async fn model(State(service): State<Shared>) -> Answered {
+    let model = Model::of(&service.model, service.settings.unfamiliar);
+    json(StatusCode::OK, &model)
+}
+
+/// All photographs are of one surface, which is called after the first.
+pub(super) async fn predict(State(service): State<Shared>, request: Request) -> Answered {
+    let scale = service.scale(&request)?;
+    let place = service.place()?;
+    let photographs = service.photographs(request).await?;
+    let answer = move |service: &Service| {
+        let frames = service.decoded(&photographs, scale)?;
+        let answer = service.model.predict(&frames)?;
+        let images: Vec<PathBuf> = photographs.into_iter().map(|one| one.name).collect();
+        let surface = images.first().map(|name| name.display().to_string());
+        let line = Line {
+            surface: &surface.unwrap_or_default(),
+            images: &images,
+            said: Said::new(&service.model, &answer, service.settings.unfamiliar),
+        };
+        json(StatusCode::OK, &line)
+    };
+    service.work(place, answer).await
+}
+
+impl Service {
+    /// The size that a request wants photographs to have.
+    pub(super) fn scale(&self, request: &Request) -> Result<Scale, Failure> {
+        let query = self.query(request, &["resize", "keep-size"])?;
+        answer::scale(&self.model, query.resize, query.keep_size)
+            .map_err(|error| Failure::bad(format!("resize, keep-size: {error:#}")))
+    }
+}
+
+/// The numbers of a map. What a place does not have is `null` for all.
+#[derive(Serialize)]
+struct Numbers<'a> {
+    property: &'a str,
+    #[serde(flatten)]
+    described: Described,
+    level: f64,
+    rows: usize,
+    columns: usize,
+    window: [usize; 2],
+    centres: &'a [[f64; 2]],
+    values: Vec<f64>,
+    low: Option<Vec<f64>>,
+    high: Option<Vec<f64>>,
+    familiar: Option<Vec<f64>>,
+}
+
+impl<'a> Numbers<'a> {
+    fn of(model: &Estimator, property: &'a str, mapped: &'a Mapped<'_>) -> Self {
+        let all = |at: usize| mapped.places.iter().map(move |place| place[at]);
+        let known = |at: usize| all(at).all(f64::is_finite).then(|| all(at).collect());
+        Self {
+            property,
+            described: model.about().describe(property),
+            level: model.fitted().level().get(),
+            rows: mapped.grid.rows,
+            columns: mapped.grid.columns,
+            window: mapped.grid.window,
+            centres: &mapped.grid.centres,
+            values: all(0).collect(),
+            low: known(1),
+            high: known(2),
+            familiar: known(3),
+        }
+    }
+}
+
+pub(super) async fn map(State(service): State<Shared>, request: Request) -> Answered {
+    let query = service.query(&request, &["property", "resize"])?;
+    let property = query.property.ok_or_else(|| {
+        let known: Vec<&str> = service.model.fitted().properties().collect();
+        Failure::bad(format!(
+            "property: found none, expected one of {}",
+            known.join(", ")
+        ))
+    })?;
+    let at = map::place(&service.model, &property)
+        .map_err(|error| Failure::bad(format!("{error:#}")))?;
+    let accepted = request.headers().get(header::ACCEPT);
+    let accepted = accepted.and_then(|value| value.to_str().ok());
+    let as_numbers = accepted.is_some_and(|media| media.contains("application/json"));
+    let place = service.place()?;
+    let photographs = service.photographs(request).await?;
+    let draw = move |service: &Service| {
+        let [photograph] = photographs.as_slice() else {
+            let found = photographs.len();
+            let message = format!("found {found} photographs, expected one to map");
+            return Err(Failure::bad(message));
+        };
+        let scale = query
+            .resize
+            .map_or(Scale::Keep, |pixels| Scale::ShorterSide(pixels as usize));
+        let frames = service.decoded(&photographs, scale)?;
+        let wanted = Wanted {
+            property: &property,
+            at,
+            sight: Sight::Within,
+            unfamiliar: service.settings.unfamiliar,
+        };
+        let mapped = wanted.of(&service.model, &frames[0])?;
+        if as_numbers {
+            return json(
+                StatusCode::OK,
+                &Numbers::of(&service.model, &property, &mapped),
+            );
+        }
+        let picture = mapped.png(&frames[0], &photograph.name);
+        let picture = picture.map_err(|error| Failure::internal(&format!("{error:#}")))?;
+        Ok(typed("image/png", picture))
+    };
+    service.work(place, draw).await
+}

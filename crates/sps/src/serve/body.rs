@@ -1,0 +1,142 @@
+//! The photographs that a request brings.
+
+use std::path::PathBuf;
+
+use axum::body::{Body, Bytes};
+use axum::extract::Request;
+use axum::http::{HeaderMap, StatusCode, header};
+use http_body_util::BodyExt;
+use sps_dataset::Limits;
+use sps_estimator::{Frame, Scale};
+use tokio::time::timeout;
+
+use super::Service;
+use super::failure::Failure;
+use super::multipart::{self, parameter};
+
+/// The field of a form that photographs are in, and what one that comes without a name is called.
+const PHOTOGRAPH: &str = "photograph";
+
+/// An image file that is not decoded yet.
+pub(super) struct Photograph {
+    pub name: PathBuf,
+    content: Bytes,
+}
+
+impl Service {
+    /// The whole body, within the limits of size and time.
+    pub(super) async fn body(&self, request: Request) -> Result<(HeaderMap, Bytes), Failure> {
+        let (parts, body) = request.into_parts();
+        let within = self.settings.timeout;
+        let whole = timeout(within, collect(body, self.settings.max_body)).await;
+        let slow = |_| {
+            let message = format!("a body that is not there after {within:?}, expected it by then");
+            Failure::new(StatusCode::REQUEST_TIMEOUT, message)
+        };
+        Ok((parts.headers, whole.map_err(slow)??))
+    }
+
+    /// The photographs of a body: one, or those of a form.
+    pub(super) async fn photographs(&self, request: Request) -> Result<Vec<Photograph>, Failure> {
+        let media = request.headers().get(header::CONTENT_TYPE);
+        let media = media.map_or(Ok("application/octet-stream"), |value| value.to_str());
+        let media = media.unwrap_or("no ASCII").to_owned();
+        let (kind, _) = media.split_once(';').unwrap_or((&media, ""));
+        match kind.trim().to_ascii_lowercase().as_str() {
+            "image/png" | "image/jpeg" | "image/x-exr" | "application/octet-stream" => {
+                let (_, content) = self.body(request).await?;
+                let name = PHOTOGRAPH.into();
+                Ok(vec![Photograph { name, content }])
+            }
+            "multipart/form-data" => {
+                let boundary =
+                    parameter(&media, "boundary").filter(|boundary| !boundary.is_empty());
+                let boundary = boundary.ok_or_else(|| {
+                    Failure::bad(format!(
+                        "content-type: found `{media}`, expected a `boundary` in it"
+                    ))
+                })?;
+                let (_, form) = self.body(request).await?;
+                of_form(&form, &boundary)
+            }
+            _ => Err(Failure::new(
+                StatusCode::UNSUPPORTED_MEDIA_TYPE,
+                format!(
+                    "content-type: found `{media}`, expected image/png, image/jpeg, image/x-exr, \
+                    application/octet-stream or multipart/form-data"
+                ),
+            )),
+        }
+    }
+
+    /// Decodes photographs one after the other. All that are held at a time have no more pixels than one
+    /// may have.
+    pub(super) fn decoded(
+        &self,
+        photographs: &[Photograph],
+        scale: Scale,
+    ) -> Result<Vec<Frame>, Failure> {
+        let mut limits = Limits {
+            file_bytes: self.settings.max_body as u64,
+            pixels: self.settings.max_pixels,
+        };
+        let decode = |photograph: &Photograph| {
+            let found = |failure: Failure| failure.of(&photograph.name.display().to_string());
+            let frame = self.model.decode(&photograph.content, limits, scale);
+            let frame = frame.map_err(|error| found(error.into()))?;
+            let pixels = (frame.width * frame.height) as u64;
+            let left = limits.pixels.checked_sub(pixels).ok_or_else(|| {
+                let message = format!(
+                    "has {} x {} pixels once it is resized, expected at most {}",
+                    frame.width, frame.height, limits.pixels
+                );
+                found(Failure::new(StatusCode::PAYLOAD_TOO_LARGE, message))
+            })?;
+            limits.pixels = left;
+            Ok(frame)
+        };
+        photographs.iter().map(decode).collect()
+    }
+}
+
+async fn collect(mut body: Body, most: usize) -> Result<Bytes, Failure> {
+    let too_large = |found: String| {
+        let message = format!("a body of {found} bytes, expected at most {most}");
+        Failure::new(StatusCode::PAYLOAD_TOO_LARGE, message)
+    };
+    let declared = axum::body::HttpBody::size_hint(&body).lower();
+    if declared > most as u64 {
+        return Err(too_large(declared.to_string()));
+    }
+    let mut whole = Vec::with_capacity(declared as usize);
+    while let Some(frame) = body.frame().await {
+        let frame =
+            frame.map_err(|error| Failure::bad(format!("a body that ends early: {error}")))?;
+        let data = frame.into_data().unwrap_or_default();
+        if data.len() > most - whole.len() {
+            return Err(too_large(format!("more than {most}")));
+        }
+        whole.extend_from_slice(&data);
+    }
+    Ok(whole.into())
+}
+
+fn of_form(form: &Bytes, boundary: &str) -> Result<Vec<Photograph>, Failure> {
+    let parts = multipart::parts(form, boundary)
+        .map_err(|problem| Failure::bad(format!("multipart/form-data: found {problem}")))?;
+    let photograph = |part: multipart::Part| {
+        if part.field != PHOTOGRAPH {
+            let message = format!(
+                "multipart/form-data: found the part `{}`, expected `{PHOTOGRAPH}`",
+                part.field
+            );
+            return Err(Failure::bad(message));
+        }
+        let name = part.file_name.filter(|name| !name.is_empty());
+        Ok(Photograph {
+            name: name.unwrap_or_else(|| PHOTOGRAPH.to_owned()).into(),
+            content: part.content,
+        })
+    };
+    parts.into_iter().map(photograph).collect()
+}

@@ -1,0 +1,194 @@
+//! A model over HTTP.
+//!
+//! One thread does what waits for the network. What computes runs on threads of its own, as many at once
+//! as the pool has threads; a request whose client has left is computed to its end.
+
+mod answers;
+mod body;
+mod drained;
+mod failure;
+mod guard;
+mod listen;
+mod metrics;
+mod multipart;
+mod query;
+mod sessions;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use axum::Router;
+use axum::body::Body;
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::{Method, StatusCode};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{MethodRouter, get, post};
+use sps_estimator::Estimator;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+
+use self::drained::Drained;
+use self::failure::Failure;
+pub(crate) use self::listen::run;
+use self::metrics::Metrics;
+use self::sessions::Sessions;
+
+/// What requests may ask for.
+pub(crate) struct Settings {
+    /// The hash of what requests must name.
+    pub token: Option<blake3::Hash>,
+    /// Bytes of a body.
+    pub max_body: usize,
+    /// Pixels of the photographs of a request.
+    pub max_pixels: u64,
+    /// For a request to come in.
+    pub timeout: Duration,
+    /// Requests with a body.
+    pub at_once: usize,
+    /// Photographs are unfamiliar whose p-value is at most this.
+    pub unfamiliar: f64,
+}
+
+/// What every request sees.
+struct Service {
+    model: Arc<Estimator>,
+    settings: Settings,
+    /// One for each request with a body.
+    places: Arc<Semaphore>,
+    /// One for each that is worked on.
+    turns: Arc<Semaphore>,
+    sessions: Sessions,
+    metrics: Metrics,
+}
+
+type Shared = Arc<Service>;
+
+impl Service {
+    fn new(model: Estimator, settings: Settings) -> Self {
+        Self {
+            model: Arc::new(model),
+            places: Arc::new(Semaphore::new(settings.at_once)),
+            turns: Arc::new(Semaphore::new(rayon::current_num_threads())),
+            sessions: Sessions::default(),
+            metrics: Metrics::default(),
+            settings,
+        }
+    }
+
+    /// Lets a request with a body in.
+    fn place(&self) -> Result<OwnedSemaphorePermit, Failure> {
+        self.places.clone().try_acquire_owned().map_err(|_| {
+            let message = format!(
+                "found {} requests that are not answered yet, expected fewer: ask again",
+                self.settings.at_once
+            );
+            Failure::new(StatusCode::TOO_MANY_REQUESTS, message)
+        })
+    }
+
+    /// Computes for a request that was let in, once it is its turn.
+    async fn work<T: Send + 'static>(
+        self: Shared,
+        place: OwnedSemaphorePermit,
+        task: impl FnOnce(&Self) -> Result<T, Failure> + Send + 'static,
+    ) -> Result<T, Failure> {
+        let turn = self.turns.clone().acquire_owned().await;
+        let work = move || {
+            let _until_done = (place, turn);
+            task(&self)
+        };
+        let done = tokio::task::spawn_blocking(work).await;
+        done.unwrap_or_else(|error| Err(Failure::internal(&error)))
+    }
+}
+
+/// Every method and path that is answered.
+fn routes() -> [(Method, &'static str, MethodRouter<Shared>); 9] {
+    [
+        (Method::GET, "/", get(answers::page)),
+        (Method::GET, "/health", get(answers::health)),
+        (Method::GET, "/model", get(answers::model)),
+        (Method::GET, "/metrics", get(answers::metrics)),
+        (Method::GET, "/openapi.json", get(answers::openapi)),
+        (Method::POST, "/predict", post(answers::predict)),
+        (Method::POST, "/map", post(answers::map)),
+        (Method::POST, "/session", post(sessions::begin)),
+        (Method::POST, "/session/{id}", post(sessions::look)),
+    ]
+}
+
+fn router(service: Shared) -> Router {
+    let add = |router: Router<Shared>, (_, path, handler)| router.route(path, handler);
+    routes()
+        .into_iter()
+        .fold(Router::new(), add)
+        .fallback(no_route)
+        .method_not_allowed_fallback(no_method)
+        .layer(from_fn_with_state(service.clone(), enter))
+        .with_state(service)
+}
+
+/// What every request passes.
+async fn enter(State(service): State<Shared>, request: Request, next: Next) -> Response {
+    let began = Instant::now();
+    let path = request.extensions().get::<MatchedPath>().cloned();
+    let in_flight = service.metrics.enter();
+    let response = match guard::check(service.settings.token.as_ref(), &request) {
+        Ok(()) => {
+            next.run(request.map(|body| Body::new(Drained::new(body))))
+                .await
+        }
+        Err(failure) => {
+            drop(Drained::new(request.into_body()));
+            failure.into_response()
+        }
+    };
+    let path = path.as_ref().map_or("other", MatchedPath::as_str);
+    in_flight.answered(path, response.status(), began.elapsed());
+    response
+}
+
+async fn no_route(request: Request) -> Failure {
+    let paths: Vec<&str> = routes().iter().map(|(_, path, _)| *path).collect();
+    let message = format!(
+        "found the path {}, expected one of {}",
+        request.uri().path(),
+        paths.join(", ")
+    );
+    Failure::new(StatusCode::NOT_FOUND, message)
+}
+
+async fn no_method(path: MatchedPath, request: Request) -> Failure {
+    let routes = routes();
+    let known = routes.iter().find(|(_, known, _)| *known == path.as_str());
+    let expected = known.map_or(Method::GET, |(method, ..)| method.clone());
+    let message = format!(
+        "{}: found {}, expected {expected}",
+        path.as_str(),
+        request.method()
+    );
+    Failure::new(StatusCode::METHOD_NOT_ALLOWED, message)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use serde_json::Value;
+
+    use super::*;
+
+    #[test]
+    fn every_route_stands_in_the_description() {
+        let described: Value = serde_json::from_str(answers::OPENAPI).unwrap();
+        let paths = described["paths"].as_object().unwrap().iter();
+        let described: BTreeSet<(String, String)> = paths
+            .flat_map(|(path, methods)| {
+                let methods = methods.as_object().unwrap().keys();
+                methods.map(|method| (method.to_uppercase(), path.clone()))
+            })
+            .collect();
+        let answered = routes().map(|(method, path, _)| (method.to_string(), path.to_owned()));
+        assert_eq!(described, BTreeSet::from(answered));
+    }
+}

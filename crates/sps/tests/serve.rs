@@ -1,0 +1,629 @@
+//! The service, over connections of its own.
+
+mod support;
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::path::PathBuf;
+use std::process::{self, Child, Stdio};
+use std::sync::LazyLock;
+use std::thread;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use support::{Scratch, browser, expect, message, root, sps};
+
+/// A model of one view.
+static ONE_VIEW: LazyLock<Scratch> = LazyLock::new(|| fitted(&[]));
+
+fn fitted(more: &[&str]) -> Scratch {
+    let scratch = Scratch::new();
+    let set = "[train]\ncalibration = 0.5\nlevel = 0.5\n[cache]";
+    scratch.edit("tiny.toml", "[cache]", set);
+    scratch.edit("tiny.toml", "validation = 0.34", "validation = 0.2");
+    let mut train = sps();
+    train
+        .args(["fit", "--config"])
+        .arg(scratch.path("tiny.toml"));
+    for more in more {
+        train.args(["--set", more]);
+    }
+    train
+        .arg("--out")
+        .arg(scratch.path("model"))
+        .assert()
+        .success();
+    scratch
+}
+
+fn photograph(name: &str) -> PathBuf {
+    root().join("fixtures/tiny-dataset/frames").join(name)
+}
+
+fn bytes(name: &str) -> Vec<u8> {
+    fs::read(photograph(name)).unwrap()
+}
+
+/// What `predict --json` prints of photographs of one surface.
+fn predicted(model: &Scratch, options: &[&str], photographs: &[PathBuf]) -> String {
+    let mut command = sps();
+    command.args(["predict", "--json", "--group-by", "all"]);
+    command
+        .arg(model.path("model"))
+        .args(options)
+        .args(photographs);
+    String::from_utf8(command.assert().success().get_output().stdout.clone()).unwrap()
+}
+
+/// A service that ends with the value.
+struct Served {
+    process: Child,
+    address: SocketAddr,
+}
+
+impl Served {
+    fn start(model: &Scratch, options: &[&str]) -> Self {
+        let mut command = process::Command::new(env!("CARGO_BIN_EXE_sps"));
+        command.arg("serve").arg(model.path("model"));
+        command.args(["--listen", "127.0.0.1:0"]).args(options);
+        let mut process = command.stdout(Stdio::piped()).spawn().unwrap();
+        let mut line = String::new();
+        let mut said = BufReader::new(process.stdout.take().unwrap());
+        said.read_line(&mut line).unwrap();
+        let address = line.trim_end().strip_prefix("http://").unwrap();
+        Self {
+            process,
+            address: address.parse().unwrap(),
+        }
+    }
+
+    fn connect(&self) -> TcpStream {
+        let stream = TcpStream::connect(self.address).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(60)))
+            .unwrap();
+        stream
+    }
+
+    /// The head of a request with the lines of `headers`, none of which is `host`.
+    fn head(&self, line: &str, headers: &[&str]) -> String {
+        let host = format!("host: {}", self.address);
+        let lines = [&[host.as_str(), "connection: close"], headers].concat();
+        format!("{line} HTTP/1.1\r\n{}\r\n\r\n", lines.join("\r\n"))
+    }
+
+    fn ask(&self, line: &str, headers: &[&str], body: &[u8]) -> Response {
+        let length = format!("content-length: {}", body.len());
+        let head = self.head(line, &[headers, &[&length]].concat());
+        let mut stream = self.connect();
+        stream.write_all(head.as_bytes()).unwrap();
+        stream.write_all(body).unwrap();
+        Response::of(stream)
+    }
+
+    fn get(&self, path: &str) -> Response {
+        self.ask(&format!("GET {path}"), &[], b"")
+    }
+
+    fn post(&self, path: &str, body: &[u8]) -> Response {
+        self.ask(&format!("POST {path}"), &[], body)
+    }
+
+    /// Begins a request whose body never ends, and waits until the service has it.
+    fn begin(&self, path: &str) -> TcpStream {
+        let before = self.in_flight();
+        let head = self.head(&format!("POST {path}"), &["content-length: 1000"]);
+        let mut stream = self.connect();
+        stream.write_all(head.as_bytes()).unwrap();
+        while self.in_flight() <= before {
+            thread::yield_now();
+        }
+        stream
+    }
+
+    /// Requests without an answer, this one among them.
+    fn in_flight(&self) -> usize {
+        let metrics = self.get("/metrics").text();
+        let (_, rest) = metrics.split_once("\nsps_requests_in_flight ").unwrap();
+        rest.lines().next().unwrap().parse().unwrap()
+    }
+
+    fn tell_to_end(&self) {
+        let id = self.process.id().to_string();
+        let told = process::Command::new("kill").arg(id).status().unwrap();
+        assert!(told.success());
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+struct Response {
+    status: u16,
+    head: String,
+    body: Vec<u8>,
+}
+
+impl Response {
+    /// All that comes before the connection ends.
+    fn of(mut stream: TcpStream) -> Self {
+        let mut all = Vec::new();
+        stream.read_to_end(&mut all).unwrap();
+        let end = all.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
+        let head = String::from_utf8(all[..end].to_vec()).unwrap();
+        Self {
+            status: head.split(' ').nth(1).unwrap().parse().unwrap(),
+            head,
+            body: all[end + 4..].to_vec(),
+        }
+    }
+
+    fn text(self) -> String {
+        String::from_utf8(self.body).unwrap()
+    }
+
+    fn json(self) -> Value {
+        let found = self.status;
+        let text = self.text();
+        assert!([200, 201].contains(&found), "{text}");
+        serde_json::from_str(&text).unwrap()
+    }
+
+    /// Refused with this status; the reason has every part.
+    fn refused(self, status: u16, parts: &[&str]) {
+        let found = self.status;
+        let text = self.text();
+        assert_eq!(found, status, "{text}");
+        let body: Value = serde_json::from_str(&text).unwrap();
+        expect(body["error"].as_str().unwrap(), parts);
+    }
+}
+
+const FORM: &str = "content-type: multipart/form-data; boundary=between";
+
+/// A form of files.
+fn form(files: &[PathBuf]) -> Vec<u8> {
+    let part = |path: &PathBuf| {
+        let mut part = format!(
+            "--between\r\nContent-Disposition: form-data; name=\"photograph\"; filename=\"{}\"\r\n\r\n",
+            path.display()
+        )
+        .into_bytes();
+        part.extend(fs::read(path).unwrap());
+        part.extend(b"\r\n");
+        part
+    };
+    let mut form: Vec<u8> = files.iter().flat_map(part).collect();
+    form.extend(b"--between--\r\n");
+    form
+}
+
+#[test]
+fn answers_are_those_of_predict() {
+    let served = Served::start(&ONE_VIEW, &[]);
+    let jpeg = photograph("oak-01/002.jpg");
+    let exr = photograph("tile-01/002.exr");
+    let ask = |query: &str, files: &[PathBuf]| {
+        let answer = served.ask(&format!("POST /predict{query}"), &[FORM], &form(files));
+        assert_eq!(answer.status, 200);
+        answer.text()
+    };
+    for files in [
+        vec![jpeg.clone()],
+        vec![exr.clone()],
+        vec![jpeg.clone(), exr],
+    ] {
+        assert_eq!(ask("", &files), predicted(&ONE_VIEW, &[], &files));
+    }
+    let files = [jpeg];
+    for (query, options) in [
+        ("?resize=40", &["--resize", "40"][..]),
+        ("?keep-size", &["--keep-size"]),
+    ] {
+        assert_eq!(ask(query, &files), predicted(&ONE_VIEW, options, &files));
+    }
+    // Without a form and its name, by content whatever it is said to be.
+    let expected: Value = serde_json::from_str(&predicted(&ONE_VIEW, &[], &files)).unwrap();
+    for media in ["image/jpeg", "application/octet-stream", "image/png"] {
+        let media = format!("content-type: {media}");
+        let found = served
+            .ask("POST /predict", &[&media], &bytes("oak-01/002.jpg"))
+            .json();
+        assert_eq!(found["estimates"], expected["estimates"]);
+        assert_eq!(
+            (&found["surface"], &found["images"]),
+            (&json!("photograph"), &json!(["photograph"]))
+        );
+    }
+}
+
+#[test]
+fn maps_are_those_of_predict() {
+    let served = Served::start(&ONE_VIEW, &[]);
+    let file = photograph("oak-01/002.jpg");
+    let maps = ONE_VIEW.path("maps");
+    let mut command = sps();
+    command.args(["predict", "--map", "fRS", "--resize", "48"]);
+    command
+        .arg(ONE_VIEW.path("model"))
+        .arg("--out")
+        .arg(&maps)
+        .arg(&file);
+    command.assert().success();
+
+    let line = "POST /map?property=fRS&resize=48";
+    let files = form(&[file]);
+    let picture = served.ask(line, &[FORM], &files);
+    assert!(
+        picture.head.contains("content-type: image/png"),
+        "{}",
+        picture.head
+    );
+    assert!(picture.body == fs::read(maps.join("002-fRS.png")).unwrap());
+
+    let numbers = served
+        .ask(line, &[FORM, "accept: application/json"], &files)
+        .json();
+    let written = fs::read(maps.join("002-fRS.npy")).unwrap();
+    let places: Vec<[f64; 4]> = written[written.len() % 32..][written.len() % 32..]
+        .as_chunks::<8>()
+        .0
+        .as_chunks::<4>()
+        .0
+        .iter()
+        .map(|place| place.map(f64::from_le_bytes))
+        .collect();
+    let [rows, columns] = ["rows", "columns"].map(|key| numbers[key].as_u64().unwrap() as usize);
+    let places = &places[places.len() - rows * columns..];
+    for (at, key) in ["values", "low", "high", "familiar"].iter().enumerate() {
+        let expected: Vec<f64> = places.iter().map(|place| place[at]).collect();
+        assert_eq!(numbers[key], json!(expected), "{key}");
+    }
+    let expected = json!({ "window": [32, 32], "first": [16.0, 16.0] });
+    let found = json!({ "window": numbers["window"], "first": numbers["centres"][0] });
+    assert_eq!(found, expected);
+
+    let known = served.post("/map?property=fRT", &bytes("oak-01/002.jpg"));
+    known.refused(400, &["property `fRT`", "fRS"]);
+    served
+        .post("/map", b"")
+        .refused(400, &["found none", "fRS, cDF"]);
+}
+
+#[test]
+fn what_is_not_as_expected_is_named() {
+    let options = ["--max-body", "1", "--max-pixels", "2000"];
+    let served = Served::start(&ONE_VIEW, &options);
+    let whole = bytes("oak-01/002.jpg");
+    let large = vec![0; (1 << 20) + 1];
+    served
+        .post("/predict", &large)
+        .refused(413, &["1048577 bytes", "at most 1048576"]);
+    // The same, of a length that is not said before.
+    let chunk = [b"100001\r\n", large.as_slice(), b"\r\n0\r\n\r\n"].concat();
+    let mut stream = served.connect();
+    let head = served.head("POST /predict", &["transfer-encoding: chunked"]);
+    stream.write_all(head.as_bytes()).unwrap();
+    stream.write_all(&chunk).unwrap();
+    Response::of(stream).refused(413, &["more than 1048576", "at most 1048576"]);
+    // The header of a PNG that says 65535 x 65535 pixels.
+    let header = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\xff\xff\0\0\xff\xff\x08\x02\0\0\0";
+    let header = [&header[..], &png_checksum(&header[12..])].concat();
+    served
+        .post("/predict", &header)
+        .refused(413, &["65535 x 65535", "2000"]);
+    served
+        .post("/predict?resize=45", &whole)
+        .refused(413, &["resize", "45", "2000"]);
+    let two = [photograph("oak-01/002.jpg"), photograph("oak-01/001.jpg")];
+    let refused = served.ask("POST /predict?keep-size", &[FORM], &form(&two));
+    refused.refused(413, &["001.jpg", "32 x 32", "976"]);
+
+    served
+        .post("/predict", &whole[..300])
+        .refused(400, &["photograph", "JPEG"]);
+    served
+        .post("/predict", b"GIF89a")
+        .refused(400, &["47 49 46 38", "no PNG, JPEG or EXR"]);
+    served
+        .post("/predict", b"")
+        .refused(400, &["begins with nothing"]);
+    served
+        .post("/predict?size=3", &whole)
+        .refused(400, &["parameter `size`", "resize"]);
+    let media = "content-type: image/gif";
+    served
+        .ask("POST /predict", &[media], &whole)
+        .refused(415, &["image/gif", "image/png"]);
+    served
+        .ask("POST /predict", &[FORM], b"--between\r\n")
+        .refused(400, &["part 1"]);
+    served
+        .ask("POST /predict", &[FORM], b"--between--")
+        .refused(400, &["at least one"]);
+
+    served
+        .get("/predictions")
+        .refused(404, &["/predictions", "/predict, /map"]);
+    let refused = served.get("/predict");
+    assert!(refused.head.contains("allow: POST"), "{}", refused.head);
+    refused.refused(405, &["found GET", "expected POST"]);
+    served
+        .post("/session/none", &whole)
+        .refused(404, &["`none`"]);
+    served
+        .post("/session", b"{\"wide\": 2}")
+        .refused(400, &["wide", "{\"width\": 2.0}"]);
+    served
+        .post("/session", b"{\"width\": 0}")
+        .refused(400, &["width", "above 0"]);
+    assert_eq!(served.get("/health").json(), json!({ "status": "ok" }));
+}
+
+/// CRC-32 of PNG, annex D of its specification.
+fn png_checksum(bytes: &[u8]) -> [u8; 4] {
+    let mut checksum = u32::MAX;
+    for byte in bytes {
+        checksum ^= u32::from(*byte);
+        for _ in 0..8 {
+            let shifted = checksum >> 1;
+            checksum = if checksum & 1 == 1 {
+                0xedb8_8320 ^ shifted
+            } else {
+                shifted
+            };
+        }
+    }
+    (!checksum).to_be_bytes()
+}
+
+#[test]
+fn a_body_that_does_not_come_is_not_waited_for() {
+    let served = Served::start(&ONE_VIEW, &["--timeout", "1"]);
+    let slow = served.begin("/predict");
+    Response::of(slow).refused(408, &["not there after 1s"]);
+}
+
+#[test]
+fn more_than_are_taken_in_are_told_to_ask_again() {
+    let served = Served::start(&ONE_VIEW, &["--at-once", "1"]);
+    let first = served.begin("/predict");
+    let second = served.post("/predict", &bytes("oak-01/002.jpg"));
+    assert!(second.head.contains("retry-after: 1"), "{}", second.head);
+    second.refused(429, &["found 1"]);
+    assert_eq!(served.get("/model").status, 200);
+    // The first one leaves in the middle of its body.
+    drop(first);
+    while served.in_flight() > 1 {
+        thread::yield_now();
+    }
+    served.post("/predict", &bytes("oak-01/002.jpg")).json();
+}
+
+#[test]
+fn many_clients_have_the_answers_that_each_would_have_alone() {
+    let served = Served::start(&ONE_VIEW, &["--at-once", "16"]);
+    let names = [
+        "oak-01/002.jpg",
+        "tile-01/002.exr",
+        "oak-01/001.jpg",
+        "oak-01/000.jpg",
+    ];
+    let expected = names.map(|name| {
+        let line = predicted(&ONE_VIEW, &[], &[photograph(name)]);
+        serde_json::from_str::<Value>(&line).unwrap()["estimates"].clone()
+    });
+    thread::scope(|scope| {
+        for client in 0..16 {
+            let (served, expected) = (&served, &expected);
+            scope.spawn(move || {
+                for at in (client..client + 10).map(|at| at % names.len()) {
+                    let found = served.post("/predict", &bytes(names[at])).json();
+                    assert_eq!(found["estimates"], expected[at]);
+                }
+            });
+        }
+    });
+    let metrics = served.get("/metrics").text();
+    let counted = "sps_requests_total{path=\"/predict\",status=\"200\"} 160\n";
+    expect(
+        &metrics,
+        &[
+            counted,
+            "sps_request_seconds_count{path=\"/predict\",status=\"200\"} 160\n",
+        ],
+    );
+}
+
+#[test]
+fn a_token_is_asked_for() {
+    let token = ONE_VIEW.path("token.txt");
+    fs::write(&token, "a-token-of-letters\n").unwrap();
+    let served = Served::start(&ONE_VIEW, &["--token-file", token.to_str().unwrap()]);
+    let with = |header: &str| served.ask("GET /model", &[header], b"");
+    assert_eq!(with("authorization: Bearer a-token-of-letters").status, 200);
+    for wrong in [
+        "authorization: Bearer a-token-of-letter",
+        "authorization: Bearer a-token-of-letters2",
+        "authorization: a-token-of-letters",
+        "authorization: Bearer ",
+    ] {
+        with(wrong).refused(401, &["token", "expected that of --token-file"]);
+    }
+    let refused = served.post("/predict", &bytes("oak-01/002.jpg"));
+    assert!(
+        refused.head.contains("www-authenticate: Bearer"),
+        "{}",
+        refused.head
+    );
+    refused.refused(401, &["found none"]);
+    assert_eq!(
+        [served.get("/").status, served.get("/health").status],
+        [200, 200]
+    );
+}
+
+#[test]
+fn other_machines_are_not_listened_to_without_a_token() {
+    let refused = |options: &[&str]| {
+        let mut command = sps();
+        command
+            .arg("serve")
+            .arg(ONE_VIEW.path("model"))
+            .args(options);
+        message(command.assert())
+    };
+    expect(
+        &refused(&["--listen", "0.0.0.0:0"]),
+        &["--listen: found 0.0.0.0:0", "--token-file"],
+    );
+    let empty = ONE_VIEW.path("empty.txt");
+    fs::write(&empty, "\n").unwrap();
+    let empty = empty.to_str().unwrap();
+    expect(
+        &refused(&["--token-file", empty]),
+        &["empty.txt", "expected one line"],
+    );
+    expect(&refused(&["--unfamiliar", "2"]), &["--unfamiliar: found 2"]);
+}
+
+#[test]
+fn pages_of_elsewhere_are_not_answered() {
+    let served = Served::start(&ONE_VIEW, &[]);
+    let mut stream = served.connect();
+    let request = b"GET /model HTTP/1.1\r\nhost: example.org:8080\r\nconnection: close\r\n\r\n";
+    stream.write_all(request).unwrap();
+    Response::of(stream).refused(403, &["`example.org:8080`", "this machine"]);
+    let from = |origin: &str| served.ask("GET /model", &[&format!("origin: {origin}")], b"");
+    from("http://example.org").refused(403, &["`http://example.org`"]);
+    from("null").refused(403, &["`null`"]);
+    assert_eq!(from(&format!("http://{}", served.address)).status, 200);
+}
+
+#[test]
+fn a_request_that_runs_is_answered_before_the_end() {
+    let mut served = Served::start(&ONE_VIEW, &[]);
+    let whole = bytes("oak-01/002.jpg");
+    let line = served.head(
+        "POST /predict",
+        &[&format!("content-length: {}", whole.len())],
+    );
+    let before = served.in_flight();
+    let mut stream = served.connect();
+    stream.write_all(line.as_bytes()).unwrap();
+    stream.write_all(&whole[..100]).unwrap();
+    while served.in_flight() <= before {
+        thread::yield_now();
+    }
+    served.tell_to_end();
+    // It listens no more.
+    while TcpStream::connect(served.address).is_ok() {
+        thread::yield_now();
+    }
+    stream.write_all(&whole[100..]).unwrap();
+    assert!(Response::of(stream).json()["estimates"][0]["value"].is_f64());
+    assert_eq!(served.process.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn a_browser_finds_nothing_wrong_with_the_page() {
+    let served = Served::start(&ONE_VIEW, &[]);
+    let page = served.get("/");
+    let policy = "content-security-policy: default-src 'none'; script-src 'nonce-";
+    expect(&page.head, &[policy, "content-type: text/html"]);
+    let profile = tempfile::tempdir().unwrap();
+    let Some(mut browser) = browser(profile.path()) else {
+        return;
+    };
+    let address = format!("http://{}", served.address);
+    let output = browser
+        .args(["--virtual-time-budget=10000", &address])
+        .output()
+        .unwrap();
+    let log = String::from_utf8_lossy(&output.stderr).into_owned();
+    let console: Vec<&str> = log
+        .lines()
+        .filter(|line| line.contains(":CONSOLE"))
+        .collect();
+    assert_eq!(console, [""; 0]);
+    let shown = String::from_utf8_lossy(&output.stdout).into_owned();
+    expect(
+        &shown,
+        &[
+            "Photograph a surface at 0°",
+            "fitted on 6 surfaces",
+            "<td>cDF</td>",
+        ],
+    );
+}
+
+#[test]
+fn what_is_known_of_the_model() {
+    let served = Served::start(&ONE_VIEW, &["--unfamiliar", "0.2"]);
+    let model = served.get("/model").json();
+    assert_eq!(model["views"], json!([1]));
+    assert_eq!(model["about"]["angles"], json!([0.0]));
+    assert_eq!(
+        (&model["level"], &model["unfamiliar"]),
+        (&json!(0.5), &json!(0.2))
+    );
+    assert_eq!(model["fitted_on"]["surfaces"], 6);
+    let property = &model["properties"][1];
+    assert_eq!(property["property"], "cDF");
+    assert!(property["name"].as_str().unwrap().len() > 3, "{property}");
+    let described = served.get("/openapi.json").json();
+    assert_eq!(described["openapi"], "3.1.0");
+}
+
+#[test]
+fn a_session_says_where_to_look_from_next() {
+    let method = "methods=[{ id = \"r\", label = \"R\", kind = \"kernel-ridge\", views = 3, \
+        selector = { kind = \"equidistant\" }, adaptive = { width = 1.0, calibration = 0.5 } }]";
+    let model = fitted(&[method]);
+    let served = Served::start(&model, &[]);
+    let begun = served.post("/session", b"{\"width\": 1e-9}");
+    assert_eq!(begun.status, 201);
+    let begun = begun.json();
+    let path = format!("/session/{}", begun["id"].as_str().unwrap());
+    let angles = served.get("/model").json()["about"]["angles"].clone();
+    let angles: Vec<f64> = serde_json::from_value(angles).unwrap();
+    assert_eq!(begun["next"], json!(angles[0]));
+    // Views of the tiny dataset lie between -45 and 45 degrees.
+    let view = |angle: &f64| photograph(&format!("oak-01/00{}.jpg", (angle + 45.0) / 22.5));
+    let files: Vec<PathBuf> = angles.iter().map(view).collect();
+    for views in 1..=3 {
+        let looked = served
+            .post(&path, &fs::read(&files[views - 1]).unwrap())
+            .json();
+        let next = json!(angles.get(views));
+        assert_eq!((&looked["views"], &looked["next"]), (&json!(views), &next));
+        assert_eq!(looked["narrow"], json!({ "fRS": false, "cDF": false }));
+        let line = predicted(&model, &[], &files[..views]);
+        let expected: Value = serde_json::from_str(&line).unwrap();
+        assert_eq!(looked["estimates"], expected["estimates"]);
+    }
+    served
+        .post(&path, &bytes("oak-01/004.jpg"))
+        .refused(409, &["the session is over"]);
+
+    // One narrow enough after its first photograph, and then so many that it leaves.
+    let begun = served.post("/session", b"{\"width\": 1e9}").json();
+    let wide = format!("/session/{}", begun["id"].as_str().unwrap());
+    let looked = served.post(&wide, &bytes("oak-01/000.jpg")).json();
+    assert_eq!(
+        (&looked["next"], &looked["narrow"]["fRS"]),
+        (&Value::Null, &json!(true))
+    );
+    for _ in 0..64 {
+        served.post("/session", b"{\"width\": 1.0}").json();
+    }
+    served
+        .post(&wide, &bytes("oak-01/000.jpg"))
+        .refused(404, &["one of the last 64"]);
+    expect(&served.get("/metrics").text(), &["\nsps_sessions 64\n"]);
+}

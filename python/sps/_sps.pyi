@@ -108,7 +108,7 @@ class Session:
 @final
 class Estimator:
     @staticmethod
-    def load(folder: _Path) -> Estimator: ...
+    def load(folder: _Path, *, joint: bool = False) -> Estimator: ...
     @staticmethod
     def fit(
         photographs: Iterable[_Images],

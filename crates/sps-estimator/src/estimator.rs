@@ -95,6 +95,8 @@ pub struct Estimator {
     pub(crate) about: About,
     pub(crate) embedder: Embedder,
     pub(crate) fitted: Fitted,
+    /// Whether the intervals of all properties hold at once.
+    joint: bool,
 }
 
 /// What is said of one surface.
@@ -165,7 +167,19 @@ impl Estimator {
             about,
             embedder,
             fitted,
+            joint: false,
         })
+    }
+
+    /// The same with wider intervals, of which those of all properties of a surface hold at once at the
+    /// level ([`Fitted::predict_jointly`]); none for the mean of several photographs. It answers so from
+    /// [`Estimator::predict`], [`Estimator::predict_embedded`] and [`Estimator::predict_all`] alone.
+    #[must_use]
+    pub fn jointly(self) -> Self {
+        Self {
+            joint: true,
+            ..self
+        }
     }
 
     /// What goes with it.
@@ -259,18 +273,6 @@ impl Estimator {
         self.predict_embedded(&values, photographs.len())
     }
 
-    /// As [`Estimator::predict`], with intervals of which those of all properties hold at once at the level.
-    ///
-    /// # Errors
-    ///
-    /// As [`Estimator::predict`]; several photographs, where the model takes one.
-    pub fn predict_jointly(&self, photographs: &[Frame]) -> Result<Answer> {
-        self.check_views(photographs.len())?;
-        let values = self.embedder.embed(photographs)?;
-        let embeddings = self.embedder.table(&values, 1, photographs.len())?;
-        Ok(self.answer(&self.fitted.predict_jointly(&embeddings)?, 0..1))
-    }
-
     /// As [`Estimator::predict`], from the embeddings of so many photographs, `(photographs, width)`.
     ///
     /// # Errors
@@ -287,7 +289,11 @@ impl Estimator {
         };
         self.check_views(views)?;
         let embeddings = self.embedder.table(values, surfaces, views)?;
-        let predictions = self.fitted.predict_at_once(&embeddings, surfaces)?;
+        let predictions = if self.joint {
+            self.fitted.predict_jointly_at_once(&embeddings, surfaces)?
+        } else {
+            self.fitted.predict_at_once(&embeddings, surfaces)?
+        };
         Ok(self.answer(&predictions, 0..surfaces))
     }
 
@@ -307,9 +313,12 @@ impl Estimator {
             return Ok(Vec::new());
         }
         self.check_views(views)?;
-        let predictions = self
-            .fitted
-            .predict(&self.embedder.table(values, surfaces, views)?)?;
+        let embeddings = self.embedder.table(values, surfaces, views)?;
+        let predictions = if self.joint {
+            self.fitted.predict_jointly(&embeddings)?
+        } else {
+            self.fitted.predict(&embeddings)?
+        };
         Ok((0..surfaces)
             .map(|at| self.answer(&predictions, at..at + 1))
             .collect())

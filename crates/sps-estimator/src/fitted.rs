@@ -309,8 +309,20 @@ impl Fitted {
     ///
     /// As [`Fitted::predict`].
     pub fn predict_jointly(&self, embeddings: &Embeddings) -> Result<Predictions> {
+        self.predict_jointly_at_once(embeddings, 1)
+    }
+
+    /// As [`Fitted::predict_jointly`], with intervals of so many photographs.
+    pub(crate) fn predict_jointly_at_once(
+        &self,
+        embeddings: &Embeddings,
+        photographs: usize,
+    ) -> Result<Predictions> {
         self.predict_with(embeddings, |_| match &self.joint {
-            Interval::Errors(times) => Ok(*times),
+            Interval::Errors(times) if photographs == 1 => Ok(*times),
+            Interval::Errors(_) => Err(format!(
+                "found {photographs} photographs, expected one where all properties are to hold at once"
+            )),
             Interval::None(reason) => Err(reason.clone()),
         })
     }

@@ -659,3 +659,59 @@ fn what_no_photographs_can_be_taken_for_is_not_kept() {
         encoder = { name = \"i3d\", weights = \"untrained\", frames = 3 } }";
     refused(sequence, &["looks at a sequence by i3d"]);
 }
+
+/// Lines of standard input are answered as photographs that are named, and broken ones by an error in
+/// their place.
+#[test]
+fn lines_of_standard_input_are_answered_one_by_one() {
+    let scratch = fitted(&[]);
+    let images = ["oak-01/002.jpg", "tile-01/002.exr"];
+    let images = images.map(|name| scratch.path("data/frames").join(name));
+    let named = said(&mut predict(&scratch, &[], &images));
+    let both = said(&mut predict(&scratch, &["--group-by", "all"], &images));
+    let lines = [
+        json!(images[0]).to_string(),
+        json!([images[1]]).to_string(),
+        json!([scratch.path("none.png")]).to_string(),
+        "{}".to_owned(),
+        json!(images).to_string(),
+    ];
+    let mut asked = predict(&scratch, &[], &[PathBuf::from("-")]);
+    let output = asked.write_stdin(lines.join("\n")).assert().code(1);
+    let output = output.get_output().clone();
+    let answers = String::from_utf8(output.stdout).unwrap();
+    let answers: Vec<&str> = answers.lines().collect();
+    let named: Vec<&str> = named.lines().collect();
+    assert_eq!(answers[..2], named);
+    expect(answers[2], &["\"line\":3", "none.png"]);
+    expect(answers[3], &["\"line\":4", "found `{}`, expected the path"]);
+    assert_eq!(answers[4..], [both.trim_end()]);
+    expect(
+        &String::from_utf8_lossy(&output.stderr),
+        &["2 lines have no estimate"],
+    );
+}
+
+#[test]
+fn joint_intervals_are_wider_and_of_one_photograph() {
+    let scratch = fitted(&["methods=[{ id = \"ridge\", label = \"Ridge\", kind = \"ridge\" }]"]);
+    let images = ["000.jpg", "001.jpg"];
+    let images = images.map(|name| scratch.path("data/frames/oak-01").join(name));
+    let ask = |options: &[&str], images: &[PathBuf]| -> Value {
+        serde_json::from_str(&said(&mut predict(&scratch, options, images))).unwrap()
+    };
+    let (alone, joint) = (ask(&[], &images[..1]), ask(&["--joint"], &images[..1]));
+    let mut wider = 0;
+    let estimates = |answer: &Value| answer["estimates"].as_array().unwrap().clone();
+    assert_eq!(estimates(&alone).len(), 2);
+    for (alone, joint) in estimates(&alone).iter().zip(estimates(&joint)) {
+        let width = |of: &Value| of["high"].as_f64().unwrap() - of["low"].as_f64().unwrap();
+        assert_eq!(alone["value"], joint["value"]);
+        assert!(width(&joint) >= width(alone), "{joint}");
+        wider += usize::from(width(&joint) > width(alone));
+    }
+    assert!(wider > 0, "{joint}");
+    let several = ask(&["--joint", "--group-by", "all"], &images);
+    let reason = several["no_interval"]["fRS"].as_str().unwrap();
+    expect(reason, &["found 2 photographs", "expected one"]);
+}

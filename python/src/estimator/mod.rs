@@ -43,15 +43,17 @@ pub(crate) struct Estimator {
 
 #[pymethods]
 impl Estimator {
-    /// Reads a model from a folder.
+    /// Reads a model from a folder; with `joint=True` its intervals are wider, and hold the truths of all
+    /// properties of a surface at once.
     ///
     /// Raises OSError where a file cannot be read, ValueError where one is damaged, does not belong to
     /// the others, or is of a later version.
     #[staticmethod]
-    fn load(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
-        py.detach(|| sps_estimator::Estimator::load(&folder))
-            .map(Self::of)
-            .map_err(|error| estimator_error(&error))
+    #[pyo3(signature = (folder, *, joint = false))]
+    fn load(py: Python<'_>, folder: PathBuf, joint: bool) -> PyResult<Self> {
+        let model = py.detach(|| sps_estimator::Estimator::load(&folder));
+        let model = model.map_err(|error| estimator_error(&error))?;
+        Ok(Self::of(if joint { model.jointly() } else { model }))
     }
 
     /// Fits a model to photographs of n surfaces and what was measured on them.

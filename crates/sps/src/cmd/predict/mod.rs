@@ -1,3 +1,4 @@
+mod lines;
 mod maps;
 mod print;
 
@@ -21,7 +22,8 @@ use crate::answer;
     all that are named one by one, for one surface; --group-by says otherwise. Photographs of a folder \
     are taken by name, those that are named in the order given; it is that of the model's angles. \
     Photographs that cannot be read are named, the others are estimated, and the status \
-    is 1."
+    is 1.\n\nWith - photographs are read from standard input: a line is a JSON string, the path of one, or a \
+    list of those of a surface, and is answered by a line of JSON before the next is read."
 )]
 pub struct Args {
     /// A folder that `fit` wrote
@@ -42,11 +44,14 @@ pub struct Args {
     /// this probability
     #[arg(long, value_name = "P", default_value = "0.05")]
     unfamiliar: f64,
+    /// Wider intervals, which hold the truths of all properties of a surface at once
+    #[arg(long, conflicts_with = "map")]
+    joint: bool,
     #[command(flatten)]
     maps: maps::Options,
     #[command(flatten)]
     format: print::Format,
-    /// PNG, JPEG or EXR, or folders of them
+    /// PNG, JPEG or EXR, or folders of them; or -, for lines of standard input
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
 }
@@ -63,12 +68,21 @@ const AT_ONCE: usize = 16;
 
 pub(crate) fn run(args: &Args) -> Result<()> {
     let model = Estimator::load(&args.model)?;
+    let model = if args.joint { model.jointly() } else { model };
     answer::check_probability(args.unfamiliar).context("--unfamiliar")?;
     if let Some(property) = &args.maps.map {
         return maps::draw(args, &model, property);
     }
     let scale =
         answer::scale(&model, args.resize, args.keep_size).context("--resize, --keep-size")?;
+    if args.images == [Path::new("-")] {
+        let format = print::Format {
+            json: true,
+            csv: false,
+        };
+        let printer = Printer::new(&format, args.unfamiliar, &model)?;
+        return lines::answer(&model, scale, printer);
+    }
     let surfaces = surfaces(args, &model)?;
     let mut printer = Printer::new(&args.format, args.unfamiliar, &model)?;
     let progress = Progress::new("photographs", surfaces.iter().map(|s| s.images.len()).sum());

@@ -383,7 +383,9 @@ fn png_checksum(bytes: &[u8]) -> [u8; 4] {
 #[test]
 fn a_body_that_does_not_come_is_not_waited_for() {
     let served = Served::start(&ONE_VIEW, &["--timeout", "1"]);
-    let slow = served.begin("/predict");
+    let head = served.head("POST /predict", &["content-length: 1000"]);
+    let mut slow = served.connect();
+    slow.write_all(head.as_bytes()).unwrap();
     Response::of(slow).refused(408, &["not there after 1s"]);
 }
 

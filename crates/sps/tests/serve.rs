@@ -297,7 +297,7 @@ fn maps_are_those_of_predict() {
 
 #[test]
 fn what_is_not_as_expected_is_named() {
-    let options = ["--max-body", "1", "--max-pixels", "2000"];
+    let options = ["--max-body", "1", "--max-pixels", "16000"];
     let served = Served::start(&ONE_VIEW, &options);
     let whole = bytes("oak-01/002.jpg");
     let large = vec![0; (1 << 20) + 1];
@@ -316,7 +316,7 @@ fn what_is_not_as_expected_is_named() {
     let header = [&header[..], &png_checksum(&header[12..])].concat();
     served
         .post("/predict", &header)
-        .refused(413, &["65535 x 65535", "2000"]);
+        .refused(413, &["65535 x 65535", "16000"]);
     served
         .post("/predict?resize=45", &whole)
         .refused(413, &["resize", "45", "2000"]);
@@ -385,7 +385,9 @@ fn png_checksum(bytes: &[u8]) -> [u8; 4] {
 #[test]
 fn a_body_that_does_not_come_is_not_waited_for() {
     let served = Served::start(&ONE_VIEW, &["--timeout", "1"]);
-    let slow = served.begin("/predict");
+    let head = served.head("POST /predict", &["content-length: 1000"]);
+    let mut slow = served.connect();
+    slow.write_all(head.as_bytes()).unwrap();
     Response::of(slow).refused(408, &["not there after 1s"]);
 }
 

@@ -29,8 +29,9 @@ pub struct Args {
     /// The largest body of a request, in MiB
     #[arg(long, value_name = "MIB", default_value = "32", value_parser = clap::value_parser!(u64).range(1..=4096))]
     max_body: u64,
-    /// The most pixels of the photographs of a request, by what their headers say [default: 2^25]
-    #[arg(long, value_name = "N", default_value_t = 1 << 25, hide_default_value = true, value_parser = clap::value_parser!(u64).range(1..))]
+    /// The most pixels of a photograph, by what its header says; those of a request may be looked at in an
+    /// eighth of that [default: 2^25]
+    #[arg(long, value_name = "N", default_value_t = 1 << 25, hide_default_value = true, value_parser = clap::value_parser!(u64).range(8..))]
     max_pixels: u64,
     /// How long a request may take to come in, and a connection may wait for its next one
     #[arg(long, value_name = "SECONDS", default_value = "30", value_parser = clap::value_parser!(u64).range(1..=86400))]

@@ -69,30 +69,34 @@ impl Service {
         }
     }
 
-    /// Decodes photographs one after the other. All that are held at a time have no more pixels than one
-    /// may have.
+    /// Decodes photographs one after the other. All together have no more pixels, as they are looked at,
+    /// than [`Settings::most_looked_at`](super::Settings).
     pub(super) fn decoded(
         &self,
         photographs: &[Photograph],
         scale: Scale,
     ) -> Result<Vec<Frame>, Failure> {
-        let mut limits = Limits {
-            file_bytes: self.settings.max_body as u64,
-            pixels: self.settings.max_pixels,
-        };
+        let mut left = self.settings.most_looked_at();
         let decode = |photograph: &Photograph| {
             let found = |failure: Failure| failure.of(&photograph.name.display().to_string());
+            let limits = Limits {
+                file_bytes: self.settings.max_body as u64,
+                // One that keeps its size need not be decoded to know how large it stays.
+                pixels: match scale {
+                    Scale::Keep => left,
+                    _ => self.settings.max_pixels,
+                },
+            };
             let frame = self.model.decode(&photograph.content, limits, scale);
             let frame = frame.map_err(|error| found(error.into()))?;
             let pixels = (frame.width * frame.height) as u64;
-            let left = limits.pixels.checked_sub(pixels).ok_or_else(|| {
+            left = left.checked_sub(pixels).ok_or_else(|| {
                 let message = format!(
-                    "has {} x {} pixels once it is resized, expected at most {}",
-                    frame.width, frame.height, limits.pixels
+                    "has {} x {} pixels once it is resized, expected at most {left}",
+                    frame.width, frame.height
                 );
                 found(Failure::new(StatusCode::PAYLOAD_TOO_LARGE, message))
             })?;
-            limits.pixels = left;
             Ok(frame)
         };
         photographs.iter().map(decode).collect()

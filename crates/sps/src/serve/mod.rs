@@ -39,7 +39,7 @@ pub(crate) struct Settings {
     pub token: Option<blake3::Hash>,
     /// Bytes of a body.
     pub max_body: usize,
-    /// Pixels of the photographs of a request.
+    /// Pixels of a photograph.
     pub max_pixels: u64,
     /// For a request to come in.
     pub timeout: Duration,
@@ -47,6 +47,14 @@ pub(crate) struct Settings {
     pub at_once: usize,
     /// Photographs are unfamiliar whose p-value is at most this.
     pub unfamiliar: f64,
+}
+
+impl Settings {
+    /// Pixels of the photographs of a request once they have the size that they are looked at in. An encoder
+    /// takes some 200 bytes for each, a photograph that is read to be resized at most 12.
+    fn most_looked_at(&self) -> u64 {
+        self.max_pixels / 8
+    }
 }
 
 /// What every request sees.

@@ -21,7 +21,7 @@ impl Service {
     /// What is asked for by some of `known` keys.
     pub(super) fn query(&self, request: &Request, known: &[&str]) -> Result<Query, Failure> {
         let query = Query::parse(request.uri().query().unwrap_or_default(), known)?;
-        let most = self.settings.max_pixels;
+        let most = self.settings.most_looked_at();
         match query.resize {
             Some(pixels) if pixels.saturating_mul(pixels) > most => {
                 let message =

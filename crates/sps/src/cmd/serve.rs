@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         at_once: args.at_once as usize,
         unfamiliar: args.unfamiliar,
     };
-    let model = Estimator::load(&args.model).context("MODEL_DIR")?;
+    let model = Estimator::load(&args.model)?;
     serve::run(model, settings, args.listen)
 }
 

@@ -114,7 +114,7 @@ class Estimator:
         photographs: Iterable[_Images],
         values: ArrayLike,
         *,
-        encoder: Encoder,
+        encoder: Encoder | None = None,
         properties: list[str] | None = None,
         groups: Iterable[Hashable] | None = None,
         regression: str = "ridge",

@@ -97,8 +97,6 @@ class TactileRegressor(RegressorMixin, BaseEstimator):
         values = _values(y)
         settings = self.get_params(deep=False)
         del settings["scale"]
-        if self.encoder is None:
-            settings["encoder"] = Encoder("efficientnet-lite-body", "built-in")
         if self.properties is None:
             settings["properties"] = _names(y, values)
         self.estimator_ = Estimator.fit(_surfaces(X), values, groups=groups, **settings)

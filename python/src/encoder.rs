@@ -230,6 +230,14 @@ fn size(frame: &Frame) -> [usize; 2] {
     [frame.height, frame.width]
 }
 
+/// The encoder that comes with the package, at all depths.
+pub(crate) fn built_in() -> PyResult<encoders::Encoder> {
+    let encoder = encoders::Encoder::built_in(EncoderKind::EfficientNetLiteBody, &Device::Cpu);
+    encoder
+        .and_then(|network| network.with_depths(&Depths::All))
+        .map_err(|error| model_error(&error))
+}
+
 fn network(
     name: &str,
     weights: &Path,

@@ -339,3 +339,20 @@ def test_the_command_line_says_the_same(tmp_path):
         assert len(line["estimates"]) == len(answer.estimates)
         for said, estimate in zip(line["estimates"], answer.estimates):
             assert said == {name: getattr(estimate, name) for name in said}
+
+
+def test_joint_intervals_are_wider(model, tmp_path):
+    model.save(tmp_path)
+    joint = sps.Estimator.load(tmp_path, joint=True)
+    photograph = stripes(4, 9000)
+    both = zip(model.predict(photograph).estimates, joint.predict(photograph).estimates)
+    widths = [(alone.high - alone.low, wide.high - wide.low) for alone, wide in both]
+    assert all(wide >= alone for alone, wide in widths) and widths[0] != widths[1]
+    several = joint.predict([photograph, photograph])
+    assert "found 2 photographs, expected one" in several.no_interval["fRS"]
+
+
+def test_the_built_in_encoder_needs_no_name(encoder, photographs, widths):
+    named = sps.Estimator.fit(photographs, widths, encoder=encoder)
+    alone = sps.Estimator.fit(photographs, widths)
+    assert alone.predict(photographs[0]) == named.predict(photographs[0])

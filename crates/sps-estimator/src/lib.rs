@@ -8,6 +8,7 @@
 //! - [`Estimator`] is that with the [`Embedder`] of its photographs: it reads, predicts, is saved and
 //!   loaded.
 //! - [`Session`] looks at one photograph after the other, and at no more than needed.
+//! - [`Watch`] notices when photographs are no longer like those of the fit.
 //! - [`Estimator::map`] estimates at every place of a photograph.
 //! - [`Step`] and [`radius()`] are what intervals are made of, for programs that fit many models.
 //!
@@ -31,6 +32,7 @@ mod recipe;
 mod regression;
 mod session;
 mod step;
+mod watch;
 
 pub use embedder::{Embedder, Network, photographs_in, read_photograph};
 pub use error::{Error, Result};
@@ -44,6 +46,7 @@ pub use session::{Looked, Session};
 /// A photograph.
 pub use sps_dataset::Frame;
 pub use step::{Expected, Look, Step};
+pub use watch::Watch;
 
 /// Runs the example of the README.
 #[cfg(doctest)]

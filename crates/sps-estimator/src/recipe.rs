@@ -8,7 +8,7 @@ use sps_regress::TrainingData;
 
 use crate::error::{Error, Result};
 use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};
-use crate::novelty::Familiar;
+use crate::novelty::{Aside, Familiar};
 use crate::radius::{radii, radius};
 use crate::regression::Regression;
 use crate::step::{self, Expected, Look, Step};
@@ -176,7 +176,7 @@ impl Recipe {
         let mut fitted = Fitted {
             measures: self.measures(examples, surfaces),
             stages,
-            familiar: self.familiar(examples, surfaces, (&slots, &steps), number)?,
+            familiar: self.familiar(examples, (surfaces, &split), (&slots, &steps), number)?,
             level: self.calibration.level,
             joint: Interval::None("not calibrated".to_owned()),
             on: FittedOn {
@@ -224,13 +224,15 @@ impl Recipe {
     fn familiar(
         &self,
         examples: &Examples<'_>,
-        surfaces: &[usize],
+        (surfaces, split): (&[usize], &Split),
         (slots, steps): (&[usize], &[usize]),
         number: u64,
     ) -> Result<Result<Familiar, String>> {
         let mut against = surfaces.to_vec();
+        let (units, seed) = (examples.units, self.calibration.seed);
+        let mut aside = split.validation.as_slice();
         if !examples.encoder_saw.is_empty() {
-            let (units, seed) = (examples.units, self.calibration.seed);
+            aside = &[];
             against = units.one_of_each(&examples.unseen(surfaces), seed, "familiar", number);
             if against.len() < LEAST_UNSEEN {
                 return Ok(Err(format!(
@@ -242,7 +244,16 @@ impl Recipe {
             }
         }
         let seen = examples.data.embeddings.select(&against, slots)?;
-        Ok(Familiar::of(&seen, steps))
+        let places = |some: &[usize]| -> Vec<usize> {
+            let places = against.iter().enumerate();
+            let places = places.filter(|(_, surface)| some.contains(surface));
+            places.map(|(place, _)| place).collect()
+        };
+        let aside = Aside {
+            all: places(aside),
+            one_of_each: places(&units.one_of_each(aside, seed, "watched", number)),
+        };
+        Ok(Familiar::of(&seen, steps, aside))
     }
 
     /// All views that any property looks at, in the order in which they come up.

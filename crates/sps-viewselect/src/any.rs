@@ -40,6 +40,17 @@ pub enum AnySelector {
 }
 
 impl AnySelector {
+    /// What a config may call them, each with what it does.
+    pub const NAMES: [(&str, &str); 7] = [
+        ("random", "random sets, the best of so many draws"),
+        ("equidistant", "the middles of equal parts of the views"),
+        ("nadir", "the view in the middle, and its neighbours"),
+        ("nvs", "network for view selection, the paper's"),
+        ("vb-nvs", "the paper's with a value network"),
+        ("greedy", "a local optimum, from several starts"),
+        ("exhaustive", "the optimum, by all sets"),
+    ];
+
     /// Whether it chooses the same views whatever the loss and the seed.
     pub fn is_fixed(&self) -> bool {
         matches!(self, Self::Equidistant(_) | Self::Nadir(_))
@@ -65,5 +76,23 @@ impl Selector for AnySelector {
             Self::Greedy(selector) => selector.select(problem),
             Self::Exhaustive(selector) => selector.select(problem),
         }
+    }
+}
+
+#[cfg(all(test, feature = "serde"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_is_that_of_a_selector() {
+        for (name, _) in AnySelector::NAMES {
+            let config = format!("{{ \"kind\": \"{name}\" }}");
+            let selector: AnySelector = serde_json::from_str(&config).unwrap();
+            let written = serde_json::to_value(&selector).unwrap();
+            assert_eq!(written["kind"], name);
+        }
+        let unknown = serde_json::from_str::<AnySelector>(r#"{ "kind": "?" }"#).unwrap_err();
+        let listed = unknown.to_string().matches('`').count() / 2 - 1;
+        assert_eq!(listed, AnySelector::NAMES.len(), "{unknown}");
     }
 }

@@ -28,6 +28,9 @@ struct Cli<C: Subcommand> {
     /// Threads to use [default: all cores]
     #[arg(long, value_name = "N", global = true)]
     threads: Option<usize>,
+    /// Show no progress, and of the log warnings and errors alone
+    #[arg(long, global = true)]
+    quiet: bool,
     #[command(subcommand)]
     command: C,
 }
@@ -47,6 +50,8 @@ pub enum Command {
     Embed(cmd::embed::Args),
     Serve(cmd::serve::Args),
     Report(cmd::report::Args),
+    List(cmd::list::Args),
+    Completions(cmd::completions::Args),
 }
 
 impl Command {
@@ -67,6 +72,8 @@ impl Command {
             Self::Embed(args) => cmd::embed::run(args),
             Self::Serve(args) => cmd::serve::run(args),
             Self::Report(args) => cmd::report::run(args),
+            Self::List(args) => cmd::list::run(args),
+            Self::Completions(args) => cmd::completions::run(args),
         }
     }
 }
@@ -78,7 +85,7 @@ pub fn main<C: Subcommand>(name: &'static str, run: impl FnOnce(&C) -> Result<()
     end_quietly_on_closed_pipes();
     let matches = named(Cli::<C>::command(), name).get_matches();
     let cli = Cli::<C>::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    log();
+    log(cli.quiet);
     match start_threads(cli.threads).and_then(|()| run(&cli.command)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -123,13 +130,14 @@ fn end_quietly_on_closed_pipes() {
 }
 
 /// Lines of the log go above the progress bars; `RUST_LOG` sets how many there are.
-fn log() {
+fn log(quiet: bool) {
     let progress = IndicatifLayer::new();
     let lines = tracing_subscriber::fmt::layer()
         .with_target(false)
         .without_time()
         .with_writer(progress.get_stderr_writer());
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    let filter = EnvFilter::try_from_default_env();
+    let filter = filter.unwrap_or_else(|_| EnvFilter::new(if quiet { "warn" } else { "info" }));
     tracing_subscriber::registry()
         .with(filter)
         .with(lines)

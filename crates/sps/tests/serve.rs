@@ -362,7 +362,13 @@ fn what_is_not_as_expected_is_named() {
     served
         .post("/session", b"{\"width\": 0}")
         .refused(400, &["width", "above 0"]);
-    assert_eq!(served.get("/health").json(), json!({ "status": "ok" }));
+    let health = || served.get("/health").json();
+    assert_eq!(health()["status"], "ok");
+    let before = health()["watch"]["surfaces"].as_u64().unwrap();
+    served.post("/predict", &whole);
+    let watch = &health()["watch"];
+    assert_eq!(watch["surfaces"], before + 1, "{watch}");
+    assert!(watch["evidence"].as_f64().unwrap() > 0.0 && watch["alarm"].is_null());
 }
 
 /// CRC-32 of PNG, annex D of its specification.

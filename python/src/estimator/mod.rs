@@ -20,7 +20,7 @@ pub(crate) use self::answer::{Answer, Estimate};
 use self::fit::{Felt, Seen, Settings, regression};
 use self::photographs::{Reader, Scale, Surfaces};
 pub(crate) use self::session::{Looked, Session};
-use crate::encoder::Encoder;
+use crate::encoder::{Encoder, built_in};
 use crate::errors::{estimator_error, value_error};
 use crate::images::{Image, Images, embed_each};
 
@@ -60,7 +60,7 @@ impl Estimator {
     ///
     /// `photographs` holds one of each surface, or a list of equally many of each; `values` is float64
     /// (n,) or (n, properties), NaN where nothing was measured; `properties` names the columns ("value"
-    /// where there is one); `encoder` is an Encoder. `groups`, (n,) of anything hashable, says which
+    /// where there is one); `encoder` is an Encoder, the built-in one where none is given. `groups`, (n,) of anything hashable, says which
     /// surfaces are alike (sheets of one roll, photographs of one material): a group is never parted,
     /// and intervals are for a surface of a new one.
     ///
@@ -79,7 +79,7 @@ impl Estimator {
     /// values, and too few surfaces or groups to keep any aside.
     #[staticmethod]
     #[pyo3(signature = (
-        photographs, values, *, encoder, properties = None, groups = None, regression = "ridge",
+        photographs, values, *, encoder = None, properties = None, groups = None, regression = "ridge",
         calibration = 0.3, level = 0.9, seed = 0, resize = None, angles = None, one_by_one = false,
         name = ""
     ))]
@@ -88,7 +88,7 @@ impl Estimator {
         py: Python<'_>,
         photographs: &Bound<'_, PyAny>,
         values: PyArrayLikeDyn<'_, f64, AllowTypeChange>,
-        encoder: &Bound<'_, Encoder>,
+        encoder: Option<&Bound<'_, Encoder>>,
         properties: Option<Vec<String>>,
         groups: Option<&Bound<'_, PyAny>>,
         regression: &str,
@@ -112,7 +112,11 @@ impl Estimator {
             name: name.to_owned(),
         };
         let felt = Felt::new(&values, properties, groups)?;
-        let seen = Seen::new(photographs, encoder.get().network(), resize)?;
+        let encoder = match encoder {
+            Some(encoder) => encoder.get().network().clone(),
+            None => py.detach(built_in)?,
+        };
+        let seen = Seen::new(photographs, &encoder, resize)?;
         py.detach(|| settings.fit(seen, &felt)).map(Self::of)
     }
 

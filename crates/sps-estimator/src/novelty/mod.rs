@@ -10,6 +10,35 @@ use crate::error::{Error, Result};
 /// Neighbours that a distance is the mean over.
 const NEIGHBOURS: usize = 5;
 
+/// Surfaces that were kept aside to calibrate, by their places, ascending.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Aside {
+    /// All.
+    pub all: Vec<usize>,
+    /// One of each unit.
+    pub one_of_each: Vec<usize>,
+}
+
+impl Aside {
+    /// 0 for a surface that was fitted to, 1 for one that was kept aside, 2 for that of its unit.
+    fn mark(&self, surface: usize) -> f32 {
+        let among = |some: &[usize]| f32::from(some.binary_search(&surface).is_ok());
+        among(&self.all) + among(&self.one_of_each)
+    }
+
+    fn of_marks(marks: &[f32]) -> Self {
+        let marked = |least: f32| {
+            let marks = marks.iter().enumerate();
+            let marked = marks.filter(|(_, mark)| **mark >= least);
+            marked.map(|(at, _)| at).collect()
+        };
+        Self {
+            all: marked(1.0),
+            one_of_each: marked(2.0),
+        }
+    }
+}
+
 /// Surfaces that others are held against.
 ///
 /// The score of a surface is the mean of its five smallest Euclidean distances to the others, between
@@ -26,6 +55,8 @@ pub(crate) struct Familiar {
     width: usize,
     /// `(surfaces, views, width)`; each block of each view of unit length.
     units: Vec<f32>,
+    /// What new surfaces are watched by; nothing where the encoder learned from the others.
+    aside: Aside,
     /// For each number of views asked with, the smallest squared distances of each surface to others,
     /// ascending, `(surfaces, neighbours)`.
     nearest: Vec<(usize, Vec<f32>)>,
@@ -34,7 +65,11 @@ pub(crate) struct Familiar {
 impl Familiar {
     /// Keeps surfaces, `(surfaces, views, width)`, to be held against by their first so many views, for
     /// each of `steps`; a reason where there are not two surfaces.
-    pub(crate) fn of(embeddings: &Embeddings, steps: &[usize]) -> Result<Self, String> {
+    pub(crate) fn of(
+        embeddings: &Embeddings,
+        steps: &[usize],
+        aside: Aside,
+    ) -> Result<Self, String> {
         if embeddings.surfaces() < 2 {
             let found = embeddings.surfaces();
             return Err(format!(
@@ -47,6 +82,7 @@ impl Familiar {
             views,
             width: embeddings.width(),
             units: units(embeddings),
+            aside,
             nearest: Vec::new(),
         };
         for &step in steps {
@@ -114,6 +150,31 @@ impl Familiar {
         (1 + strange.count()) as f64 / (self.surfaces + 1) as f64
     }
 
+    /// How far one surface of each unit that was kept aside lies from those fitted to, by all views; none
+    /// where there are not both.
+    pub(crate) fn scores_aside(&self) -> Vec<f64> {
+        if self.aside.all.len() == self.surfaces {
+            return Vec::new();
+        }
+        let aside = self.aside.one_of_each.par_iter();
+        aside.map(|&at| self.score_of(self.surface(at))).collect()
+    }
+
+    /// How far a surface, `(1, views, width)`, lies from those fitted to.
+    pub(crate) fn score(&self, embeddings: &Embeddings) -> f64 {
+        self.score_of(&units(embeddings))
+    }
+
+    fn score_of(&self, one: &[f32]) -> f64 {
+        let mut nearest = Smallest::default();
+        for (at, distance) in self.distances(one).enumerate() {
+            if self.aside.all.binary_search(&at).is_err() {
+                nearest.take(distance);
+            }
+        }
+        mean(nearest.0.into_iter())
+    }
+
     fn neighbours(&self) -> usize {
         NEIGHBOURS.min(self.surfaces - 1)
     }
@@ -129,7 +190,8 @@ impl Familiar {
         all.map(|other| squared_distance(one, &other[..one.len()]))
     }
 
-    /// A safetensors file: `units`, and `nearest.M` for each number of views M.
+    /// A safetensors file: `units`, `nearest.M` for each number of views M, and `aside`, [`Aside::mark`] of
+    /// each surface.
     pub(crate) fn to_bytes(&self) -> Result<Vec<u8>> {
         let bytes = |values: &[f32]| -> Vec<u8> {
             values
@@ -142,6 +204,8 @@ impl Familiar {
             vec![self.surfaces, self.views, self.width],
             bytes(&self.units),
         )];
+        let marks: Vec<f32> = (0..self.surfaces).map(|at| self.aside.mark(at)).collect();
+        tensors.push(("aside".to_owned(), vec![self.surfaces], bytes(&marks)));
         for (step, nearest) in &self.nearest {
             let shape = vec![self.surfaces, self.neighbours()];
             tensors.push((format!("nearest.{step}"), shape, bytes(nearest)));
@@ -183,8 +247,13 @@ impl Familiar {
             views,
             width,
             units,
+            aside: Aside::default(),
             nearest: Vec::new(),
         };
+        // Models of older versions have none.
+        if let Ok((_, marks)) = tensor("aside") {
+            familiar.aside = Aside::of_marks(&marks[..marks.len().min(surfaces)]);
+        }
         for step in 1..=views {
             let name = format!("nearest.{step}");
             if !tensors.names().contains(&name.as_str()) {

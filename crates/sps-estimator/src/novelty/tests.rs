@@ -53,7 +53,7 @@ proptest! {
         const WIDTH: usize = 19;
         let values = numbers(seed, (surfaces + 1) * WIDTH);
         let (known, new) = values.split_at(surfaces * WIDTH);
-        let familiar = Familiar::of(&embeddings(known.to_vec(), 1, WIDTH), &[1]).unwrap();
+        let familiar = Familiar::of(&embeddings(known.to_vec(), 1, WIDTH), &[1], Aside::default()).unwrap();
         let found = familiar.p_values(&embeddings(new.to_vec(), 1, WIDTH)).unwrap()[0];
         let all: Vec<&[f32]> = known.chunks_exact(WIDTH).collect();
         let [least, most] = naive(&all, new);
@@ -69,7 +69,8 @@ fn p_values_are_uniform_where_nothing_is_new() {
     let p_value = |seed: u64| {
         let values = numbers(seed, (SURFACES + 1) * 6);
         let (known, new) = values.split_at(SURFACES * 6);
-        let familiar = Familiar::of(&embeddings(known.to_vec(), 1, 6), &[1]).unwrap();
+        let familiar =
+            Familiar::of(&embeddings(known.to_vec(), 1, 6), &[1], Aside::default()).unwrap();
         familiar.p_values(&embeddings(new.to_vec(), 1, 6)).unwrap()[0]
     };
     let p_values: Vec<f64> = (0..DRAWS).map(p_value).collect();
@@ -83,11 +84,11 @@ fn p_values_are_uniform_where_nothing_is_new() {
 #[test]
 fn hard_cases() {
     let one = embeddings(numbers(1, 8), 1, 8);
-    let reason = Familiar::of(&one, &[1]).unwrap_err();
+    let reason = Familiar::of(&one, &[1], Aside::default()).unwrap_err();
     assert!(reason.contains("found 1 surface"), "{reason}");
     // Black photographs have no direction; identical ones no distance.
     let known = embeddings([vec![0.0; 8], vec![1.0; 16]].concat(), 1, 8);
-    let familiar = Familiar::of(&known, &[1]).unwrap();
+    let familiar = Familiar::of(&known, &[1], Aside::default()).unwrap();
     let p_values = familiar.p_values(&embeddings([vec![0.0; 8], vec![2.0; 8]].concat(), 1, 8));
     assert_eq!(p_values.unwrap(), [1.0, 1.0]);
     let error = familiar
@@ -103,7 +104,7 @@ fn hard_cases() {
 #[test]
 fn several_views_are_held_against_several() {
     let known = embeddings(numbers(3, 12 * 3 * 5), 3, 5);
-    let familiar = Familiar::of(&known, &[1, 3]).unwrap();
+    let familiar = Familiar::of(&known, &[1, 3], Aside::default()).unwrap();
     let bytes = familiar.to_bytes().unwrap();
     assert_eq!(Familiar::from_bytes(&bytes).as_ref(), Ok(&familiar));
     assert!(familiar.answers(&[3, 1], 5) && !familiar.answers(&[2], 5));
@@ -112,7 +113,7 @@ fn several_views_are_held_against_several() {
     let first: Vec<f32> = (0..12)
         .flat_map(|at| known.get(at, 0).unwrap().to_vec())
         .collect();
-    let alone = Familiar::of(&embeddings(first, 1, 5), &[1]).unwrap();
+    let alone = Familiar::of(&embeddings(first, 1, 5), &[1], Aside::default()).unwrap();
     let new_first = embeddings(new.get(0, 0).unwrap().to_vec(), 1, 5);
     assert_eq!(
         familiar.p_values(&new_first).unwrap(),
@@ -123,7 +124,12 @@ fn several_views_are_held_against_several() {
 
 #[test]
 fn other_bytes_are_refused() {
-    let familiar = Familiar::of(&embeddings(numbers(3, 12 * 5), 1, 5), &[1]).unwrap();
+    let familiar = Familiar::of(
+        &embeddings(numbers(3, 12 * 5), 1, 5),
+        &[1],
+        Aside::default(),
+    )
+    .unwrap();
     let bytes = familiar.to_bytes().unwrap();
     for at in 0..bytes.len().min(200) {
         assert!(Familiar::from_bytes(&bytes[..at]).is_err(), "{at}");

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::PoisonError;
 
 use axum::body::Body;
 use axum::extract::{Request, State};
@@ -57,8 +58,17 @@ pub(super) async fn page() -> Answered {
     Ok(response)
 }
 
-pub(super) async fn health() -> Answered {
-    json(StatusCode::OK, &serde_json::json!({ "status": "ok" }))
+/// That it answers, and whether surfaces still look as those of the fit did.
+pub(super) async fn health(State(service): State<Shared>) -> Answered {
+    let watch = service.watch.as_ref().map(|watch| {
+        let watch = watch.lock().unwrap_or_else(PoisonError::into_inner);
+        let (seen, evidence, alarm) = (watch.seen(), watch.evidence(), watch.alarm());
+        serde_json::json!({ "surfaces": seen, "evidence": evidence, "alarm": alarm })
+    });
+    json(
+        StatusCode::OK,
+        &serde_json::json!({ "status": "ok", "watch": watch }),
+    )
 }
 
 pub(super) async fn openapi() -> Response {
@@ -128,7 +138,9 @@ pub(super) async fn predict(State(service): State<Shared>, request: Request) -> 
     let photographs = service.photographs(request).await?;
     let answer = move |service: &Service| {
         let frames = service.decoded(&photographs, scale)?;
-        let answer = service.model.predict(&frames)?;
+        let values = service.model.embedder().embed(&frames)?;
+        let answer = service.model.predict_embedded(&values, frames.len())?;
+        service.watch(&values)?;
         let images: Vec<PathBuf> = photographs.into_iter().map(|one| one.name).collect();
         let surface = images.first().map(|name| name.display().to_string());
         let line = Line {
@@ -142,6 +154,21 @@ pub(super) async fn predict(State(service): State<Shared>, request: Request) -> 
 }
 
 impl Service {
+    /// Takes the embeddings of a surface's photographs in, the first of them where the model looks at one.
+    fn watch(&self, values: &[f32]) -> Result<(), Failure> {
+        let Some(watch) = &self.watch else {
+            return Ok(());
+        };
+        let views = self.model.about().angles.len() * self.model.embedder().width();
+        if let Some(values) = values.get(..views) {
+            watch
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .see(values)?;
+        }
+        Ok(())
+    }
+
     /// The size that a request wants photographs to have.
     pub(super) fn scale(&self, request: &Request) -> Result<Scale, Failure> {
         let query = self.query(request, &["resize", "keep-size"])?;

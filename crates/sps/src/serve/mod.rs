@@ -14,7 +14,7 @@ mod multipart;
 mod query;
 mod sessions;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use axum::Router;
@@ -24,7 +24,7 @@ use axum::http::{Method, StatusCode};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get, post};
-use sps_estimator::Estimator;
+use sps_estimator::{Estimator, Watch};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use self::drained::Drained;
@@ -67,14 +67,18 @@ struct Service {
     turns: Arc<Semaphore>,
     sessions: Sessions,
     metrics: Metrics,
+    /// None of a model that keeps nothing to watch by.
+    watch: Option<Mutex<Watch<Arc<Estimator>>>>,
 }
 
 type Shared = Arc<Service>;
 
 impl Service {
     fn new(model: Estimator, settings: Settings) -> Self {
+        let model = Arc::new(model);
         Self {
-            model: Arc::new(model),
+            watch: Watch::new(model.clone()).ok().map(Mutex::new),
+            model,
             places: Arc::new(Semaphore::new(settings.at_once)),
             turns: Arc::new(Semaphore::new(rayon::current_num_threads())),
             sessions: Sessions::default(),

@@ -2,13 +2,14 @@ mod lines;
 mod maps;
 mod print;
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use rayon::prelude::*;
-use sps_estimator::{Answer, Estimator, Frame, Scale, photographs_in};
+use sps_estimator::{Answer, Estimator, Frame, Scale, Watch, photographs_in};
 use sps_experiment::progress::Progress;
-use tracing::error;
+use tracing::{error, warn};
 
 use self::print::Printer;
 use crate::answer;
@@ -85,8 +86,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     let surfaces = surfaces(args, &model)?;
     let mut printer = Printer::new(&args.format, args.unfamiliar, &model)?;
+    let mut watch = Watch::new(&model).ok();
     let progress = Progress::new("photographs", surfaces.iter().map(|s| s.images.len()).sum());
-    let mut failed = 0;
+    let (mut failed, mut scores) = (0, Vec::new());
     let at_once = match scale {
         Scale::Keep => rayon::current_num_threads(),
         _ => AT_ONCE,
@@ -98,12 +100,15 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     while let Some((chunk, photographs)) = at_work {
         let next = chunks.next();
         let (answers, ahead) = rayon::join(
-            || answers(&model, photographs),
+            || answers(&model, photographs, watch.as_ref()),
             || next.map(|next| (next, read(&model, scale, next))),
         );
         for (surface, answer) in chunk.iter().zip(answers) {
             match answer {
-                Ok(answer) => printer.print(surface, &answer)?,
+                Ok((answer, score)) => {
+                    printer.print(surface, &answer)?;
+                    scores.extend(score);
+                }
                 Err(reason) => {
                     failed += 1;
                     error!("{}: {reason:#}", surface.name);
@@ -114,6 +119,15 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         at_work = ahead;
     }
     printer.end();
+    if let Some(watch) = &mut watch {
+        watch.see_in_any_order(scores);
+        if watch.alarm().is_some() {
+            warn!(
+                "the photographs are, as a whole, unlike those that the model was fitted on: intervals may not \
+                hold (by chance it says so in one of 100 runs at most)"
+            );
+        }
+    }
     ensure!(
         failed == 0,
         "{failed} of {} surfaces have no estimate",
@@ -201,23 +215,32 @@ fn read(model: &Estimator, scale: Scale, chunk: &[Surface]) -> Read {
     chunk.par_iter().map(surface).collect()
 }
 
-/// What is said of each surface; the photographs of all are encoded together.
-fn answers(model: &Estimator, read: Read) -> Vec<Result<Answer>> {
-    let each = |photographs: Result<Vec<Frame>>| Ok(model.predict(&photographs?)?);
+/// What is said of each surface, and how strange it looks; the photographs of all are encoded together.
+fn answers(
+    model: &Estimator,
+    read: Read,
+    watch: Option<&Watch<&Estimator>>,
+) -> Vec<Result<(Answer, Option<f64>)>> {
     let all: Vec<&Frame> = read.iter().flatten().flatten().collect();
-    let Ok(values) = model.embedder().embed_each(&all) else {
-        // One of them is refused: which, is found one by one.
-        return read.into_iter().map(each).collect();
-    };
+    let together = model.embedder().embed_each(&all).ok();
+    let mut together = together.as_deref();
     let width = model.embedder().width();
-    let mut values = values.as_slice();
-    let mut answers = Vec::new();
-    for photographs in read {
-        answers.push(photographs.and_then(|photographs| {
-            let (own, others) = values.split_at(photographs.len() * width);
-            values = others;
-            Ok(model.predict_embedded(own, photographs.len())?)
-        }));
-    }
-    answers
+    let mut answer = |photographs: Result<Vec<Frame>>| {
+        let photographs = photographs?;
+        let own = match &mut together {
+            Some(values) => Cow::Borrowed(
+                values
+                    .split_off(..photographs.len() * width)
+                    .unwrap_or_default(),
+            ),
+            // One of all is refused: which, is found one by one.
+            None => Cow::Owned(model.embedder().embed(&photographs)?),
+        };
+        let answer = model.predict_embedded(&own, photographs.len())?;
+        // Several photographs are of one surface, and all but the first tell nothing of a next.
+        let first = own.get(..model.about().angles.len() * width);
+        let score = watch.zip(first).map(|(watch, first)| watch.score(first));
+        Ok((answer, score.transpose()?))
+    };
+    read.into_iter().map(&mut answer).collect()
 }

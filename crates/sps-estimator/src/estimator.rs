@@ -289,11 +289,8 @@ impl Estimator {
         };
         self.check_views(views)?;
         let embeddings = self.embedder.table(values, surfaces, views)?;
-        let predictions = if self.joint {
-            self.fitted.predict_jointly_at_once(&embeddings, surfaces)?
-        } else {
-            self.fitted.predict_at_once(&embeddings, surfaces)?
-        };
+        let fitted = &self.fitted;
+        let predictions = fitted.predict_at_once(&embeddings, surfaces, self.joint)?;
         Ok(self.answer(&predictions, 0..surfaces))
     }
 
@@ -314,11 +311,7 @@ impl Estimator {
         }
         self.check_views(views)?;
         let embeddings = self.embedder.table(values, surfaces, views)?;
-        let predictions = if self.joint {
-            self.fitted.predict_jointly(&embeddings)?
-        } else {
-            self.fitted.predict(&embeddings)?
-        };
+        let predictions = self.fitted.predict_at_once(&embeddings, 1, self.joint)?;
         Ok((0..surfaces)
             .map(|at| self.answer(&predictions, at..at + 1))
             .collect())

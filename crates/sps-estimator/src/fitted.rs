@@ -289,16 +289,7 @@ impl Fitted {
     ///
     /// Another number of views, or another width.
     pub fn predict(&self, embeddings: &Embeddings) -> Result<Predictions> {
-        self.predict_at_once(embeddings, 1)
-    }
-
-    /// As [`Fitted::predict`], with intervals of which so many hold at once at the level.
-    pub(crate) fn predict_at_once(
-        &self,
-        embeddings: &Embeddings,
-        intervals: usize,
-    ) -> Result<Predictions> {
-        self.predict_with(embeddings, |measure| measure.times(intervals, self.level))
+        self.predict_at_once(embeddings, 1, false)
     }
 
     /// As [`Fitted::predict`], with intervals of which those of all properties of a surface hold at once
@@ -309,29 +300,25 @@ impl Fitted {
     ///
     /// As [`Fitted::predict`].
     pub fn predict_jointly(&self, embeddings: &Embeddings) -> Result<Predictions> {
-        self.predict_jointly_at_once(embeddings, 1)
+        self.predict_at_once(embeddings, 1, true)
     }
 
-    /// As [`Fitted::predict_jointly`], with intervals of so many photographs.
-    pub(crate) fn predict_jointly_at_once(
+    /// As [`Fitted::predict`], with intervals of which those of so many photographs hold at once at the
+    /// level, or `jointly` those of all properties of one.
+    pub(crate) fn predict_at_once(
         &self,
         embeddings: &Embeddings,
         photographs: usize,
+        jointly: bool,
     ) -> Result<Predictions> {
-        self.predict_with(embeddings, |_| match &self.joint {
+        let times = |measure: &Measure| match &self.joint {
+            _ if !jointly => measure.times(photographs, self.level),
+            Interval::None(reason) => Err(reason.clone()),
             Interval::Errors(times) if photographs == 1 => Ok(*times),
             Interval::Errors(_) => Err(format!(
                 "found {photographs} photographs, expected one where all properties are to hold at once"
             )),
-            Interval::None(reason) => Err(reason.clone()),
-        })
-    }
-
-    fn predict_with(
-        &self,
-        embeddings: &Embeddings,
-        times: impl Fn(&Measure) -> Result<f64, String>,
-    ) -> Result<Predictions> {
+        };
         let stage = self
             .stages
             .iter()

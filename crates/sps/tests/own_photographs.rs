@@ -142,4 +142,13 @@ fn what_cannot_be_fitted_is_refused_before_anything_is_written() {
         2,
         &["cannot be used with"],
     );
+    let level = ["--values", "other.csv", "--level", "2"];
+    refused(one, &level, 2, &["--level", "between 0 and 1"]);
+    // How a table is laid out says nothing of a config.
+    let config = ["fit", "--config", "x.toml", "--views", "a", "--out", "m"];
+    let both = sps().args(config).assert().code(2);
+    expect(
+        &String::from_utf8_lossy(&both.get_output().stderr),
+        &["--views"],
+    );
 }

@@ -12,29 +12,13 @@ use std::thread;
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use support::{Scratch, browser, expect, message, root, sps};
+use support::{Scratch, browser, expect, fitted_in, message, root, sps};
 
 /// A model of one view.
 static ONE_VIEW: LazyLock<Scratch> = LazyLock::new(|| fitted(&[]));
 
 fn fitted(more: &[&str]) -> Scratch {
-    let scratch = Scratch::new();
-    let set = "[train]\ncalibration = 0.5\nlevel = 0.5\n[cache]";
-    scratch.edit("tiny.toml", "[cache]", set);
-    scratch.edit("tiny.toml", "validation = 0.34", "validation = 0.2");
-    let mut train = sps();
-    train
-        .args(["fit", "--config"])
-        .arg(scratch.path("tiny.toml"));
-    for more in more {
-        train.args(["--set", more]);
-    }
-    train
-        .arg("--out")
-        .arg(scratch.path("model"))
-        .assert()
-        .success();
-    scratch
+    fitted_in(Scratch::new(), more)
 }
 
 fn photograph(name: &str) -> PathBuf {
@@ -474,6 +458,14 @@ fn a_token_is_asked_for() {
         [served.get("/").status, served.get("/health").status],
         [200, 200]
     );
+    // What was seen is not told to everybody.
+    assert_eq!(
+        served.get("/health").json(),
+        json!({ "status": "ok", "watch": null })
+    );
+    let header = "authorization: Bearer a-token-of-letters";
+    let told = served.ask("GET /health", &[header], b"").json();
+    assert_eq!(told["watch"]["surfaces"], 0, "{told}");
 }
 
 #[test]

@@ -80,10 +80,12 @@ impl Trial<'_> {
     }
 }
 
-/// Prints mean R² by number of measured surfaces, chosen and at random, over some draws of the surfaces to
-/// choose from, and gives the gains.
-fn curves(dataset: &DatasetFolder, view: usize, held_out: usize) -> Vec<f64> {
-    const MEASURED: [usize; 4] = [10, 20, 40, 80];
+/// How many surfaces are measured.
+const MEASURED: [usize; 4] = [10, 20, 40, 80];
+
+/// Mean R² by number of measured surfaces, chosen and at random, over some draws of the surfaces to choose
+/// from.
+fn curves(dataset: &DatasetFolder, view: usize, held_out: usize) -> [[f64; 2]; MEASURED.len()] {
     const DRAWS: u64 = 20;
     let encoder = Encoder::built_in(EncoderKind::EfficientNetLiteBody, &Device::Cpu).unwrap();
     let encoder = encoder.with_depths(&Depths::All).unwrap();
@@ -135,7 +137,27 @@ fn curves(dataset: &DatasetFolder, view: usize, held_out: usize) -> Vec<f64> {
     for (count, [chosen, random]) in MEASURED.iter().zip(sums) {
         println!("{count} measured: R² {chosen:.3} chosen, {random:.3} at random");
     }
-    sums.map(|[chosen, random]| chosen - random).to_vec()
+    sums
+}
+
+fn gains(curves: &[[f64; 2]]) -> Vec<f64> {
+    curves
+        .iter()
+        .map(|[chosen, random]| chosen - random)
+        .collect()
+}
+
+/// The numbers in the row of docs/guide.md that begins with a word.
+fn in_the_guide(word: &str) -> Vec<f64> {
+    let guide = fs::read_to_string(root().join("docs/guide.md")).unwrap();
+    let row = guide
+        .lines()
+        .find_map(|line| line.strip_prefix(&format!("| {word} |")));
+    let cells = row.unwrap().split('|').map(str::trim);
+    cells
+        .filter(|cell| !cell.is_empty())
+        .map(|cell| cell.parse().unwrap())
+        .collect()
 }
 
 #[test]
@@ -146,7 +168,18 @@ fn chosen_surfaces_teach_more_than_random_ones_do() {
         return;
     }
     let dataset = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
-    let gains = curves(&dataset, 0, 80);
+    let curves = curves(&dataset, 0, 80);
+    for (at, word) in ["chosen", "at random"].into_iter().enumerate() {
+        let found = curves.map(|both| both[at]);
+        let told = in_the_guide(word);
+        assert_eq!(told.len(), found.len());
+        let near = told
+            .iter()
+            .zip(found)
+            .all(|(told, found)| (told - found).abs() < 0.005);
+        assert!(near, "{word}: the guide has {told:?}, found {found:?}");
+    }
+    let gains = gains(&curves);
     assert!(gains[0] > 0.05 && gains[1] > 0.03, "{gains:?}");
     assert!(gains.iter().all(|gain| *gain > -0.01), "{gains:?}");
 }
@@ -163,6 +196,6 @@ fn so_do_simulated_ones() {
         .success();
     let folder = scratch.path("simulated");
     let dataset = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
-    let gains = curves(&dataset, 0, 100);
+    let gains = gains(&curves(&dataset, 0, 100));
     assert!(gains[0] > 0.0 && gains[1] > 0.0, "{gains:?}");
 }

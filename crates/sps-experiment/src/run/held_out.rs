@@ -17,7 +17,11 @@ pub(crate) fn what_is_measured(splits: &Splits, surfaces: &[Surface]) -> String 
             "{by}: {groups:.1} % of the surfaces held out are of a group that was trained on, so \
              scores tell how well known groups are recognised, not what is known of new ones"
         )
-    } else if materials > 0.0 {
+    } else if materials > 0.0
+        && surfaces
+            .iter()
+            .any(|one| one.material != surfaces[0].material)
+    {
         format!(
             "{by}: scores tell what is known of new {unit}; {materials:.1} % of the surfaces held \
              out are of a material that was trained on"

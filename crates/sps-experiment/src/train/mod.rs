@@ -1,6 +1,7 @@
 //! Fitting a model that is kept.
 
 mod check;
+mod scored;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -22,6 +23,7 @@ use crate::run::{
     Dealt, Encodings, Folds, Selecting, Selections, Splits, Stage, Stages, portion, views,
     what_is_measured,
 };
+use crate::text::counted;
 
 /// What is known while a model is fitted, for people: called with lines of text as soon as they are
 /// known.
@@ -310,8 +312,9 @@ impl<S: Source> Trainer<'_, S> {
         let unit = self.splits.units.unit();
         let train = &self.experiment.train;
         say(&format!(
-            "{} on {unit} held out, {of_split} surfaces{times}, intervals of {:.0} %:",
+            "{} on {unit} held out, {}{times}, intervals of {:.0} %:",
             self.method.label,
+            counted(of_split, "surface"),
             100.0 * train.level.get()
         ));
         say(&what_is_measured(self.splits, source.surfaces()));

@@ -40,10 +40,10 @@ pub struct Args {
     #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = clap::value_parser!(u64).range(32..))]
     pixels: u64,
     /// Share of new surfaces, or groups, whose truth an interval holds
-    #[arg(long, value_name = "SHARE", default_value = "0.9")]
+    #[arg(long, value_name = "SHARE", default_value = "0.9", value_parser = share)]
     level: f64,
     /// An experiment's TOML file, whose `train` says which method is fitted and how intervals are calibrated
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["pixels", "level"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pixels", "level", "layout"])]
     config: Option<PathBuf>,
     /// Override a key of the config; VALUE is TOML, or else a text
     #[arg(long = "set", value_name = "KEY=VALUE", requires = "config")]
@@ -54,6 +54,14 @@ pub struct Args {
     /// Replace a model that is in the folder
     #[arg(long)]
     force: bool,
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let share = text
+        .parse()
+        .ok()
+        .filter(|share| *share > 0.0 && *share < 1.0);
+    share.ok_or_else(|| "expected a number between 0 and 1".to_owned())
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
@@ -99,9 +107,12 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<()> {
     let work = work.with_context(|| parent.display().to_string())?;
     let name = photographs.file_name().unwrap_or("photographs".as_ref());
     let name = Path::new(name).with_extension("");
-    let data = work.path().join(&name);
+    // The report is called after the config, and the dataset after its folder.
+    let named = work.path().join("named");
+    fs::create_dir(&named).with_context(|| named.display().to_string())?;
+    let data = named.join(&name);
     import.write(&data, Frames::Linked)?;
-    let config = work.path().join(name.with_extension("toml"));
+    let config = named.join(name.with_extension("toml"));
     write_file(&config, CONFIG.as_bytes())?;
 
     let set = |key: &str, value: toml::Value| Setting {
@@ -120,7 +131,10 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<()> {
     print!("{}", report::summary(&results).terminal());
     let best = report::best(&results).context("no method was scored")?;
     settings.push(set("train.method", best.id.clone().into()));
-    println!();
+    println!(
+        "`{}` is kept. It was chosen by these surfaces, which flatters its numbers a little.\n",
+        best.id
+    );
     let experiment = Experiment::read(&config, &settings)?;
     train::train(&experiment, &args.out, &mut |line| println!("{line}"))?;
     let page = fs::read(run.file(PAGE)).with_context(|| run.file(PAGE).display().to_string())?;

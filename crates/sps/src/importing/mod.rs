@@ -34,6 +34,7 @@ pub(crate) struct Request<'a> {
 
 /// What is known of photographs and table.
 #[derive(clap::Args)]
+#[group(id = "layout", requires = "values")]
 pub(crate) struct Options {
     /// The names of the table's columns, one a line, where its first line does not have them; without
     /// a column that says which photographs a row is of, rows are in the order of their names, and

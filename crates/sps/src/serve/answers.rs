@@ -12,7 +12,7 @@ use serde::Serialize;
 use sps_estimator::{About, Described, Estimator, FittedOn, Scale, Sight};
 
 use super::failure::Failure;
-use super::{Service, Shared, sessions};
+use super::{Service, Shared, guard, sessions};
 use crate::answer::{self, Line, Said};
 use crate::map::{self, Mapped, Wanted};
 
@@ -58,9 +58,10 @@ pub(super) async fn page() -> Answered {
     Ok(response)
 }
 
-/// That it answers, and whether surfaces still look as those of the fit did.
-pub(super) async fn health(State(service): State<Shared>) -> Answered {
-    let watch = service.watch.as_ref().map(|watch| {
+/// That it answers and, for those with the token, whether surfaces still look as those of the fit did.
+pub(super) async fn health(State(service): State<Shared>, request: Request) -> Answered {
+    let trusted = guard::is_trusted(service.settings.token.as_ref(), &request);
+    let watch = service.watch.as_ref().filter(|_| trusted).map(|watch| {
         let watch = watch.lock().unwrap_or_else(PoisonError::into_inner);
         let (seen, evidence, alarm) = (watch.seen(), watch.evidence(), watch.alarm());
         serde_json::json!({ "surfaces": seen, "evidence": evidence, "alarm": alarm })

@@ -1,4 +1,4 @@
-//! Bodies that are refused before they are there.
+//! Bodies of requests that are refused before all of them has come.
 
 use std::pin::Pin;
 use std::task::{Context, Poll};

@@ -1,4 +1,4 @@
-//! Who is answered.
+//! Which requests are answered.
 
 use std::net::IpAddr;
 
@@ -8,7 +8,7 @@ use axum::http::{HeaderMap, HeaderName, StatusCode, header};
 
 use super::failure::Failure;
 
-/// What says nothing of the model, and is therefore shown without a token: the page asks for it.
+/// What is shown without a token: the page, which asks for it, and that the service answers.
 const OPEN: [&str; 2] = ["/", "/health"];
 
 /// Refuses a request without the token. Where there is none to give, one that a web page of elsewhere has
@@ -20,6 +20,11 @@ pub(super) fn check(token: Option<&blake3::Hash>, request: &Request) -> Result<(
         Some(token) => check_token(token, headers),
         None => check_host(headers),
     }
+}
+
+/// Whether the request has the token, or there is none to have.
+pub(super) fn is_trusted(token: Option<&blake3::Hash>, request: &Request) -> bool {
+    token.is_none_or(|token| check_token(token, request.headers()).is_ok())
 }
 
 fn check_token(token: &blake3::Hash, headers: &HeaderMap) -> Result<(), Failure> {

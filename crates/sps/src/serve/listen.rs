@@ -78,7 +78,7 @@ async fn accept(
         let connection = watched.watch(http.serve_connection(TokioIo::new(stream), service));
         tokio::spawn(async move {
             let _until_closed = place;
-            // A client that leaves or says what is no HTTP is its own affair.
+            // One connection's error does not concern the others.
             let _ = connection.await;
         });
     }

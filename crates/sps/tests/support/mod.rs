@@ -265,3 +265,28 @@ impl Drop for Mounted<'_> {
         let _ = process::Command::new("umount").arg(self.0).status();
     }
 }
+
+/// A scratch folder with a model in `model`, its config with `more` set; its dataset may be another.
+pub(crate) fn fitted_in(scratch: Scratch, more: &[&str]) -> Scratch {
+    calibrates(&scratch);
+    scratch.edit("tiny.toml", "validation = 0.34", "validation = 0.2");
+    fit(&scratch, more).assert().success();
+    scratch
+}
+
+/// Has half of the surfaces calibrate intervals at a level of a half.
+pub(crate) fn calibrates(scratch: &Scratch) {
+    let set = "[train]\ncalibration = 0.5\nlevel = 0.5\n[cache]";
+    scratch.edit("tiny.toml", "[cache]", set);
+}
+
+/// The command that fits the model.
+pub(crate) fn fit(scratch: &Scratch, more: &[&str]) -> Command {
+    let mut fit = sps();
+    fit.args(["fit", "--config"]).arg(scratch.path("tiny.toml"));
+    for more in more {
+        fit.args(["--set", more]);
+    }
+    fit.arg("--out").arg(scratch.path("model"));
+    fit
+}

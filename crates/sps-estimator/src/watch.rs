@@ -95,7 +95,7 @@ impl<E: Borrow<Estimator>> Watch<E> {
         self.evidence.seen
     }
 
-    /// How many times likelier a change has become than none, in the round.
+    /// What 1 has become that was bet, at fair odds, on a change for the stranger in this round.
     pub fn evidence(&self) -> f64 {
         self.evidence.bets.iter().sum()
     }

@@ -6,10 +6,12 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use sps_dataset::{DecodeSettings, Frame, Limits, decode_image, decode_image_resized, toccare};
+use sps_regress::Embeddings;
 
 use crate::embedder::{Embedder, read_photograph};
 use crate::error::{Error, Result};
 use crate::fitted::{Fitted, Interval, Predictions};
+use crate::novelty::Shown;
 
 /// What goes with a model beside its numbers: where it comes from, and how photographs are to be taken
 /// and read.
@@ -110,6 +112,20 @@ pub struct Answer {
     pub familiar: Option<f64>,
     /// The reason of each property that has no interval, by its code.
     pub no_interval: BTreeMap<String, String>,
+    /// The surfaces fitted on that look most like this one, nearest first, at most five; none where the
+    /// model does not know their names.
+    pub nearest: Vec<Near>,
+}
+
+/// A surface that a model was fitted on, and how unlike it a photograph is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Near {
+    /// Its place for [`Estimator::shown`].
+    pub at: usize,
+    /// What the dataset called it.
+    pub surface: String,
+    /// The Euclidean distance of the embeddings, each block of which has unit length.
+    pub distance: f64,
 }
 
 /// An estimate with its interval, in the property's measured units.
@@ -180,6 +196,28 @@ impl Estimator {
             joint: true,
             ..self
         }
+    }
+
+    /// The same, which also knows for people what it holds photographs against: `shown` is asked with the
+    /// place of each surface among those that were fitted.
+    ///
+    /// # Errors
+    ///
+    /// What `shown` says.
+    pub fn with_shown<E>(
+        mut self,
+        shown: impl FnMut(usize) -> Result<Shown, E>,
+    ) -> Result<Self, E> {
+        if let Ok(familiar) = &mut self.fitted.familiar {
+            let all = familiar.places.iter().copied().map(shown);
+            familiar.shown = all.collect::<Result<_, E>>()?;
+        }
+        Ok(self)
+    }
+
+    /// A surface that it was fitted on; none where the model keeps none of that place.
+    pub fn shown(&self, at: usize) -> Option<&Shown> {
+        self.fitted.familiar.as_ref().ok()?.shown.get(at)
     }
 
     /// What goes with it.
@@ -291,7 +329,7 @@ impl Estimator {
         let embeddings = self.embedder.table(values, surfaces, views)?;
         let fitted = &self.fitted;
         let predictions = fitted.predict_at_once(&embeddings, surfaces, self.joint)?;
-        Ok(self.answer(&predictions, 0..surfaces))
+        Ok(self.answer(&predictions, &embeddings, 0..surfaces))
     }
 
     /// What is said of several surfaces, each from as many photographs as the model has views, from
@@ -313,7 +351,7 @@ impl Estimator {
         let embeddings = self.embedder.table(values, surfaces, views)?;
         let predictions = self.fitted.predict_at_once(&embeddings, 1, self.joint)?;
         Ok((0..surfaces)
-            .map(|at| self.answer(&predictions, at..at + 1))
+            .map(|at| self.answer(&predictions, &embeddings, at..at + 1))
             .collect())
     }
 
@@ -339,7 +377,12 @@ impl Estimator {
     }
 
     /// What is said of some photographs that are of one surface: the mean.
-    pub(crate) fn answer(&self, predictions: &Predictions, of: Range<usize>) -> Answer {
+    pub(crate) fn answer(
+        &self,
+        predictions: &Predictions,
+        embeddings: &Embeddings,
+        of: Range<usize>,
+    ) -> Answer {
         let count = of.len() as f64;
         let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / count;
         let estimates = predictions.properties.iter().map(|predicted| {
@@ -367,10 +410,21 @@ impl Estimator {
             let smallest = all[of.clone()].iter().copied().fold(1.0, f64::min);
             (smallest * count).min(1.0)
         });
+        let known = self.fitted.familiar.iter();
+        let known = known.filter(|familiar| !familiar.shown.is_empty());
+        let nearest = known.flat_map(|known| {
+            let nearest = known.nearest(embeddings, of.clone()).into_iter();
+            nearest.map(|(at, distance)| Near {
+                at,
+                surface: known.shown[at].name.clone(),
+                distance,
+            })
+        });
         Answer {
             estimates: estimates.collect(),
             familiar,
             no_interval: reasons.collect(),
+            nearest: nearest.collect(),
         }
     }
 }

@@ -36,9 +36,10 @@ mod watch;
 
 pub use embedder::{Embedder, Network, photographs_in, read_photograph};
 pub use error::{Error, Result};
-pub use estimator::{About, Answer, Described, Estimate, Estimator, Measured, Scale};
+pub use estimator::{About, Answer, Described, Estimate, Estimator, Measured, Near, Scale};
 pub use fitted::{Fitted, FittedOn, Predicted, Predictions};
 pub use map::{Map, Sight};
+pub use novelty::Shown;
 pub use radius::radius;
 pub use recipe::{Calibration, Examples, Recipe, Wanted, Widths};
 pub use regression::{Regression, Stacked, early_stopped};

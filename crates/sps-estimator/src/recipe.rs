@@ -253,7 +253,8 @@ impl Recipe {
             all: places(aside),
             one_of_each: places(&units.one_of_each(aside, seed, "watched", number)),
         };
-        Ok(Familiar::of(&seen, steps, aside))
+        let familiar = Familiar::of(&seen, steps, aside);
+        Ok(familiar.map(|familiar| familiar.at(against)))
     }
 
     /// All views that any property looks at, in the order in which they come up.

@@ -122,7 +122,7 @@ impl<E: Borrow<Estimator>> Session<E> {
         self.over = narrow.iter().all(|narrow| *narrow);
         Ok(Looked {
             views: self.views,
-            answer: estimator.answer(&predictions, 0..1),
+            answer: estimator.answer(&predictions, &embeddings, 0..1),
             narrow,
             next: self.next_angle(),
         })

@@ -41,6 +41,7 @@ struct Cli<C: Subcommand> {
 pub enum Command {
     Fit(Box<cmd::fit::Args>),
     Predict(cmd::predict::Args),
+    Map(cmd::map::Args),
     Suggest(cmd::suggest::Args),
     Experiment(cmd::experiment::Args),
     Compare(cmd::compare::Args),
@@ -52,6 +53,7 @@ pub enum Command {
     Report(cmd::report::Args),
     List(cmd::list::Args),
     Completions(cmd::completions::Args),
+    Man(cmd::man::Args),
 }
 
 impl Command {
@@ -63,6 +65,7 @@ impl Command {
         match self {
             Self::Fit(args) => cmd::fit::run(args),
             Self::Predict(args) => cmd::predict::run(args),
+            Self::Map(args) => cmd::map::run(args),
             Self::Suggest(args) => cmd::suggest::run(args),
             Self::Experiment(args) => cmd::experiment::run(args),
             Self::Compare(args) => cmd::compare::run(args),
@@ -74,6 +77,7 @@ impl Command {
             Self::Report(args) => cmd::report::run(args),
             Self::List(args) => cmd::list::run(args),
             Self::Completions(args) => cmd::completions::run(args),
+            Self::Man(args) => cmd::man::run(args),
         }
     }
 }

@@ -7,7 +7,7 @@ use support::sps;
 #[test]
 fn examples_say_what_to_type() {
     for command in
-        "fit predict suggest serve experiment compare simulate import inspect embed report list completions"
+        "fit predict map suggest serve experiment compare simulate import inspect embed report list completions man"
             .split(' ')
     {
         let output = sps().args([command, "--help"]).assert().success();

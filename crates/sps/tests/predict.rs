@@ -265,9 +265,8 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
     let angles = "found 1, expected 3, at -45, 0 and 45 degrees";
     expect(&log, &[first, angles]);
     let mut map = sps();
-    map.args(["predict", "--map", "fRS"]);
-    map.arg(scratch.path("model"))
-        .arg(dataset.frame_path(0, 2).unwrap());
+    map.arg("map").arg(scratch.path("model")).arg("fRS");
+    map.arg(dataset.frame_path(0, 2).unwrap());
     expect(
         &message(map.assert()),
         &["a map is of one", "without `views`"],
@@ -347,22 +346,22 @@ fn a_trained_encoder_that_has_seen_too_much_has_no_p_value() {
         (&Value::Null, &json!(false))
     );
     expect(line["no_familiar"].as_str().unwrap(), &[reason]);
-    let ask = |options: &[&str]| {
+    let ask = |verb: &str, options: &[&str]| {
         let mut command = sps();
-        command.args(["predict"]).arg(scratch.path("model"));
+        command.arg(verb).arg(scratch.path("model"));
         said(command.args(options).arg(&image[0]))
     };
     expect(
-        &ask(&[]),
+        &ask("predict", &[]),
         &[
             "no p-value of \"like what the model was fitted on\"",
             reason,
         ],
     );
-    let csv = ask(&["--csv"]);
+    let csv = ask("predict", &["--csv"]);
     assert!(csv.lines().nth(1).unwrap().ends_with(','), "{csv}");
     let maps = scratch.path("maps").display().to_string();
-    let drawn = ask(&["--map", "fRS", "--out", &maps]);
+    let drawn = ask("map", &["fRS", "--out", &maps]);
     expect(
         &drawn,
         &["nothing is hatched, for there is no p-value", reason],
@@ -458,9 +457,7 @@ fn a_map_is_a_picture_and_numbers() {
         .unwrap();
     let map = |options: &[&str], images: &[PathBuf]| {
         let mut command = sps();
-        command
-            .args(["predict", "--map", "fRS"])
-            .arg(scratch.path("model"));
+        command.arg("map").arg(scratch.path("model")).arg("fRS");
         command
             .arg("--out")
             .arg(scratch.path("maps"))
@@ -511,8 +508,8 @@ fn a_map_is_a_picture_and_numbers() {
     let refused = map(&[], &two[..1]).assert();
     expect(&message(refused), &["is no map that names its photograph"]);
     let mut misspelt = sps();
-    misspelt.args(["predict", "--map", "frs"]);
-    misspelt.arg(scratch.path("model")).arg(&photograph);
+    misspelt.arg("map").arg(scratch.path("model"));
+    misspelt.arg("frs").arg(&photograph);
     let refused = message(misspelt.assert());
     expect(
         &refused,

@@ -1,5 +1,7 @@
 //! The service, over connections of its own.
 
+#[path = "serve/devtools.rs"]
+mod devtools;
 mod support;
 
 use std::fs;
@@ -11,11 +13,12 @@ use std::sync::LazyLock;
 use std::thread;
 use std::time::Duration;
 
+use devtools::Tab;
 use serde_json::{Value, json};
-use support::{Scratch, browser, expect, fitted_in, message, root, sps};
+use support::{Scratch, expect, fitted_in, message, root, sps};
 
 /// A model of one view.
-static ONE_VIEW: LazyLock<Scratch> = LazyLock::new(|| fitted(&[]));
+static ONE_VIEW: LazyLock<Scratch> = LazyLock::new(|| fitted(&["train.keep-photographs=true"]));
 
 fn fitted(more: &[&str]) -> Scratch {
     fitted_in(Scratch::new(), more)
@@ -227,15 +230,15 @@ fn answers_are_those_of_predict() {
 }
 
 #[test]
-fn maps_are_those_of_predict() {
+fn maps_are_those_of_the_command() {
     let served = Served::start(&ONE_VIEW, &[]);
     let file = photograph("oak-01/002.jpg");
     let maps = ONE_VIEW.path("maps");
     let mut command = sps();
-    command.args(["predict", "--map", "fRS", "--resize", "48"]);
     command
+        .arg("map")
         .arg(ONE_VIEW.path("model"))
-        .arg("--out")
+        .args(["fRS", "--resize", "48", "--out"])
         .arg(&maps)
         .arg(&file);
     command.assert().success();
@@ -531,35 +534,75 @@ fn a_request_that_runs_is_answered_before_the_end() {
 }
 
 #[test]
-fn a_browser_finds_nothing_wrong_with_the_page() {
+fn surfaces_that_look_alike_are_named_and_shown() {
+    let file = photograph("oak-01/002.jpg");
+    let line: Value = serde_json::from_str(&predicted(&ONE_VIEW, &[], &[file])).unwrap();
+    let nearest = &line["nearest"];
+    assert_eq!(
+        (&nearest[0]["surface"], &nearest[0]["distance"]),
+        (&json!("oak-01"), &json!(0.0))
+    );
     let served = Served::start(&ONE_VIEW, &[]);
-    let page = served.get("/");
+    assert_eq!(served.get("/model").json()["keeps_photographs"], true);
+    let kept = served.get(&format!("/surface/{}", nearest[0]["at"]));
+    let kept = image::load_from_memory(&kept.body).unwrap().into_rgb8();
+    let own = image::open(ONE_VIEW.path("data/frames/oak-01/002.jpg"))
+        .unwrap()
+        .into_rgb8();
+    assert_eq!(kept.dimensions(), own.dimensions());
+    // Decoders of JPEG differ by a few levels.
+    let close = kept
+        .iter()
+        .zip(own.iter())
+        .all(|(a, b)| a.abs_diff(*b) <= 8);
+    assert!(close);
+    for other in ["/surface/100", "/surface/-1"] {
+        assert!([400, 404].contains(&served.get(other).status), "{other}");
+    }
+}
+
+#[test]
+fn the_page_lets_in_nothing_but_its_own() {
+    let page = Served::start(&ONE_VIEW, &[]).get("/");
     let policy = "content-security-policy: default-src 'none'; script-src 'nonce-";
     expect(&page.head, &[policy, "content-type: text/html"]);
-    let profile = tempfile::tempdir().unwrap();
-    let Some(mut browser) = browser(profile.path()) else {
-        return;
-    };
+}
+
+/// What a person does who has a keyboard alone.
+#[test]
+fn a_person_tries_the_page() {
+    let Some(mut tab) = Tab::open() else { return };
+    let served = Served::start(&ONE_VIEW, &[]);
     let address = format!("http://{}", served.address);
-    let output = browser
-        .args(["--virtual-time-budget=10000", &address])
-        .output()
-        .unwrap();
-    let log = String::from_utf8_lossy(&output.stderr).into_owned();
-    let console: Vec<&str> = log
-        .lines()
-        .filter(|line| line.contains(":CONSOLE"))
-        .collect();
-    assert_eq!(console, [""; 0]);
-    let shown = String::from_utf8_lossy(&output.stdout).into_owned();
-    expect(
-        &shown,
-        &[
-            "Photograph a surface at 0°",
-            "fitted on 6 surfaces",
-            "<td>cDF</td>",
-        ],
-    );
+    let file = photograph("oak-01/002.jpg").canonicalize().unwrap();
+    let expected: Value =
+        serde_json::from_str(&predicted(&ONE_VIEW, &[], std::slice::from_ref(&file))).unwrap();
+    let value = expected["estimates"][0]["value"].as_f64().unwrap();
+    let mut grounds = Vec::new();
+    for scheme in ["light", "dark"] {
+        for width in [400, 800, 1600] {
+            tab.show(&address, width, scheme);
+            tab.wait_for("document.querySelector('#task').innerText.includes('at 0°')");
+            tab.tab_to("at.type === 'file'");
+            tab.choose(&file);
+            tab.wait_for("document.querySelector('#estimates tbody')");
+            let shown = tab.value("document.querySelector('#estimates b').innerText");
+            assert_eq!(shown, format!("{value:.0}"));
+            tab.wait_for("document.querySelector('#nearest img').naturalWidth === 32");
+            tab.tab_to("at.value === 'cDF'");
+            tab.press("Enter");
+            tab.wait_for("document.querySelector('#drawing').innerText === 'Map of cDF'");
+            tab.wait_for("document.querySelector('#picture').naturalWidth > 32");
+            let beyond = tab.value("document.documentElement.scrollWidth - innerWidth");
+            assert!(
+                beyond.as_i64() <= Some(0),
+                "{beyond} pixels are cut at {width}"
+            );
+            assert_eq!(tab.problems(), [""; 0], "at {width} pixels, {scheme}");
+        }
+        grounds.push(tab.value("getComputedStyle(document.body).backgroundColor"));
+    }
+    assert_ne!(grounds[0], grounds[1]);
 }
 
 #[test]

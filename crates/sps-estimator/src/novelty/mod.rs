@@ -1,5 +1,8 @@
 //! Whether a photograph is like those that a model was fitted on.
 
+use std::collections::HashMap;
+use std::ops::Range;
+
 use rayon::prelude::*;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use sps_regress::Embeddings;
@@ -39,6 +42,18 @@ impl Aside {
     }
 }
 
+/// A surface that a model was fitted on, for people to look at.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Shown {
+    /// What the dataset calls it.
+    pub name: String,
+    /// A small PNG of it; empty where none is kept.
+    pub photograph: Vec<u8>,
+}
+
+/// In the file's header, the names of the surfaces as a JSON list.
+const NAMES: &str = "surfaces";
+
 /// Surfaces that others are held against.
 ///
 /// The score of a surface is the mean of its five smallest Euclidean distances to the others, between
@@ -55,6 +70,10 @@ pub(crate) struct Familiar {
     width: usize,
     /// `(surfaces, views, width)`; each block of each view of unit length.
     units: Vec<f32>,
+    /// The place of each among the surfaces that were handed to the fit; none once it is read from a file.
+    pub places: Vec<usize>,
+    /// What is known of each for people; nothing of models that were fitted to bare numbers.
+    pub shown: Vec<Shown>,
     /// What new surfaces are watched by; nothing where the encoder learned from the others.
     aside: Aside,
     /// For each number of views asked with, the smallest squared distances of each surface to others,
@@ -82,6 +101,8 @@ impl Familiar {
             views,
             width: embeddings.width(),
             units: units(embeddings),
+            places: Vec::new(),
+            shown: Vec::new(),
             aside,
             nearest: Vec::new(),
         };
@@ -100,6 +121,11 @@ impl Familiar {
             familiar.nearest.push((step, nearest.concat()));
         }
         Ok(familiar)
+    }
+
+    /// The same, with the place of each surface among those that were handed to the fit.
+    pub(crate) fn at(self, places: Vec<usize>) -> Self {
+        Self { places, ..self }
     }
 
     /// The p-value of each surface, `(surfaces, views, width)`: how likely it is that one like those
@@ -150,6 +176,23 @@ impl Familiar {
         (1 + strange.count()) as f64 / (self.surfaces + 1) as f64
     }
 
+    /// The surfaces nearest to one that some of the embeddings are of, and how far they are on average,
+    /// nearest first.
+    pub(crate) fn nearest(&self, embeddings: &Embeddings, of: Range<usize>) -> Vec<(usize, f64)> {
+        let looks = of.len() as f64;
+        let mut distances = vec![0.0; self.surfaces];
+        for look in of {
+            let look = units_of(embeddings, look);
+            for (sum, square) in distances.iter_mut().zip(self.distances(&look)) {
+                *sum += f64::from(square).sqrt() / looks;
+            }
+        }
+        let mut nearest: Vec<(usize, f64)> = distances.into_iter().enumerate().collect();
+        nearest.sort_by(|a, b| a.1.total_cmp(&b.1));
+        nearest.truncate(NEIGHBOURS);
+        nearest
+    }
+
     /// How far one surface of each unit that was kept aside lies from those fitted to, by all views; none
     /// where there are not both.
     pub(crate) fn scores_aside(&self) -> Vec<f64> {
@@ -190,8 +233,8 @@ impl Familiar {
         all.map(|other| squared_distance(one, &other[..one.len()]))
     }
 
-    /// A safetensors file: `units`, `nearest.M` for each number of views M, and `aside`, [`Aside::mark`] of
-    /// each surface.
+    /// A safetensors file: `units`, `nearest.M` for each number of views M, `aside`, [`Aside::mark`] of each
+    /// surface, and `photograph.N` of the Nth of [`NAMES`].
     pub(crate) fn to_bytes(&self) -> Result<Vec<u8>> {
         let bytes = |values: &[f32]| -> Vec<u8> {
             values
@@ -211,11 +254,20 @@ impl Familiar {
             tensors.push((format!("nearest.{step}"), shape, bytes(nearest)));
         }
         let refused = |error| Error::input("surfaces to hold against", error, "tensors");
-        let views = tensors.iter().map(|(name, shape, bytes)| {
-            Ok((name, TensorView::new(Dtype::F32, shape.clone(), bytes)?))
+        let numbers = tensors.iter().map(|(name, shape, bytes)| {
+            let tensor = TensorView::new(Dtype::F32, shape.clone(), bytes)?;
+            Ok((name.clone(), tensor))
         });
-        let views = views.collect::<Result<Vec<_>, _>>().map_err(refused)?;
-        safetensors::serialize(views, None).map_err(refused)
+        let photographs = self.shown.iter().enumerate().map(|(at, shown)| {
+            let bytes = shown.photograph.as_slice();
+            let tensor = TensorView::new(Dtype::U8, vec![bytes.len()], bytes)?;
+            Ok((format!("photograph.{at}"), tensor))
+        });
+        let all = numbers.chain(photographs).collect::<Result<Vec<_>, _>>();
+        let names: Vec<&str> = self.shown.iter().map(|shown| shown.name.as_str()).collect();
+        let names = serde_json::to_string(&names).unwrap_or_default();
+        let header = HashMap::from([(NAMES.to_owned(), names)]);
+        safetensors::serialize(all.map_err(refused)?, Some(header)).map_err(refused)
     }
 
     /// Reads what [`Familiar::to_bytes`] wrote; a reason where it is none.
@@ -247,6 +299,8 @@ impl Familiar {
             views,
             width,
             units,
+            places: Vec::new(),
+            shown: shown(bytes, &tensors, surfaces)?,
             aside: Aside::default(),
             nearest: Vec::new(),
         };
@@ -276,19 +330,43 @@ impl Familiar {
     }
 }
 
+/// What a file has of so many surfaces for people; nothing of an older version's.
+fn shown(bytes: &[u8], tensors: &SafeTensors<'_>, surfaces: usize) -> Result<Vec<Shown>, String> {
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| error.to_string())?;
+    let names = header.metadata().as_ref().and_then(|all| all.get(NAMES));
+    let names = names.map_or("[]", String::as_str);
+    let names: Vec<String> = serde_json::from_str(names).map_err(|error| error.to_string())?;
+    if ![0, surfaces].contains(&names.len()) {
+        return Err(format!("found {} names, expected {surfaces}", names.len()));
+    }
+    let shown = names.into_iter().enumerate().map(|(at, name)| {
+        let photograph = tensors.tensor(&format!("photograph.{at}"));
+        let photograph = photograph
+            .map_err(|error| error.to_string())?
+            .data()
+            .to_vec();
+        Ok(Shown { name, photograph })
+    });
+    shown.collect()
+}
+
 /// The embeddings, each block of each view of unit length; zeros stay zeros.
 fn units(embeddings: &Embeddings) -> Vec<f32> {
+    let surfaces = 0..embeddings.surfaces();
+    surfaces.flat_map(|at| units_of(embeddings, at)).collect()
+}
+
+/// Those of one surface.
+fn units_of(embeddings: &Embeddings, surface: usize) -> Vec<f32> {
     let mut units = Vec::new();
-    for surface in 0..embeddings.surfaces() {
-        for view in 0..embeddings.views() {
-            let mut row = embeddings.get(surface, view).unwrap_or_default();
-            for &width in embeddings.blocks() {
-                let (block, rest) = row.split_at(width.min(row.len()));
-                let squares: f64 = block.iter().map(|&x| f64::from(x).powi(2)).sum();
-                let length = if squares > 0.0 { squares.sqrt() } else { 1.0 };
-                units.extend(block.iter().map(|&x| (f64::from(x) / length) as f32));
-                row = rest;
-            }
+    for view in 0..embeddings.views() {
+        let mut row = embeddings.get(surface, view).unwrap_or_default();
+        for &width in embeddings.blocks() {
+            let (block, rest) = row.split_at(width.min(row.len()));
+            let squares: f64 = block.iter().map(|&x| f64::from(x).powi(2)).sum();
+            let length = if squares > 0.0 { squares.sqrt() } else { 1.0 };
+            units.extend(block.iter().map(|&x| (f64::from(x) / length) as f32));
+            row = rest;
         }
     }
     units

@@ -143,3 +143,37 @@ fn other_bytes_are_refused() {
             .contains("NaN")
     );
 }
+
+/// Distances between points of a circle, by hand: the chord of an angle a is 2 sin(a / 2).
+#[test]
+fn the_nearest_is_nearest_by_the_mean_over_photographs() {
+    let at = |degrees: f64| {
+        [
+            degrees.to_radians().cos() as f32,
+            degrees.to_radians().sin() as f32,
+        ]
+    };
+    let points = |all: &[f64]| embeddings(all.iter().copied().flat_map(at).collect(), 1, 2);
+    let known = points(&[0.0, 60.0, 90.0, 180.0]);
+    let familiar = Familiar::of(&known, &[1], Aside::default()).unwrap();
+    let two = points(&[150.0, 0.0, 120.0]);
+    let found = familiar.nearest(&two, 1..3);
+    let chord = |degrees: f64| 2.0 * (degrees / 2.0).to_radians().sin();
+    let mean = |a: f64, b: f64| f64::midpoint(chord(a), chord(b));
+    let expected = [
+        (0, mean(0.0, 120.0)),
+        (1, mean(60.0, 60.0)),
+        (2, mean(90.0, 30.0)),
+        (3, mean(180.0, 60.0)),
+    ];
+    let mut expected = expected.to_vec();
+    expected.sort_by(|a, b| a.1.total_cmp(&b.1));
+    for (found, expected) in found.iter().zip(&expected) {
+        assert_eq!(found.0, expected.0);
+        assert!(
+            (found.1 - expected.1).abs() < 1e-6,
+            "{found:?}, expected {expected:?}"
+        );
+    }
+    assert_eq!(found.len(), 4);
+}

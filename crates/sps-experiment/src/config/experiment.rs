@@ -59,6 +59,7 @@ pub(crate) struct TrainSpec {
     pub named: bool,
     pub calibration: f64,
     pub level: Level,
+    pub keep_photographs: bool,
 }
 
 impl Experiment {
@@ -155,6 +156,7 @@ fn train(
         named: !train.method.is_empty(),
         calibration: train.calibration,
         level: train.level,
+        keep_photographs: train.keep_photographs,
     })
 }
 

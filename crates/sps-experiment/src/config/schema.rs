@@ -314,6 +314,7 @@ pub(crate) struct TrainConfig {
     pub method: String,
     pub calibration: f64,
     pub level: Level,
+    pub keep_photographs: bool,
 }
 
 #[derive(Clone, Debug, Deserialize)]

@@ -8,10 +8,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use sps_dataset::{DecodeSettings, Description, Frame, PropertyRange, Source, Split, Unit};
+use sps_dataset::{
+    DecodeSettings, Description, Frame, FrameFormat, PropertyRange, Source, Split, Unit,
+};
 use sps_estimator::{
     About, Calibration, Described, Estimator, Examples, Fitted, Measured, Predictions, Recipe,
-    Wanted, Widths,
+    Shown, Wanted, Widths,
 };
 use tracing::warn;
 
@@ -24,6 +26,9 @@ use crate::run::{
     what_is_measured,
 };
 use crate::text::counted;
+
+/// Pixels of the shorter side, at most, of a photograph that is kept for people.
+const SMALL: usize = 96;
 
 /// What is known while a model is fitted, for people: called with lines of text as soon as they are
 /// known.
@@ -92,7 +97,9 @@ impl WithSource for Train<'_> {
             ));
         }
         let about = trainer.about(&fit, measured)?;
+        let view = fit.stage.tables.shown(&fit.photographs)[0];
         let estimator = Estimator::new(fit.stage.embedder.clone(), fit.fitted, about)?;
+        let estimator = estimator.with_shown(|at| trainer.shown(at, view))?;
         let file = |error| anyhow::Error::from(error).context(self.out.display().to_string());
         estimator.save(self.out).map_err(file)
     }
@@ -242,6 +249,20 @@ impl<S: Source> Trainer<'_, S> {
             Ok(views.shown())
         };
         tables.properties.iter().map(of_property).collect()
+    }
+
+    /// A surface for people, in one view.
+    fn shown(&self, surface: usize, view: usize) -> Result<Shown> {
+        let mut photograph = Vec::new();
+        if self.experiment.train.keep_photographs {
+            let frame = self.source.frame(surface, view)?;
+            let side = frame.width.min(frame.height).min(SMALL);
+            photograph = FrameFormat::Png.encode(&*frame.resized(side)?)?;
+        }
+        Ok(Shown {
+            name: self.source.surfaces()[surface].id.clone(),
+            photograph,
+        })
     }
 
     fn about(&self, fit: &Fit, measured: BTreeMap<String, Measured>) -> Result<About> {

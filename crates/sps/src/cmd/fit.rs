@@ -42,6 +42,9 @@ pub struct Args {
     /// Share of new surfaces, or groups, whose truth an interval holds
     #[arg(long, value_name = "SHARE", default_value = "0.9", value_parser = share)]
     level: f64,
+    /// Keep a small photograph of each surface in the model: `serve` shows those that look most like a new one
+    #[arg(long, conflicts_with = "config")]
+    keep_photographs: bool,
     /// An experiment's TOML file, whose `train` says which method is fitted and how intervals are calibrated
     #[arg(long, value_name = "FILE", conflicts_with_all = ["pixels", "level", "layout"])]
     config: Option<PathBuf>,
@@ -124,6 +127,7 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<()> {
         set("split.k-fold.folds", (groups.min(FOLDS) as i64).into()),
         set("encoder.resize", (args.pixels as i64).into()),
         set("train.level", args.level.into()),
+        set("train.keep-photographs", args.keep_photographs.into()),
     ];
     let experiment = Experiment::read(&config, &settings)?;
     let (run, results) = run::run(&experiment, &work.path().join("run"), true)?;

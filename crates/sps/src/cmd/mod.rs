@@ -8,6 +8,8 @@ pub(crate) mod fit;
 pub(crate) mod import;
 pub(crate) mod inspect;
 pub(crate) mod list;
+pub(crate) mod man;
+pub(crate) mod map;
 pub(crate) mod predict;
 pub(crate) mod report;
 pub(crate) mod serve;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::PoisonError;
 
 use axum::body::Body;
-use axum::extract::{Request, State};
+use axum::extract::{Path, Request, State};
 use axum::http::{HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
@@ -93,6 +93,8 @@ struct Model<'a> {
     no_interval: BTreeMap<&'a str, &'a str>,
     no_familiar: Option<&'a str>,
     unfamiliar: f64,
+    /// Whether `/surface/{at}` has something to show.
+    keeps_photographs: bool,
 }
 
 #[derive(Serialize)]
@@ -123,6 +125,9 @@ impl<'a> Model<'a> {
             no_interval: model.no_interval(),
             no_familiar: fitted.no_familiar(),
             unfamiliar,
+            keeps_photographs: model
+                .shown(0)
+                .is_some_and(|shown| !shown.photograph.is_empty()),
         }
     }
 }
@@ -176,6 +181,18 @@ impl Service {
         answer::scale(&self.model, query.resize, query.keep_size)
             .map_err(|error| Failure::bad(format!("resize, keep-size: {error:#}")))
     }
+}
+
+/// The small photograph that the model keeps of a surface.
+pub(super) async fn surface(State(service): State<Shared>, Path(at): Path<usize>) -> Answered {
+    let shown = service.model.shown(at);
+    let kept = shown.filter(|shown| !shown.photograph.is_empty());
+    let shown = kept.ok_or_else(|| {
+        let message =
+            format!("found no photograph of surface {at}, expected one that the model keeps");
+        Failure::new(StatusCode::NOT_FOUND, message)
+    })?;
+    Ok(typed("image/png", shown.photograph.clone()))
 }
 
 /// The numbers of a map. What a place does not have is `null` for all.

@@ -115,13 +115,14 @@ impl Service {
 }
 
 /// Every method and path that is answered.
-fn routes() -> [(Method, &'static str, MethodRouter<Shared>); 9] {
+fn routes() -> [(Method, &'static str, MethodRouter<Shared>); 10] {
     [
         (Method::GET, "/", get(answers::page)),
         (Method::GET, "/health", get(answers::health)),
         (Method::GET, "/model", get(answers::model)),
         (Method::GET, "/metrics", get(answers::metrics)),
         (Method::GET, "/openapi.json", get(answers::openapi)),
+        (Method::GET, "/surface/{at}", get(answers::surface)),
         (Method::POST, "/predict", post(answers::predict)),
         (Method::POST, "/map", post(answers::map)),
         (Method::POST, "/session", post(sessions::begin)),

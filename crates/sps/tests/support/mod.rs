@@ -215,16 +215,22 @@ pub(crate) fn expect(message: &str, parts: &[&str]) {
 /// What a browser may be called.
 const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
-/// A browser without a window; none, with a line that says so, where none is installed.
-pub(crate) fn browser(profile: &Path) -> Option<Command> {
+/// A browser that is installed; none, with a line that says so, where there is none.
+pub(crate) fn browser_name() -> Option<&'static str> {
     let is_there = |name: &&str| {
         let version = Command::new(name).arg("--version").output();
         version.is_ok_and(|output| output.status.success())
     };
-    let Some(name) = BROWSERS.into_iter().find(is_there) else {
+    let found = BROWSERS.into_iter().find(is_there);
+    if found.is_none() {
         println!("SKIPPED: none of {} is installed", BROWSERS.join(", "));
-        return None;
-    };
+    }
+    found
+}
+
+/// A browser without a window, which prints the page it ends with; none where none is installed.
+pub(crate) fn browser(profile: &Path) -> Option<Command> {
+    let name = browser_name()?;
     let mut command = Command::new(name);
     command
         .args(["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"])

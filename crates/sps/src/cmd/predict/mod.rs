@@ -1,5 +1,4 @@
 mod lines;
-mod maps;
 mod print;
 
 use std::borrow::Cow;
@@ -46,10 +45,8 @@ pub struct Args {
     #[arg(long, value_name = "P", default_value = "0.05")]
     unfamiliar: f64,
     /// Wider intervals, which hold the truths of all properties of a surface at once
-    #[arg(long, conflicts_with = "map")]
+    #[arg(long)]
     joint: bool,
-    #[command(flatten)]
-    maps: maps::Options,
     #[command(flatten)]
     format: print::Format,
     /// PNG, JPEG or EXR, or folders of them; or -, for lines of standard input
@@ -71,9 +68,6 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let model = Estimator::load(&args.model)?;
     let model = if args.joint { model.jointly() } else { model };
     answer::check_probability(args.unfamiliar).context("--unfamiliar")?;
-    if let Some(property) = &args.maps.map {
-        return maps::draw(args, &model, property);
-    }
     let scale =
         answer::scale(&model, args.resize, args.keep_size).context("--resize, --keep-size")?;
     if args.images == [Path::new("-")] {

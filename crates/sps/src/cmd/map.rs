@@ -1,5 +1,3 @@
-//! Maps over photographs.
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -9,32 +7,48 @@ use sps_experiment::files::create_folder;
 use sps_experiment::progress::Progress;
 use tracing::error;
 
-use super::Args;
-use crate::map;
+use crate::{answer, map};
 
-/// Maps in place of estimates.
+/// Draw a property over photographs, place by place
 #[derive(clap::Args)]
-pub(super) struct Options {
-    /// Draw a map of this property over each photograph, and write its numbers for NumPy; photographs
-    /// keep their size unless --resize says otherwise
-    #[arg(long, value_name = "PROPERTY", conflicts_with_all = ["json", "csv", "group_by"])]
-    pub map: Option<String>,
-    /// Encode each place of a map as a photograph of its own, as many passes in place of one: what is
-    /// said of the crop, where one pass sees beyond its edges
-    #[arg(long, requires = "map")]
+#[command(
+    after_help = "Writes beside each other a PNG, unfamiliar places hatched, and the numbers for NumPy: \
+    value, low, high, familiarity.\n\nExample:\n  \
+    sps map models/friction hardness photograph.jpg --out maps"
+)]
+pub struct Args {
+    /// A folder that `fit` wrote
+    #[arg(value_name = "MODEL")]
+    model: PathBuf,
+    /// One of the model's properties
+    #[arg(value_name = "PROPERTY")]
+    property: String,
+    /// Bring the shorter side to so many pixels [default: photographs keep their size]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u64).range(1..))]
+    resize: Option<u64>,
+    /// Encode each place as a photograph of its own, as many passes in place of one: what is said of the
+    /// crop, where one pass sees beyond its edges
+    #[arg(long)]
     alone: bool,
-    /// The folder to write maps to
-    #[arg(long, value_name = "DIR", default_value = ".", requires = "map")]
+    /// Hatch places where photographs like those that the model was fitted on look as strange with at most
+    /// this probability
+    #[arg(long, value_name = "P", default_value = "0.05")]
+    unfamiliar: f64,
+    /// The folder to write to
+    #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
+    /// PNG, JPEG or EXR, or folders of them
+    #[arg(required = true, value_name = "IMAGE")]
+    images: Vec<PathBuf>,
 }
 
-/// Draws a map over each photograph.
-pub(super) fn draw(args: &Args, model: &Estimator, property: &str) -> Result<()> {
-    let options = &args.maps;
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let model = Estimator::load(&args.model)?;
+    answer::check_probability(args.unfamiliar).context("--unfamiliar")?;
     let wanted = map::Wanted {
-        property,
-        at: map::place(model, property).context("--map")?,
-        sight: if options.alone {
+        property: &args.property,
+        at: map::place(&model, &args.property)?,
+        sight: if args.alone {
             Sight::Alone
         } else {
             Sight::Within
@@ -45,13 +59,13 @@ pub(super) fn draw(args: &Args, model: &Estimator, property: &str) -> Result<()>
         Some(pixels) => Scale::ShorterSide(pixels as usize),
         None => Scale::Keep,
     };
-    let photographs = photographs(args, property)?;
-    create_folder(&options.out)?;
+    let photographs = photographs(args)?;
+    create_folder(&args.out)?;
     let progress = Progress::new("maps", photographs.len());
     let mut failed = 0;
     for (stem, path) in &photographs {
         let drawn = model.read(path, scale).map_err(anyhow::Error::from);
-        match drawn.and_then(|photograph| wanted.write(model, (&photograph, path), stem)) {
+        match drawn.and_then(|photograph| wanted.write(&model, (&photograph, path), stem)) {
             Ok(said) => println!("{said}"),
             Err(reason) => {
                 failed += 1;
@@ -69,12 +83,12 @@ pub(super) fn draw(args: &Args, model: &Estimator, property: &str) -> Result<()>
 }
 
 /// The photographs, by what the names of their maps begin with.
-fn photographs(args: &Args, property: &str) -> Result<BTreeMap<PathBuf, PathBuf>> {
+fn photographs(args: &Args) -> Result<BTreeMap<PathBuf, PathBuf>> {
     let mut photographs = BTreeMap::new();
     let mut add = |path: PathBuf| {
         let name = path.file_stem().unwrap_or(path.as_os_str());
-        let name = format!("{}-{property}", Path::new(name).display());
-        let stem = args.maps.out.join(name);
+        let name = format!("{}-{}", Path::new(name).display(), args.property);
+        let stem = args.out.join(name);
         if let Some(other) = photographs.get(&stem) {
             let other: &PathBuf = other;
             bail!(

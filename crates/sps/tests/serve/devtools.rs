@@ -1,0 +1,199 @@
+//! A browser without a window that is told what to do, by Chromium's DevTools protocol over two pipes.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{self, Child, Stdio};
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::support::browser_name;
+
+pub(crate) struct Tab {
+    process: Child,
+    to: File,
+    from: BufReader<File>,
+    session: Option<String>,
+    calls: u64,
+    /// What came beside answers.
+    events: Vec<Value>,
+    _folder: TempDir,
+}
+
+impl Tab {
+    /// An empty tab; none, with a line that says so, where no browser is installed.
+    pub(crate) fn open() -> Option<Self> {
+        let name = browser_name()?;
+        let folder = tempfile::tempdir().unwrap();
+        let [to, from] = ["to", "from"].map(|name| folder.path().join(name));
+        let made = process::Command::new("mkfifo").arg(&to).arg(&from).status();
+        assert!(made.unwrap().success());
+        // It reads from 3 and writes to 4.
+        let process = process::Command::new("sh")
+            .args(["-c", "exec \"$0\" \"$@\" 3< to 4> from", name])
+            .args([
+                "--headless",
+                "--no-sandbox",
+                "--disable-gpu",
+                "--remote-debugging-pipe",
+            ])
+            .args([
+                "--no-first-run",
+                "--disable-background-networking",
+                "--user-data-dir=profile",
+            ])
+            .current_dir(folder.path())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut tab = Self {
+            process,
+            to: File::options().write(true).open(to).unwrap(),
+            from: BufReader::new(File::open(from).unwrap()),
+            session: None,
+            calls: 0,
+            events: Vec::new(),
+            _folder: folder,
+        };
+        let target = tab.call("Target.createTarget", &json!({ "url": "about:blank" }));
+        let target = json!({ "targetId": target["targetId"], "flatten": true });
+        let attached = tab.call("Target.attachToTarget", &target);
+        tab.session = attached["sessionId"].as_str().map(str::to_owned);
+        for domain in ["Page", "Runtime", "Log"] {
+            tab.call(&format!("{domain}.enable"), &json!({}));
+        }
+        tab.call(
+            "Page.setInterceptFileChooserDialog",
+            &json!({ "enabled": true }),
+        );
+        Some(tab)
+    }
+
+    /// What the browser answers.
+    fn call(&mut self, method: &str, parameters: &Value) -> Value {
+        self.calls += 1;
+        let mut call = json!({ "id": self.calls, "method": method, "params": parameters });
+        if let Some(session) = &self.session {
+            call["sessionId"] = json!(session);
+        }
+        self.to.write_all(format!("{call}\0").as_bytes()).unwrap();
+        loop {
+            let mut said = self.read();
+            if said["id"] == self.calls {
+                assert!(said["error"].is_null(), "{method}: {}", said["error"]);
+                return said["result"].take();
+            }
+            self.events.push(said);
+        }
+    }
+
+    fn read(&mut self) -> Value {
+        let mut said = Vec::new();
+        self.from.read_until(0, &mut said).unwrap();
+        assert_eq!(said.pop(), Some(0), "the browser ended");
+        serde_json::from_slice(&said).unwrap()
+    }
+
+    fn event(&mut self, method: &str) -> Value {
+        loop {
+            let there = self
+                .events
+                .iter()
+                .position(|event| event["method"] == method);
+            if let Some(at) = there {
+                return self.events.remove(at)["params"].take();
+            }
+            let said = self.read();
+            self.events.push(said);
+        }
+    }
+
+    /// Shows a page in a window so wide.
+    pub(crate) fn show(&mut self, address: &str, width: usize, scheme: &str) {
+        let window =
+            json!({ "width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": false });
+        self.call("Emulation.setDeviceMetricsOverride", &window);
+        let scheme = json!({ "name": "prefers-color-scheme", "value": scheme });
+        self.call(
+            "Emulation.setEmulatedMedia",
+            &json!({ "features": [scheme] }),
+        );
+        self.call("Page.navigate", &json!({ "url": address }));
+        self.event("Page.loadEventFired");
+    }
+
+    /// The value of a script, once it is there.
+    pub(crate) fn value(&mut self, script: &str) -> Value {
+        let script = json!({ "expression": script, "awaitPromise": true, "returnByValue": true });
+        let mut answer = self.call("Runtime.evaluate", &script);
+        let thrown = &answer["exceptionDetails"];
+        assert!(thrown.is_null(), "{thrown}");
+        answer["result"]["value"].take()
+    }
+
+    /// Waits until a condition holds.
+    pub(crate) fn wait_for(&mut self, condition: &str) {
+        let script = format!(
+            "new Promise((done, fail) => {{
+                setTimeout(() => fail(new Error(document.body.innerText)), 60000);
+                const look = () => {condition} ? done() : requestAnimationFrame(look);
+                look();
+            }})"
+        );
+        self.value(&script);
+    }
+
+    pub(crate) fn press(&mut self, key: &str) {
+        let (code, text) = match key {
+            "Tab" => (9, ""),
+            _ => (13, "\r"),
+        };
+        for kind in ["keyDown", "keyUp"] {
+            let key =
+                json!({ "type": kind, "key": key, "windowsVirtualKeyCode": code, "text": text });
+            self.call("Input.dispatchKeyEvent", &key);
+        }
+    }
+
+    /// Goes on to the first thing that takes the keyboard and for which a condition holds.
+    pub(crate) fn tab_to(&mut self, condition: &str) {
+        for _ in 0..60 {
+            self.press("Tab");
+            if self.value(&format!("(at => {condition})(document.activeElement)")) == true {
+                return;
+            }
+        }
+        panic!("the key Tab never leads to where {condition}");
+    }
+
+    /// Presses Enter where files are asked for, and names this one.
+    pub(crate) fn choose(&mut self, file: &Path) {
+        self.press("Enter");
+        let chooser = self.event("Page.fileChooserOpened");
+        let files = json!({ "files": [file], "backendNodeId": chooser["backendNodeId"] });
+        self.call("DOM.setFileInputFiles", &files);
+    }
+
+    /// Errors and warnings that the page printed, was refused or did not catch.
+    pub(crate) fn problems(&self) -> Vec<String> {
+        let problem = |event: &&Value| match event["method"].as_str() {
+            Some("Runtime.exceptionThrown") => true,
+            Some("Runtime.consoleAPICalled") => event["params"]["type"] != "log",
+            Some("Log.entryAdded") => event["params"]["entry"]["level"] != "info",
+            _ => false,
+        };
+        self.events
+            .iter()
+            .filter(problem)
+            .map(Value::to_string)
+            .collect()
+    }
+}
+
+impl Drop for Tab {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}

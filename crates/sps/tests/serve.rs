@@ -2,11 +2,13 @@
 
 #[path = "serve/devtools.rs"]
 mod devtools;
+#[path = "../../../fixtures/fuzz/mod.rs"]
+mod fuzz;
 mod support;
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::path::PathBuf;
 use std::process::{self, Child, Stdio};
 use std::sync::LazyLock;
@@ -14,8 +16,14 @@ use std::thread;
 use std::time::Duration;
 
 use devtools::Tab;
+use fuzz::{Damage, damaged, fuzz};
+use proptest::prelude::*;
+use proptest::sample::select;
 use serde_json::{Value, json};
 use support::{Scratch, expect, fitted_in, message, root, sps};
+
+#[global_allocator]
+static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
 
 /// A model of one view.
 static ONE_VIEW: LazyLock<Scratch> = LazyLock::new(|| fitted(&["train.keep-photographs=true"]));
@@ -559,6 +567,62 @@ fn surfaces_that_look_alike_are_named_and_shown() {
     for other in ["/surface/100", "/surface/-1"] {
         assert!([400, 404].contains(&served.get(other).status), "{other}");
     }
+}
+
+/// Requests whose head or body is damaged: each has an answer or none, and the service goes on.
+#[test]
+fn damaged_requests_are_refused_within_limits() {
+    let served = Served::start(&ONE_VIEW, &["--max-body", "1"]);
+    let jpeg = form(&[photograph("oak-01/002.jpg")]);
+    let exr = bytes("tile-01/002.exr");
+    let requests = [
+        ("POST /predict", FORM, jpeg.clone()),
+        ("POST /predict?resize=40", "content-type: image/x-exr", exr),
+        ("POST /map?property=fRS&resize=48", FORM, jpeg),
+        (
+            "POST /session",
+            "content-type: application/json",
+            b"{\"width\": 2.0}".to_vec(),
+        ),
+        ("GET /surface/3", "accept: */*", Vec::new()),
+    ];
+    let cases = (select(requests.to_vec()), Damage::some(), any::<bool>());
+    fuzz(
+        "http",
+        &cases,
+        |((line, header, body), damages, in_head)| {
+            let body = if in_head {
+                body
+            } else {
+                damaged(body, &damages)
+            };
+            let length = format!("content-length: {}", body.len());
+            let mut head = served.head(line, &[header, &length]).into_bytes();
+            if in_head {
+                head = damaged(head, &damages);
+            }
+            let mut stream = served.connect();
+            // It may answer before it has read all, and leave.
+            let sent = stream.write_all(&[head, body].concat());
+            if sent.is_ok() && in_head {
+                let _ = stream.shutdown(Shutdown::Write);
+            }
+            let mut answer = Vec::new();
+            let _ = stream.read_to_end(&mut answer);
+            assert!(in_head && answer.is_empty() || answer.starts_with(b"HTTP/1."));
+            assert!(
+                !answer.starts_with(b"HTTP/1.1 5"),
+                "{}",
+                String::from_utf8_lossy(&answer)
+            );
+        },
+    );
+    assert_eq!(served.get("/health").json()["status"], "ok");
+    let status = fs::read_to_string(format!("/proc/{}/status", served.process.id()));
+    let peak = status.unwrap_or_default();
+    let peak = peak.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let peak = peak.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok());
+    assert!(peak < Some(1 << 20), "it took {peak:?} KiB");
 }
 
 #[test]

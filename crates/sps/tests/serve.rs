@@ -252,7 +252,7 @@ fn maps_are_those_of_the_command() {
     command.assert().success();
 
     let line = "POST /map?property=fRS&resize=48";
-    let files = form(&[file]);
+    let files = form(std::slice::from_ref(&file));
     let picture = served.ask(line, &[FORM], &files);
     assert!(
         picture.head.contains("content-type: image/png"),
@@ -264,6 +264,13 @@ fn maps_are_those_of_the_command() {
     let numbers = served
         .ask(line, &[FORM, "accept: application/json"], &files)
         .json();
+    let mut printed = sps();
+    printed.arg("map").arg(ONE_VIEW.path("model"));
+    printed.args(["fRS", "--resize", "48", "--json"]).arg(&file);
+    let mut printed: Value = serde_json::from_slice(&printed.output().unwrap().stdout).unwrap();
+    assert_eq!(printed["image"].take(), json!(file));
+    printed.as_object_mut().unwrap().remove("image");
+    assert_eq!(printed, numbers);
     let written = fs::read(maps.join("002-fRS.npy")).unwrap();
     let places: Vec<[f64; 4]> = written[written.len() % 32..][written.len() % 32..]
         .as_chunks::<8>()

@@ -2,11 +2,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use serde::Serialize;
 use sps_estimator::{Estimator, Scale, Sight, photographs_in};
 use sps_experiment::files::create_folder;
 use sps_experiment::progress::Progress;
 use tracing::error;
 
+use crate::map::Numbers;
 use crate::{answer, map};
 
 /// Draw a property over photographs, place by place
@@ -37,6 +39,9 @@ pub struct Args {
     /// The folder to write to
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
+    /// Write no files, and print the numbers: a line of JSON for each photograph
+    #[arg(long, conflicts_with = "out")]
+    json: bool,
     /// PNG, JPEG or EXR, or folders of them
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
@@ -60,12 +65,24 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         None => Scale::Keep,
     };
     let photographs = photographs(args)?;
-    create_folder(&args.out)?;
+    if !args.json {
+        create_folder(&args.out)?;
+    }
     let progress = Progress::new("maps", photographs.len());
     let mut failed = 0;
     for (stem, path) in &photographs {
-        let drawn = model.read(path, scale).map_err(anyhow::Error::from);
-        match drawn.and_then(|photograph| wanted.write(&model, (&photograph, path), stem)) {
+        let read = model.read(path, scale).map_err(anyhow::Error::from);
+        let mapped = read.and_then(|photograph| {
+            if args.json {
+                let mapped = wanted.of(&model, &photograph)?;
+                return Ok(serde_json::to_string(&Line {
+                    image: path,
+                    numbers: mapped.numbers(&model),
+                })?);
+            }
+            wanted.write(&model, (&photograph, path), stem)
+        });
+        match mapped {
             Ok(said) => println!("{said}"),
             Err(reason) => {
                 failed += 1;
@@ -80,6 +97,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         photographs.len()
     );
     Ok(())
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Line<'a> {
+    image: &'a Path,
+    #[serde(flatten)]
+    numbers: Numbers<'a>,
 }
 
 /// The photographs, by what the names of their maps begin with.
@@ -98,7 +123,9 @@ fn photographs(args: &Args) -> Result<BTreeMap<PathBuf, PathBuf>> {
                 stem.display()
             );
         }
-        check_free(&map::with_ending(&stem, ".png"), &path)?;
+        if !args.json {
+            check_free(&map::with_ending(&stem, ".png"), &path)?;
+        }
         photographs.insert(stem, path);
         Ok(())
     };

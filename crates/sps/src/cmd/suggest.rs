@@ -33,6 +33,9 @@ pub struct Args {
     /// Bring the shorter side of every photograph to so many pixels
     #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = clap::value_parser!(u64).range(32..))]
     pixels: u64,
+    /// Print a list in JSON
+    #[arg(long)]
+    json: bool,
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
@@ -46,8 +49,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let known: Vec<usize> = (0..measured.len()).collect();
     let ridge = KernelRidge::new(KernelRidgeConfig::default())?;
     let next = ridge.most_telling(&embeddings, &known, args.count)?;
-    for at in next {
-        println!("{}", all[at].display());
+    let next: Vec<&Path> = next.into_iter().map(|at| all[at]).collect();
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&next)?);
+    } else {
+        next.iter().for_each(|path| println!("{}", path.display()));
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! Maps of a property over a photograph, as pictures and as numbers.
 
 mod npy;
+mod numbers;
 mod picture;
 mod scale;
 
@@ -12,6 +13,7 @@ use sps_estimator::{Estimator, Frame, Map, Sight};
 use sps_experiment::files::write_atomically;
 use tracing::warn;
 
+pub(crate) use self::numbers::Numbers;
 pub(crate) use self::picture::source;
 use self::scale::Scale;
 

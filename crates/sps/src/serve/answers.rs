@@ -14,7 +14,7 @@ use sps_estimator::{About, Described, Estimator, FittedOn, Scale, Sight};
 use super::failure::Failure;
 use super::{Service, Shared, guard, sessions};
 use crate::answer::{self, Line, Said};
-use crate::map::{self, Mapped, Wanted};
+use crate::map::{self, Wanted};
 
 pub(super) const OPENAPI: &str = include_str!("openapi.json");
 const PAGE: &str = include_str!("page.html");
@@ -195,43 +195,6 @@ pub(super) async fn surface(State(service): State<Shared>, Path(at): Path<usize>
     Ok(typed("image/png", shown.photograph.clone()))
 }
 
-/// The numbers of a map. What a place does not have is `null` for all.
-#[derive(Serialize)]
-struct Numbers<'a> {
-    property: &'a str,
-    #[serde(flatten)]
-    described: Described,
-    level: f64,
-    rows: usize,
-    columns: usize,
-    window: [usize; 2],
-    centres: &'a [[f64; 2]],
-    values: Vec<f64>,
-    low: Option<Vec<f64>>,
-    high: Option<Vec<f64>>,
-    familiar: Option<Vec<f64>>,
-}
-
-impl<'a> Numbers<'a> {
-    fn of(model: &Estimator, property: &'a str, mapped: &'a Mapped<'_>) -> Self {
-        let all = |at: usize| mapped.places.iter().map(move |place| place[at]);
-        let known = |at: usize| all(at).all(f64::is_finite).then(|| all(at).collect());
-        Self {
-            property,
-            described: model.about().describe(property),
-            level: model.fitted().level().get(),
-            rows: mapped.grid.rows,
-            columns: mapped.grid.columns,
-            window: mapped.grid.window,
-            centres: &mapped.grid.centres,
-            values: all(0).collect(),
-            low: known(1),
-            high: known(2),
-            familiar: known(3),
-        }
-    }
-}
-
 pub(super) async fn map(State(service): State<Shared>, request: Request) -> Answered {
     let query = service.query(&request, &["property", "resize"])?;
     let property = query.property.ok_or_else(|| {
@@ -266,10 +229,7 @@ pub(super) async fn map(State(service): State<Shared>, request: Request) -> Answ
         };
         let mapped = wanted.of(&service.model, &frames[0])?;
         if as_numbers {
-            return json(
-                StatusCode::OK,
-                &Numbers::of(&service.model, &property, &mapped),
-            );
+            return json(StatusCode::OK, &mapped.numbers(&service.model));
         }
         let picture = mapped.png(&frames[0], &photograph.name);
         let picture = picture.map_err(|error| Failure::internal(&format!("{error:#}")))?;

@@ -20,7 +20,7 @@ use crate::novelty::Shown;
 pub struct About {
     /// What it is called.
     pub name: String,
-    /// What estimates, in words.
+    /// The method, in words.
     pub method: String,
     /// What it was fitted on, in words.
     pub data: String,
@@ -59,16 +59,16 @@ pub struct Described {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Measured {
-    /// Readings, over all splits.
+    /// How many readings were scored, over all splits.
     pub readings: usize,
-    /// About the training mean of each split.
+    /// R² against the training mean of each split.
     pub r2: Option<f64>,
     /// The mean absolute error, in measured units.
     #[serde(default)]
     pub mae: Option<f64>,
     /// The share of truths that lie in their interval; none where there are no intervals.
     pub coverage: Option<f64>,
-    /// The same where each unit that was held out counts as much as any other.
+    /// `coverage`, averaged over the units that were held out.
     #[serde(default)]
     pub unit_coverage: Option<f64>,
     /// The mean width of an interval, in measured units.
@@ -85,7 +85,7 @@ pub enum Scale {
     OfModel,
     /// Their shorter side to so many pixels.
     ShorterSide(usize),
-    /// They keep their size: right where a pixel shows as much as there, of crops for example.
+    /// No resizing: right where a pixel shows as much as in the photographs of the fit, as in crops.
     Keep,
 }
 
@@ -187,9 +187,9 @@ impl Estimator {
         })
     }
 
-    /// The same with wider intervals, of which those of all properties of a surface hold at once at the
-    /// level ([`Fitted::predict_jointly`]); none for the mean of several photographs. It answers so from
-    /// [`Estimator::predict`], [`Estimator::predict_embedded`] and [`Estimator::predict_all`] alone.
+    /// Widens intervals so that those of all properties of a surface hold at once at the level
+    /// ([`Fitted::predict_jointly`]); none for the mean of several photographs. Only
+    /// [`Estimator::predict`], [`Estimator::predict_embedded`] and [`Estimator::predict_all`] use them.
     #[must_use]
     pub fn jointly(self) -> Self {
         Self {
@@ -198,8 +198,8 @@ impl Estimator {
         }
     }
 
-    /// The same, which also knows for people what it holds photographs against: `shown` is asked with the
-    /// place of each surface among those that were fitted.
+    /// Adds what people are shown of each surface that it holds photographs against; `shown` gets the place
+    /// of the surface among those that were fitted.
     ///
     /// # Errors
     ///
@@ -215,7 +215,7 @@ impl Estimator {
         Ok(self)
     }
 
-    /// A surface that it was fitted on; none where the model keeps none of that place.
+    /// The surface at [`Near::at`]; `None` where the model keeps no names.
     pub fn shown(&self, at: usize) -> Option<&Shown> {
         self.fitted.familiar.as_ref().ok()?.shown.get(at)
     }
@@ -235,7 +235,7 @@ impl Estimator {
         &self.fitted
     }
 
-    /// The properties that have no interval, not of one photograph for each view either, and why.
+    /// The properties without any interval, and why.
     pub fn no_interval(&self) -> BTreeMap<&str, &str> {
         let measures = self.fitted.measures.iter();
         let reasons = measures.filter_map(|measure| match &measure.interval {

@@ -3,16 +3,15 @@
 //!
 //! # What is where
 //!
-//! - [`Recipe`] fits: a [`Regression`] on embeddings, intervals that hold what they promise for a new
-//!   surface or group, and what is familiar. It gives a [`Fitted`].
-//! - [`Estimator`] is that with the [`Embedder`] of its photographs: it reads, predicts, is saved and
-//!   loaded.
-//! - [`Session`] looks at one photograph after the other, and at no more than needed.
+//! - [`Recipe`] fits a [`Regression`] to embeddings, calibrates intervals and keeps the surfaces that
+//!   familiarity is judged by. It gives a [`Fitted`].
+//! - [`Estimator`] joins a [`Fitted`] and an [`Embedder`]: it reads, predicts, is saved and loaded.
+//! - [`Session`] takes photographs one by one until the intervals are narrow enough.
 //! - [`Watch`] notices when photographs are no longer like those of the fit.
 //! - [`Estimator::map`] estimates at every place of a photograph.
 //! - [`Step`] and [`radius()`] are what intervals are made of, for programs that fit many models.
 //!
-//! Nothing here prints, shows progress or keeps state; what is random is fixed by a seed, and results
+//! Nothing here prints or shows progress; what is random is fixed by a seed, and results
 //! do not depend on the number of threads.
 //!
 //! # Features

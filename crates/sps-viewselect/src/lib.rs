@@ -1,5 +1,5 @@
-//! Selection of the best few views (or sensors) of many: NVS, VB-NVS, TRN's sampling, greedy,
-//! exhaustive and baselines, behind one trait.
+//! Selects the best few views (or sensors) of many: the paper's selectors, greedy, exhaustive and
+//! baselines, behind one trait.
 //!
 //! Use it where M of N inputs are to be kept, and the loss of any M of them can be asked for: views
 //! of a camera, sensors of a machine, columns of a table. The crate knows nothing else about them.
@@ -25,7 +25,7 @@
 //! });
 //! let problem = Problem::new(&loss)?.distinct(true).seed(1);
 //!
-//! // Gauss's two points, 0.211 and 0.789, lie in the cells of sensors 8 and 31.
+//! // Gauss's two points, 0.211 and 0.789, lie in the cells of sensors 8 and 31; sets are ordered.
 //! let optimum = Exhaustive::default().select(&problem)?;
 //! assert_eq!((optimum.picks, optimum.evaluations), (vec![8, 31], 40 * 39));
 //!
@@ -41,7 +41,7 @@
 //!   around a plain function. [`Problem`] checks it once and holds what all selectors have in
 //!   common: whether views must be distinct, and the seed.
 //! - Several questions at once: a [`SharedLoss`] gives a set's losses for all properties,
-//!   [`Pooled`] is the loss of one of them drawn towards the mean over all, and [`Remembered`]
+//!   [`Pooled`] is the loss of one of them shrunk towards the mean over all, and [`Remembered`]
 //!   computes each set once.
 //! - The answer: every [`Selector`] returns a [`Selection`], with picks, loss curve, evaluations
 //!   and wall time.

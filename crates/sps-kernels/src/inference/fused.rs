@@ -23,8 +23,8 @@ use crate::ops::simd::Level;
 use crate::ops::words::Word;
 use crate::tensors::Tensors;
 
-/// Frames that go through the network together: enough that a layer's weights, read once, serve
-/// several frames; few enough that their feature maps stay in the cache.
+/// Frames of a pass: from the map [`Slots::meeting`] on they share each reading of a layer's weights; few
+/// enough that their feature maps stay in the cache.
 pub(super) const GROUP: usize = 4;
 
 /// A network with its weights laid out for the kernels.
@@ -54,7 +54,7 @@ struct Part<W> {
     conv: Conv,
     packed: Packed<W>,
     column: usize,
-    /// The factor of what is there already, where it is added to that.
+    /// The factor of what the map holds already, where results are added to that.
     accumulate: Option<f32>,
     limits: [f32; 2],
 }
@@ -75,7 +75,7 @@ pub(super) struct Seen<'a, W> {
 #[derive(Debug, Default)]
 pub(super) struct Workspace<W> {
     slots: Vec<Slot<W>>,
-    /// The map at which frames meet, of all frames of a group.
+    /// The map [`Slots::meeting`] of all frames of a group.
     group: Buffer<W>,
 }
 
@@ -83,12 +83,12 @@ pub(super) struct Workspace<W> {
 #[derive(Debug, Default)]
 struct Slot<W> {
     memory: Buffer<W>,
-    /// The layout whose border is filled, and with what: maps leave it as it is.
+    /// The layout whose border is filled, and its value; writing maps never touches it.
     border: Option<(Grid, f32)>,
 }
 
 impl<W: Word> Fused<W> {
-    /// By scales of each map where words hold whole numbers; none otherwise.
+    /// `scales`, one for each map, are for int8; `None` otherwise.
     pub(super) fn new(
         network: &Network,
         weights: &dyn Tensors,
@@ -130,8 +130,8 @@ impl<W: Word> Fused<W> {
         self.level
     }
 
-    /// Shows the feature maps at the network's depths, of at most [`GROUP`] images `(frames, 3, ..size)`, as
-    /// soon as each is made: the next layer may write over it.
+    /// Calls `see` with the map at each of the network's depths, of at most [`GROUP`] images
+    /// `(frames, 3, ..size)`, as soon as it is made: the next layer may overwrite it.
     ///
     /// Maps that are large go through one frame at a time, which then stays in the cache.
     pub(super) fn walk(
@@ -172,7 +172,7 @@ impl<W: Word> Fused<W> {
         }
     }
 
-    /// Shows a map where it is at a depth.
+    /// Calls `see` where a map is at a depth.
     fn show(
         &self,
         map: Map,

@@ -38,8 +38,8 @@ impl ConvShape {
         self.outputs / self.groups
     }
 
-    /// How many runs of memory a window on such a feature map has along each axis: where there is
-    /// one group, pixels that lie side by side are one.
+    /// How many runs of memory a window on such a feature map has along each axis: with one group and no
+    /// gap between pixels, a row of pixels is one run.
     pub(crate) fn runs(&self, from: &Grid) -> Size {
         let [time, height, width] = self.window.size;
         let joined = self.groups == 1 && from.pitch == from.words;
@@ -67,8 +67,8 @@ impl ConvShape {
 pub(crate) struct Conv<W = f32> {
     shape: ConvShape,
     weights: Weights<W>,
-    /// For inference: the same by fewer products where that is worth it, laid out when a map is first large
-    /// enough.
+    /// For inference: the same in Winograd's form where that is worth it, laid out when a map is first
+    /// large enough.
     winograd: Option<OnceLock<Option<Winograd>>>,
 }
 
@@ -88,14 +88,14 @@ enum Packed<W> {
     Narrow(GroupWeights<W>),
     /// Each channel by itself.
     Channels(ChannelWeights),
-    /// The same in bytes.
+    /// Each channel by itself, in bytes.
     Quads(QuadWeights<W>),
 }
 
 impl<W: Word> Conv<W> {
     /// Packs weights `(outputs, inputs / groups, time, height, width)`, for feature maps of such
-    /// words. A group's inputs and outputs fill whole words, but where each channel is a group; of
-    /// bytes, all channels then do. Weights of words of whole numbers are such.
+    /// words. The channels of a group fill whole words; where each channel is a group, only int8 needs
+    /// that, of all channels together. For int8 the weights are whole numbers already.
     pub(crate) fn pack(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
         let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
         let taps = pixels(shape.window.size);
@@ -145,7 +145,7 @@ impl<W: Word> Conv<W> {
         }
     }
 
-    /// The same for inference: by fewer products, whose sums round more, where that is worth it.
+    /// The same for inference: in Winograd's form, whose sums round more, where that is worth it.
     pub(crate) fn pack_for_inference(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
         Self {
             winograd: Some(OnceLock::new()),
@@ -153,7 +153,7 @@ impl<W: Word> Conv<W> {
         }
     }
 
-    /// By fewer products, to maps of such a size.
+    /// Winograd's form, for maps of such a size.
     fn winograd(&self, size: Size) -> Option<&Winograd> {
         let laid_out = self.winograd.as_ref()?;
         let (shape, Weights::Maps(Packed::Matrices(groups))) = (&self.shape, &self.weights) else {
@@ -163,7 +163,7 @@ impl<W: Word> Conv<W> {
             return None;
         }
         let ends = [shape.inputs, shape.outputs];
-        // By this thread alone: waiting for others, it could come upon a pass that waits for this.
+        // On one thread: while it waits, rayon could hand it a pass that waits for this cell, a deadlock.
         let lay_out = || Winograd::of(Threads::One, &shape.window, ends, groups, false);
         laid_out.get_or_init(lay_out).as_ref()
     }

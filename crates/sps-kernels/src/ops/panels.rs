@@ -16,8 +16,8 @@ pub(super) const PANEL_VECTORS: usize = 2;
 /// Rows whose cache lines a transposition holds at once.
 const BLOCK: usize = 64;
 
-/// Words of each tap, and columns, whose cache lines packing holds at once: columns often lie so far apart
-/// that they fall on few sets of the cache.
+/// Packing goes in blocks of so many words and columns, so that their cache lines stay: columns that lie far
+/// apart often fall on few sets of the cache.
 const NEAR: [usize; 2] = [16, 8];
 
 /// A matrix of words `(k, n)` cut into panels of columns: each panel is stored row by row, so that
@@ -58,7 +58,7 @@ pub(super) struct Panel<'a, W> {
 }
 
 impl<W: Word> Panel<'_, W> {
-    /// Its numbers: of each row of words, so wide, as many rows as a word has numbers.
+    /// Its numbers: a row of `width` words becomes [`Word::NUMBERS`] rows.
     fn numbers(&self, width: usize) -> Cow<'_, [f32]> {
         if W::NUMBERS == 1 {
             return Cow::Borrowed(lanes_of(self.data));
@@ -135,8 +135,8 @@ impl<W: Word> Panels<W> {
         panels
     }
 
-    /// Matrices of as many columns and `k` rows of numbers, whose panels `make` makes of this one's: from the
-    /// numbers of a panel to the same columns of each.
+    /// Matrices of `k` rows and as many columns: `make` fills a panel of each from the numbers of the same
+    /// panel of this one.
     pub(super) fn derived(
         &self,
         threads: Threads,
@@ -204,8 +204,7 @@ impl<W: Word> Panels<W> {
         self.n
     }
 
-    /// Whether they are more than what threads that share out the columns of a convolution read and copy
-    /// besides.
+    /// Whether the weights outweigh the maps that threads would read and copy if they shared out the columns.
     pub(crate) fn outweigh(&self, from: &Grid, to: &Grid) -> bool {
         let words = |grid: &Grid| grid.frames * pixels(grid.size) * grid.words;
         rayon::current_num_threads() > 1 && self.k * self.n > words(from) + 2 * words(to)

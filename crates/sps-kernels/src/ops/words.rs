@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::simd::{Kernel, Lanes, Level, NullaryFnOnce};
 
-/// What feature maps and matrices are made of: 32 bits that hold one number or two.
+/// What feature maps and matrices are made of: 32 bits that hold one f32, two bf16 or four bytes.
 pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
     /// One of a word's numbers as it lies in memory.
     type Number: Pod + PartialEq + Send + Sync;

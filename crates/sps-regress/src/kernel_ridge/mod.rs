@@ -1,5 +1,4 @@
-//! Kernel ridge regression from embeddings to tactile values: the strong, cheap floor under every
-//! network.
+//! Kernel ridge regression from embeddings to tactile values: a strong, cheap baseline for every network.
 
 mod design;
 mod fit;
@@ -34,14 +33,16 @@ const ROWS: usize = 512;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
 pub struct KernelRidgeConfig {
-    /// The kernels to choose from, all of them linear or none.
+    /// The kernels to choose from, all of them linear or none. Default: exponential of width 4, with
+    /// [`Shape::leaning`] 0 or 4.
     pub kernels: Vec<Shape>,
     /// The penalties to choose from, each in units of the kernel's variance: `l` in
-    /// `|y - f|² / n + l v |f|²`, with `v` the mean diagonal element of the centred kernel matrix.
+    /// `|y - f|² / n + l v |f|²`, of `n` surfaces, with `v` the mean diagonal element of the centred kernel
+    /// matrix.
     pub penalties: Vec<f64>,
-    /// Surfaces that a fit stands on at most: of more training surfaces so many are drawn at random,
-    /// from a stream keyed by the plan's seed and the rerun. Time grows with the third power of
-    /// their number, memory with its square. [`SetLosses`] take all that they are given.
+    /// The most training surfaces that a fit uses, 4000 by default: of more, as many are drawn at random, by
+    /// the plan's seed and the rerun. Time grows with the third power of their number, memory with its
+    /// square. [`SetLosses`] take all that they are given.
     pub at_most: usize,
 }
 
@@ -71,10 +72,8 @@ impl Default for KernelRidgeConfig {
 /// The mean of the training readings is one of the choices, and is taken where nothing predicts
 /// better: an unpredictable property falls back to it.
 ///
-/// Of more training surfaces than [`KernelRidgeConfig::at_most`] it takes so many, drawn at random.
-///
-/// The kernel of several views is the mean of theirs, views being alike in pairs, first with first; and that of
-/// a view the weighted mean of its blocks', each with a scale of its own. [`Shape`] says how they weigh.
+/// Several views: the mean of the views' kernels, the first compared with the first, and so on. One view: the
+/// weighted mean of its blocks' kernels, each with its own scale; [`Shape`] gives the weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KernelRidge(KernelRidgeConfig);
 
@@ -261,9 +260,9 @@ impl TrainedKernelRidge {
         self.fit.expansion.as_ref().map(|e| e.shape)
     }
 
-    /// Mean squared error, in measured units, for each training surface by the fit to all others, or to
-    /// all others' units, with the kernel and penalty that were chosen; `None` of one surface alone. The least of many
-    /// choices: a little less than the error of a new surface or unit.
+    /// Mean squared error, in squared measured units, of each training surface or unit when it is left out,
+    /// with the kernel and penalty that were chosen; `None` of a single surface. As the least of many, it lies
+    /// slightly below the error of a new one.
     pub fn left_out_error(&self) -> Option<f64> {
         self.fit.left_out_error
     }

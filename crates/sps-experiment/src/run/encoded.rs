@@ -2,7 +2,6 @@
 
 use anyhow::{Context, Result};
 use sps_dataset::{Property, Source};
-use sps_estimator::Network;
 
 use super::costs;
 use super::deal::Dealt;
@@ -187,25 +186,19 @@ impl<'m> Encoded<'_, 'm> {
         group.look(self.experiment, source, &self.splits.all, of_method)
     }
 
-    /// What an estimate of each method costs; nothing where it looks at nothing, or at embeddings from a file.
+    /// What an estimate of each method costs; nothing where it looks at nothing.
     fn costs<S: Source>(
         &self,
         source: &S,
         stage: &Stage,
         finished: &[Finished<'_>],
     ) -> Result<Vec<Costs>> {
-        let precomputed = matches!(stage.embedder.network(), Network::Precomputed(_));
-        let looks =
-            |finished: &Finished<'_>| finished.method.looks != Looks::Nothing && !precomputed;
-        let looking = finished.iter().filter(|finished| looks(finished));
-        let looking: Vec<&Finished<'_>> = looking.collect();
+        let looks = |finished: &&Finished<'_>| finished.method.looks != Looks::Nothing;
+        let looking: Vec<&Finished<'_>> = finished.iter().filter(looks).collect();
         let mut measured = costs::measure(source, self.splits, stage, &looking)?.into_iter();
-        let of = |finished: &Finished<'_>| {
-            if looks(finished) {
-                measured.next().unwrap_or_default()
-            } else {
-                Costs::default()
-            }
+        let of = |finished: &Finished<'_>| match finished.method.looks {
+            Looks::Nothing => Costs::default(),
+            _ => measured.next().unwrap_or_default(),
         };
         Ok(finished.iter().map(of).collect())
     }

@@ -13,8 +13,9 @@ use crate::error::{Error, Result};
 const WHOLE: &str = "embeddings";
 /// The note in a safetensors file that names the photograph of each row.
 const FILES: &str = "files";
-/// Numbers in a file at most.
+/// Numbers in a file, and in a row, at most.
 const MOST: u64 = 1 << 30;
+const WIDEST: usize = 1 << 20;
 
 /// Embeddings that were computed elsewhere, a row for each photograph, in blocks.
 ///
@@ -50,12 +51,13 @@ impl Precomputed {
             files,
             values,
         };
-        if new.blocks.is_empty() || new.blocks.iter().any(|block| block.width == 0) {
-            return Err(Error::input(
-                "embeddings",
-                "a block of width 0",
-                "at least 1",
-            ));
+        let widths: Vec<usize> = new.blocks.iter().map(|block| block.width).collect();
+        let add = |sum: usize, width: &usize| sum.checked_add(*width);
+        let width = widths.iter().try_fold(0, add).unwrap_or(usize::MAX);
+        if widths.contains(&0) || !(1..=WIDEST).contains(&width) {
+            let found = format!("blocks of widths {widths:?}");
+            let expected = format!("1 or more, together at most {WIDEST}");
+            return Err(Error::input("embeddings", found, expected));
         }
         if !new.values.len().is_multiple_of(new.width()) {
             let found = format!("{} numbers", new.values.len());
@@ -75,7 +77,8 @@ impl Precomputed {
     /// Reads a file: safetensors, `.pth`, or `.npy`.
     ///
     /// In safetensors and `.pth`, each tensor is a block, `(rows, width)`, under its name; blocks are in the
-    /// order of their names, and of several a tensor `embeddings` is all of them side by side. The metadata of a
+    /// order of their names, and a tensor `embeddings` beside others is all of them side by side. One tensor may
+    /// have any name. The metadata of a
     /// safetensors file may have `files`, a JSON list that names the photograph of each row. An `.npy` file is
     /// one block, `(rows, width)`.
     ///
@@ -116,8 +119,9 @@ impl Precomputed {
         let tensors = sps_weights::read(bytes);
         let mut tensors = tensors.map_err(|error| wrong(error.to_string()))?;
         tensors.sort_by(|(one, _), (other, _)| one.cmp(other));
-        if tensors.len() > 1 {
-            tensors.retain(|(name, _)| name != WHOLE);
+        match &mut tensors[..] {
+            [(name, _)] => WHOLE.clone_into(name),
+            _ => tensors.retain(|(name, _)| name != WHOLE),
         }
         let rows = tensors.first().and_then(|(_, tensor)| tensor.shape.first());
         let rows = *rows.ok_or_else(|| wrong("no tensor with rows".to_owned()))?;

@@ -36,7 +36,10 @@ impl StandingOut {
 /// The methods that look at a photograph, or at its embedding, in the plane of time and error.
 pub(super) fn looking(results: &Results) -> Vec<Point> {
     let mut points = points(&results.methods);
-    points.retain(|point| !results.methods[point.method].encoder.is_empty());
+    points.retain(|point| {
+        let MethodResult { costs, encoder, .. } = &results.methods[point.method];
+        costs.frames_decoded_per_surface > 0.0 || !encoder.is_empty()
+    });
     points
 }
 
@@ -106,9 +109,6 @@ mod tests {
             method.means.r2_mean_interval = r2.and(method.means.r2_mean_interval);
             method.costs.frames_decoded_per_surface = frames;
             method.costs.frames_encoded_per_surface = frames;
-            if frames == 0.0 {
-                method.encoder.clear();
-            }
             method.costs.predict_seconds_per_surface = seconds;
             method
         };

@@ -85,7 +85,7 @@ struct EncoderCard {
     name: String,
     #[serde(default)]
     depths: Depths,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     precision: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     resize: Option<usize>,

@@ -64,7 +64,7 @@ impl WithSource for Train<'_> {
         let method = experiment.methods[experiment.train.method].on(source)?;
         ensure!(
             !matches!(method.encoder.network, NetworkSpec::Sequences { .. }),
-            "method `{}` looks at a sequence, by {}; a model that is kept looks at photographs",
+            "method `{}` looks at a sequence by {}; a model that is kept looks at photographs",
             method.id,
             encoder::describe(&method.encoder)
         );

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
 use sps_estimator::{Estimator, Precomputed, Watch};
+use sps_models::encoders::Block;
 
 use super::print::Printer;
 use super::{Args, Surface, warn_of_drift};
@@ -14,9 +15,10 @@ pub(super) fn answer(args: &Args, model: &Estimator, file: &Path) -> Result<()> 
     let expected = model.embedder().network().blocks();
     ensure!(
         rows.blocks() == expected,
-        "{} has the blocks {:?}, expected those that the model was fitted on, {expected:?}",
+        "{}: found the blocks {}, expected those that the model was fitted on, {}",
         file.display(),
-        rows.blocks()
+        listed(rows.blocks()),
+        listed(&expected)
     );
     let views = model.about().angles.len();
     ensure!(
@@ -49,4 +51,11 @@ pub(super) fn answer(args: &Args, model: &Estimator, file: &Path) -> Result<()> 
     let scores = scores.collect::<Result<_, _>>()?;
     warn_of_drift(watch, scores);
     Ok(())
+}
+
+/// `stage-1 (16), stage-2 (24)`.
+fn listed(blocks: &[Block]) -> String {
+    let blocks = blocks.iter();
+    let blocks = blocks.map(|Block { name, width }| format!("{name} ({width})"));
+    blocks.collect::<Vec<_>>().join(", ")
 }

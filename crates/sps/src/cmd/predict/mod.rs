@@ -50,9 +50,9 @@ pub struct Args {
     joint: bool,
     #[command(flatten)]
     format: print::Format,
-    /// Embeddings in place of photographs, for a model that was fitted on such: a file as `fit --embeddings`
-    /// takes it; a row is a photograph, and of a model of several views as many that follow each other are of one
-    /// surface
+    /// Embeddings in place of photographs, computed as those that the model was fitted on: a file as
+    /// `fit --embeddings` takes it; a row is a photograph, and as many as the model has views, one after the
+    /// other, are of one surface
     #[arg(long, value_name = "FILE", conflicts_with_all = ["images", "resize", "keep_size", "group_by"])]
     embeddings: Option<PathBuf>,
     /// PNG, JPEG or EXR, or folders of them; or -, for lines of standard input

@@ -43,8 +43,8 @@ impl Graph {
     }
 
     /// The names of the outputs.
-    pub(crate) fn outputs(&self) -> impl Iterator<Item = String> {
-        self.outputs.iter().map(|(name, _)| name.clone())
+    pub(crate) fn outputs(&self) -> Vec<String> {
+        self.outputs.iter().map(|(name, _)| name.clone()).collect()
     }
 
     /// What the network makes of so many images, each `(3, size, size)`: a vector for each output.

@@ -158,7 +158,8 @@ impl OnnxEncoder {
             .graph
             .each(1, size, |_| encoder.planes(&black, [size; 2]))?;
         let widths = images.iter().flatten().map(Vec::len);
-        encoder.blocks = encoder.graph.outputs().zip(widths).collect();
+        let names = encoder.graph.outputs().into_iter();
+        encoder.blocks = names.zip(widths).collect();
         if encoder.blocks.is_empty() || encoder.width() == 0 {
             return Err(ErrorKind::input("outputs", "no number", "an embedding"));
         }
@@ -265,8 +266,3 @@ fn checked_length(bytes: u64) -> Result<(), ErrorKind> {
     let expected = format!("at most {MOST_BYTES}");
     Err(ErrorKind::input("bytes", bytes, expected))
 }
-
-/// Runs the example of the README.
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;

@@ -77,88 +77,33 @@ struct Walk<'a> {
     large: BTreeMap<&'a [u8], u64>,
 }
 
-/// What is kept of an operator, an attribute or a tensor.
-#[derive(Default)]
-struct Part<'a> {
-    /// The tensor's, or that of the operator's kind.
-    name: &'a [u8],
-    inputs: Vec<&'a [u8]>,
-    output: &'a [u8],
-    /// The largest of its whole numbers.
-    largest: u64,
-}
-
 impl<'a> Walk<'a> {
     fn message(&mut self, message: Message, mut bytes: &'a [u8]) -> Result<Part<'a>, String> {
         let mut part = Part::default();
-        let (mut kind, mut raw) = (0, &[][..]);
         while !bytes.is_empty() {
             self.fields += 1;
             if self.fields > MOST_FIELDS {
                 return Err(format!("found more than {MOST_FIELDS} parts"));
             }
-            let tag = varint(&mut bytes)?;
-            let field = tag >> 3;
-            let (number, length) = match tag & 7 {
-                0 => (Some(varint(&mut bytes)?), 0),
-                1 => (None, 8),
-                2 => (None, varint(&mut bytes)?),
-                5 => (None, 4),
-                other => return Err(format!("not an ONNX file: found a field of type {other}")),
+            let field = Field::read(&mut bytes)?;
+            part.take(message, &field)?;
+            let inside = message.inside(field.number)?;
+            let Some(inside) = inside.filter(|_| field.value.is_none()) else {
+                continue;
             };
-            let content = usize::try_from(length).ok();
-            let content = content.and_then(|length| bytes.split_off(..length));
-            let content = content.ok_or_else(cut)?;
-            match (message, field) {
-                (Message::Tensor, 2) => kind = number.unwrap_or(0),
-                (Message::Tensor, 9) => raw = content,
-                (Message::Tensor, 14) if number == Some(1) => {
-                    let expected = "expected them in it: export with `external_data=False`";
-                    return Err(format!(
-                        "found weights that lie in another file, {expected}"
-                    ));
+            let found = self.message(inside, field.content)?;
+            match inside {
+                Message::Node if found.name == b"Constant" => {
+                    self.know(found.output, found.largest);
                 }
-                (Message::Tensor, 8) | (Message::Node, 4) => part.name = content,
-                (Message::Node, 1) => part.inputs.push(content),
-                (Message::Node, 2) => part.output = content,
-                (Message::Tensor, 5 | 7) | (Message::Attribute, 3 | 8) => {
-                    let mut packed = content;
-                    part.add(number.unwrap_or(0) as i64);
-                    while !packed.is_empty() {
-                        part.add(varint(&mut packed)? as i64);
-                    }
+                Message::Node => self.nodes.push(found),
+                Message::Tensor if message == Message::Graph => {
+                    self.know(found.name, found.largest);
                 }
-                _ => {}
-            }
-            if tag & 7 == 2
-                && let Some(inside) = message.inside(field)?
-            {
-                let found = self.message(inside, content)?;
-                match inside {
-                    Message::Node if found.name == b"Constant" => {
-                        self.know(found.output, found.largest);
-                    }
-                    Message::Node => self.nodes.push(found),
-                    Message::Tensor if message == Message::Graph => {
-                        self.know(found.name, found.largest);
-                    }
-                    _ => part.largest = part.largest.max(found.largest),
-                }
+                _ => part.largest = part.largest.max(found.largest),
             }
         }
-        match kind {
-            6 => raw
-                .as_chunks()
-                .0
-                .iter()
-                .for_each(|b| part.add(i32::from_le_bytes(*b).into())),
-            7 => raw
-                .as_chunks()
-                .0
-                .iter()
-                .for_each(|b| part.add(i64::from_le_bytes(*b))),
-            _ => {}
-        }
+        part.add_raw();
         Ok(part)
     }
 
@@ -170,7 +115,94 @@ impl<'a> Walk<'a> {
     }
 }
 
-impl Part<'_> {
+/// A field of a message.
+struct Field<'a> {
+    number: u64,
+    /// Of one that is a number.
+    value: Option<u64>,
+    /// Of any other.
+    content: &'a [u8],
+}
+
+impl<'a> Field<'a> {
+    fn read(bytes: &mut &'a [u8]) -> Result<Self, String> {
+        let tag = varint(bytes)?;
+        let (value, length) = match tag & 7 {
+            0 => (Some(varint(bytes)?), 0),
+            1 => (None, 8),
+            2 => (None, varint(bytes)?),
+            5 => (None, 4),
+            other => return Err(format!("not an ONNX file: found a field of type {other}")),
+        };
+        let length = usize::try_from(length).ok();
+        let content = length.and_then(|length| bytes.split_off(..length));
+        Ok(Self {
+            number: tag >> 3,
+            value,
+            content: content.ok_or_else(cut)?,
+        })
+    }
+}
+
+/// What is kept of an operator, an attribute or a tensor.
+#[derive(Default)]
+struct Part<'a> {
+    /// The tensor's, or that of the operator's kind.
+    name: &'a [u8],
+    inputs: Vec<&'a [u8]>,
+    output: &'a [u8],
+    /// The type of a tensor's numbers, and their bytes.
+    kind: u64,
+    raw: &'a [u8],
+    /// The largest of its whole numbers.
+    largest: u64,
+}
+
+impl<'a> Part<'a> {
+    fn take(&mut self, message: Message, field: &Field<'a>) -> Result<(), String> {
+        let content = field.content;
+        match (message, field.number) {
+            (Message::Tensor, 2) => self.kind = field.value.unwrap_or(0),
+            (Message::Tensor, 9) => self.raw = content,
+            (Message::Tensor, 14) if field.value == Some(1) => {
+                let expected = "expected them in it: export with `external_data=False`";
+                return Err(format!(
+                    "found weights that lie in another file, {expected}"
+                ));
+            }
+            (Message::Tensor, 8) | (Message::Node, 4) => self.name = content,
+            (Message::Node, 1) => self.inputs.push(content),
+            (Message::Node, 2) => self.output = content,
+            (Message::Tensor, 5 | 7) | (Message::Attribute, 3 | 8) => {
+                let mut packed = content;
+                self.add(field.value.unwrap_or(0) as i64);
+                while !packed.is_empty() {
+                    self.add(varint(&mut packed)? as i64);
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Adds the numbers of a tensor of i32 or i64.
+    fn add_raw(&mut self) {
+        let raw = self.raw;
+        match self.kind {
+            6 => raw
+                .as_chunks()
+                .0
+                .iter()
+                .for_each(|b| self.add(i32::from_le_bytes(*b).into())),
+            7 => raw
+                .as_chunks()
+                .0
+                .iter()
+                .for_each(|b| self.add(i64::from_le_bytes(*b))),
+            _ => {}
+        }
+    }
+
     fn add(&mut self, number: i64) {
         self.largest = self.largest.max(number.unsigned_abs());
     }

@@ -13,10 +13,8 @@ impl Graph {
         match *self {}
     }
 
-    pub(crate) fn outputs(&self) -> impl Iterator<Item = String> {
+    pub(crate) fn outputs(&self) -> Vec<String> {
         match *self {}
-        #[allow(unreachable_code)]
-        std::iter::empty()
     }
 
     pub(crate) fn each(

@@ -55,12 +55,12 @@ pub(crate) fn scale(model: &Estimator, resize: Option<u64>, keep: bool) -> Resul
     }
 }
 
-/// Refuses a model that was fitted on embeddings from a file; `instead` takes them.
-pub(crate) fn check_photographs(model: &Estimator, instead: &str) -> Result<()> {
+/// Refuses a model that was fitted on embeddings from a file.
+pub(crate) fn check_photographs(model: &Estimator) -> Result<()> {
     ensure!(
         !matches!(model.embedder().network(), Network::Precomputed(_)),
         "found photographs, expected their embeddings: the model was fitted on embeddings that were computed \
-         elsewhere; `{instead}` takes them"
+         elsewhere; `predict MODEL --embeddings FILE` takes them"
     );
     Ok(())
 }

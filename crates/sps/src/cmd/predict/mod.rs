@@ -77,7 +77,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if let Some(file) = &args.embeddings {
         return embedded::answer(args, &model, file);
     }
-    answer::check_photographs(&model, "predict MODEL --embeddings FILE")?;
+    answer::check_photographs(&model)?;
     let scale =
         answer::scale(&model, args.resize, args.keep_size).context("--resize, --keep-size")?;
     if args.images == [Path::new("-")] {

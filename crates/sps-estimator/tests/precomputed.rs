@@ -120,7 +120,7 @@ fn what_makes_no_rows_is_refused() {
         "the tensor late: found [2, 1], expected (4, width)",
     );
     said(
-        &changed(r#"[\"a/1.jpg\", "#, r#"[             "#),
+        &changed(r#"[\"a/1.jpg\", "#, r"[             "),
         "files: found 1, expected 2",
     );
     said(

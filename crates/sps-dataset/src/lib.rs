@@ -103,6 +103,7 @@ pub use split::{KFold, RandomSplit, Split, SplitError, SplitPlan};
 pub use sps_base::names::UnknownName;
 pub use table::{
     Header, Json, JsonLayout, LongCsv, Npz, NpzLayout, Stacked, Statistics, TableFormat, WideCsv,
+    read_npy,
 };
 pub use tactile::{
     Average, Cell, OutOfRange, RangePolicy, Reading, SurfaceAverages, TactileSettings, TactileTable,

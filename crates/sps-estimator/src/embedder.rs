@@ -4,30 +4,46 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use sps_dataset::{
     DecodeSettings, Extent, Frame, FrameError, PHOTOGRAPH_ENDINGS, photograph_ending, read_image,
     read_image_resized,
 };
-use sps_models::encoders::Encoder;
+use sps_models::encoders::{Block, Encoder};
+use sps_onnx::OnnxEncoder;
 use sps_regress::Embeddings;
 
 use crate::error::{Error, Result};
+use crate::precomputed::Precomputed;
 
-/// A network with its weights.
+/// What embeddings come from.
 #[derive(Clone, Debug)]
 pub enum Network {
     /// Embeds images one by one.
     Images(Encoder),
     /// Embeds sequences of so many images.
     Sequences(Encoder, usize),
+    /// A network in an ONNX file, which embeds images one by one.
+    Onnx(OnnxEncoder),
+    /// No network: embeddings were computed elsewhere.
+    Precomputed(Arc<Precomputed>),
 }
 
 impl Network {
-    /// The encoder, whatever it embeds.
-    pub fn encoder(&self) -> &Encoder {
+    /// The encoder, where it is one of those that the project knows by name.
+    ///
+    /// # Errors
+    ///
+    /// A network from elsewhere, or none.
+    pub fn encoder(&self) -> Result<&Encoder> {
         match self {
-            Self::Images(encoder) | Self::Sequences(encoder, _) => encoder,
+            Self::Images(encoder) | Self::Sequences(encoder, _) => Ok(encoder),
+            other => Err(Error::input(
+                "encoder",
+                other.name(),
+                "one that is known by name",
+            )),
         }
     }
 
@@ -35,35 +51,68 @@ impl Network {
     #[must_use]
     pub fn with_encoder(&self, encoder: Encoder) -> Self {
         match self {
-            Self::Images(_) => Self::Images(encoder),
             Self::Sequences(_, frames) => Self::Sequences(encoder, *frames),
+            _ => Self::Images(encoder),
         }
     }
 
-    /// The encoder where it embeds single images.
-    ///
-    /// # Errors
-    ///
-    /// A network of sequences.
-    pub fn of_images(&self) -> Result<&Encoder> {
+    /// What it is called: the encoder's name, that of the ONNX file, or `precomputed`.
+    pub fn name(&self) -> &str {
         match self {
-            Self::Images(encoder) => Ok(encoder),
-            Self::Sequences(encoder, _) => Err(Error::input(
-                "network",
-                format_args!("{}, which embeds sequences", encoder.kind()),
-                "an encoder of single images",
-            )),
+            Self::Images(encoder) | Self::Sequences(encoder, _) => encoder.kind().name(),
+            Self::Onnx(encoder) => encoder.file(),
+            Self::Precomputed(_) => PRECOMPUTED,
+        }
+    }
+
+    /// The blocks of an embedding, in their order.
+    pub fn blocks(&self) -> Vec<Block> {
+        let block = |(name, width): &(String, usize)| Block {
+            name: name.clone(),
+            width: *width,
+        };
+        match self {
+            Self::Images(encoder) | Self::Sequences(encoder, _) => encoder.blocks(),
+            Self::Onnx(encoder) => encoder.blocks().iter().map(block).collect(),
+            Self::Precomputed(rows) => rows.blocks().to_vec(),
+        }
+    }
+
+    /// The length of an embedding.
+    pub fn width(&self) -> usize {
+        match self {
+            Self::Images(encoder) | Self::Sequences(encoder, _) => encoder.width(),
+            Self::Onnx(encoder) => encoder.width(),
+            Self::Precomputed(rows) => rows.width(),
         }
     }
 
     /// Images that are embedded as one.
     pub fn frames(&self) -> usize {
         match self {
-            Self::Images(_) => 1,
             Self::Sequences(_, frames) => *frames,
+            _ => 1,
+        }
+    }
+
+    /// Embeds prepared images of one size.
+    fn embed_pixels(&self, images: &[&[f32]], size: [usize; 2]) -> Result<Vec<f32>> {
+        match self {
+            Self::Images(encoder) | Self::Sequences(encoder, _) => {
+                Ok(encoder.embed_pixels(images, size)?)
+            }
+            Self::Onnx(encoder) => Ok(encoder.embed(images, size)?),
+            Self::Precomputed(_) => Err(Error::input(
+                "photographs",
+                "images",
+                "their embeddings, computed as those that the model was fitted on",
+            )),
         }
     }
 }
+
+/// The name of embeddings that no encoder here made.
+pub(crate) const PRECOMPUTED: &str = "precomputed";
 
 /// Turns photographs into embeddings.
 ///
@@ -87,12 +136,17 @@ pub struct Embedder {
 
 impl Embedder {
     /// Uses `network` on photographs whose shorter side is first brought to `resize` pixels, or on
-    /// photographs as they are.
+    /// photographs as they are. A network in an ONNX file takes squares of one size: without `resize`, the
+    /// shorter side is brought to that; the square in the middle is what it sees.
     ///
     /// # Errors
     ///
     /// A size of no pixel, sequences of no image, a network that gives numbers that are not finite.
     pub fn new(network: Network, resize: Option<usize>) -> Result<Self> {
+        let resize = match &network {
+            Network::Onnx(encoder) => resize.or(Some(encoder.size())),
+            _ => resize,
+        };
         if resize == Some(0) {
             return Err(Error::input("resize", 0, "at least a pixel"));
         }
@@ -120,18 +174,18 @@ impl Embedder {
 
     /// The length of an embedding.
     pub fn width(&self) -> usize {
-        self.network.encoder().width()
+        self.network.width()
     }
 
     /// A name that two embedders share only if they give every photograph the same embedding, bit for
-    /// bit: it hashes the weights, the preparation, and the embedding of a test image, which
+    /// bit, or if neither embeds any: it hashes the weights, the preparation, and the embedding of a test image, which
     /// differs where the network's code or the processor's instructions round differently.
     pub fn identity(&self) -> &str {
         &self.identity
     }
 
     /// Multiply-adds to embed the photograph, as [`Embedder::embed`] takes it; `None` where it is too
-    /// small.
+    /// small, or the encoder is none of those known by name.
     pub fn multiply_adds(&self, frame: &Frame) -> Option<u64> {
         let frames = self.network.frames();
         let image = Extent {
@@ -143,18 +197,27 @@ impl Embedder {
             None => image,
         };
         let size = [frames, image.height, image.width];
-        self.network.encoder().multiply_adds(size)
+        self.network.encoder().ok()?.multiply_adds(size)
     }
 
     fn find_identity(&self) -> Result<String> {
         let mut hasher = blake3::Hasher::new();
-        hasher.update(&self.network.encoder().content_hash());
+        match &self.network {
+            Network::Images(encoder) | Network::Sequences(encoder, _) => {
+                hasher.update(&encoder.content_hash());
+            }
+            Network::Onnx(encoder) => {
+                hasher.update(encoder.bytes());
+                hasher.update(format!("{:?}", encoder.settings()).as_bytes());
+            }
+            Network::Precomputed(_) => return Ok(PRECOMPUTED.to_owned()),
+        }
         hasher.update(format!("{:?}", self.resize).as_bytes());
         for value in self.embed(&[test_frame(self.network.frames())])? {
             hasher.update(&value.to_le_bytes());
         }
         let hash = hasher.finalize().to_hex();
-        Ok(format!("{}-{}", self.network.encoder().kind(), &hash[..16]))
+        Ok(format!("{}-{}", self.network.name(), &hash[..16]))
     }
 
     /// Embeds photographs in the order given, of any sizes: (photographs, width), row-major. For a
@@ -185,7 +248,7 @@ impl Embedder {
         for (size, indices) in by_size {
             let images = indices.iter().map(|&index| &prepared[index].data[..]);
             let images: Vec<&[f32]> = images.collect();
-            let embedded = self.network.encoder().embed_pixels(&images, size)?;
+            let embedded = self.network.embed_pixels(&images, size)?;
             for (&index, row) in indices.iter().zip(embedded.chunks_exact(width)) {
                 values[index * width..][..width].copy_from_slice(row);
             }
@@ -193,7 +256,7 @@ impl Embedder {
         match values.iter().find(|value| !value.is_finite()) {
             None => Ok(values),
             Some(value) => Err(Error::input(
-                format_args!("an embedding by {}", self.network.encoder().kind()),
+                format_args!("an embedding by {}", self.network.name()),
                 value,
                 "finite numbers",
             )),
@@ -245,7 +308,7 @@ impl Embedder {
     /// Another number of values, or one that is not finite.
     pub fn table(&self, values: &[f32], surfaces: usize, views: usize) -> Result<Embeddings> {
         let table = Embeddings::new(values.to_vec(), [surfaces, views, self.width()])?;
-        let blocks = self.network.encoder().blocks();
+        let blocks = self.network.blocks();
         let widths: Vec<usize> = blocks.iter().map(|block| block.width).collect();
         Ok(table.in_blocks(&widths)?)
     }

@@ -12,6 +12,9 @@ pub enum Error {
     /// An encoder or a regression refused what it was given, or could not be read.
     #[error(transparent)]
     Model(#[from] sps_models::Error),
+    /// An ONNX file or an image for it was refused.
+    #[error(transparent)]
+    Onnx(#[from] sps_onnx::OnnxError),
     /// A photograph could not be read.
     #[error(transparent)]
     Photograph(#[from] sps_dataset::FrameError),

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use sps_dataset::{DecodeSettings, Frame, Limits, decode_image, decode_image_resized, toccare};
 use sps_regress::Embeddings;
 
-use crate::embedder::{Embedder, read_photograph};
+use crate::embedder::{Embedder, Network, read_photograph};
 use crate::error::{Error, Result};
 use crate::fitted::{Fitted, Interval, Predictions};
 use crate::novelty::Shown;
@@ -156,7 +156,7 @@ impl Estimator {
         if embedder.width() != fitted.width() {
             let found = format!(
                 "{} of width {}",
-                embedder.network().encoder().kind(),
+                embedder.network().name(),
                 embedder.width()
             );
             return Err(Error::input(
@@ -165,7 +165,14 @@ impl Estimator {
                 format!("width {}", fitted.width()),
             ));
         }
-        embedder.network().of_images()?;
+        if let Network::Sequences(encoder, _) = embedder.network() {
+            let found = format!("{}, which embeds sequences", encoder.kind());
+            return Err(Error::input(
+                "network",
+                found,
+                "an encoder of single images",
+            ));
+        }
         let views = fitted.steps().next_back().unwrap_or(0);
         if about.angles.len() != views || !about.angles.iter().all(|angle| angle.is_finite()) {
             let found = format!("{:?}", about.angles);

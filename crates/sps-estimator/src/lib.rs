@@ -16,8 +16,8 @@
 //!
 //! # Features
 //!
-//! Both are on by default: `clusters` fits and reads heads that learn from labels by k-means, `exr` reads
-//! photographs in OpenEXR.
+//! On by default: `clusters` fits and reads heads that learn from labels by k-means, `exr` reads photographs in
+//! OpenEXR. `onnx` reads encoders from ONNX files.
 
 mod artefact;
 mod embedder;
@@ -26,6 +26,7 @@ mod estimator;
 mod fitted;
 mod map;
 mod novelty;
+mod precomputed;
 mod radius;
 mod recipe;
 mod regression;
@@ -39,12 +40,14 @@ pub use estimator::{About, Answer, Described, Estimate, Estimator, Measured, Nea
 pub use fitted::{Fitted, FittedOn, Predicted, Predictions};
 pub use map::{Map, Sight};
 pub use novelty::Shown;
+pub use precomputed::Precomputed;
 pub use radius::radius;
 pub use recipe::{Calibration, Examples, Recipe, Wanted, Widths};
 pub use regression::{Regression, Stacked, early_stopped};
 pub use session::{Looked, Session};
 /// A photograph.
 pub use sps_dataset::Frame;
+pub use sps_onnx::{OnnxEncoder, Settings as OnnxSettings};
 pub use step::{Expected, Look, Step};
 pub use watch::Watch;
 

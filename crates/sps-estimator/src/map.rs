@@ -3,6 +3,7 @@
 use sps_dataset::{Extent, Frame};
 use sps_models::encoders::Windows;
 
+use crate::embedder::Network;
 use crate::error::{Error, Result};
 use crate::estimator::Estimator;
 use crate::fitted::Predictions;
@@ -32,7 +33,8 @@ pub enum Sight {
     /// All in one pass over the whole photograph: what the encoder sees there is not what it sees of a
     /// crop, whose edges it pads with zeros
     /// ([`Encoder::embed_windows`](sps_models::encoders::Encoder::embed_windows)). Intervals and p-values
-    /// were calibrated on crops; the smaller the window, the less they hold.
+    /// were calibrated on crops; the smaller the window, the less they hold. A network in an ONNX file
+    /// looks at each alone all the same.
     #[default]
     Within,
     /// Each as a photograph of its own, in a pass of its own: what [`Estimator::predict`] says of the
@@ -71,13 +73,12 @@ impl Estimator {
             return Err(self.smaller_than_a_window(photograph));
         }
         let windows = Windows::new(size, window, stride).map_err(sps_models::Error::from)?;
-        let embeddings = match sight {
-            Sight::Within => {
-                let encoder = self.embedder.network().of_images()?;
+        let embeddings = match (sight, self.embedder.network()) {
+            (Sight::Within, Network::Images(encoder)) => {
                 let windows = encoder.embed_windows(&scaled.data, size, window, stride)?;
                 windows.embeddings
             }
-            Sight::Alone => self.each_alone(&scaled, window, &windows)?,
+            _ => self.each_alone(&scaled, window, &windows)?,
         };
         let [rows, columns] = windows.counts();
         let embeddings = self.embedder().table(&embeddings, rows * columns, 1)?;

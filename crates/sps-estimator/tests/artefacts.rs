@@ -7,10 +7,11 @@ mod support;
 use std::fs;
 use std::path::Path;
 
-use fuzz::{Damage, damaged, fuzz, nested, with_header};
+use fuzz::{Damage, broken, damaged, fuzz, nested, said, with_header};
 use proptest::prelude::any;
 use serde_json::{Value, json};
-use sps_estimator::{Estimator, Sight};
+use sps_estimator::{Estimator, Precomputed, Sight};
+use sps_models::encoders::Block;
 use support::{Tables, photograph, recipe, ridge};
 
 #[global_allocator]
@@ -207,4 +208,38 @@ fn models_without_widths_for_several_photographs_are_read() {
     assert_eq!((two.estimates[0].low, two.estimates[0].high), (None, None));
     let reason = &two.no_interval["fRS"];
     assert!(reason.contains("an older version wrote"), "{reason}");
+}
+
+#[test]
+fn files_of_embeddings() {
+    let block = |name: &str, width| Block {
+        name: name.to_owned(),
+        width,
+    };
+    let files = ["oak/1.jpg", "denim/1.jpg", "3.png"]
+        .map(str::to_owned)
+        .to_vec();
+    let values: Vec<f32> = (0..9).map(|at| at as f32).collect();
+    let blocks = vec![block("early", 2), block("late", 1)];
+    let several = Precomputed::new(blocks, files.clone(), values.clone()).unwrap();
+    let one = Precomputed::new(vec![block("a", 3)], Vec::new(), values.clone()).unwrap();
+    let safetensors = vec![several.to_bytes().unwrap(), one.to_bytes().unwrap()];
+    let read = |bytes: &[u8]| {
+        if let Some(rows) = said(Precomputed::from_bytes(bytes)) {
+            said(rows.rows_of(&files));
+            assert_eq!(rows.values().len(), rows.rows() * rows.width());
+            assert_eq!(
+                Precomputed::from_bytes(&rows.to_bytes().unwrap()).unwrap(),
+                rows
+            );
+        }
+    };
+    fuzz("embeddings", &broken(safetensors), |bytes| read(&bytes));
+    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (3, 3), }";
+    let mut npy = b"\x93NUMPY\x01\x00v\x00".to_vec();
+    npy.extend(format!("{header:<117}\n").bytes());
+    npy.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    fuzz("embeddings as npy", &Damage::some(), |damages| {
+        read(&damaged(npy.clone(), &damages));
+    });
 }

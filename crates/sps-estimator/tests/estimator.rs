@@ -63,7 +63,7 @@ fn every_regression_is_read_again_to_the_bit() {
         estimator.save(&folder).unwrap();
         let again = Estimator::load(&folder).unwrap();
         assert_eq!(again.about(), estimator.about());
-        let encoder = again.embedder().network().encoder();
+        let encoder = again.embedder().network().encoder().unwrap();
         assert_eq!(
             (encoder.depths(), encoder.blocks().len()),
             (&Depths::All, 7)

@@ -1,10 +1,13 @@
 //! The encoder that a config asks for.
 
+use std::path::Path;
+use std::sync::Arc;
+
 use anyhow::Result;
 use candle_core::{Device, Tensor};
 use rayon::prelude::*;
 use sps_dataset::Frame;
-use sps_estimator::{Embedder, Network};
+use sps_estimator::{Embedder, Network, OnnxEncoder, Precomputed};
 use sps_models::encoders::{Depths, Encoder, Precision};
 use sps_models::training::TrainingObjective;
 
@@ -17,9 +20,18 @@ const CALIBRATION: usize = 64;
 /// computes in f32 until it is [`calibrated`].
 ///
 /// # Errors
-/// Weights that cannot be read or do not fit the network.
+/// Weights that cannot be read or do not fit the network; what is wrong with an ONNX file, or with one of embeddings.
 pub fn load(spec: &EncoderSpec, seed: u64) -> Result<Network> {
-    let kind = spec.network.kind();
+    let (kind, frames) = match &spec.network {
+        NetworkSpec::Images(kind) => (*kind, None),
+        NetworkSpec::Sequences { kind, frames } => (*kind, Some(*frames)),
+        NetworkSpec::Onnx(file, settings) => {
+            return Ok(Network::Onnx(OnnxEncoder::read(file, settings.clone())?));
+        }
+        NetworkSpec::Precomputed(file) => {
+            return Ok(Network::Precomputed(Arc::new(Precomputed::read(file)?)));
+        }
+    };
     let encoder = match &spec.weights {
         WeightsSpec::BuiltIn => Encoder::built_in(kind, &Device::Cpu)?,
         WeightsSpec::Untrained => Encoder::seeded(kind, seed, &Device::Cpu)?,
@@ -30,9 +42,9 @@ pub fn load(spec: &EncoderSpec, seed: u64) -> Result<Network> {
         Precision::Int8 => encoder,
         precision => encoder.with_precision(precision)?,
     };
-    Ok(match spec.network {
-        NetworkSpec::Images(_) => Network::Images(encoder),
-        NetworkSpec::Sequences { frames, .. } => Network::Sequences(encoder, frames),
+    Ok(match frames {
+        None => Network::Images(encoder),
+        Some(frames) => Network::Sequences(encoder, frames),
     })
 }
 
@@ -57,27 +69,49 @@ pub fn calibrated(
         let shape = (frames, height / frames, width, 3);
         let pixels = Tensor::from_vec(data, shape, &Device::Cpu)?;
         Ok(match embedder.network() {
-            Network::Images(_) => pixels.permute((0, 3, 1, 2))?,
             Network::Sequences(..) => pixels.permute((3, 0, 1, 2))?.unsqueeze(0)?,
+            _ => pixels.permute((0, 3, 1, 2))?,
         })
     };
     let images = (0..some).into_par_iter().map(image);
     let images: Vec<Tensor> = images.collect::<Result<_>>()?;
     let images: Vec<&Tensor> = images.iter().collect();
     let network = embedder.network();
-    let encoder = network.encoder().clone().calibrated(&images)?;
+    let encoder = network.encoder()?.clone().calibrated(&images)?;
     Ok(network.with_encoder(encoder.with_precision(Precision::Int8)?))
 }
 
 /// The encoder in words, for reports.
 pub(crate) fn describe(spec: &EncoderSpec) -> String {
+    let file_name = |path: &Path| {
+        let name = path.file_name().unwrap_or(path.as_os_str());
+        name.to_string_lossy().into_owned()
+    };
+    let frames = match (&spec.network, spec.resize) {
+        (NetworkSpec::Sequences { frames, .. }, Some(pixels)) => {
+            format!(", on {frames} equidistant frames of {pixels} pixels")
+        }
+        (NetworkSpec::Sequences { frames, .. }, None) => {
+            format!(", on {frames} equidistant frames")
+        }
+        (_, Some(pixels)) => format!(", on frames of {pixels} pixels"),
+        (_, None) => String::new(),
+    };
+    let name = match &spec.network {
+        NetworkSpec::Images(kind) | NetworkSpec::Sequences { kind, .. } => kind,
+        NetworkSpec::Onnx(file, settings) => {
+            let outputs = match settings.outputs.join(" and ") {
+                all if all.is_empty() => String::new(),
+                some => format!(", at {some}"),
+            };
+            return format!("the network in {}{outputs}{frames}", file_name(file));
+        }
+        NetworkSpec::Precomputed(file) => return format!("embeddings from {}", file_name(file)),
+    };
     let weights = match &spec.weights {
         WeightsSpec::BuiltIn => "its built-in weights".to_owned(),
         WeightsSpec::Untrained => "untrained, random weights".to_owned(),
-        WeightsSpec::File(path) => {
-            let name = path.file_name().unwrap_or(path.as_os_str());
-            format!("weights from {}", name.to_string_lossy())
-        }
+        WeightsSpec::File(path) => format!("weights from {}", file_name(path)),
     };
     let trained = match spec.training.as_ref().map(|training| &training.objective) {
         Some(TrainingObjective::Linear {}) => ", then trained on each training part",
@@ -94,21 +128,10 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         Precision::F32 => String::new(),
         precision => format!(" in {precision}"),
     };
-    let frames = match (spec.network, spec.resize) {
-        (NetworkSpec::Sequences { frames, .. }, Some(pixels)) => {
-            format!(", on {frames} equidistant frames of {pixels} pixels")
-        }
-        (NetworkSpec::Sequences { frames, .. }, None) => {
-            format!(", on {frames} equidistant frames")
-        }
-        (NetworkSpec::Images(_), Some(pixels)) => format!(", on frames of {pixels} pixels"),
-        (NetworkSpec::Images(_), None) => String::new(),
-    };
     let depths = match &spec.depths {
         Depths::Last => String::new(),
         Depths::All => ", at all depths".to_owned(),
         Depths::Named(names) => format!(", at {}", names.join(" and ")),
     };
-    let name = spec.network.kind();
     format!("{name}{precision} with {weights}{depths}{frames}{trained}{maps}")
 }

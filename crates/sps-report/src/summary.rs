@@ -33,11 +33,13 @@ impl StandingOut {
     }
 }
 
-/// The methods that look at a photograph, in the plane of time and error.
+/// The methods that look at a photograph, or at its embedding, in the plane of time and error.
 pub(super) fn looking(results: &Results) -> Vec<Point> {
     let mut points = points(&results.methods);
-    let frames = |at: usize| results.methods[at].costs.frames_decoded_per_surface;
-    points.retain(|point| frames(point.method) > 0.0);
+    points.retain(|point| {
+        let MethodResult { costs, encoder, .. } = &results.methods[point.method];
+        costs.frames_decoded_per_surface > 0.0 || !encoder.is_empty()
+    });
     points
 }
 

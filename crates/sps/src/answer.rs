@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail, ensure};
 use serde::Serialize;
-use sps_estimator::{Answer, Estimator, Scale};
+use sps_estimator::{Answer, Estimator, Network, Scale};
 
 /// An answer as JSON, with the surface and its photographs.
 #[derive(Serialize)]
@@ -53,6 +53,16 @@ pub(crate) fn scale(model: &Estimator, resize: Option<u64>, keep: bool) -> Resul
         }
         _ => Ok(asked),
     }
+}
+
+/// Refuses a model that was fitted on embeddings from a file.
+pub(crate) fn check_photographs(model: &Estimator) -> Result<()> {
+    ensure!(
+        !matches!(model.embedder().network(), Network::Precomputed(_)),
+        "found photographs, expected their embeddings: the model was fitted on embeddings that were computed \
+         elsewhere; `predict MODEL --embeddings FILE` takes them"
+    );
+    Ok(())
 }
 
 /// Refuses what is no probability.

@@ -4,7 +4,7 @@ mod support;
 
 use std::fs;
 
-use support::{Scratch, expect, kill, message, method, process, sps};
+use support::{Scratch, expect, kill, message, method, process, results_without_timings, sps};
 
 #[test]
 fn an_experiment_ends_with_results_and_a_report() {
@@ -428,4 +428,37 @@ fn other_settings_do_not_replace_a_report_unasked() {
     assert_eq!(results(), before);
     experiment(&["--out", "runs/tiny"]).success();
     assert_ne!(results(), before);
+}
+
+/// Rows of a file are found by surface and view, in whatever order they are, and no other is needed.
+#[test]
+fn embeddings_from_a_file_score_as_the_encoder_does() {
+    let scratch = Scratch::new();
+    scratch.edit("tiny.toml", "[encoder]\nweights = \"untrained\"\n", "");
+    scratch.experiment().assert().success();
+    let seeing = scratch.results();
+    let mut embed = sps();
+    let out = scratch.path("file.safetensors");
+    embed
+        .args(["embed", "--encoder", "efficientnet-lite-body", "--out"])
+        .arg(&out);
+    for image in ["tile-01/002.exr", "sponge-01/002.exr", "oak-02/002.png"] {
+        embed.arg(scratch.path("data/frames").join(image));
+    }
+    for image in ["oak-01/002.jpg", "denim-02/002.jpg", "denim-01/002.png"] {
+        embed.arg(scratch.path("data/frames").join(image));
+    }
+    embed.assert().success();
+    let mut blind = scratch.experiment_into("blind");
+    blind
+        .arg("--set")
+        .arg(format!("encoder.embeddings={}", out.display()));
+    blind.assert().success();
+    let blind = results_without_timings(&scratch.path("blind"));
+    for id in ["ridge", "cross-modal"] {
+        let (blind, seeing) = (method(&blind, id), method(&seeing, id));
+        assert_eq!(blind["r2"], seeing["r2"], "{id}");
+        assert_eq!(blind["encoder"], "embeddings from file.safetensors");
+        assert_eq!(blind["frames_decoded_per_surface"], 0.0);
+    }
 }

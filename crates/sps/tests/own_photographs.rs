@@ -152,3 +152,78 @@ fn what_cannot_be_fitted_is_refused_before_anything_is_written() {
         &["--views"],
     );
 }
+
+/// Models of one encoder's embeddings are the same, whether the encoder made them or a file has them.
+#[test]
+fn embeddings_from_a_file_give_the_model_that_photographs_give() {
+    let scratch = tempfile::tempdir().unwrap();
+    lay_out(scratch.path());
+    let run = |line: &str| {
+        let mut command = sps();
+        command.current_dir(scratch.path());
+        command.args(line.split_whitespace()).assert()
+    };
+    let done =
+        |line: &str| String::from_utf8(run(line).success().get_output().stdout.clone()).unwrap();
+    let refused = |line: &str, parts: &[&str]| {
+        let refusal = run(line).failure();
+        expect(
+            &String::from_utf8_lossy(&refusal.get_output().stderr),
+            parts,
+        );
+    };
+    // In another order than the table's.
+    let images: Vec<String> = (0..100)
+        .rev()
+        .map(|at| format!("photographs/{at:03}.png"))
+        .collect();
+    let images = images.join(" ");
+    let embed = "embed --encoder efficientnet-lite-body --resize 64 --out";
+    done(&format!("{embed} all.safetensors {images}"));
+    done(&format!(
+        "{embed} few.safetensors photographs/000.png photographs/001.png"
+    ));
+    let fit = "fit photographs --values values.csv";
+    done(&format!("{fit} --pixels 64 --out seeing"));
+    done(&format!("{fit} --embeddings all.safetensors --out blind"));
+    refused(
+        &format!("{fit} --embeddings few.safetensors --out x"),
+        &["few.safetensors", "a row of 002.png: found none"],
+    );
+
+    let model = |name: &str| Estimator::load(&scratch.path().join(name)).unwrap();
+    let (seeing, blind) = (model("seeing"), model("blind"));
+    assert_eq!(blind.about().measured, seeing.about().measured);
+    let values = |line: &str| -> Vec<f64> {
+        let mut table = csv::Reader::from_reader(std::io::Cursor::new(done(line)));
+        let rows = table.records().map(|row| row.unwrap()[2].parse().unwrap());
+        rows.collect()
+    };
+    let seen = values("predict seeing --csv photographs/000.png photographs/001.png");
+    let told = values("predict blind --csv --embeddings few.safetensors");
+    assert_eq!(told.len(), 4);
+    for (told, seen) in told.iter().zip(seen) {
+        assert!((told - seen).abs() < 1e-9, "{told}, {seen}");
+    }
+    let parts = [
+        "expected their embeddings",
+        "predict MODEL --embeddings FILE",
+    ];
+    refused("predict blind photographs/000.png", &parts);
+    refused("serve blind", &parts);
+    let narrow = "embed --encoder efficientnet-lite-body --depths last --out last.safetensors";
+    done(&format!("{narrow} photographs/000.png"));
+    refused(
+        "predict blind --embeddings last.safetensors",
+        &[
+            "last.safetensors: found the blocks embeddings (320), expected",
+            "stage-1 (16)",
+        ],
+    );
+    // An ONNX file, in a build that reads none.
+    fs::write(scratch.path().join("dino.onnx"), "").unwrap();
+    let onnx = format!("{fit} --encoder dino.onnx --out x");
+    if cfg!(not(feature = "onnx")) {
+        refused(&onnx, &["dino.onnx", "a build with the feature `onnx`"]);
+    }
+}

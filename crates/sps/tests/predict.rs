@@ -391,7 +391,7 @@ fn a_photograph_is_held_against_what_a_trained_encoder_has_not_seen() {
     let values = model.embedder().embed(&frames.collect::<Vec<_>>()).unwrap();
     let width = model.embedder().width();
     // Each block of its own.
-    let blocks = model.embedder().network().encoder().blocks();
+    let blocks = model.embedder().network().blocks();
     let mut of_unit_length = Vec::new();
     for row in values.chunks(width) {
         let mut rest = row;

@@ -261,7 +261,7 @@ impl Estimator {
     fn __repr__(&self) -> String {
         let (properties, level) = (self.properties(), self.level());
         let (name, encoder) = (&self.model.about().name, self.model.embedder().network());
-        let encoder = encoder.encoder().kind().name();
+        let encoder = encoder.name();
         format!(
             "Estimator(name={name:?}, encoder={encoder:?}, properties={properties:?}, level={level:?})"
         )

@@ -3,7 +3,7 @@
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyIterator;
-use sps_estimator::{Estimator, Frame};
+use sps_estimator::{Estimator, Frame, Network};
 
 use crate::errors::{estimator_error, value_error};
 use crate::images::{Image, Images, frames, is_one};
@@ -50,12 +50,14 @@ impl<'m> Reader<'m> {
                 "scale: the model itself brings the shorter side of every photograph to {own} pixels"
             )));
         }
-        let encoder = embedder.network().of_images();
-        let encoder = encoder.map_err(|error| estimator_error(&error))?;
+        let least_side = match embedder.network() {
+            Network::Images(encoder) => encoder.kind().min_size(),
+            _ => 1,
+        };
         Ok(Self {
             model,
             scale: scale.0,
-            least_side: encoder.kind().min_size(),
+            least_side,
         })
     }
 

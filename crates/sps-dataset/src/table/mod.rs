@@ -7,7 +7,6 @@ mod json_node;
 mod json_values;
 mod keyed;
 mod long;
-#[cfg(feature = "npz")]
 mod npy;
 #[cfg(feature = "npz")]
 mod npz;
@@ -24,6 +23,7 @@ pub(crate) use csv_lines::{check_cells, csv_lines};
 pub use format::{
     Header, Json, JsonLayout, LongCsv, Npz, NpzLayout, Stacked, Statistics, TableFormat, WideCsv,
 };
+pub use npy::read_npy;
 pub(crate) use rows::TactileRead;
 use rows::Wanted;
 

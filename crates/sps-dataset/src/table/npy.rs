@@ -22,6 +22,19 @@ struct Header {
     shape: Vec<usize>,
 }
 
+/// The shape and the numbers, in C order, of an `.npy` file of at most `most` items.
+///
+/// # Errors
+///
+/// What is wrong with the file: no header, fewer bytes than it says, items that are no real numbers.
+pub fn read_npy(bytes: &[u8], most: u64) -> Result<(Vec<usize>, Vec<f64>), String> {
+    let Array { shape, items } = read(bytes, most)?;
+    match items {
+        Items::Numbers(numbers) => Ok((shape, numbers)),
+        Items::Texts(_) => Err("its items are texts, expected numbers".to_owned()),
+    }
+}
+
 /// Reads an array of at most `most` items; an error says what is wrong.
 pub(super) fn read(bytes: &[u8], most: u64) -> Result<Array, String> {
     let (header, data) = split(bytes).ok_or("it has no whole NumPy header")?;

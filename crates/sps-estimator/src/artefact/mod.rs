@@ -8,14 +8,16 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use sps_base::files::write_file;
 use sps_metrics::Level;
 use sps_models::candle::Device;
-use sps_models::encoders::{Depths, Encoder, Precision};
+use sps_models::encoders::{Block, Depths, Encoder, Precision};
 use sps_models::fitted_from_bytes;
 use sps_models::weights::Weights;
+use sps_onnx::{OnnxEncoder, Settings as OnnxSettings};
 use sps_regress::FittedRegressor;
 
 use crate::embedder::{Embedder, Network};
@@ -23,12 +25,14 @@ use crate::error::{Error, Result};
 use crate::estimator::{About, Estimator};
 use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};
 use crate::novelty::Familiar;
+use crate::precomputed::Precomputed;
 use crate::step::Step;
 
 /// Of the files that are written now.
 const FORMAT: u64 = 2;
 const CARD: &str = "estimator.json";
 const ENCODER: &str = "encoder.safetensors";
+const ONNX: &str = "encoder.onnx";
 const FAMILIAR: &str = "familiar.safetensors";
 /// Why a model of an older version does not know what is familiar.
 const NOT_KEPT: &str = "the model keeps no surfaces to hold photographs against: fit it again";
@@ -75,15 +79,22 @@ struct Earlier {
     checksums: BTreeMap<String, String>,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 struct EncoderCard {
     name: String,
     #[serde(default)]
     depths: Depths,
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     precision: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     resize: Option<usize>,
+    /// How the network of an ONNX file is used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    onnx: Option<OnnxSettings>,
+    /// Name and width of each block of embeddings that are computed elsewhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    precomputed: Option<Vec<(String, usize)>>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -129,9 +140,7 @@ impl Estimator {
             written: BTreeSet::new(),
             checksums: BTreeMap::new(),
         };
-        let encoder = self.embedder.network().of_images()?;
-        let weights = encoder.weights().to_bytes();
-        files.write(ENCODER, &weights.map_err(sps_models::Error::from)?)?;
+        let encoder = files.encoder(&self.embedder)?;
         if let Ok(familiar) = &self.fitted.familiar {
             files.write(FAMILIAR, &familiar.to_bytes()?)?;
         }
@@ -155,12 +164,7 @@ impl Estimator {
             format: FORMAT,
             written_by: concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")).to_owned(),
             about: self.about.clone(),
-            encoder: EncoderCard {
-                name: encoder.kind().name().to_owned(),
-                depths: encoder.depths().clone(),
-                precision: encoder.precision().to_string(),
-                resize: self.embedder.resize(),
-            },
+            encoder,
             level: self.fitted.level,
             joint: self.fitted.joint.clone(),
             fitted_on: self.fitted.on,
@@ -197,18 +201,13 @@ impl Estimator {
         let card: Card = serde_json::from_slice(&text).map_err(refused)?;
         card.check()
             .map_err(|problem| Error::artefact(&path, problem))?;
-        let encoder = encoder(
-            &card.encoder.name,
-            &card.encoder.precision,
-            &read_checked(folder, ENCODER, &card.checksums)?,
-        )?;
-        let encoder = encoder.with_depths(&card.encoder.depths)?;
+        let network = card.encoder.network(folder, &card.checksums)?;
         let steps: Vec<usize> = card.stages.iter().map(|stage| stage.views).collect();
         let familiar = if card.checksums.contains_key(FAMILIAR) {
             let bytes = read_checked(folder, FAMILIAR, &card.checksums)?;
             let refused = |problem| Error::artefact(&folder.join(FAMILIAR), problem);
             let familiar = Familiar::from_bytes(&bytes).map_err(refused)?;
-            if !familiar.answers(&steps, encoder.width()) {
+            if !familiar.answers(&steps, network.width()) {
                 return Err(refused(
                     "other numbers of views, or another width".to_owned(),
                 ));
@@ -231,10 +230,10 @@ impl Estimator {
             level: card.level,
             joint: card.joint,
             on: card.fitted_on,
-            width: encoder.width(),
+            width: network.width(),
             measures: card.measures,
         };
-        let embedder = Embedder::new(Network::Images(encoder), card.encoder.resize)?;
+        let embedder = Embedder::new(network, card.encoder.resize)?;
         Self::new(embedder, fitted, card.about)
     }
 }
@@ -294,6 +293,31 @@ impl Card {
     }
 }
 
+impl EncoderCard {
+    fn network(&self, folder: &Path, checksums: &BTreeMap<String, String>) -> Result<Network> {
+        if let Some(settings) = &self.onnx {
+            let bytes = read_checked(folder, ONNX, checksums)?;
+            let encoder = OnnxEncoder::new(&self.name, bytes, settings.clone())?;
+            return Ok(Network::Onnx(encoder));
+        }
+        if let Some(blocks) = &self.precomputed {
+            let block = |(name, width): &(String, usize)| Block {
+                name: name.clone(),
+                width: *width,
+            };
+            let blocks = blocks.iter().map(block).collect();
+            let rows = Precomputed::new(blocks, Vec::new(), Vec::new())?;
+            return Ok(Network::Precomputed(Arc::new(rows)));
+        }
+        let weights = read_checked(folder, ENCODER, checksums)?;
+        let weights = Weights::from_bytes(ENCODER, &weights).map_err(sps_models::Error::from)?;
+        let encoder = Encoder::new(self.name.parse()?, weights, &Device::Cpu)?;
+        let precision: Precision = self.precision.parse().map_err(sps_models::Error::from)?;
+        let encoder = encoder.with_precision(precision)?;
+        Ok(Network::Images(encoder.with_depths(&self.depths)?))
+    }
+}
+
 impl GroupCard {
     fn load(
         &self,
@@ -344,6 +368,33 @@ impl Files<'_> {
         self.written.insert(file);
         self.checksums.insert(name.to_owned(), hash);
         Ok(())
+    }
+
+    fn encoder(&mut self, embedder: &Embedder) -> Result<EncoderCard> {
+        let network = embedder.network();
+        let mut card = EncoderCard {
+            name: network.name().to_owned(),
+            resize: embedder.resize(),
+            ..EncoderCard::default()
+        };
+        match network {
+            Network::Images(encoder) | Network::Sequences(encoder, _) => {
+                let weights = encoder.weights().to_bytes();
+                self.write(ENCODER, &weights.map_err(sps_models::Error::from)?)?;
+                card.depths = encoder.depths().clone();
+                card.precision = encoder.precision().to_string();
+            }
+            Network::Onnx(encoder) => {
+                self.write(ONNX, encoder.bytes())?;
+                card.onnx = Some(encoder.settings().clone());
+            }
+            Network::Precomputed(rows) => {
+                let blocks = rows.blocks().iter();
+                let blocks = blocks.map(|block| (block.name.clone(), block.width));
+                card.precomputed = Some(blocks.collect());
+            }
+        }
+        Ok(card)
     }
 
     fn group(&mut self, group: &Group, (views, at): (usize, usize)) -> Result<GroupCard> {
@@ -397,13 +448,6 @@ fn remove_others(
         }
     }
     Ok(())
-}
-
-fn encoder(name: &str, precision: &str, weights: &[u8]) -> Result<Encoder> {
-    let weights = Weights::from_bytes(ENCODER, weights).map_err(sps_models::Error::from)?;
-    let encoder = Encoder::new(name.parse()?, weights, &Device::Cpu)?;
-    let precision: Precision = precision.parse().map_err(sps_models::Error::from)?;
-    Ok(encoder.with_precision(precision)?)
 }
 
 fn file_error(path: &Path, error: std::io::Error) -> Error {

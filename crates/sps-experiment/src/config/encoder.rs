@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use sps_estimator::OnnxSettings;
 use sps_models::encoders::{Depths, EncoderKind, Precision};
 use sps_models::training::TrainingConfig;
 
@@ -35,7 +36,7 @@ impl EncoderSpec {
 }
 
 /// What turns frames into embeddings.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Network {
     /// A network that takes one frame.
     Images(EncoderKind),
@@ -46,6 +47,10 @@ pub enum Network {
         /// Frames of a sequence.
         frames: usize,
     },
+    /// The network in an ONNX file.
+    Onnx(PathBuf, OnnxSettings),
+    /// None: a file has the embeddings.
+    Precomputed(PathBuf),
 }
 
 impl Network {
@@ -62,9 +67,11 @@ impl Network {
         })
     }
 
-    pub(crate) const fn kind(self) -> EncoderKind {
+    /// What an encoder that is known by name is.
+    pub(crate) const fn kind(&self) -> Option<EncoderKind> {
         match self {
-            Self::Images(kind) | Self::Sequences { kind, .. } => kind,
+            Self::Images(kind) | Self::Sequences { kind, .. } => Some(*kind),
+            Self::Onnx(..) | Self::Precomputed(_) => None,
         }
     }
 }
@@ -97,9 +104,7 @@ pub(super) fn encoder(
     key: &str,
     encoder: &EncoderConfig,
 ) -> Result<EncoderSpec, ConfigError> {
-    let network = Network::named(&encoder.name, encoder.frames);
-    let network =
-        network.map_err(|error| layers.error(&format!("{key}.name"), error.to_string()))?;
+    let network = network(layers, key, encoder)?;
     if let Network::Sequences { frames, .. } = network {
         let at = |field: &str| format!("{key}.{field}");
         layers.require(frames > 0, &at("frames"), "must be at least 1")?;
@@ -110,19 +115,25 @@ pub(super) fn encoder(
     let precision = encoder.precision.parse::<Precision>();
     let precision =
         precision.map_err(|error| layers.error(&format!("{key}.precision"), error.to_string()))?;
-    check_depths(
-        layers,
-        &format!("{key}.depths"),
-        network.kind(),
-        &encoder.depths,
-    )?;
     check_training(layers, &format!("{key}.training"), &encoder.training)?;
     let weights = WeightsSpec::named(&encoder.weights);
-    if weights == WeightsSpec::BuiltIn {
-        network
-            .kind()
-            .check_built_in()
-            .map_err(|error| layers.error(&format!("{key}.weights"), error.to_string()))?;
+    if let Some(kind) = network.kind() {
+        check_depths(layers, &format!("{key}.depths"), kind, &encoder.depths)?;
+        if weights == WeightsSpec::BuiltIn {
+            kind.check_built_in()
+                .map_err(|error| layers.error(&format!("{key}.weights"), error.to_string()))?;
+        }
+    } else {
+        let why = "has no meaning beside `onnx` or `embeddings`";
+        let untouched = [
+            ("trainable", !encoder.trainable),
+            ("precision", precision == Precision::F32),
+            ("depths", encoder.depths == Depths::All),
+            ("weights", weights == WeightsSpec::BuiltIn),
+        ];
+        for (field, untouched) in untouched {
+            layers.require(untouched, &format!("{key}.{field}"), why)?;
+        }
     }
     Ok(EncoderSpec {
         network,
@@ -132,6 +143,41 @@ pub(super) fn encoder(
         resize: (encoder.resize > 0).then_some(encoder.resize),
         training: encoder.trainable.then(|| encoder.training.clone()),
     })
+}
+
+/// What the table at `key` names: an encoder, an ONNX file, or a file of embeddings.
+fn network(
+    layers: &Layers<'_>,
+    key: &str,
+    encoder: &EncoderConfig,
+) -> Result<Network, ConfigError> {
+    let at = |field: &str| format!("{key}.{field}");
+    let Some(file) = &encoder.onnx else {
+        let given = [
+            ("outputs", encoder.outputs.is_some()),
+            ("size", encoder.size.is_some()),
+            ("mean", encoder.mean.is_some()),
+            ("std", encoder.std.is_some()),
+        ];
+        for (field, given) in given {
+            layers.require(!given, &at(field), "needs `onnx`, the file of the network")?;
+        }
+        if let Some(file) = &encoder.embeddings {
+            return Ok(Network::Precomputed(file.clone()));
+        }
+        let network = Network::named(&encoder.name, encoder.frames);
+        return network.map_err(|error| layers.error(&at("name"), error.to_string()));
+    };
+    let alone = encoder.embeddings.is_none();
+    layers.require(alone, &at("embeddings"), "has no meaning beside `onnx`")?;
+    let default = OnnxSettings::default();
+    let settings = OnnxSettings {
+        outputs: encoder.outputs.clone().unwrap_or(default.outputs),
+        size: encoder.size,
+        mean: encoder.mean.unwrap_or(default.mean),
+        std: encoder.std.unwrap_or(default.std),
+    };
+    Ok(Network::Onnx(file.clone(), settings))
 }
 
 /// Refuses depths that a network does not have.

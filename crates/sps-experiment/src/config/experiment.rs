@@ -298,6 +298,25 @@ pub(super) mod tests {
                 "efficientnet-lite-body",
             ],
         );
+        let encoder = |keys: &str| format!("{METHOD}encoder = {{ {keys} }}");
+        refused(
+            &encoder("size = 224"),
+            &["line 5", "encoder.size", "needs `onnx`"],
+        );
+        let files = "onnx = \"a.onnx\", embeddings = \"a.npy\"";
+        refused(
+            &encoder(files),
+            &["line 5", "encoder.embeddings", "beside `onnx`"],
+        );
+        for key in [
+            "trainable = true",
+            "precision = \"bf16\"",
+            "depths = \"last\"",
+            "weights = \"a\"",
+        ] {
+            let parts = ["line 5", &key[..5], "no meaning beside"];
+            refused(&encoder(&format!("onnx = \"a.onnx\", {key}")), &parts);
+        }
         let head = METHOD.replace("ridge", "head");
         refused(&format!("{head}head.epochs = 0"), &["line 5", "epochs"]);
     }

@@ -44,7 +44,7 @@ fn settings(method: &Method) -> Result<Vec<(String, String)>> {
         lines.push(("encoder".to_owned(), encoder));
     }
     // Of a sequence the encoder says which views it is made of.
-    if matches!(method.encoder.network, Network::Images(_)) {
+    if !matches!(method.encoder.network, Network::Sequences { .. }) {
         lines.extend(looks(&method.looks)?);
     }
     if let Some(adaptive) = &method.adaptive {

@@ -84,6 +84,12 @@ pub(crate) struct FolderConfig {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct EncoderConfig {
     pub name: String,
+    pub onnx: Option<PathBuf>,
+    pub outputs: Option<Vec<String>>,
+    pub size: Option<usize>,
+    pub mean: Option<[f32; 3]>,
+    pub std: Option<[f32; 3]>,
+    pub embeddings: Option<PathBuf>,
     pub depths: Depths,
     pub weights: String,
     pub precision: String,

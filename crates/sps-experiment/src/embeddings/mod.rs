@@ -8,15 +8,15 @@ use std::iter;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use rayon::prelude::*;
 use sps_dataset::{Frame, FrameIndex, FrameKey, Source};
-use sps_estimator::Embedder;
+use sps_estimator::{Embedder, Network, Precomputed};
 
-pub(crate) use cache::EmbeddingCache;
-use cache::Seen;
+use cache::{EmbeddingCache, Seen};
 use segment::Segment;
 
+use crate::config::Experiment;
 use crate::progress::Progress;
 use crate::work::{Undone, Work};
 
@@ -38,7 +38,8 @@ pub(crate) struct Embeddings {
     pub frames_decoded: usize,
 }
 
-/// Embeds the given frames of `source`, decoding only what `cache` lacks.
+/// Embeds the given frames of `source`, decoding only what the experiment's cache lacks; where a file has the
+/// embeddings, none.
 ///
 /// Shards that share a cache help one another: each goes over all frames block by block, its own
 /// blocks first, and encodes what no other has until then. So none waits, and none depends on another.
@@ -46,8 +47,18 @@ pub(crate) fn embed<S: Source>(
     source: &S,
     frames: &[FrameIndex],
     embedder: &Embedder,
-    cache: &EmbeddingCache,
+    experiment: &Experiment,
 ) -> Result<Embeddings> {
+    let width = embedder.width();
+    if let Network::Precomputed(rows) = embedder.network() {
+        return Ok(Embeddings {
+            width,
+            values: of_file(source, frames, rows)?,
+            frames_decoded: 0,
+        });
+    }
+    let (identity, work) = (embedder.identity(), experiment.work);
+    let cache = &EmbeddingCache::open(&experiment.cache, identity, width, work)?;
     let keys = frames
         .par_iter()
         .map(|frame| source.frame_key(frame.surface, frame.view))
@@ -66,16 +77,39 @@ pub(crate) fn embed<S: Source>(
         encode_missing(source, &missing, embedder, cache, &mut rows)?;
         frames_decoded += missing.len();
     }
-    let mut values = Vec::with_capacity(frames.len() * embedder.width());
+    let mut values = Vec::with_capacity(frames.len() * width);
     for key in &keys {
         let row = rows.get(key);
         values.extend(row.context("a frame changed while it was read")?);
     }
     Ok(Embeddings {
-        width: embedder.width(),
+        width,
         values,
         frames_decoded,
     })
+}
+
+/// The rows of the given frames. A photograph is called after its surface and its view, as a dataset's folder
+/// has it; where the file names none, it has all frames, in the order of surfaces and their views.
+fn of_file<S: Source>(source: &S, frames: &[FrameIndex], rows: &Precomputed) -> Result<Vec<f32>> {
+    let surfaces = source.surfaces();
+    let name = |frame: &FrameIndex| format!("{}/{:03}", surfaces[frame.surface].id, frame.view);
+    if !rows.files().is_empty() {
+        return Ok(rows.rows_of(&frames.iter().map(name).collect::<Vec<_>>())?);
+    }
+    let views = source.view_angles().len();
+    let (found, expected) = (rows.rows(), surfaces.len() * views);
+    ensure!(
+        found == expected,
+        "the file of embeddings names no `files` and has {found} rows, expected {expected}: {views} for each of \
+         {} surfaces",
+        surfaces.len()
+    );
+    let row = |frame: &FrameIndex| {
+        let row = frame.surface * views + frame.view;
+        &rows.values()[row * rows.width()..][..rows.width()]
+    };
+    Ok(frames.iter().flat_map(row).copied().collect())
 }
 
 /// A frame to encode.

@@ -78,12 +78,12 @@ impl<'a> Prepared<'a> {
                 continue;
             }
             let one = match encoder.network {
-                Network::Images(_) => work.call(&encoded, source, None)?,
                 Network::Sequences { frames, .. } => {
                     let views = views::equidistant(source, frames)?;
                     let sequences = Sequences::new(source, views.clone());
                     work.call(&encoded, &sequences, Some(views))?
                 }
+                _ => work.call(&encoded, source, None)?,
             };
             done.push((members, one));
         }

@@ -15,7 +15,7 @@ use super::tables::{self, Tables, hash_row, hash_text, readings};
 use super::views::equidistant;
 use crate::config::{EncoderSpec, Experiment};
 use crate::data::{self, About};
-use crate::embeddings::{EmbeddingCache, embed};
+use crate::embeddings::embed;
 use crate::encoder;
 use crate::memory;
 use crate::training::{FrameImages, Task, train, trained};
@@ -127,12 +127,9 @@ impl<'a, S: Source> Stages<'a, S> {
 
     /// Some views of every surface that may be trained on.
     fn embedded(&self, embedder: &Embedder, views: &[usize]) -> Result<Embeddings> {
-        let experiment = self.experiment;
-        let (identity, width) = (embedder.identity(), embedder.width());
-        let cache = EmbeddingCache::open(&experiment.cache, identity, width, experiment.work)?;
         let pool = self.splits.pool;
         let frames = frames(pool, views);
-        let embedded = embed(self.source, &frames, embedder, &cache)?;
+        let embedded = embed(self.source, &frames, embedder, self.experiment)?;
         info!(
             "{} embeddings of {pool} surfaces, {} of them encoded now",
             frames.len(),
@@ -153,7 +150,7 @@ impl<'a, S: Source> Stages<'a, S> {
         let targets = self.targets(config, &embedder, &views)?;
         let task = Task {
             name: "encoder",
-            start: self.start.encoder(),
+            start: self.start.encoder()?,
             key: self.key(&frames, &targets)?,
             targets,
             parts: self.parts(config, training)?,

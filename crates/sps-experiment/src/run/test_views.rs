@@ -8,7 +8,7 @@ use sps_dataset::{FrameIndex, Source};
 
 use super::Stage;
 use crate::config::Experiment;
-use crate::embeddings::{EmbeddingCache, embed};
+use crate::embeddings::embed;
 
 /// Of each view, the embeddings of the first so many surfaces.
 #[derive(Default)]
@@ -44,8 +44,6 @@ impl TestViews {
         wanted: &Wanted,
     ) -> Result<Self> {
         let (embedder, first) = (&stage.embedder, stage.tables.pool());
-        let (identity, width) = (embedder.identity(), embedder.width());
-        let cache = EmbeddingCache::open(&experiment.cache, identity, width, experiment.work)?;
         let most = wanted.0.values().copied().max().unwrap_or(0);
         let frames: Vec<FrameIndex> = (0..most)
             .flat_map(|surface| {
@@ -56,7 +54,7 @@ impl TestViews {
                 })
             })
             .collect();
-        let embedded = embed(source, &frames, embedder, &cache)?;
+        let embedded = embed(source, &frames, embedder, experiment)?;
         let mut of_view: BTreeMap<usize, Vec<f32>> = BTreeMap::new();
         for (frame, row) in frames.iter().zip(embedded.values.chunks(embedded.width)) {
             of_view.entry(frame.view).or_default().extend(row);

@@ -20,6 +20,7 @@ use tracing::warn;
 use self::check::Check;
 use crate::config::{DataSpec, Experiment, Looks, Method, Network as NetworkSpec};
 use crate::data::{self, About as AboutData, WithSource};
+use crate::encoder;
 use crate::journal::Journal;
 use crate::run::{
     Dealt, Encodings, Folds, Selecting, Selections, Splits, Stage, Stages, portion, views,
@@ -62,10 +63,10 @@ impl WithSource for Train<'_> {
         let experiment = self.experiment;
         let method = experiment.methods[experiment.train.method].on(source)?;
         ensure!(
-            matches!(method.encoder.network, NetworkSpec::Images(_)),
+            !matches!(method.encoder.network, NetworkSpec::Sequences { .. }),
             "method `{}` looks at a sequence by {}; a model that is kept looks at photographs",
             method.id,
-            method.encoder.network.kind()
+            encoder::describe(&method.encoder)
         );
         keeps_its_views(&method)?;
         let splits = Splits::of(experiment, source.surfaces())?;
@@ -296,7 +297,8 @@ impl<S: Source> Trainer<'_, S> {
     /// one size, that is not how the model saw them.
     fn warn_of_sizes(&self, first: &Frame, view: usize) -> Result<()> {
         const SOME: usize = 16;
-        if self.method.encoder.resize.is_some() {
+        let encoder = &self.method.encoder;
+        if encoder.resize.is_some() || encoder.network.kind().is_none() {
             return Ok(());
         }
         for surface in 1..self.source.surfaces().len().min(SOME) {

@@ -49,10 +49,10 @@ impl<'a> FrameImages<'a> {
                 data,
             } = embedder.prepared(&frame)?.into_owned();
             Ok(match embedder.network() {
-                Network::Images(_) => Image::new(height, width, data)?,
                 Network::Sequences(_, frames) => {
                     Image::sequence(*frames, height / frames, width, data)?
                 }
+                _ => Image::new(height, width, data)?,
             })
         })
     }

@@ -1,30 +1,29 @@
-use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use rayon::prelude::*;
-use safetensors::tensor::{Dtype, TensorView};
 use sps_dataset::{DecodeSettings, Frame};
-use sps_estimator::{Embedder, read_photograph};
+use sps_estimator::{Embedder, OnnxSettings, Precomputed, read_photograph};
 use sps_experiment::config::{EncoderSpec, Network, WeightsSpec};
 use sps_experiment::encoder;
 use sps_experiment::files::write_atomically;
 use sps_experiment::progress::Progress;
-use sps_models::encoders::{Block, Depths, Precision};
+use sps_models::encoders::{Depths, Precision};
 use tracing::info;
 
 /// Embed images with an encoder
 #[derive(clap::Args)]
 #[command(
     after_help = "Writes the tensor `embeddings`, f32, (images, width), in the order given; of several depths \
-    they lie side by side in there, and each is a tensor of its own besides.\n\n\
+    they lie side by side in there, and each is a tensor of its own besides. The metadata has the `files` of \
+    the images, so that `fit --embeddings` and `predict --embeddings` know which row is which.\n\n\
     Example:\n  sps embed --encoder squeezenet1-0 --weights squeezenet1_0.safetensors \
     --out embeddings.safetensors photographs/*.jpg\n\n\
     With i3d, a row is a sequence of --frames images, which follow each other in the order given."
 )]
 pub struct Args {
-    /// se-resnext50-32x4d, squeezenet1-0, squeezenet1-1, resnet18, resnet50, efficientnet-lite-body, efficientnet-lite0 to efficientnet-lite4, or i3d
+    /// se-resnext50-32x4d, squeezenet1-0, squeezenet1-1, resnet18, resnet50, efficientnet-lite-body, efficientnet-lite0 to efficientnet-lite4, or i3d; or an ONNX file, FILE.onnx
     #[arg(long, value_name = "NAME")]
     encoder: String,
     /// Feature maps whose means make an embedding: last, all, or names of depths with commas between them
@@ -34,7 +33,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value = "16", value_parser = clap::value_parser!(u64).range(1..))]
     frames: u64,
     /// A weights file, or `built-in`, or `untrained`
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", default_value = "built-in")]
     weights: String,
     /// What to compute in: f32, bf16, or int8, which is scaled by up to 64 of the images
     #[arg(long, default_value_t = Precision::F32)]
@@ -54,8 +53,12 @@ pub struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
+    let network = match args.encoder.rsplit_once('.') {
+        Some((_, "onnx")) => Network::Onnx(args.encoder.clone().into(), OnnxSettings::default()),
+        _ => Network::named(&args.encoder, args.frames as usize).context("--encoder")?,
+    };
     let spec = EncoderSpec {
-        network: Network::named(&args.encoder, args.frames as usize).context("--encoder")?,
+        network,
         depths: args.depths.clone(),
         weights: WeightsSpec::named(&args.weights),
         precision: args.precision,
@@ -88,7 +91,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         seconds += start.elapsed().as_secs_f64();
         progress.advance(frames.len());
     }
-    write(&args.out, &values, &embedder.network().encoder().blocks())?;
+    let name = |path: &PathBuf| path.to_string_lossy().into_owned();
+    let files = args.images.iter().map(name).filter(|_| each == 1);
+    let embeddings = Precomputed::new(embedder.network().blocks(), files.collect(), values)?;
+    write_atomically(&args.out, &embeddings.to_bytes()?)?;
     info!(
         "{} images, {:.2} ms each to encode",
         args.images.len(),
@@ -101,29 +107,6 @@ fn read(paths: &[PathBuf], resize: Option<usize>) -> Result<Vec<Frame>> {
     let settings = DecodeSettings::default();
     let read = |path: &PathBuf| Ok(read_photograph(path, &settings, resize)?);
     paths.par_iter().map(read).collect()
-}
-
-fn write(path: &Path, values: &[f32], blocks: &[Block]) -> Result<()> {
-    let width = blocks.iter().map(|block| block.width).sum::<usize>();
-    let rows = values.len() / width;
-    let bytes = |place: Range<usize>| -> Vec<u8> {
-        let rows = values.chunks_exact(width);
-        let numbers = rows.flat_map(|row| &row[place.clone()]);
-        numbers.flat_map(|v| v.to_le_bytes()).collect()
-    };
-    let mut tensors = vec![("embeddings", width, bytes(0..width))];
-    let mut start = 0;
-    for block in blocks.iter().filter(|_| blocks.len() > 1) {
-        let place = start..start + block.width;
-        start = place.end;
-        tensors.push((&block.name, block.width, bytes(place)));
-    }
-    let views = tensors.iter().map(|(name, width, bytes)| {
-        let view = TensorView::new(Dtype::F32, vec![rows, *width], bytes);
-        Ok((*name, view?))
-    });
-    let views = views.collect::<Result<Vec<_>>>()?;
-    write_atomically(path, &safetensors::serialize(views, None)?)
 }
 
 /// Each so many images, one below the other.

@@ -3,12 +3,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use sps_base::files::write_file;
-use sps_estimator::Estimator;
+use sps_estimator::{Estimator, Precomputed};
 use sps_experiment::config::{Experiment, Setting};
 use sps_experiment::{run, train};
 use sps_report as report;
 
-use crate::importing::{Frames, Import, Options, Request};
+use crate::importing::{Frames, Import, Options, Request, photographs_below};
 
 /// What runs on photographs and a table.
 const CONFIG: &str = include_str!("fit.toml");
@@ -39,6 +39,14 @@ pub struct Args {
     /// Bring the shorter side of every photograph to so many pixels
     #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = clap::value_parser!(u64).range(32..))]
     pixels: u64,
+    /// A network to look at photographs by, in place of the built-in one
+    #[arg(long, value_name = "FILE.onnx", conflicts_with = "config")]
+    encoder: Option<PathBuf>,
+    /// Embeddings of the photographs, computed elsewhere: safetensors, a tensor (photographs, width) for each block,
+    /// whose metadata names the `files` of the rows, as `sps embed` writes it; or without `files`, or .npy, rows in
+    /// the order of the photographs' paths
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "encoder", "pixels"])]
+    embeddings: Option<PathBuf>,
     /// Share of new surfaces, or groups, whose truth an interval holds
     #[arg(long, value_name = "SHARE", default_value = "0.9", value_parser = share)]
     level: f64,
@@ -125,10 +133,26 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<()> {
     let mut settings = vec![
         set("data.folder.path", data.display().to_string().into()),
         set("split.k-fold.folds", (groups.min(FOLDS) as i64).into()),
-        set("encoder.resize", (args.pixels as i64).into()),
         set("train.level", args.level.into()),
         set("train.keep-photographs", args.keep_photographs.into()),
     ];
+    if let Some(file) = &args.embeddings {
+        // Called after the file, as the report will have it.
+        let ordered = work
+            .path()
+            .join(file.file_name().unwrap_or(file.as_os_str()));
+        let rows = rows_of(&import, photographs, file)?;
+        write_file(&ordered, &rows.to_bytes()?)?;
+        settings.push(set(
+            "encoder.embeddings",
+            ordered.display().to_string().into(),
+        ));
+    } else {
+        settings.push(set("encoder.resize", (args.pixels as i64).into()));
+    }
+    if let Some(file) = &args.encoder {
+        settings.push(set("encoder.onnx", file.display().to_string().into()));
+    }
     let experiment = Experiment::read(&config, &settings)?;
     let (run, results) = run::run(&experiment, &work.path().join("run"), true)?;
     report::write(&run)?;
@@ -144,4 +168,31 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<()> {
     let page = fs::read(run.file(PAGE)).with_context(|| run.file(PAGE).display().to_string())?;
     let to = args.out.join(PAGE);
     write_file(&to, &page).with_context(|| to.display().to_string())
+}
+
+/// The rows of the photographs that are fitted on, in the order of the dataset.
+fn rows_of(import: &Import, photographs: &Path, file: &Path) -> Result<Precomputed> {
+    let text = |path: &Path| path.to_string_lossy().into_owned();
+    let mut rows = Precomputed::read(file)?;
+    let blocks = rows.blocks().to_vec();
+    if rows.files().is_empty() {
+        let all = photographs_below(photographs)?;
+        ensure!(
+            rows.rows() == all.len(),
+            "{} names no `files` and has {} rows, expected {}, one for each photograph below {}",
+            file.display(),
+            rows.rows(),
+            all.len(),
+            photographs.display()
+        );
+        let files = all.iter().map(|path| text(path)).collect();
+        rows = Precomputed::new(blocks.clone(), files, rows.values().to_vec())?;
+    }
+    let folder = fs::canonicalize(photographs)?;
+    let wanted = import
+        .photographs()
+        .map(|path| text(path.strip_prefix(&folder).unwrap_or(path)));
+    let values = rows.rows_of(&wanted.collect::<Vec<_>>());
+    let values = values.with_context(|| file.display().to_string())?;
+    Ok(Precomputed::new(blocks, Vec::new(), values)?)
 }

@@ -50,6 +50,7 @@ pub struct Args {
 pub(crate) fn run(args: &Args) -> Result<()> {
     let model = Estimator::load(&args.model)?;
     answer::check_probability(args.unfamiliar).context("--unfamiliar")?;
+    answer::check_photographs(&model)?;
     let wanted = map::Wanted {
         property: &args.property,
         at: map::place(&model, &args.property)?,

@@ -63,6 +63,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         unfamiliar: args.unfamiliar,
     };
     let model = Estimator::load(&args.model)?;
+    answer::check_photographs(&model)?;
     serve::run(model, settings, args.listen)
 }
 

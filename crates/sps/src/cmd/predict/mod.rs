@@ -1,3 +1,4 @@
+mod embedded;
 mod lines;
 mod print;
 
@@ -49,8 +50,13 @@ pub struct Args {
     joint: bool,
     #[command(flatten)]
     format: print::Format,
+    /// Embeddings in place of photographs, computed as those that the model was fitted on: a file as
+    /// `fit --embeddings` takes it; a row is a photograph, and as many as the model has views, one after the
+    /// other, are of one surface
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["images", "resize", "keep_size", "group_by"])]
+    embeddings: Option<PathBuf>,
     /// PNG, JPEG or EXR, or folders of them; or -, for lines of standard input
-    #[arg(required = true, value_name = "IMAGE")]
+    #[arg(required_unless_present = "embeddings", value_name = "IMAGE")]
     images: Vec<PathBuf>,
 }
 
@@ -68,6 +74,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let model = Estimator::load(&args.model)?;
     let model = if args.joint { model.jointly() } else { model };
     answer::check_probability(args.unfamiliar).context("--unfamiliar")?;
+    if let Some(file) = &args.embeddings {
+        return embedded::answer(args, &model, file);
+    }
+    answer::check_photographs(&model)?;
     let scale =
         answer::scale(&model, args.resize, args.keep_size).context("--resize, --keep-size")?;
     if args.images == [Path::new("-")] {
@@ -80,7 +90,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     let surfaces = surfaces(args, &model)?;
     let mut printer = Printer::new(&args.format, args.unfamiliar, &model)?;
-    let mut watch = Watch::new(&model).ok();
+    let watch = Watch::new(&model).ok();
     let progress = Progress::new("photographs", surfaces.iter().map(|s| s.images.len()).sum());
     let (mut failed, mut scores) = (0, Vec::new());
     let at_once = match scale {
@@ -113,7 +123,17 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         at_work = ahead;
     }
     printer.end();
-    if let Some(watch) = &mut watch {
+    warn_of_drift(watch, scores);
+    ensure!(
+        failed == 0,
+        "{failed} of {} surfaces have no estimate",
+        surfaces.len()
+    );
+    Ok(())
+}
+
+fn warn_of_drift(watch: Option<Watch<&Estimator>>, scores: Vec<f64>) {
+    if let Some(mut watch) = watch {
         watch.see_in_any_order(scores);
         if watch.alarm().is_some() {
             warn!(
@@ -122,12 +142,6 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             );
         }
     }
-    ensure!(
-        failed == 0,
-        "{failed} of {} surfaces have no estimate",
-        surfaces.len()
-    );
-    Ok(())
 }
 
 /// Photographs of one surface.

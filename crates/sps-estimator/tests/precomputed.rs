@@ -1,0 +1,173 @@
+//! Embeddings that were computed elsewhere: their files, and models that are fitted on them.
+
+mod support;
+
+use std::sync::Arc;
+
+use sps_estimator::{Embedder, Estimator, Network, Precomputed};
+use sps_models::encoders::Block;
+use support::{Tables, embedder, photograph, recipe, ridge};
+
+/// `safetensors.numpy.save({"late": [[5], [6]], "early": [[1, 2], [3, 4]]}, {"files": '["a/1.jpg", "a/2.jpg"]'})`
+/// of numpy's f32, but for blanks at the header's end.
+fn safetensors() -> Vec<u8> {
+    let header = r#"{"__metadata__":{"files":"[\"a/1.jpg\", \"a/2.jpg\"]"},"early":{"dtype":"F32","shape":[2,2],"data_offsets":[0,16]},"late":{"dtype":"F32","shape":[2,1],"data_offsets":[16,24]}}"#;
+    let values = [1.0_f32, 2.0, 3.0, 4.0, 5.0, 6.0];
+    let values = values.iter().flat_map(|value| value.to_le_bytes());
+    let length = (header.len() as u64).to_le_bytes();
+    length
+        .into_iter()
+        .chain(header.bytes())
+        .chain(values)
+        .collect()
+}
+
+/// `numpy.save` of `[[1.0, -2.5], [0.5, 4.0]]`, f32.
+fn npy() -> Vec<u8> {
+    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 2), }";
+    let mut bytes = b"\x93NUMPY\x01\x00v\x00".to_vec();
+    bytes.extend(format!("{header:<117}\n").bytes());
+    bytes.extend(
+        [1.0_f32, -2.5, 0.5, 4.0]
+            .iter()
+            .flat_map(|value| value.to_le_bytes()),
+    );
+    bytes
+}
+
+fn texts(names: &[&str]) -> Vec<String> {
+    names.iter().map(|&name| name.to_owned()).collect()
+}
+
+#[test]
+fn files_of_python_are_read() {
+    let rows = Precomputed::from_bytes(&safetensors()).unwrap();
+    let block = |name: &str, width| Block {
+        name: name.to_owned(),
+        width,
+    };
+    assert_eq!(rows.blocks(), [block("early", 2), block("late", 1)]);
+    assert_eq!(rows.values(), [1.0, 2.0, 5.0, 3.0, 4.0, 6.0]);
+    assert_eq!(rows.files(), ["a/1.jpg", "a/2.jpg"]);
+    assert_eq!(
+        Precomputed::from_bytes(&rows.to_bytes().unwrap()).unwrap(),
+        rows
+    );
+
+    let rows = Precomputed::from_bytes(&npy()).unwrap();
+    assert_eq!(rows.blocks(), [block("embeddings", 2)]);
+    assert_eq!(rows.values(), [1.0, -2.5, 0.5, 4.0]);
+    assert_eq!(
+        Precomputed::from_bytes(&rows.to_bytes().unwrap()).unwrap(),
+        rows
+    );
+}
+
+#[test]
+fn rows_are_found_by_the_ends_of_paths() {
+    let files = texts(&["/data/oak/1.jpg", "/data/1.jpg", "/data/denim/1.png"]);
+    let block = Block {
+        name: "a".to_owned(),
+        width: 1,
+    };
+    let rows = Precomputed::new(vec![block.clone()], files, vec![1.0, 2.0, 3.0]).unwrap();
+    let found = |names: &[&str]| {
+        rows.rows_of(&texts(names))
+            .map_err(|error| error.to_string())
+    };
+    assert_eq!(
+        found(&["denim/1.png", "1.jpg", "oak/1.jpg"]).unwrap(),
+        [3.0, 2.0, 1.0]
+    );
+    assert_eq!(found(&["denim/1", "oak/1"]).unwrap(), [3.0, 1.0]);
+    let missing = found(&["oak/1.jpg", "oak/2.jpg"]).unwrap_err();
+    assert!(
+        missing.starts_with("a row of oak/2.jpg: found none"),
+        "{missing}"
+    );
+    let two = found(&["1.jpg"]).unwrap_err();
+    assert!(
+        two.starts_with("rows of 1.jpg: found two, the second as /data/1.jpg"),
+        "{two}"
+    );
+
+    let unnamed = Precomputed::new(vec![block], Vec::new(), vec![1.0, 2.0]).unwrap();
+    assert_eq!(unnamed.rows_of(&texts(&["b", "a"])).unwrap(), [1.0, 2.0]);
+    let fewer = unnamed.rows_of(&texts(&["b"])).unwrap_err().to_string();
+    assert!(
+        fewer.contains("found 2, expected 1, one for each photograph"),
+        "{fewer}"
+    );
+}
+
+#[test]
+fn what_makes_no_rows_is_refused() {
+    let said = |bytes: &[u8], part: &str| {
+        let error = Precomputed::from_bytes(bytes).unwrap_err().to_string();
+        assert!(error.contains(part), "{error}");
+    };
+    said(b"", "not a safetensors file");
+    let changed = |from: &str, to: &str| {
+        let bytes = safetensors();
+        let at = bytes
+            .windows(from.len())
+            .position(|part| part == from.as_bytes())
+            .unwrap();
+        [&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat()
+    };
+    said(
+        &changed("[2,2]", "[4,1]"),
+        "the tensor late: found [2, 1], expected (4, width)",
+    );
+    said(
+        &changed(r#"[\"a/1.jpg\", "#, r"[             "),
+        "files: found 1, expected 2",
+    );
+    said(
+        &changed(r#"[\"a/1.jpg\""#, r#"{\"a/1.jpg\""#),
+        "a JSON list of texts",
+    );
+    let mut one = npy();
+    let shape = one.windows(6).position(|part| part == b"(2, 2)").unwrap();
+    one[shape..shape + 6].copy_from_slice(b"(4,)  ");
+    said(&one, "found shape [4], expected (rows, width)");
+    let nan = vec![f32::NAN];
+    let block = Block {
+        name: "a".to_owned(),
+        width: 1,
+    };
+    let error = Precomputed::new(vec![block], Vec::new(), nan).unwrap_err();
+    assert!(error.to_string().contains("finite"), "{error}");
+}
+
+/// A model that takes embeddings answers them as one with the encoder answers the photographs.
+#[test]
+fn a_model_asks_for_embeddings() {
+    let tables = Tables::new(40, 1, 1);
+    let seeing = tables.estimator(&recipe(ridge(), &[0]));
+    let blocks = embedder().network().blocks();
+    let rows = Precomputed::new(blocks, Vec::new(), Vec::new()).unwrap();
+    let blind = Embedder::new(Network::Precomputed(Arc::new(rows)), None).unwrap();
+    let all: Vec<usize> = (0..40).collect();
+    let fitted = recipe(ridge(), &[0])
+        .fit(&tables.examples(), &all, 0)
+        .unwrap();
+    let about = seeing.about().clone();
+    let folder = tempfile::tempdir().unwrap();
+    Estimator::new(blind, fitted, about)
+        .unwrap()
+        .save(folder.path())
+        .unwrap();
+    let blind = Estimator::load(folder.path()).unwrap();
+    let asked = [photograph(97, 0)];
+    let values = embedder().embed(&asked).unwrap();
+    assert_eq!(
+        blind.predict_embedded(&values, 1).unwrap(),
+        seeing.predict(&asked).unwrap()
+    );
+    let error = blind.predict(&asked).unwrap_err().to_string();
+    assert!(
+        error.starts_with("photographs: found images, expected their embeddings"),
+        "{error}"
+    );
+}

@@ -1,0 +1,61 @@
+//! Surfaces of which a file has the embeddings.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, ensure};
+use sps_estimator::{Estimator, Precomputed, Watch};
+use sps_models::encoders::Block;
+
+use super::print::Printer;
+use super::{Args, Surface, warn_of_drift};
+
+/// Answers each row of the file, or as many together as the model has views.
+pub(super) fn answer(args: &Args, model: &Estimator, file: &Path) -> Result<()> {
+    let rows = Precomputed::read(file)?;
+    let expected = model.embedder().network().blocks();
+    ensure!(
+        rows.blocks() == expected,
+        "{}: found the blocks {}, expected those that the model was fitted on, {}",
+        file.display(),
+        listed(rows.blocks()),
+        listed(&expected)
+    );
+    let views = model.about().angles.len();
+    ensure!(
+        rows.rows().is_multiple_of(views),
+        "{} has {} rows, expected {views} for each surface",
+        file.display(),
+        rows.rows()
+    );
+    let answers = model.predict_all(rows.values(), rows.rows() / views, views)?;
+    let mut printer = Printer::new(&args.format, args.unfamiliar, model)?;
+    for (at, answer) in answers.iter().enumerate() {
+        let files = rows.files().get(at * views..(at + 1) * views);
+        let images: Vec<PathBuf> = files
+            .unwrap_or_default()
+            .iter()
+            .map(PathBuf::from)
+            .collect();
+        let name = match images.first() {
+            Some(first) => first.display().to_string(),
+            None => format!("surface {}", at + 1),
+        };
+        printer.print(&Surface { name, images }, answer)?;
+    }
+    printer.end();
+    let watch = Watch::new(model).ok();
+    let surfaces = rows.values().chunks_exact(views * rows.width());
+    let scores = watch
+        .iter()
+        .flat_map(|watch| surfaces.clone().map(|row| watch.score(row)));
+    let scores = scores.collect::<Result<_, _>>()?;
+    warn_of_drift(watch, scores);
+    Ok(())
+}
+
+/// `stage-1 (16), stage-2 (24)`.
+fn listed(blocks: &[Block]) -> String {
+    let blocks = blocks.iter();
+    let blocks = blocks.map(|Block { name, width }| format!("{name} ({width})"));
+    blocks.collect::<Vec<_>>().join(", ")
+}

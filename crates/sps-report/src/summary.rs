@@ -1,7 +1,7 @@
 //! What a run came to, in a table for the terminal.
 
-use sps_experiment::results::speed::{Point, best_within, fastest, points};
-use sps_experiment::results::{MethodResult, Results};
+use sps_experiment::results::Results;
+use sps_experiment::results::speed::{Point, best_within, fastest, looking};
 
 use super::speed::{looked_at, milliseconds};
 use super::table::{Cell, Row, Table};
@@ -14,7 +14,7 @@ pub(super) struct StandingOut {
 
 impl StandingOut {
     pub(super) fn of(results: &Results) -> Self {
-        let points = looking(results);
+        let points = looking(&results.methods);
         Self {
             best: best_within(&points, f64::INFINITY),
             fastest: fastest(&points, f64::INFINITY),
@@ -31,22 +31,6 @@ impl StandingOut {
             (false, false) => "",
         }
     }
-}
-
-/// The methods that look at a photograph, in the plane of time and error.
-pub(super) fn looking(results: &Results) -> Vec<Point> {
-    let mut points = points(&results.methods);
-    let frames = |at: usize| results.methods[at].costs.frames_decoded_per_surface;
-    points.retain(|point| frames(point.method) > 0.0);
-    points
-}
-
-/// The best method of those that look at a photograph; of all where none does.
-pub fn best(results: &Results) -> Option<&MethodResult> {
-    let looking = best_within(&looking(results), f64::INFINITY);
-    let all = || best_within(&points(&results.methods), f64::INFINITY);
-    let best = looking.or_else(all)?;
-    results.methods.get(best.method)
 }
 
 /// Means over properties and what an estimate costs. The best and the fastest method are marked, of

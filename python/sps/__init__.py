@@ -1,22 +1,26 @@
 """Teaching cameras to feel: fitted models of touch, image encoders, view selection, metrics.
 
-Photographs become what a touch sensor would measure, with intervals (`Estimator`), or embeddings
+Photographs become what a touch sensor would measure, with intervals (`fit`, `Estimator`), or embeddings
 (`Encoder`), the best few views of many are found (`select_views`), and what a model says is scored
-with intervals (`mae`, `interval`, `SplitConformal` and so on). Runs of `cargo xtask experiment` are
-read by `read_results` and `read_predictions`.
+with intervals (`mae`, `interval`, `SplitConformal` and so on). Experiments are run and compared
+(`experiment`, `compare`) on datasets that were measured or simulated (`Dataset`, `simulate`).
 
 All of it is the Rust crates' work; long calls leave the interpreter to other threads.
 """
 
-from ._runs import read_predictions, read_results
 from ._sps import (
     Answer,
+    Answers,
+    Comparison,
     Coverage,
+    Dataset,
     Encoder,
     Estimate,
     Estimator,
+    Fitted,
     GroupConformal,
     Looked,
+    Run,
     Score,
     ScoreInterval,
     Selection,
@@ -24,27 +28,36 @@ from ._sps import (
     SplitConformal,
     UndefinedScore,
     __version__,
+    compare,
     coverage,
     difference,
+    experiment,
+    fit,
     holm,
     interval,
+    list_encoders,
     mae,
     median_percent_error,
     r2,
-    r2_own_mean,
     rmse,
     select_views,
+    simulate,
     spearman,
 )
 
 __all__ = [
     "Answer",
+    "Answers",
+    "Comparison",
     "Coverage",
+    "Dataset",
     "Encoder",
     "Estimate",
     "Estimator",
+    "Fitted",
     "GroupConformal",
     "Looked",
+    "Run",
     "Score",
     "ScoreInterval",
     "Selection",
@@ -52,17 +65,19 @@ __all__ = [
     "SplitConformal",
     "UndefinedScore",
     "__version__",
+    "compare",
     "coverage",
     "difference",
+    "experiment",
+    "fit",
     "holm",
     "interval",
+    "list_encoders",
     "mae",
     "median_percent_error",
     "r2",
-    "r2_own_mean",
-    "read_predictions",
-    "read_results",
     "rmse",
     "select_views",
+    "simulate",
     "spearman",
 ]

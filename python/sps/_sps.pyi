@@ -1,4 +1,4 @@
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, Protocol, SupportsFloat, Union, final, overload
@@ -220,6 +220,7 @@ class Answer:
 @final
 class Answers:
     def __getitem__(self, surface: int, /) -> Answer: ...
+    def __iter__(self) -> Iterator[Answer]: ...
     def __len__(self) -> int: ...
     @property
     def values(self) -> NDArray[np.float64]: ...

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
+use pyo3::types::{PyIterator, PyList};
 
 /// The estimate of one property, with the interval that holds the truth of a new surface (or of one of
 /// a new group, where the surfaces fitted to come in groups) at the model's level.
@@ -83,6 +84,10 @@ impl Answers {
     fn __getitem__(&self, surface: usize) -> PyResult<Answer> {
         let answer = self.answers.get(surface).cloned();
         answer.ok_or_else(|| PyIndexError::new_err(surface))
+    }
+
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyIterator>> {
+        PyList::new(py, self.answers.clone())?.try_iter()
     }
 
     fn __repr__(&self) -> String {

@@ -1,23 +1,40 @@
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from os import PathLike
-from typing import Any, Literal, SupportsFloat, Union, final
+from pathlib import Path
+from typing import Any, Literal, Protocol, SupportsFloat, Union, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 _Path = Union[str, PathLike[str]]
-_Image = Union[NDArray[np.uint8], NDArray[np.float32], _Path]
+
+class _Pixels(Protocol):
+    """An image of PIL."""
+    @property
+    def __array_interface__(self) -> dict[str, Any]: ...
+
+class _Tensor(Protocol):
+    """A tensor of torch."""
+    def __dlpack__(self) -> Any: ...
+
+_Image = Union[NDArray[np.uint8], NDArray[np.float32], _Pixels, _Tensor, _Path]
 _Images = Union[_Image, Iterable[_Image]]
+_Progress = Callable[[str, int, int], object]
 _Scale = Union[Literal["model", "keep"], int]
 
 __all__ = [
     "Answer",
+    "Answers",
+    "Comparison",
     "Coverage",
+    "Dataset",
     "Encoder",
     "Estimate",
     "Estimator",
+    "Fitted",
     "GroupConformal",
     "Looked",
+    "Run",
     "Score",
     "ScoreInterval",
     "Selection",
@@ -25,16 +42,21 @@ __all__ = [
     "SplitConformal",
     "UndefinedScore",
     "__version__",
+    "compare",
     "coverage",
     "difference",
+    "experiment",
+    "fit",
     "holm",
     "interval",
+    "list_encoders",
     "mae",
     "median_percent_error",
+    "program",
     "r2",
-    "r2_own_mean",
     "rmse",
     "select_views",
+    "simulate",
     "spearman",
 ]
 
@@ -42,6 +64,107 @@ __version__: str
 
 class UndefinedScore(ValueError): ...
 
+def program() -> int: ...
+@final
+class Dataset:
+    def __new__(
+        cls,
+        photographs: _Path | Iterable[_Images],
+        values: ArrayLike | _Path | None = None,
+        *,
+        properties: list[str] | None = None,
+        groups: Iterable[Hashable] | None = None,
+        materials: list[str] | None = None,
+        angles: list[float] | None = None,
+    ) -> Dataset: ...
+    @property
+    def folder(self) -> Path: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def surfaces(self) -> list[str]: ...
+    @property
+    def materials(self) -> list[str]: ...
+    @property
+    def groups(self) -> list[str]: ...
+    @property
+    def angles(self) -> list[float]: ...
+    @property
+    def properties(self) -> list[str]: ...
+    @property
+    def values(self) -> NDArray[np.float64]: ...
+    @property
+    def photographs(self) -> list[list[Path]]: ...
+    def __fspath__(self) -> str: ...
+    def __len__(self) -> int: ...
+
+def simulate(
+    folder: _Path,
+    *,
+    surfaces: int = 400,
+    views: int = 100,
+    size: int = 128,
+    seed: int = 1,
+    format: str = "png",
+    progress: _Progress | None = None,
+) -> Dataset: ...
+@final
+class Fitted:
+    @property
+    def model(self) -> Estimator: ...
+    @property
+    def method(self) -> str: ...
+    @property
+    def r2(self) -> float | None: ...
+    @property
+    def run(self) -> Run: ...
+    @property
+    def worst(self) -> list[tuple[str, float]]: ...
+    @property
+    def scores(self) -> dict[str, dict[str, Any]]: ...
+
+def fit(
+    photographs: _Path | Iterable[_Images],
+    values: ArrayLike | _Path | None = None,
+    *,
+    properties: list[str] | None = None,
+    groups: Iterable[Hashable] | None = None,
+    materials: list[str] | None = None,
+    angles: list[float] | None = None,
+    encoder: Encoder | None = None,
+    resize: int | None = 256,
+    level: float = 0.9,
+    settings: dict[str, Any] | None = None,
+    progress: _Progress | None = None,
+) -> Fitted: ...
+@final
+class Run:
+    def __new__(cls, path: _Path) -> Run: ...
+    @property
+    def path(self) -> Path: ...
+    @property
+    def results(self) -> dict[str, Any]: ...
+    def scores(self, rows: str = "properties") -> list[dict[str, Any]]: ...
+    def __fspath__(self) -> str: ...
+    def predictions(self) -> list[dict[str, Any]]: ...
+
+def experiment(
+    config: _Path | dict[str, Any],
+    out: _Path,
+    *,
+    settings: dict[str, Any] | None = None,
+    dataset: _Path | None = None,
+    fresh: bool = False,
+    progress: _Progress | None = None,
+) -> Run: ...
+@final
+class Comparison:
+    @property
+    def scores(self) -> list[dict[str, Any]]: ...
+    def past(self, tolerance: float) -> list[str]: ...
+
+def compare(first: _Path, *others: _Path) -> list[Comparison]: ...
+def list_encoders() -> list[dict[str, Any]]: ...
 @final
 class Encoder:
     def __new__(
@@ -59,7 +182,7 @@ class Encoder:
     def blocks(self) -> list[tuple[str, int]]: ...
     @property
     def precision(self) -> str: ...
-    def embed(self, images: _Images) -> NDArray[np.float32]: ...
+    def transform(self, images: _Images) -> NDArray[np.float32]: ...
     def calibrated(self, images: _Images, file: _Path) -> Encoder: ...
     def __getnewargs__(self) -> tuple[str, PathLike[str], str, str | list[str]]: ...
 
@@ -87,6 +210,26 @@ class Answer:
     def familiar(self) -> float | None: ...
     @property
     def no_interval(self) -> dict[str, str]: ...
+    @property
+    def values(self) -> NDArray[np.float64]: ...
+    @property
+    def low(self) -> NDArray[np.float64]: ...
+    @property
+    def high(self) -> NDArray[np.float64]: ...
+
+@final
+class Answers:
+    def __getitem__(self, surface: int, /) -> Answer: ...
+    def __iter__(self) -> Iterator[Answer]: ...
+    def __len__(self) -> int: ...
+    @property
+    def values(self) -> NDArray[np.float64]: ...
+    @property
+    def low(self) -> NDArray[np.float64]: ...
+    @property
+    def high(self) -> NDArray[np.float64]: ...
+    @property
+    def familiar(self) -> NDArray[np.float64]: ...
 
 @final
 class Looked:
@@ -117,7 +260,7 @@ class Estimator:
         encoder: Encoder | None = None,
         properties: list[str] | None = None,
         groups: Iterable[Hashable] | None = None,
-        regression: str = "ridge",
+        regression: str | dict[str, Any] | None = None,
         calibration: float | None = 0.3,
         level: float = 0.9,
         seed: int = 0,
@@ -130,7 +273,7 @@ class Estimator:
     def predict(self, photographs: _Images, *, scale: _Scale = "model") -> Answer: ...
     def predict_all(
         self, surfaces: Iterable[_Images], *, scale: _Scale = "model"
-    ) -> list[Answer]: ...
+    ) -> Answers: ...
     def session(self, width: float) -> Session: ...
     def map(
         self,
@@ -186,17 +329,47 @@ class Score:
     def samples(self) -> int: ...
     @property
     def zero_truths(self) -> int: ...
-    def __float__(self) -> float: ...
-    def __array__(
-        self, dtype: DTypeLike | None = None, copy: bool | None = None
-    ) -> NDArray[Any]: ...
 
-def r2(*, truth: ArrayLike, estimate: ArrayLike, training_mean: float) -> Score: ...
-def r2_own_mean(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...
-def mae(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...
-def rmse(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...
-def median_percent_error(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...
-def spearman(*, truth: ArrayLike, estimate: ArrayLike) -> Score: ...
+@overload
+def r2(
+    y_true: ArrayLike, y_pred: ArrayLike, *, training_mean: float | None = None, details: Literal[False] = False
+) -> float: ...
+@overload
+def r2(
+    y_true: ArrayLike, y_pred: ArrayLike, *, training_mean: float | None = None, details: Literal[True]
+) -> Score: ...
+@overload
+def mae(
+    y_true: ArrayLike, y_pred: ArrayLike, *, details: Literal[False] = False
+) -> float: ...
+@overload
+def mae(
+    y_true: ArrayLike, y_pred: ArrayLike, *, details: Literal[True]
+) -> Score: ...
+@overload
+def rmse(
+    y_true: ArrayLike, y_pred: ArrayLike, *, details: Literal[False] = False
+) -> float: ...
+@overload
+def rmse(
+    y_true: ArrayLike, y_pred: ArrayLike, *, details: Literal[True]
+) -> Score: ...
+@overload
+def median_percent_error(
+    y_true: ArrayLike, y_pred: ArrayLike, *, details: Literal[False] = False
+) -> float: ...
+@overload
+def median_percent_error(
+    y_true: ArrayLike, y_pred: ArrayLike, *, details: Literal[True]
+) -> Score: ...
+@overload
+def spearman(
+    y_true: ArrayLike, y_pred: ArrayLike, *, details: Literal[False] = False
+) -> float: ...
+@overload
+def spearman(
+    y_true: ArrayLike, y_pred: ArrayLike, *, details: Literal[True]
+) -> Score: ...
 @final
 class ScoreInterval:
     @property
@@ -219,9 +392,9 @@ class ScoreInterval:
 
 def interval(
     metric: str,
+    y_true: ArrayLike,
+    y_pred: ArrayLike,
     *,
-    truth: ArrayLike,
-    estimate: ArrayLike,
     units: ArrayLike | None = None,
     reruns: ArrayLike | None = None,
     training_mean: float | None = None,
@@ -230,10 +403,10 @@ def interval(
 ) -> ScoreInterval: ...
 def difference(
     metric: str,
-    *,
-    truth: ArrayLike,
+    y_true: ArrayLike,
     first: ArrayLike,
     second: ArrayLike,
+    *,
     units: ArrayLike | None = None,
     reruns: ArrayLike | None = None,
     training_mean: float | None = None,
@@ -272,4 +445,11 @@ class Coverage:
     @property
     def mean_width(self) -> float: ...
 
-def coverage(*, intervals: ArrayLike, truth: ArrayLike) -> Coverage: ...
+@overload
+def coverage(
+    y_true: ArrayLike, low: ArrayLike, high: ArrayLike, *, details: Literal[False] = False
+) -> float: ...
+@overload
+def coverage(
+    y_true: ArrayLike, low: ArrayLike, high: ArrayLike, *, details: Literal[True]
+) -> Coverage: ...

@@ -5,15 +5,13 @@ Needs scikit-learn 1.6 or later, which the rest of the package does not: `pip in
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Hashable, Iterable
-from pathlib import Path
 from typing import Any, Literal, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._sps import Answer, Encoder, Estimator, UndefinedScore
+from ._sps import Answers, Encoder, Estimator, UndefinedScore
 
 try:
     from sklearn.base import BaseEstimator, RegressorMixin
@@ -62,7 +60,7 @@ class TactileRegressor(RegressorMixin, BaseEstimator):
         encoder: Encoder | None = None,
         *,
         properties: list[str] | None = None,
-        regression: str = "ridge",
+        regression: str | dict[str, Any] = "ridge",
         calibration: float | None = 0.3,
         level: float = 0.9,
         seed: int = 0,
@@ -109,9 +107,7 @@ class TactileRegressor(RegressorMixin, BaseEstimator):
         Raises NotFittedError before fit, ValueError for an array X of another shape, and what
         Estimator.predict_all raises.
         """
-        return self._of_each_property(
-            [[estimate.value for estimate in answer.estimates] for answer in self._answers(X)]
-        )
+        return self._of_each_property(self._answers(X).values)
 
     def predict_interval(self, X: Any) -> _Floats:
         """The intervals, float64 with their lower and upper ends in the last axis: (n, 2), or
@@ -121,13 +117,8 @@ class TactileRegressor(RegressorMixin, BaseEstimator):
         An interval holds the truth of a new surface, or of one of a new group, with a probability of at
         least `level`. Raises what predict raises.
         """
-        return self._of_each_property(
-            [
-                [(estimate.low, estimate.high) for estimate in answer.estimates]
-                for answer in self._answers(X)
-            ],
-            2,
-        )
+        answers = self._answers(X)
+        return self._of_each_property(np.stack([answers.low, answers.high], axis=-1))
 
     def familiarity(self, X: Any) -> _Floats:
         """The p-values of "like those that it was fitted on", float64 (n,): of surfaces that are, at most
@@ -136,7 +127,7 @@ class TactileRegressor(RegressorMixin, BaseEstimator):
 
         Raises what predict raises.
         """
-        return np.array([answer.familiar for answer in self._answers(X)], dtype=np.float64)
+        return self._answers(X).familiar
 
     def score(self, X: Any, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
         """R² about the mean of y, of the surfaces where a property was measured; of several properties
@@ -151,15 +142,13 @@ class TactileRegressor(RegressorMixin, BaseEstimator):
         columns = zip(self.estimator_.properties, np.atleast_2d(truth.T), np.atleast_2d(estimates.T))
         return float(np.mean([_r2(*column, sample_weight) for column in columns]))
 
-    def _answers(self, X: Any) -> list[Answer]:
+    def _answers(self, X: Any) -> Answers:
         check_is_fitted(self)
         return self.estimator_.predict_all(_surfaces(X), scale=self.scale)
 
-    def _of_each_property(self, cells: list[list[Any]], *more: int) -> _Floats:
-        """(n, properties, ...), or (n, ...) where y had one axis; None as NaN."""
-        shape = (len(cells), len(self.estimator_.properties), *more)
-        values = np.array(cells, dtype=np.float64).reshape(shape)
-        return values[:, 0] if self._one_column else values
+    def _of_each_property(self, cells: _Floats) -> _Floats:
+        """(n, properties, ...), or (n, ...) where y had one axis."""
+        return cells[:, 0] if self._one_column else cells
 
     def __sklearn_tags__(self) -> Tags:
         tags = super().__sklearn_tags__()
@@ -168,18 +157,6 @@ class TactileRegressor(RegressorMixin, BaseEstimator):
         tags.input_tags.string = True
         tags.target_tags.multi_output = True
         return tags
-
-    def __getstate__(self) -> dict[str, Any]:
-        state: dict[str, Any] = dict(super().__getstate__())
-        if "estimator_" in state:
-            state["estimator_"] = _files(state["estimator_"])
-        return state
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        files = state.get("estimator_")
-        super().__setstate__(state)
-        if files is not None:
-            self.estimator_ = _estimator(files)
 
 
 def _surfaces(X: Any) -> Any:
@@ -217,18 +194,3 @@ def _r2(property: str, truth: _Floats, estimate: _Floats, weights: ArrayLike | N
         raise UndefinedScore(f"{property}: found {known.sum()} value(s) in y, expected at least two")
     weights = None if weights is None else np.asarray(weights)[known]
     return float(r2_score(truth[known], estimate[known], sample_weight=weights))
-
-
-def _files(estimator: Estimator) -> dict[str, bytes]:
-    """The folder that it is saved as, by the names of its files."""
-    with tempfile.TemporaryDirectory() as folder:
-        estimator.save(folder)
-        return {path.name: path.read_bytes() for path in Path(folder).iterdir()}
-
-
-def _estimator(files: dict[str, bytes]) -> Estimator:
-    """The one that was saved as these files."""
-    with tempfile.TemporaryDirectory() as folder:
-        for name, content in files.items():
-            Path(folder, name).write_bytes(content)
-        return Estimator.load(folder)

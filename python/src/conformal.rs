@@ -1,12 +1,13 @@
 //! Intervals of predictions, and whether they cover.
 
 use numpy::ndarray::Array2;
-use numpy::{AllowTypeChange, IntoPyArray, PyArray2, PyArrayLike2};
+use numpy::{IntoPyArray, PyArray2};
 use pyo3::prelude::*;
 use sps_metrics::{Level, PredictionInterval};
 
 use crate::arrays::{Labels, Numbers};
-use crate::errors::{conformal_error, undefined, value_error};
+use crate::errors::{UndefinedScore, conformal_error, undefined, value_error};
+use crate::scores::Scored;
 
 /// Intervals around estimates that cover the truth at a promised rate, by split conformal prediction.
 ///
@@ -126,37 +127,40 @@ impl Coverage {
     }
 }
 
-/// Empirical coverage and mean width of `intervals`, (n, 2), on `truth`, (n,).
+/// The share of `y_true` that lies in its interval, from `low` to `high`, all (n,): a float; with `details` a
+/// Coverage.
 ///
 /// Raises UndefinedScore where there are none, lengths differ, an end is NaN or infinite, or an
-/// interval ends below its start; ValueError for another shape.
+/// interval ends below its start.
 #[pyfunction]
-#[pyo3(signature = (*, intervals, truth))]
+#[pyo3(signature = (y_true, low, high, *, details = false))]
 pub(crate) fn coverage(
-    intervals: PyArrayLike2<'_, f64, AllowTypeChange>,
-    truth: Numbers,
-) -> PyResult<Coverage> {
-    let intervals = intervals.as_array();
-    let [_, 2] = *intervals.shape() else {
-        let found = intervals.shape();
-        return Err(value_error(format_args!(
-            "intervals of shape {found:?}, expected (n, 2)"
+    y_true: Numbers,
+    low: Numbers,
+    high: Numbers,
+    details: bool,
+) -> PyResult<Scored> {
+    if low.0.len() != high.0.len() {
+        let (low, high) = (low.0.len(), high.0.len());
+        return Err(UndefinedScore::new_err(format!(
+            "{low} lower ends and {high} upper ends"
         )));
-    };
-    let rows = intervals.rows();
-    let ends = rows.into_iter().map(|row| PredictionInterval {
-        low: row[0],
-        high: row[1],
-    });
-    let intervals: Vec<PredictionInterval> = ends.collect();
+    }
+    let ends = low.0.into_iter().zip(high.0);
+    let intervals = ends.map(|(low, high)| PredictionInterval { low, high });
+    let intervals: Vec<PredictionInterval> = intervals.collect();
     let coverage =
-        sps_metrics::coverage(&intervals, &truth.0).map_err(|error| undefined(&error))?;
-    Ok(Coverage {
+        sps_metrics::coverage(&intervals, &y_true.0).map_err(|error| undefined(&error))?;
+    let fraction = coverage.fraction();
+    if !details {
+        return Ok(Scored::Number(fraction));
+    }
+    Ok(Scored::Coverage(Coverage {
         covered: coverage.covered,
         samples: coverage.samples,
-        fraction: coverage.fraction(),
+        fraction,
         mean_width: coverage.mean_width,
-    })
+    }))
 }
 
 fn intervals<'py>(

@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use sps_base::files::write_file;
 use sps_dataset::{DecodeSettings, Frame, read_image};
+use sps_experiment::config::Setting;
 use sps_models::candle::{Device, Tensor};
 use sps_models::encoders::{self, Depths, EncoderKind, Precision};
 use sps_models::weights::Weights;
@@ -38,7 +40,10 @@ pub(crate) struct Encoder {
 #[pymethods]
 impl Encoder {
     #[new]
-    #[pyo3(signature = (name, weights, precision = "f32", depths = Words::Word("all".to_owned())))]
+    #[pyo3(
+        signature = (name, weights, precision = "f32", depths = Words::Word("all".to_owned())),
+        text_signature = "(name, weights, precision='f32', depths='all')"
+    )]
     fn new(
         py: Python<'_>,
         name: &str,
@@ -79,13 +84,14 @@ impl Encoder {
     /// Embeds images: float32 of shape (images, width), in the order given.
     ///
     /// An image is an array of shape (height, width, 3), display-referred RGB, uint8 or float32 from
-    /// 0 to 1, or the path of a PNG, JPEG or EXR. `images` is one, or any iterable of them, of any
-    /// sizes, or the path of a folder, whose images are taken by name; also an array of shape (images, height, width, 3). Images keep their size. An embedding
+    /// 0 to 1, an image of PIL, a tensor of torch (also of shape (3, height, width)), or the path of a
+    /// PNG, JPEG or EXR. `images` is one, or any iterable of them, of any sizes, or the path of a folder,
+    /// whose images are taken by name; also an array of shape (images, height, width, 3). Images keep their size. An embedding
     /// is the same to the last bit whatever is embedded beside it and however many threads there are.
     ///
     /// Raises TypeError for other dtypes and things, ValueError for other shapes and values and for
     /// broken files, OSError where a file cannot be read.
-    fn embed<'py>(
+    fn transform<'py>(
         &self,
         py: Python<'py>,
         images: &Bound<'py, PyAny>,
@@ -99,11 +105,11 @@ impl Encoder {
     /// The same network in int8: in a fraction of the time where the processor has AVX512-VNNI, with
     /// embeddings that move by some hundredths of their norm.
     ///
-    /// Its feature maps are scaled by `images`, as `embed` takes them: of the kind that it is to embed, a few
+    /// Its feature maps are scaled by `images`, as `transform` takes them: of the kind that it is to embed, a few
     /// dozen are enough. Its weights are written to `file` with the scales, from which
     /// `Encoder(name, file, "int8")` reads them.
     ///
-    /// Raises what `embed` raises, ValueError where there is no image, and OSError where the file cannot
+    /// Raises what `transform` raises, ValueError where there is no image, and OSError where the file cannot
     /// be written.
     fn calibrated(
         &self,
@@ -142,6 +148,24 @@ impl Encoder {
     }
 }
 
+/// The networks that Encoder takes: a dictionary for each, with its name, its depths from shallow to deep,
+/// and whether its weights are built-in.
+#[pyfunction]
+pub(crate) fn list_encoders(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
+    let of_images = EncoderKind::ALL
+        .into_iter()
+        .filter(|kind| !kind.takes_sequences());
+    let listed = of_images.map(|kind| {
+        let depths = kind.depths().into_iter().map(|block| block.name);
+        let listed = PyDict::new(py);
+        listed.set_item("name", kind.name())?;
+        listed.set_item("depths", depths.collect::<Vec<_>>())?;
+        listed.set_item("built_in", kind.check_built_in().is_ok())?;
+        Ok(listed)
+    });
+    listed.collect()
+}
+
 /// Depths as Python has them.
 #[derive(FromPyObject, IntoPyObject)]
 pub(crate) enum Words {
@@ -173,6 +197,21 @@ impl Encoder {
     /// The network alone.
     pub(crate) fn network(&self) -> &encoders::Encoder {
         &self.network
+    }
+
+    /// What a config says of it.
+    pub(crate) fn settings(&self) -> Vec<Setting> {
+        let depths: toml::Value = match Words::of(self.network.depths()) {
+            Words::Word(word) => word.into(),
+            Words::Names(names) => names.into(),
+        };
+        let weights = self.weights.display().to_string();
+        vec![
+            Setting::new("encoder.name", self.name()),
+            Setting::new("encoder.weights", weights),
+            Setting::new("encoder.precision", self.precision()),
+            Setting::new("encoder.depths", depths),
+        ]
     }
 
     /// The pixels of images that are large enough.

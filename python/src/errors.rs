@@ -51,6 +51,18 @@ pub(crate) fn estimator_error(error: &sps_estimator::Error) -> PyErr {
     }
 }
 
+/// What a run says: a file that cannot be read or written is an `OSError`, all else a `ValueError`.
+pub(crate) fn any_error(error: anyhow::Error) -> PyErr {
+    let whole = format!("{error:#}");
+    let source = error
+        .chain()
+        .find_map(|cause| cause.downcast_ref::<io::Error>());
+    match source {
+        Some(source) => os_error(source, whole),
+        None => value_error(whole),
+    }
+}
+
 /// As [`model_error`] for weights alone.
 pub(crate) fn weights_error(error: &WeightsError) -> PyErr {
     match error.kind() {

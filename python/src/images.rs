@@ -11,10 +11,11 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyIterator;
 use rayon::prelude::*;
-use sps_dataset::{Extent, Frame};
+use sps_base::files::write_file;
+use sps_dataset::{Extent, Frame, FrameFormat};
 use sps_estimator::photographs_in;
 
-use crate::errors::{estimator_error, value_error};
+use crate::errors::{estimator_error, file_error, value_error};
 
 /// Images that are decoded and embedded at once, for each thread: as many as a thread takes through
 /// the network together, and few enough that large ones fit in memory.
@@ -28,7 +29,8 @@ pub(crate) struct Image {
 }
 
 enum Content {
-    Pixels(Frame),
+    /// With the format of a file that keeps them.
+    Pixels(Frame, FrameFormat),
     File(PathBuf),
 }
 
@@ -64,10 +66,34 @@ impl<'py> Images<'py> {
 
 /// Whether it is meant as one image: a path, or an array of up to three axes.
 pub(crate) fn is_one(image: &Bound<'_, PyAny>) -> bool {
-    match image.cast::<PyUntypedArray>() {
-        Ok(array) => array.ndim() <= 3,
-        Err(_) => image.extract::<PathBuf>().is_ok(),
+    match array(image) {
+        Ok(Some(array)) => array.ndim() <= 3,
+        Ok(None) => image.extract::<PathBuf>().is_ok(),
+        // What is wrong with it is said where it is read.
+        Err(_) => true,
     }
+}
+
+/// An array, an image of PIL or a tensor of torch as an array, the channels last.
+fn array<'py>(image: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyUntypedArray>>> {
+    if let Ok(array) = image.cast::<PyUntypedArray>() {
+        return Ok(Some(array.clone()));
+    }
+    let tensor = image.hasattr("__dlpack__")?;
+    if !tensor && !image.hasattr("__array_interface__")? {
+        return Ok(None);
+    }
+    let function = if tensor { "from_dlpack" } else { "asarray" };
+    let mut array = image
+        .py()
+        .import("numpy")?
+        .call_method1(function, (image,))?;
+    if let Ok((3, _, columns)) = array.getattr("shape")?.extract::<(usize, usize, usize)>()
+        && columns != 3
+    {
+        array = array.call_method1("transpose", (1, 2, 0))?;
+    }
+    Ok(Some(array.cast_into()?))
 }
 
 impl Iterator for Images<'_> {
@@ -128,22 +154,39 @@ impl Image {
     }
 
     pub(crate) fn new(name: String, image: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let content = match image.cast::<PyUntypedArray>() {
-            Ok(array) => Content::Pixels(pixels(&name, array)?),
-            Err(_) => Content::File(image.extract().map_err(|_| {
+        let content = if let Some(array) = array(image)? {
+            let (frame, format) = pixels(&name, &array)?;
+            Content::Pixels(frame, format)
+        } else {
+            Content::File(image.extract().map_err(|_| {
                 PyTypeError::new_err(match image.get_type().fully_qualified_name() {
-                    Ok(found) => format!("{name} is a {found}, expected a numpy array or a path"),
+                    Ok(found) => format!("{name} is a {found}, expected an array or a path"),
                     Err(error) => error.to_string(),
                 })
-            })?),
+            })?)
         };
         Ok(Self { name, content })
+    }
+
+    /// The path of a file of it: its own, or `stem` with an ending, written now.
+    pub(crate) fn into_file(self, stem: &Path) -> PyResult<PathBuf> {
+        let (frame, format) = match self.content {
+            Content::File(path) => return Ok(path),
+            Content::Pixels(frame, format) => (frame, format),
+        };
+        let bytes = format.encode(&frame);
+        let bytes = bytes.map_err(|error| value_error(format_args!("{}: {error}", self.name)))?;
+        let path = stem.with_extension(format.extension());
+        match write_file(&path, &bytes) {
+            Ok(()) => Ok(path),
+            Err(error) => Err(file_error(&error, &path)),
+        }
     }
 
     /// The size that it comes in, of a file as `read` reads it.
     pub(crate) fn extent(&self, read: impl FnOnce(&Path) -> PyResult<Frame>) -> PyResult<Extent> {
         match &self.content {
-            Content::Pixels(frame) => Ok(frame.extent()),
+            Content::Pixels(frame, _) => Ok(frame.extent()),
             Content::File(path) => Ok(read(path)?.extent()),
         }
     }
@@ -157,7 +200,7 @@ impl Image {
         take: impl FnOnce(Frame) -> PyResult<Frame>,
     ) -> PyResult<Frame> {
         let frame = match self.content {
-            Content::Pixels(frame) => take(frame)?,
+            Content::Pixels(frame, _) => take(frame)?,
             Content::File(path) => read(&path)?,
         };
         let Frame { width, height, .. } = frame;
@@ -172,30 +215,32 @@ impl Image {
 }
 
 /// A copy of the array's pixels: bytes as the readers of image files take them, floats as they are.
-fn pixels(name: &str, array: &Bound<'_, PyUntypedArray>) -> PyResult<Frame> {
+fn pixels(name: &str, array: &Bound<'_, PyUntypedArray>) -> PyResult<(Frame, FrameFormat)> {
     let &[height, width, 3] = array.shape() else {
         return Err(value_error(format_args!(
             "{name} is of shape {:?}, expected (height, width, 3)",
             array.shape()
         )));
     };
-    let data = if let Ok(bytes) = array.cast::<PyArray3<u8>>() {
-        values(bytes, |byte| f32::from(byte) / 255.0)?
+    let (data, format) = if let Ok(bytes) = array.cast::<PyArray3<u8>>() {
+        let data = values(bytes, |byte| f32::from(byte) / 255.0)?;
+        (data, FrameFormat::Png)
     } else if let Ok(floats) = array.cast::<PyArray3<f32>>() {
         let data = values(floats, |value| value)?;
         in_range(name, &data)?;
-        data
+        (data, FrameFormat::Exr)
     } else {
         return Err(PyTypeError::new_err(format!(
             "{name} is of dtype {}, expected uint8, or float32 from 0 to 1",
             array.dtype().typeobj().name()?
         )));
     };
-    Ok(Frame {
+    let frame = Frame {
         width,
         height,
         data,
-    })
+    };
+    Ok((frame, format))
 }
 
 /// The array's elements, row-major, each turned into a value.

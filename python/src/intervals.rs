@@ -33,8 +33,8 @@ pub(crate) struct ScoreInterval {
 /// The interval of a score: how far it would move if other units had been tested, and where `reruns`
 /// are given if other models had been trained.
 ///
-/// `metric` is r2 (with `training_mean`), r2_own_mean, mae, rmse, median_percent_error or spearman;
-/// `truth` and `estimate` are of shape (samples,). `units` says which unit each sample is of, by
+/// `metric` is r2, mae, rmse, median_percent_error or spearman; `y_true` and `y_pred` are of shape
+/// (samples,). `units` says which unit each sample is of, by
 /// numbers or strings: a surface, or a group of surfaces that are alike (None: each is a unit of its
 /// own, in a rerun the first of one that of another). `reruns` says likewise which training each
 /// estimate is of (None: all are of one model, and the interval is for that model). Where the reruns
@@ -44,14 +44,14 @@ pub(crate) struct ScoreInterval {
 /// Raises UndefinedScore where the score has no value, ValueError where there are fewer than two
 /// units or reruns.
 #[pyfunction]
-#[pyo3(signature = (metric, *, truth, estimate, units = None, reruns = None, training_mean = None,
+#[pyo3(signature = (metric, y_true, y_pred, *, units = None, reruns = None, training_mean = None,
                     level = 0.95, test_per_training = 0.0))]
 #[expect(clippy::too_many_arguments, reason = "each is a keyword")]
 pub(crate) fn interval(
     py: Python<'_>,
     metric: &str,
-    truth: Numbers,
-    estimate: Numbers,
+    y_true: Numbers,
+    y_pred: Numbers,
     units: Option<Labels>,
     reruns: Option<Labels>,
     training_mean: Option<f64>,
@@ -60,7 +60,7 @@ pub(crate) fn interval(
 ) -> PyResult<ScoreInterval> {
     let metric = named(metric, training_mean)?;
     let intervals = intervals(level, reruns.is_some(), test_per_training)?;
-    let groups = Group::all(&truth.0, &[&estimate.0], units.as_ref(), reruns.as_ref())?;
+    let groups = Group::all(&y_true.0, &[&y_pred.0], units.as_ref(), reruns.as_ref())?;
     found(py.detach(|| intervals.interval(&scored(metric, &groups, 0))))
 }
 
@@ -69,13 +69,13 @@ pub(crate) fn interval(
 ///
 /// Arguments and errors are those of `interval`; `first` and `second` are the methods' estimates.
 #[pyfunction]
-#[pyo3(signature = (metric, *, truth, first, second, units = None, reruns = None,
+#[pyo3(signature = (metric, y_true, first, second, *, units = None, reruns = None,
                     training_mean = None, level = 0.95, test_per_training = 0.0))]
 #[expect(clippy::too_many_arguments, reason = "each is a keyword")]
 pub(crate) fn difference(
     py: Python<'_>,
     metric: &str,
-    truth: Numbers,
+    y_true: Numbers,
     first: Numbers,
     second: Numbers,
     units: Option<Labels>,
@@ -87,7 +87,7 @@ pub(crate) fn difference(
     let metric = named(metric, training_mean)?;
     let intervals = intervals(level, reruns.is_some(), test_per_training)?;
     let both = [&first.0[..], &second.0];
-    let groups = Group::all(&truth.0, &both, units.as_ref(), reruns.as_ref())?;
+    let groups = Group::all(&y_true.0, &both, units.as_ref(), reruns.as_ref())?;
     found(
         py.detach(|| {
             intervals.difference(&scored(metric, &groups, 0), &scored(metric, &groups, 1))

@@ -10,15 +10,26 @@
 
 mod arrays;
 mod conformal;
+mod dataset;
 mod encoder;
 mod errors;
 mod estimator;
 mod images;
 mod intervals;
+mod own;
+mod program;
+mod runs;
 mod scores;
+mod settings;
 mod views;
+mod work;
 
+use peak_alloc::PeakAlloc;
 use pyo3::prelude::*;
+
+/// Counts what work allocates, which results say.
+#[global_allocator]
+static ALLOCATOR: PeakAlloc = PeakAlloc;
 
 /// What `sps/__init__.py` exports; `sps/_sps.pyi` has its types.
 #[pymodule]
@@ -26,15 +37,23 @@ mod _sps {
     #[pymodule_export]
     use crate::conformal::{Coverage, GroupConformal, SplitConformal, coverage};
     #[pymodule_export]
-    use crate::encoder::Encoder;
+    use crate::dataset::{Dataset, simulate};
+    #[pymodule_export]
+    use crate::encoder::{Encoder, list_encoders};
     #[pymodule_export]
     use crate::errors::UndefinedScore;
     #[pymodule_export]
-    use crate::estimator::{Answer, Estimate, Estimator, Looked, Session};
+    use crate::estimator::{Answer, Answers, Estimate, Estimator, Looked, Session};
     #[pymodule_export]
     use crate::intervals::{ScoreInterval, difference, holm, interval};
     #[pymodule_export]
-    use crate::scores::{Score, mae, median_percent_error, r2, r2_own_mean, rmse, spearman};
+    use crate::own::{Fitted, fit};
+    #[pymodule_export]
+    use crate::program::program;
+    #[pymodule_export]
+    use crate::runs::{Comparison, Run, compare, experiment};
+    #[pymodule_export]
+    use crate::scores::{Score, mae, median_percent_error, r2, rmse, spearman};
     #[pymodule_export]
     use crate::views::{Selection, select_views};
     #[pymodule_export]

@@ -1,13 +1,13 @@
 //! Scores of one property.
 
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 use sps_metrics::{Metric, Samples, TrainingMean};
 
 use crate::arrays::Numbers;
+use crate::conformal::Coverage;
 use crate::errors::{undefined, value_error};
 
-/// A finite score and what it rests on; `float(score)` is its value, and numpy takes it for that number.
+/// A finite score and what it rests on.
 #[pyclass(module = "sps", frozen, get_all)]
 pub(crate) struct Score {
     /// In the unit of its metric: none for R² and Spearman, the truth's for MAE and RMSE, percent for
@@ -21,25 +21,6 @@ pub(crate) struct Score {
 
 #[pymethods]
 impl Score {
-    fn __float__(&self) -> f64 {
-        self.value
-    }
-
-    /// Its value, (), float64 unless `dtype` says otherwise: numpy makes an array of scores by it.
-    #[pyo3(signature = (dtype = None, copy = None))]
-    fn __array__<'py>(
-        &self,
-        py: Python<'py>,
-        dtype: Option<&Bound<'py, PyAny>>,
-        copy: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let settings = PyDict::new(py);
-        settings.set_item("dtype", dtype)?;
-        settings.set_item("copy", copy)?;
-        py.import("numpy")?
-            .call_method("array", (self.value,), Some(&settings))
-    }
-
     fn __repr__(&self) -> String {
         let Self {
             value,
@@ -50,76 +31,87 @@ impl Score {
     }
 }
 
-/// R² as the paper writes it, about the mean of the training split: 1 - sum (t - e)² / sum (t - m)².
-///
-/// Raises UndefinedScore where there is none: no samples, unequal lengths, NaN or infinity, or every
-/// truth equal to the mean.
-#[pyfunction]
-#[pyo3(signature = (*, truth, estimate, training_mean))]
-pub(crate) fn r2(truth: Numbers, estimate: Numbers, training_mean: f64) -> PyResult<Score> {
-    let mean = TrainingMean::new(training_mean).map_err(|error| undefined(&error))?;
-    score(Metric::R2(mean), &truth, &estimate)
+/// A number, or all that is known of it.
+#[derive(IntoPyObject)]
+pub(crate) enum Scored {
+    Number(f64),
+    Score(Score),
+    Coverage(Coverage),
 }
 
-/// R² about the samples' own mean, as scikit-learn's `r2_score`.
+/// R², 1 - sum (t - e)² / sum (t - m)², where m is `training_mean`, as the paper has it, or else the mean
+/// of y_true, as scikit-learn's `r2_score` has it. A float; with `details`, as of every metric here, a Score.
 ///
-/// Raises UndefinedScore as `r2` does, for a constant truth and for one sample.
+/// Raises UndefinedScore where there is none: no samples, unequal lengths, NaN or infinity, every truth
+/// equal to the mean, and one sample about its own mean.
 #[pyfunction]
-#[pyo3(signature = (*, truth, estimate))]
-pub(crate) fn r2_own_mean(truth: Numbers, estimate: Numbers) -> PyResult<Score> {
-    score(Metric::R2OwnMean, &truth, &estimate)
+#[pyo3(signature = (y_true, y_pred, *, training_mean = None, details = false))]
+pub(crate) fn r2(
+    y_true: Numbers,
+    y_pred: Numbers,
+    training_mean: Option<f64>,
+    details: bool,
+) -> PyResult<Scored> {
+    score(named("r2", training_mean)?, &y_true, &y_pred, details)
 }
 
 /// Mean absolute error, in the unit of the truth.
 ///
 /// Raises UndefinedScore where there are no samples, unequal lengths, NaN or infinity.
 #[pyfunction]
-#[pyo3(signature = (*, truth, estimate))]
-pub(crate) fn mae(truth: Numbers, estimate: Numbers) -> PyResult<Score> {
-    score(Metric::Mae, &truth, &estimate)
+#[pyo3(signature = (y_true, y_pred, *, details = false))]
+pub(crate) fn mae(y_true: Numbers, y_pred: Numbers, details: bool) -> PyResult<Scored> {
+    score(Metric::Mae, &y_true, &y_pred, details)
 }
 
 /// Root of the mean squared error, in the unit of the truth.
 ///
 /// Raises UndefinedScore as `mae` does.
 #[pyfunction]
-#[pyo3(signature = (*, truth, estimate))]
-pub(crate) fn rmse(truth: Numbers, estimate: Numbers) -> PyResult<Score> {
-    score(Metric::Rmse, &truth, &estimate)
+#[pyo3(signature = (y_true, y_pred, *, details = false))]
+pub(crate) fn rmse(y_true: Numbers, y_pred: Numbers, details: bool) -> PyResult<Scored> {
+    score(Metric::Rmse, &y_true, &y_pred, details)
 }
 
 /// Median of 100 |t - e| / |t|, in percent; truths of zero are left out and counted.
 ///
 /// Raises UndefinedScore as `mae` does, and where every truth is zero.
 #[pyfunction]
-#[pyo3(signature = (*, truth, estimate))]
-pub(crate) fn median_percent_error(truth: Numbers, estimate: Numbers) -> PyResult<Score> {
-    score(Metric::MedianPercentError, &truth, &estimate)
+#[pyo3(signature = (y_true, y_pred, *, details = false))]
+pub(crate) fn median_percent_error(
+    y_true: Numbers,
+    y_pred: Numbers,
+    details: bool,
+) -> PyResult<Scored> {
+    score(Metric::MedianPercentError, &y_true, &y_pred, details)
 }
 
 /// Spearman's rank correlation, -1 to 1; equal values share their average rank.
 ///
 /// Raises UndefinedScore as `mae` does, for constant truths or estimates and for one sample.
 #[pyfunction]
-#[pyo3(signature = (*, truth, estimate))]
-pub(crate) fn spearman(truth: Numbers, estimate: Numbers) -> PyResult<Score> {
-    score(Metric::Spearman, &truth, &estimate)
+#[pyo3(signature = (y_true, y_pred, *, details = false))]
+pub(crate) fn spearman(y_true: Numbers, y_pred: Numbers, details: bool) -> PyResult<Scored> {
+    score(Metric::Spearman, &y_true, &y_pred, details)
 }
 
-fn score(metric: Metric, truth: &Numbers, estimate: &Numbers) -> PyResult<Score> {
+fn score(metric: Metric, truth: &Numbers, estimate: &Numbers, details: bool) -> PyResult<Scored> {
     let samples = Samples {
         truth: &truth.0,
         estimate: &estimate.0,
     };
     let score = metric.score(samples).map_err(|error| undefined(&error))?;
-    Ok(Score {
+    if !details {
+        return Ok(Scored::Number(score.value));
+    }
+    Ok(Scored::Score(Score {
         value: score.value,
         samples: score.samples,
         zero_truths: score.zero_truths,
-    })
+    }))
 }
 
-/// The metric of this name; R² takes the mean of the training split, the others none.
+/// The metric of this name; R² may be about the mean of the training split, the others not.
 pub(crate) fn named(name: &str, training_mean: Option<f64>) -> PyResult<Metric> {
     let metric = match (name, training_mean) {
         ("r2", Some(mean)) => {
@@ -127,16 +119,15 @@ pub(crate) fn named(name: &str, training_mean: Option<f64>) -> PyResult<Metric> 
                 .map(Metric::R2)
                 .map_err(|error| undefined(&error));
         }
-        ("r2", None) => return Err(value_error("no training_mean, which r2 is about")),
-        ("r2_own_mean", _) => Metric::R2OwnMean,
+        ("r2", None) => Metric::R2OwnMean,
         ("mae", _) => Metric::Mae,
         ("rmse", _) => Metric::Rmse,
         ("median_percent_error", _) => Metric::MedianPercentError,
         ("spearman", _) => Metric::Spearman,
         _ => {
             return Err(value_error(format_args!(
-                "unknown metric {name:?}, expected r2, r2_own_mean, mae, rmse, \
-                 median_percent_error or spearman"
+                "unknown metric {name:?}, expected r2, mae, rmse, median_percent_error \
+                 or spearman"
             )));
         }
     };

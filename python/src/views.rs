@@ -12,6 +12,7 @@ use serde_json::{Map, Value};
 use sps_viewselect::{AnySelector, LossError, Problem, SelectError, Selector, SetLoss, Sets};
 
 use crate::errors::value_error;
+use crate::settings::json;
 
 /// The views that were selected, and what they cost.
 #[pyclass(module = "sps", frozen, get_all)]
@@ -100,9 +101,7 @@ pub(crate) fn select_views(
 fn configured(method: &str, settings: Option<&Bound<'_, PyDict>>) -> PyResult<AnySelector> {
     let mut values = Map::new();
     if let Some(settings) = settings {
-        let json = settings.py().import("json")?;
-        let text: String = json.call_method1("dumps", (settings,))?.extract()?;
-        values = serde_json::from_str(&text).map_err(value_error)?;
+        values = serde_json::from_value(json(settings)?).map_err(value_error)?;
     }
     let mut values = Value::Object(values);
     kebab_case(&mut values);

@@ -1,5 +1,6 @@
 import json
 import os
+import pickle
 import subprocess
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -74,15 +75,13 @@ def test_new_surfaces_are_estimated_and_covered(encoder, photographs, widths, re
     model = sps.Estimator.fit(photographs, widths, encoder=encoder, regression=regression)
     truth = felt(60, seed=2)
     answers = model.predict_all(stripes(width, 1000 + at) for at, width in enumerate(truth))
-    estimates = [answer.estimates[0] for answer in answers]
-    assert {one.property for one in estimates} == {"value"}
-    score = sps.r2_own_mean(truth=truth, estimate=[one.value for one in estimates])
-    assert score.value > 0.5
+    assert {answer.estimates[0].property for answer in answers} == {"value"}
+    assert sps.r2(truth, answers.values[:, 0]) > 0.5
     # 54 of 60 are promised on average; a binomial holds fewer than 46 once in a thousand times.
-    held = sum(one.low <= value <= one.high for one, value in zip(estimates, truth))
-    assert held >= 46
+    held = sps.coverage(truth, answers.low[:, 0], answers.high[:, 0], details=True)
+    assert held.covered >= 46
     # p-values of the like are spread evenly, or lie higher.
-    assert sum(answer.familiar <= 0.05 for answer in answers) <= 10
+    assert (answers.familiar <= 0.05).sum() <= 10
     noise = np.random.default_rng(0).integers(0, 256, (SIDE, SIDE, 3), dtype=np.uint8)
     assert model.predict(noise).familiar <= 0.05
 
@@ -121,7 +120,7 @@ def test_it_comes_back_from_its_folder_the_same(model, photographs, tmp_path):
 def test_several_surfaces_and_several_photographs(model, photographs):
     one, other = photographs[:2]
     together = model.predict_all([one, [one, other], np.stack([other])])
-    assert together == [model.predict(what) for what in (one, [one, other], other)]
+    assert list(together) == [model.predict(what) for what in (one, [one, other], other)]
     first, both, second = together
     for at in range(2):
         each = [answer.estimates[at].value for answer in (first, second)]
@@ -132,7 +131,49 @@ def test_several_surfaces_and_several_photographs(model, photographs):
     assert "found 2 photographs" in both.no_interval["fRS"]
     assert first.no_interval == {}
     assert both.familiar == min(1, 2 * min(first.familiar, second.familiar))
-    assert model.predict_all([]) == []
+    assert model.predict_all([]).values.shape == (0, 2)
+
+
+def test_answers_are_arrays(model, photographs):
+    answers = model.predict_all([photographs[0], photographs[:2]])
+    for of in ("values", "low", "high"):
+        name = of.rstrip("s")
+        each = [[getattr(one, name) for one in answer.estimates] for answer in answers]
+        np.testing.assert_array_equal(getattr(answers, of), np.array(each, float))
+        np.testing.assert_array_equal(getattr(answers[0], of), each[0])
+    assert np.isnan(answers[1].low).all() and answers.low.shape == (2, 2)
+    np.testing.assert_array_equal(answers.familiar, [answer.familiar for answer in answers])
+    with pytest.raises(IndexError):
+        answers[2]
+
+
+def test_a_pickled_model_says_the_same(model, photographs, tmp_path):
+    model.save(tmp_path)
+    for one in (model, sps.Estimator.load(tmp_path, joint=True)):
+        copy = pickle.loads(pickle.dumps(one))
+        assert copy.predict_all(photographs[:4]) == one.predict_all(photographs[:4])
+        assert copy.about == one.about
+
+
+@pytest.mark.parametrize(
+    ("regression", "same"),
+    [
+        ({"kind": "ridge", "ridge": {"penalties": [1.0]}}, False),
+        ({"kind": "kernel-ridge", "kernel-ridge": {"at-most": 10}}, False),
+        ({"kind": "head", "head": {"epochs": 2}}, False),
+        ({"kind": "head", "head": {"epochs": 1, "model": {"kind": "cross-modal"}}}, False),
+        ({"kind": "stacked", "members": ["ridge", "nearest"], "folds": 3}, False),
+        ({"kind": "nearest"}, True),
+    ],
+)
+def test_regressions_have_the_settings_of_a_config(encoder, photographs, widths, regression, same):
+    def fit(regression):
+        model = sps.Estimator.fit(photographs, widths, encoder=encoder, regression=regression)
+        return model.predict(photographs[0])
+
+    usual = {"kind": regression["kind"]} if regression["kind"] != "stacked" else "ridge"
+    assert (fit(regression) == fit(usual)) == same
+    assert fit(regression) == fit(regression)
 
 
 def test_the_interval_of_two_photographs_holds_at_the_level(encoder, photographs, widths):
@@ -281,7 +322,10 @@ def test_eight_threads_at_once(model, photographs):
         ({"values": np.zeros((60, 2))}, ValueError, 'found \\["value"\\], expected a name for each'),
         ({"values": np.full(60, np.inf)}, ValueError, "inf for value of surface 0"),
         ({"values": np.zeros(59)}, ValueError, "found those of 60 surfaces, expected 59"),
-        ({"regression": "forest"}, ValueError, 'found "forest", expected one of ridge, kernel-ri'),
+        ({"regression": "forest"}, ValueError, "methods.0.kind.*`forest`"),
+        ({"regression": {"kind": "head", "head": {"epoch": 1}}}, ValueError, "mean `epochs`"),
+        ({"regression": {"kind": "ridge", "views": 3}}, ValueError, "found `views`, expected kind"),
+        ({"regression": "mean"}, ValueError, "expected one that looks at photographs"),
         ({"level": 1.0}, ValueError, "1"),
         ({"calibration": 0.0}, ValueError, "0"),
         ({"resize": 0}, ValueError, "resize: found 0, expected at least a pixel"),

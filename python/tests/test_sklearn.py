@@ -83,9 +83,7 @@ def values(widths):
 def said(estimator, photographs):
     """(values, intervals, p-values) of an sps.Estimator."""
     answers = estimator.predict_all(photographs)
-    cells = [[(one.value, one.low, one.high) for one in answer.estimates] for answer in answers]
-    cells = np.array(cells, float)
-    return cells[..., 0], cells[..., 1:], np.array([answer.familiar for answer in answers])
+    return answers.values, np.stack([answers.low, answers.high], axis=-1), answers.familiar
 
 
 def test_it_says_what_the_estimator_says(encoder, photographs, values):
@@ -286,7 +284,7 @@ def test_what_cannot_be_set(photographs, widths):
     with pytest.raises(ValueError, match="Invalid parameter 'levels' for estimator TactileRegr"):
         TactileRegressor().set_params(levels=0.5)
     for settings, message in [
-        ({"regression": "forest"}, 'found "forest", expected one of ridge'),
+        ({"regression": "forest"}, "methods.0.kind.*`forest`"),
         ({"level": 2.0}, "2"),
         ({"properties": ["a", "b"]}, "expected a name for each of 1 columns"),
     ]:

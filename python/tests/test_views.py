@@ -110,11 +110,11 @@ def test_the_loss_is_called_where_it_was_handed_over():
 
 def test_the_loss_may_embed_and_select(encoder):
     frames = np.random.default_rng(0).integers(0, 256, (5, 16, 16, 3), dtype=np.uint8)
-    target = encoder.embed(frames).mean(axis=0)
+    target = encoder.transform(frames).mean(axis=0)
 
     def loss(views):
         inner = sps.select_views(lambda one: float(one[0]), 3, 1, "exhaustive")
-        embedded = encoder.embed(frames[list(views)]).mean(axis=0)
+        embedded = encoder.transform(frames[list(views)]).mean(axis=0)
         return inner.loss + np.linalg.norm(embedded - target)
 
     found = sps.select_views(loss, 5, 2, "exhaustive", distinct=True)

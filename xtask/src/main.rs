@@ -5,6 +5,7 @@ mod cmd;
 mod docs;
 mod pretraining;
 
+use std::env;
 use std::process::ExitCode;
 
 use clap::Subcommand;
@@ -24,7 +25,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    sps::main("cargo xtask", |command| match command {
+    sps::main("cargo xtask", env::args_os(), |command| match command {
         Command::Sps(command) => command.run(),
         Command::Pretrain(args) => cmd::pretrain::run(args),
         Command::Docs(args) => cmd::docs::run(args),

@@ -1,13 +1,18 @@
 //! The surfaces that an experiment runs on.
 
+use std::path::Path;
+
 use anyhow::{Context, Result};
 use sps_dataset::{
-    DatasetFolder, NearTwins, Origin, OutOfRange, Property, RollAngle, Source, TactileSettings,
+    DatasetFolder, FrameFormat, NearTwins, Origin, OutOfRange, Property, RollAngle, Source,
+    TactileSettings, WriteOptions, Written, write_dataset,
 };
 use sps_simulate::{Ceilings, Simulator, SimulatorSpec, ceilings};
 use tracing::info;
 
 use crate::config::DataSpec;
+use crate::files::write_atomically;
+use crate::progress::Progress;
 
 /// Work that can be done on any source.
 pub(crate) trait WithSource {
@@ -32,7 +37,7 @@ pub(crate) struct About {
 }
 
 /// Surfaces that the ceilings are measured on: the standard error is then about 0.01.
-pub const CEILING_SURFACES: usize = 4000;
+const CEILING_SURFACES: usize = 4000;
 
 /// Opens the data and hands it to `work`.
 pub(crate) fn with_source<W: WithSource>(data: &DataSpec, work: W) -> Result<W::Output> {
@@ -70,6 +75,27 @@ pub(crate) fn with_source<W: WithSource>(data: &DataSpec, work: W) -> Result<W::
             work.call(&source, about)
         }
     }
+}
+
+/// Writes simulated surfaces into `folder` as a dataset, with the limit of what can be known of them in
+/// `ceilings.json`, or goes on where that was stopped.
+///
+/// # Errors
+/// Numbers that no simulator has; a folder that cannot be written to.
+pub fn simulate(spec: &SimulatorSpec, format: FrameFormat, folder: &Path) -> Result<Written> {
+    let simulator = Simulator::new(spec.clone())?;
+    let options = WriteOptions {
+        format,
+        description: "Simulated surfaces; no value in it was measured".to_owned(),
+        source: format!("sps simulator, seed {}", spec.seed),
+    };
+    let progress = Progress::new("surfaces", spec.surfaces);
+    let written = write_dataset(&simulator, folder, &options, |_, _| progress.advance(1))?;
+    let ceilings = ceilings(spec.seed, CEILING_SURFACES, spec.locations);
+    let mut text = serde_json::to_string_pretty(&ceilings).context("ceilings")?;
+    text.push('\n');
+    write_atomically(&folder.join("ceilings.json"), text.as_bytes())?;
+    Ok(written)
 }
 
 fn about_simulated(spec: &SimulatorSpec) -> About {

@@ -5,7 +5,7 @@
 //! - [`config`] reads a TOML file into a checked [`config::Experiment`].
 //! - [`run`] runs it, resumes it, does a part of it or says what is missing.
 //! - [`results`] and [`predictions`] are what a run leaves in its folder.
-//! - [`train`] fits the model that a config names, to be kept.
+//! - [`train`] fits the model that a config names, to be kept; [`own`] needs no config.
 //! - [`training`] trains encoders.
 //! - The rest is small and shared by the programs that show results: [`files`], [`checksums`], [`cells`],
 //!   [`text`], [`progress`].
@@ -28,6 +28,7 @@ mod fuzz;
 mod journal;
 pub mod machine;
 mod memory;
+pub mod own;
 pub mod paper;
 pub mod predictions;
 pub mod progress;

@@ -1,6 +1,7 @@
 //! `predictions.csv`: every held-out estimate beside its measured value.
 
 use std::collections::HashMap;
+use std::fs::File;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -97,7 +98,8 @@ pub fn read(folder: &Path) -> Result<Vec<Prediction>> {
 pub fn of_methods(folder: &Path, is_wanted: impl Fn(&str) -> bool) -> Result<Vec<Prediction>> {
     let path = folder.join(FILE);
     let failed = || format!("cannot read {}", path.display());
-    let mut reader = csv::Reader::from_path(&path).with_context(failed)?;
+    let file = File::open(&path).with_context(failed)?;
+    let mut reader = csv::Reader::from_reader(file);
     let header = reader.headers().with_context(failed)?.clone();
     let method = header.iter().position(|column| column == "method");
     let method = method.context("no column `method`").with_context(failed)?;

@@ -1,17 +1,46 @@
 //! Progress of work that takes longer than a second: a bar on a terminal, a line now and then
 //! elsewhere.
 
+use std::cell::RefCell;
 use std::io::IsTerminal;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use anyhow::{Result, ensure};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tracing::info;
 
 const BETWEEN_LINES: Duration = Duration::from_secs(10);
 
+/// Follows work, and may end it.
+pub trait Follower: Send + Sync {
+    /// So many of `what` are done, of so many. Work on several threads says so on each.
+    fn advanced(&self, what: &str, done: usize, total: usize);
+
+    /// Whether the work is to end, with an error.
+    fn is_over(&self) -> bool;
+}
+
+thread_local! {
+    static FOLLOWER: RefCell<Option<Arc<dyn Follower>>> = const { RefCell::new(None) };
+}
+
+/// Has all work that this thread begins from now on followed by `follower`, in place of a bar.
+pub fn follow(follower: Arc<dyn Follower>) {
+    FOLLOWER.set(Some(follower));
+}
+
+/// That whoever follows the work of this thread lets it go on.
+pub(crate) fn ensure_wanted() -> Result<()> {
+    let over = FOLLOWER
+        .with_borrow(|follower| follower.as_ref().is_some_and(|follower| follower.is_over()));
+    ensure!(!over, "the work was stopped");
+    Ok(())
+}
+
 /// Counts up to a total; shows rate and time left.
 pub struct Progress {
+    follower: Option<Arc<dyn Follower>>,
     bar: ProgressBar,
     what: String,
     next_line: Option<Mutex<Instant>>,
@@ -32,11 +61,16 @@ impl Progress {
         let bar = ProgressBar::new(total as u64)
             .with_style(style)
             .with_message(what.to_owned());
+        let follower = FOLLOWER.with_borrow(Clone::clone);
+        if follower.is_some() {
+            bar.set_draw_target(ProgressDrawTarget::hidden());
+        }
         bar.set_position(done as u64);
         bar.reset_eta();
         let next_line =
             (!std::io::stderr().is_terminal()).then(|| Mutex::new(Instant::now() + BETWEEN_LINES));
         Self {
+            follower,
             bar,
             what: what.to_owned(),
             next_line,
@@ -51,6 +85,11 @@ impl Progress {
     /// Counts `done` more.
     pub fn advance(&self, done: usize) {
         self.bar.inc(done as u64);
+        if let Some(follower) = &self.follower {
+            let total = self.bar.length().unwrap_or_default() as usize;
+            follower.advanced(&self.what, self.bar.position() as usize, total);
+            return;
+        }
         let Some(next_line) = &self.next_line else {
             return;
         };
@@ -68,6 +107,13 @@ impl Progress {
                 self.bar.eta().as_secs()
             );
         }
+    }
+
+    /// Whether whoever follows the work ends it.
+    pub(crate) fn is_over(&self) -> bool {
+        self.follower
+            .as_ref()
+            .is_some_and(|follower| follower.is_over())
     }
 }
 

@@ -4,12 +4,11 @@ use sps_experiment::results::{MethodResult, Results};
 use sps_experiment::text::counted;
 use sps_metrics::holm;
 
-use super::summary::best;
 use super::table::with_interval;
 
 /// The best method, what it is ahead of, and which properties it estimates best and worst.
 pub(super) fn of(results: &Results) -> Vec<String> {
-    let Some(best) = best(results) else {
+    let Some(best) = results.best() else {
         return Vec::new();
     };
     let sentences = [

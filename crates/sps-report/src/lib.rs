@@ -40,7 +40,7 @@ use sps_experiment::text::counted;
 
 use figures::{Figure, figures};
 use page::{PAGES, Page, Section};
-pub use summary::{best, summary};
+pub use summary::summary;
 use surfaces::Gallery;
 use table::Table;
 pub use tables::{gained, tables};
@@ -81,7 +81,7 @@ const WITH_INTERVALS: usize = 5;
 
 /// The methods whose single estimates are shown: the best, then those with intervals.
 fn shown(results: &Results) -> Vec<&MethodResult> {
-    let best = best(results);
+    let best = results.best();
     let is_best = |method: &MethodResult| best.is_some_and(|best| best.id == method.id);
     let methods = results.methods.iter();
     let has_intervals =

@@ -1,7 +1,7 @@
 //! What a run came to, in a table for the terminal.
 
-use sps_experiment::results::speed::{Point, best_within, fastest, points};
-use sps_experiment::results::{MethodResult, Results};
+use sps_experiment::results::Results;
+use sps_experiment::results::speed::{Point, best_within, fastest, looking};
 
 use super::speed::{looked_at, milliseconds};
 use super::table::{Cell, Row, Table};
@@ -14,7 +14,7 @@ pub(super) struct StandingOut {
 
 impl StandingOut {
     pub(super) fn of(results: &Results) -> Self {
-        let points = looking(results);
+        let points = looking(&results.methods);
         Self {
             best: best_within(&points, f64::INFINITY),
             fastest: fastest(&points, f64::INFINITY),
@@ -31,24 +31,6 @@ impl StandingOut {
             (false, false) => "",
         }
     }
-}
-
-/// The methods that look at a photograph, or at its embedding, in the plane of time and error.
-pub(super) fn looking(results: &Results) -> Vec<Point> {
-    let mut points = points(&results.methods);
-    points.retain(|point| {
-        let MethodResult { costs, encoder, .. } = &results.methods[point.method];
-        costs.frames_decoded_per_surface > 0.0 || !encoder.is_empty()
-    });
-    points
-}
-
-/// The best method of those that look at a photograph; of all where none does.
-pub fn best(results: &Results) -> Option<&MethodResult> {
-    let looking = best_within(&looking(results), f64::INFINITY);
-    let all = || best_within(&points(&results.methods), f64::INFINITY);
-    let best = looking.or_else(all)?;
-    results.methods.get(best.method)
 }
 
 /// Means over properties and what an estimate costs. The best and the fastest method are marked, of

@@ -5,10 +5,11 @@
 
 mod answer;
 mod cmd;
-mod importing;
+pub mod importing;
 mod map;
 mod serve;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
@@ -82,12 +83,16 @@ impl Command {
     }
 }
 
-/// A program of the commands `C`, which a user starts as `name`: reads the command line, sets up log and
-/// threads, and runs the command. The status is 0, or 1 where the command fails; a command line that
+/// A program of the commands `C`, which a user starts as `name`: reads the command line `words`, the first
+/// of which it is started by, sets up log and threads, and runs the command. The status is 0, or 1 where the command fails; a command line that
 /// cannot be understood ends the process with 2.
-pub fn main<C: Subcommand>(name: &'static str, run: impl FnOnce(&C) -> Result<()>) -> ExitCode {
+pub fn main<C: Subcommand>(
+    name: &'static str,
+    words: impl IntoIterator<Item = OsString>,
+    run: impl FnOnce(&C) -> Result<()>,
+) -> ExitCode {
     end_quietly_on_closed_pipes();
-    let matches = named(Cli::<C>::command(), name).get_matches();
+    let matches = named(Cli::<C>::command(), name).get_matches_from(words);
     let cli = Cli::<C>::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     log(cli.quiet);
     match start_threads(cli.threads).and_then(|()| run(&cli.command)) {

@@ -1,5 +1,6 @@
 //! The program `sps`.
 
+use std::env;
 use std::process::ExitCode;
 
 use peak_alloc::PeakAlloc;
@@ -10,5 +11,5 @@ use sps::Command;
 static ALLOCATOR: PeakAlloc = PeakAlloc;
 
 fn main() -> ExitCode {
-    sps::main(sps::NAME, Command::run)
+    sps::main(sps::NAME, env::args_os(), Command::run)
 }

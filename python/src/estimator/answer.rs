@@ -2,7 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
+use pyo3::types::{PyIterator, PyList};
 
 /// The estimate of one property, with the interval that holds the truth of a new surface (or of one of
 /// a new group, where the surfaces fitted to come in groups) at the model's level.
@@ -37,6 +40,89 @@ pub(crate) struct Answer {
     no_interval: BTreeMap<String, String>,
 }
 
+/// What is said of several surfaces: a sequence of Answer, and the same as arrays, NaN where there is no
+/// interval or p-value.
+#[pyclass(module = "sps", frozen, eq, sequence)]
+#[derive(PartialEq)]
+pub(crate) struct Answers {
+    answers: Vec<Answer>,
+    properties: usize,
+}
+
+#[pymethods]
+impl Answers {
+    /// The estimates, float64 (surfaces, properties).
+    #[getter]
+    fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.array(py, |estimate| Some(estimate.value))
+    }
+
+    /// The lower ends of the intervals, float64 (surfaces, properties).
+    #[getter]
+    fn low<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.array(py, |estimate| estimate.low)
+    }
+
+    /// The upper ends of the intervals, float64 (surfaces, properties).
+    #[getter]
+    fn high<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.array(py, |estimate| estimate.high)
+    }
+
+    /// The p-values of "like those that the model was fitted on", float64 (surfaces,).
+    #[getter]
+    fn familiar<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let answers = self.answers.iter();
+        let values = answers.map(|answer| answer.familiar.unwrap_or(f64::NAN));
+        PyArray1::from_vec(py, values.collect())
+    }
+
+    fn __len__(&self) -> usize {
+        self.answers.len()
+    }
+
+    fn __getitem__(&self, surface: usize) -> PyResult<Answer> {
+        let answer = self.answers.get(surface).cloned();
+        answer.ok_or_else(|| PyIndexError::new_err(surface))
+    }
+
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyIterator>> {
+        PyList::new(py, self.answers.clone())?.try_iter()
+    }
+
+    fn __repr__(&self) -> String {
+        let answers: Vec<String> = self.answers.iter().map(Answer::__repr__).collect();
+        format!("Answers([{}])", answers.join(", "))
+    }
+}
+
+impl Answers {
+    pub(super) fn new(answers: Vec<Answer>, properties: usize) -> Self {
+        Self {
+            answers,
+            properties,
+        }
+    }
+
+    fn array<'py>(
+        &self,
+        py: Python<'py>,
+        of: fn(&Estimate) -> Option<f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let answers = self.answers.iter();
+        let values = answers.flat_map(|answer| numbers(&answer.estimates, of));
+        let values = PyArray1::from_vec(py, values.collect());
+        values.reshape([self.answers.len(), self.properties])
+    }
+}
+
+fn numbers(estimates: &[Estimate], of: fn(&Estimate) -> Option<f64>) -> Vec<f64> {
+    let numbers = estimates.iter();
+    numbers
+        .map(|estimate| of(estimate).unwrap_or(f64::NAN))
+        .collect()
+}
+
 impl From<sps_estimator::Answer> for Answer {
     fn from(answer: sps_estimator::Answer) -> Self {
         let estimates = answer.estimates.into_iter();
@@ -69,6 +155,27 @@ impl Estimate {
 
 #[pymethods]
 impl Answer {
+    /// The estimates, float64 (properties,).
+    #[getter]
+    fn values<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_vec(
+            py,
+            numbers(&self.estimates, |estimate| Some(estimate.value)),
+        )
+    }
+
+    /// The lower ends of the intervals, float64 (properties,); NaN where there is none.
+    #[getter]
+    fn low<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_vec(py, numbers(&self.estimates, |estimate| estimate.low))
+    }
+
+    /// The upper ends of the intervals, float64 (properties,); NaN where there is none.
+    #[getter]
+    fn high<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_vec(py, numbers(&self.estimates, |estimate| estimate.high))
+    }
+
     pub(super) fn __repr__(&self) -> String {
         let estimates: Vec<String> = self.estimates.iter().map(Estimate::__repr__).collect();
         let (estimates, familiar) = (estimates.join(", "), shown(self.familiar));

@@ -11,9 +11,7 @@ use sps_estimator::{
     Widths, read_photograph,
 };
 use sps_models::encoders::Encoder;
-use sps_regress::{
-    AnyRegressor, Embeddings, Readings, RegressorKind, RegressorSettings, TrainingData,
-};
+use sps_regress::{Embeddings, Readings, TrainingData};
 
 use super::photographs::Surfaces;
 use crate::errors::{estimator_error, frame_error, value_error};
@@ -22,23 +20,22 @@ use crate::images::{Image, embed_each, frames};
 /// What a single column of values is called.
 const VALUE: &str = "value";
 
-/// What was felt: one row for each surface.
-pub(crate) struct Felt {
-    readings: Readings,
-    units: Units,
+/// What was measured: one row for each surface.
+pub(crate) struct Values {
+    pub(crate) properties: Vec<String>,
+    pub(crate) rows: Vec<Vec<Option<f64>>>,
 }
 
-impl Felt {
-    /// Values (n,) or (n, properties), NaN where nothing was measured; groups (n,).
+impl Values {
+    /// Values (n,) or (n, properties), NaN where nothing was measured.
     pub(crate) fn new(
         values: &PyArrayLikeDyn<'_, f64, AllowTypeChange>,
         properties: Option<Vec<String>>,
-        groups: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let values = values.as_array();
-        let (surfaces, columns) = match *values.shape() {
-            [surfaces] => (surfaces, 1),
-            [surfaces, columns] => (surfaces, columns),
+        let columns = match *values.shape() {
+            [_] => 1,
+            [_, columns] => columns,
             ref found => {
                 return Err(value_error(format_args!(
                     "values of shape {found:?}, expected (n,) or (n, properties)"
@@ -55,10 +52,25 @@ impl Felt {
             .iter()
             .map(|&value| (!value.is_nan()).then_some(value));
         let cells: Vec<Option<f64>> = cells.collect();
-        let rows: Vec<_> = cells.chunks(columns.max(1)).map(<[_]>::to_vec).collect();
+        Ok(Self {
+            properties,
+            rows: cells.chunks(columns.max(1)).map(<[_]>::to_vec).collect(),
+        })
+    }
+}
+
+/// The same, with what stays whole.
+pub(crate) struct Felt {
+    readings: Readings,
+    units: Units,
+}
+
+impl Felt {
+    pub(crate) fn new(values: Values, groups: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let Values { properties, rows } = values;
         Ok(Self {
             readings: Readings::new(properties, &rows).map_err(value_error)?,
-            units: units(surfaces, groups)?,
+            units: units(rows.len(), groups)?,
         })
     }
 }
@@ -85,7 +97,7 @@ fn units(surfaces: usize, groups: Option<&Bound<'_, PyAny>>) -> PyResult<Units> 
 }
 
 /// Numbers of things that Python can tell apart, in the order in which they come up.
-fn numbered(things: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
+pub(crate) fn numbered(things: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
     let numbers = PyDict::new(things.py());
     let number = |thing: PyResult<Bound<'_, PyAny>>| -> PyResult<usize> {
         let next = numbers.len();
@@ -93,21 +105,6 @@ fn numbered(things: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
         number.extract()
     };
     things.try_iter()?.map(number).collect()
-}
-
-/// The regression of this name, with its usual settings.
-pub(crate) fn regression(name: &str) -> PyResult<Regression> {
-    let kind = RegressorKind::ALL
-        .into_iter()
-        .find(|kind| kind.name() == name);
-    let kind = kind.ok_or_else(|| {
-        let names = RegressorKind::ALL.map(RegressorKind::name).join(", ");
-        value_error(format_args!(
-            "regression: found {name:?}, expected one of {names}"
-        ))
-    })?;
-    let regressor = AnyRegressor::new(kind, &RegressorSettings::default());
-    Ok(Regression::Rows(regressor.map_err(value_error)?))
 }
 
 /// Photographs of surfaces, as many of each, turned to embeddings.

@@ -9,29 +9,34 @@ mod session;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::{env, fs};
 
 use numpy::{AllowTypeChange, PyArrayLikeDyn};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 use sps_estimator::{Calibration, Scale as Brought, Sight};
 use sps_metrics::Level;
+use tempfile::TempDir;
 
-pub(crate) use self::answer::{Answer, Estimate};
-use self::fit::{Felt, Seen, Settings, regression};
-use self::photographs::{Reader, Scale, Surfaces};
+pub(crate) use self::answer::{Answer, Answers, Estimate};
+use self::fit::{Felt, Seen, Settings};
+pub(crate) use self::fit::{Values, numbered};
+pub(crate) use self::photographs::Surfaces;
+use self::photographs::{Reader, Scale};
 pub(crate) use self::session::{Looked, Session};
 use crate::encoder::{Encoder, built_in};
-use crate::errors::{estimator_error, value_error};
+use crate::errors::{estimator_error, file_error, value_error};
 use crate::images::{Image, Images, embed_each};
+use crate::settings::{python, regression};
 
 /// A fitted model: photographs of a surface in, what a touch sensor would measure on it out, each value
 /// with an interval, and a p-value that says whether the surface is like those fitted on.
 ///
 /// It is made by Estimator.fit, or read by Estimator.load from a folder that Estimator.save or
-/// `cargo xtask fit` wrote. It never changes; any number of threads may use it at once, and the same
+/// `sps fit` wrote. It never changes; any number of threads may use it at once, and the same
 /// photographs give the same bits on each and beside any others.
 ///
-/// A photograph is a path or an array as Encoder.embed takes them. `scale` says to which size one is
+/// A photograph is a path or an array as Encoder.transform takes them. `scale` says to which size one is
 /// brought: "model", its shorter side to that of the photographs fitted on, which is right where both
 /// show as much of a surface; "keep", it keeps its size, which is right where a pixel shows as much
 /// (of crops, for example); a number, its shorter side to so many pixels. A model that was fitted with
@@ -39,6 +44,7 @@ use crate::images::{Image, Images, embed_each};
 #[pyclass(module = "sps", frozen)]
 pub(crate) struct Estimator {
     model: Arc<sps_estimator::Estimator>,
+    joint: bool,
 }
 
 #[pymethods]
@@ -53,7 +59,10 @@ impl Estimator {
     fn load(py: Python<'_>, folder: PathBuf, joint: bool) -> PyResult<Self> {
         let model = py.detach(|| sps_estimator::Estimator::load(&folder));
         let model = model.map_err(|error| estimator_error(&error))?;
-        Ok(Self::of(if joint { model.jointly() } else { model }))
+        Ok(Self {
+            joint,
+            ..Self::of(if joint { model.jointly() } else { model })
+        })
     }
 
     /// Fits a model to photographs of n surfaces and what was measured on them.
@@ -64,8 +73,10 @@ impl Estimator {
     /// surfaces are alike (sheets of one roll, photographs of one material): a group is never parted,
     /// and intervals are for a surface of a new one.
     ///
-    /// `regression` is ridge, kernel-ridge or nearest; kernel-ridge stands on 4,000 surfaces, drawn at random, where there are
-    /// more. The share `calibration` of the surfaces is kept aside for
+    /// `regression` is ridge, kernel-ridge, nearest or head, the paper's network; or a method of a config
+    /// (docs/config.md) with its settings, as {"kind": "head", "head": {"epochs": 60}}, {"kind": "stacked",
+    /// "members": ("ridge", "head"), "folds": 5} or {"kind": "kernel-ridge", "kernel-ridge": {"at-most":
+    /// 1000}}. The share `calibration` of the surfaces is kept aside for
     /// the intervals, which hold the truth of the share `level` of new surfaces; where these are too few
     /// for the level there are none (Estimator.no_interval). With `calibration` None all surfaces are
     /// fitted to, and there are no intervals: for scores of the estimates alone. `seed` keys every draw. Photographs keep
@@ -75,11 +86,11 @@ impl Estimator {
     ///
     /// Intervals and p-values hold where the encoder was not trained on these surfaces.
     ///
-    /// Raises what Encoder.embed raises, and ValueError for other shapes, numbers and names, infinite
+    /// Raises what Encoder.transform raises, and ValueError for other shapes, numbers and names, infinite
     /// values, and too few surfaces or groups to keep any aside.
     #[staticmethod]
     #[pyo3(signature = (
-        photographs, values, *, encoder = None, properties = None, groups = None, regression = "ridge",
+        photographs, values, *, encoder = None, properties = None, groups = None, regression = None,
         calibration = 0.3, level = 0.9, seed = 0, resize = None, angles = None, one_by_one = false,
         name = ""
     ))]
@@ -91,7 +102,7 @@ impl Estimator {
         encoder: Option<&Bound<'_, Encoder>>,
         properties: Option<Vec<String>>,
         groups: Option<&Bound<'_, PyAny>>,
-        regression: &str,
+        regression: Option<&Bound<'_, PyAny>>,
         calibration: Option<f64>,
         level: f64,
         seed: u64,
@@ -111,7 +122,7 @@ impl Estimator {
             },
             name: name.to_owned(),
         };
-        let felt = Felt::new(&values, properties, groups)?;
+        let felt = Felt::new(Values::new(&values, properties)?, groups)?;
         let encoder = match encoder {
             Some(encoder) => encoder.get().network().clone(),
             None => py.detach(built_in)?,
@@ -134,7 +145,7 @@ impl Estimator {
     /// level, and the smallest p-value times their number. Too few surfaces that calibrate for so many
     /// photographs have no interval, and Answer.no_interval says so.
     ///
-    /// Raises what Encoder.embed raises, and ValueError for another number of photographs and for a folder
+    /// Raises what Encoder.transform raises, and ValueError for another number of photographs and for a folder
     /// without any.
     #[pyo3(
         signature = (photographs, *, scale = Scale(Brought::OfModel)),
@@ -155,8 +166,8 @@ impl Estimator {
             .map_err(|error| estimator_error(&error))
     }
 
-    /// What is said of each of several surfaces, a list of Answer: as predict says it, to the last bit,
-    /// with photographs encoded together. `surfaces` is an iterable whose items are what predict takes.
+    /// What is said of each of several surfaces, Answers: as predict says it, to the last bit, with
+    /// photographs encoded together. `surfaces` is an iterable whose items are what predict takes.
     ///
     /// Raises what predict raises; the message says of which surface, counted from 0.
     #[pyo3(
@@ -168,11 +179,12 @@ impl Estimator {
         py: Python<'_>,
         surfaces: &Bound<'_, PyAny>,
         scale: Scale,
-    ) -> PyResult<Vec<Answer>> {
+    ) -> PyResult<Answers> {
         let reader = Reader::new(&self.model, scale, false)?;
         let mut surfaces = Surfaces::new(surfaces)?;
         let values = embed_each(py, &mut surfaces, |images| reader.embed(images))?;
-        py.detach(|| self.answers(&values, &surfaces.counts))
+        let answers = py.detach(|| self.answers(&values, &surfaces.counts))?;
+        Ok(Answers::new(answers, self.properties().len()))
     }
 
     /// Begins to look at one surface, until no interval is wider than `width` standard deviations of the
@@ -253,9 +265,31 @@ impl Estimator {
     /// What goes with the model, a dictionary: name, method, data, source, frame-size (height, width),
     /// angles, decode, and measured, how well models of this kind did on surfaces that they had not seen.
     #[getter]
-    fn about<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let text = serde_json::to_string(self.model.about()).map_err(value_error)?;
-        py.import("json")?.call_method1("loads", (text,))
+    pub(crate) fn about<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        python(py, self.model.about())
+    }
+
+    /// What a copy is made of: the files that it is saved as.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        let (model, files) = (&self.model, PyDict::new(py));
+        let folder = scratch()?;
+        py.detach(|| model.save(folder.path()))
+            .map_err(|error| estimator_error(&error))?;
+        for file in folder.path().read_dir()? {
+            let path = file?.path();
+            files.set_item(path.file_name(), PyBytes::new(py, &fs::read(&path)?))?;
+        }
+        let of_files = py.get_type::<Self>().getattr("_of_files")?;
+        Ok((of_files, (files, self.joint)))
+    }
+
+    #[staticmethod]
+    fn _of_files(py: Python<'_>, files: BTreeMap<String, Vec<u8>>, joint: bool) -> PyResult<Self> {
+        let folder = scratch()?;
+        for (name, content) in files {
+            fs::write(folder.path().join(name), content)?;
+        }
+        Self::load(py, folder.path().to_owned(), joint)
     }
 
     fn __repr__(&self) -> String {
@@ -268,10 +302,19 @@ impl Estimator {
     }
 }
 
+/// What pickle calls, and with what.
+type Reduced<'py> = (Bound<'py, PyAny>, (Bound<'py, PyDict>, bool));
+
+/// A folder that goes with what holds it.
+pub(crate) fn scratch() -> PyResult<TempDir> {
+    TempDir::with_prefix("sps-").map_err(|error| file_error(&error, &env::temp_dir()))
+}
+
 impl Estimator {
-    fn of(model: sps_estimator::Estimator) -> Self {
+    pub(crate) fn of(model: sps_estimator::Estimator) -> Self {
         Self {
             model: Arc::new(model),
+            joint: false,
         }
     }
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, ensure};
 use glob::Pattern;
 use sps_dataset::Property;
+use sps_estimator::Regression;
 use sps_metrics::Level;
 
 use super::data::{DataSpec, Protocol, data};
@@ -68,11 +69,24 @@ impl Experiment {
     /// # Errors
     /// A file that cannot be read; a key or value that cannot be meant, with its line.
     pub fn read(path: &Path, settings: &[Setting]) -> Result<Self> {
-        let text = read_text(path)?;
+        Self::parse(path, &read_text(path)?, settings)
+    }
+
+    /// Reads the experiment that `text` is, called after `path` and said in errors to be there, with
+    /// `settings` over it.
+    ///
+    /// # Errors
+    /// As [`Experiment::read`].
+    pub fn parse(path: &Path, text: &str, settings: &[Setting]) -> Result<Self> {
         let defaults = DEFAULTS.parse()?;
-        let layers = Layers::new(&defaults, path, &text, settings)?;
+        let layers = Layers::new(&defaults, path, text, settings)?;
         let config: Config = layers.read()?;
         Ok(Self::check(path, &layers, config)?)
+    }
+
+    /// What its first method fits, where it fits anything.
+    pub fn regression(&self) -> Option<&Regression> {
+        self.methods.first()?.estimator.regression()
     }
 
     /// Keeps the methods whose ids match one of the patterns.

@@ -11,6 +11,16 @@ pub struct Setting {
     pub value: Value,
 }
 
+impl Setting {
+    /// That a key has a value.
+    pub fn new(key: &str, value: impl Into<Value>) -> Self {
+        Self {
+            key: key.to_owned(),
+            value: value.into(),
+        }
+    }
+}
+
 impl std::str::FromStr for Setting {
     type Err = String;
 

@@ -17,7 +17,7 @@ use cache::{EmbeddingCache, Seen};
 use segment::Segment;
 
 use crate::config::Experiment;
-use crate::progress::Progress;
+use crate::progress::{Progress, ensure_wanted};
 use crate::work::{Undone, Work};
 
 /// Frames decoded ahead while as many are encoded, and bytes of them: each thread may be at work on
@@ -161,6 +161,7 @@ fn encode_missing<S: Source>(
         );
         cache.put(&Segment { keys, values })?;
         progress.advance(chunk.len());
+        ensure_wanted()?;
         (frames, missing) = (next?, rest);
     }
     Ok(())

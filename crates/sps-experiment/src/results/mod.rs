@@ -36,6 +36,7 @@ pub use scores::PropertyScores;
 pub use speed::Speed;
 
 use crate::files::{read_text, write_atomically};
+use speed::{Point, best_within, looking, points};
 
 /// A value per property code.
 pub type PerProperty<T> = BTreeMap<String, T>;
@@ -227,6 +228,13 @@ impl Results {
         self.methods.iter().find(|method| method.id == id)
     }
 
+    /// The best method of those that look at a photograph; of all where none does.
+    pub fn best(&self) -> Option<&MethodResult> {
+        let best = |points: &[Point]| best_within(points, f64::INFINITY);
+        let best = best(&looking(&self.methods)).or_else(|| best(&points(&self.methods)))?;
+        self.methods.get(best.method)
+    }
+
     /// The methods that all others are compared with.
     pub fn compared_with(&self) -> Vec<&MethodResult> {
         self.against
@@ -278,13 +286,14 @@ impl Results {
         write_atomically(&folder.join("results.json"), text.as_bytes())
     }
 
-    /// Reads `results.json` from `folder`.
+    /// Reads `results.json`, which is at `path` or in this folder.
     ///
     /// # Errors
     /// A file that cannot be read or is damaged.
-    pub fn read(folder: &Path) -> Result<Self> {
-        let path = folder.join("results.json");
-        let text = read_text(&path)?;
+    pub fn read(path: &Path) -> Result<Self> {
+        let inside = path.join("results.json");
+        let path = if path.is_dir() { &inside } else { path };
+        let text = read_text(path)?;
         serde_json::from_str(&text).with_context(|| format!("{} is damaged", path.display()))
     }
 }

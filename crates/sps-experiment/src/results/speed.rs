@@ -53,6 +53,16 @@ pub fn points(methods: &[MethodResult]) -> Vec<Point> {
     points.collect()
 }
 
+/// The methods that look at a photograph, or at its embedding, and have both numbers.
+pub fn looking(methods: &[MethodResult]) -> Vec<Point> {
+    let mut points = points(methods);
+    points.retain(|point| {
+        let MethodResult { costs, encoder, .. } = &methods[point.method];
+        costs.frames_decoded_per_surface > 0.0 || !encoder.is_empty()
+    });
+    points
+}
+
 /// The Pareto front: the points that none other dominates, from fast to slow. Equal points are all
 /// on it or all not.
 pub fn front(points: &[Point]) -> Vec<Point> {

@@ -14,7 +14,7 @@ use super::fit::{Judge, measured};
 use super::trials::TrialSpec;
 use crate::config::{Adaptive, Experiment};
 use crate::journal::{Outcome, Stop};
-use crate::progress::Progress;
+use crate::progress::{Progress, ensure_wanted};
 
 /// Parts of the surfaces fitted to, of which each is estimated by the others.
 const FOLDS: usize = 3;
@@ -45,6 +45,7 @@ impl Walking<'_> {
                 walks.push(step);
             }
             progress.advance(1);
+            ensure_wanted()?;
         }
         let of_trial = self.trials.iter().zip(&walks);
         let outcomes = of_trial.map(|(trial, walks)| self.outcome(trial, walks));

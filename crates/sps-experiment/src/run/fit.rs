@@ -17,7 +17,7 @@ use super::trials::{TrialSpec, plan};
 use super::{Encodings, Splits, Tables, floors};
 use crate::config::{Experiment, Method};
 use crate::journal::{Journal, Outcome};
-use crate::progress::Progress;
+use crate::progress::{Progress, ensure_wanted};
 use crate::training::EventFile;
 
 /// The folder of the courses of networks' trainings, in that of a run.
@@ -52,6 +52,7 @@ pub(crate) fn run_missing(
     let Some(first) = missing.first() else {
         return Ok(());
     };
+    ensure_wanted()?;
     let (id, property, rerun) = (&method.id, &first.property, first.rerun);
     let what = format!("method `{id}`, {property}, rerun {rerun}");
     experiment.work.ensure_fits(&what)?;
@@ -97,6 +98,7 @@ pub(crate) fn run_missing(
     }
     // A training that was stopped says less than what stopped it.
     recorder.into_failure().map_or(Ok(()), Err)?;
+    ensure_wanted()?;
     fitted.with_context(|| format!("method `{}`", method.id))?;
     Ok(())
 }
@@ -133,7 +135,7 @@ impl Observer for Recorder<'_> {
     }
 
     fn stops(&self) -> bool {
-        self.state().failed.is_some()
+        self.progress.is_over() || self.state().failed.is_some()
     }
 }
 

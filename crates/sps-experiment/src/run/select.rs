@@ -18,7 +18,7 @@ use super::refit::Refits;
 use super::views::{seed, without_loss};
 use crate::config::{JudgedOn, Looks, Method, Refit, Selected};
 use crate::journal::{Journal, TrialKey};
-use crate::progress::Progress;
+use crate::progress::{Progress, ensure_wanted};
 
 /// Random sets whose mean loss stands for that of a random set.
 const RANDOM_SETS: usize = 2000;
@@ -189,6 +189,7 @@ impl Selecting<'_> {
                 }
                 self.journal.append(vec![found])?;
                 progress.advance(1);
+                ensure_wanted()?;
             }
         }
         Ok(())

@@ -18,6 +18,9 @@ const UNFAMILIAR: f64 = 0.05;
 /// Surfaces that are named for their errors.
 const WORST: usize = 3;
 
+/// What is measured of each property from all views, and the worst surfaces.
+pub(super) type Found = (BTreeMap<String, Measured>, Vec<(String, f64)>);
+
 /// Over all splits.
 pub(super) struct Check<'a> {
     /// What an interval promises to hold for.
@@ -140,27 +143,21 @@ impl<'a> Check<'a> {
         Ok(())
     }
 
-    /// The surfaces whose estimates are furthest from what was measured, the worst first.
-    fn print_worst(&self, surfaces: &[Surface], say: Say<'_>) {
+    /// The surfaces whose estimates are furthest from what was measured, the worst first, and by how
+    /// many standard deviations.
+    fn worst(&self, surfaces: &[Surface]) -> Vec<(String, f64)> {
         let errors = self.errors.iter();
         let errors = errors.map(|(&at, (sum, count))| ((sum / *count as f64).sqrt(), at));
         let mut errors: Vec<(f64, usize)> = errors.collect();
         errors.sort_by(|one, other| other.0.total_cmp(&one.0));
         let worst = errors.iter().take(WORST);
-        let worst = worst.map(|(error, at)| format!("{} {error:.2}", surfaces[*at].id));
-        let worst: Vec<String> = worst.collect();
-        say(&format!(
-            "furthest from what was measured, error in standard deviations: {}",
-            worst.join(", ")
-        ));
+        worst
+            .map(|(error, at)| (surfaces[*at].id.clone(), *error))
+            .collect()
     }
 
-    /// Says it, and gives what is measured of each property from all views.
-    pub(super) fn print(
-        &self,
-        surfaces: &[Surface],
-        say: Say<'_>,
-    ) -> Result<BTreeMap<String, Measured>> {
+    /// Says it, and gives it.
+    pub(super) fn print(&self, surfaces: &[Surface], say: Say<'_>) -> Result<Found> {
         let last = self.rows.iter().rfind(|(row, _)| **row != Row::Session);
         let unit = self.units.unit();
         let measured = last.map(|(_, held_out)| held_out.print(unit, say));
@@ -171,7 +168,12 @@ impl<'a> Check<'a> {
                 100.0 * mean_share(&self.joint)
             ));
         }
-        self.print_worst(surfaces, say);
+        let worst = self.worst(surfaces);
+        let named = worst.iter().map(|(id, error)| format!("{id} {error:.2}"));
+        say(&format!(
+            "furthest from what was measured, error in standard deviations: {}",
+            named.collect::<Vec<_>>().join(", ")
+        ));
         if !self.familiar.is_empty() {
             let unlike = self.familiar.iter().filter(|p| **p <= UNFAMILIAR).count();
             let share = 100.0 * unlike as f64 / self.familiar.len() as f64;
@@ -187,7 +189,7 @@ impl<'a> Check<'a> {
         if self.adaptive.is_some() {
             self.print_steps(say)?;
         }
-        Ok(measured.unwrap_or_default())
+        Ok((measured.unwrap_or_default(), worst))
     }
 
     fn print_steps(&self, say: Say<'_>) -> Result<()> {

@@ -4,7 +4,6 @@ mod check;
 mod scored;
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
@@ -17,11 +16,12 @@ use sps_estimator::{
 };
 use tracing::warn;
 
-use self::check::Check;
+use self::check::{Check, Found};
 use crate::config::{DataSpec, Experiment, Looks, Method, Network as NetworkSpec};
 use crate::data::{self, About as AboutData, WithSource};
 use crate::encoder;
 use crate::journal::Journal;
+use crate::progress::ensure_wanted;
 use crate::run::{
     Dealt, Encodings, Folds, Selecting, Selections, Splits, Stage, Stages, portion, views,
     what_is_measured,
@@ -35,31 +35,33 @@ const SMALL: usize = 96;
 /// known.
 pub type Say<'a> = &'a mut dyn FnMut(&str);
 
-/// Fits the method that the config's `train` names and writes the model to `out`, replacing one that is
-/// there. Before that it says how well models of this kind do on the splits of the config.
+/// A model, and what models of its kind did on surfaces held out.
+pub struct Trained {
+    /// The model; what was measured is in its [`About`].
+    pub model: Estimator,
+    /// The surfaces whose estimates are furthest from what was measured, the worst first, and by how
+    /// many standard deviations.
+    pub worst: Vec<(String, f64)>,
+}
+
+/// Fits the method that the config's `train` names. Before that it says how well models of this kind do
+/// on the splits of the config.
 ///
 /// # Errors
-/// A method that cannot be kept as a model; data or weights that cannot be read; a folder that cannot
-/// be written to.
-pub fn train(experiment: &Experiment, out: &Path, say: Say<'_>) -> Result<()> {
-    let train = Train {
-        experiment,
-        out,
-        say,
-    };
-    data::with_source(&experiment.data, train)
+/// A method that cannot be kept as a model; data or weights that cannot be read.
+pub fn train(experiment: &Experiment, say: Say<'_>) -> Result<Trained> {
+    data::with_source(&experiment.data, Train { experiment, say })
 }
 
 struct Train<'a> {
     experiment: &'a Experiment,
-    out: &'a Path,
     say: Say<'a>,
 }
 
 impl WithSource for Train<'_> {
-    type Output = ();
+    type Output = Trained;
 
-    fn call<S: Source>(self, source: &S, about: AboutData) -> Result<()> {
+    fn call<S: Source>(self, source: &S, about: AboutData) -> Result<Trained> {
         let experiment = self.experiment;
         let method = experiment.methods[experiment.train.method].on(source)?;
         ensure!(
@@ -80,7 +82,7 @@ impl WithSource for Train<'_> {
             splits: &splits,
             stages: Stages::new(experiment, &method.encoder, data, &splits, views, None)?,
         };
-        let measured = trainer.check(self.say)?;
+        let (measured, worst) = trainer.check(self.say)?;
         let all: Vec<usize> = (0..splits.pool).collect();
         let fit = trainer.fit(&all, 0)?;
         if splits.units.unit() != Unit::Surface {
@@ -99,10 +101,9 @@ impl WithSource for Train<'_> {
         }
         let about = trainer.about(&fit, measured)?;
         let view = fit.stage.tables.shown(&fit.photographs)[0];
-        let estimator = Estimator::new(fit.stage.embedder.clone(), fit.fitted, about)?;
-        let estimator = estimator.with_shown(|at| trainer.shown(at, view))?;
-        let file = |error| anyhow::Error::from(error).context(self.out.display().to_string());
-        estimator.save(self.out).map_err(file)
+        let model = Estimator::new(fit.stage.embedder.clone(), fit.fitted, about)?;
+        let model = model.with_shown(|at| trainer.shown(at, view))?;
+        Ok(Trained { model, worst })
     }
 }
 
@@ -316,10 +317,11 @@ impl<S: Source> Trainer<'_, S> {
     }
 
     /// Says what such models do on the surfaces that each split of the config holds out.
-    fn check(&self, say: Say<'_>) -> Result<BTreeMap<String, Measured>> {
+    fn check(&self, say: Say<'_>) -> Result<Found> {
         let (splits, source) = (&self.splits.all, self.source);
         let mut check = Check::new(&self.splits.units, self.method.adaptive);
         for (number, split) in splits.iter().enumerate() {
+            ensure_wanted()?;
             let fit = self.fit(&split.train, number as u64)?;
             let (predictions, joint) = self.predictions(&fit, &split.validation)?;
             let of_split = (&fit.stage.tables, split);
@@ -341,13 +343,13 @@ impl<S: Source> Trainer<'_, S> {
             100.0 * train.level.get()
         ));
         say(&what_is_measured(self.splits, source.surfaces()));
-        let measured = check.print(source.surfaces(), say)?;
+        let found = check.print(source.surfaces(), say)?;
         say(&format!(
             "values are estimated by a model of all surfaces fitted to; intervals by one that has not seen \
             the {:.0} % that calibrate them",
             100.0 * train.calibration
         ));
-        Ok(measured)
+        Ok(found)
     }
 
     /// What is predicted of surfaces from each number of views that the model takes, and of all properties

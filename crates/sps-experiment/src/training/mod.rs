@@ -17,7 +17,7 @@ use tracing::info;
 
 use crate::checksums;
 use crate::files::{create_folder, lock};
-use crate::progress::Progress;
+use crate::progress::{Progress, ensure_wanted};
 pub(crate) use events::EventFile;
 pub use images::FrameImages;
 
@@ -91,6 +91,7 @@ pub fn train(task: Task<'_>, images: &dyn ImageSource, folder: &Path) -> Result<
         seconds += begun.elapsed().as_secs_f64();
         checksums::write(&folder.join(SECONDS), &serde_json::to_vec(&seconds)?)?;
         checksums::write(&folder.join(STATE), &trainer.to_bytes()?)?;
+        ensure_wanted()?;
     }
     drop(progress);
     let history = trainer.history().to_vec();

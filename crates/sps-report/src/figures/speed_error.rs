@@ -7,17 +7,16 @@ use kuva::plot::scatter::MarkerShape;
 use kuva::plot::{LegendPosition, ScatterPlot};
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
-use sps_experiment::results::speed::{Point, front};
+use sps_experiment::results::speed::{Point, front, looking};
 use sps_experiment::results::{MethodResult, Results};
 use sps_experiment::text::number;
 
 use super::{COLOURS, Figure, PAGE, plotted};
-use crate::summary::looking;
 use crate::table::with_interval;
 
 /// The methods in the plane of time and error; none where fewer than two look at a photograph.
 pub(super) fn figure(results: &Results) -> Option<Figure> {
-    let points = looking(results);
+    let points = looking(&results.methods);
     if points.len() < 2 {
         return None;
     }

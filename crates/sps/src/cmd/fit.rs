@@ -5,15 +5,12 @@ use anyhow::{Context, Result, ensure};
 use sps_base::files::write_file;
 use sps_estimator::{Estimator, Precomputed};
 use sps_experiment::config::{Experiment, Setting};
-use sps_experiment::{run, train};
+use sps_experiment::own::Chosen;
+use sps_experiment::train::{self, Trained};
 use sps_report as report;
 
 use crate::importing::{Frames, Import, Options, Request, photographs_below};
 
-/// What runs on photographs and a table.
-const CONFIG: &str = include_str!("fit.toml");
-/// Parts of the surfaces or groups, each held out once, where there are as many.
-const FOLDS: usize = 10;
 /// The page beside a model.
 const PAGE: &str = "report.html";
 
@@ -85,7 +82,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if let Some(config) = &args.config {
         let experiment = Experiment::read(config, &args.settings)?;
         println!("{}", train::which(&experiment));
-        train::train(&experiment, out, &mut |line| println!("{line}"))?;
+        let trained = train::train(&experiment, &mut |line| println!("{line}"))?;
+        save(&trained, out)?;
     } else {
         let (photographs, values) = (args.photographs.as_deref(), args.values.as_deref());
         let both = photographs.zip(values);
@@ -104,9 +102,8 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<()> {
         values,
         options: &args.options,
     })?;
-    let groups = import.groups();
     ensure!(
-        groups > 1,
+        import.groups() > 1,
         "{}: found one group, expected at least two, to hold one out",
         values.display()
     );
@@ -117,24 +114,15 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<()> {
     let work = tempfile::Builder::new().prefix(".fit-").tempdir_in(parent);
     let work = work.with_context(|| parent.display().to_string())?;
     let name = photographs.file_name().unwrap_or("photographs".as_ref());
-    let name = Path::new(name).with_extension("");
-    // The report is called after the config, and the dataset after its folder.
+    let name = Path::new(name).with_extension("").display().to_string();
+    // The dataset is called after its folder.
     let named = work.path().join("named");
     fs::create_dir(&named).with_context(|| named.display().to_string())?;
     let data = named.join(&name);
     import.write(&data, Frames::Linked)?;
-    let config = named.join(name.with_extension("toml"));
-    write_file(&config, CONFIG.as_bytes())?;
-
-    let set = |key: &str, value: toml::Value| Setting {
-        key: key.to_owned(),
-        value,
-    };
     let mut settings = vec![
-        set("data.folder.path", data.display().to_string().into()),
-        set("split.k-fold.folds", (groups.min(FOLDS) as i64).into()),
-        set("train.level", args.level.into()),
-        set("train.keep-photographs", args.keep_photographs.into()),
+        Setting::new("train.level", args.level),
+        Setting::new("train.keep-photographs", args.keep_photographs),
     ];
     if let Some(file) = &args.embeddings {
         // Called after the file, as the report will have it.
@@ -143,29 +131,25 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<()> {
             .join(file.file_name().unwrap_or(file.as_os_str()));
         let rows = rows_of(&import, photographs, file)?;
         write_file(&ordered, &rows.to_bytes()?)?;
-        settings.push(set(
-            "encoder.embeddings",
-            ordered.display().to_string().into(),
-        ));
+        let ordered = ordered.display().to_string();
+        settings.push(Setting::new("encoder.embeddings", ordered));
     } else {
-        settings.push(set("encoder.resize", (args.pixels as i64).into()));
+        settings.push(Setting::new("encoder.resize", args.pixels as i64));
     }
     if let Some(file) = &args.encoder {
-        settings.push(set("encoder.onnx", file.display().to_string().into()));
+        settings.push(Setting::new("encoder.onnx", file.display().to_string()));
     }
-    let experiment = Experiment::read(&config, &settings)?;
-    let (run, results) = run::run(&experiment, &work.path().join("run"), true)?;
-    report::write(&run)?;
-    print!("{}", report::summary(&results).terminal());
-    let best = report::best(&results).context("no method was scored")?;
-    settings.push(set("train.method", best.id.clone().into()));
+    let chosen = Chosen::of(&data, &name, settings, &work.path().join("run"))?;
+    report::write(&chosen.run)?;
+    print!("{}", report::summary(&chosen.results).terminal());
     println!(
         "`{}` is kept. It was chosen by these surfaces, which flatters its numbers a little.\n",
-        best.id
+        chosen.method
     );
-    let experiment = Experiment::read(&config, &settings)?;
-    train::train(&experiment, &args.out, &mut |line| println!("{line}"))?;
-    let page = fs::read(run.file(PAGE)).with_context(|| run.file(PAGE).display().to_string())?;
+    let trained = chosen.train(&mut |line| println!("{line}"))?;
+    save(&trained, &args.out)?;
+    let page = chosen.run.file(PAGE);
+    let page = fs::read(&page).with_context(|| page.display().to_string())?;
     let to = args.out.join(PAGE);
     write_file(&to, &page).with_context(|| to.display().to_string())
 }
@@ -195,4 +179,9 @@ fn rows_of(import: &Import, photographs: &Path, file: &Path) -> Result<Precomput
     let values = rows.rows_of(&wanted.collect::<Vec<_>>());
     let values = values.with_context(|| file.display().to_string())?;
     Ok(Precomputed::new(blocks, Vec::new(), values)?)
+}
+
+fn save(trained: &Trained, out: &Path) -> Result<()> {
+    let saved = trained.model.save(out);
+    saved.with_context(|| out.display().to_string())
 }

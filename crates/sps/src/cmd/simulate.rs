@@ -1,12 +1,10 @@
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::ValueEnum;
-use sps_dataset::{FrameFormat, WriteOptions, write_dataset};
-use sps_experiment::data::CEILING_SURFACES;
-use sps_experiment::files::write_atomically;
-use sps_experiment::progress::Progress;
-use sps_simulate::{Simulator, SimulatorSpec, ceilings};
+use sps_dataset::FrameFormat;
+use sps_experiment::data::simulate;
+use sps_simulate::SimulatorSpec;
 use tracing::info;
 
 /// Write a simulated dataset
@@ -50,21 +48,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         seed: args.seed,
         ..SimulatorSpec::default()
     };
-    let simulator = Simulator::new(spec.clone())?;
-    let options = WriteOptions {
-        format: match args.format {
-            Format::Png => FrameFormat::Png,
-            Format::Exr => FrameFormat::Exr,
-        },
-        description: "Simulated surfaces; no value in it was measured".to_owned(),
-        source: format!("sps simulator, seed {}", spec.seed),
+    let format = match args.format {
+        Format::Png => FrameFormat::Png,
+        Format::Exr => FrameFormat::Exr,
     };
-    let progress = Progress::new("surfaces", spec.surfaces);
-    let written = write_dataset(&simulator, &args.out, &options, |_, _| progress.advance(1))?;
-    let ceilings = ceilings(spec.seed, CEILING_SURFACES, spec.locations);
-    let mut text = serde_json::to_string_pretty(&ceilings).context("ceilings")?;
-    text.push('\n');
-    write_atomically(&args.out.join("ceilings.json"), text.as_bytes())?;
+    let written = simulate(&spec, format, &args.out)?;
     info!(
         "{}: {} surfaces written, {} were there",
         args.out.display(),

@@ -16,7 +16,7 @@ use sps_dataset::{
     TableFormat, ViewAngles,
 };
 
-use self::photographs::Folder;
+use self::photographs::{Folder, Photograph};
 use self::surfaces::{Finder, Imported};
 use self::table::{Column, Key, Table};
 
@@ -24,18 +24,19 @@ use self::table::{Column, Key, Table};
 const LAST_VIEW_DEG: f64 = 45.0;
 
 /// Where photographs and their values are, and what is known of them.
-pub(crate) struct Request<'a> {
+pub struct Request<'a> {
     /// The folder of the photographs.
-    pub(crate) photographs: &'a Path,
+    pub photographs: &'a Path,
     /// The table of values.
-    pub(crate) values: &'a Path,
-    pub(crate) options: &'a Options,
+    pub values: &'a Path,
+    /// What is known beside them.
+    pub options: &'a Options,
 }
 
 /// What is known of photographs and table.
-#[derive(clap::Args)]
+#[derive(Default, clap::Args)]
 #[group(id = "layout", requires = "values")]
-pub(crate) struct Options {
+pub struct Options {
     /// The names of the table's columns, one a line, where its first line does not have them; without
     /// a column that says which photographs a row is of, rows are in the order of their names, and
     /// blanks may stand for commas
@@ -59,20 +60,33 @@ pub(crate) struct Options {
 
 /// How a dataset has its photographs.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Frames {
+pub enum Frames {
+    /// As files of its own.
     Copied,
     /// As the same files, for a dataset that is gone before they change; copied where that cannot be.
     Linked,
 }
 
 /// Surfaces with their photographs and values.
-pub(crate) struct Import {
+pub struct Import {
     source: String,
     angles: ViewAngles,
     properties: Vec<Property>,
     surfaces: Vec<Imported>,
     without_row: Vec<PathBuf>,
     assumed: Vec<String>,
+}
+
+/// A surface of which everything is known.
+pub struct Listed {
+    /// The surfaces that must not be parted from it; none but itself where there is no group.
+    pub group: Option<String>,
+    /// Its material, where that is known.
+    pub material: Option<String>,
+    /// A photograph of each view.
+    pub photographs: Vec<PathBuf>,
+    /// Of each property, where it was measured.
+    pub values: Vec<Option<f64>>,
 }
 
 /// All photographs below a folder, by name; at least one.
@@ -89,7 +103,10 @@ pub(crate) fn photographs_below(folder: &Path) -> Result<Vec<PathBuf>> {
 
 impl Import {
     /// Finds the photographs that the table has rows for; nothing is written.
-    pub(crate) fn find(request: &Request) -> Result<Self> {
+    ///
+    /// # Errors
+    /// A file that cannot be read; a row, with its line, that no photographs belong to.
+    pub fn find(request: &Request) -> Result<Self> {
         let options = request.options;
         let table = Table::read(request.values, options.columns.as_deref())?;
         let in_folders = table.key == Key::Surface || table.columns.contains(&Column::View);
@@ -124,14 +141,34 @@ impl Import {
         })
     }
 
+    /// Surfaces that are listed, each called by its place in the list; `angles` of the views are evenly
+    /// spaced where there are none.
+    ///
+    /// # Errors
+    /// Another number of photographs of a surface, or of angles, than of the first; a file that is no
+    /// photograph by its name.
+    pub fn listed(properties: Vec<Property>, angles: &[f64], listed: Vec<Listed>) -> Result<Self> {
+        let views = listed.first().map_or(0, |first| first.photographs.len());
+        let surfaces = listed.into_iter().enumerate();
+        let surfaces = surfaces.map(|(at, surface)| Imported::listed(at, surface, views));
+        Ok(Self {
+            source: String::new(),
+            angles: self::angles(angles, views)?,
+            properties,
+            surfaces: surfaces.collect::<Result<_>>()?,
+            without_row: Vec::new(),
+            assumed: Vec::new(),
+        })
+    }
+
     /// How many groups there are.
-    pub(crate) fn groups(&self) -> usize {
+    pub fn groups(&self) -> usize {
         let groups: BTreeSet<&str> = self.surfaces.iter().map(Imported::group).collect();
         groups.len()
     }
 
     /// What was found, what is assumed beside it, and what is left out, for people.
-    pub(crate) fn described(&self) -> String {
+    pub fn described(&self) -> String {
         let properties: Vec<_> = self.properties.iter().map(ToString::to_string).collect();
         let mut text = format!(
             "{} surfaces in {} groups, photographs of each: {}. It was assumed that\n",
@@ -176,7 +213,10 @@ impl Import {
     }
 
     /// Writes the dataset; `folder` must not be there yet.
-    pub(crate) fn write(&self, folder: &Path, frames: Frames) -> Result<()> {
+    ///
+    /// # Errors
+    /// A folder that is there or cannot be written to; values that no dataset can have.
+    pub fn write(&self, folder: &Path, frames: Frames) -> Result<()> {
         ensure!(
             fs::symlink_metadata(folder).is_err(),
             "{} is there already; choose another folder",
@@ -250,6 +290,27 @@ impl Import {
 }
 
 impl Imported {
+    fn listed(at: usize, listed: Listed, views: usize) -> Result<Self> {
+        let found = listed.photographs.len();
+        ensure!(
+            found == views && views > 0,
+            "photographs: found {found} of surface {at}, expected {} as of the first",
+            views.max(1)
+        );
+        let photographs = listed.photographs.iter().map(|path| Photograph::of(path));
+        let values = listed.values.into_iter();
+        let written =
+            |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+        Ok(Self {
+            id: at.to_string(),
+            material: listed.material,
+            group: listed.group,
+            photographs: photographs.collect::<Result<_>>()?,
+            values: values.map(written).collect(),
+            line: 0,
+        })
+    }
+
     fn group(&self) -> &str {
         self.group.as_deref().unwrap_or(&self.id)
     }

@@ -24,6 +24,18 @@ pub(super) struct Photograph {
     pub(super) ending: &'static str,
 }
 
+impl Photograph {
+    /// The one at this path.
+    pub(super) fn of(path: &Path) -> Result<Self> {
+        let ending = photograph_ending(path).with_context(|| {
+            let endings = PHOTOGRAPH_ENDINGS.join(", ");
+            format!("{}: expected a file that ends in {endings}", path.display())
+        })?;
+        let path = fs::canonicalize(path).with_context(|| path.display().to_string())?;
+        Ok(Self { path, ending })
+    }
+}
+
 impl Folder {
     /// The folder, with its photographs in folders by view where there are `views`.
     pub(super) fn open(named: &Path, views: &[String]) -> Result<Self> {

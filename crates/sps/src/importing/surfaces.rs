@@ -16,7 +16,7 @@ pub(super) struct Imported {
     pub(super) group: Option<String>,
     pub(super) photographs: Vec<Photograph>,
     pub(super) values: Vec<String>,
-    line: u64,
+    pub(super) line: u64,
 }
 
 impl Imported {

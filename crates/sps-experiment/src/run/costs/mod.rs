@@ -8,7 +8,7 @@ use sps_dataset::Source;
 
 use super::encoded::Finished;
 use super::{Splits, Stage};
-use crate::progress::Progress;
+use crate::progress::{Progress, ensure_wanted};
 use crate::results::Costs;
 use turn::Turn;
 
@@ -41,6 +41,7 @@ pub(crate) fn measure<S: Source>(
         for turn in &mut turns {
             turn.take()?;
             progress.advance(1);
+            ensure_wanted()?;
         }
     }
     Ok(turns.iter().map(Turn::costs).collect())

@@ -53,7 +53,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if args.json {
         println!("{}", serde_json::to_string_pretty(&next)?);
     } else {
-        next.iter().for_each(|path| println!("{}", path.display()));
+        for path in &next {
+            println!("{}", path.display());
+        }
     }
     Ok(())
 }

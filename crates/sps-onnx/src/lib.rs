@@ -16,7 +16,7 @@
 //!
 //! Any file is answered with an encoder or an error. One of more than 2 GiB is not read; lengths and the number
 //! of parts are checked before memory is taken for them; a graph within a graph, weights in another file, and
-//! whole numbers above 2^20 (a size, a padding) are refused. A panic of the library that runs the network
+//! whole numbers above 2^14 (a size, a padding) are refused. A panic of the library that runs the network
 //! becomes an error, although its message still goes to where the program sends such messages. What a network
 //! computes is not bounded: a file can be made, as a program can, that asks for more memory or time than there
 //! is.

@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 
 /// Fields of all messages together; the networks that people use have some thousands.
 const MOST_FIELDS: usize = 4 << 20;
-/// The largest whole number in a network: an extent, a count of places. `Slice` may have larger ones, which
-/// mean the end.
-const LARGEST: u64 = 1 << 20;
+/// The largest whole number in a network: an extent, a count of places.
+const LARGEST: u64 = 1 << 14;
+/// Operators whose numbers may be larger: none makes more of what it is given.
+const NOT_ENLARGING: [&[u8]; 3] = [b"Slice", b"Reshape", b"Gather"];
 
 /// The messages of `onnx.proto` that rten reads.
 #[derive(Clone, Copy, PartialEq)]
@@ -56,7 +57,11 @@ pub(crate) fn check(bytes: &[u8]) -> Result<(), String> {
     if walk.nodes.is_empty() {
         return Err("not an ONNX file: found no operator".to_owned());
     }
-    for node in walk.nodes.iter().filter(|node| node.name != b"Slice") {
+    for node in walk
+        .nodes
+        .iter()
+        .filter(|node| !NOT_ENLARGING.contains(&node.name))
+    {
         let large = node.inputs.iter().filter_map(|input| walk.large.get(input));
         let largest = large.fold(node.largest, |largest, number| largest.max(*number));
         if largest > LARGEST {

@@ -4,6 +4,7 @@ mod support;
 
 use std::fs;
 
+use serde_json::Value;
 use support::{Scratch, expect, kill, message, method, process, results_without_timings, sps};
 
 #[test]
@@ -55,7 +56,10 @@ fn an_experiment_ends_with_results_and_a_report() {
 #[test]
 fn a_second_run_computes_nothing_and_says_the_same() {
     let scratch = Scratch::new();
-    scratch.experiment().assert().success();
+    let printed = scratch.experiment().arg("--json").assert().success();
+    let printed: Value = serde_json::from_slice(&printed.get_output().stdout).unwrap();
+    let written = fs::read_to_string(scratch.path("run/results.json")).unwrap();
+    assert_eq!(printed, serde_json::from_str::<Value>(&written).unwrap());
     let (results, trials) = (
         scratch.results(),
         fs::read(scratch.path("run/trials.jsonl")).unwrap(),

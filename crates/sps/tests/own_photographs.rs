@@ -7,6 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use image::{Rgb, RgbImage};
+use serde_json::Value;
 use sps_estimator::Estimator;
 use support::{expect, root, sps};
 
@@ -114,6 +115,20 @@ fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
     // What the data was laid out in is gone.
     let left = fs::read_dir(path("models")).unwrap();
     assert_eq!(left.count(), 1);
+
+    let mut again = sps();
+    again
+        .current_dir(scratch.path())
+        .args(commands[0].as_slice());
+    let printed = again.args(["--force", "--json"]).assert().success();
+    let found: Value = serde_json::from_slice(&printed.get_output().stdout).unwrap();
+    let measured = serde_json::to_value(&model.about().measured).unwrap();
+    assert_eq!(found["about"]["measured"], measured);
+    assert_eq!(found["worst"].as_array().unwrap().len(), 3);
+    expect(
+        &String::from_utf8_lossy(&printed.get_output().stderr),
+        &fitted,
+    );
 }
 
 #[test]

@@ -37,6 +37,9 @@ pub struct Args {
     /// List the methods, those of sweeps and the floors included, each with all its settings, and exit
     #[arg(long)]
     list: bool,
+    /// Print the content of results.json
+    #[arg(long, conflicts_with_all = ["list", "dry_run", "shard"])]
+    json: bool,
     /// Say how much is done and how much is missing, and exit; writes nothing
     #[arg(long, conflicts_with = "fresh")]
     dry_run: bool,
@@ -86,6 +89,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         }
     };
     report::write(&folder)?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&results)?);
+        return Ok(());
+    }
     print!("{}", report::summary(&results).terminal());
     println!("{}", folder.file("report.html").display());
     Ok(())

@@ -2,8 +2,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
+use serde::Serialize;
 use sps_base::files::write_file;
-use sps_estimator::{Estimator, Precomputed};
+use sps_estimator::{About, Estimator, Precomputed};
 use sps_experiment::config::{Experiment, Setting};
 use sps_experiment::own::Chosen;
 use sps_experiment::train::{self, Trained};
@@ -62,6 +63,18 @@ pub struct Args {
     /// Replace a model that is in the folder
     #[arg(long)]
     force: bool,
+    /// Print JSON; what is for people then goes to standard error
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Fitted<'a> {
+    model: &'a Path,
+    about: &'a About,
+    /// Surfaces furthest from what was measured, and by how many standard deviations.
+    worst: &'a [(String, f64)],
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -79,24 +92,46 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         "{} holds a model; `--force` replaces it",
         out.display()
     );
-    if let Some(config) = &args.config {
+    let trained = if let Some(config) = &args.config {
         let experiment = Experiment::read(config, &args.settings)?;
-        println!("{}", train::which(&experiment));
-        let trained = train::train(&experiment, &mut |line| println!("{line}"))?;
+        args.say(&train::which(&experiment));
+        let trained = train::train(&experiment, &mut |line| args.say(line))?;
         save(&trained, out)?;
+        trained
     } else {
         let (photographs, values) = (args.photographs.as_deref(), args.values.as_deref());
         let both = photographs.zip(values);
         let (photographs, values) = both.context("expected photographs and --values")?;
-        fit(args, photographs, values)?;
-        println!("{}", out.join(PAGE).display());
+        let trained = fit(args, photographs, values)?;
+        args.say(&out.join(PAGE).display().to_string());
+        trained
+    };
+    if args.json {
+        let fitted = Fitted {
+            model: out,
+            about: trained.model.about(),
+            worst: &trained.worst,
+        };
+        println!("{}", serde_json::to_string_pretty(&fitted)?);
+    } else {
+        println!("{}", out.display());
     }
-    println!("{}", out.display());
     Ok(())
 }
 
+impl Args {
+    /// Tells people.
+    fn say(&self, text: &str) {
+        if self.json {
+            eprintln!("{text}");
+        } else {
+            println!("{text}");
+        }
+    }
+}
+
 /// Fits the method that estimates surfaces held out best, and writes the page of all beside the model.
-fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<()> {
+fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<Trained> {
     let import = Import::find(&Request {
         photographs,
         values,
@@ -107,7 +142,7 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<()> {
         "{}: found one group, expected at least two, to hold one out",
         values.display()
     );
-    print!("{}", import.described());
+    args.say(import.described().trim_end());
     let parent = args.out.parent().filter(|parent| *parent != Path::new(""));
     let parent = parent.unwrap_or(Path::new("."));
     fs::create_dir_all(parent).with_context(|| parent.display().to_string())?;
@@ -141,17 +176,18 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<()> {
     }
     let chosen = Chosen::of(&data, &name, settings, &work.path().join("run"))?;
     report::write(&chosen.run)?;
-    print!("{}", report::summary(&chosen.results).terminal());
-    println!(
+    args.say(report::summary(&chosen.results).terminal().trim_end());
+    args.say(&format!(
         "`{}` is kept. It was chosen by these surfaces, which flatters its numbers a little.\n",
         chosen.method
-    );
-    let trained = chosen.train(&mut |line| println!("{line}"))?;
+    ));
+    let trained = chosen.train(&mut |line| args.say(line))?;
     save(&trained, &args.out)?;
     let page = chosen.run.file(PAGE);
     let page = fs::read(&page).with_context(|| page.display().to_string())?;
     let to = args.out.join(PAGE);
-    write_file(&to, &page).with_context(|| to.display().to_string())
+    write_file(&to, &page).with_context(|| to.display().to_string())?;
+    Ok(trained)
 }
 
 /// The rows of the photographs that are fitted on, in the order of the dataset.

@@ -19,6 +19,7 @@ use sps_report as report;
     sps experiment configs/ablation.toml --dry-run\n  \
     sps experiment configs/ablation.toml --shard 2/4\n  \
     sps experiment configs/ablation.toml --merge")]
+#[expect(clippy::struct_excessive_bools, reason = "each is an option")]
 pub struct Args {
     /// The experiment's TOML file; docs/config.md and crates/sps-experiment/src/config/defaults.toml say what its keys mean
     config: PathBuf,

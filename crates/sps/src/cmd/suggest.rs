@@ -8,6 +8,7 @@ use sps_experiment::progress::Progress;
 use sps_models::candle::Device;
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+use tracing::warn;
 
 use crate::importing::{Import, Options, Request, photographs_below};
 
@@ -49,6 +50,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let known: Vec<usize> = (0..measured.len()).collect();
     let ridge = KernelRidge::new(KernelRidgeConfig::default())?;
     let next = ridge.most_telling(&embeddings, &known, args.count)?;
+    if open.is_empty() {
+        warn!("nothing is left to measure: every photograph has values");
+    }
     let next: Vec<&Path> = next.into_iter().map(|at| all[at]).collect();
     if args.json {
         println!("{}", serde_json::to_string_pretty(&next)?);

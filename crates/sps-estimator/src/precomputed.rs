@@ -10,7 +10,7 @@ use sps_weights::{RawTensor, Storage};
 use crate::error::{Error, Result};
 
 /// The name of the one block of a file that has no other, and of all blocks side by side where it has several.
-const WHOLE: &str = "embeddings";
+const EMBEDDINGS: &str = "embeddings";
 /// The note in a safetensors file that names the photograph of each row.
 const FILES: &str = "files";
 /// Numbers in a file, and in a row, at most.
@@ -112,7 +112,7 @@ impl Precomputed {
             let [_, width] = shape[..] else {
                 return Err(wrong(format!("shape {shape:?}")));
             };
-            let name = WHOLE.to_owned();
+            let name = EMBEDDINGS.to_owned();
             let values = values.into_iter().map(|value| value as f32);
             return Self::new(vec![Block { name, width }], Vec::new(), values.collect());
         }
@@ -120,8 +120,8 @@ impl Precomputed {
         let mut tensors = tensors.map_err(|error| wrong(error.to_string()))?;
         tensors.sort_by(|(one, _), (other, _)| one.cmp(other));
         match &mut tensors[..] {
-            [(name, _)] => WHOLE.clone_into(name),
-            _ => tensors.retain(|(name, _)| name != WHOLE),
+            [(name, _)] => EMBEDDINGS.clone_into(name),
+            _ => tensors.retain(|(name, _)| name != EMBEDDINGS),
         }
         let rows = tensors.first().and_then(|(_, tensor)| tensor.shape.first());
         let rows = *rows.ok_or_else(|| wrong("no tensor with rows".to_owned()))?;
@@ -171,7 +171,7 @@ impl Precomputed {
                 .copied()
                 .collect(),
         };
-        let mut tensors = vec![(WHOLE, tensor(0, width))];
+        let mut tensors = vec![(EMBEDDINGS, tensor(0, width))];
         let mut start = 0;
         for block in self.blocks.iter().filter(|_| self.blocks.len() > 1) {
             tensors.push((&block.name, tensor(start, block.width)));

@@ -208,7 +208,8 @@ fn rows_of(import: &Import, photographs: &Path, file: &Path) -> Result<Precomput
         let files = all.iter().map(|path| text(path)).collect();
         rows = Precomputed::new(blocks.clone(), files, rows.values().to_vec())?;
     }
-    let folder = fs::canonicalize(photographs)?;
+    let folder = fs::canonicalize(photographs);
+    let folder = folder.with_context(|| photographs.display().to_string())?;
     let wanted = import
         .photographs()
         .map(|path| text(path.strip_prefix(&folder).unwrap_or(path)));

@@ -90,8 +90,8 @@ impl<S: Source> Estimating<'_, S> {
         Ok(all)
     }
 
-    /// Decodes and encodes some views of a surface where no file has their embeddings, and lets `ask` ask models, which take so many
-    /// multiply-adds, about the embeddings.
+    /// Decodes and encodes some views of a surface, where no file has their embeddings, and lets `ask` ask
+    /// models about the embeddings, which takes so many multiply-adds.
     fn look(
         &self,
         surface: usize,

@@ -8,7 +8,7 @@ use super::depthwise_bytes::{QuadProduct, QuadWeights};
 use super::grid::{Grid, Size, Window, pixels};
 use super::grouped::{GroupWeights, GroupedProduct};
 use super::image::ImagePanels;
-use super::panels::Panels;
+use super::panels::{PANEL_VECTORS, Panels};
 use super::product::{Epilogue, Product};
 use super::simd::Level;
 use super::winograd::{Reach, Winograd};
@@ -49,6 +49,32 @@ impl ConvShape {
     /// Whether each channel is a group of its own.
     pub(crate) const fn depthwise(&self) -> bool {
         self.groups > 1 && self.groups == self.inputs && self.groups == self.outputs
+    }
+
+    /// For matrix tiles, narrow groups joined to such as fill a panel, with weights of 0 between them, and those
+    /// weights. None where there are no tiles or no such groups.
+    pub(crate) fn joined<W: Word>(
+        &self,
+        level: Level,
+        weights: &[f32],
+    ) -> Option<(Self, Vec<f32>)> {
+        let (inputs, outputs) = (self.group_inputs(), self.group_outputs());
+        let wide = PANEL_VECTORS * level.lanes();
+        let tiles = W::NUMBERS > 1 && level.tiles().is_some();
+        let narrow = self.groups > 1 && !self.depthwise() && inputs == outputs && inputs < wide;
+        let even = wide.is_multiple_of(inputs) && self.inputs.is_multiple_of(wide);
+        if !(tiles && narrow && even) {
+            return None;
+        }
+        let taps = pixels(self.window.size);
+        let mut joined = vec![0.0; self.outputs * wide * taps];
+        let rows = joined.chunks_exact_mut(wide * taps);
+        for (output, (row, own)) in rows.zip(weights.chunks_exact(inputs * taps)).enumerate() {
+            let first = output % wide / inputs * inputs;
+            row[first * taps..][..own.len()].copy_from_slice(own);
+        }
+        let groups = self.inputs / wide;
+        Some((Self { groups, ..*self }, joined))
     }
 
     /// Multiply-adds on a feature map of so many pixels; `None` where the window does not fit, or no
@@ -97,6 +123,9 @@ impl<W: Word> Conv<W> {
     /// words. The channels of a group fill whole words; where each channel is a group, only int8 needs
     /// that, of all channels together. For int8 the weights are whole numbers already.
     pub(crate) fn pack(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
+        if let Some((shape, weights)) = shape.joined::<W>(level, weights) {
+            return Self::pack(level, shape, &weights);
+        }
         let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
         let taps = pixels(shape.window.size);
         if shape.depthwise() {

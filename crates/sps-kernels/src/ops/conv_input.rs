@@ -47,6 +47,9 @@ enum Packed<W> {
 impl<W: Real> ConvTranspose<W> {
     /// Packs weights `(outputs, inputs / groups, time, height, width)`.
     pub(crate) fn pack(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
+        if let Some((shape, weights)) = shape.joined::<W>(level, weights) {
+            return Self::pack(level, shape, &weights);
+        }
         let words = W::of_weights(level, weights);
         let phases = places(shape.window.stride)
             .map(|first| Phase::pack(level, &shape, first, (weights, &words)))

@@ -8,6 +8,8 @@
 mod unroll;
 
 pub(crate) mod activated;
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod amx;
 pub(crate) mod bands;
 pub(crate) mod batch_norm;
 pub(crate) mod buffer;
@@ -28,6 +30,7 @@ pub(crate) mod product;
 pub(crate) mod residual;
 pub mod simd;
 pub(crate) mod statistics;
+mod tiles;
 mod winograd;
 pub(crate) mod words;
 

@@ -10,6 +10,7 @@ use super::buffer::Buffer;
 use super::native::prefetch;
 use super::panels::{PANEL_VECTORS, Panel, PanelRun};
 use super::simd::{Lanes, NullaryFnOnce, load};
+use super::tiles::{Plan, WriteTiles};
 use super::unroll::{tallest, tiles};
 use super::words::{Arithmetic, Word, WordKernel, lanes_of};
 
@@ -97,6 +98,12 @@ impl<'a> Columns<'a> {
 }
 
 impl Epilogue<'_> {
+    /// Whether each frame has its own.
+    pub(super) fn per_frame(&self) -> bool {
+        let own = |columns: Option<Columns<'_>>| columns.is_some_and(|columns| columns.stride > 0);
+        own(self.scale) || own(self.shift)
+    }
+
     /// The same for the rows and columns from a frame and a column on.
     pub(crate) fn from(self, frame: usize, column: usize) -> Self {
         Self {
@@ -134,6 +141,16 @@ impl<W: Word> Product<'_, W> {
     pub(crate) fn write(&self, target: &mut [W], places: &[usize], origin: usize) {
         debug_assert_eq!(self.taps.len() * self.run, self.panels.k());
         debug_assert_eq!(self.rows.len(), places.len());
+        if let Some(plan) = Plan::of(self) {
+            let write = WriteTiles {
+                plan,
+                product: self,
+                target,
+                places,
+                origin,
+            };
+            return W::run(self.panels.level(), write);
+        }
         let write = Write {
             product: self,
             target,
@@ -505,7 +522,7 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
 
     /// What is stored of a row's sums, where `stored` is stored already.
     #[inline(always)]
-    fn apply<A: Arithmetic<S>>(
+    pub(super) fn apply<A: Arithmetic<S>>(
         self,
         lanes: S,
         arithmetic: A,

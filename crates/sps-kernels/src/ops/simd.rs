@@ -14,6 +14,8 @@ use pulp::aarch64::Neon;
 use pulp::x86::{V3, V4};
 use pulp::{Scalar128b, Simd};
 
+#[cfg(target_arch = "x86_64")]
+use super::amx::Amx;
 use super::words::byte;
 
 thread_local! {
@@ -31,13 +33,20 @@ pub enum Level {
     /// 512-bit vectors.
     #[cfg(target_arch = "x86_64")]
     Avx512(V4),
+    /// 512-bit vectors, and matrix tiles for products of bf16 and of bytes.
+    #[cfg(target_arch = "x86_64")]
+    Amx(Amx),
+    /// Portable, with tiles written plainly: what holds the walk over tiles to its tests on every machine.
+    #[cfg(test)]
+    Tiles,
     /// 128-bit vectors of ARM.
     #[cfg(target_arch = "aarch64")]
     Neon(Neon),
 }
 
 impl Level {
-    /// The widest that this machine has, or the one that `SPS_INSTRUCTIONS` names: `portable`, `avx2`, `avx512` or `neon`.
+    /// The widest that this machine has, or the one that `SPS_INSTRUCTIONS` names: `portable`, `avx2`, `avx512`, `amx` or
+    /// `neon`.
     /// Where the machine has none of that name, portable.
     pub fn detect() -> Self {
         static ASKED_FOR: OnceLock<Option<Level>> = OnceLock::new();
@@ -53,10 +62,14 @@ impl Level {
     /// Those that this machine has, the widest last.
     pub fn all() -> Vec<Self> {
         let mut levels = vec![Self::Portable];
+        #[cfg(test)]
+        levels.push(Self::Tiles);
         #[cfg(target_arch = "x86_64")]
         levels.extend(V3::try_new().map(Self::Avx2));
         #[cfg(target_arch = "x86_64")]
         levels.extend(V4::try_new().map(Self::Avx512));
+        #[cfg(target_arch = "x86_64")]
+        levels.extend(Amx::detect().map(Self::Amx));
         #[cfg(target_arch = "aarch64")]
         levels.extend(Neon::try_new().map(Self::Neon));
         levels
@@ -70,6 +83,10 @@ impl Level {
             Self::Avx2(_) => "avx2",
             #[cfg(target_arch = "x86_64")]
             Self::Avx512(_) => "avx512",
+            #[cfg(target_arch = "x86_64")]
+            Self::Amx(_) => "amx",
+            #[cfg(test)]
+            Self::Tiles => "tiles",
             #[cfg(target_arch = "aarch64")]
             Self::Neon(_) => "neon",
         }
@@ -90,6 +107,7 @@ impl Level {
     pub(crate) fn bf16(self) -> Option<super::native::bf16::Native> {
         match self {
             Self::Avx512(simd) => super::native::bf16::Native::detect(simd),
+            Self::Amx(amx) => super::native::bf16::Native::detect(amx.vectors()),
             _ => None,
         }
     }
@@ -99,6 +117,18 @@ impl Level {
     pub(crate) fn vnni(self) -> Option<super::native::vnni::Native> {
         match self {
             Self::Avx512(simd) => super::native::vnni::Native::detect(simd),
+            Self::Amx(amx) => super::native::vnni::Native::detect(amx.vectors()),
+            _ => None,
+        }
+    }
+
+    /// The machine's matrix tiles.
+    pub(super) fn tiles(self) -> Option<TileKind> {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Amx(amx) => Some(TileKind::Amx(amx)),
+            #[cfg(test)]
+            Self::Tiles => Some(TileKind::Software),
             _ => None,
         }
     }
@@ -108,6 +138,9 @@ impl Level {
     pub fn rounding(self, bf16: bool) -> Option<&'static str> {
         if matches!(self, Self::Portable) && !FUSED {
             return Some("products rounded");
+        }
+        if bf16 && self.tiles().is_some() {
+            return Some("tiles");
         }
         #[cfg(target_arch = "x86_64")]
         if self.bf16().is_some() {
@@ -120,10 +153,12 @@ impl Level {
     pub const fn lanes(self) -> usize {
         match self {
             Self::Portable => Scalar128b::F32_LANES,
+            #[cfg(test)]
+            Self::Tiles => Scalar128b::F32_LANES,
             #[cfg(target_arch = "x86_64")]
             Self::Avx2(_) => V3::F32_LANES,
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512(_) => V4::F32_LANES,
+            Self::Avx512(_) | Self::Amx(_) => V4::F32_LANES,
             #[cfg(target_arch = "aarch64")]
             Self::Neon(_) => Neon::F32_LANES,
         }
@@ -135,14 +170,29 @@ impl Level {
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
             Self::Portable => kernel.run(Scalar128b),
+            #[cfg(test)]
+            Self::Tiles => kernel.run(Scalar128b),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2(simd) => simd.vectorize(Call { kernel, simd }),
             #[cfg(target_arch = "x86_64")]
             Self::Avx512(simd) => simd.vectorize(Call { kernel, simd }),
+            #[cfg(target_arch = "x86_64")]
+            Self::Amx(amx) => Self::Avx512(amx.vectors()).run(kernel),
             #[cfg(target_arch = "aarch64")]
             Self::Neon(simd) => simd.vectorize(Call { kernel, simd }),
         }
     }
+}
+
+/// What stands behind matrix tiles.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum TileKind {
+    /// The processor's own.
+    #[cfg(target_arch = "x86_64")]
+    Amx(Amx),
+    /// Arrays.
+    #[cfg(test)]
+    Software,
 }
 
 /// A piece of work written against [`Lanes`].

@@ -13,6 +13,7 @@ mod hard_cases;
 mod image;
 mod others;
 mod threads;
+pub(super) mod tiles;
 mod windows;
 mod winograd;
 

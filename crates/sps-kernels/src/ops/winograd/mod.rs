@@ -114,7 +114,8 @@ impl Winograd {
         let [direct] = groups else {
             return None;
         };
-        if W::WHOLE || !worth_it(window, [inputs, outputs]) {
+        let by_tiles = W::NUMBERS > 1 && direct.all().level().tiles().is_some();
+        if W::WHOLE || by_tiles || !worth_it(window, [inputs, outputs]) {
             return None;
         }
         let times = window.size[0];

@@ -7,6 +7,7 @@ mod answer;
 mod cmd;
 pub mod importing;
 mod map;
+mod output;
 mod serve;
 
 use std::ffi::OsString;

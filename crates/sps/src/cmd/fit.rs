@@ -11,6 +11,7 @@ use sps_experiment::train::{self, Trained};
 use sps_report as report;
 
 use crate::importing::{Frames, Import, Options, Request, photographs_below};
+use crate::output::Output;
 
 /// The page beside a model.
 const PAGE: &str = "report.html";
@@ -63,9 +64,8 @@ pub struct Args {
     /// Replace a model that is in the folder
     #[arg(long)]
     force: bool,
-    /// Print JSON; what is for people then goes to standard error
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// What `--json` prints.
@@ -94,8 +94,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     );
     let trained = if let Some(config) = &args.config {
         let experiment = Experiment::read(config, &args.settings)?;
-        args.say(&train::which(&experiment));
-        let trained = train::train(&experiment, &mut |line| args.say(line))?;
+        args.output.say(&train::which(&experiment));
+        let trained = train::train(&experiment, &mut |line| args.output.say(line))?;
         save(&trained, out)?;
         trained
     } else {
@@ -103,31 +103,15 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         let both = photographs.zip(values);
         let (photographs, values) = both.context("expected photographs and --values")?;
         let trained = fit(args, photographs, values)?;
-        args.say(&out.join(PAGE).display().to_string());
+        args.output.say(&out.join(PAGE).display().to_string());
         trained
     };
-    if args.json {
-        let fitted = Fitted {
-            model: out,
-            about: trained.model.about(),
-            worst: &trained.worst,
-        };
-        println!("{}", serde_json::to_string_pretty(&fitted)?);
-    } else {
-        println!("{}", out.display());
-    }
-    Ok(())
-}
-
-impl Args {
-    /// Tells people.
-    fn say(&self, text: &str) {
-        if self.json {
-            eprintln!("{text}");
-        } else {
-            println!("{text}");
-        }
-    }
+    args.output.say(&out.display().to_string());
+    args.output.json(&Fitted {
+        model: out,
+        about: trained.model.about(),
+        worst: &trained.worst,
+    })
 }
 
 /// Fits the method that estimates surfaces held out best, and writes the page of all beside the model.
@@ -142,7 +126,7 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<Trained> {
         "{}: found one group, expected at least two, to hold one out",
         values.display()
     );
-    args.say(import.described().trim_end());
+    args.output.say(import.described().trim_end());
     let parent = args.out.parent().filter(|parent| *parent != Path::new(""));
     let parent = parent.unwrap_or(Path::new("."));
     fs::create_dir_all(parent).with_context(|| parent.display().to_string())?;
@@ -176,12 +160,13 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<Trained> {
     }
     let chosen = Chosen::of(&data, &name, settings, &work.path().join("run"))?;
     report::write(&chosen.run)?;
-    args.say(report::summary(&chosen.results).terminal().trim_end());
-    args.say(&format!(
+    args.output
+        .say(report::summary(&chosen.results).terminal().trim_end());
+    args.output.say(&format!(
         "`{}` is kept. It was chosen by these surfaces, which flatters its numbers a little.\n",
         chosen.method
     ));
-    let trained = chosen.train(&mut |line| args.say(line))?;
+    let trained = chosen.train(&mut |line| args.output.say(line))?;
     save(&trained, &args.out)?;
     let page = chosen.run.file(PAGE);
     let page = fs::read(&page).with_context(|| page.display().to_string())?;

@@ -5,6 +5,7 @@
 
 mod answer;
 mod cmd;
+pub mod fitting;
 pub mod importing;
 mod map;
 mod output;

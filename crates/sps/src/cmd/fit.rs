@@ -10,11 +10,9 @@ use sps_experiment::own::Chosen;
 use sps_experiment::train::{self, Trained};
 use sps_report as report;
 
-use crate::importing::{Frames, Import, Options, Request, photographs_below};
+use crate::fitting::{self, PAGE};
+use crate::importing::{Frames, Import, Options, Request};
 use crate::output::Output;
-
-/// The page beside a model.
-const PAGE: &str = "report.html";
 
 /// Fit a model to photographs and a table of values, or to what a config names
 #[derive(clap::Args)]
@@ -148,7 +146,8 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<Trained> {
         let ordered = work
             .path()
             .join(file.file_name().unwrap_or(file.as_os_str()));
-        let rows = rows_of(&import, photographs, file)?;
+        let rows = import.rows_of(Precomputed::read(file)?, Some(photographs));
+        let rows = rows.with_context(|| file.display().to_string())?;
         write_file(&ordered, &rows.to_bytes()?)?;
         let ordered = ordered.display().to_string();
         settings.push(Setting::new("encoder.embeddings", ordered));
@@ -159,7 +158,6 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<Trained> {
         settings.push(Setting::new("encoder.onnx", file.display().to_string()));
     }
     let chosen = Chosen::of(&data, &name, settings, &work.path().join("run"))?;
-    report::write(&chosen.run)?;
     args.output
         .say(report::summary(&chosen.results).terminal().trim_end());
     args.output.say(&format!(
@@ -167,40 +165,8 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<Trained> {
         chosen.method
     ));
     let trained = chosen.train(&mut |line| args.output.say(line))?;
-    save(&trained, &args.out)?;
-    let page = chosen.run.file(PAGE);
-    let page = fs::read(&page).with_context(|| page.display().to_string())?;
-    let to = args.out.join(PAGE);
-    write_file(&to, &page).with_context(|| to.display().to_string())?;
+    fitting::save(&chosen, &trained, &args.out)?;
     Ok(trained)
-}
-
-/// The rows of the photographs that are fitted on, in the order of the dataset.
-fn rows_of(import: &Import, photographs: &Path, file: &Path) -> Result<Precomputed> {
-    let text = |path: &Path| path.to_string_lossy().into_owned();
-    let mut rows = Precomputed::read(file)?;
-    let blocks = rows.blocks().to_vec();
-    if rows.files().is_empty() {
-        let all = photographs_below(photographs)?;
-        ensure!(
-            rows.rows() == all.len(),
-            "{} names no `files` and has {} rows, expected {}, one for each photograph below {}",
-            file.display(),
-            rows.rows(),
-            all.len(),
-            photographs.display()
-        );
-        let files = all.iter().map(|path| text(path)).collect();
-        rows = Precomputed::new(blocks.clone(), files, rows.values().to_vec())?;
-    }
-    let folder = fs::canonicalize(photographs);
-    let folder = folder.with_context(|| photographs.display().to_string())?;
-    let wanted = import
-        .photographs()
-        .map(|path| text(path.strip_prefix(&folder).unwrap_or(path)));
-    let values = rows.rows_of(&wanted.collect::<Vec<_>>());
-    let values = values.with_context(|| file.display().to_string())?;
-    Ok(Precomputed::new(blocks, Vec::new(), values)?)
 }
 
 fn save(trained: &Trained, out: &Path) -> Result<()> {

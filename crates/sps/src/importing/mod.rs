@@ -1,6 +1,7 @@
 //! Photographs and a table of their values, laid out as a dataset.
 
 mod photographs;
+mod rows;
 mod surfaces;
 mod table;
 

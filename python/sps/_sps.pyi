@@ -132,9 +132,11 @@ def fit(
     materials: list[str] | None = None,
     angles: list[float] | None = None,
     encoder: Encoder | None = None,
+    embeddings: ArrayLike | _Path | None = None,
     resize: int | None = 256,
     level: float = 0.9,
     settings: dict[str, Any] | None = None,
+    out: _Path | None = None,
     progress: _Progress | None = None,
 ) -> Fitted: ...
 @final
@@ -274,6 +276,7 @@ class Estimator:
     def predict_all(
         self, surfaces: Iterable[_Images], *, scale: _Scale = "model"
     ) -> Answers: ...
+    def predict_embedded(self, embeddings: ArrayLike) -> Answers: ...
     def session(self, width: float) -> Session: ...
     def map(
         self,

@@ -41,7 +41,7 @@ impl Dataset {
     #[pyo3(signature = (
         photographs, values = None, *, properties = None, groups = None, materials = None, angles = None
     ))]
-    pub(crate) fn new(
+    fn new(
         photographs: &Bound<'_, PyAny>,
         values: Option<&Bound<'_, PyAny>>,
         properties: Option<Vec<String>>,
@@ -49,42 +49,8 @@ impl Dataset {
         materials: Option<Vec<String>>,
         angles: Option<Vec<f64>>,
     ) -> PyResult<Self> {
-        let path = || photographs.extract::<PathBuf>();
-        let table: Option<PathBuf> = values.and_then(|values| values.extract().ok());
-        let alone =
-            groups.is_none() && properties.is_none() && materials.is_none() && angles.is_none();
-        if !alone && (values.is_none() || table.is_some()) {
-            return Err(value_error(
-                "properties, groups, materials and angles: expected none beside a dataset or a table, which \
-                 say them",
-            ));
-        }
-        let Some(values) = values else {
-            return Self::open(&path()?, None);
-        };
-        let scratch = scratch()?;
-        let import = if let Some(table) = table {
-            Import::find(&Request {
-                photographs: &path()?,
-                values: &table,
-                options: &Options::default(),
-            })
-        } else {
-            let values: PyArrayLikeDyn<'_, f64, AllowTypeChange> = values.extract()?;
-            let values = Values::new(&values, properties)?;
-            let codes = values.properties.iter().map(|code| code.parse());
-            let codes = codes.collect::<Result<_, _>>().map_err(value_error)?;
-            let groups = groups.map(numbered).transpose()?;
-            let known = (groups, materials);
-            let listed = listed(photographs, values.rows, known, scratch.path())?;
-            Import::listed(codes, &angles.unwrap_or_default(), listed)
-        };
-        let import = import.map_err(any_error)?;
-        let path = path().ok();
-        let name = path.as_deref().and_then(Path::file_stem);
-        let folder = scratch.path().join(name.unwrap_or("photographs".as_ref()));
-        import.write(&folder, Frames::Linked).map_err(any_error)?;
-        Self::open(&folder, Some(scratch))
+        let made = Self::made(photographs, values, properties, groups, materials, angles);
+        Ok(made?.0)
     }
 
     /// The folder that it lies in.
@@ -184,6 +150,53 @@ impl Dataset {
 }
 
 impl Dataset {
+    /// What Dataset takes as a dataset; unless it was one, also how it was imported.
+    pub(crate) fn made(
+        photographs: &Bound<'_, PyAny>,
+        values: Option<&Bound<'_, PyAny>>,
+        properties: Option<Vec<String>>,
+        groups: Option<&Bound<'_, PyAny>>,
+        materials: Option<Vec<String>>,
+        angles: Option<Vec<f64>>,
+    ) -> PyResult<(Self, Option<Import>)> {
+        let path = || photographs.extract::<PathBuf>();
+        let table: Option<PathBuf> = values.and_then(|values| values.extract().ok());
+        let alone =
+            groups.is_none() && properties.is_none() && materials.is_none() && angles.is_none();
+        if !alone && (values.is_none() || table.is_some()) {
+            return Err(value_error(
+                "properties, groups, materials and angles: expected none beside a dataset or a table, which \
+                 say them",
+            ));
+        }
+        let Some(values) = values else {
+            return Ok((Self::open(&path()?, None)?, None));
+        };
+        let scratch = scratch()?;
+        let import = if let Some(table) = table {
+            Import::find(&Request {
+                photographs: &path()?,
+                values: &table,
+                options: &Options::default(),
+            })
+        } else {
+            let values: PyArrayLikeDyn<'_, f64, AllowTypeChange> = values.extract()?;
+            let values = Values::new(&values, properties)?;
+            let codes = values.properties.iter().map(|code| code.parse());
+            let codes = codes.collect::<Result<_, _>>().map_err(value_error)?;
+            let groups = groups.map(numbered).transpose()?;
+            let known = (groups, materials);
+            let listed = listed(photographs, values.rows, known, scratch.path())?;
+            Import::listed(codes, &angles.unwrap_or_default(), listed)
+        };
+        let import = import.map_err(any_error)?;
+        let path = path().ok();
+        let name = path.as_deref().and_then(Path::file_stem);
+        let folder = scratch.path().join(name.unwrap_or("photographs".as_ref()));
+        import.write(&folder, Frames::Linked).map_err(any_error)?;
+        Ok((Self::open(&folder, Some(scratch))?, Some(import)))
+    }
+
     fn open(folder: &Path, scratch: Option<TempDir>) -> PyResult<Self> {
         let folder = DatasetFolder::open(folder, &ReadSettings::default());
         Ok(Self {

@@ -11,6 +11,7 @@
 mod arrays;
 mod conformal;
 mod dataset;
+mod embeddings;
 mod encoder;
 mod errors;
 mod estimator;

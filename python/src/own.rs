@@ -1,14 +1,18 @@
 //! A model from photographs, the method chosen by surfaces held out.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use sps::fitting;
 use sps_experiment::config::Setting;
 use sps_experiment::own::Chosen;
 
 use crate::dataset::Dataset;
+use crate::embeddings;
 use crate::encoder::Encoder;
+use crate::errors::value_error;
 use crate::estimator::{Estimator, scratch};
 use crate::runs::Run;
 use crate::settings::settings;
@@ -68,6 +72,14 @@ impl Fitted {
 /// Encoder, the built-in one where none is given. `settings` are keys of a config (docs/config.md), as
 /// {"reruns": 1, "methods": [{"id": "net", "label": "Network", "kind": "head", "views": "all"}]}.
 ///
+/// `embeddings` are used in place of an encoder and `resize`: an array (surfaces, width) or (surfaces, views,
+/// width), or a file as `sps embed` writes it or docs/config.md describes it. Rows that name no file are in
+/// the order of the photographs, for a folder with a table in that of their paths. Estimator.predict_embedded
+/// asks such a model.
+///
+/// The model is written into the folder `out`, with the page `report.html`, as `sps fit` does; a model
+/// that is there is replaced.
+///
 /// `progress` is called with what is done, how many and of how many; what it raises ends the work, as
 /// KeyboardInterrupt does.
 ///
@@ -75,7 +87,8 @@ impl Fitted {
 #[pyfunction]
 #[pyo3(signature = (
     photographs, values = None, *, properties = None, groups = None, materials = None, angles = None,
-    encoder = None, resize = 256, level = 0.9, settings = None, progress = None
+    encoder = None, embeddings = None, resize = 256, level = 0.9, settings = None, out = None,
+    progress = None
 ))]
 #[expect(clippy::too_many_arguments, reason = "most are keywords")]
 pub(crate) fn fit(
@@ -87,20 +100,37 @@ pub(crate) fn fit(
     materials: Option<Vec<String>>,
     angles: Option<Vec<f64>>,
     encoder: Option<&Bound<'_, Encoder>>,
+    embeddings: Option<&Bound<'_, PyAny>>,
     resize: Option<usize>,
     level: f64,
     settings: Option<&Bound<'_, PyDict>>,
+    out: Option<PathBuf>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Fitted> {
-    let data = Dataset::new(photographs, values, properties, groups, materials, angles)?;
+    let (data, import) = Dataset::made(photographs, values, properties, groups, materials, angles)?;
     let scratch = scratch()?;
     let cache = scratch.path().join("cache").display().to_string();
     let mut all = vec![
         Setting::new("cache.folder", cache),
-        Setting::new("encoder.resize", resize.unwrap_or(0) as i64),
         Setting::new("train.level", level),
     ];
-    all.extend(encoder.iter().flat_map(|encoder| encoder.get().settings()));
+    match (embeddings, encoder) {
+        (Some(_), Some(_)) => {
+            return Err(value_error("encoder: expected none beside embeddings"));
+        }
+        (Some(embeddings), None) => {
+            let folder = photographs.extract::<PathBuf>().ok();
+            let folder = folder.as_deref();
+            let file = embeddings::file(embeddings, import.as_ref(), folder, scratch.path())?;
+            let file = file.display().to_string();
+            all.push(Setting::new("encoder.embeddings", file));
+        }
+        (None, encoder) => {
+            let resize = resize.unwrap_or(0) as i64;
+            all.push(Setting::new("encoder.resize", resize));
+            all.extend(encoder.iter().flat_map(|encoder| encoder.get().settings()));
+        }
+    }
     all.extend(self::settings(settings)?);
     let run = scratch.path().join("run");
     let mut lines = Vec::new();
@@ -108,6 +138,9 @@ pub(crate) fn fit(
         let chosen = Chosen::of(data.folder(), data.name(), all, &run)?;
         lines.push(sps_report::summary(&chosen.results).terminal());
         let trained = chosen.train(&mut |line| lines.push(line.to_owned()))?;
+        if let Some(out) = &out {
+            fitting::save(&chosen, &trained, out)?;
+        }
         Ok((chosen, trained))
     })?;
     let best = chosen.results.method(&chosen.method);

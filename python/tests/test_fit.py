@@ -69,6 +69,76 @@ def test_settings_are_those_of_a_config(photographs, widths):
         sps.fit(photographs, widths, groups=[0] * 60)
 
 
+def test_the_page_lies_beside_the_model(photographs, widths, tmp_path):
+    out = tmp_path / "models/mine"
+    values = [10 * widths[at] for at in range(60)]
+    settings = {"reruns": 1}
+    fitted = sps.fit(photographs, values, properties=["fRS"], resize=None, settings=settings, out=out)
+    page = (out / "report.html").read_text()
+    for words in ("Ridge regression", "Nearest neighbour", "data:image/png;base64,"):
+        assert words in page
+    loaded = sps.Estimator.load(out)
+    assert loaded.predict_all(photographs[:5]) == fitted.model.predict_all(photographs[:5])
+    assert os.listdir(tmp_path / "models") == ["mine"]
+
+
+def test_embeddings_give_the_model_that_photographs_give(photographs, widths, tmp_path):
+    settings = {"reruns": 1}
+    # One depth, one block, as an array has it: several have a kernel each.
+    encoder = sps.Encoder("efficientnet-lite-body", "built-in", depths="last")
+    seeing = sps.fit(photographs, widths, encoder=encoder, resize=None, settings=settings)
+    embedded = encoder.transform(photographs)
+    by_array = sps.fit(photographs, widths, embeddings=embedded, settings=settings)
+    np.save(tmp_path / "rows.npy", embedded)
+    by_file = sps.fit(photographs, widths, embeddings=tmp_path / "rows.npy", settings=settings)
+    data = sps.Dataset(photographs, widths)
+    of_data = sps.fit(data, embeddings=embedded[:, None], settings=settings)
+    expected = seeing.model.predict_all(photographs[:5]).values
+    for blind in (by_array, by_file, of_data):
+        assert blind.scores == seeing.scores
+        found = blind.model.predict_embedded(embedded[:5]).values
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_embeddings_of_a_folder_are_found_by_file(encoder, photographs, widths, tmp_path):
+    folder, table = tmp_path / "photographs", tmp_path / "values.csv"
+    folder.mkdir()
+    lines = ["photograph,fRS"]
+    for at in range(20):
+        write_png(folder / f"{at:02}.png", photographs[at])
+        lines.append(f"{at:02}.png,{widths[at]:.3f}")
+    # The table has another order than the folder.
+    table.write_text("\n".join([lines[0], *reversed(lines[1:])]) + "\n")
+    rows = encoder.transform(folder)
+    settings = {"reruns": 1}
+    fitted = sps.fit(folder, table, embeddings=rows, settings=settings)
+    seeing = sps.fit(sps.Dataset(folder, table), embeddings=rows[::-1], settings=settings)
+    assert fitted.scores == seeing.scores
+    with pytest.raises(ValueError, match="found 19 rows without `files`, expected 20"):
+        sps.fit(folder, table, embeddings=rows[1:])
+
+
+def test_embeddings_that_do_not_fit_are_refused(encoder, photographs, widths, tmp_path):
+    rows = np.float32(np.random.default_rng(0).normal(size=(60, 4)))
+    with pytest.raises(ValueError, match="encoder: expected none beside embeddings"):
+        sps.fit(photographs, widths, embeddings=rows, encoder=encoder)
+    with pytest.raises(ValueError, match=r"shape \[60\], expected \(surfaces, width\)"):
+        sps.fit(photographs, widths, embeddings=rows[:, 0])
+    with pytest.raises(ValueError, match="59, expected 60, one for each photograph"):
+        sps.fit(photographs, widths, embeddings=rows[1:])
+    rows[3, 1] = np.nan
+    with pytest.raises(ValueError, match="finite numbers"):
+        sps.fit(photographs, widths, embeddings=rows)
+    with pytest.raises(FileNotFoundError, match="none.npy"):
+        sps.fit(photographs, widths, embeddings=tmp_path / "none.npy")
+    rows[3, 1] = 0
+    model = sps.fit(photographs, widths, embeddings=rows, settings={"reruns": 1}).model
+    with pytest.raises(ValueError, match="found rows of 3, expected 4"):
+        model.predict_embedded(rows[:, :3])
+    with pytest.raises(ValueError, match="their embeddings"):
+        model.predict(photographs[0])
+
+
 def test_groups_and_materials_are_kept(photographs, widths):
     groups = [f"sheet {at // 2}" for at in range(60)]
     materials = ["felt" if at < 30 else "oak" for at in range(60)]

@@ -5,8 +5,10 @@
 
 mod answer;
 mod cmd;
+pub mod fitting;
 pub mod importing;
 mod map;
+mod output;
 mod serve;
 
 use std::ffi::OsString;

@@ -5,7 +5,9 @@ mod support;
 use std::fs;
 
 use serde_json::Value;
-use support::{Scratch, expect, kill, message, method, process, results_without_timings, sps};
+use support::{
+    Scratch, expect, json, kill, message, method, process, results_without_timings, sps,
+};
 
 #[test]
 fn an_experiment_ends_with_results_and_a_report() {
@@ -56,8 +58,7 @@ fn an_experiment_ends_with_results_and_a_report() {
 #[test]
 fn a_second_run_computes_nothing_and_says_the_same() {
     let scratch = Scratch::new();
-    let printed = scratch.experiment().arg("--json").assert().success();
-    let printed: Value = serde_json::from_slice(&printed.get_output().stdout).unwrap();
+    let printed = json(scratch.experiment().arg("--json").assert());
     let written = fs::read_to_string(scratch.path("run/results.json")).unwrap();
     assert_eq!(printed, serde_json::from_str::<Value>(&written).unwrap());
     let (results, trials) = (
@@ -191,15 +192,31 @@ fn depths_are_written_one_by_one() {
         let out = scratch.path("out.safetensors");
         let mut command = sps();
         command.args(["embed", "--encoder", "resnet18", "--weights", "untrained"]);
-        command.args(["--depths", depths, "--out"]).arg(&out);
+        command
+            .args(["--json", "--depths", depths, "--out"])
+            .arg(&out);
         command.arg(scratch.path("data/frames/oak-01/000.jpg"));
         (command.assert(), out)
     };
     let read = |depths: &str| {
         let (ended, out) = embed(depths);
-        ended.success();
-        let bytes = fs::read(out).unwrap();
+        let said = json(ended);
+        let bytes = fs::read(&out).unwrap();
         let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+        let rows = file.tensor("embeddings").unwrap();
+        assert_eq!(said["embeddings"], *out.to_string_lossy());
+        assert_eq!(
+            [&said["rows"], &said["width"]],
+            [rows.shape()[0], rows.shape()[1]]
+        );
+        let blocks = said["blocks"].as_array().unwrap();
+        for block in blocks {
+            // A depth that is alone has no tensor of its own.
+            let own = file.tensor(block["name"].as_str().unwrap());
+            let own = own.unwrap_or_else(|_| file.tensor("embeddings").unwrap());
+            assert_eq!(block["width"], own.shape()[1]);
+        }
+        assert!(said["encode_seconds_per_image"].as_f64().unwrap() > 0.0);
         let tensors = file.tensors().into_iter();
         let mut tensors: Vec<_> = tensors
             .map(|(name, tensor)| (name, tensor.shape().to_vec(), tensor.data().to_vec()))

@@ -11,7 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use support::{expect, message, root, sps};
+use support::{expect, json, message, root, sps};
 use tempfile::TempDir;
 
 /// A folder of photographs, and a table beside it.
@@ -64,8 +64,7 @@ impl Photographs {
         let mut command = sps();
         command.arg("inspect").arg(dataset).arg("--json");
         command.arg("--out").arg(self.folder.path().join("figures"));
-        let output = command.assert().success();
-        serde_json::from_slice(&output.get_output().stdout).unwrap()
+        json(command.assert())
     }
 
     /// Nothing but the name of their dataset is another than that of `dataset`.
@@ -120,7 +119,23 @@ fn folders_by_class() {
 fn photographs_of_a_table() {
     let table = "photograph,group,material,tCO\ndenim/b.png,bolt 7,denim,1e1\noak/1.JPG,,,\n";
     let photographs = Photographs::new(&FILES, table);
-    photographs.import().success();
+    let said = photographs.import_with(&["--json"]).success();
+    let text = String::from_utf8_lossy(&said.get_output().stderr).into_owned();
+    expect(&text, &["2 surfaces in 2 groups", "Left out", "`inspect "]);
+    let said = json(said);
+    assert_eq!(said["dataset"], *photographs.dataset().to_string_lossy());
+    assert_eq!(
+        [&said["surfaces"], &said["groups"], &said["views"]],
+        [2, 2, 1]
+    );
+    assert_eq!(said["properties"], serde_json::json!(["tCO"]));
+    assert_eq!(said["left_out"], serde_json::json!(["denim/a.jpg"]));
+    let assumed = said["assumed"].as_array().unwrap();
+    assert!(
+        assumed
+            .iter()
+            .any(|line| line == "a surface without a material is of `unknown`")
+    );
     assert_eq!(
         photographs.text("surfaces.csv"),
         "surface,material,group\ndenim-b,denim,bolt 7\noak-1,unknown,oak-1\n"

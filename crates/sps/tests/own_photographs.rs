@@ -199,8 +199,9 @@ fn embeddings_from_a_file_give_the_model_that_photographs_give() {
         "{embed} few.safetensors photographs/000.png photographs/001.png"
     ));
     let fit = "fit photographs --values values.csv";
-    done(&format!("{fit} --pixels 64 --out seeing"));
+    // Where no command has left a cache.
     done(&format!("{fit} --embeddings all.safetensors --out blind"));
+    done(&format!("{fit} --pixels 64 --out seeing"));
     refused(
         &format!("{fit} --embeddings few.safetensors --out x"),
         &["few.safetensors", "a row of 002.png: found none"],

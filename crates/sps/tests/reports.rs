@@ -6,7 +6,8 @@ use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
-use support::{Mounted, Scratch, expect, message, process, sps};
+use serde_json::Value;
+use support::{Mounted, Scratch, expect, json, message, process, sps};
 
 fn report(scratch: &Scratch) -> assert_cmd::Command {
     let mut command = sps();
@@ -142,6 +143,17 @@ fn photographs_that_are_gone_are_left_out_with_a_line() {
     assert!(!unseen.contains("data:image"));
     let cards = |page: &str| page.matches("<article>").count();
     assert_eq!(cards(&unseen), cards(&seen));
+}
+
+#[test]
+fn json_is_the_content_of_the_results() {
+    let scratch = Scratch::new();
+    scratch.experiment().assert().success();
+    let said = report(&scratch).arg("--json").assert().success();
+    let text = String::from_utf8_lossy(&said.get_output().stderr).into_owned();
+    expect(&text, &["report.html"]);
+    let written = fs::read_to_string(scratch.path("run/results.json")).unwrap();
+    assert_eq!(json(said), serde_json::from_str::<Value>(&written).unwrap());
 }
 
 #[test]

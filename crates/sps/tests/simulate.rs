@@ -11,7 +11,9 @@ use assert_cmd::Command;
 use assert_cmd::assert::Assert;
 use serde_json::Value;
 use sps_dataset::{DecodeSettings, read_image};
-use support::{Mounted, Scratch, expect, kill, message, process, results_without_timings, sps};
+use support::{
+    Mounted, Scratch, expect, json, kill, message, process, results_without_timings, sps,
+};
 
 /// Eight surfaces of four small views.
 const SMALL: &str = "simulate --surfaces 8 --views 4 --size 48 --seed 5";
@@ -182,12 +184,18 @@ fn inspect_reads_a_dataset_by_the_settings_of_a_config() {
 fn a_simulated_dataset_reads_back_as_it_was_simulated() {
     let scratch = Scratch::new();
     let data = scratch.path("simulated");
-    let simulate = "simulate --surfaces 6 --views 3 --size 32 --seed 5 --format png --out";
-    sps()
-        .args(simulate.split(' '))
-        .arg(&data)
-        .assert()
-        .success();
+    let simulate = || {
+        let line = "simulate --surfaces 6 --views 3 --size 32 --seed 5 --format png --json --out";
+        let mut simulate = sps();
+        simulate.args(line.split(' ')).arg(&data);
+        json(simulate.assert())
+    };
+    for (written, there) in [(6, 0), (0, 6)] {
+        let expected = serde_json::json!({
+            "dataset": data, "written": written, "already_there": there,
+        });
+        assert_eq!(simulate(), expected);
+    }
     sps()
         .arg("inspect")
         .arg(&data)

@@ -24,6 +24,7 @@ pub(crate) use self::fit::{Values, numbered};
 pub(crate) use self::photographs::Surfaces;
 use self::photographs::{Reader, Scale};
 pub(crate) use self::session::{Looked, Session};
+use crate::embeddings::{self, Array};
 use crate::encoder::{Encoder, built_in};
 use crate::errors::{estimator_error, file_error, value_error};
 use crate::images::{Image, Images, embed_each};
@@ -184,6 +185,24 @@ impl Estimator {
         let mut surfaces = Surfaces::new(surfaces)?;
         let values = embed_each(py, &mut surfaces, |images| reader.embed(images))?;
         let answers = py.detach(|| self.answers(&values, &surfaces.counts))?;
+        Ok(Answers::new(answers, self.properties().len()))
+    }
+
+    /// What is said of surfaces whose embeddings were computed as those that the model was fitted on, Answers:
+    /// `embeddings` is (surfaces, width), of one photograph each, or (surfaces, views, width).
+    ///
+    /// Raises ValueError for other shapes and numbers.
+    fn predict_embedded(&self, py: Python<'_>, embeddings: Array<'_>) -> PyResult<Answers> {
+        let (rows, [surfaces, views]) = embeddings::rows(&embeddings)?;
+        let width = self.model.embedder().width();
+        if rows.width() != width {
+            return Err(value_error(format_args!(
+                "embeddings: found rows of {}, expected {width}, as those that the model was fitted on",
+                rows.width()
+            )));
+        }
+        let counts = vec![views; surfaces];
+        let answers = py.detach(|| self.answers(rows.values(), &counts))?;
         Ok(Answers::new(answers, self.properties().len()))
     }
 

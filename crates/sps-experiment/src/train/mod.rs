@@ -20,6 +20,7 @@ use self::check::{Check, Found};
 use crate::config::{DataSpec, Experiment, Looks, Method, Network as NetworkSpec};
 use crate::data::{self, About as AboutData, WithSource};
 use crate::encoder;
+use crate::files::create_folder;
 use crate::journal::Journal;
 use crate::progress::ensure_wanted;
 use crate::run::{
@@ -232,6 +233,8 @@ impl<S: Source> Trainer<'_, S> {
     /// does so on the one training part of `parts`.
     fn views(&self, encodings: &Encodings, parts: &Splits) -> Result<Vec<Vec<usize>>> {
         let (experiment, tables) = (self.experiment, &encodings.stage.tables);
+        // Embeddings from a file leave no cache behind.
+        create_folder(&experiment.cache)?;
         let mut journal = Journal::open(&experiment.cache.join("selections.jsonl"))?;
         let mut selections = Selections::default();
         let folds = Folds {

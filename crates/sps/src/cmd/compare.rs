@@ -4,6 +4,8 @@ use anyhow::{Result, bail, ensure};
 use serde::Serialize;
 use sps_report::compare::{self, Comparison, Run};
 
+use crate::output::print_json;
+
 /// Set finished runs beside the first of them
 ///
 /// Says which configs, sources, data and machines differ, and by how much every score of the methods
@@ -68,7 +70,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     let compared = Compared { comparisons, past };
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&compared)?);
+        print_json(&compared)?;
     }
     match (args.tolerance, compared.past.as_slice()) {
         (Some(tolerance), past @ [_, ..]) => bail!(

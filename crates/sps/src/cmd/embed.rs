@@ -1,8 +1,9 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use rayon::prelude::*;
+use serde::Serialize;
 use sps_dataset::{DecodeSettings, Frame};
 use sps_estimator::{Embedder, OnnxSettings, Precomputed, read_photograph};
 use sps_experiment::config::{EncoderSpec, Network, WeightsSpec};
@@ -11,6 +12,8 @@ use sps_experiment::files::write_atomically;
 use sps_experiment::progress::Progress;
 use sps_models::encoders::{Depths, Precision};
 use tracing::info;
+
+use crate::output::Output;
 
 /// Embed images with an encoder
 #[derive(clap::Args)]
@@ -50,6 +53,26 @@ pub struct Args {
     /// PNG, JPEG or EXR
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Embedded<'a> {
+    embeddings: &'a Path,
+    rows: usize,
+    /// Numbers of a row.
+    width: usize,
+    /// The depths that make a row, in their order.
+    blocks: Vec<Block<'a>>,
+    encode_seconds_per_image: f64,
+}
+
+#[derive(Serialize)]
+struct Block<'a> {
+    name: &'a str,
+    width: usize,
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
@@ -95,12 +118,23 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let files = args.images.iter().map(name).filter(|_| each == 1);
     let embeddings = Precomputed::new(embedder.network().blocks(), files.collect(), values)?;
     write_atomically(&args.out, &embeddings.to_bytes()?)?;
+    let each_image = seconds / args.images.len() as f64;
     info!(
         "{} images, {:.2} ms each to encode",
         args.images.len(),
-        1e3 * seconds / args.images.len() as f64
+        1e3 * each_image
     );
-    Ok(())
+    let blocks = embeddings.blocks().iter().map(|block| Block {
+        name: &block.name,
+        width: block.width,
+    });
+    args.output.json(&Embedded {
+        embeddings: &args.out,
+        rows: embeddings.rows(),
+        width: embeddings.width(),
+        blocks: blocks.collect(),
+        encode_seconds_per_image: each_image,
+    })
 }
 
 fn read(paths: &[PathBuf], resize: Option<usize>) -> Result<Vec<Frame>> {

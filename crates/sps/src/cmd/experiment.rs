@@ -8,6 +8,8 @@ use sps_experiment::run::{self, CONFIG};
 use sps_experiment::work::{Shard, Work};
 use sps_report as report;
 
+use crate::output::print_json;
+
 /// Run an experiment, or finish one that was stopped
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
@@ -91,8 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     };
     report::write(&folder)?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&results)?);
-        return Ok(());
+        return print_json(&results);
     }
     print!("{}", report::summary(&results).terminal());
     println!("{}", folder.file("report.html").display());

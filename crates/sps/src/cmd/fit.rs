@@ -10,10 +10,9 @@ use sps_experiment::own::Chosen;
 use sps_experiment::train::{self, Trained};
 use sps_report as report;
 
-use crate::importing::{Frames, Import, Options, Request, photographs_below};
-
-/// The page beside a model.
-const PAGE: &str = "report.html";
+use crate::fitting::{self, PAGE};
+use crate::importing::{Frames, Import, Options, Request};
+use crate::output::Output;
 
 /// Fit a model to photographs and a table of values, or to what a config names
 #[derive(clap::Args)]
@@ -63,9 +62,8 @@ pub struct Args {
     /// Replace a model that is in the folder
     #[arg(long)]
     force: bool,
-    /// Print JSON; what is for people then goes to standard error
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// What `--json` prints.
@@ -94,8 +92,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     );
     let trained = if let Some(config) = &args.config {
         let experiment = Experiment::read(config, &args.settings)?;
-        args.say(&train::which(&experiment));
-        let trained = train::train(&experiment, &mut |line| args.say(line))?;
+        args.output.say(&train::which(&experiment));
+        let trained = train::train(&experiment, &mut |line| args.output.say(line))?;
         save(&trained, out)?;
         trained
     } else {
@@ -103,31 +101,15 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         let both = photographs.zip(values);
         let (photographs, values) = both.context("expected photographs and --values")?;
         let trained = fit(args, photographs, values)?;
-        args.say(&out.join(PAGE).display().to_string());
+        args.output.say(&out.join(PAGE).display().to_string());
         trained
     };
-    if args.json {
-        let fitted = Fitted {
-            model: out,
-            about: trained.model.about(),
-            worst: &trained.worst,
-        };
-        println!("{}", serde_json::to_string_pretty(&fitted)?);
-    } else {
-        println!("{}", out.display());
-    }
-    Ok(())
-}
-
-impl Args {
-    /// Tells people.
-    fn say(&self, text: &str) {
-        if self.json {
-            eprintln!("{text}");
-        } else {
-            println!("{text}");
-        }
-    }
+    args.output.say(&out.display().to_string());
+    args.output.json(&Fitted {
+        model: out,
+        about: trained.model.about(),
+        worst: &trained.worst,
+    })
 }
 
 /// Fits the method that estimates surfaces held out best, and writes the page of all beside the model.
@@ -142,7 +124,7 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<Trained> {
         "{}: found one group, expected at least two, to hold one out",
         values.display()
     );
-    args.say(import.described().trim_end());
+    args.output.say(import.described().trim_end());
     let parent = args.out.parent().filter(|parent| *parent != Path::new(""));
     let parent = parent.unwrap_or(Path::new("."));
     fs::create_dir_all(parent).with_context(|| parent.display().to_string())?;
@@ -164,7 +146,8 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<Trained> {
         let ordered = work
             .path()
             .join(file.file_name().unwrap_or(file.as_os_str()));
-        let rows = rows_of(&import, photographs, file)?;
+        let rows = import.rows_of(Precomputed::read(file)?, Some(photographs));
+        let rows = rows.with_context(|| file.display().to_string())?;
         write_file(&ordered, &rows.to_bytes()?)?;
         let ordered = ordered.display().to_string();
         settings.push(Setting::new("encoder.embeddings", ordered));
@@ -175,47 +158,15 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<Trained> {
         settings.push(Setting::new("encoder.onnx", file.display().to_string()));
     }
     let chosen = Chosen::of(&data, &name, settings, &work.path().join("run"))?;
-    report::write(&chosen.run)?;
-    args.say(report::summary(&chosen.results).terminal().trim_end());
-    args.say(&format!(
+    args.output
+        .say(report::summary(&chosen.results).terminal().trim_end());
+    args.output.say(&format!(
         "`{}` is kept. It was chosen by these surfaces, which flatters its numbers a little.\n",
         chosen.method
     ));
-    let trained = chosen.train(&mut |line| args.say(line))?;
-    save(&trained, &args.out)?;
-    let page = chosen.run.file(PAGE);
-    let page = fs::read(&page).with_context(|| page.display().to_string())?;
-    let to = args.out.join(PAGE);
-    write_file(&to, &page).with_context(|| to.display().to_string())?;
+    let trained = chosen.train(&mut |line| args.output.say(line))?;
+    fitting::save(&chosen, &trained, &args.out)?;
     Ok(trained)
-}
-
-/// The rows of the photographs that are fitted on, in the order of the dataset.
-fn rows_of(import: &Import, photographs: &Path, file: &Path) -> Result<Precomputed> {
-    let text = |path: &Path| path.to_string_lossy().into_owned();
-    let mut rows = Precomputed::read(file)?;
-    let blocks = rows.blocks().to_vec();
-    if rows.files().is_empty() {
-        let all = photographs_below(photographs)?;
-        ensure!(
-            rows.rows() == all.len(),
-            "{} names no `files` and has {} rows, expected {}, one for each photograph below {}",
-            file.display(),
-            rows.rows(),
-            all.len(),
-            photographs.display()
-        );
-        let files = all.iter().map(|path| text(path)).collect();
-        rows = Precomputed::new(blocks.clone(), files, rows.values().to_vec())?;
-    }
-    let folder = fs::canonicalize(photographs);
-    let folder = folder.with_context(|| photographs.display().to_string())?;
-    let wanted = import
-        .photographs()
-        .map(|path| text(path.strip_prefix(&folder).unwrap_or(path)));
-    let values = rows.rows_of(&wanted.collect::<Vec<_>>());
-    let values = values.with_context(|| file.display().to_string())?;
-    Ok(Precomputed::new(blocks, Vec::new(), values)?)
 }
 
 fn save(trained: &Trained, out: &Path) -> Result<()> {

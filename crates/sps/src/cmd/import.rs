@@ -1,8 +1,10 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use serde::Serialize;
 
-use crate::importing::{Frames, Import, Options, Request};
+use crate::importing::{Found, Frames, Import, Options, Request};
+use crate::output::Output;
 
 /// Lay photographs and a table of values out as a dataset
 #[derive(clap::Args)]
@@ -33,6 +35,16 @@ pub struct Args {
     /// The folder to write the dataset to
     #[arg(long, value_name = "DATASET")]
     out: PathBuf,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Imported<'a> {
+    dataset: &'a Path,
+    #[serde(flatten)]
+    found: Found<'a>,
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
@@ -42,7 +54,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         options: &args.options,
     })?;
     import.write(&args.out, Frames::Copied)?;
-    print!("{}: {}", args.out.display(), import.described());
-    println!("`inspect {}` shows what is in it.", args.out.display());
-    Ok(())
+    let dataset = args.out.display();
+    args.output.say(&format!(
+        "{dataset}: {}`inspect {dataset}` shows what is in it.",
+        import.described()
+    ));
+    args.output.json(&Imported {
+        dataset: &args.out,
+        found: import.found(),
+    })
 }

@@ -14,6 +14,8 @@ use sps_report::published::published;
 use sps_report::statistics;
 use tracing::info;
 
+use crate::output::print_json;
+
 /// Check a dataset and show its statistics
 #[derive(clap::Args)]
 #[command(
@@ -51,7 +53,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let broken = frames.broken.len();
     inspection.frames = Some(frames);
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&inspection)?);
+        print_json(&inspection)?;
     } else {
         print(&inspection, &labels(&dataset), dataset.origin().is_some());
     }

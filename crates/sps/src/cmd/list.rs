@@ -5,6 +5,8 @@ use sps_experiment::text::aligned;
 use sps_models::encoders::EncoderKind;
 use sps_viewselect::AnySelector;
 
+use crate::output::print_json;
+
 /// List encoders, selectors of views, or properties that have a name
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  sps list encoders")]
@@ -35,8 +37,7 @@ struct Entry {
 pub(crate) fn run(args: &Args) -> Result<()> {
     let entries = entries(args.what);
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&entries)?);
-        return Ok(());
+        return print_json(&entries);
     }
     let lines = entries.into_iter();
     let lines: Vec<_> = lines

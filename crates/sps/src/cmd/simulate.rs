@@ -1,11 +1,14 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::ValueEnum;
+use serde::Serialize;
 use sps_dataset::FrameFormat;
 use sps_experiment::data::simulate;
 use sps_simulate::SimulatorSpec;
 use tracing::info;
+
+use crate::output::Output;
 
 /// Write a simulated dataset
 #[derive(clap::Args)]
@@ -32,6 +35,17 @@ pub struct Args {
     /// The folder to write
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Simulated<'a> {
+    dataset: &'a Path,
+    /// Surfaces written now, and those that a stopped run had left.
+    written: usize,
+    already_there: usize,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -59,5 +73,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         written.written,
         written.already_there
     );
-    Ok(())
+    args.output.json(&Simulated {
+        dataset: &args.out,
+        written: written.written,
+        already_there: written.already_there,
+    })
 }

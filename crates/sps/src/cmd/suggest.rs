@@ -11,6 +11,7 @@ use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use tracing::warn;
 
 use crate::importing::{Import, Options, Request, photographs_below};
+use crate::output::print_json;
 
 /// Say which surfaces to measure next, by photographs of them
 #[derive(clap::Args)]
@@ -55,7 +56,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     let next: Vec<&Path> = next.into_iter().map(|at| all[at]).collect();
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&next)?);
+        print_json(&next)?;
     } else {
         for path in &next {
             println!("{}", path.display());

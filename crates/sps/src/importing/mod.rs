@@ -1,6 +1,7 @@
 //! Photographs and a table of their values, laid out as a dataset.
 
 mod photographs;
+mod rows;
 mod surfaces;
 mod table;
 
@@ -10,6 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Error, Result, ensure};
+use serde::Serialize;
 use sps_base::files::{write_folder, write_new};
 use sps_dataset::{
     DatasetFolder, Manifest, PHOTOGRAPH_ENDINGS, Property, PropertyOrder, ReadSettings,
@@ -75,6 +77,19 @@ pub struct Import {
     surfaces: Vec<Imported>,
     without_row: Vec<PathBuf>,
     assumed: Vec<String>,
+}
+
+/// What was found, what is assumed beside it, and what is left out.
+#[derive(Serialize)]
+pub(crate) struct Found<'a> {
+    surfaces: usize,
+    groups: usize,
+    /// Photographs of each surface.
+    views: usize,
+    properties: &'a [Property],
+    assumed: &'a [String],
+    /// Photographs below their folder that no row is of.
+    left_out: &'a [PathBuf],
 }
 
 /// A surface of which everything is known.
@@ -167,7 +182,19 @@ impl Import {
         groups.len()
     }
 
-    /// What was found, what is assumed beside it, and what is left out, for people.
+    /// What was found, for programs.
+    pub(crate) fn found(&self) -> Found<'_> {
+        Found {
+            surfaces: self.surfaces.len(),
+            groups: self.groups(),
+            views: self.angles.as_slice().len(),
+            properties: &self.properties,
+            assumed: &self.assumed,
+            left_out: &self.without_row,
+        }
+    }
+
+    /// The same for people.
     pub fn described(&self) -> String {
         let properties: Vec<_> = self.properties.iter().map(ToString::to_string).collect();
         let mut text = format!(

@@ -196,6 +196,12 @@ pub(crate) fn copy(from: &Path, to: &Path) {
     }
 }
 
+/// What a command that succeeded printed: JSON, and nothing beside it.
+pub(crate) fn json(assert: Assert) -> Value {
+    let output = assert.success().get_output().clone();
+    serde_json::from_slice(&output.stdout).expect("JSON alone")
+}
+
 /// The message of a command that failed as it should.
 pub(crate) fn message(assert: Assert) -> String {
     let output = assert.code(1).get_output().clone();

@@ -80,6 +80,7 @@ macro_rules! native {
             }
         }
 
+        #[inline(never)]
         #[target_feature(enable = $features)]
         fn with_instructions<F: NullaryFnOnce>(work: F) -> F::Output {
             work.call()

@@ -249,7 +249,7 @@ const fn block<W: Word>() -> Option<usize> {
 }
 
 /// What a core's second-level cache holds beside what streams through it, in words.
-const CACHE: usize = 160 << 10;
+pub(super) const CACHE: usize = 160 << 10;
 
 impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
     type Output = ();

@@ -17,10 +17,10 @@
 
 use std::ops::Range;
 
-use super::buffer::Buffer;
+use super::native::prefetch;
 use super::panels::{PANEL_VECTORS, Panel};
-use super::product::{Finish, Product};
-use super::simd::{Lanes, TileKind};
+use super::product::{CACHE, Epilogue, Finish, Product};
+use super::simd::{Lanes, NullaryFnOnce, TileKind};
 use super::words::{Arithmetic, Word, WordKernel};
 
 /// Rows of a tile of the left and of sums.
@@ -98,8 +98,11 @@ pub(super) struct WriteTiles<'a, 'b, W> {
     pub(super) origin: usize,
 }
 
-/// Words of the rows that meet one panel after the other.
-const BLOCK: usize = 32 << 10;
+/// Words of a matrix that stay in the second-level cache beside a map.
+const SMALL: usize = 64 << 10;
+
+/// Words of the rows that its panels then meet one after the other.
+const NEAR: usize = 8 << 10;
 
 /// The sums of two tiles of rows by a panel.
 #[repr(align(64))]
@@ -129,9 +132,22 @@ struct Left<'a, W> {
 
 /// Rows that were copied together, and where their runs begin.
 struct Copies<W> {
-    memory: Buffer<W>,
+    memory: Vec<W>,
+    /// The first row's place in memory, at a cache line.
+    first: usize,
     pitch: usize,
     taps: Vec<usize>,
+}
+
+impl<W: Word> Copies<W> {
+    /// Makes room for so many rows.
+    fn begin(&mut self, rows: usize) {
+        self.memory.clear();
+        self.memory.reserve(rows * self.pitch + WORDS);
+        let place = self.memory.as_ptr() as usize / size_of::<W>();
+        self.first = place.next_multiple_of(WORDS) - place;
+        self.memory.resize(self.first, W::default());
+    }
 }
 
 impl<W: Word> WordKernel<W> for WriteTiles<'_, '_, W> {
@@ -169,19 +185,27 @@ impl<W: Word> WriteTiles<'_, '_, W> {
         } else {
             count.max(1)
         };
-        let block = (BLOCK / k).next_multiple_of(2 * HEIGHT);
+        // Either rows and panels stay in the first-level cache, or rows stay in the second and each panel meets them.
+        let words = if k * product.panels.n() <= SMALL {
+            NEAR
+        } else {
+            CACHE
+        };
+        let block = (words / k).next_multiple_of(2 * HEIGHT);
         let taps = 0..if self.plan.joined {
             1
         } else {
             product.taps.len()
         };
         let mut copies = Copies {
-            memory: Buffer::default(),
+            memory: Vec::new(),
+            first: 0,
             // At cache lines, but not all at the same places of the cache.
             pitch: k.next_multiple_of(WORDS) | WORDS,
             taps: taps.map(|tap| tap * product.run).collect(),
         };
         let mut rows = Vec::new();
+        let mut sums = Sums([0.0; 2 * HEIGHT * WIDTH]);
         for frame in 0..count.div_ceil(frame_rows) {
             let end = ((frame + 1) * frame_rows).min(count);
             for start in (frame * frame_rows..end).step_by(block) {
@@ -190,7 +214,8 @@ impl<W: Word> WriteTiles<'_, '_, W> {
                 for panel in product.panels.iter() {
                     for pair in rows.chunks(2) {
                         let panel = (frame, panel);
-                        self.write(lanes, arithmetic, tiles, (pair, &copies), panel);
+                        let to = (&mut *tiles, &mut sums);
+                        self.write(lanes, arithmetic, to, (pair, &copies), panel);
                     }
                 }
             }
@@ -214,16 +239,20 @@ impl<W: Word> WriteTiles<'_, '_, W> {
             copied += if copy.is_some() { HEIGHT } else { 0 };
             rows.push(Rows { first, count, copy });
         }
-        copies.memory.resize(copied * copies.pitch);
-        for tile in rows.iter() {
-            let Some(copy) = tile.copy else { continue };
-            let starts = &starts[tile.first..tile.first + tile.count];
-            let copies = copies.memory[copy * copies.pitch..].chunks_exact_mut(copies.pitch);
-            for (start, copy) in starts.iter().zip(copies) {
-                for (tap, copy) in taps.iter().zip(copy.chunks_exact_mut(run)) {
-                    copy.copy_from_slice(&source[start + tap..][..run]);
+        copies.begin(copied);
+        for tile in rows.iter().filter(|tile| tile.copy.is_some()) {
+            for start in &starts[tile.first..tile.first + tile.count] {
+                let before = copies.memory.len();
+                for tap in taps {
+                    let run = &source[start + tap..][..run];
+                    copies.memory.extend_from_slice(run);
                 }
+                copies.memory.resize(before + copies.pitch, W::default());
             }
+            let missing = (HEIGHT - tile.count) * copies.pitch;
+            copies
+                .memory
+                .resize(copies.memory.len() + missing, W::default());
         }
     }
 
@@ -247,7 +276,7 @@ impl<W: Word> WriteTiles<'_, '_, W> {
     fn left<'s>(&'s self, rows: Rows, copies: &'s Copies<W>) -> Left<'s, W> {
         if let Some(copy) = rows.copy {
             return Left {
-                memory: &copies.memory[copy * copies.pitch..],
+                memory: &copies.memory[copies.first + copy * copies.pitch..],
                 step: copies.pitch,
                 taps: &copies.taps,
             };
@@ -266,7 +295,7 @@ impl<W: Word> WriteTiles<'_, '_, W> {
         &mut self,
         lanes: S,
         arithmetic: A,
-        tiles: &mut T,
+        (tiles, sums): (&mut T, &mut Sums),
         (pair, copies): (&[Rows], &Copies<W>),
         (frame, panel): (usize, Panel<'_, W>),
     ) where
@@ -274,22 +303,38 @@ impl<W: Word> WriteTiles<'_, '_, W> {
         A: Arithmetic<S, Word = W>,
         T: Tiles<W>,
     {
-        let mut sums = Sums([0.0; 2 * HEIGHT * WIDTH]);
-        let left = [pair[0], pair[pair.len() - 1]].map(|rows| self.left(rows, copies));
-        let vectors = (panel.data, S::F32_LANES);
-        match (pair.len(), panel.vectors) {
-            (1, 1) => self.sum::<T, 1, 1>(tiles, left, vectors, &mut sums),
-            (1, _) => self.sum::<T, 1, 2>(tiles, left, vectors, &mut sums),
-            (_, 1) => self.sum::<T, 2, 1>(tiles, left, vectors, &mut sums),
-            _ => self.sum::<T, 2, 2>(tiles, left, vectors, &mut sums),
-        }
         let count: usize = pair.iter().map(|rows| rows.count).sum();
         let rows = pair[0].first..pair[0].first + count;
         let columns = (panel.column, panel.columns);
+        if self.product.epilogue.accumulate.is_some() {
+            for place in &self.places[rows.clone()] {
+                let place = place - self.origin + W::words(panel.column);
+                prefetch(&self.target[place..=place], true);
+            }
+        }
+        let left = [pair[0], pair[pair.len() - 1]].map(|rows| self.left(rows, copies));
+        let vectors = (panel.data, S::F32_LANES);
+        match (pair.len(), panel.vectors) {
+            (1, 1) => self.sum::<T, 1, 1>(tiles, left, vectors, sums),
+            (1, _) => self.sum::<T, 1, 2>(tiles, left, vectors, sums),
+            (_, 1) => self.sum::<T, 2, 1>(tiles, left, vectors, sums),
+            _ => self.sum::<T, 2, 2>(tiles, left, vectors, sums),
+        }
+        let finishing = Finishing {
+            lanes,
+            arithmetic,
+            epilogue: self.product.epilogue,
+            sums: &sums.0,
+            target: &mut *self.target,
+            places: &self.places[rows],
+            origin: self.origin,
+            frame,
+            columns,
+        };
         if panel.vectors == 1 {
-            self.finish::<S, A, 1>(lanes, arithmetic, &sums, rows, (frame, columns));
+            arithmetic.apart(lanes, Sized::<_, 1>(finishing));
         } else {
-            self.finish::<S, A, 2>(lanes, arithmetic, &sums, rows, (frame, columns));
+            arithmetic.apart(lanes, Sized::<_, PANEL_VECTORS>(finishing));
         }
     }
 
@@ -341,37 +386,60 @@ impl<W: Word> WriteTiles<'_, '_, W> {
             tiles.store::<3>(&mut below[lanes..], WIDTH);
         }
     }
+}
 
-    /// Writes rows of sums by the epilogue of a frame and columns.
+/// Rows of sums to be written by the epilogue of a frame and columns.
+struct Finishing<'a, S, A: Arithmetic<S>>
+where
+    S: Lanes,
+{
+    lanes: S,
+    arithmetic: A,
+    epilogue: Epilogue<'a>,
+    sums: &'a [f32],
+    target: &'a mut [A::Word],
+    places: &'a [usize],
+    origin: usize,
+    frame: usize,
+    columns: (usize, usize),
+}
+
+/// Of `NV` vectors of columns.
+struct Sized<F, const NV: usize>(F);
+
+impl<S: Lanes, A: Arithmetic<S>, const NV: usize> NullaryFnOnce for Sized<Finishing<'_, S, A>, NV> {
+    type Output = ();
+
     #[inline(always)]
-    fn finish<S, A, const NV: usize>(
-        &mut self,
-        lanes: S,
-        arithmetic: A,
-        Sums(sums): &Sums,
-        rows: Range<usize>,
-        (frame, columns): (usize, (usize, usize)),
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        let (column, count) = columns;
-        let whole = count == NV * S::F32_LANES;
-        let epilogue = self.product.epilogue;
+    fn call(self) {
+        let Finishing {
+            lanes,
+            arithmetic,
+            epilogue,
+            sums,
+            target,
+            places,
+            origin,
+            frame,
+            columns,
+        } = self.0;
         let finish = Finish::<S, NV>::new(lanes, epilogue, frame, columns);
-        let first = W::words(column);
-        for (place, sums) in self.places[rows].iter().zip(sums.chunks_exact(WIDTH)) {
-            let sums = S::as_simd_f32s(sums).0;
-            let mut ended = [lanes.splat_f32s(0.0); NV];
-            ended.copy_from_slice(&sums[..NV]);
-            let out = &mut self.target[place - self.origin + first..][..W::words(count)];
+        let (first, words) = (A::Word::words(columns.0), A::Word::words(columns.1));
+        let (sums, _) = S::as_simd_f32s(sums);
+        let rows = places.iter().zip(sums.chunks_exact(WIDTH / S::F32_LANES));
+        let whole = columns.1 == NV * S::F32_LANES;
+        for (place, sums) in rows {
+            let Some((sums, _)) = sums.split_first_chunk::<NV>() else {
+                return;
+            };
+            let out = &mut target[place - origin + first..][..words];
             let mut stored = [lanes.splat_f32s(0.0); NV];
             if finish.accumulate && whole {
                 stored = arithmetic.load(lanes, out);
             } else if finish.accumulate {
                 stored = arithmetic.load_part(lanes, out);
             }
-            let ended = finish.apply(lanes, arithmetic, &ended, stored);
+            let ended = finish.apply(lanes, arithmetic, sums, stored);
             if whole {
                 arithmetic.store(lanes, ended, out);
             } else {

@@ -221,9 +221,8 @@ impl<W: Word> Kernels for Pooled<W> {
         let walk = |w: &mut Workspace<W>| self.network.walk(Threads::All, &image, w, see);
         let worth = resources.worth(self.network.layer_multiply_adds(image.size));
         let threads = resources.of_pool().min(worth);
-        pass(threads, resources.spin, || {
-            self.with_workspace(resources, walk);
-        });
+        let run = || self.with_workspace(resources, walk);
+        pass(threads, resources.spin, run);
         sums
     }
 
@@ -269,9 +268,13 @@ impl<W: Word> Pooled<W> {
                 (images, outs) = (images_left, outs_left);
             }
             on_all_threads(items, |(threads, images, out)| {
-                by_team(threads, || {
-                    self.embed_groups(threads, images, out, resources);
-                });
+                let team = if threads > 1 {
+                    Threads::All
+                } else {
+                    Threads::One
+                };
+                let embed = || self.embed_groups(team, images, out, resources);
+                by_team(threads, embed);
             });
         }
         embeddings
@@ -279,15 +282,11 @@ impl<W: Word> Pooled<W> {
 
     fn embed_groups(
         &self,
-        threads: usize,
+        threads: Threads,
         images: Images<'_>,
         embeddings: &mut [f32],
         resources: &Resources,
     ) {
-        let threads = match threads {
-            1 => Threads::One,
-            _ => Threads::All,
-        };
         self.with_workspace(resources, |workspace| {
             let width = self.network.width();
             let outs = embeddings.chunks_mut(GROUP * width);

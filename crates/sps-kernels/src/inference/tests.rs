@@ -70,12 +70,8 @@ fn squeezenet() -> Inference {
 fn embed(inference: &Inference, frames: usize, [height, width]: [usize; 2]) -> Vec<f32> {
     let image = vec![0.5; 3 * height * width];
     let images = vec![&image[..]; frames];
-    let images = Images::new(
-        &images,
-        Order::Pixels,
-        [1, height, width],
-        Normalisation::IMAGENET,
-    );
+    let size = [1, height, width];
+    let images = Images::new(&images, Order::Pixels, size, Normalisation::NONE);
     inference.embed(&images.unwrap()).unwrap()
 }
 
@@ -84,17 +80,22 @@ fn on<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     pool.build().unwrap().install(work)
 }
 
+/// What passes may take, but so long for spinning.
+fn spinning(spin: Duration) -> Resources {
+    Resources {
+        spin,
+        ..Resources::default()
+    }
+}
+
 #[test]
 fn no_embedding_depends_on_resources() {
     let inference = squeezenet();
     let expected = on(1, || embed(&inference, 1, [64, 64]));
     for (threads, spin, memory) in [(16, 0, 0), (16, 2, usize::MAX), (3, 0, 1 << 20)] {
-        let spin = Duration::from_millis(spin);
-        let inference = inference.clone().with_resources(Resources {
-            threads,
-            spin,
-            memory,
-        });
+        let mut resources = spinning(Duration::from_millis(spin));
+        (resources.threads, resources.memory) = (threads, memory);
+        let inference = inference.clone().with_resources(resources);
         for frames in [1, 3, 15, 17] {
             let found = on(16, || embed(&inference, frames, [64, 64]));
             assert!(found == expected.repeat(frames));
@@ -151,10 +152,7 @@ fn used() -> [f64; 2] {
 fn a_small_frame_takes_one_core_and_shrink_gives_memory_back() {
     let inference = squeezenet();
     for spin in [Resources::default().spin, Duration::ZERO] {
-        let inference = inference.clone().with_resources(Resources {
-            spin,
-            ..Resources::default()
-        });
+        let inference = inference.clone().with_resources(spinning(spin));
         let ratio = on(16, || {
             let ([before, _], start) = (used(), Instant::now());
             while start.elapsed() < Duration::from_secs(3) {

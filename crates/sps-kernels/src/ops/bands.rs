@@ -72,14 +72,7 @@ pub(crate) fn pass<T: Send>(threads: usize, spin: Duration, work: impl FnOnce() 
     }
     let mut work = Some(work);
     loop {
-        let free = |_: &rayon::Scope<'_>| {
-            if in_pass() {
-                None
-            } else {
-                work.take().map(run)
-            }
-        };
-        if let Some(outcome) = rayon::scope(free) {
+        if let Some(outcome) = rayon::scope(|_| work.take_if(|_| !in_pass()).map(run)) {
             return outcome;
         }
         std::thread::sleep(RETRY);
@@ -116,12 +109,8 @@ struct Awake(Arc<AtomicBool>);
 impl Awake {
     fn new(threads: usize, spin: Duration) -> Self {
         let over = Arc::new(AtomicBool::new(false));
-        let others = if spin.is_zero() {
-            0
-        } else {
-            threads.saturating_sub(1)
-        };
-        for _ in 0..others {
+        let threads = if spin.is_zero() { 1 } else { threads };
+        for _ in 1..threads {
             let over = Arc::clone(&over);
             rayon::spawn(move || {
                 // Taken up where a thread waits within a pass, or is awake already: for the later one, then.

@@ -249,8 +249,26 @@ struct Update<'a> {
     trial: usize,
 }
 
-/// One pass over a parameter, by the widest vectors of the machine: products and sums are rounded
-/// one by one at every width, so the bits are the same.
+impl Update<'_> {
+    /// One pass over all trials, by the widest vectors of the machine: products and sums are rounded
+    /// one by one at every width, so the bits are the same.
+    fn apply<T>(&self, parameter: &mut [T], gradient: &[T], mean: &mut [T], square: &mut [T])
+    where
+        for<'a> Pass<'a, T>: Kernel,
+    {
+        Level::detect().run(Pass {
+            factors: self.factors,
+            scales: self.scales,
+            trial: self.trial,
+            parameter,
+            gradient,
+            mean,
+            square,
+        });
+    }
+}
+
+/// A parameter with what moves it.
 struct Pass<'a, T> {
     factors: Factors,
     scales: &'a [f64],
@@ -311,28 +329,13 @@ impl InplaceOp1 for Update<'_> {
             let found = self.gradient.len();
             candle_core::bail!("adam: {found} gradients for {} parameters", end - start)
         }
-        let &Self {
-            factors,
-            scales,
-            trial,
-            ..
-        } = self;
-        macro_rules! pass {
-            ($parameter:expr, $gradient:expr, $mean:expr, $square:expr) => {
-                Level::detect().run(Pass {
-                    factors,
-                    scales,
-                    trial,
-                    parameter: &mut $parameter[start..end],
-                    gradient: $gradient,
-                    mean: $mean,
-                    square: $square,
-                })
-            };
-        }
         match (parameter, self.gradient, &mut **self.moments.borrow_mut()) {
-            (CpuStorage::F32(p), Elements::F32(g), RunningMeans::F32(m, v)) => pass!(p, g, m, v),
-            (CpuStorage::F64(p), Elements::F64(g), RunningMeans::F64(m, v)) => pass!(p, g, m, v),
+            (CpuStorage::F32(p), Elements::F32(g), RunningMeans::F32(m, v)) => {
+                self.apply(&mut p[start..end], g, m, v);
+            }
+            (CpuStorage::F64(p), Elements::F64(g), RunningMeans::F64(m, v)) => {
+                self.apply(&mut p[start..end], g, m, v);
+            }
             (parameter, ..) => candle_core::bail!(
                 "adam: the gradient's type is not the parameter's, {:?}",
                 parameter.dtype()

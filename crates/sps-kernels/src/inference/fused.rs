@@ -87,6 +87,14 @@ struct Slot<W> {
     border: Option<(Grid, f32)>,
 }
 
+impl<W: Word> Workspace<W> {
+    /// Of memory.
+    pub(super) fn bytes(&self) -> usize {
+        let slots = self.slots.iter().map(|slot| slot.memory.bytes());
+        slots.sum::<usize>() + self.group.bytes()
+    }
+}
+
 impl<W: Word> Fused<W> {
     /// `scales`, one for each map, are for int8; `None` otherwise.
     pub(super) fn new(
@@ -118,6 +126,12 @@ impl<W: Word> Fused<W> {
     pub(super) fn check(&self, images: &Images<'_>) -> Result<()> {
         let sizes = self.network.sizes(images.size);
         sizes.map(|_| ()).ok_or_else(|| too_small(images.size))
+    }
+
+    /// Multiply-adds of a layer for one frame, on average.
+    pub(super) fn layer_multiply_adds(&self, size: Size) -> u64 {
+        let all = self.network.multiply_adds(size).unwrap_or(u64::MAX);
+        all / self.steps.len().max(1) as u64
     }
 
     /// The length of an embedding.

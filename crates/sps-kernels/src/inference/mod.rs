@@ -10,20 +10,22 @@
 mod folded;
 mod fused;
 mod gate;
+mod resources;
 mod scales;
 mod slots;
+#[cfg(test)]
+mod tests;
 
 use std::fmt::Debug;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use rayon::prelude::*;
-
+pub use resources::Resources;
 pub use scales::Scale;
 
 use crate::error::{Error, Result};
 use crate::images::Images;
 use crate::network::Network;
-use crate::ops::bands::{Threads, inside_pool};
+use crate::ops::bands::{Threads, by_team, inside_pool, on_all_threads, pass};
 use crate::ops::mean::frame_means;
 use crate::ops::simd::Level;
 use crate::ops::words::{Bf16Pair, Bytes, Word};
@@ -31,6 +33,7 @@ use crate::precision::Precision;
 use crate::tensors::{self, Tensors};
 use crate::windows::CellSums;
 use fused::{Fused, GROUP, Seen, Workspace};
+use resources::{Share, shares};
 use scales::Calibration;
 
 /// A network with its tensors, ready to embed images. Clones share it.
@@ -59,7 +62,10 @@ use scales::Calibration;
 /// # Ok::<(), sps_kernels::Error>(())
 /// ```
 #[derive(Debug, Clone)]
-pub struct Inference(Arc<dyn Kernels>);
+pub struct Inference {
+    kernels: Arc<dyn Kernels>,
+    resources: Resources,
+}
 
 impl Inference {
     /// Lays a network's tensors out for the kernels. int8 needs the scale of each map of the network, from
@@ -97,21 +103,47 @@ impl Inference {
         level: Level,
     ) -> Result<Self> {
         let fused = Fused::<W>::new(network, tensors, scales, level)?;
-        Ok(Self(Arc::new(Pooled::new(fused))))
+        Ok(Self {
+            kernels: Arc::new(Pooled::new(fused)),
+            resources: Resources::default(),
+        })
+    }
+
+    /// What passes may take.
+    pub fn resources(&self) -> Resources {
+        self.resources
+    }
+
+    /// The same network, whose passes may take something else. Clones that there are already keep to theirs.
+    #[must_use]
+    pub fn with_resources(self, resources: Resources) -> Self {
+        Self { resources, ..self }
+    }
+
+    /// Gives back to the system the memory that is kept for passes to come, for all clones.
+    pub fn shrink(&self) {
+        self.kernels.shrink();
+    }
+
+    /// Bytes that are kept for passes to come, for all clones together.
+    pub fn idle_bytes(&self) -> usize {
+        self.kernels.idle_bytes()
     }
 
     /// Embeds a batch, `(images, width)`, on the threads of the caller's rayon pool. The embedding of an image is
     /// the same to the last bit whatever else is in the batch and however many threads there are.
     ///
-    /// As many images as the threads can share evenly are each embedded by one thread; the
-    /// threads then work together on those that are left.
+    /// As many images as the threads can share evenly are each embedded by one thread. Those that are left go to one
+    /// thread each, or to teams of threads that share the rows of feature maps, whichever is sooner done.
+    ///
+    /// Callers from outside the pool wait until one of its threads is in no other pass.
     ///
     /// # Errors
     ///
     /// Images smaller than the network takes.
     pub fn embed(&self, images: &Images<'_>) -> Result<Vec<f32>> {
-        self.0.check(images)?;
-        Ok(self.0.embed(images))
+        self.kernels.check(images)?;
+        Ok(self.kernels.embed(images, &self.resources))
     }
 
     /// The sums of the feature maps of the first of the images at each depth, for
@@ -121,8 +153,8 @@ impl Inference {
     ///
     /// An image smaller than the network takes.
     pub fn cell_sums(&self, image: &Images<'_>) -> Result<Vec<CellSums>> {
-        self.0.check(image)?;
-        Ok(self.0.cell_sums(image))
+        self.kernels.check(image)?;
+        Ok(self.kernels.cell_sums(image, &self.resources))
     }
 }
 
@@ -158,9 +190,13 @@ pub fn calibrate(
 trait Kernels: Debug + Send + Sync {
     fn check(&self, images: &Images<'_>) -> Result<()>;
 
-    fn embed(&self, images: &Images<'_>) -> Vec<f32>;
+    fn embed(&self, images: &Images<'_>, resources: &Resources) -> Vec<f32>;
 
-    fn cell_sums(&self, image: &Images<'_>) -> Vec<CellSums>;
+    fn cell_sums(&self, image: &Images<'_>, resources: &Resources) -> Vec<CellSums>;
+
+    fn shrink(&self);
+
+    fn idle_bytes(&self) -> usize;
 }
 
 impl<W: Word> Kernels for Pooled<W> {
@@ -168,17 +204,34 @@ impl<W: Word> Kernels for Pooled<W> {
         self.network.check(images)
     }
 
-    fn embed(&self, images: &Images<'_>) -> Vec<f32> {
-        inside_pool(|| self.embed_inside(*images))
+    fn embed(&self, images: &Images<'_>, resources: &Resources) -> Vec<f32> {
+        let worth = resources.worth(self.network.layer_multiply_adds(images.size));
+        let shares = shares(images.frames(), resources.of_pool(), worth);
+        let threads = |shares: &Vec<Share>| shares.iter().map(|share| share.threads).sum();
+        let threads = shares.iter().map(threads).max().unwrap_or(1);
+        pass(threads, resources.spin, || {
+            self.embed_shares(shares, *images, resources)
+        })
     }
 
-    fn cell_sums(&self, image: &Images<'_>) -> Vec<CellSums> {
+    fn cell_sums(&self, image: &Images<'_>, resources: &Resources) -> Vec<CellSums> {
         let (image, _) = image.split_at(1);
         let mut sums = Vec::new();
         let see = |seen: Seen<'_, W>| sums.push(CellSums::new(seen.memory, seen.grid, seen.scale));
-        let network = &self.network;
-        inside_pool(|| self.with_workspace(|w| network.walk(Threads::All, &image, w, see)));
+        let walk = |w: &mut Workspace<W>| self.network.walk(Threads::All, &image, w, see);
+        let worth = resources.worth(self.network.layer_multiply_adds(image.size));
+        let threads = resources.of_pool().min(worth);
+        let run = || self.with_workspace(resources, walk);
+        pass(threads, resources.spin, run);
         sums
+    }
+
+    fn shrink(&self) {
+        drop(std::mem::take(&mut *self.idle()));
+    }
+
+    fn idle_bytes(&self) -> usize {
+        self.idle().iter().map(Workspace::bytes).sum()
     }
 }
 
@@ -197,28 +250,44 @@ impl<W: Word> Pooled<W> {
         }
     }
 
-    fn embed_inside(&self, images: Images<'_>) -> Vec<f32> {
+    fn embed_shares(
+        &self,
+        shares: [Vec<Share>; 2],
+        images: Images<'_>,
+        resources: &Resources,
+    ) -> Vec<f32> {
         let width = self.network.width();
         let mut embeddings = vec![0.0; images.frames() * width];
-        let threads = rayon::current_num_threads();
-        let share = images.frames() / threads;
-        let (even, left) = images.split_at(share * threads);
-        let (even_out, left_out) = embeddings.split_at_mut(share * threads * width);
-        if share > 0 {
-            let outs = even_out.chunks_mut(share * width);
-            let shares: Vec<_> = even.chunks(share).zip(outs).collect();
-            shares
-                .into_par_iter()
-                .for_each(|(images, out)| self.embed_groups(Threads::One, images, out));
-        }
-        if left.frames() > 0 {
-            self.embed_groups(Threads::All, left, left_out);
+        let (mut images, mut outs) = (images, &mut embeddings[..]);
+        for shares in shares {
+            let mut items = Vec::new();
+            for share in shares {
+                let (of_share, images_left) = images.split_at(share.frames);
+                let (out, outs_left) = outs.split_at_mut(share.frames * width);
+                items.push((share.threads, of_share, out));
+                (images, outs) = (images_left, outs_left);
+            }
+            on_all_threads(items, |(threads, images, out)| {
+                let team = if threads > 1 {
+                    Threads::All
+                } else {
+                    Threads::One
+                };
+                let embed = || self.embed_groups(team, images, out, resources);
+                by_team(threads, embed);
+            });
         }
         embeddings
     }
 
-    fn embed_groups(&self, threads: Threads, images: Images<'_>, embeddings: &mut [f32]) {
-        self.with_workspace(|workspace| {
+    fn embed_groups(
+        &self,
+        threads: Threads,
+        images: Images<'_>,
+        embeddings: &mut [f32],
+        resources: &Resources,
+    ) {
+        self.with_workspace(resources, |workspace| {
             let width = self.network.width();
             let outs = embeddings.chunks_mut(GROUP * width);
             for (images, out) in images.chunks(GROUP).zip(outs) {
@@ -243,16 +312,24 @@ impl<W: Word> Pooled<W> {
         });
     }
 
-    /// Runs `work` with a workspace that is not in use.
-    fn with_workspace<T>(&self, work: impl FnOnce(&mut Workspace<W>) -> T) -> T {
-        let lock = || {
-            self.workspaces
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-        };
-        let mut workspace = lock().pop().unwrap_or_default();
+    fn idle(&self) -> MutexGuard<'_, Vec<Workspace<W>>> {
+        let idle = self.workspaces.lock();
+        idle.unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Runs `work` with a workspace that is not in use, and keeps it where there is room.
+    fn with_workspace<T>(
+        &self,
+        resources: &Resources,
+        work: impl FnOnce(&mut Workspace<W>) -> T,
+    ) -> T {
+        let mut workspace = self.idle().pop().unwrap_or_default();
         let outcome = work(&mut workspace);
-        lock().push(workspace);
+        let mut idle = self.idle();
+        let bytes: usize = idle.iter().chain([&workspace]).map(Workspace::bytes).sum();
+        if bytes <= resources.memory {
+            idle.push(workspace);
+        }
         outcome
     }
 }

@@ -1,9 +1,10 @@
 //! How work on a feature map is split over threads.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::ops::Range;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
@@ -15,7 +16,7 @@ use super::words::Word;
 pub(crate) enum Threads {
     /// The calling thread alone: others work on other images.
     One,
-    /// Every thread of the pool that the caller is in.
+    /// Every thread of the caller's team, by default of the pool that it is in.
     All,
 }
 
@@ -40,52 +41,108 @@ impl<W> Band<'_, W> {
     }
 }
 
-/// Runs `work` on a thread of the pool that the caller is in: from outside, each parallel step in it
-/// would be handed over and waited for asleep. The pool's other threads stay awake until it is done.
-pub(crate) fn inside_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
-    rayon::scope(|_| {
-        let _awake = Awake::new();
-        work()
-    })
-}
+/// How long threads that have nothing to do stay awake during a pass: to wake one takes longer than many a layer.
+pub(crate) const SPIN: Duration = Duration::from_millis(2);
+
+/// Until a caller asks again for a thread that is in no pass.
+const RETRY: Duration = Duration::from_micros(100);
 
 thread_local! {
-    /// Whether a pass runs on this thread, which others may wait for.
-    static HOST: Cell<bool> = const { Cell::new(false) };
+    /// How many threads share the work that this one does, where that is part of a pass; 0 elsewhere.
+    static TEAM: Cell<usize> = const { Cell::new(0) };
+    /// Set once the pass is over that this thread stays awake for.
+    static AWAKE_FOR: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
 }
 
-/// Has the pool's other threads look for work until it is dropped: to wake one takes longer than many a
-/// layer.
-struct Awake {
-    over: Arc<AtomicBool>,
-    /// Whether this thread was a host already.
-    host: bool,
+/// Runs `work`, a pass, by all threads of the pool that the caller is in.
+pub(crate) fn inside_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    pass(rayon::current_num_threads(), SPIN, work)
 }
+
+/// Runs `work`, which so many threads share, on a thread of the pool that the caller is in: from outside, each
+/// parallel step in it would be handed over and waited for asleep. A thread that waits within a pass begins
+/// none from outside: neither would be over before the other.
+pub(crate) fn pass<T: Send>(threads: usize, spin: Duration, work: impl FnOnce() -> T + Send) -> T {
+    let run = |work| {
+        let _awake = Awake::new(threads, spin);
+        by_team(threads, work)
+    };
+    if rayon::current_thread_index().is_some() {
+        return run(work);
+    }
+    let mut work = Some(work);
+    loop {
+        if let Some(outcome) = rayon::scope(|_| work.take_if(|_| !in_pass()).map(run)) {
+            return outcome;
+        }
+        std::thread::sleep(RETRY);
+    }
+}
+
+fn in_pass() -> bool {
+    TEAM.get() > 0
+}
+
+/// Does `work`, which so many threads share.
+pub(crate) fn by_team<T>(threads: usize, work: impl FnOnce() -> T) -> T {
+    struct Before(usize);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            TEAM.set(self.0);
+        }
+    }
+    let _before = Before(TEAM.replace(threads));
+    work()
+}
+
+/// How many threads share the work of the caller.
+fn team() -> usize {
+    match TEAM.get() {
+        0 => rayon::current_num_threads(),
+        threads => threads,
+    }
+}
+
+/// Has other threads of the pool look for work until it is dropped.
+struct Awake(Arc<AtomicBool>);
 
 impl Awake {
-    fn new() -> Self {
+    fn new(threads: usize, spin: Duration) -> Self {
         let over = Arc::new(AtomicBool::new(false));
-        for _ in 1..rayon::current_num_threads() {
+        let threads = if spin.is_zero() { 1 } else { threads };
+        for _ in 1..threads {
             let over = Arc::clone(&over);
             rayon::spawn(move || {
-                // A host may come upon it while it waits for other threads.
-                while !HOST.get() && !over.load(Ordering::Relaxed) {
-                    look_for_work();
+                // Taken up where a thread waits within a pass, or is awake already: for the later one, then.
+                if !in_pass() && AWAKE_FOR.replace(Some(over)).is_none() {
+                    look_for_work(spin);
                 }
             });
         }
-        Self {
-            over,
-            host: HOST.replace(true),
-        }
+        Self(over)
     }
 }
 
 impl Drop for Awake {
     fn drop(&mut self) {
-        self.over.store(true, Ordering::Relaxed);
-        HOST.set(self.host);
+        self.0.store(true, Ordering::Relaxed);
     }
+}
+
+/// Does pieces of the pool's work until the pass is over or there was none for so long.
+fn look_for_work(spin: Duration) {
+    let over = |pass: &Option<Arc<AtomicBool>>| {
+        pass.as_ref()
+            .is_none_or(|over| over.load(Ordering::Relaxed))
+    };
+    let mut since = Instant::now();
+    while !AWAKE_FOR.with_borrow(over) && since.elapsed() < spin {
+        match rayon::yield_now() {
+            Some(rayon::Yield::Executed) => since = Instant::now(),
+            _ => std::thread::yield_now(),
+        }
+    }
+    AWAKE_FOR.take();
 }
 
 /// Calls `work` on bands that cover the grid: one band of all frames for [`Threads::One`], and
@@ -116,7 +173,7 @@ pub(super) fn for_each_band_of<W: Word>(
             target,
         }),
         Threads::All => {
-            let count = 2 * rayon::current_num_threads();
+            let count = 2 * team();
             on_all_threads(
                 bands(count.div_ceil(grid.frames.max(1)), together, grid, target),
                 work,
@@ -125,38 +182,63 @@ pub(super) fn for_each_band_of<W: Word>(
     }
 }
 
-/// Does `work` on each item, on all threads of the pool that the caller is in. The thread that waits for the
-/// last ones stays awake: the system may wake a thread on the core of the one that called it, where both
-/// then lie for milliseconds.
-pub(super) fn on_all_threads<T: Send>(items: Vec<T>, work: impl Fn(T) + Send + Sync) {
-    let left = AtomicUsize::new(items.len());
+/// Does `work` on each item, on the threads that share the caller's work. The caller takes items from the end, the
+/// others from the start, so that neighbours lie in one cache from layer to layer. Then it waits for those
+/// that others have taken, for nothing else, and awake: the system may wake a thread on the core of
+/// the one that called it, where both then lie for milliseconds.
+pub(crate) fn on_all_threads<T: Send>(items: Vec<T>, work: impl Fn(T) + Send + Sync) {
+    let count = items.len();
+    let helpers = team().min(count).saturating_sub(1);
+    if helpers == 0 {
+        return items.into_iter().for_each(work);
+    }
+    let items: Vec<_> = items
+        .into_iter()
+        .map(|item| Mutex::new(Some(item)))
+        .collect();
+    let [taken, at_end, at_start, begun, done] = [const { AtomicUsize::new(0) }; 5];
+    let next = |counter: &AtomicUsize| counter.fetch_add(1, Ordering::Relaxed);
+    let work_on = |from_end: bool| {
+        while next(&taken) < count {
+            let index = if from_end {
+                count - 1 - next(&at_end)
+            } else {
+                next(&at_start)
+            };
+            let item = items[index]
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .take();
+            item.into_iter().for_each(&work);
+        }
+    };
     rayon::scope(|scope| {
-        for item in items {
-            let (work, done) = (&work, Done(&left));
-            scope.spawn(move |_| {
-                let _done = done;
-                work(item);
+        for _ in 0..helpers {
+            scope.spawn(|_| {
+                let _done = Done(&done);
+                next(&begun);
+                if !in_pass() {
+                    by_team(1, || work_on(false));
+                }
             });
         }
-        while left.load(Ordering::Relaxed) > 0 {
-            look_for_work();
+        work_on(true);
+        // Where the scope waited itself, it would run passes of others.
+        while done.load(Ordering::Relaxed) < helpers {
+            let here = begun.load(Ordering::Relaxed) < helpers;
+            if !here || rayon::yield_local() != Some(rayon::Yield::Executed) {
+                std::thread::yield_now();
+            }
         }
     });
 }
 
-/// Counts down when it is dropped, also by a panic.
+/// Counts when it is dropped, also by a panic.
 struct Done<'a>(&'a AtomicUsize);
 
 impl Drop for Done<'_> {
     fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::Relaxed);
-    }
-}
-
-/// Does a piece of the pool's work where there is one.
-fn look_for_work() {
-    if rayon::yield_now() == Some(rayon::Yield::Idle) {
-        std::thread::yield_now();
+        self.0.fetch_add(1, Ordering::Relaxed);
     }
 }
 

@@ -41,6 +41,11 @@ impl<W: Word> Buffer<W> {
         }
         self.len = len;
     }
+
+    /// Of memory, whatever its length.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(&self.lines[..])
+    }
 }
 
 impl<W: Word> Deref for Buffer<W> {
@@ -65,6 +70,11 @@ pub(crate) struct Recycler(Mutex<Vec<Vec<Line>>>);
 impl Recycler {
     fn free(&self) -> MutexGuard<'_, Vec<Vec<Line>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Gives back to the system what is not on loan.
+    pub(crate) fn shrink(&self) {
+        self.free().clear();
     }
 
     /// `len` words of any value.

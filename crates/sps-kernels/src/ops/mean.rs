@@ -1,8 +1,6 @@
 //! The mean of a feature map over space.
 
-use rayon::prelude::*;
-
-use super::bands::Threads;
+use super::bands::{Threads, on_all_threads};
 use super::grid::Grid;
 use super::simd::{Kernel, Lanes, Level};
 use super::words::Word;
@@ -26,11 +24,15 @@ pub(crate) fn frame_means<W: Word>(
     let places = Grid { frames: 1, ..*grid }.places();
     let runs: Vec<&[usize]> = places.chunks(RUN).collect();
     for (frame, means) in source.chunks_exact(grid.frame_len()).zip(means) {
-        let sum = |run: &&[usize]| level.run(Sum { frame, run, grid });
-        let sums: Vec<Vec<f32>> = match threads {
-            Threads::All if frame.len() > FEW => runs.par_iter().map(sum).collect(),
-            _ => runs.iter().map(sum).collect(),
+        let mut sums: Vec<Vec<f32>> = vec![Vec::new(); runs.len()];
+        let sum = |(run, sum): (&&[usize], &mut Vec<f32>)| {
+            *sum = level.run(Sum { frame, run, grid });
         };
+        let each = runs.iter().zip(&mut sums);
+        match threads {
+            Threads::All if frame.len() > FEW => on_all_threads(each.collect(), sum),
+            _ => each.for_each(sum),
+        }
         let pixels = places.len() as f64;
         for (channel, mean) in means.iter_mut().enumerate() {
             let sum: f64 = sums.iter().map(|run| f64::from(run[channel])).sum();

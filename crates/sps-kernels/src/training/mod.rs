@@ -129,6 +129,11 @@ impl Training {
         }
     }
 
+    /// Gives back to the system the memory that is kept for the passes to come.
+    pub fn shrink(&self) {
+        self.recycler.shrink();
+    }
+
     /// Runs forward, batch norm by the batch's own statistics.
     ///
     /// # Errors

@@ -23,6 +23,7 @@ use sps_kernels::simd::Level;
 use sps_kernels::{Images, Normalisation, Order, Size};
 
 pub use kind::EncoderKind;
+pub use sps_kernels::inference::Resources;
 pub use sps_kernels::network::{Block, Depths};
 pub use sps_kernels::{Precision, WindowEmbeddings, Windows};
 pub use trainable::TrainableEncoder;
@@ -200,8 +201,10 @@ impl Encoder {
         if *depths == self.depths {
             return Ok(self);
         }
+        let resources = self.resources();
         let (depths, precision) = (depths.clone(), self.precision);
-        Self::of(self.kind, depths, precision, self.weights, &self.device)
+        let of = Self::of(self.kind, depths, precision, self.weights, &self.device)?;
+        Ok(of.with_resources(resources))
     }
 
     /// The same network with what it needs to compute in int8: how its feature maps are scaled, found on
@@ -265,13 +268,47 @@ impl Encoder {
     /// it has.
     pub fn with_precision(self, precision: Precision) -> Result<Self> {
         self.on_cpu(precision)?;
-        Self::of(
+        let resources = self.resources();
+        let of = Self::of(
             self.kind,
             self.depths,
             precision,
             self.weights,
             &self.device,
-        )
+        )?;
+        Ok(of.with_resources(resources))
+    }
+
+    /// The same network, whose passes may take other threads, time and memory; on the CPU.
+    ///
+    /// ```
+    /// use std::time::Duration;
+    /// use sps_models::candle::Device;
+    /// use sps_models::encoders::{Encoder, EncoderKind, Resources};
+    ///
+    /// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
+    /// let spin = Duration::ZERO;
+    /// let encoder = encoder.with_resources(Resources { threads: 8, spin, memory: 1 << 30 });
+    /// encoder.embed_pixels(&[&vec![0.5; 64 * 48 * 3]], [64, 48])?;
+    /// encoder.shrink();
+    /// # Ok::<(), sps_models::Error>(())
+    /// ```
+    #[must_use]
+    pub fn with_resources(mut self, resources: Resources) -> Self {
+        self.kernels = self
+            .kernels
+            .map(|kernels| kernels.with_resources(resources));
+        self
+    }
+
+    fn resources(&self) -> Resources {
+        let kernels = self.kernels.as_ref();
+        kernels.map_or_else(Resources::default, Inference::resources)
+    }
+
+    /// Gives back to the system the memory that is kept for passes to come, for all clones.
+    pub fn shrink(&self) {
+        self.kernels.iter().for_each(Inference::shrink);
     }
 
     /// Refuses what only the kernels compute in where there are none.

@@ -252,34 +252,27 @@ struct Update<'a> {
 impl Update<'_> {
     /// One pass over all trials, by the widest vectors of the machine: products and sums are rounded
     /// one by one at every width, so the bits are the same.
-    fn apply<T: Copy>(&self, parameter: &mut [T], gradient: &[T], mean: &mut [T], square: &mut [T])
+    fn apply<T>(&self, parameter: &mut [T], gradient: &[T], mean: &mut [T], square: &mut [T])
     where
-        for<'a> Trial<'a, T>: Kernel,
+        for<'a> Pass<'a, T>: Kernel,
     {
-        let level = Level::detect();
-        let len = self.trial.max(1);
-        let trials = parameter
-            .chunks_exact_mut(len)
-            .zip(gradient.chunks_exact(len));
-        let moments = mean.chunks_exact_mut(len).zip(square.chunks_exact_mut(len));
-        for (index, ((parameter, gradient), (mean, square))) in trials.zip(moments).enumerate() {
-            level.run(Trial {
-                factors: self.factors,
-                scale: self.scales.get(index).copied().unwrap_or(1.0),
-                parameter,
-                gradient,
-                mean,
-                square,
-            });
-        }
+        Level::detect().run(Pass {
+            factors: self.factors,
+            scales: self.scales,
+            trial: self.trial,
+            parameter,
+            gradient,
+            mean,
+            square,
+        });
     }
 }
 
-/// One trial's part of a parameter.
-struct Trial<'a, T> {
+/// A parameter with what moves it.
+struct Pass<'a, T> {
     factors: Factors,
-    /// Of the gradient.
-    scale: f64,
+    scales: &'a [f64],
+    trial: usize,
     parameter: &'a mut [T],
     gradient: &'a [T],
     mean: &'a mut [T],
@@ -291,7 +284,7 @@ struct Trial<'a, T> {
 /// the bits of `p`.
 macro_rules! kernel {
     ($type:ty) => {
-        impl Kernel for Trial<'_, $type> {
+        impl Kernel for Pass<'_, $type> {
             type Output = ();
 
             #[inline(always)]
@@ -300,15 +293,20 @@ macro_rules! kernel {
                 let (b1, b2) = (f.beta1 as $type, f.beta2 as $type);
                 let (c1, c2) = ((1.0 - f.beta1) as $type, (1.0 - f.beta2) as $type);
                 let (rate, unbias) = (f.rate as $type, f.unbias as $type);
-                let (epsilon, scale) = (f.epsilon as $type, self.scale as $type);
-                let keep = f.keep as $type;
-                let elements = self.parameter.iter_mut().zip(self.gradient);
-                let moments = self.mean.iter_mut().zip(self.square);
-                for ((p, &g), (m, v)) in elements.zip(moments) {
-                    let g = g * scale;
-                    *m = b1 * *m + c1 * g;
-                    *v = b2 * *v + c2 * g * g;
-                    *p = keep * *p - rate * *m / (unbias * v.sqrt() + epsilon);
+                let (epsilon, keep) = (f.epsilon as $type, f.keep as $type);
+                let len = self.trial.max(1);
+                let gradients = self.gradient.chunks_exact(len);
+                let elements = self.parameter.chunks_exact_mut(len).zip(gradients);
+                let squares = self.square.chunks_exact_mut(len);
+                let moments = self.mean.chunks_exact_mut(len).zip(squares);
+                for (trial, ((p, g), (m, v))) in elements.zip(moments).enumerate() {
+                    let scale = self.scales.get(trial).copied().unwrap_or(1.0) as $type;
+                    for ((p, &g), (m, v)) in p.iter_mut().zip(g).zip(m.iter_mut().zip(v)) {
+                        let g = g * scale;
+                        *m = b1 * *m + c1 * g;
+                        *v = b2 * *v + c2 * g * g;
+                        *p = keep * *p - rate * *m / (unbias * v.sqrt() + epsilon);
+                    }
                 }
             }
         }

@@ -1,8 +1,13 @@
 //! Threads share out the rows of a feature map or, where that is less to read, the columns of the
 //! weights: the bits are those of one thread.
 
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use super::{noise, shape};
-use crate::ops::bands::{Threads, inside_pool};
+use crate::ops::bands::{SPIN, Threads, by_team, for_each_band, inside_pool, pass};
 use crate::ops::conv::Conv;
 use crate::ops::conv_input::ConvTranspose;
 use crate::ops::conv_weight::weight_gradient;
@@ -121,4 +126,76 @@ fn any_number_of_threads_gives_the_same_bits() {
     same_bits::<f32>();
     same_bits::<Bf16Pair>();
     same_bits::<Bytes>();
+}
+
+/// The rows of the bands of a map of so many rows and columns, each as long as said, in order.
+fn rows(threads: usize, frames: usize, extent: usize) -> Vec<usize> {
+    let grid = Grid::tight(frames, [1, extent, extent], 1);
+    let (mut map, bands) = (vec![0.0; grid.len()], Mutex::new(Vec::new()));
+    by(16, || {
+        by_team(threads, || {
+            for_each_band(Threads::All, &grid, &mut map, |band| {
+                band.target.fill(1.0);
+                bands.lock().unwrap().push(band.rows(&grid));
+            });
+        });
+    });
+    assert!(map.iter().all(|&x| x == 1.0));
+    let mut bands = bands.into_inner().unwrap();
+    bands.sort_by_key(|rows| rows.start);
+    bands.into_iter().map(|rows| rows.len()).collect()
+}
+
+#[test]
+fn rows_are_cut_for_the_team() {
+    assert_eq!(rows(16, 1, 7), [1; 7]);
+    assert_eq!(rows(16, 1, 112).len(), 32);
+    assert!(rows(16, 1, 112).iter().all(|rows| (3..5).contains(rows)));
+    assert_eq!(rows(2, 1, 8), [2; 4]);
+    assert_eq!(rows(3, 3, 8), [4; 6]);
+    assert_eq!(rows(1, 1, 8), [4; 2]);
+}
+
+thread_local! {
+    /// Passes that run on this thread, one within the other.
+    static DEPTH: Cell<usize> = const { Cell::new(0) };
+}
+
+/// Each pass ends on its thread before another begins there, although each has threads wait for others. How many
+/// begin on other threads meanwhile depends on the machine: it is printed.
+#[test]
+fn passes_of_many_callers_do_not_nest() {
+    let [deepest, begun, most] = [const { AtomicUsize::new(0) }; 3];
+    let (grid, stack) = (Grid::tight(1, [1, 64, 64], 16), Mutex::new(Vec::new()));
+    let one_pass = || {
+        let before = begun.fetch_add(1, Ordering::Relaxed);
+        DEPTH.set(DEPTH.get() + 1);
+        deepest.fetch_max(DEPTH.get(), Ordering::Relaxed);
+        let mut map = vec![0.0; grid.len()];
+        for _ in 0..500 {
+            for_each_band(Threads::All, &grid, &mut map, |band| {
+                band.target.iter_mut().for_each(|x| *x += 1.0);
+            });
+        }
+        assert!(map.iter().all(|&x| x == 500.0));
+        let place = (rayon::current_thread_index(), (&raw const map).addr());
+        stack.lock().unwrap().push(place);
+        DEPTH.set(DEPTH.get() - 1);
+        let meanwhile = begun.load(Ordering::Relaxed) - before - 1;
+        most.fetch_max(meanwhile, Ordering::Relaxed);
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..64 {
+            scope.spawn(|| (0..2).for_each(|_| pass(2, SPIN, one_pass)));
+        }
+    });
+    assert_eq!(begun.into_inner(), 128);
+    assert_eq!(deepest.into_inner(), 1);
+    let mut ends = BTreeMap::new();
+    for (thread, place) in stack.into_inner().unwrap() {
+        let [low, high] = ends.entry(thread).or_insert([place; 2]);
+        (*low, *high) = (place.min(*low), place.max(*high));
+    }
+    assert!(ends.values().all(|[low, high]| high - low < 16 << 10));
+    println!("passes begun by others within one: {}", most.into_inner());
 }

@@ -10,6 +10,7 @@ use super::grid::{Grid, Window, pixels};
 use super::grouped::GroupedOuter;
 use super::image::{self, PIXEL, Phase};
 use super::outer::{Joined, Outer};
+use super::outer_tiles::OuterTiles;
 use super::simd::Level;
 use super::winograd::{self, Reach};
 use super::words::{Real, lanes_of};
@@ -183,6 +184,28 @@ fn dense<W: Real>(
 ) {
     let (taps, inputs) = (pixels(shape.window.size), shape.inputs);
     let run = taps * inputs / runs.len();
+    if let Some(kind) = level.tiles().filter(|_| W::NUMBERS > 1) {
+        let sums = OuterTiles {
+            kind,
+            level,
+            left: (pairs.gradient, pairs.places),
+            right: (pairs.source, pairs.starts),
+            height: shape.outputs,
+            runs,
+            width: run,
+        };
+        let sums = sums.sums();
+        let outputs = target.par_chunks_exact_mut(inputs * taps).enumerate();
+        outputs.for_each(|(output, target)| {
+            for of_run in 0..runs.len() {
+                for (i, value) in sums.row(output, of_run).take(run).enumerate() {
+                    let tap = of_run * (run / inputs) + i / inputs;
+                    target[i % inputs * taps + tap] = *value;
+                }
+            }
+        });
+        return;
+    }
     let blocks = |count: usize| count.div_ceil(2 * level.lanes());
     let [by_outputs, by_run] = [blocks(shape.outputs) * run, blocks(run) * shape.outputs];
     // Where both fill vectors alike it is the narrower side, which each part reads anew; not where laying out the sums

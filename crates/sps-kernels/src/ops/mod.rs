@@ -24,6 +24,7 @@ pub(crate) mod image;
 pub(crate) mod mean;
 mod native;
 pub(crate) mod outer;
+mod outer_tiles;
 pub(crate) mod panels;
 pub(crate) mod pool;
 pub(crate) mod product;

@@ -311,6 +311,16 @@ pub trait Lanes: Simd {
         words
     }
 
+    /// Of 16 rows of words that lie `step` apart, a row for each lane's column, `pitch` apart.
+    #[inline(always)]
+    fn transpose(self, (from, step): (&[f32], usize), (to, pitch): (&mut [f32], usize)) {
+        for (i, row) in from.chunks(step).enumerate().take(16) {
+            for (column, word) in row[..Self::F32_LANES].iter().enumerate() {
+                to[column * pitch + i] = *word;
+            }
+        }
+    }
+
     /// Numbers of 0 to 255, rounded to even, as bytes: each where a row has it whose word stands as
     /// [`Lanes::interleave`] puts it.
     #[inline(always)]
@@ -474,6 +484,50 @@ impl Lanes for V4 {
             cast(bw._mm512_unpacklo_epi16(high, high2)),
             cast(bw._mm512_unpackhi_epi16(high, high2)),
         ]
+    }
+
+    #[inline(always)]
+    fn transpose(self, (from, step): (&[f32], usize), (to, pitch): (&mut [f32], usize)) {
+        use pulp::cast;
+        let f = self.avx512f;
+        let mut rows = [f._mm512_setzero_si512(); 16];
+        // Loops over numbers that are known, or vectors would pass through memory.
+        for (i, row) in rows.iter_mut().enumerate() {
+            *row = cast(load(self, &from[i * step..][..16]));
+        }
+        // Of each four rows, within each quarter of a vector, column by column.
+        for four in rows.as_chunks_mut::<4>().0 {
+            let [a, b, c, d] = *four;
+            let [low, high] = [f._mm512_unpacklo_epi32(a, b), f._mm512_unpackhi_epi32(a, b)];
+            let [low2, high2] = [f._mm512_unpacklo_epi32(c, d), f._mm512_unpackhi_epi32(c, d)];
+            *four = [
+                f._mm512_unpacklo_epi64(low, low2),
+                f._mm512_unpackhi_epi64(low, low2),
+                f._mm512_unpacklo_epi64(high, high2),
+                f._mm512_unpackhi_epi64(high, high2),
+            ];
+        }
+        for column in 0..4 {
+            let [a, b, c, d] = [0, 4, 8, 12].map(|four| rows[four + column]);
+            let even = [
+                f._mm512_shuffle_i32x4::<0x88>(a, b),
+                f._mm512_shuffle_i32x4::<0x88>(c, d),
+            ];
+            let odd = [
+                f._mm512_shuffle_i32x4::<0xdd>(a, b),
+                f._mm512_shuffle_i32x4::<0xdd>(c, d),
+            ];
+            let columns = [
+                f._mm512_shuffle_i32x4::<0x88>(even[0], even[1]),
+                f._mm512_shuffle_i32x4::<0x88>(odd[0], odd[1]),
+                f._mm512_shuffle_i32x4::<0xdd>(even[0], even[1]),
+                f._mm512_shuffle_i32x4::<0xdd>(odd[0], odd[1]),
+            ];
+            for (quarter, words) in columns.into_iter().enumerate() {
+                let to = &mut to[(4 * quarter + column) * pitch..][..16];
+                Self::as_mut_simd_f32s(to).0[0] = cast(words);
+            }
+        }
     }
 
     #[inline(always)]

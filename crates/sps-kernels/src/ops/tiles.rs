@@ -106,10 +106,10 @@ const NEAR: usize = 8 << 10;
 
 /// The sums of two tiles of rows by a panel.
 #[repr(align(64))]
-struct Sums([f32; 2 * HEIGHT * WIDTH]);
+pub(super) struct Sums(pub(super) [f32; 2 * HEIGHT * WIDTH]);
 
 /// Words of a row of them.
-const WIDTH: usize = PANEL_VECTORS * WORDS;
+pub(super) const WIDTH: usize = PANEL_VECTORS * WORDS;
 
 /// A tile's rows: the first, how many are its own, and the first of those copied together where it is not read where
 /// it lies.
@@ -122,12 +122,12 @@ struct Rows {
 
 /// Rows of the left that a tile reads.
 #[derive(Clone, Copy)]
-struct Left<'a, W> {
-    memory: &'a [W],
+pub(super) struct Left<'a, W> {
+    pub(super) memory: &'a [W],
     /// Words from one row to the next.
-    step: usize,
+    pub(super) step: usize,
     /// Where its runs begin.
-    taps: &'a [usize],
+    pub(super) taps: &'a [usize],
 }
 
 /// Rows that were copied together, and where their runs begin.
@@ -314,11 +314,13 @@ impl<W: Word> WriteTiles<'_, '_, W> {
         }
         let left = [pair[0], pair[pair.len() - 1]].map(|rows| self.left(rows, copies));
         let vectors = (panel.data, S::F32_LANES);
+        let run = self.product.panels.k() / left[0].taps.len();
+        let steps = [self.plan.depth, run];
         match (pair.len(), panel.vectors) {
-            (1, 1) => self.sum::<T, 1, 1>(tiles, left, vectors, sums),
-            (1, _) => self.sum::<T, 1, 2>(tiles, left, vectors, sums),
-            (_, 1) => self.sum::<T, 2, 1>(tiles, left, vectors, sums),
-            _ => self.sum::<T, 2, 2>(tiles, left, vectors, sums),
+            (1, 1) => sum::<W, T, 1, 1>(tiles, steps, left, vectors, sums),
+            (1, _) => sum::<W, T, 1, 2>(tiles, steps, left, vectors, sums),
+            (_, 1) => sum::<W, T, 2, 1>(tiles, steps, left, vectors, sums),
+            _ => sum::<W, T, 2, 2>(tiles, steps, left, vectors, sums),
         }
         let finishing = Finishing {
             lanes,
@@ -337,54 +339,52 @@ impl<W: Word> WriteTiles<'_, '_, W> {
             arithmetic.apart(lanes, Sized::<_, PANEL_VECTORS>(finishing));
         }
     }
+}
 
-    /// The sums of `H` tiles of rows by `V` vectors of a panel's data.
-    #[inline(always)]
-    fn sum<T: Tiles<W>, const H: usize, const V: usize>(
-        &self,
-        tiles: &mut T,
-        [upper, lower]: [Left<'_, W>; 2],
-        (panel, lanes): (&[W], usize),
-        Sums(sums): &mut Sums,
-    ) {
-        let width = V * lanes;
-        let depth = self.plan.depth;
-        let run = self.product.panels.k() / upper.taps.len();
-        tiles.zero::<0>();
-        tiles.zero::<1>();
-        tiles.zero::<2>();
-        tiles.zero::<3>();
-        let taps = upper.taps.iter().zip(lower.taps);
-        for ((&above, &below), panel) in taps.zip(panel.chunks_exact(run * width)) {
-            for (step, right) in panel.chunks_exact(depth * width).enumerate() {
-                let at = step * depth;
-                tiles.load::<4>(&upper.memory[above + at..], upper.step);
-                tiles.load::<6>(right, width);
-                tiles.multiply_add::<0, 4, 6>();
-                if V == 2 {
-                    tiles.load::<7>(&right[lanes..], width);
-                    tiles.multiply_add::<1, 4, 7>();
-                }
-                if H == 2 {
-                    tiles.load::<5>(&lower.memory[below + at..], lower.step);
-                    tiles.multiply_add::<2, 5, 6>();
-                }
-                if H == 2 && V == 2 {
-                    tiles.multiply_add::<3, 5, 7>();
-                }
+/// The sums of `H` tiles of rows, whose runs have so many words after the depth, by `V` vectors of a panel's data.
+#[inline(always)]
+pub(super) fn sum<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
+    tiles: &mut T,
+    [depth, run]: [usize; 2],
+    [upper, lower]: [Left<'_, W>; 2],
+    (panel, lanes): (&[W], usize),
+    Sums(sums): &mut Sums,
+) {
+    let width = V * lanes;
+    tiles.zero::<0>();
+    tiles.zero::<1>();
+    tiles.zero::<2>();
+    tiles.zero::<3>();
+    let taps = upper.taps.iter().zip(lower.taps);
+    for ((&above, &below), panel) in taps.zip(panel.chunks_exact(run * width)) {
+        for (step, right) in panel.chunks_exact(depth * width).enumerate() {
+            let at = step * depth;
+            tiles.load::<4>(&upper.memory[above + at..], upper.step);
+            tiles.load::<6>(right, width);
+            tiles.multiply_add::<0, 4, 6>();
+            if V == 2 {
+                tiles.load::<7>(&right[lanes..], width);
+                tiles.multiply_add::<1, 4, 7>();
+            }
+            if H == 2 {
+                tiles.load::<5>(&lower.memory[below + at..], lower.step);
+                tiles.multiply_add::<2, 5, 6>();
+            }
+            if H == 2 && V == 2 {
+                tiles.multiply_add::<3, 5, 7>();
             }
         }
-        tiles.store::<0>(sums, WIDTH);
-        if V == 2 {
-            tiles.store::<1>(&mut sums[lanes..], WIDTH);
-        }
-        let below = &mut sums[HEIGHT * WIDTH..];
-        if H == 2 {
-            tiles.store::<2>(below, WIDTH);
-        }
-        if H == 2 && V == 2 {
-            tiles.store::<3>(&mut below[lanes..], WIDTH);
-        }
+    }
+    tiles.store::<0>(sums, WIDTH);
+    if V == 2 {
+        tiles.store::<1>(&mut sums[lanes..], WIDTH);
+    }
+    let below = &mut sums[HEIGHT * WIDTH..];
+    if H == 2 {
+        tiles.store::<2>(below, WIDTH);
+    }
+    if H == 2 && V == 2 {
+        tiles.store::<3>(&mut below[lanes..], WIDTH);
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
-use sps_dataset::{ReadSettings, SplitPlan};
+use sps_dataset::SplitPlan;
 use sps_metrics::Level;
 use sps_models::encoders::Depths;
 use sps_models::heads::HeadConfig;
@@ -15,6 +15,8 @@ use sps_regress::kernel_ridge::{Kernel, KernelRidgeConfig};
 use sps_regress::ridge::RidgeConfig;
 use sps_regress::{RegressorKind, RegressorSettings};
 use sps_viewselect::{AnySelector, TemporalRelations};
+
+use crate::data::DataConfig;
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
@@ -48,45 +50,6 @@ impl Config {
             kernel_ridge: self.kernel_ridge.clone(),
         }
     }
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(crate) struct DataConfig {
-    pub from: DataOrigin,
-    pub simulated: SimulatedConfig,
-    pub folder: FolderConfig,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(crate) struct SimulatedConfig {
-    pub surfaces: usize,
-    pub test_surfaces: usize,
-    pub pool: usize,
-    pub seed: u64,
-    pub size: usize,
-    pub views: usize,
-    pub from_deg: f64,
-    pub to_deg: f64,
-    pub locations: u32,
-    pub repeats: u32,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum DataOrigin {
-    Simulator,
-    Folder,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(crate) struct FolderConfig {
-    pub path: PathBuf,
-    pub published_sps: bool,
-    pub near_twins: f64,
-    pub read: ReadSettings,
 }
 
 #[derive(Clone, Debug, Deserialize)]

@@ -33,13 +33,12 @@ pub(crate) struct ScoreInterval {
 /// The interval of a score: how far it would move if other units had been tested, and where `reruns`
 /// are given if other models had been trained.
 ///
-/// `metric` is r2, mae, rmse, median_percent_error or spearman; `y_true` and `y_pred` are of shape
-/// (samples,). `units` says which unit each sample is of, by
-/// numbers or strings: a surface, or a group of surfaces that are alike (None: each is a unit of its
-/// own, in a rerun the first of one that of another). `reruns` says likewise which training each
-/// estimate is of (None: all are of one model, and the interval is for that model). Where the reruns
-/// part one set of surfaces anew, `test_per_training` is how many are tested for each that is trained
-/// on, 1/9 in ten folds.
+/// `metric` is the name of a score, as r2 or mae; `y_true` and `y_pred` are of shape (samples,). `units`
+/// says which unit each sample is of, by numbers or strings: a surface, or a group of surfaces that are
+/// alike (None: each is a unit of its own, in a rerun the first of one that of another). `reruns` says
+/// likewise which training each estimate is of (None: all are of one model, and the interval is for that
+/// model). Where the reruns part one set of surfaces anew, `test_per_training` is how many are tested for
+/// each that is trained on, 1/9 in ten folds.
 ///
 /// Raises UndefinedScore where the score has no value, ValueError where there are fewer than two
 /// units or reruns.

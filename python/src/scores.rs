@@ -113,23 +113,16 @@ fn score(metric: Metric, truth: &Numbers, estimate: &Numbers, details: bool) -> 
 
 /// The metric of this name; R² may be about the mean of the training split, the others not.
 pub(crate) fn named(name: &str, training_mean: Option<f64>) -> PyResult<Metric> {
-    let metric = match (name, training_mean) {
-        ("r2", Some(mean)) => {
-            return TrainingMean::new(mean)
-                .map(Metric::R2)
-                .map_err(|error| undefined(&error));
-        }
-        ("r2", None) => Metric::R2OwnMean,
-        ("mae", _) => Metric::Mae,
-        ("rmse", _) => Metric::Rmse,
-        ("median_percent_error", _) => Metric::MedianPercentError,
-        ("spearman", _) => Metric::Spearman,
-        _ => {
-            return Err(value_error(format_args!(
-                "unknown metric {name:?}, expected r2, mae, rmse, median_percent_error \
-                 or spearman"
-            )));
-        }
+    if name == "r2" {
+        let mean = training_mean.map(TrainingMean::new).transpose();
+        let mean = mean.map_err(|error| undefined(&error))?;
+        return Ok(mean.map_or(Metric::R2OwnMean, Metric::R2));
+    }
+    let others = Metric::ABOUT_NO_MEAN;
+    let Some(metric) = others.into_iter().find(|metric| metric.id() == name) else {
+        let others = others.map(Metric::id).join(", ");
+        let problem = format!("unknown metric {name:?}, expected r2, {others}");
+        return Err(value_error(problem));
     };
     match training_mean {
         None => Ok(metric),

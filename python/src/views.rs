@@ -52,9 +52,8 @@ impl Selection {
 /// every time. It is called on the calling thread, and an exception of it ends the search and comes
 /// out as itself.
 ///
-/// `method` is random, equidistant, nadir, greedy, exhaustive (the optimum), nvs or vb-nvs (the
-/// paper's); `settings` are the method's own, such as `evaluations=2000` for nvs, with dictionaries for
-/// those in groups. `distinct` says that no view may come twice in a set, `seed` keys every draw.
+/// `method` is a name of `sps list selectors`; `settings` are the method's own, such as
+/// `evaluations=2000` for nvs, with dictionaries for those in groups. `distinct` says that no view may come twice in a set, `seed` keys every draw.
 ///
 /// Raises ValueError for unknown methods and settings, sets that cannot be, and losses that are NaN
 /// or beyond 1e100.

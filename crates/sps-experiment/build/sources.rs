@@ -16,7 +16,7 @@ pub(crate) const WATCHED: [&str; 9] = [
     "Cargo.lock",
     CRATES,
     "crates/sps-experiment/src/cells.rs",
-    "crates/sps-experiment/src/data.rs",
+    "crates/sps-experiment/src/data",
     "crates/sps-experiment/src/embeddings",
     "crates/sps-experiment/src/encoder.rs",
     "crates/sps-experiment/src/run",

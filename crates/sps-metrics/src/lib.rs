@@ -65,7 +65,6 @@ mod conformal;
 mod double;
 mod interval;
 mod level;
-mod metric;
 mod moments;
 mod outcome;
 mod percent;
@@ -82,7 +81,6 @@ pub use conformal::{
 };
 pub use interval::{IntervalError, Intervals, ScoreInterval, Scored, holm};
 pub use level::{InvalidLevel, Level};
-pub use metric::{Better, Metric, Scores};
 pub use moments::Moments;
 /// The arrays of [`Table`], in the version that this crate takes.
 pub use ndarray;
@@ -92,7 +90,7 @@ pub use properties::{
     PropertyMean, PropertyScore, best_properties, mean_over_all, mean_over_best, mean_over_named,
 };
 pub use reruns::{RerunSummary, over_reruns};
-pub use samples::{Pair, Samples, TrainingMean};
+pub use samples::{Better, Metric, Pair, Samples, Scores, TrainingMean};
 pub use table::{Column, ShapeError, Table, TableParts};
 
 /// Runs the example of the README.

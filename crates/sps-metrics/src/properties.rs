@@ -1,8 +1,8 @@
 use std::collections::HashSet;
 
-use crate::metric::Better;
 use crate::moments::Moments;
 use crate::outcome::{NonFiniteKind, Outcome, Quantity, Undefined};
+use crate::samples::Better;
 
 /// One metric's value for one property.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,9 +1,8 @@
 use ndarray::{ArrayView1, ArrayView2};
 use thiserror::Error;
 
-use crate::metric::Scores;
 use crate::outcome::Undefined;
-use crate::samples::{Samples, TrainingMean};
+use crate::samples::{Samples, Scores, TrainingMean};
 
 /// Truths and estimates of several properties, each `(samples, properties)`, f64.
 ///

@@ -8,7 +8,6 @@ use sps_dataset::Property;
 use sps_estimator::Regression;
 use sps_metrics::Level;
 
-use super::data::{DataSpec, Protocol, data};
 use super::encoder::encoder;
 use super::layers::Layers;
 use super::locate::ConfigError;
@@ -17,6 +16,7 @@ use super::report::{against, position, speed};
 use super::schema::{Config, SpeedConfig};
 use super::setting::Setting;
 use super::written::{self, Written};
+use crate::data::{self, DataSpec, Protocol};
 use crate::files::read_text;
 use crate::work::Work;
 
@@ -128,7 +128,7 @@ impl Experiment {
         let folds = config.selection.folds > 0;
         layers.require(folds, "selection.folds", "must be at least 1")?;
         let interval_level = config.report.level;
-        let (data, protocol) = data(layers, &config)?;
+        let (data, protocol) = data::of_config(layers, &config)?;
         Ok(Self {
             name: path
                 .file_stem()

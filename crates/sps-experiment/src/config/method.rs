@@ -5,7 +5,6 @@ use sps_estimator::Regression;
 use sps_viewselect::AnySelector;
 
 use super::adaptive;
-use super::data::Protocol;
 use super::encoder::{EncoderSpec, encoder};
 use super::estimator::{self, Estimator};
 use super::layers::Layers;
@@ -13,6 +12,7 @@ use super::locate::ConfigError;
 use super::looks::{self, Looks, Problem, refuse};
 use super::schema::{Adaptive, Config, MethodConfig, MethodKind};
 use super::written::Written;
+use crate::data::Protocol;
 use crate::paper;
 
 /// One row of the report.

@@ -1,7 +1,6 @@
 //! Experiment configs: TOML in, checked [`Experiment`]s out.
 
 mod adaptive;
-mod data;
 mod differing;
 mod encoder;
 mod estimator;
@@ -19,7 +18,6 @@ mod schema;
 mod setting;
 mod written;
 
-pub use data::DataSpec;
 pub use differing::{Differing, differing_keys};
 pub use encoder::{EncoderSpec, Network, WeightsSpec, check_depths, check_training};
 pub use experiment::Experiment;
@@ -28,9 +26,10 @@ pub use list::list;
 pub use locate::ConfigError;
 pub use setting::Setting;
 
+pub use crate::data::DataSpec;
+
 pub(crate) use adaptive::in_order;
-pub(crate) use data::{Protocol, TestSurfaces};
 pub(crate) use estimator::{Estimator, Given};
 pub(crate) use looks::{Looks, Refit, Selected};
 pub(crate) use method::Method;
-pub(crate) use schema::{Adaptive, JudgedOn, SpeedConfig};
+pub(crate) use schema::{Adaptive, Config, JudgedOn, SpeedConfig};

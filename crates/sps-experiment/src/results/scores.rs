@@ -2,11 +2,14 @@
 //! `results.json` here, and `report/tables.rs` shows it.
 
 use serde::{Deserialize, Serialize};
-use sps_metrics::{IntervalError, Outcome, ScoreInterval, Scored, Scores, Undefined, over_reruns};
+use sps_metrics::{
+    IntervalError, Metric, Outcome, ScoreInterval, Scored, Scores, TrainingMean, Undefined,
+    over_reruns,
+};
 
 use super::judged::{Judged, Reference};
 use super::notes::Notes;
-use super::{MethodOutcomes, Number, PerProperty, Scoring};
+use super::{Means, MethodOutcomes, Number, PerProperty, Scoring};
 
 /// Means over reruns, per property.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -47,34 +50,26 @@ impl PropertyScores {
         let mut all = Self::default();
         for (property, outcomes) in &method.outcomes {
             let scores: Vec<Scores> = outcomes.iter().map(Judged::scores).collect();
-            let mut summary = |what: &str, of: fn(&Scores) -> &Outcome| {
-                let values = scores
-                    .iter()
-                    .map(|s| of(s).clone().map(|score| score.value));
+            let mut summary = |what: &str, of: &dyn Fn(&Scores) -> Outcome| {
+                let values = scores.iter().map(|s| of(s).map(|score| score.value));
                 let mut summary = over_reruns(values);
                 // Those have a note of their own.
                 let failed = |rerun: usize| outcomes.get(rerun).is_some_and(Judged::is_empty);
                 summary.left_out.retain(|&(rerun, _)| !failed(rerun));
                 notes.reruns(&format!("{what} of {property}"), summary)
             };
-            let r2 = summary("R²", |s| &s.r2);
-            all.r2.insert(property.clone(), r2.mean.ok());
-            all.r2_std.insert(property.clone(), r2.std.ok());
-            let mut mean = |values: &mut PerProperty<Number>, what, of| {
-                values.insert(property.clone(), summary(what, of).mean.ok());
-            };
-            mean(&mut all.r2_own_mean, "R² about own mean", |s| {
-                &s.r2_own_mean
-            });
-            mean(&mut all.mae, "MAE", |s| &s.mae);
-            let percent = &mut all.median_percent_error;
-            if scoring.with_percentages.contains(property) {
-                mean(percent, "median % error", |s| &s.median_percent_error);
-            } else {
-                percent.insert(property.clone(), None);
+            for kind in Kind::ALL {
+                let percent = kind == Kind::MedianPercentError;
+                let shown = !percent || scoring.with_percentages.contains(property);
+                let found = shown.then(|| summary(kind.name(), &|s| kind.outcome(s).clone()));
+                if let (Kind::R2, Some(found)) = (kind, &found) {
+                    all.r2_std.insert(property.clone(), found.std.clone().ok());
+                    let own = summary("R² about own mean", &|s| s.r2_own_mean.clone());
+                    all.r2_own_mean.insert(property.clone(), own.mean.ok());
+                }
+                let mean = found.and_then(|found| found.mean.ok());
+                kind.of_mut(&mut all).insert(property.clone(), mean);
             }
-            mean(&mut all.rmse, "RMSE", |s| &s.rmse);
-            mean(&mut all.spearman, "Spearman", |s| &s.spearman);
             let deviation = scoring.deviations.get(property).filter(|std| **std > 0.0);
             let mae = all.mae[property].zip(deviation).map(|(mae, std)| mae / std);
             all.mae_over_std.insert(property.clone(), mae);
@@ -93,6 +88,119 @@ impl PropertyScores {
         self.spearman.clear();
         self.r2_interval.clear();
         self.zero_truths.clear();
+    }
+}
+
+/// A score of [`PropertyScores`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// R² about the training mean.
+    R2,
+    /// Mean absolute error.
+    Mae,
+    /// Median percentage error.
+    MedianPercentError,
+    /// Root of the mean squared error.
+    Rmse,
+    /// Spearman's rank correlation.
+    Spearman,
+}
+
+impl Kind {
+    /// In the order of reports.
+    pub const ALL: [Self; 5] = [
+        Self::R2,
+        Self::Mae,
+        Self::MedianPercentError,
+        Self::Rmse,
+        Self::Spearman,
+    ];
+
+    /// Those that [`Means`] has.
+    pub const WITH_MEANS: [Self; 3] = [Self::R2, Self::Mae, Self::MedianPercentError];
+
+    /// As reports call it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::R2 => "R²",
+            Self::Mae => "MAE",
+            Self::MedianPercentError => "median % error",
+            Self::Rmse => "RMSE",
+            Self::Spearman => "Spearman",
+        }
+    }
+
+    /// With which a report shows it.
+    pub const fn decimals(self) -> usize {
+        match self {
+            Self::R2 | Self::Spearman => 3,
+            Self::Mae | Self::Rmse => 2,
+            Self::MedianPercentError => 1,
+        }
+    }
+
+    /// That of one trial.
+    fn outcome(self, scores: &Scores) -> &Outcome {
+        match self {
+            Self::R2 => &scores.r2,
+            Self::Mae => &scores.mae,
+            Self::MedianPercentError => &scores.median_percent_error,
+            Self::Rmse => &scores.rmse,
+            Self::Spearman => &scores.spearman,
+        }
+    }
+
+    /// Its values among all scores.
+    pub const fn of(self, scores: &PropertyScores) -> &PerProperty<Number> {
+        match self {
+            Self::R2 => &scores.r2,
+            Self::Mae => &scores.mae,
+            Self::MedianPercentError => &scores.median_percent_error,
+            Self::Rmse => &scores.rmse,
+            Self::Spearman => &scores.spearman,
+        }
+    }
+
+    fn of_mut(self, scores: &mut PropertyScores) -> &mut PerProperty<Number> {
+        match self {
+            Self::R2 => &mut scores.r2,
+            Self::Mae => &mut scores.mae,
+            Self::MedianPercentError => &mut scores.median_percent_error,
+            Self::Rmse => &mut scores.rmse,
+            Self::Spearman => &mut scores.spearman,
+        }
+    }
+
+    /// Over all properties; none where there is no such mean.
+    pub const fn mean(self, means: &Means) -> Number {
+        match self {
+            Self::R2 => means.r2_mean,
+            Self::Mae => means.mae_mean,
+            Self::MedianPercentError => means.median_percent_error_mean,
+            Self::Rmse | Self::Spearman => None,
+        }
+    }
+
+    /// Of values less the mean of their training part, where [`is_about_training`] says so.
+    ///
+    /// [`is_about_training`]: Self::is_about_training
+    ///
+    /// # Errors
+    /// A training mean that no metric takes.
+    pub fn metric(self) -> Result<Metric, Undefined> {
+        Ok(match self {
+            Self::R2 => Metric::R2(TrainingMean::new(0.0)?),
+            Self::Mae => Metric::Mae,
+            Self::MedianPercentError => Metric::MedianPercentError,
+            Self::Rmse => Metric::Rmse,
+            Self::Spearman => Metric::Spearman,
+        })
+    }
+
+    /// Whether it is about the mean of the training part.
+    pub const fn is_about_training(self) -> bool {
+        matches!(self, Self::R2)
     }
 }
 

@@ -6,7 +6,7 @@ use anyhow::Result;
 use sps_dataset::{Source, Surface};
 
 use super::tables::{hash_row, hash_text, readings};
-use crate::config::{DataSpec, Experiment, Method};
+use crate::config::{Experiment, Method};
 use crate::data::{self, About};
 use crate::machine::processor;
 use crate::results::{Provenance, SCHEMA};
@@ -25,10 +25,7 @@ pub(super) fn of<S: Source>(
         config_hash: blake3::hash(experiment.resolved.as_bytes()).to_string(),
         data_hash: data_hash(source, about)?.to_string(),
         seed: experiment.seed,
-        data_seed: match &experiment.data {
-            DataSpec::Simulated { spec, .. } => Some(spec.seed),
-            DataSpec::Folder { .. } => None,
-        },
+        data_seed: about.seed,
         cpu: processor(),
         threads: rayon::current_num_threads(),
         precision: precision.into_iter().collect(),

@@ -7,7 +7,8 @@ use std::collections::{BTreeSet, HashMap};
 use anyhow::{Context, Result, ensure};
 use sps_dataset::{Split, SplitError, Surface, Units};
 
-use crate::config::{Experiment, Method, Protocol, TestSurfaces};
+use crate::config::{Experiment, Method};
+use crate::data::{Protocol, TestSurfaces};
 
 /// The splits of an experiment.
 #[derive(Clone)]

@@ -7,9 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use sps_dataset::{
-    DecodeSettings, Description, Frame, FrameFormat, PropertyRange, Source, Split, Unit,
-};
+use sps_dataset::{Description, Frame, FrameFormat, PropertyRange, Source, Split, Unit};
 use sps_estimator::{
     About, Calibration, Described, Estimator, Examples, Fitted, Measured, Predictions, Recipe,
     Shown, Wanted, Widths,
@@ -17,7 +15,7 @@ use sps_estimator::{
 use tracing::warn;
 
 use self::check::{Check, Found};
-use crate::config::{DataSpec, Experiment, Looks, Method, Network as NetworkSpec};
+use crate::config::{Experiment, Looks, Method, Network as NetworkSpec};
 use crate::data::{self, About as AboutData, WithSource};
 use crate::encoder;
 use crate::files::create_folder;
@@ -79,7 +77,7 @@ impl WithSource for Train<'_> {
             experiment,
             method: &method,
             source,
-            origin: &about.origin,
+            data: &about,
             splits: &splits,
             stages: Stages::new(experiment, &method.encoder, data, &splits, views, None)?,
         };
@@ -170,8 +168,7 @@ struct Trainer<'a, S> {
     experiment: &'a Experiment,
     method: &'a Method,
     source: &'a S,
-    /// Where the data comes from and under which licence.
-    origin: &'a str,
+    data: &'a AboutData,
     splits: &'a Splits,
     stages: Stages<'a, S>,
 }
@@ -280,18 +277,14 @@ impl<S: Source> Trainer<'_, S> {
             let Description { name, unit, .. } = source.describe(property);
             (property.to_string(), Described { name, unit })
         });
-        let decode = match &experiment.data {
-            DataSpec::Folder { read, .. } => read.images.clone(),
-            DataSpec::Simulated { .. } => DecodeSettings::default(),
-        };
         Ok(About {
             name: experiment.name.clone(),
             method: self.method.label.clone(),
             data: source.name().to_owned(),
-            source: self.origin.to_owned(),
+            source: self.data.origin.clone(),
             frame_size: [frame.height, frame.width],
             angles: views.iter().map(|&view| angles[view].0).collect(),
-            decode,
+            decode: self.data.decode.clone(),
             described: described.collect(),
             measured,
         })

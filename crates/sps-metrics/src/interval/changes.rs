@@ -4,10 +4,9 @@ use std::collections::BTreeMap;
 
 use super::influence::{of_median, of_spearman};
 use super::{IntervalError, Scored};
-use crate::metric::Metric;
 use crate::outcome::Undefined;
 use crate::percent::percent_error;
-use crate::samples::{Pair, Samples};
+use crate::samples::{Metric, Pair, Samples};
 
 /// A remainder of a sum that is smaller than this share of it is what rounding left.
 const ROUNDING: f64 = 1e-12;

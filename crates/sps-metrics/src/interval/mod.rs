@@ -8,9 +8,8 @@ mod influence;
 use thiserror::Error;
 
 use crate::level::Level;
-use crate::metric::Metric;
 use crate::outcome::Undefined;
-use crate::samples::Samples;
+use crate::samples::{Metric, Samples};
 use chance::{Part, Side};
 pub use holm::holm;
 

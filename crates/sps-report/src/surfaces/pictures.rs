@@ -8,8 +8,9 @@ use anyhow::{Context, Result};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
-use sps_dataset::{DatasetFolder, FrameFormat, Source};
+use sps_dataset::{FrameFormat, Source};
 use sps_experiment::config::{DataSpec, Experiment};
+use sps_experiment::data::{About, WithSource, with_source};
 use sps_experiment::run::CONFIG;
 use sps_simulate::Simulator;
 
@@ -46,9 +47,14 @@ pub(super) fn sights(folder: &Path, wanted: &[Wanted<'_>]) -> Result<Vec<Sight>>
         DataSpec::Simulated { spec, .. } => {
             let indices = wanted.iter().map(|one| number(one.surface));
             let indices = indices.collect::<Result<Vec<usize>>>()?;
-            seen(&Simulator::of(spec, &indices)?, wanted)
+            Look(wanted).call(&Simulator::of(spec, &indices)?, About::default())
         }
-        DataSpec::Folder { path, read, .. } => seen(&DatasetFolder::open(&path, &read)?, wanted),
+        mut data => {
+            if let DataSpec::Folder(folder) = &mut data {
+                folder.near_twins = 0.0;
+            }
+            with_source(&data, Look(wanted))
+        }
     }
 }
 
@@ -59,22 +65,26 @@ fn number(name: &str) -> Result<usize> {
     number.with_context(|| format!("`{name}` is no simulated surface, which are `s` and a number"))
 }
 
-fn seen<S: Source>(source: &S, wanted: &[Wanted<'_>]) -> Result<Vec<Sight>> {
-    let surfaces = source.surfaces().iter().enumerate();
-    let places: HashMap<&str, usize> = surfaces.map(|(at, s)| (s.id.as_str(), at)).collect();
-    let sight = |wanted: &Wanted<'_>| {
-        let place = places.get(wanted.surface);
-        let place = *place.with_context(|| format!("the data has no `{}`", wanted.surface))?;
-        let pictures = wanted
-            .views
-            .iter()
-            .map(|&view| picture(source, place, view));
-        Ok(Sight {
-            material: source.surfaces()[place].material.clone(),
-            pictures: pictures.collect::<Result<_>>()?,
-        })
-    };
-    wanted.iter().map(sight).collect()
+struct Look<'a>(&'a [Wanted<'a>]);
+
+impl WithSource for Look<'_> {
+    type Output = Vec<Sight>;
+
+    fn call<S: Source>(self, source: &S, _: About) -> Result<Vec<Sight>> {
+        let surfaces = source.surfaces().iter().enumerate();
+        let places: HashMap<&str, usize> = surfaces.map(|(at, s)| (s.id.as_str(), at)).collect();
+        let sight = |wanted: &Wanted<'_>| {
+            let place = places.get(wanted.surface);
+            let place = *place.with_context(|| format!("the data has no `{}`", wanted.surface))?;
+            let views = wanted.views.iter();
+            let pictures = views.map(|&view| picture(source, place, view));
+            Ok(Sight {
+                material: source.surfaces()[place].material.clone(),
+                pictures: pictures.collect::<Result<_>>()?,
+            })
+        };
+        self.0.iter().map(sight).collect()
+    }
 }
 
 fn picture<S: Source>(source: &S, surface: usize, view: usize) -> Result<Picture> {

@@ -26,7 +26,7 @@ use crate::output::Output;
     With i3d, a row is a sequence of --frames images, which follow each other in the order given."
 )]
 pub struct Args {
-    /// se-resnext50-32x4d, squeezenet1-0, squeezenet1-1, resnet18, resnet50, efficientnet-lite-body, efficientnet-lite0 to efficientnet-lite4, or i3d; or an ONNX file, FILE.onnx
+    /// A name of `sps list encoders`, or an ONNX file, FILE.onnx
     #[arg(long, value_name = "NAME")]
     encoder: String,
     /// Feature maps whose means make an embedding: last, all, or names of depths with commas between them

@@ -74,9 +74,9 @@ impl Args {
             return Ok((dataset, ReadSettings::default()));
         };
         match Experiment::read(config, &self.settings)?.data {
-            DataSpec::Folder { path, read, .. } => Ok((path, *read)),
-            DataSpec::Simulated { .. } => bail!(
-                "{}: `data.from` is \"simulator\", so there is no folder to inspect; `simulate` writes one",
+            DataSpec::Folder(folder) => Ok((folder.path, folder.read)),
+            _ => bail!(
+                "{}: `data.from` is not \"folder\", so there is no folder to inspect; `simulate` writes one",
                 config.display()
             ),
         }

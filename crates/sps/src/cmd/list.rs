@@ -3,11 +3,12 @@ use serde::Serialize;
 use sps_dataset::toccare;
 use sps_experiment::text::aligned;
 use sps_models::encoders::EncoderKind;
+use sps_regress::RegressorKind;
 use sps_viewselect::AnySelector;
 
 use crate::output::print_json;
 
-/// List encoders, selectors of views, or properties that have a name
+/// List encoders, regressors, selectors of views, or properties that have a name
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  sps list encoders")]
 pub struct Args {
@@ -22,6 +23,8 @@ pub struct Args {
 enum What {
     /// What a config's `encoder.name` may be, with the depths of each and where its weights come from
     Encoders,
+    /// What a method's `kind` may be besides a network, a stack and the means
+    Regressors,
     /// What a method's `selector.kind` may be
     Selectors,
     /// The fifteen of a SynTouch Toccare; any other code is a property, too
@@ -52,6 +55,9 @@ fn entries(what: What) -> Vec<Entry> {
     match what {
         What::Encoders => EncoderKind::ALL
             .map(|kind| entry(kind.name(), encoder(kind)))
+            .into(),
+        What::Regressors => RegressorKind::ALL
+            .map(|kind| entry(kind.name(), kind.label().to_owned()))
             .into(),
         What::Selectors => AnySelector::NAMES
             .map(|(name, about)| entry(name, about.to_owned()))

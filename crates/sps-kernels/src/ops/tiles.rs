@@ -439,7 +439,12 @@ impl<S: Lanes, A: Arithmetic<S>, const NV: usize> NullaryFnOnce for Sized<Finish
             } else if finish.accumulate {
                 stored = arithmetic.load_part(lanes, out);
             }
-            let ended = finish.apply(lanes, arithmetic, sums, stored);
+            // No closure: one that is not inlined is compiled without the instructions.
+            let mut ended = *sums;
+            for v in 0..NV {
+                let sum = arithmetic.numbers(lanes, ended[v]);
+                ended[v] = finish.apply_to(lanes, arithmetic, v, sum, stored[v]);
+            }
             if whole {
                 arithmetic.store(lanes, ended, out);
             } else {

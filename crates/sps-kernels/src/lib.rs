@@ -8,8 +8,8 @@
 //! - [`Convolution`] and [`MaxPooling`]: one operator on slices, with its gradients.
 //! - [`simd`]: vector code of your own, compiled for each instruction set.
 //!
-//! All run on the widest vectors that the machine has: AVX-512, AVX2, NEON, or none by name. `SPS_INSTRUCTIONS=portable`,
-//! `avx2`, `avx512` or `neon` takes others ([`simd::Level::detect`]).
+//! All run on the widest vectors that the machine has: AVX-512, AVX2, NEON, or none by name; bf16 and int8 on Intel's
+//! matrix tiles (AMX). `SPS_INSTRUCTIONS=portable`, `avx2`, `avx512`, `amx` or `neon` takes others ([`simd::Level::detect`]).
 
 mod error;
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Instructions that pulp does not offer: AVX512-BF16, AVX512-VNNI, and prefetching.
 //!
-//! The only unsafe code of this crate.
+//! The only unsafe code of this crate beside `amx`.
 
 #![allow(unsafe_code)]
 

@@ -1,6 +1,7 @@
 //! How work on a feature map is split over threads.
 
 use std::cell::{Cell, RefCell};
+use std::iter::from_fn;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -187,42 +188,24 @@ pub(super) fn for_each_band_of<W: Word>(
 /// that others have taken, for nothing else, and awake: the system may wake a thread on the core of
 /// the one that called it, where both then lie for milliseconds.
 pub(crate) fn on_all_threads<T: Send>(items: Vec<T>, work: impl Fn(T) + Send + Sync) {
-    let count = items.len();
-    let helpers = team().min(count).saturating_sub(1);
+    let helpers = team().min(items.len()).saturating_sub(1);
     if helpers == 0 {
         return items.into_iter().for_each(work);
     }
-    let items: Vec<_> = items
-        .into_iter()
-        .map(|item| Mutex::new(Some(item)))
-        .collect();
-    let [taken, at_end, at_start, begun, done] = [const { AtomicUsize::new(0) }; 5];
-    let next = |counter: &AtomicUsize| counter.fetch_add(1, Ordering::Relaxed);
-    let work_on = |from_end: bool| {
-        while next(&taken) < count {
-            let index = if from_end {
-                count - 1 - next(&at_end)
-            } else {
-                next(&at_start)
-            };
-            let item = items[index]
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .take();
-            item.into_iter().for_each(&work);
-        }
-    };
+    let items = Mutex::new(items.into_iter());
+    let items = || items.lock().unwrap_or_else(PoisonError::into_inner);
+    let [begun, done] = [const { AtomicUsize::new(0) }; 2];
     rayon::scope(|scope| {
         for _ in 0..helpers {
             scope.spawn(|_| {
                 let _done = Done(&done);
-                next(&begun);
+                begun.fetch_add(1, Ordering::Relaxed);
                 if !in_pass() {
-                    by_team(1, || work_on(false));
+                    by_team(1, || from_fn(|| items().next()).for_each(&work));
                 }
             });
         }
-        work_on(true);
+        from_fn(|| items().next_back()).for_each(&work);
         // Where the scope waited itself, it would run passes of others.
         while done.load(Ordering::Relaxed) < helpers {
             let here = begun.load(Ordering::Relaxed) < helpers;

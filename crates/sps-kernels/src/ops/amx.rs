@@ -34,6 +34,8 @@ impl Amx {
     }
 
     /// The tiles of this thread, for left operands of so many words in a row.
+    // That there is one says that there are tiles.
+    #[allow(clippy::unused_self)]
     pub(super) fn configured(self, depth: usize) -> Configured {
         assert!((1..=WORDS).contains(&depth), "{depth}");
         let mut shapes = Shapes([0; 64]);

@@ -11,7 +11,7 @@ use super::grouped::GroupedOuter;
 use super::image::{self, PIXEL, Phase};
 use super::outer::{Joined, Outer};
 use super::outer_tiles::OuterTiles;
-use super::simd::Level;
+use super::simd::{Level, TileKind};
 use super::winograd::{self, Reach};
 use super::words::{Real, lanes_of};
 
@@ -185,26 +185,7 @@ fn dense<W: Real>(
     let (taps, inputs) = (pixels(shape.window.size), shape.inputs);
     let run = taps * inputs / runs.len();
     if let Some(kind) = level.tiles().filter(|_| W::NUMBERS > 1) {
-        let sums = OuterTiles {
-            kind,
-            level,
-            left: (pairs.gradient, pairs.places),
-            right: (pairs.source, pairs.starts),
-            height: shape.outputs,
-            runs,
-            width: run,
-        };
-        let sums = sums.sums();
-        let outputs = target.par_chunks_exact_mut(inputs * taps).enumerate();
-        outputs.for_each(|(output, target)| {
-            for of_run in 0..runs.len() {
-                for (i, value) in sums.row(output, of_run).take(run).enumerate() {
-                    let tap = of_run * (run / inputs) + i / inputs;
-                    target[i % inputs * taps + tap] = *value;
-                }
-            }
-        });
-        return;
+        return dense_by_tiles(level, kind, shape, pairs, runs, target);
     }
     let blocks = |count: usize| count.div_ceil(2 * level.lanes());
     let [by_outputs, by_run] = [blocks(shape.outputs) * run, blocks(run) * shape.outputs];
@@ -292,6 +273,38 @@ fn dense<W: Real>(
                 for (place, value) in places[first..].iter().zip(values) {
                     *value = part[*place];
                 }
+            }
+        }
+    });
+}
+
+/// The same by matrix tiles.
+fn dense_by_tiles<W: Real>(
+    level: Level,
+    kind: TileKind,
+    shape: &ConvShape,
+    pairs: &Pairs<'_, W>,
+    runs: &[usize],
+    target: &mut [f32],
+) {
+    let (taps, inputs) = (pixels(shape.window.size), shape.inputs);
+    let width = taps * inputs / runs.len();
+    let sums = OuterTiles {
+        kind,
+        level,
+        left: (pairs.gradient, pairs.places),
+        right: (pairs.source, pairs.starts),
+        height: shape.outputs,
+        runs,
+        width,
+    };
+    let sums = sums.sums();
+    let outputs = target.par_chunks_exact_mut(inputs * taps).enumerate();
+    outputs.for_each(|(output, target)| {
+        for run in 0..runs.len() {
+            for (i, value) in sums.row(output, run).take(width).enumerate() {
+                let tap = run * (width / inputs) + i / inputs;
+                target[i % inputs * taps + tap] = *value;
             }
         }
     });

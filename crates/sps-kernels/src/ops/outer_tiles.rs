@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::bands::on_all_threads;
 use super::simd::{Lanes, Level, TileKind};
 use super::tiles::{HEIGHT, Left, Sums, Tiles, WIDTH, WORDS, sum};
 use super::words::{Arithmetic, Real, WordKernel, lanes_of};
@@ -47,7 +48,7 @@ struct Part {
 
 /// All sums.
 pub(super) struct Parts {
-    parts: Vec<Part>,
+    all: Vec<Part>,
     /// Parts of a run along its columns and along the rows.
     counts: [usize; 2],
     /// Rows of a part.
@@ -58,7 +59,7 @@ impl Parts {
     /// A row of the sums of a run; there may be more than its width.
     pub(super) fn row(&self, row: usize, run: usize) -> impl Iterator<Item = &f32> {
         let [across, down] = self.counts;
-        let parts = self.parts[run * across * down..].iter();
+        let parts = self.all[run * across * down..].iter();
         let parts = parts.skip(row / self.rows).step_by(down).take(across);
         parts.flat_map(move |part| {
             let len = part.sums.len() / part.rows.len();
@@ -112,7 +113,7 @@ impl<W: Real> OuterTiles<'_, W> {
                 };
                 W::run(self.level, turn);
             });
-            parts.par_iter_mut().for_each(|part| {
+            on_all_threads(parts.iter_mut().collect(), |part| {
                 let add = Add {
                     outer: self,
                     left: &left,
@@ -124,7 +125,7 @@ impl<W: Real> OuterTiles<'_, W> {
             });
         }
         Parts {
-            parts,
+            all: parts,
             counts,
             rows,
         }

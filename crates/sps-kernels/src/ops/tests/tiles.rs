@@ -82,41 +82,45 @@ fn normal(bits: u32) -> f32 {
     }
 }
 
+/// Sums of two products of the same left and right tile.
+#[cfg(target_arch = "x86_64")]
+fn sums<W: Word>(
+    tiles: &mut impl Tiles<W>,
+    (left, step): (&[W], usize),
+    (right, width): (&[W], usize),
+) -> Vec<u32> {
+    let mut sums = vec![0.0; HEIGHT * WORDS];
+    tiles.zero::<3>();
+    tiles.load::<5>(left, step);
+    tiles.load::<7>(&right[WORDS..], width);
+    tiles.multiply_add::<3, 5, 7>();
+    tiles.multiply_add::<3, 5, 7>();
+    tiles.store::<3>(&mut sums, WORDS);
+    sums.into_iter().map(f32::to_bits).collect()
+}
+
+#[cfg(target_arch = "x86_64")]
+fn check<W: Word>(amx: super::super::amx::Amx, depth: usize, bits: &[u32]) {
+    let words: &[W] = bytemuck::cast_slice(bits);
+    let (left, right) = words.split_at(HEIGHT * 20);
+    let (left, right) = ((left, 20), (right, 2 * WORDS));
+    let expected = sums::<W>(&mut Software::new(depth, WORDS), left, right);
+    let found = sums::<W>(&mut amx.configured(depth), left, right);
+    for (i, (found, expected)) in found.into_iter().zip(expected).enumerate() {
+        let nan = |bits: u32| !W::WHOLE && f32::from_bits(bits).is_nan();
+        let same = found == expected || nan(found) && nan(expected);
+        assert!(
+            same,
+            "{depth} deep, number {i}: {found:x} instead of {expected:x}"
+        );
+    }
+}
+
 /// The same bits from the processor's own tiles, of numbers of any size.
 #[cfg(target_arch = "x86_64")]
 #[test]
 fn the_processors_own() {
-    fn check<W: Word>(amx: crate::ops::amx::Amx, depth: usize, bits: &[u32]) {
-        let words: &[W] = bytemuck::cast_slice(bits);
-        let (left, right) = words.split_at(HEIGHT * 20);
-        let (step, width) = (20, 2 * WORDS);
-        fn sums<W: Word>(
-            tiles: &mut impl Tiles<W>,
-            (left, step): (&[W], usize),
-            (right, width): (&[W], usize),
-        ) -> Vec<u32> {
-            let mut sums = vec![0.0; HEIGHT * WORDS];
-            tiles.zero::<3>();
-            tiles.load::<5>(left, step);
-            tiles.load::<7>(&right[WORDS..], width);
-            tiles.multiply_add::<3, 5, 7>();
-            tiles.multiply_add::<3, 5, 7>();
-            tiles.store::<3>(&mut sums, WORDS);
-            sums.into_iter().map(f32::to_bits).collect()
-        }
-        let mut software = Software::new(depth, WORDS);
-        let expected = sums::<W>(&mut software, (left, step), (right, width));
-        let found = sums::<W>(&mut amx.configured(depth), (left, step), (right, width));
-        for (i, (found, expected)) in found.into_iter().zip(expected).enumerate() {
-            let nan = |bits: u32| !W::WHOLE && f32::from_bits(bits).is_nan();
-            let same = found == expected || nan(found) && nan(expected);
-            assert!(
-                same,
-                "{depth} deep, number {i}: {found:x} instead of {expected:x}"
-            );
-        }
-    }
-    let Some(amx) = crate::ops::amx::Amx::detect() else {
+    let Some(amx) = super::super::amx::Amx::detect() else {
         println!("skipped: this machine has no matrix tiles");
         return;
     };
@@ -130,10 +134,11 @@ fn the_processors_own() {
     for depth in 1..=WORDS {
         let any: Vec<u32> = (0..HEIGHT * 20 + WORDS * 32).map(|_| bits()).collect();
         // Exponents around 1, so that sums round; and around the smallest, so that they vanish.
-        let near = |to: u32| {
-            any.iter()
-                .map(move |x| x & 0x83ff_83ff | (to << 7 | to << 23))
-                .collect::<Vec<u32>>()
+        let near = |to: u32| -> Vec<u32> {
+            let numbers = any.iter();
+            numbers
+                .map(|x| x & 0x83ff_83ff | (to << 7 | to << 23))
+                .collect()
         };
         for bits in [&any, &near(120), &near(56), &near(1)] {
             check::<Bf16Pair>(amx, depth, bits);

@@ -197,6 +197,8 @@ pub(super) mod vnni {
     impl Arithmetic<V4> for Native {
         type Word = Bytes;
 
+        const CUTS: bool = true;
+
         #[inline(always)]
         fn apart<F: NullaryFnOnce>(self, _: V4, work: F) -> F::Output {
             // SAFETY: `self` says that the processor has AVX512-VNNI, and `V4` the rest.
@@ -254,12 +256,28 @@ pub(super) mod vnni {
 
         #[inline(always)]
         fn store<const NV: usize>(self, _: V4, values: [f32x16; NV], to: &mut [Bytes]) {
+            if let (&[first, second], Some(to)) = (&values[..], to.first_chunk_mut::<8>()) {
+                // SAFETY: `V4` stands for AVX-512BW, and the types are the same bits.
+                *to = unsafe {
+                    let first = _mm512_cvtps_epi32(std::mem::transmute::<f32x16, __m512>(first));
+                    let second = _mm512_cvtps_epi32(std::mem::transmute::<f32x16, __m512>(second));
+                    let halves = _mm512_packs_epi32(first, second);
+                    let bytes = _mm512_packus_epi16(halves, halves);
+                    // Both instructions keep to lanes of four words.
+                    let order = _mm512_castsi256_si512(_mm256_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13));
+                    let words = _mm512_castsi512_si256(_mm512_permutexvar_epi32(order, bytes));
+                    std::mem::transmute::<__m256i, [Bytes; 8]>(words)
+                };
+                return;
+            }
             let (to, _) = to.as_chunks_mut::<4>();
             for (values, to) in values.into_iter().zip(&mut to[..NV]) {
                 // SAFETY: `V4` stands for AVX-512F, and the types are the same bits.
                 *to = unsafe {
                     let values = std::mem::transmute::<f32x16, __m512>(values);
-                    let words = _mm512_cvtepi32_epi8(_mm512_cvtps_epi32(values));
+                    let whole =
+                        _mm512_max_epi32(_mm512_cvtps_epi32(values), _mm512_setzero_si512());
+                    let words = _mm512_cvtusepi32_epi8(whole);
                     std::mem::transmute::<__m128i, [Bytes; 4]>(words)
                 };
             }

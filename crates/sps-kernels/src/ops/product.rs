@@ -104,6 +104,30 @@ impl Epilogue<'_> {
         own(self.scale) || own(self.shift)
     }
 
+    /// How many of the limits matter to sums of so many words, the lower one first.
+    pub(super) fn needed<S: Lanes, A: Arithmetic<S>>(&self, k: usize) -> usize {
+        let [least, most] = self.limits;
+        if !A::CUTS {
+            let lower = usize::from(least > f32::NEG_INFINITY);
+            return if most < f32::INFINITY { 2 } else { lower };
+        }
+        // What is cut has to fit an integer before: each part a quarter of it.
+        let longest = (k * A::Word::NUMBERS * 255 * 127) as f32;
+        let part = (1 << 29) as f32;
+        let within = |columns: Option<Columns<'_>>, factor: f32| {
+            let values = columns.map_or(&[1.0][..], |columns| columns.values);
+            let fit = |all, value: &f32| all & (value.abs() * factor <= part);
+            values.iter().fold(true, fit)
+        };
+        let stored = self.accumulate.unwrap_or(0.0).abs() * 255.0 <= part;
+        let fit = stored && within(self.scale, longest) && within(self.shift, 1.0);
+        if fit && least <= 0.0 && most >= 255.0 {
+            0
+        } else {
+            2
+        }
+    }
+
     /// The same for the rows and columns from a frame and a column on.
     pub(crate) fn from(self, frame: usize, column: usize) -> Self {
         Self {
@@ -522,7 +546,7 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
 
     /// What is stored of a row's sums, where `stored` is stored already.
     #[inline(always)]
-    pub(super) fn apply<A: Arithmetic<S>>(
+    fn apply<A: Arithmetic<S>>(
         self,
         lanes: S,
         arithmetic: A,
@@ -545,13 +569,30 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
         sum: S::f32s,
         stored: S::f32s,
     ) -> S::f32s {
+        self.apply_some::<A, 2>(lanes, arithmetic, v, sum, stored)
+    }
+
+    /// The same with so many of the limits.
+    #[inline(always)]
+    pub(super) fn apply_some<A: Arithmetic<S>, const LIMITS: usize>(
+        self,
+        lanes: S,
+        arithmetic: A,
+        v: usize,
+        sum: S::f32s,
+        stored: S::f32s,
+    ) -> S::f32s {
         let y = arithmetic.scale_add(lanes, sum, self.scale[v], self.shift[v]);
         let y = if self.accumulate {
             arithmetic.scale_add(lanes, stored, self.factor, y)
         } else {
             y
         };
-        lanes.within(self.limits, y)
+        match LIMITS {
+            0 => y,
+            1 => lanes.at_least(self.limits[0], y),
+            _ => lanes.within(self.limits, y),
+        }
     }
 }
 

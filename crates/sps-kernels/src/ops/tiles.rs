@@ -120,6 +120,29 @@ struct Rows {
     copy: Option<usize>,
 }
 
+/// What sums are of.
+#[derive(Clone, Copy)]
+struct Summed {
+    /// The first row, and that after the last.
+    rows: (usize, usize),
+    frame: usize,
+    /// The first column, and how many.
+    columns: (usize, usize),
+    vectors: usize,
+}
+
+impl Summed {
+    fn of<W>(pair: &[Rows], frame: usize, panel: &Panel<'_, W>) -> Self {
+        let count: usize = pair.iter().map(|rows| rows.count).sum();
+        Self {
+            rows: (pair[0].first, pair[0].first + count),
+            frame,
+            columns: (panel.column, panel.columns),
+            vectors: panel.vectors,
+        }
+    }
+}
+
 /// Rows of the left that a tile reads.
 #[derive(Clone, Copy)]
 pub(super) struct Left<'a, W> {
@@ -206,6 +229,8 @@ impl<W: Word> WriteTiles<'_, '_, W> {
         };
         let mut rows = Vec::new();
         let mut sums = Sums([0.0; 2 * HEIGHT * WIDTH]);
+        let limits = product.epilogue.needed::<S, A>(k);
+        let mut before = None;
         for frame in 0..count.div_ceil(frame_rows) {
             let end = ((frame + 1) * frame_rows).min(count);
             for start in (frame * frame_rows..end).step_by(block) {
@@ -213,12 +238,28 @@ impl<W: Word> WriteTiles<'_, '_, W> {
                 self.lay_out(range, &mut rows, &mut copies);
                 for panel in product.panels.iter() {
                     for pair in rows.chunks(2) {
-                        let panel = (frame, panel);
-                        let to = (&mut *tiles, &mut sums);
-                        self.write(lanes, arithmetic, to, (pair, &copies), panel);
+                        let summed = Summed::of(pair, frame, &panel);
+                        // While tiles compute, vectors write what the tiles summed before.
+                        let then = before.replace(summed);
+                        let write = |this: &mut Self, sums: &Sums, half: usize| {
+                            // Of bf16 all at the end: tiles wait for what writes so much.
+                            let halves = match (W::WHOLE, half) {
+                                (true, _) => half..half + 1,
+                                (false, 0) => return,
+                                (false, _) => 0..2,
+                            };
+                            if let Some(summed) = then {
+                                this.finish(lanes, arithmetic, (sums, limits), summed, halves);
+                            }
+                        };
+                        let to = (&mut *tiles, &mut sums, S::F32_LANES);
+                        self.sum(to, (pair, &copies), summed, panel.data, write);
                     }
                 }
             }
+        }
+        if let Some(summed) = before {
+            self.finish(lanes, arithmetic, (&sums, limits), summed, 0..2);
         }
     }
 
@@ -271,73 +312,90 @@ impl<W: Word> WriteTiles<'_, '_, W> {
             && starts.windows(2).all(even)
     }
 
-    /// The rows of a tile.
+    /// Sums one or two tiles of rows by a panel; `write` has one half of the sums before written.
     #[inline(always)]
-    fn left<'s>(&'s self, rows: Rows, copies: &'s Copies<W>) -> Left<'s, W> {
-        if let Some(copy) = rows.copy {
-            return Left {
-                memory: &copies.memory[copies.first + copy * copies.pitch..],
-                step: copies.pitch,
-                taps: &copies.taps,
-            };
-        }
-        let starts = &self.product.rows[rows.first..];
-        Left {
-            memory: &self.product.source[starts[0]..],
-            step: starts[1] - starts[0],
-            taps: self.product.taps,
-        }
-    }
-
-    /// One or two tiles of rows by a panel.
-    #[inline(always)]
-    fn write<S, A, T>(
+    fn sum<T: Tiles<W>>(
         &mut self,
-        lanes: S,
-        arithmetic: A,
-        (tiles, sums): (&mut T, &mut Sums),
+        (tiles, sums, lanes): (&mut T, &mut Sums, usize),
         (pair, copies): (&[Rows], &Copies<W>),
-        (frame, panel): (usize, Panel<'_, W>),
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-        T: Tiles<W>,
-    {
-        let count: usize = pair.iter().map(|rows| rows.count).sum();
-        let rows = pair[0].first..pair[0].first + count;
-        let columns = (panel.column, panel.columns);
-        if self.product.epilogue.accumulate.is_some() {
-            for place in &self.places[rows.clone()] {
-                let place = place - self.origin + W::words(panel.column);
+        summed: Summed,
+        panel: &[W],
+        write: impl Fn(&mut Self, &Sums, usize),
+    ) {
+        let product = self.product;
+        if !W::WHOLE && product.epilogue.accumulate.is_some() {
+            for place in &self.places[summed.rows.0..summed.rows.1] {
+                let place = place - self.origin + W::words(summed.columns.0);
                 prefetch(&self.target[place..=place], true);
             }
         }
-        let left = [pair[0], pair[pair.len() - 1]].map(|rows| self.left(rows, copies));
-        let vectors = (panel.data, S::F32_LANES);
-        let run = self.product.panels.k() / left[0].taps.len();
+        let last = pair[pair.len() - 1];
+        let left = [left(product, pair[0], copies), left(product, last, copies)];
+        let run = product.panels.k() / left[0].taps.len();
         let steps = [self.plan.depth, run];
-        match (pair.len(), panel.vectors) {
-            (1, 1) => sum::<W, T, 1, 1>(tiles, steps, left, vectors, sums),
-            (1, _) => sum::<W, T, 1, 2>(tiles, steps, left, vectors, sums),
-            (_, 1) => sum::<W, T, 2, 1>(tiles, steps, left, vectors, sums),
-            _ => sum::<W, T, 2, 2>(tiles, steps, left, vectors, sums),
+        let vectors = (panel, lanes);
+        let before = &*sums;
+        let write = |half| write(self, before, half);
+        match (pair.len(), summed.vectors) {
+            (1, 1) => multiply::<W, T, 1, 1>(tiles, steps, left, vectors, write),
+            (1, _) => multiply::<W, T, 1, 2>(tiles, steps, left, vectors, write),
+            (_, 1) => multiply::<W, T, 2, 1>(tiles, steps, left, vectors, write),
+            _ => multiply::<W, T, 2, 2>(tiles, steps, left, vectors, write),
         }
+        store(tiles, [pair.len(), summed.vectors], lanes, sums);
+    }
+
+    /// Writes some of the two tiles of rows that were summed.
+    #[inline(always)]
+    fn finish<S: Lanes, A: Arithmetic<S, Word = W>>(
+        &mut self,
+        lanes: S,
+        arithmetic: A,
+        (sums, limits): (&Sums, usize),
+        summed: Summed,
+        tiles: Range<usize>,
+    ) {
+        let (first, end) = summed.rows;
+        let rows = [tiles.start, tiles.end].map(|tile| (first + tile * HEIGHT).min(end));
         let finishing = Finishing {
             lanes,
             arithmetic,
             epilogue: self.product.epilogue,
-            sums: &sums.0,
+            limits,
+            sums: &sums.0[tiles.start * HEIGHT * WIDTH..],
             target: &mut *self.target,
-            places: &self.places[rows],
+            places: &self.places[rows[0]..rows[1]],
             origin: self.origin,
-            frame,
-            columns,
+            frame: summed.frame,
+            columns: summed.columns,
         };
-        if panel.vectors == 1 {
+        if summed.vectors == 1 {
             arithmetic.apart(lanes, Sized::<_, 1>(finishing));
         } else {
             arithmetic.apart(lanes, Sized::<_, PANEL_VECTORS>(finishing));
         }
+    }
+}
+
+/// The rows of a tile.
+#[inline(always)]
+fn left<'s, W: Word>(
+    product: &'s Product<'_, W>,
+    rows: Rows,
+    copies: &'s Copies<W>,
+) -> Left<'s, W> {
+    if let Some(copy) = rows.copy {
+        return Left {
+            memory: &copies.memory[copies.first + copy * copies.pitch..],
+            step: copies.pitch,
+            taps: &copies.taps,
+        };
+    }
+    let starts = &product.rows[rows.first..];
+    Left {
+        memory: &product.source[starts[0]..],
+        step: starts[1] - starts[0],
+        taps: product.taps,
     }
 }
 
@@ -346,9 +404,23 @@ impl<W: Word> WriteTiles<'_, '_, W> {
 pub(super) fn sum<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     tiles: &mut T,
     [depth, run]: [usize; 2],
+    left: [Left<'_, W>; 2],
+    (panel, lanes): (&[W], usize),
+    sums: &mut Sums,
+) {
+    multiply::<W, T, H, V>(tiles, [depth, run], left, (panel, lanes), |_| ());
+    store(tiles, [H, V], lanes, sums);
+}
+
+/// Leaves the sums in the tiles. Amid the last products, where they take the longest to come, does two halves of
+/// something else.
+#[inline(always)]
+fn multiply<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
+    tiles: &mut T,
+    [depth, run]: [usize; 2],
     [upper, lower]: [Left<'_, W>; 2],
     (panel, lanes): (&[W], usize),
-    Sums(sums): &mut Sums,
+    mut meanwhile: impl FnMut(usize),
 ) {
     let width = V * lanes;
     tiles.zero::<0>();
@@ -356,12 +428,17 @@ pub(super) fn sum<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     tiles.zero::<2>();
     tiles.zero::<3>();
     let taps = upper.taps.iter().zip(lower.taps);
+    let mut steps = upper.taps.len() * (run / depth);
     for ((&above, &below), panel) in taps.zip(panel.chunks_exact(run * width)) {
         for (step, right) in panel.chunks_exact(depth * width).enumerate() {
             let at = step * depth;
+            steps -= 1;
             tiles.load::<4>(&upper.memory[above + at..], upper.step);
             tiles.load::<6>(right, width);
             tiles.multiply_add::<0, 4, 6>();
+            if steps == 0 {
+                meanwhile(0);
+            }
             if V == 2 {
                 tiles.load::<7>(&right[lanes..], width);
                 tiles.multiply_add::<1, 4, 7>();
@@ -370,20 +447,33 @@ pub(super) fn sum<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
                 tiles.load::<5>(&lower.memory[below + at..], lower.step);
                 tiles.multiply_add::<2, 5, 6>();
             }
+            if steps == 0 {
+                meanwhile(1);
+            }
             if H == 2 && V == 2 {
                 tiles.multiply_add::<3, 5, 7>();
             }
         }
     }
-    tiles.store::<0>(sums, WIDTH);
-    if V == 2 {
-        tiles.store::<1>(&mut sums[lanes..], WIDTH);
+}
+
+/// Writes sums of so many tiles of rows by as many vectors.
+#[inline(always)]
+fn store<W: Word, T: Tiles<W>>(
+    tiles: &mut T,
+    [height, vectors]: [usize; 2],
+    lanes: usize,
+    Sums(sums): &mut Sums,
+) {
+    let (above, below) = sums.split_at_mut(HEIGHT * WIDTH);
+    tiles.store::<0>(above, WIDTH);
+    if vectors == 2 {
+        tiles.store::<1>(&mut above[lanes..], WIDTH);
     }
-    let below = &mut sums[HEIGHT * WIDTH..];
-    if H == 2 {
+    if height == 2 {
         tiles.store::<2>(below, WIDTH);
     }
-    if H == 2 && V == 2 {
+    if height == 2 && vectors == 2 {
         tiles.store::<3>(&mut below[lanes..], WIDTH);
     }
 }
@@ -396,6 +486,8 @@ where
     lanes: S,
     arithmetic: A,
     epilogue: Epilogue<'a>,
+    /// How many of its limits matter.
+    limits: usize,
     sums: &'a [f32],
     target: &'a mut [A::Word],
     places: &'a [usize],
@@ -412,40 +504,54 @@ impl<S: Lanes, A: Arithmetic<S>, const NV: usize> NullaryFnOnce for Sized<Finish
 
     #[inline(always)]
     fn call(self) {
-        let Finishing {
-            lanes,
-            arithmetic,
-            epilogue,
-            sums,
-            target,
-            places,
-            origin,
-            frame,
-            columns,
-        } = self.0;
-        let finish = Finish::<S, NV>::new(lanes, epilogue, frame, columns);
-        let (first, words) = (A::Word::words(columns.0), A::Word::words(columns.1));
-        let (sums, _) = S::as_simd_f32s(sums);
-        let rows = places.iter().zip(sums.chunks_exact(WIDTH / S::F32_LANES));
-        let whole = columns.1 == NV * S::F32_LANES;
-        for (place, sums) in rows {
+        let whole = self.0.columns.1 == NV * S::F32_LANES;
+        let stored = self.0.epilogue.accumulate.is_some();
+        // A loop for each, so that none asks in each row.
+        match (whole, stored, self.0.limits) {
+            (false, ..) => self.0.rows::<NV, false, true, 2>(),
+            (_, false, 0) => self.0.rows::<NV, true, false, 0>(),
+            (_, false, 1) => self.0.rows::<NV, true, false, 1>(),
+            (_, false, _) => self.0.rows::<NV, true, false, 2>(),
+            (_, true, 0) => self.0.rows::<NV, true, true, 0>(),
+            (_, true, 1) => self.0.rows::<NV, true, true, 1>(),
+            (_, true, _) => self.0.rows::<NV, true, true, 2>(),
+        }
+    }
+}
+
+impl<S: Lanes, A: Arithmetic<S>> Finishing<'_, S, A> {
+    /// Writes rows that are as long as their vectors, or not; that may be added to what is stored, or are not; so many
+    /// of whose limits matter.
+    #[inline(always)]
+    fn rows<const NV: usize, const WHOLE: bool, const STORED: bool, const LIMITS: usize>(self) {
+        let (lanes, arithmetic) = (self.lanes, self.arithmetic);
+        let (column, count) = self.columns;
+        let columns = (column, if WHOLE { NV * S::F32_LANES } else { count });
+        let finish = Finish::<S, NV>::new(lanes, self.epilogue, self.frame, columns);
+        let (first, words) = (A::Word::words(column), A::Word::words(columns.1));
+        let (sums, _) = S::as_simd_f32s(self.sums);
+        for (place, sums) in self
+            .places
+            .iter()
+            .zip(sums.chunks_exact(WIDTH / S::F32_LANES))
+        {
             let Some((sums, _)) = sums.split_first_chunk::<NV>() else {
                 return;
             };
-            let out = &mut target[place - origin + first..][..words];
+            let out = &mut self.target[place - self.origin + first..][..words];
             let mut stored = [lanes.splat_f32s(0.0); NV];
-            if finish.accumulate && whole {
+            if STORED && finish.accumulate && WHOLE {
                 stored = arithmetic.load(lanes, out);
-            } else if finish.accumulate {
+            } else if STORED && finish.accumulate {
                 stored = arithmetic.load_part(lanes, out);
             }
             // No closure: one that is not inlined is compiled without the instructions.
             let mut ended = *sums;
             for v in 0..NV {
                 let sum = arithmetic.numbers(lanes, ended[v]);
-                ended[v] = finish.apply_to(lanes, arithmetic, v, sum, stored[v]);
+                ended[v] = finish.apply_some::<A, LIMITS>(lanes, arithmetic, v, sum, stored[v]);
             }
-            if whole {
+            if WHOLE {
                 arithmetic.store(lanes, ended, out);
             } else {
                 arithmetic.store_part(lanes, ended, out);

@@ -372,6 +372,9 @@ pub(crate) trait Arithmetic<S: Lanes>: Copy {
     /// What memory is made of; vectors hold its bits.
     type Word: Word;
 
+    /// Whether [`Arithmetic::store`] brings numbers that an i32 holds within 0 to 255.
+    const CUTS: bool = false;
+
     /// As [`Lanes::apart`], with the instructions of this arithmetic.
     #[inline(always)]
     fn apart<F: NullaryFnOnce>(self, lanes: S, work: F) -> F::Output {
@@ -401,7 +404,8 @@ pub(crate) trait Arithmetic<S: Lanes>: Copy {
     /// Reads `NV` vectors of numbers.
     fn load<const NV: usize>(self, lanes: S, from: &[Self::Word]) -> [S::f32s; NV];
 
-    /// Writes `NV` vectors of numbers, rounded to what a word holds; bytes are within 0 to 255.
+    /// Writes `NV` vectors of numbers, rounded to what a word holds; bytes are within 0 to 255 unless it
+    /// [cuts](Arithmetic::CUTS) them.
     fn store<const NV: usize>(self, lanes: S, values: [S::f32s; NV], to: &mut [Self::Word]);
 
     /// As [`Arithmetic::load`], of a row shorter than its vectors; numbers beyond it are 0.

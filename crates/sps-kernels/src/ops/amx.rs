@@ -13,6 +13,7 @@ use std::sync::OnceLock;
 
 use pulp::x86::V4;
 
+use super::native::{bf16, vnni};
 use super::tiles::{HEIGHT, Tiles, WORDS};
 use super::words::Word;
 
@@ -21,10 +22,13 @@ use super::words::Word;
 pub struct Amx(V4);
 
 impl Amx {
-    /// `None` where the processor or the system has no tiles, or does not let this process use them.
+    /// `None` where the processor or the system has no tiles, or does not let this process use them; or the processor
+    /// has no vectors for the same numbers, which all with tiles have.
     pub(super) fn detect() -> Option<Self> {
         static FOUND: OnceLock<bool> = OnceLock::new();
         let simd = V4::try_new()?;
+        bf16::Native::detect(simd)?;
+        vnni::Native::detect(simd)?;
         FOUND.get_or_init(permitted).then_some(Self(simd))
     }
 

@@ -117,6 +117,8 @@ pub(super) mod bf16 {
     impl Arithmetic<V4> for Native {
         type Word = Bf16Pair;
 
+        const BESIDE_TILES: bool = true;
+
         #[inline(always)]
         fn apart<F: NullaryFnOnce>(self, _: V4, work: F) -> F::Output {
             // SAFETY: `self` says that the processor has AVX512-BF16, and `V4` the rest.
@@ -197,6 +199,7 @@ pub(super) mod vnni {
     impl Arithmetic<V4> for Native {
         type Word = Bytes;
 
+        const BESIDE_TILES: bool = true;
         const CUTS: bool = true;
 
         #[inline(always)]

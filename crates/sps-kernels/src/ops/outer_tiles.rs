@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::bands::on_all_threads;
 use super::simd::{Lanes, Level, TileKind};
-use super::tiles::{HEIGHT, Left, Sums, Tiles, WIDTH, WORDS, sum};
+use super::tiles::{HEIGHT, Left, Sums, Tiles, WIDTH, WORDS, compiled, sum};
 use super::words::{Arithmetic, Real, WordKernel, lanes_of};
 
 /// `sum_m left[m]^T right[m]` over pixels, for each run of the right.
@@ -212,6 +212,9 @@ impl<W: Real> WordKernel<W> for Add<'_, '_, W> {
 
     #[inline(always)]
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(mut self, lanes: S, _: A) {
+        if !const { compiled::<S, A>() } {
+            return;
+        }
         match self.outer.kind {
             #[cfg(target_arch = "x86_64")]
             TileKind::Amx(amx) => self.walk(lanes, &mut amx.configured(WORDS)),

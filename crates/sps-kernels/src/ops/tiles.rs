@@ -80,6 +80,12 @@ impl Plan {
     }
 }
 
+/// Whether walks over tiles are compiled for such vectors: where none has tiles beside it, they would take long to
+/// compile and never run.
+pub(super) const fn compiled<S: Lanes, A: Arithmetic<S>>() -> bool {
+    A::BESIDE_TILES || cfg!(test) && S::F32_LANES == 4
+}
+
 /// The largest depth that a run is a multiple of.
 fn deepest(run: usize) -> usize {
     let depths = (1..=WORDS).rev();
@@ -178,6 +184,9 @@ impl<W: Word> WordKernel<W> for WriteTiles<'_, '_, W> {
 
     #[inline(always)]
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(mut self, lanes: S, arithmetic: A) {
+        if !const { compiled::<S, A>() } {
+            return;
+        }
         match self.plan.kind {
             #[cfg(target_arch = "x86_64")]
             TileKind::Amx(amx) => {

@@ -372,6 +372,9 @@ pub(crate) trait Arithmetic<S: Lanes>: Copy {
     /// What memory is made of; vectors hold its bits.
     type Word: Word;
 
+    /// Whether the processors that have these instructions may have matrix tiles.
+    const BESIDE_TILES: bool = false;
+
     /// Whether [`Arithmetic::store`] brings numbers that an i32 holds within 0 to 255.
     const CUTS: bool = false;
 

@@ -44,10 +44,10 @@ pub(super) trait Tiles<W: Word> {
     fn store<const TILE: usize>(&mut self, to: &mut [f32], step: usize);
 }
 
-/// Words of a tile's row at least, or vectors are faster.
+/// Words of a tile's row at least: with fewer, most of a tile would be empty.
 const SHALLOWEST: usize = 4;
 
-/// As many where rows are read where they lie.
+/// Words of a run at least; rows of shorter runs are copied together first.
 const DEEP: usize = 8;
 
 /// How a product's rows are cut into tiles. It follows from the shape of the weights and the layout of the map alone, so
@@ -62,7 +62,7 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// None where the machine has no tiles, or vectors are faster.
+    /// None where the machine has no tiles, or most of a tile would be empty.
     pub(super) fn of<W: Word>(product: &Product<'_, W>) -> Option<Self> {
         let kind = product.panels.level().tiles().filter(|_| W::NUMBERS > 1)?;
         let by_run = deepest(product.run);
@@ -379,9 +379,9 @@ impl<W: Word> WriteTiles<'_, '_, W> {
             columns: summed.columns,
         };
         if summed.vectors == 1 {
-            arithmetic.apart(lanes, Sized::<_, 1>(finishing));
+            arithmetic.apart(lanes, OfVectors::<_, 1>(finishing));
         } else {
-            arithmetic.apart(lanes, Sized::<_, PANEL_VECTORS>(finishing));
+            arithmetic.apart(lanes, OfVectors::<_, PANEL_VECTORS>(finishing));
         }
     }
 }
@@ -408,7 +408,7 @@ fn left<'s, W: Word>(
     }
 }
 
-/// The sums of `H` tiles of rows, whose runs have so many words after the depth, by `V` vectors of a panel's data.
+/// The sums of `H` tiles of rows, of so many words (a step, then a run), by `V` vectors of a panel's data.
 #[inline(always)]
 pub(super) fn sum<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     tiles: &mut T,
@@ -506,9 +506,11 @@ where
 }
 
 /// Of `NV` vectors of columns.
-struct Sized<F, const NV: usize>(F);
+struct OfVectors<F, const NV: usize>(F);
 
-impl<S: Lanes, A: Arithmetic<S>, const NV: usize> NullaryFnOnce for Sized<Finishing<'_, S, A>, NV> {
+impl<S: Lanes, A: Arithmetic<S>, const NV: usize> NullaryFnOnce
+    for OfVectors<Finishing<'_, S, A>, NV>
+{
     type Output = ();
 
     #[inline(always)]

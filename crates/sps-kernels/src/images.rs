@@ -7,6 +7,7 @@ use crate::inference::Scale;
 use crate::ops::bands::{Threads, for_each_band};
 use crate::ops::grid::{Grid, Size};
 use crate::ops::image::rows_of_words;
+use crate::ops::simd::{Kernel, Lanes, Level};
 use crate::ops::words::Word;
 
 /// What a network takes out of its input: `(value - mean) / std` of each channel.
@@ -119,7 +120,7 @@ impl<'a> Images<'a> {
 /// Lays one of the images out as `grid` says of a single frame and [`crate::ops::image`] of its rows; around it
 /// lies `zero`.
 pub(crate) fn lay_out<W: Word>(
-    threads: Threads,
+    (threads, level): (Threads, Level),
     image: &[f32],
     images: &Images<'_>,
     (out, grid): (&mut [W], &Grid),
@@ -128,53 +129,71 @@ pub(crate) fn lay_out<W: Word>(
     let memory = rows_of_words::<W>(grid);
     memory.fill_border(out, W::of(|_| zero));
     for_each_band(threads, &memory, out, |band| {
-        let rows = band.rows(&memory);
-        let target = (band.target, band.origin);
-        lay_out_rows(image, images, grid, rows, target, zero);
+        level.run(LayOut {
+            image,
+            images,
+            grid,
+            rows: band.rows(&memory),
+            out: band.target,
+            origin: band.origin,
+            zero,
+        });
     });
 }
 
 /// The same for some rows, into memory that begins at `origin`.
-fn lay_out_rows<W: Word>(
-    image: &[f32],
-    images: &Images<'_>,
-    grid: &Grid,
+struct LayOut<'a, W> {
+    image: &'a [f32],
+    images: &'a Images<'a>,
+    grid: &'a Grid,
     rows: Range<usize>,
-    (out, origin): (&mut [W], usize),
+    out: &'a mut [W],
+    origin: usize,
     zero: f32,
-) {
-    let [time, height, width] = grid.size;
-    let memory = rows_of_words::<W>(grid);
-    let words = memory.size[2];
-    let plane = time * height * width;
-    // Of each number of a row, so that a vector of them is normalised at once.
-    let Normalisation { mean, std } = images.normalisation;
-    let (means, stds) = (mean.repeat(width), std.repeat(width));
-    let mut numbers = vec![zero; W::NUMBERS * words];
-    for row in rows {
-        let pixels = &mut numbers[3 * grid.before[2]..][..3 * width];
-        match images.order {
-            Order::Planes => {
-                for channel in 0..3 {
-                    let values = &image[channel * plane + row * width..][..width];
-                    for (pixel, value) in pixels.chunks_exact_mut(3).zip(values) {
-                        pixel[channel] = *value;
+}
+
+impl<W: Word> Kernel for LayOut<'_, W> {
+    type Output = ();
+
+    // As in `ops`.
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
+    fn run<S: Lanes>(self, _: S) {
+        let [time, height, width] = self.grid.size;
+        let memory = rows_of_words::<W>(self.grid);
+        let words = memory.size[2];
+        let plane = time * height * width;
+        let Normalisation { mean, std } = self.images.normalisation;
+        let mut numbers = vec![self.zero; W::NUMBERS * words];
+        for row in self.rows {
+            let (pixels, _) = numbers[3 * self.grid.before[2]..][..3 * width].as_chunks_mut();
+            match self.images.order {
+                Order::Planes => {
+                    let [red, green, blue] = [0, 1, 2]
+                        .map(|channel| &self.image[channel * plane + row * width..][..width]);
+                    for (x, pixel) in pixels.iter_mut().enumerate() {
+                        *pixel = [red[x], green[x], blue[x]];
                     }
                 }
+                Order::Pixels => {
+                    let (values, _) = self.image[3 * row * width..][..3 * width].as_chunks::<3>();
+                    pixels.copy_from_slice(values);
+                }
             }
-            Order::Pixels => pixels.copy_from_slice(&image[3 * row * width..][..3 * width]),
-        }
-        for ((value, mean), std) in pixels.iter_mut().zip(&means).zip(&stds) {
-            *value = (*value - mean) / std;
-        }
-        let place = [
-            memory.before[0] + row / height,
-            memory.before[1] + row % height,
-            0,
-        ];
-        let out = &mut out[memory.index(0, place) - origin..][..words];
-        for (word, numbers) in out.iter_mut().zip(numbers.chunks_exact(W::NUMBERS)) {
-            *word = W::of(|i| numbers[i]);
+            for pixel in pixels {
+                for channel in 0..3 {
+                    pixel[channel] = (pixel[channel] - mean[channel]) / std[channel];
+                }
+            }
+            let place = [
+                memory.before[0] + row / height,
+                memory.before[1] + row % height,
+                0,
+            ];
+            let out = &mut self.out[memory.index(0, place) - self.origin..][..words];
+            for (word, numbers) in out.iter_mut().zip(numbers.chunks_exact(W::NUMBERS)) {
+                *word = W::of(|i| numbers[i]);
+            }
         }
     }
 }

@@ -224,7 +224,7 @@ impl<W: Word> Fused<W> {
             ..*images
         };
         let zero = self.scales[IMAGE].zero;
-        lay_out(threads, image, &images, (memory, grid), zero);
+        lay_out((threads, self.level), image, &images, (memory, grid), zero);
     }
 
     /// Makes room for a map, with a border of what stands for 0.

@@ -13,7 +13,7 @@
 //! ```
 //!
 //! A right tile is a piece of a panel as it lies. A left tile is 16 rows of the source where they lie evenly and at
-//! cache lines; others are copied together first.
+//! cache lines, those of a map's border among them, whose sums are dropped; others are copied together first.
 
 use std::ops::Range;
 
@@ -45,38 +45,23 @@ pub(super) trait Tiles<W: Word> {
 }
 
 /// Words of a tile's row at least: with fewer, most of a tile would be empty.
-const SHALLOWEST: usize = 4;
+const SHALLOWEST: usize = 3;
 
-/// Words of a run at least; rows of shorter runs are copied together first.
-const DEEP: usize = 8;
-
-/// How a product's rows are cut into tiles. It follows from the shape of the weights and the layout of the map alone, so
-/// that sums have the same bits whatever else is computed with them.
+/// How a product's rows are cut into tiles. It follows from the shape of the weights alone, so that sums have the same
+/// bits whatever else is computed with them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plan {
     kind: TileKind,
     /// Words of a tile's row.
     depth: usize,
-    /// Whether all rows are copied together, as their runs are too short for tiles.
-    joined: bool,
 }
 
 impl Plan {
     /// None where the machine has no tiles, or most of a tile would be empty.
     pub(super) fn of<W: Word>(product: &Product<'_, W>) -> Option<Self> {
         let kind = product.panels.level().tiles().filter(|_| W::NUMBERS > 1)?;
-        let by_run = deepest(product.run);
-        let joined = by_run < DEEP;
-        let depth = if joined {
-            deepest(product.panels.k())
-        } else {
-            by_run
-        };
-        (depth >= SHALLOWEST).then_some(Self {
-            kind,
-            depth,
-            joined,
-        })
+        let depth = deepest(product.run);
+        (depth >= SHALLOWEST).then_some(Self { kind, depth })
     }
 }
 
@@ -107,7 +92,7 @@ pub(super) struct WriteTiles<'a, 'b, W> {
 /// Words of a matrix that stay in the second-level cache beside a map.
 const SMALL: usize = 64 << 10;
 
-/// Words of the rows that its panels then meet one after the other.
+/// Words of the rows, and of what is written of them, that its panels then meet one after the other.
 const NEAR: usize = 8 << 10;
 
 /// The sums of two tiles of rows by a panel.
@@ -117,19 +102,30 @@ pub(super) struct Sums(pub(super) [f32; 2 * HEIGHT * WIDTH]);
 /// Words of a row of them.
 pub(super) const WIDTH: usize = PANEL_VECTORS * WORDS;
 
-/// A tile's rows: the first, how many are its own, and the first of those copied together where it is not read where
-/// it lies.
+/// Rows of a tile at least that are wanted, where it is read where it lies: with fewer, copying is faster.
+const FULL: usize = 12;
+
+/// A tile's rows.
 #[derive(Clone, Copy)]
 struct Rows {
     first: usize,
     count: usize,
-    copy: Option<usize>,
+    read: Read,
+}
+
+/// Where a tile's rows are read.
+#[derive(Clone, Copy)]
+enum Read {
+    /// Where they lie, so many words from one to the next.
+    Source(usize),
+    /// Copied together, after so many tiles of the frame.
+    Copy(usize),
 }
 
 /// What sums are of.
 #[derive(Clone, Copy)]
 struct Summed {
-    /// The first row, and that after the last.
+    /// The first row, and how many.
     rows: (usize, usize),
     frame: usize,
     /// The first column, and how many.
@@ -139,9 +135,9 @@ struct Summed {
 
 impl Summed {
     fn of<W>(pair: &[Rows], frame: usize, panel: &Panel<'_, W>) -> Self {
-        let count: usize = pair.iter().map(|rows| rows.count).sum();
+        let count = pair.iter().map(|rows| rows.count).sum();
         Self {
-            rows: (pair[0].first, pair[0].first + count),
+            rows: (pair[0].first, count),
             frame,
             columns: (panel.column, panel.columns),
             vectors: panel.vectors,
@@ -159,24 +155,76 @@ pub(super) struct Left<'a, W> {
     pub(super) taps: &'a [usize],
 }
 
-/// Rows that were copied together, and where their runs begin.
+/// Tiles whose rows were copied together, and where their runs begin.
 struct Copies<W> {
     memory: Vec<W>,
-    /// The first row's place in memory, at a cache line.
+    /// The first tile's place in memory, at a cache line, and how many were copied before it.
     first: usize,
+    before: usize,
     pitch: usize,
     taps: Vec<usize>,
 }
 
 impl<W: Word> Copies<W> {
-    /// Makes room for so many rows.
-    fn begin(&mut self, rows: usize) {
-        self.memory.clear();
-        self.memory.reserve(rows * self.pitch + WORDS);
-        let place = self.memory.as_ptr() as usize / size_of::<W>();
-        self.first = place.next_multiple_of(WORDS) - place;
-        self.memory.resize(self.first, W::default());
+    /// Copies those of some tiles that are not read where they lie.
+    #[inline(always)]
+    fn fill(&mut self, tiles: &[Rows], product: &Product<'_, W>) {
+        let place = |tile: &Rows| match tile.read {
+            Read::Source(_) => None,
+            Read::Copy(before) => Some(before),
+        };
+        let Some(first) = tiles.iter().find_map(place) else {
+            return;
+        };
+        let last = tiles.iter().rev().find_map(place).unwrap_or(first);
+        self.before = first;
+        let words = (last + 1 - first) * HEIGHT * self.pitch + 2 * WORDS;
+        if words > self.memory.len() {
+            self.memory = vec![W::default(); words];
+        }
+        let base = self.memory.as_ptr() as usize / size_of::<W>();
+        self.first = base.next_multiple_of(WORDS) - base;
+        let Product {
+            source, rows, run, ..
+        } = *product;
+        for (n, tap) in product.taps.iter().enumerate() {
+            let (from, to) = (&source[*tap..], &mut self.memory[self.first + n * run..]);
+            for (tile, before) in tiles.iter().filter_map(|tile| Some((tile, place(tile)?))) {
+                let mut at = (before - first) * HEIGHT * self.pitch;
+                for start in &rows[tile.first..tile.first + tile.count] {
+                    copy(&from[*start..], &mut to[at..], run);
+                    at += self.pitch;
+                }
+            }
+        }
     }
+
+    /// A tile's rows, after so many that were copied.
+    fn left(&self, before: usize) -> Left<'_, W> {
+        Left {
+            memory: &self.memory[self.first + (before - self.before) * HEIGHT * self.pitch..],
+            step: self.pitch,
+            taps: &self.taps,
+        }
+    }
+}
+
+/// Copies so many words, and what would fill the last vector where there is as much on both sides.
+#[inline(always)]
+fn copy<W: Copy>(from: &[W], to: &mut [W], words: usize) {
+    if let (Some(vector), Some(place)) = (from.first_chunk(), to.first_chunk_mut::<WORDS>())
+        && words <= WORDS
+    {
+        *place = *vector;
+        return;
+    }
+    let whole = words.next_multiple_of(WORDS);
+    let words = if whole <= from.len().min(to.len()) {
+        whole
+    } else {
+        words
+    };
+    to[..words].copy_from_slice(&from[..words]);
 }
 
 impl<W: Word> WordKernel<W> for WriteTiles<'_, '_, W> {
@@ -217,39 +265,41 @@ impl<W: Word> WriteTiles<'_, '_, W> {
         } else {
             count.max(1)
         };
-        // Either rows and panels stay in the first-level cache, or rows stay in the second and each panel meets them.
-        let words = if k * product.panels.n() <= SMALL {
-            NEAR
+        // Either panels, rows and what is written stay in the first-level cache, or rows stay in the second and each
+        // panel meets them.
+        let n = product.panels.n();
+        let rows = if k * n <= SMALL {
+            NEAR / (k + W::words(n))
         } else {
-            CACHE
+            CACHE / k
         };
-        let block = (words / k).next_multiple_of(2 * HEIGHT);
-        let taps = 0..if self.plan.joined {
-            1
-        } else {
-            product.taps.len()
-        };
+        let block = rows.div_ceil(2 * HEIGHT) * 2;
         let mut copies = Copies {
             memory: Vec::new(),
             first: 0,
-            // At cache lines, but not all at the same places of the cache.
-            pitch: k.next_multiple_of(WORDS) | WORDS,
-            taps: taps.map(|tap| tap * product.run).collect(),
+            before: 0,
+            // At cache lines, but not all at the same places of the cache; a run's last vector is whole.
+            pitch: (k - product.run + product.run.next_multiple_of(WORDS)).next_multiple_of(WORDS)
+                | WORDS,
+            taps: (0..product.taps.len())
+                .map(|tap| tap * product.run)
+                .collect(),
         };
-        let mut rows = Vec::new();
-        let mut sums = Sums([0.0; 2 * HEIGHT * WIDTH]);
+        let mut sums = [const { Sums([0.0; 2 * HEIGHT * WIDTH]) }; 2];
         let limits = product.epilogue.needed::<S, A>(k);
-        let mut before = None;
+        let mut within = vec![0; count];
+        let mut before = [None; 2];
+        let mut turn = 0;
         for frame in 0..count.div_ceil(frame_rows) {
-            let end = ((frame + 1) * frame_rows).min(count);
-            for start in (frame * frame_rows..end).step_by(block) {
-                let range = start..(start + block).min(end);
-                self.lay_out(range, &mut rows, &mut copies);
+            let rows = frame * frame_rows..((frame + 1) * frame_rows).min(count);
+            for block in self.cut(rows, &mut within).chunks(block) {
+                copies.fill(block, product);
                 for panel in product.panels.iter() {
-                    for pair in rows.chunks(2) {
+                    for pair in block.chunks(2) {
                         let summed = Summed::of(pair, frame, &panel);
                         // While tiles compute, vectors write what the tiles summed before.
-                        let then = before.replace(summed);
+                        turn ^= 1;
+                        let then = before[turn].replace(summed);
                         let write = |this: &mut Self, sums: &Sums, half: usize| {
                             // Of bf16 all at the end: tiles wait for what writes so much.
                             let halves = match (W::WHOLE, half) {
@@ -258,67 +308,87 @@ impl<W: Word> WriteTiles<'_, '_, W> {
                                 (false, _) => 0..2,
                             };
                             if let Some(summed) = then {
-                                this.finish(lanes, arithmetic, (sums, limits), summed, halves);
+                                let of = (sums, &within[..], limits);
+                                this.finish(lanes, arithmetic, of, summed, halves);
                             }
                         };
-                        let to = (&mut *tiles, &mut sums, S::F32_LANES);
+                        let to = (&mut *tiles, &mut sums[turn], S::F32_LANES);
                         self.sum(to, (pair, &copies), summed, panel.data, write);
                     }
                 }
             }
         }
-        if let Some(summed) = before {
-            self.finish(lanes, arithmetic, (&sums, limits), summed, 0..2);
-        }
-    }
-
-    /// Cuts rows into tiles, and copies together those that are not read where they lie.
-    fn lay_out(&self, range: Range<usize>, rows: &mut Vec<Rows>, copies: &mut Copies<W>) {
-        let Product {
-            source,
-            rows: starts,
-            taps,
-            run,
-            ..
-        } = *self.product;
-        rows.clear();
-        let mut copied = 0;
-        for first in range.clone().step_by(HEIGHT) {
-            let count = HEIGHT.min(range.end - first);
-            let copy = (!self.in_place(&starts[first..first + count])).then_some(copied);
-            copied += if copy.is_some() { HEIGHT } else { 0 };
-            rows.push(Rows { first, count, copy });
-        }
-        copies.begin(copied);
-        for tile in rows.iter().filter(|tile| tile.copy.is_some()) {
-            for start in &starts[tile.first..tile.first + tile.count] {
-                let before = copies.memory.len();
-                for tap in taps {
-                    let run = &source[start + tap..][..run];
-                    copies.memory.extend_from_slice(run);
-                }
-                copies.memory.resize(before + copies.pitch, W::default());
+        for turn in [turn ^ 1, turn] {
+            if let Some(summed) = before[turn] {
+                let of = (&sums[turn], &within[..], limits);
+                self.finish(lanes, arithmetic, of, summed, 0..2);
             }
-            let missing = (HEIGHT - tile.count) * copies.pitch;
-            copies
-                .memory
-                .resize(copies.memory.len() + missing, W::default());
         }
     }
 
-    /// Whether a tile can be read where it lies.
-    fn in_place(&self, starts: &[usize]) -> bool {
-        if self.plan.joined || starts.len() < HEIGHT {
-            return false;
+    /// Cuts a frame's rows into tiles; `within` is told each row's place in its pair of tiles.
+    fn cut(&self, rows: Range<usize>, within: &mut [u8]) -> Vec<Rows> {
+        let taps = self.product.taps;
+        // Words that a row needs.
+        let reach = taps.iter().max().map(|tap| tap + self.product.run);
+        let mut tiles = Vec::with_capacity(rows.len() / FULL + 1);
+        let (mut first, mut copied) = (rows.start, 0);
+        while first < rows.end {
+            let within = &mut within[first..rows.end];
+            let lying = reach.and_then(|reach| self.lying(first, reach, within));
+            let tile = lying.unwrap_or_else(|| {
+                copied += 1;
+                let count = HEIGHT.min(within.len());
+                for (row, place) in within[..count].iter_mut().enumerate() {
+                    *place = row as u8;
+                }
+                Rows {
+                    first,
+                    count,
+                    read: Read::Copy(copied - 1),
+                }
+            });
+            if tiles.len() % 2 == 1 {
+                for place in &mut within[..tile.count] {
+                    *place += HEIGHT as u8;
+                }
+            }
+            first += tile.count;
+            tiles.push(tile);
         }
-        let step = starts[1].wrapping_sub(starts[0]);
-        // A row of a tile that reaches over a cache line takes twice as long.
-        let line = self.plan.depth.next_power_of_two() - 1;
-        let base = self.product.source.as_ptr() as usize / size_of::<W>();
-        let even = |pair: &[usize]| pair[1].wrapping_sub(pair[0]) == step;
-        ((base + starts[0]) | step) & line == 0
-            && self.product.taps.iter().all(|tap| tap & line == 0)
-            && starts.windows(2).all(even)
+        tiles
+    }
+
+    /// The rows from one on as a tile that is read where it lies; none where that is impossible or slow.
+    fn lying(&self, first: usize, reach: usize, within: &mut [u8]) -> Option<Rows> {
+        let source = self.product.source;
+        let starts = &self.product.rows[first..first + within.len()];
+        let start = starts[0];
+        let step = match starts {
+            [_, next, ..] => next.checked_sub(start)?,
+            _ => 0,
+        };
+        if start + (HEIGHT - 1) * step + reach > source.len() {
+            return None;
+        }
+        let (mut place, mut at, mut count) = (0, start, 0);
+        for (&row, to) in starts.iter().zip(within) {
+            while at < row && place + 1 < HEIGHT {
+                at += step;
+                place += 1;
+            }
+            if at != row {
+                break;
+            }
+            *to = place as u8;
+            count += 1;
+        }
+        let enough = count >= FULL.min(starts.len());
+        enough.then_some(Rows {
+            first,
+            count,
+            read: Read::Source(step),
+        })
     }
 
     /// Sums one or two tiles of rows by a panel; `write` has one half of the sums before written.
@@ -333,7 +403,7 @@ impl<W: Word> WriteTiles<'_, '_, W> {
     ) {
         let product = self.product;
         if !W::WHOLE && product.epilogue.accumulate.is_some() {
-            for place in &self.places[summed.rows.0..summed.rows.1] {
+            for place in self.places.iter().skip(summed.rows.0).take(summed.rows.1) {
                 let place = place - self.origin + W::words(summed.columns.0);
                 prefetch(&self.target[place..=place], true);
             }
@@ -354,26 +424,27 @@ impl<W: Word> WriteTiles<'_, '_, W> {
         store(tiles, [pair.len(), summed.vectors], lanes, sums);
     }
 
-    /// Writes some of the two tiles of rows that were summed.
+    /// Writes one half or both of the rows that were summed.
     #[inline(always)]
     fn finish<S: Lanes, A: Arithmetic<S, Word = W>>(
         &mut self,
         lanes: S,
         arithmetic: A,
-        (sums, limits): (&Sums, usize),
+        (sums, within, limits): (&Sums, &[u8], usize),
         summed: Summed,
-        tiles: Range<usize>,
+        halves: Range<usize>,
     ) {
-        let (first, end) = summed.rows;
-        let rows = [tiles.start, tiles.end].map(|tile| (first + tile * HEIGHT).min(end));
+        let (first, count) = summed.rows;
+        let rows = first + count * halves.start / 2..first + count * halves.end / 2;
         let finishing = Finishing {
             lanes,
             arithmetic,
             epilogue: self.product.epilogue,
             limits,
-            sums: &sums.0[tiles.start * HEIGHT * WIDTH..],
+            sums,
+            within: &within[rows.clone()],
             target: &mut *self.target,
-            places: &self.places[rows[0]..rows[1]],
+            places: &self.places[rows],
             origin: self.origin,
             frame: summed.frame,
             columns: summed.columns,
@@ -393,18 +464,13 @@ fn left<'s, W: Word>(
     rows: Rows,
     copies: &'s Copies<W>,
 ) -> Left<'s, W> {
-    if let Some(copy) = rows.copy {
-        return Left {
-            memory: &copies.memory[copies.first + copy * copies.pitch..],
-            step: copies.pitch,
-            taps: &copies.taps,
-        };
-    }
-    let starts = &product.rows[rows.first..];
-    Left {
-        memory: &product.source[starts[0]..],
-        step: starts[1] - starts[0],
-        taps: product.taps,
+    match rows.read {
+        Read::Copy(before) => copies.left(before),
+        Read::Source(step) => Left {
+            memory: &product.source[product.rows[rows.first]..],
+            step,
+            taps: product.taps,
+        },
     }
 }
 
@@ -497,7 +563,9 @@ where
     epilogue: Epilogue<'a>,
     /// How many of its limits matter.
     limits: usize,
-    sums: &'a [f32],
+    sums: &'a Sums,
+    /// Each row's place in them.
+    within: &'a [u8],
     target: &'a mut [A::Word],
     places: &'a [usize],
     origin: usize,
@@ -540,12 +608,9 @@ impl<S: Lanes, A: Arithmetic<S>> Finishing<'_, S, A> {
         let columns = (column, if WHOLE { NV * S::F32_LANES } else { count });
         let finish = Finish::<S, NV>::new(lanes, self.epilogue, self.frame, columns);
         let (first, words) = (A::Word::words(column), A::Word::words(columns.1));
-        let (sums, _) = S::as_simd_f32s(self.sums);
-        for (place, sums) in self
-            .places
-            .iter()
-            .zip(sums.chunks_exact(WIDTH / S::F32_LANES))
-        {
+        let (sums, _) = S::as_simd_f32s(&self.sums.0);
+        for (place, &within) in self.places.iter().zip(self.within) {
+            let sums = &sums[usize::from(within) * (WIDTH / S::F32_LANES)..];
             let Some((sums, _)) = sums.split_first_chunk::<NV>() else {
                 return;
             };

@@ -322,7 +322,13 @@ fn images_value<W: Real>(context: &Context, images: &Images<'_>, grid: Grid) -> 
     let one = Grid { frames: 1, ..grid };
     let frames = memory.chunks_exact_mut(rows.frame_len());
     for (image, memory) in images.iter().zip(frames) {
-        lay_out(Threads::All, image, images, (memory, &one), 0.0);
+        lay_out(
+            (Threads::All, context.level),
+            image,
+            images,
+            (memory, &one),
+            0.0,
+        );
     }
     Value { memory, grid }
 }

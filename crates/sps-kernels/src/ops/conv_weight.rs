@@ -302,9 +302,17 @@ fn dense_by_tiles<W: Real>(
     let outputs = target.par_chunks_exact_mut(inputs * taps).enumerate();
     outputs.for_each(|(output, target)| {
         for run in 0..runs.len() {
-            for (i, value) in sums.row(output, run).take(width).enumerate() {
-                let tap = run * (width / inputs) + i / inputs;
-                target[i % inputs * taps + tap] = *value;
+            let (mut place, mut left) = (run * (width / inputs), width);
+            for values in sums.row(output, run) {
+                let values = &values[..values.len().min(left)];
+                left -= values.len();
+                for value in values {
+                    target[place] = *value;
+                    place += taps;
+                    if place >= target.len() {
+                        place -= target.len() - 1;
+                    }
+                }
             }
         }
     });

@@ -56,12 +56,12 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// A row of the sums of a run; there may be more than its width.
-    pub(super) fn row(&self, row: usize, run: usize) -> impl Iterator<Item = &f32> {
+    /// A row of the sums of a run, piece by piece; there may be more than its width.
+    pub(super) fn row(&self, row: usize, run: usize) -> impl Iterator<Item = &[f32]> {
         let [across, down] = self.counts;
         let parts = self.all[run * across * down..].iter();
         let parts = parts.skip(row / self.rows).step_by(down).take(across);
-        parts.flat_map(move |part| {
+        parts.map(move |part| {
             let len = part.sums.len() / part.rows.len();
             &part.sums[(row - part.rows.start) * len..][..len]
         })

@@ -89,6 +89,7 @@ impl Folded {
                 frame_rows: outputs,
                 taps: &[0],
                 run: middle,
+                lower: None,
                 panels: panels.all(),
                 epilogue: Epilogue::default(),
             };
@@ -112,7 +113,7 @@ impl Folded {
     }
 
     /// Lays it out for the kernels, for a map of such words and scales.
-    pub(super) fn pack<W: Word>(mut self, level: Level, ends: Ends) -> Packed<W> {
+    pub(super) fn pack<W: Word>(mut self, (level, split): (Level, bool), ends: Ends) -> Packed<W> {
         let (scale, offset) = if W::WHOLE {
             (Some(self.quantise(ends)), ends.offset())
         } else {
@@ -120,6 +121,8 @@ impl Folded {
         };
         let pack = if self.of_images {
             Conv::pack_for_images
+        } else if split {
+            Conv::pack_split
         } else {
             Conv::pack_for_inference
         };

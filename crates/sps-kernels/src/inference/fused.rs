@@ -96,12 +96,13 @@ impl<W: Word> Workspace<W> {
 }
 
 impl<W: Word> Fused<W> {
-    /// `scales`, one for each map, are for int8; `None` otherwise.
+    /// `scales`, one for each map, are for int8; `None` otherwise. With a level comes whether numbers of f32 are
+    /// [split](crate::ops::split).
     pub(super) fn new(
         network: &Network,
         weights: &dyn Tensors,
         scales: Option<Vec<Scale>>,
-        level: Level,
+        (level, split): (Level, bool),
     ) -> Result<Self> {
         let unit = || vec![Scale::UNIT; network.channels.len()];
         let scales = scales.unwrap_or_else(unit);
@@ -110,6 +111,7 @@ impl<W: Word> Fused<W> {
             weights,
             scales: &scales,
             level,
+            split,
         };
         let steps = (1..).zip(&network.layers);
         let steps = steps.map(|(map, layer)| plan.step(layer, scales[map]));
@@ -343,6 +345,7 @@ struct Plan<'a> {
     weights: &'a dyn Tensors,
     scales: &'a [Scale],
     level: Level,
+    split: bool,
 }
 
 impl Plan<'_> {
@@ -389,7 +392,7 @@ impl Plan<'_> {
     fn part<W: Word>(&self, conv: &Conv, folded: Folded, column: usize, ends: Ends) -> Part<W> {
         Part {
             conv: conv.clone(),
-            packed: folded.pack(self.level, ends),
+            packed: folded.pack((self.level, self.split), ends),
             column,
             accumulate: ends.accumulate(),
             limits: ends.limits::<W>(conv.activation),

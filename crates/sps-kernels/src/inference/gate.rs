@@ -41,8 +41,8 @@ impl PackedGate {
         let hidden = linear(hidden, gate.channels, gate.hidden)?;
         let logits = linear(logits, gate.hidden, gate.channels)?;
         Ok(Self {
-            hidden: hidden.compose(conv, level).pack(level, Ends::UNIT),
-            logits: logits.pack(level, Ends::UNIT),
+            hidden: hidden.compose(conv, level).pack((level, false), Ends::UNIT),
+            logits: logits.pack((level, false), Ends::UNIT),
         })
     }
 

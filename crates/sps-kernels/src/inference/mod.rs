@@ -83,15 +83,18 @@ impl Inference {
     ) -> Result<Self> {
         tensors::check(network, tensors)?;
         Ok(match precision {
-            Precision::F32 => Self::of::<f32>(network, tensors, None, level)?,
-            Precision::Bf16 => Self::of::<Bf16Pair>(network, tensors, None, level)?,
+            Precision::F32 | Precision::Bf16x2 => {
+                let split = precision == Precision::Bf16x2;
+                Self::of::<f32>(network, tensors, None, (level, split))?
+            }
+            Precision::Bf16 => Self::of::<Bf16Pair>(network, tensors, None, (level, false))?,
             Precision::Int8 => {
                 let maps = network.channels.len();
                 let Some(scales) = scales.and_then(|scales| scales.get(..maps)) else {
                     let found = format_args!("{}", scales.map_or(0, <[Scale]>::len));
                     return Err(Error::input("scales for int8", found, maps));
                 };
-                Self::of::<Bytes>(network, tensors, Some(scales.to_vec()), level)?
+                Self::of::<Bytes>(network, tensors, Some(scales.to_vec()), (level, false))?
             }
         })
     }
@@ -100,9 +103,9 @@ impl Inference {
         network: &Network,
         tensors: &dyn Tensors,
         scales: Option<Vec<Scale>>,
-        level: Level,
+        kernels: (Level, bool),
     ) -> Result<Self> {
-        let fused = Fused::<W>::new(network, tensors, scales, level)?;
+        let fused = Fused::<W>::new(network, tensors, scales, kernels)?;
         Ok(Self {
             kernels: Arc::new(Pooled::new(fused)),
             resources: Resources::default(),
@@ -177,7 +180,7 @@ pub fn calibrate(
     level: Level,
 ) -> Result<Vec<Scale>> {
     tensors::check(network, tensors)?;
-    let fused = Fused::<f32>::new(network, tensors, None, level)?;
+    let fused = Fused::<f32>::new(network, tensors, None, (level, false))?;
     let mut calibration = Calibration::new(network);
     for images in batches {
         fused.check(images)?;

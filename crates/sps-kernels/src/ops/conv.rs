@@ -11,8 +11,9 @@ use super::image::ImagePanels;
 use super::panels::{PANEL_VECTORS, Panels};
 use super::product::{Epilogue, Product};
 use super::simd::Level;
+use super::split::Split;
 use super::winograd::{Reach, Winograd};
-use super::words::Word;
+use super::words::{Word, lanes_of};
 
 /// The shape of a convolution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -116,6 +117,8 @@ enum Packed<W> {
     Channels(ChannelWeights),
     /// Each channel by itself, in bytes.
     Quads(QuadWeights<W>),
+    /// Of maps of f32, split in two of bf16.
+    Split(Split),
 }
 
 impl<W: Word> Conv<W> {
@@ -179,6 +182,14 @@ impl<W: Word> Conv<W> {
         Self {
             winograd: Some(OnceLock::new()),
             ..Self::pack(level, shape, weights)
+        }
+    }
+
+    /// The same for maps of f32 that are [split](super::split) where that is worth it.
+    pub(crate) fn pack_split(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
+        match Split::pack(level, shape, weights) {
+            Some(split) => Self::direct(shape, Packed::Split(split)),
+            None => Self::pack_for_inference(level, shape, weights),
         }
     }
 
@@ -251,6 +262,16 @@ impl<W: Word> Conv<W> {
         (target, to): (&mut [W], &Grid),
         epilogue: Epilogue<'_>,
     ) {
+        if let Packed::Split(split) = packed {
+            let target = bytemuck::cast_slice_mut(target);
+            return split.apply(
+                window,
+                threads,
+                (lanes_of(source), from),
+                (target, to),
+                epilogue,
+            );
+        }
         let reach = || (from.starts(window, to.size), to.places());
         if let Some(winograd) = self.winograd(to.size) {
             debug_assert_eq!(window.stride, self.shape.window.stride);
@@ -277,6 +298,7 @@ impl<W: Word> Conv<W> {
                 frame_rows: pixels(to.size),
                 taps: &taps,
                 run: panels.k() / taps.len(),
+                lower: None,
                 panels: panels.all(),
                 epilogue,
             };
@@ -288,6 +310,7 @@ impl<W: Word> Conv<W> {
             let starts = &from.starts_of(rows.clone(), window, to.size)[..];
             let places = &to.places_of(rows)[..];
             match packed {
+                Packed::Split(_) => (),
                 Packed::Narrow(weights) => GroupedProduct {
                     source,
                     starts,
@@ -326,6 +349,7 @@ impl<W: Word> Conv<W> {
                             frame_rows: places.len() / band.frames.len().max(1),
                             taps: &taps,
                             run: panels.k() / taps.len(),
+                            lower: None,
                             panels: panels.all(),
                             epilogue: epilogue.from(band.frames.start, column),
                         };

@@ -169,6 +169,7 @@ impl<W: Real> ConvTranspose<W> {
             frame_rows: rows.len(),
             taps,
             run: W::words(self.shape.group_outputs()),
+            lower: None,
             panels: panels.all(),
             epilogue,
         }

@@ -156,6 +156,7 @@ impl<W: Word> ImagePanels<W> {
                     frame_rows: reach.places.len() / band.frames.len().max(1),
                     taps: &taps,
                     run: panels.k() / taps.len(),
+                    lower: None,
                     panels: panels.all(),
                     epilogue: epilogue.from(band.frames.start, 0),
                 };

@@ -30,6 +30,7 @@ pub(crate) mod pool;
 pub(crate) mod product;
 pub(crate) mod residual;
 pub mod simd;
+pub(crate) mod split;
 pub(crate) mod statistics;
 mod tiles;
 mod winograd;

@@ -257,6 +257,7 @@ impl<W: Real> Add<'_, '_, W> {
                     memory: &left[(row + below) * PITCH..],
                     step: PITCH,
                     taps: &[0],
+                    lower: None,
                 });
                 for (panel, right) in joined.chunks_exact(pairs * columns).enumerate() {
                     let right = (right, S::F32_LANES);

@@ -151,6 +151,9 @@ pub(crate) struct Product<'a, W = f32> {
     pub(crate) taps: &'a [usize],
     /// Words of a run: `k` of the panels over the number of taps.
     pub(crate) run: usize,
+    /// How far from the upper halves of numbers that are [split](super::split) the lower ones lie. The panels then hold
+    /// two runs for each tap, one of each half.
+    pub(crate) lower: Option<usize>,
     /// The right operand.
     pub(crate) panels: PanelRun<'a, W>,
     /// What happens to the sums.
@@ -165,15 +168,8 @@ impl<W: Word> Product<'_, W> {
     pub(crate) fn write(&self, target: &mut [W], places: &[usize], origin: usize) {
         debug_assert_eq!(self.taps.len() * self.run, self.panels.k());
         debug_assert_eq!(self.rows.len(), places.len());
-        if let Some(plan) = Plan::of(self) {
-            let write = WriteTiles {
-                plan,
-                product: self,
-                target,
-                places,
-                origin,
-            };
-            return W::run(self.panels.level(), write);
+        if const { W::NUMBERS > 1 } && Plan::of(self).is_some() {
+            return self.write_by_tiles(target, places, origin);
         }
         let write = Write {
             product: self,
@@ -182,6 +178,25 @@ impl<W: Word> Product<'_, W> {
             origin,
         };
         W::run(self.panels.level(), write);
+    }
+
+    /// The same into a map of other words, by matrix tiles; none where there are no tiles.
+    pub(super) fn write_by_tiles<T: Word>(
+        &self,
+        target: &mut [T],
+        places: &[usize],
+        origin: usize,
+    ) {
+        if let Some(plan) = Plan::of(self) {
+            let write = WriteTiles {
+                plan,
+                product: self,
+                target,
+                places,
+                origin,
+            };
+            T::run(self.panels.level(), write);
+        }
     }
 
     /// The same by all threads of the pool, each of which has some columns of the panels and reads their

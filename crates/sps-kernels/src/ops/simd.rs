@@ -17,6 +17,7 @@ use pulp::{Scalar128b, Simd};
 #[cfg(target_arch = "x86_64")]
 use super::amx::Amx;
 use super::words::byte;
+use crate::precision::Precision;
 
 thread_local! {
     static FORCED: Cell<Option<Level>> = const { Cell::new(None) };
@@ -135,11 +136,12 @@ impl Level {
 
     /// What the last bits of sums depend on beside the order of their terms, in words; nothing for
     /// f32 by fused multiply-add.
-    pub fn rounding(self, bf16: bool) -> Option<&'static str> {
+    pub fn rounding(self, precision: Precision) -> Option<&'static str> {
         if matches!(self, Self::Portable) && !FUSED {
             return Some("products rounded");
         }
-        if bf16 && self.tiles().is_some() {
+        let bf16 = precision == Precision::Bf16;
+        if (bf16 || precision == Precision::Bf16x2) && self.tiles().is_some() {
             return Some("tiles");
         }
         #[cfg(target_arch = "x86_64")]

@@ -81,9 +81,9 @@ fn deepest(run: usize) -> usize {
 }
 
 /// Writes a product, as [`Product::write`] says.
-pub(super) struct WriteTiles<'a, 'b, W> {
+pub(super) struct WriteTiles<'a, 'b, L, W> {
     pub(super) plan: Plan,
-    pub(super) product: &'a Product<'b, W>,
+    pub(super) product: &'a Product<'b, L>,
     pub(super) target: &'a mut [W],
     pub(super) places: &'a [usize],
     pub(super) origin: usize,
@@ -153,6 +153,8 @@ pub(super) struct Left<'a, W> {
     pub(super) step: usize,
     /// Where its runs begin.
     pub(super) taps: &'a [usize],
+    /// How far behind each a run of lower halves does.
+    pub(super) lower: Option<usize>,
 }
 
 /// Tiles whose rows were copied together, and where their runs begin.
@@ -163,6 +165,7 @@ struct Copies<W> {
     before: usize,
     pitch: usize,
     taps: Vec<usize>,
+    lower: Option<usize>,
 }
 
 impl<W: Word> Copies<W> {
@@ -187,8 +190,13 @@ impl<W: Word> Copies<W> {
         let Product {
             source, rows, run, ..
         } = *product;
-        for (n, tap) in product.taps.iter().enumerate() {
-            let (from, to) = (&source[*tap..], &mut self.memory[self.first + n * run..]);
+        let halves = [0, product.lower.unwrap_or(0)];
+        let halves = &halves[..1 + usize::from(product.lower.is_some())];
+        let runs = halves
+            .iter()
+            .flat_map(|half| product.taps.iter().map(move |tap| half + tap));
+        for (n, from) in runs.enumerate() {
+            let (from, to) = (&source[from..], &mut self.memory[self.first + n * run..]);
             for (tile, before) in tiles.iter().filter_map(|tile| Some((tile, place(tile)?))) {
                 let mut at = (before - first) * HEIGHT * self.pitch;
                 for start in &rows[tile.first..tile.first + tile.count] {
@@ -205,6 +213,7 @@ impl<W: Word> Copies<W> {
             memory: &self.memory[self.first + (before - self.before) * HEIGHT * self.pitch..],
             step: self.pitch,
             taps: &self.taps,
+            lower: self.lower,
         }
     }
 }
@@ -227,7 +236,7 @@ fn copy<W: Copy>(from: &[W], to: &mut [W], words: usize) {
     to[..words].copy_from_slice(&from[..words]);
 }
 
-impl<W: Word> WordKernel<W> for WriteTiles<'_, '_, W> {
+impl<L: Word, W: Word> WordKernel<W> for WriteTiles<'_, '_, L, W> {
     type Output = ();
 
     #[inline(always)]
@@ -249,13 +258,13 @@ impl<W: Word> WordKernel<W> for WriteTiles<'_, '_, W> {
     }
 }
 
-impl<W: Word> WriteTiles<'_, '_, W> {
+impl<L: Word, W: Word> WriteTiles<'_, '_, L, W> {
     #[inline(always)]
     fn walk<S, A, T>(&mut self, lanes: S, arithmetic: A, tiles: &mut T)
     where
         S: Lanes,
         A: Arithmetic<S, Word = W>,
-        T: Tiles<W>,
+        T: Tiles<L>,
     {
         let product = self.product;
         let k = product.panels.k();
@@ -284,6 +293,7 @@ impl<W: Word> WriteTiles<'_, '_, W> {
             taps: (0..product.taps.len())
                 .map(|tap| tap * product.run)
                 .collect(),
+            lower: product.lower.map(|_| product.taps.len() * product.run),
         };
         let mut sums = [const { Sums([0.0; 2 * HEIGHT * WIDTH]) }; 2];
         let limits = product.epilogue.needed::<S, A>(k);
@@ -330,7 +340,8 @@ impl<W: Word> WriteTiles<'_, '_, W> {
     fn cut(&self, rows: Range<usize>, within: &mut [u8]) -> Vec<Rows> {
         let taps = self.product.taps;
         // Words that a row needs.
-        let reach = taps.iter().max().map(|tap| tap + self.product.run);
+        let lower = self.product.lower.unwrap_or(0);
+        let reach = taps.iter().max().map(|tap| tap + lower + self.product.run);
         let mut tiles = Vec::with_capacity(rows.len() / FULL + 1);
         let (mut first, mut copied) = (rows.start, 0);
         while first < rows.end {
@@ -393,12 +404,12 @@ impl<W: Word> WriteTiles<'_, '_, W> {
 
     /// Sums one or two tiles of rows by a panel; `write` has one half of the sums before written.
     #[inline(always)]
-    fn sum<T: Tiles<W>>(
+    fn sum<T: Tiles<L>>(
         &mut self,
         (tiles, sums, lanes): (&mut T, &mut Sums, usize),
-        (pair, copies): (&[Rows], &Copies<W>),
+        (pair, copies): (&[Rows], &Copies<L>),
         summed: Summed,
-        panel: &[W],
+        panel: &[L],
         write: impl Fn(&mut Self, &Sums, usize),
     ) {
         let product = self.product;
@@ -410,16 +421,15 @@ impl<W: Word> WriteTiles<'_, '_, W> {
         }
         let last = pair[pair.len() - 1];
         let left = [left(product, pair[0], copies), left(product, last, copies)];
-        let run = product.panels.k() / left[0].taps.len();
-        let steps = [self.plan.depth, run];
+        let steps = [self.plan.depth, product.run];
         let vectors = (panel, lanes);
         let before = &*sums;
         let write = |half| write(self, before, half);
         match (pair.len(), summed.vectors) {
-            (1, 1) => multiply::<W, T, 1, 1>(tiles, steps, left, vectors, write),
-            (1, _) => multiply::<W, T, 1, 2>(tiles, steps, left, vectors, write),
-            (_, 1) => multiply::<W, T, 2, 1>(tiles, steps, left, vectors, write),
-            _ => multiply::<W, T, 2, 2>(tiles, steps, left, vectors, write),
+            (1, 1) => multiply::<L, T, 1, 1>(tiles, steps, left, vectors, write),
+            (1, _) => multiply::<L, T, 1, 2>(tiles, steps, left, vectors, write),
+            (_, 1) => multiply::<L, T, 2, 1>(tiles, steps, left, vectors, write),
+            _ => multiply::<L, T, 2, 2>(tiles, steps, left, vectors, write),
         }
         store(tiles, [pair.len(), summed.vectors], lanes, sums);
     }
@@ -470,6 +480,7 @@ fn left<'s, W: Word>(
             memory: &product.source[product.rows[rows.first]..],
             step,
             taps: product.taps,
+            lower: product.lower,
         },
     }
 }
@@ -504,31 +515,62 @@ fn multiply<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
     tiles.zero::<3>();
     let taps = upper.taps.iter().zip(lower.taps);
     let mut steps = upper.taps.len() * (run / depth);
-    for ((&above, &below), panel) in taps.zip(panel.chunks_exact(run * width)) {
-        for (step, right) in panel.chunks_exact(depth * width).enumerate() {
+    let words = run * width;
+    let halves = 1 + usize::from(upper.lower.is_some());
+    for ((&above, &below), panel) in taps.zip(panel.chunks_exact(halves * words)) {
+        for step in 0..run / depth {
             let at = step * depth;
+            let right = &panel[at * width..][..depth * width];
+            let left = [&upper.memory[above + at..], &lower.memory[below + at..]];
+            let rows = [upper.step, lower.step];
             steps -= 1;
-            tiles.load::<4>(&upper.memory[above + at..], upper.step);
-            tiles.load::<6>(right, width);
-            tiles.multiply_add::<0, 4, 6>();
-            if steps == 0 {
-                meanwhile(0);
+            let (mut right, mut loaded) = (right, false);
+            if let (Some(above), Some(below)) = (upper.lower, lower.lower) {
+                // Both halves of the left by the upper ones of the right, then the upper ones by the lower.
+                let behind = [&left[0][above..], &left[1][below..]];
+                add::<W, T, H, V>(tiles, (left, rows), (right, width, lanes, loaded), |_| ());
+                loaded = true;
+                add::<W, T, H, V>(tiles, (behind, rows), (right, width, lanes, loaded), |_| ());
+                loaded = false;
+                right = &panel[words + at * width..][..depth * width];
             }
-            if V == 2 {
-                tiles.load::<7>(&right[lanes..], width);
-                tiles.multiply_add::<1, 4, 7>();
-            }
-            if H == 2 {
-                tiles.load::<5>(&lower.memory[below + at..], lower.step);
-                tiles.multiply_add::<2, 5, 6>();
-            }
-            if steps == 0 {
-                meanwhile(1);
-            }
-            if H == 2 && V == 2 {
-                tiles.multiply_add::<3, 5, 7>();
-            }
+            let last = steps == 0;
+            add::<W, T, H, V>(tiles, (left, rows), (right, width, lanes, loaded), |half| {
+                if last {
+                    meanwhile(half);
+                }
+            });
         }
+    }
+}
+
+/// Adds the products of two tiles of the left and two of the right, which may be loaded already.
+#[inline(always)]
+fn add<W: Word, T: Tiles<W>, const H: usize, const V: usize>(
+    tiles: &mut T,
+    (left, rows): ([&[W]; 2], [usize; 2]),
+    (right, width, lanes, loaded): (&[W], usize, usize, bool),
+    mut meanwhile: impl FnMut(usize),
+) {
+    tiles.load::<4>(left[0], rows[0]);
+    if !loaded {
+        tiles.load::<6>(right, width);
+    }
+    tiles.multiply_add::<0, 4, 6>();
+    meanwhile(0);
+    if V == 2 {
+        if !loaded {
+            tiles.load::<7>(&right[lanes..], width);
+        }
+        tiles.multiply_add::<1, 4, 7>();
+    }
+    if H == 2 {
+        tiles.load::<5>(left[1], rows[1]);
+        tiles.multiply_add::<2, 5, 6>();
+    }
+    meanwhile(1);
+    if H == 2 && V == 2 {
+        tiles.multiply_add::<3, 5, 7>();
     }
 }
 

@@ -202,7 +202,7 @@ impl Word for Bf16Pair {
 /// A number rounded to bf16, to even where it lies between two. Without a branch, so that a loop becomes one over
 /// vectors.
 #[inline(always)]
-fn rounded(number: f32) -> bf16 {
+pub(super) fn rounded(number: f32) -> bf16 {
     let bits = number.to_bits();
     let nearest = bits.wrapping_add(0x7fff + (bits >> 16 & 1)) >> 16;
     let quiet = bits >> 16 | 0x40;
@@ -438,6 +438,8 @@ struct Singles;
 
 impl<S: Lanes> Arithmetic<S> for Singles {
     type Word = f32;
+
+    const BESIDE_TILES: bool = S::F32_LANES == 16;
 
     #[inline(always)]
     fn multiply_add(self, lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s {

@@ -120,6 +120,7 @@ fn rows_by(panels: &Panels, x: &[f32], epilogue: Epilogue<'_>) -> Vec<f32> {
         taps: &[0],
         run: panels.k(),
         panels: panels.all(),
+        lower: None,
         epilogue,
     };
     product.write(&mut out, &starts(rows, panels.n()), 0);

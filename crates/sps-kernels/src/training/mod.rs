@@ -139,7 +139,7 @@ impl Training {
     /// # Errors
     ///
     /// Tensors that are not the network's, images smaller than it takes, a batch norm that sees a single number in
-    /// each channel, int8.
+    /// each channel, a precision other than f32 and bf16.
     pub fn forward(&self, tensors: Arc<dyn Tensors>, images: &Images<'_>) -> Result<Forward> {
         tensors::check(&self.network, tensors.as_ref())?;
         let context = Context {
@@ -151,7 +151,7 @@ impl Training {
         match self.precision {
             Precision::F32 => self.run::<f32>(context, images),
             Precision::Bf16 => self.run::<Bf16Pair>(context, images),
-            Precision::Int8 => {
+            Precision::Bf16x2 | Precision::Int8 => {
                 let (found, expected) = (self.precision, "f32 or bf16");
                 Err(Error::input("precision of training", found, expected))
             }

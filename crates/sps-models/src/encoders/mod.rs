@@ -513,7 +513,7 @@ fn content_hash(
         hasher.update(precision.name().as_bytes());
     }
     let rounding = if device.is_cpu() {
-        Level::detect().rounding(precision == Precision::Bf16)
+        Level::detect().rounding(precision)
     } else {
         Some("candle's operators")
     };

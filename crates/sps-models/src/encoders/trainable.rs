@@ -162,15 +162,15 @@ impl TrainableEncoder {
     pub fn with_precision(mut self, precision: Precision) -> Result<Self> {
         let names = [Precision::F32, Precision::Bf16].map(Precision::name);
         let (found, expected) = match precision {
-            Precision::Int8 => (precision.to_string(), names.join(" or ")),
             Precision::Bf16 if self.plain => (
                 format!("{precision} on another device than the CPU"),
                 Precision::F32.to_string(),
             ),
-            _ => {
+            Precision::F32 | Precision::Bf16 => {
                 self.training.precision = precision;
                 return Ok(self);
             }
+            _ => (precision.to_string(), names.join(" or ")),
         };
         Err(Error::input("precision of training", found, expected))
     }

@@ -226,7 +226,7 @@ impl TrainingConfig {
             require(sensible, "clip-norm", norm, "above 0")?;
         }
         let precision = self.precision;
-        let sensible = precision != Precision::Int8;
+        let sensible = matches!(precision, Precision::F32 | Precision::Bf16);
         require(sensible, "precision", precision, "f32 or bf16")?;
         let needs = self.patience == 0 || self.validation > 0.0;
         let expected = "0 where `validation` is 0";

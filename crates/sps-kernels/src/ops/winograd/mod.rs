@@ -280,6 +280,7 @@ impl Winograd {
                 taps: &taps,
                 run,
                 panels,
+                lower: None,
                 epilogue: Epilogue::default(),
             };
             product.write(target, &places, 0);

@@ -24,7 +24,7 @@ fn values(shape: &[usize]) -> Result<Tensor> {
 }
 
 fn forward(c: &mut Criterion) -> sps_models::Result<()> {
-    let encoder = Encoder::seeded(KIND, 0, &Device::Cpu)?;
+    let encoder = Encoder::seeded(KIND, 0)?;
     let bf16 = encoder.clone().with_precision(Precision::Bf16)?;
     let mut group = c.benchmark_group("forward");
     group.sample_size(10);
@@ -56,7 +56,7 @@ fn step(encoder: &mut TrainableEncoder, images: &Tensor) -> sps_models::Result<(
 }
 
 fn training(c: &mut Criterion) -> sps_models::Result<()> {
-    let start = Encoder::seeded(KIND, 0, &Device::Cpu)?;
+    let start = Encoder::seeded(KIND, 0)?;
     let mut group = c.benchmark_group("training step");
     group.sample_size(10);
     // Candle's operators keep so much of each frame that eight do not fit everywhere.
@@ -91,7 +91,7 @@ const BATCH: usize = 8;
 
 fn others(c: &mut Criterion) -> sps_models::Result<()> {
     for (kind, extent) in OTHERS {
-        let encoder = Encoder::seeded(kind, 0, &Device::Cpu)?;
+        let encoder = Encoder::seeded(kind, 0)?;
         let bf16 = encoder.clone().with_precision(Precision::Bf16)?;
         let mut group = c.benchmark_group(kind.name());
         group.sample_size(10);
@@ -122,7 +122,7 @@ fn others(c: &mut Criterion) -> sps_models::Result<()> {
 fn sequences(c: &mut Criterion) -> sps_models::Result<()> {
     const FRAMES: usize = 16;
     let sequence = values(&[1, 3, FRAMES, 224, 224])?;
-    let encoder = Encoder::seeded(EncoderKind::I3d, 0, &Device::Cpu)?;
+    let encoder = Encoder::seeded(EncoderKind::I3d, 0)?;
     let mut group = c.benchmark_group(EncoderKind::I3d.name());
     group.sample_size(10);
     group.throughput(Throughput::Elements(FRAMES as u64));

@@ -8,7 +8,6 @@
 
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, ImageBuffer, Rgb, Rgb32FImage};
-use sps_models::candle::Device;
 use sps_models::encoders::{Encoder, EncoderKind};
 
 /// The length of an image's shorter side, as the encoders were trained.
@@ -18,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let (encoder, images): (_, Vec<_>) = match arguments.as_slice() {
         [kind, weights, photographs @ ..] if !photographs.is_empty() => {
-            let encoder = Encoder::load(kind.parse()?, weights, &Device::Cpu)?;
+            let encoder = Encoder::load(kind.parse()?, weights)?;
             let images: Result<Vec<_>, _> = photographs.iter().map(image::open).collect();
             (
                 encoder,
@@ -28,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         _ => {
             println!("no KIND WEIGHTS PHOTOGRAPH.. given: untrained weights, drawn images");
             let kind = EncoderKind::EfficientNetLiteBody;
-            let encoder = Encoder::seeded(kind, 0, &Device::Cpu)?;
+            let encoder = Encoder::seeded(kind, 0)?;
             (encoder, vec![stripes(0.1), stripes(0.5)])
         }
     };

@@ -27,7 +27,7 @@ fn the_real_weights_are_read_and_embed() {
         println!("SKIPPED: {VARIABLE} names no file");
         return;
     };
-    let encoder = Encoder::load(EncoderKind::EfficientNetLite0, file, &Device::Cpu).unwrap();
+    let encoder = Encoder::load(EncoderKind::EfficientNetLite0, file).unwrap();
     let found = encoder.embed(&images()).unwrap();
     let rows: Vec<Vec<f32>> = found.to_vec2().unwrap();
     for row in &rows {

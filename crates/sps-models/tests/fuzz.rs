@@ -169,7 +169,7 @@ impl ImageSource for Greys {
 
 #[test]
 fn training_states() {
-    let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 1, &Device::Cpu).unwrap();
+    let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 1).unwrap();
     let targets = || Targets {
         classes: Some(Classes {
             of_image: vec![0, 1, 0, 1, 0, 1],

@@ -2,7 +2,7 @@
 
 mod common;
 
-use candle_core::{DType, Device, Tensor};
+use candle_core::{DType, Tensor};
 use common::{encoder, golden, input, relative_error};
 use sps_models::encoders::{Depths, Encoder, EncoderKind, Precision, TrainableEncoder};
 
@@ -149,7 +149,7 @@ fn training_leaves_what_no_depth_needs() {
 
 #[test]
 fn depths_that_cannot_be_meant_are_refused() {
-    let start = Encoder::seeded(EncoderKind::ResNet18, 0, &Device::Cpu).unwrap();
+    let start = Encoder::seeded(EncoderKind::ResNet18, 0).unwrap();
     let named = |names: &[&str]| Depths::Named(names.iter().map(|&name| name.into()).collect());
     for (names, expected) in [
         (

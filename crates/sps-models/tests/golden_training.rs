@@ -4,7 +4,7 @@ mod common;
 
 use std::collections::BTreeMap;
 
-use candle_core::{DType, Device, Tensor};
+use candle_core::{DType, Tensor};
 use common::{encoder, golden, input, relative_error, root};
 use sps_models::encoders::{Depths, Encoder, EncoderKind, Precision, TrainableEncoder};
 
@@ -201,7 +201,7 @@ fn kernels_train_every_network_as_candle_does() {
 #[test]
 fn networks_train_on_maps_of_bf16() {
     let built_in = |kind| {
-        let encoder = Encoder::built_in(kind, &Device::Cpu).unwrap();
+        let encoder = Encoder::built_in(kind).unwrap();
         let depths = Depths::Named(vec!["stage-3".to_owned()]);
         encoder.with_depths(&depths).unwrap()
     };

@@ -164,7 +164,6 @@ fn small_encoder() -> Result<Encoder> {
     Ok(Encoder::seeded(
         EncoderKind::EfficientNetLiteBody,
         0,
-        &Device::Cpu,
     )?)
 }
 

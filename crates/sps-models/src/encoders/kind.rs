@@ -55,7 +55,7 @@ pub enum EncoderKind {
     EfficientNetLite4,
     /// `i3d`: inflated Inception-v1 (Carreira and Zisserman, "Quo Vadis, Action Recognition?", CVPR
     /// 2017), with the tensor names of the port `pytorch-i3d`. It embeds a sequence of frames, which
-    /// need not be a film: views of a surface in the order of their angles are one. On the CPU alone.
+    /// need not be a film: views of a surface in the order of their angles are one.
     I3d,
 }
 

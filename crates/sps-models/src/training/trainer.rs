@@ -187,8 +187,7 @@ impl Trainer {
     pub fn into_encoder(self) -> Result<Encoder> {
         match self.best {
             Some(best) => {
-                let device = candle_core::Device::Cpu;
-                let encoder = Encoder::new(self.encoder.kind(), best.weights, &device)?;
+                let encoder = Encoder::new(self.encoder.kind(), best.weights)?;
                 encoder.with_depths(self.encoder.depths())
             }
             None => self.encoder.encoder(),

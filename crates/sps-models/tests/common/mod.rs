@@ -67,7 +67,7 @@ pub(crate) fn weights(kind: EncoderKind) -> Weights {
 
 /// An encoder with those weights.
 pub(crate) fn encoder(kind: EncoderKind) -> Encoder {
-    Encoder::new(kind, weights(kind), &Device::Cpu).unwrap()
+    Encoder::new(kind, weights(kind)).unwrap()
 }
 
 /// The tensors of a golden file, f64.

@@ -19,7 +19,7 @@ fn gated() -> Encoder {
 }
 
 fn encoder(kind: EncoderKind) -> Encoder {
-    Encoder::seeded(kind, 1, &Device::Cpu).unwrap()
+    Encoder::seeded(kind, 1).unwrap()
 }
 
 fn filled(value: f32, shape: (usize, usize, usize, usize)) -> Tensor {

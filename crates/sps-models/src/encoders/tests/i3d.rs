@@ -22,11 +22,11 @@ fn encoder() -> Encoder {
 
 fn of(tensors: Vec<(String, Tensor)>) -> Result<Encoder, Error> {
     let weights = Weights::from_tensors("the golden rule", tensors).unwrap();
-    Encoder::new(EncoderKind::I3d, weights, &Device::Cpu)
+    Encoder::new(EncoderKind::I3d, weights)
 }
 
 fn seeded() -> Encoder {
-    Encoder::seeded(EncoderKind::I3d, 1, &Device::Cpu).unwrap()
+    Encoder::seeded(EncoderKind::I3d, 1).unwrap()
 }
 
 fn input(name: &str, shape: &[usize]) -> Tensor {
@@ -185,7 +185,7 @@ mod hard_cases {
     #[test]
     fn a_network_of_images_takes_no_sequence() {
         let kind = EncoderKind::EfficientNetLiteBody;
-        let encoder = Encoder::seeded(kind, 1, &Device::Cpu).unwrap();
+        let encoder = Encoder::seeded(kind, 1).unwrap();
         let sequence = Tensor::zeros((1, 3, 2, 8, 8), DType::F32, &Device::Cpu).unwrap();
         assert!(encoder.embed(&sequence).is_err());
         assert!(encoder.embed_pixels(&[&[0.5; 3 * 128]], [8, 8]).is_err());

@@ -13,7 +13,7 @@ fn encoder(kind: EncoderKind) -> Encoder {
     let weights = kind.specs().into_iter();
     let weights = weights.map(|spec| (spec.name.clone(), golden::weight(&spec)));
     let weights = Weights::from_tensors("the golden rule", weights).unwrap();
-    Encoder::new(kind, weights, &Device::Cpu).unwrap()
+    Encoder::new(kind, weights).unwrap()
 }
 
 /// Images in 0..1 whose pixels have something to do with their neighbours.
@@ -108,7 +108,7 @@ fn scales_are_saved_and_loaded_with_the_weights() {
     let encoder = int8(plain.clone());
     let bytes = encoder.weights().to_bytes().unwrap();
     let weights = Weights::from_bytes("a file", &bytes).unwrap();
-    let loaded = Encoder::new(kind, weights, &Device::Cpu).unwrap();
+    let loaded = Encoder::new(kind, weights).unwrap();
     // The scales change nothing in f32.
     assert_eq!(loaded.content_hash(), plain.content_hash());
     assert_eq!(rows(&loaded, &images), rows(&plain, &images));
@@ -168,7 +168,7 @@ fn what_is_no_calibration_is_refused() {
     let with = |scales: Tensor| {
         let mut weights = encoder.weights().clone();
         weights.replace(scales::TENSOR, scales);
-        Encoder::new(kind, weights, &Device::Cpu)
+        Encoder::new(kind, weights)
     };
     assert!(with(scales.clone()).is_ok());
     let short = scales.narrow(0, 1, scales.dims()[0] - 1).unwrap();
@@ -230,7 +230,7 @@ fn weights_that_are_all_zero() {
         .zeros_like()
         .unwrap();
     weights.replace("features.4.squeeze.bias", bias);
-    let encoder = Encoder::new(kind, weights, &Device::Cpu).unwrap();
+    let encoder = Encoder::new(kind, weights).unwrap();
     let images = images("zeros", 1, 64, 64);
     let exact = encoder.embed(&images).unwrap();
     let error = relative(&int8(encoder).embed(&images).unwrap(), &exact);

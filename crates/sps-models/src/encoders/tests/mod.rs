@@ -146,7 +146,7 @@ fn encoders_of_one_content_hash_embed_alike() {
     let images = golden::tensor("pixels", &[2, 3, 65, 40]).to_dtype(DType::F32);
     let images = images.unwrap();
     for kind in SMALL_ONES {
-        let encoder = calibrated(Encoder::seeded(kind, 1, &Device::Cpu).unwrap());
+        let encoder = calibrated(Encoder::seeded(kind, 1).unwrap());
         for precision in Precision::ALL {
             let embed = || {
                 let encoder = encoder.clone().with_precision(precision).unwrap();
@@ -174,7 +174,7 @@ fn pixels_embed_as_the_same_images_do() {
     let pixels: Vec<f32> = pixels.to_vec1().unwrap();
     for kind in SMALL_ONES {
         for precision in Precision::ALL {
-            let encoder = calibrated(Encoder::seeded(kind, 1, &Device::Cpu).unwrap());
+            let encoder = calibrated(Encoder::seeded(kind, 1).unwrap());
             let encoder = encoder.with_precision(precision).unwrap();
             let expected = encoder.embed(&images).unwrap().flatten_all().unwrap();
             let pixels: Vec<&[f32]> = pixels.chunks_exact(3 * height * width).collect();

@@ -93,11 +93,10 @@ fn efficientnet_lite0_by_the_names_of_another_package() {
         weights.replace(&rename("classifier.weight"), classifier);
         weights
     };
-    let own = Encoder::new(kind, weights(&str::to_owned), &Device::Cpu).unwrap();
+    let own = Encoder::new(kind, weights(&str::to_owned)).unwrap();
     let other = Encoder::new(
         kind,
         weights(&|name| names[name].as_str().unwrap().to_owned()),
-        &Device::Cpu,
     )
     .unwrap();
     assert_eq!(own.content_hash(), other.content_hash());
@@ -109,7 +108,7 @@ fn efficientnet_lite0_by_the_names_of_another_package() {
     let both = own.iter().map(|(name, t)| (name.to_owned(), t.clone()));
     let both = both.chain([(name.to_owned(), golden::weight(spec))]);
     let both = Weights::from_tensors("file", both).unwrap();
-    let error = Encoder::new(kind, both, &Device::Cpu)
+    let error = Encoder::new(kind, both)
         .unwrap_err()
         .to_string();
     assert!(
@@ -132,7 +131,7 @@ fn the_body_of_an_efficientnet_starts_from_the_whole() {
     let whole = EncoderKind::EfficientNetLite0;
     let names = table("efficientnet_lite0.lukemelas_names");
     let other = |name: &str| names[name].as_str().unwrap().to_owned();
-    let start = |weights| Encoder::warm_started(body, weights, 0, &Device::Cpu).unwrap();
+    let start = |weights| Encoder::warm_started(body, weights, 0).unwrap();
     let (encoder, drawn) = start(golden_weights(whole, str::to_owned));
     assert_eq!(drawn, [""; 0]);
     let (renamed, drawn) = start(golden_weights(whole, other));
@@ -149,10 +148,10 @@ fn the_body_of_an_efficientnet_starts_from_the_whole() {
 
 #[test]
 fn what_a_warm_start_does_not_find_is_drawn() {
-    let (kind, device) = (EncoderKind::ResNet18, &Device::Cpu);
-    let seeded = Encoder::seeded(kind, 3, device).unwrap();
+    let kind = EncoderKind::ResNet18;
+    let seeded = Encoder::seeded(kind, 3).unwrap();
     let from = golden_weights(EncoderKind::ResNet50, str::to_owned);
-    let (encoder, drawn) = Encoder::warm_started(kind, from, 3, device).unwrap();
+    let (encoder, drawn) = Encoder::warm_started(kind, from, 3).unwrap();
     // The stem is one, of the rest only norms of as many channels.
     assert!(drawn.iter().any(|name| name == "layer1.0.conv1.weight"));
     for spec in kind.specs() {
@@ -171,7 +170,7 @@ fn what_a_warm_start_does_not_find_is_drawn() {
     }
 
     let other = golden_weights(EncoderKind::SqueezeNet1_0, str::to_owned);
-    let error = Encoder::warm_started(kind, other, 3, device).unwrap_err();
+    let error = Encoder::warm_started(kind, other, 3).unwrap_err();
     assert!(
         error
             .to_string()

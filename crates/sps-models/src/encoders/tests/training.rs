@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use candle_core::{DType, Device, Tensor, Var};
+use candle_core::{DType, Tensor, Var};
 
 use crate::differentiable::differentiable;
 use crate::encoders::{Encoder, EncoderKind, TrainableEncoder};
@@ -13,7 +13,7 @@ fn input(name: &str, shape: &[usize]) -> Tensor {
 }
 
 fn small(seed: u64) -> TrainableEncoder {
-    let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, seed, &Device::Cpu).unwrap();
+    let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, seed).unwrap();
     TrainableEncoder::new(&start).unwrap()
 }
 
@@ -88,7 +88,7 @@ fn backward_passes_keep_their_gradients_apart() {
 fn images_that_are_variables_are_refused() {
     let images = Var::from_tensor(&input("images", &[2, 3, 17, 19])).unwrap();
     let computed = (images.as_tensor() * 0.5).unwrap();
-    let start = Encoder::seeded(EncoderKind::SqueezeNet1_0, 1, &Device::Cpu).unwrap();
+    let start = Encoder::seeded(EncoderKind::SqueezeNet1_0, 1).unwrap();
     for images in [images.as_tensor(), &computed] {
         let errors = [
             small(1).forward(images).unwrap_err(),

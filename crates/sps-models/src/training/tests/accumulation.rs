@@ -7,7 +7,7 @@ use crate::training::batches::Batch;
 
 /// A network without batch norm, which would see the parts one by one.
 fn without_norms() -> Encoder {
-    Encoder::seeded(EncoderKind::SqueezeNet1_1, 0, &Device::Cpu).unwrap()
+    Encoder::seeded(EncoderKind::SqueezeNet1_1, 0).unwrap()
 }
 
 fn in_parts(config: TrainingConfig, micro_batch_size: Option<usize>) -> TrainingConfig {

@@ -91,7 +91,7 @@ impl Golden {
         let specs = self.kind.specs();
         let weights = specs.iter().map(|s| (s.name.clone(), golden::weight(s)));
         let weights = Weights::from_tensors("the golden rule", weights).unwrap();
-        let start = Encoder::new(self.kind, weights, &Device::Cpu).unwrap();
+        let start = Encoder::new(self.kind, weights).unwrap();
         let trainer = Trainer::new(&start, self.targets(), parts, config, 0).unwrap();
         for (name, variable) in trainer.objective.parameters() {
             fill(self.case, &name, variable);

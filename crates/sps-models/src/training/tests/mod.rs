@@ -81,7 +81,7 @@ fn config() -> TrainingConfig {
 }
 
 fn start() -> Encoder {
-    Encoder::seeded(EncoderKind::ResNet18, 0, &Device::Cpu).unwrap()
+    Encoder::seeded(EncoderKind::ResNet18, 0).unwrap()
 }
 
 fn trainer(stripes: &Stripes) -> Trainer {

@@ -33,7 +33,7 @@ fn ramps() -> (Ramps, Targets, Parts) {
 }
 
 fn start() -> Encoder {
-    Encoder::seeded(EncoderKind::I3d, 0, &Device::Cpu).unwrap()
+    Encoder::seeded(EncoderKind::I3d, 0).unwrap()
 }
 
 fn trainer() -> Trainer {

@@ -9,13 +9,12 @@ use rand::seq::index;
 use sps_base::streams::named_stream;
 use sps_regress::{Plan, Rerun, TrainingData, Trial, Views, check_indices};
 
-use super::HeadError;
 use super::batches::{mean_weights, rows_that_count};
 use super::config::{HeadConfig, Input};
 use super::job::{self, Job};
 use super::losses::{Batch, Losses};
 use super::network::Dims;
-use super::stack::Stack;
+use super::stack::{Stack, StackParameter};
 use super::trained::EpochLosses;
 use crate::error::Result;
 use crate::labels::Labels;
@@ -191,13 +190,9 @@ impl JointHeads {
 
     /// The parameters' gradients after a backward pass from [`JointHeads::loss`], in their order.
     pub(crate) fn gradients(&self) -> Result<Vec<Tensor>> {
-        let gradient = |parameter: &super::stack::StackParameter| {
-            if !parameter.gradient.is_written() {
-                let name = parameter.name.clone();
-                return Err(HeadError::NoGradient { name }.into());
-            }
+        let gradient = |parameter: &StackParameter| {
             let mut values = Vec::new();
-            parameter.gradient.read(&mut |elements| {
+            parameter.read(&mut |elements| {
                 if let Elements::F32(elements) = elements {
                     values.extend_from_slice(elements);
                 }

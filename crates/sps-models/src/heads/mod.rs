@@ -29,7 +29,6 @@
 mod batches;
 mod config;
 mod course;
-mod error;
 mod fusion;
 mod input;
 mod job;
@@ -49,7 +48,6 @@ pub use config::{
     Adversarial, Classification, CrossModal, EarlyStopping, GeneratorLoss, HeadConfig, Input,
     Model, RelationScale, Scale,
 };
-pub use error::HeadError;
 pub use fusion::FusionLoss;
 pub(crate) use joint::{Draw, JointHeads, Share};
 pub use trained::{EpochLosses, KeptEpoch, TrainedHead, TrainedHeads};
@@ -77,7 +75,7 @@ pub trait Observer: Sync {
     }
 
     /// Whether nothing more is to be trained, for example because what is finished can no longer be
-    /// kept; asked before every epoch. [`Head::train`] then ends with [`HeadError::Stopped`].
+    /// kept; asked before every epoch. [`Head::train`] then ends with [`Error::Stopped`](crate::Error::Stopped).
     fn stops(&self) -> bool {
         false
     }

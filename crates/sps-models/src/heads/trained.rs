@@ -1,17 +1,16 @@
-use std::collections::BTreeMap;
-
 use candle_core::{Device, Tensor};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sps_regress::{DivergedTrial, Embeddings, Estimates, Standardiser, Trial};
 
+use super::Head;
 use super::config::{HeadConfig, Input};
 use super::input::{self, InputStatistics};
 use super::job::Job;
 use super::network::{Dims, Fill, Network, Spec};
-use super::{Head, HeadError};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::stacked::Parameter;
+use crate::weights::Weights;
 
 /// Rows that prediction computes at once. Always this many, the last ones filled with zeros: so
 /// a surface's estimate has the same bits whichever surfaces stand beside it.
@@ -59,9 +58,6 @@ impl EpochLosses {
     }
 }
 
-/// Parameters by name, without the trials' axis.
-pub(super) type Parameters = BTreeMap<String, Tensor>;
-
 /// The epoch whose weights a head has, under [`EarlyStopping`](super::EarlyStopping).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
@@ -81,7 +77,8 @@ pub struct TrainedHead {
     pub(super) dims: Dims,
     pub(super) statistics: InputStatistics,
     pub(super) target: Standardiser,
-    pub(super) parameters: Parameters,
+    /// Without the trials' axis.
+    pub(super) parameters: Weights,
     pub(super) history: Vec<EpochLosses>,
     pub(super) kept: Option<KeptEpoch>,
 }
@@ -90,7 +87,7 @@ impl TrainedHead {
     pub(super) fn new(
         job: &Job<'_>,
         dims: Dims,
-        parameters: Parameters,
+        parameters: Weights,
         history: Vec<EpochLosses>,
         kept: Option<KeptEpoch>,
     ) -> Self {
@@ -124,7 +121,7 @@ impl TrainedHead {
     /// `docs/heads.md` lists the names. The rows of `visual.weight` are the slots one after the
     /// other, so that each slot's term of the late fusion is a product with a run of rows.
     pub fn parameter(&self, name: &str) -> Option<&Tensor> {
-        self.parameters.get(name)
+        self.parameters.get(name).ok()
     }
 
     /// Multiply-adds of the layers between embeddings and estimate.
@@ -149,15 +146,8 @@ impl TrainedHead {
         for some in surfaces.chunks(ROWS) {
             let mut visual = Vec::with_capacity(ROWS * inputs);
             for &surface in some {
-                let statistics = &self.statistics;
-                input::push(
-                    &config.input,
-                    statistics,
-                    embeddings,
-                    surface,
-                    &views,
-                    &mut visual,
-                );
+                let (input, statistics) = (&config.input, &self.statistics);
+                input::push(input, statistics, embeddings, surface, &views, &mut visual);
             }
             visual.resize(ROWS * inputs, 0.0);
             let visual = Tensor::from_vec(visual, (1, ROWS, inputs), &Device::Cpu)?;
@@ -175,11 +165,8 @@ impl TrainedHead {
             Some(wanted) if wanted != views => format!("{wanted} views"),
             _ => return Ok(()),
         };
-        Err(HeadError::Embeddings {
-            found: format!("{views} views of width {width}"),
-            expected,
-        }
-        .into())
+        let found = format_args!("{views} views of width {width}");
+        Err(Error::input("embeddings for prediction", found, expected))
     }
 }
 
@@ -199,20 +186,12 @@ fn times(config: &HeadConfig, weight: &str) -> usize {
 }
 
 /// The parameters of one head as a stack of one.
-struct Stored<'a>(&'a Parameters);
+struct Stored<'a>(&'a Weights);
 
 impl Fill for Stored<'_> {
     fn fill(&mut self, spec: &Spec<'_>) -> Result<Parameter> {
-        match self.0.get(spec.name) {
-            Some(tensor) => Ok(Parameter::constant(tensor.unsqueeze(0)?)),
-            None => Err(HeadError::Format {
-                file: "trained heads".into(),
-                what: spec.name.to_owned(),
-                found: "no such tensor".into(),
-                expected: format!("shape {:?}", spec.shape),
-            }
-            .into()),
-        }
+        let tensor = self.0.get(spec.name)?;
+        Ok(Parameter::constant(tensor.unsqueeze(0)?))
     }
 }
 
@@ -243,20 +222,15 @@ impl TrainedHeads {
     /// The heads and diverged trials for which `keep` says so.
     #[must_use]
     pub fn filter(&self, keep: impl Fn(&Trial) -> bool) -> Self {
+        let heads = self.heads.iter().filter(|head| keep(&head.trial));
+        let diverged = self
+            .diverged
+            .iter()
+            .filter(|diverged| keep(&diverged.trial));
         Self {
             head: self.head.clone(),
-            heads: self
-                .heads
-                .iter()
-                .filter(|h| keep(&h.trial))
-                .cloned()
-                .collect(),
-            diverged: self
-                .diverged
-                .iter()
-                .filter(|d| keep(&d.trial))
-                .cloned()
-                .collect(),
+            heads: heads.cloned().collect(),
+            diverged: diverged.cloned().collect(),
         }
     }
 

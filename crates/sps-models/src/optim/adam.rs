@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use sps_kernels::simd::{Kernel, Lanes, Level};
 
 use super::{Elements, Gradient};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, require};
 
 /// Adam's settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,29 +39,21 @@ impl Default for AdamConfig {
 }
 
 impl AdamConfig {
-    /// The first value that is out of its range: its key, the value, and what it may be.
-    pub(crate) fn out_of_range(&self) -> Option<(&'static str, f64, &'static str)> {
+    /// Refuses the first value that is out of its range, by its key.
+    pub(crate) fn check(&self) -> Result<()> {
         let above_zero = (f64::MIN_POSITIVE..=f64::MAX, "above 0");
         let not_below_zero = (0.0..=f64::MAX, "0 or more");
         let share = (0.0..=1.0_f64.next_down(), "0 or more, below 1");
-        let values = [
+        for (key, value, (range, expected)) in [
             ("adam.learning-rate", self.learning_rate, &above_zero),
             ("adam.epsilon", self.epsilon, &above_zero),
             ("adam.beta1", self.beta1, &share),
             ("adam.beta2", self.beta2, &share),
             ("adam.weight-decay", self.weight_decay, &not_below_zero),
-        ];
-        let mut values = values.into_iter();
-        let refused = values.find(|(_, value, (range, _))| !range.contains(value));
-        refused.map(|(key, value, (_, expected))| (key, value, *expected))
-    }
-
-    /// Refuses a value that is out of its range, by its key.
-    pub(crate) fn check(&self) -> Result<()> {
-        match self.out_of_range() {
-            None => Ok(()),
-            Some((key, found, expected)) => Err(Error::input(key, found, expected)),
+        ] {
+            require(range.contains(&value), key, value, expected)?;
         }
+        Ok(())
     }
 }
 

@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::encoders::Precision;
-use crate::error::{Error, Result};
+use crate::error::{Result, require};
 use crate::heads::{HeadConfig, Input, Model, Scale};
 use crate::optim::AdamConfig;
 
@@ -119,7 +119,7 @@ impl TrainingObjective {
             let most = scales.iter().map(|scale| scale.views).max().unwrap_or(0);
             let expected = format!("at least {most}, as many as a relation has");
             let shown = self.views();
-            require(most <= shown, "objective.views", shown, &expected)?;
+            require(most <= shown, "objective.views", shown, expected)?;
         }
         let config = HeadConfig {
             input: input.clone(),
@@ -213,7 +213,7 @@ impl TrainingConfig {
         if let Some(part) = self.micro_batch_size {
             let sensible = (2..=batch).contains(&part);
             let expected = format!("2 to {batch}, the `batch-size`");
-            require(sensible, "micro-batch-size", part, &expected)?;
+            require(sensible, "micro-batch-size", part, expected)?;
         }
         self.adam.check()?;
         let share = |value: f64| (0.0..1.0).contains(&value);
@@ -270,19 +270,6 @@ impl Augmentation {
             require(sensible, name, value, "at least 0 and below 1")?;
         }
         Ok(())
-    }
-}
-
-fn require(
-    holds: bool,
-    what: &'static str,
-    found: impl std::fmt::Display,
-    expected: &str,
-) -> Result<()> {
-    if holds {
-        Ok(())
-    } else {
-        Err(Error::input(what, found, expected))
     }
 }
 

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::{SMALL_ONES, calibrated, exact_features, of_images};
 use crate::Error;
 use crate::encoders::{Depths, Encoder, EncoderKind, Precision, TrainableEncoder};
-use crate::golden::{error, values};
+use crate::golden::{error, numbers, values};
 use crate::weights::{Weights, WeightsErrorKind};
 
 /// The paper's network as far as its second stage: batch norms, groups and gates, in seven blocks.
@@ -35,10 +35,6 @@ fn textured(shape: (usize, usize, usize, usize)) -> Tensor {
     Tensor::from_vec(values, shape, &Device::Cpu).unwrap()
 }
 
-fn numbers(tensor: &Tensor) -> Vec<f32> {
-    tensor.flatten_all().unwrap().to_vec1().unwrap()
-}
-
 /// How far the kernels' embeddings may be from the network in f64, of the largest value, after as many
 /// layers as [`LAYERS`].
 const BOUND: f64 = 5e-6;
@@ -54,7 +50,7 @@ fn exact(encoder: &Encoder, images: &Tensor) -> Vec<f64> {
 
 /// Each image less its own mean over its own spread, in f32.
 fn naively_standardised(images: &Tensor) -> Vec<f32> {
-    let images = images.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+    let images = numbers(images);
     let n = images.len() as f32;
     let mean = images.iter().sum::<f32>() / n;
     let spread = (images.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / n).sqrt();

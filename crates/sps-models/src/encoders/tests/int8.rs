@@ -1,25 +1,16 @@
 //! Networks in int8 beside themselves in f32, and what calibration must survive.
 
-use candle_core::{DType, Device, Tensor};
+use candle_core::{Device, Tensor};
 use sps_kernels::simd::Level;
 
-use super::{SMALL_ONES, calibrated, of_images, relative};
+use super::{SMALL_ONES, calibrated, of_images};
 use crate::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder, scales};
-use crate::golden;
+use crate::golden::{self, encoder, on_threads, relative};
 use crate::weights::Weights;
-
-/// With weights by the golden rule.
-fn encoder(kind: EncoderKind) -> Encoder {
-    let weights = kind.specs().into_iter();
-    let weights = weights.map(|spec| (spec.name.clone(), golden::weight(&spec)));
-    let weights = Weights::from_tensors("the golden rule", weights).unwrap();
-    Encoder::new(kind, weights).unwrap()
-}
 
 /// Images in 0..1 whose pixels have something to do with their neighbours.
 fn images(name: &str, n: usize, height: usize, width: usize) -> Tensor {
-    let coarse = golden::tensor(name, &[n, 3, height.div_ceil(8), width.div_ceil(8)]);
-    let coarse = coarse.to_dtype(DType::F32).unwrap();
+    let coarse = golden::input(name, &[n, 3, height.div_ceil(8), width.div_ceil(8)]);
     let (h, w) = (height.next_multiple_of(8), width.next_multiple_of(8));
     let coarse = coarse.upsample_nearest2d(h, w).unwrap();
     let coarse = coarse
@@ -27,8 +18,7 @@ fn images(name: &str, n: usize, height: usize, width: usize) -> Tensor {
         .unwrap()
         .narrow(3, 0, width)
         .unwrap();
-    let fine = golden::tensor(&format!("{name} fine"), &[n, 3, height, width]);
-    let fine = fine.to_dtype(DType::F32).unwrap();
+    let fine = golden::input(&format!("{name} fine"), &[n, 3, height, width]);
     let sum = ((coarse * 0.35).unwrap() + (fine * 0.1).unwrap()).unwrap();
     (sum + 0.5).unwrap().clamp(0.0, 1.0).unwrap()
 }
@@ -76,8 +66,7 @@ fn neither_neighbours_nor_threads_change_a_bit() {
             assert_eq!(alone[0], *row, "{kind}");
         }
         for threads in [1, 2, 3] {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-            let found = pool.build().unwrap().install(|| rows(&encoder, &images));
+            let found = on_threads(threads, || rows(&encoder, &images));
             assert_eq!(found, together, "{kind} on {threads} threads");
         }
     }
@@ -152,7 +141,7 @@ fn what_is_no_calibration_is_refused() {
     );
     let images = images("refused", 1, 32, 32);
     for wrong in [f32::NAN, f32::INFINITY] {
-        let mut values: Vec<f32> = images.flatten_all().unwrap().to_vec1().unwrap();
+        let mut values = golden::numbers(&images);
         values[1000] = wrong;
         let wrong = Tensor::from_vec(values, images.dims(), &Device::Cpu).unwrap();
         refused(encoder.clone().calibrated(&[&images, &wrong]), "not finite");

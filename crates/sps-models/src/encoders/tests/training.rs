@@ -1,16 +1,12 @@
-//! What a backward pass gives and what it refuses. `tests/golden_training.rs` has the numbers.
+//! What a backward pass gives and what it refuses. `pytorch` has the numbers.
 
 use std::sync::Arc;
 
-use candle_core::{DType, Tensor, Var};
+use candle_core::{Tensor, Var};
 
 use crate::differentiable::differentiable;
 use crate::encoders::{Encoder, EncoderKind, TrainableEncoder};
-use crate::golden;
-
-fn input(name: &str, shape: &[usize]) -> Tensor {
-    golden::tensor(name, shape).to_dtype(DType::F32).unwrap()
-}
+use crate::golden::{self, input};
 
 fn small(seed: u64) -> TrainableEncoder {
     let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, seed).unwrap();

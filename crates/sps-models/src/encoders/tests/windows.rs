@@ -5,8 +5,7 @@ use candle_core::{Device, Tensor};
 use super::{calibrated, exact_features, of_images};
 use crate::Error;
 use crate::encoders::{Depths, Encoder, EncoderKind, Precision, WindowEmbeddings};
-use crate::golden::{self, error, uniform};
-use crate::weights::Weights;
+use crate::golden::{self, error, on_threads, uniform};
 
 const SIZE: [usize; 2] = [147, 210];
 
@@ -22,11 +21,8 @@ fn image([height, width]: [usize; 2]) -> Vec<f32> {
 
 /// With weights by the golden rule: seeded ones enlarge what bf16 rounds off.
 fn encoder(kind: EncoderKind, precision: Precision) -> Encoder {
-    let weights = kind.specs().into_iter();
-    let weights = weights.map(|spec| (spec.name.clone(), golden::weight(&spec)));
-    let weights = Weights::from_tensors("the golden rule", weights).unwrap();
-    let encoder = Encoder::new(kind, weights).unwrap();
-    calibrated(encoder).with_precision(precision).unwrap()
+    let encoder = calibrated(golden::encoder(kind));
+    encoder.with_precision(precision).unwrap()
 }
 
 /// The last feature map in f64, `(width, rows, columns)`.
@@ -109,11 +105,7 @@ fn one_window_is_the_image() {
 fn the_number_of_threads_changes_no_bit() {
     for precision in Precision::ALL {
         let encoder = encoder(EncoderKind::EfficientNetLiteBody, precision);
-        let on = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-            let pool = pool.build().unwrap();
-            pool.install(|| windows(&encoder, [48, 50], 9))
-        };
+        let on = |threads| on_threads(threads, || windows(&encoder, [48, 50], 9));
         let expected = on(1);
         assert_eq!(on(2), expected);
         assert_eq!(on(3), expected);

@@ -127,6 +127,9 @@ fn each_value_out_of_range_is_named() {
     ] {
         let config: HeadConfig = toml::from_str(text).unwrap();
         let message = Head::new(config).unwrap_err().to_string();
-        assert!(message.contains(&format!("{key} is ")), "{text}: {message}");
+        assert!(
+            message.starts_with(&format!("{key}: found ")),
+            "{text}: {message}"
+        );
     }
 }

@@ -14,7 +14,7 @@ use candle_core::{Device, Tensor};
 use sps_regress::{Embeddings, Estimates, Readings, Rerun, Trial};
 
 use super::*;
-use crate::golden::uniform;
+use crate::golden::{on_threads, uniform};
 use crate::labels::LabelSource;
 
 /// A small data set of which half the variation of each property can be seen.
@@ -108,12 +108,8 @@ pub(super) fn cross_modal(config: &mut HeadConfig) -> &mut CrossModal {
 
 /// The bits of all parameters and losses.
 pub(super) fn bits(head: &TrainedHead) -> Vec<u64> {
-    let parameters = head.parameters.values().flat_map(crate::golden::values);
+    let parameters = head.parameters.iter();
+    let parameters = parameters.flat_map(|(_, tensor)| crate::golden::values(tensor));
     let history = head.history.iter().flat_map(EpochLosses::all);
     parameters.chain(history).map(f64::to_bits).collect()
-}
-
-pub(super) fn on_threads<R: Send>(threads: usize, run: impl FnOnce() -> R + Send) -> R {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    pool.build().unwrap().install(run)
 }

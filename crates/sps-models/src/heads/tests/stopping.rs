@@ -74,7 +74,8 @@ fn the_weights_are_those_of_the_epoch_that_is_best_on_the_validation_part() {
         if found.epoch > 0 {
             let there = &by_epochs[found.epoch - 1].heads()[at];
             let weights = |head: &TrainedHead| {
-                let values = head.parameters.values().flat_map(crate::golden::values);
+                let parameters = head.parameters.iter();
+                let values = parameters.flat_map(|(_, tensor)| crate::golden::values(tensor));
                 values.map(f64::to_bits).collect::<Vec<_>>()
             };
             assert_eq!(weights(head), weights(there));

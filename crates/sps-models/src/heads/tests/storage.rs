@@ -109,7 +109,7 @@ fn changed_metadata_are_refused() {
     };
     assert!(replace("\"format\":1", "\"format\":2").contains("format: found 2, expected 1"));
     assert!(replace("\"batch-size\":7", "\"batch-sizes\":7").contains("batch-sizes"));
-    assert!(replace("\"batch-size\":7", "\"batch-size\":0").contains("batch-size is 0"));
+    assert!(replace("\"batch-size\":7", "\"batch-size\":0").contains("batch-size: found 0"));
     assert!(replace("\"latent\":6", "\"latent\":60").contains("visual.weight"));
     assert!(replace("\"width\":5", "\"width\":18446744073709551615").contains("input.mean"));
     let empty = safetensors::serialize(

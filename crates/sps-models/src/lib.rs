@@ -33,7 +33,7 @@
 //!   takes [`Embeddings`](embeddings_of) too; models of both are read by [`fitted_from_bytes`].
 //! - [`labels`]: the classes that the cross-modal estimator learns from.
 //! - [`training`]: an encoder learns from images, end to end.
-//! - [`optim`]: Adam as PyTorch has it.
+//! - [`optim`]: the settings of the optimiser.
 //!
 //! # Features
 //!

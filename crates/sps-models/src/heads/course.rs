@@ -123,13 +123,15 @@ impl Course {
                 return diverged(format!("{name} holds {value} after the last epoch"));
             }
         }
-        Ok(Ok(TrainedHead::new(
-            job,
+        Ok(Ok(TrainedHead {
+            trial: job.trial.clone(),
             dims,
+            statistics: job.statistics.as_ref().clone(),
+            target: job.target,
             parameters,
-            self.history,
+            history: self.history,
             kept,
-        )))
+        }))
     }
 }
 

@@ -15,7 +15,7 @@
 //! let readings = [Some(31.0), None, Some(55.0), Some(48.0), Some(40.0), None].map(|r| vec![r]);
 //! let readings = Readings::new(vec!["friction".into()], &readings)?;
 //! let data = TrainingData::new(&embeddings, &readings);
-//! let rerun = Rerun { number: 0, training: vec![0, 1, 2, 3], validation: vec![] };
+//! let rerun = Rerun::new(0, vec![0, 1, 2, 3]);
 //! let plan = Plan::each(7, readings.properties(), vec![rerun]);
 //!
 //! let head = Head::new(HeadConfig { epochs: 2, ..HeadConfig::default() })?;

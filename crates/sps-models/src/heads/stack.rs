@@ -88,9 +88,7 @@ impl Fill for Drawn<'_> {
             let mut rng = named_stream(self.seed, &purpose, job.trial.rerun);
             values.extend((0..count).map(|_| rng.random_range(-bound..bound)));
         }
-        let shape: Vec<usize> = std::iter::once(self.jobs.len())
-            .chain(spec.shape.iter().copied())
-            .collect();
+        let shape = [&[self.jobs.len()], spec.shape].concat();
         let variable = Var::from_vec(values, shape, &Device::Cpu)?;
         let parameter = Parameter::variable(&variable);
         self.parameters.push(StackParameter {

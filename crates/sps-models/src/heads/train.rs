@@ -91,10 +91,8 @@ pub(super) fn parameter_count(
     job: &Job<'_>,
 ) -> usize {
     let specs = specs(config, job.dims(config, data.embeddings)).unwrap_or_default();
-    specs
-        .iter()
-        .map(|s| s.shape.iter().product::<usize>())
-        .sum()
+    let counts = specs.iter().map(|s| s.shape.iter().product::<usize>());
+    counts.sum()
 }
 
 /// One side of the adversarial game with its optimiser; without a game there is one side.
@@ -159,7 +157,7 @@ impl Means {
         for (total, count) in self.counts.iter_mut().zip(counts) {
             *total += count;
         }
-        for (term, field) in losses.terms() {
+        for (field, term) in losses.terms() {
             let values = term.to_vec1::<f32>()?;
             for ((sum, value), count) in self.sums.iter_mut().zip(values).zip(counts) {
                 *field(sum) += f64::from(value) * count;
@@ -169,9 +167,7 @@ impl Means {
     }
 
     fn finish(self) -> impl Iterator<Item = EpochLosses> {
-        self.sums
-            .into_iter()
-            .zip(self.counts)
-            .map(|(sum, count)| sum.scaled(1.0 / count.max(1.0)))
+        let sums = self.sums.into_iter().zip(self.counts);
+        sums.map(|(sum, count)| sum.scaled(1.0 / count.max(1.0)))
     }
 }

@@ -6,7 +6,6 @@ use sps_regress::{DivergedTrial, Embeddings, Estimates, Standardiser, Trial};
 use super::Head;
 use super::config::{HeadConfig, Input};
 use super::input::{self, InputStatistics};
-use super::job::Job;
 use super::network::{Dims, Fill, Network, Spec};
 use crate::error::{Error, Result};
 use crate::stacked::Parameter;
@@ -35,28 +34,30 @@ pub struct EpochLosses {
 }
 
 impl EpochLosses {
+    const FIELDS: [LossField; 6] = [
+        |l| &mut l.estimation,
+        |l| &mut l.embedding,
+        |l| &mut l.reconstruction,
+        |l| &mut l.generator,
+        |l| &mut l.discriminator,
+        |l| &mut l.classification,
+    ];
+
     pub(super) fn all(&self) -> [f64; 6] {
-        [
-            self.estimation,
-            self.embedding,
-            self.reconstruction,
-            self.generator,
-            self.discriminator,
-            self.classification,
-        ]
+        let mut own = *self;
+        Self::FIELDS.map(|field| *field(&mut own))
     }
 
-    pub(super) fn scaled(self, by: f64) -> Self {
-        Self {
-            estimation: self.estimation * by,
-            embedding: self.embedding * by,
-            reconstruction: self.reconstruction * by,
-            generator: self.generator * by,
-            discriminator: self.discriminator * by,
-            classification: self.classification * by,
+    pub(super) fn scaled(mut self, by: f64) -> Self {
+        for field in Self::FIELDS {
+            *field(&mut self) *= by;
         }
+        self
     }
 }
+
+/// Where a loss is recorded.
+pub(super) type LossField = fn(&mut EpochLosses) -> &mut f64;
 
 /// The epoch whose weights a head has, under [`EarlyStopping`](super::EarlyStopping).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -84,24 +85,6 @@ pub struct TrainedHead {
 }
 
 impl TrainedHead {
-    pub(super) fn new(
-        job: &Job<'_>,
-        dims: Dims,
-        parameters: Weights,
-        history: Vec<EpochLosses>,
-        kept: Option<KeptEpoch>,
-    ) -> Self {
-        Self {
-            trial: job.trial.clone(),
-            dims,
-            statistics: job.statistics.as_ref().clone(),
-            target: job.target,
-            parameters,
-            history,
-            kept,
-        }
-    }
-
     /// What it was trained for.
     pub fn trial(&self) -> &Trial {
         &self.trial
@@ -223,10 +206,7 @@ impl TrainedHeads {
     #[must_use]
     pub fn filter(&self, keep: impl Fn(&Trial) -> bool) -> Self {
         let heads = self.heads.iter().filter(|head| keep(&head.trial));
-        let diverged = self
-            .diverged
-            .iter()
-            .filter(|diverged| keep(&diverged.trial));
+        let diverged = self.diverged.iter().filter(|one| keep(&one.trial));
         Self {
             head: self.head.clone(),
             heads: heads.cloned().collect(),
@@ -250,17 +230,14 @@ impl TrainedHeads {
     /// Embeddings of another width or number of views than the heads take.
     pub fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
         let config = self.head.config();
-        let estimates: Vec<Result<Estimates>> = self
-            .heads
-            .par_iter()
-            .map(|head| {
-                Ok(Estimates {
-                    property: head.trial.property.clone(),
-                    rerun: head.trial.rerun,
-                    values: head.estimate(config, embeddings)?,
-                })
+        let estimates = self.heads.par_iter().map(|head| {
+            Ok(Estimates {
+                property: head.trial.property.clone(),
+                rerun: head.trial.rerun,
+                values: head.estimate(config, embeddings)?,
             })
-            .collect();
+        });
+        let estimates: Vec<Result<Estimates>> = estimates.collect();
         estimates.into_iter().collect()
     }
 }

@@ -92,23 +92,6 @@ fn default_true() -> bool {
 }
 
 impl LabelSource {
-    /// Clusters of tactile values, with the defaults.
-    pub fn tactile_cluster() -> Self {
-        Self::TactileCluster {
-            clusters: default_clusters(),
-            standardise_tactile: true,
-        }
-    }
-
-    /// Clusters of visual and tactile values, with the defaults.
-    pub fn visuo_tactile_cluster() -> Self {
-        Self::VisuoTactileCluster {
-            clusters: default_clusters(),
-            components: default_components(),
-            standardise_tactile: true,
-        }
-    }
-
     /// Refuses counts of zero, and clusters where there are none.
     pub(crate) fn check(&self) -> Result<()> {
         let known = cfg!(feature = "clusters") || *self == Self::Material {};
@@ -206,18 +189,13 @@ fn by_material(materials: Option<&[String]>, training: &[usize]) -> Result<Label
     let missing = || Error::input("materials", "none", "one for each surface, for its label");
     let materials = materials.ok_or_else(missing)?;
     check_indices("labelled surface", training, materials.len())?;
-    let names: Vec<&String> = materials
-        .iter()
-        .collect::<BTreeSet<_>>()
-        .into_iter()
-        .collect();
+    let names: BTreeSet<&String> = materials.iter().collect();
+    let names: Vec<&String> = names.into_iter().collect();
+    let class = |&surface: &usize| names.binary_search(&&materials[surface]).ok();
+    let classes = training.iter().map(class);
     Ok(Labels {
         classes: names.len(),
-        of: training
-            .iter()
-            .map(|&surface| names.binary_search(&&materials[surface]).ok())
-            .map(|class| class.map(|class| class as u32))
-            .collect(),
+        of: classes.map(|class| class.map(|c| c as u32)).collect(),
     })
 }
 
@@ -228,7 +206,11 @@ mod tests {
     #[test]
     fn clusters_are_refused_by_the_name_of_their_feature() {
         LabelSource::Material {}.check().unwrap();
-        let error = LabelSource::tactile_cluster().check().unwrap_err();
+        let clusters = LabelSource::TactileCluster {
+            clusters: 15,
+            standardise_tactile: true,
+        };
+        let error = clusters.check().unwrap_err();
         assert!(error.to_string().contains("feature `clusters`"), "{error}");
     }
 }

@@ -104,15 +104,10 @@ impl TrainingObjective {
         };
         let any = matches!(input, Input::ViewPooling {} | Input::Relations { .. });
         let found = views.map_or("none".to_owned(), |views| views.to_string());
-        let expected = if any {
-            "at least 1"
+        let (fits, expected) = if any {
+            (self.views() > 0, "at least 1")
         } else {
-            "none, where the input says how many"
-        };
-        let fits = if any {
-            self.views() > 0
-        } else {
-            views.is_none()
+            (views.is_none(), "none, where the input says how many")
         };
         require(fits, "objective.views", found, expected)?;
         if let Input::Relations { scales } = input {
@@ -121,13 +116,17 @@ impl TrainingObjective {
             let shown = self.views();
             require(most <= shown, "objective.views", shown, expected)?;
         }
-        let config = HeadConfig {
-            input: input.clone(),
-            scale: *scale,
-            model: model.clone(),
-            ..HeadConfig::default()
-        };
-        config.check()
+        head(input, *scale, model).check()
+    }
+}
+
+/// The heads of an objective.
+pub(super) fn head(input: &Input, scale: Scale, model: &Model) -> HeadConfig {
+    HeadConfig {
+        input: input.clone(),
+        scale,
+        model: model.clone(),
+        ..HeadConfig::default()
     }
 }
 
@@ -257,6 +256,16 @@ impl TrainingConfig {
 }
 
 impl Augmentation {
+    /// None.
+    #[cfg(test)]
+    pub(super) const STILL: Self = Self {
+        crop: 1.0,
+        flip: false,
+        brightness: 0.0,
+        contrast: 0.0,
+        colour: 0.0,
+    };
+
     fn check(&self) -> Result<()> {
         let crop = self.crop;
         let sensible = crop > 0.0 && crop <= 1.0;

@@ -111,12 +111,11 @@ fn gradients_come_in_at_every_depth() {
             let mut encoder = encoder.with_checkpointing(checkpointing);
             let (_, _, gradients) = pass(&mut encoder, &images, "golden/depths.cotangent");
             assert_eq!(gradients.len(), expected.len());
-            let found = gradients
+            let norms = gradients
                 .iter()
                 .map(|(_, gradient)| norm(&values(gradient)));
-            let off = found
-                .zip(&expected)
-                .map(|(f, e)| (f - e).abs() / e.max(1e-9));
+            let pairs = norms.zip(&expected);
+            let off = pairs.map(|(f, e)| (f - e).abs() / e.max(1e-9));
             let worst = off.fold(0.0, f64::max);
             println!("{kind}: gradients' norms {worst:.1e}");
             assert!(worst < 1e-4, "{kind}: {worst:.1e}");

@@ -78,10 +78,8 @@ fn trains_as_pytorch_does() {
 #[test]
 fn fewer_bits_stay_near() {
     let sequences = |name| (input(name, &[2, 3, 6, 40, 33]) * 0.5).unwrap() + 0.5;
-    let encoder = encoder();
-    let encoder = encoder
-        .calibrated(&[&sequences("calibration").unwrap()])
-        .unwrap();
+    let seen = sequences("calibration").unwrap();
+    let encoder = encoder().calibrated(&[&seen]).unwrap();
     let others = sequences("others").unwrap();
     let exact = encoder.embed(&others).unwrap();
     for (precision, bound) in [(Precision::Bf16, 1e-2), (Precision::Int8, 5e-2)] {
@@ -152,12 +150,13 @@ mod hard_cases {
         }
         let image = vec![0.5; 3 * 64 * 64];
         let error = encoder.embed_windows(&image, [64, 64], [32, 32], 8);
+        let error = error.unwrap_err();
         assert!(matches!(
             error,
-            Err(Error::Input {
+            Error::Input {
                 what: "encoder",
                 ..
-            })
+            }
         ));
     }
 

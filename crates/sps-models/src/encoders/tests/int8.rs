@@ -13,11 +13,8 @@ fn images(name: &str, n: usize, height: usize, width: usize) -> Tensor {
     let coarse = golden::input(name, &[n, 3, height.div_ceil(8), width.div_ceil(8)]);
     let (h, w) = (height.next_multiple_of(8), width.next_multiple_of(8));
     let coarse = coarse.upsample_nearest2d(h, w).unwrap();
-    let coarse = coarse
-        .narrow(2, 0, height)
-        .unwrap()
-        .narrow(3, 0, width)
-        .unwrap();
+    let coarse = coarse.narrow(2, 0, height).unwrap();
+    let coarse = coarse.narrow(3, 0, width).unwrap();
     let fine = golden::input(&format!("{name} fine"), &[n, 3, height, width]);
     let sum = ((coarse * 0.35).unwrap() + (fine * 0.1).unwrap()).unwrap();
     (sum + 0.5).unwrap().clamp(0.0, 1.0).unwrap()
@@ -43,11 +40,8 @@ fn int8_stays_near_f32() {
         let error = relative(&found, &exact);
         println!("{kind} in int8: relative error {error:.1e}");
         // The largest EfficientNets have 60 to 90 layers, of which no random weight makes less.
-        let bound = if encoder.network.layers.len() > 60 {
-            3.0 * BOUND
-        } else {
-            BOUND
-        };
+        let deep = encoder.network.layers.len() > 60;
+        let bound = if deep { 3.0 * BOUND } else { BOUND };
         assert!(error < bound, "{kind}: {error:.1e}");
     }
 }
@@ -114,11 +108,8 @@ fn scales_are_saved_and_loaded_with_the_weights() {
 fn training_leaves_no_scales() {
     let encoder = int8(encoder(EncoderKind::EfficientNetLiteBody));
     let trainable = TrainableEncoder::new(&encoder).unwrap();
-    assert!(
-        trainable
-            .variables()
-            .all(|(name, _)| name != scales::TENSOR)
-    );
+    let mut names = trainable.variables().map(|(name, _)| name);
+    assert!(names.all(|name| name != scales::TENSOR));
     let trained = trainable.encoder().unwrap();
     assert!(trained.with_precision(Precision::Int8).is_err());
 }
@@ -135,10 +126,8 @@ fn what_is_no_calibration_is_refused() {
         encoder.clone().with_precision(Precision::Int8),
         "int8 without scales of the feature maps, expected `Encoder::calibrated` before",
     );
-    refused(
-        encoder.clone().calibrated(&[]),
-        "images to calibrate with: found none",
-    );
+    let none = encoder.clone().calibrated(&[]);
+    refused(none, "images to calibrate with: found none");
     let images = images("refused", 1, 32, 32);
     for wrong in [f32::NAN, f32::INFINITY] {
         let mut values = golden::numbers(&images);
@@ -147,10 +136,8 @@ fn what_is_no_calibration_is_refused() {
         refused(encoder.clone().calibrated(&[&images, &wrong]), "not finite");
     }
     let flat = images.flatten_all().unwrap();
-    refused(
-        encoder.clone().calibrated(&[&flat]),
-        "(n, 3, height, width)",
-    );
+    let of_flat = encoder.clone().calibrated(&[&flat]);
+    refused(of_flat, "(n, 3, height, width)");
 
     let encoder = calibrated(encoder);
     let scales = encoder.weights().get(scales::TENSOR).unwrap().clone();
@@ -172,10 +159,8 @@ fn what_is_no_calibration_is_refused() {
     ] {
         let mut rows: Vec<Vec<f32>> = scales.to_vec2().unwrap();
         rows[3] = wrong.to_vec();
-        refused(
-            with(Tensor::new(rows, &Device::Cpu).unwrap()),
-            "a finite step above 0",
-        );
+        let wrong = Tensor::new(rows, &Device::Cpu).unwrap();
+        refused(with(wrong), "a finite step above 0");
     }
 }
 
@@ -205,20 +190,15 @@ fn weights_that_are_all_zero() {
         ("features.4.squeeze.weight", 0),
     ] {
         let tensor = weights.get(name).unwrap();
-        let [outputs, ..] = *tensor.dims() else {
-            panic!()
-        };
+        let outputs = tensor.dims()[0];
         let mask = (0..outputs).map(|channel| f32::from(u8::from(channel < kept * outputs / 2)));
         let mask = Tensor::from_iter(mask, &Device::Cpu).unwrap();
         let masked = tensor.broadcast_mul(&mask.reshape((outputs, 1, 1, 1)).unwrap());
         weights.replace(name, masked.unwrap());
     }
-    let bias = weights
-        .get("features.4.squeeze.bias")
-        .unwrap()
-        .zeros_like()
-        .unwrap();
-    weights.replace("features.4.squeeze.bias", bias);
+    let bias = "features.4.squeeze.bias";
+    let zeros = weights.get(bias).unwrap().zeros_like().unwrap();
+    weights.replace(bias, zeros);
     let encoder = Encoder::new(kind, weights).unwrap();
     let images = images("zeros", 1, 64, 64);
     let exact = encoder.embed(&images).unwrap();

@@ -108,10 +108,8 @@ fn efficientnet_lite0_by_the_names_of_another_package() {
     let mut both = weights(&str::to_owned);
     both.replace(&name, golden::weight(spec));
     let error = Encoder::new(kind, both).unwrap_err().to_string();
-    assert!(
-        error.contains(&name) && error.contains("has no place"),
-        "{error}"
-    );
+    let named = error.contains(&name) && error.contains("has no place");
+    assert!(named, "{error}");
 }
 
 /// The body takes all of its tensors from the whole network, by the names of either package; it embeds as candle's operators say.
@@ -152,13 +150,10 @@ fn what_a_warm_start_does_not_find_is_drawn() {
     }
 
     let other = golden::weights(EncoderKind::SqueezeNet1_0, str::to_owned);
-    let error = Encoder::warm_started(kind, other, 3).unwrap_err();
-    assert!(
-        error
-            .to_string()
-            .contains("no tensor of which resnet18 has"),
-        "{error}"
-    );
+    let error = Encoder::warm_started(kind, other, 3)
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("no tensor of which resnet18 has"), "{error}");
 }
 
 /// In-place addition takes the shortcut's memory.

@@ -123,13 +123,8 @@ fn hard_cases() {
         assert!(matches!(error, Error::Input { .. }));
         assert!(error.to_string().contains(expected), "{error}");
     };
-    refused(
-        &small,
-        size,
-        [65, 96],
-        1,
-        "[65, 96], expected 1 to [64, 96]",
-    );
+    let beyond = "[65, 96], expected 1 to [64, 96]";
+    refused(&small, size, [65, 96], 1, beyond);
     refused(&small, size, [64, usize::MAX], 1, "expected 1 to [64, 96]");
     refused(&small, size, [0, 5], 1, "window: found [0, 5]");
     refused(&small, size, [64, 96], 0, "stride of windows: found 0");

@@ -71,8 +71,8 @@ fn a_head_that_stops_early_is_no_member() {
         early_stopping: Some(EarlyStopping::default()),
         ..HeadConfig::default()
     });
-    let error = Stacking::new(vec![Box::new(head.unwrap())], 2);
-    let error = error.err().unwrap().to_string();
+    let error = Stacking::new(vec![Box::new(head.unwrap())], 2).err();
+    let error = error.unwrap().to_string();
     assert!(error.contains("early stopping"), "{error}");
 }
 

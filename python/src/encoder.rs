@@ -269,7 +269,7 @@ fn size(frame: &Frame) -> [usize; 2] {
 
 /// The encoder that comes with the package, at all depths.
 pub(crate) fn built_in() -> PyResult<encoders::Encoder> {
-    let encoder = encoders::Encoder::built_in(EncoderKind::EfficientNetLiteBody, &Device::Cpu);
+    let encoder = encoders::Encoder::built_in(EncoderKind::EfficientNetLiteBody);
     encoder
         .and_then(|network| network.with_depths(&Depths::All))
         .map_err(|error| model_error(&error))
@@ -289,10 +289,10 @@ fn network(
     }
     let precision: Precision = precision.parse().map_err(value_error)?;
     let encoder = if weights == Path::new(BUILT_IN) {
-        encoders::Encoder::built_in(kind, &Device::Cpu)
+        encoders::Encoder::built_in(kind)
     } else {
         let weights = Weights::read(weights).map_err(|error| weights_error(&error))?;
-        encoders::Encoder::new(kind, weights, &Device::Cpu)
+        encoders::Encoder::new(kind, weights)
     };
     encoder
         .and_then(|network| network.with_depths(depths))

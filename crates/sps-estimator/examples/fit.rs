@@ -10,7 +10,6 @@ use sps_estimator::{
     Widths,
 };
 use sps_metrics::Level;
-use sps_models::candle::Device;
 use sps_models::encoders::{Encoder, EncoderKind};
 use sps_regress::ridge::{Ridge, RidgeConfig};
 use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
@@ -25,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = PathBuf::from(folder);
 
     // Untrained weights do for an example; `Encoder::load` reads trained ones.
-    let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
+    let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0)?;
     let embedder = Embedder::new(Network::Images(encoder), None)?;
     let photographs: Vec<Frame> = (0..SURFACES).map(photograph).collect();
     let values = embedder.embed(&photographs)?;

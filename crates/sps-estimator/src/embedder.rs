@@ -119,9 +119,9 @@ pub(crate) const PRECOMPUTED: &str = "precomputed";
 /// ```
 /// use sps_dataset::Frame;
 /// use sps_estimator::{Embedder, Network};
-/// use sps_models::{candle::Device, encoders::{Encoder, EncoderKind}};
+/// use sps_models::encoders::{Encoder, EncoderKind};
 ///
-/// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
+/// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0)?;
 /// let embedder = Embedder::new(Network::Images(encoder), Some(64))?;
 /// let photograph = Frame { width: 200, height: 100, data: vec![0.5; 3 * 200 * 100] };
 /// assert_eq!(embedder.embed(&[photograph])?.len(), embedder.width());

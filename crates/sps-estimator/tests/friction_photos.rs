@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use sps_dataset::{DatasetFolder, Frame, ReadSettings, Source, TactileSettings, Unit, Units};
 use sps_estimator::{Calibration, Embedder, Examples, Network, Recipe, Regression, Wanted, Widths};
 use sps_metrics::Level;
-use sps_models::candle::Device;
 use sps_models::encoders::{Encoder, EncoderKind};
 use sps_regress::ridge::{Ridge, RidgeConfig};
 use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
@@ -46,7 +45,7 @@ fn a_material_that_was_left_out_is_unfamiliar() {
         return;
     };
     let dataset = DatasetFolder::open(&data, &ReadSettings::default()).unwrap();
-    let encoder = Encoder::load(EncoderKind::SqueezeNet1_0, weights, &Device::Cpu).unwrap();
+    let encoder = Encoder::load(EncoderKind::SqueezeNet1_0, weights).unwrap();
     let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
     let surfaces = dataset.surfaces();
     let frames: Vec<Frame> = (0..surfaces.len())

@@ -10,7 +10,6 @@ use sps_estimator::{
     Widths,
 };
 use sps_metrics::Level;
-use sps_models::candle::Device;
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
@@ -32,7 +31,7 @@ impl Photographs {
             return None;
         }
         let dataset = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
-        let encoder = Encoder::built_in(EncoderKind::EfficientNetLiteBody, &Device::Cpu).unwrap();
+        let encoder = Encoder::built_in(EncoderKind::EfficientNetLiteBody).unwrap();
         let encoder = encoder.with_depths(&Depths::All).unwrap();
         let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
         let count = dataset.surfaces().len();

@@ -33,9 +33,9 @@ pub fn load(spec: &EncoderSpec, seed: u64) -> Result<Network> {
         }
     };
     let encoder = match &spec.weights {
-        WeightsSpec::BuiltIn => Encoder::built_in(kind, &Device::Cpu)?,
-        WeightsSpec::Untrained => Encoder::seeded(kind, seed, &Device::Cpu)?,
-        WeightsSpec::File(path) => Encoder::load(kind, path, &Device::Cpu)?,
+        WeightsSpec::BuiltIn => Encoder::built_in(kind)?,
+        WeightsSpec::Untrained => Encoder::seeded(kind, seed)?,
+        WeightsSpec::File(path) => Encoder::load(kind, path)?,
     };
     let encoder = encoder.with_depths(&spec.depths)?;
     let encoder = match spec.precision {

@@ -69,17 +69,18 @@ impl Design {
     /// Truths, and estimates of each rerun.
     fn draw(&self, random: &mut Random) -> (Vec<f64>, Vec<Vec<f64>>) {
         let truth: Vec<f64> = (0..self.units).map(|_| self.number(random)).collect();
-        let own: Vec<f64> = truth
+        let own = truth
             .iter()
-            .map(|truth| 0.6 * truth + BY_UNIT * self.number(random))
-            .collect();
-        let estimates = (0..self.reruns).map(|_| {
+            .map(|truth| 0.6 * truth + BY_UNIT * self.number(random));
+        let own: Vec<f64> = own.collect();
+        let mut rerun = |_| {
             let rerun = self.by_rerun * random.normal();
-            own.iter()
-                .map(|own| own + rerun + BY_BOTH * self.number(random))
-                .collect()
-        });
-        let estimates = estimates.collect();
+            let both = own
+                .iter()
+                .map(|own| own + rerun + BY_BOTH * self.number(random));
+            both.collect()
+        };
+        let estimates = (0..self.reruns).map(&mut rerun).collect();
         (truth, estimates)
     }
 }
@@ -105,23 +106,23 @@ fn crossed(design: &Design) -> Result<(), IntervalError> {
         }
     }
     let share = |at: usize| {
-        if at > 1 && !resampled {
-            "–".to_owned()
-        } else {
+        let drawn = at < 2 || resampled;
+        if drawn {
             percent(held[at])
+        } else {
+            "–".into()
         }
     };
-    println!(
-        "{:6}  {:5}  {:6}  {:9}  {:>10}  {:>12}  {:>9}  {:>10}",
-        if design.heavy { "heavy" } else { "normal" },
-        design.units,
-        design.reruns,
-        design.by_rerun,
-        share(0),
-        share(1),
-        share(2),
-        share(3),
-    );
+    let [here, alone, by_units, by_both] = [0, 1, 2, 3].map(share);
+    let Design {
+        heavy,
+        units,
+        reruns,
+        by_rerun,
+    } = design;
+    let tails = if *heavy { "heavy" } else { "normal" };
+    print!("{tails:6}  {units:5}  {reruns:6}  {by_rerun:9}  ");
+    println!("{here:>10}  {alone:>12}  {by_units:>9}  {by_both:>10}");
     Ok(())
 }
 
@@ -182,13 +183,10 @@ fn folds(units: usize, reruns: usize) -> Result<(), IntervalError> {
     let mut random = Random(2);
     let (mut found, mut known) = (Vec::new(), 0.0);
     for _ in 0..TRIALS_OF_FOLDS {
-        let rows: Vec<[f64; FEATURES]> = (0..units)
-            .map(|_| std::array::from_fn(|_| random.normal()))
-            .collect();
-        let truth: Vec<f64> = rows
-            .iter()
-            .map(|row| row[0] + row[1] + random.normal())
-            .collect();
+        let mut row = |_| std::array::from_fn(|_| random.normal());
+        let rows: Vec<[f64; FEATURES]> = (0..units).map(&mut row).collect();
+        let truth = rows.iter().map(|row| row[0] + row[1] + random.normal());
+        let truth: Vec<f64> = truth.collect();
         let mut estimates = vec![vec![0.0; units]; reruns];
         for estimate in &mut estimates {
             let order = random.order(units);
@@ -215,40 +213,35 @@ fn folds(units: usize, reruns: usize) -> Result<(), IntervalError> {
         ]);
     }
     known /= (TRIALS_OF_FOLDS * reruns * FOLDS) as f64;
-    let held = |at: usize| {
-        let held = found
-            .iter()
-            .filter(|ends| ends[at][0] <= known && known <= ends[at][1]);
-        percent(held.count() * TRIALS / TRIALS_OF_FOLDS)
-    };
-    println!(
-        "{units:5}  {reruns:6}  {:>10}  {:>23}  {:>12}",
-        held(0),
-        held(1),
-        held(2)
-    );
+    let [here, unshared, alone] = [0, 1, 2].map(|at: usize| {
+        let holds = |ends: &&[[f64; 2]; 3]| ends[at][0] <= known && known <= ends[at][1];
+        let held = found.iter().filter(holds).count();
+        percent(held * TRIALS / TRIALS_OF_FOLDS)
+    });
+    println!("{units:5}  {reruns:6}  {here:>10}  {unshared:>23}  {alone:>12}");
     Ok(())
 }
 
 /// Of truths of variance 3, on any surfaces.
 fn true_r2(weights: &[f64; FEATURES]) -> f64 {
     let wanted = |at: usize| if at < 2 { 1.0 } else { 0.0 };
-    let off = weights
-        .iter()
-        .enumerate()
-        .map(|(at, weight)| (weight - wanted(at)).powi(2));
+    let weights = weights.iter().enumerate();
+    let off = weights.map(|(at, weight)| (weight - wanted(at)).powi(2));
     1.0 - (off.sum::<f64>() + 1.0) / 3.0
 }
 
 /// By conjugate gradients, which end after as many steps as there are weights.
 fn ridge(rows: &[[f64; FEATURES]], truth: &[f64], training: &[usize]) -> [f64; FEATURES] {
+    let add = |sums: &mut [f64; FEATURES], factor: f64, row: &[f64; FEATURES]| {
+        for (sum, x) in sums.iter_mut().zip(row) {
+            *sum += factor * x;
+        }
+    };
     let product = |weights: &[f64; FEATURES]| {
         let mut sums = weights.map(|weight| PENALTY * weight);
         for &at in training {
             let value: f64 = rows[at].iter().zip(weights).map(|(x, w)| x * w).sum();
-            sums.iter_mut()
-                .zip(&rows[at])
-                .for_each(|(sum, x)| *sum += value * x);
+            add(&mut sums, value, &rows[at]);
         }
         sums
     };
@@ -257,9 +250,7 @@ fn ridge(rows: &[[f64; FEATURES]], truth: &[f64], training: &[usize]) -> [f64; F
     };
     let (mut weights, mut rest) = ([0.0; FEATURES], [0.0; FEATURES]);
     for &at in training {
-        rest.iter_mut()
-            .zip(&rows[at])
-            .for_each(|(sum, x)| *sum += truth[at] * x);
+        add(&mut rest, truth[at], &rows[at]);
     }
     let mut direction = rest;
     for _ in 0..FEATURES {

@@ -45,11 +45,10 @@
 //!
 //! - One property: [`Samples`] has every score as a method; [`Metric`] names them, [`Scores`] holds
 //!   them all.
-//! - Several properties: [`Table`] scores an array with missing cells; [`mean_over_all`],
-//!   [`mean_over_named`] (the paper's fixed eight) and [`mean_over_best`] (the eight best of this
-//!   run) average, and report what they had to leave out.
-//! - Streams: [`ScoreAccumulator`], [`PercentErrorAccumulator`] and [`Moments`] take one value at a
-//!   time and merge. Any order and any split give the same result within 1e-12 relative.
+//! - Several properties: [`mean_over_all`], [`mean_over_named`] (the paper's fixed eight) and
+//!   [`mean_over_best`] (the eight best of this run) average, and report what they had to leave out.
+//! - Streams: [`ScoreAccumulator`] and [`Moments`] take one value at a time and merge. Any order and
+//!   any split give the same result within 1e-12 relative.
 //! - Reruns: [`over_reruns`] gives mean and sample standard deviation.
 //! - Chance: [`Intervals`] gives the interval of a score, of a mean over properties, and of the
 //!   difference of two methods, over units (surfaces, or groups of them) and reruns; [`holm`]
@@ -73,7 +72,6 @@ mod ranks;
 mod reruns;
 mod samples;
 mod screen;
-mod table;
 
 pub use accumulate::ScoreAccumulator;
 pub use conformal::{
@@ -82,16 +80,10 @@ pub use conformal::{
 pub use interval::{IntervalError, Intervals, ScoreInterval, Scored, holm};
 pub use level::{InvalidLevel, Level};
 pub use moments::Moments;
-/// The arrays of [`Table`], in the version that this crate takes.
-pub use ndarray;
 pub use outcome::{NonFiniteKind, Outcome, Quantity, Score, Undefined};
-pub use percent::PercentErrorAccumulator;
-pub use properties::{
-    PropertyMean, PropertyScore, best_properties, mean_over_all, mean_over_best, mean_over_named,
-};
+pub use properties::{PropertyMean, PropertyScore, mean_over_all, mean_over_best, mean_over_named};
 pub use reruns::{RerunSummary, over_reruns};
 pub use samples::{Better, Metric, Pair, Samples, Scores, TrainingMean};
-pub use table::{Column, ShapeError, Table, TableParts};
 
 /// Runs the example of the README.
 #[cfg(doctest)]

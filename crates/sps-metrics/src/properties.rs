@@ -136,33 +136,21 @@ pub fn mean_over_best(scores: &[PropertyScore], count: usize, better: Better) ->
     if let Some(repeated) = repeated(names(scores)) {
         return PropertyMean::refused(repeated, count);
     }
-    let best = best_properties(scores, count, better);
-    let ranked = best.iter().map(|score| checked(score));
-    let undefined = scores
-        .iter()
-        .map(checked)
-        .filter(|(_, value)| value.is_err());
-    PropertyMean::over(ranked.chain(undefined), count)
-}
-
-/// The `count` best scores, best first, for choosing by one metric and averaging another. Of equal
-/// scores the earlier comes first; those without a finite value are never among them.
-pub fn best_properties(
-    scores: &[PropertyScore],
-    count: usize,
-    better: Better,
-) -> Vec<&PropertyScore> {
-    let defined = scores
-        .iter()
-        .filter_map(|score| Some((checked(score).1.ok()?, score)));
-    let mut ranked: Vec<(f64, &PropertyScore)> = defined.collect();
-    ranked.sort_by(|(a, _), (b, _)| match better {
+    let (mut ranked, mut undefined) = (Vec::new(), Vec::new());
+    for (property, value) in scores.iter().map(checked) {
+        match value {
+            Ok(value) => ranked.push((property, value)),
+            Err(reason) => undefined.push((property, Err(reason))),
+        }
+    }
+    ranked.sort_by(|(_, a), (_, b)| match better {
         // Adding zero makes -0 and 0 one value.
         Better::Higher => (b + 0.0).total_cmp(&(a + 0.0)),
         Better::Lower => (a + 0.0).total_cmp(&(b + 0.0)),
     });
     let best = ranked.into_iter().take(count);
-    best.map(|(_, score)| score).collect()
+    let best = best.map(|(property, value)| (property, Ok(value)));
+    PropertyMean::over(best.chain(undefined), count)
 }
 
 fn names(scores: &[PropertyScore]) -> impl Iterator<Item = &str> {

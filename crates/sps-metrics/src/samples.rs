@@ -2,7 +2,7 @@ use crate::accumulate::ScoreAccumulator;
 use crate::interval::Scale;
 use crate::moments::Moments;
 use crate::outcome::{NonFiniteKind, Outcome, Quantity, Undefined};
-use crate::percent::PercentErrorAccumulator;
+use crate::percent::median_percent_error;
 use crate::ranks;
 
 /// One sample: what was measured and what the model said.
@@ -115,8 +115,8 @@ impl<'a> Samples<'a> {
     ///
     /// [`Undefined::AllTruthsZero`].
     pub fn median_percent_error(self) -> Outcome {
-        let mut accumulator: PercentErrorAccumulator = self.pairs()?.collect();
-        accumulator.score()
+        self.accumulate()?.samples()?;
+        median_percent_error(self.pairs()?)
     }
 
     /// Spearman's rank correlation, -1 to 1; equal values share their average rank.

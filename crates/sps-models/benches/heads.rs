@@ -26,6 +26,10 @@ fn rows() -> Vec<Model> {
             ..CrossModal::default()
         })
     };
+    let tactile = LabelSource::TactileCluster {
+        clusters: 15,
+        standardise_tactile: true,
+    };
     let visuo_tactile = || LabelSource::VisuoTactileCluster {
         clusters: 15,
         components: 15,
@@ -36,13 +40,7 @@ fn rows() -> Vec<Model> {
         with(false, None),
         with(true, None),
         with(false, Some(LabelSource::Material {})),
-        with(
-            false,
-            Some(LabelSource::TactileCluster {
-                clusters: 15,
-                standardise_tactile: true,
-            }),
-        ),
+        with(false, Some(tactile)),
         with(false, Some(visuo_tactile())),
         with(true, Some(visuo_tactile())),
     ]
@@ -67,24 +65,19 @@ fn train(rows: &[Model], epochs: usize, data: &TrainingData<'_>, plan: &Plan) ->
 
 fn ablation(c: &mut Criterion) -> Result<()> {
     let embeddings = (0..SURFACES * WIDTH).map(|i| value(i * i) as f32);
-    let table: Vec<Vec<Option<f64>>> = (0..SURFACES)
-        .map(|s| {
-            (0..PROPERTIES)
-                .map(|p| Some(100.0 * value(s * 31 + p * s)))
-                .collect()
-        })
-        .collect();
+    let row = |s: usize| {
+        let readings = (0..PROPERTIES).map(|p| Some(100.0 * value(s * 31 + p * s)));
+        readings.collect::<Vec<_>>()
+    };
+    let table: Vec<_> = (0..SURFACES).map(row).collect();
     let names: Vec<String> = (0..PROPERTIES).map(|p| format!("p{p}")).collect();
     let readings = Readings::new(names.clone(), &table)?;
     let embeddings = Embeddings::new(embeddings.collect(), [SURFACES, 1, WIDTH])?;
     let materials: Vec<String> = (0..SURFACES).map(|s| format!("m{}", s % 15)).collect();
     let data = TrainingData::new(&embeddings, &readings).with_materials(&materials);
-    let rerun = |number: u64| Rerun {
-        number,
-        training: (0..SURFACES)
-            .filter(|&s| !(s as u64 + number).is_multiple_of(10))
-            .collect(),
-        validation: Vec::new(),
+    let rerun = |number: u64| {
+        let kept = |s: &usize| !(*s as u64 + number).is_multiple_of(10);
+        Rerun::new(number, (0..SURFACES).filter(kept))
     };
     let plan = Plan::each(1, &names, (0..3).map(rerun).collect());
     let rows = rows();

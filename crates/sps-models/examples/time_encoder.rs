@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         EncoderKind::I3d => stripes(&[batch, 3, 16, 112, 112])?,
         _ => stripes(&[batch, 3, 224, 224])?,
     };
-    let encoder = Encoder::seeded(kind, 0, &Device::Cpu)?;
+    let encoder = Encoder::seeded(kind, 0)?;
     if let Some(precision) = what.strip_prefix("training-") {
         let trainable = TrainableEncoder::new(&encoder)?;
         let mut trainable = trainable.with_precision(precision.parse()?)?;

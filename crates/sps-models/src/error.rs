@@ -1,9 +1,5 @@
 use std::fmt;
 
-#[cfg(feature = "heads")]
-use crate::heads::HeadError;
-#[cfg(feature = "heads")]
-use crate::labels::LabelError;
 use crate::weights::WeightsError;
 
 /// The result of everything in this crate that can fail.
@@ -16,14 +12,10 @@ pub enum Error {
     /// A weights file could not be read, or does not fit the network.
     #[error(transparent)]
     Weights(#[from] WeightsError),
-    /// A head could not be configured, trained, stored or used.
+    /// An observer has stopped the training of heads.
     #[cfg(feature = "heads")]
-    #[error(transparent)]
-    Head(#[from] HeadError),
-    /// Labels could not be formed.
-    #[cfg(feature = "heads")]
-    #[error(transparent)]
-    Label(#[from] LabelError),
+    #[error("the training was stopped")]
+    Stopped,
     /// The kernels cannot have a tensor.
     #[error(transparent)]
     Kernels(sps_kernels::Error),
@@ -31,7 +23,8 @@ pub enum Error {
     #[cfg(feature = "heads")]
     #[error(transparent)]
     Regression(sps_regress::Error),
-    /// A tensor or an image handed in has the wrong shape, type or values.
+    /// A tensor, an image or a table handed in has the wrong shape, type or values; a setting is out of its
+    /// range.
     #[error("{what}: found {found}, expected {expected}")]
     Input {
         /// The argument.
@@ -82,6 +75,20 @@ impl Error {
             expected: expected.to_string(),
         }
     }
+}
+
+/// Refuses a setting, by its key, that does not hold what is `expected`.
+#[cfg(feature = "heads")]
+pub(crate) fn require(
+    holds: bool,
+    key: &'static str,
+    found: impl fmt::Display,
+    expected: impl fmt::Display,
+) -> Result<()> {
+    if holds {
+        return Ok(());
+    }
+    Err(Error::input(key, found, expected))
 }
 
 /// What the kernels refuse is what this crate refuses.

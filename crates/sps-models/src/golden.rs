@@ -1,10 +1,12 @@
-//! Tensors as the scripts in `fixtures/golden` fill them, and the files they wrote.
+//! Tensors as the scripts in `fixtures/golden` fill them, the files they wrote, and how far results are off.
 
 use std::collections::HashMap;
+use std::path::PathBuf;
 
 use candle_core::{DType, Device, Tensor};
 
-use crate::weights::TensorSpec;
+use crate::encoders::{Encoder, EncoderKind};
+use crate::weights::{TensorSpec, Weights};
 
 #[path = "../../../fixtures/golden/rule.rs"]
 mod rule;
@@ -19,20 +21,72 @@ pub(crate) fn tensor(name: &str, shape: &[usize]) -> Tensor {
     Tensor::from_vec(values, shape, &Device::Cpu).unwrap()
 }
 
+/// The same in f32, which holds all their digits.
+pub(crate) fn input(name: &str, shape: &[usize]) -> Tensor {
+    tensor(name, shape).to_dtype(DType::F32).unwrap()
+}
+
 /// A network's tensor as the scripts fill it, f32.
 pub(crate) fn weight(spec: &TensorSpec) -> Tensor {
     let values = weights::weight(&spec.name, &spec.shape);
     Tensor::from_vec(values, spec.shape.as_slice(), &Device::Cpu).unwrap()
 }
 
+/// All of a network's, by the names that `rename` makes.
+pub(crate) fn weights(kind: EncoderKind, rename: impl Fn(&str) -> String) -> Weights {
+    let tensors = kind.specs().into_iter();
+    let tensors = tensors.map(|spec| (rename(&spec.name), weight(&spec)));
+    Weights::from_tensors("the golden rule", tensors).unwrap()
+}
+
+/// An encoder with these weights.
+pub(crate) fn encoder(kind: EncoderKind) -> Encoder {
+    Encoder::new(kind, weights(kind, str::to_owned)).unwrap()
+}
+
+fn path(file: &str) -> PathBuf {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/golden");
+    folder.join(file)
+}
+
 /// The tensors of a file.
 pub(crate) fn load(file: &str) -> HashMap<String, Tensor> {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/golden");
-    candle_core::safetensors::load(folder.join(file), &Device::Cpu).unwrap()
+    candle_core::safetensors::load(path(file), &Device::Cpu).unwrap()
+}
+
+/// What a file of JSON holds.
+pub(crate) fn json(file: &str) -> serde_json::Value {
+    serde_json::from_str(&std::fs::read_to_string(path(file)).unwrap()).unwrap()
 }
 
 /// The elements of a tensor of either type, f64.
 pub(crate) fn values(tensor: &Tensor) -> Vec<f64> {
     let tensor = tensor.to_dtype(DType::F64).unwrap();
     tensor.flatten_all().unwrap().to_vec1().unwrap()
+}
+
+/// The elements of a tensor of f32.
+pub(crate) fn numbers(tensor: &Tensor) -> Vec<f32> {
+    tensor.flatten_all().unwrap().to_vec1().unwrap()
+}
+
+/// The root of the sum of squares.
+pub(crate) fn norm(values: &[f64]) -> f64 {
+    values.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+/// The norm of the difference relative to that of what is expected.
+pub(crate) fn relative(found: &Tensor, expected: &Tensor) -> f64 {
+    assert_eq!(found.dims(), expected.dims());
+    let (found, expected) = (values(found), values(expected));
+    let differences: Vec<f64> = found.iter().zip(&expected).map(|(f, e)| f - e).collect();
+    let error = norm(&differences) / norm(&expected);
+    assert!(error.is_finite());
+    error
+}
+
+/// What `run` gives on so many threads.
+pub(crate) fn on_threads<R: Send>(threads: usize, run: impl FnOnce() -> R + Send) -> R {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    pool.build().unwrap().install(run)
 }

@@ -13,7 +13,7 @@
 //! let images = Tensor::rand(0.0_f32, 1.0, (2, 3, 64, 48), &Device::Cpu)?;
 //!
 //! // Frozen: `Encoder::load` reads weights from a file instead.
-//! let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
+//! let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0)?;
 //! assert_eq!(encoder.embed(&images)?.dims(), [2, encoder.width()]);
 //!
 //! // Trained: every weight is a variable, with a gradient after the backward pass.
@@ -33,7 +33,7 @@
 //!   takes [`Embeddings`](embeddings_of) too; models of both are read by [`fitted_from_bytes`].
 //! - [`labels`]: the classes that the cross-modal estimator learns from.
 //! - [`training`]: an encoder learns from images, end to end.
-//! - [`optim`]: Adam as PyTorch has it.
+//! - [`optim`]: the settings of the optimiser.
 //!
 //! # Features
 //!
@@ -43,9 +43,6 @@
 //! |---|---|---|
 //! | `heads` | [`heads`], [`labels`] by material, [`training`], [`optim`] | sps-regress with faer and ndarray |
 //! | `clusters` | `heads`, [`labels`] by k-means | linfa too |
-//!
-//! `cuda` and `metal` (off by default) are candle's. On such a device the encoders run by candle's
-//! own operators; the kernels, those of `sps-kernels`, are for the CPU.
 
 mod differentiable;
 pub mod encoders;

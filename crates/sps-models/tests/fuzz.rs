@@ -3,6 +3,8 @@
 
 #[path = "../../../fixtures/fuzz/mod.rs"]
 mod fuzz;
+#[path = "../../../fixtures/fuzz/surfaces.rs"]
+mod surfaces;
 
 use std::error::Error;
 
@@ -20,7 +22,8 @@ use sps_models::weights::{Storage, Weights};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_regress::ridge::{Ridge, RidgeConfig};
 use sps_regress::stacking::Stacking;
-use sps_regress::{Embeddings, Plan, Readings, Regressor, Rerun, TrainingData, Views};
+use sps_regress::{Regressor, Views};
+use surfaces::Made;
 
 #[global_allocator]
 static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
@@ -35,54 +38,17 @@ fn weights() -> Weights {
     Weights::from_tensors("seed", tensors).unwrap()
 }
 
-const WIDTH: usize = 4;
-
-/// Twelve surfaces of three views.
-struct Made {
-    embeddings: Embeddings,
-    readings: Readings,
-}
-
-impl Made {
-    fn new() -> Self {
-        let values: Vec<f32> = (0..12 * 3 * WIDTH)
-            .map(|i| (i * i % 17) as f32 / 17.0)
-            .collect();
-        let rows: Vec<_> = (0..12).map(|s| vec![Some(f64::from(s % 5))]).collect();
-        Self {
-            embeddings: Embeddings::new(values, [12, 3, WIDTH]).unwrap(),
-            readings: Readings::new(vec!["p".into()], &rows).unwrap(),
-        }
-    }
-
-    fn data(&self) -> TrainingData<'_> {
-        TrainingData::new(&self.embeddings, &self.readings)
-    }
-
-    fn plan(&self) -> Plan {
-        let rerun = Rerun {
-            number: 0,
-            training: (0..10).collect(),
-            validation: Vec::new(),
-        };
-        Plan::each(1, self.readings.properties(), vec![rerun])
-    }
-
-    /// Fitted to all three views.
-    fn heads(&self, input: Input, model: Model) -> Vec<u8> {
-        let mut plan = self.plan();
-        for trial in &mut plan.trials {
-            trial.views = Views::Fixed(vec![0, 1, 2]);
-        }
-        let head = Head::new(HeadConfig {
-            input,
-            model,
-            epochs: 1,
-            ..HeadConfig::default()
-        });
-        let trained = head.unwrap().train(&self.data(), &plan, &());
-        trained.unwrap().to_bytes().unwrap()
-    }
+/// Fitted to all three views.
+fn heads(made: &Made, input: Input, model: Model) -> Vec<u8> {
+    let plan = made.plan().with_views(&Views::Fixed(vec![0, 1, 2]));
+    let head = Head::new(HeadConfig {
+        input,
+        model,
+        epochs: 1,
+        ..HeadConfig::default()
+    });
+    let trained = head.unwrap().train(&made.data(), &plan, &());
+    trained.unwrap().to_bytes().unwrap()
 }
 
 #[test]
@@ -100,8 +66,8 @@ fn trained_heads() {
         })
     };
     let files = vec![
-        made.heads(Input::ViewPooling {}, Model::Regression {}),
-        made.heads(Input::LateFusion { views: 3 }, cross_modal()),
+        heads(&made, Input::ViewPooling {}, Model::Regression {}),
+        heads(&made, Input::LateFusion { views: 3 }, cross_modal()),
     ];
     fuzz("trained heads", &broken(files), |bytes| {
         if let Some(heads) = said(TrainedHeads::from_bytes("file", &bytes)) {
@@ -114,13 +80,11 @@ fn trained_heads() {
 #[test]
 fn relations_without_end_are_refused() {
     for count in [1 << 32, usize::MAX] {
-        let scales = vec![
-            RelationScale {
-                views: count,
-                relations: count,
-            };
-            2
-        ];
+        let scale = RelationScale {
+            views: count,
+            relations: count,
+        };
+        let scales = vec![scale; 2];
         let head = Head::new(HeadConfig {
             input: Input::Relations { scales },
             model: Model::CrossModal(CrossModal::default()),
@@ -169,7 +133,7 @@ impl ImageSource for Greys {
 
 #[test]
 fn training_states() {
-    let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 1, &Device::Cpu).unwrap();
+    let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 1).unwrap();
     let targets = || Targets {
         classes: Some(Classes {
             of_image: vec![0, 1, 0, 1, 0, 1],

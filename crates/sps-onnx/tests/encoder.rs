@@ -39,32 +39,25 @@ fn with(settings: Settings) -> Result<OnnxEncoder, String> {
 fn outputs_are_those_of_pytorch_averaged() {
     let encoder = with(Settings::default()).unwrap();
     let named = [("pooled", 3), ("tokens", 4), ("map", 4)];
-    assert_eq!(
-        encoder.blocks(),
-        named.map(|(name, width)| (name.to_owned(), width))
-    );
-    assert_eq!(
-        (encoder.file(), encoder.size(), encoder.width()),
-        ("tiny.onnx", 16, 11)
-    );
+    let named = named.map(|(name, width)| (name.to_owned(), width));
+    assert_eq!(encoder.blocks(), named);
+    let found = (encoder.file(), encoder.size(), encoder.width());
+    assert_eq!(found, ("tiny.onnx", 16, 11));
     let black = vec![0.0; 20 * 16 * 3];
     let embedded = encoder.embed(&[&black, &image()], [20, 16]).unwrap();
     for (found, expected) in embedded[11..].iter().zip(PYTORCH) {
         assert!((found - expected).abs() < 1e-6, "{found}, {expected}");
     }
-    assert_eq!(
-        encoder.embed(&[&image()], [20, 16]).unwrap(),
-        embedded[11..]
-    );
+    let alone = encoder.embed(&[&image()], [20, 16]).unwrap();
+    assert_eq!(alone, embedded[11..]);
 
     let outputs = vec!["map".to_owned(), "pooled".to_owned()];
     let some = with(Settings {
         outputs,
         ..Settings::default()
-    })
-    .unwrap();
-    let parts = [&embedded[18..], &embedded[11..14]].concat();
-    assert_eq!(some.embed(&[&image()], [20, 16]).unwrap(), parts);
+    });
+    let some = some.unwrap().embed(&[&image()], [20, 16]).unwrap();
+    assert_eq!(some, [&embedded[18..], &embedded[11..14]].concat());
 }
 
 #[test]
@@ -79,33 +72,26 @@ fn settings_and_images_that_do_not_fit_are_refused() {
             "tiny.onnx: outputs: found `",
             "each once of pooled, tokens, map",
         ];
-        said(
-            Settings {
-                outputs,
-                ..default.clone()
-            },
-            &parts,
-        );
+        let settings = Settings {
+            outputs,
+            ..default.clone()
+        };
+        said(settings, &parts);
     }
     let settings = Settings {
         size: Some(17),
         ..default.clone()
     };
     said(settings, &["size: found 17, expected the file's, 16"]);
-    said(
-        Settings {
-            std: [0.0; 3],
-            ..default.clone()
-        },
-        &["mean and std", "above 0"],
-    );
+    let settings = Settings {
+        std: [0.0; 3],
+        ..default.clone()
+    };
+    said(settings, &["mean and std", "above 0"]);
     let encoder = with(default).unwrap();
     for size in [[15, 64], [20, 17]] {
-        let error = encoder.embed(&[&image()], size).unwrap_err();
-        assert!(
-            error.to_string().contains("sides of at least 16"),
-            "{error}"
-        );
+        let error = encoder.embed(&[&image()], size).unwrap_err().to_string();
+        assert!(error.contains("sides of at least 16"), "{error}");
     }
 }
 
@@ -120,16 +106,10 @@ fn an_unknown_operator_is_named() {
     let bytes = std::fs::read(fixture()).unwrap();
     // The operator's type, field 4 of its node.
     let kind = field(4, b"Softmax");
-    let at = bytes
-        .windows(kind.len())
-        .position(|part| part == kind)
-        .unwrap();
-    let changed = [
-        &bytes[..at],
-        &field(4, b"Softmix"),
-        &bytes[at + kind.len()..],
-    ]
-    .concat();
+    let mut windows = bytes.windows(kind.len());
+    let at = windows.position(|part| part == kind).unwrap();
+    let rest = &bytes[at + kind.len()..];
+    let changed = [&bytes[..at], &field(4, b"Softmix"), rest].concat();
     refused(&changed, "Softmix operator not supported");
 }
 

@@ -32,11 +32,7 @@ fn main() -> sps_regress::Result<()> {
         .collect();
     let readings = Readings::new(vec!["friction".into()], &rows)?;
     let data = TrainingData::new(&embeddings, &readings);
-    let rerun = Rerun {
-        number: 0,
-        training: (0..TRAINING).collect(),
-        validation: Vec::new(),
-    };
+    let rerun = Rerun::new(0, 0..TRAINING);
     let plan = Plan::each(1, readings.properties(), vec![rerun]);
 
     let ridge = || Ridge::new(RidgeConfig::default());

@@ -92,30 +92,31 @@ impl Content {
         }
     }
 
-    /// `(rows, length)`, f64.
-    pub(crate) fn rows(name: String, rows: &[&[f64]], length: usize) -> Self {
+    /// The training surfaces that some models share, f32, `(surfaces, views, width)`, and those models' `what`,
+    /// f64, `(models, surfaces)`.
+    pub(crate) fn set(
+        at: usize,
+        embeddings: &Embeddings,
+        what: &str,
+        rows: &[&[f64]],
+    ) -> [Self; 2] {
+        let surfaces = embeddings.surfaces();
+        let seen = embeddings.values().iter();
         let values = rows.iter().copied().flatten();
-        Self {
-            name,
-            dtype: Dtype::F64,
-            shape: vec![rows.len(), length],
-            bytes: values.flat_map(|value| value.to_le_bytes()).collect(),
-        }
-    }
-
-    /// `(surfaces, views, width)`, f32.
-    pub(crate) fn embeddings(name: String, embeddings: &Embeddings) -> Self {
-        let values = embeddings.values().iter();
-        Self {
-            name,
-            dtype: Dtype::F32,
-            shape: vec![
-                embeddings.surfaces(),
-                embeddings.views(),
-                embeddings.width(),
-            ],
-            bytes: values.flat_map(|value| value.to_le_bytes()).collect(),
-        }
+        [
+            Self {
+                name: format!("{at}/embeddings"),
+                dtype: Dtype::F32,
+                shape: vec![surfaces, embeddings.views(), embeddings.width()],
+                bytes: seen.flat_map(|value| value.to_le_bytes()).collect(),
+            },
+            Self {
+                name: format!("{at}/{what}"),
+                dtype: Dtype::F64,
+                shape: vec![rows.len(), surfaces],
+                bytes: values.flat_map(|value| value.to_le_bytes()).collect(),
+            },
+        ]
     }
 }
 
@@ -128,6 +129,9 @@ pub(crate) fn stored_blocks<'a>(
         Some(blocks) => blocks.to_vec(),
     }
 }
+
+/// What models of one set of training surfaces have of these, model by model.
+pub(crate) type Rows = std::vec::IntoIter<Vec<f64>>;
 
 /// The tensors of a file.
 pub(crate) struct Contents<'a> {
@@ -153,8 +157,20 @@ impl<'a> Contents<'a> {
         Ok(bytes)
     }
 
-    /// What [`Content::rows`] wrote, every number finite.
-    pub(crate) fn rows(&self, name: &str, length: usize) -> Result<Vec<Vec<f64>>> {
+    /// What [`Content::set`] wrote, of embeddings in [blocks](stored_blocks).
+    pub(crate) fn set(
+        &self,
+        at: usize,
+        what: &str,
+        blocks: &[usize],
+    ) -> Result<(Embeddings, Rows)> {
+        let embeddings = self.embeddings(&format!("{at}/embeddings"), blocks)?;
+        let rows = self.rows(&format!("{at}/{what}"), embeddings.surfaces())?;
+        Ok((embeddings, rows.into_iter()))
+    }
+
+    /// Rows of finite numbers.
+    fn rows(&self, name: &str, length: usize) -> Result<Vec<Vec<f64>>> {
         let ([rows, found], bytes) = self.tensor(name, Dtype::F64)?;
         if found != length || length == 0 {
             let found = format_args!("{name} of shape [{rows}, {found}]");
@@ -171,8 +187,8 @@ impl<'a> Contents<'a> {
         Ok(values.chunks(length).map(<[f64]>::to_vec).collect())
     }
 
-    /// What [`Content::embeddings`] wrote, of one surface or more, in [blocks](stored_blocks).
-    pub(crate) fn embeddings(&self, name: &str, blocks: &[usize]) -> Result<Embeddings> {
+    /// Embeddings of one surface or more.
+    fn embeddings(&self, name: &str, blocks: &[usize]) -> Result<Embeddings> {
         let (shape, bytes) = self.tensor::<3>(name, Dtype::F32)?;
         // With these the product of the others might be more than a number holds.
         if shape.contains(&0) {

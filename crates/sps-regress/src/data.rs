@@ -277,29 +277,21 @@ impl Readings {
         }
         for (at, name) in properties.iter().enumerate() {
             if properties[..at].contains(name) {
-                return Err(Error::input(
-                    "readings",
-                    format_args!("property {name:?} twice"),
-                    "each property once",
-                ));
+                let found = format_args!("property {name:?} twice");
+                return Err(Error::input("readings", found, "each property once"));
             }
         }
         let mut cells = Vec::with_capacity(rows.len() * properties.len());
         for (surface, row) in rows.iter().enumerate() {
             if row.len() != properties.len() {
-                return Err(Error::input(
-                    "readings",
-                    format_args!("{} cells for surface {surface}", row.len()),
-                    format_args!("{}", properties.len()),
-                ));
+                let found = format_args!("{} cells for surface {surface}", row.len());
+                return Err(Error::input("readings", found, properties.len()));
             }
             for (property, cell) in properties.iter().zip(row) {
                 if let Some(value) = cell.filter(|value| !value.is_finite()) {
-                    return Err(Error::input(
-                        "readings",
-                        format_args!("{value} for {property} of surface {surface}"),
-                        "a finite value, or none",
-                    ));
+                    let found = format_args!("{value} for {property} of surface {surface}");
+                    let expected = "a finite value, or none";
+                    return Err(Error::input("readings", found, expected));
                 }
             }
             cells.extend_from_slice(row);
@@ -346,10 +338,9 @@ impl Readings {
 pub fn check_indices(what: &'static str, indices: &[usize], count: usize) -> Result<()> {
     match indices.iter().find(|&&index| index >= count) {
         None => Ok(()),
-        Some(index) => Err(Error::input(
-            what,
-            format_args!("index {index}"),
-            format_args!("below {count}"),
-        )),
+        Some(index) => {
+            let found = format_args!("index {index}");
+            Err(Error::input(what, found, format_args!("below {count}")))
+        }
     }
 }

@@ -42,11 +42,8 @@ pub(crate) fn fit_groups<T: Send>(
     let mut groups: BTreeMap<(&[usize], Vec<usize>), Vec<Job<'_>>> = BTreeMap::new();
     for (at, trial) in plan.trials.iter().enumerate() {
         let Views::Fixed(views) = &trial.views else {
-            return Err(Error::input(
-                "views of a trial",
-                "ones that change",
-                "fixed ones",
-            ));
+            let what = "views of a trial";
+            return Err(Error::input(what, "ones that change", "fixed ones"));
         };
         let (surfaces, values) = plan.readings(data, trial).into_iter().unzip();
         let job = Job { at, trial, values };

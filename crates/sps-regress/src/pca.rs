@@ -113,11 +113,8 @@ fn decompose(table: &Mat<f64>) -> Result<(Vec<f64>, Mat<f64>)> {
         )
     })
     .map_err(|_| {
-        Error::input(
-            "principal components",
-            "no decomposition",
-            "one that converges",
-        )
+        let (what, expected) = ("principal components", "one that converges");
+        Error::input(what, "no decomposition", expected)
     })?;
     Ok((singular.iter().copied().collect(), right))
 }

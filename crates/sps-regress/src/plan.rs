@@ -62,17 +62,13 @@ impl<'a> TrainingData<'a> {
             ("materials", self.materials.map(<[_]>::len)),
             ("units", self.units.map(<[_]>::len)),
         ];
-        match others
-            .iter()
-            .find(|(_, n)| n.is_some_and(|n| n != surfaces))
-        {
-            None => Ok(()),
-            Some((what, found)) => refuse_plan(
-                what,
-                format!("{} surfaces", found.unwrap_or_default()),
-                format!("{surfaces}, as there are embeddings"),
-            ),
+        for (what, found) in others {
+            if let Some(found) = found.filter(|&found| found != surfaces) {
+                let expected = format!("{surfaces}, as there are embeddings");
+                return refuse_plan(what, format!("{found} surfaces"), expected);
+            }
         }
+        Ok(())
     }
 }
 
@@ -129,21 +125,27 @@ pub enum Views {
 impl Plan {
     /// One trial for each of the properties in each rerun, all on view 0.
     pub fn each(seed: u64, properties: &[String], reruns: Vec<Rerun>) -> Self {
-        let trials = reruns
-            .iter()
-            .flat_map(|rerun| {
-                properties.iter().map(|property| Trial {
-                    property: property.clone(),
-                    rerun: rerun.number,
-                    views: Views::Fixed(vec![0]),
-                })
+        let trials = reruns.iter().flat_map(|rerun| {
+            properties.iter().map(|property| Trial {
+                property: property.clone(),
+                rerun: rerun.number,
+                views: Views::Fixed(vec![0]),
             })
-            .collect();
+        });
         Self {
             seed,
+            trials: trials.collect(),
             reruns,
-            trials,
         }
+    }
+
+    /// With these views in every trial.
+    #[must_use]
+    pub fn with_views(mut self, views: &Views) -> Self {
+        for trial in &mut self.trials {
+            trial.views = views.clone();
+        }
+        self
     }
 
     /// Refuses a plan that does not fit the data, or a model that takes `views` views; `None` is
@@ -156,12 +158,8 @@ impl Plan {
         data.check()?;
         for (at, rerun) in self.reruns.iter().enumerate() {
             if self.reruns[..at].iter().any(|r| r.number == rerun.number) {
-                let number = rerun.number;
-                return refuse_plan(
-                    "reruns",
-                    format!("number {number} twice"),
-                    "each number once",
-                );
+                let found = format!("number {} twice", rerun.number);
+                return refuse_plan("reruns", found, "each number once");
             }
             rerun.check(data)?;
         }
@@ -226,6 +224,15 @@ impl Plan {
 }
 
 impl Rerun {
+    /// Without surfaces for validation.
+    pub fn new(number: u64, training: impl IntoIterator<Item = usize>) -> Self {
+        Self {
+            number,
+            training: training.into_iter().collect(),
+            validation: Vec::new(),
+        }
+    }
+
     fn check(&self, data: &TrainingData<'_>) -> Result<()> {
         if self.training.is_empty() {
             let what = format!("training surfaces of rerun {}", self.number);

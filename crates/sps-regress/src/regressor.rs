@@ -232,7 +232,7 @@ pub struct OtherKind {
 /// # let embeddings = Embeddings::new(vec![1.0, 2.0], [2, 1, 1])?;
 /// # let readings = Readings::new(vec!["friction".into()], &[vec![Some(3.0)], vec![Some(4.0)]])?;
 /// # let data = TrainingData::new(&embeddings, &readings);
-/// # let rerun = Rerun { number: 0, training: vec![0, 1], validation: vec![] };
+/// # let rerun = Rerun::new(0, vec![0, 1]);
 /// # let plan = Plan::each(7, readings.properties(), vec![rerun]);
 /// let fitted = Nearest.fit(&data, &plan)?;
 /// let bytes = fitted.to_bytes()?;
@@ -321,6 +321,17 @@ pub(crate) fn check_fits(
         return Ok(());
     }
     Err(Error::input(what, told(found), told(training)))
+}
+
+/// Refuses settings to choose from that are none, or not above zero.
+pub(crate) fn check_positive(what: &'static str, list: &[f64]) -> Result<()> {
+    if list.is_empty() {
+        return Err(Error::input(what, "none", "at least one"));
+    }
+    match list.iter().find(|&&v| !(v.is_finite() && v > 0.0)) {
+        None => Ok(()),
+        Some(value) => Err(Error::input(what, value, "numbers above 0")),
+    }
 }
 
 /// Refuses the first number that is not finite.

@@ -3,6 +3,8 @@
 
 #[path = "../../../fixtures/fuzz/mod.rs"]
 mod fuzz;
+#[path = "../../../fixtures/fuzz/surfaces.rs"]
+mod surfaces;
 
 use std::collections::HashMap;
 
@@ -12,46 +14,11 @@ use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_regress::nearest::Nearest;
 use sps_regress::ridge::{Ridge, RidgeConfig, TrainedRidges};
 use sps_regress::stacking::Stacking;
-use sps_regress::{
-    Embeddings, FittedRegressor, Plan, Readings, Regressor, Rerun, TrainingData, fitted_from_bytes,
-};
+use sps_regress::{FittedRegressor, Regressor, fitted_from_bytes};
+use surfaces::Made;
 
 #[global_allocator]
 static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
-
-const WIDTH: usize = 4;
-
-/// Twelve surfaces of three views.
-struct Made {
-    embeddings: Embeddings,
-    readings: Readings,
-}
-
-impl Made {
-    fn new() -> Self {
-        let values: Vec<f32> = (0..12 * 3 * WIDTH)
-            .map(|i| (i * i % 17) as f32 / 17.0)
-            .collect();
-        let rows: Vec<_> = (0..12).map(|s| vec![Some(f64::from(s % 5))]).collect();
-        Self {
-            embeddings: Embeddings::new(values, [12, 3, WIDTH]).unwrap(),
-            readings: Readings::new(vec!["p".into()], &rows).unwrap(),
-        }
-    }
-
-    fn data(&self) -> TrainingData<'_> {
-        TrainingData::new(&self.embeddings, &self.readings)
-    }
-
-    fn plan(&self) -> Plan {
-        let rerun = Rerun {
-            number: 0,
-            training: (0..10).collect(),
-            validation: Vec::new(),
-        };
-        Plan::each(1, self.readings.properties(), vec![rerun])
-    }
-}
 
 #[test]
 fn ridges() {
@@ -85,15 +52,12 @@ fn archives() {
         [Box::new(kernel), Box::new(Nearest), Box::new(stack)];
     for regressor in regressors {
         let fitted = regressor.fit(&made.data(), &made.plan()).unwrap();
-        fuzz(
-            fitted.kind(),
-            &broken(vec![fitted.to_bytes().unwrap()]),
-            |bytes| {
-                if let Some(read) = said(fitted_from_bytes(fitted.kind(), "file", &bytes, &[])) {
-                    said(read.predict(&made.embeddings));
-                }
-            },
-        );
+        let files = vec![fitted.to_bytes().unwrap()];
+        fuzz(fitted.kind(), &broken(files), |bytes| {
+            if let Some(read) = said(fitted_from_bytes(fitted.kind(), "file", &bytes, &[])) {
+                said(read.predict(&made.embeddings));
+            }
+        });
     }
 }
 

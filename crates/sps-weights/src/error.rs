@@ -94,6 +94,12 @@ pub enum WeightsErrorKind {
     },
 }
 
+impl WeightsErrorKind {
+    pub(crate) fn format(message: impl fmt::Display) -> Self {
+        Self::Format(message.to_string())
+    }
+}
+
 fn of_shape(shape: Option<&Vec<usize>>) -> String {
     shape.map_or_else(String::new, |shape| format!(" of shape {shape:?}"))
 }

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 
 use half::{bf16, f16};
+use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors, View};
 
 use crate::{RawTensor, Storage, WeightsErrorKind};
@@ -12,14 +13,13 @@ use crate::{RawTensor, Storage, WeightsErrorKind};
 pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
     let file = SafeTensors::deserialize(bytes)
         .map_err(|error| WeightsErrorKind::Format(format!("not a safetensors file: {error}")))?;
-    file.tensors()
-        .into_iter()
-        .map(|(name, view)| {
-            let values = to_f32(&name, view.dtype(), view.data())?;
-            let shape = view.shape().to_vec();
-            Ok((name, RawTensor { shape, values }))
-        })
-        .collect()
+    let tensor = |(name, view): (String, TensorView<'_>)| {
+        let shape = view.shape().to_vec();
+        let all = 0..shape.iter().product();
+        let values = to_f32(&name, view.dtype(), view.data(), all)?;
+        Ok((name, RawTensor { shape, values }))
+    };
+    file.tensors().into_iter().map(tensor).collect()
 }
 
 /// The tensors as a safetensors file, with a note (its name and text) in the metadata; the same tensors give the same bytes.
@@ -89,14 +89,20 @@ pub fn note(bytes: &[u8], name: &str) -> Result<String, WeightsErrorKind> {
     note.cloned().ok_or_else(missing)
 }
 
-fn to_f32(name: &str, dtype: Dtype, data: &[u8]) -> Result<Vec<f32>, WeightsErrorKind> {
+/// The elements at some places of a tensor's data, which must hold them.
+pub(super) fn to_f32(
+    name: &str,
+    dtype: Dtype,
+    data: &[u8],
+    places: impl Iterator<Item = usize>,
+) -> Result<Vec<f32>, WeightsErrorKind> {
     Ok(match dtype {
-        Dtype::F16 => elements(data, |b| f16::from_le_bytes(b).to_f32()),
-        Dtype::BF16 => elements(data, |b| bf16::from_le_bytes(b).to_f32()),
-        Dtype::F32 => elements(data, f32::from_le_bytes),
-        Dtype::F64 => elements(data, |b| f64::from_le_bytes(b) as f32),
+        Dtype::F16 => pick(data, places, |b| f16::from_le_bytes(b).to_f32()),
+        Dtype::BF16 => pick(data, places, |b| bf16::from_le_bytes(b).to_f32()),
+        Dtype::F32 => pick(data, places, f32::from_le_bytes),
+        Dtype::F64 => pick(data, places, |b| f64::from_le_bytes(b) as f32),
         // `num_batches_tracked`: a count, never used as a number here.
-        Dtype::I64 => elements(data, |b| i64::from_le_bytes(b) as f32),
+        Dtype::I64 => pick(data, places, |b| i64::from_le_bytes(b) as f32),
         other => {
             return Err(WeightsErrorKind::ElementType {
                 tensor: name.to_owned(),
@@ -106,9 +112,13 @@ fn to_f32(name: &str, dtype: Dtype, data: &[u8]) -> Result<Vec<f32>, WeightsErro
     })
 }
 
-fn elements<const N: usize>(data: &[u8], decode: impl Fn([u8; N]) -> f32) -> Vec<f32> {
+fn pick<const N: usize>(
+    data: &[u8],
+    places: impl Iterator<Item = usize>,
+    decode: impl Fn([u8; N]) -> f32,
+) -> Vec<f32> {
     let (elements, _) = data.as_chunks::<N>();
-    elements.iter().map(|bytes| decode(*bytes)).collect()
+    places.map(|place| decode(elements[place])).collect()
 }
 
 #[cfg(test)]

@@ -114,7 +114,6 @@ fn spoilt_weights(path: &Path, spoil: impl Fn(&str, &mut Vec<usize>) -> bool) {
     let encoder = sps_models::encoders::Encoder::seeded(
         sps_models::encoders::EncoderKind::EfficientNetLiteBody,
         0,
-        &candle_core::Device::Cpu,
     );
     let encoder = encoder.unwrap();
     let mut tensors = Vec::new();

@@ -208,7 +208,7 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
         ],
     );
     let dataset = DatasetFolder::open(&scratch.path("data"), &ReadSettings::default()).unwrap();
-    let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu).unwrap();
+    let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0).unwrap();
     let encoder = encoder.with_depths(&Depths::All).unwrap();
     let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
     let views = [0, 2, 4];

@@ -9,7 +9,6 @@ use rand_chacha::rand_core::{RngCore, SeedableRng};
 use sps_dataset::{DatasetFolder, ReadSettings, Source, TactileSettings};
 use sps_estimator::{Embedder, Network};
 use sps_metrics::{Pair, ScoreAccumulator, TrainingMean};
-use sps_models::candle::Device;
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData, Views};
@@ -87,7 +86,7 @@ const MEASURED: [usize; 4] = [10, 20, 40, 80];
 /// from.
 fn curves(dataset: &DatasetFolder, view: usize, held_out: usize) -> [[f64; 2]; MEASURED.len()] {
     const DRAWS: u64 = 20;
-    let encoder = Encoder::built_in(EncoderKind::EfficientNetLiteBody, &Device::Cpu).unwrap();
+    let encoder = Encoder::built_in(EncoderKind::EfficientNetLiteBody).unwrap();
     let encoder = encoder.with_depths(&Depths::All).unwrap();
     let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
     let count = dataset.surfaces().len();

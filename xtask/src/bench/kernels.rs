@@ -161,11 +161,7 @@ fn max_pool() -> Result<Pass> {
 }
 
 fn small_encoder() -> Result<Encoder> {
-    Ok(Encoder::seeded(
-        EncoderKind::EfficientNetLiteBody,
-        0,
-        &Device::Cpu,
-    )?)
+    Ok(Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0)?)
 }
 
 fn encoder() -> Result<Pass> {

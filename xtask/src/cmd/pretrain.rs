@@ -1,7 +1,6 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use candle_core::Device;
 use sps_experiment::config::Setting;
 use sps_experiment::files::write_atomically;
 use sps_experiment::training::{FrameImages, Task, TrainedEncoder, in_words, train};
@@ -83,10 +82,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 fn start(pretraining: &Pretraining) -> Result<Encoder> {
     let (kind, seed) = (pretraining.kind, pretraining.seed);
     let Some(path) = &pretraining.start else {
-        return Ok(Encoder::seeded(kind, seed, &Device::Cpu)?.with_depths(&pretraining.depths)?);
+        return Ok(Encoder::seeded(kind, seed)?.with_depths(&pretraining.depths)?);
     };
     let weights = Weights::read(path)?;
-    let (encoder, drawn) = Encoder::warm_started(kind, weights, seed, &Device::Cpu)?;
+    let (encoder, drawn) = Encoder::warm_started(kind, weights, seed)?;
     let all = kind.specs().len();
     info!(
         "started from {}: {} of {all} tensors",

@@ -34,7 +34,7 @@ pub(crate) struct Teacher<'a> {
 impl<'a> Teacher<'a> {
     pub(crate) fn read(spec: &'a TeacherSpec) -> Result<Self> {
         let weights = Weights::read(&spec.weights)?;
-        let encoder = Encoder::new(spec.kind, weights, &Device::Cpu)?;
+        let encoder = Encoder::new(spec.kind, weights)?;
         let encoder = encoder.with_depths(&spec.depths)?;
         Ok(Self { spec, encoder })
     }

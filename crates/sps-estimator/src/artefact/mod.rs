@@ -13,7 +13,6 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use sps_base::files::write_file;
 use sps_metrics::Level;
-use sps_models::candle::Device;
 use sps_models::encoders::{Block, Depths, Encoder, Precision};
 use sps_models::fitted_from_bytes;
 use sps_models::weights::Weights;
@@ -311,7 +310,7 @@ impl EncoderCard {
         }
         let weights = read_checked(folder, ENCODER, checksums)?;
         let weights = Weights::from_bytes(ENCODER, &weights).map_err(sps_models::Error::from)?;
-        let encoder = Encoder::new(self.name.parse()?, weights, &Device::Cpu)?;
+        let encoder = Encoder::new(self.name.parse()?, weights)?;
         let precision: Precision = self.precision.parse().map_err(sps_models::Error::from)?;
         let encoder = encoder.with_precision(precision)?;
         Ok(Network::Images(encoder.with_depths(&self.depths)?))

@@ -9,7 +9,6 @@ use sps_estimator::{
     Widths,
 };
 use sps_metrics::Level;
-use sps_models::candle::Device;
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_regress::ridge::{Ridge, RidgeConfig};
 use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
@@ -46,7 +45,7 @@ pub(crate) fn embedder() -> Embedder {
 }
 
 pub(crate) fn embedder_of(resize: Option<usize>) -> Embedder {
-    let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 3, &Device::Cpu).unwrap();
+    let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 3).unwrap();
     let encoder = encoder.with_depths(&Depths::All).unwrap();
     Embedder::new(Network::Images(encoder), resize).unwrap()
 }

@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use candle_core::Device;
 use sps_models::encoders::Encoder;
 use sps_models::training::{
     Epoch, ImageSource, Losses, Parts, Targets, Trainer, TrainingConfig, TrainingStep,
@@ -162,8 +161,7 @@ fn finished(task: &Task<'_>, folder: &Path) -> Result<Option<TrainedEncoder>> {
     let weights = Weights::from_bytes(&path.display().to_string(), &weights)?;
     info!("{}: trained before, {}", task.name, folder.display());
     Ok(Some(TrainedEncoder {
-        encoder: Encoder::new(task.start.kind(), weights, &Device::Cpu)?
-            .with_depths(task.start.depths())?,
+        encoder: Encoder::new(task.start.kind(), weights)?.with_depths(task.start.depths())?,
         history: serde_json::from_slice(&history).context("the record of a training")?,
         seconds: serde_json::from_slice(&seconds).context("the seconds of a training")?,
         folder: folder.to_owned(),

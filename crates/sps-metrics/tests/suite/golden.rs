@@ -1,87 +1,70 @@
 //! Against scikit-learn and SciPy.
 #![allow(clippy::unreadable_literal, reason = "as the scripts printed them")]
 
-use ndarray::{Array2, ArrayView2};
 use safetensors::SafeTensors;
-use sps_metrics::{Samples, Table, TableParts, TrainingMean};
+use sps_metrics::{Samples, Scores, TrainingMean};
 
-use crate::support::{assert_close, uniform, value};
+use crate::support::rule::uniform;
+use crate::support::{assert_close, value};
 
 const SURFACES: usize = 41;
 const PROPERTIES: usize = 15;
 /// Both sides are f64; what is left is the rounding of NumPy's sums over 41 values.
 const BOUND: f64 = 1e-13;
 
-struct Fixture {
-    truth: Array2<f64>,
-    estimate: Array2<f64>,
-    means: Vec<f64>,
-}
-
-fn fixture() -> Fixture {
-    let shape = (SURFACES, PROPERTIES);
-    let count = SURFACES * PROPERTIES;
-    let truth: Vec<f64> = uniform("golden/metrics.truth")
-        .map(|u| (u + 1.0) * 50.0)
-        .take(count)
-        .collect();
-    let errors = uniform("golden/metrics.error").map(|u| 12.0 * u);
-    let estimate = truth.iter().zip(errors).map(|(t, e)| t + e).collect();
-    Fixture {
-        truth: Array2::from_shape_vec(shape, truth).expect("the count is the product"),
-        estimate: Array2::from_shape_vec(shape, estimate).expect("the count is the product"),
-        means: uniform("golden/metrics.train_mean")
-            .map(|u| (u + 1.0) * 50.0)
-            .take(PROPERTIES)
-            .collect(),
-    }
+/// Truths, estimates and the mean of a training split, by property.
+fn fixture() -> Vec<(Vec<f64>, Vec<f64>, f64)> {
+    let rows = |name| uniform(name, SURFACES * PROPERTIES);
+    let (truth, error) = (rows("golden/metrics.truth"), rows("golden/metrics.error"));
+    let truth: Vec<f64> = truth.iter().map(|u| (u + 1.0) * 50.0).collect();
+    let estimate: Vec<f64> = truth.iter().zip(error).map(|(t, u)| t + 12.0 * u).collect();
+    let means = uniform("golden/metrics.train_mean", PROPERTIES).into_iter();
+    let of = |values: &[f64], property: usize| {
+        let column = values[property..].iter().step_by(PROPERTIES);
+        column.copied().collect()
+    };
+    let row = |(property, u): (usize, f64)| {
+        let mean = (u + 1.0) * 50.0;
+        (of(&truth, property), of(&estimate, property), mean)
+    };
+    means.enumerate().map(row).collect()
 }
 
 fn read(name: &str) -> Vec<f64> {
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../fixtures/golden/metrics.safetensors"
-    );
-    let bytes = std::fs::read(path).expect("the golden file");
+    let folder = env!("CARGO_MANIFEST_DIR");
+    let bytes = std::fs::read(format!(
+        "{folder}/../../fixtures/golden/metrics.safetensors"
+    ));
+    let bytes = bytes.expect("the golden file");
     let tensors = SafeTensors::deserialize(&bytes).expect("a safetensors file");
     let tensor = tensors.tensor(name).expect("a tensor of that name");
     assert_eq!(tensor.dtype(), safetensors::Dtype::F64);
-    let numbers = tensor.data().chunks_exact(8);
-    numbers
-        .map(|bytes| f64::from_le_bytes(bytes.try_into().expect("eight bytes")))
-        .collect()
-}
-
-fn view(array: &Array2<f64>) -> ArrayView2<'_, f64> {
-    array.view()
+    let (numbers, _) = tensor.data().as_chunks::<8>();
+    numbers.iter().map(|b| f64::from_le_bytes(*b)).collect()
 }
 
 #[test]
 fn scores_match_scikit_learn() {
-    let fixture = fixture();
-    let table = Table::new(TableParts {
-        truth: view(&fixture.truth),
-        estimate: view(&fixture.estimate),
-        measured: None,
-    })
-    .expect("equal shapes");
-    let means: Vec<_> = fixture
-        .means
-        .iter()
-        .copied()
-        .map(TrainingMean::new)
-        .collect();
-    let scores = table.scores(&means).expect("a mean per property");
-    assert_eq!(scores.len(), PROPERTIES);
-    for (property, scores) in scores.iter().enumerate() {
-        let found = [
-            ("r2_train_mean", &scores.r2),
-            ("r2_own_mean", &scores.r2_own_mean),
-            ("mae", &scores.mae),
-            ("median_percent_error", &scores.median_percent_error),
-        ];
-        for (name, outcome) in found {
-            assert_close(value(outcome), read(name)[property], BOUND);
+    let names = [
+        "r2_train_mean",
+        "r2_own_mean",
+        "mae",
+        "median_percent_error",
+    ];
+    let expected = names.map(read);
+    for (property, (truth, estimate, mean)) in fixture().iter().enumerate() {
+        let samples = Samples { truth, estimate };
+        let scores = Scores::of(samples, TrainingMean::new(*mean));
+        let Scores {
+            r2,
+            r2_own_mean,
+            mae,
+            median_percent_error,
+            ..
+        } = &scores;
+        let found = [r2, r2_own_mean, mae, median_percent_error];
+        for (outcome, expected) in found.into_iter().zip(&expected) {
+            assert_close(value(outcome), expected[property], BOUND);
         }
     }
 }
@@ -146,23 +129,18 @@ const SPEARMAN_TIED: [f64; PROPERTIES] = [
 
 #[test]
 fn rmse_and_spearman_match_scikit_learn_and_scipy() {
-    let fixture = fixture();
-    for property in 0..PROPERTIES {
-        let truth = fixture.truth.column(property).to_vec();
-        let estimate = fixture.estimate.column(property).to_vec();
-        let samples = Samples {
-            truth: &truth,
-            estimate: &estimate,
-        };
+    for (property, (truth, estimate, _)) in fixture().iter().enumerate() {
+        let samples = Samples { truth, estimate };
         assert_close(value(&samples.rmse()), RMSE[property], BOUND);
         assert_close(value(&samples.spearman()), SPEARMAN[property], BOUND);
 
+        let rounded = |values: &[f64], step: f64| -> Vec<f64> {
+            values.iter().map(|v| (v / step).round()).collect()
+        };
+        let (truth, estimate) = (rounded(truth, 20.0), rounded(estimate, 25.0));
         let tied = Samples {
-            truth: &truth.iter().map(|t| (t / 20.0).round()).collect::<Vec<_>>(),
-            estimate: &estimate
-                .iter()
-                .map(|p| (p / 25.0).round())
-                .collect::<Vec<_>>(),
+            truth: &truth,
+            estimate: &estimate,
         };
         assert_close(value(&tied.spearman()), SPEARMAN_TIED[property], BOUND);
     }

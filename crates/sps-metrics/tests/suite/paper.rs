@@ -9,11 +9,9 @@ const HALF_A_TENTH: f64 = 0.05 + 1e-9;
 const METHODS: usize = 10;
 
 fn tables() -> Table {
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../sps-experiment/src/paper.toml"
-    );
-    let text = std::fs::read_to_string(path).expect("the paper's tables");
+    let folder = env!("CARGO_MANIFEST_DIR");
+    let text = std::fs::read_to_string(format!("{folder}/../sps-experiment/src/paper.toml"));
+    let text = text.expect("the paper's tables");
     text.parse().expect("a TOML file")
 }
 
@@ -30,12 +28,11 @@ fn printed(method: &Value, key: &str) -> f64 {
 fn scores(tables: &Table, method: &Value, key: &str) -> Vec<PropertyScore> {
     let values = method[key].as_array().expect("a list of numbers");
     let named = names(tables, "properties").into_iter().zip(values);
-    let scores: Vec<PropertyScore> = named
-        .map(|(property, value)| PropertyScore {
-            property,
-            value: Ok(value.as_float().expect("a number")),
-        })
-        .collect();
+    let scores = named.map(|(property, value)| PropertyScore {
+        property,
+        value: Ok(value.as_float().expect("a number")),
+    });
+    let scores: Vec<PropertyScore> = scores.collect();
     assert_eq!(scores.len(), 15);
     scores
 }
@@ -56,10 +53,8 @@ fn means_match_the_printed_ones() {
         let percent = scores(&tables, method, "median-percent-error");
         let mean = mean_over_all(&percent).value.expect("fifteen values");
         let printed_mean = printed(method, "median-percent-error-mean");
-        assert!(
-            (mean - printed_mean).abs() <= HALF_A_TENTH,
-            "{name}: {mean}"
-        );
+        let near = (mean - printed_mean).abs() <= HALF_A_TENTH;
+        assert!(near, "{name}: {mean}");
 
         let eight = mean_over_named(&percent, &top8);
         let mean = eight.value.clone().expect("eight values");

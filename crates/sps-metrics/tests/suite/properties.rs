@@ -1,8 +1,7 @@
 //! Means over properties and over reruns.
 
 use sps_metrics::{
-    Better, PropertyScore, Undefined, best_properties, mean_over_all, mean_over_best,
-    mean_over_named, over_reruns,
+    Better, PropertyScore, Undefined, mean_over_all, mean_over_best, mean_over_named, over_reruns,
 };
 
 fn scores(values: &[(&str, Result<f64, Undefined>)]) -> Vec<PropertyScore> {
@@ -53,10 +52,7 @@ fn equal_scores_keep_their_order() {
         ("c", Ok(-0.0)),
         ("d", Ok(1.0)),
     ]);
-    let best = |better| -> Vec<&str> {
-        let best = best_properties(&scores, 3, better);
-        best.iter().map(|score| score.property.as_str()).collect()
-    };
+    let best = |better| mean_over_best(&scores, 3, better).properties;
     assert_eq!(best(Better::Higher), ["b", "d", "a"]);
     assert_eq!(best(Better::Lower), ["a", "c", "b"]);
 }
@@ -67,14 +63,10 @@ fn nothing_to_average_says_so() {
     let nothing = Err(Undefined::NothingDefined { of: 1 });
     assert_eq!(mean_over_all(&undefined).value, nothing);
     assert_eq!(mean_over_named(&[], &["fRS"]).value, nothing);
-    assert_eq!(
-        mean_over_named(&[], &["fRS"]).left_out,
-        [("fRS".to_owned(), Undefined::NotScored)]
-    );
-    assert_eq!(
-        mean_over_best(&[], 8, Better::Lower).value,
-        Err(Undefined::NothingDefined { of: 8 })
-    );
+    let left_out = [("fRS".to_owned(), Undefined::NotScored)];
+    assert_eq!(mean_over_named(&[], &["fRS"]).left_out, left_out);
+    let nothing = Err(Undefined::NothingDefined { of: 8 });
+    assert_eq!(mean_over_best(&[], 8, Better::Lower).value, nothing);
 }
 
 #[test]
@@ -86,10 +78,8 @@ fn a_property_counts_once() {
     assert_eq!(mean_over_all(&twice).value, repeated);
     assert_eq!(mean_over_best(&twice, 1, Better::Lower).value, repeated);
     assert_eq!(mean_over_named(&twice, &["fRS"]).value, repeated);
-    assert_eq!(
-        mean_over_named(&twice[..1], &["fRS", "fRS"]).value,
-        repeated
-    );
+    let named = mean_over_named(&twice[..1], &["fRS", "fRS"]);
+    assert_eq!(named.value, repeated);
 }
 
 #[test]
@@ -99,10 +89,8 @@ fn a_score_that_is_not_finite_is_none() {
     assert_eq!(mean.value, Ok(4.0));
     let reason = mean.left_out[0].1.to_string();
     assert_eq!(reason, "value 0 is NaN (1 of 1 samples are not finite)");
-    assert_eq!(
-        mean_over_best(&scores, 2, Better::Higher).properties,
-        ["cDF"]
-    );
+    let best = mean_over_best(&scores, 2, Better::Higher);
+    assert_eq!(best.properties, ["cDF"]);
 }
 
 #[test]
@@ -114,13 +102,8 @@ fn reruns_have_mean_and_sample_deviation() {
 
     let one = over_reruns([Err(Undefined::Empty), Ok(0.5)]);
     assert_eq!(one.mean, Ok(0.5));
-    assert_eq!(
-        one.std,
-        Err(Undefined::TooFewSamples {
-            found: 1,
-            needed: 2
-        })
-    );
+    let (found, needed) = (1, 2);
+    assert_eq!(one.std, Err(Undefined::TooFewSamples { found, needed }));
     assert_eq!((one.reruns, one.left_out), (1, vec![(0, Undefined::Empty)]));
 
     let none = over_reruns([Err(Undefined::OutOfRange)]);

@@ -1,9 +1,8 @@
 //! What has no score says why.
 
-use ndarray::array;
 use sps_metrics::{
-    InvalidLevel, Level, Metric, NonFiniteKind, Outcome, Quantity, Samples, Scores, ShapeError,
-    Table, TableParts, TrainingMean, Undefined,
+    InvalidLevel, Level, Metric, NonFiniteKind, Outcome, Quantity, Samples, Scores, TrainingMean,
+    Undefined,
 };
 
 use crate::support::every_metric;
@@ -61,20 +60,16 @@ fn a_constant_estimate_has_no_rank_correlation() {
         truth: &[1.0, 2.0, 3.0],
         estimate: &[7.0; 3],
     };
-    assert_eq!(
-        samples.spearman(),
-        Err(Undefined::ConstantEstimate { value: 7.0 })
-    );
+    let constant = Undefined::ConstantEstimate { value: 7.0 };
+    assert_eq!(samples.spearman(), Err(constant));
     assert!(samples.r2_own_mean().is_ok());
 }
 
 #[test]
 fn a_training_mean_is_finite_or_says_why_not() {
     let error = TrainingMean::new(f64::INFINITY).expect_err("it is infinite");
-    assert_eq!(
-        error.to_string(),
-        "training mean 0 is infinite (1 of 1 samples are not finite)"
-    );
+    let expected = "training mean 0 is infinite (1 of 1 samples are not finite)";
+    assert_eq!(error.to_string(), expected);
     assert_eq!(TrainingMean::of(&[]), Err(Undefined::Empty));
     let samples = Samples {
         truth: &[1.0, 2.0],
@@ -120,61 +115,4 @@ fn a_level_lies_between_zero_and_one() {
         assert!(matches!(Level::new(level), Err(InvalidLevel { .. })));
     }
     assert_eq!(Level::new(0.9), Ok(Level::P90));
-}
-
-#[test]
-fn unmeasured_cells_are_not_looked_at() {
-    let truth = array![[1.0, f64::NAN], [3.0, 5.0], [f64::NAN, 6.0]];
-    let estimate = array![[1.5, f64::INFINITY], [2.5, 5.5], [9.0, 7.0]];
-    let measured = array![[true, false], [true, true], [false, true]];
-    let table = Table::new(TableParts {
-        truth: truth.view(),
-        estimate: estimate.view(),
-        measured: Some(measured.view()),
-    })
-    .expect("equal shapes");
-    let column = table.column(1).expect("the second property");
-    assert_eq!(column.truth, [5.0, 6.0]);
-    assert_eq!(column.estimate, [5.5, 7.0]);
-    assert_eq!(column.rows, [1, 2]);
-    assert_eq!(table.column(2), None);
-
-    let scores = table.scores(&[TrainingMean::new(2.0), TrainingMean::of(&[])]);
-    let scores = scores.expect("a mean per property");
-    let mae = scores.iter().map(|scores| scores.mae.clone());
-    let mae: Vec<f64> = mae
-        .map(|mae| mae.expect("finite where measured").value)
-        .collect();
-    assert_eq!(mae, [0.5, 0.75]);
-    assert!(scores[0].r2.is_ok() && scores[1].r2.is_err());
-}
-
-#[test]
-fn a_table_of_unequal_shapes_is_refused() {
-    let truth = array![[1.0, 2.0], [3.0, 4.0]];
-    let turned = array![[1.0, 2.0]];
-    let refused = Table::new(TableParts {
-        truth: truth.view(),
-        estimate: turned.view(),
-        measured: None,
-    });
-    let error = ShapeError {
-        part: "estimate",
-        found: vec![1, 2],
-        truth: vec![2, 2],
-    };
-    assert_eq!(refused.map(|_| ()), Err(error));
-    let table = Table::new(TableParts {
-        truth: truth.view(),
-        estimate: truth.view(),
-        measured: None,
-    });
-    let scores = table
-        .expect("equal shapes")
-        .scores(&[TrainingMean::new(1.0)]);
-    let message = scores.expect_err("one mean for two properties").to_string();
-    assert_eq!(
-        message,
-        "training means has shape [1], the truth's is [2, 2]"
-    );
 }

@@ -1,6 +1,6 @@
 //! Images that a network takes, and those that it refuses.
 
-use candle_core::{DType, Tensor};
+use candle_core::{DType, Device, Tensor};
 use sps_kernels::network::Network;
 use sps_kernels::{Normalisation, Size};
 
@@ -56,12 +56,7 @@ pub(super) fn check(network: &Network, images: &Tensor) -> Result<Size> {
             ),
         ));
     }
-    constant(images)?;
-    Ok(size)
-}
-
-/// The kernels have no gradient for images; one that is asked for is not left out silently.
-fn constant(images: &Tensor) -> Result<()> {
+    // The kernels have no gradient for images; one that is asked for is not left out silently.
     if images.track_op() {
         return Err(Error::input(
             "images",
@@ -69,12 +64,11 @@ fn constant(images: &Tensor) -> Result<()> {
             "constants: `Tensor::detach` gives them",
         ));
     }
-    Ok(())
+    Ok(size)
 }
 
 pub(super) fn normalise(images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
-    let device = images.device();
-    let row = |values: &[f32; 3]| Tensor::new(values, device)?.reshape((1, 3, 1, 1));
+    let row = |values: &[f32; 3]| Tensor::new(values, &Device::Cpu)?.reshape((1, 3, 1, 1));
     let centred = images.broadcast_sub(&row(&normalisation.mean)?)?;
     Ok(centred.broadcast_div(&row(&normalisation.std)?)?)
 }

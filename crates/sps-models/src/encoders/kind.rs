@@ -2,7 +2,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use sps_kernels::network::{Block, Depths, Network};
-use sps_kernels::networks;
+use sps_kernels::networks::{self, efficientnet_lite};
 
 use crate::error::{Error, Result};
 use crate::weights::TensorSpec;
@@ -55,7 +55,7 @@ pub enum EncoderKind {
     EfficientNetLite4,
     /// `i3d`: inflated Inception-v1 (Carreira and Zisserman, "Quo Vadis, Action Recognition?", CVPR
     /// 2017), with the tensor names of the port `pytorch-i3d`. It embeds a sequence of frames, which
-    /// need not be a film: views of a surface in the order of their angles are one. On the CPU alone.
+    /// need not be a film: views of a surface in the order of their angles are one.
     I3d,
 }
 
@@ -91,41 +91,35 @@ impl EncoderKind {
         }
     }
 
+    /// Its name, and what makes a network of that name.
+    const fn named(self) -> (&'static str, fn(&'static str) -> Network) {
+        match self {
+            Self::SeResNext50 => ("se-resnext50-32x4d", networks::se_resnext50),
+            Self::SqueezeNet1_0 => ("squeezenet1-0", networks::squeezenet1_0),
+            Self::SqueezeNet1_1 => ("squeezenet1-1", networks::squeezenet1_1),
+            Self::ResNet18 => ("resnet18", networks::resnet18),
+            Self::ResNet50 => ("resnet50", networks::resnet50),
+            Self::EfficientNetLiteBody => {
+                ("efficientnet-lite-body", networks::efficientnet_lite_body)
+            }
+            Self::EfficientNetLite0 => ("efficientnet-lite0", |n| efficientnet_lite(n, 0)),
+            Self::EfficientNetLite1 => ("efficientnet-lite1", |n| efficientnet_lite(n, 1)),
+            Self::EfficientNetLite2 => ("efficientnet-lite2", |n| efficientnet_lite(n, 2)),
+            Self::EfficientNetLite3 => ("efficientnet-lite3", |n| efficientnet_lite(n, 3)),
+            Self::EfficientNetLite4 => ("efficientnet-lite4", |n| efficientnet_lite(n, 4)),
+            Self::I3d => ("i3d", networks::i3d),
+        }
+    }
+
     /// The name in configurations and on the command line.
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::SeResNext50 => "se-resnext50-32x4d",
-            Self::SqueezeNet1_0 => "squeezenet1-0",
-            Self::SqueezeNet1_1 => "squeezenet1-1",
-            Self::ResNet18 => "resnet18",
-            Self::ResNet50 => "resnet50",
-            Self::EfficientNetLiteBody => "efficientnet-lite-body",
-            Self::EfficientNetLite0 => "efficientnet-lite0",
-            Self::EfficientNetLite1 => "efficientnet-lite1",
-            Self::EfficientNetLite2 => "efficientnet-lite2",
-            Self::EfficientNetLite3 => "efficientnet-lite3",
-            Self::EfficientNetLite4 => "efficientnet-lite4",
-            Self::I3d => "i3d",
-        }
+        self.named().0
     }
 
     /// Its layers, with every depth that it has.
     pub(super) fn network(self) -> Network {
-        let name = self.name();
-        match self {
-            Self::SeResNext50 => networks::se_resnext50(name),
-            Self::SqueezeNet1_0 => networks::squeezenet1_0(name),
-            Self::SqueezeNet1_1 => networks::squeezenet1_1(name),
-            Self::ResNet18 => networks::resnet18(name),
-            Self::ResNet50 => networks::resnet50(name),
-            Self::EfficientNetLiteBody => networks::efficientnet_lite_body(name),
-            Self::EfficientNetLite0 => networks::efficientnet_lite(name, 0),
-            Self::EfficientNetLite1 => networks::efficientnet_lite(name, 1),
-            Self::EfficientNetLite2 => networks::efficientnet_lite(name, 2),
-            Self::EfficientNetLite3 => networks::efficientnet_lite(name, 3),
-            Self::EfficientNetLite4 => networks::efficientnet_lite(name, 4),
-            Self::I3d => networks::i3d(name),
-        }
+        let (name, network) = self.named();
+        network(name)
     }
 
     /// The length of an embedding of the last depth alone.

@@ -40,11 +40,11 @@ use plain::Plain;
 /// use candle_core::{DType, Device, Tensor};
 /// use sps_models::encoders::{Encoder, EncoderKind};
 ///
-/// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
+/// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0)?;
 /// let images = Tensor::zeros((2, 3, 64, 48), DType::F32, &Device::Cpu)?;
 /// assert_eq!(encoder.embed(&images)?.dims(), [2, encoder.width()]);
 ///
-/// let i3d = Encoder::seeded(EncoderKind::I3d, 0, &Device::Cpu)?;
+/// let i3d = Encoder::seeded(EncoderKind::I3d, 0)?;
 /// let views = Tensor::zeros((1, 3, 4, 40, 32), DType::F32, &Device::Cpu)?;
 /// assert_eq!(i3d.embed(&views)?.dims(), [1, i3d.width()]);
 /// # Ok::<(), sps_models::Error>(())
@@ -57,10 +57,8 @@ pub struct Encoder {
     network: Arc<Network>,
     precision: Precision,
     weights: Weights,
-    device: Device,
     hash: blake3::Hash,
-    /// On the CPU; candle's own operators where there are none.
-    kernels: Option<Inference>,
+    kernels: Inference,
 }
 
 impl Encoder {
@@ -70,8 +68,8 @@ impl Encoder {
     ///
     /// When the file cannot be read or does not fit: a missing, extra or misshapen tensor, a
     /// value that is not finite. A classifier's last layer may be in the file and is not used.
-    pub fn load(kind: EncoderKind, weights: impl AsRef<Path>, device: &Device) -> Result<Self> {
-        Self::new(kind, Weights::read(weights)?, device)
+    pub fn load(kind: EncoderKind, weights: impl AsRef<Path>) -> Result<Self> {
+        Self::new(kind, Weights::read(weights)?)
     }
 
     /// The network with the weights that come with this crate (`weights/README.md`: how they were made, and their
@@ -80,23 +78,19 @@ impl Encoder {
     /// # Errors
     ///
     /// An encoder that has none: [`EncoderKind::check_built_in`].
-    pub fn built_in(kind: EncoderKind, device: &Device) -> Result<Self> {
+    pub fn built_in(kind: EncoderKind) -> Result<Self> {
         kind.check_built_in()?;
         let bytes = include_bytes!("../../weights/efficientnet-lite-body.safetensors");
-        Self::new(
-            kind,
-            Weights::from_bytes("the built-in weights", bytes)?,
-            device,
-        )
+        Self::new(kind, Weights::from_bytes("the built-in weights", bytes)?)
     }
 
     /// A network with untrained weights, the same for the same seed everywhere.
     ///
     /// # Errors
     ///
-    /// When the device has no room for the weights.
-    pub fn seeded(kind: EncoderKind, seed: u64, device: &Device) -> Result<Self> {
-        Self::new(kind, init::seeded(&kind.specs(), seed)?, device)
+    /// None that is known.
+    pub fn seeded(kind: EncoderKind, seed: u64) -> Result<Self> {
+        Self::new(kind, init::seeded(&kind.specs(), seed)?)
     }
 
     /// A network that begins with what another has learnt: it takes each tensor of `weights` that has the
@@ -110,7 +104,6 @@ impl Encoder {
         kind: EncoderKind,
         weights: Weights,
         seed: u64,
-        device: &Device,
     ) -> Result<(Self, Vec<String>)> {
         let (network, specs) = (kind.network(), kind.specs());
         let weights = weights.renamed(|name| network.own_name(name));
@@ -129,34 +122,23 @@ impl Encoder {
                 "tensors with the names and shapes of the network's",
             ));
         }
-        Ok((Self::new(kind, start, device)?, drawn))
+        Ok((Self::new(kind, start)?, drawn))
     }
 
     /// A network with the given weights.
     ///
     /// # Errors
     ///
-    /// When the weights do not fit the network; a network of sequences on another device than the CPU.
-    pub fn new(kind: EncoderKind, mut weights: Weights, device: &Device) -> Result<Self> {
+    /// When the weights do not fit the network.
+    pub fn new(kind: EncoderKind, mut weights: Weights) -> Result<Self> {
         let network = kind.network();
-        if network.sequences && !device.is_cpu() {
-            let found = format_args!("{device:?} for {kind}");
-            return Err(Error::input("device", found, "the CPU"));
-        }
         let scales = weights.remove(scales::TENSOR);
         let mut weights = fit(&network, weights)?;
         if let Some(scales) = scales {
             weights.replace(scales::TENSOR, scales);
             scales::read(&network, &weights)?;
         }
-        let weights = weights.to_device(device)?;
-        Self::of(
-            kind,
-            Depths::default(),
-            Precision::default(),
-            weights,
-            device,
-        )
+        Self::of(kind, Depths::default(), Precision::default(), weights)
     }
 
     /// A network whose weights have been checked.
@@ -165,16 +147,14 @@ impl Encoder {
         depths: Depths,
         precision: Precision,
         weights: Weights,
-        device: &Device,
     ) -> Result<Self> {
         let network = kind.network().at(&depths)?;
         Ok(Self {
             kind,
             precision,
-            kernels: kernels(kind, &network, &weights, device, precision)?,
-            hash: content_hash(&network, &depths, &weights, device, precision)?,
+            kernels: kernels(kind, &network, &weights, precision)?,
+            hash: content_hash(&network, &depths, &weights, precision)?,
             weights,
-            device: device.clone(),
             network: Arc::new(network),
             depths,
         })
@@ -186,7 +166,7 @@ impl Encoder {
     /// use candle_core::{DType, Device, Tensor};
     /// use sps_models::encoders::{Depths, Encoder, EncoderKind};
     ///
-    /// let encoder = Encoder::seeded(EncoderKind::ResNet18, 0, &Device::Cpu)?;
+    /// let encoder = Encoder::seeded(EncoderKind::ResNet18, 0)?;
     /// let encoder = encoder.with_depths(&Depths::All)?;
     /// let images = Tensor::zeros((2, 3, 64, 48), DType::F32, &Device::Cpu)?;
     /// assert_eq!(encoder.embed(&images)?.dims(), [2, 64 + 128 + 256 + 512]);
@@ -203,7 +183,7 @@ impl Encoder {
         }
         let resources = self.resources();
         let (depths, precision) = (depths.clone(), self.precision);
-        let of = Self::of(self.kind, depths, precision, self.weights, &self.device)?;
+        let of = Self::of(self.kind, depths, precision, self.weights)?;
         Ok(of.with_resources(resources))
     }
 
@@ -221,7 +201,7 @@ impl Encoder {
     /// use candle_core::{Device, Tensor};
     /// use sps_models::encoders::{Encoder, EncoderKind, Precision};
     ///
-    /// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
+    /// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0)?;
     /// let images = Tensor::rand(0.0_f32, 1.0, (2, 3, 64, 64), &Device::Cpu)?;
     /// let encoder = encoder.calibrated(&[&images])?.with_precision(Precision::Int8)?;
     /// assert_eq!(encoder.embed(&images)?.dims(), [2, encoder.width()]);
@@ -230,10 +210,8 @@ impl Encoder {
     ///
     /// # Errors
     ///
-    /// As [`Encoder::embed`]; when there is no image, one makes a feature map that is not finite, or the
-    /// device is not the CPU.
+    /// As [`Encoder::embed`]; when there is no image, or one makes a feature map that is not finite.
     pub fn calibrated(self, images: &[&Tensor]) -> Result<Self> {
-        self.on_cpu(Precision::Int8)?;
         let network = self.kind.network();
         let mut batches = Vec::new();
         for images in images {
@@ -263,30 +241,22 @@ impl Encoder {
     ///
     /// # Errors
     ///
-    /// When the device is not the CPU and the precision not f32; when the precision is int8 and
-    /// [`Encoder::calibrated`] has not been called, neither for this encoder nor for that whose weights
-    /// it has.
+    /// When the precision is int8 and [`Encoder::calibrated`] has not been called, neither for this encoder
+    /// nor for that whose weights it has.
     pub fn with_precision(self, precision: Precision) -> Result<Self> {
-        self.on_cpu(precision)?;
         let resources = self.resources();
-        let of = Self::of(
-            self.kind,
-            self.depths,
-            precision,
-            self.weights,
-            &self.device,
-        )?;
+        let of = Self::of(self.kind, self.depths, precision, self.weights)?;
         Ok(of.with_resources(resources))
     }
 
-    /// The same network, whose passes may take other threads, time and memory; on the CPU.
+    /// The same network, whose passes may take other threads, time and memory.
     ///
     /// ```
     /// use std::time::Duration;
     /// use sps_models::candle::Device;
     /// use sps_models::encoders::{Encoder, EncoderKind, Resources};
     ///
-    /// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
+    /// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0)?;
     /// let spin = Duration::ZERO;
     /// let encoder = encoder.with_resources(Resources { threads: 8, spin, memory: 1 << 30 });
     /// encoder.embed_pixels(&[&vec![0.5; 64 * 48 * 3]], [64, 48])?;
@@ -295,32 +265,17 @@ impl Encoder {
     /// ```
     #[must_use]
     pub fn with_resources(mut self, resources: Resources) -> Self {
-        self.kernels = self
-            .kernels
-            .map(|kernels| kernels.with_resources(resources));
+        self.kernels = self.kernels.with_resources(resources);
         self
     }
 
     fn resources(&self) -> Resources {
-        let kernels = self.kernels.as_ref();
-        kernels.map_or_else(Resources::default, Inference::resources)
+        self.kernels.resources()
     }
 
     /// Gives back to the system the memory that is kept for passes to come, for all clones.
     pub fn shrink(&self) {
-        self.kernels.iter().for_each(Inference::shrink);
-    }
-
-    /// Refuses what only the kernels compute in where there are none.
-    fn on_cpu(&self, precision: Precision) -> Result<()> {
-        if self.device.is_cpu() || precision == Precision::F32 {
-            return Ok(());
-        }
-        Err(Error::input(
-            "precision",
-            format_args!("{precision} on another device than the CPU"),
-            format_args!("{}", Precision::F32),
-        ))
+        self.kernels.shrink();
     }
 
     /// Which network this is.
@@ -361,11 +316,6 @@ impl Encoder {
         &self.weights
     }
 
-    /// The device that images must be on.
-    pub fn device(&self) -> &Device {
-        &self.device
-    }
-
     /// A hash of the network's name, its depths, its precision, every weight and the way sums are rounded on this
     /// processor, for cache keys: two encoders with one hash give the same embeddings.
     ///
@@ -401,18 +351,7 @@ impl Encoder {
     /// [`EncoderKind::min_size`]; sequences of different lengths.
     pub fn embed_pixels(&self, images: &[&[f32]], size: [usize; 2]) -> Result<Vec<f32>> {
         let extents = check_pixels(&self.network, images, size)?;
-        let Some(kernels) = &self.kernels else {
-            let embeddings = self.embed(&self.planes(images, size)?)?;
-            return Ok(embeddings.flatten_all()?.to_vec1()?);
-        };
-        Ok(kernels.embed(&self.of_pixels(images, extents)?)?)
-    }
-
-    /// Images `(height, width, 3)` as a tensor `(images, 3, height, width)`.
-    fn planes(&self, images: &[&[f32]], [height, width]: [usize; 2]) -> Result<Tensor> {
-        let shape = (images.len(), height, width, 3);
-        let images = Tensor::from_vec(images.concat(), shape, &self.device)?;
-        Ok(images.permute((0, 3, 1, 2))?)
+        Ok(self.kernels.embed(&self.of_pixels(images, extents)?)?)
     }
 
     /// Embeds images that are normalised already, as the network's layers take them.
@@ -433,25 +372,18 @@ impl Encoder {
     #[doc(hidden)]
     pub fn embed_plain(&self, images: &Tensor) -> Result<Tensor> {
         check(&self.network, images)?;
-        self.run_plain(images, &self.network.normalisation)
+        let images = normalise(images, &self.network.normalisation)?;
+        Plain::new(&self.network, &self.weights).embed(&images)
     }
 
     fn run(&self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
         let size = check(&self.network, images)?;
-        let Some(kernels) = &self.kernels else {
-            return self.run_plain(images, normalisation);
-        };
         let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
         let each = Images::each(&values, size);
-        let embeddings =
-            kernels.embed(&Images::new(&each, Order::Planes, size, *normalisation)?)?;
+        let planes = Images::new(&each, Order::Planes, size, *normalisation)?;
         let shape = (images.dim(0)?, self.width());
-        Ok(Tensor::from_vec(embeddings, shape, &self.device)?)
-    }
-
-    fn run_plain(&self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
-        let images = normalise(images, normalisation)?;
-        Plain::new(&self.network, &self.weights).embed(&images)
+        let embeddings = self.kernels.embed(&planes)?;
+        Ok(Tensor::from_vec(embeddings, shape, &Device::Cpu)?)
     }
 
     /// Images `(..size, 3)` for the kernels.
@@ -472,12 +404,8 @@ fn kernels(
     kind: EncoderKind,
     network: &Network,
     weights: &Weights,
-    device: &Device,
     precision: Precision,
-) -> Result<Option<Inference>> {
-    if !device.is_cpu() {
-        return Ok(None);
-    }
+) -> Result<Inference> {
     let scales = match precision {
         Precision::Int8 => {
             let scales = scales::read(&kind.network(), weights)?;
@@ -491,16 +419,14 @@ fn kernels(
         }
         _ => None,
     };
-    let level = Level::detect();
-    let inference = Inference::new(network, weights, precision, scales.as_deref(), level)?;
-    Ok(Some(inference))
+    let (scales, level) = (scales.as_deref(), Level::detect());
+    Ok(Inference::new(network, weights, precision, scales, level)?)
 }
 
 fn content_hash(
     network: &Network,
     depths: &Depths,
     weights: &Weights,
-    device: &Device,
     precision: Precision,
 ) -> Result<blake3::Hash> {
     let mut hasher = blake3::Hasher::new_derive_key("sps-models encoder");
@@ -512,11 +438,7 @@ fn content_hash(
     if precision != Precision::F32 {
         hasher.update(precision.name().as_bytes());
     }
-    let rounding = if device.is_cpu() {
-        Level::detect().rounding(precision)
-    } else {
-        Some("candle's operators")
-    };
+    let rounding = Level::detect().rounding(precision);
     hasher.update(rounding.unwrap_or_default().as_bytes());
     // The scales of int8 count for nothing else.
     let counts = |name: &str| name != scales::TENSOR || precision == Precision::Int8;

@@ -1,5 +1,5 @@
-//! Networks composed from candle's own operators, channels first: what the fused operators are
-//! compared against, and what runs on devices other than the CPU.
+//! Networks composed from candle's own operators, channels first: what the kernels are compared
+//! against.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;

@@ -22,7 +22,7 @@ const MOMENTUM: f64 = 0.1;
 
 /// A network whose weights can be trained.
 ///
-/// On the CPU it runs on this crate's kernels with a backward pass of its own, which
+/// It runs on this crate's kernels with a backward pass of its own, which
 /// [`TrainableEncoder::backward`] joins to candle's; `Tensor::backward` alone, which would leave the
 /// weights out, fails.
 ///
@@ -30,7 +30,7 @@ const MOMENTUM: f64 = 0.1;
 /// use candle_core::{DType, Device, Tensor};
 /// use sps_models::encoders::{Encoder, EncoderKind, TrainableEncoder};
 ///
-/// let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
+/// let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0)?;
 /// let mut encoder = TrainableEncoder::new(&start)?;
 /// let images = Tensor::zeros((2, 3, 32, 32), DType::F32, &Device::Cpu)?;
 ///
@@ -49,7 +49,6 @@ pub struct TrainableEncoder {
     /// All tensors by name: those of the variables share their memory.
     weights: Weights,
     variables: BTreeMap<String, Var>,
-    device: Device,
     plain: bool,
     training: Training,
     /// What candle's backward pass ends in, in front of the kernels' own.
@@ -98,9 +97,8 @@ impl TrainableEncoder {
     ///
     /// # Errors
     ///
-    /// When the device has no room for them.
+    /// When there is no room for them.
     pub fn new(encoder: &Encoder) -> Result<Self> {
-        let device = encoder.device().clone();
         let mut variables = BTreeMap::new();
         let mut tensors = Vec::new();
         let specs = encoder.network.specs();
@@ -123,10 +121,9 @@ impl TrainableEncoder {
             network: Arc::clone(&encoder.network),
             weights: Weights::sharing(encoder.weights().origin(), tensors),
             variables,
-            plain: !device.is_cpu(),
+            plain: false,
             training: Training::new(Arc::clone(&encoder.network)),
-            anchor: Var::zeros(1, DType::F32, &device)?,
-            device,
+            anchor: Var::zeros(1, DType::F32, &Device::Cpu)?,
             received: Arc::default(),
         })
     }
@@ -158,21 +155,14 @@ impl TrainableEncoder {
     ///
     /// # Errors
     ///
-    /// When the precision is another, or the device is not the CPU and the precision not f32.
+    /// When the precision is another.
     pub fn with_precision(mut self, precision: Precision) -> Result<Self> {
-        let names = [Precision::F32, Precision::Bf16].map(Precision::name);
-        let (found, expected) = match precision {
-            Precision::Bf16 if self.plain => (
-                format!("{precision} on another device than the CPU"),
-                Precision::F32.to_string(),
-            ),
-            Precision::F32 | Precision::Bf16 => {
-                self.training.precision = precision;
-                return Ok(self);
-            }
-            _ => (precision.to_string(), names.join(" or ")),
-        };
-        Err(Error::input("precision of training", found, expected))
+        if !matches!(precision, Precision::F32 | Precision::Bf16) {
+            let what = "precision of training";
+            return Err(Error::input(what, precision, "f32 or bf16"));
+        }
+        self.training.precision = precision;
+        Ok(self)
     }
 
     /// Which network this is.
@@ -215,7 +205,7 @@ impl TrainableEncoder {
     ///
     /// When a weight is no longer finite.
     pub fn encoder(&self) -> Result<Encoder> {
-        Encoder::new(self.kind, self.weights()?, &self.device)?.with_depths(&self.depths)
+        Encoder::new(self.kind, self.weights()?)?.with_depths(&self.depths)
     }
 
     /// Embeds images or sequences, as [`Encoder::embed`] takes them, to `(n, width)`, as training does:
@@ -252,7 +242,7 @@ impl TrainableEncoder {
         let (mut store, Gradients(gradients)) = self.received.listen(loss)?;
         for (name, values) in gradients {
             if let Some(variable) = self.variables.get(&name) {
-                let gradient = Tensor::from_vec(values, variable.dims(), &self.device)?;
+                let gradient = Tensor::from_vec(values, variable.dims(), &Device::Cpu)?;
                 store.insert(variable, gradient);
             }
         }
@@ -318,7 +308,7 @@ impl TrainableEncoder {
             let new = old.iter().zip(values).map(|(&old, &new)| {
                 ((1.0 - MOMENTUM) * f64::from(old) + MOMENTUM * f64::from(new) * factor) as f32
             });
-            let new = Tensor::from_iter(new, &self.device)?;
+            let new = Tensor::from_iter(new, &Device::Cpu)?;
             self.weights.replace(&name, new);
         }
         Ok(())

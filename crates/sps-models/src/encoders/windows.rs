@@ -1,11 +1,9 @@
 //! Embeddings of windows of an image, from one pass through the network.
 
-use candle_core::Tensor;
-use sps_kernels::{CellSums, Size, WindowEmbeddings, Windows};
+use sps_kernels::{WindowEmbeddings, Windows};
 
 use super::Encoder;
-use super::input::{check_pixels, normalise};
-use super::plain::Plain;
+use super::input::check_pixels;
 use crate::error::{Error, Result};
 
 impl Encoder {
@@ -27,10 +25,9 @@ impl Encoder {
     /// are the same to the last bit however many threads there are.
     ///
     /// ```
-    /// use candle_core::Device;
     /// use sps_models::encoders::{Encoder, EncoderKind};
     ///
-    /// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
+    /// let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0)?;
     /// let image = vec![0.5; 128 * 192 * 3];
     /// let windows = encoder.embed_windows(&image, [128, 192], [64, 64], 32)?;
     /// assert_eq!((windows.rows, windows.columns), (3, 5));
@@ -57,23 +54,9 @@ impl Encoder {
             return Err(Error::input("encoder", self.kind, expected));
         }
         let windows = Windows::new(size, window, stride)?;
-        Ok(windows.embed(&self.cell_sums(image, extents)?)?)
-    }
-
-    /// The sums of the feature maps of an image that has been checked, at each depth.
-    fn cell_sums(&self, image: &[f32], size: Size) -> Result<Vec<CellSums>> {
-        if let Some(kernels) = &self.kernels {
-            return Ok(kernels.cell_sums(&self.of_pixels(&[image], size)?)?);
-        }
-        let [_, height, width] = size;
-        let normalisation = &self.network.normalisation;
-        let images = normalise(&self.planes(&[image], [height, width])?, normalisation)?;
-        let sums = |features: &Tensor| {
-            let (_, channels, rows, columns) = features.dims4()?;
-            let cells: Vec<f32> = features.permute((0, 2, 3, 1))?.flatten_all()?.to_vec1()?;
-            Ok(CellSums::of_map(&cells, [rows, columns], channels)?)
-        };
-        let features = Plain::new(&self.network, &self.weights).features(&images)?;
-        features.iter().map(sums).collect()
+        let sums = self
+            .kernels
+            .cell_sums(&self.of_pixels(&[image], extents)?)?;
+        Ok(windows.embed(&sums)?)
     }
 }

@@ -84,13 +84,8 @@ impl<'a> Batches<'a> {
                         &drawn
                     }
                 };
-                job.push_visual(
-                    self.config,
-                    self.data,
-                    job.training.surfaces[at],
-                    views,
-                    &mut visual,
-                );
+                let surface = job.training.surfaces[at];
+                job.push_visual(self.config, self.data, surface, views, &mut visual);
                 tactile.push(job.training.tactile[at].unwrap_or(0.0));
                 measured.push(job.training.tactile[at].is_some());
                 labels.push(job.labels.as_ref().and_then(|labels| labels.of()[at]));

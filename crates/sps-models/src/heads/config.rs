@@ -1,8 +1,7 @@
 use serde::{Deserialize, Serialize};
 
-use super::HeadError;
 use super::trained::EpochLosses;
-use crate::error::Result;
+use crate::error::{Result, require};
 use crate::labels::LabelSource;
 use crate::optim::AdamConfig;
 
@@ -267,9 +266,7 @@ impl HeadConfig {
     pub(crate) fn check(&self) -> Result<()> {
         at_least_one("epochs", self.epochs)?;
         at_least_one("batch-size", self.batch_size)?;
-        if let Some((key, found, expected)) = self.adam.out_of_range() {
-            require(false, key, found, expected)?;
-        }
+        self.adam.check()?;
         if let Some(norm) = self.clip_norm {
             positive("clip-norm", norm)?;
         }
@@ -342,22 +339,4 @@ fn positive(key: &'static str, value: f64) -> Result<()> {
 
 fn weight(key: &'static str, value: f64) -> Result<()> {
     require(value.is_finite() && value >= 0.0, key, value, "0 or more")
-}
-
-fn require(
-    holds: bool,
-    key: &'static str,
-    found: impl std::fmt::Display,
-    expected: &'static str,
-) -> Result<()> {
-    if holds {
-        return Ok(());
-    }
-    let found = found.to_string();
-    Err(HeadError::Config {
-        key,
-        found,
-        expected,
-    }
-    .into())
 }

@@ -5,9 +5,10 @@ use sps_regress::DivergedTrial;
 use super::job::Job;
 use super::network::Dims;
 use super::train::Outcome;
-use super::trained::{EpochLosses, KeptEpoch, Parameters, TrainedHead};
+use super::trained::{EpochLosses, KeptEpoch, TrainedHead};
 use super::validation::Validation;
 use crate::error::Result;
+use crate::weights::Weights;
 
 /// The losses of a trial so far, whether it goes on, and what is kept of it.
 pub(super) struct Course {
@@ -28,7 +29,7 @@ enum State {
 struct Best {
     kept: KeptEpoch,
     /// `None` for the training mean.
-    parameters: Option<Parameters>,
+    parameters: Option<Weights>,
 }
 
 impl Course {
@@ -74,7 +75,7 @@ impl Course {
         &mut self,
         patience: usize,
         error: f64,
-        parameters: impl FnOnce() -> Result<Parameters>,
+        parameters: impl FnOnce() -> Result<Weights>,
     ) -> Result<()> {
         if self.has_ended() {
             return Ok(());
@@ -99,7 +100,7 @@ impl Course {
     }
 
     /// What became of the trial; `last` are its weights after the last epoch.
-    pub(super) fn end(self, job: &Job<'_>, dims: Dims, last: Parameters) -> Result<Outcome> {
+    pub(super) fn end(self, job: &Job<'_>, dims: Dims, last: Weights) -> Result<Outcome> {
         let diverged = |reason| {
             Ok(Err(DivergedTrial {
                 trial: job.trial.clone(),
@@ -116,26 +117,31 @@ impl Course {
                 Some(best.kept),
             ),
         };
-        for (name, tensor) in &parameters {
+        for (name, tensor) in parameters.iter() {
             let values = tensor.flatten_all()?.to_vec1::<f32>()?;
             if let Some(value) = values.iter().find(|value| !value.is_finite()) {
                 return diverged(format!("{name} holds {value} after the last epoch"));
             }
         }
-        Ok(Ok(TrainedHead::new(
-            job,
+        Ok(Ok(TrainedHead {
+            trial: job.trial.clone(),
             dims,
+            statistics: job.statistics.as_ref().clone(),
+            target: job.target,
             parameters,
-            self.history,
+            history: self.history,
             kept,
-        )))
+        }))
     }
 }
 
 /// The network that says 0, the training mean in standardised units, to everything: all of its
 /// weights are 0.
-fn mean(like: &Parameters) -> Result<Parameters> {
+fn mean(like: &Weights) -> Result<Weights> {
     let zeros = like.iter();
-    let zeros = zeros.map(|(name, tensor)| Ok((name.clone(), tensor.zeros_like()?)));
-    zeros.collect()
+    let zeros = zeros.map(|(name, tensor)| Ok((name.to_owned(), tensor.zeros_like()?)));
+    Ok(Weights::sharing(
+        like.origin(),
+        zeros.collect::<Result<Vec<_>>>()?,
+    ))
 }

@@ -3,14 +3,12 @@
 // The kernel is compiled with its level's instructions only if all of it is inlined.
 #![allow(clippy::inline_always)]
 
-use candle_core::Tensor;
 use faer::{Accum, MatMut, MatRef};
 use rayon::prelude::*;
 use sps_kernels::simd::{Kernel, Lanes, Level};
 use sps_regress::dense::multiply;
 use sps_regress::{Embeddings, TrainingData, Trial, check_indices};
 
-use super::HeadError;
 use super::config::{Input, Model};
 use super::trained::{TrainedHead, TrainedHeads};
 use crate::error::{Error, Result};
@@ -235,11 +233,11 @@ impl TrainedHeads {
             return wrong(format!("input {:?}", config.input), "late fusion");
         }
         if data.embeddings.width() != head.dims.width {
-            return Err(HeadError::Embeddings {
-                found: format!("width {}", data.embeddings.width()),
-                expected: format!("width {}", head.dims.width),
-            }
-            .into());
+            return Err(Error::input(
+                "embeddings of sets of views",
+                format_args!("width {}", data.embeddings.width()),
+                format_args!("width {}", head.dims.width),
+            ));
         }
         check_indices("surface", surfaces, data.embeddings.surfaces())?;
         let column = data.readings.column(&trial.property);
@@ -336,13 +334,7 @@ struct Affine {
 impl Affine {
     fn of(head: &TrainedHead, model: &Model) -> Result<Self> {
         let values = |name: &str| -> Result<Vec<f32>> {
-            let tensor = head.parameters.get(name).ok_or_else(|| HeadError::Format {
-                file: "trained heads".into(),
-                what: name.to_owned(),
-                found: "no such tensor".into(),
-                expected: "a late fusion's parameters".into(),
-            })?;
-            Ok(Tensor::flatten_all(tensor)?.to_vec1()?)
+            Ok(head.parameters.get(name)?.flatten_all()?.to_vec1()?)
         };
         match model {
             Model::Regression {} => {

@@ -35,9 +35,8 @@ impl InputStatistics {
             Views::Fixed(views) => views,
             Views::Random | Views::Steps(_) => &all,
         };
-        let rows = surfaces
-            .iter()
-            .flat_map(|&surface| rows(input, embeddings, surface, views));
+        let seen = |&surface: &usize| rows(input, embeddings, surface, views);
+        let rows = surfaces.iter().flat_map(seen);
         Self::of(scale, &Spread::of(width, rows), embeddings)
     }
 
@@ -65,12 +64,8 @@ impl InputStatistics {
     /// Appends `features`, scaled.
     pub(super) fn push(&self, features: &[f32], out: &mut Vec<f32>) {
         let parameters = self.mean.iter().zip(&self.factor);
-        out.extend(
-            features
-                .iter()
-                .zip(parameters)
-                .map(|(x, (mean, factor))| (x - mean) * factor),
-        );
+        let scaled = features.iter().zip(parameters);
+        out.extend(scaled.map(|(x, (mean, factor))| (x - mean) * factor));
     }
 }
 

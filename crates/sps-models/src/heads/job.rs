@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use rayon::prelude::*;
-use sps_regress::{Embeddings, Plan, Standardiser, TrainingData, Trial, Views};
+use sps_regress::{Embeddings, Plan, Rerun, Standardiser, TrainingData, Trial, Views};
 
 use super::config::HeadConfig;
 use super::input::{self, InputStatistics};
@@ -120,11 +120,8 @@ struct SharedRerun {
 
 impl<'a> Shared<'a> {
     fn new(config: &HeadConfig, data: &TrainingData<'_>, plan: &'a Plan) -> Result<Self> {
-        let wanted: Vec<_> = plan
-            .reruns
-            .iter()
-            .filter(|rerun| plan.trials.iter().any(|t| t.rerun == rerun.number))
-            .collect();
+        let is_wanted = |rerun: &&Rerun| plan.trials.iter().any(|t| t.rerun == rerun.number);
+        let wanted: Vec<_> = plan.reruns.iter().filter(is_wanted).collect();
         let reruns: Vec<Result<_>> = wanted
             .into_par_iter()
             .map(|rerun| {
@@ -133,18 +130,15 @@ impl<'a> Shared<'a> {
                     Some(_) => ascending(&rerun.validation),
                     None => Arc::default(),
                 };
-                let labels = config
-                    .model
-                    .labels()
+                let labels = config.model.labels();
+                let labels = labels
                     .map(|source| labels::label(source, data, &training, plan.seed, rerun.number));
-                Ok((
-                    rerun.number,
-                    SharedRerun {
-                        labels: labels.transpose()?.map(Arc::new),
-                        training,
-                        validation,
-                    },
-                ))
+                let shared = SharedRerun {
+                    labels: labels.transpose()?.map(Arc::new),
+                    training,
+                    validation,
+                };
+                Ok((rerun.number, shared))
             })
             .collect();
         let reruns: BTreeMap<_, _> = reruns.into_iter().collect::<Result<_>>()?;

@@ -7,15 +7,14 @@ use std::sync::Arc;
 use candle_core::{Device, Tensor, Var};
 use rand::seq::index;
 use sps_base::streams::named_stream;
-use sps_regress::{Plan, Rerun, TrainingData, Trial, Views, check_indices};
+use sps_regress::{Plan, Rerun, TrainingData, Views, check_indices};
 
-use super::HeadError;
 use super::batches::{mean_weights, rows_that_count};
 use super::config::{HeadConfig, Input};
 use super::job::{self, Job};
 use super::losses::{Batch, Losses};
 use super::network::Dims;
-use super::stack::Stack;
+use super::stack::{Stack, StackParameter};
 use super::trained::EpochLosses;
 use crate::error::Result;
 use crate::labels::Labels;
@@ -83,21 +82,9 @@ impl JointHeads {
     ) -> Result<Self> {
         config.check()?;
         let views: Vec<usize> = (0..data.embeddings.views()).collect();
-        let plan = Plan {
-            seed,
-            reruns: vec![Rerun {
-                number: 0,
-                training: training.to_vec(),
-                validation: Vec::new(),
-            }],
-            trials: read(data, training)?
-                .map(|property| Trial {
-                    property: property.clone(),
-                    rerun: 0,
-                    views: Views::Fixed(views.clone()),
-                })
-                .collect(),
-        };
+        let rerun = Rerun::new(0, training.to_vec());
+        let plan = Plan::each(seed, &read(data, training)?, vec![rerun]);
+        let plan = plan.with_views(&Views::Fixed(views.clone()));
         let fixed = match config.input {
             Input::Relations { .. } => None,
             _ => config.input.views(),
@@ -155,7 +142,7 @@ impl JointHeads {
         let losses = Losses::of(&self.config.model, &self.stack.network, &batch)?;
         let each = 1.0 / self.tactile.len() as f64;
         let mut means = EpochLosses::default();
-        for (term, field) in losses.terms() {
+        for (field, term) in losses.terms() {
             let values = term.to_vec1::<f32>()?;
             *field(&mut means) = values.iter().map(|&v| f64::from(v) * each).sum();
         }
@@ -171,17 +158,14 @@ impl JointHeads {
         let visual = self.visual(embeddings, Draw::Validation)?;
         let estimates = self.stack.network.estimate(&visual)?;
         let estimates: Vec<f32> = estimates.flatten_all()?.to_vec1()?;
-        let rows = self
-            .tactile
-            .iter()
-            .zip(estimates.chunks_exact(surfaces.len().max(1)));
+        let estimates = estimates.chunks_exact(surfaces.len().max(1));
+        let rows = self.tactile.iter().zip(estimates);
         let mut errors = Vec::new();
         for (tactile, estimates) in rows {
             let pairs = surfaces.iter().zip(estimates);
-            let squares: Vec<f64> = pairs
-                .filter_map(|(&s, estimate)| Some(f64::from(*estimate) - f64::from(tactile[s]?)))
-                .map(|error| error * error)
-                .collect();
+            let own = pairs
+                .filter_map(|(&s, estimate)| Some(f64::from(*estimate) - f64::from(tactile[s]?)));
+            let squares: Vec<f64> = own.map(|error| error * error).collect();
             if !squares.is_empty() {
                 errors.push(squares.iter().sum::<f64>() / squares.len() as f64);
             }
@@ -191,13 +175,9 @@ impl JointHeads {
 
     /// The parameters' gradients after a backward pass from [`JointHeads::loss`], in their order.
     pub(crate) fn gradients(&self) -> Result<Vec<Tensor>> {
-        let gradient = |parameter: &super::stack::StackParameter| {
-            if !parameter.gradient.is_written() {
-                let name = parameter.name.clone();
-                return Err(HeadError::NoGradient { name }.into());
-            }
+        let gradient = |parameter: &StackParameter| {
             let mut values = Vec::new();
-            parameter.gradient.read(&mut |elements| {
+            parameter.read(&mut |elements| {
                 if let Elements::F32(elements) = elements {
                     values.extend_from_slice(elements);
                 }
@@ -220,9 +200,8 @@ impl JointHeads {
                 embeddings.contiguous()?.index_select(&slots, 1)?
             }
         };
-        let scaled = slots
-            .broadcast_sub(&self.mean)?
-            .broadcast_mul(&self.factor)?;
+        let centred = slots.broadcast_sub(&self.mean)?;
+        let scaled = centred.broadcast_mul(&self.factor)?;
         let inputs = self.dims.slots * self.dims.width;
         let one = scaled.reshape((1, surfaces, inputs))?;
         Ok(one.broadcast_as((self.tactile.len(), surfaces, inputs))?)
@@ -251,10 +230,8 @@ impl JointHeads {
     fn batch(&self, visual: Tensor, Share { surfaces, of }: Share<'_>) -> Result<Batch> {
         let (trials, rows) = (self.tactile.len(), surfaces.len());
         let readings = |surfaces: &[usize]| -> Vec<Option<f32>> {
-            let trials = self.tactile.iter();
-            trials
-                .flat_map(|tactile| surfaces.iter().map(|&s| tactile[s]))
-                .collect()
+            let of = |tactile: &Vec<Option<f32>>| surfaces.iter().map(|&s| tactile[s]).collect();
+            self.tactile.iter().flat_map::<Vec<_>, _>(of).collect()
         };
         let labels = |surfaces: &[usize]| -> Vec<Option<u32>> {
             let label = |s: &usize| self.labels.get(s).copied().flatten();
@@ -265,10 +242,8 @@ impl JointHeads {
             let weights = mean_weights(&own, &rows_that_count(&all, of.len()));
             Tensor::from_vec(weights, (trials, rows), &Device::Cpu)
         };
-        let tactile: Vec<f32> = readings(surfaces)
-            .iter()
-            .map(|t| t.unwrap_or(0.0))
-            .collect();
+        let tactile = readings(surfaces);
+        let tactile: Vec<f32> = tactile.iter().map(|t| t.unwrap_or(0.0)).collect();
         Ok(Batch {
             visual,
             width: self.dims.width,
@@ -285,16 +260,13 @@ fn there<T>(values: &[Option<T>]) -> Vec<bool> {
 }
 
 /// The properties that any of these surfaces has a reading of.
-fn read<'a>(
-    data: &TrainingData<'a>,
-    surfaces: &[usize],
-) -> Result<impl Iterator<Item = &'a String>> {
-    check_indices("training surface", surfaces, data.readings.surfaces())?;
+fn read(data: &TrainingData<'_>, surfaces: &[usize]) -> Result<Vec<String>> {
     let readings = data.readings;
+    check_indices("training surface", surfaces, readings.surfaces())?;
     let is_read = |column: usize| surfaces.iter().any(|&s| readings.get(s, column).is_some());
-    let columns: Vec<bool> = (0..readings.properties().len()).map(is_read).collect();
-    let properties = readings.properties().iter().zip(columns);
-    Ok(properties.filter_map(|(property, read)| read.then_some(property)))
+    let properties = readings.properties().iter().enumerate();
+    let read = properties.filter(|(column, _)| is_read(*column));
+    Ok(read.map(|(_, property)| property.clone()).collect())
 }
 
 fn labels(labels: Option<&Arc<Labels>>, surfaces: &[usize]) -> BTreeMap<usize, Option<u32>> {

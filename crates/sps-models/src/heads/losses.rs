@@ -3,11 +3,13 @@
 //! `weight`, `(trials, rows)`, is one over the number of rows that count, and zero in the others
 //! (not measured): so each loss is a mean, and no trial's loss contains another's rows.
 
+use std::iter;
+
 use candle_core::{Result, Tensor};
 
 use super::config::{GeneratorLoss, Model};
 use super::network::{CrossModalNetwork, Network};
-use super::trained::EpochLosses;
+use super::trained::LossField;
 use crate::stacked::{cross_entropy, row_norm, softplus};
 
 /// A batch of each trial of a stack.
@@ -26,23 +28,12 @@ pub(super) struct Batch {
     pub(super) label_weight: Tensor,
 }
 
-/// Where a loss is recorded.
-type LossField = fn(&mut EpochLosses) -> &mut f64;
-
-/// Each loss of each trial, `(trials)`, before its weight.
+/// The losses that there are, each of each trial, `(trials)`, before its weight.
 pub(super) struct Losses {
     /// `L_est`.
-    pub(super) estimation: Tensor,
-    /// `L_emb`.
-    pub(super) embedding: Option<Tensor>,
-    /// `(G(E_t(t)) - t)²`.
-    pub(super) reconstruction: Option<Tensor>,
-    /// The generator's part of `L_adv`: the second and third term.
-    pub(super) generator: Option<Tensor>,
-    /// The discriminator's part of `L_adv`, to be minimised: the first and second term, negated.
-    pub(super) discriminator: Option<Tensor>,
-    /// `L_class`.
-    pub(super) classification: Option<Tensor>,
+    estimation: Tensor,
+    /// The others, and where each is recorded.
+    others: Vec<(LossField, Tensor)>,
 }
 
 impl Losses {
@@ -51,19 +42,15 @@ impl Losses {
             (Model::CrossModal(model), Network::CrossModal(network)) => {
                 Self::cross_modal(model, network, batch)
             }
-            _ => Ok(Self {
-                estimation: squared_error(
-                    &network.estimate(&batch.visual)?,
-                    &batch.tactile,
-                    &batch.weight,
-                )?,
-                embedding: None,
-                reconstruction: None,
-                generator: None,
-                discriminator: None,
-                classification: None,
-            }),
+            _ => Self::of_estimate(&network.estimate(&batch.visual)?, batch),
         }
+    }
+
+    fn of_estimate(estimate: &Tensor, batch: &Batch) -> Result<Self> {
+        Ok(Self {
+            estimation: squared_error(estimate, &batch.tactile, &batch.weight)?,
+            others: Vec::new(),
+        })
     }
 
     fn cross_modal(
@@ -77,83 +64,54 @@ impl Losses {
         let seen = network.latent(&batch.visual)?;
         let touched = network.touch(tactile)?;
         let estimate = network.generator.forward(&seen)?;
-        let (mut embedding, mut reconstruction) = (None, None);
+        let mut losses = Self::of_estimate(&estimate, batch)?;
+        let mut add = |field: LossField, loss| losses.others.push((field, loss));
         if let Some(touched) = touched {
-            embedding = Some(embedding_distance(&seen, &touched, weight)?);
+            let distance = embedding_distance(&seen, &touched, weight)?;
+            add(|l| &mut l.embedding, distance);
             if model.reconstruction_weight > 0.0 {
                 let again = network.generator.forward(&touched)?;
-                reconstruction = Some(squared_error(&again, tactile, weight)?);
+                let error = squared_error(&again, tactile, weight)?;
+                add(|l| &mut l.reconstruction, error);
             }
         }
-        let (generator, discriminator) = match (&model.adversarial, &network.discriminator) {
-            (Some(game), Some(discriminator)) => {
-                // No side of the game changes what both look at, where that is trained too.
-                let image = batch.visual.narrow(2, 0, batch.width)?.detach();
-                let term = discriminator.visual_term(&image)?;
-                let real = discriminator.logit(&term, tactile)?;
-                let fake = discriminator.logit(&term, &estimate.detach())?;
-                // The generator plays against the discriminator as it is: same logit, but the
-                // gradient passes through the estimate alone.
-                let faced = discriminator.frozen().logit(&term.detach(), &estimate)?;
-                (
-                    Some(generator_loss(
-                        game.generator,
-                        &faced,
-                        &(&estimate - tactile)?,
-                        weight,
-                    )?),
-                    Some(discriminator_loss(&real, &fake, weight)?),
-                )
-            }
-            _ => (None, None),
-        };
-        let classification = match network.classify(&seen)? {
-            Some(logits) => Some(weighted(
-                &cross_entropy(&logits, batch.labels.clone())?,
-                &batch.label_weight,
-            )?),
-            None => None,
-        };
-        Ok(Self {
-            estimation: squared_error(&estimate, tactile, weight)?,
-            embedding,
-            reconstruction,
-            generator,
-            discriminator,
-            classification,
-        })
+        if let (Some(game), Some(discriminator)) = (&model.adversarial, &network.discriminator) {
+            // No side of the game changes what both look at, where that is trained too.
+            let image = batch.visual.narrow(2, 0, batch.width)?.detach();
+            let term = discriminator.visual_term(&image)?;
+            let real = discriminator.logit(&term, tactile)?;
+            let fake = discriminator.logit(&term, &estimate.detach())?;
+            // The generator plays against the discriminator as it is: same logit, but the
+            // gradient passes through the estimate alone.
+            let faced = discriminator.frozen().logit(&term.detach(), &estimate)?;
+            let error = (&estimate - tactile)?;
+            let generator = generator_loss(game.generator, &faced, &error, weight)?;
+            add(|l| &mut l.generator, generator);
+            let discriminator = discriminator_loss(&real, &fake, weight)?;
+            add(|l| &mut l.discriminator, discriminator);
+        }
+        if let Some(logits) = network.classify(&seen)? {
+            let classes = cross_entropy(&logits, batch.labels.clone())?;
+            let loss = weighted(&classes, &batch.label_weight)?;
+            add(|l| &mut l.classification, loss);
+        }
+        Ok(losses)
     }
 
     /// Those that there are, and where each is recorded.
-    pub(super) fn terms(&self) -> impl Iterator<Item = (&Tensor, LossField)> {
-        let terms: [(Option<&Tensor>, LossField); 6] = [
-            (Some(&self.estimation), |l| &mut l.estimation),
-            (self.embedding.as_ref(), |l| &mut l.embedding),
-            (self.reconstruction.as_ref(), |l| &mut l.reconstruction),
-            (self.generator.as_ref(), |l| &mut l.generator),
-            (self.discriminator.as_ref(), |l| &mut l.discriminator),
-            (self.classification.as_ref(), |l| &mut l.classification),
-        ];
-        let terms = terms.into_iter();
-        terms.filter_map(|(term, field)| Some((term?, field)))
+    pub(super) fn terms(&self) -> impl Iterator<Item = (LossField, &Tensor)> {
+        let first: (LossField, _) = (|l| &mut l.estimation, &self.estimation);
+        let others = self.others.iter().map(|(field, term)| (*field, term));
+        iter::once(first).chain(others)
     }
 
     /// The sum over the trials of each trial's objective; the discriminator's own loss is added,
     /// for the two sides share no parameter.
     pub(super) fn total(&self, model: &Model) -> Result<Tensor> {
-        let weights = model.loss_weights();
-        let terms = [
-            (&self.embedding, weights.embedding),
-            (&self.reconstruction, weights.reconstruction),
-            (&self.generator, weights.generator),
-            (&self.discriminator, weights.discriminator),
-            (&self.classification, weights.classification),
-        ];
+        let mut weights = model.loss_weights();
         let mut total = self.estimation.clone();
-        for (term, weight) in terms {
-            if let Some(term) = term {
-                total = (total + (term * weight)?)?;
-            }
+        for (field, term) in &self.others {
+            total = (total + (term * *field(&mut weights))?)?;
         }
         total.sum_all()
     }

@@ -15,7 +15,7 @@
 //! let readings = [Some(31.0), None, Some(55.0), Some(48.0), Some(40.0), None].map(|r| vec![r]);
 //! let readings = Readings::new(vec!["friction".into()], &readings)?;
 //! let data = TrainingData::new(&embeddings, &readings);
-//! let rerun = Rerun { number: 0, training: vec![0, 1, 2, 3], validation: vec![] };
+//! let rerun = Rerun::new(0, vec![0, 1, 2, 3]);
 //! let plan = Plan::each(7, readings.properties(), vec![rerun]);
 //!
 //! let head = Head::new(HeadConfig { epochs: 2, ..HeadConfig::default() })?;
@@ -29,7 +29,6 @@
 mod batches;
 mod config;
 mod course;
-mod error;
 mod fusion;
 mod input;
 mod job;
@@ -49,7 +48,6 @@ pub use config::{
     Adversarial, Classification, CrossModal, EarlyStopping, GeneratorLoss, HeadConfig, Input,
     Model, RelationScale, Scale,
 };
-pub use error::HeadError;
 pub use fusion::FusionLoss;
 pub(crate) use joint::{Draw, JointHeads, Share};
 pub use trained::{EpochLosses, KeptEpoch, TrainedHead, TrainedHeads};
@@ -77,7 +75,7 @@ pub trait Observer: Sync {
     }
 
     /// Whether nothing more is to be trained, for example because what is finished can no longer be
-    /// kept; asked before every epoch. [`Head::train`] then ends with [`HeadError::Stopped`].
+    /// kept; asked before every epoch. [`Head::train`] then ends with [`Error::Stopped`](crate::Error::Stopped).
     fn stops(&self) -> bool {
         false
     }

@@ -175,15 +175,10 @@ impl Vision {
         match self {
             Self::Fusion(layer) => layer.forward(visual),
             Self::Relations(relations) => {
-                let mut sum: Option<Tensor> = None;
-                for relation in relations {
-                    let term = relation.forward(visual)?;
-                    sum = Some(match sum {
-                        None => term,
-                        Some(sum) => (sum + term)?,
-                    });
-                }
-                sum.ok_or_else(|| candle_core::Error::Msg("relations without a scale".into()))
+                let mut terms = relations.iter().map(|one| one.forward(visual));
+                let none = || Err(candle_core::Error::Msg("relations without a scale".into()));
+                let first = terms.next().unwrap_or_else(none)?;
+                terms.try_fold(first, |sum, term| sum + term?)
             }
         }
     }
@@ -254,18 +249,14 @@ impl CrossModalNetwork {
 
     /// `e_t`, `(trials, rows, latent)`, for values `(trials, rows, 1)`.
     pub(super) fn touch(&self, value: &Tensor) -> Result<Option<Tensor>> {
-        self.tactile
-            .as_ref()
-            .map(|encoder| encoder.forward(value))
-            .transpose()
+        let touch = self.tactile.as_ref().map(|layers| layers.forward(value));
+        touch.transpose()
     }
 
     /// The auxiliary classifier's logits, `(trials, rows, classes)`.
     pub(super) fn classify(&self, latent: &Tensor) -> Result<Option<Tensor>> {
-        self.classifier
-            .as_ref()
-            .map(|classifier| classifier.forward(latent))
-            .transpose()
+        let logits = self.classifier.as_ref().map(|one| one.forward(latent));
+        logits.transpose()
     }
 }
 

@@ -7,9 +7,10 @@ use sps_base::streams::named_stream;
 use super::config::HeadConfig;
 use super::job::Job;
 use super::network::{Dims, Fill, Network, Spec};
-use super::trained::Parameters;
 use crate::error::Result;
+use crate::optim::{Elements, Gradient};
 use crate::stacked::{GradientSlot, Parameter};
+use crate::weights::Weights;
 
 /// One network for each of some jobs, and their parameters.
 pub(super) struct Stack {
@@ -18,10 +19,23 @@ pub(super) struct Stack {
 }
 
 /// A parameter of all networks, `(trials, ..)`.
+#[derive(Clone)]
 pub(super) struct StackParameter {
     pub(super) name: String,
     pub(super) variable: Var,
     pub(super) gradient: GradientSlot,
+}
+
+impl Gradient for StackParameter {
+    fn read(
+        &self,
+        body: &mut dyn FnMut(Elements<'_>) -> candle_core::Result<()>,
+    ) -> candle_core::Result<()> {
+        if !self.gradient.is_written() {
+            candle_core::bail!("parameter {} has no gradient", self.name)
+        }
+        self.gradient.read(body)
+    }
 }
 
 impl Stack {
@@ -46,12 +60,15 @@ impl Stack {
     }
 
     /// A copy of one trial's part.
-    pub(super) fn of_trial(&self, at: usize) -> Result<Parameters> {
+    pub(super) fn of_trial(&self, at: usize) -> Result<Weights> {
         let own = self.parameters.iter().map(|parameter| {
             let tensor = parameter.variable.as_detached_tensor().get(at)?.copy()?;
             Ok((parameter.name.clone(), tensor))
         });
-        own.collect()
+        Ok(Weights::sharing(
+            "a trained head",
+            own.collect::<Result<Vec<_>>>()?,
+        ))
     }
 }
 
@@ -71,9 +88,7 @@ impl Fill for Drawn<'_> {
             let mut rng = named_stream(self.seed, &purpose, job.trial.rerun);
             values.extend((0..count).map(|_| rng.random_range(-bound..bound)));
         }
-        let shape: Vec<usize> = std::iter::once(self.jobs.len())
-            .chain(spec.shape.iter().copied())
-            .collect();
+        let shape = [&[self.jobs.len()], spec.shape].concat();
         let variable = Var::from_vec(values, shape, &Device::Cpu)?;
         let parameter = Parameter::variable(&variable);
         self.parameters.push(StackParameter {

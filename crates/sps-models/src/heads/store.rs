@@ -5,13 +5,13 @@ use candle_core::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 use sps_regress::{DivergedTrial, Standardiser, Trial};
 
+use super::Head;
 use super::config::HeadConfig;
 use super::input::InputStatistics;
 use super::network::{self, Dims};
 use super::trained::{EpochLosses, KeptEpoch, TrainedHead, TrainedHeads};
-use super::{Head, HeadError};
-use crate::error::Result;
-use crate::weights::{Storage, TensorSpec, Weights};
+use crate::error::{Error, Result};
+use crate::weights::{Storage, TensorSpec, Weights, WeightsError, WeightsErrorKind};
 
 /// The one key of the metadata: several would be written in an order that changes.
 const KEY: &str = "sps-heads";
@@ -60,7 +60,7 @@ impl TrainedHeads {
             diverged: self.diverged.clone(),
         };
         let metadata = serde_json::to_string(&metadata)
-            .map_err(|source| format("trained heads", "metadata", source, "JSON"))?;
+            .map_err(|error| Error::input("trained heads", error, "numbers that JSON has"))?;
         let mut tensors = Vec::new();
         for (at, head) in self.heads.iter().enumerate() {
             let InputStatistics { mean, factor } = &head.statistics;
@@ -86,8 +86,7 @@ impl TrainedHeads {
         let head = Head::new(metadata.config)?;
         let tensors = check(name, bytes, head.config(), &metadata.heads)?;
         let heads = metadata.heads.into_iter().enumerate();
-        let heads =
-            heads.map(|(at, one)| one.with(head.config(), &tensors.part(&format!("{at}/"))));
+        let heads = heads.map(|(at, one)| one.with(head.config(), tensors.part(&format!("{at}/"))));
         Ok(Self {
             heads: heads.collect::<Result<_>>()?,
             head,
@@ -98,10 +97,11 @@ impl TrainedHeads {
 
 fn read_metadata(name: &str, bytes: &[u8]) -> Result<Metadata> {
     let text = Weights::note(name, bytes, KEY)?;
-    let metadata: Metadata = serde_json::from_str(&text)
-        .map_err(|source| format(name, "metadata", source, "a valid configuration"))?;
+    let metadata: Metadata =
+        serde_json::from_str(&text).map_err(|error| refused(name, format!("metadata: {error}")))?;
     if metadata.format != FORMAT {
-        return Err(format(name, "format", metadata.format, FORMAT).into());
+        let found = metadata.format;
+        return Err(refused(name, format!("format: found {found}, expected {FORMAT}")).into());
     }
     Ok(metadata)
 }
@@ -146,23 +146,22 @@ impl HeadMetadata {
     }
 
     /// The head of these tensors.
-    fn with(self, config: &HeadConfig, tensors: &Weights) -> Result<TrainedHead> {
-        let parameters = tensors
-            .iter()
-            .filter(|(name, _)| ![MEAN, FACTOR].contains(name));
+    fn with(self, config: &HeadConfig, mut tensors: Weights) -> Result<TrainedHead> {
+        let (mean, factor) = (
+            tensors.get(MEAN)?.to_vec1()?,
+            tensors.get(FACTOR)?.to_vec1()?,
+        );
+        for name in [MEAN, FACTOR] {
+            tensors.remove(name);
+        }
         Ok(TrainedHead {
             dims: self.dims(config),
-            statistics: InputStatistics {
-                mean: tensors.get(MEAN)?.to_vec1()?,
-                factor: tensors.get(FACTOR)?.to_vec1()?,
-            },
+            statistics: InputStatistics { mean, factor },
             target: Standardiser {
                 mean: self.target_mean,
                 std: self.target_std,
             },
-            parameters: parameters
-                .map(|(name, tensor)| (name.to_owned(), tensor.clone()))
-                .collect(),
+            parameters: tensors,
             trial: self.trial,
             history: self.history,
             kept: self.kept,
@@ -170,16 +169,6 @@ impl HeadMetadata {
     }
 }
 
-fn format(
-    name: &str,
-    what: &str,
-    found: impl std::fmt::Display,
-    expected: impl std::fmt::Display,
-) -> HeadError {
-    HeadError::Format {
-        file: name.to_owned(),
-        what: what.to_owned(),
-        found: found.to_string(),
-        expected: expected.to_string(),
-    }
+fn refused(name: &str, what: String) -> WeightsError {
+    WeightsError::new(name, WeightsErrorKind::Format(what))
 }

@@ -2,6 +2,7 @@
 
 use sps_regress::{DivergedTrial, TrainingData};
 
+use super::Observer;
 use super::batches::Batches;
 use super::config::HeadConfig;
 use super::course::Course;
@@ -11,10 +12,8 @@ use super::network::{Network, is_discriminator, specs};
 use super::stack::{Stack, StackParameter};
 use super::trained::{EpochLosses, TrainedHead};
 use super::validation::Validation;
-use super::{HeadError, Observer};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::optim::{Adam, clip_scales, squared_norms};
-use crate::stacked::GradientSlot;
 
 /// What became of a trial.
 pub(super) type Outcome = std::result::Result<TrainedHead, DivergedTrial>;
@@ -42,7 +41,7 @@ pub(super) fn train_stack(
     let mut courses = Course::start(jobs, validation.as_ref());
     for epoch in 0..config.epochs {
         if observer.stops() {
-            return Err(HeadError::Stopped.into());
+            return Err(Error::Stopped);
         }
         batches.shuffle(epoch);
         let losses = pass(config, network, &mut batches, &mut sides)?;
@@ -92,16 +91,13 @@ pub(super) fn parameter_count(
     job: &Job<'_>,
 ) -> usize {
     let specs = specs(config, job.dims(config, data.embeddings)).unwrap_or_default();
-    specs
-        .iter()
-        .map(|s| s.shape.iter().product::<usize>())
-        .sum()
+    let counts = specs.iter().map(|s| s.shape.iter().product::<usize>());
+    counts.sum()
 }
 
 /// One side of the adversarial game with its optimiser; without a game there is one side.
 struct Side {
-    names: Vec<String>,
-    gradients: Vec<GradientSlot>,
+    parameters: Vec<StackParameter>,
     trials: usize,
     adam: Adam,
 }
@@ -110,6 +106,7 @@ impl Side {
     fn of(config: &HeadConfig, parameters: &[StackParameter], trials: usize) -> Result<Vec<Self>> {
         let (against, with): (Vec<_>, Vec<_>) = parameters
             .iter()
+            .cloned()
             .partition(|parameter| is_discriminator(&parameter.name));
         [with, against]
             .into_iter()
@@ -118,8 +115,7 @@ impl Side {
                 let variables = side.iter().map(|parameter| parameter.variable.clone());
                 Ok(Self {
                     adam: Adam::new(config.adam.clone(), variables)?,
-                    names: side.iter().map(|p| p.name.clone()).collect(),
-                    gradients: side.iter().map(|p| p.gradient.clone()).collect(),
+                    parameters: side,
                     trials,
                 })
             })
@@ -127,24 +123,19 @@ impl Side {
     }
 
     fn clear(&self) {
-        self.gradients.iter().for_each(GradientSlot::clear);
+        self.parameters.iter().for_each(|p| p.gradient.clear());
     }
 
     fn step(&mut self, config: &HeadConfig) -> Result<()> {
-        let mut names = self.names.iter().zip(&self.gradients);
-        if let Some((name, _)) = names.find(|(_, gradient)| !gradient.is_written()) {
-            let name = name.clone();
-            return Err(HeadError::NoGradient { name }.into());
-        }
         let mut scales = Vec::new();
         if let Some(largest) = config.clip_norm {
             let mut squares = vec![0.0; self.trials];
-            for gradient in &self.gradients {
-                squared_norms(gradient, &mut squares)?;
+            for parameter in &self.parameters {
+                squared_norms(parameter, &mut squares)?;
             }
             scales = clip_scales(&squares, largest);
         }
-        self.adam.step(&self.gradients, &scales)
+        self.adam.step(&self.parameters, &scales)
     }
 }
 
@@ -166,7 +157,7 @@ impl Means {
         for (total, count) in self.counts.iter_mut().zip(counts) {
             *total += count;
         }
-        for (term, field) in losses.terms() {
+        for (field, term) in losses.terms() {
             let values = term.to_vec1::<f32>()?;
             for ((sum, value), count) in self.sums.iter_mut().zip(values).zip(counts) {
                 *field(sum) += f64::from(value) * count;
@@ -176,9 +167,7 @@ impl Means {
     }
 
     fn finish(self) -> impl Iterator<Item = EpochLosses> {
-        self.sums
-            .into_iter()
-            .zip(self.counts)
-            .map(|(sum, count)| sum.scaled(1.0 / count.max(1.0)))
+        let sums = self.sums.into_iter().zip(self.counts);
+        sums.map(|(sum, count)| sum.scaled(1.0 / count.max(1.0)))
     }
 }

@@ -1,17 +1,15 @@
-use std::collections::BTreeMap;
-
 use candle_core::{Device, Tensor};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sps_regress::{DivergedTrial, Embeddings, Estimates, Standardiser, Trial};
 
+use super::Head;
 use super::config::{HeadConfig, Input};
 use super::input::{self, InputStatistics};
-use super::job::Job;
 use super::network::{Dims, Fill, Network, Spec};
-use super::{Head, HeadError};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::stacked::Parameter;
+use crate::weights::Weights;
 
 /// Rows that prediction computes at once. Always this many, the last ones filled with zeros: so
 /// a surface's estimate has the same bits whichever surfaces stand beside it.
@@ -36,31 +34,30 @@ pub struct EpochLosses {
 }
 
 impl EpochLosses {
+    const FIELDS: [LossField; 6] = [
+        |l| &mut l.estimation,
+        |l| &mut l.embedding,
+        |l| &mut l.reconstruction,
+        |l| &mut l.generator,
+        |l| &mut l.discriminator,
+        |l| &mut l.classification,
+    ];
+
     pub(super) fn all(&self) -> [f64; 6] {
-        [
-            self.estimation,
-            self.embedding,
-            self.reconstruction,
-            self.generator,
-            self.discriminator,
-            self.classification,
-        ]
+        let mut own = *self;
+        Self::FIELDS.map(|field| *field(&mut own))
     }
 
-    pub(super) fn scaled(self, by: f64) -> Self {
-        Self {
-            estimation: self.estimation * by,
-            embedding: self.embedding * by,
-            reconstruction: self.reconstruction * by,
-            generator: self.generator * by,
-            discriminator: self.discriminator * by,
-            classification: self.classification * by,
+    pub(super) fn scaled(mut self, by: f64) -> Self {
+        for field in Self::FIELDS {
+            *field(&mut self) *= by;
         }
+        self
     }
 }
 
-/// Parameters by name, without the trials' axis.
-pub(super) type Parameters = BTreeMap<String, Tensor>;
+/// Where a loss is recorded.
+pub(super) type LossField = fn(&mut EpochLosses) -> &mut f64;
 
 /// The epoch whose weights a head has, under [`EarlyStopping`](super::EarlyStopping).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -81,30 +78,13 @@ pub struct TrainedHead {
     pub(super) dims: Dims,
     pub(super) statistics: InputStatistics,
     pub(super) target: Standardiser,
-    pub(super) parameters: Parameters,
+    /// Without the trials' axis.
+    pub(super) parameters: Weights,
     pub(super) history: Vec<EpochLosses>,
     pub(super) kept: Option<KeptEpoch>,
 }
 
 impl TrainedHead {
-    pub(super) fn new(
-        job: &Job<'_>,
-        dims: Dims,
-        parameters: Parameters,
-        history: Vec<EpochLosses>,
-        kept: Option<KeptEpoch>,
-    ) -> Self {
-        Self {
-            trial: job.trial.clone(),
-            dims,
-            statistics: job.statistics.as_ref().clone(),
-            target: job.target,
-            parameters,
-            history,
-            kept,
-        }
-    }
-
     /// What it was trained for.
     pub fn trial(&self) -> &Trial {
         &self.trial
@@ -124,7 +104,7 @@ impl TrainedHead {
     /// `docs/heads.md` lists the names. The rows of `visual.weight` are the slots one after the
     /// other, so that each slot's term of the late fusion is a product with a run of rows.
     pub fn parameter(&self, name: &str) -> Option<&Tensor> {
-        self.parameters.get(name)
+        self.parameters.get(name).ok()
     }
 
     /// Multiply-adds of the layers between embeddings and estimate.
@@ -149,15 +129,8 @@ impl TrainedHead {
         for some in surfaces.chunks(ROWS) {
             let mut visual = Vec::with_capacity(ROWS * inputs);
             for &surface in some {
-                let statistics = &self.statistics;
-                input::push(
-                    &config.input,
-                    statistics,
-                    embeddings,
-                    surface,
-                    &views,
-                    &mut visual,
-                );
+                let (input, statistics) = (&config.input, &self.statistics);
+                input::push(input, statistics, embeddings, surface, &views, &mut visual);
             }
             visual.resize(ROWS * inputs, 0.0);
             let visual = Tensor::from_vec(visual, (1, ROWS, inputs), &Device::Cpu)?;
@@ -175,11 +148,8 @@ impl TrainedHead {
             Some(wanted) if wanted != views => format!("{wanted} views"),
             _ => return Ok(()),
         };
-        Err(HeadError::Embeddings {
-            found: format!("{views} views of width {width}"),
-            expected,
-        }
-        .into())
+        let found = format_args!("{views} views of width {width}");
+        Err(Error::input("embeddings for prediction", found, expected))
     }
 }
 
@@ -199,20 +169,12 @@ fn times(config: &HeadConfig, weight: &str) -> usize {
 }
 
 /// The parameters of one head as a stack of one.
-struct Stored<'a>(&'a Parameters);
+struct Stored<'a>(&'a Weights);
 
 impl Fill for Stored<'_> {
     fn fill(&mut self, spec: &Spec<'_>) -> Result<Parameter> {
-        match self.0.get(spec.name) {
-            Some(tensor) => Ok(Parameter::constant(tensor.unsqueeze(0)?)),
-            None => Err(HeadError::Format {
-                file: "trained heads".into(),
-                what: spec.name.to_owned(),
-                found: "no such tensor".into(),
-                expected: format!("shape {:?}", spec.shape),
-            }
-            .into()),
-        }
+        let tensor = self.0.get(spec.name)?;
+        Ok(Parameter::constant(tensor.unsqueeze(0)?))
     }
 }
 
@@ -243,20 +205,12 @@ impl TrainedHeads {
     /// The heads and diverged trials for which `keep` says so.
     #[must_use]
     pub fn filter(&self, keep: impl Fn(&Trial) -> bool) -> Self {
+        let heads = self.heads.iter().filter(|head| keep(&head.trial));
+        let diverged = self.diverged.iter().filter(|one| keep(&one.trial));
         Self {
             head: self.head.clone(),
-            heads: self
-                .heads
-                .iter()
-                .filter(|h| keep(&h.trial))
-                .cloned()
-                .collect(),
-            diverged: self
-                .diverged
-                .iter()
-                .filter(|d| keep(&d.trial))
-                .cloned()
-                .collect(),
+            heads: heads.cloned().collect(),
+            diverged: diverged.cloned().collect(),
         }
     }
 
@@ -276,17 +230,14 @@ impl TrainedHeads {
     /// Embeddings of another width or number of views than the heads take.
     pub fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
         let config = self.head.config();
-        let estimates: Vec<Result<Estimates>> = self
-            .heads
-            .par_iter()
-            .map(|head| {
-                Ok(Estimates {
-                    property: head.trial.property.clone(),
-                    rerun: head.trial.rerun,
-                    values: head.estimate(config, embeddings)?,
-                })
+        let estimates = self.heads.par_iter().map(|head| {
+            Ok(Estimates {
+                property: head.trial.property.clone(),
+                rerun: head.trial.rerun,
+                values: head.estimate(config, embeddings)?,
             })
-            .collect();
+        });
+        let estimates: Vec<Result<Estimates>> = estimates.collect();
         estimates.into_iter().collect()
     }
 }

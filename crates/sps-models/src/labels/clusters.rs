@@ -11,8 +11,8 @@ use rand_chacha_03::rand_core::SeedableRng;
 use sps_base::streams;
 use sps_regress::{Embeddings, Pca, Readings, Standardiser};
 
-use super::{LabelError, Labels};
-use crate::error::Result;
+use super::Labels;
+use crate::error::{Error, Result};
 
 /// Restarts, of which the one with the least inertia is kept.
 const RESTARTS: usize = 10;
@@ -33,7 +33,8 @@ pub(super) fn tactile(
             .is_some_and(|r| r.iter().any(Option::is_some))
     };
     if !training.iter().any(|&surface| measured(surface)) {
-        return Err(LabelError::NotMeasured.into());
+        let expected = "at least one, of a training surface";
+        return Err(Error::input("readings for labels", "none", expected));
     }
     let rows: Vec<usize> = (0..training.len())
         .filter(|&at| keep_unmeasured || measured(training[at]))
@@ -83,9 +84,9 @@ pub(super) fn spread_out(surfaces: usize, rows: &[usize], of: &[usize], classes:
 }
 
 /// Two tables of equal height side by side.
-pub(super) fn beside(left: &Array2<f64>, right: &Array2<f64>) -> Result<Array2<f64>, LabelError> {
+pub(super) fn beside(left: &Array2<f64>, right: &Array2<f64>) -> Result<Array2<f64>> {
     concatenate(Axis(1), &[left.view(), right.view()])
-        .map_err(|source| LabelError::Clustering(source.to_string()))
+        .map_err(|error| Error::input("k-means", error, "tables of equal height"))
 }
 
 /// Each column to zero mean and unit variance; a constant column becomes zero.
@@ -107,7 +108,7 @@ pub(super) fn cluster(
     clusters: usize,
     seed: u64,
     rerun: u64,
-) -> Result<(Vec<usize>, usize), LabelError> {
+) -> Result<(Vec<usize>, usize)> {
     let clusters = clusters.min(distinct(&points));
     let points = DatasetBase::from(points);
     let rng = stream_for_linfa(seed, "labels/k-means", rerun);
@@ -117,7 +118,7 @@ pub(super) fn cluster(
         .tolerance(TOLERANCE)
         .max_n_iterations(MAX_ITERATIONS)
         .fit(&points)
-        .map_err(|source| LabelError::Clustering(source.to_string()))?;
+        .map_err(|error| Error::input("k-means", error, "clusters"))?;
     let of = model.predict(points.records());
     Ok((of.to_vec(), clusters))
 }

@@ -34,34 +34,7 @@ use serde::{Deserialize, Serialize};
 use clusters::{beside, cluster, spread_out, tactile, visual};
 use sps_regress::{TrainingData, check_indices};
 
-use crate::error::Result;
-
-/// Why labels could not be formed.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum LabelError {
-    /// No surface to label.
-    #[error("labels: no training surface")]
-    NoSurfaces,
-    /// None of the training surfaces has a tactile reading to cluster.
-    #[error("labels: none of the training surfaces has a tactile reading")]
-    NotMeasured,
-    /// Material labels were asked for, and no materials given.
-    #[error("labels: material classes need the surfaces' materials, found none")]
-    NoMaterials,
-    /// A count in the configuration is zero.
-    #[error("labels: {what} is 0, expected at least 1")]
-    Zero {
-        /// The key.
-        what: &'static str,
-    },
-    /// Clusters were asked for, and the crate was built without them.
-    #[error("labels: clusters need the feature `clusters` of sps-models")]
-    WithoutClusters,
-    /// The clustering failed.
-    #[error("k-means: {0}")]
-    Clustering(String),
-}
+use crate::error::{Error, Result, require};
 
 /// Where the labels come from.
 ///
@@ -119,41 +92,22 @@ fn default_true() -> bool {
 }
 
 impl LabelSource {
-    /// Clusters of tactile values, with the defaults.
-    pub fn tactile_cluster() -> Self {
-        Self::TactileCluster {
-            clusters: default_clusters(),
-            standardise_tactile: true,
-        }
-    }
-
-    /// Clusters of visual and tactile values, with the defaults.
-    pub fn visuo_tactile_cluster() -> Self {
-        Self::VisuoTactileCluster {
-            clusters: default_clusters(),
-            components: default_components(),
-            standardise_tactile: true,
-        }
-    }
-
     /// Refuses counts of zero, and clusters where there are none.
-    pub(crate) fn check(&self) -> Result<(), LabelError> {
-        if cfg!(not(feature = "clusters")) && *self != (Self::Material {}) {
-            return Err(LabelError::WithoutClusters);
-        }
-        let counts: &[_] = match self {
-            Self::Material {} => &[],
-            Self::TactileCluster { clusters, .. } => &[("clusters", *clusters)],
+    pub(crate) fn check(&self) -> Result<()> {
+        let known = cfg!(feature = "clusters") || *self == Self::Material {};
+        let expected = "a build with the feature `clusters` of sps-models";
+        require(known, "labels", "clusters", expected)?;
+        let (clusters, components) = match *self {
+            Self::Material {} => (1, 1),
+            Self::TactileCluster { clusters, .. } => (clusters, 1),
             Self::VisuoTactileCluster {
                 clusters,
                 components,
                 ..
-            } => &[("clusters", *clusters), ("components", *components)],
+            } => (clusters, components),
         };
-        match counts.iter().find(|(_, count)| *count == 0) {
-            Some(&(what, _)) => Err(LabelError::Zero { what }),
-            None => Ok(()),
-        }
+        require(clusters > 0, "clusters", clusters, "at least 1")?;
+        require(components > 0, "components", components, "at least 1")
     }
 }
 
@@ -198,7 +152,7 @@ pub fn label(
 ) -> Result<Labels> {
     source.check()?;
     if training.is_empty() {
-        return Err(LabelError::NoSurfaces.into());
+        return Err(Error::input("surfaces to label", "none", "at least one"));
     }
     check_indices("labelled surface", training, tables.readings.surfaces())?;
     match source {
@@ -226,25 +180,22 @@ pub fn label(
             Ok(spread_out(training.len(), &all, &of, classes))
         }
         #[cfg(not(feature = "clusters"))]
-        _ => Err(LabelError::WithoutClusters.into()),
+        // Refused by the check.
+        _ => by_material(tables.materials, training),
     }
 }
 
 fn by_material(materials: Option<&[String]>, training: &[usize]) -> Result<Labels> {
-    let materials = materials.ok_or(LabelError::NoMaterials)?;
+    let missing = || Error::input("materials", "none", "one for each surface, for its label");
+    let materials = materials.ok_or_else(missing)?;
     check_indices("labelled surface", training, materials.len())?;
-    let names: Vec<&String> = materials
-        .iter()
-        .collect::<BTreeSet<_>>()
-        .into_iter()
-        .collect();
+    let names: BTreeSet<&String> = materials.iter().collect();
+    let names: Vec<&String> = names.into_iter().collect();
+    let class = |&surface: &usize| names.binary_search(&&materials[surface]).ok();
+    let classes = training.iter().map(class);
     Ok(Labels {
         classes: names.len(),
-        of: training
-            .iter()
-            .map(|&surface| names.binary_search(&&materials[surface]).ok())
-            .map(|class| class.map(|class| class as u32))
-            .collect(),
+        of: classes.map(|class| class.map(|c| c as u32)).collect(),
     })
 }
 
@@ -255,7 +206,11 @@ mod tests {
     #[test]
     fn clusters_are_refused_by_the_name_of_their_feature() {
         LabelSource::Material {}.check().unwrap();
-        let error = LabelSource::tactile_cluster().check().unwrap_err();
+        let clusters = LabelSource::TactileCluster {
+            clusters: 15,
+            standardise_tactile: true,
+        };
+        let error = clusters.check().unwrap_err();
         assert!(error.to_string().contains("feature `clusters`"), "{error}");
     }
 }

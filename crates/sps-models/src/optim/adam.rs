@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use sps_kernels::simd::{Kernel, Lanes, Level};
 
 use super::{Elements, Gradient};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, require};
 
 /// Adam's settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,29 +39,21 @@ impl Default for AdamConfig {
 }
 
 impl AdamConfig {
-    /// The first value that is out of its range: its key, the value, and what it may be.
-    pub(crate) fn out_of_range(&self) -> Option<(&'static str, f64, &'static str)> {
+    /// Refuses the first value that is out of its range, by its key.
+    pub(crate) fn check(&self) -> Result<()> {
         let above_zero = (f64::MIN_POSITIVE..=f64::MAX, "above 0");
         let not_below_zero = (0.0..=f64::MAX, "0 or more");
         let share = (0.0..=1.0_f64.next_down(), "0 or more, below 1");
-        let values = [
+        for (key, value, (range, expected)) in [
             ("adam.learning-rate", self.learning_rate, &above_zero),
             ("adam.epsilon", self.epsilon, &above_zero),
             ("adam.beta1", self.beta1, &share),
             ("adam.beta2", self.beta2, &share),
             ("adam.weight-decay", self.weight_decay, &not_below_zero),
-        ];
-        let mut values = values.into_iter();
-        let refused = values.find(|(_, value, (range, _))| !range.contains(value));
-        refused.map(|(key, value, (_, expected))| (key, value, *expected))
-    }
-
-    /// Refuses a value that is out of its range, by its key.
-    pub(crate) fn check(&self) -> Result<()> {
-        match self.out_of_range() {
-            None => Ok(()),
-            Some((key, found, expected)) => Err(Error::input(key, found, expected)),
+        ] {
+            require(range.contains(&value), key, value, expected)?;
         }
+        Ok(())
     }
 }
 
@@ -72,7 +64,7 @@ impl AdamConfig {
 /// step may scale the gradient of each trial by its own factor. The update is elementwise, so a
 /// trial's bits do not depend on what is stacked beside it.
 #[derive(Debug)]
-pub struct Adam {
+pub(crate) struct Adam {
     config: AdamConfig,
     parameters: Vec<(Var, RunningMeans)>,
     steps: u32,
@@ -87,11 +79,10 @@ enum RunningMeans {
 
 impl Adam {
     /// Starts with both moments at zero. Parameters are f32 or f64, on the CPU.
-    ///
-    /// # Errors
-    ///
-    /// A value of the configuration that is out of its range, a parameter of another type.
-    pub fn new(config: AdamConfig, parameters: impl IntoIterator<Item = Var>) -> Result<Self> {
+    pub(crate) fn new(
+        config: AdamConfig,
+        parameters: impl IntoIterator<Item = Var>,
+    ) -> Result<Self> {
         config.check()?;
         let parameters = parameters
             .into_iter()
@@ -115,22 +106,18 @@ impl Adam {
     }
 
     /// Sets the step size of the steps to come.
-    pub fn set_learning_rate(&mut self, learning_rate: f64) {
+    pub(crate) fn set_learning_rate(&mut self, learning_rate: f64) {
         self.config.learning_rate = learning_rate;
     }
 
     /// Steps made so far.
-    pub fn steps(&self) -> u32 {
+    pub(crate) fn steps(&self) -> u32 {
         self.steps
     }
 
     /// The running means of each parameter's gradient and of its square, as tensors of the
     /// parameter's shape.
-    ///
-    /// # Errors
-    ///
-    /// When there is no room for them.
-    pub fn moments(&self) -> Result<Vec<(Tensor, Tensor)>> {
+    pub(crate) fn moments(&self) -> Result<Vec<(Tensor, Tensor)>> {
         let tensors = self.parameters.iter().map(|(parameter, moments)| {
             let (shape, device) = (parameter.dims(), parameter.device());
             Ok(match moments {
@@ -149,11 +136,7 @@ impl Adam {
 
     /// Goes on from the state that [`Adam::steps`] and [`Adam::moments`] told; `moments` gives
     /// those of a parameter by its index.
-    ///
-    /// # Errors
-    ///
-    /// What `moments` returns; moments of another size or type than their parameter.
-    pub fn restore(
+    pub(crate) fn restore(
         &mut self,
         steps: u32,
         moments: impl Fn(usize) -> Result<(Tensor, Tensor)>,
@@ -181,11 +164,7 @@ impl Adam {
     ///
     /// `scales` has one factor per trial (per index of the first axis), by which its gradient is
     /// multiplied first; an empty slice means 1.
-    ///
-    /// # Errors
-    ///
-    /// A gradient that cannot be read, or whose size or type is not the parameter's.
-    pub fn step<G: Gradient>(&mut self, gradients: &[G], scales: &[f64]) -> Result<()> {
+    pub(crate) fn step<G: Gradient>(&mut self, gradients: &[G], scales: &[f64]) -> Result<()> {
         if gradients.len() != self.parameters.len() {
             return Err(Error::input(
                 "gradients",

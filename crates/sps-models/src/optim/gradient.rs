@@ -2,7 +2,7 @@ use candle_core::{CpuStorage, Result, Storage, Tensor, bail};
 
 /// The elements of a gradient, in row-major order.
 #[derive(Clone, Copy, Debug)]
-pub enum Elements<'a> {
+pub(crate) enum Elements<'a> {
     /// Single precision.
     F32(&'a [f32]),
     /// Double precision.
@@ -11,26 +11,17 @@ pub enum Elements<'a> {
 
 impl Elements<'_> {
     /// How many there are.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         match self {
             Self::F32(values) => values.len(),
             Self::F64(values) => values.len(),
         }
     }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
 }
 
 /// Something that holds the gradient of one parameter.
-pub trait Gradient {
+pub(crate) trait Gradient {
     /// Shows the elements to `body`.
-    ///
-    /// # Errors
-    ///
-    /// What `body` returns; a gradient that is not there, or neither f32 nor f64 on the CPU.
     fn read(&self, body: &mut dyn FnMut(Elements<'_>) -> Result<()>) -> Result<()>;
 }
 

@@ -1,5 +1,5 @@
 use candle_core::backend::BackendStorage;
-use candle_core::{CpuStorage, CustomOp2, CustomOp3, Layout, Result, Shape, Tensor, bail};
+use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor, bail};
 use faer::{Accum, MatMut, MatRef};
 use sps_regress::dense::multiply;
 
@@ -11,6 +11,7 @@ pub(crate) fn linear(x: &Tensor, w: &Parameter, b: &Parameter) -> Result<Tensor>
     let operator = Linear {
         weight: w.gradient().cloned(),
         bias: b.gradient().cloned(),
+        biased: true,
     };
     x.contiguous()?.apply_op3(w.value(), b.value(), operator)
 }
@@ -20,15 +21,20 @@ pub(crate) fn matmul(x: &Tensor, w: &Parameter) -> Result<Tensor> {
     let operator = Linear {
         weight: w.gradient().cloned(),
         bias: None,
+        biased: false,
     };
-    x.contiguous()?.apply_op2(w.value(), operator)
+    // The third operand is not looked at.
+    x.contiguous()?.apply_op3(w.value(), w.value(), operator)
 }
 
 /// Where the parameters' gradients go; a constant has no place, and none is computed.
 struct Linear {
     weight: Option<GradientSlot>,
     bias: Option<GradientSlot>,
+    biased: bool,
 }
+
+const NAME: &str = "stacked linear";
 
 /// `(trials, rows, inputs, outputs)` of a product.
 #[derive(Clone, Copy)]
@@ -44,7 +50,7 @@ impl Dims {
         let (trials, rows, inputs) = x.dims3()?;
         let (of, from, outputs) = w.dims3()?;
         if (of, from) != (trials, inputs) {
-            bail!("stacked linear: inputs {x:?} do not fit weights {w:?}")
+            bail!("{NAME}: inputs {x:?} do not fit weights {w:?}")
         }
         Ok(Self {
             trials,
@@ -77,16 +83,16 @@ fn forward<T: Element>(
     (w, w_at): (&CpuStorage, &Layout),
     bias: Option<(&CpuStorage, &Layout)>,
 ) -> Output {
-    let x = elements::<T>("stacked linear", x, x_at)?;
-    let w = elements::<T>("stacked linear", w, w_at)?;
+    let x = elements::<T>(NAME, x, x_at)?;
+    let w = elements::<T>(NAME, w, w_at)?;
     let mut y = vec![T::zero(); dims.trials * dims.rows * dims.outputs];
     let accumulate = match bias {
         None => Accum::Replace,
         Some((b, b_at)) => {
             if b_at.dims() != [dims.trials, dims.outputs] {
-                bail!("stacked linear: bias {:?}", b_at.shape())
+                bail!("{NAME}: bias {:?}", b_at.shape())
             }
-            let b = elements::<T>("stacked linear", b, b_at)?;
+            let b = elements::<T>(NAME, b, b_at)?;
             for trial in 0..dims.trials {
                 let b = &b[part(trial, dims.outputs)];
                 for row in y[dims.y(trial)].chunks_exact_mut(dims.outputs.max(1)) {
@@ -117,8 +123,8 @@ fn weight_gradient<T: Element>(
     dy: &Tensor,
     slot: &GradientSlot,
 ) -> Result<()> {
-    with_elements::<T, _>("stacked linear", x, |x| {
-        with_elements::<T, _>("stacked linear", dy, |dy| {
+    with_elements::<T, _>(NAME, x, |x| {
+        with_elements::<T, _>(NAME, dy, |dy| {
             slot.write::<T>(dims.trials * dims.inputs * dims.outputs, |dw, add| {
                 for trial in 0..dims.trials {
                     let dw = &mut dw[dims.w(trial)];
@@ -139,8 +145,8 @@ fn weight_gradient<T: Element>(
 /// `dy w^T`, `(trials, rows, inputs)`.
 fn input_gradient<T: Element>(dims: Dims, w: &Tensor, dy: &Tensor) -> Result<Tensor> {
     let mut dx = vec![T::zero(); dims.trials * dims.rows * dims.inputs];
-    with_elements::<T, _>("stacked linear", w, |w| {
-        with_elements::<T, _>("stacked linear", dy, |dy| {
+    with_elements::<T, _>(NAME, w, |w| {
+        with_elements::<T, _>(NAME, dy, |dy| {
             for trial in 0..dims.trials {
                 multiply(
                     MatMut::from_row_major_slice_mut(
@@ -162,7 +168,7 @@ fn input_gradient<T: Element>(dims: Dims, w: &Tensor, dy: &Tensor) -> Result<Ten
 
 /// The sum of `dy` over the rows, `(trials, outputs)`.
 fn bias_gradient<T: Element>(dims: Dims, dy: &Tensor, slot: &GradientSlot) -> Result<()> {
-    with_elements::<T, _>("stacked linear", dy, |dy| {
+    with_elements::<T, _>(NAME, dy, |dy| {
         slot.write::<T>(dims.trials * dims.outputs, |db, add| {
             if !add {
                 db.fill(T::zero());
@@ -184,47 +190,21 @@ impl Linear {
     /// Writes the parameters' gradients, and gives the input's where something asks for it.
     fn backward(&self, x: &Tensor, w: &Tensor, dy: &Tensor) -> Result<Option<Tensor>> {
         let dims = Dims::new(x.shape(), w.shape())?;
-        let name = "stacked linear";
         if let Some(slot) = &self.weight {
-            for_element!(name, dy, weight_gradient(dims, x, dy, slot))?;
+            for_element!(NAME, dy, T => weight_gradient::<T>(dims, x, dy, slot))?;
         }
         if let Some(slot) = &self.bias {
-            for_element!(name, dy, bias_gradient(dims, dy, slot))?;
+            for_element!(NAME, dy, T => bias_gradient::<T>(dims, dy, slot))?;
         }
         x.track_op()
-            .then(|| for_element!(name, dy, input_gradient(dims, w, dy)))
+            .then(|| for_element!(NAME, dy, T => input_gradient::<T>(dims, w, dy)))
             .transpose()
-    }
-}
-
-impl CustomOp2 for Linear {
-    fn name(&self) -> &'static str {
-        "stacked linear"
-    }
-
-    fn cpu_fwd(&self, x: &CpuStorage, x_at: &Layout, w: &CpuStorage, w_at: &Layout) -> Output {
-        let dims = Dims::new(x_at.shape(), w_at.shape())?;
-        for_element!(
-            "stacked linear",
-            x,
-            forward(dims, (x, x_at), (w, w_at), None)
-        )
-    }
-
-    fn bwd(
-        &self,
-        x: &Tensor,
-        w: &Tensor,
-        _: &Tensor,
-        dy: &Tensor,
-    ) -> Result<(Option<Tensor>, Option<Tensor>)> {
-        Ok((self.backward(x, w, dy)?, None))
     }
 }
 
 impl CustomOp3 for Linear {
     fn name(&self) -> &'static str {
-        "stacked linear"
+        NAME
     }
 
     fn cpu_fwd(
@@ -237,11 +217,8 @@ impl CustomOp3 for Linear {
         b_at: &Layout,
     ) -> Output {
         let dims = Dims::new(x_at.shape(), w_at.shape())?;
-        for_element!(
-            "stacked linear",
-            x,
-            forward(dims, (x, x_at), (w, w_at), Some((b, b_at)))
-        )
+        let bias = self.biased.then_some((b, b_at));
+        for_element!(NAME, x, T => forward::<T>(dims, (x, x_at), (w, w_at), bias))
     }
 
     fn bwd(

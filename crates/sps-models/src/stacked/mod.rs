@@ -7,17 +7,13 @@
 #[cfg(test)]
 pub(crate) mod tests;
 
-mod cross_entropy;
 mod linear;
 mod parameter;
-mod pointwise;
-mod row_norm;
+mod rows;
 
-pub(crate) use cross_entropy::cross_entropy;
 pub(crate) use linear::{linear, matmul};
 pub(crate) use parameter::{GradientSlot, Parameter};
-pub(crate) use pointwise::{leaky_relu, softplus};
-pub(crate) use row_norm::row_norm;
+pub(crate) use rows::{cross_entropy, leaky_relu, row_norm, softplus};
 
 use candle_core::{CpuStorage, Layout, Result, Shape, Storage, Tensor, bail};
 
@@ -84,12 +80,18 @@ fn with_elements<T: Element, R>(
     }
 }
 
-/// Calls a function generic over the element type for the type of a storage.
+/// Says the same for either element type, which `$type` stands for, by that of a storage.
 macro_rules! for_element {
-    ($operator:expr, $storage:expr, $call:ident($($argument:expr),*)) => {
+    ($operator:expr, $storage:expr, $type:ident => $call:expr) => {
         match $storage.dtype() {
-            candle_core::DType::F32 => $call::<f32>($($argument),*),
-            candle_core::DType::F64 => $call::<f64>($($argument),*),
+            candle_core::DType::F32 => {
+                type $type = f32;
+                $call
+            }
+            candle_core::DType::F64 => {
+                type $type = f64;
+                $call
+            }
             other => candle_core::bail!("{}: {other:?} is neither f32 nor f64", $operator),
         }
     };

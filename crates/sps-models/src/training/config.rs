@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::encoders::Precision;
-use crate::error::{Error, Result};
+use crate::error::{Result, require};
 use crate::heads::{HeadConfig, Input, Model, Scale};
 use crate::optim::AdamConfig;
 
@@ -104,30 +104,29 @@ impl TrainingObjective {
         };
         let any = matches!(input, Input::ViewPooling {} | Input::Relations { .. });
         let found = views.map_or("none".to_owned(), |views| views.to_string());
-        let expected = if any {
-            "at least 1"
+        let (fits, expected) = if any {
+            (self.views() > 0, "at least 1")
         } else {
-            "none, where the input says how many"
-        };
-        let fits = if any {
-            self.views() > 0
-        } else {
-            views.is_none()
+            (views.is_none(), "none, where the input says how many")
         };
         require(fits, "objective.views", found, expected)?;
         if let Input::Relations { scales } = input {
             let most = scales.iter().map(|scale| scale.views).max().unwrap_or(0);
             let expected = format!("at least {most}, as many as a relation has");
             let shown = self.views();
-            require(most <= shown, "objective.views", shown, &expected)?;
+            require(most <= shown, "objective.views", shown, expected)?;
         }
-        let config = HeadConfig {
-            input: input.clone(),
-            scale: *scale,
-            model: model.clone(),
-            ..HeadConfig::default()
-        };
-        config.check()
+        head(input, *scale, model).check()
+    }
+}
+
+/// The heads of an objective.
+pub(super) fn head(input: &Input, scale: Scale, model: &Model) -> HeadConfig {
+    HeadConfig {
+        input: input.clone(),
+        scale,
+        model: model.clone(),
+        ..HeadConfig::default()
     }
 }
 
@@ -213,7 +212,7 @@ impl TrainingConfig {
         if let Some(part) = self.micro_batch_size {
             let sensible = (2..=batch).contains(&part);
             let expected = format!("2 to {batch}, the `batch-size`");
-            require(sensible, "micro-batch-size", part, &expected)?;
+            require(sensible, "micro-batch-size", part, expected)?;
         }
         self.adam.check()?;
         let share = |value: f64| (0.0..1.0).contains(&value);
@@ -257,6 +256,16 @@ impl TrainingConfig {
 }
 
 impl Augmentation {
+    /// None.
+    #[cfg(test)]
+    pub(super) const STILL: Self = Self {
+        crop: 1.0,
+        flip: false,
+        brightness: 0.0,
+        contrast: 0.0,
+        colour: 0.0,
+    };
+
     fn check(&self) -> Result<()> {
         let crop = self.crop;
         let sensible = crop > 0.0 && crop <= 1.0;
@@ -270,19 +279,6 @@ impl Augmentation {
             require(sensible, name, value, "at least 0 and below 1")?;
         }
         Ok(())
-    }
-}
-
-fn require(
-    holds: bool,
-    what: &'static str,
-    found: impl std::fmt::Display,
-    expected: &str,
-) -> Result<()> {
-    if holds {
-        Ok(())
-    } else {
-        Err(Error::input(what, found, expected))
     }
 }
 

@@ -141,13 +141,7 @@ mod tests {
         one.len() == other.len() && pairs.all(|(a, b)| (a - b).abs() < 1e-6)
     }
 
-    const STILL: Augmentation = Augmentation {
-        crop: 1.0,
-        flip: false,
-        brightness: 0.0,
-        contrast: 0.0,
-        colour: 0.0,
-    };
+    const STILL: Augmentation = Augmentation::STILL;
 
     #[test]
     fn without_variation_an_image_stays_as_it_is() {

@@ -6,7 +6,6 @@
 //! are trained on.
 //!
 //! ```
-//! use candle_core::Device;
 //! use sps_models::encoders::{Encoder, EncoderKind};
 //! use sps_models::training::{Classes, Image, ImageSource, Parts, Targets, Trainer, TrainingConfig};
 //!
@@ -19,7 +18,7 @@
 //!     }
 //! }
 //!
-//! let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu)?;
+//! let start = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0)?;
 //! let targets = Targets {
 //!     classes: Some(Classes { of_image: vec![0, 1, 0, 1], count: 2 }),
 //!     ..Targets::default()

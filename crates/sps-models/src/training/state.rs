@@ -1,7 +1,5 @@
 //! A training that was stopped, as safetensors: `encoder/..`, `objective/..`, `adam/..` and, where
 //! there is one, `best/..`; the metadata hold the config and the epochs so far.
-
-use candle_core::Device;
 use serde::{Deserialize, Serialize};
 
 use super::config::TrainingConfig;
@@ -95,7 +93,7 @@ impl Trainer {
         }
         let tensors = Weights::from_bytes(name, bytes)?;
         let kind: EncoderKind = metadata.encoder.parse()?;
-        let encoder = Encoder::new(kind, tensors.part("encoder/"), &Device::Cpu)?;
+        let encoder = Encoder::new(kind, tensors.part("encoder/"))?;
         let encoder = encoder.with_depths(&metadata.depths)?;
         let mut trainer = Self::new(&encoder, targets, parts, config, seed)?;
         if trainer.data != metadata.data {
@@ -113,7 +111,7 @@ impl Trainer {
         })?;
         trainer.check_progress(&metadata)?;
         if let Some((epoch, loss)) = metadata.best {
-            let network = Encoder::new(kind, tensors.part("best/"), &Device::Cpu)?;
+            let network = Encoder::new(kind, tensors.part("best/"))?;
             let weights = network.weights().clone();
             trainer.best = Some(Best {
                 epoch,

@@ -187,8 +187,7 @@ impl Trainer {
     pub fn into_encoder(self) -> Result<Encoder> {
         match self.best {
             Some(best) => {
-                let device = candle_core::Device::Cpu;
-                let encoder = Encoder::new(self.encoder.kind(), best.weights, &device)?;
+                let encoder = Encoder::new(self.encoder.kind(), best.weights)?;
                 encoder.with_depths(self.encoder.depths())
             }
             None => self.encoder.encoder(),
@@ -233,17 +232,16 @@ impl Trainer {
             let (first, images) = (part.start * self.views, part.len() * self.views);
             let images = batch.tensor.narrow(0, first, images)?;
             let surfaces = &of[part];
-            let (gradients, loss) =
-                self.gradients_of_part(&images, Share { surfaces, of }, done)?;
+            let share = Share { surfaces, of };
+            let (gradients, loss) = self.gradients_of_part(&images, share, done)?;
             losses.add(&loss, 1.0);
             check_finite("loss", &losses)?;
             sums = if sums.is_empty() {
                 gradients
             } else {
                 let pairs = sums.iter().zip(&gradients);
-                pairs
-                    .map(|(sum, more)| sum + more)
-                    .collect::<Result<_, _>>()?
+                let sums = pairs.map(|(sum, more)| sum + more);
+                sums.collect::<Result<_, _>>()?
             };
         }
         Ok((sums, losses))

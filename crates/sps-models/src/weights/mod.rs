@@ -250,19 +250,6 @@ impl Weights {
         })
     }
 
-    /// The same tensors on another device.
-    pub(crate) fn to_device(&self, device: &Device) -> candle_core::Result<Self> {
-        let tensors = self
-            .tensors
-            .iter()
-            .map(|(name, tensor)| Ok((name.clone(), tensor.to_device(device)?)))
-            .collect::<candle_core::Result<_>>()?;
-        Ok(Self {
-            origin: self.origin.clone(),
-            tensors,
-        })
-    }
-
     fn error(&self, kind: WeightsErrorKind) -> WeightsError {
         WeightsError::new(&self.origin, kind)
     }

@@ -25,9 +25,8 @@ fn every_block_of_every_view_is_brought_to_a_mean_variance_of_1() {
     let found = found.balanced();
     for (place, expected) in [(0..2, 1.0), (2..5, 1.0), (5..7, 1.0), (7..10, 0.0)] {
         let variance = |feature: usize| {
-            let values: Vec<f64> = (0..30)
-                .map(|s| f64::from(found.surface(s)[feature]))
-                .collect();
+            let values = (0..30).map(|s| f64::from(found.surface(s)[feature]));
+            let values: Vec<f64> = values.collect();
             let mean = values.iter().sum::<f64>() / 30.0;
             values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 30.0
         };
@@ -42,16 +41,9 @@ fn every_block_of_every_view_is_brought_to_a_mean_variance_of_1() {
 /// Powers of two change no bit, so that estimates must be the same to the last.
 #[test]
 fn units_of_blocks_do_not_matter() {
-    let rows: Vec<_> = uniform("touch", 30)
-        .into_iter()
-        .map(|v| vec![Some(v)])
-        .collect();
-    let readings = Readings::new(vec!["p".into()], &rows).unwrap();
-    let rerun = Rerun {
-        number: 0,
-        training: (0..20).collect(),
-        validation: Vec::new(),
-    };
+    let rows = uniform("touch", 30).into_iter().map(|v| vec![Some(v)]);
+    let readings = Readings::new(vec!["p".into()], &rows.collect::<Vec<_>>()).unwrap();
+    let rerun = Rerun::new(0, 0..20);
     let mut plan = Plan::each(1, readings.properties(), vec![rerun]);
     plan.trials[0].views = Views::Fixed(vec![0, 1]);
     let estimates = |units| {
@@ -67,6 +59,7 @@ fn units_of_blocks_do_not_matter() {
     };
     assert_eq!(estimates([1.0; 4]), estimates([8.0, 0.25, 8.0, 0.25]));
 }
+
 #[test]
 fn embeddings_and_readings_are_checked() {
     for (values, shape) in [
@@ -77,11 +70,8 @@ fn embeddings_and_readings_are_checked() {
     ] {
         assert!(Embeddings::new(values, shape).is_err(), "{shape:?}");
     }
-    let message = Embeddings::new(vec![1.0, 2.0, f32::NAN, 4.0], [2, 1, 2]).unwrap_err();
-    assert!(
-        message.to_string().contains("NaN in surface 1"),
-        "{message}"
-    );
+    let error = Embeddings::new(vec![1.0, 2.0, f32::NAN, 4.0], [2, 1, 2]).unwrap_err();
+    assert!(error.to_string().contains("NaN in surface 1"), "{error}");
     let two = Embeddings::new(vec![1.0, 2.0], [2, 1, 1]).unwrap();
     assert!(two.select(&[2], &[0]).is_err());
     assert!(two.select(&[0], &[1]).is_err());
@@ -93,14 +83,10 @@ fn embeddings_and_readings_are_checked() {
     assert!(Readings::new(names(&["a", "a"]), &[]).is_err());
     assert!(Readings::new(names(&["a"]), &[vec![]]).is_err());
     let message = Readings::new(names(&["a"]), &[vec![Some(f64::INFINITY)]]).unwrap_err();
-    assert!(
-        message.to_string().contains("inf for a of surface 0"),
-        "{message}"
-    );
+    let message = message.to_string();
+    assert!(message.contains("inf for a of surface 0"), "{message}");
     let readings = Readings::new(names(&["a", "b"]), &[vec![None, Some(2.0)]]).unwrap();
     assert_eq!((readings.get(0, 1), readings.get(0, 0)), (Some(2.0), None));
-    assert_eq!(
-        (readings.get(0, 2), readings.get(usize::MAX, 0)),
-        (None, None)
-    );
+    let outside = (readings.get(0, 2), readings.get(usize::MAX, 0));
+    assert_eq!(outside, (None, None));
 }

@@ -124,38 +124,27 @@ impl Proximity {
     }
 }
 
-/// How the kernel of a block of a view enters the kernel of a set of views.
-#[derive(Clone, Copy)]
-pub(super) struct Terms {
-    /// Of all blocks of all views these are 1 together.
-    pub(super) weight: f64,
-    pub(super) scale: f64,
-    pub(super) shape: Shape,
-}
-
 /// One block of a view.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
-    pub(super) view: usize,
-    pub(super) block: usize,
+    view: usize,
+    block: usize,
     /// Its place among the features of the view.
-    pub(super) features: Range<usize>,
+    features: Range<usize>,
 }
 
 impl Part {
     /// The blocks of each of the views.
     pub(super) fn all(embeddings: &Embeddings) -> impl Iterator<Item = Self> {
-        (0..embeddings.views()).flat_map(|view| Self::of_view(embeddings, view))
-    }
-
-    /// The blocks of one of the views.
-    pub(super) fn of_view(embeddings: &Embeddings, view: usize) -> impl Iterator<Item = Self> {
-        let places = embeddings.block_places().enumerate();
-        places.map(move |(block, features)| Self {
-            view,
-            block,
-            features,
-        })
+        let of_view = |view| {
+            let places = embeddings.block_places().enumerate();
+            places.map(move |(block, features)| Self {
+                view,
+                block,
+                features,
+            })
+        };
+        (0..embeddings.views()).flat_map(of_view)
     }
 
     fn of<'a>(&self, embeddings: &'a Embeddings, surface: usize) -> &'a [f32] {
@@ -167,8 +156,8 @@ impl Part {
 pub(super) struct Points {
     proximity: Proximity,
     part: Part,
-    /// How many features there are, where a view has no other block.
-    alone: Option<usize>,
+    views: usize,
+    blocks: usize,
     /// Mean of each feature.
     centre: Vec<f64>,
     /// `(width, surfaces)`, less the centre.
@@ -183,7 +172,8 @@ impl Points {
         let points = centred(embeddings, 0..embeddings.surfaces(), &part, &centre);
         Self {
             proximity,
-            alone: (embeddings.blocks().len() == 1).then_some(embeddings.width()),
+            views: embeddings.views(),
+            blocks: embeddings.blocks().len(),
             part,
             norms: norms(&points),
             centre,
@@ -195,7 +185,8 @@ impl Points {
     /// surfaces)`, and the unit in which they shall be told.
     pub(super) fn among_themselves(&self) -> (Mat<f64>, f64) {
         let proximities = self.compared(&self.centred, &self.norms);
-        let scale = self.proximity.scale(&proximities, self.alone);
+        let alone = (self.blocks == 1).then_some(self.centre.len());
+        let scale = self.proximity.scale(&proximities, alone);
         (proximities, scale)
     }
 
@@ -206,13 +197,10 @@ impl Points {
         self.compared(&others, &norms(&others))
     }
 
-    /// Adds the kernel at these proximities to `sum`, times `weight`.
-    pub(super) fn add(sum: &mut Mat<f64>, proximities: &Mat<f64>, terms: Terms) {
-        let Terms {
-            weight,
-            scale,
-            shape,
-        } = terms;
+    /// Adds the block's kernel at these proximities to the mean over all views, of which all blocks' weights
+    /// are 1 together.
+    pub(super) fn add(&self, sum: &mut Mat<f64>, proximities: &Mat<f64>, scale: f64, shape: Shape) {
+        let weight = shape.weight(self.part.block, self.blocks) / self.views as f64;
         for (sum, proximities) in sum.col_iter_mut().zip(proximities.col_iter()) {
             for (sum, &proximity) in sum.iter_mut().zip(proximities.iter()) {
                 *sum += weight * shape.at(proximity, scale);

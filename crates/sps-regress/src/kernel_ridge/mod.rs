@@ -20,10 +20,10 @@ use crate::error::{Error, Result};
 use crate::fitted::{Fitted, FittedModel};
 use crate::groups::{Group, fit_groups, sharing};
 use crate::plan::{Plan, TrainingData, Trial};
-use crate::regressor::check_fits;
+use crate::regressor::{check_fits, check_positive};
 use fit::{Fit, Spectrum};
 pub use kernel::{Kernel, Shape};
-use kernel::{Part, Points, Proximity, Terms};
+use kernel::{Part, Points, Proximity};
 pub use set_losses::SetLosses;
 
 /// Surfaces that are estimated at once.
@@ -91,12 +91,7 @@ impl KernelRidge {
             ("widths of kernels", &widths),
         ];
         for (what, list) in lists {
-            if list.is_empty() {
-                return Err(Error::input(what, "none", "at least one"));
-            }
-            if let Some(value) = list.iter().find(|&&v| !(v.is_finite() && v > 0.0)) {
-                return Err(Error::input(what, value, "numbers above 0"));
-            }
+            check_positive(what, list)?;
         }
         if let Some(shape) = config.kernels.iter().find(|s| !s.leaning.is_finite()) {
             let expected = "a finite number";
@@ -161,27 +156,17 @@ impl KernelRidge {
         let mut sums: Vec<_> = shapes
             .map(|shape| (shape, Mat::zeros(surfaces, surfaces)))
             .collect();
-        let (views, blocks) = (embeddings.views() as f64, embeddings.blocks().len());
         let mut scales = Vec::new();
         for part in Part::all(embeddings) {
-            let block = part.block;
             let points = Points::new(proximity, embeddings, part);
             let (proximities, scale) = points.among_themselves();
             scales.push(scale);
-            sums.par_iter_mut().for_each(|(shape, sum)| {
-                let terms = Terms {
-                    weight: shape.weight(block, blocks) / views,
-                    scale,
-                    shape: *shape,
-                };
-                Points::add(sum, &proximities, terms);
-            });
+            sums.par_iter_mut()
+                .for_each(|(shape, sum)| points.add(sum, &proximities, scale, *shape));
         }
         (scales, sums)
     }
-}
 
-impl KernelRidge {
     /// The kernels that differ: how far they lean makes no difference to one block.
     fn shapes(&self, embeddings: &Embeddings) -> Vec<Shape> {
         let mut shapes: Vec<Shape> = Vec::new();
@@ -218,21 +203,11 @@ impl Support {
     ) -> Vec<Mat<f64>> {
         let zeros = |_: &Shape| Mat::zeros(self.embeddings.surfaces(), range.len());
         let mut sums: Vec<Mat<f64>> = shapes.iter().map(zeros).collect();
-        let (views, blocks) = (
-            self.embeddings.views() as f64,
-            self.embeddings.blocks().len(),
-        );
         for (part, &scale) in Part::all(&self.embeddings).zip(&self.scales) {
-            let block = part.block;
             let points = Points::new(self.proximity, &self.embeddings, part);
             let proximities = points.proximities(embeddings, range.clone());
             for (sum, &shape) in sums.iter_mut().zip(shapes) {
-                let terms = Terms {
-                    weight: shape.weight(block, blocks) / views,
-                    scale,
-                    shape,
-                };
-                Points::add(sum, &proximities, terms);
+                points.add(sum, &proximities, scale, shape);
             }
         }
         sums

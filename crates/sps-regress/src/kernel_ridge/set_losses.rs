@@ -2,7 +2,7 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use super::fit::{Fit, Spectrum};
-use super::kernel::{Part, Points, Proximity, Shape, Terms};
+use super::kernel::Shape;
 use super::{KernelRidge, KernelRidgeConfig};
 use crate::data::{Embeddings, check_indices};
 use crate::error::{Error, Result};
@@ -78,15 +78,13 @@ impl SetLosses {
                 }),
             }
         }
-        let all: Vec<usize> = (0..data.embeddings.views()).collect();
         for pattern in &mut patterns {
-            let embeddings = data.embeddings.select(&pattern.surfaces, &all)?;
-            pattern.kernels = kernels(&ridge, &embeddings);
+            pattern.kernels = kernels(&ridge, data.embeddings, &pattern.surfaces)?;
         }
         Ok(Self {
             config: config.clone(),
             properties: properties.len(),
-            views: all.len(),
+            views: data.embeddings.views(),
             patterns,
         })
     }
@@ -153,38 +151,26 @@ impl Column {
     }
 }
 
-/// The matrix of each view, by kernel.
-fn kernels(ridge: &KernelRidge, embeddings: &Embeddings) -> Vec<(Shape, Vec<Vec<f32>>)> {
-    let shapes = ridge.shapes(embeddings);
-    let size = embeddings.surfaces();
-    let of_view = |view| {
-        let mut sums = vec![Mat::zeros(size, size); shapes.len()];
-        for part in Part::of_view(embeddings, view) {
-            let block = part.block;
-            let points = Points::new(Proximity::of(&shapes), embeddings, part);
-            let (proximities, scale) = points.among_themselves();
-            for (sum, &shape) in sums.iter_mut().zip(&shapes) {
-                let terms = Terms {
-                    weight: shape.weight(block, embeddings.blocks().len()),
-                    scale,
-                    shape,
-                };
-                Points::add(sum, &proximities, terms);
-            }
-        }
-        sums.iter().map(lower_triangle).collect::<Vec<_>>()
+/// The matrix of each view of these surfaces, by kernel.
+fn kernels(
+    ridge: &KernelRidge,
+    embeddings: &Embeddings,
+    surfaces: &[usize],
+) -> Result<Vec<(Shape, Vec<Vec<f32>>)>> {
+    let of_view = |view| -> Result<Vec<Vec<f32>>> {
+        let (_, kernels) = ridge.kernels(&embeddings.select(surfaces, &[view])?);
+        Ok(kernels.iter().map(|(_, one)| lower_triangle(one)).collect())
     };
-    let views: Vec<Vec<Vec<f32>>> = (0..embeddings.views())
-        .into_par_iter()
-        .map(of_view)
-        .collect();
-    let mut kernels: Vec<_> = shapes.iter().map(|&shape| (shape, Vec::new())).collect();
+    let views = (0..embeddings.views()).into_par_iter().map(of_view);
+    let views: Vec<Result<Vec<Vec<f32>>>> = views.collect();
+    let shapes = ridge.shapes(embeddings).into_iter();
+    let mut kernels: Vec<_> = shapes.map(|shape| (shape, Vec::new())).collect();
     for view in views {
-        for ((_, kernels), kernel) in kernels.iter_mut().zip(view) {
+        for ((_, kernels), kernel) in kernels.iter_mut().zip(view?) {
             kernels.push(kernel);
         }
     }
-    kernels
+    Ok(kernels)
 }
 
 fn lower_triangle(kernel: &Mat<f64>) -> Vec<f32> {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::fit::{Expansion, Fit};
 use super::kernel::Proximity;
 use super::{Kernel, Shape, Sharing, Support, TrainedKernelRidge};
-use crate::archive::{Archive, Content, Contents, stored_blocks};
+use crate::archive::{Archive, Content, Contents, Rows, stored_blocks};
 use crate::error::Result;
 use crate::plan::Trial;
 use crate::regressor::check_finite;
@@ -90,10 +90,7 @@ pub(super) fn to_bytes(models: &[TrainedKernelRidge]) -> Result<Vec<u8>> {
         let ridges = sharing.ridges.iter().map(|&ridge| &models[ridge]);
         let rows = ridges.filter_map(|ridge| ridge.fit.expansion.as_ref());
         let rows: Vec<&[f64]> = rows.map(|e| &e.coefficients[..]).collect();
-        let surfaces = support.embeddings.surfaces();
-        contents.push(Content::rows(format!("{at}/coefficients"), &rows, surfaces));
-        let name = format!("{at}/embeddings");
-        contents.push(Content::embeddings(name, &support.embeddings));
+        contents.extend(Content::set(at, &support.embeddings, "coefficients", &rows));
     }
     FILE.write(&metadata, &contents)
 }
@@ -145,41 +142,32 @@ impl Stored {
         self,
         support: &Arc<Support>,
         usual: Kernel,
-        rows: &mut impl Iterator<Item = Vec<f64>>,
+        rows: &mut Rows,
     ) -> Result<TrainedKernelRidge> {
-        let expansion = match self.expansion {
-            None => None,
-            Some(Chosen {
-                kernel,
-                width,
-                leaning,
-                penalty,
-            }) => {
-                positive("width", width)?;
-                let kernel = kernel.unwrap_or(usual);
-                let shape = Shape {
-                    kernel,
-                    width,
-                    leaning,
-                };
-                if Proximity::of(&[shape]) != support.proximity {
-                    return Err(FILE.refused("a linear kernel among others", "none such"));
-                }
-                let missing = || FILE.refused("too few coefficients", "some for each regression");
-                Some(Expansion {
-                    shape,
-                    penalty,
-                    coefficients: rows.next().ok_or_else(missing)?,
-                })
+        let expansion = |chosen: Chosen| {
+            positive("width", chosen.width)?;
+            let shape = Shape {
+                kernel: chosen.kernel.unwrap_or(usual),
+                width: chosen.width,
+                leaning: chosen.leaning,
+            };
+            if Proximity::of(&[shape]) != support.proximity {
+                return Err(FILE.refused("a linear kernel among others", "none such"));
             }
+            let missing = || FILE.refused("too few coefficients", "some for each regression");
+            Ok(Expansion {
+                shape,
+                penalty: chosen.penalty,
+                coefficients: rows.next().ok_or_else(missing)?,
+            })
         };
         Ok(TrainedKernelRidge {
-            trial: self.trial,
             fit: Fit {
                 intercept: self.intercept,
                 left_out_error: self.left_out_error,
-                expansion,
+                expansion: self.expansion.map(expansion).transpose()?,
             },
+            trial: self.trial,
             support: Arc::clone(support),
         })
     }
@@ -191,8 +179,8 @@ fn read_support(
     contents: &Contents<'_>,
     at: usize,
     stored: StoredSupport,
-) -> Result<(Arc<Support>, Kernel, std::vec::IntoIter<Vec<f64>>)> {
-    let embeddings = contents.embeddings(&format!("{at}/embeddings"), &stored.blocks)?;
+) -> Result<(Arc<Support>, Kernel, Rows)> {
+    let (embeddings, rows) = contents.set(at, "coefficients", &stored.blocks)?;
     let kernels = embeddings.views() * embeddings.blocks().len();
     if kernels != stored.scales.len() {
         let scales = stored.scales.len();
@@ -202,13 +190,12 @@ fn read_support(
     for &scale in &stored.scales {
         positive("scale", scale)?;
     }
-    let rows = contents.rows(&format!("{at}/coefficients"), embeddings.surfaces())?;
     let support = Support {
         proximity: Proximity::of(&[Shape::even(stored.kernel, 1.0)]),
         embeddings,
         scales: stored.scales,
     };
-    Ok((Arc::new(support), stored.kernel, rows.into_iter()))
+    Ok((Arc::new(support), stored.kernel, rows))
 }
 
 /// The kernel that a file need not say of each regression.

@@ -52,9 +52,7 @@ pub(super) fn to_bytes(models: &[TrainedNearest]) -> Result<Vec<u8>> {
     for (at, (embeddings, places)) in sets.iter().enumerate() {
         let values = |&place: &usize| &models[place].values[..];
         let rows: Vec<&[f64]> = places.iter().map(values).collect();
-        let name = format!("{at}/readings");
-        contents.push(Content::rows(name, &rows, embeddings.surfaces()));
-        contents.push(Content::embeddings(format!("{at}/embeddings"), embeddings));
+        contents.extend(Content::set(at, embeddings, "readings", &rows));
         for &place in places {
             nearests[place].set = at;
         }
@@ -74,9 +72,8 @@ pub(super) fn from_bytes(bytes: &[u8]) -> Result<Vec<TrainedNearest>> {
     contents.check_count(metadata.sets.saturating_mul(2))?;
     let mut sets = Vec::with_capacity(metadata.sets);
     for at in 0..metadata.sets {
-        let embeddings = contents.embeddings(&format!("{at}/embeddings"), &metadata.blocks)?;
-        let rows = contents.rows(&format!("{at}/readings"), embeddings.surfaces())?;
-        sets.push((Arc::new(embeddings), rows.into_iter()));
+        let (embeddings, rows) = contents.set(at, "readings", &metadata.blocks)?;
+        sets.push((Arc::new(embeddings), rows));
     }
     let mut nearests = Vec::with_capacity(metadata.nearests.len());
     for Stored { trial, set } in metadata.nearests {

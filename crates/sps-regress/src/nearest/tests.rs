@@ -6,32 +6,19 @@ use crate::regressor::FittedRegressor;
 /// Five surfaces on a line, of two views each, and the readings of two properties.
 fn fitted(properties: [[Option<f64>; 5]; 2]) -> Result<TrainedNearests> {
     let places = [0.0_f32, 1.0, 1.0, 4.0, 9.0];
-    let values: Vec<f32> = places
-        .iter()
-        .flat_map(|&x| [x, 0.5, 2.0 * x, 0.5])
-        .collect();
-    let embeddings = Embeddings::new(values, [5, 2, 2])?;
+    let values = places.iter().flat_map(|&x| [x, 0.5, 2.0 * x, 0.5]);
+    let embeddings = Embeddings::new(values.collect(), [5, 2, 2])?;
     let rows: Vec<Vec<_>> = (0..5).map(|s| properties.map(|p| p[s]).to_vec()).collect();
     let readings = Readings::new(vec!["a".into(), "b".into()], &rows)?;
     let data = TrainingData::new(&embeddings, &readings);
-    let rerun = Rerun {
-        number: 4,
-        training: vec![4, 2, 1, 0],
-        validation: Vec::new(),
-    };
-    let mut plan = Plan::each(1, readings.properties(), vec![rerun]);
-    for trial in &mut plan.trials {
-        trial.views = Views::Fixed(vec![1, 0]);
-    }
-    Nearest.train(&data, &plan)
+    let rerun = Rerun::new(4, vec![4, 2, 1, 0]);
+    let plan = Plan::each(1, readings.properties(), vec![rerun]);
+    Nearest.train(&data, &plan.with_views(&Views::Fixed(vec![1, 0])))
 }
 
 fn predict(nearests: &TrainedNearests, places: &[f32]) -> Vec<Vec<f64>> {
-    let values: Vec<f32> = places
-        .iter()
-        .flat_map(|&x| [2.0 * x, 0.5, x, 0.5])
-        .collect();
-    let embeddings = Embeddings::new(values, [places.len(), 2, 2]).unwrap();
+    let values = places.iter().flat_map(|&x| [2.0 * x, 0.5, x, 0.5]);
+    let embeddings = Embeddings::new(values.collect(), [places.len(), 2, 2]).unwrap();
     let estimates = nearests.predict(&embeddings).unwrap();
     estimates.into_iter().map(|e| e.values).collect()
 }

@@ -12,18 +12,12 @@ fn principal_components_are_scikit_learns() {
         values *= 1.3_f64.powi(-(column as i32));
     }
     let pca = Pca::fit(rows.view(), 8).unwrap();
-    let file = std::fs::read(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../fixtures/golden/pca.safetensors"
-    ));
-    let file = file.unwrap();
+    let folder = env!("CARGO_MANIFEST_DIR");
+    let file = std::fs::read(format!("{folder}/../../fixtures/golden/pca.safetensors")).unwrap();
     let file = SafeTensors::deserialize(&file).unwrap();
     let expected = |name| -> Vec<f64> {
         let (values, _) = file.tensor(name).unwrap().data().as_chunks::<8>();
-        values
-            .iter()
-            .map(|bytes| f64::from_le_bytes(*bytes))
-            .collect()
+        values.iter().map(|b| f64::from_le_bytes(*b)).collect()
     };
     let variance = expected("explained_variance");
     assert!(golden::error(pca.explained_variance(), &variance) < 1e-13);
@@ -31,10 +25,8 @@ fn principal_components_are_scikit_learns() {
     let scores = scores.iter().copied().collect::<Vec<_>>();
     assert!(golden::error(&scores, &expected("abs_scores")) < 1e-12);
     for component in pca.components().rows() {
-        let largest = component
-            .iter()
-            .fold(0.0_f64, |a, &b| if b.abs() > a.abs() { b } else { a });
-        assert!(largest > 0.0);
+        let larger = |a: f64, &b: &f64| if b.abs() > a.abs() { b } else { a };
+        assert!(component.iter().fold(0.0, larger) > 0.0);
         assert!((component.dot(&component) - 1.0).abs() < 1e-13);
     }
 }
@@ -95,18 +87,14 @@ mod hard_cases {
         let rows = Array2::from_shape_fn((7, 3), |(_, column)| [0.1, 1e3, -7.7][column]);
         let naive = naively_standardised(&rows.column(0).to_vec())[0].abs();
         within("duplicate rows", 0.0, 0.0, naive);
-        assert!(
-            Pca::fit(rows.view(), 3)
-                .unwrap()
-                .explained_variance()
-                .is_empty()
-        );
+        let directions = |rows: Array2<f64>| {
+            let pca = Pca::fit(rows.view(), 3).unwrap();
+            pca.explained_variance().len()
+        };
+        assert_eq!(directions(rows), 0);
         let rows =
             Array2::from_shape_fn((14, 3), |(row, c)| [0.1, 1e3, -7.7][c] + (row % 2) as f64);
-        assert_eq!(
-            Pca::fit(rows.view(), 3).unwrap().explained_variance().len(),
-            1
-        );
+        assert_eq!(directions(rows), 1);
     }
 
     /// A constant feature stays zero when it is standardised. By the plain quotient it becomes
@@ -134,24 +122,20 @@ mod hard_cases {
         let values = golden::uniform("labels.signs", 20 * 5);
         let rows = Array2::from_shape_vec((20, 5), values).unwrap();
         let mirrored = rows.slice(ndarray::s![..;-1, ..]).to_owned();
-        let (one, other) = (
-            Pca::fit(rows.view(), 5).unwrap(),
-            Pca::fit(mirrored.view(), 5).unwrap(),
-        );
+        let fit = |rows: &Array2<f64>| Pca::fit(rows.view(), 5).unwrap();
+        let (one, other) = (fit(&rows), fit(&mirrored));
         let apart = |one: &Array2<f64>, other: &Array2<f64>| {
             let differences = (one - other).mapv(f64::abs);
             differences.iter().copied().fold(0.0, f64::max)
         };
-        let from_below = apart(&one.components().to_owned(), &other.components().to_owned());
+        let components = |pca: &Pca| pca.components().to_owned();
+        let from_below = apart(&components(&one), &components(&other));
         let variance = one.explained_variance();
         assert!(variance.windows(2).all(|pair| pair[0] >= pair[1]));
         // Negating the table negates the scores, and leaves the components.
         let minus = -&rows;
-        let negated = Pca::fit(minus.view(), 5).unwrap();
-        let of_minus = apart(
-            &one.components().to_owned(),
-            &negated.components().to_owned(),
-        );
+        let negated = fit(&minus);
+        let of_minus = apart(&components(&one), &components(&negated));
         // By the largest score in place of the largest loading, as scikit-learn did before 1.5.
         let by_score = |pca: &Pca, rows: &Array2<f64>| {
             let scores = pca.transform(rows.view());

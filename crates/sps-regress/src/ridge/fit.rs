@@ -131,9 +131,8 @@ mod tests {
     }
 
     fn values(surfaces: usize) -> Vec<f64> {
-        (0..surfaces)
-            .map(|i| 20.0 + ((i * 31) % 17) as f64)
-            .collect()
+        let value = |i: usize| 20.0 + ((i * 31) % 17) as f64;
+        (0..surfaces).map(value).collect()
     }
 
     /// The normal equations, solved densely.
@@ -143,9 +142,8 @@ mod tests {
         let centred = rows - &mean;
         let level = values.iter().sum::<f64>() / samples;
         let gram = centred.t().dot(&centred) + Array2::<f64>::eye(rows.ncols()) * samples * penalty;
-        let right = centred
-            .t()
-            .dot(&Array::from_iter(values.iter().map(|v| v - level)));
+        let values = Array::from_iter(values.iter().map(|v| v - level));
+        let right = centred.t().dot(&values);
         let gram = faer::Mat::from_fn(gram.nrows(), gram.ncols(), |i, j| gram[[i, j]]);
         let right = faer::Mat::from_fn(right.len(), 1, |i, _| right[i]);
         let weights = gram.partial_piv_lu().solve(&right);
@@ -226,9 +224,8 @@ mod tests {
                 let found = axes.left_out_error(&centred, one);
                 assert!((found / error(one.relative) - 1.0).abs() < 1e-9);
             }
-            let best = penalties
-                .into_iter()
-                .min_by(|a, b| error(*a).total_cmp(&error(*b)));
+            let less = |a: &f64, b: &f64| error(*a).total_cmp(&error(*b));
+            let best = penalties.into_iter().min_by(less);
             assert_eq!(Some(axes.fit(&trial(), &values).penalty), best);
         }
     }

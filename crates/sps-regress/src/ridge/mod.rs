@@ -9,7 +9,7 @@
 //! let rows: Vec<_> = (1..6).map(|surface| vec![Some(10.0 * f64::from(surface))]).collect();
 //! let readings = Readings::new(vec!["friction".into()], &rows)?;
 //! let data = TrainingData::new(&embeddings, &readings);
-//! let rerun = Rerun { number: 0, training: vec![0, 1, 3, 4], validation: vec![] };
+//! let rerun = Rerun::new(0, vec![0, 1, 3, 4]);
 //! let plan = Plan::each(7, readings.properties(), vec![rerun]);
 //!
 //! let trained = Ridge::new(RidgeConfig::default())?.train(&data, &plan)?;
@@ -30,7 +30,7 @@ use crate::error::{Error, Result};
 use crate::fitted::{Fitted, FittedModel};
 use crate::groups::fit_groups;
 use crate::plan::{Plan, TrainingData, Trial};
-use crate::regressor::check_finite;
+use crate::regressor::{check_finite, check_positive};
 use fit::Axes;
 
 /// Settings of [`Ridge`].
@@ -69,19 +69,8 @@ impl Ridge {
     ///
     /// No penalty, or one that is not above zero.
     pub fn new(config: RidgeConfig) -> Result<Self> {
-        let refused =
-            |found: String, expected| Err(Error::input("ridge penalties", found, expected));
-        if config.penalties.is_empty() {
-            return refused("none".into(), "at least one");
-        }
-        match config
-            .penalties
-            .iter()
-            .find(|&&p| !(p.is_finite() && p > 0.0))
-        {
-            None => Ok(Self(config)),
-            Some(penalty) => refused(penalty.to_string(), "numbers above 0"),
-        }
+        check_positive("ridge penalties", &config.penalties)?;
+        Ok(Self(config))
     }
 
     /// The configuration.

@@ -48,12 +48,9 @@ impl Stacking {
             return Err(Error::input("members of a stack", members.len(), expected));
         }
         if members.iter().any(|member| member.needs_validation()) {
+            let (what, found) = ("members of a stack", "early stopping");
             let expected = "members that need no validation part, such as no early stopping";
-            return Err(Error::input(
-                "members of a stack",
-                "early stopping",
-                expected,
-            ));
+            return Err(Error::input(what, found, expected));
         }
         if folds < 2 {
             return Err(Error::input("folds of a stack", folds, "at least 2"));
@@ -118,11 +115,8 @@ impl Folds {
             let first = rerun.number.checked_mul(count as u64 + 1);
             let fits = first.and_then(|first| first.checked_add(count as u64));
             let (Some(first), Some(_)) = (first, fits) else {
-                return Err(Error::input(
-                    "number of a rerun",
-                    rerun.number,
-                    "a smaller one",
-                ));
+                let what = "number of a rerun";
+                return Err(Error::input(what, rerun.number, "a smaller one"));
             };
             let unit = |surface: usize| units.map_or(surface, |units| units[surface]);
             let all: BTreeSet<usize> = rerun.training.iter().map(|&s| unit(s)).collect();
@@ -164,11 +158,8 @@ impl Folds {
             }
         }
         let used = |fold: &&Fold| trials.iter().any(|trial| trial.rerun == fold.number);
-        let reruns = self.0.iter().filter(used).map(|fold| Rerun {
-            number: fold.number,
-            training: fold.training.clone(),
-            validation: Vec::new(),
-        });
+        let reruns = self.0.iter().filter(used);
+        let reruns = reruns.map(|fold| Rerun::new(fold.number, fold.training.clone()));
         Ok(Plan {
             seed: plan.seed,
             reruns: reruns.collect(),

@@ -69,14 +69,14 @@ mod tests {
     use super::*;
     use crate::golden::uniform;
 
+    fn estimate(columns: &[Vec<f64>], weights: &[f64], i: usize) -> f64 {
+        columns.iter().zip(weights).map(|(c, w)| c[i] * w).sum()
+    }
+
     fn squared_error(columns: &[Vec<f64>], target: &[f64], weights: &[f64]) -> f64 {
-        let estimate =
-            |i: usize| -> f64 { columns.iter().zip(weights).map(|(c, w)| c[i] * w).sum() };
-        target
-            .iter()
-            .enumerate()
-            .map(|(i, t)| (t - estimate(i)).powi(2))
-            .sum()
+        let left = target.iter().enumerate();
+        let left = left.map(|(i, t)| t - estimate(columns, weights, i));
+        left.map(|error| error.powi(2)).sum()
     }
 
     /// Against projected coordinate descent until nothing moves.
@@ -91,14 +91,7 @@ mod tests {
             for _ in 0..2000 {
                 for m in 0..4 {
                     weights[m] = 0.0;
-                    let rest = |i: usize| -> f64 {
-                        target[i]
-                            - columns
-                                .iter()
-                                .zip(&weights)
-                                .map(|(c, w)| c[i] * w)
-                                .sum::<f64>()
-                    };
+                    let rest = |i: usize| target[i] - estimate(&columns, &weights, i);
                     let along: f64 = (0..12).map(|i| columns[m][i] * rest(i)).sum();
                     let squared: f64 = columns[m].iter().map(|v| v * v).sum();
                     weights[m] = (along / squared).max(0.0);
@@ -115,10 +108,8 @@ mod tests {
     fn equal_and_empty_columns_are_no_trouble() {
         let target = vec![1.0, -2.0, 3.0];
         let columns = [vec![0.0; 3], target.clone(), target.clone()];
-        assert_eq!(
-            nonnegative_least_squares(&columns, &target),
-            [0.0, 1.0, 0.0]
-        );
+        let weights = nonnegative_least_squares(&columns, &target);
+        assert_eq!(weights, [0.0, 1.0, 0.0]);
         assert_eq!(nonnegative_least_squares(&columns[..1], &target), [0.0]);
         assert_eq!(nonnegative_least_squares(&[vec![]], &[]), [0.0]);
     }

@@ -28,7 +28,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErro
     let (magic, version, machine) = (next()?, next()?, next()?);
     let (object, keys) = (next()?, next()?);
     if (magic, version) != (Value::Int(MAGIC), Value::Int(VERSION)) {
-        return Err(format(format_args!(
+        return Err(WeightsErrorKind::format(format_args!(
             "version {version:?} of PyTorch's stream, expected {VERSION}"
         )));
     }
@@ -44,7 +44,7 @@ fn storages<'a>(
     mut rest: &'a [u8],
 ) -> Result<BTreeMap<&'a str, &'a [u8]>, WeightsErrorKind> {
     let Value::List(keys) = keys else {
-        return Err(format("no list of the storages' keys"));
+        return Err(WeightsErrorKind::format("no list of the storages' keys"));
     };
     let known: BTreeMap<&str, _> = heap
         .storages()
@@ -55,15 +55,17 @@ fn storages<'a>(
     for &key in heap.items(keys) {
         let key = heap.as_text(key).unwrap_or("");
         let Some(storage) = known.get(key) else {
-            return Err(format(format_args!("storage {key:?}, which no tensor has")));
+            return Err(WeightsErrorKind::format(format_args!(
+                "storage {key:?}, which no tensor has"
+            )));
         };
         let len = rest.split_first_chunk::<8>().and_then(|(len, after)| {
             rest = after;
             let len = usize::try_from(u64::from_le_bytes(*len)).ok()?;
-            (len == storage.len).then(|| len.checked_mul(storage.element.bytes()))?
+            (len == storage.len).then(|| storage.bytes())?
         });
         let Some((elements, after)) = len.and_then(|len| rest.split_at_checked(len)) else {
-            return Err(format(format_args!(
+            return Err(WeightsErrorKind::format(format_args!(
                 "storage {key:?} does not hold its {} elements",
                 storage.len
             )));
@@ -84,11 +86,9 @@ fn check_order(heap: &Heap, machine: Value) -> Result<(), WeightsErrorKind> {
     if little {
         return Ok(());
     }
-    Err(format("elements that are not little-endian"))
-}
-
-fn format(message: impl std::fmt::Display) -> WeightsErrorKind {
-    WeightsErrorKind::Format(message.to_string())
+    Err(WeightsErrorKind::format(
+        "elements that are not little-endian",
+    ))
 }
 
 /// An offset in a later pickle as one in the file.

@@ -1,6 +1,8 @@
 //! What a pickle of tensors builds.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
+
+use safetensors::Dtype;
 
 use crate::WeightsErrorKind;
 
@@ -17,7 +19,7 @@ pub(super) enum Global {
     /// `_rebuild_tensor`, of PyTorch before 0.4, and `_rebuild_tensor_v2`.
     RebuildTensor,
     RebuildParameter,
-    Storage(ElementType),
+    Storage(Dtype),
 }
 
 impl Global {
@@ -29,7 +31,7 @@ impl Global {
             ("torch._utils", "_rebuild_tensor" | "_rebuild_tensor_v2") => Self::RebuildTensor,
             ("torch._utils", "_rebuild_parameter") => Self::RebuildParameter,
             _ => {
-                let element = ElementType::of_storage(name).filter(|_| module == "torch");
+                let element = of_storage(name).filter(|_| module == "torch");
                 let element = element.ok_or_else(|| format!("global {module}.{name}"))?;
                 Self::Storage(element)
             }
@@ -37,47 +39,21 @@ impl Global {
     }
 }
 
-/// The elements of a storage.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum ElementType {
-    F16,
-    BF16,
-    F32,
-    F64,
-    I64,
-    I32,
-    I16,
-    I8,
-    U8,
-    Bool,
-}
-
-impl ElementType {
-    fn of_storage(name: &str) -> Option<Self> {
-        Some(match name {
-            "HalfStorage" => Self::F16,
-            "BFloat16Storage" => Self::BF16,
-            "FloatStorage" => Self::F32,
-            "DoubleStorage" => Self::F64,
-            "LongStorage" => Self::I64,
-            "IntStorage" => Self::I32,
-            "ShortStorage" => Self::I16,
-            "CharStorage" => Self::I8,
-            "ByteStorage" => Self::U8,
-            "BoolStorage" => Self::Bool,
-            _ => return None,
-        })
-    }
-
-    /// Bytes of one element.
-    pub(super) const fn bytes(self) -> usize {
-        match self {
-            Self::F64 | Self::I64 => 8,
-            Self::F32 | Self::I32 => 4,
-            Self::F16 | Self::BF16 | Self::I16 => 2,
-            Self::I8 | Self::U8 | Self::Bool => 1,
-        }
-    }
+/// The elements of a storage of this name.
+fn of_storage(name: &str) -> Option<Dtype> {
+    Some(match name {
+        "HalfStorage" => Dtype::F16,
+        "BFloat16Storage" => Dtype::BF16,
+        "FloatStorage" => Dtype::F32,
+        "DoubleStorage" => Dtype::F64,
+        "LongStorage" => Dtype::I64,
+        "IntStorage" => Dtype::I32,
+        "ShortStorage" => Dtype::I16,
+        "CharStorage" => Dtype::I8,
+        "ByteStorage" => Dtype::U8,
+        "BoolStorage" => Dtype::BOOL,
+        _ => return None,
+    })
 }
 
 /// A value on the pickle's stack; what has parts lies in the [`Heap`].
@@ -97,11 +73,18 @@ pub(super) enum Value {
 }
 
 /// Elements that a file holds outside of its pickle.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Storage {
     pub(super) key: String,
-    pub(super) element: ElementType,
+    pub(super) element: Dtype,
     pub(super) len: usize,
+}
+
+impl Storage {
+    /// How many bytes it has.
+    pub(super) fn bytes(&self) -> Option<usize> {
+        self.len.checked_mul(self.element.bitsize() / 8)
+    }
 }
 
 /// A view of a storage.
@@ -125,7 +108,7 @@ pub(super) struct Heap {
     within: usize,
     storages: Vec<Storage>,
     /// The number of each storage.
-    numbers: HashMap<Storage, usize>,
+    numbers: BTreeMap<Storage, usize>,
     views: Vec<View>,
 }
 
@@ -372,16 +355,15 @@ fn natural(value: Value) -> Result<usize, String> {
 /// The tensors of a dictionary, in the order they were put in.
 pub(super) fn tensors(heap: &Heap, value: Value) -> Result<Vec<(&str, &View)>, WeightsErrorKind> {
     let Value::Dictionary(dictionary) = value else {
-        return Err(WeightsErrorKind::Format(
-            "the pickle holds no dictionary of tensors".to_owned(),
-        ));
+        let message = "the pickle holds no dictionary of tensors";
+        return Err(WeightsErrorKind::format(message));
     };
-    heap.entries(dictionary)
-        .map(|(name, value)| match value {
-            Value::Tensor(view) => Ok((name, heap.view(view))),
-            _ => Err(WeightsErrorKind::Format(format!(
-                "entry {name:?} of the pickle is no tensor"
-            ))),
-        })
-        .collect()
+    let tensor = |(name, value)| match value {
+        Value::Tensor(view) => Ok((name, heap.view(view))),
+        _ => Err(format!("entry {name:?} of the pickle is no tensor")),
+    };
+    let tensors = heap.entries(dictionary).map(tensor);
+    tensors
+        .collect::<Result<_, _>>()
+        .map_err(WeightsErrorKind::format)
 }

@@ -21,11 +21,15 @@ pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErro
         .keys()
         .filter_map(|name| name.strip_suffix("data.pkl"));
     let (Some(folder), None) = (pickles.next(), pickles.next()) else {
-        return Err(format("an archive without one file data.pkl"));
+        return Err(WeightsErrorKind::format(
+            "an archive without one file data.pkl",
+        ));
     };
     let file = |name: &str| files.get(&format!("{folder}{name}")).copied();
     if file("byteorder").is_some_and(|order| order != b"little") {
-        return Err(format("elements that are not little-endian"));
+        return Err(WeightsErrorKind::format(
+            "elements that are not little-endian",
+        ));
     }
     let mut heap = Heap::default();
     let (object, _) = pickle::run(file("data.pkl").unwrap_or_default(), &mut heap)?;
@@ -39,14 +43,14 @@ pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErro
 
 /// The files of the archive, as they lie in it.
 fn files(bytes: &[u8]) -> Result<BTreeMap<String, &[u8]>, WeightsErrorKind> {
-    let wrong = |error| format(format_args!("not an archive: {error}"));
+    let wrong = |error| WeightsErrorKind::format(format_args!("not an archive: {error}"));
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(wrong)?;
     let mut files = BTreeMap::new();
     for index in 0..archive.len() {
         let file = archive.by_index_raw(index).map_err(wrong)?;
         let name = file.name().map_err(wrong)?.into_owned();
         if file.compression() != CompressionMethod::Stored || file.encrypted() {
-            return Err(format(format_args!(
+            return Err(WeightsErrorKind::format(format_args!(
                 "{name:?} in the archive is compressed"
             )));
         }
@@ -57,13 +61,10 @@ fn files(bytes: &[u8]) -> Result<BTreeMap<String, &[u8]>, WeightsErrorKind> {
             );
             bytes.get(start..start.checked_add(len)?)
         });
-        let content =
-            range.ok_or_else(|| format(format_args!("{name:?} reaches beyond the file")))?;
+        let content = range.ok_or_else(|| {
+            WeightsErrorKind::format(format_args!("{name:?} reaches beyond the file"))
+        })?;
         files.insert(name, content);
     }
     Ok(files)
-}
-
-fn format(message: impl std::fmt::Display) -> WeightsErrorKind {
-    WeightsErrorKind::Format(message.to_string())
 }

@@ -5,7 +5,6 @@ use rayon::prelude::*;
 use sps_dataset::DecodeSettings;
 use sps_estimator::{Embedder, Network, read_photograph};
 use sps_experiment::progress::Progress;
-use sps_models::candle::Device;
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use tracing::warn;
@@ -43,7 +42,7 @@ pub struct Args {
 pub(crate) fn run(args: &Args) -> Result<()> {
     let (measured, open) = photographs(args)?;
     let all: Vec<&Path> = measured.iter().chain(&open).map(PathBuf::as_path).collect();
-    let encoder = Encoder::built_in(EncoderKind::EfficientNetLiteBody, &Device::Cpu)?;
+    let encoder = Encoder::built_in(EncoderKind::EfficientNetLiteBody)?;
     let network = Network::Images(encoder.with_depths(&Depths::All)?);
     let embedder = Embedder::new(network, Some(args.pixels as usize))?;
     let values = embedded(&embedder, &all)?;

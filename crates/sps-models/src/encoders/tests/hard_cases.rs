@@ -7,19 +7,18 @@ use proptest::prelude::*;
 use super::{SMALL_ONES, calibrated, exact_features, of_images};
 use crate::Error;
 use crate::encoders::{Depths, Encoder, EncoderKind, Precision, TrainableEncoder};
-use crate::golden::{error, values};
+use crate::golden::{error, numbers, values};
 use crate::weights::{Weights, WeightsErrorKind};
 
 /// The paper's network as far as its second stage: batch norms, groups and gates, in seven blocks.
 fn gated() -> Encoder {
     let depths = Depths::Named(vec!["stage-2".to_owned()]);
-    encoder(EncoderKind::SeResNext50)
-        .with_depths(&depths)
-        .unwrap()
+    let encoder = encoder(EncoderKind::SeResNext50).with_depths(&depths);
+    encoder.unwrap()
 }
 
 fn encoder(kind: EncoderKind) -> Encoder {
-    Encoder::seeded(kind, 1, &Device::Cpu).unwrap()
+    Encoder::seeded(kind, 1).unwrap()
 }
 
 fn filled(value: f32, shape: (usize, usize, usize, usize)) -> Tensor {
@@ -29,14 +28,9 @@ fn filled(value: f32, shape: (usize, usize, usize, usize)) -> Tensor {
 /// Values that differ from pixel to pixel.
 fn textured(shape: (usize, usize, usize, usize)) -> Tensor {
     let (n, c, h, w) = shape;
-    let values: Vec<f32> = (0..n * c * h * w)
-        .map(|i| ((i as u32).wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 24) as f32)
-        .collect();
+    let value = |i: usize| ((i as u32).wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 24) as f32;
+    let values: Vec<f32> = (0..n * c * h * w).map(value).collect();
     Tensor::from_vec(values, shape, &Device::Cpu).unwrap()
-}
-
-fn numbers(tensor: &Tensor) -> Vec<f32> {
-    tensor.flatten_all().unwrap().to_vec1().unwrap()
 }
 
 /// How far the kernels' embeddings may be from the network in f64, of the largest value, after as many
@@ -54,7 +48,7 @@ fn exact(encoder: &Encoder, images: &Tensor) -> Vec<f64> {
 
 /// Each image less its own mean over its own spread, in f32.
 fn naively_standardised(images: &Tensor) -> Vec<f32> {
-    let images = images.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+    let images = numbers(images);
     let n = images.len() as f32;
     let mean = images.iter().sum::<f32>() / n;
     let spread = (images.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / n).sqrt();
@@ -65,16 +59,12 @@ fn naively_standardised(images: &Tensor) -> Vec<f32> {
 fn agree(case: &str, encoder: &Encoder, images: &Tensor) {
     let found = values(&encoder.embed(images).unwrap());
     let exact = exact(encoder, images);
-    let rows = found
-        .chunks(encoder.width())
-        .zip(exact.chunks(encoder.width()));
-    let error = rows
-        .map(|(found, exact)| error(found, exact))
-        .fold(0.0, f64::max);
-    let bound = BOUND
-        * (encoder.network.layers.len() as f64 / LAYERS)
-            .powi(2)
-            .max(1.0);
+    let width = encoder.width();
+    let rows = found.chunks(width).zip(exact.chunks(width));
+    let errors = rows.map(|(found, exact)| error(found, exact));
+    let error = errors.fold(0.0, f64::max);
+    let deep = encoder.network.layers.len() as f64 / LAYERS;
+    let bound = BOUND * deep.powi(2).max(1.0);
     println!("{case}: error {error:.1e}, bound {bound:.0e}");
     assert!(error <= bound, "{case}");
 }
@@ -216,10 +206,8 @@ fn training_on_odd_extents_agrees_with_plain_operators() {
             let loss = (&embedding * weight).unwrap().sum_all().unwrap();
             (numbers(&embedding), numbers(&loss.reshape(1).unwrap()))
         };
-        let kernels = run(TrainableEncoder::new(&start).unwrap());
-        let plain = run(TrainableEncoder::new(&start)
-            .unwrap()
-            .with_plain_operators());
+        let new = || TrainableEncoder::new(&start).unwrap();
+        let (kernels, plain) = (run(new()), run(new().with_plain_operators()));
         let largest = plain.0.iter().fold(0.0_f32, |m, e| m.max(e.abs()));
         for (f, e) in kernels.0.iter().zip(&plain.0) {
             assert!((f - e).abs() <= 1e-3 * largest, "{shape:?}: {f} {e}");

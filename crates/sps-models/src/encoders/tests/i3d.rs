@@ -2,36 +2,22 @@
 
 use candle_core::{DType, Device, Tensor};
 
-use super::relative;
+use super::pass;
 use crate::Error;
 use crate::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder};
-use crate::golden::{self, values};
-use crate::weights::{Weights, WeightsErrorKind};
-
-fn weights() -> Vec<(String, Tensor)> {
-    let specs = EncoderKind::I3d.specs();
-    specs
-        .iter()
-        .map(|spec| (spec.name.clone(), golden::weight(spec)))
-        .collect()
-}
+use crate::golden::{self, norm, numbers, relative, values};
+use crate::weights::WeightsErrorKind;
 
 fn encoder() -> Encoder {
-    of(weights()).unwrap()
-}
-
-fn of(tensors: Vec<(String, Tensor)>) -> Result<Encoder, Error> {
-    let weights = Weights::from_tensors("the golden rule", tensors).unwrap();
-    Encoder::new(EncoderKind::I3d, weights, &Device::Cpu)
+    golden::encoder(EncoderKind::I3d)
 }
 
 fn seeded() -> Encoder {
-    Encoder::seeded(EncoderKind::I3d, 1, &Device::Cpu).unwrap()
+    Encoder::seeded(EncoderKind::I3d, 1).unwrap()
 }
 
 fn input(name: &str, shape: &[usize]) -> Tensor {
-    let tensor = golden::tensor(&format!("golden/i3d.{name}"), shape);
-    tensor.to_dtype(DType::F32).unwrap()
+    golden::input(&format!("golden/i3d.{name}"), shape)
 }
 
 #[test]
@@ -58,18 +44,14 @@ fn trains_as_pytorch_does() {
         let encoder = TrainableEncoder::new(&encoder()).unwrap();
         let mut encoder = encoder.with_checkpointing(checkpointing);
         let images = input("train.1", &[3, 3, 4, 40, 40]);
-        let embeddings = encoder.forward_normalised(&images).unwrap();
+        let (embeddings, _, gradients) = pass(&mut encoder, &images, "golden/i3d.cotangent");
         let found = relative(&embeddings, &expected["embedding"]);
         assert!(found < 1e-4, "embedding: {found:.1e}");
 
-        let loss = (embeddings * input("cotangent", &[3, 1024])).unwrap();
-        let gradients = encoder.backward(&loss.mean_all().unwrap()).unwrap();
         let mut norms = Vec::new();
         let mut whole = 0;
-        for (name, variable) in encoder.variables() {
-            let gradient = gradients.get(variable).unwrap();
-            let squares: f64 = values(gradient).iter().map(|v| v * v).sum();
-            norms.push(squares.sqrt());
+        for (name, gradient) in &gradients {
+            norms.push(norm(&values(gradient)));
             if let Some(expected) = expected.get(&format!("gradient.{name}")) {
                 let found = relative(gradient, expected);
                 println!("gradient of {name}: {found:.1e}");
@@ -96,10 +78,8 @@ fn trains_as_pytorch_does() {
 #[test]
 fn fewer_bits_stay_near() {
     let sequences = |name| (input(name, &[2, 3, 6, 40, 33]) * 0.5).unwrap() + 0.5;
-    let encoder = encoder();
-    let encoder = encoder
-        .calibrated(&[&sequences("calibration").unwrap()])
-        .unwrap();
+    let seen = sequences("calibration").unwrap();
+    let encoder = encoder().calibrated(&[&seen]).unwrap();
     let others = sequences("others").unwrap();
     let exact = encoder.embed(&others).unwrap();
     for (precision, bound) in [(Precision::Bf16, 1e-2), (Precision::Int8, 5e-2)] {
@@ -115,14 +95,11 @@ fn pixels_embed_as_the_same_sequences_do() {
     let (count, frames, height, width) = (2, 3, 20, 17);
     let sequences = input("pixels", &[count, 3, frames, height, width]);
     let sequences = sequences.abs().unwrap();
-    let pixels = sequences.permute((0, 2, 3, 4, 1)).unwrap();
-    let pixels = values(&pixels).into_iter().map(|value| value as f32);
-    let pixels: Vec<f32> = pixels.collect();
+    let pixels = numbers(&sequences.permute((0, 2, 3, 4, 1)).unwrap());
     let each: Vec<&[f32]> = pixels.chunks_exact(3 * frames * height * width).collect();
     let encoder = encoder();
-    let expected = encoder.embed(&sequences).unwrap().flatten_all().unwrap();
     let found = encoder.embed_pixels(&each, [height, width]).unwrap();
-    assert_eq!(found, expected.to_vec1::<f32>().unwrap());
+    assert_eq!(found, numbers(&encoder.embed(&sequences).unwrap()));
     let other = &pixels[..3 * height * width];
     for wrong in [vec![], vec![other, each[0]], vec![&other[1..]], vec![&[]]] {
         assert!(encoder.embed_pixels(&wrong, [height, width]).is_err());
@@ -141,12 +118,12 @@ fn multiply_adds_are_those_of_pytorch() {
 
 #[test]
 fn the_classifier_may_be_in_the_file() {
-    let mut tensors = weights();
+    let mut weights = golden::weights(EncoderKind::I3d, str::to_owned);
     let classifier = Tensor::zeros((400, 1024, 1, 1, 1), DType::F32, &Device::Cpu).unwrap();
-    tensors.push(("logits.conv3d.weight".to_owned(), classifier));
-    assert!(of(tensors.clone()).is_ok());
-    tensors.retain(|(name, _)| name != "Mixed_4c.b2b.bn.bias");
-    let Error::Weights(error) = of(tensors).unwrap_err() else {
+    weights.replace("logits.conv3d.weight", classifier);
+    assert!(Encoder::new(EncoderKind::I3d, weights.clone()).is_ok());
+    weights.remove("Mixed_4c.b2b.bn.bias").unwrap();
+    let Error::Weights(error) = Encoder::new(EncoderKind::I3d, weights).unwrap_err() else {
         panic!("not of the weights");
     };
     assert!(matches!(
@@ -173,19 +150,20 @@ mod hard_cases {
         }
         let image = vec![0.5; 3 * 64 * 64];
         let error = encoder.embed_windows(&image, [64, 64], [32, 32], 8);
+        let error = error.unwrap_err();
         assert!(matches!(
             error,
-            Err(Error::Input {
+            Error::Input {
                 what: "encoder",
                 ..
-            })
+            }
         ));
     }
 
     #[test]
     fn a_network_of_images_takes_no_sequence() {
         let kind = EncoderKind::EfficientNetLiteBody;
-        let encoder = Encoder::seeded(kind, 1, &Device::Cpu).unwrap();
+        let encoder = Encoder::seeded(kind, 1).unwrap();
         let sequence = Tensor::zeros((1, 3, 2, 8, 8), DType::F32, &Device::Cpu).unwrap();
         assert!(encoder.embed(&sequence).is_err());
         assert!(encoder.embed_pixels(&[&[0.5; 3 * 128]], [8, 8]).is_err());

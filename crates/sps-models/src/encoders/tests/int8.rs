@@ -1,34 +1,21 @@
 //! Networks in int8 beside themselves in f32, and what calibration must survive.
 
-use candle_core::{DType, Device, Tensor};
+use candle_core::{Device, Tensor};
 use sps_kernels::simd::Level;
 
-use super::{SMALL_ONES, calibrated, of_images, relative};
+use super::{SMALL_ONES, calibrated, of_images};
 use crate::encoders::{Encoder, EncoderKind, Precision, TrainableEncoder, scales};
-use crate::golden;
+use crate::golden::{self, encoder, on_threads, relative};
 use crate::weights::Weights;
-
-/// With weights by the golden rule.
-fn encoder(kind: EncoderKind) -> Encoder {
-    let weights = kind.specs().into_iter();
-    let weights = weights.map(|spec| (spec.name.clone(), golden::weight(&spec)));
-    let weights = Weights::from_tensors("the golden rule", weights).unwrap();
-    Encoder::new(kind, weights, &Device::Cpu).unwrap()
-}
 
 /// Images in 0..1 whose pixels have something to do with their neighbours.
 fn images(name: &str, n: usize, height: usize, width: usize) -> Tensor {
-    let coarse = golden::tensor(name, &[n, 3, height.div_ceil(8), width.div_ceil(8)]);
-    let coarse = coarse.to_dtype(DType::F32).unwrap();
+    let coarse = golden::input(name, &[n, 3, height.div_ceil(8), width.div_ceil(8)]);
     let (h, w) = (height.next_multiple_of(8), width.next_multiple_of(8));
     let coarse = coarse.upsample_nearest2d(h, w).unwrap();
-    let coarse = coarse
-        .narrow(2, 0, height)
-        .unwrap()
-        .narrow(3, 0, width)
-        .unwrap();
-    let fine = golden::tensor(&format!("{name} fine"), &[n, 3, height, width]);
-    let fine = fine.to_dtype(DType::F32).unwrap();
+    let coarse = coarse.narrow(2, 0, height).unwrap();
+    let coarse = coarse.narrow(3, 0, width).unwrap();
+    let fine = golden::input(&format!("{name} fine"), &[n, 3, height, width]);
     let sum = ((coarse * 0.35).unwrap() + (fine * 0.1).unwrap()).unwrap();
     (sum + 0.5).unwrap().clamp(0.0, 1.0).unwrap()
 }
@@ -53,11 +40,8 @@ fn int8_stays_near_f32() {
         let error = relative(&found, &exact);
         println!("{kind} in int8: relative error {error:.1e}");
         // The largest EfficientNets have 60 to 90 layers, of which no random weight makes less.
-        let bound = if encoder.network.layers.len() > 60 {
-            3.0 * BOUND
-        } else {
-            BOUND
-        };
+        let deep = encoder.network.layers.len() > 60;
+        let bound = if deep { 3.0 * BOUND } else { BOUND };
         assert!(error < bound, "{kind}: {error:.1e}");
     }
 }
@@ -76,8 +60,7 @@ fn neither_neighbours_nor_threads_change_a_bit() {
             assert_eq!(alone[0], *row, "{kind}");
         }
         for threads in [1, 2, 3] {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-            let found = pool.build().unwrap().install(|| rows(&encoder, &images));
+            let found = on_threads(threads, || rows(&encoder, &images));
             assert_eq!(found, together, "{kind} on {threads} threads");
         }
     }
@@ -108,7 +91,7 @@ fn scales_are_saved_and_loaded_with_the_weights() {
     let encoder = int8(plain.clone());
     let bytes = encoder.weights().to_bytes().unwrap();
     let weights = Weights::from_bytes("a file", &bytes).unwrap();
-    let loaded = Encoder::new(kind, weights, &Device::Cpu).unwrap();
+    let loaded = Encoder::new(kind, weights).unwrap();
     // The scales change nothing in f32.
     assert_eq!(loaded.content_hash(), plain.content_hash());
     assert_eq!(rows(&loaded, &images), rows(&plain, &images));
@@ -125,11 +108,8 @@ fn scales_are_saved_and_loaded_with_the_weights() {
 fn training_leaves_no_scales() {
     let encoder = int8(encoder(EncoderKind::EfficientNetLiteBody));
     let trainable = TrainableEncoder::new(&encoder).unwrap();
-    assert!(
-        trainable
-            .variables()
-            .all(|(name, _)| name != scales::TENSOR)
-    );
+    let mut names = trainable.variables().map(|(name, _)| name);
+    assert!(names.all(|name| name != scales::TENSOR));
     let trained = trainable.encoder().unwrap();
     assert!(trained.with_precision(Precision::Int8).is_err());
 }
@@ -146,29 +126,25 @@ fn what_is_no_calibration_is_refused() {
         encoder.clone().with_precision(Precision::Int8),
         "int8 without scales of the feature maps, expected `Encoder::calibrated` before",
     );
-    refused(
-        encoder.clone().calibrated(&[]),
-        "images to calibrate with: found none",
-    );
+    let none = encoder.clone().calibrated(&[]);
+    refused(none, "images to calibrate with: found none");
     let images = images("refused", 1, 32, 32);
     for wrong in [f32::NAN, f32::INFINITY] {
-        let mut values: Vec<f32> = images.flatten_all().unwrap().to_vec1().unwrap();
+        let mut values = golden::numbers(&images);
         values[1000] = wrong;
         let wrong = Tensor::from_vec(values, images.dims(), &Device::Cpu).unwrap();
         refused(encoder.clone().calibrated(&[&images, &wrong]), "not finite");
     }
     let flat = images.flatten_all().unwrap();
-    refused(
-        encoder.clone().calibrated(&[&flat]),
-        "(n, 3, height, width)",
-    );
+    let of_flat = encoder.clone().calibrated(&[&flat]);
+    refused(of_flat, "(n, 3, height, width)");
 
     let encoder = calibrated(encoder);
     let scales = encoder.weights().get(scales::TENSOR).unwrap().clone();
     let with = |scales: Tensor| {
         let mut weights = encoder.weights().clone();
         weights.replace(scales::TENSOR, scales);
-        Encoder::new(kind, weights, &Device::Cpu)
+        Encoder::new(kind, weights)
     };
     assert!(with(scales.clone()).is_ok());
     let short = scales.narrow(0, 1, scales.dims()[0] - 1).unwrap();
@@ -183,10 +159,8 @@ fn what_is_no_calibration_is_refused() {
     ] {
         let mut rows: Vec<Vec<f32>> = scales.to_vec2().unwrap();
         rows[3] = wrong.to_vec();
-        refused(
-            with(Tensor::new(rows, &Device::Cpu).unwrap()),
-            "a finite step above 0",
-        );
+        let wrong = Tensor::new(rows, &Device::Cpu).unwrap();
+        refused(with(wrong), "a finite step above 0");
     }
 }
 
@@ -216,21 +190,16 @@ fn weights_that_are_all_zero() {
         ("features.4.squeeze.weight", 0),
     ] {
         let tensor = weights.get(name).unwrap();
-        let [outputs, ..] = *tensor.dims() else {
-            panic!()
-        };
+        let outputs = tensor.dims()[0];
         let mask = (0..outputs).map(|channel| f32::from(u8::from(channel < kept * outputs / 2)));
         let mask = Tensor::from_iter(mask, &Device::Cpu).unwrap();
         let masked = tensor.broadcast_mul(&mask.reshape((outputs, 1, 1, 1)).unwrap());
         weights.replace(name, masked.unwrap());
     }
-    let bias = weights
-        .get("features.4.squeeze.bias")
-        .unwrap()
-        .zeros_like()
-        .unwrap();
-    weights.replace("features.4.squeeze.bias", bias);
-    let encoder = Encoder::new(kind, weights, &Device::Cpu).unwrap();
+    let bias = "features.4.squeeze.bias";
+    let zeros = weights.get(bias).unwrap().zeros_like().unwrap();
+    weights.replace(bias, zeros);
+    let encoder = Encoder::new(kind, weights).unwrap();
     let images = images("zeros", 1, 64, 64);
     let exact = encoder.embed(&images).unwrap();
     let error = relative(&int8(encoder).embed(&images).unwrap(), &exact);

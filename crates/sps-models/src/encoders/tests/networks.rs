@@ -3,80 +3,85 @@
 
 use std::collections::BTreeMap;
 
-use candle_core::{DType, Device, Tensor, Var};
+use candle_core::{DType, Tensor, Var};
 use sps_kernels::network::{IMAGE, Layer};
 
-use super::relative;
 use crate::encoders::plain::Plain;
 use crate::encoders::{Depths, Encoder, EncoderKind};
-use crate::golden;
-use crate::weights::Weights;
+use crate::golden::{self, error, norm, numbers, relative, values};
+use crate::weights::{TensorSpec, Weights};
 
-/// The golden values' names of networks.
-const GOLDEN: [(EncoderKind, &str); 4] = [
-    (EncoderKind::ResNet18, "resnet18"),
-    (EncoderKind::ResNet50, "resnet50"),
-    (EncoderKind::SqueezeNet1_1, "squeezenet1_1"),
-    (EncoderKind::EfficientNetLite0, "efficientnet_lite0"),
-];
-
-/// A table of the file beside the golden values.
-fn table(name: &str) -> serde_json::Value {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/golden");
-    let text = std::fs::read_to_string(folder.join("encoders_grad_norms.json")).unwrap();
-    let mut tables: serde_json::Value = serde_json::from_str(&text).unwrap();
-    tables[name].take()
+/// Other names of EfficientNet-Lite0's tensors.
+fn other_names() -> impl Fn(&str) -> String {
+    let names =
+        golden::json("encoders_grad_norms.json")["efficientnet_lite0.lukemelas_names"].take();
+    move |name| names[name].as_str().unwrap().to_owned()
 }
 
-/// An input in the digits of f32, f64.
-fn input(name: &str, shape: &[usize]) -> Tensor {
-    let tensor = golden::tensor(name, shape).to_dtype(DType::F32).unwrap();
-    tensor.to_dtype(DType::F64).unwrap()
+/// The embedding of a pass in training by candle's operators in f64, and the gradients by name.
+fn plain_pass(
+    kind: EncoderKind,
+    images: &str,
+    cotangent: &str,
+) -> (Tensor, BTreeMap<String, Tensor>) {
+    let exact = |spec: TensorSpec| {
+        let weight = golden::weight(&spec).to_dtype(DType::F64).unwrap();
+        (spec.name, Var::from_tensor(&weight).unwrap())
+    };
+    let variables: Vec<(String, Var)> = kind.specs().into_iter().map(exact).collect();
+    let tensors = variables.iter();
+    let tensors = tensors.map(|(name, variable)| (name.clone(), variable.as_tensor().clone()));
+    let weights = Weights::sharing("the golden rule", tensors);
+    let network = kind.network().at(&Depths::Last).unwrap();
+    let images = golden::tensor(images, &[4, 3, 64, 64]);
+    let embedding = Plain::training(&network, &weights).embed(&images).unwrap();
+    let cotangent = golden::tensor(cotangent, embedding.dims());
+    let loss = (&embedding * cotangent).unwrap().mean_all().unwrap();
+    let store = loss.backward().unwrap();
+    let gradients = variables.into_iter();
+    let gradients =
+        gradients.filter_map(|(name, variable)| Some((name, store.get(&variable)?.clone())));
+    (embedding, gradients.collect())
 }
 
-fn norm(tensor: &Tensor) -> f64 {
-    let squares = tensor.sqr().unwrap().sum_all().unwrap();
-    squares.to_scalar::<f64>().unwrap().sqrt()
-}
-
-/// Without rounding, the gradients by candle's operators are PyTorch's.
+/// Without rounding, the gradients by candle's operators are PyTorch's: none hangs on which side of zero a
+/// rectifier's input falls.
 #[test]
 fn gradients_are_those_of_pytorch() {
+    let expected = golden::load("se_resnext50.safetensors");
+    let (images, cotangent) = ("golden/train64", "golden/train64.cotangent");
+    let (embedding, gradients) = plain_pass(EncoderKind::SeResNext50, images, cotangent);
+    let found = error(&values(&embedding), &values(&expected["train64.embedding"]));
+    assert!(found < 1e-11, "embedding {found:.1e}");
+    let mut seen = 0;
+    for (name, gradient) in &gradients {
+        if let Some(expected) = expected.get(&format!("train64.grad.{name}")) {
+            let found = relative(gradient, expected);
+            assert!(found < 1e-9, "gradient of {name} {found:.1e}");
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, 8);
+
     let expected = golden::load("encoders.safetensors");
-    for (kind, name) in GOLDEN {
-        let norms: BTreeMap<String, f64> = serde_json::from_value(table(name)).unwrap();
-        let variables: Vec<(String, Var)> = kind
-            .specs()
-            .iter()
-            .map(|spec| {
-                let exact = golden::weight(spec).to_dtype(DType::F64).unwrap();
-                (spec.name.clone(), Var::from_tensor(&exact).unwrap())
-            })
-            .collect();
-        let tensors = variables.iter();
-        let tensors = tensors.map(|(name, variable)| (name.clone(), variable.as_tensor().clone()));
-        let weights = Weights::sharing("the golden rule", tensors);
-        let network = kind.network().at(&Depths::Last).unwrap();
-        let images = input(&format!("golden/{name}.train"), &[4, 3, 64, 64]);
-        let embedding = Plain::training(&network, &weights).embed(&images).unwrap();
+    let tables = golden::json("encoders_grad_norms.json");
+    for (kind, name) in [
+        (EncoderKind::ResNet18, "resnet18"),
+        (EncoderKind::ResNet50, "resnet50"),
+        (EncoderKind::SqueezeNet1_1, "squeezenet1_1"),
+        (EncoderKind::EfficientNetLite0, "efficientnet_lite0"),
+    ] {
+        let norms: BTreeMap<String, f64> = serde_json::from_value(tables[name].clone()).unwrap();
+        let [images, cotangent] = ["train", "cotangent"].map(|of| format!("golden/{name}.{of}"));
+        let (embedding, gradients) = plain_pass(kind, &images, &cotangent);
         let found = relative(&embedding, &expected[&format!("{name}.train.embedding")]);
         assert!(found < 1e-6, "{kind}: embedding {found:.1e}");
-
-        let cotangent = input(&format!("golden/{name}.cotangent"), embedding.dims());
-        let loss = (embedding * cotangent).unwrap().mean_all().unwrap();
-        let gradients = loss.backward().unwrap();
-        let mut worst = 0.0_f64;
-        for (name, variable) in &variables {
-            if let Some(expected) = norms.get(name) {
-                let found = norm(gradients.get(variable).unwrap());
-                // Behind a norm that the next norm undoes, a gradient is 0 but for rounding.
-                worst = worst.max((found - expected).abs() / expected.max(1e-9));
-            }
-        }
-        let parameters = variables
-            .iter()
-            .filter(|(name, _)| !name.contains("running_"));
-        assert_eq!(parameters.count(), norms.len(), "{kind}");
+        assert!(gradients.keys().eq(norms.keys()), "{kind}");
+        // Behind a norm that the next norm undoes, a gradient is 0 but for rounding.
+        let errors = norms.iter().map(|(name, expected)| {
+            (norm(&values(&gradients[name])) - expected).abs() / expected.max(1e-9)
+        });
+        let worst = errors.fold(0.0, f64::max);
         println!("{kind}: gradients' norms {worst:.1e}");
         assert!(worst < 1e-6, "{kind}: {worst:.1e}");
     }
@@ -85,44 +90,26 @@ fn gradients_are_those_of_pytorch() {
 /// One embedding by the names of either package.
 #[test]
 fn efficientnet_lite0_by_the_names_of_another_package() {
-    let names = table("efficientnet_lite0.lukemelas_names");
+    let other_name = other_names();
     let kind = EncoderKind::EfficientNetLite0;
     let weights = |rename: &dyn Fn(&str) -> String| {
-        let classifier = Tensor::zeros((1000, 1280), DType::F32, &Device::Cpu).unwrap();
-        let mut weights = golden_weights(kind, rename);
+        let mut weights = golden::weights(kind, rename);
+        let classifier = golden::input("classifier", &[1000, 1280]);
         weights.replace(&rename("classifier.weight"), classifier);
         weights
     };
-    let own = Encoder::new(kind, weights(&str::to_owned), &Device::Cpu).unwrap();
-    let other = Encoder::new(
-        kind,
-        weights(&|name| names[name].as_str().unwrap().to_owned()),
-        &Device::Cpu,
-    )
-    .unwrap();
+    let own = Encoder::new(kind, weights(&str::to_owned)).unwrap();
+    let other = Encoder::new(kind, weights(&other_name)).unwrap();
     assert_eq!(own.content_hash(), other.content_hash());
 
     // A tensor that is there by both names: neither is dropped without a word.
     let spec = &kind.specs()[0];
-    let name = names[&spec.name].as_str().unwrap();
-    let own = weights(&str::to_owned);
-    let both = own.iter().map(|(name, t)| (name.to_owned(), t.clone()));
-    let both = both.chain([(name.to_owned(), golden::weight(spec))]);
-    let both = Weights::from_tensors("file", both).unwrap();
-    let error = Encoder::new(kind, both, &Device::Cpu)
-        .unwrap_err()
-        .to_string();
-    assert!(
-        error.contains(name) && error.contains("has no place"),
-        "{error}"
-    );
-}
-
-/// The golden weights of a network by the names that `rename` makes.
-fn golden_weights(kind: EncoderKind, rename: impl Fn(&str) -> String) -> Weights {
-    let tensors = kind.specs().into_iter();
-    let tensors = tensors.map(|spec| (rename(&spec.name), golden::weight(&spec)));
-    Weights::from_tensors("file", tensors).unwrap()
+    let name = other_name(&spec.name);
+    let mut both = weights(&str::to_owned);
+    both.replace(&name, golden::weight(spec));
+    let error = Encoder::new(kind, both).unwrap_err().to_string();
+    let named = error.contains(&name) && error.contains("has no place");
+    assert!(named, "{error}");
 }
 
 /// The body takes all of its tensors from the whole network, by the names of either package; it embeds as candle's operators say.
@@ -130,17 +117,14 @@ fn golden_weights(kind: EncoderKind, rename: impl Fn(&str) -> String) -> Weights
 fn the_body_of_an_efficientnet_starts_from_the_whole() {
     let body = EncoderKind::EfficientNetLiteBody;
     let whole = EncoderKind::EfficientNetLite0;
-    let names = table("efficientnet_lite0.lukemelas_names");
-    let other = |name: &str| names[name].as_str().unwrap().to_owned();
-    let start = |weights| Encoder::warm_started(body, weights, 0, &Device::Cpu).unwrap();
-    let (encoder, drawn) = start(golden_weights(whole, str::to_owned));
+    let start = |weights| Encoder::warm_started(body, weights, 0).unwrap();
+    let (encoder, drawn) = start(golden::weights(whole, str::to_owned));
     assert_eq!(drawn, [""; 0]);
-    let (renamed, drawn) = start(golden_weights(whole, other));
+    let (renamed, drawn) = start(golden::weights(whole, other_names()));
     assert_eq!(drawn, [""; 0]);
     assert_eq!(encoder.content_hash(), renamed.content_hash());
 
-    let images = golden::tensor("pixels", &[2, 3, 65, 40]);
-    let images = images.to_dtype(DType::F32).unwrap().abs().unwrap();
+    let images = golden::input("pixels", &[2, 3, 65, 40]).abs().unwrap();
     let found = encoder.embed(&images).unwrap();
     let plain = encoder.embed_plain(&images).unwrap();
     let error = relative(&found, &plain);
@@ -149,35 +133,27 @@ fn the_body_of_an_efficientnet_starts_from_the_whole() {
 
 #[test]
 fn what_a_warm_start_does_not_find_is_drawn() {
-    let (kind, device) = (EncoderKind::ResNet18, &Device::Cpu);
-    let seeded = Encoder::seeded(kind, 3, device).unwrap();
-    let from = golden_weights(EncoderKind::ResNet50, str::to_owned);
-    let (encoder, drawn) = Encoder::warm_started(kind, from, 3, device).unwrap();
+    let kind = EncoderKind::ResNet18;
+    let seeded = Encoder::seeded(kind, 3).unwrap();
+    let from = golden::weights(EncoderKind::ResNet50, str::to_owned);
+    let (encoder, drawn) = Encoder::warm_started(kind, from, 3).unwrap();
     // The stem is one, of the rest only norms of as many channels.
     assert!(drawn.iter().any(|name| name == "layer1.0.conv1.weight"));
     for spec in kind.specs() {
-        let values = |weights: &Weights| {
-            let tensor = weights.get(&spec.name).unwrap().flatten_all().unwrap();
-            tensor.to_vec1::<f32>().unwrap()
-        };
-        let found = values(encoder.weights());
-        if drawn.contains(&spec.name) {
-            assert_eq!(found, values(seeded.weights()), "{}", spec.name);
+        let of = |weights: &Weights| numbers(weights.get(&spec.name).unwrap());
+        let expected = if drawn.contains(&spec.name) {
+            of(seeded.weights())
         } else {
-            let golden = golden::weight(&spec).to_dtype(DType::F32).unwrap();
-            let golden = golden.flatten_all().unwrap().to_vec1::<f32>().unwrap();
-            assert_eq!(found, golden, "{}", spec.name);
-        }
+            numbers(&golden::weight(&spec))
+        };
+        assert_eq!(of(encoder.weights()), expected, "{}", spec.name);
     }
 
-    let other = golden_weights(EncoderKind::SqueezeNet1_0, str::to_owned);
-    let error = Encoder::warm_started(kind, other, 3, device).unwrap_err();
-    assert!(
-        error
-            .to_string()
-            .contains("no tensor of which resnet18 has"),
-        "{error}"
-    );
+    let other = golden::weights(EncoderKind::SqueezeNet1_0, str::to_owned);
+    let error = Encoder::warm_started(kind, other, 3)
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("no tensor of which resnet18 has"), "{error}");
 }
 
 /// In-place addition takes the shortcut's memory.
@@ -216,10 +192,13 @@ fn one_layer_reads_the_image() {
     }
 }
 
-/// As torchvision's pages print them, classifiers included, in G.
+/// As printed by the networks' authors and keepers, classifiers included, in G: table 2 of "Squeeze-and-
+/// Excitation Networks" (CVPR 2018), torchvision's pages of the others.
 #[test]
-fn multiply_adds_of_other_networks_are_those_printed() {
+fn multiply_adds_are_those_printed() {
     for (kind, classifier, printed) in [
+        (EncoderKind::SeResNext50, 2048 * 1000, 4.25),
+        (EncoderKind::SqueezeNet1_0, 13 * 13 * 512 * 1000, 0.82),
         (EncoderKind::ResNet18, 512 * 1000, 1.81),
         (EncoderKind::ResNet50, 2048 * 1000, 4.09),
         (EncoderKind::SqueezeNet1_1, 13 * 13 * 512 * 1000, 0.35),
@@ -227,6 +206,19 @@ fn multiply_adds_of_other_networks_are_those_printed() {
         let count = kind.multiply_adds([1, 224, 224]).unwrap() + classifier;
         let found = count as f64 / 1e9;
         assert!((found / printed - 1.0).abs() < 0.01, "{kind}: {found} G");
+    }
+}
+
+#[test]
+fn an_image_too_small_or_too_large_has_no_multiply_adds() {
+    assert_eq!(EncoderKind::SqueezeNet1_0.multiply_adds([1, 6, 64]), None);
+    let least = EncoderKind::EfficientNetLiteBody.multiply_adds([1, 1, 1]);
+    assert!(least.is_some());
+    // What no number holds.
+    for kind in EncoderKind::ALL {
+        for size in [[1, usize::MAX, usize::MAX], [1, 1 << 32, 1 << 32]] {
+            assert_eq!(kind.multiply_adds(size), None, "{kind}");
+        }
     }
 }
 

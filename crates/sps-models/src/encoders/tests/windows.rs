@@ -5,8 +5,7 @@ use candle_core::{Device, Tensor};
 use super::{calibrated, exact_features, of_images};
 use crate::Error;
 use crate::encoders::{Depths, Encoder, EncoderKind, Precision, WindowEmbeddings};
-use crate::golden::{self, error, uniform};
-use crate::weights::Weights;
+use crate::golden::{self, error, on_threads, uniform};
 
 const SIZE: [usize; 2] = [147, 210];
 
@@ -22,11 +21,8 @@ fn image([height, width]: [usize; 2]) -> Vec<f32> {
 
 /// With weights by the golden rule: seeded ones enlarge what bf16 rounds off.
 fn encoder(kind: EncoderKind, precision: Precision) -> Encoder {
-    let weights = kind.specs().into_iter();
-    let weights = weights.map(|spec| (spec.name.clone(), golden::weight(&spec)));
-    let weights = Weights::from_tensors("the golden rule", weights).unwrap();
-    let encoder = Encoder::new(kind, weights, &Device::Cpu).unwrap();
-    calibrated(encoder).with_precision(precision).unwrap()
+    let encoder = calibrated(golden::encoder(kind));
+    encoder.with_precision(precision).unwrap()
 }
 
 /// The last feature map in f64, `(width, rows, columns)`.
@@ -85,14 +81,6 @@ fn embeddings_are_means_of_the_last_feature_map() {
             println!("{kind}, {precision}: {found:.1e}, bound {bound:.0e}");
             assert!(found <= bound, "{kind}, {precision}: {found:.1e}");
         }
-        // As on a device without kernels.
-        let plain = Encoder {
-            kernels: None,
-            ..encoder(kind, Precision::F32)
-        };
-        let found = error_of(&plain, &map);
-        println!("{kind}, plain: {found:.1e}, bound 5e-6");
-        assert!(found <= 5e-6, "{kind}, plain: {found:.1e}");
     }
 }
 
@@ -117,11 +105,7 @@ fn one_window_is_the_image() {
 fn the_number_of_threads_changes_no_bit() {
     for precision in Precision::ALL {
         let encoder = encoder(EncoderKind::EfficientNetLiteBody, precision);
-        let on = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-            let pool = pool.build().unwrap();
-            pool.install(|| windows(&encoder, [48, 50], 9))
-        };
+        let on = |threads| on_threads(threads, || windows(&encoder, [48, 50], 9));
         let expected = on(1);
         assert_eq!(on(2), expected);
         assert_eq!(on(3), expected);
@@ -139,13 +123,8 @@ fn hard_cases() {
         assert!(matches!(error, Error::Input { .. }));
         assert!(error.to_string().contains(expected), "{error}");
     };
-    refused(
-        &small,
-        size,
-        [65, 96],
-        1,
-        "[65, 96], expected 1 to [64, 96]",
-    );
+    let beyond = "[65, 96], expected 1 to [64, 96]";
+    refused(&small, size, [65, 96], 1, beyond);
     refused(&small, size, [64, usize::MAX], 1, "expected 1 to [64, 96]");
     refused(&small, size, [0, 5], 1, "window: found [0, 5]");
     refused(&small, size, [64, 96], 0, "stride of windows: found 0");

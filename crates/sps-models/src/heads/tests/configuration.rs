@@ -81,52 +81,43 @@ fn each_value_out_of_range_is_named() {
         ("adam = { weight-decay = -0.1 }", "adam.weight-decay"),
         ("adam = { weight-decay = inf }", "adam.weight-decay"),
         (
-            "early-stopping = { validation = 0.0 }",
+            "early-stopping.validation = 0.0",
             "early-stopping.validation",
         ),
         (
-            "early-stopping = { validation = 1.0 }",
+            "early-stopping.validation = 1.0",
             "early-stopping.validation",
         ),
         (
             "input = { kind = \"late-fusion\", views = 0 }",
             "input.views",
         ),
+        ("model.latent = 0", "model.latent"),
+        ("model.hidden = 0", "model.hidden"),
+        ("model.embedding-weight = -1.0", "model.embedding-weight"),
         (
-            "model = { kind = \"cross-modal\", latent = 0 }",
-            "model.latent",
-        ),
-        (
-            "model = { kind = \"cross-modal\", hidden = 0 }",
-            "model.hidden",
-        ),
-        (
-            "model = { kind = \"cross-modal\", embedding-weight = -1.0 }",
-            "model.embedding-weight",
-        ),
-        (
-            "model = { kind = \"cross-modal\", reconstruction-weight = nan }",
+            "model.reconstruction-weight = nan",
             "model.reconstruction-weight",
         ),
+        ("model.adversarial.weight = 0.0", "model.adversarial.weight"),
+        ("model.adversarial.hidden = 0", "model.adversarial.hidden"),
         (
-            "model = { kind = \"cross-modal\", adversarial = { weight = 0.0 } }",
-            "model.adversarial.weight",
-        ),
-        (
-            "model = { kind = \"cross-modal\", adversarial = { hidden = 0 } }",
-            "model.adversarial.hidden",
-        ),
-        (
-            "model = { kind = \"cross-modal\", classification = { weight = 0.0, labels = { source = \"material\" } } }",
+            "model.classification = { weight = 0.0, labels.source = \"material\" }",
             "model.classification.weight",
         ),
         (
-            "model = { kind = \"cross-modal\", classification = { labels = { source = \"tactile-cluster\", clusters = 0 } } }",
+            "model.classification.labels = { source = \"tactile-cluster\", clusters = 0 }",
             "clusters",
         ),
     ] {
-        let config: HeadConfig = toml::from_str(text).unwrap();
+        let kind = if text.starts_with("model") {
+            "model.kind = \"cross-modal\""
+        } else {
+            ""
+        };
+        let config: HeadConfig = toml::from_str(&format!("{text}\n{kind}")).unwrap();
         let message = Head::new(config).unwrap_err().to_string();
-        assert!(message.contains(&format!("{key} is ")), "{text}: {message}");
+        let named = message.starts_with(&format!("{key}: found "));
+        assert!(named, "{text}: {message}");
     }
 }

@@ -36,11 +36,7 @@ fn others_go_on(set: &Set, config: &HeadConfig, plan: &Plan, lost: &Trial, expec
     assert_eq!(trained.heads().len(), others.len());
     for (head, &trial) in trained.heads().iter().zip(&others) {
         assert_eq!(head.trial(), trial);
-        let plan = Plan {
-            trials: vec![trial.clone()],
-            ..plan.clone()
-        };
-        assert_eq!(bits(head), bits(&set.train(config, &plan).heads()[0]));
+        assert_eq!(bits(head), bits(&set.alone(config, plan, trial)));
     }
     let back = TrainedHeads::from_bytes("f", &trained.to_bytes().unwrap()).unwrap();
     assert_eq!(back.diverged(), trained.diverged());
@@ -81,13 +77,7 @@ fn an_absurd_view_takes_nothing_from_another() {
 #[test]
 fn absurd_readings_take_nothing_from_another_property() {
     let mut set = Set::new(40, 1, 9, 3);
-    let rows: Vec<_> = (0..40)
-        .map(|s| {
-            let read = |p| set.readings.get(s, p);
-            vec![read(0), read(1).map(|t| 1e200 * t), read(2)]
-        })
-        .collect();
-    set.readings = Readings::new(set.readings.properties().to_vec(), &rows).unwrap();
+    set.reread(|_, row| vec![row[0], row[1].map(|t| 1e200 * t), row[2]]);
     let plan = set.plan(1);
     others_go_on(&set, &full(), &plan, &plan.trials[1], "spread leaves f64");
 }
@@ -103,16 +93,9 @@ fn a_stack_in_which_all_have_diverged_ends() {
     assert!(trained.heads().is_empty());
     assert_eq!(trained.diverged().len(), 2);
     for diverged in trained.diverged() {
-        assert!(
-            diverged.reason.starts_with("the loss is "),
-            "{}",
-            diverged.reason
-        );
-        assert!(
-            diverged.reason.ends_with(" in epoch 1"),
-            "{}",
-            diverged.reason
-        );
+        let reason = &diverged.reason;
+        assert!(reason.starts_with("the loss is "), "{reason}");
+        assert!(reason.ends_with(" in epoch 1"), "{reason}");
     }
     assert_eq!(record.epochs.into_inner().unwrap(), 2);
 }

@@ -1,5 +1,7 @@
 //! A trial has the same bits in any stack, on any number of threads, in any part of a plan.
 
+use std::sync::Mutex;
+
 use super::*;
 
 fn assert_same(one: &TrainedHeads, other: &TrainedHeads) {
@@ -31,16 +33,9 @@ fn stacked_training_is_one_by_one_to_the_bit() {
         let plan = set.plan(3);
         // One thread puts all fifteen into as few stacks as possible.
         let together = on_threads(1, || set.train(&config, &plan));
-        let mut alone = Vec::new();
-        for trial in &plan.trials {
-            let plan = Plan {
-                trials: vec![trial.clone()],
-                ..plan.clone()
-            };
-            alone.extend(set.train(&config, &plan).heads);
-        }
+        let alone = plan.trials.iter();
         let alone = TrainedHeads {
-            heads: alone,
+            heads: alone.map(|one| set.alone(&config, &plan, one)).collect(),
             ..together.clone()
         };
         assert_same(&together, &alone);
@@ -64,12 +59,8 @@ fn what_is_missing_of_a_plan_can_be_trained_later() {
     let set = Set::new(41, 1, 20, 4);
     // 41 surfaces: the first rerun trains on 36, the others on 37.
     let plan = set.plan(3);
-    let sizes: Vec<_> = plan
-        .reruns
-        .iter()
-        .map(|rerun| rerun.training.len())
-        .collect();
-    assert_eq!(sizes, [36, 37, 37]);
+    let sizes = plan.reruns.iter().map(|rerun| rerun.training.len());
+    assert!(sizes.eq([36, 37, 37]));
     let whole = set.train(&full(), &plan);
     let mut rest = plan.clone();
     rest.trials = rest.trials.into_iter().rev().step_by(3).collect();
@@ -89,22 +80,16 @@ fn what_is_missing_of_a_plan_can_be_trained_later() {
 fn seed_property_rerun_and_views_each_change_the_result() {
     let mut set = Set::new(30, 2, 10, 2);
     // The two properties and the two reruns are equal in their data.
-    let rows: Vec<_> = (0..30).map(|s| vec![set.readings.get(s, 0); 2]).collect();
-    set.readings = Readings::new(set.readings.properties().to_vec(), &rows).unwrap();
+    set.reread(|_, row| vec![row[0]; 2]);
     let mut plan = set.plan(2);
     plan.reruns[1].training = plan.reruns[0].training.clone();
     let first = set.train(&full(), &plan);
     let mut all: Vec<_> = first.heads().iter().map(bits).collect();
     plan.seed += 1;
-    all.extend(set.train(&full(), &plan).heads().iter().map(bits));
-    for trial in &mut plan.trials {
-        trial.views = Views::Fixed(vec![1]);
+    for views in [Views::Fixed(vec![0]), Views::Fixed(vec![1]), Views::Random] {
+        plan = plan.with_views(&views);
+        all.extend(set.train(&full(), &plan).heads().iter().map(bits));
     }
-    all.extend(set.train(&full(), &plan).heads().iter().map(bits));
-    for trial in &mut plan.trials {
-        trial.views = Views::Random;
-    }
-    all.extend(set.train(&full(), &plan).heads().iter().map(bits));
     let distinct: std::collections::HashSet<_> = all.iter().collect();
     assert_eq!((all.len(), distinct.len()), (16, 16));
 }
@@ -124,7 +109,7 @@ fn a_surface_is_estimated_alike_whichever_surfaces_stand_beside_it() {
 
 #[test]
 fn a_training_ends_where_its_observer_stops_it() {
-    struct Stop(std::sync::Mutex<usize>);
+    struct Stop(Mutex<usize>);
     impl Observer for Stop {
         fn epoch(&self, _: usize, epoch: usize, _: usize) {
             *self.0.lock().unwrap() = epoch;
@@ -134,7 +119,7 @@ fn a_training_ends_where_its_observer_stops_it() {
         }
     }
     let set = Set::new(20, 1, 5, 1);
-    let stop = Stop(std::sync::Mutex::default());
+    let stop = Stop(Mutex::default());
     let head = Head::new(full()).unwrap();
     assert!(full().epochs > 2);
     let ended = head.train(&set.data(), &set.plan(1), &stop).unwrap_err();
@@ -144,7 +129,7 @@ fn a_training_ends_where_its_observer_stops_it() {
 
 #[test]
 fn finished_trials_are_reported_once_each() {
-    struct Record(std::sync::Mutex<(usize, Vec<Trial>)>);
+    struct Record(Mutex<(usize, Vec<Trial>)>);
     impl Observer for Record {
         fn epoch(&self, trials: usize, epoch: usize, epochs: usize) {
             assert!((1..=epochs).contains(&epoch));
@@ -157,7 +142,7 @@ fn finished_trials_are_reported_once_each() {
     }
     let set = Set::new(20, 1, 5, 5);
     let plan = set.plan(4);
-    let record = Record(std::sync::Mutex::default());
+    let record = Record(Mutex::default());
     let head = Head::new(full()).unwrap();
     head.train(&set.data(), &plan, &record).unwrap();
     let (epochs, mut finished) = record.0.into_inner().unwrap();

@@ -16,11 +16,7 @@ fn late_fusion(model: Model) -> HeadConfig {
 }
 
 fn random_plan(set: &Set) -> Plan {
-    let mut plan = set.plan(2);
-    for trial in &mut plan.trials {
-        trial.views = Views::Random;
-    }
-    plan
+    set.plan(2).with_views(&Views::Random)
 }
 
 /// Some sets, several of them sharing their first views, with repeats.
@@ -63,13 +59,7 @@ fn losses(loss: &FusionLoss, sets: &[[usize; SLOTS]]) -> Vec<f64> {
 
 fn set_with_gaps() -> Set {
     let mut set = Set::new(53, VIEWS, 21, 2);
-    let rows: Vec<Vec<Option<f64>>> = (0..53)
-        .map(|surface| {
-            let row = set.readings.row(surface).unwrap();
-            vec![row[0], row[1].filter(|_| surface % 5 != 2)]
-        })
-        .collect();
-    set.readings = Readings::new(set.readings.properties().to_vec(), &rows).unwrap();
+    set.reread(|surface, row| vec![row[0], row[1].filter(|_| surface % 5 != 2)]);
     set
 }
 
@@ -86,10 +76,8 @@ fn the_loss_of_a_set_is_that_of_the_plain_prediction() {
                 assert_eq!((loss.slots(), loss.views()), (SLOTS, VIEWS));
                 for (views, found) in sets().iter().zip(losses(&loss, &sets())) {
                     let expected = predicted_loss(&set, &heads, trial, views);
-                    assert!(
-                        (found - expected).abs() < 2e-6 * expected.max(1.0),
-                        "{trial:?} {views:?}: {found} {expected}"
-                    );
+                    let near = (found - expected).abs() < 2e-6 * expected.max(1.0);
+                    assert!(near, "{trial:?} {views:?}: {found} {expected}");
                 }
             });
         }
@@ -146,18 +134,10 @@ fn what_is_no_late_fusion_is_refused() {
 }
 
 fn relations() -> HeadConfig {
+    let scales = [(2, 3), (3, 2)].map(|(views, relations)| RelationScale { views, relations });
     HeadConfig {
         input: Input::Relations {
-            scales: vec![
-                RelationScale {
-                    views: 2,
-                    relations: 3,
-                },
-                RelationScale {
-                    views: 3,
-                    relations: 2,
-                },
-            ],
+            scales: scales.to_vec(),
         },
         ..full()
     }
@@ -172,10 +152,7 @@ fn relation_steps() -> Views {
 #[test]
 fn relations_are_a_sum_over_scales_of_means_over_relations() {
     let set = set_with_gaps();
-    let mut plan = set.plan(1);
-    for trial in &mut plan.trials {
-        trial.views = relation_steps();
-    }
+    let plan = set.plan(1).with_views(&relation_steps());
     let heads = set.train(&relations(), &plan);
     // Slots and widths, hidden layers and outputs, each layer as often as it is gone through.
     let width = set.embeddings.width();
@@ -187,13 +164,9 @@ fn relations_are_a_sum_over_scales_of_means_over_relations() {
     let embeddings = set.embeddings.select(&[8], &views).unwrap();
     let found = heads.predict(&embeddings).unwrap()[0].values[0];
     // The formula, written out in f64.
-    let parameter =
-        |name: &str| -> Vec<f64> { crate::golden::values(head.parameter(name).unwrap()) };
+    let parameter = |name: &str| crate::golden::values(head.parameter(name).unwrap());
     let layer = |x: &[f64], name: &str| -> Vec<f64> {
-        let (w, b) = (
-            parameter(&format!("{name}.weight")),
-            parameter(&format!("{name}.bias")),
-        );
+        let [w, b] = ["weight", "bias"].map(|part| parameter(&format!("{name}.{part}")));
         let column = |j: usize| {
             let products = x.iter().enumerate().map(|(i, x)| x * w[i * b.len() + j]);
             b[j] + products.sum::<f64>()
@@ -237,10 +210,8 @@ fn relations_learn_from_the_views_of_their_steps() {
         panic!("not steps")
     };
     let all = train(Views::Steps(steps.clone()));
-    assert_eq!(
-        all,
-        train(Views::Steps([steps.clone(), steps.clone()].concat()))
-    );
+    let twice = [steps.clone(), steps.clone()].concat();
+    assert_eq!(all, train(Views::Steps(twice)));
     let mut other = steps.clone();
     other[3][11] = (other[3][11] + 1) % VIEWS;
     assert_ne!(all, train(Views::Steps(other)));
@@ -249,27 +220,20 @@ fn relations_learn_from_the_views_of_their_steps() {
 #[test]
 fn relations_refuse_what_they_cannot_relate() {
     let set = set_with_gaps();
-    let train = |views: Views| {
+    for (views, expected) in [
+        (Views::Random, "random ones"),
+        (Views::Steps(vec![]), "no step"),
+        (Views::Steps(vec![vec![0; 12], vec![0; 11]]), "11 views"),
+        (Views::Steps(vec![vec![VIEWS; 12]]), "below 7"),
+    ] {
         let mut plan = set.plan(1);
         plan.trials[0].views = views;
         plan.trials.truncate(1);
-        let head = Head::new(relations()).unwrap();
-        let trained = head.train(&set.data(), &plan, &());
-        trained
-            .err()
-            .map(|error| error.to_string())
-            .unwrap_or_default()
-    };
-    assert!(train(Views::Random).contains("random ones"));
-    assert!(train(Views::Steps(vec![])).contains("no step"));
-    assert!(train(Views::Steps(vec![vec![0; 12], vec![0; 11]])).contains("11 views"));
-    assert!(train(Views::Steps(vec![vec![VIEWS; 12]])).contains("below 7"));
+        let message = set.refusal(relations(), &plan);
+        assert!(message.contains(expected), "{message}");
+    }
     let mut regression = relations();
     regression.model = Model::Regression {};
-    assert!(
-        Head::new(regression)
-            .unwrap_err()
-            .to_string()
-            .contains("cross-modal")
-    );
+    let error = Head::new(regression).unwrap_err().to_string();
+    assert!(error.contains("cross-modal"), "{error}");
 }

@@ -118,8 +118,7 @@ fn embedding_pairs_that_coincide() {
 #[test]
 fn targets_that_are_all_equal() {
     let mut set = Set::new(30, 1, 5, 1);
-    let readings = vec![vec![Some(0.1)]; 30];
-    set.readings = Readings::new(vec!["p0".into()], &readings).unwrap();
+    set.reread(|_, _| vec![Some(0.1)]);
     let trained = set.train(&full(), &set.plan(1));
     let mean = (0..27).map(|_| 0.1).sum::<f64>() / 27.0;
     for value in &trained.predict(&set.embeddings).unwrap()[0].values {
@@ -190,17 +189,14 @@ fn a_class_without_a_member() {
 #[test]
 fn a_batch_without_a_reading() {
     let mut set = Set::new(30, 1, 4, 1);
-    let rows: Vec<_> = (0..30)
-        .map(|s| vec![set.readings.get(s, 0).filter(|_| s == 5)])
-        .collect();
-    set.readings = Readings::new(vec!["p0".into()], &rows).unwrap();
+    set.reread(|s, row| vec![row[0].filter(|_| s == 5)]);
     let mut config = full();
     config.batch_size = 1;
     cross_modal(&mut config).classification = None;
     let trained = set.train(&config, &set.plan(1));
     let estimates = trained.predict(&set.embeddings).unwrap();
     assert!(estimates[0].values.iter().all(|v| v.is_finite()));
-    assert_eq!(estimates[0].values[5], rows[5][0].unwrap());
+    assert_eq!(Some(estimates[0].values[5]), set.readings.get(5, 0));
 }
 
 /// A loss weight of 1e30 makes gradients of norm 1e30. Clipped, the network takes the steps that

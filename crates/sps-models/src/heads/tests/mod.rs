@@ -14,7 +14,7 @@ use candle_core::{Device, Tensor};
 use sps_regress::{Embeddings, Estimates, Readings, Rerun, Trial};
 
 use super::*;
-use crate::golden::uniform;
+use crate::golden::{on_threads, uniform};
 use crate::labels::LabelSource;
 
 /// A small data set of which half the variation of each property can be seen.
@@ -55,23 +55,42 @@ impl Set {
 
     /// Reruns that keep another tenth of the surfaces out each.
     pub(super) fn plan(&self, reruns: u64) -> Plan {
-        let rerun = |number| Rerun {
-            number,
-            training: (0..self.embeddings.surfaces())
-                .filter(|s| !(*s as u64 + number).is_multiple_of(10))
-                .collect(),
-            validation: Vec::new(),
+        let surfaces = 0..self.embeddings.surfaces();
+        let rerun = |number: u64| {
+            let kept = |s: &usize| !(*s as u64 + number).is_multiple_of(10);
+            Rerun::new(number, surfaces.clone().filter(kept))
         };
-        Plan::each(
-            11,
-            self.readings.properties(),
-            (0..reruns).map(rerun).collect(),
-        )
+        let reruns = (0..reruns).map(rerun).collect();
+        Plan::each(11, self.readings.properties(), reruns)
+    }
+
+    /// Makes other readings of each surface's own.
+    pub(super) fn reread(&mut self, row: impl Fn(usize, &[Option<f64>]) -> Vec<Option<f64>>) {
+        let rows = (0..self.readings.surfaces()).map(|s| row(s, self.readings.row(s).unwrap()));
+        let names = self.readings.properties().to_vec();
+        self.readings = Readings::new(names, &rows.collect::<Vec<_>>()).unwrap();
     }
 
     pub(super) fn train(&self, config: &HeadConfig, plan: &Plan) -> TrainedHeads {
         let head = Head::new(config.clone()).unwrap();
         head.train(&self.data(), plan, &()).unwrap()
+    }
+
+    /// One trial of a plan, trained without the others.
+    pub(super) fn alone(&self, config: &HeadConfig, plan: &Plan, trial: &Trial) -> TrainedHead {
+        let trials = vec![trial.clone()];
+        let plan = Plan {
+            trials,
+            ..plan.clone()
+        };
+        self.train(config, &plan).heads.remove(0)
+    }
+
+    /// Why a training is refused.
+    pub(super) fn refusal(&self, config: HeadConfig, plan: &Plan) -> String {
+        let head = Head::new(config).unwrap();
+        let refused = head.train(&self.data(), plan, &());
+        refused.unwrap_err().to_string()
     }
 }
 
@@ -108,12 +127,8 @@ pub(super) fn cross_modal(config: &mut HeadConfig) -> &mut CrossModal {
 
 /// The bits of all parameters and losses.
 pub(super) fn bits(head: &TrainedHead) -> Vec<u64> {
-    let parameters = head.parameters.values().flat_map(crate::golden::values);
+    let parameters = head.parameters.iter();
+    let parameters = parameters.flat_map(|(_, tensor)| crate::golden::values(tensor));
     let history = head.history.iter().flat_map(EpochLosses::all);
     parameters.chain(history).map(f64::to_bits).collect()
-}
-
-pub(super) fn on_threads<R: Send>(threads: usize, run: impl FnOnce() -> R + Send) -> R {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    pool.build().unwrap().install(run)
 }

@@ -3,11 +3,6 @@ use crate::embeddings_of;
 
 type Change = fn(&mut Plan);
 
-fn failure(set: &Set, config: HeadConfig, plan: &Plan) -> String {
-    let head = Head::new(config).unwrap();
-    head.train(&set.data(), plan, &()).unwrap_err().to_string()
-}
-
 #[test]
 fn a_plan_that_does_not_fit_the_data_is_refused_by_name() {
     let set = Set::new(20, 2, 4, 2);
@@ -43,7 +38,7 @@ fn a_plan_that_does_not_fit_the_data_is_refused_by_name() {
     for (change, expected) in cases {
         let mut plan = set.plan(1);
         change(&mut plan);
-        let message = failure(&set, full(), &plan);
+        let message = set.refusal(full(), &plan);
         assert!(message.contains(expected), "{message}");
     }
 }
@@ -53,43 +48,33 @@ fn views_must_fit_the_input() {
     let set = Set::new(20, 2, 4, 1);
     let mut plan = set.plan(1);
     plan.trials[0].views = Views::Random;
-    let with = |input| HeadConfig { input, ..full() };
-    let message = failure(&set, with(Input::LateFusion { views: 3 }), &plan);
-    assert!(
-        message.contains("3 random views, expected at most the 2"),
-        "{message}"
-    );
-    let message = failure(&set, with(Input::ViewPooling {}), &plan);
-    assert!(
-        message.contains("random views for view pooling"),
-        "{message}"
-    );
+    let refused = |input, plan: &Plan, expected: &str| {
+        let message = set.refusal(HeadConfig { input, ..full() }, plan);
+        assert!(message.contains(expected), "{message}");
+    };
+    let three = Input::LateFusion { views: 3 };
+    refused(three, &plan, "3 random views, expected at most the 2");
+    let pooling = || Input::ViewPooling {};
+    refused(pooling(), &plan, "random views for view pooling");
     plan.trials[0].views = Views::Fixed(Vec::new());
-    let message = failure(&set, with(Input::ViewPooling {}), &plan);
-    assert!(
-        message.contains("0 views, expected at least one"),
-        "{message}"
-    );
+    refused(pooling(), &plan, "0 views, expected at least one");
 }
 
 #[test]
 fn a_property_that_was_never_measured_in_training_is_named() {
     let mut set = Set::new(20, 1, 4, 1);
-    let rows: Vec<_> = (0..20).map(|s| vec![(s == 0).then_some(1.0)]).collect();
-    set.readings = Readings::new(vec!["p0".into()], &rows).unwrap();
+    set.reread(|s, _| vec![(s == 0).then_some(1.0)]);
     // Surface 0 is kept out of rerun 0.
-    let message = failure(&set, full(), &set.plan(1));
-    assert_eq!(
-        message,
-        "no training surface of rerun 0 has a reading of p0"
-    );
+    let message = set.refusal(full(), &set.plan(1));
+    let expected = "no training surface of rerun 0 has a reading of p0";
+    assert_eq!(message, expected);
 }
 
 #[test]
 fn tables_of_different_length_are_refused() {
     let mut set = Set::new(20, 1, 4, 1);
     set.materials.pop();
-    let message = failure(&set, full(), &set.plan(1));
+    let message = set.refusal(full(), &set.plan(1));
     assert!(
         message.contains("materials: found 19 surfaces, expected 20"),
         "{message}"

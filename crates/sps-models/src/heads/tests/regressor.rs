@@ -71,8 +71,8 @@ fn a_head_that_stops_early_is_no_member() {
         early_stopping: Some(EarlyStopping::default()),
         ..HeadConfig::default()
     });
-    let error = Stacking::new(vec![Box::new(head.unwrap())], 2);
-    let error = error.err().unwrap().to_string();
+    let error = Stacking::new(vec![Box::new(head.unwrap())], 2).err();
+    let error = error.unwrap().to_string();
     assert!(error.contains("early stopping"), "{error}");
 }
 
@@ -83,10 +83,9 @@ fn errors_come_out_as_they_were() {
     let fitted = small().fit(&set.data(), &set.plan(1)).unwrap();
     let other = Set::new(30, 1, 4, 2).embeddings;
     let error = crate::Error::from(fitted.predict(&other).unwrap_err());
-    assert!(
-        matches!(error, crate::Error::Head(HeadError::Embeddings { .. })),
-        "{error}"
-    );
+    let what = "embeddings for prediction: ";
+    assert!(matches!(error, crate::Error::Input { .. }), "{error}");
+    assert!(error.to_string().starts_with(what), "{error}");
 }
 
 /// Two views of two blocks, 2 and 3 wide. Powers of two change no bit, so that estimates must be the

@@ -12,11 +12,11 @@ use serde::{Deserialize, Serialize};
 use sps_regress::{TrainingData, places};
 
 use super::batches;
-use super::config::{TrainingConfig, TrainingObjective};
+use super::config::{TrainingConfig, TrainingObjective, head};
 use super::targets::{Features, Targets};
 use crate::encoders::Block;
 use crate::error::{Error, Result};
-use crate::heads::{Draw, EpochLosses, HeadConfig, JointHeads, Share};
+use crate::heads::{Draw, EpochLosses, JointHeads, Share};
 use linear::{Layer, Linear};
 
 /// What stands on the embedding while the encoder is trained, and the loss of what it says.
@@ -79,26 +79,30 @@ pub struct Losses {
 }
 
 impl Losses {
+    /// Its fields; the first is no part of the sum.
+    const FIELDS: [fn(&mut Self) -> &mut f64; 8] = [
+        |l| &mut l.accuracy,
+        |l| &mut l.values,
+        |l| &mut l.classes,
+        |l| &mut l.features,
+        |l| &mut l.embedding,
+        |l| &mut l.reconstruction,
+        |l| &mut l.generator,
+        |l| &mut l.discriminator,
+    ];
+
     /// What training makes small.
     pub fn total(&self) -> f64 {
-        self.values
-            + self.classes
-            + self.features
-            + self.embedding
-            + self.reconstruction
-            + self.generator
-            + self.discriminator
+        let mut own = *self;
+        let parts = Self::FIELDS[1..].iter().map(|field| *field(&mut own));
+        parts.sum()
     }
 
     pub(super) fn add(&mut self, other: &Self, weight: f64) {
-        self.values += weight * other.values;
-        self.classes += weight * other.classes;
-        self.accuracy += weight * other.accuracy;
-        self.features += weight * other.features;
-        self.embedding += weight * other.embedding;
-        self.reconstruction += weight * other.reconstruction;
-        self.generator += weight * other.generator;
-        self.discriminator += weight * other.discriminator;
+        let mut other = *other;
+        for field in Self::FIELDS {
+            *field(self) += weight * *field(&mut other);
+        }
     }
 
     fn of_heads(losses: &EpochLosses, weights: &EpochLosses) -> Self {
@@ -137,17 +141,12 @@ impl Objective {
                 model,
                 ..
             } => {
-                let head = HeadConfig {
-                    input: input.clone(),
-                    scale: *scale,
-                    model: model.clone(),
-                    ..HeadConfig::default()
-                };
-                let weights = model.loss_weights();
-                let data = tables(&targets)?;
-                let heads = JointHeads::new(head, &data, training, seed)?;
-                let heads = Box::new(heads);
-                Base::Heads { heads, weights }
+                let head = head(input, *scale, model);
+                let heads = JointHeads::new(head, &tables(&targets)?, training, seed)?;
+                Base::Heads {
+                    heads: Box::new(heads),
+                    weights: model.loss_weights(),
+                }
             }
         };
         let features = match taught {
@@ -219,16 +218,12 @@ impl Objective {
             // Adam does not move what never had a gradient.
             None => variable.zeros_like(),
         };
-        let features = self.features.iter().flat_map(Taught::layers);
-        let features = features.flat_map(Layer::parameters).map(of);
         let mut gradients = match &self.base {
-            Base::Linear(linear) => {
-                let layers = linear.layers().flat_map(Layer::parameters);
-                layers.map(of).collect::<candle_core::Result<Vec<_>>>()?
-            }
+            Base::Linear(_) => Vec::new(),
             Base::Heads { heads, .. } => heads.gradients()?,
         };
-        gradients.extend(features.collect::<candle_core::Result<Vec<_>>>()?);
+        let others = self.parameters().skip(gradients.len()).map(of);
+        gradients.extend(others.collect::<candle_core::Result<Vec<_>>>()?);
         Ok(gradients)
     }
 
@@ -325,11 +320,8 @@ fn taught_by(targets: &Targets, distillation: f64) -> Result<Option<Features>> {
     };
     if targets.features.is_some() {
         let expected = "none beside distillation";
-        return Err(Error::input(
-            "targets",
-            "features of another encoder",
-            expected,
-        ));
+        let found = "features of another encoder";
+        return Err(Error::input("targets", found, expected));
     }
     let shape = (start.surfaces() * start.views(), start.width());
     Ok(Some(Features {

@@ -7,7 +7,7 @@ use crate::training::batches::Batch;
 
 /// A network without batch norm, which would see the parts one by one.
 fn without_norms() -> Encoder {
-    Encoder::seeded(EncoderKind::SqueezeNet1_1, 0, &Device::Cpu).unwrap()
+    Encoder::seeded(EncoderKind::SqueezeNet1_1, 0).unwrap()
 }
 
 fn in_parts(config: TrainingConfig, micro_batch_size: Option<usize>) -> TrainingConfig {
@@ -36,9 +36,7 @@ fn differs(source: &dyn ImageSource, targets: &Targets, config: &TrainingConfig)
         let mut trainer =
             Trainer::new(&without_norms(), targets.clone(), parts, config, 5).unwrap();
         let (gradients, losses) = trainer.gradients(&batch, 0).unwrap();
-        let numbers =
-            |tensor: &Tensor| -> Vec<f32> { tensor.flatten_all().unwrap().to_vec1().unwrap() };
-        let gradients: Vec<f32> = gradients.iter().flat_map(numbers).collect();
+        let gradients: Vec<f64> = gradients.iter().flat_map(golden::values).collect();
         (gradients, losses)
     };
     let (whole, losses) = step(None);
@@ -46,9 +44,8 @@ fn differs(source: &dyn ImageSource, targets: &Targets, config: &TrainingConfig)
     let loss = (losses.total() - of_parts.total()).abs() / losses.total().abs();
     assert!(loss < 1e-6, "{losses:?} {of_parts:?}");
     assert!((losses.accuracy - of_parts.accuracy).abs() < 1e-6);
-    let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>().sqrt();
-    let mut differences = sum.iter().zip(&whole).map(|(a, b)| f64::from(a - b));
-    norm(&mut differences) / norm(&mut whole.iter().map(|&x| f64::from(x)))
+    let differences: Vec<f64> = sum.iter().zip(&whole).map(|(a, b)| a - b).collect();
+    golden::norm(&differences) / golden::norm(&whole)
 }
 
 /// Readings that are missing make parts count unequally.
@@ -90,19 +87,15 @@ fn parts_are_resumed_and_shared_among_threads_to_the_same_bits() {
     let stripes = Stripes::new(30);
     let config = || in_parts(config(), Some(3));
     let train = |threads, stopped: bool| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        pool.build().unwrap().install(|| {
+        on_threads(threads, || {
             let (targets, parts) = (stripes.targets(), stripes.parts());
             let start = start().with_depths(&Depths::All).unwrap();
             let mut trainer = Trainer::new(&start, targets, parts, config(), 5).unwrap();
-            trainer.epoch(&stripes, |_| ()).unwrap();
+            epochs(&mut trainer, &stripes, 1);
             if stopped {
-                let state = trainer.to_bytes().unwrap();
-                let (targets, parts) = (stripes.targets(), stripes.parts());
-                let resumed = Trainer::resume("a state", &state, targets, parts, config(), 5);
-                trainer = resumed.unwrap();
+                trainer = stripes.resumed(&trainer.to_bytes().unwrap(), config());
             }
-            trainer.epoch(&stripes, |_| ()).unwrap();
+            epochs(&mut trainer, &stripes, 1);
             let state = trainer.to_bytes().unwrap();
             assert_eq!(trainer.into_encoder().unwrap().depths(), &Depths::All);
             state

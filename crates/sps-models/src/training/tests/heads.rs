@@ -9,7 +9,6 @@ use sps_regress::Embeddings;
 
 use super::*;
 use crate::embeddings_of;
-use crate::golden;
 use crate::heads::{
     Adversarial, Classification, CrossModal, GeneratorLoss, Input, Model, RelationScale, Scale,
     Share,
@@ -27,10 +26,7 @@ struct Case {
 }
 
 fn expected(case: &str) -> Case {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/golden");
-    let text = std::fs::read_to_string(folder.join("joint.json")).unwrap();
-    let mut cases: BTreeMap<String, Case> = serde_json::from_str(&text).unwrap();
-    cases.remove(case).unwrap()
+    serde_json::from_value(golden::json("joint.json")[case].take()).unwrap()
 }
 
 /// A case of the script.
@@ -47,15 +43,12 @@ const SIDE: usize = 64;
 impl Golden {
     fn targets(&self) -> Targets {
         let of = golden::uniform("golden/joint.readings", SURFACES * 3);
-        let rows: Vec<Vec<Option<f64>>> = (0..SURFACES)
-            .map(|s| (0..3).map(|p| Some(of[s * 3 + p] * 10.0 + 40.0)).collect())
-            .collect();
-        let mut rows = rows;
+        let row = |row: &[f64]| row.iter().map(|v| Some(v * 10.0 + 40.0)).collect();
+        let mut rows: Vec<Vec<Option<f64>>> = of.chunks(3).map(row).collect();
         rows[2][1] = None;
         let names = ["a", "b", "c"].map(str::to_owned).to_vec();
         let shape = [SURFACES, self.views, self.kind.width()];
-        let start = golden::tensor(&format!("golden/{}.start", self.case), &shape);
-        let start = start.to_dtype(DType::F32).unwrap();
+        let start = golden::input(&format!("golden/{}.start", self.case), &shape);
         Targets {
             values: Some(Readings::new(names, &rows).unwrap()),
             start: Some(embeddings_of(&start).unwrap()),
@@ -81,17 +74,14 @@ impl Golden {
             },
             warmup: 0.0,
             validation: 0.0,
-            augmentation: STILL,
+            augmentation: Augmentation::STILL,
             ..TrainingConfig::default()
         };
         let parts = Parts {
             training: (0..SURFACES).collect(),
             validation: Vec::new(),
         };
-        let specs = self.kind.specs();
-        let weights = specs.iter().map(|s| (s.name.clone(), golden::weight(s)));
-        let weights = Weights::from_tensors("the golden rule", weights).unwrap();
-        let start = Encoder::new(self.kind, weights, &Device::Cpu).unwrap();
+        let start = golden::encoder(self.kind);
         let trainer = Trainer::new(&start, self.targets(), parts, config, 0).unwrap();
         for (name, variable) in trainer.objective.parameters() {
             fill(self.case, &name, variable);
@@ -122,14 +112,6 @@ fn fill(case: &str, name: &str, variable: &Var) {
     let values = (values * gain).unwrap().to_dtype(DType::F32).unwrap();
     variable.set(&values).unwrap();
 }
-
-const STILL: Augmentation = Augmentation {
-    crop: 1.0,
-    flip: false,
-    brightness: 0.0,
-    contrast: 0.0,
-    colour: 0.0,
-};
 
 /// The network with all its parts, small.
 pub(super) fn model() -> Model {
@@ -166,10 +148,6 @@ fn error(losses: &Losses, expected: &BTreeMap<String, f64>) -> f64 {
     let sum: f64 = expected.values().map(|loss| loss.abs()).sum();
     let differences = by_name(losses).map(|(name, loss)| (loss - expected[name]).abs() / sum);
     differences.into_iter().fold(0.0, f64::max)
-}
-
-fn norm(values: &[f64]) -> f64 {
-    values.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 #[test]
@@ -220,10 +198,8 @@ fn losses_and_gradients_are_pytorchs() {
         let store = trainer.encoder.backward(&loss).unwrap();
         let mut worst = [0.0_f64; 2];
         let mut seen = 0;
-        let largest = expected
-            .encoder
-            .values()
-            .fold(0.0_f64, |max, &n| max.max(n));
+        let norms = expected.encoder.values();
+        let largest = norms.fold(0.0_f64, |max, &n| max.max(n));
         for (name, variable) in trainer.encoder.variables() {
             let Some(expected) = expected.encoder.get(name) else {
                 continue;
@@ -232,7 +208,7 @@ fn losses_and_gradients_are_pytorchs() {
             let gradient = golden::values(store.get(variable).unwrap());
             // Behind a norm that the next norm undoes, a gradient is 0 but for rounding.
             let scale = expected.max(1e-6 * largest);
-            worst[0] = worst[0].max((norm(&gradient) - expected).abs() / scale);
+            worst[0] = worst[0].max((golden::norm(&gradient) - expected).abs() / scale);
         }
         assert_eq!(seen, expected.encoder.len(), "{}", golden.case);
         let gradients = trainer.objective.gradients(&store).unwrap();
@@ -242,7 +218,8 @@ fn losses_and_gradients_are_pytorchs() {
             let of_values = golden::values(gradient);
             let of_values = of_values.chunks(of_values.len() / 3);
             for (gradient, expected) in of_values.zip(&expected.heads[name]) {
-                worst[1] = worst[1].max((norm(gradient) - expected).abs() / expected.max(1e-6));
+                worst[1] =
+                    worst[1].max((golden::norm(gradient) - expected).abs() / expected.max(1e-6));
             }
         }
         let [encoder, heads] = worst;
@@ -265,9 +242,8 @@ fn ten_steps_are_pytorchs() {
     let mut trainer = golden.trainer();
     let mut steps = Vec::new();
     while !trainer.is_finished() {
-        trainer
-            .epoch(&golden, |step| steps.push(step.losses))
-            .unwrap();
+        let epoch = trainer.epoch(&golden, |step| steps.push(step.losses));
+        epoch.unwrap();
     }
     assert_eq!(steps.len(), expected.len());
     let errors = steps.iter().zip(&expected).map(|(step, e)| error(step, e));
@@ -355,9 +331,7 @@ fn an_encoder_learns_through_heads() {
         let pairs = Pairs::new(64);
         let model = Model::CrossModal(CrossModal::default());
         let mut trainer = pairs.trainer(through_heads(input.clone(), model));
-        while !trainer.is_finished() {
-            trainer.epoch(&pairs, |_| ()).unwrap();
-        }
+        to_the_end(&mut trainer, &pairs);
         let errors = trainer.history().iter().map(|e| e.validation.unwrap());
         let errors: Vec<f64> = errors.map(|losses| losses.values).collect();
         let best = errors.iter().copied().fold(f64::INFINITY, f64::min);
@@ -370,10 +344,9 @@ fn a_training_through_heads_that_was_stopped_ends_with_the_same_bits_on_any_thre
     for input in inputs() {
         let pairs = Pairs::new(24);
         let run = |stopped: bool, threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-            pool.build().unwrap().install(|| {
+            on_threads(threads, || {
                 let mut trainer = pairs.trainer(through_heads(input.clone(), model()));
-                trainer.epoch(&pairs, |_| ()).unwrap();
+                epochs(&mut trainer, &pairs, 1);
                 if stopped {
                     let state = trainer.to_bytes().unwrap();
                     let (targets, parts) = (pairs.targets(), pairs.0.parts());
@@ -381,7 +354,7 @@ fn a_training_through_heads_that_was_stopped_ends_with_the_same_bits_on_any_thre
                     let resumed = Trainer::resume("a state", &state, targets, parts, config, 5);
                     trainer = resumed.unwrap();
                 }
-                trainer.epoch(&pairs, |_| ()).unwrap();
+                epochs(&mut trainer, &pairs, 1);
                 (trainer.to_bytes().unwrap(), bytes(trainer))
             })
         };
@@ -478,11 +451,8 @@ mod hard_cases {
     fn inputs_that_do_not_fit_the_views_are_refused() {
         let targets = Pairs::new(24).targets();
         refused(targets.clone(), Input::Single {}, "expected 1 views");
-        refused(
-            targets.clone(),
-            Input::LateFusion { views: 3 },
-            "expected 3 views",
-        );
+        let three = Input::LateFusion { views: 3 };
+        refused(targets.clone(), three, "expected 3 views");
         let scales = vec![RelationScale {
             views: 3,
             relations: 1,
@@ -516,9 +486,7 @@ mod hard_cases {
     fn features_belong_to_images() {
         let pairs = Pairs::new(24);
         let features = Features {
-            embeddings: golden::tensor("taught", &[48, 5])
-                .to_dtype(DType::F32)
-                .unwrap(),
+            embeddings: golden::input("taught", &[48, 5]),
             blocks: Vec::new(),
             weight: 2.0,
         };
@@ -530,16 +498,12 @@ mod hard_cases {
         let trainer = Trainer::new(&start(), targets, pairs.0.parts(), config, 5).unwrap();
         let width = trainer.encoder.kind().width();
         let embeddings = Tensor::zeros((2, width), DType::F32, &Device::Cpu).unwrap();
-        let (_, losses) = trainer
-            .objective
-            .loss(&embeddings, Share::whole(&[3]), 0)
-            .unwrap();
+        let loss = trainer.objective.loss(&embeddings, Share::whole(&[3]), 0);
+        let (_, losses) = loss.unwrap();
         // The layer says its bias of both images; standardised over the images of training.
-        let bias = trainer
-            .objective
-            .parameters()
-            .find(|(n, _)| n == "features.bias");
-        let bias = golden::values(bias.unwrap().1.as_tensor());
+        let mut parameters = trainer.objective.parameters();
+        let (_, bias) = parameters.find(|(n, _)| n == "features.bias").unwrap();
+        let bias = golden::values(bias);
         let all = golden::uniform("taught", 48 * 5);
         let mut sum = 0.0;
         for (column, bias) in bias.iter().enumerate() {
@@ -578,14 +542,10 @@ mod hard_cases {
             distillation: 3.0,
             ..heads()
         };
-        let seen = golden::tensor("seen", &[4, start.width()]);
-        let seen = seen.to_dtype(DType::F32).unwrap();
+        let seen = golden::input("seen", &[4, start.width()]);
         let loss = |trainer: Trainer| {
-            trainer
-                .objective
-                .loss(&seen, Share::whole(&[3, 7]), 0)
-                .unwrap()
-                .1
+            let loss = trainer.objective.loss(&seen, Share::whole(&[3, 7]), 0);
+            loss.unwrap().1
         };
         let expected = loss(trainer(taught.clone(), heads()).unwrap());
         let found = loss(trainer(pairs.targets(), itself.clone()).unwrap());

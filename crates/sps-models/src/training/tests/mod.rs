@@ -13,6 +13,7 @@ use sps_regress::Readings;
 use super::*;
 use crate::encoders::{Encoder, EncoderKind};
 use crate::error::Result;
+use crate::golden::{self, on_threads};
 use crate::weights::{Storage, Weights};
 use rand::Rng;
 
@@ -46,6 +47,15 @@ impl Stripes {
             training: (0..count - 8).collect(),
             validation: (count - 8..count).collect(),
         }
+    }
+
+    fn trainer(&self, config: TrainingConfig) -> Trainer {
+        Trainer::new(&start(), self.targets(), self.parts(), config, 5).unwrap()
+    }
+
+    fn resumed(&self, state: &[u8], config: TrainingConfig) -> Trainer {
+        let (targets, parts) = (self.targets(), self.parts());
+        Trainer::resume("a state", state, targets, parts, config, 5).unwrap()
     }
 }
 
@@ -81,29 +91,31 @@ fn config() -> TrainingConfig {
 }
 
 fn start() -> Encoder {
-    Encoder::seeded(EncoderKind::ResNet18, 0, &Device::Cpu).unwrap()
+    Encoder::seeded(EncoderKind::ResNet18, 0).unwrap()
 }
 
-fn trainer(stripes: &Stripes) -> Trainer {
-    Trainer::new(&start(), stripes.targets(), stripes.parts(), config(), 5).unwrap()
+fn epochs(trainer: &mut Trainer, source: &dyn ImageSource, count: usize) {
+    for _ in 0..count {
+        trainer.epoch(source, |_| ()).unwrap();
+    }
+}
+
+fn to_the_end(trainer: &mut Trainer, source: &dyn ImageSource) {
+    while !trainer.is_finished() {
+        trainer.epoch(source, |_| ()).unwrap();
+    }
 }
 
 fn bytes(trainer: Trainer) -> Vec<u8> {
-    trainer
-        .into_encoder()
-        .unwrap()
-        .weights()
-        .to_bytes()
-        .unwrap()
+    let encoder = trainer.into_encoder().unwrap();
+    encoder.weights().to_bytes().unwrap()
 }
 
 #[test]
 fn an_encoder_learns_what_its_images_show() {
     let stripes = Stripes::new(64);
-    let mut trainer = trainer(&stripes);
-    while !trainer.is_finished() {
-        trainer.epoch(&stripes, |_| ()).unwrap();
-    }
+    let mut trainer = stripes.trainer(config());
+    to_the_end(&mut trainer, &stripes);
     let (first, last) = (&trainer.history()[0], &trainer.history()[11]);
     assert!(last.training.total() < 0.5 * first.training.total());
     let validation = last.validation.unwrap();
@@ -113,40 +125,27 @@ fn an_encoder_learns_what_its_images_show() {
 #[test]
 fn a_training_that_was_stopped_ends_with_the_same_bits() {
     let stripes = Stripes::new(40);
-    let through = {
-        let mut trainer = trainer(&stripes);
-        for _ in 0..3 {
-            trainer.epoch(&stripes, |_| ()).unwrap();
+    let run = |stopped: bool| {
+        let mut trainer = stripes.trainer(config());
+        epochs(&mut trainer, &stripes, 1);
+        if stopped {
+            trainer = stripes.resumed(&trainer.to_bytes().unwrap(), config());
         }
+        epochs(&mut trainer, &stripes, 2);
         (
             trainer.history().to_vec(),
             trainer.to_bytes().unwrap(),
             bytes(trainer),
         )
     };
-    let stopped = {
-        let mut trainer = trainer(&stripes);
-        trainer.epoch(&stripes, |_| ()).unwrap();
-        let state = trainer.to_bytes().unwrap();
-        let (targets, parts) = (stripes.targets(), stripes.parts());
-        let mut trainer = Trainer::resume("a state", &state, targets, parts, config(), 5).unwrap();
-        for _ in 0..2 {
-            trainer.epoch(&stripes, |_| ()).unwrap();
-        }
-        (
-            trainer.history().to_vec(),
-            trainer.to_bytes().unwrap(),
-            bytes(trainer),
-        )
-    };
-    assert!(through == stopped);
+    assert!(run(false) == run(true));
 }
 
 #[test]
 fn a_state_of_another_training_is_refused() {
     let stripes = Stripes::new(24);
-    let mut trainer = trainer(&stripes);
-    trainer.epoch(&stripes, |_| ()).unwrap();
+    let mut trainer = stripes.trainer(config());
+    epochs(&mut trainer, &stripes, 1);
     let state = trainer.to_bytes().unwrap();
     let resume = |state: &[u8], seed| {
         let (targets, parts) = (stripes.targets(), stripes.parts());
@@ -162,8 +161,8 @@ fn a_state_of_another_training_is_refused() {
 #[test]
 fn a_state_of_other_targets_or_parts_or_without_its_best_network_is_refused() {
     let stripes = Stripes::new(24);
-    let mut trainer = trainer(&stripes);
-    trainer.epoch(&stripes, |_| ()).unwrap();
+    let mut trainer = stripes.trainer(config());
+    epochs(&mut trainer, &stripes, 1);
     let state = trainer.to_bytes().unwrap();
     let refused = |state: &[u8], targets, parts, expected: &str| {
         let resumed = Trainer::resume("a state", state, targets, parts, config(), 5);
@@ -205,14 +204,12 @@ impl ImageSource for Blinding<'_> {
 #[test]
 fn a_validation_loss_that_is_not_finite_is_an_error() {
     let stripes = Stripes::new(24);
-    let mut trainer = trainer(&stripes);
+    let mut trainer = stripes.trainer(config());
     let error = trainer.epoch(&Blinding(&stripes), |_| ()).unwrap_err();
     let message = error.to_string();
     assert!(message.starts_with("validation loss: found"), "{message}");
-    let state = trainer.to_bytes().unwrap();
-    let (targets, parts) = (stripes.targets(), stripes.parts());
-    let resumed = Trainer::resume("a state", &state, targets, parts, config(), 5);
-    assert!(resumed.unwrap().history().is_empty());
+    let resumed = stripes.resumed(&trainer.to_bytes().unwrap(), config());
+    assert!(resumed.history().is_empty());
 }
 
 #[test]
@@ -223,11 +220,9 @@ fn checkpointing_and_threads_change_no_bit() {
             checkpointing,
             ..config()
         };
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        pool.build().unwrap().install(|| {
-            let (targets, parts) = (stripes.targets(), stripes.parts());
-            let mut trainer = Trainer::new(&start(), targets, parts, config, 5).unwrap();
-            trainer.epoch(&stripes, |_| ()).unwrap();
+        on_threads(threads, || {
+            let mut trainer = stripes.trainer(config);
+            epochs(&mut trainer, &stripes, 1);
             bytes(trainer)
         })
     };
@@ -244,8 +239,7 @@ fn patience_ends_training_and_the_best_network_is_kept() {
         epochs: 200,
         ..config()
     };
-    let (targets, parts) = (stripes.targets(), stripes.parts());
-    let mut trainer = Trainer::new(&start(), targets, parts, config, 5).unwrap();
+    let mut trainer = stripes.trainer(config);
     let mut best = None;
     while !trainer.is_finished() {
         let epoch = trainer.epoch(&stripes, |_| ()).unwrap();
@@ -266,17 +260,15 @@ fn a_frozen_encoder_keeps_its_weights() {
         frozen_epochs: 1,
         ..config()
     };
-    let (targets, parts) = (stripes.targets(), stripes.parts());
-    let mut trainer = Trainer::new(&start(), targets, parts, config, 5).unwrap();
+    let mut trainer = stripes.trainer(config);
     let weight = |trainer: &Trainer| {
         let (_, variable) = trainer.encoder.variables().next().unwrap();
-        let values = variable.as_tensor().flatten_all().unwrap();
-        values.to_vec1::<f32>().unwrap()
+        golden::numbers(variable)
     };
     let before = weight(&trainer);
-    trainer.epoch(&stripes, |_| ()).unwrap();
+    epochs(&mut trainer, &stripes, 1);
     assert_eq!(weight(&trainer), before);
-    trainer.epoch(&stripes, |_| ()).unwrap();
+    epochs(&mut trainer, &stripes, 1);
     assert_ne!(weight(&trainer), before);
 }
 

@@ -10,19 +10,12 @@ impl ImageSource for Ramps {
         const SIDE: usize = 16;
         let bright = self.0.brightness[index] as f32;
         let frame = |time: usize| {
-            let time = if index.is_multiple_of(2) {
-                time
-            } else {
-                2 - time
-            };
+            let rising = index.is_multiple_of(2);
+            let time = if rising { time } else { 2 - time };
             [bright * (0.5 + 0.25 * time as f32); 3 * SIDE * SIDE]
         };
-        Ok(Image::sequence(
-            3,
-            SIDE,
-            SIDE,
-            (0..3).flat_map(frame).collect(),
-        )?)
+        let frames = (0..3).flat_map(frame).collect();
+        Ok(Image::sequence(3, SIDE, SIDE, frames)?)
     }
 }
 
@@ -33,7 +26,7 @@ fn ramps() -> (Ramps, Targets, Parts) {
 }
 
 fn start() -> Encoder {
-    Encoder::seeded(EncoderKind::I3d, 0, &Device::Cpu).unwrap()
+    Encoder::seeded(EncoderKind::I3d, 0).unwrap()
 }
 
 fn trainer() -> Trainer {
@@ -45,22 +38,15 @@ fn trainer() -> Trainer {
 fn a_network_of_sequences_learns_and_goes_on_with_the_same_bits() {
     let (ramps, targets, parts) = ramps();
     let mut through = trainer();
-    for _ in 0..4 {
-        through.epoch(&ramps, |_| ()).unwrap();
-    }
+    epochs(&mut through, &ramps, 4);
     let of = |epoch: usize| through.history()[epoch].training.total();
     assert!(of(3) < 0.8 * of(0), "{} after {}", of(3), of(0));
 
     let mut stopped = trainer();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(3);
-    let pool = pool.build().unwrap();
-    pool.install(|| stopped.epoch(&ramps, |_| ()).map(|_| ()))
-        .unwrap();
+    on_threads(3, || epochs(&mut stopped, &ramps, 1));
     let state = stopped.to_bytes().unwrap();
     let mut again = Trainer::resume("a state", &state, targets, parts, config(), 5).unwrap();
-    for _ in 0..3 {
-        again.epoch(&ramps, |_| ()).unwrap();
-    }
+    epochs(&mut again, &ramps, 3);
     assert!(again.to_bytes().unwrap() == through.to_bytes().unwrap());
 }
 
@@ -69,10 +55,8 @@ fn images_are_not_sequences() {
     let (_, targets, parts) = ramps();
     let stripes = Stripes::new(24);
     let mut of_sequences = trainer();
-    let error = of_sequences
-        .epoch(&stripes, |_| ())
-        .unwrap_err()
-        .to_string();
+    let error = of_sequences.epoch(&stripes, |_| ()).unwrap_err();
+    let error = error.to_string();
     assert!(error.contains("(n, 3, frames, height, width)"), "{error}");
 
     let images = super::start();

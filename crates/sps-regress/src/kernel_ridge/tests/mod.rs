@@ -7,7 +7,7 @@ use super::*;
 use crate::data::Readings;
 use crate::golden::uniform;
 use crate::plan::{Rerun, Views};
-use crate::regressor::{Estimates, FittedRegressor};
+use crate::regressor::FittedRegressor;
 use crate::ridge::{Ridge, RidgeConfig};
 
 pub(super) struct Set {
@@ -47,17 +47,23 @@ impl Set {
         TrainingData::new(&self.embeddings, &self.readings)
     }
 
+    /// Of a set of views, for the first surfaces.
+    fn losses(
+        &self,
+        data: &TrainingData<'_>,
+        training: usize,
+        config: &KernelRidgeConfig,
+        views: &[usize],
+    ) -> Vec<f64> {
+        let training: Vec<usize> = (0..training).collect();
+        let losses = SetLosses::new(data, self.readings.properties(), &training, config);
+        losses.unwrap().losses(views).unwrap()
+    }
+
     fn plan(&self, training: usize, views: &[usize]) -> Plan {
-        let rerun = |number| Rerun {
-            number,
-            training: (0..training).collect(),
-            validation: Vec::new(),
-        };
-        let mut plan = Plan::each(3, self.readings.properties(), vec![rerun(0)]);
-        for trial in &mut plan.trials {
-            trial.views = Views::Fixed(views.to_vec());
-        }
-        plan
+        let rerun = Rerun::new(0, 0..training);
+        let plan = Plan::each(3, self.readings.properties(), vec![rerun]);
+        plan.with_views(&Views::Fixed(views.to_vec()))
     }
 }
 
@@ -75,17 +81,12 @@ pub(super) fn smooth(shape: (usize, usize, usize)) -> Vec<Option<f64>> {
 }
 
 pub(super) fn config(kernel: Kernel, penalties: &[f64], widths: &[f64]) -> KernelRidgeConfig {
-    let used = if kernel == Kernel::Linear {
-        1
-    } else {
-        widths.len()
-    };
+    let linear = kernel == Kernel::Linear;
+    let widths = if linear { &widths[..1] } else { widths };
+    let kernels = widths.iter().map(|&width| Shape::even(kernel, width));
     KernelRidgeConfig {
         penalties: penalties.to_vec(),
-        kernels: widths[..used]
-            .iter()
-            .map(|&width| Shape::even(kernel, width))
-            .collect(),
+        kernels: kernels.collect(),
         ..KernelRidgeConfig::default()
     }
 }
@@ -105,16 +106,14 @@ fn matrix(set: &Set, kernel: Kernel, width: f64, training: usize, views: &[usize
     for &view in views {
         let at = |s: usize| set.embeddings.get(s, view).unwrap();
         let distance = |a: usize, b: usize| -> f64 {
-            let pairs = at(a).iter().zip(at(b));
-            pairs
-                .map(|(a, b)| f64::from(a - b).powi(2))
-                .sum::<f64>()
-                .sqrt()
+            let squares = at(a)
+                .iter()
+                .zip(at(b))
+                .map(|(a, b)| f64::from(a - b).powi(2));
+            squares.sum::<f64>().sqrt()
         };
-        let mut all: Vec<f64> = Vec::new();
-        for a in 0..training {
-            all.extend((0..a).map(|b| distance(a, b)));
-        }
+        let pairs = (0..training).flat_map(|a| (0..a).map(move |b| (a, b)));
+        let mut all: Vec<f64> = pairs.map(|(a, b)| distance(a, b)).collect();
         all.sort_by(f64::total_cmp);
         let scale = 0.5 * (all[(all.len() - 1) / 2] + all[all.len() / 2]);
         sum += &Array2::from_shape_fn((surfaces, surfaces), |(a, b)| {
@@ -152,6 +151,11 @@ fn part(kernel: &Array2<f64>, rows: &[usize], columns: &[usize]) -> Array2<f64> 
     kernel.select(Axis(0), rows).select(Axis(1), columns)
 }
 
+/// Of the first property.
+fn estimates(fitted: &dyn FittedRegressor, embeddings: &Embeddings) -> Vec<f64> {
+    fitted.predict(embeddings).unwrap().remove(0).values
+}
+
 #[test]
 fn the_fit_solves_the_normal_equations() {
     let shape = (34, 3, 5);
@@ -162,17 +166,14 @@ fn the_fit_solves_the_normal_equations() {
     for kernel in [Kernel::Exponential, Kernel::Gaussian] {
         for views in [&[0][..], &[2, 0], &[0, 1, 1]] {
             let whole = matrix(&set, kernel, 1.5, 30, views);
-            let trained = set
-                .train(&config(kernel, &[0.02], &[1.5]), 30, views)
-                .unwrap();
-            let found = trained
-                .predict(&set.embeddings.select(&all, views).unwrap())
-                .unwrap();
+            let trained = set.train(&config(kernel, &[0.02], &[1.5]), 30, views);
+            let trained = trained.unwrap();
+            let found = estimates(&trained, &set.embeddings.select(&all, views).unwrap());
             assert_eq!(trained.models()[0].penalty(), Some(0.02));
             let among = part(&whole, &training, &training);
             let (coefficients, intercept) = direct(&among, &values, 0.02 * trace(&among));
             let expected = part(&whole, &all, &training).dot(&coefficients) + intercept;
-            close(&found[0].values, expected.as_slice().unwrap(), 1e-7);
+            close(&found, expected.as_slice().unwrap(), 1e-7);
         }
     }
 }
@@ -222,10 +223,8 @@ fn predictions_are_scikit_learns() {
         let config = config(kernel, &[0.1], &[2.0]);
         let ridge = KernelRidge::new(config.clone()).unwrap();
         let training: Vec<usize> = (0..20).collect();
-        let values: Vec<f64> = training
-            .iter()
-            .filter_map(|&s| data.readings.get(s, 0))
-            .collect();
+        let values = training.iter().filter_map(|&s| data.readings.get(s, 0));
+        let values: Vec<f64> = values.collect();
         let embeddings = data.embeddings.select(&training, &[0]).unwrap();
         let (scales, kernels) = ridge.kernels(&embeddings);
         let (shape, matrix) = kernels.into_iter().next().unwrap();
@@ -242,11 +241,7 @@ fn predictions_are_scikit_learns() {
             support: Arc::new(support),
         }]);
         let held_out = data.embeddings.select(&[20, 21, 22, 23, 24], &[0]).unwrap();
-        close(
-            &trained.predict(&held_out).unwrap()[0].values,
-            &expected,
-            1e-12,
-        );
+        close(&estimates(&trained, &held_out), &expected, 1e-12);
     }
 }
 
@@ -270,18 +265,12 @@ fn the_kernel_of_a_view_is_the_mean_of_its_blocks() {
         };
         let config = config(Kernel::Exponential, &[0.01, 0.1], &[1.0, 4.0]);
         let trained = set.train(&config, 20, views).unwrap();
-        let losses = SetLosses::new(
-            &set.data(),
-            set.readings.properties(),
-            &(0..20).collect::<Vec<_>>(),
-            &config,
-        );
-        let losses = losses.unwrap().losses(views).unwrap();
+        let losses = set.losses(&set.data(), 20, &config, views);
         let all: Vec<usize> = (0..30).collect();
         let seen = set.embeddings.select(&all, views).unwrap();
         let again = TrainedKernelRidges::from_bytes(&trained.to_bytes().unwrap()).unwrap();
         assert_eq!(again, trained);
-        (trained.predict(&seen).unwrap()[0].values.clone(), losses)
+        (estimates(&trained, &seen), losses)
     };
     let embeddings = |factors, shape| Embeddings::new(values(factors), shape).unwrap();
     let views = embeddings([1.0; 2], [30, 4, 3]);
@@ -292,12 +281,8 @@ fn the_kernel_of_a_view_is_the_mean_of_its_blocks() {
     close(&found, &expected, 1e-9);
     close(&losses, &expected_losses, 1e-6);
     let (as_one, _) = train(blocks.clone(), &[0, 1]);
-    assert!(
-        as_one
-            .iter()
-            .zip(&expected)
-            .any(|(a, b)| (a - b).abs() > 1e-3)
-    );
+    let mut pairs = as_one.iter().zip(&expected);
+    assert!(pairs.any(|(a, b)| (a - b).abs() > 1e-3));
     for wrong in [&[6, 0][..], &[3, 4], &[]] {
         let error = blocks.clone().in_blocks(wrong).unwrap_err().to_string();
         assert!(error.contains("6 together"), "{error}");
@@ -328,8 +313,8 @@ fn later_blocks_count_more_where_a_kernel_leans() {
     config.kernels[0].leaning = 2.0;
     let trained = set.train(&config, 20, &[0]).unwrap();
     assert_eq!(trained.models()[0].shape(), Some(config.kernels[0]));
-    let found = trained.predict(&set.embeddings.select(&new, &[0]).unwrap());
-    close(&found.unwrap()[0].values, &expected.to_vec(), 1e-9);
+    let found = estimates(&trained, &set.embeddings.select(&new, &[0]).unwrap());
+    close(&found, &expected.to_vec(), 1e-9);
 
     // However far a kernel leans, all weights are 1 together.
     for (leaning, expected) in [(1e308, [0.0, 0.0, 1.0]), (-1e308, [1.0, 0.0, 0.0])] {
@@ -342,19 +327,12 @@ fn later_blocks_count_more_where_a_kernel_leans() {
 
     // Of one block alone both are one kernel, which is fitted once.
     let default = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
-    assert_eq!(
-        (
-            default.shapes(&one).len(),
-            default.shapes(&set.embeddings).len()
-        ),
-        (1, 2)
-    );
+    let shapes = [&one, &set.embeddings].map(|of| default.shapes(of).len());
+    assert_eq!(shapes, [1, 2]);
     config.kernels[0].leaning = f64::NAN;
     assert!(KernelRidge::new(config.clone()).is_err());
-    config.kernels = vec![
-        Shape::even(Kernel::Linear, 1.0),
-        Shape::even(Kernel::Gaussian, 1.0),
-    ];
+    let mixed = [Kernel::Linear, Kernel::Gaussian].map(|kernel| Shape::even(kernel, 1.0));
+    config.kernels = mixed.to_vec();
     assert!(KernelRidge::new(config).is_err());
 }
 
@@ -388,25 +366,15 @@ fn the_choice_is_the_best_when_each_unit_is_left_out() {
                 errors.push((squared.sum::<f64>() / 25.0, shape, penalty));
             }
         }
-        let (error, shape, penalty) = errors
-            .into_iter()
-            .min_by(|a, b| a.0.total_cmp(&b.0))
-            .unwrap();
+        let best = errors.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        let (error, shape, penalty) = best.unwrap();
         let ridge = &trained.models()[0];
-        assert_eq!(
-            (ridge.shape(), ridge.penalty()),
-            (Some(shape), Some(penalty))
-        );
+        let found = (ridge.shape(), ridge.penalty());
+        assert_eq!(found, (Some(shape), Some(penalty)));
         assert!((ridge.left_out_error().unwrap() / error - 1.0).abs() < 1e-9);
-        let losses = SetLosses::new(
-            &data,
-            set.readings.properties(),
-            &(0..25).collect::<Vec<_>>(),
-            &config,
-        );
         let level = values.iter().sum::<f64>() / 25.0;
         let variance = values.iter().map(|v| (v - level).powi(2)).sum::<f64>() / 25.0;
-        let loss = losses.unwrap().losses(&[0, 1]).unwrap()[0];
+        let loss = set.losses(&data, 25, &config, &[0, 1])[0];
         assert!((loss * variance / error - 1.0).abs() < 1e-4);
     }
 }
@@ -415,22 +383,16 @@ fn the_choice_is_the_best_when_each_unit_is_left_out() {
 fn what_cannot_be_predicted_gets_the_mean() {
     let set = Set::new((40, 1, 6), &[column("kernel.noise", 40)]);
     let penalties = KernelRidgeConfig::default().penalties;
-    let trained = set
-        .train(&config(Kernel::Exponential, &penalties, &[1.0]), 30, &[0])
-        .unwrap();
+    let trained = set.train(&config(Kernel::Exponential, &penalties, &[1.0]), 30, &[0]);
+    let trained = trained.unwrap();
     let values: Vec<f64> = column("kernel.noise", 30).into_iter().flatten().collect();
     let mean = values.iter().sum::<f64>() / 30.0;
     let ridge = &trained.models()[0];
     assert_eq!((ridge.shape(), ridge.penalty()), (None, None));
-    close(
-        &trained.predict(&set.embeddings).unwrap()[0].values,
-        &[mean; 40],
-        1e-12,
-    );
+    close(&estimates(&trained, &set.embeddings), &[mean; 40], 1e-12);
     // The mean of all others.
-    let errors = values
-        .iter()
-        .map(|v| (v - (mean * 30.0 - v) / 29.0).powi(2));
+    let of_others = |v: &f64| (mean * 30.0 - v) / 29.0;
+    let errors = values.iter().map(|v| (v - of_others(v)).powi(2));
     let error = errors.sum::<f64>() / 30.0;
     assert!((ridge.left_out_error().unwrap() / error - 1.0).abs() < 1e-12);
 }
@@ -450,13 +412,8 @@ fn the_linear_kernel_is_ridge_regression() {
     let trained = set.train(&config(Kernel::Linear, &[penalty], &[1.0]), 30, &[0, 1]);
     let trained = trained.unwrap();
     assert_eq!(trained.models()[0].penalty(), Some(penalty));
-    let estimates = |estimates: Vec<Estimates>| estimates[0].values.clone();
-    let expected = estimates(ridge.predict(&set.embeddings).unwrap());
-    close(
-        &estimates(trained.predict(&set.embeddings).unwrap()),
-        &expected,
-        1e-9,
-    );
+    let expected = estimates(&ridge, &set.embeddings);
+    close(&estimates(&trained, &set.embeddings), &expected, 1e-9);
 }
 
 /// A trial has the bits that it would have alone, on any number of threads.
@@ -479,10 +436,8 @@ fn company_and_threads_change_nothing() {
         })
     };
     let (all, estimates) = on(3, &|_| true);
-    assert_eq!(
-        (&all, &estimates),
-        (&on(1, &|_| true).0, &on(1, &|_| true).1)
-    );
+    let (one, same) = on(1, &|_| true);
+    assert_eq!((&all, &estimates), (&one, &same));
     for (at, ridge) in all.models().iter().enumerate() {
         let (alone, estimate) = on(2, &|trial| trial == ridge.trial());
         assert_eq!(alone.models(), std::slice::from_ref(ridge));

@@ -34,11 +34,7 @@ impl Set {
     }
 
     fn plan(&self, reruns: u64) -> Plan {
-        let rerun = |number| Rerun {
-            number,
-            training: (number as usize..number as usize + 24).collect(),
-            validation: Vec::new(),
-        };
+        let rerun = |number| Rerun::new(number, number as usize..number as usize + 24);
         let reruns = (0..reruns).map(rerun).collect();
         Plan::each(5, self.readings.properties(), reruns)
     }
@@ -86,9 +82,8 @@ impl FittedRegressor for Rule {
 
     fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
         let surfaces = 0..embeddings.surfaces();
-        let values: Vec<f64> = surfaces
-            .map(|s| (self.says)(embeddings.surface(s)))
-            .collect();
+        let values = surfaces.map(|s| (self.says)(embeddings.surface(s)));
+        let values: Vec<f64> = values.collect();
         let estimates = self.trials.iter().map(|trial| Estimates {
             property: trial.property.clone(),
             rerun: trial.rerun,
@@ -113,12 +108,15 @@ impl FittedRegressor for Rule {
 
     fn to_bytes(&self) -> Result<Vec<u8>> {
         let kind = format_args!("{:?}", self.kind());
-        Err(Error::input(
-            "kind of fitted models",
-            kind,
-            "one that is kept",
-        ))
+        let what = "kind of fitted models";
+        Err(Error::input(what, kind, "one that is kept"))
     }
+}
+
+fn refused<T>(outcome: Result<T>, expected: &str) {
+    let error = outcome.err().map(|error| error.to_string());
+    let error = error.unwrap_or_default();
+    assert!(error.contains(expected), "{error:?}, not {expected:?}");
 }
 
 fn three() -> Stacking {
@@ -140,10 +138,8 @@ fn a_perfect_member_has_all_the_weight() {
     plan.trials.truncate(1);
     let stacks = stacking.train(&set.data(), &plan).unwrap();
     let weights = stacks.stacks()[0].weights();
-    assert!(
-        weights[0].abs() < 1e-12 && (weights[1] - 1.0).abs() < 1e-12,
-        "{weights:?}"
-    );
+    let all = weights[0].abs() < 1e-12 && (weights[1] - 1.0).abs() < 1e-12;
+    assert!(all, "{weights:?}");
     let estimates = stacks.predict(&set.embeddings).unwrap();
     for (surface, value) in estimates[0].values.iter().enumerate() {
         assert!((value - set.readings.get(surface, 0).unwrap()).abs() < 1e-12);
@@ -185,9 +181,8 @@ fn folds_never_split_a_unit() {
             seed,
             ..set.plan(2)
         };
-        stacking
-            .train(&set.data().with_units(&units), &plan)
-            .unwrap();
+        let data = set.data().with_units(&units);
+        stacking.train(&data, &plan).unwrap();
         let plans = plans.lock().unwrap();
         let (inner, whole) = (&plans[0], &plans[1]);
         assert_eq!((inner.reruns.len(), &whole.reruns), (6, &plan.reruns));
@@ -195,12 +190,8 @@ fn folds_never_split_a_unit() {
             let all = &plan.reruns[at / 3].training;
             let held: Vec<_> = all.iter().filter(|s| !fold.training.contains(s)).collect();
             assert!(!held.is_empty() && held.len() + fold.training.len() == all.len());
-            let of = |s: &usize| units[*s];
-            assert!(
-                !held
-                    .iter()
-                    .any(|s| fold.training.iter().any(|t| of(s) == of(t)))
-            );
+            let trained = |s: &&usize| fold.training.iter().any(|&t| units[**s] == units[t]);
+            assert!(!held.iter().any(trained));
         }
     }
 }
@@ -230,43 +221,28 @@ fn company_changes_nothing() {
 fn hard_cases() {
     let set = Set::new(40);
     // One unit: nothing can be held out, and the mean is what is left.
-    let stacks = three()
-        .train(&set.data().with_units(&[7; 40]), &set.plan(1))
-        .unwrap();
-    assert!(
-        stacks
-            .stacks()
-            .iter()
-            .all(|stack| stack.weights() == [0.0; 3])
-    );
+    let stacks = three().train(&set.data().with_units(&[7; 40]), &set.plan(1));
+    let stacks = stacks.unwrap();
+    let mut all = stacks.stacks().iter();
+    assert!(all.all(|stack| stack.weights() == [0.0; 3]));
     assert_eq!(stacks.multiply_adds(), 0);
-    let refused = |outcome: Result<TrainedStacks>, part: &str| {
-        let error = outcome
-            .err()
-            .map(|error| error.to_string())
-            .unwrap_or_default();
-        assert!(error.contains(part), "{error}");
-    };
-    refused(
-        three().train(&set.data().with_units(&[1]), &set.plan(1)),
-        "units",
-    );
+    let odd = set.data().with_units(&[1]);
+    refused(three().train(&odd, &set.plan(1)), "units");
     let mut plan = set.plan(1);
     plan.trials[1].views = Views::Random;
     refused(three().train(&set.data(), &plan), "views");
     let mut plan = set.plan(1);
     plan.reruns[0].number = u64::MAX;
-    plan.trials
-        .iter_mut()
-        .for_each(|trial| trial.rerun = u64::MAX);
+    for trial in &mut plan.trials {
+        trial.rerun = u64::MAX;
+    }
     refused(three().train(&set.data(), &plan), "number of a rerun");
     let members = || -> Vec<Box<dyn Regressor>> { vec![Box::new(Nearest)] };
     assert!(Stacking::new(members(), 1).is_err());
     assert!(Stacking::new(Vec::new(), 2).is_err());
     let mut stopping = Rule::new(|_| 0.0);
     stopping.stops_early = true;
-    let error = Stacking::new(vec![Box::new(stopping)], 2).err().unwrap();
-    assert!(error.to_string().contains("early stopping"), "{error}");
+    refused(Stacking::new(vec![Box::new(stopping)], 2), "early stopping");
     let many = (0..5).flat_map(|_| members()).collect();
     assert!(Stacking::new(many, 2).is_err());
 }

@@ -4,15 +4,11 @@ use super::*;
 use crate::regressor::{OtherKind, fitted_from_bytes};
 
 fn regressors() -> Vec<(&'static str, Box<dyn Regressor>)> {
+    let ridge = Ridge::new(RidgeConfig::default()).unwrap();
+    let kernel = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
     vec![
-        (
-            "ridges",
-            Box::new(Ridge::new(RidgeConfig::default()).unwrap()),
-        ),
-        (
-            "kernel-ridges",
-            Box::new(KernelRidge::new(KernelRidgeConfig::default()).unwrap()),
-        ),
+        ("ridges", Box::new(ridge)),
+        ("kernel-ridges", Box::new(kernel)),
         ("nearest", Box::new(Nearest)),
     ]
 }
@@ -21,12 +17,6 @@ fn regressors() -> Vec<(&'static str, Box<dyn Regressor>)> {
 fn stack(count: usize) -> Stacking {
     let members = regressors().into_iter().map(|(_, member)| member);
     Stacking::new(members.take(count).collect(), 3).unwrap()
-}
-
-fn refused<T>(outcome: Result<T>, expected: &str) {
-    let error = outcome.err().map(|error| error.to_string());
-    let error = error.unwrap_or_default();
-    assert!(error.contains(expected), "{error:?}, not {expected:?}");
 }
 
 #[test]
@@ -67,10 +57,8 @@ fn a_kind_that_there_is_not_is_told_those_that_there_are() {
          kernel-ridges, nearest, stacks"
     );
     let error = fitted_from_bytes("rules", "model.bin", b"", &[rules]);
-    assert_eq!(
-        error.err().unwrap().to_string(),
-        "rules: found model.bin, expected none"
-    );
+    let said = "rules: found model.bin, expected none";
+    assert_eq!(error.err().unwrap().to_string(), said);
 }
 
 /// A stack of one member for one trial.
@@ -100,10 +88,8 @@ fn what_could_not_be_read_again_is_not_written() {
         fitted = Box::new(of_one(1.0, fitted.as_ref()));
         let bytes = fitted.to_bytes().unwrap();
         let read = fitted_from_bytes("stacks", "file", &bytes, &[]).unwrap();
-        assert_eq!(
-            read.predict(&set.embeddings).unwrap(),
-            fitted.predict(&set.embeddings).unwrap()
-        );
+        let [found, expected] = [&read, &fitted].map(|f| f.predict(&set.embeddings).unwrap());
+        assert_eq!(found, expected);
     }
     refused(of_one(1.0, fitted.as_ref()).to_bytes(), "9 deep");
 }

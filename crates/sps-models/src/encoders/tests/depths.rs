@@ -1,10 +1,10 @@
 //! Embeddings of all depths, block by block, against PyTorch's in f64.
 
-mod common;
+use candle_core::Tensor;
 
-use candle_core::{DType, Device, Tensor};
-use common::{encoder, golden, input, relative_error};
-use sps_models::encoders::{Depths, Encoder, EncoderKind, Precision, TrainableEncoder};
+use super::pass;
+use crate::encoders::{Depths, Encoder, EncoderKind, Precision, TrainableEncoder};
+use crate::golden::{self, encoder, input, norm, numbers, relative, values};
 
 const KINDS: [EncoderKind; 8] = [
     EncoderKind::ResNet18,
@@ -25,13 +25,17 @@ fn images(kind: EncoderKind) -> Tensor {
     input("golden/depths", shape)
 }
 
+fn all_depths(kind: EncoderKind) -> Encoder {
+    encoder(kind).with_depths(&Depths::All).unwrap()
+}
+
 /// The blocks of an embedding by name, each within `bound` of those of `expected`.
 fn assert_near(case: &str, encoder: &Encoder, found: &Tensor, expected: &Tensor, bound: f64) {
     let mut start = 0;
     for block in encoder.blocks() {
         let [found, expected] =
             [found, expected].map(|all| all.narrow(1, start, block.width).unwrap());
-        let error = relative_error(&found, &expected.to_dtype(DType::F64).unwrap());
+        let error = relative(&found, &expected);
         println!("{case}, {}: relative error {error:.1e}", block.name);
         assert!(error < bound, "{case}, {}: {error:.1e}", block.name);
         start += block.width;
@@ -41,11 +45,11 @@ fn assert_near(case: &str, encoder: &Encoder, found: &Tensor, expected: &Tensor,
 
 #[test]
 fn every_block_is_pytorchs_in_every_precision() {
-    let golden = golden("depths.safetensors");
+    let golden = golden::load("depths.safetensors");
     for kind in KINDS {
         let images = images(kind);
         let expected = golden[kind.name()].unsqueeze(0).unwrap();
-        let encoder = encoder(kind).with_depths(&Depths::All).unwrap();
+        let encoder = all_depths(kind);
         let exact = encoder.embed_normalised(&images).unwrap();
         assert_near(&format!("{kind}"), &encoder, &exact, &expected, 1e-5);
 
@@ -71,19 +75,18 @@ fn every_block_is_pytorchs_in_every_precision() {
 #[test]
 fn some_depths_are_blocks_of_all() {
     for kind in KINDS {
-        let all = encoder(kind).with_depths(&Depths::All).unwrap();
+        let all = all_depths(kind);
         let images = images(kind);
         let images = Tensor::cat(&[&images, &images.neg().unwrap(), &images], 0).unwrap();
-        let expected = all.embed_normalised(&images).unwrap();
+        let whole = all.embed_normalised(&images).unwrap();
+        let part = |start, width| numbers(&whole.narrow(1, start, width).unwrap());
         let mut start = 0;
         for (at, block) in all.blocks().into_iter().enumerate() {
             let depths = Depths::Named(vec![block.name.clone()]);
             let one = all.clone().with_depths(&depths).unwrap();
             assert_eq!(one.blocks(), std::slice::from_ref(&block));
-            let found = one.embed_normalised(&images).unwrap();
-            let expected = expected.narrow(1, start, block.width).unwrap();
-            let [found, expected] = [found, expected].map(|t| t.to_vec2::<f32>().unwrap());
-            assert_eq!(found, expected, "{kind}, {}", block.name);
+            let found = numbers(&one.embed_normalised(&images).unwrap());
+            assert_eq!(found, part(start, block.width), "{kind}, {}", block.name);
             start += block.width;
             let frames = if kind.takes_sequences() { 5 } else { 1 };
             let costs = [&one, &all].map(|encoder| encoder.multiply_adds([frames, 97, 131]));
@@ -91,40 +94,28 @@ fn some_depths_are_blocks_of_all() {
         }
         let last = encoder(kind).embed_normalised(&images).unwrap();
         let width = last.dims()[1];
-        let expected = expected.narrow(1, start - width, width).unwrap();
-        let [found, expected] = [last, expected].map(|t| t.to_vec2::<f32>().unwrap());
-        assert_eq!(found, expected, "{kind}, last");
+        let expected = part(start - width, width);
+        assert_eq!(numbers(&last), expected, "{kind}, last");
     }
 }
 
 #[test]
 fn gradients_come_in_at_every_depth() {
-    let golden = golden("depths.safetensors");
+    let golden = golden::load("depths.safetensors");
     for kind in [EncoderKind::ResNet18, EncoderKind::EfficientNetLite0] {
-        let start = encoder(kind).with_depths(&Depths::All).unwrap();
+        let start = all_depths(kind);
         let images = input("golden/depths.train.2", &[4, 3, 64, 64]);
-        let expected: Vec<f64> = golden[&format!("{kind}.norms")].to_vec1().unwrap();
+        let expected = values(&golden[&format!("{kind}.norms")]);
         for checkpointing in [false, true] {
             let encoder = TrainableEncoder::new(&start).unwrap();
             let mut encoder = encoder.with_checkpointing(checkpointing);
-            let embedding = encoder.forward_normalised(&images).unwrap();
-            let cotangent = input("golden/depths.cotangent", embedding.dims());
-            let loss = (embedding * cotangent).unwrap().mean_all().unwrap();
-            let gradients = encoder.backward(&loss).unwrap();
-            let norm = |tensor: &Tensor| {
-                let tensor = tensor.to_dtype(DType::F64).unwrap();
-                let squares = tensor.sqr().unwrap().sum_all().unwrap();
-                squares.to_scalar::<f64>().unwrap().sqrt()
-            };
-            let found = encoder
-                .variables()
-                .map(|(_, v)| norm(gradients.get(v).unwrap()));
-            let found: Vec<f64> = found.collect();
-            assert_eq!(found.len(), expected.len());
-            let off = found
+            let (_, _, gradients) = pass(&mut encoder, &images, "golden/depths.cotangent");
+            assert_eq!(gradients.len(), expected.len());
+            let norms = gradients
                 .iter()
-                .zip(&expected)
-                .map(|(f, e)| (f - e).abs() / e.max(1e-9));
+                .map(|(_, gradient)| norm(&values(gradient)));
+            let pairs = norms.zip(&expected);
+            let off = pairs.map(|(f, e)| (f - e).abs() / e.max(1e-9));
             let worst = off.fold(0.0, f64::max);
             println!("{kind}: gradients' norms {worst:.1e}");
             assert!(worst < 1e-4, "{kind}: {worst:.1e}");
@@ -135,9 +126,8 @@ fn gradients_come_in_at_every_depth() {
 /// Layers behind the last depth are not trained, and come out as they went in.
 #[test]
 fn training_leaves_what_no_depth_needs() {
-    let start = encoder(EncoderKind::ResNet18);
     let depths = Depths::Named(vec!["stage-1".into(), "stage-2".into()]);
-    let start = start.with_depths(&depths).unwrap();
+    let start = encoder(EncoderKind::ResNet18).with_depths(&depths).unwrap();
     let trained = TrainableEncoder::new(&start).unwrap();
     let names: Vec<&str> = trained.variables().map(|(name, _)| name).collect();
     assert!(names.iter().any(|name| name.starts_with("layer2.")));
@@ -149,7 +139,7 @@ fn training_leaves_what_no_depth_needs() {
 
 #[test]
 fn depths_that_cannot_be_meant_are_refused() {
-    let start = Encoder::seeded(EncoderKind::ResNet18, 0, &Device::Cpu).unwrap();
+    let start = Encoder::seeded(EncoderKind::ResNet18, 0).unwrap();
     let named = |names: &[&str]| Depths::Named(names.iter().map(|&name| name.into()).collect());
     for (names, expected) in [
         (

@@ -64,12 +64,10 @@ pub struct Measured {
     /// R² against the training mean of each split.
     pub r2: Option<f64>,
     /// The mean absolute error, in measured units.
-    #[serde(default)]
     pub mae: Option<f64>,
     /// The share of truths that lie in their interval; none where there are no intervals.
     pub coverage: Option<f64>,
     /// `coverage`, averaged over the units that were held out.
-    #[serde(default)]
     pub unit_coverage: Option<f64>,
     /// The mean width of an interval, in measured units.
     pub mean_width: Option<f64>,

@@ -24,7 +24,7 @@ const LEAST_ERROR: f64 = 0.25;
 
 /// A property to estimate from the first of some views.
 #[derive(Clone, Debug)]
-pub struct Look {
+pub(crate) struct Look {
     /// The property.
     pub property: String,
     /// The number of its rerun.
@@ -71,7 +71,7 @@ impl Look {
 /// An estimate and the error to expect of it, both in the property's measured units; an expected
 /// error is above 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Expected {
+pub(crate) struct Expected {
     /// The estimate.
     pub value: f64,
     /// The expected error.
@@ -79,8 +79,7 @@ pub struct Expected {
 }
 
 /// What is estimated of surfaces from their first so many views.
-pub struct Step {
-    pub(crate) views: usize,
+pub(crate) struct Step {
     /// One for each look, in their order.
     pub(crate) models: Box<dyn FittedRegressor>,
     /// Of their errors; none where all are alike.
@@ -90,12 +89,7 @@ pub struct Step {
 }
 
 impl Step {
-    /// Fits the estimators and the regressions of their errors.
-    ///
-    /// # Errors
-    ///
-    /// What the regression says; a look with fewer views, or without a surface.
-    pub fn fit(
+    pub(crate) fn fit(
         regression: &Regression,
         (data, units): (&TrainingData<'_>, &Units),
         seed: u64,
@@ -122,29 +116,10 @@ impl Step {
             Some(errors(&residuals, data, seed, looks, views)?)
         };
         Ok(Self {
-            views,
             models,
             errors,
             least,
         })
-    }
-
-    /// What one look, by its place, says of surfaces: `embeddings` are those of the look's first
-    /// views, in its order, `(surfaces, views, width)`.
-    ///
-    /// # Errors
-    ///
-    /// Embeddings of another shape than were fitted.
-    pub fn says(&self, look: usize, embeddings: &Embeddings) -> Result<Vec<Expected>> {
-        let model = of(self.models.as_ref(), look);
-        let errors = self.errors.as_ref().map(|errors| of(errors.as_ref(), look));
-        let one = Self {
-            views: self.views,
-            models: model,
-            errors,
-            least: self.least.get(look).copied().into_iter().collect(),
-        };
-        Ok(one.predict(embeddings)?.pop().unwrap_or_default())
     }
 
     /// What every look says of surfaces, where all look at the same views.
@@ -170,12 +145,6 @@ impl Step {
         });
         Ok(expected.collect())
     }
-}
-
-/// The model of the look at this place.
-fn of(models: &dyn FittedRegressor, look: usize) -> Box<dyn FittedRegressor> {
-    let trial = models.trials().get(look).copied().cloned();
-    models.filtered(&|other| Some(other) == trial.as_ref())
 }
 
 /// An estimator of each look that learns from `surfaces`, whatever the look itself learns from.

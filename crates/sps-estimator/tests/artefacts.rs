@@ -92,7 +92,6 @@ fn a_model_is_replaced_in_one_step() {
     assert!(notes.exists());
 }
 
-/// The text with one value changed.
 fn edited(folder: &Path, edit: impl Fn(&mut Value)) -> String {
     let path = folder.join("estimator.json");
     let whole = fs::read(&path).unwrap();
@@ -187,27 +186,6 @@ fn any_damage_is_refused_or_harmless() {
         fs::write(folder.join("estimator.json"), text).unwrap();
         assert!(Estimator::load(folder).is_err());
     });
-}
-
-/// As format 2 was before it kept the widths for several photographs.
-#[test]
-fn models_without_widths_for_several_photographs_are_read() {
-    let folder = kept();
-    let before = Estimator::load(folder.path()).unwrap();
-    let path = folder.path().join("estimator.json");
-    let mut card: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
-    for measure in card["measures"].as_array_mut().unwrap() {
-        assert!(measure.as_object_mut().unwrap().remove("several").is_some());
-    }
-    fs::write(&path, card.to_string()).unwrap();
-    let older = Estimator::load(folder.path()).unwrap();
-    let one = [photograph(40, 0)];
-    assert_eq!(older.predict(&one).unwrap(), before.predict(&one).unwrap());
-    let two = older.predict(&[photograph(40, 0), photograph(41, 0)]);
-    let two = two.unwrap();
-    assert_eq!((two.estimates[0].low, two.estimates[0].high), (None, None));
-    let reason = &two.no_interval["fRS"];
-    assert!(reason.contains("an older version wrote"), "{reason}");
 }
 
 #[test]

@@ -23,7 +23,6 @@ impl TrialKey {
     }
 }
 
-/// What a journal keeps.
 pub(crate) trait Record: Clone + Serialize + DeserializeOwned {
     fn key(&self) -> &TrialKey;
 }
@@ -148,7 +147,6 @@ impl<R: Record> Journal<R> {
         self.append(new.into_iter().map(|(_, record)| record).collect())
     }
 
-    /// The record of a trial, if it has finished.
     pub(crate) fn get(&self, key: &TrialKey) -> Option<&R> {
         self.records.get(key)
     }
@@ -196,7 +194,6 @@ fn add(file: &mut File, lines: &str) -> io::Result<()> {
     written
 }
 
-/// The records of a file.
 fn read<R: Record>(mut file: &File, path: &Path) -> Result<HashMap<TrialKey, R>> {
     let failed = || format!("cannot read {}", path.display());
     let mut records = HashMap::new();

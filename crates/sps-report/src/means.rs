@@ -67,7 +67,6 @@ const MEANS: [Mean; 7] = [
     },
 ];
 
-/// The table of means over properties.
 pub(super) fn table(results: &Results) -> Table {
     let methods = &results.methods;
     let compared =

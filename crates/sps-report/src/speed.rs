@@ -124,7 +124,6 @@ fn settings(results: &Results, speed: &Speed) -> Table {
     }
 }
 
-/// The cells of what a setting costs.
 fn costs(costs: &Costs) -> Vec<Cell> {
     let scaled = |value: Number, unit: f64| value.map(|value| value / unit);
     vec![
@@ -149,7 +148,6 @@ fn in_milliseconds(seconds: Number) -> Cell {
     Cell::number(seconds.map(|seconds| 1e3 * seconds), 2)
 }
 
-/// The frames of one surface.
 pub(super) fn looked_at(costs: &Costs) -> Cell {
     let (decoded, encoded) = (
         costs.frames_decoded_per_surface,

@@ -264,7 +264,6 @@ pub(super) fn printed(results: &Results, method: &MethodResult) -> Option<PaperR
         .and_then(paper::row)
 }
 
-/// What the codes stand for.
 fn properties(results: &Results) -> Option<Table> {
     let described: Vec<_> = results
         .properties

@@ -21,7 +21,6 @@ pub(crate) fn uniform(purpose: &str, index: u64) -> f64 {
     (f64::from(stream.next_u32()) + 0.5) / 4_294_967_296.0
 }
 
-/// How bright a surface is.
 pub(crate) fn brightness(surface: usize) -> f64 {
     uniform("brightness", surface as u64)
 }
@@ -124,7 +123,6 @@ impl Tables {
         }
     }
 
-    /// Fitted to all of the surfaces.
     pub(crate) fn estimator(&self, recipe: &Recipe) -> Estimator {
         let all: Vec<usize> = (0..self.embeddings.surfaces()).collect();
         let fitted = recipe.fit(&self.examples(), &all, 0).unwrap();

@@ -67,7 +67,6 @@ impl Network {
         })
     }
 
-    /// What an encoder that is known by name is.
     pub(crate) const fn kind(&self) -> Option<EncoderKind> {
         match self {
             Self::Images(kind) | Self::Sequences { kind, .. } => Some(*kind),
@@ -98,7 +97,6 @@ impl WeightsSpec {
     }
 }
 
-/// The encoder of the table at `key`.
 pub(super) fn encoder(
     layers: &Layers<'_>,
     key: &str,

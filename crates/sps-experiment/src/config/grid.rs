@@ -53,7 +53,6 @@ fn swept(listed: Option<Value>, grid: &Table) -> Result<Vec<Value>, Refused> {
     listed.into_iter().map(of_method).collect()
 }
 
-/// The list of the methods of one sweep.
 fn of_sweep(sweep: Value, at: &str) -> Result<Value, Refused> {
     let Value::Table(mut method) = sweep else {
         return Ok(sweep);
@@ -85,20 +84,17 @@ fn of_sweep(sweep: Value, at: &str) -> Result<Value, Refused> {
     methods.collect::<Result<Vec<_>, _>>().map(Value::Array)
 }
 
-/// A key, and what it is in turn.
 struct Axis {
     key: String,
     points: Vec<Point>,
 }
 
-/// One value of a key.
 pub(super) struct Point {
     pub value: Value,
     /// What it is called in ids, where the config says so by `as`.
     pub called: Option<String>,
 }
 
-/// A value for each key.
 type Combination<'a> = Vec<(&'a str, &'a Point)>;
 
 /// The lists in the grid by their dotted keys, in the order in which they are written.
@@ -137,7 +133,6 @@ fn point(value: &Value) -> Point {
     }
 }
 
-/// All of them, the last key varying fastest.
 fn combinations<'a>(axes: &'a [Axis]) -> Vec<Combination<'a>> {
     axes.iter().fold(vec![Vec::new()], |all, axis| {
         let with = |one: &Combination<'a>| -> Vec<Combination<'a>> {
@@ -197,7 +192,6 @@ fn is_one_of(one: &Combination<'_>, values: &[(String, Value)]) -> bool {
     })
 }
 
-/// The method with these values, its id and its label.
 fn of_combination(
     method: &Table,
     chosen: &Combination<'_>,

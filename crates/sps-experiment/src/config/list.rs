@@ -33,7 +33,6 @@ pub fn list(experiment: &Experiment) -> Result<String> {
     Ok(text)
 }
 
-/// Keys and values of one method.
 fn settings(method: &Method) -> Result<Vec<(String, String)>> {
     let mut lines = vec![("kind".to_owned(), quoted(method.estimator.kind()))];
     if let Some(file) = method.estimator.file() {

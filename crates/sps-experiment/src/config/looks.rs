@@ -12,11 +12,9 @@ use super::method::Method;
 use super::schema::{Config, JudgedOn, MethodConfig, MethodKind, ViewCount};
 use crate::data;
 
-/// The views that an estimate looks at.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Looks {
-    /// None.
     Nothing,
     /// The one straight down.
     Nadir,
@@ -62,7 +60,6 @@ impl Selected {
 /// A key of a method that is refused, and why.
 pub(super) type Problem = (&'static str, String);
 
-/// Refuses a key.
 pub(super) fn refuse<T>(key: &'static str, why: impl Into<String>) -> Result<T, Problem> {
     Err((key, why.into()))
 }
@@ -223,7 +220,6 @@ impl Method {
         refit.is_some_and(|refit| refit.judged_on == JudgedOn::HeldOut)
     }
 
-    /// The method for the first so many of its views.
     pub(crate) fn with_views(&self, views: usize) -> Result<Self> {
         let mut method = self.clone();
         if let Looks::Selected(selected) = &mut method.looks {
@@ -234,7 +230,7 @@ impl Method {
 
     /// The method on these views: its network takes as many as it looks at, and a selector of the view
     /// straight down, which knows no angles, is told which one that is.
-    pub(crate) fn on<S: Source>(&self, source: &S) -> Result<Self> {
+    pub(crate) fn on(&self, source: &dyn Source) -> Result<Self> {
         let mut method = self.taking(source.view_angles().len())?;
         if let Looks::Selected(selected) = &mut method.looks
             && let AnySelector::Nadir(selector) = &mut selected.selector

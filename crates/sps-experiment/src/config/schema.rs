@@ -77,7 +77,6 @@ pub(crate) struct SelectionConfig {
     pub folds: usize,
 }
 
-/// One row of the report.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct MethodConfig {
@@ -248,7 +247,6 @@ impl MethodKind {
         [Self::Head].into_iter().chain(rows).chain(others)
     }
 
-    /// As a config writes it.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Head => "head",
@@ -274,7 +272,6 @@ pub(crate) struct ReportConfig {
     pub speed: SpeedConfig,
 }
 
-/// The two questions about speed and error.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct SpeedConfig {

@@ -57,7 +57,6 @@ fn floor(config: &Config, kind: MethodKind) -> MethodConfig {
     }
 }
 
-/// Those listed, then those of the sweeps.
 pub(super) fn asked_for(config: &Config) -> Vec<Written> {
     let listed = config.methods.iter().enumerate();
     let listed = listed.map(|(index, method)| Written {

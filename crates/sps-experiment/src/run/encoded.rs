@@ -20,7 +20,10 @@ use crate::results::{Costs, PerProperty};
 /// Methods that share an encoder.
 pub(super) struct Encoded<'a, 'm> {
     pub experiment: &'a Experiment,
+    pub source: &'a dyn Source,
     pub about: &'a About,
+    /// What the one view of a source of sequences is made of.
+    pub sequence: Option<Vec<usize>>,
     pub encoder: &'a EncoderSpec,
     pub methods: Vec<&'m Method>,
     pub splits: &'a Splits,
@@ -38,24 +41,18 @@ pub(super) struct Fitted {
 
 impl<'m> Encoded<'_, 'm> {
     /// Selects views and runs the trials, as far as they are dealt and the journals lack them.
-    /// `sequence` says what the one view of a source of sequences is made of.
-    pub(super) fn fitted<S: Source>(
-        &self,
-        source: &S,
-        sequence: Option<Vec<usize>>,
-        journals: &mut Journals,
-    ) -> Result<Fitted> {
+    pub(super) fn fitted(&self, journals: &mut Journals) -> Result<Fitted> {
         let splits = &self.splits.all;
-        let stages = self.stages(source, sequence)?;
+        let stages = self.stages()?;
         let dealt = self.dealt.of_any();
         let mut groups = Encodings::of_splits(&stages, self.encoder, splits, &dealt)?;
         if self.looks_in_hindsight() {
             for group in &mut groups {
-                group.look_at_all(self.experiment, source, splits)?;
+                group.look_at_all(self.experiment, self.source, splits)?;
             }
         }
         let selections = self.select(&groups, &mut journals.selections)?;
-        let trials = self.fit(source, &mut groups, &selections, journals)?;
+        let trials = self.fit(&mut groups, &selections, journals)?;
         Ok(Fitted {
             groups,
             selections,
@@ -63,22 +60,12 @@ impl<'m> Encoded<'_, 'm> {
         })
     }
 
-    /// The stages that the methods are fitted on.
-    pub(super) fn stages<'s, S: Source>(
-        &'s self,
-        source: &'s S,
-        sequence: Option<Vec<usize>>,
-    ) -> Result<Stages<'s, S>> {
-        let needed = views::needed(&self.methods, source)?;
-        let data = (source, self.about);
-        Stages::new(
-            self.experiment,
-            self.encoder,
-            data,
-            self.splits,
-            needed,
-            sequence,
-        )
+    pub(super) fn stages(&self) -> Result<Stages<'_>> {
+        let views = views::needed(&self.methods, self.source)?;
+        let data = (self.source, self.about);
+        let sequence = self.sequence.clone();
+        let (experiment, encoder) = (self.experiment, self.encoder);
+        Stages::new(experiment, encoder, data, self.splits, views, sequence)
     }
 
     /// Whether any method that is dealt chooses its views by the surfaces held out.
@@ -89,23 +76,21 @@ impl<'m> Encoded<'_, 'm> {
     }
 
     /// The codes of the properties, and the rows of the methods.
-    pub(super) fn rows<S: Source>(
+    pub(super) fn rows(
         &self,
-        source: &S,
-        sequence: Option<Vec<usize>>,
         journals: &mut Journals,
     ) -> Result<(Vec<String>, Vec<MethodRow<'m>>)> {
         let Fitted {
             groups,
             selections,
             trials,
-        } = self.fitted(source, sequence, journals)?;
+        } = self.fitted(journals)?;
         let finished = self.methods.iter().zip(trials);
         let finished =
             finished.map(|(method, trials)| Finished::of(method, trials, &journals.trials));
         let finished = finished.collect::<Result<Vec<_>>>()?;
         let stage = &groups[0].stage;
-        let costs = self.costs(source, stage, &finished)?;
+        let costs = self.costs(stage, &finished)?;
         let encoder_train_seconds = groups.iter().map(|group| group.stage.train_seconds).sum();
         let rows = finished.into_iter().zip(costs).map(|(finished, costs)| {
             let costs = Costs {
@@ -117,7 +102,6 @@ impl<'m> Encoded<'_, 'm> {
         Ok((stage.tables.codes(), rows.collect()))
     }
 
-    /// The views of all methods that select some.
     fn select(&self, groups: &[Encodings], journal: &mut Journal<Found>) -> Result<Selections> {
         let mut selections = Selections::default();
         for group in groups {
@@ -134,9 +118,8 @@ impl<'m> Encoded<'_, 'm> {
     }
 
     /// Fits what the journal lacks; the trials of each method.
-    fn fit<S: Source>(
+    fn fit(
         &self,
-        source: &S,
         groups: &mut [Encodings],
         selections: &Selections,
         journals: &mut Journals,
@@ -146,7 +129,7 @@ impl<'m> Encoded<'_, 'm> {
         for group in groups {
             let dealt = self.dealt.within(&group.splits);
             let planned = self.planned(group, &dealt, selections)?;
-            self.look(source, group, &planned)?;
+            self.look(group, &planned)?;
             for ((method, planned), all) in self.methods.iter().zip(planned).zip(&mut trials) {
                 let own = self.splits.of_method(method, experiment.seed)?;
                 let specs = trials::keyed(experiment, method, group, &own.all, planned)?;
@@ -175,27 +158,16 @@ impl<'m> Encoded<'_, 'm> {
     }
 
     /// Has a group look at what the trials of all methods look at.
-    pub(super) fn look<S: Source>(
-        &self,
-        source: &S,
-        group: &mut Encodings,
-        planned: &[Vec<Planned>],
-    ) -> Result<()> {
+    pub(super) fn look(&self, group: &mut Encodings, planned: &[Vec<Planned>]) -> Result<()> {
         let planned = planned.iter().map(Vec::as_slice);
         let of_method = self.methods.iter().copied().zip(planned);
-        group.look(self.experiment, source, &self.splits.all, of_method)
+        group.look(self.experiment, self.source, &self.splits.all, of_method)
     }
 
-    /// What an estimate of each method costs; nothing where it looks at nothing.
-    fn costs<S: Source>(
-        &self,
-        source: &S,
-        stage: &Stage,
-        finished: &[Finished<'_>],
-    ) -> Result<Vec<Costs>> {
+    fn costs(&self, stage: &Stage, finished: &[Finished<'_>]) -> Result<Vec<Costs>> {
         let looks = |finished: &&Finished<'_>| finished.method.looks != Looks::Nothing;
         let looking: Vec<&Finished<'_>> = finished.iter().filter(looks).collect();
-        let mut measured = costs::measure(source, self.splits, stage, &looking)?.into_iter();
+        let mut measured = costs::measure(self.source, self.splits, stage, &looking)?.into_iter();
         let of = |finished: &Finished<'_>| match finished.method.looks {
             Looks::Nothing => Costs::default(),
             _ => measured.next().unwrap_or_default(),

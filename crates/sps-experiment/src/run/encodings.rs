@@ -24,8 +24,8 @@ pub(crate) struct Encodings {
 
 impl Encodings {
     /// Of all splits together, or of each of `some` on its own where an encoder learns from each.
-    pub(crate) fn of_splits<S: Source>(
-        stages: &Stages<'_, S>,
+    pub(crate) fn of_splits(
+        stages: &Stages<'_>,
         encoder: &EncoderSpec,
         splits: &[Split],
         some: &BTreeSet<usize>,
@@ -45,10 +45,10 @@ impl Encodings {
     }
 
     /// Embeds what the trials look at of surfaces that are only scored on.
-    pub(crate) fn look<'a, S: Source>(
+    pub(crate) fn look<'a>(
         &mut self,
         experiment: &Experiment,
-        source: &S,
+        source: &dyn Source,
         splits: &[Split],
         trials: impl Iterator<Item = (&'a Method, &'a [Planned])>,
     ) -> Result<()> {
@@ -68,10 +68,10 @@ impl Encodings {
     }
 
     /// Embeds every view of every surface that is only scored on.
-    pub(crate) fn look_at_all<S: Source>(
+    pub(crate) fn look_at_all(
         &mut self,
         experiment: &Experiment,
-        source: &S,
+        source: &dyn Source,
         splits: &[Split],
     ) -> Result<()> {
         let tables = &self.stage.tables;
@@ -83,9 +83,9 @@ impl Encodings {
     }
 
     /// Of one stage, with these views of the first so many surfaces that are only scored on.
-    pub(crate) fn with_test_views<S: Source>(
+    pub(crate) fn with_test_views(
         experiment: &Experiment,
-        source: &S,
+        source: &dyn Source,
         stage: Arc<Stage>,
         places: &[usize],
         surfaces: usize,

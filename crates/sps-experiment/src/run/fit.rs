@@ -221,7 +221,6 @@ impl<'a> Recorder<'a> {
         Ok(outcomes)
     }
 
-    /// The outcome of a trial without a model.
     fn failure(&self, diverged: &DivergedTrial) -> Result<Outcome> {
         let DivergedTrial { trial, reason } = diverged;
         let label = &self.judge.method.label;
@@ -232,7 +231,6 @@ impl<'a> Recorder<'a> {
         self.judge.failure(self.spec(trial)?, reason)
     }
 
-    /// The trial that a model was trained for.
     fn spec(&self, trained: &Trial) -> Result<&TrialSpec> {
         let spec = self.trials.iter().find(|spec| is_of(spec, trained));
         spec.copied().context("a trial that was not planned")
@@ -258,7 +256,6 @@ impl<'a> Recorder<'a> {
     }
 }
 
-/// The name of a folder for what has this id.
 fn folder_name(id: &str) -> String {
     id.trim_start_matches('.').replace(['/', '\\'], "-")
 }
@@ -278,7 +275,6 @@ pub(super) struct Judge<'a> {
     pub splits: &'a Splits,
 }
 
-/// What a trial is scored on.
 pub(super) struct HeldOut {
     training_mean: f64,
     /// Those that were measured.
@@ -289,10 +285,11 @@ pub(super) struct HeldOut {
 impl Judge<'_> {
     pub(super) fn held_out(&self, trial: &TrialSpec) -> Result<HeldOut> {
         let split = &self.splits.all[trial.rerun];
-        let training = measured(self.tables, trial, &split.train)?;
+        let training = self.tables.measured(&trial.property, &split.train);
         let training: Vec<f64> = training.into_iter().map(|(_, value)| value).collect();
         let scored_on = self.method.scored_on(&split.validation);
-        let (surfaces, truth) = measured(self.tables, trial, scored_on)?.into_iter().unzip();
+        let measured = self.tables.measured(&trial.property, scored_on);
+        let (surfaces, truth) = measured.into_iter().unzip();
         Ok(HeldOut {
             training_mean: sps_metrics::TrainingMean::of(&training)?.get(),
             surfaces,
@@ -300,7 +297,6 @@ impl Judge<'_> {
         })
     }
 
-    /// The outcome with an estimate for each of the surfaces.
     pub(super) fn outcome(
         &self,
         trial: &TrialSpec,
@@ -326,7 +322,6 @@ impl Judge<'_> {
         }
     }
 
-    /// The outcome of a trial that came to nothing.
     fn failure(&self, trial: &TrialSpec, reason: &str) -> Result<Outcome> {
         let held_out = HeldOut {
             surfaces: Vec::new(),
@@ -338,18 +333,4 @@ impl Judge<'_> {
             ..self.outcome(trial, held_out, Vec::new())
         })
     }
-}
-
-/// Those of `surfaces` whose property was measured, with the reading.
-pub(super) fn measured(
-    tables: &Tables,
-    trial: &TrialSpec,
-    surfaces: &[usize],
-) -> Result<Vec<(usize, f64)>> {
-    let readings = &tables.readings;
-    let column = readings
-        .column(trial.property.code())
-        .context("a property that was not measured")?;
-    let reading = |&surface: &usize| Some((surface, readings.get(surface, column)?));
-    Ok(surfaces.iter().filter_map(reading).collect())
 }

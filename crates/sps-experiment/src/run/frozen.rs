@@ -15,7 +15,6 @@ use super::{Encodings, Splits};
 use crate::config::Experiment;
 use crate::progress::Progress;
 
-/// What estimators are trained on.
 pub(crate) struct Folds<'a> {
     pub experiment: &'a Experiment,
     pub encodings: &'a Encodings,
@@ -61,14 +60,12 @@ impl Folds<'_> {
         property: &Property,
         rerun: usize,
     ) -> Result<FrozenLoss> {
-        let data = self.training_data();
-        let column = data.readings.column(property.code());
-        let read = |&s: &usize| column.is_some_and(|column| data.readings.get(s, column).is_some());
+        let (tables, data) = (&self.encodings.stage.tables, self.training_data());
         let mut folds = Vec::new();
         for fold in 0..self.experiment.selection_folds {
             let held = self.part(rerun, fold)?.validation;
             // A part without a reading says nothing.
-            if held.iter().any(read) {
+            if !tables.measured(property, &held).is_empty() {
                 let trial = self.trial(property, rerun, fold);
                 folds.push(estimators.fusion_loss(&trial, &data, &held)?);
             }
@@ -81,7 +78,6 @@ impl Folds<'_> {
         tables.training_data(&self.splits.units)
     }
 
-    /// The estimator of one fold.
     fn trial(&self, property: &Property, rerun: usize, fold: usize) -> Trial {
         Trial {
             property: property.to_string(),
@@ -90,7 +86,6 @@ impl Folds<'_> {
         }
     }
 
-    /// A number for each rerun and fold.
     fn number(&self, rerun: usize, fold: usize) -> u64 {
         (rerun * self.experiment.selection_folds + fold) as u64
     }

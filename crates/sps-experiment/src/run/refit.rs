@@ -62,7 +62,6 @@ impl<'a> Refits<'a> {
         Found::search(key, selected, &problem, RANDOM_SETS)
     }
 
-    /// The losses that a selector asks for.
     fn loss(
         &mut self,
         selected: &Selected,
@@ -240,9 +239,7 @@ impl HeldOut<'_> {
         let held_out = &self.split.validation;
         let estimates = fitted.predict(&self.encodings.select(held_out, set)?)?;
         let losses = estimates.iter().map(|estimates| {
-            let column = tables.readings.column(&estimates.property);
-            let column = column.context("a property that was not measured")?;
-            let reading = |surface: &usize| tables.readings.get(*surface, column);
+            let reading = |&surface: &usize| tables.reading(&estimates.property, surface);
             let training: Vec<f64> = self.split.train.iter().filter_map(reading).collect();
             let estimated = held_out.iter().zip(&estimates.values);
             let read =

@@ -30,11 +30,11 @@ pub(super) struct MethodRow<'a> {
 
 impl MethodRow<'_> {
     /// One of `rows`, ready to be scored.
-    fn outcomes<S: Source>(
+    fn outcomes(
         &self,
         rows: &[MethodRow<'_>],
         experiment: &Experiment,
-        source: &S,
+        source: &dyn Source,
         splits: &Splits,
     ) -> Result<MethodOutcomes<'_>> {
         let method = self.method;
@@ -77,9 +77,9 @@ impl MethodRow<'_> {
 }
 
 /// Scores the rows; `properties` are the codes of those estimated, in the order of the reports.
-pub(super) fn results<S: Source>(
+pub(super) fn results(
     experiment: &Experiment,
-    source: &S,
+    source: &dyn Source,
     about: &About,
     properties: Vec<String>,
     splits: &Splits,
@@ -149,11 +149,7 @@ pub(super) fn results<S: Source>(
 
 /// The encoders of the methods in words; what each has stands beside it where there are several.
 /// What is known of the properties, and how far their values differ over the surfaces.
-fn described<S: Source>(
-    source: &S,
-    about: &About,
-    properties: &[String],
-) -> PerProperty<Described> {
+fn described(source: &dyn Source, about: &About, properties: &[String]) -> PerProperty<Described> {
     let table = source.tactile();
     let averages = table.averages(&about.tactile, source.surfaces().len());
     let wanted = |property: &&Property| properties.iter().any(|code| *code == property.code());
@@ -186,9 +182,9 @@ fn encoders(methods: &[Method]) -> String {
     }
 }
 
-fn dataset<S: Source>(
+fn dataset(
     experiment: &Experiment,
-    source: &S,
+    source: &dyn Source,
     about: &About,
     splits: &Splits,
 ) -> Dataset {

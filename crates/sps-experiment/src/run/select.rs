@@ -11,6 +11,7 @@ use sps_dataset::Property;
 use sps_models::heads::Head;
 use sps_viewselect::Problem;
 
+use super::Tables;
 use super::deal::Dealt;
 use super::found::{Found, Selections};
 use super::frozen::{Folds, FrozenLoss};
@@ -23,7 +24,6 @@ use crate::progress::{Progress, ensure_wanted};
 /// Random sets whose mean loss stands for that of a random set.
 const RANDOM_SETS: usize = 2000;
 
-/// What selections are made on.
 pub(crate) struct Selecting<'a> {
     pub folds: Folds<'a>,
     pub journal: &'a mut Journal<Found>,
@@ -74,7 +74,7 @@ impl Selecting<'_> {
     fn wanted<'m>(&self, family: &Family<'m>, dealt: &Dealt) -> Result<Vec<Wanted<'m>>> {
         let reruns = dealt.of_any();
         let mut wanted = Vec::new();
-        for property in &self.folds.encodings.stage.tables.properties {
+        for property in &self.tables().properties {
             for &rerun in &reruns {
                 let members = family.members.iter();
                 for &(place, method, selected) in members.filter(|one| dealt.has(one.0, rerun)) {
@@ -99,7 +99,7 @@ impl Selecting<'_> {
         property: &Property,
         rerun: usize,
     ) -> Result<TrialKey> {
-        let tables = &self.folds.encodings.stage.tables;
+        let tables = self.tables();
         TrialKey::of(&Inputs {
             code: env!("SOURCE_HASH"),
             data: tables.fingerprint().to_hex().to_string(),
@@ -121,20 +121,21 @@ impl Selecting<'_> {
     /// What a choice by refits depends on beside the training surfaces and the property's own
     /// readings: the properties that it is pooled over, and what hindsight looks at.
     fn refit_inputs(&self, refit: &Refit, rerun: usize) -> RefitInputs {
-        let tables = &self.folds.encodings.stage.tables;
+        let tables = self.tables();
         let held_out = || {
             let places: Vec<usize> = (0..tables.views.len()).collect();
             let surfaces = &self.folds.splits.all[rerun].validation;
-            self.folds
-                .encodings
-                .fingerprint(&places, surfaces)
-                .to_hex()
-                .to_string()
+            let hash = self.folds.encodings.fingerprint(&places, surfaces);
+            hash.to_hex().to_string()
         };
         RefitInputs {
             properties: tables.codes(),
             held_out: (refit.judged_on == JudgedOn::HeldOut).then(held_out),
         }
+    }
+
+    fn tables(&self) -> &Tables {
+        &self.folds.encodings.stage.tables
     }
 
     fn run_missing(&mut self, family: &Family<'_>, wanted: &[Wanted<'_>]) -> Result<()> {
@@ -195,14 +196,13 @@ impl Selecting<'_> {
         Ok(())
     }
 
-    /// The choice by a regression that is fitted anew to each set.
     fn refitted(
         &self,
         refits: &mut Refits<'_>,
         refit: &Refit,
         wanted: &Wanted<'_>,
     ) -> Result<Found> {
-        let properties = &self.folds.encodings.stage.tables.properties;
+        let properties = &self.tables().properties;
         let place = properties
             .iter()
             .position(|property| *property == wanted.property);
@@ -214,19 +214,12 @@ impl Selecting<'_> {
     /// Stage 2.
     fn select(&self, loss: Option<&FrozenLoss>, wanted: &Wanted<'_>) -> Result<Found> {
         let (selected, key) = (wanted.selected, wanted.key.clone());
-        let seed = seed(
-            self.folds.experiment.seed,
-            wanted.property.code(),
-            wanted.rerun,
-        );
+        let seed = self.folds.experiment.seed;
+        let seed = self::seed(seed, wanted.property.code(), wanted.rerun);
         let Some(loss) = loss else {
             return Ok(Found {
                 key,
-                selection: without_loss(
-                    selected,
-                    self.folds.encodings.stage.tables.all_views,
-                    seed,
-                )?,
+                selection: without_loss(selected, self.tables().all_views, seed)?,
                 random_loss: None,
                 seconds: 0.0,
             });
@@ -292,7 +285,6 @@ fn families<'m>(methods: &[&'m Method]) -> Result<BTreeMap<String, Family<'m>>> 
     Ok(families)
 }
 
-/// A selection that is needed.
 struct Wanted<'m> {
     /// Of the method among all.
     place: usize,
@@ -314,7 +306,6 @@ impl Wanted<'_> {
     }
 }
 
-/// All that a selection depends on.
 #[derive(Serialize)]
 struct Inputs<'a> {
     code: &'static str,

@@ -10,7 +10,6 @@ use sps_dataset::{Split, SplitError, Surface, Units};
 use crate::config::{Experiment, Method};
 use crate::data::{Protocol, TestSurfaces};
 
-/// The splits of an experiment.
 #[derive(Clone)]
 pub(crate) struct Splits {
     /// Of all reruns, in order.
@@ -105,7 +104,6 @@ impl Splits {
         count(|split| &split.validation) as f64 / training as f64
     }
 
-    /// Surfaces that a split trains on, on average.
     pub(crate) fn training_surfaces(&self) -> usize {
         let sum: usize = self.all.iter().map(|split| split.train.len()).sum();
         sum / self.all.len().max(1)
@@ -138,24 +136,6 @@ impl Splits {
             .units
             .folds(all, folds, seed, "selection", split as u64);
         parts.context("selection.folds")
-    }
-
-    /// The training surfaces of a split for a method that stops when it is sure: a share that says
-    /// how wide its intervals are, and the rest in folds.
-    pub(super) fn to_walk(
-        &self,
-        split: usize,
-        share: f64,
-        folds: usize,
-        seed: u64,
-    ) -> Result<(Vec<usize>, Vec<Vec<usize>>)> {
-        let (all, index) = (&self.all[split].train, split as u64);
-        let units = &self.units;
-        let parts = units.keep_aside(all, share, seed, "adaptive calibration", index);
-        let parts = parts.context("adaptive.calibration")?;
-        let fitted = units.folds(&parts.train, folds, seed, "adaptive folds", index)?;
-        let fitted = fitted.into_iter().map(|fold| fold.validation);
-        Ok((parts.validation, fitted.collect()))
     }
 
     /// Training surfaces first, those that are only scored on after them.
@@ -308,15 +288,6 @@ mod tests {
                 }
                 for part in splits.to_select(at, folds, seed).unwrap_or_default() {
                     prop_assert!(apart(&groups, &part.train, &part.validation));
-                }
-                let Ok((calibration, fitted)) = splits.to_walk(at, share, folds, seed) else {
-                    continue;
-                };
-                for (place, fold) in fitted.iter().enumerate() {
-                    prop_assert!(apart(&groups, fold, &calibration));
-                    for other in &fitted[..place] {
-                        prop_assert!(apart(&groups, fold, other));
-                    }
                 }
             }
         }

@@ -21,7 +21,6 @@ use crate::memory;
 use crate::training::{FrameImages, Task, train, trained};
 use crate::work::Undone;
 
-/// An encoder and the tables that it makes.
 pub(crate) struct Stage {
     pub embedder: Embedder,
     pub tables: Tables,
@@ -33,10 +32,10 @@ pub(crate) struct Stage {
 
 /// The stage of each part of the surfaces: one and the same where the encoder stays as it is, and
 /// one for each where it learns from that part.
-pub(crate) struct Stages<'a, S> {
+pub(crate) struct Stages<'a> {
     experiment: &'a Experiment,
     encoder: &'a EncoderSpec,
-    source: &'a S,
+    source: &'a dyn Source,
     about: &'a About,
     splits: &'a Splits,
     /// The views to embed, as indices of the source.
@@ -51,13 +50,13 @@ pub(crate) struct Stages<'a, S> {
     shared: Option<Arc<Stage>>,
 }
 
-impl<'a, S: Source> Stages<'a, S> {
+impl<'a> Stages<'a> {
     /// With embeddings of the given views by an encoder; `sequence` says what the one view of a
     /// source of sequences is made of.
     pub(crate) fn new(
         experiment: &'a Experiment,
         encoder: &'a EncoderSpec,
-        (source, about): (&'a S, &'a About),
+        (source, about): (&'a dyn Source, &'a About),
         splits: &'a Splits,
         views: Vec<usize>,
         sequence: Option<Vec<usize>>,
@@ -109,7 +108,6 @@ impl<'a, S: Source> Stages<'a, S> {
         encoder::calibrated(&Embedder::new(network, resize)?, training.len(), frame)
     }
 
-    /// Embeds the views of every surface that may be trained on.
     fn stage(&self, encoder: Network, train_seconds: f64) -> Result<Stage> {
         let embedder = Embedder::new(encoder, self.encoder.resize)?;
         let views = &self.views;
@@ -245,7 +243,6 @@ impl<'a, S: Source> Stages<'a, S> {
     }
 }
 
-/// The given views of the first so many surfaces.
 fn frames(surfaces: usize, views: &[usize]) -> Vec<FrameIndex> {
     let of_surface = |surface| views.iter().map(move |&view| FrameIndex { surface, view });
     (0..surfaces).flat_map(of_surface).collect()

@@ -7,16 +7,15 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use sps_dataset::{Description, Frame, FrameFormat, PropertyRange, Source, Split, Unit};
+use sps_dataset::{Description, Frame, FrameFormat, Source, Split, Unit};
 use sps_estimator::{
-    About, Calibration, Described, Estimator, Examples, Fitted, Measured, Predictions, Recipe,
-    Shown, Wanted, Widths,
+    About, Calibration, Described, Estimator, Fitted, Measured, Predictions, Shown,
 };
 use tracing::warn;
 
 use self::check::{Check, Found};
 use crate::config::{Experiment, Looks, Method, Network as NetworkSpec};
-use crate::data::{self, About as AboutData, WithSource};
+use crate::data::{self, About as AboutData};
 use crate::encoder;
 use crate::files::create_folder;
 use crate::journal::Journal;
@@ -49,61 +48,49 @@ pub struct Trained {
 /// # Errors
 /// A method that cannot be kept as a model; data or weights that cannot be read.
 pub fn train(experiment: &Experiment, say: Say<'_>) -> Result<Trained> {
-    data::with_source(&experiment.data, Train { experiment, say })
-}
-
-struct Train<'a> {
-    experiment: &'a Experiment,
-    say: Say<'a>,
-}
-
-impl WithSource for Train<'_> {
-    type Output = Trained;
-
-    fn call<S: Source>(self, source: &S, about: AboutData) -> Result<Trained> {
-        let experiment = self.experiment;
-        let method = experiment.methods[experiment.train.method].on(source)?;
-        ensure!(
-            !matches!(method.encoder.network, NetworkSpec::Sequences { .. }),
-            "method `{}` looks at a sequence by {}; a model that is kept looks at photographs",
-            method.id,
-            encoder::describe(&method.encoder)
-        );
-        keeps_its_views(&method)?;
-        let splits = Splits::of(experiment, source.surfaces())?;
-        let data = (source, &about);
-        let views = views::needed(&[&method], source)?;
-        let trainer = Trainer {
-            experiment,
-            method: &method,
-            source,
-            data: &about,
-            splits: &splits,
-            stages: Stages::new(experiment, &method.encoder, data, &splits, views, None)?,
-        };
-        let (measured, worst) = trainer.check(self.say)?;
-        let all: Vec<usize> = (0..splits.pool).collect();
-        let fit = trainer.fit(&all, 0)?;
-        if splits.units.unit() != Unit::Surface {
-            let calibrated = portion(&splits, std::slice::from_ref(&fit.part));
-            (self.say)(&format!(
-                "the intervals of the model are calibrated on {calibrated}"
-            ));
-        }
-        if let Some(thinned) = method.estimator.thinned(fit.part.train.len()) {
-            warn!("{thinned}");
-        }
-        if let Some(reason) = fit.fitted.no_familiar() {
-            (self.say)(&format!(
-                "the model has no p-value of \"like what it was fitted on\": {reason}"
-            ));
-        }
-        let about = trainer.about(&fit, measured)?;
-        let view = fit.stage.tables.shown(&fit.photographs)[0];
-        let model = Estimator::new(fit.stage.embedder.clone(), fit.fitted, about)?;
-        let model = model.with_shown(|at| trainer.shown(at, view))?;
-        Ok(Trained { model, worst })
+    let (source, about) = data::open(&experiment.data)?;
+    let source = source.as_ref();
+    let method = experiment.methods[experiment.train.method].on(source)?;
+    ensure!(
+        !matches!(method.encoder.network, NetworkSpec::Sequences { .. }),
+        "method `{}` looks at a sequence by {}; a model that is kept looks at photographs",
+        method.id,
+        encoder::describe(&method.encoder)
+    );
+    keeps_its_views(&method)?;
+    let splits = Splits::of(experiment, source.surfaces())?;
+    let data = (source, &about);
+    let views = views::needed(&[&method], source)?;
+    let trainer = Trainer {
+        experiment,
+        method: &method,
+        source,
+        data: &about,
+        splits: &splits,
+        stages: Stages::new(experiment, &method.encoder, data, &splits, views, None)?,
+    };
+    let (measured, worst) = trainer.check(say)?;
+    let all: Vec<usize> = (0..splits.pool).collect();
+    let fit = trainer.fit(&all, 0)?;
+    if splits.units.unit() != Unit::Surface {
+        let calibrated = portion(&splits, std::slice::from_ref(&fit.part));
+        say(&format!(
+            "the intervals of the model are calibrated on {calibrated}"
+        ));
     }
+    if let Some(thinned) = method.estimator.thinned(fit.part.train.len()) {
+        warn!("{thinned}");
+    }
+    if let Some(reason) = fit.fitted.no_familiar() {
+        say(&format!(
+            "the model has no p-value of \"like what it was fitted on\": {reason}"
+        ));
+    }
+    let about = trainer.about(&fit, measured)?;
+    let view = fit.stage.tables.shown(&fit.photographs)[0];
+    let model = Estimator::new(fit.stage.embedder.clone(), fit.fitted, about)?;
+    let model = model.with_shown(|at| trainer.shown(at, view))?;
+    Ok(Trained { model, worst })
 }
 
 /// Which method [`train`] fits, why, and how another is chosen.
@@ -154,7 +141,6 @@ fn keeps_its_views(method: &Method) -> Result<()> {
     }
 }
 
-/// What was fitted.
 struct Fit {
     stage: Arc<Stage>,
     fitted: Fitted,
@@ -164,16 +150,16 @@ struct Fit {
     part: Split,
 }
 
-struct Trainer<'a, S> {
+struct Trainer<'a> {
     experiment: &'a Experiment,
     method: &'a Method,
-    source: &'a S,
+    source: &'a dyn Source,
     data: &'a AboutData,
     splits: &'a Splits,
-    stages: Stages<'a, S>,
+    stages: Stages<'a>,
 }
 
-impl<S: Source> Trainer<'_, S> {
+impl Trainer<'_> {
     /// Fits on some surfaces, a part of which calibrates the intervals: neither the regression, nor
     /// what chose the views, nor an encoder that is trained has seen its readings.
     fn fit(&self, surfaces: &[usize], number: u64) -> Result<Fit> {
@@ -193,29 +179,9 @@ impl<S: Source> Trainer<'_, S> {
         let stage = encodings.stage;
         let tables = &stage.tables;
         let wanted = tables.properties.iter().zip(views);
-        let wanted = wanted.map(|(property, views)| Wanted {
-            property: property.to_string(),
-            views,
-            range: self
-                .source
-                .describe(property)
-                .range
-                .map(PropertyRange::ends),
-        });
-        let regression = self.method.estimator.regression();
-        let recipe = Recipe {
-            regression: regression.context("a mean is not kept")?.clone(),
-            wanted: wanted.collect(),
-            one_by_one: self.method.adaptive.is_some(),
-            widths: Widths::ByPhotograph,
-            calibration,
-        };
+        let recipe = tables.recipe(self.method, wanted, calibration)?;
         let learns = self.method.encoder.learns();
-        let examples = Examples {
-            data: tables.training_data(units),
-            units,
-            encoder_saw: if learns { &part.train } else { &[] },
-        };
+        let examples = tables.examples(units, if learns { &part.train } else { &[] });
         let fitted = recipe.fit(&examples, surfaces, number).context("[train]")?;
         let photographs = recipe.slots()?;
         Ok(Fit {
@@ -253,7 +219,6 @@ impl<S: Source> Trainer<'_, S> {
         tables.properties.iter().map(of_property).collect()
     }
 
-    /// A surface for people, in one view.
     fn shown(&self, surface: usize, view: usize) -> Result<Shown> {
         let mut photograph = Vec::new();
         if self.experiment.train.keep_photographs {
@@ -322,7 +287,7 @@ impl<S: Source> Trainer<'_, S> {
             let (predictions, joint) = self.predictions(&fit, &split.validation)?;
             let of_split = (&fit.stage.tables, split);
             check.add(of_split, &fit.fitted, predictions)?;
-            check.add_joint(of_split, &joint)?;
+            check.add_joint(of_split, &joint);
         }
         let held_out: usize = splits.iter().map(|split| split.validation.len()).sum();
         let of_split = held_out / splits.len().max(1);

@@ -15,7 +15,6 @@ use sps_metrics::Level;
 use super::figures::{COLOURS, COLUMN, Figure, plotted};
 use super::scales::scales;
 
-/// A method with its estimates.
 struct Estimates<'a> {
     method: &'a MethodResult,
     predictions: Vec<&'a Prediction>,

@@ -6,7 +6,6 @@ use sps_experiment::results::{MethodResult, Results};
 
 use super::{COLOURS, Figure, PAGE};
 
-/// Length of a ray in pixels.
 const RAY: f64 = 21.0;
 const CELL: (f64, f64) = (38.0, 30.0);
 /// Left of a block's first column, and above its first row.

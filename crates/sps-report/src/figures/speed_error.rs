@@ -73,7 +73,6 @@ fn highest(results: &Results, points: &[Point]) -> f64 {
     high + 0.25 * (high - low)
 }
 
-/// That of a point's R².
 fn interval(results: &Results, point: &Point) -> [f64; 2] {
     let interval = results.methods[point.method].means.r2_mean_interval;
     interval.unwrap_or([1.0 - point.error; 2])
@@ -135,7 +134,6 @@ fn staircase(points: &[Point]) -> LinePlot {
         .with_dashed()
 }
 
-/// The marks, colour by colour and shape by shape.
 fn marks(results: &Results, points: &[Point], key: &Key) -> Vec<Plot> {
     let method = |point: &Point| &results.methods[point.method];
     let mut values: Vec<&str> = Vec::new();

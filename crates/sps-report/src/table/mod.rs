@@ -77,7 +77,6 @@ impl Table {
         self
     }
 
-    /// The cells of a column, from the top.
     fn column(&self, at: usize) -> impl Iterator<Item = &Cell> {
         self.rows.iter().filter_map(move |row| row.cells.get(at))
     }

@@ -23,8 +23,8 @@ const ROUNDS: usize = 5;
 /// seconds, and falls on all of them alike. The time does not depend on what the weights are, so a
 /// model of each method's shape is fitted to a few surfaces for it: the run's own models need not
 /// be kept.
-pub(crate) fn measure<S: Source>(
-    source: &S,
+pub(crate) fn measure(
+    source: &dyn Source,
     splits: &Splits,
     stage: &Stage,
     finished: &[&Finished<'_>],

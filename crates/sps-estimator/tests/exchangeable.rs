@@ -3,7 +3,7 @@
 mod support;
 
 use sps_dataset::{Surface, Units};
-use sps_estimator::{Calibration, Examples, Predictions, Recipe, Wanted, Widths};
+use sps_estimator::{Calibration, Examples, Predictions, Recipe, Widths};
 use sps_metrics::Level;
 use sps_regress::{Embeddings, Readings, TrainingData};
 use support::{ridge, uniform};
@@ -22,20 +22,14 @@ fn normals<const N: usize>(purpose: &str, index: usize) -> [f64; N] {
 }
 
 fn recipe(share: f64, number: u64) -> Recipe {
+    let calibration = Calibration {
+        share: Some(share),
+        level: Level::new(0.8).unwrap(),
+        seed: number,
+    };
     Recipe {
-        regression: ridge(),
-        wanted: vec![Wanted {
-            property: "felt".into(),
-            views: vec![0],
-            range: None,
-        }],
-        one_by_one: false,
         widths: Widths::Constant,
-        calibration: Calibration {
-            share: Some(share),
-            level: Level::new(0.8).unwrap(),
-            seed: number,
-        },
+        ..Recipe::new(ridge(), ["felt"], &[0], calibration)
     }
 }
 
@@ -202,13 +196,11 @@ fn joint_intervals_hold_all_properties_at_once() {
     const NEW: usize = 20;
     let names: Vec<String> = (0..PROPERTIES).map(|at| at.to_string()).collect();
     let units = grouped(SURFACES, 1);
-    let mut recipe = recipe(0.4, 0);
-    let wanted = names.iter().map(|name| Wanted {
-        property: name.clone(),
-        views: vec![0],
-        range: None,
-    });
-    recipe.wanted = wanted.collect();
+    let alike = recipe(0.4, 0);
+    let recipe = Recipe {
+        widths: alike.widths,
+        ..Recipe::new(ridge(), &names, &[0], alike.calibration)
+    };
     let (mut alone, mut at_once) = (0, 0);
     let draws = DRAWS / 10;
     for draw in 0..draws {

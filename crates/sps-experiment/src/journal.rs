@@ -12,7 +12,7 @@ use serde_json::value::RawValue;
 use tracing::warn;
 
 /// Identifies what a trial is computed from: equal keys mean equal outcomes.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(crate) struct TrialKey(pub String);
 
 impl TrialKey {
@@ -28,7 +28,7 @@ pub(crate) trait Record: Clone + Serialize + DeserializeOwned {
 }
 
 /// What one trial (a method, a property, a rerun) came to.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Outcome {
     pub key: TrialKey,
     pub method: String,
@@ -246,10 +246,8 @@ mod tests {
             truth: vec![1.0 / 3.0],
             estimate: vec![estimate],
             views: vec![49],
-            stops: Vec::new(),
-            course: Vec::new(),
             train_seconds: 0.5,
-            failed: None,
+            ..Outcome::default()
         }
     }
 

@@ -2,11 +2,12 @@
 
 #![allow(dead_code, reason = "each test file uses a part")]
 
+use std::path::{Path, PathBuf};
+
 use sps_base::streams::{RngCore, hashed_stream};
-use sps_dataset::{Surface, Units};
+use sps_dataset::{DatasetFolder, ReadSettings, Source, Surface, TactileSettings, Units};
 use sps_estimator::{
-    About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted,
-    Widths,
+    About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression,
 };
 use sps_metrics::Level;
 use sps_models::candle::Device;
@@ -138,20 +139,56 @@ impl Tables {
 }
 
 pub(crate) fn recipe(regression: Regression, views: &[usize]) -> Recipe {
-    let wanted = |property: &str| Wanted {
-        property: property.into(),
-        views: views.to_vec(),
-        range: None,
+    let calibration = Calibration {
+        share: Some(0.4),
+        level: Level::new(0.8).unwrap(),
+        seed: 1,
     };
-    Recipe {
-        regression,
-        wanted: vec![wanted("fRS"), wanted("felt")],
-        one_by_one: false,
-        widths: Widths::ByPhotograph,
-        calibration: Calibration {
-            share: Some(0.4),
-            level: Level::new(0.8).unwrap(),
-            seed: 1,
-        },
+    Recipe::new(regression, ["fRS", "felt"], views, calibration)
+}
+
+/// Holds that something is refused with words that have this part.
+pub(crate) fn refused<T>(result: sps_estimator::Result<T>, part: &str) {
+    let error = result.err().expect(part).to_string();
+    assert!(error.contains(part), "{error}");
+}
+
+/// A file or folder that is not part of the repository.
+pub(crate) fn shared(name: &str) -> Option<PathBuf> {
+    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
+    let path = shared.join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    println!("SKIPPED: {} is not there", path.display());
+    None
+}
+
+/// Photographs of surfaces with one value each, and what they look like.
+pub(crate) struct Photographs {
+    pub dataset: DatasetFolder,
+    pub embedder: Embedder,
+    pub embeddings: Embeddings,
+    pub readings: Readings,
+}
+
+impl Photographs {
+    pub(crate) fn of(name: &str, property: &str, encoder: Encoder) -> Option<Self> {
+        let folder = shared(&format!("data/{name}"))?;
+        let dataset = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
+        let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
+        let count = dataset.surfaces().len();
+        let frames = (0..count).map(|surface| dataset.frame(surface, 0).unwrap());
+        let values = embedder.embed(&frames.collect::<Vec<_>>()).unwrap();
+        let table = dataset.tactile();
+        let touched = table.averages(&TactileSettings::default(), count);
+        let row = |at| vec![touched.value(at, property)];
+        let rows: Vec<_> = (0..count).map(row).collect();
+        Some(Self {
+            readings: Readings::new(vec![property.to_owned()], &rows).unwrap(),
+            embeddings: embedder.table(&values, count, 1).unwrap(),
+            embedder,
+            dataset,
+        })
     }
 }

@@ -13,9 +13,6 @@ use super::locate::{ConfigError, Place, place_of_span, span_of};
 use super::merge::{apply, inherit, merge, take_back};
 use super::setting::Setting;
 
-/// Keys that there once were, and what says the same.
-const REPLACED: [(&str, &str); 1] = [("all-views", "views = \"all\"")];
-
 /// The text of a config, what it overrides and what overrides it.
 pub struct Layers<'a> {
     path: &'a Path,
@@ -110,13 +107,7 @@ impl<'a> Layers<'a> {
             {
                 key.push(found.clone());
             }
-            let problem = match unknown {
-                None => message.to_owned(),
-                Some(name) => match REPLACED.iter().find(|(old, _)| *old == name.found) {
-                    Some((_, new)) => format!("was replaced by `{new}`"),
-                    None => name.to_string(),
-                },
-            };
+            let problem = unknown.map_or_else(|| message.to_owned(), |name| name.to_string());
             self.error_at(&key, problem)
         })
     }

@@ -274,41 +274,26 @@ fn relation_input(sampler: &RelationSampler) -> Input {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::experiment::tests::{METHOD, read, refused};
+    use crate::config::experiment::tests::{METHOD, below, read, refused};
 
     #[test]
     fn views_that_cannot_be_meant_are_refused_at_their_line() {
         for views in ["0", "-1", "1.5", "\"every\""] {
             let found = format!("is {views}, expected at least 1, or \"all\"");
-            refused(
-                &format!("{METHOD}views = {views}"),
-                &["line 5", "views", &found],
-            );
+            below(&format!("views = {views}"), &["line 5", "views", &found]);
         }
         for key in ["distinct = true", "refit = {}"] {
-            refused(&format!("{METHOD}{key}"), &["line 5", "needs a `selector`"]);
+            below(key, &["line 5", "needs a `selector`"]);
         }
-        let everything = "`views = \"all\"`";
-        refused(
-            &format!("{METHOD}all-views = true"),
-            &["line 5", "all-views", everything],
-        );
-        refused(
-            &format!("{METHOD}views = 2\nrelations = {{}}"),
-            &["line 6", "relations", "`views`"],
-        );
-        refused(
-            &format!("{METHOD}views = 3\nselector = {{ kind = \"nvs\" }}"),
-            &["line 6", "kind `head`"],
-        );
-        refused(
-            &format!("{METHOD}views = \"all\"\nselector = {{ kind = \"random\" }}"),
-            &["line 6", "selector", everything],
-        );
-        refused(
-            &format!("{METHOD}views = \"all\"\nencoder.name = \"i3d\""),
-            &["line 5", "cannot stand beside i3d"],
-        );
+        let all = "`views = \"all\"`";
+        let views = "`views`";
+        below("views = 2\nrelations = {}", &["line 6", "relations", views]);
+        let nvs = "views = 3\nselector = { kind = \"nvs\" }";
+        below(nvs, &["line 6", "kind `head`"]);
+        let random = "views = \"all\"\nselector = { kind = \"random\" }";
+        below(random, &["line 6", "selector", all]);
+        let i3d = "views = \"all\"\nencoder.name = \"i3d\"";
+        below(i3d, &["line 5", "cannot stand beside i3d"]);
     }
 
     #[test]
@@ -323,19 +308,15 @@ mod tests {
         ] {
             assert!(read(&format!("{head}{keys}")).is_ok(), "{keys}");
         }
-        for (keys, views) in [
-            ("views = 3\nhead.input = { kind = \"single\" }", "3"),
-            (
-                "views = \"all\"\nhead.input = { kind = \"single\" }",
-                "\"all\"",
-            ),
-            (
-                "views = 3\nhead.input = { kind = \"late-fusion\", views = 2 }",
-                "3",
-            ),
-            ("head.input = { kind = \"late-fusion\", views = 2 }", "1"),
+        let fusion = "kind = \"late-fusion\", views = 2";
+        for (views, input) in [
+            ("3", "kind = \"single\""),
+            ("\"all\"", "kind = \"single\""),
+            ("3", fusion),
+            ("1", fusion),
         ] {
             let number = format!("but `views` is {views}");
+            let keys = format!("views = {views}\nhead.input = {{ {input} }}");
             refused(&format!("{head}{keys}"), &["head.input", &number]);
         }
         refused(

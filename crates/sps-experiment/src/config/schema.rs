@@ -52,7 +52,7 @@ impl Config {
     }
 }
 
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct EncoderConfig {
     pub name: String,
@@ -77,7 +77,7 @@ pub(crate) struct SelectionConfig {
     pub folds: usize,
 }
 
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct MethodConfig {
     /// Names the method in files; unique.
@@ -209,8 +209,9 @@ fn five() -> usize {
     5
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum MethodKind {
+    #[default]
     Head,
     /// A regressor that takes embeddings as rows of numbers.
     Rows(RegressorKind),

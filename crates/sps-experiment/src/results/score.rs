@@ -147,12 +147,11 @@ mod tests {
             estimate: some(estimate.collect()),
             truth: some(truth),
             views: vec![0],
-            stops: Vec::new(),
-            course: Vec::new(),
             train_seconds: 1.0,
             failed: error
                 .is_none()
                 .then(|| "the loss is inf in epoch 3".to_owned()),
+            ..Outcome::default()
         }
     }
 

@@ -7,111 +7,102 @@ use std::time::Instant;
 use anyhow::{Context, Result, anyhow};
 use sps_estimator::{Calibration, Fitted, Predictions};
 
-use super::Encodings;
 use super::fit::Judge;
 use super::trials::TrialSpec;
-use crate::config::{Adaptive, Experiment};
+use crate::config::Adaptive;
 use crate::journal::{Outcome, Stop};
 use crate::progress::{Progress, ensure_wanted};
 
-/// The trials of a method that stops when it is sure.
-pub(super) struct Walking<'a> {
-    pub experiment: &'a Experiment,
-    pub judge: Judge<'a>,
-    pub adaptive: &'a Adaptive,
-    pub encodings: &'a Encodings,
-    pub trials: &'a [&'a TrialSpec],
+/// The outcomes of the trials of a method that stops when it is sure; those of a rerun that look at the
+/// same views are fitted together.
+pub(super) fn outcomes(
+    judge: &Judge<'_>,
+    adaptive: &Adaptive,
+    trials: &[&TrialSpec],
+) -> Result<Vec<Outcome>> {
+    let mut together: BTreeMap<(usize, Vec<usize>), Vec<&TrialSpec>> = BTreeMap::new();
+    for &trial in trials {
+        let looked = (trial.rerun, trial.views.shown());
+        together.entry(looked).or_default().push(trial);
+    }
+    let progress = Progress::new(&judge.method.label, trials.len());
+    let mut outcomes = Vec::new();
+    for ((rerun, views), trials) in together {
+        let begun = Instant::now();
+        let fitted = fitted(judge, adaptive, (rerun, &views), &trials)?;
+        let held_out = &judge.splits.all[rerun].validation;
+        let held_out = judge.method.scored_on(held_out);
+        let steps = fitted.steps().map(|count| {
+            let seen = judge.encodings.select(held_out, &views[..count])?;
+            Ok(fitted.predict(&seen)?)
+        });
+        let steps = steps.collect::<Result<Vec<Predictions>>>()?;
+        let made = trials.iter().enumerate().map(|(at, trial)| {
+            let ends = fitted.ends(&steps, adaptive.width, at..at + 1);
+            let deviation = fitted.deviations().nth(at).unwrap_or(1.0);
+            outcome(judge, trial, (at, deviation), (held_out, &ends), &steps)
+        });
+        let made = made.collect::<Result<Vec<_>>>()?;
+        let train_seconds = begun.elapsed().as_secs_f64() / made.len() as f64;
+        progress.advance(made.len());
+        outcomes.extend(made.into_iter().map(|outcome| Outcome {
+            train_seconds,
+            ..outcome
+        }));
+        ensure_wanted()?;
+    }
+    Ok(outcomes)
 }
 
-impl Walking<'_> {
-    /// The outcome of each trial; those of a rerun that look at the same views are fitted together.
-    pub(super) fn outcomes(&self) -> Result<Vec<Outcome>> {
-        let mut together: BTreeMap<(usize, Vec<usize>), Vec<&TrialSpec>> = BTreeMap::new();
-        for &trial in self.trials {
-            let looked = (trial.rerun, trial.views.shown());
-            together.entry(looked).or_default().push(trial);
-        }
-        let progress = Progress::new(&self.judge.method.label, self.trials.len());
-        let mut outcomes = Vec::new();
-        for ((rerun, views), trials) in together {
-            let begun = Instant::now();
-            let fitted = self.fit(rerun, &views, &trials)?;
-            let held_out = &self.judge.splits.all[rerun].validation;
-            let held_out = self.judge.method.scored_on(held_out);
-            let step =
-                |count| Ok(fitted.predict(&self.encodings.select(held_out, &views[..count])?)?);
-            let steps = fitted
-                .steps()
-                .map(step)
-                .collect::<Result<Vec<Predictions>>>()?;
-            let of_trials = trials.iter().enumerate();
-            let made =
-                of_trials.map(|(at, trial)| self.outcome(trial, at, held_out, &fitted, &steps));
-            let made = made.collect::<Result<Vec<_>>>()?;
-            let train_seconds = begun.elapsed().as_secs_f64() / made.len() as f64;
-            progress.advance(made.len());
-            outcomes.extend(made.into_iter().map(|outcome| Outcome {
-                train_seconds,
-                ..outcome
-            }));
-            ensure_wanted()?;
-        }
-        Ok(outcomes)
-    }
+fn fitted(
+    judge: &Judge<'_>,
+    adaptive: &Adaptive,
+    (rerun, views): (usize, &[usize]),
+    trials: &[&TrialSpec],
+) -> Result<Fitted> {
+    let calibration = Calibration {
+        share: Some(adaptive.calibration),
+        level: adaptive.level,
+        seed: judge.experiment.seed,
+    };
+    let wanted = trials.iter().map(|trial| (&trial.property, views.to_vec()));
+    let recipe = judge.tables().recipe(judge.method, wanted, calibration)?;
+    let examples = judge.tables().examples(&judge.splits.units, &[]);
+    let fitted = recipe.fit(&examples, &judge.splits.all[rerun].train, rerun as u64);
+    fitted.context("adaptive.calibration")
+}
 
-    fn fit(&self, rerun: usize, views: &[usize], trials: &[&TrialSpec]) -> Result<Fitted> {
-        let Judge {
-            method,
-            tables,
-            splits,
-        } = self.judge;
-        let calibration = Calibration {
-            share: Some(self.adaptive.calibration),
-            level: self.adaptive.level,
-            seed: self.experiment.seed,
+/// Of the property at this place of each step, whose looks at `surfaces` end at these steps.
+fn outcome(
+    judge: &Judge<'_>,
+    trial: &TrialSpec,
+    (at, deviation): (usize, f64),
+    (surfaces, ends): (&[usize], &[usize]),
+    steps: &[Predictions],
+) -> Result<Outcome> {
+    let held_out = judge.held_out(trial)?;
+    let stop = |(place, &end): (usize, &usize)| {
+        let predicted = &steps[end].properties[at];
+        let intervals = predicted.intervals.as_ref().map_err(|reason| {
+            let property = &trial.property;
+            anyhow!("{property}: adaptive.calibration: {reason}")
+        });
+        let interval = intervals?[place];
+        let stop = Stop {
+            views: end + 1,
+            low: interval.low,
+            high: interval.high,
+            width: (interval.high - interval.low) / deviation,
         };
-        let wanted = trials.iter().map(|trial| (&trial.property, views.to_vec()));
-        let recipe = tables.recipe(method, wanted, calibration)?;
-        let examples = tables.examples(&splits.units, &[]);
-        let fitted = recipe.fit(&examples, &splits.all[rerun].train, rerun as u64);
-        fitted.context("adaptive.calibration")
-    }
-
-    /// Of the property at this place of what was fitted, by what each number of views says of `surfaces`.
-    fn outcome(
-        &self,
-        trial: &TrialSpec,
-        at: usize,
-        surfaces: &[usize],
-        fitted: &Fitted,
-        steps: &[Predictions],
-    ) -> Result<Outcome> {
-        let ends = fitted.ends(steps, self.adaptive.width, at..at + 1);
-        let deviation = fitted.deviations().nth(at).unwrap_or(1.0);
-        let held_out = self.judge.held_out(trial)?;
-        let stop = |(place, end): (usize, usize)| {
-            let predicted = &steps[end].properties[at];
-            let intervals = predicted.intervals.as_ref().map_err(|reason| {
-                let property = &trial.property;
-                anyhow!("{property}: adaptive.calibration: {reason}")
-            });
-            let interval = intervals?[place];
-            let stop = Stop {
-                views: end + 1,
-                low: interval.low,
-                high: interval.high,
-                width: (interval.high - interval.low) / deviation,
-            };
-            Ok((predicted.values[place], stop))
-        };
-        let mut measured = held_out.surfaces.iter().peekable();
-        let ends = ends.into_iter().enumerate();
-        let ends = ends.filter(|(at, _)| measured.next_if_eq(&&surfaces[*at]).is_some());
-        let stops = ends.map(stop);
-        let (estimates, stops) = stops.collect::<Result<Vec<_>>>()?.into_iter().unzip();
-        Ok(Outcome {
-            stops,
-            ..self.judge.outcome(trial, held_out, estimates)
-        })
-    }
+        Ok((predicted.values[place], stop))
+    };
+    let mut measured = held_out.surfaces.iter().peekable();
+    let ends = ends.iter().enumerate();
+    let ends = ends.filter(|(at, _)| measured.next_if_eq(&&surfaces[*at]).is_some());
+    let stops = ends.map(stop).collect::<Result<Vec<_>>>()?;
+    let (estimates, stops) = stops.into_iter().unzip();
+    Ok(Outcome {
+        stops,
+        ..judge.outcome(trial, held_out, estimates)
+    })
 }

@@ -43,10 +43,10 @@ impl<'a> Means<'a> {
         let split = &judge.splits.all[trial.rerun];
         let mut all = Vec::new();
         let mut of_material: HashMap<&str, Vec<f64>> = HashMap::new();
-        for (surface, value) in judge.tables.measured(&trial.property, &split.train) {
+        for (surface, value) in judge.tables().measured(&trial.property, &split.train) {
             all.push(value);
             if by_label {
-                let material = &judge.tables.surfaces[surface].material;
+                let material = &judge.tables().surfaces[surface].material;
                 of_material.entry(material).or_default().push(value);
             }
         }
@@ -61,7 +61,7 @@ impl<'a> Means<'a> {
 
     /// That of all where no training surface is of the material.
     fn of_surface(&self, judge: &Judge<'_>, surface: usize) -> f64 {
-        let material = judge.tables.surfaces[surface].material.as_str();
+        let material = judge.tables().surfaces[surface].material.as_str();
         self.of_material.get(material).copied().unwrap_or(self.all)
     }
 }

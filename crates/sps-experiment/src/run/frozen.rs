@@ -11,7 +11,7 @@ use sps_models::heads::{FusionLoss, Head, Observer, TrainedHeads};
 use sps_regress::{Plan, Rerun, TrainingData, Trial, Views};
 use sps_viewselect::{LossError, SetLoss, Sets};
 
-use super::{Encodings, Splits};
+use super::{Encodings, Splits, Tables};
 use crate::config::Experiment;
 use crate::progress::Progress;
 
@@ -60,7 +60,7 @@ impl Folds<'_> {
         property: &Property,
         rerun: usize,
     ) -> Result<FrozenLoss> {
-        let (tables, data) = (&self.encodings.stage.tables, self.training_data());
+        let (tables, data) = (self.tables(), self.training_data());
         let mut folds = Vec::new();
         for fold in 0..self.experiment.selection_folds {
             let held = self.part(rerun, fold)?.validation;
@@ -74,8 +74,11 @@ impl Folds<'_> {
     }
 
     fn training_data(&self) -> TrainingData<'_> {
-        let tables = &self.encodings.stage.tables;
-        tables.training_data(&self.splits.units)
+        self.tables().training_data(&self.splits.units)
+    }
+
+    pub(super) fn tables(&self) -> &Tables {
+        &self.encodings.stage.tables
     }
 
     fn trial(&self, property: &Property, rerun: usize, fold: usize) -> Trial {

@@ -32,6 +32,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 
 pub(crate) use deal::Dealt;
+pub(crate) use encoded::Encoded;
 pub(crate) use encodings::Encodings;
 pub(crate) use estimates::Estimates;
 pub use folder::{CONFIG, RunFolder};
@@ -39,7 +40,6 @@ pub(crate) use found::Selections;
 pub(crate) use frozen::Folds;
 pub(crate) use held_out::{portion, what_is_measured};
 pub use outlook::outlook;
-pub(crate) use select::Selecting;
 pub use shards::run as shard;
 pub(crate) use splits::Splits;
 pub(crate) use stage::{Stage, Stages};

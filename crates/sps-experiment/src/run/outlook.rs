@@ -11,7 +11,7 @@ use super::encoded::Encoded;
 use super::found::Selections;
 use super::frozen::Folds;
 use super::prepared::Prepared;
-use super::select::Selecting;
+use super::stage::Stages;
 use super::{Encodings, Journals, shards, tables, trials};
 use crate::config::{Experiment, Looks};
 use crate::data;
@@ -120,7 +120,7 @@ impl Looking {
             untrained: 0,
         };
         let splits = encoded.dealt.of_any();
-        let Some(stages) = seen.there(encoded.stages(), 0)? else {
+        let Some(stages) = seen.there(Stages::new(encoded), 0)? else {
             return Ok(seen);
         };
         let groups: Vec<BTreeSet<usize>> = if encoded.encoder.learns() {
@@ -130,7 +130,7 @@ impl Looking {
         };
         for splits in groups {
             let all = &encoded.splits.all;
-            let group = Encodings::of_splits(&stages, encoded.encoder, all, &splits);
+            let group = stages.of_splits(all, &splits);
             if let Some(mut group) = seen.there(group, splits.len())? {
                 self.count(encoded, &mut group[0], &mut seen)?;
             }
@@ -147,7 +147,7 @@ impl Looking {
     ) -> Result<()> {
         let (experiment, splits) = (encoded.experiment, encoded.splits);
         if encoded.looks_in_hindsight() {
-            let looked = group.look_at_all(experiment, encoded.source, &splits.all);
+            let looked = group.look_at_all(encoded);
             if seen.there(looked, 0)?.is_none() {
                 return Ok(());
             }
@@ -160,9 +160,8 @@ impl Looking {
             encodings,
             splits,
         };
-        let journal = &mut self.0.selections;
-        let selecting = Selecting { folds, journal };
-        let lacking = selecting.look(&encoded.methods, &dealt, &mut selections)?;
+        let journal = &self.0.selections;
+        let lacking = folds.look(&encoded.methods, &dealt, journal, &mut selections)?;
         for (at, [.., selected, missing]) in seen.methods.iter_mut().enumerate() {
             let lacking = lacking.iter().filter(|one| one.0 == at).count();
             if *missing > 0 {
@@ -171,14 +170,14 @@ impl Looking {
             }
         }
         let planned = encoded.planned(group, &dealt.without(&lacking), &selections)?;
-        let looked = encoded.look(group, &planned);
+        let looked = group.look(encoded, &planned);
         let is_whole = seen.there(looked, 0)?.is_some();
         let methods = planned.len();
         for (at, planned) in planned.into_iter().enumerate() {
             if !is_whole {
                 let mut alone = vec![Vec::new(); methods];
                 alone[at].clone_from(&planned);
-                if told(encoded.look(group, &alone))?.is_err() {
+                if told(group.look(encoded, &alone))?.is_err() {
                     continue;
                 }
             }

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Context, Result, bail};
-use sps_dataset::{Split, Units};
+use sps_dataset::{Property, Split, Units};
 use sps_metrics::{Samples, TrainingMean};
 use sps_regress::kernel_ridge::{KernelRidge, SetLosses};
 use sps_regress::{FittedRegressor, Plan, Rerun, Trial, Views};
@@ -44,18 +44,20 @@ impl<'a> Refits<'a> {
         }
     }
 
-    /// Chooses views for the property with this place among those to estimate.
+    /// Chooses views for a property in a rerun.
     pub(super) fn select(
         &mut self,
         key: TrialKey,
         selected: &Selected,
         refit: &Refit,
-        property: usize,
-        rerun: usize,
+        (property, rerun): (&Property, usize),
     ) -> Result<Found> {
+        let properties = &self.encodings.stage.tables.properties;
+        let place = properties.iter().position(|other| other == property);
+        let place = place.context("a property that is not estimated")?;
         let amount = self.amount(selected, refit, rerun)?;
         let draws = seed(self.seed, "refit", rerun);
-        let pooled = Pooled::new(self.loss(selected, refit, rerun)?, property, amount)?;
+        let pooled = Pooled::new(self.loss(selected, refit, rerun)?, place, amount)?;
         let problem = Problem::new(&pooled)?
             .distinct(selected.distinct)
             .seed(draws);

@@ -1,18 +1,19 @@
 //! The results of a run, from the rows of its methods.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use rayon::prelude::*;
 use sps_dataset::{Description, Property, Source};
 use sps_metrics::{Intervals, Moments};
 use sps_simulate::Ceiling;
 use tracing::info;
 
-use super::found::Found;
+use super::found::{Found, Selections};
+use super::trials::TrialSpec;
 use super::{Splits, by_encoder, provenance, selection, what_is_measured};
 use crate::config::{Experiment, Looks, Method};
 use crate::data::About;
 use crate::encoder;
-use crate::journal::Outcome;
+use crate::journal::{Journal, Outcome};
 use crate::paper;
 use crate::results::{
     Costs, Dataset, Described, Judged, MethodOutcomes, MethodResult, PerProperty, Results, Scoring,
@@ -22,13 +23,47 @@ use crate::results::{
 /// A method with all its outcomes, by property, in the order of the reruns.
 pub(super) struct MethodRow<'a> {
     pub method: &'a Method,
+    pub trials: Vec<TrialSpec>,
     pub outcomes: PerProperty<Vec<Outcome>>,
     /// What its selector found, likewise.
     pub found: PerProperty<Vec<Found>>,
     pub costs: Costs,
 }
 
-impl MethodRow<'_> {
+impl<'m> MethodRow<'m> {
+    /// Of trials that have all been run; its costs are not measured yet.
+    pub(super) fn of(
+        method: &'m Method,
+        trials: Vec<TrialSpec>,
+        journal: &Journal<Outcome>,
+        selections: &Selections,
+    ) -> Result<Self> {
+        let (mut outcomes, mut found) = (PerProperty::new(), PerProperty::new());
+        for trial in &trials {
+            let property = trial.property.to_string();
+            let outcome = journal.get(&trial.key).context("a trial was not run")?;
+            let mut outcome = outcome.clone();
+            if outcome.rerun != trial.rerun {
+                // Fitted once for several reruns.
+                outcome.rerun = trial.rerun;
+                outcome.train_seconds = 0.0;
+            }
+            if let Some(one) = selections.get(&method.id, &trial.property, trial.rerun) {
+                let of_property: &mut Vec<Found> = found.entry(property.clone()).or_default();
+                of_property.push(one.clone());
+            }
+            let of_property: &mut Vec<Outcome> = outcomes.entry(property).or_default();
+            of_property.push(outcome);
+        }
+        Ok(Self {
+            method,
+            trials,
+            outcomes,
+            found,
+            costs: Costs::default(),
+        })
+    }
+
     /// One of `rows`, ready to be scored.
     fn outcomes(
         &self,
@@ -147,7 +182,6 @@ pub(super) fn results(
     })
 }
 
-/// The encoders of the methods in words; what each has stands beside it where there are several.
 /// What is known of the properties, and how far their values differ over the surfaces.
 fn described(source: &dyn Source, about: &About, properties: &[String]) -> PerProperty<Described> {
     let table = source.tactile();
@@ -175,6 +209,7 @@ fn has_percentages([low, high]: [f64; 2]) -> bool {
     low > 0.0 || high < 0.0
 }
 
+/// The encoders of the methods in words; what each has stands beside it where there are several.
 fn encoders(methods: &[Method]) -> String {
     match by_encoder(methods).as_slice() {
         [(encoder, _)] => encoder::describe(encoder),

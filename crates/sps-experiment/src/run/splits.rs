@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 
 use anyhow::{Context, Result, ensure};
-use sps_dataset::{Split, SplitError, Surface, Units};
+use sps_dataset::{Split, SplitError, SplitPlan, Surface, Units};
 
 use crate::config::{Experiment, Method};
 use crate::data::{Protocol, TestSurfaces};
@@ -27,18 +27,28 @@ impl Splits {
         match &experiment.protocol {
             Protocol::TestSurfaces(protocol) => Self::apart(experiment, protocol, surfaces),
             Protocol::Split(plan) => {
-                let mut all = Vec::new();
-                for rerun in 0..experiment.reruns as u64 {
-                    all.extend(plan.splits(surfaces, experiment.seed, rerun)?);
-                }
-                Ok(Self {
-                    of_rerun: all.len() / experiment.reruns,
-                    all,
-                    units: plan.units(surfaces),
-                    pool: surfaces.len(),
-                })
+                Self::parted(plan, surfaces, experiment.seed, experiment.reruns)
             }
         }
+    }
+
+    /// As a plan parts surfaces, in another way for each rerun.
+    pub(super) fn parted(
+        plan: &SplitPlan,
+        surfaces: &[Surface],
+        seed: u64,
+        reruns: usize,
+    ) -> Result<Self> {
+        let mut all = Vec::new();
+        for rerun in 0..reruns as u64 {
+            all.extend(plan.splits(surfaces, seed, rerun)?);
+        }
+        Ok(Self {
+            of_rerun: all.len() / reruns,
+            all,
+            units: plan.units(surfaces),
+            pool: surfaces.len(),
+        })
     }
 
     /// The splits that a method is trained on: with fewer training surfaces where it asks for fewer,
@@ -184,7 +194,7 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     use proptest::prelude::*;
-    use sps_dataset::{KFold, RandomSplit, SplitPlan, Unit};
+    use sps_dataset::{KFold, RandomSplit, Unit};
 
     use super::*;
 
@@ -195,13 +205,7 @@ mod tests {
             group: group.to_string(),
         };
         let surfaces: Vec<Surface> = groups.iter().enumerate().map(surface).collect();
-        let all = plan.splits(&surfaces, 3, 0).ok()?;
-        Some(Splits {
-            of_rerun: all.len(),
-            all,
-            units: plan.units(&surfaces),
-            pool: surfaces.len(),
-        })
+        Splits::parted(&plan, &surfaces, 3, 1).ok()
     }
 
     fn apart(groups: &[u8], one: &[usize], other: &[usize]) -> bool {

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use sps_dataset::{Description, Frame, FrameFormat, Source, Split, Unit};
+use sps_dataset::{Description, Frame, FrameFormat, Split, Unit};
 use sps_estimator::{
     About, Calibration, Described, Estimator, Fitted, Measured, Predictions, Shown,
 };
@@ -15,13 +15,13 @@ use tracing::warn;
 
 use self::check::{Check, Found};
 use crate::config::{Experiment, Looks, Method, Network as NetworkSpec};
-use crate::data::{self, About as AboutData};
+use crate::data;
 use crate::encoder;
 use crate::files::create_folder;
 use crate::journal::Journal;
 use crate::progress::ensure_wanted;
 use crate::run::{
-    Dealt, Encodings, Folds, Selecting, Selections, Splits, Stage, Stages, portion, views,
+    Dealt, Encoded, Encodings, Folds, Selections, Splits, Stage, Stages, portion, views,
     what_is_measured,
 };
 use crate::text::counted;
@@ -59,15 +59,20 @@ pub fn train(experiment: &Experiment, say: Say<'_>) -> Result<Trained> {
     );
     keeps_its_views(&method)?;
     let splits = Splits::of(experiment, source.surfaces())?;
-    let data = (source, &about);
-    let views = views::needed(&[&method], source)?;
-    let trainer = Trainer {
+    let encoded = Encoded {
         experiment,
-        method: &method,
         source,
-        data: &about,
+        about: &about,
+        sequence: None,
+        encoder: &method.encoder,
+        methods: vec![&method],
         splits: &splits,
-        stages: Stages::new(experiment, &method.encoder, data, &splits, views, None)?,
+        dealt: Dealt::all(1, 0..1),
+    };
+    let trainer = Trainer {
+        of: &encoded,
+        method: &method,
+        stages: Stages::new(&encoded)?,
     };
     let (measured, worst) = trainer.check(say)?;
     let all: Vec<usize> = (0..splits.pool).collect();
@@ -151,11 +156,8 @@ struct Fit {
 }
 
 struct Trainer<'a> {
-    experiment: &'a Experiment,
+    of: &'a Encoded<'a, 'a>,
     method: &'a Method,
-    source: &'a dyn Source,
-    data: &'a AboutData,
-    splits: &'a Splits,
     stages: Stages<'a>,
 }
 
@@ -163,7 +165,7 @@ impl Trainer<'_> {
     /// Fits on some surfaces, a part of which calibrates the intervals: neither the regression, nor
     /// what chose the views, nor an encoder that is trained has seen its readings.
     fn fit(&self, surfaces: &[usize], number: u64) -> Result<Fit> {
-        let (experiment, units) = (self.experiment, &self.splits.units);
+        let (experiment, units) = (self.of.experiment, &self.of.splits.units);
         let calibration = Calibration {
             share: Some(experiment.train.calibration),
             level: experiment.train.level,
@@ -171,10 +173,8 @@ impl Trainer<'_> {
         };
         let part = calibration.part(units, surfaces, number);
         let part = part.context("[train]")?;
-        let parts = self.splits.only(part.clone());
-        let encodings =
-            Encodings::of_splits(&self.stages, &self.method.encoder, &parts.all, &[0].into())?
-                .remove(0);
+        let parts = self.of.splits.only(part.clone());
+        let encodings = self.stages.of_splits(&parts.all, &[0].into())?.remove(0);
         let views = self.views(&encodings, &parts)?;
         let stage = encodings.stage;
         let tables = &stage.tables;
@@ -195,7 +195,7 @@ impl Trainer<'_> {
     /// The views that each property is estimated from, as places in the tables: a selector that learns
     /// does so on the one training part of `parts`.
     fn views(&self, encodings: &Encodings, parts: &Splits) -> Result<Vec<Vec<usize>>> {
-        let (experiment, tables) = (self.experiment, &encodings.stage.tables);
+        let (experiment, tables) = (self.of.experiment, &encodings.stage.tables);
         // Embeddings from a file leave no cache behind.
         create_folder(&experiment.cache)?;
         let mut journal = Journal::open(&experiment.cache.join("selections.jsonl"))?;
@@ -205,11 +205,8 @@ impl Trainer<'_> {
             encodings,
             splits: parts,
         };
-        let mut selecting = Selecting {
-            folds,
-            journal: &mut journal,
-        };
-        selecting.run(&[self.method], &Dealt::all(1, 0..1), &mut selections)?;
+        let dealt = &self.of.dealt;
+        folds.select(&[self.method], dealt, &mut journal, &mut selections)?;
         let of_property = |property| {
             let (method, split) = (self.method, &parts.all[0]);
             let trial = (property, 0);
@@ -221,19 +218,19 @@ impl Trainer<'_> {
 
     fn shown(&self, surface: usize, view: usize) -> Result<Shown> {
         let mut photograph = Vec::new();
-        if self.experiment.train.keep_photographs {
-            let frame = self.source.frame(surface, view)?;
+        if self.of.experiment.train.keep_photographs {
+            let frame = self.of.source.frame(surface, view)?;
             let side = frame.width.min(frame.height).min(SMALL);
             photograph = FrameFormat::Png.encode(&*frame.resized(side)?)?;
         }
         Ok(Shown {
-            name: self.source.surfaces()[surface].id.clone(),
+            name: self.of.source.surfaces()[surface].id.clone(),
             photograph,
         })
     }
 
     fn about(&self, fit: &Fit, measured: BTreeMap<String, Measured>) -> Result<About> {
-        let (experiment, source) = (self.experiment, self.source);
+        let (experiment, source) = (self.of.experiment, self.of.source);
         let views = fit.stage.tables.shown(&fit.photographs);
         let frame = source.frame(0, views[0])?;
         self.warn_of_sizes(&frame, views[0])?;
@@ -246,10 +243,10 @@ impl Trainer<'_> {
             name: experiment.name.clone(),
             method: self.method.label.clone(),
             data: source.name().to_owned(),
-            source: self.data.origin.clone(),
+            source: self.of.about.origin.clone(),
             frame_size: [frame.height, frame.width],
             angles: views.iter().map(|&view| angles[view].0).collect(),
-            decode: self.data.decode.clone(),
+            decode: self.of.about.decode.clone(),
             described: described.collect(),
             measured,
         })
@@ -263,8 +260,8 @@ impl Trainer<'_> {
         if encoder.resize.is_some() || encoder.network.kind().is_none() {
             return Ok(());
         }
-        for surface in 1..self.source.surfaces().len().min(SOME) {
-            let frame = self.source.frame(surface, view)?;
+        for surface in 1..self.of.source.surfaces().len().min(SOME) {
+            let frame = self.of.source.frame(surface, view)?;
             if frame.extent() != first.extent() {
                 warn!(
                     "frames differ in size; photographs are brought to that of the first, {} x {} \
@@ -279,8 +276,8 @@ impl Trainer<'_> {
 
     /// Says what such models do on the surfaces that each split of the config holds out.
     fn check(&self, say: Say<'_>) -> Result<Found> {
-        let (splits, source) = (&self.splits.all, self.source);
-        let mut check = Check::new(&self.splits.units, self.method.adaptive);
+        let (splits, source) = (&self.of.splits.all, self.of.source);
+        let mut check = Check::new(&self.of.splits.units, self.method.adaptive);
         for (number, split) in splits.iter().enumerate() {
             ensure_wanted()?;
             let fit = self.fit(&split.train, number as u64)?;
@@ -295,15 +292,15 @@ impl Trainer<'_> {
             1 => String::new(),
             several => format!(" in each of {several} splits"),
         };
-        let unit = self.splits.units.unit();
-        let train = &self.experiment.train;
+        let unit = self.of.splits.units.unit();
+        let train = &self.of.experiment.train;
         say(&format!(
             "{} on {unit} held out, {}{times}, intervals of {:.0} %:",
             self.method.label,
             counted(of_split, "surface"),
             100.0 * train.level.get()
         ));
-        say(&what_is_measured(self.splits, source.surfaces()));
+        say(&what_is_measured(self.of.splits, source.surfaces()));
         let found = check.print(source.surfaces(), say)?;
         say(&format!(
             "values are estimated by a model of all surfaces fitted to; intervals by one that has not seen \
@@ -320,10 +317,8 @@ impl Trainer<'_> {
         fit: &Fit,
         surfaces: &[usize],
     ) -> Result<(BTreeMap<usize, Predictions>, Predictions)> {
-        let (experiment, source) = (self.experiment, self.source);
         let (stage, places) = (Arc::clone(&fit.stage), &fit.photographs);
-        let beyond = source.surfaces().len() - self.splits.pool;
-        let encodings = Encodings::with_test_views(experiment, source, stage, places, beyond)?;
+        let encodings = Encodings::with_test_views(self.of, stage, places)?;
         let step = |views: usize| {
             let embeddings = encodings.select(surfaces, &places[..views])?;
             Ok((views, fit.fitted.predict(&embeddings)?))

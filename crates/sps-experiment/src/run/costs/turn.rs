@@ -12,8 +12,8 @@ use super::estimate::{Look, Spent, costs, estimate, timed};
 use crate::config::Method;
 use crate::journal::Stop;
 use crate::results::Costs;
-use crate::run::encoded::Finished;
 use crate::run::fit::fit_some;
+use crate::run::results::MethodRow;
 use crate::run::trials::{TrialSpec, plan};
 use crate::run::views::TrialViews;
 use crate::run::{Splits, Stage};
@@ -43,7 +43,7 @@ impl<'a> Turn<'a> {
         source: &'a dyn Source,
         splits: &Splits,
         stage: &'a Stage,
-        finished: &Finished<'_>,
+        row: &MethodRow<'_>,
     ) -> Result<Self> {
         let split = &splits.all[0];
         let few = Split {
@@ -52,18 +52,18 @@ impl<'a> Turn<'a> {
         };
         let fitting = Fitting {
             stage,
-            method: quick(finished.method)?,
+            method: quick(row.method)?,
             splits,
             few: &few,
         };
         let mut surfaces = few.validation.clone();
-        let trials = fitting.trials(&finished.trials);
+        let trials = fitting.trials(&row.trials);
         let (ways, ends) = match trials.first() {
-            Some(trial) if finished.method.adaptive.is_some() => {
+            Some(trial) if row.method.adaptive.is_some() => {
                 let order = trial.views.shown();
                 let looks = (0..order.len()).map(|at| fitting.one_more(trial, &order[..=at]));
                 let looks = looks.collect::<Result<Vec<Look>>>()?;
-                (vec![looks], shares(&finished.stops, order.len()))
+                (vec![looks], shares(row, order.len()))
             }
             _ => {
                 let ways = fitting.together(&trials)?;
@@ -113,8 +113,10 @@ impl<'a> Turn<'a> {
     }
 }
 
-/// The share of `stops` at each number of views.
-fn shares(stops: &[Stop], most: usize) -> Vec<f64> {
+/// The share of estimates that ended at each number of views.
+fn shares(row: &MethodRow<'_>, most: usize) -> Vec<f64> {
+    let outcomes = row.outcomes.values().flatten();
+    let stops: Vec<&Stop> = outcomes.flat_map(|outcome| &outcome.stops).collect();
     let at = |views| stops.iter().filter(|stop| stop.views == views).count();
     let shares = (1..=most).map(|views| at(views) as f64 / stops.len().max(1) as f64);
     shares.collect()

@@ -128,7 +128,7 @@ pub(super) fn outcomes(
 }
 
 fn outcome(judge: &Judge<'_>, trial: &TrialSpec, estimates: &Estimates) -> Result<Outcome> {
-    let (tables, splits) = (judge.tables, judge.splits);
+    let (tables, splits) = (judge.tables(), judge.splits);
     let rerun = trial.rerun / splits.of_rerun;
     let held_out = judge.held_out(trial)?;
     let given = held_out.surfaces.iter().map(|&surface| {

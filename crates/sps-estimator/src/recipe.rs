@@ -6,7 +6,7 @@ use sps_dataset::{Split, SplitError, Units};
 use sps_metrics::{ConformalError, Level};
 use sps_regress::TrainingData;
 
-use crate::error::{Error, Result};
+use crate::error::{Result, refuse};
 use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};
 use crate::novelty::{Aside, Familiar};
 use crate::radius::{radii, radius};
@@ -88,11 +88,7 @@ impl Calibration {
             });
         };
         if !(share > 0.0 && share < 1.0) {
-            return Err(Error::input(
-                "calibration",
-                share,
-                "a share between 0 and 1",
-            ));
+            return refuse("calibration", share, "a share between 0 and 1");
         }
         Ok(units.keep_aside(surfaces, share, seed, "random split", number)?)
     }
@@ -127,11 +123,7 @@ impl Examples<'_> {
         }
         let found = "some of units that calibrate the intervals";
         let expected = "none of them";
-        Err(Error::input(
-            "surfaces that the encoder saw",
-            found,
-            expected,
-        ))
+        refuse("surfaces that the encoder saw", found, expected)
     }
 }
 
@@ -294,16 +286,12 @@ impl Recipe {
             if self.one_by_one && wanted.views != self.wanted[0].views {
                 let found = format!("others for {}", wanted.property);
                 let expected = "the same for all properties, to look at one by one";
-                return Err(Error::input("views", found, expected));
+                return refuse("views", found, expected);
             }
             for (at, view) in wanted.views.iter().enumerate() {
                 if self.one_by_one && wanted.views[..at].contains(view) {
                     let expected = "each once, to look at one by one";
-                    return Err(Error::input(
-                        "views",
-                        format!("view {view} twice"),
-                        expected,
-                    ));
+                    return refuse("views", format!("view {view} twice"), expected);
                 }
                 if !slots.contains(view) {
                     slots.push(*view);
@@ -311,11 +299,7 @@ impl Recipe {
             }
         }
         if slots.is_empty() {
-            return Err(Error::input(
-                "properties to estimate",
-                "no view",
-                "at least one",
-            ));
+            return refuse("properties to estimate", "no view", "at least one");
         }
         Ok(slots)
     }

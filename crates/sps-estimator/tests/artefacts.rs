@@ -11,8 +11,7 @@ use fuzz::{Damage, broken, damaged, fuzz, nested, said, with_header};
 use proptest::prelude::any;
 use serde_json::{Value, json};
 use sps_estimator::{Estimator, Precomputed, Sight};
-use sps_models::encoders::Block;
-use support::{Tables, photograph, recipe, ridge};
+use support::{Tables, block, npy, photograph, recipe, ridge};
 
 #[global_allocator]
 static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
@@ -190,10 +189,6 @@ fn any_damage_is_refused_or_harmless() {
 
 #[test]
 fn files_of_embeddings() {
-    let block = |name: &str, width| Block {
-        name: name.to_owned(),
-        width,
-    };
     let files = ["oak/1.jpg", "denim/1.jpg", "3.png"]
         .map(str::to_owned)
         .to_vec();
@@ -213,10 +208,7 @@ fn files_of_embeddings() {
         }
     };
     fuzz("embeddings", &broken(safetensors), |bytes| read(&bytes));
-    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (3, 3), }";
-    let mut npy = b"\x93NUMPY\x01\x00v\x00".to_vec();
-    npy.extend(format!("{header:<117}\n").bytes());
-    npy.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    let npy = npy(&values, 3);
     fuzz("embeddings as npy", &Damage::some(), |damages| {
         read(&damaged(npy.clone(), &damages));
     });

@@ -15,7 +15,7 @@ use sps_models::heads::{Head, HeadConfig, Input};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_regress::ridge::{Ridge, RidgeConfig};
 use sps_regress::{AnyRegressor, FittedRegressor, Plan, Rerun, Views};
-use support::{Tables, embedder, photograph, recipe, refused, ridge};
+use support::{Tables, embedder, photograph, read_again, recipe, refused, ridge};
 
 fn kernel() -> Regression {
     Regression::Rows(AnyRegressor::KernelRidge(
@@ -58,10 +58,7 @@ fn every_regression_is_read_again_to_the_bit() {
     ] {
         let kind = regression.kind();
         let estimator = tables.estimator(&recipe(regression, &[1, 0]));
-        let folder = tempfile::tempdir().unwrap();
-        let folder = folder.path().join("deep/model");
-        estimator.save(&folder).unwrap();
-        let again = Estimator::load(&folder).unwrap();
+        let again = read_again(&estimator);
         assert_eq!(again.about(), estimator.about());
         let encoder = again.embedder().network().encoder().unwrap();
         assert_eq!(
@@ -101,11 +98,9 @@ fn all_surfaces_are_fitted_to_where_none_calibrates() {
     let mut recipe = recipe(ridge(), &[0]);
     recipe.calibration.share = None;
     let estimator = tables.estimator(&recipe);
-    let examples = tables.examples();
-    let all: Vec<usize> = (0..30).collect();
     let rerun = Rerun {
         number: 0,
-        training: all.clone(),
+        training: tables.all(),
         validation: Vec::new(),
     };
     let mut plan = Plan::each(1, tables.readings.properties(), vec![rerun]);
@@ -113,7 +108,7 @@ fn all_surfaces_are_fitted_to_where_none_calibrates() {
         trial.views = Views::Fixed(vec![0]);
     }
     let ridge = Ridge::new(RidgeConfig::default()).unwrap();
-    let ridge = ridge.train(&examples.data, &plan).unwrap();
+    let ridge = ridge.train(&tables.examples().data, &plan).unwrap();
     let expected = ridge.predict(&tables.embeddings).unwrap();
     let predictions = estimator.fitted().predict(&tables.embeddings).unwrap();
     for (found, expected) in predictions.properties.iter().zip(&expected) {
@@ -206,11 +201,8 @@ fn the_interval_of_several_photographs_holds_at_the_level() {
     let mut recipe = recipe(ridge(), &[0]);
     recipe.widths = Widths::Constant;
     let fitted = tables.estimator(&recipe);
-    let folder = tempfile::tempdir().unwrap();
-    fitted.save(folder.path()).unwrap();
-    let estimator = Estimator::load(folder.path()).unwrap();
-    let all: Vec<usize> = (0..40).collect();
-    let part = recipe.calibration.part(&tables.units, &all, 0).unwrap();
+    let estimator = read_again(&fitted);
+    let part = tables.part(&recipe);
     let embeddings = tables.embeddings.select(&part.validation, &[0]).unwrap();
     let estimates = estimator.fitted().predict(&embeddings).unwrap();
     let intervals = estimates.properties[0].intervals.as_ref().unwrap();
@@ -255,10 +247,7 @@ fn a_session_ends_when_it_is_sure_and_says_where_to_look() {
     let tables = Tables::new(60, 3, 1);
     let mut recipe = recipe(ridge(), &[2, 0, 1]);
     recipe.one_by_one = true;
-    let estimator = tables.estimator(&recipe);
-    let folder = tempfile::tempdir().unwrap();
-    estimator.save(folder.path()).unwrap();
-    let estimator = Estimator::load(folder.path()).unwrap();
+    let estimator = read_again(&tables.estimator(&recipe));
     assert!(estimator.fitted().steps().eq([1, 2, 3]));
 
     // As narrow as anything is: one photograph is enough.
@@ -347,12 +336,8 @@ fn what_was_never_seen_is_unfamiliar() {
         data: (0..3 * 32 * 32).map(red_and_blue).collect(),
         ..photograph(0, 0)
     };
-    let seen = estimator
-        .predict(&photographs(7, &[0]))
-        .unwrap()
-        .familiar
-        .unwrap();
-    let strange = estimator.predict(&[strange]).unwrap().familiar.unwrap();
+    let familiar = |asked: &[Frame]| estimator.predict(asked).unwrap().familiar.unwrap();
+    let (seen, strange) = (familiar(&photographs(7, &[0])), familiar(&[strange]));
     assert!(strange < 0.05 && seen > 0.05, "{strange} {seen}");
 }
 
@@ -360,18 +345,15 @@ fn what_was_never_seen_is_unfamiliar() {
 fn threads_do_not_change_bits() {
     let tables = Tables::new(40, 1, 1);
     let estimator = tables.estimator(&recipe(kernel(), &[0]));
-    let expected: Vec<_> = (50..58)
-        .map(|s| estimator.predict(&photographs(s, &[0])).unwrap())
-        .collect();
+    let ask = || -> Vec<Answer> {
+        let asked = (50..58).map(|surface| photographs(surface, &[0]));
+        asked
+            .map(|asked| estimator.predict(&asked).unwrap())
+            .collect()
+    };
+    let expected = ask();
     thread::scope(|scope| {
-        let ask = |_| {
-            scope.spawn(|| {
-                (50..58)
-                    .map(|s| estimator.predict(&photographs(s, &[0])).unwrap())
-                    .collect::<Vec<_>>()
-            })
-        };
-        let all: Vec<_> = (0..8).map(ask).collect();
+        let all: Vec<_> = (0..8).map(|_| scope.spawn(ask)).collect();
         for one in all {
             assert_eq!(one.join().unwrap(), expected);
         }
@@ -486,8 +468,7 @@ fn a_map_by_a_model_with_a_size_of_its_own_has_the_places_of_the_photograph() {
 fn intervals_do_not_lie_by_readings_that_calibrate_them() {
     let mut tables = Tables::new(40, 1, 1);
     let recipe = recipe(ridge(), &[0]);
-    let all: Vec<usize> = (0..40).collect();
-    let part = recipe.calibration.part(&tables.units, &all, 0).unwrap();
+    let part = tables.part(&recipe);
     let asked = photographs(70, &[0]);
     let of = |tables: &Tables| {
         let answer = tables.estimator(&recipe).predict(&asked).unwrap();
@@ -513,10 +494,7 @@ fn what_does_not_fit_together_is_refused() {
     refused(one, "found 1, expected 2, at 0 and 10 degrees");
     let mut about = estimator.about().clone();
     about.angles.pop();
-    let all: Vec<usize> = (0..20).collect();
-    let fitted = recipe(ridge(), &[0, 1])
-        .fit(&tables.examples(), &all, 0)
-        .unwrap();
+    let fitted = tables.fit(&recipe(ridge(), &[0, 1])).unwrap();
     let fewer = Estimator::new(embedder(), fitted, about);
     refused(fewer, "one for each of 2 views");
     let mut twice = recipe(ridge(), &[0, 1, 0]);
@@ -524,8 +502,7 @@ fn what_does_not_fit_together_is_refused() {
     refused(twice.slots(), "view 0 twice");
     let mut share = recipe(ridge(), &[0]);
     share.calibration.share = Some(1.5);
-    let beyond = share.fit(&tables.examples(), &all, 0);
-    refused(beyond, "calibration: found 1.5");
+    refused(tables.fit(&share), "calibration: found 1.5");
     let beyond = radius(&Tables::new(8, 1, 2).units, &[(99, 1.0)], Level::P90);
     assert!(beyond.is_err());
     let no_pixel = Embedder::new(embedder().network().clone(), Some(0));
@@ -540,7 +517,7 @@ fn what_does_not_fit_together_is_refused() {
     refused(small, expected);
     let mut none = recipe(ridge(), &[0]);
     none.wanted.clear();
-    assert!(none.fit(&tables.examples(), &all, 0).is_err());
+    assert!(tables.fit(&none).is_err());
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("file"), "").unwrap();
     refused(estimator.save(&folder.path().join("file/model")), "file");

@@ -43,6 +43,24 @@ fn grouped(groups: usize, of_group: usize) -> Units {
     Units::of(&(0..groups * of_group).map(surface).collect::<Vec<_>>())
 }
 
+fn examples<'a>(
+    embeddings: &'a Embeddings,
+    readings: &'a Readings,
+    units: &'a Units,
+) -> Examples<'a> {
+    Examples {
+        data: TrainingData::new(embeddings, readings),
+        units,
+        encoder_saw: &[],
+    }
+}
+
+/// Three standard errors of a share of 0.8 that draws of so many new surfaces each find. Surfaces of one
+/// draw share their calibration: its spread is that of a Beta(20, 5) variable, 0.078.
+fn error(draws: usize, new: usize) -> f64 {
+    3.0 * (0.078_f64.powi(2) / draws as f64 + 0.16 / (draws * new) as f64).sqrt()
+}
+
 fn embeddings(rows: &[[f64; WIDTH]]) -> Embeddings {
     let values = rows.as_flattened().iter().map(|&x| x as f32).collect();
     Embeddings::new(values, [rows.len(), 1, WIDTH]).unwrap()
@@ -220,12 +238,8 @@ fn joint_intervals_hold_all_properties_at_once() {
             embeddings(rows),
             Readings::new(names.clone(), &readings).unwrap(),
         );
-        let examples = Examples {
-            data: TrainingData::new(&embedded, &readings),
-            units: &units,
-            encoder_saw: &[],
-        };
         let all: Vec<usize> = (0..SURFACES).collect();
+        let examples = examples(&embedded, &readings, &units);
         let fitted = recipe.fit(&examples, &all, draw as u64).unwrap();
         let hold = |predictions: &Predictions| {
             let holds = |surface: usize| {
@@ -245,8 +259,7 @@ fn joint_intervals_hold_all_properties_at_once() {
         share(alone),
         share(at_once)
     );
-    // Surfaces of one draw share their calibration: its spread is that of a Beta(20, 5) variable, 0.078.
-    let error = 3.0 * (0.078_f64.powi(2) / draws as f64 + 0.16 / (draws * NEW) as f64).sqrt();
+    let error = error(draws, NEW);
     assert!((share(at_once) - 0.8).abs() < error, "{}", share(at_once));
     assert!(share(alone) < 0.7, "{}", share(alone));
 }
@@ -280,12 +293,8 @@ fn intervals_hold_at_the_promised_rate_wherever_one_stops() {
         let rows: Vec<Vec<Option<f64>>> = (0..SURFACES).map(|at| vec![Some(felt(at))]).collect();
         let (embedded, new) = (of(0..SURFACES), of(SURFACES..SURFACES + NEW));
         let readings = Readings::new(vec!["felt".into()], &rows).unwrap();
-        let examples = Examples {
-            data: TrainingData::new(&embedded, &readings),
-            units: &units,
-            encoder_saw: &[],
-        };
         let all: Vec<usize> = (0..SURFACES).collect();
+        let examples = examples(&embedded, &readings, &units);
         let fitted = recipe.fit(&examples, &all, draw as u64).unwrap();
         let surfaces: Vec<usize> = (0..NEW).collect();
         let step = |count| {
@@ -308,9 +317,7 @@ fn intervals_hold_at_the_promised_rate_wherever_one_stops() {
     let share = held.map(|count| count as f64 / (draws * NEW) as f64);
     println!("held {share:?}, views {views:?}");
     assert!(share[0] >= share[1]);
-    // As for intervals that hold all properties at once.
-    let error = 3.0 * (0.078_f64.powi(2) / draws as f64 + 0.16 / (draws * NEW) as f64).sqrt();
-    assert!((share[1] - 0.8).abs() < error, "{share:?}");
+    assert!((share[1] - 0.8).abs() < error(draws, NEW), "{share:?}");
     // Easy surfaces take fewer views.
     assert!(views.iter().all(|count| *count > 0), "{views:?}");
 }

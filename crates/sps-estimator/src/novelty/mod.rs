@@ -8,7 +8,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use sps_regress::Embeddings;
 use sps_regress::nearest::squared_distance;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, refuse};
 
 /// Neighbours that a distance is the mean over.
 const NEIGHBOURS: usize = 5;
@@ -146,11 +146,7 @@ impl Familiar {
                 embeddings.width()
             );
             let expected = format!("{} of width {}", self.views, self.width);
-            return Err(Error::input(
-                "embeddings to hold against others",
-                found,
-                expected,
-            ));
+            return refuse("embeddings to hold against others", found, expected);
         };
         let new = units(embeddings);
         let new = new.par_chunks_exact(step * self.width);

@@ -5,13 +5,13 @@
 use std::path::{Path, PathBuf};
 
 use sps_base::streams::{RngCore, hashed_stream};
-use sps_dataset::{DatasetFolder, ReadSettings, Source, Surface, TactileSettings, Units};
+use sps_dataset::{DatasetFolder, ReadSettings, Source, Split, Surface, TactileSettings, Units};
 use sps_estimator::{
-    About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression,
+    About, Calibration, Embedder, Estimator, Examples, Fitted, Frame, Network, Recipe, Regression,
 };
 use sps_metrics::Level;
 use sps_models::candle::Device;
-use sps_models::encoders::{Depths, Encoder, EncoderKind};
+use sps_models::encoders::{Block, Depths, Encoder, EncoderKind};
 use sps_regress::ridge::{Ridge, RidgeConfig};
 use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
 
@@ -124,9 +124,35 @@ impl Tables {
         }
     }
 
+    pub(crate) fn all(&self) -> Vec<usize> {
+        (0..self.embeddings.surfaces()).collect()
+    }
+
+    /// The surfaces that a recipe fits and those that calibrate it.
+    pub(crate) fn part(&self, recipe: &Recipe) -> Split {
+        let part = recipe.calibration.part(&self.units, &self.all(), 0);
+        part.unwrap()
+    }
+
+    pub(crate) fn fit(&self, recipe: &Recipe) -> sps_estimator::Result<Fitted> {
+        recipe.fit(&self.examples(), &self.all(), 0)
+    }
+
+    /// The same of an encoder that learned from some surfaces.
+    pub(crate) fn fit_beside(
+        &self,
+        recipe: &Recipe,
+        saw: &[usize],
+    ) -> sps_estimator::Result<Fitted> {
+        let examples = Examples {
+            encoder_saw: saw,
+            ..self.examples()
+        };
+        recipe.fit(&examples, &self.all(), 0)
+    }
+
     pub(crate) fn estimator(&self, recipe: &Recipe) -> Estimator {
-        let all: Vec<usize> = (0..self.embeddings.surfaces()).collect();
-        let fitted = recipe.fit(&self.examples(), &all, 0).unwrap();
+        let fitted = self.fit(recipe).unwrap();
         let views = recipe.slots().unwrap();
         let about = About {
             name: "test".into(),
@@ -145,6 +171,31 @@ pub(crate) fn recipe(regression: Regression, views: &[usize]) -> Recipe {
         seed: 1,
     };
     Recipe::new(regression, ["fRS", "felt"], views, calibration)
+}
+
+/// The same, written to a folder and read from it.
+pub(crate) fn read_again(estimator: &Estimator) -> Estimator {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path().join("deep/model");
+    estimator.save(&folder).unwrap();
+    Estimator::load(&folder).unwrap()
+}
+
+pub(crate) fn block(name: &str, width: usize) -> Block {
+    Block {
+        name: name.to_owned(),
+        width,
+    }
+}
+
+/// `numpy.save` of rows of that many numbers each, f32.
+pub(crate) fn npy(values: &[f32], width: usize) -> Vec<u8> {
+    let shape = (values.len() / width, width);
+    let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape:?}, }}");
+    let mut bytes = b"\x93NUMPY\x01\x00v\x00".to_vec();
+    bytes.extend(format!("{header:<117}\n").bytes());
+    bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    bytes
 }
 
 /// Holds that something is refused with words that have this part.

@@ -207,13 +207,6 @@ fn table(groups: &[Group]) -> Table {
         ];
         Row::measured(cells.map(Cell::from).to_vec())
     });
-    Table {
-        name: "surfaces",
-        title: "Surfaces".to_owned(),
-        caption: String::new(),
-        columns: ["", "surface", "material", "seen from", "off by, deviations"]
-            .map(str::to_owned)
-            .to_vec(),
-        rows: rows.collect(),
-    }
+    let columns = ["", "surface", "material", "seen from", "off by, deviations"];
+    Table::new("surfaces", "Surfaces", columns, rows)
 }

@@ -8,7 +8,7 @@ use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 use sps_experiment::results::{MethodResult, Number, PerProperty, Results};
 
-use super::figures::{Figure, PAGE, plotted, told_apart};
+use super::figures::{Figure, PAGE, line, plotted, told_apart};
 use super::table::{Cell, Row, Table};
 
 /// One method, by the number of surfaces that it was trained on.
@@ -124,10 +124,7 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
     }
     for (label, _, mean) in ceilings(results) {
         let Some(value) = mean else { continue };
-        let line = LinePlot::new()
-            .with_data(vec![(least, value), (most, value)])
-            .with_color("#555555")
-            .with_stroke_width(1.4);
+        let line = line([(least, value), (most, value)], "#555555", 1.4);
         let line = if label.ends_with("one view") {
             line.with_dashed()
         } else {

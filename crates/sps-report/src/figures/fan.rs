@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use sps_experiment::results::{MethodResult, Results};
 
-use super::{COLOURS, Figure, PAGE};
+use super::{COLOURS, Figure, PAGE, escaped};
 
 const RAY: f64 = 21.0;
 const CELL: (f64, f64) = (38.0, 30.0);
@@ -118,10 +118,7 @@ fn learned(method: &MethodResult) -> bool {
 }
 
 fn text(svg: &mut String, x: f64, y: f64, anchor: &str, words: &str) {
-    let words = words
-        .replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;");
+    let words = escaped(words);
     let _ = write!(
         svg,
         "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{words}</text>"

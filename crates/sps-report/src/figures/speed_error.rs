@@ -127,11 +127,7 @@ fn staircase(points: &[Point]) -> LinePlot {
     if let Some(&(_, error)) = line.last() {
         line.push((1e3 * slowest, error));
     }
-    LinePlot::new()
-        .with_data(line)
-        .with_color("#555555")
-        .with_stroke_width(1.0)
-        .with_dashed()
+    super::line(line, "#555555", 1.0).with_dashed()
 }
 
 fn marks(results: &Results, points: &[Point], key: &Key) -> Vec<Plot> {

@@ -114,16 +114,7 @@ impl GroupConformal {
 #[pymethods]
 impl Coverage {
     fn __repr__(&self) -> String {
-        let Self {
-            covered,
-            samples,
-            fraction,
-            mean_width,
-        } = self;
-        format!(
-            "Coverage(covered={covered}, samples={samples}, fraction={fraction:?}, \
-             mean_width={mean_width:?})"
-        )
+        shown!(Coverage, self, covered, samples, fraction, mean_width)
     }
 }
 

@@ -186,18 +186,15 @@ impl ScoreInterval {
     }
 
     fn __repr__(&self) -> String {
-        let Self {
+        shown!(
+            ScoreInterval,
+            self,
             estimate,
             low,
             high,
             level,
             units,
-            reruns,
-            ..
-        } = self;
-        format!(
-            "ScoreInterval(estimate={estimate:?}, low={low:?}, high={high:?}, level={level:?}, \
-             units={units}, reruns={reruns})"
+            reruns
         )
     }
 }

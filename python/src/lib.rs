@@ -8,6 +8,14 @@
     reason = "arguments come from Python by value"
 )]
 
+/// A value of a class as Python shows it.
+macro_rules! shown {
+    ($class:ident, $value:ident, $($field:ident),+) => {{
+        let fields = [$(format!(concat!(stringify!($field), "={:?}"), $value.$field)),+];
+        format!("{}({})", stringify!($class), fields.join(", "))
+    }};
+}
+
 mod arrays;
 mod conformal;
 mod dataset;

@@ -22,12 +22,7 @@ pub(crate) struct Score {
 #[pymethods]
 impl Score {
     fn __repr__(&self) -> String {
-        let Self {
-            value,
-            samples,
-            zero_truths,
-        } = self;
-        format!("Score(value={value:?}, samples={samples}, zero_truths={zero_truths})")
+        shown!(Score, self, value, samples, zero_truths)
     }
 }
 

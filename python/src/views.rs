@@ -35,13 +35,7 @@ pub(crate) struct Selection {
 #[pymethods]
 impl Selection {
     fn __repr__(&self) -> String {
-        let Self {
-            picks,
-            loss,
-            evaluations,
-            ..
-        } = self;
-        format!("Selection(picks={picks:?}, loss={loss:?}, evaluations={evaluations})")
+        shown!(Selection, self, picks, loss, evaluations)
     }
 }
 

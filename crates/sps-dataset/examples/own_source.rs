@@ -3,12 +3,11 @@
 //! `cargo run --release -p sps-dataset --example own_source -- NEW_FOLDER`, or without a folder in a
 //! temporary one.
 
-use std::convert::Infallible;
 use std::path::Path;
 
 use sps_dataset::{
     DatasetFolder, Frame, FrameFormat, FrameKey, InvalidCode, ReadSettings, Reading, RollAngle,
-    Source, Surface, TactileSettings, TactileTable, WriteOptions, write_dataset,
+    Source, SourceError, Surface, TactileSettings, TactileTable, WriteOptions, write_dataset,
 };
 
 const SIZE: usize = 64;
@@ -45,8 +44,6 @@ impl Stripes {
 }
 
 impl Source for Stripes {
-    type Error = Infallible;
-
     fn name(&self) -> &'static str {
         "stripes"
     }
@@ -63,7 +60,7 @@ impl Source for Stripes {
         &self.tactile
     }
 
-    fn frame(&self, surface: usize, view: usize) -> Result<Frame, Infallible> {
+    fn frame(&self, surface: usize, view: usize) -> Result<Frame, SourceError> {
         // Seen at an angle, stripes are narrower.
         let width = 12.0 / (surface + 1) as f32 * (self.angles[view].0 as f32).to_radians().cos();
         let pixel = |at: usize| 0.5 + 0.4 * ((at % SIZE) as f32 / width).sin();
@@ -74,7 +71,7 @@ impl Source for Stripes {
         })
     }
 
-    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, Infallible> {
+    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, SourceError> {
         let mut key = [0; 32];
         key[..2].copy_from_slice(&[surface as u8, view as u8]);
         Ok(key)

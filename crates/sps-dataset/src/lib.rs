@@ -96,8 +96,8 @@ pub use property::{
 };
 pub use settings::ReadSettings;
 pub use source::{
-    FrameIndex, FrameKey, Origin, RollAngle, Source, Surface, decode_frames, map_frames,
-    nearest_view,
+    FrameIndex, FrameKey, Origin, RollAngle, Source, SourceError, Surface, decode_frames,
+    map_frames, nearest_view,
 };
 pub use split::{KFold, RandomSplit, Split, SplitError, SplitPlan};
 pub use sps_base::names::UnknownName;

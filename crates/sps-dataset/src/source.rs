@@ -1,3 +1,6 @@
+use std::error::Error;
+use std::ops::Deref;
+
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -48,13 +51,30 @@ pub struct FrameIndex {
     pub view: usize,
 }
 
+/// Why a source cannot give a frame.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub struct SourceError(Box<dyn Error + Send + Sync>);
+
+impl SourceError {
+    /// What the source itself says.
+    pub fn new(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self(error.into())
+    }
+}
+
+impl Deref for SourceError {
+    type Target = dyn Error + Send + Sync;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.0
+    }
+}
+
 /// Surfaces with an image sequence each and a tactile table: a dataset on disk or a simulator.
 ///
 /// Nothing is decoded or rendered before [`Source::frame`] asks for it.
 pub trait Source: Send + Sync {
-    /// The error of reading or rendering a frame.
-    type Error: std::error::Error + Send + Sync + 'static;
-
     /// What the source is called in reports.
     fn name(&self) -> &str;
 
@@ -82,7 +102,7 @@ pub trait Source: Send + Sync {
     ///
     /// # Errors
     /// Where the frame is missing or damaged, or an index is out of range.
-    fn frame(&self, surface: usize, view: usize) -> Result<Frame, Self::Error>;
+    fn frame(&self, surface: usize, view: usize) -> Result<Frame, SourceError>;
 
     /// One view for whoever will bring its shorter side to so many pixels ([`Frame::resized`]), if to
     /// any: of that size already, with the same pixels, where the source reads it so in less time and
@@ -95,7 +115,7 @@ pub trait Source: Send + Sync {
         surface: usize,
         view: usize,
         _shorter_side: Option<usize>,
-    ) -> Result<Frame, Self::Error> {
+    ) -> Result<Frame, SourceError> {
         self.frame(surface, view)
     }
 
@@ -104,7 +124,7 @@ pub trait Source: Send + Sync {
     ///
     /// # Errors
     /// As [`Source::frame`].
-    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, Self::Error>;
+    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, SourceError>;
 
     /// The light behind [`Source::frame`], before it was clipped and encoded for a display, where
     /// the source knows it: what a file of linear light should hold. Most sources do not.
@@ -115,7 +135,7 @@ pub trait Source: Send + Sync {
         &self,
         _surface: usize,
         _view: usize,
-    ) -> Result<Option<LinearFrame>, Self::Error> {
+    ) -> Result<Option<LinearFrame>, SourceError> {
         Ok(None)
     }
 
@@ -154,7 +174,10 @@ pub fn nearest_view(views: &[RollAngle], angle: RollAngle) -> Option<usize> {
 ///
 /// # Errors
 /// That of the first frame, in the order asked for, that failed.
-pub fn decode_frames<S: Source>(source: &S, frames: &[FrameIndex]) -> Result<Vec<Frame>, S::Error> {
+pub fn decode_frames(
+    source: &dyn Source,
+    frames: &[FrameIndex],
+) -> Result<Vec<Frame>, SourceError> {
     map_frames(source, frames, |_, frame| frame)
 }
 
@@ -163,12 +186,12 @@ pub fn decode_frames<S: Source>(source: &S, frames: &[FrameIndex]) -> Result<Vec
 ///
 /// # Errors
 /// That of the first frame, in the order asked for, that failed.
-pub fn map_frames<S: Source, T: Send>(
-    source: &S,
+pub fn map_frames<T: Send>(
+    source: &dyn Source,
     frames: &[FrameIndex],
     make: impl Fn(FrameIndex, Frame) -> T + Sync,
-) -> Result<Vec<T>, S::Error> {
-    let made: Vec<Result<T, S::Error>> = frames
+) -> Result<Vec<T>, SourceError> {
+    let made: Vec<Result<T, SourceError>> = frames
         .par_iter()
         .map(|&index| {
             source

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 
 use folder::{MANIFEST, Made, SURFACES};
 use sps_dataset::{
-    DatasetErrorKind, DatasetFolder, DecodeSettings, FrameErrorKind, FrameIndex, JsonLayout,
-    NonFinite, ReadSettings, RollAngle, Source, TableFormat, TactileSettings, decode_frames,
-    toccare,
+    DatasetErrorKind, DatasetFolder, DecodeSettings, FrameError, FrameErrorKind, FrameIndex,
+    JsonLayout, NonFinite, ReadSettings, RollAngle, Source, TableFormat, TactileSettings,
+    decode_frames, toccare,
 };
 
 fn tiny_path() -> PathBuf {
@@ -151,6 +151,7 @@ fn the_first_frame_that_fails_is_the_one_reported() {
     let dataset = made.open().unwrap();
     let frames = [2, 0, 1].map(|surface| FrameIndex { surface, view: 0 });
     let refused = decode_frames(&dataset, &frames).unwrap_err();
+    let refused: &FrameError = refused.downcast_ref().unwrap();
     assert!(refused.path().ends_with("frames/c"), "{refused}");
 }
 
@@ -419,6 +420,7 @@ fn frame_errors_name_the_file() {
     settings.images.limits.file_bytes = 100;
     let limited = DatasetFolder::open(made.path(), &settings).unwrap();
     let refused = limited.frame(0, 0).unwrap_err();
+    let refused: &FrameError = refused.downcast_ref().unwrap();
     assert!(matches!(
         refused.kind(),
         FrameErrorKind::FileTooLarge { limit: 100, .. }

@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use sps_dataset::{
     DatasetFolder, DecodeSettings, Description, Frame, FrameFormat, FrameKey, LinearFrame,
-    Property, PropertyRange, ReadSettings, RollAngle, Source, Surface, TactileTable, WriteError,
-    WriteErrorKind, WriteOptions, Written, decode_image, write_dataset,
+    Property, PropertyRange, ReadSettings, RollAngle, Source, SourceError, Surface, TactileTable,
+    WriteError, WriteErrorKind, WriteOptions, Written, decode_image, write_dataset,
 };
 use tempfile::TempDir;
 
@@ -39,8 +39,6 @@ impl Counted {
 }
 
 impl Source for Counted {
-    type Error = LampOut;
-
     fn name(&self) -> &str {
         self.inner.name()
     }
@@ -65,15 +63,15 @@ impl Source for Counted {
         }
     }
 
-    fn frame(&self, surface: usize, view: usize) -> Result<Frame, LampOut> {
+    fn frame(&self, surface: usize, view: usize) -> Result<Frame, SourceError> {
         if self.frames.fetch_add(1, Ordering::Relaxed) >= self.fail_from {
-            return Err(LampOut);
+            return Err(SourceError::new(LampOut));
         }
-        self.inner.frame(surface, view).map_err(|_| LampOut)
+        self.inner.frame(surface, view)
     }
 
-    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, LampOut> {
-        self.inner.frame_key(surface, view).map_err(|_| LampOut)
+    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, SourceError> {
+        self.inner.frame_key(surface, view)
     }
 }
 
@@ -87,7 +85,7 @@ fn options(format: FrameFormat) -> WriteOptions {
 }
 
 /// Writes frames as PNG.
-fn write_png(source: &impl Source, folder: &Path) -> Result<Written, WriteError> {
+fn write_png(source: &dyn Source, folder: &Path) -> Result<Written, WriteError> {
     write_dataset(source, folder, &options(FrameFormat::Png), |_, _| {})
 }
 

@@ -6,8 +6,7 @@ use std::path::PathBuf;
 
 use sps_dataset::{Surface, Units};
 use sps_estimator::{
-    About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted,
-    Widths,
+    About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression,
 };
 use sps_metrics::Level;
 use sps_models::encoders::{Encoder, EncoderKind};
@@ -44,21 +43,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let units = Units::of(&(0..SURFACES).map(surface).collect::<Vec<_>>());
 
-    let recipe = Recipe {
-        regression: Regression::Rows(AnyRegressor::Ridge(Ridge::new(RidgeConfig::default())?)),
-        wanted: vec![Wanted {
-            property: "mTX".into(),
-            views: vec![0],
-            range: Some([0.0, 100.0]),
-        }],
-        one_by_one: false,
-        widths: Widths::ByPhotograph,
-        calibration: Calibration {
-            share: Some(0.3),
-            level: Level::P90,
-            seed: 0,
-        },
+    let ridge = AnyRegressor::Ridge(Ridge::new(RidgeConfig::default())?);
+    let calibration = Calibration {
+        share: Some(0.3),
+        level: Level::P90,
+        seed: 0,
     };
+    let mut recipe = Recipe::new(Regression::Rows(ridge), ["mTX"], &[0], calibration);
+    recipe.wanted[0].range = Some([0.0, 100.0]);
     let examples = Examples {
         data: TrainingData::new(&embeddings, &readings).with_units(units.of_surface()),
         units: &units,

@@ -14,7 +14,7 @@ use sps_models::encoders::{Block, Encoder};
 use sps_onnx::OnnxEncoder;
 use sps_regress::Embeddings;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, refuse};
 use crate::precomputed::Precomputed;
 
 /// What embeddings come from.
@@ -39,11 +39,7 @@ impl Network {
     pub fn encoder(&self) -> Result<&Encoder> {
         match self {
             Self::Images(encoder) | Self::Sequences(encoder, _) => Ok(encoder),
-            other => Err(Error::input(
-                "encoder",
-                other.name(),
-                "one that is known by name",
-            )),
+            other => refuse("encoder", other.name(), "one that is known by name"),
         }
     }
 
@@ -102,11 +98,11 @@ impl Network {
                 Ok(encoder.embed_pixels(images, size)?)
             }
             Self::Onnx(encoder) => Ok(encoder.embed(images, size)?),
-            Self::Precomputed(_) => Err(Error::input(
+            Self::Precomputed(_) => refuse(
                 "photographs",
                 "images",
                 "their embeddings, computed as those that the model was fitted on",
-            )),
+            ),
         }
     }
 }
@@ -148,10 +144,10 @@ impl Embedder {
             _ => resize,
         };
         if resize == Some(0) {
-            return Err(Error::input("resize", 0, "at least a pixel"));
+            return refuse("resize", 0, "at least a pixel");
         }
         if network.frames() == 0 {
-            return Err(Error::input("a sequence", "no image", "at least one"));
+            return refuse("a sequence", "no image", "at least one");
         }
         let mut embedder = Self {
             network,
@@ -255,11 +251,11 @@ impl Embedder {
         }
         match values.iter().find(|value| !value.is_finite()) {
             None => Ok(values),
-            Some(value) => Err(Error::input(
+            Some(value) => refuse(
                 format_args!("an embedding by {}", self.network.name()),
                 value,
                 "finite numbers",
-            )),
+            ),
         }
     }
 
@@ -279,7 +275,7 @@ impl Embedder {
         if images.len() != count {
             let found = format!("{} images", images.len());
             let expected = format!("{count} of one size");
-            return Err(Error::input("a sequence", found, expected));
+            return refuse("a sequence", found, expected);
         }
         let mut prepared = Frame {
             width: 0,
@@ -349,7 +345,7 @@ pub fn photographs_in(folder: &Path) -> Result<Vec<PathBuf>> {
             expected =
                 format!("{expected}; it holds folders ({folders}): name them instead, {each}");
         }
-        return Err(Error::input(folder.display(), "no photograph", expected));
+        return refuse(folder.display(), "no photograph", expected);
     }
     photographs.sort();
     Ok(photographs)

@@ -88,3 +88,12 @@ impl Error {
         }
     }
 }
+
+/// Something else than was expected.
+pub(crate) fn refuse<T>(
+    what: impl fmt::Display,
+    found: impl fmt::Display,
+    expected: impl fmt::Display,
+) -> Result<T> {
+    Err(Error::input(what, found, expected))
+}

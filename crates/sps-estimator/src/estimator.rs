@@ -9,7 +9,7 @@ use sps_dataset::{DecodeSettings, Frame, Limits, decode_image, decode_image_resi
 use sps_regress::Embeddings;
 
 use crate::embedder::{Embedder, Network, read_photograph};
-use crate::error::{Error, Result};
+use crate::error::{Result, refuse};
 use crate::fitted::{Fitted, Interval, Predictions};
 use crate::novelty::Shown;
 
@@ -64,12 +64,10 @@ pub struct Measured {
     /// R² against the training mean of each split.
     pub r2: Option<f64>,
     /// The mean absolute error, in measured units.
-    #[serde(default)]
     pub mae: Option<f64>,
     /// The share of truths that lie in their interval; none where there are no intervals.
     pub coverage: Option<f64>,
     /// `coverage`, averaged over the units that were held out.
-    #[serde(default)]
     pub unit_coverage: Option<f64>,
     /// The mean width of an interval, in measured units.
     pub mean_width: Option<f64>,
@@ -159,32 +157,20 @@ impl Estimator {
                 embedder.network().name(),
                 embedder.width()
             );
-            return Err(Error::input(
-                "encoder",
-                found,
-                format!("width {}", fitted.width()),
-            ));
+            return refuse("encoder", found, format!("width {}", fitted.width()));
         }
         if let Network::Sequences(encoder, _) = embedder.network() {
             let found = format!("{}, which embeds sequences", encoder.kind());
-            return Err(Error::input(
-                "network",
-                found,
-                "an encoder of single images",
-            ));
+            return refuse("network", found, "an encoder of single images");
         }
         let views = fitted.steps().next_back().unwrap_or(0);
         if about.angles.len() != views || !about.angles.iter().all(|angle| angle.is_finite()) {
             let found = format!("{:?}", about.angles);
-            return Err(Error::input(
-                "angles",
-                found,
-                format!("one for each of {views} views"),
-            ));
+            return refuse("angles", found, format!("one for each of {views} views"));
         }
         if about.frame_size.contains(&0) {
             let found = format!("{:?}", about.frame_size);
-            return Err(Error::input("frame size", found, "at least a pixel"));
+            return refuse("frame size", found, "at least a pixel");
         }
         Ok(Self {
             about,
@@ -325,7 +311,7 @@ impl Estimator {
     /// As [`Estimator::predict`].
     pub fn predict_embedded(&self, values: &[f32], photographs: usize) -> Result<Answer> {
         if photographs == 0 {
-            return Err(Error::input("photographs", "none", "at least one"));
+            return refuse("photographs", "none", "at least one");
         }
         let (surfaces, views) = if self.fitted.averages() {
             (photographs, 1)
@@ -368,7 +354,7 @@ impl Estimator {
             return Ok(());
         }
         let what = "photographs of a surface";
-        Err(Error::input(what, photographs, self.views_in_words()))
+        refuse(what, photographs, self.views_in_words())
     }
 
     /// How many photographs of a surface it looks at, and from which angles: `2, at 0 and 45 degrees`.

@@ -1,5 +1,7 @@
 //! From embeddings to estimates with intervals.
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 use sps_dataset::Unit;
 use sps_metrics::{Level, PredictionInterval};
@@ -38,7 +40,6 @@ pub struct FittedOn {
     pub unit: Unit,
 }
 
-/// What is known of one property.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct Measure {
@@ -53,7 +54,7 @@ pub(crate) struct Measure {
     pub deviation: f64,
     pub interval: Interval,
     /// How wide the interval of each of two photographs is whose mean is asked for, of three, and so on,
-    /// in expected errors; none where photographs are not averaged, or of older versions.
+    /// in expected errors; none where photographs are not averaged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub several: Option<Vec<f64>>,
 }
@@ -87,7 +88,6 @@ impl Measure {
         }
     }
 
-    /// The value, brought into the range.
     fn bounded(&self, value: f64) -> f64 {
         let value = self.lowest.map_or(value, |lowest| value.max(lowest));
         self.highest.map_or(value, |highest| value.min(highest))
@@ -103,9 +103,7 @@ impl Measure {
         let Some(more) = photographs.checked_sub(2) else {
             return Ok(one);
         };
-        let several = self.several.as_ref().ok_or(
-            "an older version wrote the model, which has intervals for one photograph alone: fit it again",
-        )?;
+        let several = self.several.as_deref().unwrap_or_default();
         several.get(more).copied().ok_or_else(|| {
             let of_each = 100.0 * level_of_each(level, photographs);
             format!(
@@ -151,7 +149,6 @@ impl Measure {
     }
 }
 
-/// What is estimated from so many views.
 pub(crate) struct Stage {
     pub views: usize,
     pub groups: Vec<Group>,
@@ -282,6 +279,24 @@ impl Fitted {
         narrow.collect()
     }
 
+    /// Of each surface the place of the step, of predictions of these surfaces from ever more views, at which a
+    /// session that asks for these properties ends: the first that is [`narrow`](Fitted::narrow) for all of
+    /// them, or the last.
+    pub fn ends(&self, steps: &[Predictions], width: f64, properties: Range<usize>) -> Vec<usize> {
+        let narrow: Vec<_> = steps.iter().map(|step| self.narrow(step, width)).collect();
+        let surfaces = narrow
+            .first()
+            .and_then(|step| step.first())
+            .map_or(0, Vec::len);
+        let end = |surface: usize| {
+            let ends =
+                |step: &Vec<Vec<bool>>| step[properties.clone()].iter().all(|of| of[surface]);
+            let end = narrow.iter().position(ends);
+            end.unwrap_or(steps.len() - 1)
+        };
+        (0..surfaces).map(end).collect()
+    }
+
     /// Estimates of surfaces from their views, `(surfaces, views, width)`: the first views of the
     /// [slots](crate::Recipe::slots) that it was fitted on, as many as one of [`Fitted::steps`].
     ///
@@ -356,4 +371,48 @@ fn deviation(readings: &[f64]) -> f64 {
     let squares = readings.iter().map(|value| (value - mean).powi(2));
     let deviation = (squares.sum::<f64>() / count).sqrt();
     if deviation > 0.0 { deviation } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn looking_ends_at_the_first_interval_that_is_narrow_enough() {
+        let wanted = Wanted {
+            property: "fRS".to_owned(),
+            views: vec![0],
+            range: None,
+        };
+        let fitted = Fitted {
+            measures: vec![Measure::of(&wanted, &[40.0, 60.0])],
+            stages: Vec::new(),
+            familiar: Err(String::new()),
+            level: Level::P90,
+            joint: Interval::None(String::new()),
+            on: FittedOn {
+                surfaces: 2,
+                units: 2,
+                unit: Unit::Surface,
+            },
+            width: 1,
+        };
+        assert!(fitted.deviations().eq([10.0]));
+        // 2.4, 1.8, 0.6 and 1.2 deviations wide.
+        let steps = [12.0, 9.0, 3.0, 6.0].map(|half| Predictions {
+            properties: vec![Predicted {
+                property: "fRS".to_owned(),
+                values: vec![50.0],
+                intervals: Ok(vec![PredictionInterval {
+                    low: 50.0 - half,
+                    high: 50.0 + half,
+                }]),
+            }],
+            familiar: None,
+        });
+        let end = |width| fitted.ends(&steps, width, 0..1);
+        assert_eq!([end(2.4), end(2.0), end(1.0)], [[0], [1], [2]]);
+        // Never narrow enough: all views.
+        assert_eq!(end(0.1), [3]);
+    }
 }

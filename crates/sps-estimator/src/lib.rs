@@ -9,7 +9,7 @@
 //! - [`Session`] takes photographs one by one until the intervals are narrow enough.
 //! - [`Watch`] notices when photographs are no longer like those of the fit.
 //! - [`Estimator::map`] estimates at every place of a photograph.
-//! - [`Step`] and [`radius()`] are what intervals are made of, for programs that fit many models.
+//! - [`radius()`] is what intervals are made of.
 //!
 //! Nothing here prints or shows progress; what is random is fixed by a seed, and results
 //! do not depend on the number of threads.
@@ -48,7 +48,6 @@ pub use session::{Looked, Session};
 /// A photograph.
 pub use sps_dataset::Frame;
 pub use sps_onnx::{OnnxEncoder, Settings as OnnxSettings};
-pub use step::{Expected, Look, Step};
 pub use watch::Watch;
 
 /// Runs the example of the README.

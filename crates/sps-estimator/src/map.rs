@@ -4,7 +4,7 @@ use sps_dataset::{Extent, Frame};
 use sps_models::encoders::Windows;
 
 use crate::embedder::Network;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, refuse};
 use crate::estimator::Estimator;
 use crate::fitted::Predictions;
 
@@ -58,7 +58,7 @@ impl Estimator {
             let found = format!("one of {} views", self.about.angles.len());
             let expected =
                 "one that looks at a single photograph of a surface, which can be mapped";
-            return Err(Error::input("model", found, expected));
+            return refuse("model", found, expected);
         }
         let scale = self.scale();
         let shorter = photograph.width.min(photograph.height) as f64 * scale;

@@ -7,7 +7,7 @@ use std::path::Path;
 use sps_models::encoders::Block;
 use sps_weights::{RawTensor, Storage};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, refuse};
 
 /// The name of the one block of a file that has no other, and of all blocks side by side where it has several.
 const EMBEDDINGS: &str = "embeddings";
@@ -57,19 +57,19 @@ impl Precomputed {
         if widths.contains(&0) || !(1..=WIDEST).contains(&width) {
             let found = format!("blocks of widths {widths:?}");
             let expected = format!("1 or more, together at most {WIDEST}");
-            return Err(Error::input("embeddings", found, expected));
+            return refuse("embeddings", found, expected);
         }
         if !new.values.len().is_multiple_of(new.width()) {
             let found = format!("{} numbers", new.values.len());
             let expected = format!("rows of {}", new.width());
-            return Err(Error::input("embeddings", found, expected));
+            return refuse("embeddings", found, expected);
         }
         if let Some(value) = new.values.iter().find(|value| !value.is_finite()) {
-            return Err(Error::input("embeddings", value, "finite numbers"));
+            return refuse("embeddings", value, "finite numbers");
         }
         if !new.files.is_empty() && new.files.len() != new.rows() {
             let expected = format!("{}, one for each row", new.rows());
-            return Err(Error::input(FILES, new.files.len(), expected));
+            return refuse(FILES, new.files.len(), expected);
         }
         Ok(new)
     }
@@ -134,11 +134,7 @@ impl Precomputed {
                 }),
                 _ => {
                     let expected = format!("({rows}, width)");
-                    return Err(Error::input(
-                        format!("the tensor {name}"),
-                        format!("{shape:?}"),
-                        expected,
-                    ));
+                    return refuse(format!("the tensor {name}"), format!("{shape:?}"), expected);
                 }
             }
         }
@@ -221,11 +217,7 @@ impl Precomputed {
                 return Ok(self.values.clone());
             }
             let expected = format!("{}, one for each photograph", photographs.len());
-            return Err(Error::input(
-                "rows of embeddings without `files`",
-                self.rows(),
-                expected,
-            ));
+            return refuse("rows of embeddings without `files`", self.rows(), expected);
         }
         let places = photographs.iter().zip(0..);
         let places: HashMap<&str, usize> = places.map(|(name, at)| (name.as_str(), at)).collect();
@@ -240,11 +232,7 @@ impl Precomputed {
                 && rows[at].replace(row).is_some()
             {
                 let found = format!("two, the second as {file}");
-                return Err(Error::input(
-                    format!("rows of {}", photographs[at]),
-                    found,
-                    "one",
-                ));
+                return refuse(format!("rows of {}", photographs[at]), found, "one");
             }
         }
         let mut values = Vec::with_capacity(photographs.len() * self.width());

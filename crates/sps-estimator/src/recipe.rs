@@ -6,12 +6,12 @@ use sps_dataset::{Split, SplitError, Units};
 use sps_metrics::{ConformalError, Level};
 use sps_regress::TrainingData;
 
-use crate::error::{Error, Result};
+use crate::error::{Result, refuse};
 use crate::fitted::{Fitted, FittedOn, Group, Interval, Measure, Stage};
 use crate::novelty::{Aside, Familiar};
 use crate::radius::{radii, radius};
 use crate::regression::Regression;
-use crate::step::{self, Expected, Look, Step};
+use crate::step::{Expected, Fit};
 
 /// Parts of the surfaces fitted to, of which each is estimated by the others to know the error to
 /// expect of a photograph.
@@ -88,11 +88,7 @@ impl Calibration {
             });
         };
         if !(share > 0.0 && share < 1.0) {
-            return Err(Error::input(
-                "calibration",
-                share,
-                "a share between 0 and 1",
-            ));
+            return refuse("calibration", share, "a share between 0 and 1");
         }
         Ok(units.keep_aside(surfaces, share, seed, "random split", number)?)
     }
@@ -127,15 +123,32 @@ impl Examples<'_> {
         }
         let found = "some of units that calibrate the intervals";
         let expected = "none of them";
-        Err(Error::input(
-            "surfaces that the encoder saw",
-            found,
-            expected,
-        ))
+        refuse("surfaces that the encoder saw", found, expected)
     }
 }
 
 impl Recipe {
+    /// Estimates properties from these views, all at once, with intervals as wide as a photograph is hard.
+    pub fn new<P: Into<String>>(
+        regression: Regression,
+        properties: impl IntoIterator<Item = P>,
+        views: &[usize],
+        calibration: Calibration,
+    ) -> Self {
+        let wanted = properties.into_iter().map(|property| Wanted {
+            property: property.into(),
+            views: views.to_vec(),
+            range: None,
+        });
+        Self {
+            regression,
+            wanted: wanted.collect(),
+            one_by_one: false,
+            widths: Widths::default(),
+            calibration,
+        }
+    }
+
     /// Fits to some of the surfaces, a part of which calibrates the intervals where
     /// [`Calibration::share`] keeps one aside; units stay whole. Of the same recipe and number the parts are the same.
     ///
@@ -158,14 +171,12 @@ impl Recipe {
         let whole = (!split.validation.is_empty()).then_some(surfaces);
         let stages = steps.iter().map(|&views| {
             let groups = groups.iter().map(|(looked, members)| {
-                let looks = members.iter().map(|&at| Look {
-                    property: self.wanted[at].property.clone(),
-                    rerun: number,
-                    views: looked.clone(),
-                    folds: folds.clone(),
-                });
-                let looks: Vec<Look> = looks.collect();
-                self.group(examples, members, (&looks, whole), (&slots, views))
+                self.group(
+                    examples,
+                    (looked, members),
+                    (&folds, whole, number),
+                    (&slots, views),
+                )
             });
             Ok(Stage {
                 views,
@@ -190,31 +201,38 @@ impl Recipe {
         Ok(fitted)
     }
 
-    /// Fits the properties, by their places, that look at the same views, to the first so many of those
-    /// where they may be looked at one by one; values by `whole`, where the looks learn from a part of it.
+    /// Fits properties, by their places, that look at the same views, to the first so many of those where
+    /// they may be looked at one by one; values by `whole`, where the folds are a part of it.
     fn group(
         &self,
         examples: &Examples<'_>,
-        properties: &[usize],
-        (looks, whole): (&[Look], Option<&[usize]>),
+        (looked, properties): (&[usize], &[usize]),
+        (folds, whole, number): (&[Vec<usize>], Option<&[usize]>, u64),
         (slots, views): (&[usize], usize),
     ) -> Result<Group> {
-        let looked = looks.first().map_or(&[][..], |look| &look.views);
         let (views, regression) = if self.one_by_one {
-            (views, self.regression.with_views(views)?)
+            (&looked[..views], &self.regression.with_views(views)?)
         } else {
-            (looked.len(), self.regression.clone())
+            (looked, &self.regression)
         };
-        let data = (&examples.data, examples.units);
-        let seed = self.calibration.seed;
-        let whole =
-            whole.map(|surfaces| step::whole(&regression, data, seed, (looks, surfaces), views));
+        let names = properties
+            .iter()
+            .map(|&at| self.wanted[at].property.clone());
+        let fit = Fit {
+            regression,
+            data: &examples.data,
+            units: examples.units,
+            seed: self.calibration.seed,
+            number,
+            properties: &names.collect::<Vec<_>>(),
+            views,
+        };
         let slot = |view: &usize| slots.iter().position(|slot| slot == view);
         Ok(Group {
             properties: properties.to_vec(),
-            slots: looked[..views].iter().filter_map(slot).collect(),
-            step: Step::fit(&regression, data, seed, looks, views)?,
-            whole: whole.transpose()?,
+            slots: views.iter().filter_map(slot).collect(),
+            step: fit.step(folds)?,
+            whole: whole.map(|surfaces| fit.whole(surfaces)).transpose()?,
         })
     }
 
@@ -268,16 +286,12 @@ impl Recipe {
             if self.one_by_one && wanted.views != self.wanted[0].views {
                 let found = format!("others for {}", wanted.property);
                 let expected = "the same for all properties, to look at one by one";
-                return Err(Error::input("views", found, expected));
+                return refuse("views", found, expected);
             }
             for (at, view) in wanted.views.iter().enumerate() {
                 if self.one_by_one && wanted.views[..at].contains(view) {
                     let expected = "each once, to look at one by one";
-                    return Err(Error::input(
-                        "views",
-                        format!("view {view} twice"),
-                        expected,
-                    ));
+                    return refuse("views", format!("view {view} twice"), expected);
                 }
                 if !slots.contains(view) {
                     slots.push(*view);
@@ -285,11 +299,7 @@ impl Recipe {
             }
         }
         if slots.is_empty() {
-            return Err(Error::input(
-                "properties to estimate",
-                "no view",
-                "at least one",
-            ));
+            return refuse("properties to estimate", "no view", "at least one");
         }
         Ok(slots)
     }

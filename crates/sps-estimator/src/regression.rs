@@ -6,7 +6,7 @@ use sps_models::heads::{Head, HeadConfig, Input, Observer};
 use sps_regress::stacking::Stacking;
 use sps_regress::{AnyRegressor, DivergedTrial, FittedRegressor, Plan, Regressor, TrainingData};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, refuse};
 
 /// One of the regressions that there are, with its settings.
 ///
@@ -183,7 +183,7 @@ impl Regression {
             Self::Head(head) => Box::new(head.clone()),
             Self::Rows(regressor) => Box::new(regressor.clone()),
             Self::Stacked(_) => {
-                return Err(Error::input("members of a stack", "a stack", "others"));
+                return refuse("members of a stack", "a stack", "others");
             }
         })
     }

@@ -4,7 +4,7 @@ use std::borrow::Borrow;
 
 use sps_dataset::Frame;
 
-use crate::error::{Error, Result};
+use crate::error::{Result, refuse};
 use crate::estimator::{Answer, Estimator};
 
 /// Looks at one surface until every interval is narrow enough, or the model has no further view.
@@ -59,24 +59,16 @@ impl<E: Borrow<Estimator>> Session<E> {
     /// for some property.
     pub fn new(estimator: E, width: f64) -> Result<Self> {
         if !(width.is_finite() && width > 0.0) {
-            return Err(Error::input("width", width, "standard deviations, above 0"));
+            return refuse("width", width, "standard deviations, above 0");
         }
         let model: &Estimator = estimator.borrow();
         let views = model.about.angles.len();
         if model.fitted.steps().len() < views {
             let expected = "a model that looks at its views one by one";
-            return Err(Error::input(
-                "model",
-                format!("{views} views at once"),
-                expected,
-            ));
+            return refuse("model", format!("{views} views at once"), expected);
         }
         if let Some((property, reason)) = model.no_interval().into_iter().next() {
-            return Err(Error::input(
-                property,
-                format!("no interval: {reason}"),
-                "an interval",
-            ));
+            return refuse(property, format!("no interval: {reason}"), "an interval");
         }
         Ok(Self {
             estimator,
@@ -101,11 +93,7 @@ impl<E: Borrow<Estimator>> Session<E> {
     pub fn look(&mut self, photograph: &Frame) -> Result<Looked> {
         if self.next_angle().is_none() {
             let found = format!("one more after {}", self.views);
-            return Err(Error::input(
-                "photographs",
-                found,
-                "none: the session is over",
-            ));
+            return refuse("photographs", found, "none: the session is over");
         }
         let estimator: &Estimator = self.estimator.borrow();
         let embedded = estimator

@@ -13,7 +13,7 @@
 
 use sps_dataset::Units;
 use sps_regress::ridge::{Ridge, RidgeConfig};
-use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData, Trial, Views};
+use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData, Views};
 
 use crate::error::{Error, Result};
 use crate::regression::Regression;
@@ -22,132 +22,145 @@ use crate::regression::Regression;
 /// zero, or less.
 const LEAST_ERROR: f64 = 0.25;
 
-/// A property to estimate from the first of some views.
-#[derive(Clone, Debug)]
-pub struct Look {
-    /// The property.
-    pub property: String,
-    /// The number of its rerun.
-    pub rerun: u64,
-    /// The views, in the order in which they are looked at.
-    pub views: Vec<usize>,
-    /// The surfaces to fit to, in parts of which each is estimated by the others. Where there is but
-    /// one, every estimate has the same expected error, 1.
-    pub folds: Vec<Vec<usize>>,
-}
-
-impl Look {
-    /// A number for each rerun and part; the last leaves nothing out.
-    fn number(&self, fold: usize) -> Result<u64> {
-        if self.folds.len() < 2 {
-            return Ok(self.rerun);
-        }
-        let first = self.rerun.checked_mul(self.folds.len() as u64 + 1);
-        first
-            .and_then(|first| first.checked_add(fold as u64))
-            .ok_or_else(|| Error::input("number of a rerun", self.rerun, "a smaller one"))
-    }
-
-    /// A rerun for the parts without each of them, and one for all; for these alone where there is one.
-    fn fits(&self) -> impl Iterator<Item = usize> + use<> {
-        let parts = self.folds.len();
-        (if parts < 2 { parts } else { 0 })..=parts
-    }
-
-    fn without(&self, fold: usize) -> Vec<usize> {
-        let others = self.folds.iter().enumerate().filter(|(at, _)| *at != fold);
-        others.flat_map(|(_, part)| part).copied().collect()
-    }
-
-    fn trial(&self, property: String, rerun: u64, views: usize) -> Trial {
-        Trial {
-            property,
-            rerun,
-            views: Views::Fixed(self.views[..views].to_vec()),
-        }
-    }
+/// What is fitted to estimate properties from the same views.
+pub(crate) struct Fit<'a> {
+    pub regression: &'a Regression,
+    pub data: &'a TrainingData<'a>,
+    pub units: &'a Units,
+    /// They key every random draw.
+    pub seed: u64,
+    pub number: u64,
+    pub properties: &'a [String],
+    pub views: &'a [usize],
 }
 
 /// An estimate and the error to expect of it, both in the property's measured units; an expected
 /// error is above 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Expected {
-    /// The estimate.
+pub(crate) struct Expected {
     pub value: f64,
-    /// The expected error.
     pub error: f64,
 }
 
-/// What is estimated of surfaces from their first so many views.
-pub struct Step {
-    pub(crate) views: usize,
-    /// One for each look, in their order.
-    pub(crate) models: Box<dyn FittedRegressor>,
+/// What is estimated of surfaces from some views.
+pub(crate) struct Step {
+    /// One for each property, in their order.
+    pub models: Box<dyn FittedRegressor>,
     /// Of their errors; none where all are alike.
-    pub(crate) errors: Option<Box<dyn FittedRegressor>>,
+    pub errors: Option<Box<dyn FittedRegressor>>,
     /// What each expected error is at least.
-    pub(crate) least: Vec<f64>,
+    pub least: Vec<f64>,
 }
 
-impl Step {
-    /// Fits the estimators and the regressions of their errors.
-    ///
-    /// # Errors
-    ///
-    /// What the regression says; a look with fewer views, or without a surface.
-    pub fn fit(
-        regression: &Regression,
-        (data, units): (&TrainingData<'_>, &Units),
-        seed: u64,
-        looks: &[Look],
-        views: usize,
-    ) -> Result<Self> {
-        if let Some(few) = looks.iter().find(|look| look.views.len() < views) {
-            let found = format!("{} for {}", few.views.len(), few.property);
-            return Err(Error::input("views", found, format!("at least {views}")));
+impl Fit<'_> {
+    /// Estimators that learn from all of these surfaces.
+    pub(crate) fn whole(&self, surfaces: &[usize]) -> Result<Box<dyn FittedRegressor>> {
+        let plan = self.plan(self.properties, vec![(self.number, surfaces.to_vec())]);
+        self.regression.fit(self.data, self.units, &plan)
+    }
+
+    /// Estimators, and regressions of their errors on surfaces in parts, of which each is estimated by the
+    /// others. Where there is but one part, every estimate has the same expected error, 1.
+    pub(crate) fn step(&self, parts: &[Vec<usize>]) -> Result<Step> {
+        if parts.len() < 2 {
+            return Ok(Step {
+                models: self.whole(&parts.concat())?,
+                errors: None,
+                least: vec![0.0; self.properties.len()],
+            });
         }
-        let all = regression.fit(data, units, &estimators(seed, looks, views)?)?;
-        let mut residuals = vec![vec![None; looks.len()]; data.embeddings.surfaces()];
-        let mut least = Vec::new();
-        for (at, look) in looks.iter().enumerate() {
-            let mean = residuals_of(look, (at, views), data, all.as_ref(), &mut residuals)?;
-            least.push(LEAST_ERROR * mean);
-        }
-        let whole = looks.iter().map(|look| look.number(look.folds.len()));
-        let whole = whole.collect::<Result<Vec<u64>>>()?;
-        let models = all.filtered(&|trial| whole.contains(&trial.rerun));
-        let errors = if looks.iter().all(|look| look.folds.len() < 2) {
-            None
-        } else {
-            Some(errors(&residuals, data, seed, looks, views)?)
+        // Without each part, and without none.
+        let count = parts.len() as u64 + 1;
+        let first = self.number.checked_mul(count);
+        let first = first.filter(|first| first.checked_add(count).is_some());
+        let first = first.ok_or_else(|| Error::input("number", self.number, "a smaller one"))?;
+        let without = |part: usize| {
+            let others = parts.iter().enumerate().filter(|(at, _)| *at != part);
+            let others = others.flat_map(|(_, part)| part).copied();
+            (first + part as u64, others.collect())
         };
-        Ok(Self {
-            views,
-            models,
-            errors,
+        let plan = self.plan(self.properties, (0..=parts.len()).map(without).collect());
+        let all = self.regression.fit(self.data, self.units, &plan)?;
+        let mut residuals =
+            vec![vec![None; self.properties.len()]; self.data.embeddings.surfaces()];
+        let mut least = Vec::new();
+        for (at, property) in self.properties.iter().enumerate() {
+            let (mut sum, mut count) = (0.0, 0_usize);
+            for (number, part) in (first..).zip(parts) {
+                let model =
+                    all.filtered(&|trial| (trial.rerun, &trial.property) == (number, property));
+                for (surface, residual) in self.residuals(model.as_ref(), property, part)? {
+                    residuals[surface][at] = Some(residual);
+                    sum += residual;
+                    count += 1;
+                }
+            }
+            least.push(LEAST_ERROR * sum / count.max(1) as f64);
+        }
+        let last = first + parts.len() as u64;
+        Ok(Step {
+            models: all.filtered(&|trial| trial.rerun == last),
+            errors: Some(self.errors(&residuals, parts.concat())?),
             least,
         })
     }
 
-    /// What one look, by its place, says of surfaces: `embeddings` are those of the look's first
-    /// views, in its order, `(surfaces, views, width)`.
-    ///
-    /// # Errors
-    ///
-    /// Embeddings of another shape than were fitted.
-    pub fn says(&self, look: usize, embeddings: &Embeddings) -> Result<Vec<Expected>> {
-        let model = of(self.models.as_ref(), look);
-        let errors = self.errors.as_ref().map(|errors| of(errors.as_ref(), look));
-        let one = Self {
-            views: self.views,
-            models: model,
-            errors,
-            least: self.least.get(look).copied().into_iter().collect(),
-        };
-        Ok(one.predict(embeddings)?.pop().unwrap_or_default())
+    fn plan(&self, properties: &[String], reruns: Vec<(u64, Vec<usize>)>) -> Plan {
+        let reruns = reruns.into_iter().map(|(number, training)| Rerun {
+            number,
+            training,
+            validation: Vec::new(),
+        });
+        let mut plan = Plan::each(self.seed, properties, reruns.collect());
+        for trial in &mut plan.trials {
+            trial.views = Views::Fixed(self.views.to_vec());
+        }
+        plan
     }
 
-    /// What every look says of surfaces, where all look at the same views.
+    /// How far a model is off on those of some surfaces that were measured.
+    fn residuals(
+        &self,
+        model: &dyn FittedRegressor,
+        property: &str,
+        surfaces: &[usize],
+    ) -> Result<Vec<(usize, f64)>> {
+        let (readings, column) = (self.data.readings, self.data.readings.column(property));
+        let reading = |&surface: &usize| Some((surface, readings.get(surface, column?)?));
+        let (surfaces, truths): (Vec<usize>, Vec<f64>) =
+            surfaces.iter().filter_map(reading).unzip();
+        let embeddings = self.data.embeddings.select(&surfaces, self.views)?;
+        let estimates = model.predict(&embeddings)?.pop();
+        let estimates = estimates.into_iter().flat_map(|estimates| estimates.values);
+        let off = truths
+            .iter()
+            .zip(estimates)
+            .map(|(truth, estimate)| (truth - estimate).abs());
+        Ok(surfaces.into_iter().zip(off).collect())
+    }
+
+    /// For each property a regression of its residuals, `(surfaces, properties)`.
+    fn errors(
+        &self,
+        residuals: &[Vec<Option<f64>>],
+        surfaces: Vec<usize>,
+    ) -> Result<Box<dyn FittedRegressor>> {
+        let names: Vec<String> = (0..self.properties.len())
+            .map(|at| at.to_string())
+            .collect();
+        let plan = self.plan(&names, vec![(self.number, surfaces)]);
+        let data = TrainingData {
+            readings: &Readings::new(names, residuals)?,
+            ..*self.data
+        };
+        Ok(Box::new(
+            Ridge::new(RidgeConfig::default())?.train(&data, &plan)?,
+        ))
+    }
+}
+
+impl Step {
+    /// What is said of each property of surfaces, by their embeddings of its views.
     pub(crate) fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Vec<Expected>>> {
         let values = self.models.predict(embeddings)?;
         let errors = self
@@ -155,10 +168,10 @@ impl Step {
             .as_ref()
             .map(|errors| errors.predict(embeddings));
         let errors = errors.transpose()?;
-        let expected = values.into_iter().enumerate().map(|(look, estimates)| {
-            let least = self.least[look].max(f64::MIN_POSITIVE);
+        let expected = values.into_iter().enumerate().map(|(at, estimates)| {
+            let least = self.least[at].max(f64::MIN_POSITIVE);
             let error = |surface: usize| match &errors {
-                Some(errors) => errors[look].values[surface].max(least),
+                Some(errors) => errors[at].values[surface].max(least),
                 None => 1.0,
             };
             let values = estimates.values.into_iter().enumerate();
@@ -170,125 +183,4 @@ impl Step {
         });
         Ok(expected.collect())
     }
-}
-
-/// The model of the look at this place.
-fn of(models: &dyn FittedRegressor, look: usize) -> Box<dyn FittedRegressor> {
-    let trial = models.trials().get(look).copied().cloned();
-    models.filtered(&|other| Some(other) == trial.as_ref())
-}
-
-/// An estimator of each look that learns from `surfaces`, whatever the look itself learns from.
-pub(crate) fn whole(
-    regression: &Regression,
-    (data, units): (&TrainingData<'_>, &Units),
-    seed: u64,
-    (looks, surfaces): (&[Look], &[usize]),
-    views: usize,
-) -> Result<Box<dyn FittedRegressor>> {
-    let number = looks.first().map_or(0, |look| look.rerun);
-    let trials = looks.iter();
-    let trials = trials.map(|look| look.trial(look.property.clone(), number, views));
-    let plan = Plan {
-        seed,
-        reruns: vec![Rerun {
-            number,
-            training: surfaces.to_vec(),
-            validation: Vec::new(),
-        }],
-        trials: trials.collect(),
-    };
-    regression.fit(data, units, &plan)
-}
-
-/// An estimator of each look without each part of its surfaces, and one with all.
-fn estimators(seed: u64, looks: &[Look], views: usize) -> Result<Plan> {
-    let mut plan = Plan {
-        seed,
-        reruns: Vec::new(),
-        trials: Vec::new(),
-    };
-    for look in looks {
-        for fold in look.fits() {
-            let number = look.number(fold)?;
-            if plan.reruns.iter().all(|rerun| rerun.number != number) {
-                plan.reruns.push(Rerun {
-                    number,
-                    training: look.without(fold),
-                    validation: Vec::new(),
-                });
-            }
-            let property = look.property.clone();
-            plan.trials.push(look.trial(property, number, views));
-        }
-    }
-    Ok(plan)
-}
-
-/// Notes the absolute residuals of a look's estimators for the parts that they have not seen, in
-/// column `at`; their mean.
-fn residuals_of(
-    look: &Look,
-    (at, views): (usize, usize),
-    data: &TrainingData<'_>,
-    all: &dyn FittedRegressor,
-    residuals: &mut [Vec<Option<f64>>],
-) -> Result<f64> {
-    let (mut sum, mut count) = (0.0, 0_usize);
-    for fold in look.fits().filter(|fold| *fold < look.folds.len()) {
-        let number = look.number(fold)?;
-        let model =
-            all.filtered(&|trial| (trial.rerun, &trial.property) == (number, &look.property));
-        let column = data.readings.column(&look.property);
-        let reading = |&surface: &usize| Some((surface, data.readings.get(surface, column?)?));
-        let read: Vec<(usize, f64)> = look.folds[fold].iter().filter_map(reading).collect();
-        let surfaces: Vec<usize> = read.iter().map(|(surface, _)| *surface).collect();
-        let embeddings = data.embeddings.select(&surfaces, &look.views[..views])?;
-        let estimates = model.predict(&embeddings)?.pop();
-        let estimates = estimates
-            .map(|estimates| estimates.values)
-            .unwrap_or_default();
-        for ((surface, truth), estimate) in read.into_iter().zip(estimates) {
-            let residual = (truth - estimate).abs();
-            residuals[surface][at] = Some(residual);
-            sum += residual;
-            count += 1;
-        }
-    }
-    Ok(sum / count.max(1) as f64)
-}
-
-/// For each look a regression of its residuals, `(surfaces, looks)`.
-fn errors(
-    residuals: &[Vec<Option<f64>>],
-    data: &TrainingData<'_>,
-    seed: u64,
-    looks: &[Look],
-    views: usize,
-) -> Result<Box<dyn FittedRegressor>> {
-    let names: Vec<String> = (0..looks.len()).map(|at| at.to_string()).collect();
-    let mut reruns: Vec<Rerun> = Vec::new();
-    for look in looks {
-        if reruns.iter().all(|rerun| rerun.number != look.rerun) {
-            reruns.push(Rerun {
-                number: look.rerun,
-                training: look.folds.concat(),
-                validation: Vec::new(),
-            });
-        }
-    }
-    let trials = looks.iter().zip(&names);
-    let trials = trials.map(|(look, name)| look.trial(name.clone(), look.rerun, views));
-    let plan = Plan {
-        seed,
-        reruns,
-        trials: trials.collect(),
-    };
-    let data = TrainingData {
-        readings: &Readings::new(names, residuals)?,
-        ..*data
-    };
-    Ok(Box::new(
-        Ridge::new(RidgeConfig::default())?.train(&data, &plan)?,
-    ))
 }

@@ -4,7 +4,7 @@ use std::borrow::Borrow;
 
 use sps_base::streams::{below, named_stream};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, refuse};
 use crate::estimator::Estimator;
 use crate::novelty::Familiar;
 
@@ -46,7 +46,7 @@ impl<E: Borrow<Estimator>> Watch<E> {
         if calibrating.is_empty() {
             let expected =
                 "surfaces that calibrate, and others, that the encoder did not learn from";
-            return Err(Error::input("to watch by", "no surface", expected));
+            return refuse("to watch by", "no surface", expected);
         }
         Ok(Self {
             estimator,

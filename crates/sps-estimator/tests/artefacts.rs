@@ -11,8 +11,7 @@ use fuzz::{Damage, broken, damaged, fuzz, nested, said, with_header};
 use proptest::prelude::any;
 use serde_json::{Value, json};
 use sps_estimator::{Estimator, Precomputed, Sight};
-use sps_models::encoders::Block;
-use support::{Tables, photograph, recipe, ridge};
+use support::{Tables, block, npy, photograph, recipe, ridge};
 
 #[global_allocator]
 static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
@@ -92,7 +91,6 @@ fn a_model_is_replaced_in_one_step() {
     assert!(notes.exists());
 }
 
-/// The text with one value changed.
 fn edited(folder: &Path, edit: impl Fn(&mut Value)) -> String {
     let path = folder.join("estimator.json");
     let whole = fs::read(&path).unwrap();
@@ -189,33 +187,8 @@ fn any_damage_is_refused_or_harmless() {
     });
 }
 
-/// As format 2 was before it kept the widths for several photographs.
-#[test]
-fn models_without_widths_for_several_photographs_are_read() {
-    let folder = kept();
-    let before = Estimator::load(folder.path()).unwrap();
-    let path = folder.path().join("estimator.json");
-    let mut card: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
-    for measure in card["measures"].as_array_mut().unwrap() {
-        assert!(measure.as_object_mut().unwrap().remove("several").is_some());
-    }
-    fs::write(&path, card.to_string()).unwrap();
-    let older = Estimator::load(folder.path()).unwrap();
-    let one = [photograph(40, 0)];
-    assert_eq!(older.predict(&one).unwrap(), before.predict(&one).unwrap());
-    let two = older.predict(&[photograph(40, 0), photograph(41, 0)]);
-    let two = two.unwrap();
-    assert_eq!((two.estimates[0].low, two.estimates[0].high), (None, None));
-    let reason = &two.no_interval["fRS"];
-    assert!(reason.contains("an older version wrote"), "{reason}");
-}
-
 #[test]
 fn files_of_embeddings() {
-    let block = |name: &str, width| Block {
-        name: name.to_owned(),
-        width,
-    };
     let files = ["oak/1.jpg", "denim/1.jpg", "3.png"]
         .map(str::to_owned)
         .to_vec();
@@ -235,10 +208,7 @@ fn files_of_embeddings() {
         }
     };
     fuzz("embeddings", &broken(safetensors), |bytes| read(&bytes));
-    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (3, 3), }";
-    let mut npy = b"\x93NUMPY\x01\x00v\x00".to_vec();
-    npy.extend(format!("{header:<117}\n").bytes());
-    npy.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    let npy = npy(&values, 3);
     fuzz("embeddings as npy", &Damage::some(), |damages| {
         read(&damaged(npy.clone(), &damages));
     });

@@ -5,23 +5,16 @@ mod support;
 use std::fs;
 
 use safetensors::SafeTensors;
-use sps_estimator::{About, Estimator, Examples, Fitted, Sight};
-use support::{Tables, photograph, recipe, ridge};
+use sps_estimator::{About, Estimator, Fitted, Sight};
+use support::{Tables, photograph, recipe, refused, ridge};
 
 /// 20 of 50 surfaces calibrate; the encoder learned from the others.
 #[test]
 fn what_the_encoder_saw_is_not_held_against() {
     let tables = Tables::new(50, 2, 1);
     let recipe = recipe(ridge(), &[1]);
-    let all: Vec<usize> = (0..50).collect();
-    let part = recipe.calibration.part(&tables.units, &all, 0).unwrap();
-    let fit = |saw: &[usize]| {
-        let examples = Examples {
-            encoder_saw: saw,
-            ..tables.examples()
-        };
-        recipe.fit(&examples, &all, 0)
-    };
+    let part = tables.part(&recipe);
+    let fit = |saw: &[usize]| tables.fit_beside(&recipe, saw);
     let kept = |fitted: Fitted| {
         let about = About {
             frame_size: [32, 32],
@@ -58,26 +51,19 @@ fn what_the_encoder_saw_is_not_held_against() {
     let trained = fit(&part.train).unwrap();
     assert_eq!(trained.no_familiar(), None);
     assert_eq!(kept(trained), of_unit_length(&part.validation));
-    assert_eq!(kept(fit(&[]).unwrap()), of_unit_length(&all));
+    assert_eq!(kept(fit(&[]).unwrap()), of_unit_length(&tables.all()));
 
-    let refused = fit(&part.validation[..1]).err().unwrap().to_string();
-    assert!(
-        refused.starts_with("surfaces that the encoder saw: found some of units that calibrate"),
-        "{refused}"
-    );
+    let expected = "surfaces that the encoder saw: found some of units that calibrate";
+    refused(fit(&part.validation[..1]), expected);
 }
 
 #[test]
 fn a_model_that_does_not_know_what_is_familiar_says_why() {
     let tables = Tables::new(40, 1, 1);
     let recipe = recipe(ridge(), &[0]);
-    let all: Vec<usize> = (0..40).collect();
-    let part = recipe.calibration.part(&tables.units, &all, 0).unwrap();
-    let examples = Examples {
-        encoder_saw: &part.train,
-        ..tables.examples()
-    };
-    let fitted = recipe.fit(&examples, &all, 0).unwrap();
+    let fitted = tables
+        .fit_beside(&recipe, &tables.part(&recipe).train)
+        .unwrap();
     let about = tables.estimator(&recipe).about().clone();
     let estimator = Estimator::new(support::embedder(), fitted, about).unwrap();
     let folder = tempfile::tempdir().unwrap();

@@ -1,25 +1,15 @@
 //! Photographs of eight materials with a measured friction coefficient each, where they are there.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+mod support;
 
-use sps_dataset::{DatasetFolder, Frame, ReadSettings, Source, TactileSettings, Unit, Units};
-use sps_estimator::{Calibration, Embedder, Examples, Network, Recipe, Regression, Wanted, Widths};
+use std::collections::BTreeMap;
+
+use sps_dataset::{Source, Unit, Units};
+use sps_estimator::{Calibration, Examples, Recipe};
 use sps_metrics::Level;
 use sps_models::encoders::{Encoder, EncoderKind};
-use sps_regress::ridge::{Ridge, RidgeConfig};
-use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
-
-fn shared(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../../shared")
-        .join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    println!("SKIPPED: {} is not there", path.display());
-    None
-}
+use sps_regress::TrainingData;
+use support::{Photographs, ridge, shared};
 
 /// The share of pairs that a score puts in order, ties counted half.
 fn auroc(known: &[f64], new: &[f64]) -> f64 {
@@ -38,48 +28,29 @@ fn auroc(known: &[f64], new: &[f64]) -> f64 {
 /// those of the eighth; and has no interval, as seven groups cannot promise 90 %.
 #[test]
 fn a_material_that_was_left_out_is_unfamiliar() {
-    let (Some(data), Some(weights)) = (
-        shared("data/friction-photos"),
-        shared("weights/squeezenet1_0.f16.safetensors"),
-    ) else {
+    let Some(weights) = shared("weights/squeezenet1_0.f16.safetensors") else {
         return;
     };
-    let dataset = DatasetFolder::open(&data, &ReadSettings::default()).unwrap();
     let encoder = Encoder::load(EncoderKind::SqueezeNet1_0, weights).unwrap();
-    let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
-    let surfaces = dataset.surfaces();
-    let frames: Vec<Frame> = (0..surfaces.len())
-        .map(|s| dataset.frame(s, 0).unwrap())
-        .collect();
-    let values = embedder.embed(&frames).unwrap();
-    let embeddings = Embeddings::new(values, [surfaces.len(), 1, embedder.width()]).unwrap();
-    let touched = dataset
-        .tactile()
-        .averages(&TactileSettings::default(), surfaces.len());
-    let rows: Vec<_> = (0..surfaces.len())
-        .map(|s| vec![touched.value(s, "fRS")])
-        .collect();
-    let readings = Readings::new(vec!["fRS".into()], &rows).unwrap();
-    let units = Units::of(surfaces);
-    let recipe = Recipe {
-        regression: Regression::Rows(AnyRegressor::Ridge(
-            Ridge::new(RidgeConfig::default()).unwrap(),
-        )),
-        wanted: vec![Wanted {
-            property: "fRS".into(),
-            views: vec![0],
-            range: None,
-        }],
-        one_by_one: false,
-        widths: Widths::ByPhotograph,
-        calibration: Calibration {
-            share: Some(0.25),
-            level: Level::P90,
-            seed: 0,
-        },
+    let Some(photographs) = Photographs::of("friction-photos", "fRS", encoder) else {
+        return;
     };
+    let Photographs {
+        dataset,
+        embeddings,
+        readings,
+        ..
+    } = &photographs;
+    let surfaces = dataset.surfaces();
+    let units = Units::of(surfaces);
+    let calibration = Calibration {
+        share: Some(0.25),
+        level: Level::P90,
+        seed: 0,
+    };
+    let recipe = Recipe::new(ridge(), ["fRS"], &[0], calibration);
     let examples = Examples {
-        data: TrainingData::new(&embeddings, &readings).with_units(units.of_surface()),
+        data: TrainingData::new(embeddings, readings).with_units(units.of_surface()),
         units: &units,
         encoder_saw: &[],
     };

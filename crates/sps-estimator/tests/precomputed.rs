@@ -5,8 +5,7 @@ mod support;
 use std::sync::Arc;
 
 use sps_estimator::{Embedder, Estimator, Network, Precomputed};
-use sps_models::encoders::Block;
-use support::{Tables, embedder, photograph, recipe, ridge};
+use support::{Tables, block, embedder, npy, photograph, read_again, recipe, refused, ridge};
 
 /// `safetensors.numpy.save({"late": [[5], [6]], "early": [[1, 2], [3, 4]]}, {"files": '["a/1.jpg", "a/2.jpg"]'})`
 /// of numpy's f32, but for blanks at the header's end.
@@ -22,90 +21,53 @@ fn safetensors() -> Vec<u8> {
         .collect()
 }
 
-/// `numpy.save` of `[[1.0, -2.5], [0.5, 4.0]]`, f32.
-fn npy() -> Vec<u8> {
-    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 2), }";
-    let mut bytes = b"\x93NUMPY\x01\x00v\x00".to_vec();
-    bytes.extend(format!("{header:<117}\n").bytes());
-    bytes.extend(
-        [1.0_f32, -2.5, 0.5, 4.0]
-            .iter()
-            .flat_map(|value| value.to_le_bytes()),
-    );
-    bytes
-}
-
 fn texts(names: &[&str]) -> Vec<String> {
     names.iter().map(|&name| name.to_owned()).collect()
 }
 
 #[test]
 fn files_of_python_are_read() {
-    let rows = Precomputed::from_bytes(&safetensors()).unwrap();
-    let block = |name: &str, width| Block {
-        name: name.to_owned(),
-        width,
+    let read = |bytes: &[u8]| {
+        let rows = Precomputed::from_bytes(bytes).unwrap();
+        let again = Precomputed::from_bytes(&rows.to_bytes().unwrap()).unwrap();
+        assert_eq!(again, rows);
+        rows
     };
+    let rows = read(&safetensors());
     assert_eq!(rows.blocks(), [block("early", 2), block("late", 1)]);
     assert_eq!(rows.values(), [1.0, 2.0, 5.0, 3.0, 4.0, 6.0]);
     assert_eq!(rows.files(), ["a/1.jpg", "a/2.jpg"]);
-    assert_eq!(
-        Precomputed::from_bytes(&rows.to_bytes().unwrap()).unwrap(),
-        rows
-    );
 
-    let rows = Precomputed::from_bytes(&npy()).unwrap();
+    let values = [1.0, -2.5, 0.5, 4.0];
+    let rows = read(&npy(&values, 2));
     assert_eq!(rows.blocks(), [block("embeddings", 2)]);
-    assert_eq!(rows.values(), [1.0, -2.5, 0.5, 4.0]);
-    assert_eq!(
-        Precomputed::from_bytes(&rows.to_bytes().unwrap()).unwrap(),
-        rows
-    );
+    assert_eq!(rows.values(), values);
 }
 
 #[test]
 fn rows_are_found_by_the_ends_of_paths() {
     let files = texts(&["/data/oak/1.jpg", "/data/1.jpg", "/data/denim/1.png"]);
-    let block = Block {
-        name: "a".to_owned(),
-        width: 1,
-    };
-    let rows = Precomputed::new(vec![block.clone()], files, vec![1.0, 2.0, 3.0]).unwrap();
-    let found = |names: &[&str]| {
-        rows.rows_of(&texts(names))
-            .map_err(|error| error.to_string())
-    };
+    let rows = Precomputed::new(vec![block("a", 1)], files, vec![1.0, 2.0, 3.0]).unwrap();
+    let found = |names: &[&str]| rows.rows_of(&texts(names));
     assert_eq!(
         found(&["denim/1.png", "1.jpg", "oak/1.jpg"]).unwrap(),
         [3.0, 2.0, 1.0]
     );
     assert_eq!(found(&["denim/1", "oak/1"]).unwrap(), [3.0, 1.0]);
-    let missing = found(&["oak/1.jpg", "oak/2.jpg"]).unwrap_err();
-    assert!(
-        missing.starts_with("a row of oak/2.jpg: found none"),
-        "{missing}"
-    );
-    let two = found(&["1.jpg"]).unwrap_err();
-    assert!(
-        two.starts_with("rows of 1.jpg: found two, the second as /data/1.jpg"),
-        "{two}"
-    );
+    let missing = found(&["oak/1.jpg", "oak/2.jpg"]);
+    refused(missing, "a row of oak/2.jpg: found none");
+    let two = "rows of 1.jpg: found two, the second as /data/1.jpg";
+    refused(found(&["1.jpg"]), two);
 
-    let unnamed = Precomputed::new(vec![block], Vec::new(), vec![1.0, 2.0]).unwrap();
+    let unnamed = Precomputed::new(vec![block("a", 1)], Vec::new(), vec![1.0, 2.0]).unwrap();
     assert_eq!(unnamed.rows_of(&texts(&["b", "a"])).unwrap(), [1.0, 2.0]);
-    let fewer = unnamed.rows_of(&texts(&["b"])).unwrap_err().to_string();
-    assert!(
-        fewer.contains("found 2, expected 1, one for each photograph"),
-        "{fewer}"
-    );
+    let fewer = unnamed.rows_of(&texts(&["b"]));
+    refused(fewer, "found 2, expected 1, one for each photograph");
 }
 
 #[test]
 fn what_makes_no_rows_is_refused() {
-    let said = |bytes: &[u8], part: &str| {
-        let error = Precomputed::from_bytes(bytes).unwrap_err().to_string();
-        assert!(error.contains(part), "{error}");
-    };
+    let said = |bytes: &[u8], part| refused(Precomputed::from_bytes(bytes), part);
     said(b"", "not a safetensors file");
     let changed = |from: &str, to: &str| {
         let bytes = safetensors();
@@ -127,17 +89,12 @@ fn what_makes_no_rows_is_refused() {
         &changed(r#"[\"a/1.jpg\""#, r#"{\"a/1.jpg\""#),
         "a JSON list of texts",
     );
-    let mut one = npy();
+    let mut one = npy(&[0.0; 4], 2);
     let shape = one.windows(6).position(|part| part == b"(2, 2)").unwrap();
     one[shape..shape + 6].copy_from_slice(b"(4,)  ");
     said(&one, "found shape [4], expected (rows, width)");
-    let nan = vec![f32::NAN];
-    let block = Block {
-        name: "a".to_owned(),
-        width: 1,
-    };
-    let error = Precomputed::new(vec![block], Vec::new(), nan).unwrap_err();
-    assert!(error.to_string().contains("finite"), "{error}");
+    let nan = Precomputed::new(vec![block("a", 1)], Vec::new(), vec![f32::NAN]);
+    refused(nan, "finite");
 }
 
 /// A model that takes embeddings answers them as one with the encoder answers the photographs.
@@ -148,26 +105,15 @@ fn a_model_asks_for_embeddings() {
     let blocks = embedder().network().blocks();
     let rows = Precomputed::new(blocks, Vec::new(), Vec::new()).unwrap();
     let blind = Embedder::new(Network::Precomputed(Arc::new(rows)), None).unwrap();
-    let all: Vec<usize> = (0..40).collect();
-    let fitted = recipe(ridge(), &[0])
-        .fit(&tables.examples(), &all, 0)
-        .unwrap();
+    let fitted = tables.fit(&recipe(ridge(), &[0])).unwrap();
     let about = seeing.about().clone();
-    let folder = tempfile::tempdir().unwrap();
-    Estimator::new(blind, fitted, about)
-        .unwrap()
-        .save(folder.path())
-        .unwrap();
-    let blind = Estimator::load(folder.path()).unwrap();
+    let blind = read_again(&Estimator::new(blind, fitted, about).unwrap());
     let asked = [photograph(97, 0)];
     let values = embedder().embed(&asked).unwrap();
     assert_eq!(
         blind.predict_embedded(&values, 1).unwrap(),
         seeing.predict(&asked).unwrap()
     );
-    let error = blind.predict(&asked).unwrap_err().to_string();
-    assert!(
-        error.starts_with("photographs: found images, expected their embeddings"),
-        "{error}"
-    );
+    let images = "photographs: found images, expected their embeddings";
+    refused(blind.predict(&asked), images);
 }

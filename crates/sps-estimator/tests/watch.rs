@@ -1,86 +1,51 @@
 //! Streams of real photographs, where they are there: of kinds that a model was fitted on, and of one that
 //! was left out.
 
-use std::collections::BTreeSet;
-use std::path::Path;
+mod support;
 
-use sps_dataset::{DatasetFolder, ReadSettings, Source, TactileSettings, Unit, Units};
-use sps_estimator::{
-    About, Calibration, Embedder, Estimator, Examples, Network, Recipe, Regression, Wanted, Watch,
-    Widths,
-};
+use std::collections::BTreeSet;
+
+use sps_dataset::{Source, Unit, Units};
+use sps_estimator::{About, Calibration, Estimator, Examples, Recipe, Regression, Watch, Widths};
 use sps_metrics::Level;
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
-use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
+use sps_regress::{AnyRegressor, TrainingData};
+use support::Photographs;
 
-/// Photographs of surfaces with one value each, and what they look like.
-struct Photographs {
-    dataset: DatasetFolder,
-    embedder: Embedder,
-    embeddings: Embeddings,
-    readings: Readings,
-}
+struct Streams(Photographs);
 
-impl Photographs {
+impl Streams {
     fn of(name: &str, property: &str) -> Option<Self> {
-        let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-        let folder = shared.join(name);
-        if !folder.exists() {
-            println!("SKIPPED: {} is not there", folder.display());
-            return None;
-        }
-        let dataset = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
         let encoder = Encoder::built_in(EncoderKind::EfficientNetLiteBody).unwrap();
         let encoder = encoder.with_depths(&Depths::All).unwrap();
-        let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
-        let count = dataset.surfaces().len();
-        let frames = (0..count).map(|surface| dataset.frame(surface, 0).unwrap());
-        let values = embedder.embed(&frames.collect::<Vec<_>>()).unwrap();
-        let touched = dataset
-            .tactile()
-            .averages(&TactileSettings::default(), count);
-        let rows: Vec<_> = (0..count)
-            .map(|at| vec![touched.value(at, property)])
-            .collect();
-        Some(Self {
-            readings: Readings::new(vec![property.to_owned()], &rows).unwrap(),
-            embeddings: embedder.table(&values, count, 1).unwrap(),
-            embedder,
-            dataset,
-        })
+        Photographs::of(name, property, encoder).map(Self)
     }
 
     fn units(&self) -> Units {
-        Units::by(self.dataset.surfaces(), Unit::Surface)
+        Units::by(self.0.dataset.surfaces(), Unit::Surface)
     }
 
     fn all(&self) -> Vec<usize> {
-        (0..self.dataset.surfaces().len()).collect()
+        (0..self.0.dataset.surfaces().len()).collect()
     }
 
     /// The photograph of the stream at which there is an alarm, of a model fitted on others.
     fn alarm(&self, fitted_on: &[usize], stream: &[usize], number: u64) -> Option<u64> {
-        let property = self.readings.properties()[0].clone();
         let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+        let ridge = Regression::Rows(AnyRegressor::KernelRidge(ridge));
+        let calibration = Calibration {
+            share: Some(0.25),
+            level: Level::P90,
+            seed: 0,
+        };
         let recipe = Recipe {
-            regression: Regression::Rows(AnyRegressor::KernelRidge(ridge)),
-            wanted: vec![Wanted {
-                property,
-                views: vec![0],
-                range: None,
-            }],
-            one_by_one: false,
             widths: Widths::Constant,
-            calibration: Calibration {
-                share: Some(0.25),
-                level: Level::P90,
-                seed: 0,
-            },
+            ..Recipe::new(ridge, self.0.readings.properties(), &[0], calibration)
         };
         let units = self.units();
         let examples = Examples {
-            data: TrainingData::new(&self.embeddings, &self.readings),
+            data: TrainingData::new(&self.0.embeddings, &self.0.readings),
             units: &units,
             encoder_saw: &[],
         };
@@ -90,9 +55,9 @@ impl Photographs {
             angles: vec![0.0],
             ..About::default()
         };
-        let model = Estimator::new(self.embedder.clone(), fitted, about).unwrap();
+        let model = Estimator::new(self.0.embedder.clone(), fitted, about).unwrap();
         let mut watch = Watch::new(&model).unwrap();
-        let row = |surface: &usize| self.embeddings.get(*surface, 0).unwrap();
+        let row = |surface: &usize| self.0.embeddings.get(*surface, 0).unwrap();
         // By name, one kind follows the other.
         let scores = stream
             .iter()
@@ -105,7 +70,7 @@ impl Photographs {
     /// For each kind with at least so many photographs, how many of them it takes for an alarm, where the
     /// model was fitted on none of them.
     fn left_out(&self, least: usize) -> Vec<Option<u64>> {
-        let surfaces = self.dataset.surfaces();
+        let surfaces = self.0.dataset.surfaces();
         let kinds: BTreeSet<&str> = surfaces.iter().map(|one| one.material.as_str()).collect();
         let mut alarms = Vec::new();
         for kind in kinds {
@@ -125,7 +90,7 @@ impl Photographs {
 #[test]
 fn known_kinds_raise_no_alarm_and_one_that_was_left_out_does() {
     const DRAWS: u64 = 40;
-    let Some(rated) = Photographs::of("material-ratings", "hardness") else {
+    let Some(rated) = Streams::of("material-ratings", "hardness") else {
         return;
     };
     let drawn = (0..DRAWS).filter(|&draw| {
@@ -144,7 +109,7 @@ fn known_kinds_raise_no_alarm_and_one_that_was_left_out_does() {
 
 #[test]
 fn a_material_that_was_left_out_raises_one() {
-    let Some(photographs) = Photographs::of("friction-photos", "fRS") else {
+    let Some(photographs) = Streams::of("friction-photos", "fRS") else {
         return;
     };
     let alarms = photographs.left_out(20);

@@ -11,7 +11,6 @@ use tracing::warn;
 
 use crate::files::write_atomically;
 
-/// The checksums of a folder.
 const FOLDER: &str = "checksums";
 
 fn of(bytes: &[u8]) -> String {
@@ -59,7 +58,6 @@ pub(crate) fn read(path: &Path) -> Result<Option<Vec<u8>>> {
     Ok(None)
 }
 
-/// Removes what [`write()`] wrote.
 pub(crate) fn remove(path: &Path) -> Result<()> {
     for path in [path, &beside(path)] {
         fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;

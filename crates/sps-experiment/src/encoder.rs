@@ -81,7 +81,6 @@ pub fn calibrated(
     Ok(network.with_encoder(encoder.with_precision(Precision::Int8)?))
 }
 
-/// The encoder in words, for reports.
 pub(crate) fn describe(spec: &EncoderSpec) -> String {
     let file_name = |path: &Path| {
         let name = path.file_name().unwrap_or(path.as_os_str());

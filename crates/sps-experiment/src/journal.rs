@@ -12,7 +12,7 @@ use serde_json::value::RawValue;
 use tracing::warn;
 
 /// Identifies what a trial is computed from: equal keys mean equal outcomes.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(crate) struct TrialKey(pub String);
 
 impl TrialKey {
@@ -23,13 +23,12 @@ impl TrialKey {
     }
 }
 
-/// What a journal keeps.
 pub(crate) trait Record: Clone + Serialize + DeserializeOwned {
     fn key(&self) -> &TrialKey;
 }
 
 /// What one trial (a method, a property, a rerun) came to.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Outcome {
     pub key: TrialKey,
     pub method: String,
@@ -148,7 +147,6 @@ impl<R: Record> Journal<R> {
         self.append(new.into_iter().map(|(_, record)| record).collect())
     }
 
-    /// The record of a trial, if it has finished.
     pub(crate) fn get(&self, key: &TrialKey) -> Option<&R> {
         self.records.get(key)
     }
@@ -196,7 +194,6 @@ fn add(file: &mut File, lines: &str) -> io::Result<()> {
     written
 }
 
-/// The records of a file.
 fn read<R: Record>(mut file: &File, path: &Path) -> Result<HashMap<TrialKey, R>> {
     let failed = || format!("cannot read {}", path.display());
     let mut records = HashMap::new();
@@ -249,10 +246,8 @@ mod tests {
             truth: vec![1.0 / 3.0],
             estimate: vec![estimate],
             views: vec![49],
-            stops: Vec::new(),
-            course: Vec::new(),
             train_seconds: 0.5,
-            failed: None,
+            ..Outcome::default()
         }
     }
 

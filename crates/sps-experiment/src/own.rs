@@ -11,7 +11,6 @@ use crate::results::Results;
 use crate::run::{self, RunFolder};
 use crate::train::{self, Say, Trained};
 
-/// What is run to choose a method.
 const CONFIG: &str = include_str!("own.toml");
 /// Parts of the surfaces or groups, each held out once, where there are as many.
 const FOLDS: usize = 10;

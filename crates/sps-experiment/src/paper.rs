@@ -91,7 +91,6 @@ pub fn row(name: &str) -> Option<PaperRow> {
     })
 }
 
-/// What `row` would answer to.
 pub(crate) fn names() -> Vec<String> {
     let ablation = (0..PRINTED.ablation.len()).map(|i| format!("ablation.{i}"));
     PRINTED.methods.keys().cloned().chain(ablation).collect()

@@ -42,7 +42,6 @@ impl Prediction {
     }
 }
 
-/// The file in the folder of a run.
 pub(super) const FILE: &str = "predictions.csv";
 
 /// The predictions of finished trials, in their order; `groups` has the groups of surfaces by name.
@@ -74,7 +73,6 @@ pub(crate) fn of_outcomes<'a>(
         .collect()
 }
 
-/// Writes `predictions.csv` into `folder`.
 pub(crate) fn write(folder: &Path, predictions: &[Prediction]) -> Result<()> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     for prediction in predictions {

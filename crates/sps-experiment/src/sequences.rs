@@ -1,25 +1,23 @@
 //! A source whose one view of a surface is a sequence of another source's views.
 
 use sps_dataset::{
-    Description, Frame, FrameKey, Origin, Property, RollAngle, Source, Surface, TactileTable,
+    Description, Frame, FrameKey, Origin, Property, RollAngle, Source, SourceError, Surface,
+    TactileTable,
 };
 
 /// Frames of several views, one below the other, as one frame; it stands at angle 0.
-pub(crate) struct Sequences<'a, S> {
-    source: &'a S,
+pub(crate) struct Sequences<'a> {
+    source: &'a dyn Source,
     views: Vec<usize>,
 }
 
-impl<'a, S: Source> Sequences<'a, S> {
-    /// Of the given views, in their order.
-    pub(crate) fn new(source: &'a S, views: Vec<usize>) -> Self {
+impl<'a> Sequences<'a> {
+    pub(crate) fn new(source: &'a dyn Source, views: Vec<usize>) -> Self {
         Self { source, views }
     }
 }
 
-impl<S: Source> Source for Sequences<'_, S> {
-    type Error = S::Error;
-
+impl Source for Sequences<'_> {
     fn name(&self) -> &str {
         self.source.name()
     }
@@ -44,7 +42,7 @@ impl<S: Source> Source for Sequences<'_, S> {
         self.source.describe(property)
     }
 
-    fn frame(&self, surface: usize, view: usize) -> Result<Frame, S::Error> {
+    fn frame(&self, surface: usize, view: usize) -> Result<Frame, SourceError> {
         self.frame_to_resize(surface, view, None)
     }
 
@@ -53,7 +51,7 @@ impl<S: Source> Source for Sequences<'_, S> {
         surface: usize,
         _: usize,
         shorter_side: Option<usize>,
-    ) -> Result<Frame, S::Error> {
+    ) -> Result<Frame, SourceError> {
         let mut stack = Frame {
             width: 0,
             height: 0,
@@ -68,7 +66,7 @@ impl<S: Source> Source for Sequences<'_, S> {
         Ok(stack)
     }
 
-    fn frame_key(&self, surface: usize, _: usize) -> Result<FrameKey, S::Error> {
+    fn frame_key(&self, surface: usize, _: usize) -> Result<FrameKey, SourceError> {
         let mut hasher = blake3::Hasher::new();
         for &view in &self.views {
             hasher.update(&self.source.frame_key(surface, view)?);

@@ -47,7 +47,6 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// All parts of so many.
     pub(crate) fn all(of: usize) -> impl Iterator<Item = Self> {
         (1..=of).map(move |number| Self { of, number })
     }
@@ -104,9 +103,7 @@ impl FromStr for Shard {
 /// Something missing where it is not to be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Undone {
-    /// So many frames are not encoded.
     Frames(usize),
-    /// An encoder is not trained.
     Training,
 }
 

@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use sps_experiment::files::write_atomically;
 
-/// A folder with files of certain endings.
 pub(super) struct Folder {
     name: &'static str,
     endings: &'static [&'static str],
@@ -54,7 +53,6 @@ impl Folder {
         Ok(paths)
     }
 
-    /// Their names in the folder of the run.
     pub(super) fn names(&self, run: &Path) -> Result<Vec<String>> {
         let paths = self.paths(run)?;
         let names = paths.iter().filter_map(|path| path.file_name());

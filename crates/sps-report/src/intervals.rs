@@ -14,16 +14,11 @@ pub(super) fn table(results: &Results) -> Option<Table> {
         .flat_map(|(method, intervals)| rows(results, method, intervals))
         .collect();
     let columns = ["Method", "Property", "held, %", "mean width", "width / std"];
-    (!rows.is_empty()).then(|| Table {
-        name: "intervals",
-        title: "Intervals that came with estimates".to_owned(),
-        caption: "The share of held-out readings that lie inside, and how wide the intervals are: in the \
+    let caption = "The share of held-out readings that lie inside, and how wide the intervals are: in the \
                   property's own unit, and over the standard deviation of its values over all surfaces. All \
-                  reruns together."
-            .to_owned(),
-        columns: columns.map(str::to_owned).to_vec(),
-        rows,
-    })
+                  reruns together.";
+    let title = "Intervals that came with estimates";
+    (!rows.is_empty()).then(|| Table::new("intervals", title, columns, rows).about(caption))
 }
 
 fn rows(results: &Results, method: &MethodResult, intervals: &GivenIntervals) -> Vec<Row> {

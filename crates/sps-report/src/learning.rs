@@ -6,9 +6,9 @@ use kuva::plot::LegendPosition;
 use kuva::plot::line::LinePlot;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
-use sps_experiment::results::{MethodResult, PerProperty, Results};
+use sps_experiment::results::{MethodResult, Number, PerProperty, Results};
 
-use super::figures::{Figure, PAGE, plotted, told_apart};
+use super::figures::{Figure, PAGE, line, plotted, told_apart};
 use super::table::{Cell, Row, Table};
 
 /// One method, by the number of surfaces that it was trained on.
@@ -45,20 +45,20 @@ fn base_label(method: &MethodResult) -> Option<&str> {
     method.label.strip_suffix(&swept)
 }
 
-/// Means over the properties that a perfect reader of the images would reach.
-fn ceilings(results: &Results) -> impl Iterator<Item = (&'static str, f64)> + '_ {
-    let mean = |ceiling: &PerProperty<f64>| {
-        let values = results.properties.iter().map(|code| ceiling.get(code));
-        let sum = values.sum::<Option<f64>>();
-        sum.map(|sum| sum / results.properties.len() as f64)
-    };
+/// What a perfect reader of the images would reach, of each property and on average; no mean where a
+/// property has no ceiling.
+pub(super) fn ceilings(results: &Results) -> [(&'static str, &PerProperty<f64>, Number); 2] {
     let data = &results.dataset;
-    [
-        ("Ceiling, one view", mean(&data.ceiling_one_view)),
-        ("Ceiling, all views", mean(&data.ceiling_all_views)),
-    ]
-    .into_iter()
-    .filter_map(|(label, mean)| Some((label, mean?)))
+    let ceilings = [
+        ("Ceiling, one view", &data.ceiling_one_view),
+        ("Ceiling, all views", &data.ceiling_all_views),
+    ];
+    ceilings.map(|(label, ceiling)| {
+        let values = results.properties.iter().map(|code| ceiling.get(code));
+        let mean = values.sum::<Option<f64>>();
+        let mean = mean.map(|sum| sum / results.properties.len() as f64);
+        (label, ceiling, mean)
+    })
 }
 
 /// Mean R² with its interval; none where every method has one number of training surfaces.
@@ -82,25 +82,20 @@ pub(super) fn table(results: &Results) -> Option<Table> {
         let label = [Cell::from(curve.label)].into_iter();
         Row::measured(label.chain(numbers.iter().map(cell)).collect())
     };
-    let ceiling = |(label, value): (&str, f64)| {
-        let cells = numbers.iter().map(|_| Cell::number(Some(value), 3));
-        Row::reference([Cell::from(label)].into_iter().chain(cells).collect())
-    };
-    Some(Table {
-        name: "learning-curves",
-        title: "Learning curves".to_owned(),
-        caption: format!(
-            "R² against training surfaces: the mean over the properties, with {}. A \
-             ceiling is what a perfect reader of the images would reach.",
-            results.intervals_in_words()
-        ),
-        columns,
-        rows: curves
-            .iter()
-            .map(row)
-            .chain(ceilings(results).map(ceiling))
-            .collect(),
-    })
+    let ceilings = ceilings(results)
+        .into_iter()
+        .filter_map(|(label, _, mean)| {
+            let cells = numbers.iter().map(|_| Cell::number(mean, 3));
+            let cells = [Cell::from(label)].into_iter().chain(cells).collect();
+            mean.map(|_| Row::reference(cells))
+        });
+    let rows = curves.iter().map(row).chain(ceilings);
+    let caption = format!(
+        "R² against training surfaces: the mean over the properties, with {}. A \
+         ceiling is what a perfect reader of the images would reach.",
+        results.intervals_in_words()
+    );
+    Some(Table::new("learning-curves", "Learning curves", columns, rows).about(caption))
 }
 
 /// Where a method lies, and how far its interval reaches below and above.
@@ -127,11 +122,9 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
             .with_stroke_width(1.8);
         plots.push(told_apart(line, index, curve.label));
     }
-    for (label, value) in ceilings(results) {
-        let line = LinePlot::new()
-            .with_data(vec![(least, value), (most, value)])
-            .with_color("#555555")
-            .with_stroke_width(1.4);
+    for (label, _, mean) in ceilings(results) {
+        let Some(value) = mean else { continue };
+        let line = line([(least, value), (most, value)], "#555555", 1.4);
         let line = if label.ends_with("one view") {
             line.with_dashed()
         } else {

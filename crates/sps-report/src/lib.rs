@@ -76,7 +76,6 @@ fn write_files(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Methods with intervals that are shown, at most.
 const WITH_INTERVALS: usize = 5;
 
 /// The methods whose single estimates are shown: the best, then those with intervals.
@@ -101,7 +100,6 @@ fn sections(tables: Vec<Table>, figures: Vec<Figure>, gallery: Option<Gallery>) 
     means.chain(figures).chain(gallery).chain(tables).collect()
 }
 
-/// The files of figures, by their names.
 fn drawn(figures: &[Figure]) -> BTreeMap<String, Vec<u8>> {
     let files = figures.iter();
     files

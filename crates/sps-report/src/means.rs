@@ -67,7 +67,6 @@ const MEANS: [Mean; 7] = [
     },
 ];
 
-/// The table of means over properties.
 pub(super) fn table(results: &Results) -> Table {
     let methods = &results.methods;
     let compared =
@@ -110,13 +109,7 @@ pub(super) fn table(results: &Results) -> Table {
             ..Row::measured(cells)
         }
     });
-    Table {
-        name: "means",
-        title: "Means over properties".to_owned(),
-        caption: caption(results, compared),
-        columns,
-        rows: rows.collect(),
-    }
+    Table::new("means", "Means over properties", columns, rows).about(caption(results, compared))
 }
 
 /// How much a row stands on.

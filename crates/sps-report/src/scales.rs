@@ -44,7 +44,6 @@ impl Scale {
         }
     }
 
-    /// How far an estimate is off, in deviations.
     pub(super) fn error(&self, prediction: &Prediction) -> f64 {
         (prediction.estimate - prediction.truth).abs() / self.deviation
     }

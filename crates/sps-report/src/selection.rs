@@ -42,19 +42,13 @@ pub(super) fn table(results: &Results) -> Option<Table> {
             Cell::number(mean(all().map(|one| one.seconds)), 2),
         ])
     });
-    Some(Table {
-        name: "selection",
-        title: "The selection of views".to_owned(),
-        caption: "R² on surfaces held out, after training with the views found. All else is of \
+    let caption = "R² on surfaces held out, after training with the views found. All else is of \
                   the search on the training part: loss is the mean squared error of the frozen \
                   estimator in units of the readings' variance; regret is the distance of that \
                   loss to the optimum as a share of the distance of random sets to it, the median \
                   and the worst; all else are means over properties and reruns. The angle is that \
-                  between two views; seconds are those of one search."
-            .to_owned(),
-        columns: columns.map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-    })
+                  between two views; seconds are those of one search.";
+    Some(Table::new("selection", "The selection of views", columns, rows).about(caption))
 }
 
 fn selecting(results: &Results) -> Vec<&MethodResult> {

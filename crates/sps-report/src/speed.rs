@@ -35,28 +35,22 @@ fn answers(results: &Results, speed: &Speed) -> Table {
     let best = number(best.reduce(f64::max), 3);
     let share = number(Some(100.0 * speed.within_error), 1);
     let limit = number(Some(1e3 * speed.within_seconds), 1);
-    Table {
-        name: "questions",
-        title: "Two questions".to_owned(),
-        caption: format!(
-            "The error is 1 - R², the share of variance left unexplained; the best R² is {best}. \
-             Which is best is decided on the surfaces that it is reported on: of methods that \
-             hardly differ chance picks one, so read the answer beside the intervals below."
+    let columns = ["Question", "Answer", "ms per surface", "R²", "MAE"];
+    let rows = [
+        row(
+            format!("The fastest setting within {share} % of the best error"),
+            &speed.fastest_within_error,
         ),
-        columns: ["Question", "Answer", "ms per surface", "R²", "MAE"]
-            .map(str::to_owned)
-            .to_vec(),
-        rows: vec![
-            row(
-                format!("The fastest setting within {share} % of the best error"),
-                &speed.fastest_within_error,
-            ),
-            row(
-                format!("The best error within {limit} ms per surface"),
-                &speed.best_within_seconds,
-            ),
-        ],
-    }
+        row(
+            format!("The best error within {limit} ms per surface"),
+            &speed.best_within_seconds,
+        ),
+    ];
+    Table::new("questions", "Two questions", columns, rows).about(format!(
+        "The error is 1 - R², the share of variance left unexplained; the best R² is {best}. \
+         Which is best is decided on the surfaces that it is reported on: of methods that \
+         hardly differ chance picks one, so read the answer beside the intervals below."
+    ))
 }
 
 fn settings(results: &Results, speed: &Speed) -> Table {
@@ -106,25 +100,19 @@ fn settings(results: &Results, speed: &Speed) -> Table {
         cells.push(method.encoder.as_str().into());
         Row::measured(cells)
     });
-    Table {
-        name: "settings",
-        title: "Every setting, from fast to slow".to_owned(),
-        caption: format!(
-            "{ON_FRONT} marks the Pareto front: no other setting is both faster and better. R² with \
-             {}; elsewhere, after the mean, the lowest and \
-             the highest of the reruns. Seconds, in ms, are medians over single surfaces, without \
-             the cache: all properties together, of an adaptive setting one; simulated frames are \
-             rendered where photographs would be decoded. Frames are decoded and encoded for one \
-             surface. Memory is the encoder's and the most that one estimate allocates at any time. \
-             Training is that of heads or ridges, all properties and reruns together.",
-            results.intervals_in_words()
-        ),
-        columns: columns.into_iter().map(str::to_owned).collect(),
-        rows: rows.collect(),
-    }
+    let title = "Every setting, from fast to slow";
+    Table::new("settings", title, columns, rows).about(format!(
+        "{ON_FRONT} marks the Pareto front: no other setting is both faster and better. R² with \
+         {}; elsewhere, after the mean, the lowest and \
+         the highest of the reruns. Seconds, in ms, are medians over single surfaces, without \
+         the cache: all properties together, of an adaptive setting one; simulated frames are \
+         rendered where photographs would be decoded. Frames are decoded and encoded for one \
+         surface. Memory is the encoder's and the most that one estimate allocates at any time. \
+         Training is that of heads or ridges, all properties and reruns together.",
+        results.intervals_in_words()
+    ))
 }
 
-/// The cells of what a setting costs.
 fn costs(costs: &Costs) -> Vec<Cell> {
     let scaled = |value: Number, unit: f64| value.map(|value| value / unit);
     vec![
@@ -149,7 +137,6 @@ fn in_milliseconds(seconds: Number) -> Cell {
     Cell::number(seconds.map(|seconds| 1e3 * seconds), 2)
 }
 
-/// The frames of one surface.
 pub(super) fn looked_at(costs: &Costs) -> Cell {
     let (decoded, encoded) = (
         costs.frames_decoded_per_surface,
@@ -178,16 +165,11 @@ fn adaptive(results: &Results) -> Option<Table> {
         "views, mean",
         "estimates that took 1, 2, … views, %",
     ];
-    (!rows.is_empty()).then(|| Table {
-        name: "adaptive",
-        title: "Views until the interval is narrow enough".to_owned(),
-        caption: "One view after the other is looked at, until the interval of the estimate is as \
+    let caption = "One view after the other is looked at, until the interval of the estimate is as \
                   narrow as asked for or there are no more. Widths are in standard deviations of \
-                  the training readings."
-            .to_owned(),
-        columns: columns.map(str::to_owned).to_vec(),
-        rows,
-    })
+                  the training readings.";
+    let title = "Views until the interval is narrow enough";
+    (!rows.is_empty()).then(|| Table::new("adaptive", title, columns, rows).about(caption))
 }
 
 fn adaptive_row(method: &MethodResult, of: &AdaptiveResult) -> Row {

@@ -66,13 +66,8 @@ pub fn summary(results: &Results) -> Table {
         ]);
         Row::measured(cells)
     });
-    Table {
-        name: "summary",
-        title: format!("{}: means over properties", results.experiment),
-        caption: String::new(),
-        columns: columns.into_iter().map(str::to_owned).collect(),
-        rows: rows.collect(),
-    }
+    let title = format!("{}: means over properties", results.experiment);
+    Table::new("summary", title, columns, rows)
 }
 
 #[cfg(test)]

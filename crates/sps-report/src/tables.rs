@@ -183,27 +183,14 @@ fn per_property(results: &Results, shown: &Shown) -> Table {
             rows.push(Row::reference(line(label, &value, Some(mean))));
         }
     }
-    if shown.ceilings {
-        let dataset = &results.dataset;
-        for (label, ceiling) in [
-            ("Ceiling, one view", &dataset.ceiling_one_view),
-            ("Ceiling, all views", &dataset.ceiling_all_views),
-        ] {
-            let value = |property: &String| ceiling.get(property).copied();
-            let values: Option<Vec<f64>> = results.properties.iter().map(value).collect();
-            let mean = values.map(|v| v.iter().sum::<f64>() / v.len() as f64);
-            if !ceiling.is_empty() {
-                rows.push(Row::reference(line(label.to_owned(), &value, mean)));
-            }
+    let ceilings = shown.ceilings.then(|| learning::ceilings(results));
+    for (label, ceiling, mean) in ceilings.into_iter().flatten() {
+        let value = |property: &String| ceiling.get(property).copied();
+        if !ceiling.is_empty() {
+            rows.push(Row::reference(line(label.to_owned(), &value, mean)));
         }
     }
-    Table {
-        name: shown.name,
-        title: shown.title.to_owned(),
-        caption: shown.caption.to_owned(),
-        columns,
-        rows,
-    }
+    Table::new(shown.name, shown.title, columns, rows).about(shown.caption)
 }
 
 fn costs(results: &Results) -> Table {
@@ -227,13 +214,8 @@ fn costs(results: &Results) -> Table {
             Cell::count(method.reruns),
         ])
     });
-    Table {
-        name: "costs",
-        title: "What an estimate costs".to_owned(),
-        caption: costs_caption(results),
-        columns: columns.map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-    }
+    let title = "What an estimate costs";
+    Table::new("costs", title, columns, rows).about(costs_caption(results))
 }
 
 /// Whole where all properties look at as many frames.
@@ -264,7 +246,6 @@ pub(super) fn printed(results: &Results, method: &MethodResult) -> Option<PaperR
         .and_then(paper::row)
 }
 
-/// What the codes stand for.
 fn properties(results: &Results) -> Option<Table> {
     let described: Vec<_> = results
         .properties
@@ -281,18 +262,12 @@ fn properties(results: &Results) -> Option<Table> {
             Cell::range(known.range, digits),
         ])
     });
-    (!described.is_empty()).then(|| Table {
-        name: "properties",
-        title: "Properties".to_owned(),
-        caption:
-            "What each code stands for, the unit of its values, and how far these differ over all \
-                  surfaces of the dataset."
-                .to_owned(),
-        columns: ["code", "name", "unit", "std", "lowest to highest"]
-            .map(str::to_owned)
-            .to_vec(),
-        rows: rows.collect(),
-    })
+    let columns = ["code", "name", "unit", "std", "lowest to highest"];
+    let table = Table::new("properties", "Properties", columns, rows).about(
+        "What each code stands for, the unit of its values, and how far these differ over all \
+         surfaces of the dataset.",
+    );
+    (!described.is_empty()).then_some(table)
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use sps_dataset::{
     Description, Frame, FrameKey, LinearFrame, Origin, Property, PropertyRange, RollAngle, Source,
-    Surface, TactileTable, toccare,
+    SourceError, Surface, TactileTable, toccare,
 };
 
 use super::fingerprint;
@@ -27,7 +27,7 @@ use super::touch;
 /// let simulator = Simulator::new(spec)?;
 /// let frame = simulator.frame(2, 1)?;
 /// assert_eq!((frame.width, frame.height), (32, 32));
-/// # Ok::<(), sps_simulate::SimulateError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
 pub struct Simulator {
@@ -65,7 +65,7 @@ impl Simulator {
     /// let first = Simulator::new(SimulatorSpec { surfaces: 8, ..spec })?;
     /// assert_eq!(some.surfaces()[0], first.surfaces()[7]);
     /// assert_eq!(some.frame_key(0, 3)?, first.frame_key(7, 3)?);
-    /// # Ok::<(), sps_simulate::SimulateError>(())
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Errors
@@ -186,8 +186,6 @@ pub(crate) fn photograph(
 }
 
 impl Source for Simulator {
-    type Error = SimulateError;
-
     fn name(&self) -> &str {
         &self.name
     }
@@ -218,8 +216,8 @@ impl Source for Simulator {
 
     /// Rounded to 8 bits as a PNG is, so that a simulated set and its written copy are the same to
     /// the last bit.
-    fn frame(&self, surface: usize, view: usize) -> Result<Frame, SimulateError> {
-        let bytes = self.frame_bytes(surface, view)?;
+    fn frame(&self, surface: usize, view: usize) -> Result<Frame, SourceError> {
+        let bytes = self.frame_bytes(surface, view).map_err(SourceError::new)?;
         Ok(Frame {
             width: self.spec.size,
             height: self.spec.size,
@@ -232,8 +230,8 @@ impl Source for Simulator {
         &self,
         surface: usize,
         view: usize,
-    ) -> Result<Option<LinearFrame>, SimulateError> {
-        let image = self.photograph(surface, view)?;
+    ) -> Result<Option<LinearFrame>, SourceError> {
+        let image = self.photograph(surface, view).map_err(SourceError::new)?;
         Ok(Some(LinearFrame {
             width: image.size,
             height: image.size,
@@ -241,9 +239,9 @@ impl Source for Simulator {
         }))
     }
 
-    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, SimulateError> {
-        let specimen = self.specimen(surface)?;
-        let angle = self.angle(view)?;
+    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, SourceError> {
+        let specimen = self.specimen(surface).map_err(SourceError::new)?;
+        let angle = self.angle(view).map_err(SourceError::new)?;
         Ok(fingerprint::frame_key(specimen, angle, self.spec.size))
     }
 }

@@ -7,8 +7,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sps_dataset::{DecodeSettings, Extent, Surface, Units};
 use sps_estimator::{
-    About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted,
-    Widths, read_photograph,
+    About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression,
+    read_photograph,
 };
 use sps_models::encoders::Encoder;
 use sps_regress::{Embeddings, Readings, TrainingData};
@@ -198,11 +198,6 @@ impl Settings {
             )));
         }
         let views = seen.embeddings.views();
-        let wanted = felt.readings.properties().iter().map(|property| Wanted {
-            property: property.clone(),
-            views: (0..views).collect(),
-            range: None,
-        });
         let about = About {
             name: self.name,
             method: self.regression.kind().to_owned(),
@@ -211,12 +206,11 @@ impl Settings {
             angles: self.angles.unwrap_or_else(|| vec![0.0; views]),
             ..About::default()
         };
+        let all: Vec<usize> = (0..views).collect();
+        let properties = felt.readings.properties();
         let recipe = Recipe {
-            regression: self.regression,
-            wanted: wanted.collect(),
             one_by_one: self.one_by_one,
-            widths: Widths::ByPhotograph,
-            calibration: self.calibration,
+            ..Recipe::new(self.regression, properties, &all, self.calibration)
         };
         let data = TrainingData::new(&seen.embeddings, &felt.readings);
         let examples = Examples {

@@ -95,13 +95,7 @@ fn gains(results: &Results) -> Option<Table> {
         let cells = [method.label.as_str().into(), r2].into_iter();
         Row::measured(cells.chain(others).collect())
     });
-    let table = Table {
-        name: "gains",
-        title: "Gains".to_owned(),
-        caption: String::new(),
-        columns,
-        rows: rows.collect(),
-    };
+    let table = Table::new("gains", "Gains", columns, rows);
     (!against.is_empty()).then(|| table.tested(results.interval_level))
 }
 

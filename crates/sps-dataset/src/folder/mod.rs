@@ -15,7 +15,7 @@ use crate::table::{TactileRead, read_table};
 use crate::{
     DatasetError, DatasetErrorKind, DecodeSettings, Decoded, Description, Frame, FrameError,
     FrameErrorKind, FrameKey, Origin, OutOfRange, Property, ReadSettings, RollAngle, Source,
-    Surface, TactileTable, read_image, read_image_resized,
+    SourceError, Surface, TactileTable, read_image, read_image_resized,
 };
 
 pub use angles::{InvalidAngles, ViewAngles};
@@ -170,8 +170,6 @@ impl DatasetFolder {
 }
 
 impl Source for DatasetFolder {
-    type Error = FrameError;
-
     fn name(&self) -> &str {
         &self.manifest.name
     }
@@ -196,8 +194,8 @@ impl Source for DatasetFolder {
         self.manifest.describe(property)
     }
 
-    fn frame(&self, surface: usize, view: usize) -> Result<Frame, FrameError> {
-        self.decode(surface, view).map(|decoded| decoded.frame)
+    fn frame(&self, surface: usize, view: usize) -> Result<Frame, SourceError> {
+        self.frame_to_resize(surface, view, None)
     }
 
     fn frame_to_resize(
@@ -205,20 +203,20 @@ impl Source for DatasetFolder {
         surface: usize,
         view: usize,
         shorter_side: Option<usize>,
-    ) -> Result<Frame, FrameError> {
-        let Some(pixels) = shorter_side else {
-            return self.frame(surface, view);
-        };
-        let path = self.frame_path(surface, view)?;
-        let decoded = read_image_resized(&path, &self.images, pixels)?;
-        Ok(decoded.frame)
+    ) -> Result<Frame, SourceError> {
+        let path = self.frame_path(surface, view);
+        let decoded = path.and_then(|path| match shorter_side {
+            Some(pixels) => read_image_resized(&path, &self.images, pixels),
+            None => read_image(&path, &self.images),
+        });
+        Ok(decoded.map_err(SourceError::new)?.frame)
     }
 
     /// BLAKE3 of the file's bytes and of every setting that changes pixels.
-    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, FrameError> {
-        let path = self.frame_path(surface, view)?;
-        let bytes =
-            read_frame_file(&path, &self.images).map_err(|kind| FrameError::new(&path, kind))?;
+    fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, SourceError> {
+        let path = self.frame_path(surface, view).map_err(SourceError::new)?;
+        let bytes = read_frame_file(&path, &self.images)
+            .map_err(|kind| SourceError::new(FrameError::new(&path, kind)))?;
         let mut hasher = blake3::Hasher::new_derive_key(FRAME_KEY_CONTEXT);
         hasher.update(self.image_key.as_bytes());
         hasher.update(&bytes);

@@ -14,7 +14,7 @@ pub(super) fn surfaces_csv(surfaces: &[Surface]) -> Result<String, String> {
 }
 
 /// `tactile.csv` of a dataset, in the long form. Numbers read back as they were.
-pub(super) fn tactile_csv<S: Source>(source: &S) -> Result<String, String> {
+pub(super) fn tactile_csv(source: &dyn Source) -> Result<String, String> {
     let table = source.tactile();
     let mut header = ["surface", "location", "repeat"]
         .map(str::to_owned)

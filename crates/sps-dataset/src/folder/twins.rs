@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::DatasetFolder;
 use crate::pattern::{SIDE, dot, pattern, unit_vectors};
-use crate::{FrameError, RollAngle, Source, Surface};
+use crate::{RollAngle, Source, SourceError, Surface};
 
 /// What became of the groups of a dataset as near twins were kept together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +31,7 @@ impl DatasetFolder {
     ///
     /// # Errors
     /// As [`Source::frame`].
-    pub fn keep_near_twins_together(&mut self, likeness: f64) -> Result<NearTwins, FrameError> {
+    pub fn keep_near_twins_together(&mut self, likeness: f64) -> Result<NearTwins, SourceError> {
         let views = self.compared_views();
         let described = views.iter().map(|&view| {
             let surfaces = (0..self.surfaces.len()).into_par_iter();
@@ -43,7 +43,7 @@ impl DatasetFolder {
                 surfaces.map(pattern).collect::<Result<_, _>>()?,
             ))
         });
-        let views = described.collect::<Result<Vec<_>, FrameError>>()?;
+        let views = described.collect::<Result<Vec<_>, SourceError>>()?;
         Ok(join(&mut self.surfaces, &views, likeness))
     }
 

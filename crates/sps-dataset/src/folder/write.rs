@@ -11,8 +11,8 @@ use sps_base::files::{remove_unfinished, write_file, write_folder, write_new};
 use super::surfaces::{InvalidSurfaceId, check_surface_id};
 use super::tables::{surfaces_csv, tactile_csv};
 use crate::{
-    Description, EncodeError, FrameFormat, Manifest, Property, PropertyOrder, Source, TableFormat,
-    ViewAngles,
+    Description, EncodeError, FrameFormat, Manifest, Property, PropertyOrder, Source, SourceError,
+    TableFormat, ViewAngles,
 };
 
 /// Holds what is being written, and is locked while it is.
@@ -127,8 +127,8 @@ impl From<io::Error> for WriteErrorKind {
 /// # Errors
 /// Where the source fails, has no view, has a surface whose id is no file name, or a reading or
 /// range that [`Source::describe`] would not hold for; where the folder has another dataset, is being written to, or cannot be; and where no space is left.
-pub fn write_dataset<S: Source>(
-    source: &S,
+pub fn write_dataset(
+    source: &dyn Source,
     folder: &Path,
     options: &WriteOptions,
     progress: impl Fn(usize, usize) + Sync,
@@ -181,13 +181,13 @@ impl Drop for Claim {
     }
 }
 
-struct Writer<'a, S> {
-    source: &'a S,
+struct Writer<'a> {
+    source: &'a dyn Source,
     folder: &'a Path,
     options: &'a WriteOptions,
 }
 
-impl<S: Source> Writer<'_, S> {
+impl Writer<'_> {
     /// Everything but the frames, in the order of writing.
     fn files(&self) -> Result<[(&'static str, String); 3], WriteError> {
         self.check_surfaces()?;
@@ -393,7 +393,7 @@ impl<S: Source> Writer<'_, S> {
         &self,
         surface: usize,
         view: usize,
-    ) -> Result<Result<Vec<u8>, EncodeError>, S::Error> {
+    ) -> Result<Result<Vec<u8>, EncodeError>, SourceError> {
         let format = self.options.format;
         if format.is_linear()
             && let Some(light) = self.source.linear_frame(surface, view)?

@@ -33,8 +33,6 @@ const CARD: &str = "estimator.json";
 const ENCODER: &str = "encoder.safetensors";
 const ONNX: &str = "encoder.onnx";
 const FAMILIAR: &str = "familiar.safetensors";
-/// Why a model of an older version does not know what is familiar.
-const NOT_KEPT: &str = "the model keeps no surfaces to hold photographs against: fit it again";
 /// What of a checksum a file's name begins with where another has its name.
 const PREFIX: usize = 16;
 /// What an artefact's text may have at most.
@@ -50,7 +48,6 @@ struct Card {
     about: About,
     encoder: EncoderCard,
     level: Level,
-    #[serde(default = "no_joint")]
     joint: Interval,
     fitted_on: FittedOn,
     measures: Vec<Measure>,
@@ -60,10 +57,6 @@ struct Card {
     no_familiar: Option<String>,
     /// blake3 of the other files, by name.
     checksums: BTreeMap<String, String>,
-}
-
-fn no_joint() -> Interval {
-    Interval::None("an older version wrote the model: fit it again".to_owned())
 }
 
 /// What is read first: the text of another format has other keys.
@@ -213,11 +206,11 @@ impl Estimator {
             }
             Ok(familiar)
         } else {
-            Err(card.no_familiar.unwrap_or_else(|| NOT_KEPT.to_owned()))
+            Err(card.no_familiar.unwrap_or_default())
         };
         let stages = card.stages.iter().map(|stage| {
             let groups = stage.groups.iter();
-            let groups = groups.map(|group| group.load(folder, stage.views, &card.checksums));
+            let groups = groups.map(|group| group.load(folder, &card.checksums));
             Ok(Stage {
                 views: stage.views,
                 groups: groups.collect::<Result<_>>()?,
@@ -318,12 +311,7 @@ impl EncoderCard {
 }
 
 impl GroupCard {
-    fn load(
-        &self,
-        folder: &Path,
-        views: usize,
-        checksums: &BTreeMap<String, String>,
-    ) -> Result<Group> {
+    fn load(&self, folder: &Path, checksums: &BTreeMap<String, String>) -> Result<Group> {
         let models = |card: &ModelsCard| {
             let bytes = read_checked(folder, &card.file, checksums)?;
             let models = fitted_from_bytes(&card.kind, &card.file, &bytes)?;
@@ -338,7 +326,6 @@ impl GroupCard {
             properties: self.properties.clone(),
             slots: self.slots.clone(),
             step: Step {
-                views,
                 models: models(&self.models)?,
                 errors: self.errors.as_ref().map(models).transpose()?,
                 least: self.least_errors.clone(),
@@ -348,10 +335,8 @@ impl GroupCard {
     }
 }
 
-/// The files of an artefact that is written.
 struct Files<'a> {
     folder: &'a Path,
-    /// Their names in the folder.
     written: BTreeSet<String>,
     checksums: BTreeMap<String, String>,
 }
@@ -456,7 +441,6 @@ fn file_error(path: &Path, error: std::io::Error) -> Error {
     }
 }
 
-/// The text of an artefact.
 fn read(path: &Path) -> Result<Vec<u8>> {
     let length = fs::metadata(path)
         .map_err(|error| file_error(path, error))?

@@ -8,7 +8,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use sps_regress::Embeddings;
 use sps_regress::nearest::squared_distance;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, refuse};
 
 /// Neighbours that a distance is the mean over.
 const NEIGHBOURS: usize = 5;
@@ -146,11 +146,7 @@ impl Familiar {
                 embeddings.width()
             );
             let expected = format!("{} of width {}", self.views, self.width);
-            return Err(Error::input(
-                "embeddings to hold against others",
-                found,
-                expected,
-            ));
+            return refuse("embeddings to hold against others", found, expected);
         };
         let new = units(embeddings);
         let new = new.par_chunks_exact(step * self.width);
@@ -294,6 +290,10 @@ impl Familiar {
                 "units of shape {shape:?}, expected two surfaces or more"
             ));
         }
+        let (found, marks) = tensor("aside")?;
+        if found != [surfaces] {
+            return Err(format!("aside of shape {found:?}, expected [{surfaces}]"));
+        }
         let mut familiar = Self {
             surfaces,
             views,
@@ -301,13 +301,9 @@ impl Familiar {
             units,
             places: Vec::new(),
             shown: shown(bytes, &tensors, surfaces)?,
-            aside: Aside::default(),
+            aside: Aside::of_marks(&marks),
             nearest: Vec::new(),
         };
-        // Models of older versions have none.
-        if let Ok((_, marks)) = tensor("aside") {
-            familiar.aside = Aside::of_marks(&marks[..marks.len().min(surfaces)]);
-        }
         for step in 1..=views {
             let name = format!("nearest.{step}");
             if !tensors.names().contains(&name.as_str()) {
@@ -330,7 +326,7 @@ impl Familiar {
     }
 }
 
-/// What a file has of so many surfaces for people; nothing of an older version's.
+/// What a file has of so many surfaces for people.
 fn shown(bytes: &[u8], tensors: &SafeTensors<'_>, surfaces: usize) -> Result<Vec<Shown>, String> {
     let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| error.to_string())?;
     let names = header.metadata().as_ref().and_then(|all| all.get(NAMES));
@@ -356,7 +352,6 @@ fn units(embeddings: &Embeddings) -> Vec<f32> {
     surfaces.flat_map(|at| units_of(embeddings, at)).collect()
 }
 
-/// Those of one surface.
 fn units_of(embeddings: &Embeddings, surface: usize) -> Vec<f32> {
     let mut units = Vec::new();
     for view in 0..embeddings.views() {

@@ -2,14 +2,15 @@
 
 #![allow(dead_code, reason = "each test file uses a part")]
 
+use std::path::{Path, PathBuf};
+
 use sps_base::streams::{RngCore, hashed_stream};
-use sps_dataset::{Surface, Units};
+use sps_dataset::{DatasetFolder, ReadSettings, Source, Split, Surface, TactileSettings, Units};
 use sps_estimator::{
-    About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression, Wanted,
-    Widths,
+    About, Calibration, Embedder, Estimator, Examples, Fitted, Frame, Network, Recipe, Regression,
 };
 use sps_metrics::Level;
-use sps_models::encoders::{Depths, Encoder, EncoderKind};
+use sps_models::encoders::{Block, Depths, Encoder, EncoderKind};
 use sps_regress::ridge::{Ridge, RidgeConfig};
 use sps_regress::{AnyRegressor, Embeddings, Readings, TrainingData};
 
@@ -20,7 +21,6 @@ pub(crate) fn uniform(purpose: &str, index: u64) -> f64 {
     (f64::from(stream.next_u32()) + 0.5) / 4_294_967_296.0
 }
 
-/// How bright a surface is.
 pub(crate) fn brightness(surface: usize) -> f64 {
     uniform("brightness", surface as u64)
 }
@@ -123,10 +123,35 @@ impl Tables {
         }
     }
 
-    /// Fitted to all of the surfaces.
+    pub(crate) fn all(&self) -> Vec<usize> {
+        (0..self.embeddings.surfaces()).collect()
+    }
+
+    /// The surfaces that a recipe fits and those that calibrate it.
+    pub(crate) fn part(&self, recipe: &Recipe) -> Split {
+        let part = recipe.calibration.part(&self.units, &self.all(), 0);
+        part.unwrap()
+    }
+
+    pub(crate) fn fit(&self, recipe: &Recipe) -> sps_estimator::Result<Fitted> {
+        recipe.fit(&self.examples(), &self.all(), 0)
+    }
+
+    /// The same of an encoder that learned from some surfaces.
+    pub(crate) fn fit_beside(
+        &self,
+        recipe: &Recipe,
+        saw: &[usize],
+    ) -> sps_estimator::Result<Fitted> {
+        let examples = Examples {
+            encoder_saw: saw,
+            ..self.examples()
+        };
+        recipe.fit(&examples, &self.all(), 0)
+    }
+
     pub(crate) fn estimator(&self, recipe: &Recipe) -> Estimator {
-        let all: Vec<usize> = (0..self.embeddings.surfaces()).collect();
-        let fitted = recipe.fit(&self.examples(), &all, 0).unwrap();
+        let fitted = self.fit(recipe).unwrap();
         let views = recipe.slots().unwrap();
         let about = About {
             name: "test".into(),
@@ -139,20 +164,81 @@ impl Tables {
 }
 
 pub(crate) fn recipe(regression: Regression, views: &[usize]) -> Recipe {
-    let wanted = |property: &str| Wanted {
-        property: property.into(),
-        views: views.to_vec(),
-        range: None,
+    let calibration = Calibration {
+        share: Some(0.4),
+        level: Level::new(0.8).unwrap(),
+        seed: 1,
     };
-    Recipe {
-        regression,
-        wanted: vec![wanted("fRS"), wanted("felt")],
-        one_by_one: false,
-        widths: Widths::ByPhotograph,
-        calibration: Calibration {
-            share: Some(0.4),
-            level: Level::new(0.8).unwrap(),
-            seed: 1,
-        },
+    Recipe::new(regression, ["fRS", "felt"], views, calibration)
+}
+
+/// The same, written to a folder and read from it.
+pub(crate) fn read_again(estimator: &Estimator) -> Estimator {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path().join("deep/model");
+    estimator.save(&folder).unwrap();
+    Estimator::load(&folder).unwrap()
+}
+
+pub(crate) fn block(name: &str, width: usize) -> Block {
+    Block {
+        name: name.to_owned(),
+        width,
+    }
+}
+
+/// `numpy.save` of rows of that many numbers each, f32.
+pub(crate) fn npy(values: &[f32], width: usize) -> Vec<u8> {
+    let shape = (values.len() / width, width);
+    let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape:?}, }}");
+    let mut bytes = b"\x93NUMPY\x01\x00v\x00".to_vec();
+    bytes.extend(format!("{header:<117}\n").bytes());
+    bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    bytes
+}
+
+/// Holds that something is refused with words that have this part.
+pub(crate) fn refused<T>(result: sps_estimator::Result<T>, part: &str) {
+    let error = result.err().expect(part).to_string();
+    assert!(error.contains(part), "{error}");
+}
+
+/// A file or folder that is not part of the repository.
+pub(crate) fn shared(name: &str) -> Option<PathBuf> {
+    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
+    let path = shared.join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    println!("SKIPPED: {} is not there", path.display());
+    None
+}
+
+/// Photographs of surfaces with one value each, and what they look like.
+pub(crate) struct Photographs {
+    pub dataset: DatasetFolder,
+    pub embedder: Embedder,
+    pub embeddings: Embeddings,
+    pub readings: Readings,
+}
+
+impl Photographs {
+    pub(crate) fn of(name: &str, property: &str, encoder: Encoder) -> Option<Self> {
+        let folder = shared(&format!("data/{name}"))?;
+        let dataset = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
+        let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
+        let count = dataset.surfaces().len();
+        let frames = (0..count).map(|surface| dataset.frame(surface, 0).unwrap());
+        let values = embedder.embed(&frames.collect::<Vec<_>>()).unwrap();
+        let table = dataset.tactile();
+        let touched = table.averages(&TactileSettings::default(), count);
+        let row = |at| vec![touched.value(at, property)];
+        let rows: Vec<_> = (0..count).map(row).collect();
+        Some(Self {
+            readings: Readings::new(vec![property.to_owned()], &rows).unwrap(),
+            embeddings: embedder.table(&values, count, 1).unwrap(),
+            embedder,
+            dataset,
+        })
     }
 }

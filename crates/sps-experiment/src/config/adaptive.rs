@@ -5,7 +5,6 @@ use sps_viewselect::AnySelector;
 use super::looks::{Looks, Problem, refuse};
 use super::schema::{Adaptive, MethodConfig};
 
-/// What the config of a method says of it.
 pub(super) fn of(method: &MethodConfig, looks: &Looks) -> Result<Option<Adaptive>, Problem> {
     let Some(adaptive) = method.adaptive else {
         return Ok(None);

@@ -31,7 +31,6 @@ pub fn differing_keys(first: &Table, second: &Table) -> Vec<Differing> {
     found
 }
 
-/// The keys below `prefix` whose values differ.
 fn tables(prefix: &str, first: &Table, second: &Table, found: &mut Vec<Differing>) {
     let added = second.keys().filter(|key| !first.contains_key(*key));
     for key in first.keys().chain(added) {
@@ -44,7 +43,6 @@ fn tables(prefix: &str, first: &Table, second: &Table, found: &mut Vec<Differing
     }
 }
 
-/// `key` itself, or what differs within it.
 fn values(key: &str, first: Option<&Value>, second: Option<&Value>, found: &mut Vec<Differing>) {
     if first == second {
         return;

@@ -67,7 +67,6 @@ impl Network {
         })
     }
 
-    /// What an encoder that is known by name is.
     pub(crate) const fn kind(&self) -> Option<EncoderKind> {
         match self {
             Self::Images(kind) | Self::Sequences { kind, .. } => Some(*kind),
@@ -98,7 +97,6 @@ impl WeightsSpec {
     }
 }
 
-/// The encoder of the table at `key`.
 pub(super) fn encoder(
     layers: &Layers<'_>,
     key: &str,
@@ -190,13 +188,13 @@ pub fn check_depths(
     kind: EncoderKind,
     depths: &Depths,
 ) -> Result<(), ConfigError> {
-    match kind.blocks(depths) {
-        Ok(_) => Ok(()),
-        Err(sps_models::Error::Input {
+    let refused = |error| match error {
+        sps_models::Error::Input {
             found, expected, ..
-        }) => Err(layers.error(key, format!("is {found}, expected {expected}"))),
-        Err(other) => Err(layers.error(key, other.to_string())),
-    }
+        } => layers.error(key, format!("is {found}, expected {expected}")),
+        other => layers.error(key, other.to_string()),
+    };
+    kind.blocks(depths).map(drop).map_err(refused)
 }
 
 /// Refuses a training that cannot be, at the line of its first such key.
@@ -208,16 +206,16 @@ pub fn check_training(
     table: &str,
     training: &TrainingConfig,
 ) -> Result<(), ConfigError> {
-    match training.check() {
-        Ok(()) => Ok(()),
-        Err(sps_models::Error::Input {
+    let refused = |error| match error {
+        sps_models::Error::Input {
             what,
             found,
             expected,
-        }) => {
+        } => {
             let problem = format!("is {found}, expected {expected}");
-            Err(layers.error(&format!("{table}.{what}"), problem))
+            layers.error(&format!("{table}.{what}"), problem)
         }
-        Err(other) => Err(layers.error(table, other.to_string())),
-    }
+        other => layers.error(table, other.to_string()),
+    };
+    training.check().map_err(refused)
 }

@@ -25,7 +25,6 @@ pub(crate) enum Estimator {
     Given(Given),
 }
 
-/// A file of estimates.
 #[derive(Clone, Debug)]
 pub(crate) struct Given {
     pub file: PathBuf,
@@ -34,7 +33,6 @@ pub(crate) struct Given {
 }
 
 impl Given {
-    /// What the file holds.
     pub(crate) fn estimates(&self) -> Result<&Estimates> {
         let read = self.estimates.as_deref();
         read.with_context(|| format!("{} has not been read", self.file.display()))
@@ -42,7 +40,6 @@ impl Given {
 }
 
 impl Estimator {
-    /// As a config calls it.
     pub(crate) fn kind(&self) -> &'static str {
         match self {
             Self::Fitted(regression) => regression.kind(),
@@ -52,7 +49,6 @@ impl Estimator {
         }
     }
 
-    /// What is fitted, where anything is.
     pub(crate) fn regression(&self) -> Option<&Regression> {
         match self {
             Self::Fitted(regression) => Some(regression),
@@ -60,7 +56,6 @@ impl Estimator {
         }
     }
 
-    /// The file that has the estimates, where one does.
     pub(crate) fn file(&self) -> Option<&Path> {
         match self {
             Self::Given(given) => Some(&given.file),
@@ -80,7 +75,6 @@ impl Estimator {
         })
     }
 
-    /// The network, where there is one.
     pub(crate) fn head(&self) -> Option<&Head> {
         self.regression().and_then(Regression::head)
     }
@@ -96,7 +90,6 @@ impl Estimator {
         })
     }
 
-    /// With what is fitted changed.
     pub(super) fn with(
         &self,
         change: impl FnOnce(&Regression) -> sps_estimator::Result<Regression>,
@@ -107,7 +100,6 @@ impl Estimator {
         })
     }
 
-    /// With every network changed.
     pub(crate) fn with_heads(
         &self,
         change: &impl Fn(&HeadConfig) -> HeadConfig,
@@ -116,7 +108,6 @@ impl Estimator {
     }
 }
 
-/// What the config of a method says of it.
 pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Estimator, Problem> {
     Ok(match (method.kind, &method.file) {
         (MethodKind::Predictions, Some(file)) => Estimator::Given(Given {

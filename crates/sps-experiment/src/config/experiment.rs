@@ -196,6 +196,11 @@ pub(super) mod tests {
     pub(in crate::config) const METHOD: &str =
         "[[methods]]\nid = \"a\"\nlabel = \"A\"\nkind = \"ridge\"\n";
 
+    /// Holds that [`METHOD`] with these keys is refused.
+    pub(in crate::config) fn below(keys: &str, parts: &[&str]) {
+        refused(&format!("{METHOD}{keys}"), parts);
+    }
+
     /// Holds that the config is refused, and that the message has all these parts.
     pub(in crate::config) fn refused(text: &str, parts: &[&str]) {
         let message = read(text).unwrap_err().to_string();
@@ -248,80 +253,39 @@ pub(super) mod tests {
     #[test]
     fn what_cannot_be_meant_is_refused_at_its_line() {
         refused("", &["lists no method"]);
-        refused(&format!("reruns = 0\n{METHOD}"), &["line 1", "at least 1"]);
-        refused(
-            &format!("{METHOD}{METHOD}"),
-            &["line 6", "two methods", "`a`"],
-        );
-        refused(
-            &format!("{METHOD}paper = \"ablatoin.1\""),
-            &["line 5", "did you mean `ablation.1`"],
-        );
-        refused(
-            &format!("[encoder]\nname = \"vgg\"\n{METHOD}"),
-            &["line 2", "vgg"],
-        );
-        refused(
-            &format!("[data]\nfrom = \"folder\"\n{METHOD}"),
-            &["names no folder"],
-        );
-        refused(
-            &format!(
-                "[data]\nfrom = \"folder\"\n[data.folder]\npath = \"x\"\nnear-twins = 1.5\n{METHOD}"
-            ),
-            &["line 5", "near-twins", "is 1.5", "at most 1"],
-        );
-        refused(
-            &format!(
-                "[data]\nfrom = \"folder\"\n[data.folder]\npath = \"x\"\nnear-twins = 0.75\n\
-                 [split.k-fold]\nby = \"surface\"\n{METHOD}"
-            ),
-            &["line 5", "near-twins", "by = \"group\""],
-        );
-        refused(
-            &format!("[report]\nlevel = 95.0\n{METHOD}"),
-            &["line 2", "95"],
-        );
-        refused(
-            &format!("[train]\nmethod = \"b\"\n{METHOD}"),
-            &["line 2", "no method `b`"],
-        );
-        refused(
-            &format!("[head]\nepochs = 0\n{METHOD}kind = \"head\""),
-            &["duplicate key"],
-        );
-        refused(
-            &format!("{METHOD}selector = {{ kind = \"nvs\", evaluation = 3 }}"),
-            &["line 5", "evaluation"],
-        );
-        let i3d = format!("{METHOD}[methods.encoder]\nname = \"i3d\"\n");
-        refused(&format!("{i3d}frames = 0"), &["line 7", "at least 1"]);
-        refused(
-            &format!(
-                "{i3d}trainable = true\n[methods.encoder.training.objective]\nkind = \"heads\"\n\
-                 input = {{ kind = \"late-fusion\", views = 3 }}"
-            ),
-            &["line 8", "sees one sequence"],
-        );
-        refused(
-            &format!("{METHOD}encoder.name = \"resnet18\""),
-            &[
-                "line 5",
-                "encoder.weights",
-                "resnet18",
-                "efficientnet-lite-body",
-            ],
-        );
-        let encoder = |keys: &str| format!("{METHOD}encoder = {{ {keys} }}");
-        refused(
-            &encoder("size = 224"),
-            &["line 5", "encoder.size", "needs `onnx`"],
-        );
+        let above = |keys: &str, parts: &[&str]| refused(&format!("{keys}\n{METHOD}"), parts);
+        above("reruns = 0", &["line 1", "at least 1"]);
+        above(METHOD.trim_end(), &["line 6", "two methods", "`a`"]);
+        above("[encoder]\nname = \"vgg\"", &["line 2", "vgg"]);
+        above("[report]\nlevel = 95.0", &["line 2", "95"]);
+        above("[train]\nmethod = \"b\"", &["line 2", "no method `b`"]);
+        above("[data]\nfrom = \"folder\"", &["names no folder"]);
+        let folder = "[data]\nfrom = \"folder\"\n[data.folder]\npath = \"x\"\nnear-twins = ";
+        let parts = ["line 5", "near-twins", "is 1.5", "at most 1"];
+        above(&format!("{folder}1.5"), &parts);
+        let parts = ["line 5", "near-twins", "by = \"group\""];
+        let split = "[split.k-fold]\nby = \"surface\"";
+        above(&format!("{folder}0.75\n{split}"), &parts);
+        below("kind = \"head\"", &["duplicate key"]);
+        let parts = ["line 5", "did you mean `ablation.1`"];
+        below("paper = \"ablatoin.1\"", &parts);
+        let nvs = "selector = { kind = \"nvs\", evaluation = 3 }";
+        below(nvs, &["line 5", "evaluation"]);
+        let i3d = |keys: &str, parts: &[&str]| {
+            below(&format!("[methods.encoder]\nname = \"i3d\"\n{keys}"), parts);
+        };
+        i3d("frames = 0", &["line 7", "at least 1"]);
+        let heads = "trainable = true\n[methods.encoder.training.objective]\nkind = \"heads\"\n\
+            input = { kind = \"late-fusion\", views = 3 }";
+        i3d(heads, &["line 8", "sees one sequence"]);
+        let built_in = "efficientnet-lite-body";
+        let parts = ["line 5", "encoder.weights", "resnet18", built_in];
+        below("encoder.name = \"resnet18\"", &parts);
+        let encoder = |keys: &str, parts: &[&str]| below(&format!("encoder = {{ {keys} }}"), parts);
+        encoder("size = 224", &["line 5", "encoder.size", "needs `onnx`"]);
         let files = "onnx = \"a.onnx\", embeddings = \"a.npy\"";
-        refused(
-            &encoder(files),
-            &["line 5", "encoder.embeddings", "beside `onnx`"],
-        );
+        let parts = ["line 5", "encoder.embeddings", "beside `onnx`"];
+        encoder(files, &parts);
         for key in [
             "trainable = true",
             "precision = \"bf16\"",
@@ -329,7 +293,7 @@ pub(super) mod tests {
             "weights = \"a\"",
         ] {
             let parts = ["line 5", &key[..5], "no meaning beside"];
-            refused(&encoder(&format!("onnx = \"a.onnx\", {key}")), &parts);
+            encoder(&format!("onnx = \"a.onnx\", {key}"), &parts);
         }
         let head = METHOD.replace("ridge", "head");
         refused(&format!("{head}head.epochs = 0"), &["line 5", "epochs"]);

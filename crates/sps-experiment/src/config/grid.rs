@@ -53,7 +53,6 @@ fn swept(listed: Option<Value>, grid: &Table) -> Result<Vec<Value>, Refused> {
     listed.into_iter().map(of_method).collect()
 }
 
-/// The list of the methods of one sweep.
 fn of_sweep(sweep: Value, at: &str) -> Result<Value, Refused> {
     let Value::Table(mut method) = sweep else {
         return Ok(sweep);
@@ -85,44 +84,40 @@ fn of_sweep(sweep: Value, at: &str) -> Result<Value, Refused> {
     methods.collect::<Result<Vec<_>, _>>().map(Value::Array)
 }
 
-/// A key, and what it is in turn.
 struct Axis {
     key: String,
     points: Vec<Point>,
 }
 
-/// One value of a key.
 pub(super) struct Point {
     pub value: Value,
     /// What it is called in ids, where the config says so by `as`.
     pub called: Option<String>,
 }
 
-/// A value for each key.
 type Combination<'a> = Vec<(&'a str, &'a Point)>;
 
 /// The lists in the grid by their dotted keys, in the order in which they are written.
 fn find_axes(grid: &Value, key: &str, axes: &mut Vec<Axis>) -> Result<(), String> {
     match grid {
-        Value::Table(table) => table.iter().try_for_each(|(name, value)| {
-            let key = if key.is_empty() {
-                name.clone()
-            } else {
-                format!("{key}.{name}")
-            };
-            find_axes(value, &key, axes)
-        }),
+        Value::Table(table) => table
+            .iter()
+            .try_for_each(|(name, value)| find_axes(value, &below(key, name), axes)),
         Value::Array(values) if !key.is_empty() => {
-            let points = values.iter().map(point);
-            let axis = Axis {
+            axes.push(Axis {
                 key: key.to_owned(),
-                points: points.collect(),
-            };
-            axes.push(axis);
+                points: values.iter().map(point).collect(),
+            });
             Ok(())
         }
         other => Err(format!("`{key}` is {other}, expected a list of values")),
     }
+}
+
+/// The dotted key of what is called `name` in the table at `key`.
+fn below(key: &str, name: &str) -> String {
+    let dot = if key.is_empty() { "" } else { "." };
+    format!("{key}{dot}{name}")
 }
 
 fn point(value: &Value) -> Point {
@@ -137,7 +132,6 @@ fn point(value: &Value) -> Point {
     }
 }
 
-/// All of them, the last key varying fastest.
 fn combinations<'a>(axes: &'a [Axis]) -> Vec<Combination<'a>> {
     axes.iter().fold(vec![Vec::new()], |all, axis| {
         let with = |one: &Combination<'a>| -> Vec<Combination<'a>> {
@@ -157,9 +151,9 @@ fn exceptions(except: Option<Value>) -> Result<Vec<Vec<(String, Value)>>, String
         Some(other) => return Err(format!("{other} is no list of tables")),
     };
     let of_table = |table: Value| match table {
-        Value::Table(table) => {
+        Value::Table(_) => {
             let mut leaves = Vec::new();
-            find_leaves(&Value::Table(table), "", &mut leaves);
+            find_leaves(&table, "", &mut leaves);
             Ok(leaves)
         }
         other => Err(format!("{other} is no table of keys and values")),
@@ -172,12 +166,7 @@ pub(super) fn find_leaves(value: &Value, key: &str, leaves: &mut Vec<(String, Va
     match value {
         Value::Table(table) if !table.is_empty() => {
             for (name, value) in table {
-                let key = if key.is_empty() {
-                    name.clone()
-                } else {
-                    format!("{key}.{name}")
-                };
-                find_leaves(value, &key, leaves);
+                find_leaves(value, &below(key, name), leaves);
             }
         }
         other => leaves.push((key.to_owned(), other.clone())),
@@ -197,7 +186,6 @@ fn is_one_of(one: &Combination<'_>, values: &[(String, Value)]) -> bool {
     })
 }
 
-/// The method with these values, its id and its label.
 fn of_combination(
     method: &Table,
     chosen: &Combination<'_>,

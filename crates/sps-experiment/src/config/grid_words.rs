@@ -4,7 +4,6 @@ use toml::{Table, Value};
 
 use super::grid::{Point, find_leaves};
 
-/// A value as a part of an id.
 pub(super) fn id_word(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
@@ -13,7 +12,6 @@ pub(super) fn id_word(value: &Value) -> String {
     }
 }
 
-/// What a value of a key makes of a method, for people.
 pub(super) fn label_word(method: &Table, key: &str, point: &Point) -> String {
     let last = key.rsplit('.').next().unwrap_or(key);
     match (key, &point.value) {

@@ -13,9 +13,6 @@ use super::locate::{ConfigError, Place, place_of_span, span_of};
 use super::merge::{apply, inherit, merge, take_back};
 use super::setting::Setting;
 
-/// Keys that there once were, and what says the same.
-const REPLACED: [(&str, &str); 1] = [("all-views", "views = \"all\"")];
-
 /// The text of a config, what it overrides and what overrides it.
 pub struct Layers<'a> {
     path: &'a Path,
@@ -110,13 +107,7 @@ impl<'a> Layers<'a> {
             {
                 key.push(found.clone());
             }
-            let problem = match unknown {
-                None => message.to_owned(),
-                Some(name) => match REPLACED.iter().find(|(old, _)| *old == name.found) {
-                    Some((_, new)) => format!("was replaced by `{new}`"),
-                    None => name.to_string(),
-                },
-            };
+            let problem = unknown.map_or_else(|| message.to_owned(), |name| name.to_string());
             self.error_at(&key, problem)
         })
     }
@@ -214,68 +205,52 @@ mod tests {
             .map_err(|error| error.to_string())
     }
 
+    /// Holds that a config is refused with a message that begins so, and says what.
+    fn refused(text: &str, settings: &[&str], begins: &str, says: &str) {
+        let message = read(text, settings).unwrap_err();
+        assert!(
+            message.starts_with(begins) && message.contains(says),
+            "{message}"
+        );
+    }
+
+    const METHOD: &str = "seed = 1\n[[methods]]\nid = \"a\"";
+
     #[test]
     fn later_layers_win() {
-        let sample = read(
-            "seed = 1\n[[methods]]\nid = \"x\"",
-            &["seed=2", "methods.x.id=z", "methods.0.id=y"],
-        );
-        let sample = sample.unwrap();
+        let settings = ["seed=2", "methods.a.id=z", "methods.0.id=y"];
+        let sample = read(METHOD, &settings).unwrap();
         assert_eq!((sample.seed, sample.methods[0].id.as_str()), (2, "y"));
         assert_eq!(sample.training.learning_rate, 1e-4);
     }
 
     #[test]
     fn a_misspelt_key_shows_its_line_and_the_nearest_name() {
-        let message = read("seed = 1\n\n[training]\nlearnin-rate = 2\n", &[]).unwrap_err();
-        assert!(message.starts_with("a.toml, line 4: "), "{message}");
-        assert!(
-            message.contains("did you mean `learning-rate`?"),
-            "{message}"
-        );
-        assert!(message.contains("4 | learnin-rate = 2"), "{message}");
+        let text = "seed = 1\n\n[training]\nlearnin-rate = 2\n";
+        for says in ["did you mean `learning-rate`?", "4 | learnin-rate = 2"] {
+            refused(text, &[], "a.toml, line 4: ", says);
+        }
+        let listed = format!("{METHOD}\n[[methods]]\nid = \"b\"\nidd = 1");
+        refused(&listed, &[], "a.toml, line 6: ", "idd");
     }
 
     #[test]
-    fn a_misspelt_key_in_a_list_shows_its_line() {
-        let message = read(
-            "[[methods]]\nid = \"a\"\n[[methods]]\nid = \"b\"\nidd = 1",
-            &[],
+    fn a_setting_is_named_as_it_was_given() {
+        let set = "training.learning-rate=fast";
+        let shown = "--set training.learning-rate=\"fast\"";
+        refused("seed = 1", &[set], shown, "");
+        refused(
+            METHOD,
+            &["methods.a.idd=b"],
+            "--set methods.a.idd=\"b\"",
+            "",
         );
-        assert!(message.unwrap_err().starts_with("a.toml, line 5: "));
-    }
-
-    #[test]
-    fn a_wrong_type_names_the_setting_it_came_from() {
-        let message = read("seed = 1", &["training.learning-rate=fast"]).unwrap_err();
-        assert!(
-            message.starts_with("--set training.learning-rate=\"fast\""),
-            "{message}"
-        );
-    }
-
-    #[test]
-    fn a_setting_of_a_method_by_its_id_is_named_as_it_was_given() {
-        let message = read("seed = 1\n[[methods]]\nid = \"a\"", &["methods.a.idd=b"]);
-        let message = message.unwrap_err();
-        assert!(
-            message.starts_with("--set methods.a.idd=\"b\""),
-            "{message}"
-        );
+        let outside = "neither an id nor an index of a list of 1";
+        refused(METHOD, &["methods.3.id=b"], "", outside);
     }
 
     #[test]
     fn broken_syntax_shows_its_line() {
-        let message = read("seed = 1\nlearning = = 3", &[]).unwrap_err();
-        assert!(message.starts_with("a.toml, line 2: "), "{message}");
-    }
-
-    #[test]
-    fn a_setting_outside_a_list_is_refused() {
-        let message = read("[[methods]]\nid = \"a\"", &["methods.3.id=b"]).unwrap_err();
-        assert!(
-            message.contains("neither an id nor an index of a list of 1"),
-            "{message}"
-        );
+        refused("seed = 1\nlearning = = 3", &[], "a.toml, line 2: ", "");
     }
 }

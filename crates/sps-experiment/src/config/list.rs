@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
+use serde::Serialize;
 use serde_json::Value;
 use sps_estimator::Regression;
 use sps_models::heads::Input;
@@ -33,14 +34,13 @@ pub fn list(experiment: &Experiment) -> Result<String> {
     Ok(text)
 }
 
-/// Keys and values of one method.
 fn settings(method: &Method) -> Result<Vec<(String, String)>> {
-    let mut lines = vec![("kind".to_owned(), quoted(method.estimator.kind()))];
+    let mut lines = vec![("kind".to_owned(), inline(method.estimator.kind())?)];
     if let Some(file) = method.estimator.file() {
-        lines.push(("file".to_owned(), quoted(&file.to_string_lossy())));
+        lines.push(("file".to_owned(), inline(file.to_string_lossy())?));
     }
     if method.looks != Looks::Nothing {
-        let encoder = quoted(&encoder::describe(&method.encoder));
+        let encoder = inline(encoder::describe(&method.encoder))?;
         lines.push(("encoder".to_owned(), encoder));
     }
     // Of a sequence the encoder says which views it is made of.
@@ -48,7 +48,7 @@ fn settings(method: &Method) -> Result<Vec<(String, String)>> {
         lines.extend(looks(&method.looks)?);
     }
     if let Some(adaptive) = &method.adaptive {
-        lines.push(("adaptive".to_owned(), inline(&json(adaptive)?)));
+        lines.push(("adaptive".to_owned(), inline(adaptive)?));
     }
     if let Some(count) = method.test_surfaces {
         lines.push(("test-surfaces".to_owned(), count.to_string()));
@@ -72,7 +72,7 @@ fn fitted(method: &Method) -> Result<Vec<(String, String)>> {
         return Ok(Vec::new());
     };
     let mut lines = regression(fitted)?;
-    let single = inline(&json(&Input::Single {})?);
+    let single = inline(Input::Single {})?;
     for (key, value) in &mut lines {
         if let Some(input) = input
             && key == "head.input"
@@ -89,26 +89,21 @@ fn looks(looks: &Looks) -> Result<Vec<(String, String)>> {
     Ok(match looks {
         Looks::Nothing => Vec::new(),
         Looks::Nadir => vec![line("views", "1 # the one straight down".to_owned())],
-        Looks::All => vec![line("views", quoted("all"))],
+        Looks::All => vec![line("views", inline("all")?)],
         Looks::Selected(selected) => {
-            let Value::Object(keys) = json(selected)? else {
-                return Ok(Vec::new());
-            };
-            let given = keys.iter().filter(|(_, value)| !value.is_null());
             let of_picks = |key: &str| if key == "picks" { "views" } else { key }.to_owned();
-            let lines = given.map(|(key, value)| (of_picks(key), inline(value)));
-            lines.collect()
+            each(serde_json::to_value(selected)?, of_picks)?
         }
-        Looks::Relations(relations) => vec![line("relations", inline(&json(relations)?))],
+        Looks::Relations(relations) => vec![line("relations", inline(relations)?)],
     })
 }
 
 /// The settings of a regression, each key with its table before it.
 fn regression(regression: &Regression) -> Result<Vec<(String, String)>> {
     if let Regression::Stacked(stacked) = regression {
-        let kinds: Vec<Value> = stacked.members.iter().map(|m| m.kind().into()).collect();
+        let kinds: Vec<&str> = stacked.members.iter().map(Regression::kind).collect();
         let mut lines = vec![
-            ("members".to_owned(), inline(&Value::from(kinds))),
+            ("members".to_owned(), inline(kinds)?),
             ("folds".to_owned(), stacked.folds.to_string()),
         ];
         for member in &stacked.members {
@@ -116,44 +111,34 @@ fn regression(regression: &Regression) -> Result<Vec<(String, String)>> {
         }
         return Ok(lines);
     }
-    let Value::Object(settings) = regression.settings()? else {
-        return Ok(Vec::new());
-    };
     let kind = regression.kind();
-    let given = settings.iter().filter(|(_, value)| !value.is_null());
-    let lines = given.map(|(key, value)| (format!("{kind}.{key}"), inline(value)));
-    Ok(lines.collect())
-}
-
-fn json(value: &impl serde::Serialize) -> Result<Value> {
-    Ok(serde_json::to_value(value)?)
+    each(regression.settings()?, |key| format!("{kind}.{key}"))
 }
 
 /// As TOML on one line; what is not set is left out.
-fn inline(value: &Value) -> String {
-    match value {
-        Value::Null => String::new(),
-        Value::Array(list) => {
-            let items: Vec<String> = list.iter().map(inline).collect();
-            format!("[{}]", items.join(", "))
-        }
-        Value::Object(table) => {
-            let given = table.iter().filter(|(_, value)| !value.is_null());
-            let items: Vec<String> = given
-                .map(|(key, value)| format!("{key} = {}", inline(value)))
-                .collect();
-            if items.is_empty() {
-                return "{}".to_owned();
+fn inline(value: impl Serialize) -> Result<String> {
+    fn given(value: Value) -> Value {
+        match value {
+            Value::Object(table) => {
+                let set = table.into_iter().filter(|(_, value)| !value.is_null());
+                set.map(|(key, value)| (key, given(value))).collect()
             }
-            format!("{{ {} }}", items.join(", "))
+            Value::Array(list) => list.into_iter().map(given).collect(),
+            other => other,
         }
-        Value::String(text) => quoted(text),
-        other => other.to_string(),
     }
+    let value = given(serde_json::to_value(value)?);
+    Ok(toml::Value::try_from(value)?.to_string())
 }
 
-fn quoted(text: &str) -> String {
-    toml::Value::from(text).to_string()
+/// A line for each key that is set of what is a table.
+fn each(table: Value, name: impl Fn(&str) -> String) -> Result<Vec<(String, String)>> {
+    let Value::Object(table) = table else {
+        return Ok(Vec::new());
+    };
+    let set = table.into_iter().filter(|(_, value)| !value.is_null());
+    set.map(|(key, value)| Ok((name(&key), inline(value)?)))
+        .collect()
 }
 
 #[cfg(test)]
@@ -171,14 +156,15 @@ mod tests {
             "adversarial": {},
             "labels": { "source": "a \"quoted\" one" },
         });
-        let text = inline(&value);
+        let text = inline(&value).unwrap();
         let read: toml::Table = format!("value = {text}").parse().unwrap();
         assert_eq!(serde_json::to_value(&read["value"]).unwrap(), value);
     }
 
     #[test]
     fn what_is_not_set_is_left_out() {
-        assert_eq!(inline(&json!({ "a": null, "b": [1] })), "{ b = [1] }");
-        assert_eq!(inline(&json!({ "a": null })), "{}");
+        let text = |value| inline(value).unwrap();
+        assert_eq!(text(json!({ "a": null, "b": [1] })), "{ b = [1] }");
+        assert_eq!(text(json!({ "a": null })), "{}");
     }
 }

@@ -14,7 +14,6 @@ pub struct ConfigError {
     pub(super) problem: String,
 }
 
-/// Where it stands.
 #[derive(Debug)]
 pub(super) enum Place {
     File {
@@ -66,7 +65,6 @@ fn span_inside(value: &DeValue<'_>, key: &[String]) -> Option<Range<usize>> {
     }
 }
 
-/// The line of `text` in which a span begins.
 pub(super) fn place_of_span(path: &Path, text: &str, span: Range<usize>) -> Place {
     let before = text.get(..span.start.min(text.len())).unwrap_or(text);
     let line = before.matches('\n').count() + 1;

@@ -12,11 +12,9 @@ use super::method::Method;
 use super::schema::{Config, JudgedOn, MethodConfig, MethodKind, ViewCount};
 use crate::data;
 
-/// The views that an estimate looks at.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Looks {
-    /// None.
     Nothing,
     /// The one straight down.
     Nadir,
@@ -62,7 +60,6 @@ impl Selected {
 /// A key of a method that is refused, and why.
 pub(super) type Problem = (&'static str, String);
 
-/// Refuses a key.
 pub(super) fn refuse<T>(key: &'static str, why: impl Into<String>) -> Result<T, Problem> {
     Err((key, why.into()))
 }
@@ -223,7 +220,6 @@ impl Method {
         refit.is_some_and(|refit| refit.judged_on == JudgedOn::HeldOut)
     }
 
-    /// The method for the first so many of its views.
     pub(crate) fn with_views(&self, views: usize) -> Result<Self> {
         let mut method = self.clone();
         if let Looks::Selected(selected) = &mut method.looks {
@@ -234,7 +230,7 @@ impl Method {
 
     /// The method on these views: its network takes as many as it looks at, and a selector of the view
     /// straight down, which knows no angles, is told which one that is.
-    pub(crate) fn on<S: Source>(&self, source: &S) -> Result<Self> {
+    pub(crate) fn on(&self, source: &dyn Source) -> Result<Self> {
         let mut method = self.taking(source.view_angles().len())?;
         if let Looks::Selected(selected) = &mut method.looks
             && let AnySelector::Nadir(selector) = &mut selected.selector
@@ -278,41 +274,26 @@ fn relation_input(sampler: &RelationSampler) -> Input {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::experiment::tests::{METHOD, read, refused};
+    use crate::config::experiment::tests::{METHOD, below, read, refused};
 
     #[test]
     fn views_that_cannot_be_meant_are_refused_at_their_line() {
         for views in ["0", "-1", "1.5", "\"every\""] {
             let found = format!("is {views}, expected at least 1, or \"all\"");
-            refused(
-                &format!("{METHOD}views = {views}"),
-                &["line 5", "views", &found],
-            );
+            below(&format!("views = {views}"), &["line 5", "views", &found]);
         }
         for key in ["distinct = true", "refit = {}"] {
-            refused(&format!("{METHOD}{key}"), &["line 5", "needs a `selector`"]);
+            below(key, &["line 5", "needs a `selector`"]);
         }
-        let everything = "`views = \"all\"`";
-        refused(
-            &format!("{METHOD}all-views = true"),
-            &["line 5", "all-views", everything],
-        );
-        refused(
-            &format!("{METHOD}views = 2\nrelations = {{}}"),
-            &["line 6", "relations", "`views`"],
-        );
-        refused(
-            &format!("{METHOD}views = 3\nselector = {{ kind = \"nvs\" }}"),
-            &["line 6", "kind `head`"],
-        );
-        refused(
-            &format!("{METHOD}views = \"all\"\nselector = {{ kind = \"random\" }}"),
-            &["line 6", "selector", everything],
-        );
-        refused(
-            &format!("{METHOD}views = \"all\"\nencoder.name = \"i3d\""),
-            &["line 5", "cannot stand beside i3d"],
-        );
+        let all = "`views = \"all\"`";
+        let views = "`views`";
+        below("views = 2\nrelations = {}", &["line 6", "relations", views]);
+        let nvs = "views = 3\nselector = { kind = \"nvs\" }";
+        below(nvs, &["line 6", "kind `head`"]);
+        let random = "views = \"all\"\nselector = { kind = \"random\" }";
+        below(random, &["line 6", "selector", all]);
+        let i3d = "views = \"all\"\nencoder.name = \"i3d\"";
+        below(i3d, &["line 5", "cannot stand beside i3d"]);
     }
 
     #[test]
@@ -327,19 +308,15 @@ mod tests {
         ] {
             assert!(read(&format!("{head}{keys}")).is_ok(), "{keys}");
         }
-        for (keys, views) in [
-            ("views = 3\nhead.input = { kind = \"single\" }", "3"),
-            (
-                "views = \"all\"\nhead.input = { kind = \"single\" }",
-                "\"all\"",
-            ),
-            (
-                "views = 3\nhead.input = { kind = \"late-fusion\", views = 2 }",
-                "3",
-            ),
-            ("head.input = { kind = \"late-fusion\", views = 2 }", "1"),
+        let fusion = "kind = \"late-fusion\", views = 2";
+        for (views, input) in [
+            ("3", "kind = \"single\""),
+            ("\"all\"", "kind = \"single\""),
+            ("3", fusion),
+            ("1", fusion),
         ] {
             let number = format!("but `views` is {views}");
+            let keys = format!("views = {views}\nhead.input = {{ {input} }}");
             refused(&format!("{head}{keys}"), &["head.input", &number]);
         }
         refused(

@@ -15,7 +15,6 @@ use super::written::Written;
 use crate::data::Protocol;
 use crate::paper;
 
-/// One row of the report.
 #[derive(Clone, Debug)]
 pub(crate) struct Method {
     pub id: String,
@@ -59,7 +58,6 @@ impl Method {
     }
 }
 
-/// All methods, checked in their order.
 pub(super) fn methods(
     layers: &Layers<'_>,
     config: &Config,
@@ -120,7 +118,6 @@ fn training_surfaces(method: &MethodConfig) -> Result<Option<usize>, Problem> {
     refuse("training-surfaces", why)
 }
 
-/// Whether the paper has the row that is to stand beside the method.
 fn check_printed_row(method: &MethodConfig) -> Result<(), Problem> {
     let Some(name) = &method.paper else {
         return Ok(());

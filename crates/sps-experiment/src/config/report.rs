@@ -36,7 +36,6 @@ pub(super) fn against(
         .collect()
 }
 
-/// The index of the method that `key` names.
 pub(super) fn position(
     layers: &Layers<'_>,
     written: &[Written],

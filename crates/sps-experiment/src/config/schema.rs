@@ -52,7 +52,7 @@ impl Config {
     }
 }
 
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct EncoderConfig {
     pub name: String,
@@ -77,8 +77,7 @@ pub(crate) struct SelectionConfig {
     pub folds: usize,
 }
 
-/// One row of the report.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct MethodConfig {
     /// Names the method in files; unique.
@@ -210,8 +209,9 @@ fn five() -> usize {
     5
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum MethodKind {
+    #[default]
     Head,
     /// A regressor that takes embeddings as rows of numbers.
     Rows(RegressorKind),
@@ -248,7 +248,6 @@ impl MethodKind {
         [Self::Head].into_iter().chain(rows).chain(others)
     }
 
-    /// As a config writes it.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Head => "head",
@@ -274,7 +273,6 @@ pub(crate) struct ReportConfig {
     pub speed: SpeedConfig,
 }
 
-/// The two questions about speed and error.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct SpeedConfig {

@@ -1,6 +1,6 @@
 //! The methods of a config: those listed, those of its sweeps, and the floors under all others.
 
-use super::schema::{Config, MethodConfig, MethodKind, ViewCount};
+use super::schema::{Config, MethodConfig, MethodKind};
 
 /// A method, and where the config has it.
 pub(super) struct Written {
@@ -40,24 +40,12 @@ fn floor(config: &Config, kind: MethodKind) -> MethodConfig {
         id: kind.name().to_owned(),
         label: label.to_owned(),
         kind,
-        file: None,
-        members: Vec::new(),
-        folds: 0,
-        paper: None,
         encoder: config.encoder.clone(),
         head: config.head.clone(),
-        views: ViewCount::default(),
-        selector: None,
-        distinct: false,
-        refit: None,
-        relations: None,
-        adaptive: None,
-        test_surfaces: None,
-        training_surfaces: None,
+        ..MethodConfig::default()
     }
 }
 
-/// Those listed, then those of the sweeps.
 pub(super) fn asked_for(config: &Config) -> Vec<Written> {
     let listed = config.methods.iter().enumerate();
     let listed = listed.map(|(index, method)| Written {

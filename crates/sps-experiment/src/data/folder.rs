@@ -10,7 +10,7 @@ use sps_dataset::{
 };
 use tracing::info;
 
-use super::{About, Checked, DataSpec, Protocol};
+use super::{About, Checked, DataSpec, Opened, Protocol};
 use crate::config::Layers;
 
 /// How it is read.
@@ -28,7 +28,6 @@ pub struct FolderConfig {
 }
 
 impl FolderConfig {
-    /// As it is, if it can be meant.
     pub(super) fn checked(&self, layers: &Layers<'_>, split: Option<SplitPlan>) -> Checked {
         let named = !self.path.as_os_str().is_empty();
         layers.require(named, "data.folder.path", "names no folder")?;
@@ -45,7 +44,7 @@ impl FolderConfig {
     }
 
     /// Opens it; frames are decoded when they are looked at.
-    pub(super) fn open(&self) -> Result<(DatasetFolder, About)> {
+    pub(super) fn open(&self) -> Result<Opened> {
         let mut source = DatasetFolder::open(&self.path, &self.read)?;
         let mut notes = out_of_range_notes(source.out_of_range());
         if self.near_twins != 0.0 {
@@ -70,7 +69,7 @@ impl FolderConfig {
             ..About::default()
         };
         info!("{}: {} surfaces", source.name(), source.surfaces().len());
-        Ok((source, about))
+        Ok((Box::new(source), about))
     }
 }
 

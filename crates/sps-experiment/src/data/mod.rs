@@ -15,7 +15,6 @@ pub use folder::FolderConfig;
 pub(crate) use simulated::TestSurfaces;
 pub use simulated::simulate;
 
-/// The table `[data]` of a config.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct DataConfig {
@@ -55,7 +54,6 @@ pub(crate) enum Protocol {
     TestSurfaces(TestSurfaces),
 }
 
-/// What a config says of its data.
 type Checked = Result<(DataSpec, Protocol), ConfigError>;
 
 pub(crate) fn of_config(layers: &Layers<'_>, config: &Config) -> Checked {
@@ -65,17 +63,8 @@ pub(crate) fn of_config(layers: &Layers<'_>, config: &Config) -> Checked {
     }
 }
 
-/// Work that can be done on any source.
-pub trait WithSource {
-    /// What comes of it.
-    type Output;
-
-    /// Does it.
-    ///
-    /// # Errors
-    /// Those of the work.
-    fn call<S: Source>(self, source: &S, about: About) -> Result<Self::Output>;
-}
+/// A source, and what is known of it beside its surfaces.
+pub type Opened = (Box<dyn Source>, About);
 
 /// What is known of a source beside its surfaces.
 #[derive(Clone, Debug, Default)]
@@ -96,25 +85,19 @@ pub struct About {
     pub(crate) notes: Vec<String>,
 }
 
-/// Opens the data and hands it to `work`.
+/// Opens the data.
 ///
 /// # Errors
-/// Data that cannot be opened, and those of the work.
-pub fn with_source<W: WithSource>(data: &DataSpec, work: W) -> Result<W::Output> {
+/// Data that cannot be opened.
+pub fn open(data: &DataSpec) -> Result<Opened> {
     match data {
-        DataSpec::Simulated { spec, indices } => {
-            let (source, about) = simulated::open(spec, indices)?;
-            work.call(&source, about)
-        }
-        DataSpec::Folder(folder) => {
-            let (source, about) = folder.open()?;
-            work.call(&source, about)
-        }
+        DataSpec::Simulated { spec, indices } => simulated::open(spec, indices),
+        DataSpec::Folder(folder) => folder.open(),
     }
 }
 
 /// The view that looks straight down.
-pub(crate) fn nadir<S: Source>(source: &S) -> Result<usize> {
+pub(crate) fn nadir(source: &dyn Source) -> Result<usize> {
     source
         .nearest_view(RollAngle::NADIR)
         .context("the dataset has no views")
@@ -125,17 +108,6 @@ mod tests {
     use super::*;
     use sps_dataset::ReadSettings;
 
-    struct Groups;
-
-    impl WithSource for Groups {
-        type Output = (Vec<String>, Vec<String>);
-
-        fn call<S: Source>(self, source: &S, about: About) -> Result<Self::Output> {
-            let groups = source.surfaces().iter().map(|s| s.group.clone());
-            Ok((groups.collect(), about.notes))
-        }
-    }
-
     #[test]
     fn near_twins_share_a_group_and_the_notes_say_so() {
         let seen = |near_twins| {
@@ -145,7 +117,9 @@ mod tests {
                 published_sps: false,
                 near_twins,
             }));
-            with_source(&data, Groups).unwrap()
+            let (source, about) = open(&data).unwrap();
+            let groups = source.surfaces().iter().map(|s| s.group.clone());
+            (groups.collect::<Vec<_>>(), about.notes)
         };
         let (own, notes) = seen(0.0);
         assert!(

@@ -8,7 +8,7 @@ use sps_dataset::{FrameFormat, WriteOptions, Written, write_dataset};
 use sps_simulate::{Simulator, SimulatorSpec, ceilings};
 use tracing::info;
 
-use super::{About, Checked, DataSpec, Protocol};
+use super::{About, Checked, DataSpec, Opened, Protocol};
 use crate::config::{Config, Layers};
 use crate::files::write_atomically;
 use crate::progress::Progress;
@@ -36,7 +36,6 @@ pub(crate) struct SimulatedConfig {
 }
 
 impl SimulatedConfig {
-    /// What it comes to, if it can be meant.
     pub(super) fn checked(&self, layers: &Layers<'_>, config: &Config) -> Checked {
         let (spec, split, reruns) = (self.spec(), config.split, config.reruns);
         if self.test_surfaces == 0 {
@@ -105,7 +104,7 @@ impl TestSurfaces {
 }
 
 /// Opens it; frames are rendered when they are looked at.
-pub(super) fn open(spec: &SimulatorSpec, indices: &[usize]) -> Result<(Simulator, About)> {
+pub(super) fn open(spec: &SimulatorSpec, indices: &[usize]) -> Result<Opened> {
     let (surfaces, views) = (spec.surfaces, spec.views);
     info!("simulated: {surfaces} surfaces in {views} views, rendered when they are looked at");
     let source = Simulator::of(spec.clone(), indices).context("data.simulated")?;
@@ -115,7 +114,7 @@ pub(super) fn open(spec: &SimulatorSpec, indices: &[usize]) -> Result<(Simulator
         ceilings: Some(ceilings(spec.seed, CEILING_SURFACES, spec.locations)),
         ..About::default()
     };
-    Ok((source, about))
+    Ok((Box::new(source), about))
 }
 
 /// Writes simulated surfaces into `folder` as a dataset, with the limit of what can be known of them in

@@ -30,7 +30,6 @@ pub(crate) struct EmbeddingCache {
     pub(super) work: Work,
 }
 
-/// Segments that were looked at.
 pub(super) type Seen = HashSet<PathBuf>;
 
 impl EmbeddingCache {

@@ -28,7 +28,6 @@ const BYTES_AT_ONCE: usize = 256 << 20;
 /// Frames after which a shard looks what others have encoded.
 const BLOCK: usize = 4 * FRAMES_AT_ONCE;
 
-/// Embeddings of some frames.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Embeddings {
     pub width: usize,
@@ -43,8 +42,8 @@ pub(crate) struct Embeddings {
 ///
 /// Shards that share a cache help one another: each goes over all frames block by block, its own
 /// blocks first, and encodes what no other has until then. So none waits, and none depends on another.
-pub(crate) fn embed<S: Source>(
-    source: &S,
+pub(crate) fn embed(
+    source: &dyn Source,
     frames: &[FrameIndex],
     embedder: &Embedder,
     experiment: &Experiment,
@@ -91,7 +90,7 @@ pub(crate) fn embed<S: Source>(
 
 /// The rows of the given frames. A photograph is called after its surface and its view, as a dataset's folder
 /// has it; where the file names none, it has all frames, in the order of surfaces and their views.
-fn of_file<S: Source>(source: &S, frames: &[FrameIndex], rows: &Precomputed) -> Result<Vec<f32>> {
+fn of_file(source: &dyn Source, frames: &[FrameIndex], rows: &Precomputed) -> Result<Vec<f32>> {
     let surfaces = source.surfaces();
     let name = |frame: &FrameIndex| format!("{}/{:03}", surfaces[frame.surface].id, frame.view);
     if !rows.files().is_empty() {
@@ -112,7 +111,6 @@ fn of_file<S: Source>(source: &S, frames: &[FrameIndex], rows: &Precomputed) -> 
     Ok(frames.iter().flat_map(row).copied().collect())
 }
 
-/// A frame to encode.
 type Wanted = (FrameKey, FrameIndex);
 
 fn once_each(frames: &[FrameIndex], keys: &[FrameKey]) -> Vec<Wanted> {
@@ -135,8 +133,8 @@ fn blocks(work: Work, frames: usize) -> Vec<Range<usize>> {
     order.map(block).collect()
 }
 
-fn encode_missing<S: Source>(
-    source: &S,
+fn encode_missing(
+    source: &dyn Source,
     missing: &[Wanted],
     embedder: &Embedder,
     cache: &EmbeddingCache,
@@ -168,8 +166,8 @@ fn encode_missing<S: Source>(
 }
 
 /// Decodes the first of the frames: those that so many bytes hold, at least one where there is one.
-fn decode_some<S: Source>(
-    source: &S,
+fn decode_some(
+    source: &dyn Source,
     wanted: &[Wanted],
     shorter_side: Option<usize>,
     room: usize,
@@ -194,7 +192,7 @@ fn decode_some<S: Source>(
             held.fetch_add(bytes(&frame), Ordering::Relaxed);
             Ok((at, frame))
         });
-    let mut decoded = decoded.collect::<Result<Vec<_>, S::Error>>()?;
+    let mut decoded = decoded.collect::<Result<Vec<_>>>()?;
     decoded.sort_unstable_by_key(|(at, _)| *at);
     let others = decoded.into_iter().map(|(_, frame)| frame);
     Ok(iter::once(first).chain(others).collect())

@@ -65,7 +65,6 @@ impl Segment {
         )
     }
 
-    /// Reads and checks a whole segment.
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let failed = || format!("cannot read {}", path.display());
         let bytes = std::fs::read(path).with_context(failed)?;

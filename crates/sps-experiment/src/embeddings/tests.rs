@@ -1,6 +1,4 @@
-use std::convert::Infallible;
-
-use sps_dataset::{RollAngle, Surface, TactileTable};
+use sps_dataset::{RollAngle, SourceError, Surface, TactileTable};
 
 use super::*;
 
@@ -11,8 +9,6 @@ struct Sizes {
 }
 
 impl Source for Sizes {
-    type Error = Infallible;
-
     fn name(&self) -> &'static str {
         "sizes"
     }
@@ -29,7 +25,7 @@ impl Source for Sizes {
         unreachable!("no reading is asked for")
     }
 
-    fn frame(&self, surface: usize, _: usize) -> Result<Frame, Infallible> {
+    fn frame(&self, surface: usize, _: usize) -> Result<Frame, SourceError> {
         self.decoded.fetch_add(1, Ordering::Relaxed);
         let [width, height] = self.sizes[surface];
         let data = vec![0.0; width * height * 3];
@@ -40,7 +36,7 @@ impl Source for Sizes {
         })
     }
 
-    fn frame_key(&self, surface: usize, _: usize) -> Result<FrameKey, Infallible> {
+    fn frame_key(&self, surface: usize, _: usize) -> Result<FrameKey, SourceError> {
         Ok([surface as u8; 32])
     }
 }

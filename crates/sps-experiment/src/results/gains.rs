@@ -89,7 +89,6 @@ fn gain(
     })
 }
 
-/// The mean of the first sides' R² less that of the second's.
 fn mean_difference(pairs: &[Pair<'_>]) -> Option<f64> {
     let scores = |at: usize| {
         let scores = pairs.iter().map(|pair| pair.sides[at].scores().r2);

@@ -77,12 +77,10 @@ impl<'a> Judged<'a> {
         self.scored == 0
     }
 
-    /// Why folds have no estimates.
     pub(super) fn failures(&self) -> impl Iterator<Item = &'a str> + '_ {
         self.folds.iter().filter_map(|fold| fold.failed.as_deref())
     }
 
-    /// Names of the held-out surfaces.
     pub(crate) fn surfaces(&self) -> &[String] {
         &self.surfaces
     }
@@ -100,7 +98,6 @@ impl<'a> Judged<'a> {
         self.folds.iter().map(|fold| fold.training_mean)
     }
 
-    /// The views that each fold looked at.
     pub(super) fn views(&self) -> impl Iterator<Item = Vec<usize>> + '_ {
         self.folds.iter().map(|fold| fold.views.clone())
     }

@@ -6,14 +6,12 @@ use sps_metrics::{IntervalError, PropertyMean, RerunSummary, ScoreInterval};
 
 use super::{MethodOutcomes, Number};
 
-/// Lines for the reader of a row.
 #[derive(Default)]
 pub(super) struct Notes {
     pub lines: Vec<String>,
 }
 
 impl Notes {
-    /// The trials that came to nothing.
     pub(super) fn failures(&mut self, method: &MethodOutcomes<'_>) {
         for (property, outcomes) in &method.outcomes {
             for (rerun, judged) in outcomes.iter().enumerate() {

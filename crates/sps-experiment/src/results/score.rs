@@ -12,7 +12,6 @@ use super::{
 };
 use crate::config::Adaptive;
 
-/// How outcomes are scored.
 pub(crate) struct Scoring<'a> {
     /// Codes of the properties, in the order of the reports.
     pub properties: &'a [String],
@@ -37,7 +36,6 @@ impl Scoring<'_> {
     }
 }
 
-/// The outcomes of one method.
 pub(crate) struct MethodOutcomes<'a> {
     /// What is known before anything is scored.
     pub row: MethodResult,
@@ -118,7 +116,6 @@ fn training_losses(method: &MethodOutcomes<'_>) -> Vec<f64> {
     (0..epochs).map(mean).collect()
 }
 
-/// How many different surfaces a method was scored on, and units of them.
 fn held_out(method: &MethodOutcomes<'_>, scoring: &Scoring<'_>) -> (usize, usize) {
     let surfaces = method.trials().flat_map(|judged| judged.surfaces().iter());
     let surfaces: BTreeSet<&String> = surfaces.collect();
@@ -150,12 +147,11 @@ mod tests {
             estimate: some(estimate.collect()),
             truth: some(truth),
             views: vec![0],
-            stops: Vec::new(),
-            course: Vec::new(),
             train_seconds: 1.0,
             failed: error
                 .is_none()
                 .then(|| "the loss is inf in epoch 3".to_owned()),
+            ..Outcome::default()
         }
     }
 

@@ -140,7 +140,6 @@ impl Kind {
         }
     }
 
-    /// That of one trial.
     fn outcome(self, scores: &Scores) -> &Outcome {
         match self {
             Self::R2 => &scores.r2,
@@ -204,7 +203,6 @@ impl Kind {
     }
 }
 
-/// The interval of `r2` of each property.
 pub(super) fn intervals(
     method: &MethodOutcomes<'_>,
     scoring: &Scoring<'_>,

@@ -1,26 +1,28 @@
 //! The methods that share an encoder, from its embeddings to their outcomes.
 
-use anyhow::{Context, Result};
-use sps_dataset::{Property, Source};
+use anyhow::Result;
+use sps_dataset::Source;
 
 use super::costs;
 use super::deal::Dealt;
+use super::fit::Judge;
 use super::found::{Found, Selections};
 use super::frozen::Folds;
 use super::results::MethodRow;
-use super::select::Selecting;
-use super::stage::{Stage, Stages};
+use super::stage::Stages;
 use super::trials::{self, Planned, TrialSpec};
-use super::{Encodings, Journals, Splits, fit, views};
-use crate::config::{EncoderSpec, Experiment, Looks, Method};
+use super::{Encodings, Journals, Splits};
+use crate::config::{EncoderSpec, Experiment, Method};
 use crate::data::About;
-use crate::journal::{Journal, Outcome, Stop};
-use crate::results::{Costs, PerProperty};
+use crate::journal::Journal;
 
 /// Methods that share an encoder.
-pub(super) struct Encoded<'a, 'm> {
+pub(crate) struct Encoded<'a, 'm> {
     pub experiment: &'a Experiment,
+    pub source: &'a dyn Source,
     pub about: &'a About,
+    /// What the one view of a source of sequences is made of.
+    pub sequence: Option<Vec<usize>>,
     pub encoder: &'a EncoderSpec,
     pub methods: Vec<&'m Method>,
     pub splits: &'a Splits,
@@ -28,57 +30,23 @@ pub(super) struct Encoded<'a, 'm> {
     pub dealt: Dealt,
 }
 
-/// What methods were fitted on, and to what.
-pub(super) struct Fitted {
-    groups: Vec<Encodings>,
-    selections: Selections,
-    /// Of each method.
-    trials: Vec<Vec<TrialSpec>>,
-}
-
 impl<'m> Encoded<'_, 'm> {
-    /// Selects views and runs the trials, as far as they are dealt and the journals lack them.
-    /// `sequence` says what the one view of a source of sequences is made of.
-    pub(super) fn fitted<S: Source>(
+    /// Selects views and runs the trials, as far as they are dealt and the journals lack them: what
+    /// methods were fitted on, and the trials of each.
+    pub(super) fn fitted(
         &self,
-        source: &S,
-        sequence: Option<Vec<usize>>,
         journals: &mut Journals,
-    ) -> Result<Fitted> {
-        let splits = &self.splits.all;
-        let stages = self.stages(source, sequence)?;
-        let dealt = self.dealt.of_any();
-        let mut groups = Encodings::of_splits(&stages, self.encoder, splits, &dealt)?;
+    ) -> Result<(Vec<Encodings>, Selections, Vec<Vec<TrialSpec>>)> {
+        let stages = Stages::new(self)?;
+        let mut groups = stages.of_splits(&self.splits.all, &self.dealt.of_any())?;
         if self.looks_in_hindsight() {
             for group in &mut groups {
-                group.look_at_all(self.experiment, source, splits)?;
+                group.look_at_all(self)?;
             }
         }
         let selections = self.select(&groups, &mut journals.selections)?;
-        let trials = self.fit(source, &mut groups, &selections, journals)?;
-        Ok(Fitted {
-            groups,
-            selections,
-            trials,
-        })
-    }
-
-    /// The stages that the methods are fitted on.
-    pub(super) fn stages<'s, S: Source>(
-        &'s self,
-        source: &'s S,
-        sequence: Option<Vec<usize>>,
-    ) -> Result<Stages<'s, S>> {
-        let needed = views::needed(&self.methods, source)?;
-        let data = (source, self.about);
-        Stages::new(
-            self.experiment,
-            self.encoder,
-            data,
-            self.splits,
-            needed,
-            sequence,
-        )
+        let trials = self.fit(&mut groups, &selections, journals)?;
+        Ok((groups, selections, trials))
     }
 
     /// Whether any method that is dealt chooses its views by the surfaces held out.
@@ -89,35 +57,24 @@ impl<'m> Encoded<'_, 'm> {
     }
 
     /// The codes of the properties, and the rows of the methods.
-    pub(super) fn rows<S: Source>(
+    pub(super) fn rows(
         &self,
-        source: &S,
-        sequence: Option<Vec<usize>>,
         journals: &mut Journals,
     ) -> Result<(Vec<String>, Vec<MethodRow<'m>>)> {
-        let Fitted {
-            groups,
-            selections,
-            trials,
-        } = self.fitted(source, sequence, journals)?;
-        let finished = self.methods.iter().zip(trials);
-        let finished =
-            finished.map(|(method, trials)| Finished::of(method, trials, &journals.trials));
-        let finished = finished.collect::<Result<Vec<_>>>()?;
+        let (groups, selections, trials) = self.fitted(journals)?;
+        let rows = self.methods.iter().zip(trials);
+        let rows = rows
+            .map(|(method, trials)| MethodRow::of(method, trials, &journals.trials, &selections));
+        let mut rows = rows.collect::<Result<Vec<_>>>()?;
         let stage = &groups[0].stage;
-        let costs = self.costs(source, stage, &finished)?;
-        let encoder_train_seconds = groups.iter().map(|group| group.stage.train_seconds).sum();
-        let rows = finished.into_iter().zip(costs).map(|(finished, costs)| {
-            let costs = Costs {
-                encoder_train_seconds,
-                ..costs
-            };
-            finished.row(costs, &selections)
-        });
-        Ok((stage.tables.codes(), rows.collect()))
+        costs::measure(self.source, self.splits, stage, &mut rows)?;
+        let seconds = groups.iter().map(|group| group.stage.train_seconds).sum();
+        for row in &mut rows {
+            row.costs.encoder_train_seconds = seconds;
+        }
+        Ok((stage.tables.codes(), rows))
     }
 
-    /// The views of all methods that select some.
     fn select(&self, groups: &[Encodings], journal: &mut Journal<Found>) -> Result<Selections> {
         let mut selections = Selections::default();
         for group in groups {
@@ -126,17 +83,15 @@ impl<'m> Encoded<'_, 'm> {
                 encodings: group,
                 splits: self.splits,
             };
-            let mut selecting = Selecting { folds, journal };
             let dealt = self.dealt.within(&group.splits);
-            selecting.run(&self.methods, &dealt, &mut selections)?;
+            folds.select(&self.methods, &dealt, journal, &mut selections)?;
         }
         Ok(selections)
     }
 
     /// Fits what the journal lacks; the trials of each method.
-    fn fit<S: Source>(
+    fn fit(
         &self,
-        source: &S,
         groups: &mut [Encodings],
         selections: &Selections,
         journals: &mut Journals,
@@ -146,12 +101,17 @@ impl<'m> Encoded<'_, 'm> {
         for group in groups {
             let dealt = self.dealt.within(&group.splits);
             let planned = self.planned(group, &dealt, selections)?;
-            self.look(source, group, &planned)?;
+            group.look(self, &planned)?;
             for ((method, planned), all) in self.methods.iter().zip(planned).zip(&mut trials) {
                 let own = self.splits.of_method(method, experiment.seed)?;
                 let specs = trials::keyed(experiment, method, group, &own.all, planned)?;
-                let journal = &mut journals.trials;
-                fit::run_missing(experiment, method, group, &own, &specs, journal)?;
+                let judge = Judge {
+                    experiment,
+                    method,
+                    encodings: group,
+                    splits: &own,
+                };
+                judge.run_missing(&specs, &mut journals.trials)?;
                 all.extend(specs);
             }
         }
@@ -173,87 +133,4 @@ impl<'m> Encoded<'_, 'm> {
         });
         planned.collect()
     }
-
-    /// Has a group look at what the trials of all methods look at.
-    pub(super) fn look<S: Source>(
-        &self,
-        source: &S,
-        group: &mut Encodings,
-        planned: &[Vec<Planned>],
-    ) -> Result<()> {
-        let planned = planned.iter().map(Vec::as_slice);
-        let of_method = self.methods.iter().copied().zip(planned);
-        group.look(self.experiment, source, &self.splits.all, of_method)
-    }
-
-    /// What an estimate of each method costs; nothing where it looks at nothing.
-    fn costs<S: Source>(
-        &self,
-        source: &S,
-        stage: &Stage,
-        finished: &[Finished<'_>],
-    ) -> Result<Vec<Costs>> {
-        let looks = |finished: &&Finished<'_>| finished.method.looks != Looks::Nothing;
-        let looking: Vec<&Finished<'_>> = finished.iter().filter(looks).collect();
-        let mut measured = costs::measure(source, self.splits, stage, &looking)?.into_iter();
-        let of = |finished: &Finished<'_>| match finished.method.looks {
-            Looks::Nothing => Costs::default(),
-            _ => measured.next().unwrap_or_default(),
-        };
-        Ok(finished.iter().map(of).collect())
-    }
-}
-
-/// A method whose trials have all been run.
-pub(super) struct Finished<'m> {
-    pub method: &'m Method,
-    pub trials: Vec<TrialSpec>,
-    outcomes: PerProperty<Vec<Outcome>>,
-    /// Where it stopped, if it looks at one view after the other.
-    pub stops: Vec<Stop>,
-}
-
-impl<'m> Finished<'m> {
-    fn of(method: &'m Method, trials: Vec<TrialSpec>, journal: &Journal<Outcome>) -> Result<Self> {
-        let outcomes = trials.iter().map(|trial| {
-            let outcome = journal.get(&trial.key).context("a trial was not run")?;
-            let mut outcome = outcome.clone();
-            if outcome.rerun != trial.rerun {
-                // Fitted once for several reruns.
-                outcome.rerun = trial.rerun;
-                outcome.train_seconds = 0.0;
-            }
-            Ok((&trial.property, outcome))
-        });
-        let outcomes = by_property(outcomes.collect::<Result<Vec<_>>>()?);
-        let stops = outcomes.values().flatten().flat_map(|o| &o.stops);
-        Ok(Self {
-            method,
-            stops: stops.copied().collect(),
-            trials,
-            outcomes,
-        })
-    }
-
-    fn row(self, costs: Costs, selections: &Selections) -> MethodRow<'m> {
-        let found = self.trials.iter().filter_map(|trial| {
-            let found = selections.get(&self.method.id, &trial.property, trial.rerun)?;
-            Some((&trial.property, found.clone()))
-        });
-        MethodRow {
-            costs,
-            found: by_property(found),
-            outcomes: self.outcomes,
-            method: self.method,
-        }
-    }
-}
-
-fn by_property<'a, T>(all: impl IntoIterator<Item = (&'a Property, T)>) -> PerProperty<Vec<T>> {
-    let mut by_property = PerProperty::<Vec<T>>::new();
-    for (property, one) in all {
-        let of_property = by_property.entry(property.to_string()).or_default();
-        of_property.push(one);
-    }
-    by_property
 }

@@ -1,18 +1,16 @@
 //! What some reruns look at: embeddings of the surfaces that they train on, and of the views of
 //! others that they are scored on.
 
-use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use sps_dataset::{Source, Split};
 
-use super::stage::{Stage, Stages};
+use super::encoded::Encoded;
+use super::stage::Stage;
 use super::tables::Tables;
 use super::test_views::{TestViews, Wanted};
 use super::trials::Planned;
-use crate::config::{EncoderSpec, Experiment, Method};
 
 /// Of one encoder.
 pub(crate) struct Encodings {
@@ -23,77 +21,52 @@ pub(crate) struct Encodings {
 }
 
 impl Encodings {
-    /// Of all splits together, or of each of `some` on its own where an encoder learns from each.
-    pub(crate) fn of_splits<S: Source>(
-        stages: &Stages<'_, S>,
-        encoder: &EncoderSpec,
-        splits: &[Split],
-        some: &BTreeSet<usize>,
-    ) -> Result<Vec<Self>> {
-        let of = |some: Range<usize>| {
-            let stage = stages.of(&splits[some.start].train)?;
-            Ok(Self {
-                stage,
-                splits: some,
-                test: TestViews::default(),
-            })
-        };
-        if !encoder.learns() {
-            return Ok(vec![of(0..splits.len())?]);
+    /// Of some splits; nothing is seen yet of surfaces that are only scored on.
+    pub(super) fn new(stage: Arc<Stage>, splits: Range<usize>) -> Self {
+        Self {
+            stage,
+            splits,
+            test: TestViews::default(),
         }
-        some.iter().map(|&split| of(split..split + 1)).collect()
     }
 
-    /// Embeds what the trials look at of surfaces that are only scored on.
-    pub(crate) fn look<'a, S: Source>(
-        &mut self,
-        experiment: &Experiment,
-        source: &S,
-        splits: &[Split],
-        trials: impl Iterator<Item = (&'a Method, &'a [Planned])>,
-    ) -> Result<()> {
+    /// Embeds what the trials of each method look at of surfaces that are only scored on.
+    pub(super) fn look(&mut self, of: &Encoded<'_, '_>, trials: &[Vec<Planned>]) -> Result<()> {
         let tables = &self.stage.tables;
         let mut wanted = Wanted::default();
-        for (method, planned) in trials {
+        for (method, planned) in of.methods.iter().zip(trials) {
             for trial in planned {
-                let scored_on = method.scored_on(&splits[trial.split].validation);
-                let beyond = beyond(tables, scored_on.last());
+                let split = &of.splits.all[trial.split];
+                let beyond = beyond(tables, method.scored_on(&split.validation).last());
                 for place in trial.views.shown() {
                     wanted.add(tables.views[place], beyond);
                 }
             }
         }
-        self.test = TestViews::embed(experiment, source, &self.stage, &wanted)?;
+        self.test = TestViews::embed(of.experiment, of.source, &self.stage, &wanted)?;
         Ok(())
     }
 
     /// Embeds every view of every surface that is only scored on.
-    pub(crate) fn look_at_all<S: Source>(
-        &mut self,
-        experiment: &Experiment,
-        source: &S,
-        splits: &[Split],
-    ) -> Result<()> {
+    pub(super) fn look_at_all(&mut self, of: &Encoded<'_, '_>) -> Result<()> {
         let tables = &self.stage.tables;
-        let last = splits.iter().filter_map(|split| split.validation.last());
-        let beyond = beyond(tables, last.max());
-        let wanted = Wanted::of(&tables.views, beyond);
-        self.test = TestViews::embed(experiment, source, &self.stage, &wanted)?;
+        let splits = of.splits.all.iter();
+        let last = splits.filter_map(|split| split.validation.last());
+        let wanted = Wanted::of(&tables.views, beyond(tables, last.max()));
+        self.test = TestViews::embed(of.experiment, of.source, &self.stage, &wanted)?;
         Ok(())
     }
 
-    /// Of one stage, with these views of the first so many surfaces that are only scored on.
-    pub(crate) fn with_test_views<S: Source>(
-        experiment: &Experiment,
-        source: &S,
+    /// Of one stage, with these views of all surfaces that are only scored on.
+    pub(crate) fn with_test_views(
+        of: &Encoded<'_, '_>,
         stage: Arc<Stage>,
         places: &[usize],
-        surfaces: usize,
     ) -> Result<Self> {
         let views = places.iter().map(|&place| &stage.tables.views[place]);
-        let wanted = Wanted::of(views, surfaces);
+        let wanted = Wanted::of(views, of.source.surfaces().len() - of.splits.pool);
         Ok(Self {
-            test: TestViews::embed(experiment, source, &stage, &wanted)?,
+            test: TestViews::embed(of.experiment, of.source, &stage, &wanted)?,
             stage,
             splits: 0..0,
         })

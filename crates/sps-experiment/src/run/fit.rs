@@ -12,9 +12,8 @@ use sps_models::heads::{Observer, TrainedHead, TrainedHeads};
 use sps_regress::{DivergedTrial, FittedRegressor, Plan, Trial};
 use tracing::warn;
 
-use super::adaptive::Walking;
 use super::trials::{TrialSpec, plan};
-use super::{Encodings, Splits, Tables, floors};
+use super::{Encodings, Splits, Tables, adaptive, floors};
 use crate::config::{Experiment, Method};
 use crate::journal::{Journal, Outcome};
 use crate::progress::{Progress, ensure_wanted};
@@ -35,78 +34,9 @@ pub(super) fn fit_some(
     Ok(fitted.fit_some(&tables.training_data(units), units, plan, observer)?)
 }
 
-/// Runs those of the trials that the journal lacks.
-pub(crate) fn run_missing(
-    experiment: &Experiment,
-    method: &Method,
-    encodings: &Encodings,
-    splits: &Splits,
-    trials: &[TrialSpec],
-    journal: &mut Journal<Outcome>,
-) -> Result<()> {
-    let mut keys = HashSet::new();
-    let missing: Vec<&TrialSpec> = trials
-        .iter()
-        .filter(|trial| journal.get(&trial.key).is_none() && keys.insert(&trial.key))
-        .collect();
-    let Some(first) = missing.first() else {
-        return Ok(());
-    };
-    ensure_wanted()?;
-    let (id, property, rerun) = (&method.id, &first.property, first.rerun);
-    let what = format!("method `{id}`, {property}, rerun {rerun}");
-    experiment.work.ensure_fits(&what)?;
-    let judge = Judge {
-        method,
-        tables: &encodings.stage.tables,
-        splits,
-    };
-    if let Some(outcomes) = floors::outcomes(&judge, &missing)? {
-        return journal.append(outcomes);
-    }
-    if let Some(adaptive) = &method.adaptive {
-        let walking = Walking {
-            experiment,
-            judge,
-            adaptive,
-            encodings,
-            trials: &missing,
-        };
-        let outcomes = walking.outcomes();
-        let named = || format!("method `{}`", method.id);
-        return journal.append(outcomes.with_context(named)?);
-    }
-    let plan = plan(experiment.seed, &splits.all, missing.iter().copied());
-    let recorder = Recorder {
-        judge,
-        encodings,
-        trials: &missing,
-        progress: Progress::new(&method.label, missing.len()),
-        courses: journal.beside(COURSES).join(folder_name(&method.id)),
-        state: Mutex::new(State {
-            journal,
-            since: Instant::now(),
-            failed: None,
-        }),
-    };
-    let fitted = fit_some(method, (judge.tables, &splits.units), &plan, &recorder);
-    // Networks were recorded as they were finished.
-    if let Ok(fitted) = &fitted
-        && !matches!(method.estimator.regression(), Some(Regression::Head(_)))
-    {
-        recorder.record(fitted.as_ref(), fitted.diverged(), |_| Vec::new());
-    }
-    // A training that was stopped says less than what stopped it.
-    recorder.into_failure().map_or(Ok(()), Err)?;
-    ensure_wanted()?;
-    fitted.with_context(|| format!("method `{}`", method.id))?;
-    Ok(())
-}
-
 /// Turns fitted models into outcomes and writes them down.
 struct Recorder<'a> {
     judge: Judge<'a>,
-    encodings: &'a Encodings,
     trials: &'a [&'a TrialSpec],
     progress: Progress,
     /// Where the courses of networks' trainings go.
@@ -221,7 +151,6 @@ impl<'a> Recorder<'a> {
         Ok(outcomes)
     }
 
-    /// The outcome of a trial without a model.
     fn failure(&self, diverged: &DivergedTrial) -> Result<Outcome> {
         let DivergedTrial { trial, reason } = diverged;
         let label = &self.judge.method.label;
@@ -232,7 +161,6 @@ impl<'a> Recorder<'a> {
         self.judge.failure(self.spec(trial)?, reason)
     }
 
-    /// The trial that a model was trained for.
     fn spec(&self, trained: &Trial) -> Result<&TrialSpec> {
         let spec = self.trials.iter().find(|spec| is_of(spec, trained));
         spec.copied().context("a trial that was not planned")
@@ -247,7 +175,7 @@ impl<'a> Recorder<'a> {
     ) -> Result<Vec<Vec<f64>>> {
         let mut sums = vec![vec![0.0; surfaces.len()]; models.trials().len()];
         for views in fillings {
-            let embeddings = self.encodings.select(surfaces, views)?;
+            let embeddings = self.judge.encodings.select(surfaces, views)?;
             for (sums, estimates) in sums.iter_mut().zip(models.predict(&embeddings)?) {
                 for (sum, value) in sums.iter_mut().zip(estimates.values) {
                     *sum += value / fillings.len() as f64;
@@ -258,7 +186,6 @@ impl<'a> Recorder<'a> {
     }
 }
 
-/// The name of a folder for what has this id.
 fn folder_name(id: &str) -> String {
     id.trim_start_matches('.').replace(['/', '\\'], "-")
 }
@@ -270,15 +197,15 @@ fn is_of(spec: &TrialSpec, trained: &Trial) -> bool {
     spec.rerun as u64 == trained.rerun && spec.property.code() == trained.property
 }
 
-/// Makes outcomes of what a method estimates.
+/// A method whose trials are run, and outcomes made of what it estimates.
 #[derive(Clone, Copy)]
 pub(super) struct Judge<'a> {
+    pub experiment: &'a Experiment,
     pub method: &'a Method,
-    pub tables: &'a Tables,
+    pub encodings: &'a Encodings,
     pub splits: &'a Splits,
 }
 
-/// What a trial is scored on.
 pub(super) struct HeldOut {
     training_mean: f64,
     /// Those that were measured.
@@ -286,13 +213,76 @@ pub(super) struct HeldOut {
     truth: Vec<f64>,
 }
 
-impl Judge<'_> {
+impl<'a> Judge<'a> {
+    /// Runs those of the trials that the journal lacks.
+    pub(super) fn run_missing(
+        self,
+        trials: &[TrialSpec],
+        journal: &mut Journal<Outcome>,
+    ) -> Result<()> {
+        let (experiment, method) = (self.experiment, self.method);
+        let mut keys = HashSet::new();
+        let missing: Vec<&TrialSpec> = trials
+            .iter()
+            .filter(|trial| journal.get(&trial.key).is_none() && keys.insert(&trial.key))
+            .collect();
+        let Some(first) = missing.first() else {
+            return Ok(());
+        };
+        ensure_wanted()?;
+        let (id, property, rerun) = (&method.id, &first.property, first.rerun);
+        let what = format!("method `{id}`, {property}, rerun {rerun}");
+        experiment.work.ensure_fits(&what)?;
+        if let Some(outcomes) = floors::outcomes(&self, &missing)? {
+            return journal.append(outcomes);
+        }
+        let named = || format!("method `{id}`");
+        if let Some(adaptive) = &method.adaptive {
+            let outcomes = adaptive::outcomes(&self, adaptive, &missing);
+            return journal.append(outcomes.with_context(named)?);
+        }
+        let plan = plan(experiment.seed, &self.splits.all, missing.iter().copied());
+        let recorder = Recorder {
+            judge: self,
+            trials: &missing,
+            progress: Progress::new(&method.label, missing.len()),
+            courses: journal.beside(COURSES).join(folder_name(id)),
+            state: Mutex::new(State {
+                journal,
+                since: Instant::now(),
+                failed: None,
+            }),
+        };
+        let fitted = fit_some(
+            method,
+            (self.tables(), &self.splits.units),
+            &plan,
+            &recorder,
+        );
+        // Networks were recorded as they were finished.
+        if let Ok(fitted) = &fitted
+            && !matches!(method.estimator.regression(), Some(Regression::Head(_)))
+        {
+            recorder.record(fitted.as_ref(), fitted.diverged(), |_| Vec::new());
+        }
+        // A training that was stopped says less than what stopped it.
+        recorder.into_failure().map_or(Ok(()), Err)?;
+        ensure_wanted()?;
+        fitted.with_context(named)?;
+        Ok(())
+    }
+
+    pub(super) fn tables(&self) -> &'a Tables {
+        &self.encodings.stage.tables
+    }
+
     pub(super) fn held_out(&self, trial: &TrialSpec) -> Result<HeldOut> {
         let split = &self.splits.all[trial.rerun];
-        let training = measured(self.tables, trial, &split.train)?;
+        let training = self.tables().measured(&trial.property, &split.train);
         let training: Vec<f64> = training.into_iter().map(|(_, value)| value).collect();
         let scored_on = self.method.scored_on(&split.validation);
-        let (surfaces, truth) = measured(self.tables, trial, scored_on)?.into_iter().unzip();
+        let measured = self.tables().measured(&trial.property, scored_on);
+        let (surfaces, truth) = measured.into_iter().unzip();
         Ok(HeldOut {
             training_mean: sps_metrics::TrainingMean::of(&training)?.get(),
             surfaces,
@@ -300,14 +290,13 @@ impl Judge<'_> {
         })
     }
 
-    /// The outcome with an estimate for each of the surfaces.
     pub(super) fn outcome(
         &self,
         trial: &TrialSpec,
         held_out: HeldOut,
         estimate: Vec<f64>,
     ) -> Outcome {
-        let tables = self.tables;
+        let tables = self.tables();
         let names = held_out.surfaces.iter();
         Outcome {
             key: trial.key.clone(),
@@ -319,14 +308,10 @@ impl Judge<'_> {
             truth: held_out.truth,
             estimate,
             views: tables.shown(&trial.views.shown()),
-            stops: Vec::new(),
-            course: Vec::new(),
-            train_seconds: 0.0,
-            failed: None,
+            ..Outcome::default()
         }
     }
 
-    /// The outcome of a trial that came to nothing.
     fn failure(&self, trial: &TrialSpec, reason: &str) -> Result<Outcome> {
         let held_out = HeldOut {
             surfaces: Vec::new(),
@@ -338,18 +323,4 @@ impl Judge<'_> {
             ..self.outcome(trial, held_out, Vec::new())
         })
     }
-}
-
-/// Those of `surfaces` whose property was measured, with the reading.
-pub(super) fn measured(
-    tables: &Tables,
-    trial: &TrialSpec,
-    surfaces: &[usize],
-) -> Result<Vec<(usize, f64)>> {
-    let readings = &tables.readings;
-    let column = readings
-        .column(trial.property.code())
-        .context("a property that was not measured")?;
-    let reading = |&surface: &usize| Some((surface, readings.get(surface, column)?));
-    Ok(surfaces.iter().filter_map(reading).collect())
 }

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use anyhow::Result;
 
 use super::estimates;
-use super::fit::{Judge, measured};
+use super::fit::Judge;
 use super::trials::TrialSpec;
 use crate::config::Estimator;
 use crate::journal::Outcome;
@@ -22,7 +22,7 @@ pub(super) fn outcomes(judge: &Judge<'_>, trials: &[&TrialSpec]) -> Result<Optio
     };
     let outcome = |trial: &&TrialSpec| {
         let held_out = judge.held_out(trial)?;
-        let means = Means::of(judge, trial, by_label)?;
+        let means = Means::of(judge, trial, by_label);
         let surfaces = held_out.surfaces.iter();
         let estimate = surfaces
             .map(|&surface| means.of_surface(judge, surface))
@@ -32,7 +32,6 @@ pub(super) fn outcomes(judge: &Judge<'_>, trials: &[&TrialSpec]) -> Result<Optio
     trials.iter().map(outcome).collect::<Result<_>>().map(Some)
 }
 
-/// Means of the training readings.
 struct Means<'a> {
     all: f64,
     /// By material; empty where labels are not read.
@@ -40,29 +39,29 @@ struct Means<'a> {
 }
 
 impl<'a> Means<'a> {
-    fn of(judge: &Judge<'a>, trial: &TrialSpec, by_label: bool) -> Result<Self> {
+    fn of(judge: &Judge<'a>, trial: &TrialSpec, by_label: bool) -> Self {
         let split = &judge.splits.all[trial.rerun];
         let mut all = Vec::new();
         let mut of_material: HashMap<&str, Vec<f64>> = HashMap::new();
-        for (surface, value) in measured(judge.tables, trial, &split.train)? {
+        for (surface, value) in judge.tables().measured(&trial.property, &split.train) {
             all.push(value);
             if by_label {
-                let material = &judge.tables.surfaces[surface].material;
+                let material = &judge.tables().surfaces[surface].material;
                 of_material.entry(material).or_default().push(value);
             }
         }
         let of_material = of_material.into_iter();
-        Ok(Self {
+        Self {
             all: mean(&all),
             of_material: of_material
                 .map(|(name, values)| (name, mean(&values)))
                 .collect(),
-        })
+        }
     }
 
     /// That of all where no training surface is of the material.
     fn of_surface(&self, judge: &Judge<'_>, surface: usize) -> f64 {
-        let material = judge.tables.surfaces[surface].material.as_str();
+        let material = judge.tables().surfaces[surface].material.as_str();
         self.of_material.get(material).copied().unwrap_or(self.all)
     }
 }

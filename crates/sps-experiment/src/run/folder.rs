@@ -11,9 +11,7 @@ use crate::checksums;
 use crate::files::{create_folder, is_read_only, lock, remove_unfinished, write_atomically};
 use crate::predictions;
 
-/// The journal of finished trials.
 pub(crate) const TRIALS: &str = "trials.jsonl";
-/// The journal of selected views.
 pub(crate) const SELECTIONS: &str = "selections.jsonl";
 /// The config with its defaults and all that was set.
 pub const CONFIG: &str = "config.toml";
@@ -104,7 +102,6 @@ impl RunFolder {
         checksums::seal(&self.path, &names)
     }
 
-    /// Writes a text file into it.
     pub(crate) fn write(&self, name: &str, text: &str) -> Result<()> {
         write_atomically(&self.file(name), text.as_bytes())
     }

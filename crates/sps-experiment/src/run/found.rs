@@ -13,7 +13,6 @@ use crate::journal::{Record, TrialKey};
 /// Points that are kept of a search's curve.
 const CURVE_POINTS: usize = 60;
 
-/// What a selector found for one property and rerun.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Found {
     pub key: TrialKey,
@@ -51,7 +50,6 @@ impl Record for Found {
     }
 }
 
-/// What all selectors found, by method, property and rerun.
 #[derive(Default)]
 pub(crate) struct Selections(BTreeMap<(String, Property, usize), Found>);
 

@@ -11,11 +11,10 @@ use sps_models::heads::{FusionLoss, Head, Observer, TrainedHeads};
 use sps_regress::{Plan, Rerun, TrainingData, Trial, Views};
 use sps_viewselect::{LossError, SetLoss, Sets};
 
-use super::{Encodings, Splits};
+use super::{Encodings, Splits, Tables};
 use crate::config::Experiment;
 use crate::progress::Progress;
 
-/// What estimators are trained on.
 pub(crate) struct Folds<'a> {
     pub experiment: &'a Experiment,
     pub encodings: &'a Encodings,
@@ -61,14 +60,12 @@ impl Folds<'_> {
         property: &Property,
         rerun: usize,
     ) -> Result<FrozenLoss> {
-        let data = self.training_data();
-        let column = data.readings.column(property.code());
-        let read = |&s: &usize| column.is_some_and(|column| data.readings.get(s, column).is_some());
+        let (tables, data) = (self.tables(), self.training_data());
         let mut folds = Vec::new();
         for fold in 0..self.experiment.selection_folds {
             let held = self.part(rerun, fold)?.validation;
             // A part without a reading says nothing.
-            if held.iter().any(read) {
+            if !tables.measured(property, &held).is_empty() {
                 let trial = self.trial(property, rerun, fold);
                 folds.push(estimators.fusion_loss(&trial, &data, &held)?);
             }
@@ -77,11 +74,13 @@ impl Folds<'_> {
     }
 
     fn training_data(&self) -> TrainingData<'_> {
-        let tables = &self.encodings.stage.tables;
-        tables.training_data(&self.splits.units)
+        self.tables().training_data(&self.splits.units)
     }
 
-    /// The estimator of one fold.
+    pub(super) fn tables(&self) -> &Tables {
+        &self.encodings.stage.tables
+    }
+
     fn trial(&self, property: &Property, rerun: usize, fold: usize) -> Trial {
         Trial {
             property: property.to_string(),
@@ -90,7 +89,6 @@ impl Folds<'_> {
         }
     }
 
-    /// A number for each rerun and fold.
     fn number(&self, rerun: usize, fold: usize) -> u64 {
         (rerun * self.experiment.selection_folds + fold) as u64
     }

@@ -101,12 +101,7 @@ mod tests {
 
     fn sentence(by: Option<Unit>, surfaces: &[Surface]) -> String {
         let plan = SplitPlan::LeaveOneOut { by };
-        let splits = Splits {
-            all: plan.splits(surfaces, 0, 0).unwrap(),
-            of_rerun: 1,
-            units: plan.units(surfaces),
-            pool: surfaces.len(),
-        };
+        let splits = Splits::parted(&plan, surfaces, 0, 1).unwrap();
         what_is_measured(&splits, surfaces)
     }
 
@@ -157,13 +152,7 @@ mod tests {
             folds: 2,
             by: Some(Unit::Surface),
         });
-        let all = plan.splits(surfaces, 0, 0).unwrap();
-        let splits = Splits {
-            of_rerun: all.len(),
-            all,
-            units: plan.units(surfaces),
-            pool: surfaces.len(),
-        };
+        let splits = Splits::parted(&plan, surfaces, 0, 1).unwrap();
         let told = "3 to 4 of 7 surfaces, 0.43 to 0.57 of the surfaces";
         assert_eq!(portion(&splits, &splits.all), told);
     }

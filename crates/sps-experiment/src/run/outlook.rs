@@ -5,17 +5,16 @@ use std::iter;
 use std::path::Path;
 
 use anyhow::{Error, Result};
-use sps_dataset::Source;
 
 use super::deal::Dealt;
 use super::encoded::Encoded;
 use super::found::Selections;
 use super::frozen::Folds;
-use super::prepared::{Prepared, WithEncoder};
-use super::select::Selecting;
+use super::prepared::Prepared;
+use super::stage::Stages;
 use super::{Encodings, Journals, shards, tables, trials};
 use crate::config::{Experiment, Looks};
-use crate::data::{self, About, WithSource};
+use crate::data;
 use crate::encoder;
 use crate::text::{aligned, counted};
 use crate::work::{Shard, Undone};
@@ -26,71 +25,52 @@ use crate::work::{Shard, Undone};
 /// # Errors
 /// Data or a journal that cannot be read; methods that do not fit the data.
 pub fn outlook(experiment: &Experiment, folder: &Path, shard: Option<Shard>) -> Result<String> {
-    let look = Look {
-        experiment,
-        folder,
-        shard,
+    let (source, about) = data::open(&experiment.data)?;
+    let prepared = Prepared::new(experiment, source.as_ref(), &about)?;
+    let splits = prepared.splits.all.len();
+    let dealt = match shard {
+        Some(shard) => Dealt::to_shard(shard, &prepared.methods, splits)?,
+        None => prepared.dealt()?,
     };
-    data::with_source(&experiment.data, look)
-}
-
-struct Look<'a> {
-    experiment: &'a Experiment,
-    folder: &'a Path,
-    shard: Option<Shard>,
-}
-
-impl WithSource for Look<'_> {
-    type Output = String;
-
-    fn call<S: Source>(self, source: &S, about: About) -> Result<String> {
-        let prepared = Prepared::new(self.experiment, source, &about)?;
-        let splits = prepared.splits.all.len();
-        let dealt = match self.shard {
-            Some(shard) => Dealt::to_shard(shard, &prepared.methods, splits)?,
-            None => prepared.dealt()?,
-        };
-        let mut journals = Journals::look(self.folder)?;
-        for of_shard in shards::folders(self.folder)? {
-            journals.know(Journals::look(&of_shard.path)?);
-        }
-        let properties = tables::properties(source, &self.experiment.properties)?.len();
-        let looking = Looking(&mut journals, properties);
-        let seen = prepared.with_encoders(source, &dealt, looking)?;
-        let mut methods: Vec<(usize, Counts)> = Vec::new();
-        let mut encoders = Vec::new();
-        for (places, seen) in seen {
-            methods.extend(places.into_iter().zip(seen.methods));
-            if seen.frames > 0 {
-                let frames = counted(seen.frames, "frame");
-                encoders.push(format!("  {}: {frames} to encode\n", seen.encoder));
-            }
-            if seen.untrained > 0 {
-                let splits = counted(seen.untrained, "split");
-                encoders.push(format!("  {}: to be trained on {splits}\n", seen.encoder));
-            }
-        }
-        methods.sort_unstable();
-        let head = ["method", "done", "missing", "views selected", "missing"].map(str::to_owned);
-        let lines = methods.iter().map(|(at, counts)| {
-            let selects = counts[2..] != [0, 0];
-            let counts = counts.iter().take(if selects { 4 } else { 2 });
-            let id = iter::once(prepared.methods[*at].id.clone());
-            id.chain(counts.map(ToString::to_string)).collect()
-        });
-        let lines: Vec<Vec<String>> = iter::once(head.to_vec()).chain(lines).collect();
-        let is_whole = methods.iter().all(|(_, counts)| counts[1] == 0);
-        Ok(format!(
-            "{} in {}{}\n{}{}{}",
-            self.experiment.name,
-            self.folder.display(),
-            self.shard
-                .map_or(String::new(), |shard| format!(", shard {shard}")),
-            aligned(&lines, |at| at == 0),
-            encoders.concat(),
-            if is_whole { "nothing is missing\n" } else { "" },
-        ))
+    let mut journals = Journals::look(folder)?;
+    for of_shard in shards::folders(folder)? {
+        journals.know(Journals::look(&of_shard.path)?);
     }
+    let properties = tables::properties(source.as_ref(), &experiment.properties)?.len();
+    let mut looking = Looking(journals, properties);
+    let seen = prepared.with_encoders(&dealt, |encoded| looking.seen(encoded))?;
+    let mut methods: Vec<(usize, Counts)> = Vec::new();
+    let mut encoders = Vec::new();
+    for (places, seen) in seen {
+        methods.extend(places.into_iter().zip(seen.methods));
+        if seen.frames > 0 {
+            let frames = counted(seen.frames, "frame");
+            encoders.push(format!("  {}: {frames} to encode\n", seen.encoder));
+        }
+        if seen.untrained > 0 {
+            let splits = counted(seen.untrained, "split");
+            encoders.push(format!("  {}: to be trained on {splits}\n", seen.encoder));
+        }
+    }
+    methods.sort_unstable();
+    let head = ["method", "done", "missing", "views selected", "missing"].map(str::to_owned);
+    let lines = methods.iter().map(|(at, counts)| {
+        let selects = counts[2..] != [0, 0];
+        let counts = counts.iter().take(if selects { 4 } else { 2 });
+        let id = iter::once(prepared.methods[*at].id.clone());
+        id.chain(counts.map(ToString::to_string)).collect()
+    });
+    let lines: Vec<Vec<String>> = iter::once(head.to_vec()).chain(lines).collect();
+    let is_whole = methods.iter().all(|(_, counts)| counts[1] == 0);
+    Ok(format!(
+        "{} in {}{}\n{}{}{}",
+        experiment.name,
+        folder.display(),
+        shard.map_or(String::new(), |shard| format!(", shard {shard}")),
+        aligned(&lines, |at| at == 0),
+        encoders.concat(),
+        if is_whole { "nothing is missing\n" } else { "" },
+    ))
 }
 
 /// Of a method: trials done and missing, selections of views done and missing.
@@ -124,17 +104,10 @@ fn told<T>(step: Result<T>) -> Result<Result<T, Undone>> {
 }
 
 /// Goes the way of a run as far as the journals and the cache allow, with so many properties.
-struct Looking<'a>(&'a mut Journals, usize);
+struct Looking(Journals, usize);
 
-impl<'m> WithEncoder<'m> for Looking<'_> {
-    type Output = Seen;
-
-    fn call<S: Source>(
-        &mut self,
-        encoded: &Encoded<'_, 'm>,
-        source: &S,
-        sequence: Option<Vec<usize>>,
-    ) -> Result<Seen> {
+impl Looking {
+    fn seen(&mut self, encoded: &Encoded<'_, '_>) -> Result<Seen> {
         let methods = encoded.methods.iter().enumerate().map(|(at, method)| {
             let all = self.1 * encoded.dealt.splits_of(at).len();
             let selects = matches!(method.looks, Looks::Selected(_));
@@ -147,7 +120,7 @@ impl<'m> WithEncoder<'m> for Looking<'_> {
             untrained: 0,
         };
         let splits = encoded.dealt.of_any();
-        let Some(stages) = seen.there(encoded.stages(source, sequence), 0)? else {
+        let Some(stages) = seen.there(Stages::new(encoded), 0)? else {
             return Ok(seen);
         };
         let groups: Vec<BTreeSet<usize>> = if encoded.encoder.learns() {
@@ -157,27 +130,24 @@ impl<'m> WithEncoder<'m> for Looking<'_> {
         };
         for splits in groups {
             let all = &encoded.splits.all;
-            let group = Encodings::of_splits(&stages, encoded.encoder, all, &splits);
+            let group = stages.of_splits(all, &splits);
             if let Some(mut group) = seen.there(group, splits.len())? {
-                self.count(encoded, source, &mut group[0], &mut seen)?;
+                self.count(encoded, &mut group[0], &mut seen)?;
             }
         }
         Ok(seen)
     }
-}
 
-impl Looking<'_> {
     /// Counts what is done of splits that share their embeddings.
-    fn count<S: Source>(
+    fn count(
         &mut self,
         encoded: &Encoded<'_, '_>,
-        source: &S,
         group: &mut Encodings,
         seen: &mut Seen,
     ) -> Result<()> {
         let (experiment, splits) = (encoded.experiment, encoded.splits);
         if encoded.looks_in_hindsight() {
-            let looked = group.look_at_all(experiment, source, &splits.all);
+            let looked = group.look_at_all(encoded);
             if seen.there(looked, 0)?.is_none() {
                 return Ok(());
             }
@@ -190,9 +160,8 @@ impl Looking<'_> {
             encodings,
             splits,
         };
-        let journal = &mut self.0.selections;
-        let selecting = Selecting { folds, journal };
-        let lacking = selecting.look(&encoded.methods, &dealt, &mut selections)?;
+        let journal = &self.0.selections;
+        let lacking = folds.look(&encoded.methods, &dealt, journal, &mut selections)?;
         for (at, [.., selected, missing]) in seen.methods.iter_mut().enumerate() {
             let lacking = lacking.iter().filter(|one| one.0 == at).count();
             if *missing > 0 {
@@ -201,14 +170,14 @@ impl Looking<'_> {
             }
         }
         let planned = encoded.planned(group, &dealt.without(&lacking), &selections)?;
-        let looked = encoded.look(source, group, &planned);
+        let looked = group.look(encoded, &planned);
         let is_whole = seen.there(looked, 0)?.is_some();
         let methods = planned.len();
         for (at, planned) in planned.into_iter().enumerate() {
             if !is_whole {
                 let mut alone = vec![Vec::new(); methods];
                 alone[at].clone_from(&planned);
-                if told(encoded.look(source, group, &alone))?.is_err() {
+                if told(group.look(encoded, &alone))?.is_err() {
                     continue;
                 }
             }

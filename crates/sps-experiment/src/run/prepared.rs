@@ -12,30 +12,18 @@ use crate::sequences::Sequences;
 
 /// An experiment with all that is known of its data before any of it is looked at.
 pub(super) struct Prepared<'a> {
-    pub experiment: &'a Experiment,
-    pub about: &'a About,
+    experiment: &'a Experiment,
+    source: &'a dyn Source,
+    about: &'a About,
     /// As they are on this data.
     pub methods: Vec<Method>,
     pub splits: Splits,
 }
 
-/// What is done with the methods of one encoder, those of `encoded`; `sequence` says what the one view
-/// of a source of sequences is made of.
-pub(super) trait WithEncoder<'m> {
-    type Output;
-
-    fn call<S: Source>(
-        &mut self,
-        encoded: &Encoded<'_, 'm>,
-        source: &S,
-        sequence: Option<Vec<usize>>,
-    ) -> Result<Self::Output>;
-}
-
 impl<'a> Prepared<'a> {
-    pub(super) fn new<S: Source>(
+    pub(super) fn new(
         experiment: &'a Experiment,
-        source: &S,
+        source: &'a dyn Source,
         about: &'a About,
     ) -> Result<Self> {
         let methods = experiment.methods.iter().map(|method| method.on(source));
@@ -44,6 +32,7 @@ impl<'a> Prepared<'a> {
         estimates::read(experiment, &mut methods, (source, about), &splits)?;
         Ok(Self {
             experiment,
+            source,
             about,
             methods,
             splits,
@@ -58,17 +47,18 @@ impl<'a> Prepared<'a> {
 
     /// Does `work` with each encoder of which anything is dealt; the places of its methods with what
     /// came of it.
-    pub(super) fn with_encoders<'m, S: Source, W: WithEncoder<'m>>(
+    pub(super) fn with_encoders<'m, T>(
         &'m self,
-        source: &S,
         dealt: &Dealt,
-        mut work: W,
-    ) -> Result<Vec<(Vec<usize>, W::Output)>> {
+        mut work: impl FnMut(&Encoded<'_, 'm>) -> Result<T>,
+    ) -> Result<Vec<(Vec<usize>, T)>> {
         let mut done = Vec::new();
         for (encoder, members) in by_encoder(&self.methods) {
             let encoded = Encoded {
                 experiment: self.experiment,
+                source: self.source,
                 about: self.about,
+                sequence: None,
                 encoder,
                 methods: members.iter().map(|&at| &self.methods[at]).collect(),
                 splits: &self.splits,
@@ -79,11 +69,15 @@ impl<'a> Prepared<'a> {
             }
             let one = match encoder.network {
                 Network::Sequences { frames, .. } => {
-                    let views = views::equidistant(source, frames)?;
-                    let sequences = Sequences::new(source, views.clone());
-                    work.call(&encoded, &sequences, Some(views))?
+                    let views = views::equidistant(self.source, frames)?;
+                    let sequences = Sequences::new(self.source, views.clone());
+                    work(&Encoded {
+                        source: &sequences,
+                        sequence: Some(views),
+                        ..encoded
+                    })?
                 }
-                _ => work.call(&encoded, source, None)?,
+                _ => work(&encoded)?,
             };
             done.push((members, one));
         }

@@ -11,10 +11,9 @@ use crate::data::{self, About};
 use crate::machine::processor;
 use crate::results::{Provenance, SCHEMA};
 
-/// What stands at the top of the results.
-pub(super) fn of<S: Source>(
+pub(super) fn of(
     experiment: &Experiment,
-    source: &S,
+    source: &dyn Source,
     about: &About,
 ) -> Result<Provenance> {
     let methods = experiment.methods.iter();
@@ -34,7 +33,7 @@ pub(super) fn of<S: Source>(
 
 /// Of everything that is the same for all methods. Of the frames it has those straight down: to
 /// read all would cost more than most experiments, which look at few.
-pub(super) fn data_hash<S: Source>(source: &S, about: &About) -> Result<blake3::Hash> {
+pub(super) fn data_hash(source: &dyn Source, about: &About) -> Result<blake3::Hash> {
     let mut hasher = blake3::Hasher::new();
     for angle in source.view_angles() {
         hasher.update(&angle.0.to_le_bytes());

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Context, Result, bail};
-use sps_dataset::{Split, Units};
+use sps_dataset::{Property, Split, Units};
 use sps_metrics::{Samples, TrainingMean};
 use sps_regress::kernel_ridge::{KernelRidge, SetLosses};
 use sps_regress::{FittedRegressor, Plan, Rerun, Trial, Views};
@@ -44,25 +44,26 @@ impl<'a> Refits<'a> {
         }
     }
 
-    /// Chooses views for the property with this place among those to estimate.
+    /// Chooses views for a property in a rerun.
     pub(super) fn select(
         &mut self,
         key: TrialKey,
         selected: &Selected,
         refit: &Refit,
-        property: usize,
-        rerun: usize,
+        (property, rerun): (&Property, usize),
     ) -> Result<Found> {
+        let properties = &self.encodings.stage.tables.properties;
+        let place = properties.iter().position(|other| other == property);
+        let place = place.context("a property that is not estimated")?;
         let amount = self.amount(selected, refit, rerun)?;
         let draws = seed(self.seed, "refit", rerun);
-        let pooled = Pooled::new(self.loss(selected, refit, rerun)?, property, amount)?;
+        let pooled = Pooled::new(self.loss(selected, refit, rerun)?, place, amount)?;
         let problem = Problem::new(&pooled)?
             .distinct(selected.distinct)
             .seed(draws);
         Found::search(key, selected, &problem, RANDOM_SETS)
     }
 
-    /// The losses that a selector asks for.
     fn loss(
         &mut self,
         selected: &Selected,
@@ -240,9 +241,7 @@ impl HeldOut<'_> {
         let held_out = &self.split.validation;
         let estimates = fitted.predict(&self.encodings.select(held_out, set)?)?;
         let losses = estimates.iter().map(|estimates| {
-            let column = tables.readings.column(&estimates.property);
-            let column = column.context("a property that was not measured")?;
-            let reading = |surface: &usize| tables.readings.get(*surface, column);
+            let reading = |&surface: &usize| tables.reading(&estimates.property, surface);
             let training: Vec<f64> = self.split.train.iter().filter_map(reading).collect();
             let estimated = held_out.iter().zip(&estimates.values);
             let read =

@@ -1,18 +1,19 @@
 //! The results of a run, from the rows of its methods.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use rayon::prelude::*;
 use sps_dataset::{Description, Property, Source};
 use sps_metrics::{Intervals, Moments};
 use sps_simulate::Ceiling;
 use tracing::info;
 
-use super::found::Found;
+use super::found::{Found, Selections};
+use super::trials::TrialSpec;
 use super::{Splits, by_encoder, provenance, selection, what_is_measured};
 use crate::config::{Experiment, Looks, Method};
 use crate::data::About;
 use crate::encoder;
-use crate::journal::Outcome;
+use crate::journal::{Journal, Outcome};
 use crate::paper;
 use crate::results::{
     Costs, Dataset, Described, Judged, MethodOutcomes, MethodResult, PerProperty, Results, Scoring,
@@ -22,19 +23,53 @@ use crate::results::{
 /// A method with all its outcomes, by property, in the order of the reruns.
 pub(super) struct MethodRow<'a> {
     pub method: &'a Method,
+    pub trials: Vec<TrialSpec>,
     pub outcomes: PerProperty<Vec<Outcome>>,
     /// What its selector found, likewise.
     pub found: PerProperty<Vec<Found>>,
     pub costs: Costs,
 }
 
-impl MethodRow<'_> {
+impl<'m> MethodRow<'m> {
+    /// Of trials that have all been run; its costs are not measured yet.
+    pub(super) fn of(
+        method: &'m Method,
+        trials: Vec<TrialSpec>,
+        journal: &Journal<Outcome>,
+        selections: &Selections,
+    ) -> Result<Self> {
+        let (mut outcomes, mut found) = (PerProperty::new(), PerProperty::new());
+        for trial in &trials {
+            let property = trial.property.to_string();
+            let outcome = journal.get(&trial.key).context("a trial was not run")?;
+            let mut outcome = outcome.clone();
+            if outcome.rerun != trial.rerun {
+                // Fitted once for several reruns.
+                outcome.rerun = trial.rerun;
+                outcome.train_seconds = 0.0;
+            }
+            if let Some(one) = selections.get(&method.id, &trial.property, trial.rerun) {
+                let of_property: &mut Vec<Found> = found.entry(property.clone()).or_default();
+                of_property.push(one.clone());
+            }
+            let of_property: &mut Vec<Outcome> = outcomes.entry(property).or_default();
+            of_property.push(outcome);
+        }
+        Ok(Self {
+            method,
+            trials,
+            outcomes,
+            found,
+            costs: Costs::default(),
+        })
+    }
+
     /// One of `rows`, ready to be scored.
-    fn outcomes<S: Source>(
+    fn outcomes(
         &self,
         rows: &[MethodRow<'_>],
         experiment: &Experiment,
-        source: &S,
+        source: &dyn Source,
         splits: &Splits,
     ) -> Result<MethodOutcomes<'_>> {
         let method = self.method;
@@ -77,9 +112,9 @@ impl MethodRow<'_> {
 }
 
 /// Scores the rows; `properties` are the codes of those estimated, in the order of the reports.
-pub(super) fn results<S: Source>(
+pub(super) fn results(
     experiment: &Experiment,
-    source: &S,
+    source: &dyn Source,
     about: &About,
     properties: Vec<String>,
     splits: &Splits,
@@ -147,13 +182,8 @@ pub(super) fn results<S: Source>(
     })
 }
 
-/// The encoders of the methods in words; what each has stands beside it where there are several.
 /// What is known of the properties, and how far their values differ over the surfaces.
-fn described<S: Source>(
-    source: &S,
-    about: &About,
-    properties: &[String],
-) -> PerProperty<Described> {
+fn described(source: &dyn Source, about: &About, properties: &[String]) -> PerProperty<Described> {
     let table = source.tactile();
     let averages = table.averages(&about.tactile, source.surfaces().len());
     let wanted = |property: &&Property| properties.iter().any(|code| *code == property.code());
@@ -179,6 +209,7 @@ fn has_percentages([low, high]: [f64; 2]) -> bool {
     low > 0.0 || high < 0.0
 }
 
+/// The encoders of the methods in words; what each has stands beside it where there are several.
 fn encoders(methods: &[Method]) -> String {
     match by_encoder(methods).as_slice() {
         [(encoder, _)] => encoder::describe(encoder),
@@ -186,9 +217,9 @@ fn encoders(methods: &[Method]) -> String {
     }
 }
 
-fn dataset<S: Source>(
+fn dataset(
     experiment: &Experiment,
-    source: &S,
+    source: &dyn Source,
     about: &About,
     splits: &Splits,
 ) -> Dataset {

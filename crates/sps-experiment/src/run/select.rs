@@ -23,26 +23,21 @@ use crate::progress::{Progress, ensure_wanted};
 /// Random sets whose mean loss stands for that of a random set.
 const RANDOM_SETS: usize = 2000;
 
-/// What selections are made on.
-pub(crate) struct Selecting<'a> {
-    pub folds: Folds<'a>,
-    pub journal: &'a mut Journal<Found>,
-}
-
-impl Selecting<'_> {
+impl Folds<'_> {
     /// Selects views for those of the methods that want some, in the reruns that are dealt of them.
-    pub(crate) fn run(
-        &mut self,
+    pub(crate) fn select(
+        &self,
         methods: &[&Method],
         dealt: &Dealt,
+        journal: &mut Journal<Found>,
         selections: &mut Selections,
     ) -> Result<()> {
         let families = families(methods)?;
         for family in families.values() {
             let wanted = self.wanted(family, dealt)?;
-            self.run_missing(family, &wanted)?;
+            self.run_missing(family, &wanted, journal)?;
         }
-        let lacking = self.look(methods, dealt, selections)?;
+        let lacking = self.look(methods, dealt, journal, selections)?;
         ensure!(lacking.is_empty(), "views were not selected");
         Ok(())
     }
@@ -53,12 +48,13 @@ impl Selecting<'_> {
         &self,
         methods: &[&Method],
         dealt: &Dealt,
+        journal: &Journal<Found>,
         selections: &mut Selections,
     ) -> Result<Vec<(usize, usize)>> {
         let mut lacking = Vec::new();
         for family in families(methods)?.values() {
             for one in self.wanted(family, dealt)? {
-                match self.journal.get(&one.key) {
+                match journal.get(&one.key) {
                     Some(found) => {
                         let found = found.clone();
                         selections.insert(&one.method.id, one.property, one.rerun, found);
@@ -74,7 +70,7 @@ impl Selecting<'_> {
     fn wanted<'m>(&self, family: &Family<'m>, dealt: &Dealt) -> Result<Vec<Wanted<'m>>> {
         let reruns = dealt.of_any();
         let mut wanted = Vec::new();
-        for property in &self.folds.encodings.stage.tables.properties {
+        for property in &self.tables().properties {
             for &rerun in &reruns {
                 let members = family.members.iter();
                 for &(place, method, selected) in members.filter(|one| dealt.has(one.0, rerun)) {
@@ -99,13 +95,13 @@ impl Selecting<'_> {
         property: &Property,
         rerun: usize,
     ) -> Result<TrialKey> {
-        let tables = &self.folds.encodings.stage.tables;
+        let tables = self.tables();
         TrialKey::of(&Inputs {
             code: env!("SOURCE_HASH"),
             data: tables.fingerprint().to_hex().to_string(),
             views: tables.all_views,
-            seed: self.folds.experiment.seed,
-            folds: self.folds.experiment.selection_folds,
+            seed: self.experiment.seed,
+            folds: self.experiment.selection_folds,
             frozen: family.frozen.map(Head::config),
             selected,
             refit: selected
@@ -114,22 +110,19 @@ impl Selecting<'_> {
                 .map(|refit| self.refit_inputs(refit, rerun)),
             property: property.code(),
             rerun,
-            training: &self.folds.splits.all[rerun].train,
+            training: &self.splits.all[rerun].train,
         })
     }
 
     /// What a choice by refits depends on beside the training surfaces and the property's own
     /// readings: the properties that it is pooled over, and what hindsight looks at.
     fn refit_inputs(&self, refit: &Refit, rerun: usize) -> RefitInputs {
-        let tables = &self.folds.encodings.stage.tables;
+        let tables = self.tables();
         let held_out = || {
             let places: Vec<usize> = (0..tables.views.len()).collect();
-            let surfaces = &self.folds.splits.all[rerun].validation;
-            self.folds
-                .encodings
-                .fingerprint(&places, surfaces)
-                .to_hex()
-                .to_string()
+            let surfaces = &self.splits.all[rerun].validation;
+            let hash = self.encodings.fingerprint(&places, surfaces);
+            hash.to_hex().to_string()
         };
         RefitInputs {
             properties: tables.codes(),
@@ -137,15 +130,20 @@ impl Selecting<'_> {
         }
     }
 
-    fn run_missing(&mut self, family: &Family<'_>, wanted: &[Wanted<'_>]) -> Result<()> {
+    fn run_missing(
+        &self,
+        family: &Family<'_>,
+        wanted: &[Wanted<'_>],
+        journal: &mut Journal<Found>,
+    ) -> Result<()> {
         let missing: Vec<&Wanted<'_>> = wanted
             .iter()
-            .filter(|wanted| self.journal.get(&wanted.key).is_none())
+            .filter(|wanted| journal.get(&wanted.key).is_none())
             .collect();
         if let Some(one) = missing.first() {
             let (id, property, rerun) = (&one.method.id, &one.property, one.rerun);
             let what = format!("the views of method `{id}`, {property}, rerun {rerun}");
-            self.folds.experiment.work.ensure_fits(&what)?;
+            self.experiment.work.ensure_fits(&what)?;
         }
         let same_trial = |a: &&Wanted<'_>, b: &&Wanted<'_>| a.trial() == b.trial();
         let asking: Vec<&Wanted<'_>> = missing
@@ -157,29 +155,25 @@ impl Selecting<'_> {
         let estimators = match family.frozen {
             Some(head) if !asking.is_empty() => {
                 let trials = asking.chunk_by(same_trial).map(|chunk| chunk[0].trial());
-                Some(self.folds.train(head, trials)?)
+                Some(self.train(head, trials)?)
             }
             _ => None,
         };
         let training = begun.elapsed().as_secs_f64() / asking.len().max(1) as f64;
-        let mut refits = Refits::new(
-            self.folds.encodings,
-            self.folds.splits,
-            self.folds.experiment.seed,
-        );
+        let mut refits = Refits::new(self.encodings, self.splits, self.experiment.seed);
         let progress = Progress::new("views selected", missing.len());
         for chunk in missing.chunk_by(same_trial) {
-            let (property, rerun) = chunk[0].trial();
+            let trial @ (property, rerun) = chunk[0].trial();
             let loss = estimators.as_ref();
             let loss = loss.filter(|_| chunk.iter().any(|wanted| wanted.asks_frozen()));
-            let loss = loss.map(|estimators| self.folds.loss(estimators, property, rerun));
+            let loss = loss.map(|estimators| self.loss(estimators, property, rerun));
             let loss = loss.transpose()?;
             for wanted in chunk {
                 progress.say(&format!("{}, {}", wanted.method.label, wanted.property));
                 let begun = Instant::now();
                 let found = match &wanted.selected.refit {
-                    Some(refit) => self.refitted(&mut refits, refit, wanted),
-                    None => self.select(loss.as_ref(), wanted),
+                    Some(refit) => refits.select(wanted.key.clone(), wanted.selected, refit, trial),
+                    None => self.search(loss.as_ref(), wanted),
                 };
                 let doing = || format!("method `{}`, {}", wanted.method.id, wanted.property);
                 let mut found = found.with_context(doing)?;
@@ -187,7 +181,7 @@ impl Selecting<'_> {
                 if wanted.asks_frozen() {
                     found.seconds += training;
                 }
-                self.journal.append(vec![found])?;
+                journal.append(vec![found])?;
                 progress.advance(1);
                 ensure_wanted()?;
             }
@@ -195,38 +189,15 @@ impl Selecting<'_> {
         Ok(())
     }
 
-    /// The choice by a regression that is fitted anew to each set.
-    fn refitted(
-        &self,
-        refits: &mut Refits<'_>,
-        refit: &Refit,
-        wanted: &Wanted<'_>,
-    ) -> Result<Found> {
-        let properties = &self.folds.encodings.stage.tables.properties;
-        let place = properties
-            .iter()
-            .position(|property| *property == wanted.property);
-        let place = place.context("a property that is not estimated")?;
-        let key = wanted.key.clone();
-        refits.select(key, wanted.selected, refit, place, wanted.rerun)
-    }
-
     /// Stage 2.
-    fn select(&self, loss: Option<&FrozenLoss>, wanted: &Wanted<'_>) -> Result<Found> {
+    fn search(&self, loss: Option<&FrozenLoss>, wanted: &Wanted<'_>) -> Result<Found> {
         let (selected, key) = (wanted.selected, wanted.key.clone());
-        let seed = seed(
-            self.folds.experiment.seed,
-            wanted.property.code(),
-            wanted.rerun,
-        );
+        let seed = self.experiment.seed;
+        let seed = self::seed(seed, wanted.property.code(), wanted.rerun);
         let Some(loss) = loss else {
             return Ok(Found {
                 key,
-                selection: without_loss(
-                    selected,
-                    self.folds.encodings.stage.tables.all_views,
-                    seed,
-                )?,
+                selection: without_loss(selected, self.tables().all_views, seed)?,
                 random_loss: None,
                 seconds: 0.0,
             });
@@ -292,7 +263,6 @@ fn families<'m>(methods: &[&'m Method]) -> Result<BTreeMap<String, Family<'m>>> 
     Ok(families)
 }
 
-/// A selection that is needed.
 struct Wanted<'m> {
     /// Of the method among all.
     place: usize,
@@ -314,7 +284,6 @@ impl Wanted<'_> {
     }
 }
 
-/// All that a selection depends on.
 #[derive(Serialize)]
 struct Inputs<'a> {
     code: &'static str,

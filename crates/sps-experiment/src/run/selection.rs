@@ -73,7 +73,6 @@ fn summary(found: &Found, optimum: Option<&Found>, angles: &[RollAngle]) -> Sele
     }
 }
 
-/// Mean angle between two picked views, in degrees.
 fn mean_angle(picks: &[usize], angles: &[RollAngle]) -> Option<f64> {
     let mut sum = 0.0;
     let mut pairs = 0;

@@ -5,12 +5,11 @@ use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 
 use anyhow::{Context, Result, ensure};
-use sps_dataset::{Split, SplitError, Surface, Units};
+use sps_dataset::{Split, SplitError, SplitPlan, Surface, Units};
 
 use crate::config::{Experiment, Method};
 use crate::data::{Protocol, TestSurfaces};
 
-/// The splits of an experiment.
 #[derive(Clone)]
 pub(crate) struct Splits {
     /// Of all reruns, in order.
@@ -28,18 +27,28 @@ impl Splits {
         match &experiment.protocol {
             Protocol::TestSurfaces(protocol) => Self::apart(experiment, protocol, surfaces),
             Protocol::Split(plan) => {
-                let mut all = Vec::new();
-                for rerun in 0..experiment.reruns as u64 {
-                    all.extend(plan.splits(surfaces, experiment.seed, rerun)?);
-                }
-                Ok(Self {
-                    of_rerun: all.len() / experiment.reruns,
-                    all,
-                    units: plan.units(surfaces),
-                    pool: surfaces.len(),
-                })
+                Self::parted(plan, surfaces, experiment.seed, experiment.reruns)
             }
         }
+    }
+
+    /// As a plan parts surfaces, in another way for each rerun.
+    pub(super) fn parted(
+        plan: &SplitPlan,
+        surfaces: &[Surface],
+        seed: u64,
+        reruns: usize,
+    ) -> Result<Self> {
+        let mut all = Vec::new();
+        for rerun in 0..reruns as u64 {
+            all.extend(plan.splits(surfaces, seed, rerun)?);
+        }
+        Ok(Self {
+            of_rerun: all.len() / reruns,
+            all,
+            units: plan.units(surfaces),
+            pool: surfaces.len(),
+        })
     }
 
     /// The splits that a method is trained on: with fewer training surfaces where it asks for fewer,
@@ -105,7 +114,6 @@ impl Splits {
         count(|split| &split.validation) as f64 / training as f64
     }
 
-    /// Surfaces that a split trains on, on average.
     pub(crate) fn training_surfaces(&self) -> usize {
         let sum: usize = self.all.iter().map(|split| split.train.len()).sum();
         sum / self.all.len().max(1)
@@ -138,24 +146,6 @@ impl Splits {
             .units
             .folds(all, folds, seed, "selection", split as u64);
         parts.context("selection.folds")
-    }
-
-    /// The training surfaces of a split for a method that stops when it is sure: a share that says
-    /// how wide its intervals are, and the rest in folds.
-    pub(super) fn to_walk(
-        &self,
-        split: usize,
-        share: f64,
-        folds: usize,
-        seed: u64,
-    ) -> Result<(Vec<usize>, Vec<Vec<usize>>)> {
-        let (all, index) = (&self.all[split].train, split as u64);
-        let units = &self.units;
-        let parts = units.keep_aside(all, share, seed, "adaptive calibration", index);
-        let parts = parts.context("adaptive.calibration")?;
-        let fitted = units.folds(&parts.train, folds, seed, "adaptive folds", index)?;
-        let fitted = fitted.into_iter().map(|fold| fold.validation);
-        Ok((parts.validation, fitted.collect()))
     }
 
     /// Training surfaces first, those that are only scored on after them.
@@ -204,7 +194,7 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     use proptest::prelude::*;
-    use sps_dataset::{KFold, RandomSplit, SplitPlan, Unit};
+    use sps_dataset::{KFold, RandomSplit, Unit};
 
     use super::*;
 
@@ -215,13 +205,7 @@ mod tests {
             group: group.to_string(),
         };
         let surfaces: Vec<Surface> = groups.iter().enumerate().map(surface).collect();
-        let all = plan.splits(&surfaces, 3, 0).ok()?;
-        Some(Splits {
-            of_rerun: all.len(),
-            all,
-            units: plan.units(&surfaces),
-            pool: surfaces.len(),
-        })
+        Splits::parted(&plan, &surfaces, 3, 1).ok()
     }
 
     fn apart(groups: &[u8], one: &[usize], other: &[usize]) -> bool {
@@ -308,15 +292,6 @@ mod tests {
                 }
                 for part in splits.to_select(at, folds, seed).unwrap_or_default() {
                     prop_assert!(apart(&groups, &part.train, &part.validation));
-                }
-                let Ok((calibration, fitted)) = splits.to_walk(at, share, folds, seed) else {
-                    continue;
-                };
-                for (place, fold) in fitted.iter().enumerate() {
-                    prop_assert!(apart(&groups, fold, &calibration));
-                    for other in &fitted[..place] {
-                        prop_assert!(apart(&groups, fold, other));
-                    }
                 }
             }
         }

@@ -1,27 +1,28 @@
 //! What methods are fitted on: an encoder, and the tables that it makes of a source.
 
+use std::collections::BTreeSet;
+use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use sps_dataset::{FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, Property, Source};
+use sps_dataset::{FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, Property, Split};
 use sps_estimator::{Embedder, Network};
 use sps_models::encoders::Precision;
 use sps_models::training::{Classes, Parts, Targets, TrainingConfig, TrainingObjective};
 use sps_regress::Embeddings;
 use tracing::info;
 
-use super::Splits;
+use super::Encodings;
+use super::encoded::Encoded;
 use super::tables::{self, Tables, hash_row, hash_text, readings};
-use super::views::equidistant;
-use crate::config::{EncoderSpec, Experiment};
-use crate::data::{self, About};
+use super::views::{self, equidistant};
+use crate::data;
 use crate::embeddings::embed;
 use crate::encoder;
 use crate::memory;
 use crate::training::{FrameImages, Task, train, trained};
 use crate::work::Undone;
 
-/// An encoder and the tables that it makes.
 pub(crate) struct Stage {
     pub embedder: Embedder,
     pub tables: Tables,
@@ -33,12 +34,8 @@ pub(crate) struct Stage {
 
 /// The stage of each part of the surfaces: one and the same where the encoder stays as it is, and
 /// one for each where it learns from that part.
-pub(crate) struct Stages<'a, S> {
-    experiment: &'a Experiment,
-    encoder: &'a EncoderSpec,
-    source: &'a S,
-    about: &'a About,
-    splits: &'a Splits,
+pub(crate) struct Stages<'a> {
+    of: &'a Encoded<'a, 'a>,
     /// The views to embed, as indices of the source.
     views: Vec<usize>,
     /// Those to estimate.
@@ -46,53 +43,53 @@ pub(crate) struct Stages<'a, S> {
     start: Network,
     /// Memory that it takes, in bytes; a trained one takes as much.
     encoder_bytes: usize,
-    /// What the source's one view is made of where it is a sequence.
-    sequence: Option<Vec<usize>>,
     shared: Option<Arc<Stage>>,
 }
 
-impl<'a, S: Source> Stages<'a, S> {
-    /// With embeddings of the given views by an encoder; `sequence` says what the one view of a
-    /// source of sequences is made of.
-    pub(crate) fn new(
-        experiment: &'a Experiment,
-        encoder: &'a EncoderSpec,
-        (source, about): (&'a S, &'a About),
-        splits: &'a Splits,
-        views: Vec<usize>,
-        sequence: Option<Vec<usize>>,
-    ) -> Result<Self> {
-        let properties = tables::properties(source, &experiment.properties)?;
-        let (start, encoder_bytes) = memory::kept(|| encoder::load(encoder, experiment.seed));
+impl<'a> Stages<'a> {
+    pub(crate) fn new(of: &'a Encoded<'a, 'a>) -> Result<Self> {
+        let (experiment, source) = (of.experiment, of.source);
+        let (start, encoder_bytes) = memory::kept(|| encoder::load(of.encoder, experiment.seed));
         let mut stages = Self {
-            experiment,
-            encoder,
-            source,
-            about,
-            splits,
-            views,
-            properties,
+            of,
+            views: views::needed(&of.methods, source)?,
+            properties: tables::properties(source, &experiment.properties)?,
             start: start?,
             encoder_bytes,
-            sequence,
             shared: None,
         };
-        if !encoder.learns() {
+        if !of.encoder.learns() {
             stages.shared = Some(Arc::new(stages.stage(stages.start.clone(), 0.0)?));
         }
         Ok(stages)
     }
 
+    /// Of all splits together, or of each of `some` on its own where the encoder learns from each.
+    pub(crate) fn of_splits(
+        &self,
+        splits: &[Split],
+        some: &BTreeSet<usize>,
+    ) -> Result<Vec<Encodings>> {
+        let of = |some: Range<usize>| {
+            let stage = self.of(&splits[some.start].train)?;
+            Ok(Encodings::new(stage, some))
+        };
+        if !self.of.encoder.learns() {
+            return Ok(vec![of(0..splits.len())?]);
+        }
+        some.iter().map(|&split| of(split..split + 1)).collect()
+    }
+
     /// What methods are fitted on whose training surfaces are `training`.
-    pub(crate) fn of(&self, training: &[usize]) -> Result<Arc<Stage>> {
+    fn of(&self, training: &[usize]) -> Result<Arc<Stage>> {
         if let Some(shared) = &self.shared {
             return Ok(Arc::clone(shared));
         }
-        let (encoder, seconds) = match &self.encoder.training {
+        let (encoder, seconds) = match &self.of.encoder.training {
             Some(config) => self.trained(config, training)?,
             None => (self.start.clone(), 0.0),
         };
-        let encoder = match self.encoder.precision {
+        let encoder = match self.of.encoder.precision {
             Precision::Int8 => self.calibrated(encoder, training)?,
             _ => encoder,
         };
@@ -101,22 +98,21 @@ impl<'a, S: Source> Stages<'a, S> {
 
     /// The encoder in int8, scaled for the surfaces `training`, each seen from one of the views in turn.
     fn calibrated(&self, network: Network, training: &[usize]) -> Result<Network> {
-        let resize = self.encoder.resize;
+        let resize = self.of.encoder.resize;
         let frame = |i: usize| {
             let view = self.views[i % self.views.len()];
-            Ok(self.source.frame_to_resize(training[i], view, resize)?)
+            Ok(self.of.source.frame_to_resize(training[i], view, resize)?)
         };
         encoder::calibrated(&Embedder::new(network, resize)?, training.len(), frame)
     }
 
-    /// Embeds the views of every surface that may be trained on.
     fn stage(&self, encoder: Network, train_seconds: f64) -> Result<Stage> {
-        let embedder = Embedder::new(encoder, self.encoder.resize)?;
+        let embedder = Embedder::new(encoder, self.of.encoder.resize)?;
         let views = &self.views;
         let embeddings = self.embedded(&embedder, views)?;
         let properties = self.properties.clone();
-        let mut tables = Tables::new(self.source, self.about, views, embeddings, properties)?;
-        tables.sequence.clone_from(&self.sequence);
+        let mut tables = Tables::new(self.of.source, self.of.about, views, embeddings, properties)?;
+        tables.sequence.clone_from(&self.of.sequence);
         Ok(Stage {
             encoder_bytes: self.encoder_bytes,
             embedder,
@@ -127,9 +123,9 @@ impl<'a, S: Source> Stages<'a, S> {
 
     /// Some views of every surface that may be trained on.
     fn embedded(&self, embedder: &Embedder, views: &[usize]) -> Result<Embeddings> {
-        let pool = self.splits.pool;
+        let pool = self.of.splits.pool;
         let frames = frames(pool, views);
-        let embedded = embed(self.source, &frames, embedder, self.experiment)?;
+        let embedded = embed(self.of.source, &frames, embedder, self.of.experiment)?;
         info!(
             "{} embeddings of {pool} surfaces, {} of them encoded now",
             frames.len(),
@@ -141,12 +137,12 @@ impl<'a, S: Source> Stages<'a, S> {
     /// The encoder after it was trained on the surfaces `training`, and the seconds that took.
     fn trained(&self, config: &TrainingConfig, training: &[usize]) -> Result<(Network, f64)> {
         let views = match config.objective.views() {
-            1 => vec![data::nadir(self.source)?],
-            several => equidistant(self.source, several)?,
+            1 => vec![data::nadir(self.of.source)?],
+            several => equidistant(self.of.source, several)?,
         };
-        let pool = self.splits.pool;
+        let pool = self.of.splits.pool;
         let frames = frames(pool, &views);
-        let embedder = Embedder::new(self.start.clone(), self.encoder.resize)?;
+        let embedder = Embedder::new(self.start.clone(), self.of.encoder.resize)?;
         let targets = self.targets(config, &embedder, &views)?;
         let task = Task {
             name: "encoder",
@@ -155,17 +151,17 @@ impl<'a, S: Source> Stages<'a, S> {
             targets,
             parts: self.parts(config, training)?,
             config,
-            seed: self.experiment.seed,
+            seed: self.of.experiment.seed,
         };
-        let images = FrameImages::of_source(self.source, frames, &embedder);
-        let folder = self.experiment.cache.join("encoders");
-        let trained = if self.experiment.work.fits() {
+        let images = FrameImages::of_source(self.of.source, frames, &embedder);
+        let folder = self.of.experiment.cache.join("encoders");
+        let trained = if self.of.experiment.work.fits() {
             train(task, &images, &folder)?
         } else {
             trained(&task, &folder)?.context(Undone::Training)?
         };
         info!("TensorBoard: {}", trained.folder.display());
-        let encoder = match self.encoder.precision {
+        let encoder = match self.of.encoder.precision {
             Precision::Int8 => trained.encoder,
             precision => trained.encoder.with_precision(precision)?,
         };
@@ -180,11 +176,11 @@ impl<'a, S: Source> Stages<'a, S> {
         embedder: &Embedder,
         views: &[usize],
     ) -> Result<Targets> {
-        let pool = self.splits.pool;
-        let labels = MaterialLabels::of(self.source.surfaces(), FEWEST_PER_MATERIAL);
+        let pool = self.of.splits.pool;
+        let labels = MaterialLabels::of(self.of.source.surfaces(), FEWEST_PER_MATERIAL);
         let of_pool = &labels.labels()[..pool];
         let mut targets = Targets {
-            values: Some(readings(self.source, self.about, pool)?),
+            values: Some(readings(self.of.source, self.of.about, pool)?),
             ..Targets::default()
         };
         match config.objective {
@@ -214,8 +210,9 @@ impl<'a, S: Source> Stages<'a, S> {
                 validation: Vec::new(),
             });
         }
-        let seed = self.experiment.seed;
+        let seed = self.of.experiment.seed;
         let split = self
+            .of
             .splits
             .kept_aside(training, config.validation, seed, 0)?;
         Ok(Parts {
@@ -228,9 +225,9 @@ impl<'a, S: Source> Stages<'a, S> {
     /// from them and from the encoder.
     fn key(&self, frames: &[FrameIndex], targets: &Targets) -> Result<blake3::Hash> {
         let mut hasher = blake3::Hasher::new();
-        hasher.update(format!("{:?}", self.encoder.resize).as_bytes());
+        hasher.update(format!("{:?}", self.of.encoder.resize).as_bytes());
         for frame in frames {
-            hasher.update(&self.source.frame_key(frame.surface, frame.view)?);
+            hasher.update(&self.of.source.frame_key(frame.surface, frame.view)?);
         }
         if let Some(values) = &targets.values {
             (0..values.surfaces()).for_each(|surface| hash_row(&mut hasher, values, surface));
@@ -245,7 +242,6 @@ impl<'a, S: Source> Stages<'a, S> {
     }
 }
 
-/// The given views of the first so many surfaces.
 fn frames(surfaces: usize, views: &[usize]) -> Vec<FrameIndex> {
     let of_surface = |surface| views.iter().map(move |&view| FrameIndex { surface, view });
     (0..surfaces).flat_map(of_surface).collect()

@@ -2,9 +2,13 @@
 
 use anyhow::{Context, Result, bail};
 use sps_base::names::UnknownName;
-use sps_dataset::{FEWEST_PER_MATERIAL, MaterialLabels, Property, Source, Surface, Units};
+use sps_dataset::{
+    FEWEST_PER_MATERIAL, MaterialLabels, Property, PropertyRange, Source, Surface, Units,
+};
+use sps_estimator::{Calibration, Examples, Recipe, Wanted, Widths};
 use sps_regress::{Embeddings, Readings, TrainingData};
 
+use crate::config::Method;
 use crate::data::{self, About};
 
 /// One row per surface in each.
@@ -13,6 +17,8 @@ pub(crate) struct Tables {
     pub surfaces: Vec<Surface>,
     /// Those to estimate.
     pub properties: Vec<Property>,
+    /// Of each of them, the lowest and the highest value that it can have, where that is known.
+    ranges: Vec<Option<[f64; 2]>>,
     /// The views that methods look at, as indices of the source, ascending.
     pub views: Vec<usize>,
     /// The view straight down, as an index of the source.
@@ -35,8 +41,8 @@ pub(crate) struct Tables {
 
 impl Tables {
     /// Tables to estimate `properties` from embeddings of `views` of the first surfaces.
-    pub(crate) fn new<S: Source>(
-        source: &S,
+    pub(crate) fn new(
+        source: &dyn Source,
         about: &About,
         views: &[usize],
         embeddings: Embeddings,
@@ -45,6 +51,8 @@ impl Tables {
         let surfaces = source.surfaces().to_vec();
         let pool = embeddings.surfaces();
         let labels = MaterialLabels::of(&surfaces[..pool], FEWEST_PER_MATERIAL);
+        let range = |property| source.describe(property).range.map(PropertyRange::ends);
+        let ranges = properties.iter().map(range);
         let materials = labels.labels().iter().map(|&l| labels.names()[l].clone());
         let mut tables = Self {
             views: views.to_vec(),
@@ -57,6 +65,7 @@ impl Tables {
             materials: materials.collect(),
             fingerprint: blake3::hash(&[]),
             surfaces,
+            ranges: ranges.collect(),
             properties,
         };
         tables.fingerprint = tables.hash()?;
@@ -75,6 +84,59 @@ impl Tables {
             .with_units(&units.of_surface()[..self.pool()])
     }
 
+    /// How a model of a method is fitted that estimates properties, each from these views.
+    pub(crate) fn recipe<'a>(
+        &self,
+        method: &Method,
+        wanted: impl Iterator<Item = (&'a Property, Vec<usize>)>,
+        calibration: Calibration,
+    ) -> Result<Recipe> {
+        let regression = method.estimator.regression();
+        let wanted = wanted.map(|(property, views)| Wanted {
+            property: property.to_string(),
+            views,
+            range: self.range(property),
+        });
+        Ok(Recipe {
+            regression: regression.context("a mean is not fitted")?.clone(),
+            wanted: wanted.collect(),
+            one_by_one: method.adaptive.is_some(),
+            widths: Widths::ByPhotograph,
+            calibration,
+        })
+    }
+
+    /// The lowest and the highest value that a property can have, where that is known.
+    pub(crate) fn range(&self, property: &Property) -> Option<[f64; 2]> {
+        let at = self.properties.iter().position(|other| other == property)?;
+        self.ranges[at]
+    }
+
+    /// For a model of surfaces of which these units stay whole.
+    pub(crate) fn examples<'a>(
+        &'a self,
+        units: &'a Units,
+        encoder_saw: &'a [usize],
+    ) -> Examples<'a> {
+        Examples {
+            data: self.training_data(units),
+            units,
+            encoder_saw,
+        }
+    }
+
+    /// What was measured of a property on a surface.
+    pub(crate) fn reading(&self, property: &str, surface: usize) -> Option<f64> {
+        self.readings.get(surface, self.readings.column(property)?)
+    }
+
+    /// Those of `surfaces` whose property was measured, with the reading.
+    pub(crate) fn measured(&self, property: &str, surfaces: &[usize]) -> Vec<(usize, f64)> {
+        let column = self.readings.column(property);
+        let reading = |&surface: &usize| Some((surface, self.readings.get(surface, column?)?));
+        surfaces.iter().filter_map(reading).collect()
+    }
+
     /// Where a view of the source stands in the embeddings.
     pub(crate) fn place(&self, view: usize) -> Result<usize> {
         let place = self.views.iter().position(|&other| other == view);
@@ -89,7 +151,6 @@ impl Tables {
         }
     }
 
-    /// Codes of the properties to estimate.
     pub(crate) fn codes(&self) -> Vec<String> {
         codes(&self.properties)
     }
@@ -118,7 +179,6 @@ impl Tables {
         Ok(hasher.finalize())
     }
 
-    /// Hashes what was measured of some surfaces.
     pub(crate) fn hash_readings(
         &self,
         surfaces: impl Iterator<Item = usize>,
@@ -135,7 +195,7 @@ impl Tables {
 /// # Errors
 ///
 /// One that the source does not measure.
-pub(crate) fn properties<S: Source>(source: &S, listed: &[Property]) -> Result<Vec<Property>> {
+pub(crate) fn properties(source: &dyn Source, listed: &[Property]) -> Result<Vec<Property>> {
     let measured = &source.tactile().properties;
     if listed.is_empty() {
         return Ok(measured.clone());
@@ -155,7 +215,6 @@ pub(super) fn hash_text(hasher: &mut blake3::Hasher, text: &str) {
     hasher.update(text.as_bytes());
 }
 
-/// Hashes what was measured of a surface.
 pub(super) fn hash_row(hasher: &mut blake3::Hasher, readings: &Readings, surface: usize) {
     for &cell in readings.row(surface).into_iter().flatten() {
         hasher.update(&cell.map_or([0xff; 8], f64::to_le_bytes));
@@ -163,7 +222,7 @@ pub(super) fn hash_row(hasher: &mut blake3::Hasher, readings: &Readings, surface
 }
 
 /// The readings of the first so many surfaces, averaged as the data's settings say.
-pub(crate) fn readings<S: Source>(source: &S, about: &About, surfaces: usize) -> Result<Readings> {
+pub(crate) fn readings(source: &dyn Source, about: &About, surfaces: usize) -> Result<Readings> {
     let averages = source
         .tactile()
         .averages(&about.tactile, source.surfaces().len());

@@ -37,9 +37,9 @@ impl Wanted {
 
 impl TestViews {
     /// Embeds what is wanted of the surfaces that are only scored on.
-    pub(crate) fn embed<S: Source>(
+    pub(crate) fn embed(
         experiment: &Experiment,
-        source: &S,
+        source: &dyn Source,
         stage: &Stage,
         wanted: &Wanted,
     ) -> Result<Self> {

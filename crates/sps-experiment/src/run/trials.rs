@@ -57,7 +57,6 @@ pub(crate) fn planned(
     Ok(all)
 }
 
-/// The same trials with their keys.
 pub(crate) fn keyed(
     experiment: &Experiment,
     method: &Method,
@@ -77,7 +76,6 @@ pub(crate) fn keyed(
     keyed.collect()
 }
 
-/// All that the outcome of a trial depends on.
 #[derive(Serialize)]
 struct Inputs<'a> {
     code: &'static str,
@@ -87,6 +85,8 @@ struct Inputs<'a> {
     id: &'a str,
     method: serde_json::Value,
     adaptive: Option<Adaptive>,
+    /// Which bounds the intervals that are made here.
+    range: Option<[f64; 2]>,
     property: &'a str,
     /// None where a rerun on the same surfaces is the same: it is fitted once.
     rerun: Option<usize>,
@@ -114,6 +114,9 @@ fn key(
         id: &method.id,
         method: method.estimator.settings()?,
         adaptive: method.adaptive,
+        range: method
+            .adaptive
+            .and(encodings.stage.tables.range(&planned.property)),
         property: planned.property.code(),
         rerun: method
             .differs_by_rerun(split.train.len())

@@ -48,7 +48,7 @@ impl TrialViews {
 }
 
 /// The views that any of the methods may look at, as indices of the source, ascending.
-pub(crate) fn needed<S: Source>(methods: &[&Method], source: &S) -> Result<Vec<usize>> {
+pub(crate) fn needed(methods: &[&Method], source: &dyn Source) -> Result<Vec<usize>> {
     let count = source.view_angles().len();
     let mut needed = BTreeSet::new();
     for method in methods {
@@ -75,7 +75,7 @@ pub(crate) fn needed<S: Source>(methods: &[&Method], source: &S) -> Result<Vec<u
 }
 
 /// So many views of a source at equal distances.
-pub(crate) fn equidistant<S: Source>(source: &S, views: usize) -> Result<Vec<usize>> {
+pub(crate) fn equidistant(source: &dyn Source, views: usize) -> Result<Vec<usize>> {
     let selected = Selected {
         picks: views,
         distinct: false,
@@ -92,7 +92,6 @@ pub(crate) fn without_loss(selected: &Selected, views: usize, seed: u64) -> Resu
     Ok(selected.selector.select(&problem)?)
 }
 
-/// The views of one trial of `method`.
 pub(crate) fn of_trial(
     experiment: &Experiment,
     method: &Method,

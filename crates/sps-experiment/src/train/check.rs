@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use sps_dataset::{Split, Surface, Units};
 use sps_estimator::{Fitted, Measured, Predictions};
 
 use super::Say;
-use super::scored::{HeldOuts, NOT_MEASURED, heading, line, mean_share, training};
+use super::scored::{HeldOuts, heading, line, mean_share, training};
 use crate::config::Adaptive;
 use crate::run::Tables;
 use crate::text::aligned;
@@ -42,7 +42,6 @@ pub(super) struct Check<'a> {
     joint: BTreeMap<usize, (usize, usize)>,
 }
 
-/// How many views are looked at.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Row {
     Views(usize),
@@ -69,31 +68,20 @@ impl<'a> Check<'a> {
         &mut self,
         (tables, split): (&Tables, &Split),
         predictions: &Predictions,
-    ) -> Result<()> {
-        let mut held = vec![Some(true); split.validation.len()];
-        for predicted in &predictions.properties {
-            let column = tables.readings.column(&predicted.property);
-            let column = column.context(NOT_MEASURED)?;
-            for (at, (held, &surface)) in held.iter_mut().zip(&split.validation).enumerate() {
-                let interval = predicted.intervals.as_ref().ok().map(|all| all[at]);
-                let truth = tables.readings.get(surface, column);
-                *held = truth
-                    .zip(interval)
-                    .zip(*held)
-                    .map(|((truth, interval), so_far)| {
-                        so_far && (interval.low..=interval.high).contains(&truth)
-                    });
-            }
-        }
-        for (held, surface) in held.into_iter().zip(&split.validation) {
-            if let Some(held) = held {
-                let unit = self.units.of_surface()[*surface];
+    ) {
+        for (at, &surface) in split.validation.iter().enumerate() {
+            let held = predictions.properties.iter().map(|predicted| {
+                let truth = tables.reading(&predicted.property, surface)?;
+                let interval = predicted.intervals.as_ref().ok()?[at];
+                Some((interval.low..=interval.high).contains(&truth))
+            });
+            if let Some(held) = held.collect::<Option<Vec<bool>>>() {
+                let unit = self.units.of_surface()[surface];
                 let (sum, count) = self.joint.entry(unit).or_default();
-                *sum += usize::from(held);
+                *sum += usize::from(held.into_iter().all(|held| held));
                 *count += 1;
             }
         }
-        Ok(())
     }
 
     /// Adds what was predicted of the held-out surfaces of a split from each number of views.
@@ -115,7 +103,7 @@ impl<'a> Check<'a> {
             row.add(tables, split, &predictions, self.units)?;
         }
         if let Some((_, last)) = all.pop_last() {
-            self.note_errors(tables, split, &last)?;
+            self.note_errors(tables, split, &last);
             self.familiar.extend(last.familiar.unwrap_or_default());
         }
         if let Some(reason) = fitted.no_familiar() {
@@ -124,14 +112,12 @@ impl<'a> Check<'a> {
         Ok(())
     }
 
-    fn note_errors(&mut self, tables: &Tables, split: &Split, all: &Predictions) -> Result<()> {
+    fn note_errors(&mut self, tables: &Tables, split: &Split, all: &Predictions) {
         for predicted in &all.properties {
-            let training = training(tables, &predicted.property, &split.train)?;
+            let training = training(tables, &predicted.property, &split.train);
             let variance = training.sample_std().unwrap_or_default().powi(2);
-            let column = tables.readings.column(&predicted.property);
-            let column = column.context(NOT_MEASURED)?;
             for (&surface, estimate) in split.validation.iter().zip(&predicted.values) {
-                if let Some(truth) = tables.readings.get(surface, column)
+                if let Some(truth) = tables.reading(&predicted.property, surface)
                     && variance > 0.0
                 {
                     let (sum, count) = self.errors.entry(surface).or_default();
@@ -140,7 +126,6 @@ impl<'a> Check<'a> {
                 }
             }
         }
-        Ok(())
     }
 
     /// The surfaces whose estimates are furthest from what was measured, the worst first, and by how
@@ -218,21 +203,19 @@ fn stopped(
     all: &BTreeMap<usize, Predictions>,
     width: f64,
 ) -> Option<(Vec<usize>, Predictions)> {
-    let mut steps = all.iter().rev();
-    let (&most, last) = steps.next()?;
-    let mut stopped = last.clone();
-    let mut views = vec![most; last.properties.first()?.values.len()];
-    for (&step, predictions) in steps {
-        let narrow = fitted.narrow(predictions, width);
-        for surface in (0..views.len()).filter(|&at| narrow.iter().all(|narrow| narrow[at])) {
-            views[surface] = step;
-            for (to, from) in stopped.properties.iter_mut().zip(&predictions.properties) {
-                to.values[surface] = from.values[surface];
-                if let (Ok(to), Ok(from)) = (&mut to.intervals, &from.intervals) {
-                    to[surface] = from[surface];
-                }
+    let (views, steps): (Vec<usize>, Vec<Predictions>) = all
+        .iter()
+        .map(|(&views, step)| (views, step.clone()))
+        .unzip();
+    let mut stopped = steps.last()?.clone();
+    let ends = fitted.ends(&steps, width, 0..stopped.properties.len());
+    for (surface, &end) in ends.iter().enumerate() {
+        for (to, from) in stopped.properties.iter_mut().zip(&steps[end].properties) {
+            to.values[surface] = from.values[surface];
+            if let (Ok(to), Ok(from)) = (&mut to.intervals, &from.intervals) {
+                to[surface] = from[surface];
             }
         }
     }
-    Some((views, stopped))
+    Some((ends.into_iter().map(|end| views[end]).collect(), stopped))
 }

@@ -7,22 +7,21 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use sps_dataset::{Description, Frame, FrameFormat, PropertyRange, Source, Split, Unit};
+use sps_dataset::{Description, Frame, FrameFormat, Split, Unit};
 use sps_estimator::{
-    About, Calibration, Described, Estimator, Examples, Fitted, Measured, Predictions, Recipe,
-    Shown, Wanted, Widths,
+    About, Calibration, Described, Estimator, Fitted, Measured, Predictions, Shown,
 };
 use tracing::warn;
 
 use self::check::{Check, Found};
 use crate::config::{Experiment, Looks, Method, Network as NetworkSpec};
-use crate::data::{self, About as AboutData, WithSource};
+use crate::data;
 use crate::encoder;
 use crate::files::create_folder;
 use crate::journal::Journal;
 use crate::progress::ensure_wanted;
 use crate::run::{
-    Dealt, Encodings, Folds, Selecting, Selections, Splits, Stage, Stages, portion, views,
+    Dealt, Encoded, Encodings, Folds, Selections, Splits, Stage, Stages, portion, views,
     what_is_measured,
 };
 use crate::text::counted;
@@ -49,61 +48,54 @@ pub struct Trained {
 /// # Errors
 /// A method that cannot be kept as a model; data or weights that cannot be read.
 pub fn train(experiment: &Experiment, say: Say<'_>) -> Result<Trained> {
-    data::with_source(&experiment.data, Train { experiment, say })
-}
-
-struct Train<'a> {
-    experiment: &'a Experiment,
-    say: Say<'a>,
-}
-
-impl WithSource for Train<'_> {
-    type Output = Trained;
-
-    fn call<S: Source>(self, source: &S, about: AboutData) -> Result<Trained> {
-        let experiment = self.experiment;
-        let method = experiment.methods[experiment.train.method].on(source)?;
-        ensure!(
-            !matches!(method.encoder.network, NetworkSpec::Sequences { .. }),
-            "method `{}` looks at a sequence by {}; a model that is kept looks at photographs",
-            method.id,
-            encoder::describe(&method.encoder)
-        );
-        keeps_its_views(&method)?;
-        let splits = Splits::of(experiment, source.surfaces())?;
-        let data = (source, &about);
-        let views = views::needed(&[&method], source)?;
-        let trainer = Trainer {
-            experiment,
-            method: &method,
-            source,
-            data: &about,
-            splits: &splits,
-            stages: Stages::new(experiment, &method.encoder, data, &splits, views, None)?,
-        };
-        let (measured, worst) = trainer.check(self.say)?;
-        let all: Vec<usize> = (0..splits.pool).collect();
-        let fit = trainer.fit(&all, 0)?;
-        if splits.units.unit() != Unit::Surface {
-            let calibrated = portion(&splits, std::slice::from_ref(&fit.part));
-            (self.say)(&format!(
-                "the intervals of the model are calibrated on {calibrated}"
-            ));
-        }
-        if let Some(thinned) = method.estimator.thinned(fit.part.train.len()) {
-            warn!("{thinned}");
-        }
-        if let Some(reason) = fit.fitted.no_familiar() {
-            (self.say)(&format!(
-                "the model has no p-value of \"like what it was fitted on\": {reason}"
-            ));
-        }
-        let about = trainer.about(&fit, measured)?;
-        let view = fit.stage.tables.shown(&fit.photographs)[0];
-        let model = Estimator::new(fit.stage.embedder.clone(), fit.fitted, about)?;
-        let model = model.with_shown(|at| trainer.shown(at, view))?;
-        Ok(Trained { model, worst })
+    let (source, about) = data::open(&experiment.data)?;
+    let source = source.as_ref();
+    let method = experiment.methods[experiment.train.method].on(source)?;
+    ensure!(
+        !matches!(method.encoder.network, NetworkSpec::Sequences { .. }),
+        "method `{}` looks at a sequence by {}; a model that is kept looks at photographs",
+        method.id,
+        encoder::describe(&method.encoder)
+    );
+    keeps_its_views(&method)?;
+    let splits = Splits::of(experiment, source.surfaces())?;
+    let encoded = Encoded {
+        experiment,
+        source,
+        about: &about,
+        sequence: None,
+        encoder: &method.encoder,
+        methods: vec![&method],
+        splits: &splits,
+        dealt: Dealt::all(1, 0..1),
+    };
+    let trainer = Trainer {
+        of: &encoded,
+        method: &method,
+        stages: Stages::new(&encoded)?,
+    };
+    let (measured, worst) = trainer.check(say)?;
+    let all: Vec<usize> = (0..splits.pool).collect();
+    let fit = trainer.fit(&all, 0)?;
+    if splits.units.unit() != Unit::Surface {
+        let calibrated = portion(&splits, std::slice::from_ref(&fit.part));
+        say(&format!(
+            "the intervals of the model are calibrated on {calibrated}"
+        ));
     }
+    if let Some(thinned) = method.estimator.thinned(fit.part.train.len()) {
+        warn!("{thinned}");
+    }
+    if let Some(reason) = fit.fitted.no_familiar() {
+        say(&format!(
+            "the model has no p-value of \"like what it was fitted on\": {reason}"
+        ));
+    }
+    let about = trainer.about(&fit, measured)?;
+    let view = fit.stage.tables.shown(&fit.photographs)[0];
+    let model = Estimator::new(fit.stage.embedder.clone(), fit.fitted, about)?;
+    let model = model.with_shown(|at| trainer.shown(at, view))?;
+    Ok(Trained { model, worst })
 }
 
 /// Which method [`train`] fits, why, and how another is chosen.
@@ -154,7 +146,6 @@ fn keeps_its_views(method: &Method) -> Result<()> {
     }
 }
 
-/// What was fitted.
 struct Fit {
     stage: Arc<Stage>,
     fitted: Fitted,
@@ -164,20 +155,17 @@ struct Fit {
     part: Split,
 }
 
-struct Trainer<'a, S> {
-    experiment: &'a Experiment,
+struct Trainer<'a> {
+    of: &'a Encoded<'a, 'a>,
     method: &'a Method,
-    source: &'a S,
-    data: &'a AboutData,
-    splits: &'a Splits,
-    stages: Stages<'a, S>,
+    stages: Stages<'a>,
 }
 
-impl<S: Source> Trainer<'_, S> {
+impl Trainer<'_> {
     /// Fits on some surfaces, a part of which calibrates the intervals: neither the regression, nor
     /// what chose the views, nor an encoder that is trained has seen its readings.
     fn fit(&self, surfaces: &[usize], number: u64) -> Result<Fit> {
-        let (experiment, units) = (self.experiment, &self.splits.units);
+        let (experiment, units) = (self.of.experiment, &self.of.splits.units);
         let calibration = Calibration {
             share: Some(experiment.train.calibration),
             level: experiment.train.level,
@@ -185,37 +173,15 @@ impl<S: Source> Trainer<'_, S> {
         };
         let part = calibration.part(units, surfaces, number);
         let part = part.context("[train]")?;
-        let parts = self.splits.only(part.clone());
-        let encodings =
-            Encodings::of_splits(&self.stages, &self.method.encoder, &parts.all, &[0].into())?
-                .remove(0);
+        let parts = self.of.splits.only(part.clone());
+        let encodings = self.stages.of_splits(&parts.all, &[0].into())?.remove(0);
         let views = self.views(&encodings, &parts)?;
         let stage = encodings.stage;
         let tables = &stage.tables;
         let wanted = tables.properties.iter().zip(views);
-        let wanted = wanted.map(|(property, views)| Wanted {
-            property: property.to_string(),
-            views,
-            range: self
-                .source
-                .describe(property)
-                .range
-                .map(PropertyRange::ends),
-        });
-        let regression = self.method.estimator.regression();
-        let recipe = Recipe {
-            regression: regression.context("a mean is not kept")?.clone(),
-            wanted: wanted.collect(),
-            one_by_one: self.method.adaptive.is_some(),
-            widths: Widths::ByPhotograph,
-            calibration,
-        };
+        let recipe = tables.recipe(self.method, wanted, calibration)?;
         let learns = self.method.encoder.learns();
-        let examples = Examples {
-            data: tables.training_data(units),
-            units,
-            encoder_saw: if learns { &part.train } else { &[] },
-        };
+        let examples = tables.examples(units, if learns { &part.train } else { &[] });
         let fitted = recipe.fit(&examples, surfaces, number).context("[train]")?;
         let photographs = recipe.slots()?;
         Ok(Fit {
@@ -229,7 +195,7 @@ impl<S: Source> Trainer<'_, S> {
     /// The views that each property is estimated from, as places in the tables: a selector that learns
     /// does so on the one training part of `parts`.
     fn views(&self, encodings: &Encodings, parts: &Splits) -> Result<Vec<Vec<usize>>> {
-        let (experiment, tables) = (self.experiment, &encodings.stage.tables);
+        let (experiment, tables) = (self.of.experiment, &encodings.stage.tables);
         // Embeddings from a file leave no cache behind.
         create_folder(&experiment.cache)?;
         let mut journal = Journal::open(&experiment.cache.join("selections.jsonl"))?;
@@ -239,11 +205,8 @@ impl<S: Source> Trainer<'_, S> {
             encodings,
             splits: parts,
         };
-        let mut selecting = Selecting {
-            folds,
-            journal: &mut journal,
-        };
-        selecting.run(&[self.method], &Dealt::all(1, 0..1), &mut selections)?;
+        let dealt = &self.of.dealt;
+        folds.select(&[self.method], dealt, &mut journal, &mut selections)?;
         let of_property = |property| {
             let (method, split) = (self.method, &parts.all[0]);
             let trial = (property, 0);
@@ -253,22 +216,21 @@ impl<S: Source> Trainer<'_, S> {
         tables.properties.iter().map(of_property).collect()
     }
 
-    /// A surface for people, in one view.
     fn shown(&self, surface: usize, view: usize) -> Result<Shown> {
         let mut photograph = Vec::new();
-        if self.experiment.train.keep_photographs {
-            let frame = self.source.frame(surface, view)?;
+        if self.of.experiment.train.keep_photographs {
+            let frame = self.of.source.frame(surface, view)?;
             let side = frame.width.min(frame.height).min(SMALL);
             photograph = FrameFormat::Png.encode(&*frame.resized(side)?)?;
         }
         Ok(Shown {
-            name: self.source.surfaces()[surface].id.clone(),
+            name: self.of.source.surfaces()[surface].id.clone(),
             photograph,
         })
     }
 
     fn about(&self, fit: &Fit, measured: BTreeMap<String, Measured>) -> Result<About> {
-        let (experiment, source) = (self.experiment, self.source);
+        let (experiment, source) = (self.of.experiment, self.of.source);
         let views = fit.stage.tables.shown(&fit.photographs);
         let frame = source.frame(0, views[0])?;
         self.warn_of_sizes(&frame, views[0])?;
@@ -281,10 +243,10 @@ impl<S: Source> Trainer<'_, S> {
             name: experiment.name.clone(),
             method: self.method.label.clone(),
             data: source.name().to_owned(),
-            source: self.data.origin.clone(),
+            source: self.of.about.origin.clone(),
             frame_size: [frame.height, frame.width],
             angles: views.iter().map(|&view| angles[view].0).collect(),
-            decode: self.data.decode.clone(),
+            decode: self.of.about.decode.clone(),
             described: described.collect(),
             measured,
         })
@@ -298,8 +260,8 @@ impl<S: Source> Trainer<'_, S> {
         if encoder.resize.is_some() || encoder.network.kind().is_none() {
             return Ok(());
         }
-        for surface in 1..self.source.surfaces().len().min(SOME) {
-            let frame = self.source.frame(surface, view)?;
+        for surface in 1..self.of.source.surfaces().len().min(SOME) {
+            let frame = self.of.source.frame(surface, view)?;
             if frame.extent() != first.extent() {
                 warn!(
                     "frames differ in size; photographs are brought to that of the first, {} x {} \
@@ -314,15 +276,15 @@ impl<S: Source> Trainer<'_, S> {
 
     /// Says what such models do on the surfaces that each split of the config holds out.
     fn check(&self, say: Say<'_>) -> Result<Found> {
-        let (splits, source) = (&self.splits.all, self.source);
-        let mut check = Check::new(&self.splits.units, self.method.adaptive);
+        let (splits, source) = (&self.of.splits.all, self.of.source);
+        let mut check = Check::new(&self.of.splits.units, self.method.adaptive);
         for (number, split) in splits.iter().enumerate() {
             ensure_wanted()?;
             let fit = self.fit(&split.train, number as u64)?;
             let (predictions, joint) = self.predictions(&fit, &split.validation)?;
             let of_split = (&fit.stage.tables, split);
             check.add(of_split, &fit.fitted, predictions)?;
-            check.add_joint(of_split, &joint)?;
+            check.add_joint(of_split, &joint);
         }
         let held_out: usize = splits.iter().map(|split| split.validation.len()).sum();
         let of_split = held_out / splits.len().max(1);
@@ -330,15 +292,15 @@ impl<S: Source> Trainer<'_, S> {
             1 => String::new(),
             several => format!(" in each of {several} splits"),
         };
-        let unit = self.splits.units.unit();
-        let train = &self.experiment.train;
+        let unit = self.of.splits.units.unit();
+        let train = &self.of.experiment.train;
         say(&format!(
             "{} on {unit} held out, {}{times}, intervals of {:.0} %:",
             self.method.label,
             counted(of_split, "surface"),
             100.0 * train.level.get()
         ));
-        say(&what_is_measured(self.splits, source.surfaces()));
+        say(&what_is_measured(self.of.splits, source.surfaces()));
         let found = check.print(source.surfaces(), say)?;
         say(&format!(
             "values are estimated by a model of all surfaces fitted to; intervals by one that has not seen \
@@ -355,10 +317,8 @@ impl<S: Source> Trainer<'_, S> {
         fit: &Fit,
         surfaces: &[usize],
     ) -> Result<(BTreeMap<usize, Predictions>, Predictions)> {
-        let (experiment, source) = (self.experiment, self.source);
         let (stage, places) = (Arc::clone(&fit.stage), &fit.photographs);
-        let beyond = source.surfaces().len() - self.splits.pool;
-        let encodings = Encodings::with_test_views(experiment, source, stage, places, beyond)?;
+        let encodings = Encodings::with_test_views(self.of, stage, places)?;
         let step = |views: usize| {
             let embeddings = encodings.select(surfaces, &places[..views])?;
             Ok((views, fit.fitted.predict(&embeddings)?))

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use sps_dataset::{Split, Unit, Units};
 use sps_estimator::{Measured, Predicted, Predictions};
 use sps_metrics::{Moments, Pair, PredictionInterval, ScoreAccumulator, TrainingMean, coverage};
@@ -23,19 +23,12 @@ impl HeldOuts {
         predictions: &Predictions,
         units: &Units,
     ) -> Result<()> {
-        for predicted in &predictions.properties {
-            let training = training(tables, &predicted.property, &split.train)?;
-            let place = self
-                .0
-                .iter()
-                .position(|(property, _)| *property == predicted.property);
-            let place = place.unwrap_or_else(|| {
-                self.0
-                    .push((predicted.property.clone(), HeldOut::default()));
-                self.0.len() - 1
-            });
-            let (_, all) = &mut self.0[place];
-            all.add((tables, units), &split.validation, &training, predicted)?;
+        for (at, predicted) in predictions.properties.iter().enumerate() {
+            if at == self.0.len() {
+                let property = predicted.property.clone();
+                self.0.push((property, HeldOut::default()));
+            }
+            self.0[at].1.add((tables, units), split, predicted)?;
         }
         Ok(())
     }
@@ -111,17 +104,12 @@ pub(super) fn mean_share(units: &BTreeMap<usize, (usize, usize)>) -> f64 {
     shares.sum::<f64>() / units.len() as f64
 }
 
-/// What was measured of the training surfaces.
-pub(super) fn training(tables: &Tables, property: &str, training: &[usize]) -> Result<Moments> {
-    let column = tables.readings.column(property).context(NOT_MEASURED)?;
-    let training = training.iter();
-    let readings = training.filter_map(|&surface| tables.readings.get(surface, column));
-    Ok(readings.collect())
+/// Of what was measured of a property on the training surfaces.
+pub(super) fn training(tables: &Tables, property: &str, training: &[usize]) -> Moments {
+    let readings = tables.measured(property, training).into_iter();
+    readings.map(|(_, reading)| reading).collect()
 }
 
-pub(super) const NOT_MEASURED: &str = "a property that was not measured";
-
-/// One property over all splits.
 #[derive(Default)]
 struct HeldOut {
     /// Of differences from each split's training mean.
@@ -141,19 +129,16 @@ impl HeldOut {
     fn add(
         &mut self,
         (tables, units): (&Tables, &Units),
-        surfaces: &[usize],
-        training: &Moments,
+        split: &Split,
         predicted: &Predicted,
     ) -> Result<()> {
+        let surfaces = &split.validation;
+        let training = training(tables, &predicted.property, &split.train);
         let mean = training.mean()?;
         self.deviations
             .push(training.sample_std().unwrap_or_default());
-        let column = tables.readings.column(&predicted.property);
-        let column = column.context(NOT_MEASURED)?;
-        let truths: Vec<Option<f64>> = surfaces
-            .iter()
-            .map(|&surface| tables.readings.get(surface, column))
-            .collect();
+        let truth = |&surface: &usize| tables.reading(&predicted.property, surface);
+        let truths: Vec<Option<f64>> = surfaces.iter().map(truth).collect();
         for (truth, estimate) in truths.iter().zip(&predicted.values) {
             if let Some(truth) = truth {
                 self.scores.push(Pair {

@@ -152,7 +152,6 @@ fn masked(bytes: &[u8]) -> u32 {
         .wrapping_add(0xa282_ead8)
 }
 
-/// Fields of a protocol buffer.
 #[derive(Default)]
 struct Message(Vec<u8>);
 

@@ -36,7 +36,7 @@ impl<'a> FrameImages<'a> {
 
     /// Image `i` is `frames[i]` of a source as the embedder takes it.
     pub(crate) fn of_source(
-        source: &'a impl Source,
+        source: &'a dyn Source,
         frames: Vec<FrameIndex>,
         embedder: &'a Embedder,
     ) -> Self {

@@ -25,7 +25,6 @@ pub(super) fn held(predictions: &[&Prediction], levels: &[Level]) -> Vec<(Level,
     levels.iter().filter_map(share).collect()
 }
 
-/// The estimates of one property in one rerun.
 struct Trial {
     units: Units,
     /// Of every other unit, and of the rest: the number of the estimate, and how far it is off, in

@@ -2,7 +2,6 @@
 
 mod halves;
 
-use kuva::plot::line::LinePlot;
 use kuva::plot::scatter::MarkerShape;
 use kuva::plot::{LegendPosition, ScatterPlot};
 use kuva::render::layout::Layout;
@@ -12,10 +11,9 @@ use sps_experiment::results::{MethodResult, Results};
 use sps_experiment::text::number;
 use sps_metrics::Level;
 
-use super::figures::{COLOURS, COLUMN, Figure, plotted};
+use super::figures::{COLOURS, COLUMN, Figure, line, plotted};
 use super::scales::scales;
 
-/// A method with its estimates.
 struct Estimates<'a> {
     method: &'a MethodResult,
     predictions: Vec<&'a Prediction>,
@@ -47,18 +45,17 @@ pub(super) fn figures(
 fn coverage(results: &Results, all: &[Estimates<'_>]) -> Option<Figure> {
     let levels = (1..20).filter_map(|at| Level::new(f64::from(at) / 20.0).ok());
     let levels: Vec<Level> = levels.collect();
-    let mut plots = vec![Plot::Line(diagonal(1.0))];
+    // Where both axes say the same.
+    let diagonal = line([(0.0, 0.0), (1.0, 1.0)], "#777777", 1.0);
+    let mut plots = vec![Plot::Line(diagonal.with_dashed())];
     for of in all {
         let held = halves::held(&of.predictions, &levels);
         if held.is_empty() {
             continue;
         }
-        let line = LinePlot::new()
-            .with_data(held.into_iter().map(|(level, share)| (level.get(), share)))
-            .with_color(of.colour)
-            .with_stroke_width(1.4)
-            .with_legend(of.method.label.as_str());
-        plots.push(Plot::Line(line));
+        let held = held.into_iter().map(|(level, share)| (level.get(), share));
+        let line = line(held, of.colour, 1.4);
+        plots.push(Plot::Line(line.with_legend(of.method.label.as_str())));
     }
     let own = all.iter().filter_map(promised);
     plots.extend(own.map(Plot::Scatter));
@@ -107,15 +104,6 @@ fn promised(of: &Estimates<'_>) -> Option<ScatterPlot> {
     )
 }
 
-/// Where both axes say the same, up to here.
-fn diagonal(end: f64) -> LinePlot {
-    LinePlot::new()
-        .with_data([(0.0, 0.0), (end, end)])
-        .with_color("#777777")
-        .with_stroke_width(1.0)
-        .with_dashed()
-}
-
 /// Marks of a method.
 const BINS: usize = 10;
 
@@ -126,11 +114,8 @@ fn widths(all: &[Estimates<'_>]) -> Option<Figure> {
         if bins.is_empty() {
             continue;
         }
-        let line = LinePlot::new()
-            .with_data(bins.iter().copied())
-            .with_color(of.colour)
-            .with_stroke_width(1.2)
-            .with_legend(of.method.label.as_str());
+        let line = line(bins.iter().copied(), of.colour, 1.2);
+        let line = line.with_legend(of.method.label.as_str());
         let marks = ScatterPlot::new()
             .with_data(bins.iter().copied())
             .with_color(of.colour)

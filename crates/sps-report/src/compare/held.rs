@@ -69,7 +69,6 @@ impl Outcomes {
         })
     }
 
-    /// The numbers of the units that surfaces are of.
     pub(super) fn units_of(&self, held: &Held) -> Vec<usize> {
         let unit = |surface: &String| self.units.get(surface).copied().unwrap_or(usize::MAX);
         held.surfaces.iter().map(unit).collect()

@@ -25,12 +25,10 @@ use speed::Speeds;
 pub struct Comparison {
     pub(crate) first: PathBuf,
     pub(crate) second: PathBuf,
-    /// Config, sources, data and machine.
     pub(crate) aspects: Vec<Aspect>,
     /// Ids of methods that only one of them has.
     pub(crate) only_first: Vec<String>,
     pub(crate) only_second: Vec<String>,
-    /// Of the intervals.
     pub(crate) interval_level: f64,
     /// What they are over, in the plural.
     pub(crate) units: String,

@@ -16,7 +16,6 @@ use super::held::Outcomes;
 pub struct Run {
     /// Its folder.
     pub path: PathBuf,
-    /// Every key of its config.
     pub(crate) config: toml::Table,
     /// Its `results.json`.
     pub results: Results,

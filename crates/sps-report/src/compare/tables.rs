@@ -67,11 +67,11 @@ impl Comparison {
                 ])
             })
         });
-        table(
+        Table::new(
             "differing",
             "What differs",
-            &["", "key", "run 1", "run 2"],
-            rows.collect(),
+            ["", "key", "run 1", "run 2"],
+            rows,
         )
     }
 
@@ -125,20 +125,19 @@ impl Comparison {
         let scores = || self.scores.iter().filter(|score| score.is_other());
         let of = |kind: Kind| {
             let rows = scores().filter(move |one| one.score == kind && one.property.is_some());
-            table(
+            Table::new(
                 "score",
-                &format!("{} of each property", kind.name()),
-                &["method", "property", "run 1", "run 2", "difference", ""],
-                rows.map(|one| one.row(one.property.as_deref().unwrap_or_default()))
-                    .collect(),
+                format!("{} of each property", kind.name()),
+                ["method", "property", "run 1", "run 2", "difference", ""],
+                rows.map(|one| one.row(one.property.as_deref().unwrap_or_default())),
             )
         };
         let means = scores().filter(|one| one.property.is_none());
-        let means = table(
+        let means = Table::new(
             "means",
             "Means over properties",
-            &["method", "score", "run 1", "run 2", "difference", ""],
-            means.map(|one| one.row(one.score.name())).collect(),
+            ["method", "score", "run 1", "run 2", "difference", ""],
+            means.map(|one| one.row(one.score.name())),
         );
         let tables = [means].into_iter().chain(Kind::ALL.map(of));
         tables.filter(|table| !table.rows.is_empty()).collect()
@@ -165,10 +164,10 @@ impl Comparison {
                 Cell::number(*times, 2),
             ])
         });
-        table(
+        Table::new(
             "speed",
             "Speed beside error, which is 1 - R²; times as they were on each run's machine",
-            &[
+            [
                 "method",
                 "error 1",
                 "error 2",
@@ -178,7 +177,7 @@ impl Comparison {
                 "ms 2",
                 "ms 2 / ms 1",
             ],
-            rows.collect(),
+            rows,
         )
     }
 }
@@ -196,16 +195,6 @@ impl Moved {
             Cell::difference(self.difference, self.interval, decimals),
             marks.collect::<Vec<_>>().join(", ").into(),
         ])
-    }
-}
-
-fn table(name: &'static str, title: &str, columns: &[&str], rows: Vec<Row>) -> Table {
-    Table {
-        name,
-        title: title.to_owned(),
-        caption: String::new(),
-        columns: columns.iter().map(|&column| column.to_owned()).collect(),
-        rows,
     }
 }
 

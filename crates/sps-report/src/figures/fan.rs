@@ -4,9 +4,8 @@ use std::fmt::Write;
 
 use sps_experiment::results::{MethodResult, Results};
 
-use super::{COLOURS, Figure, PAGE};
+use super::{COLOURS, Figure, PAGE, escaped};
 
-/// Length of a ray in pixels.
 const RAY: f64 = 21.0;
 const CELL: (f64, f64) = (38.0, 30.0);
 /// Left of a block's first column, and above its first row.
@@ -119,10 +118,7 @@ fn learned(method: &MethodResult) -> bool {
 }
 
 fn text(svg: &mut String, x: f64, y: f64, anchor: &str, words: &str) {
-    let words = words
-        .replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;");
+    let words = escaped(words);
     let _ = write!(
         svg,
         "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{words}</text>"

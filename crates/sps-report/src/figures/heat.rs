@@ -3,7 +3,7 @@
 use sps_experiment::results::{MethodResult, Results};
 use sps_experiment::text::number;
 
-use super::{Figure, PAGE};
+use super::{Figure, PAGE, escaped};
 
 const ROW: f64 = 15.0;
 const LABELS: f64 = 190.0;
@@ -119,10 +119,6 @@ fn label(label: &str, y: f64) -> String {
         }
         _ => text(label, y + 10.5, 8.5),
     }
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
 #[cfg(test)]

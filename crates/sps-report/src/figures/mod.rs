@@ -59,6 +59,16 @@ pub(crate) fn figures(
     figures
 }
 
+/// A line through these points.
+pub(super) fn line(
+    points: impl IntoIterator<Item = (f64, f64)>,
+    colour: &str,
+    width: f64,
+) -> LinePlot {
+    let line = LinePlot::new().with_data(points);
+    line.with_color(colour).with_stroke_width(width)
+}
+
 /// The line as that of number `index`: where colours come again, lines are broken, which the legend says
 /// because it shows colours alone.
 pub(super) fn told_apart(line: LinePlot, index: usize, label: &str) -> Plot {
@@ -68,6 +78,11 @@ pub(super) fn told_apart(line: LinePlot, index: usize, label: &str) -> Plot {
         1 => line.with_dashed().with_legend(format!("{label} (dashed)")),
         _ => line.with_dotted().with_legend(format!("{label} (dotted)")),
     })
+}
+
+/// What stands for a text in SVG.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
 /// One plot of this width and height.

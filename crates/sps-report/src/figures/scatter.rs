@@ -1,7 +1,6 @@
 //! The figure of estimated against measured values of the best method.
 
 use kuva::plot::ScatterPlot;
-use kuva::plot::line::LinePlot;
 use kuva::render::figure::Figure as Grid;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
@@ -9,7 +8,7 @@ use sps_experiment::predictions::Prediction;
 use sps_experiment::results::{MethodResult, Results};
 use sps_experiment::text::number;
 
-use super::{COLUMN, Figure, PAGE, svg};
+use super::{COLUMN, Figure, PAGE, line, svg};
 
 /// Between panels, and around them.
 const SPACING: f64 = 4.0;
@@ -83,12 +82,8 @@ fn panel(title: &str, points: &[&Prediction]) -> (Vec<Plot>, Layout) {
                 p.surface, p.truth, p.estimate
             )
         }));
-    let perfect = LinePlot::new()
-        .with_data(vec![(low, low), (high, high)])
-        .with_color("#888888")
-        .with_stroke_width(1.0)
-        .with_dashed();
-    let plots = vec![Plot::Line(perfect), Plot::Scatter(dots)];
+    let perfect = line([(low, low), (high, high)], "#888888", 1.0);
+    let plots = vec![Plot::Line(perfect.with_dashed()), Plot::Scatter(dots)];
     let layout = Layout::auto_from_plots(&plots)
         .with_title(title)
         .with_scale(0.6)

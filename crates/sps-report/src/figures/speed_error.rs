@@ -73,7 +73,6 @@ fn highest(results: &Results, points: &[Point]) -> f64 {
     high + 0.25 * (high - low)
 }
 
-/// That of a point's R².
 fn interval(results: &Results, point: &Point) -> [f64; 2] {
     let interval = results.methods[point.method].means.r2_mean_interval;
     interval.unwrap_or([1.0 - point.error; 2])
@@ -128,14 +127,9 @@ fn staircase(points: &[Point]) -> LinePlot {
     if let Some(&(_, error)) = line.last() {
         line.push((1e3 * slowest, error));
     }
-    LinePlot::new()
-        .with_data(line)
-        .with_color("#555555")
-        .with_stroke_width(1.0)
-        .with_dashed()
+    super::line(line, "#555555", 1.0).with_dashed()
 }
 
-/// The marks, colour by colour and shape by shape.
 fn marks(results: &Results, points: &[Point], key: &Key) -> Vec<Plot> {
     let method = |point: &Point| &results.methods[point.method];
     let mut values: Vec<&str> = Vec::new();

@@ -15,7 +15,6 @@ pub(super) const PAGES: [&str; 2] = ["report.md", "report.html"];
 const MARKDOWN: &str = include_str!("report.md.j2");
 const HTML: &str = include_str!("report.html.j2");
 
-/// What the templates print.
 #[derive(Serialize)]
 pub(super) struct Page<'a> {
     pub title: &'a str,

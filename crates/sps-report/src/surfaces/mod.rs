@@ -16,7 +16,6 @@ use super::table::{Cell, Row, Table};
 use pictures::{Picture, Sight, Wanted, in_words, sights};
 use ranked::{Ranked, picked, ranked};
 
-/// What is shown of surfaces.
 #[derive(Serialize)]
 pub(super) struct Gallery {
     pub caption: String,
@@ -34,19 +33,16 @@ struct Group {
     cards: Vec<Card>,
 }
 
-/// One surface.
 #[derive(Serialize)]
 struct Card {
     surface: String,
     material: String,
-    /// From which angles the method looked at it.
     looked_at: String,
     pictures: Vec<Picture>,
     lines: Vec<Line>,
     error: String,
 }
 
-/// One property of it.
 #[derive(Serialize)]
 struct Line {
     property: String,
@@ -211,13 +207,6 @@ fn table(groups: &[Group]) -> Table {
         ];
         Row::measured(cells.map(Cell::from).to_vec())
     });
-    Table {
-        name: "surfaces",
-        title: "Surfaces".to_owned(),
-        caption: String::new(),
-        columns: ["", "surface", "material", "seen from", "off by, deviations"]
-            .map(str::to_owned)
-            .to_vec(),
-        rows: rows.collect(),
-    }
+    let columns = ["", "surface", "material", "seen from", "off by, deviations"];
+    Table::new("surfaces", "Surfaces", columns, rows)
 }

@@ -10,11 +10,10 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 use sps_dataset::{FrameFormat, Source};
 use sps_experiment::config::{DataSpec, Experiment};
-use sps_experiment::data::{About, WithSource, with_source};
+use sps_experiment::data;
 use sps_experiment::run::CONFIG;
 use sps_simulate::Simulator;
 
-/// Pixels of the shorter side, at most.
 const SIDE: usize = 112;
 
 /// What of a surface is to be seen.
@@ -33,7 +32,6 @@ pub(super) struct Sight {
 
 #[derive(Serialize)]
 pub(super) struct Picture {
-    /// The roll angle in words.
     angle: String,
     /// The picture itself, as an address.
     address: String,
@@ -43,19 +41,32 @@ pub(super) struct Picture {
 
 /// Looks at the data of the run in `folder`: of each surface what is wanted.
 pub(super) fn sights(folder: &Path, wanted: &[Wanted<'_>]) -> Result<Vec<Sight>> {
-    match Experiment::read(&folder.join(CONFIG), &[])?.data {
+    let source: Box<dyn Source> = match Experiment::read(&folder.join(CONFIG), &[])?.data {
         DataSpec::Simulated { spec, .. } => {
             let indices = wanted.iter().map(|one| number(one.surface));
             let indices = indices.collect::<Result<Vec<usize>>>()?;
-            Look(wanted).call(&Simulator::of(spec, &indices)?, About::default())
+            Box::new(Simulator::of(spec, &indices)?)
         }
         mut data => {
             if let DataSpec::Folder(folder) = &mut data {
                 folder.near_twins = 0.0;
             }
-            with_source(&data, Look(wanted))
+            data::open(&data)?.0
         }
-    }
+    };
+    let surfaces = source.surfaces().iter().enumerate();
+    let places: HashMap<&str, usize> = surfaces.map(|(at, s)| (s.id.as_str(), at)).collect();
+    let sight = |wanted: &Wanted<'_>| {
+        let place = places.get(wanted.surface);
+        let place = *place.with_context(|| format!("the data has no `{}`", wanted.surface))?;
+        let views = wanted.views.iter();
+        let pictures = views.map(|&view| picture(source.as_ref(), place, view));
+        Ok(Sight {
+            material: source.surfaces()[place].material.clone(),
+            pictures: pictures.collect::<Result<_>>()?,
+        })
+    };
+    wanted.iter().map(sight).collect()
 }
 
 /// The index that a simulated surface has its name from.
@@ -65,29 +76,7 @@ fn number(name: &str) -> Result<usize> {
     number.with_context(|| format!("`{name}` is no simulated surface, which are `s` and a number"))
 }
 
-struct Look<'a>(&'a [Wanted<'a>]);
-
-impl WithSource for Look<'_> {
-    type Output = Vec<Sight>;
-
-    fn call<S: Source>(self, source: &S, _: About) -> Result<Vec<Sight>> {
-        let surfaces = source.surfaces().iter().enumerate();
-        let places: HashMap<&str, usize> = surfaces.map(|(at, s)| (s.id.as_str(), at)).collect();
-        let sight = |wanted: &Wanted<'_>| {
-            let place = places.get(wanted.surface);
-            let place = *place.with_context(|| format!("the data has no `{}`", wanted.surface))?;
-            let views = wanted.views.iter();
-            let pictures = views.map(|&view| picture(source, place, view));
-            Ok(Sight {
-                material: source.surfaces()[place].material.clone(),
-                pictures: pictures.collect::<Result<_>>()?,
-            })
-        };
-        self.0.iter().map(sight).collect()
-    }
-}
-
-fn picture<S: Source>(source: &S, surface: usize, view: usize) -> Result<Picture> {
+fn picture(source: &dyn Source, surface: usize, view: usize) -> Result<Picture> {
     let angle = source.view_angles().get(view);
     let angle = angle.with_context(|| format!("the data has no view {view}"))?;
     let frame = source.frame(surface, view)?;
@@ -102,7 +91,6 @@ fn picture<S: Source>(source: &S, surface: usize, view: usize) -> Result<Picture
     })
 }
 
-/// A roll angle.
 pub(super) fn in_words(degrees: f64) -> String {
     format!("{}°", sps_experiment::text::number(Some(degrees), 1))
 }

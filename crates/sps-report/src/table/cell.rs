@@ -66,7 +66,6 @@ impl Cell {
         Self::number(Some(count as f64), 0)
     }
 
-    /// A number with its interval.
     pub(crate) fn interval(value: Option<f64>, ends: Option<[f64; 2]>, decimals: usize) -> Self {
         Self::of(value, ends, Form::Interval, decimals)
     }
@@ -108,7 +107,6 @@ impl Cell {
         })
     }
 
-    /// Its p-value, where it has one.
     pub(super) fn p(&self) -> Option<f64> {
         match self {
             Self::Text(_) => None,

@@ -58,6 +58,29 @@ impl Row {
 }
 
 impl Table {
+    /// A table without a caption.
+    pub fn new<C: Into<String>>(
+        name: &'static str,
+        title: impl Into<String>,
+        columns: impl IntoIterator<Item = C>,
+        rows: impl IntoIterator<Item = Row>,
+    ) -> Self {
+        Self {
+            name,
+            title: title.into(),
+            caption: String::new(),
+            columns: columns.into_iter().map(Into::into).collect(),
+            rows: rows.into_iter().collect(),
+        }
+    }
+
+    /// The same with this caption.
+    #[must_use]
+    pub fn about(mut self, caption: impl Into<String>) -> Self {
+        self.caption = caption.into();
+        self
+    }
+
     /// Calls those of its differences clear of 0 that are at this level, after Holm's correction
     /// for how many it has.
     #[must_use]
@@ -77,7 +100,6 @@ impl Table {
         self
     }
 
-    /// The cells of a column, from the top.
     fn column(&self, at: usize) -> impl Iterator<Item = &Cell> {
         self.rows.iter().filter_map(move |row| row.cells.get(at))
     }
@@ -92,27 +114,26 @@ impl Table {
 #[cfg(test)]
 fn hard_cases() -> Table {
     let method = |label: &str, cells: [Cell; 2]| [vec![Cell::from(label)], cells.to_vec()].concat();
-    Table {
-        name: "hard-cases",
-        title: "50 % of R² & more".to_owned(),
-        caption: "See `a_b`.".to_owned(),
-        columns: ["Method", "R²", "paper"].map(str::to_owned).to_vec(),
-        rows: vec![
-            Row::measured(method(
-                "Ridge_1 & 5 %, \"wide\"",
-                [
-                    Cell::interval(Some(-0.25), Some([-0.5, 0.75]), 2),
-                    Cell::number(None, 2),
-                ],
-            )),
-            Row::measured(method(
-                "[a] | b",
-                [Cell::interval(None, None, 2), Cell::number(Some(0.5), 1)],
-            )),
-            Row::reference(method(
-                "Ceiling",
-                [Cell::number(Some(1.0 / 3.0), 2), Cell::from("")],
-            )),
-        ],
-    }
+    let interval = Cell::interval(Some(-0.25), Some([-0.5, 0.75]), 2);
+    let rows = [
+        Row::measured(method(
+            "Ridge_1 & 5 %, \"wide\"",
+            [interval, Cell::number(None, 2)],
+        )),
+        Row::measured(method(
+            "[a] | b",
+            [Cell::interval(None, None, 2), Cell::number(Some(0.5), 1)],
+        )),
+        Row::reference(method(
+            "Ceiling",
+            [Cell::number(Some(1.0 / 3.0), 2), Cell::from("")],
+        )),
+    ];
+    Table::new(
+        "hard-cases",
+        "50 % of R² & more",
+        ["Method", "R²", "paper"],
+        rows,
+    )
+    .about("See `a_b`.")
 }

@@ -1,24 +1,25 @@
 //! One estimate of one surface, and what it took.
 
-use std::collections::BTreeSet;
 use std::time::Instant;
 
 use anyhow::Result;
 use sps_dataset::{Frame, Source};
 use sps_estimator::Network;
-use sps_regress::{Embeddings, FittedRegressor};
+use sps_regress::FittedRegressor;
 
 use crate::memory;
 use crate::results::Costs;
 use crate::run::Stage;
 
-/// What estimates are made of.
-pub(super) struct Estimating<'a, S> {
-    pub source: &'a S,
-    pub stage: &'a Stage,
+/// A look at more of the views of a surface, after which models are asked.
+pub(super) struct Look {
+    /// Those that were not looked at before.
+    pub views: Vec<usize>,
+    pub models: Vec<Box<dyn FittedRegressor>>,
+    /// What each of them is asked about: of the views so far, by their places.
+    pub fillings: Vec<Vec<usize>>,
 }
 
-/// What one estimate took.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Spent {
     decode: f64,
@@ -31,118 +32,87 @@ pub(super) struct Spent {
     memory: usize,
 }
 
-impl<S: Source> Estimating<'_, S> {
-    /// Estimates one surface.
-    pub(super) fn estimate(
-        &self,
-        model: &dyn FittedRegressor,
-        fillings: &[Vec<usize>],
-        surface: usize,
-    ) -> Result<Spent> {
-        let (spent, memory) = memory::peak(|| {
-            let views: BTreeSet<usize> = fillings.iter().flatten().copied().collect();
-            let views: Vec<usize> = views.into_iter().collect();
-            let of_heads = fillings.len() as u64 * model.multiply_adds();
-            self.look(surface, &views, of_heads, |values| {
-                let embeddings = self.embeddings(&values)?;
-                for filling in fillings {
-                    let slots = filling
-                        .iter()
-                        .filter_map(|view| views.binary_search(view).ok());
-                    let slots: Vec<usize> = slots.collect();
-                    model.predict(&embeddings.select(&[0], &slots)?)?;
-                }
-                Ok(())
-            })
-        });
-        Ok(Spent { memory, ..spent? })
-    }
+/// What has been spent on a surface after each look.
+pub(super) fn estimate(
+    source: &dyn Source,
+    stage: &Stage,
+    looks: &[Look],
+    surface: usize,
+) -> Result<Vec<Spent>> {
+    let mut values = Vec::new();
+    let mut sum = Spent {
+        multiply_adds: Some(0),
+        ..Spent::default()
+    };
+    let looks = looks.iter().map(|look| {
+        let (spent, memory) = memory::peak(|| look.take(source, stage, surface, &mut values));
+        sum = sum.and(&Spent { memory, ..spent? });
+        Ok(sum)
+    });
+    looks.collect()
+}
 
-    /// What has been spent after each view.
-    pub(super) fn walk(
+impl Look {
+    /// Decodes and encodes the views, where no file has their embeddings, and asks; `values` are the
+    /// embeddings so far.
+    fn take(
         &self,
-        models: &[[Box<dyn FittedRegressor>; 2]],
-        order: &[usize],
+        source: &dyn Source,
+        stage: &Stage,
         surface: usize,
-    ) -> Result<Vec<Spent>> {
-        let mut values = Vec::new();
-        let mut sum = Spent {
-            multiply_adds: Some(0),
-            ..Spent::default()
-        };
-        let mut all = Vec::new();
-        for (models, &view) in models.iter().zip(order) {
-            let of_heads = models.iter().map(|model| model.multiply_adds());
-            let of_heads = of_heads.sum();
-            let (step, memory) = memory::peak(|| {
-                self.look(surface, &[view], of_heads, |embedding| {
-                    values.extend(embedding);
-                    let embeddings = self.embeddings(&values)?;
-                    for model in models {
-                        model.predict(&embeddings)?;
-                    }
-                    Ok(())
-                })
-            });
-            sum = sum.and(&Spent { memory, ..step? });
-            all.push(sum);
-        }
-        Ok(all)
-    }
-
-    /// Decodes and encodes some views of a surface, where no file has their embeddings, and lets `ask` ask
-    /// models about the embeddings, which takes so many multiply-adds.
-    fn look(
-        &self,
-        surface: usize,
-        views: &[usize],
-        of_heads: u64,
-        ask: impl FnOnce(Vec<f32>) -> Result<()>,
+        values: &mut Vec<f32>,
     ) -> Result<Spent> {
         let Stage {
             embedder, tables, ..
-        } = self.stage;
+        } = stage;
+        let of_models = self.models.iter().map(|model| model.multiply_adds());
+        let of_models = self.fillings.len() as u64 * of_models.sum::<u64>();
         if let Network::Precomputed(_) = embedder.network() {
             // What a surface that is only scored on takes is what any other takes.
             let surface = surface.min(tables.pool() - 1);
-            let rows = views
-                .iter()
-                .map(|&view| tables.embeddings.get(surface, view));
-            let values = rows.flatten().flatten().copied().collect();
+            let rows = self.views.iter();
+            let rows = rows.filter_map(|&view| tables.embeddings.get(surface, view));
+            values.extend(rows.flatten());
             return Ok(Spent {
-                head: timed(|| ask(values))?.1,
-                multiply_adds: Some(of_heads),
+                head: timed(|| self.ask(stage, values))?.1,
+                multiply_adds: Some(of_models),
                 ..Spent::default()
             });
         }
         let (frames, decode) = timed(|| {
-            let views = views.iter().map(|&view| tables.views[view]);
+            let views = self.views.iter().map(|&view| tables.views[view]);
             let size = embedder.resize();
-            let frames = views.map(|view| self.source.frame_to_resize(surface, view, size));
+            let frames = views.map(|view| source.frame_to_resize(surface, view, size));
             Ok(frames.collect::<Result<Vec<Frame>, _>>()?)
         })?;
-        let (values, encode) = timed(|| Ok(embedder.embed(&frames)?))?;
-        let ((), head) = timed(|| ask(values))?;
+        let (embedded, encode) = timed(|| Ok(embedder.embed(&frames)?))?;
+        values.extend(embedded);
+        let ((), head) = timed(|| self.ask(stage, values))?;
         let of_encoder = frames.iter().map(|frame| embedder.multiply_adds(frame));
         Ok(Spent {
             decode,
             encode,
             head,
             frames: embedder.network().frames() * frames.len(),
-            multiply_adds: of_encoder.sum::<Option<u64>>().map(|sum| sum + of_heads),
+            multiply_adds: of_encoder.sum::<Option<u64>>().map(|sum| sum + of_models),
             memory: 0,
         })
     }
 
-    /// Embeddings of one surface.
-    fn embeddings(&self, values: &[f32]) -> Result<Embeddings> {
-        let embedder = &self.stage.embedder;
-        Ok(embedder.table(values, 1, values.len() / embedder.width())?)
+    fn ask(&self, stage: &Stage, values: &[f32]) -> Result<()> {
+        let views = values.len() / stage.embedder.width();
+        let embeddings = stage.embedder.table(values, 1, views)?;
+        for filling in &self.fillings {
+            let asked = embeddings.select(&[0], filling)?;
+            for model in &self.models {
+                model.predict(&asked)?;
+            }
+        }
+        Ok(())
     }
 }
 
 impl Spent {
-    /// This, then `next`.
     fn and(&self, next: &Self) -> Self {
         let counts = self.multiply_adds.zip(next.multiply_adds);
         Self {

@@ -6,10 +6,10 @@ mod turn;
 use anyhow::Result;
 use sps_dataset::Source;
 
-use super::encoded::Finished;
+use super::results::MethodRow;
 use super::{Splits, Stage};
+use crate::config::Looks;
 use crate::progress::{Progress, ensure_wanted};
-use crate::results::Costs;
 use turn::Turn;
 
 /// How often each surface is estimated at most.
@@ -17,20 +17,23 @@ const ROUNDS: usize = 5;
 
 /// Estimates properties of some held-out surfaces one by one, from the frame on: those together
 /// that look at the same views. Of a method that looks at one view after the other, one property,
-/// at each number of views; these are weighed by how often the method stopped there.
+/// at each number of views; these are weighed by how often the method stopped there. One that looks at
+/// nothing costs nothing.
 ///
 /// The methods take turns, round by round: what else the machine does comes and goes within
 /// seconds, and falls on all of them alike. The time does not depend on what the weights are, so a
 /// model of each method's shape is fitted to a few surfaces for it: the run's own models need not
 /// be kept.
-pub(crate) fn measure<S: Source>(
-    source: &S,
+pub(super) fn measure(
+    source: &dyn Source,
     splits: &Splits,
     stage: &Stage,
-    finished: &[&Finished<'_>],
-) -> Result<Vec<Costs>> {
-    let turns = finished.iter();
-    let turns = turns.map(|finished| Turn::new(source, splits, stage, finished));
+    rows: &mut [MethodRow<'_>],
+) -> Result<()> {
+    let looks = |row: &&mut MethodRow<'_>| row.method.looks != Looks::Nothing;
+    let rows: Vec<_> = rows.iter_mut().filter(looks).collect();
+    let turns = rows.iter();
+    let turns = turns.map(|row| Turn::new(source, splits, stage, row));
     let mut turns = turns.collect::<Result<Vec<_>>>()?;
     // Memory made ready and simulated surfaces built, so that the first pays no more than others.
     for turn in &turns {
@@ -44,5 +47,8 @@ pub(crate) fn measure<S: Source>(
             ensure_wanted()?;
         }
     }
-    Ok(turns.iter().map(Turn::costs).collect())
+    for (row, turn) in rows.into_iter().zip(turns) {
+        row.costs = turn.costs();
+    }
+    Ok(())
 }

@@ -1,19 +1,19 @@
 //! The turns of a method: which models it needs, and passes over a few surfaces.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Result;
 use sps_dataset::{Source, Split};
 use sps_models::heads::HeadConfig;
-use sps_regress::FittedRegressor;
 use sps_regress::ridge::{Ridge, RidgeConfig};
+use sps_regress::{FittedRegressor, Plan};
 
-use super::estimate::{Estimating, Spent, costs, timed};
+use super::estimate::{Look, Spent, costs, estimate, timed};
 use crate::config::Method;
 use crate::journal::Stop;
 use crate::results::Costs;
-use crate::run::encoded::Finished;
 use crate::run::fit::fit_some;
+use crate::run::results::MethodRow;
 use crate::run::trials::{TrialSpec, plan};
 use crate::run::views::TrialViews;
 use crate::run::{Splits, Stage};
@@ -25,36 +25,25 @@ const FEWEST: usize = 2;
 /// Seconds after which a method is estimated no more.
 const ENOUGH_SECONDS: f64 = 1.0;
 
-/// A method whose costs are measured.
-pub(super) struct Turn<'a, S> {
-    estimating: Estimating<'a, S>,
+pub(super) struct Turn<'a> {
+    source: &'a dyn Source,
+    stage: &'a Stage,
     surfaces: Vec<usize>,
-    way: Way,
-    /// The share of estimates that end after each step.
+    /// The looks at a surface: one alone for properties that look at the same views, or one for each view.
+    ways: Vec<Vec<Look>>,
+    /// The share of estimates that end after each look.
     ends: Vec<f64>,
-    /// What had been spent after each step of each estimate.
+    /// What had been spent after each look of each estimate.
     estimates: Vec<Vec<Spent>>,
     seconds: f64,
 }
 
-/// The fillings of slots with views, and the models of properties that look at them.
-type Group = (Vec<Vec<usize>>, Box<dyn FittedRegressor>);
-
-/// How a method looks at its views.
-enum Way {
-    /// At once: the models of properties that look at the same views, with these.
-    Together(Vec<Group>),
-    /// One after the other, in this order: for each number of views an estimator, and a regression
-    /// of its errors.
-    OneByOne(Vec<usize>, Vec<[Box<dyn FittedRegressor>; 2]>),
-}
-
-impl<'a, S: Source> Turn<'a, S> {
+impl<'a> Turn<'a> {
     pub(super) fn new(
-        source: &'a S,
+        source: &'a dyn Source,
         splits: &Splits,
         stage: &'a Stage,
-        finished: &Finished<'_>,
+        row: &MethodRow<'_>,
     ) -> Result<Self> {
         let split = &splits.all[0];
         let few = Split {
@@ -63,30 +52,30 @@ impl<'a, S: Source> Turn<'a, S> {
         };
         let fitting = Fitting {
             stage,
-            method: quick(finished.method)?,
+            method: quick(row.method)?,
             splits,
             few: &few,
         };
         let mut surfaces = few.validation.clone();
-        let trials = fitting.trials(&finished.trials);
-        let (way, ends) = match trials.first() {
-            Some(trial) if finished.method.adaptive.is_some() => {
+        let trials = fitting.trials(&row.trials);
+        let (ways, ends) = match trials.first() {
+            Some(trial) if row.method.adaptive.is_some() => {
                 let order = trial.views.shown();
-                let models = (1..=order.len()).map(|views| fitting.models(trial, &order[..views]));
-                let models = models.collect::<Result<_>>()?;
-                let ends = shares(&finished.stops, order.len());
-                (Way::OneByOne(order, models), ends)
+                let looks = (0..order.len()).map(|at| fitting.one_more(trial, &order[..=at]));
+                let looks = looks.collect::<Result<Vec<Look>>>()?;
+                (vec![looks], shares(row, order.len()))
             }
             _ => {
-                let groups = fitting.groups(&trials)?;
-                surfaces.truncate((SURFACES / groups.len().max(1)).max(FEWEST));
-                (Way::Together(groups), vec![1.0])
+                let ways = fitting.together(&trials)?;
+                surfaces.truncate((SURFACES / ways.len().max(1)).max(FEWEST));
+                (ways, vec![1.0])
             }
         };
         Ok(Self {
-            estimating: Estimating { source, stage },
+            source,
+            stage,
             surfaces,
-            way,
+            ways,
             ends,
             estimates: Vec::new(),
             seconds: 0.0,
@@ -103,25 +92,12 @@ impl<'a, S: Source> Turn<'a, S> {
         Ok(())
     }
 
-    /// Each surface estimated once: what had been spent after each step.
+    /// Each surface estimated once: what had been spent after each look.
     pub(super) fn pass(&self) -> Result<Vec<Vec<Spent>>> {
         let mut all = Vec::new();
-        match &self.way {
-            Way::Together(groups) => {
-                for (fillings, model) in groups {
-                    for &surface in &self.surfaces {
-                        all.push(vec![self.estimating.estimate(
-                            model.as_ref(),
-                            fillings,
-                            surface,
-                        )?]);
-                    }
-                }
-            }
-            Way::OneByOne(order, models) => {
-                for &surface in &self.surfaces {
-                    all.push(self.estimating.walk(models, order, surface)?);
-                }
+        for looks in &self.ways {
+            for &surface in &self.surfaces {
+                all.push(estimate(self.source, self.stage, looks, surface)?);
             }
         }
         Ok(all)
@@ -131,14 +107,16 @@ impl<'a, S: Source> Turn<'a, S> {
         let ends = self.ends.iter().enumerate();
         let weighed = ends.filter(|(_, share)| **share > 0.0).map(|(at, &share)| {
             let spent: Vec<Spent> = self.estimates.iter().map(|steps| steps[at]).collect();
-            (share, costs(&spent, self.estimating.stage.encoder_bytes))
+            (share, costs(&spent, self.stage.encoder_bytes))
         });
         Costs::weighed(&weighed.collect::<Vec<_>>())
     }
 }
 
-/// The share of `stops` at each number of views.
-fn shares(stops: &[Stop], most: usize) -> Vec<f64> {
+/// The share of estimates that ended at each number of views.
+fn shares(row: &MethodRow<'_>, most: usize) -> Vec<f64> {
+    let outcomes = row.outcomes.values().flatten();
+    let stops: Vec<&Stop> = outcomes.flat_map(|outcome| &outcome.stops).collect();
     let at = |views| stops.iter().filter(|stop| stop.views == views).count();
     let shares = (1..=most).map(|views| at(views) as f64 / stops.len().max(1) as f64);
     shares.collect()
@@ -154,7 +132,6 @@ fn quick(method: &Method) -> Result<Method> {
     Ok(method)
 }
 
-/// Models of a method's shape, fitted to a few surfaces.
 struct Fitting<'a> {
     stage: &'a Stage,
     method: Method,
@@ -165,43 +142,65 @@ struct Fitting<'a> {
 impl Fitting<'_> {
     /// The trials of the first rerun whose property was measured on any of the few surfaces.
     fn trials<'t>(&self, all: &'t [TrialSpec]) -> Vec<&'t TrialSpec> {
-        let readings = &self.stage.tables.readings;
+        let tables = &self.stage.tables;
         let measured = |trial: &&TrialSpec| {
-            let column = readings.column(trial.property.code());
-            let reading = |&s: &usize| readings.get(s, column?);
-            trial.rerun == 0 && self.few.train.iter().any(|s| reading(s).is_some())
+            trial.rerun == 0 && !tables.measured(&trial.property, &self.few.train).is_empty()
         };
         all.iter().filter(measured).collect()
     }
 
-    /// Models of the trials that look at the same views, with these.
-    fn groups(&self, trials: &[&TrialSpec]) -> Result<Vec<Group>> {
+    /// A look for the trials that look at the same views.
+    fn together(&self, trials: &[&TrialSpec]) -> Result<Vec<Vec<Look>>> {
         let mut groups: BTreeMap<&[Vec<usize>], Vec<&TrialSpec>> = BTreeMap::new();
         for trial in trials {
             let group = groups.entry(&trial.views.fillings).or_default();
             group.push(trial);
         }
-        let fitted = groups.into_iter().map(|(fillings, trials)| {
-            let plan = plan(0, std::slice::from_ref(self.few), trials.into_iter());
-            let data = (&self.stage.tables, &self.splits.units);
-            let model = fit_some(&self.method, data, &plan, &())?;
-            Ok((fillings.to_vec(), model))
+        let looks = groups.into_iter().map(|(fillings, trials)| {
+            let views: BTreeSet<usize> = fillings.iter().flatten().copied().collect();
+            let views: Vec<usize> = views.into_iter().collect();
+            let places = fillings.iter().map(|filling| {
+                let place = |view: &usize| views.binary_search(view).ok();
+                filling.iter().filter_map(place).collect()
+            });
+            Ok(vec![Look {
+                models: vec![self.model(&self.method, trials.into_iter())?],
+                fillings: places.collect(),
+                views,
+            }])
         });
-        fitted.collect()
+        looks.collect()
     }
 
-    /// The estimator of some views, and the regression of its errors.
-    fn models(&self, trial: &TrialSpec, views: &[usize]) -> Result<[Box<dyn FittedRegressor>; 2]> {
+    /// The last of these views, after which an estimator is asked, a regression of its errors, and an
+    /// estimator of all surfaces.
+    fn one_more(&self, trial: &TrialSpec, views: &[usize]) -> Result<Look> {
         let trial = TrialSpec {
             views: TrialViews::fixed(views.to_vec()),
             ..trial.clone()
         };
-        let plan = plan(0, std::slice::from_ref(self.few), [&trial].into_iter());
-        let (tables, units) = (&self.stage.tables, &self.splits.units);
         let method = self.method.with_views(views.len())?;
         let errors = Ridge::new(RidgeConfig::default())?;
-        let errors = errors.train(&tables.training_data(units), &plan)?;
-        let estimator = fit_some(&method, (tables, units), &plan, &())?;
-        Ok([estimator, Box::new(errors)])
+        let data = self.stage.tables.training_data(&self.splits.units);
+        let errors = errors.train(&data, &self.plan([&trial].into_iter()))?;
+        let estimator = || self.model(&method, [&trial].into_iter());
+        Ok(Look {
+            views: views.last().copied().into_iter().collect(),
+            models: vec![estimator()?, Box::new(errors), estimator()?],
+            fillings: vec![(0..views.len()).collect()],
+        })
+    }
+
+    fn model<'t>(
+        &self,
+        method: &Method,
+        trials: impl Iterator<Item = &'t TrialSpec>,
+    ) -> Result<Box<dyn FittedRegressor>> {
+        let data = (&self.stage.tables, &self.splits.units);
+        fit_some(method, data, &self.plan(trials), &())
+    }
+
+    fn plan<'t>(&self, trials: impl Iterator<Item = &'t TrialSpec>) -> Plan {
+        plan(0, std::slice::from_ref(self.few), trials)
     }
 }

@@ -58,7 +58,6 @@ pub(super) fn check(
 }
 
 impl Asked<'_> {
-    /// The surfaces of these splits that a property is scored on.
     fn held_out(&self, method: &Method, property: &Property, splits: &[Split]) -> BTreeSet<usize> {
         let column = self.readings.column(property.code());
         let is_measured = |surface: &usize| {

@@ -44,7 +44,6 @@ pub(super) fn read(
     }))
 }
 
-/// Where the columns are.
 struct Columns {
     count: usize,
     surface: usize,
@@ -99,7 +98,6 @@ impl Columns {
     }
 }
 
-/// Reads line after line.
 struct Reader<'a, 'p> {
     asked: &'a Asked<'a>,
     /// Indices by name.

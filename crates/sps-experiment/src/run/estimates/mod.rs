@@ -12,8 +12,7 @@ use anyhow::{Context, Result};
 use sps_dataset::{Property, Source, Surface};
 use sps_regress::Readings;
 
-use super::adaptive::deviation;
-use super::fit::{Judge, measured};
+use super::fit::Judge;
 use super::trials::TrialSpec;
 use super::{Splits, tables};
 use crate::cells;
@@ -22,7 +21,6 @@ use crate::data::About;
 use crate::journal::{Outcome, Stop};
 use problems::Problems;
 
-/// What a file of estimates holds.
 #[derive(Debug)]
 pub(crate) struct Estimates {
     /// A hash of the file's bytes.
@@ -36,7 +34,6 @@ pub(crate) struct Estimates {
 /// of their own, all are of rerun 0.
 type Place = (Property, usize, usize);
 
-/// One line of the file.
 #[derive(Debug)]
 struct Estimate {
     line: u64,
@@ -73,10 +70,10 @@ struct Asked<'a> {
 /// # Errors
 ///
 /// Everything that is wrong with a file, by its lines.
-pub(super) fn read<S: Source>(
+pub(super) fn read(
     experiment: &Experiment,
     methods: &mut [Method],
-    (source, about): (&S, &About),
+    (source, about): (&dyn Source, &About),
     splits: &Splits,
 ) -> Result<()> {
     if methods
@@ -108,7 +105,6 @@ pub(super) fn read<S: Source>(
 }
 
 impl Asked<'_> {
-    /// The estimates of a method.
     fn read(&self, file: &Path, method: &Method) -> Result<Estimates> {
         let text = cells::text(file);
         let text = text.with_context(|| format!("cannot read {}", file.display()))?;
@@ -122,7 +118,6 @@ impl Asked<'_> {
     }
 }
 
-/// The outcomes of trials whose estimates are given.
 pub(super) fn outcomes(
     judge: &Judge<'_>,
     trials: &[&TrialSpec],
@@ -133,7 +128,7 @@ pub(super) fn outcomes(
 }
 
 fn outcome(judge: &Judge<'_>, trial: &TrialSpec, estimates: &Estimates) -> Result<Outcome> {
-    let (tables, splits) = (judge.tables, judge.splits);
+    let (tables, splits) = (judge.tables(), judge.splits);
     let rerun = trial.rerun / splits.of_rerun;
     let held_out = judge.held_out(trial)?;
     let given = held_out.surfaces.iter().map(|&surface| {
@@ -141,7 +136,7 @@ fn outcome(judge: &Judge<'_>, trial: &TrialSpec, estimates: &Estimates) -> Resul
         estimate.context("a held-out surface without an estimate")
     });
     let given = given.collect::<Result<Vec<&Estimate>>>()?;
-    let deviation = deviation(&measured(tables, trial, &splits.all[trial.rerun].train)?);
+    let deviation = deviation(&tables.measured(&trial.property, &splits.all[trial.rerun].train));
     let stops = given.iter().filter_map(|estimate| {
         let [low, high] = estimate.interval?;
         Some(Stop {
@@ -156,4 +151,13 @@ fn outcome(judge: &Judge<'_>, trial: &TrialSpec, estimates: &Estimates) -> Resul
         stops: stops.collect(),
         ..judge.outcome(trial, held_out, values.collect())
     })
+}
+
+/// The standard deviation of readings; 1 where they do not differ.
+fn deviation(readings: &[(usize, f64)]) -> f64 {
+    let count = readings.len().max(1) as f64;
+    let mean = readings.iter().map(|(_, value)| value).sum::<f64>() / count;
+    let squares = readings.iter().map(|(_, value)| (value - mean).powi(2));
+    let deviation = (squares.sum::<f64>() / count).sqrt();
+    if deviation > 0.0 { deviation } else { 1.0 }
 }

@@ -10,7 +10,6 @@ use crate::text::counted;
 /// So many problems are shown; the others are counted.
 const SHOWN: usize = 20;
 
-/// The problems of a file.
 pub(super) struct Problems<'a> {
     file: &'a Path,
     shown: Vec<String>,
@@ -18,7 +17,6 @@ pub(super) struct Problems<'a> {
 }
 
 impl<'a> Problems<'a> {
-    /// None yet.
     pub(super) fn of(file: &'a Path) -> Self {
         Self {
             file,
@@ -46,7 +44,6 @@ impl<'a> Problems<'a> {
         }
     }
 
-    /// Fails with those that there are.
     pub(super) fn ensure_none(self) -> Result<()> {
         if self.count == 0 {
             return Ok(());

@@ -19,17 +19,14 @@ pub(super) struct Manifest {
     shard: String,
     /// Whether all that was dealt to it is done.
     pub ended: bool,
-    /// Ids of the methods.
     methods: Vec<String>,
     source_hash: String,
     data_hash: String,
     cpu: String,
-    /// Every key with its value, as TOML.
     config: String,
 }
 
 impl Manifest {
-    /// Of a shard that begins.
     pub(super) fn new(experiment: &Experiment, shard: Shard, data_hash: &blake3::Hash) -> Self {
         let methods = experiment.methods.iter();
         Self {

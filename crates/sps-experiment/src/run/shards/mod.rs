@@ -8,19 +8,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use sps_dataset::Source;
 
-use super::encoded::Encoded;
 use super::folder::RunFolder;
-use super::prepared::{Prepared, WithEncoder};
+use super::prepared::Prepared;
 use super::{Journals, provenance};
 use crate::config::Experiment;
-use crate::data::{self, About, WithSource};
+use crate::data;
 use crate::work::Shard;
 use manifest::Manifest;
 pub(super) use merge::Merged;
 
-/// Where the folders of a run's shards are.
 const SHARDS: &str = "shards";
 
 /// A shard that has begun.
@@ -74,60 +71,20 @@ pub(super) fn forget(run: &Path) -> Result<()> {
 /// As those of [`run`](fn@super::run).
 pub fn run(experiment: &Experiment, shard: Shard, folder: &Path, fresh: bool) -> Result<PathBuf> {
     let path = folder.join(SHARDS).join(shard.folder());
-    let work = RunShard {
-        experiment,
-        shard,
-        run: folder,
-        own: &path,
-        fresh,
-    };
-    data::with_source(&experiment.data, work)?;
+    let (source, about) = data::open(&experiment.data)?;
+    let prepared = Prepared::new(experiment, source.as_ref(), &about)?;
+    let _locked = RunFolder::open(&path, fresh)?;
+    let data_hash = provenance::data_hash(source.as_ref(), &about)?;
+    let mut manifest = Manifest::new(experiment, shard, &data_hash);
+    manifest.write(&path)?;
+    let mut journals = Journals::open(&path)?;
+    if !fresh {
+        // What the run itself has done.
+        journals.know(Journals::look(folder)?);
+    }
+    let dealt = prepared.dealt()?;
+    prepared.with_encoders(&dealt, |encoded| encoded.fitted(&mut journals).map(drop))?;
+    manifest.ended = true;
+    manifest.write(&path)?;
     Ok(path)
-}
-
-struct RunShard<'a> {
-    experiment: &'a Experiment,
-    shard: Shard,
-    /// The folder of the run, and its own.
-    run: &'a Path,
-    own: &'a Path,
-    fresh: bool,
-}
-
-impl WithSource for RunShard<'_> {
-    type Output = ();
-
-    fn call<S: Source>(self, source: &S, about: About) -> Result<()> {
-        let (experiment, folder) = (self.experiment, self.own);
-        let prepared = Prepared::new(experiment, source, &about)?;
-        let _locked = RunFolder::open(folder, self.fresh)?;
-        let data_hash = provenance::data_hash(source, &about)?;
-        let mut manifest = Manifest::new(experiment, self.shard, &data_hash);
-        manifest.write(folder)?;
-        let mut journals = Journals::open(folder)?;
-        if !self.fresh {
-            // What the run itself has done.
-            journals.know(Journals::look(self.run)?);
-        }
-        let dealt = prepared.dealt()?;
-        prepared.with_encoders(source, &dealt, Fit(&mut journals))?;
-        manifest.ended = true;
-        manifest.write(folder)
-    }
-}
-
-/// Runs what the journals lack.
-struct Fit<'a>(&'a mut Journals);
-
-impl<'m> WithEncoder<'m> for Fit<'_> {
-    type Output = ();
-
-    fn call<S: Source>(
-        &mut self,
-        encoded: &Encoded<'_, 'm>,
-        source: &S,
-        sequence: Option<Vec<usize>>,
-    ) -> Result<()> {
-        encoded.fitted(source, sequence, self.0).map(|_| ())
-    }
 }

@@ -219,7 +219,7 @@ fn the_quartiles_are_the_published_ones() {
     struct Published {
         quantiles: BTreeMap<String, [f64; 5]>,
     }
-    let text = include_str!("../../sps-report/src/published.toml");
+    let text = include_str!("../../../sps-report/src/published.toml");
     let published: Published = toml::from_str(text).unwrap();
     for seed in [1, 2] {
         let source = simulator(SimulatorSpec {

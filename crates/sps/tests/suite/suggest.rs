@@ -1,9 +1,8 @@
 //! Which surfaces to measure next.
 
-mod support;
-
 use std::fs;
 
+use crate::support::{Ends, Scratch, root};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 use sps_dataset::{DatasetFolder, ReadSettings, Source, TactileSettings};
@@ -13,33 +12,27 @@ use sps_models::candle::Device;
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData, Views};
-use support::{Scratch, expect, root, sps};
 
 #[test]
 fn photographs_without_a_row_are_named() {
     let scratch = Scratch::new();
     let frames = scratch.path("data/frames");
-    let said = |more: &[&str]| {
-        let mut suggest = sps();
-        suggest.arg("suggest").arg(&frames).args(["--pixels", "32"]);
-        let output = suggest.args(more).assert().success().get_output().clone();
-        String::from_utf8(output.stdout).unwrap()
-    };
-    let named = said(&["--count", "3"]);
+    let line = "suggest @data/frames --pixels 32";
+    let named = scratch.sps(&format!("{line} --count 3")).said();
     let lines: Vec<&str> = named.lines().collect();
     assert_eq!(lines.len(), 3, "{named}");
-    let table = scratch.path("values.csv");
     let one = lines[0].strip_prefix(frames.to_str().unwrap()).unwrap();
     let row = format!("photograph,friction\n{},0.5\n", one.trim_start_matches('/'));
-    fs::write(&table, row).unwrap();
-    let next = said(&["--values", table.to_str().unwrap(), "--count", "2"]);
+    fs::write(scratch.path("values.csv"), row).unwrap();
+    let next = scratch
+        .sps(&format!("{line} --values @values.csv --count 2"))
+        .said();
     assert_eq!(next.lines().collect::<Vec<_>>(), lines[1..], "{next}");
 
-    let empty = scratch.path("empty");
-    fs::create_dir(&empty).unwrap();
-    let refused = sps().arg("suggest").arg(&empty).assert().code(1);
-    let log = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
-    expect(&log, &["empty has no photograph"]);
+    fs::create_dir(scratch.path("empty")).unwrap();
+    scratch
+        .sps("suggest @empty")
+        .refused(&["empty has no photograph"]);
 }
 
 /// Surfaces that are measured in some order, and others to be scored on.
@@ -94,9 +87,8 @@ fn curves(dataset: &DatasetFolder, view: usize, held_out: usize) -> [[f64; 2]; M
     let frames = (0..count).map(|surface| dataset.frame(surface, view).unwrap());
     let values = embedder.embed(&frames.collect::<Vec<_>>()).unwrap();
     let embeddings = embedder.table(&values, count, 1).unwrap();
-    let touched = dataset
-        .tactile()
-        .averages(&TactileSettings::default(), count);
+    let settings = TactileSettings::default();
+    let touched = dataset.tactile().averages(&settings, count);
     let names: Vec<String> = touched
         .properties()
         .iter()
@@ -141,10 +133,8 @@ fn curves(dataset: &DatasetFolder, view: usize, held_out: usize) -> [[f64; 2]; M
 }
 
 fn gains(curves: &[[f64; 2]]) -> Vec<f64> {
-    curves
-        .iter()
-        .map(|[chosen, random]| chosen - random)
-        .collect()
+    let gains = curves.iter().map(|[chosen, random]| chosen - random);
+    gains.collect()
 }
 
 /// The numbers in the row of docs/guide.md that begins with a word.
@@ -153,11 +143,8 @@ fn in_the_guide(word: &str) -> Vec<f64> {
     let row = guide
         .lines()
         .find_map(|line| line.strip_prefix(&format!("| {word} |")));
-    let cells = row.unwrap().split('|').map(str::trim);
-    cells
-        .filter(|cell| !cell.is_empty())
-        .map(|cell| cell.parse().unwrap())
-        .collect()
+    let cells = row.unwrap().trim_end_matches('|').split('|');
+    cells.map(|cell| cell.trim().parse().unwrap()).collect()
 }
 
 #[test]
@@ -173,10 +160,8 @@ fn chosen_surfaces_teach_more_than_random_ones_do() {
         let found = curves.map(|both| both[at]);
         let told = in_the_guide(word);
         assert_eq!(told.len(), found.len());
-        let near = told
-            .iter()
-            .zip(found)
-            .all(|(told, found)| (told - found).abs() < 0.005);
+        let mut both = told.iter().zip(found);
+        let near = both.all(|(told, found)| (told - found).abs() < 0.005);
         assert!(near, "{word}: the guide has {told:?}, found {found:?}");
     }
     let gains = gains(&curves);
@@ -187,13 +172,9 @@ fn chosen_surfaces_teach_more_than_random_ones_do() {
 #[test]
 fn so_do_simulated_ones() {
     let scratch = Scratch::new();
-    let mut simulate = sps();
-    simulate.args("simulate --surfaces 300 --views 1 --size 96 --seed 5".split(' '));
-    simulate
-        .arg("--out")
-        .arg(scratch.path("simulated"))
-        .assert()
-        .success();
+    let mut simulate =
+        scratch.sps("simulate --surfaces 300 --views 1 --size 96 --seed 5 --out @simulated");
+    simulate.assert().success();
     let folder = scratch.path("simulated");
     let dataset = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
     let gains = gains(&curves(&dataset, 0, 100));

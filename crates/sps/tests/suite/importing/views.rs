@@ -4,8 +4,10 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use super::Photographs;
-use super::support::{expect, message, root};
+use assert_cmd::Command;
+
+use super::{Photographs, cases};
+use crate::support::{Ends, expect, root};
 
 /// Two surfaces, each in a folder of its own, and a photograph that is of neither.
 const FOLDERS: [(&str, &str); 5] = [
@@ -31,67 +33,40 @@ fn rows_for_each_photograph() {
         s2,9,second/0.png,denim,4,3\n\
         s1,9,first/0.png,oak,20,\n";
     let photographs = Photographs::new(&FOLDERS, table);
-    let done = photographs.import().success();
-    let said = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
+    let said = photographs.import().said();
     expect(
         &said,
         &["2 surfaces", "1 photographs (spare.png)", "fRS, cDF"],
     );
-    assert_eq!(
-        photographs.text("surfaces.csv"),
-        "surface,material,group\ns1,oak,s1\ns2,denim,s2\n"
-    );
-    assert_eq!(
-        photographs.text("tactile.csv"),
-        "surface,location,repeat,fRS,cDF\ns1,0,0,20,\ns2,0,0,4,3\n"
+    photographs.ensure_tables(
+        "surface,material,group; s1,oak,s1; s2,denim,s2",
+        "surface,location,repeat,fRS,cDF; s1,0,0,20,; s2,0,0,4,3",
     );
     // As numbers, 9 is before 10.
     assert!(same(&photographs, "s1/000.png", "oak-02/000.png"));
     assert!(same(&photographs, "s1/001.png", "oak-02/001.png"));
     assert!(same(&photographs, "s2/000.png", "denim-01/000.png"));
     let manifest = photographs.text("dataset.toml");
-    expect(
-        &manifest,
-        &["# - views are in the order 9, 10", "nominal", "[0.0, 45.0]"],
-    );
+    let order = "# - views are in the order 9, 10";
+    expect(&manifest, &[order, "nominal", "[0.0, 45.0]"]);
 }
+
+/// As [`super::REFUSED`].
+const NO_SURFACES: &str = r"
+surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,1,first/1.png,2\n | line 2; line 3; `fRS`; `1`; `2`
+surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,1,first/1.png,\ns2,1,second/1.png,2\n | line 4; surface `s2` has no photograph of view `0`
+surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,0,first/1.png,1\n | line 3; surface `s1`; line 2 already
+surface,photograph,fRS\ns1,first/0.png,1\ns1,first/1.png,1\n | line 3; a column `view`
+surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,,first/1.png,1\n | line 3; `view` is empty
+surface,photograph,fRS\ns1,first/0.png,1\ns2,second/../first/0.png,1\n | line 3; a photograph of surface `s1` already
+surface,fRS\nthird,1\n | line 2; `third`
+surface,fRS\nfirst,1\nfirst,2\n | would both be surface `first`
+";
 
 #[test]
 fn rows_that_are_no_surfaces() {
-    for (table, parts) in [
-        (
-            "surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,1,first/1.png,2\n",
-            &["line 2", "line 3", "`fRS`", "`1`", "`2`"][..],
-        ),
-        (
-            "surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,1,first/1.png,\ns2,1,second/1.png,2\n",
-            &["line 4", "surface `s2` has no photograph of view `0`"],
-        ),
-        (
-            "surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,0,first/1.png,1\n",
-            &["line 3", "surface `s1`", "line 2 already"],
-        ),
-        (
-            "surface,photograph,fRS\ns1,first/0.png,1\ns1,first/1.png,1\n",
-            &["line 3", "a column `view`"],
-        ),
-        (
-            "surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,,first/1.png,1\n",
-            &["line 3", "`view` is empty"],
-        ),
-        (
-            "surface,photograph,fRS\ns1,first/0.png,1\ns2,second/../first/0.png,1\n",
-            &["line 3", "a photograph of surface `s1` already"],
-        ),
-        ("surface,fRS\nthird,1\n", &["line 2", "`third`"]),
-        (
-            "surface,fRS\nfirst,1\nfirst,2\n",
-            &["would both be surface `first`"],
-        ),
-    ] {
-        let photographs = Photographs::new(&FOLDERS, table);
-        expect(&message(photographs.import().failure()), parts);
-        assert!(!photographs.dataset().exists(), "{table}");
+    for (table, parts) in cases(NO_SURFACES) {
+        Photographs::new(&FOLDERS, &table).is_refused(&parts);
     }
 }
 
@@ -99,32 +74,25 @@ fn rows_that_are_no_surfaces() {
 fn a_folder_for_each_surface() {
     let table = "surface,group,fRS\nsecond,roll 7,4\nfirst,,20\n";
     let photographs = Photographs::new(&FOLDERS, table);
-    let refused = message(photographs.import_with(&["--angles", "0,30,60"]).failure());
-    expect(&refused, &["found 3 angles", "each of 2 photographs"]);
-    photographs.import_with(&["--angles", "-30,12.5"]).success();
-    assert_eq!(
-        photographs.text("surfaces.csv"),
-        "surface,material,group\nsecond,unknown,roll 7\nfirst,unknown,first\n"
-    );
+    let mut three = photographs.import_with(&["--angles", "0,30,60"]);
+    three.refused(&["found 3 angles", "each of 2 photographs"]);
+    let mut two = photographs.import_with(&["--angles", "-30,12.5"]);
+    two.assert().success();
+    let surfaces = "surface,material,group\nsecond,unknown,roll 7\nfirst,unknown,first\n";
+    assert_eq!(photographs.text("surfaces.csv"), surfaces);
     let manifest = photographs.text("dataset.toml");
     expect(&manifest, &["[-30.0, 12.5]", "in the order of their names"]);
     assert!(!manifest.contains("nominal"));
     assert!(same(&photographs, "second/001.png", "denim-01/001.png"));
 
     let uneven = Photographs::new(&FOLDERS[..3], table);
-    expect(
-        &message(uneven.import().failure()),
-        &["surface `first` is 2", "`second` is 1"],
-    );
+    uneven.is_refused(&["surface `first` is 2", "`second` is 1"]);
     let unclear = [
         ("oak-02/000.png", "first/10.png"),
         ("oak-02/001.png", "first/9.png"),
     ];
     let unclear = Photographs::new(&unclear, "surface,fRS\nfirst,1\n");
-    expect(
-        &message(unclear.import().failure()),
-        &["line 2", "`10.png`", "`9.png`", "equally many digits"],
-    );
+    unclear.is_refused(&["line 2", "`10.png`", "`9.png`", "equally many digits"]);
 }
 
 /// The layout in which the material ratings are published: a folder for each view, ratings in the order
@@ -149,12 +117,18 @@ impl Published {
         Self(photographs)
     }
 
-    fn import(&self) -> assert_cmd::assert::Assert {
-        let order = self.0.folder.path().join("order.txt");
-        let order = order.display().to_string();
-        let options = ["--views", "non-specular,specular", "--columns", &order];
-        self.0
-            .import_with(&[&options[..], &["--materials-from-names"]].concat())
+    fn import(&self) -> Command {
+        let mut import = self.0.import_with(&["--views", "non-specular,specular"]);
+        import
+            .arg("--columns")
+            .arg(self.0.folder.path().join("order.txt"));
+        import.arg("--materials-from-names");
+        import
+    }
+
+    fn is_refused(&self, parts: &[&str]) {
+        self.import().refused(parts);
+        assert!(!self.0.dataset().exists(), "{parts:?}");
     }
 }
 
@@ -163,55 +137,32 @@ fn a_folder_for_each_view() {
     let names = ["001_baked_clay01.jpg", "002_beads.jpg", "003_fabric012.jpg"];
     let ratings = "-0.32 0.5 \n-0.5 1 \n1e-1 2 \n";
     let published = Published::new(&names, ratings, "fRS\ncDF\n");
-    published.import().success();
+    published.import().assert().success();
     let photographs = &published.0;
-    assert_eq!(
-        photographs.text("surfaces.csv"),
-        "surface,material,group\n001-baked-clay,baked-clay,001-baked-clay\n002-beads,beads,002-beads\n\
-         003-fabric,fabric,003-fabric\n"
-    );
-    assert_eq!(
-        photographs.text("tactile.csv"),
-        "surface,location,repeat,fRS,cDF\n001-baked-clay,0,0,-0.32,0.5\n002-beads,0,0,-0.5,1\n\
-         003-fabric,0,0,1e-1,2\n"
+    photographs.ensure_tables(
+        "surface,material,group; 001-baked-clay,baked-clay,001-baked-clay; 002-beads,beads,002-beads; \
+         003-fabric,fabric,003-fabric",
+        "surface,location,repeat,fRS,cDF; 001-baked-clay,0,0,-0.32,0.5; 002-beads,0,0,-0.5,1; \
+         003-fabric,0,0,1e-1,2",
     );
     assert!(same(photographs, "002-beads/000.jpg", "denim-02/000.jpg"));
     assert!(same(photographs, "002-beads/001.jpg", "denim-02/001.jpg"));
 
-    for (names, ratings, parts) in [
-        (&names[..], "1 2\n3 4\n", &["2 rows for 3 photographs"][..]),
-        (
-            &names,
-            "1 2\n3 4\n5\n",
-            &["line 3", "found 1 cells, expected 2"],
-        ),
-        (
-            &["1.jpg", "2.jpg", "3.jpg"],
-            ratings,
-            &["line 1", "`1` names no material"],
-        ),
-        (
-            &["1_a.jpg", "2_a.jpg", "10_a.jpg"],
-            ratings,
-            &["`10_a.jpg`", "`1_a.jpg`"],
-        ),
-    ] {
-        let published = Published::new(names, ratings, "fRS\ncDF\n");
-        expect(&message(published.import().failure()), parts);
-        assert!(!published.0.dataset().exists());
-    }
+    let refused = |names: &[&str], ratings: &str, parts: &[&str]| {
+        Published::new(names, ratings, "fRS\ncDF\n").is_refused(parts);
+    };
+    refused(&names, "1 2\n3 4\n", &["2 rows for 3 photographs"]);
+    let cells = ["line 3", "found 1 cells, expected 2"];
+    refused(&names, "1 2\n3 4\n5\n", &cells);
+    let numbers = ["1.jpg", "2.jpg", "3.jpg"];
+    refused(&numbers, ratings, &["line 1", "`1` names no material"]);
+    let uneven = ["1_a.jpg", "2_a.jpg", "10_a.jpg"];
+    refused(&uneven, ratings, &["`10_a.jpg`", "`1_a.jpg`"]);
+
     let published = Published::new(&names, ratings, "fRS\ncDF\n");
-    let lacking = published
-        .0
-        .folder
-        .path()
-        .join("photographs/specular")
-        .join(names[1]);
-    fs::remove_file(lacking).unwrap();
-    expect(
-        &message(published.import().failure()),
-        &["line 2", "specular/002_beads.jpg"],
-    );
+    let photographs = published.0.folder.path().join("photographs");
+    fs::remove_file(photographs.join("specular").join(names[1])).unwrap();
+    published.is_refused(&["line 2", "specular/002_beads.jpg"]);
 }
 
 /// The 260 materials at hand, laid out as they are published, are the same dataset again.
@@ -245,7 +196,7 @@ fn material_ratings_taken_apart() {
         ratings.push('\n');
     }
     fs::write(published.0.folder.path().join("values.csv"), ratings).unwrap();
-    published.import().success();
+    published.import().assert().success();
     for name in ["surfaces.csv", "tactile.csv"] {
         let expected = fs::read_to_string(dataset.join(name)).unwrap();
         assert!(published.0.text(name) == expected, "{name}");

@@ -1,13 +1,10 @@
 //! A pipe that nobody reads any more, as `head` leaves one behind, ends a command quietly.
-#![cfg(unix)]
-
-mod support;
 
 use std::io::pipe;
 use std::os::unix::process::ExitStatusExt;
 use std::process::Command;
 
-use support::{Scratch, root};
+use crate::support::{Scratch, root};
 
 const SIGPIPE: i32 = 13;
 
@@ -19,11 +16,8 @@ fn closed(arguments: &[&str]) {
     command.current_dir(root()).args(arguments).stdout(writer);
     let output = command.env_remove("RUST_LOG").output().unwrap();
     let log = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(
-        output.status.signal(),
-        Some(SIGPIPE),
-        "{arguments:?}: {log}"
-    );
+    let signal = output.status.signal();
+    assert_eq!(signal, Some(SIGPIPE), "{arguments:?}: {log}");
     for word in ["panicked", "error", "roken pipe"] {
         assert!(!log.contains(word), "{arguments:?}: {log}");
     }
@@ -40,17 +34,8 @@ fn closed_pipes_end_commands_quietly() {
     closed(&["inspect", &data, "--out", &figures]);
     closed(&["inspect", &data, "--json", "--out", &figures]);
     closed(&["fit", "--config", &config, "--out", &model]);
-    let mut fit = support::sps();
-    fit.args([
-        "fit",
-        "--config",
-        &config,
-        "--out",
-        &model,
-        "--set",
-        "train.method=ridge",
-    ]);
-    fit.assert().success();
+    let line = "fit --config @tiny.toml --out @model --set train.method=ridge";
+    scratch.sps(line).assert().success();
     for form in [&[][..], &["--json"], &["--csv"]] {
         let ask = ["predict", &model, &photograph];
         closed(&[&ask[..], form].concat());

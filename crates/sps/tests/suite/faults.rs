@@ -2,10 +2,8 @@
 //! clocks that were set. What counts as a loss: a result that differs, a trial or an embedding that was on
 //! disk and is computed again without a line in the log, a run that cannot be finished.
 //!
-//! `cargo test --workspace --release --test faults -- --ignored --nocapture` does it at length;
+//! `cargo test --workspace --release --test suite faults -- --ignored --nocapture` does it at length;
 //! docs/benchmarks.md shows what came out.
-
-mod support;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -14,10 +12,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ExitStatus};
 use std::time::{Duration, Instant, SystemTime};
 
+use crate::support::{Mounted, Scratch, copy, results_of_trained};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 use serde_json::Value;
-use support::{Mounted, Scratch, copy, process};
 
 /// One method that selects its views, and one whose encoder is trained, through heads of two views.
 const METHODS: &str = "\
@@ -135,7 +133,7 @@ impl Faults {
         let ended = faults.run("run");
         assert!(ended.status.success(), "{}", ended.log);
         faults.takes = begun.elapsed();
-        faults.expected = results(&faults.path("run"));
+        faults.expected = results_of_trained(&faults.path("run"));
         faults
     }
 
@@ -150,22 +148,17 @@ impl Faults {
 
     /// Starts a run into a folder.
     fn start(&mut self, run: &str) -> Run {
-        self.start_with(run, &[])
+        self.start_with(run, "")
     }
 
     /// Starts a run into a folder, with more arguments.
-    fn start_with(&mut self, run: &str, arguments: &[&str]) -> Run {
+    fn start_with(&mut self, run: &str, arguments: &str) -> Run {
         self.summary.runs += 1;
         let log = self.path(&format!("{}.log", self.summary.runs));
-        let child = process()
-            .arg("experiment")
-            .arg(self.path("tiny.toml"))
-            .arg("--out")
-            .arg(self.path(run))
-            .args(arguments)
-            .stderr(File::create(&log).expect("a log"))
-            .spawn()
-            .expect("a run");
+        let line = format!("experiment @tiny.toml --out @{run} {arguments}");
+        let mut command = self.scratch.process(&line);
+        command.stderr(File::create(&log).expect("a log"));
+        let child = command.spawn().expect("a run");
         Run { child, log }
     }
 
@@ -183,7 +176,7 @@ impl Faults {
     fn check(&mut self, doing: &str, run: &str, ended: &Ended) {
         if !ended.status.success() || ended.log.contains("panicked") {
             self.lose(format!("{doing}: the run failed: {}", ended.log));
-        } else if results(&self.path(run)) != self.expected {
+        } else if results_of_trained(&self.path(run)) != self.expected {
             self.lose(format!("{doing}: other results"));
         }
     }
@@ -310,20 +303,20 @@ impl Faults {
         for _ in 0..kills {
             self.begin_again();
             let delay = self.takes * self.draw(1000) as u32 / 1000;
-            let whole = self.start_with("run", &["--shard", "1/2"]);
-            let mut killed = self.start_with("run", &["--shard", "2/2"]);
+            let whole = self.start_with("run", "--shard 1/2");
+            let mut killed = self.start_with("run", "--shard 2/2");
             std::thread::sleep(delay);
             // Not an error where it has ended by itself.
             let _ = killed.child.kill();
             killed.end();
             self.summary.shards += 1;
-            let again = self.start_with("run", &["--shard", "2/2"]).end();
+            let again = self.start_with("run", "--shard 2/2").end();
             for (what, ended) in [("the other shard", whole.end()), ("the shard again", again)] {
                 if !ended.status.success() {
                     self.lose(format!("{what}: {}", ended.log));
                 }
             }
-            let merged = self.start_with("run", &["--merge"]).end();
+            let merged = self.start_with("run", "--merge").end();
             self.check_once("a killed shard", "run", &merged);
             for shard in ["1-of-2", "2-of-2"] {
                 let journal = self.path("run/shards").join(shard).join("trials.jsonl");
@@ -478,13 +471,4 @@ fn list(folder: &Path, prefix: &str, names: &mut Vec<String>) {
             names.push(name);
         }
     }
-}
-
-/// `results.json` without what depends on the clock.
-fn results(run: &Path) -> Value {
-    let mut results = support::results_without_timings(run);
-    for method in results["methods"].as_array_mut().expect("methods") {
-        method["encoder_train_seconds"].take();
-    }
-    results
 }

@@ -1,5 +1,4 @@
 //! Which names are taken for slips of which.
-#![cfg(feature = "names")]
 
 use sps_base::names::{UnknownName, nearest};
 

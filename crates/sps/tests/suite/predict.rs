@@ -1,10 +1,11 @@
 //! Models that are kept, and what they say of photographs.
 
-mod support;
-
 use std::fs;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
+use crate::support::{Ends, Scratch, calibrates, expect, fit, fitted_in, root};
+use assert_cmd::Command;
 use candle_core::Device;
 use image::{Rgb, RgbImage};
 use serde_json::{Value, json};
@@ -13,7 +14,6 @@ use sps_estimator::{Embedder, Estimator, Network, photographs_in};
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_regress::ridge::{Ridge, RidgeConfig};
 use sps_regress::{FittedRegressor, Plan, Readings, Rerun, TrainingData, Views};
-use support::{Scratch, calibrates, expect, fit, fitted_in, message, root, sps};
 
 /// The frames of the tiny dataset.
 const SIDE: u32 = 32;
@@ -23,93 +23,67 @@ fn fitted(more: &[&str]) -> Scratch {
     fitted_in(Scratch::new(), more)
 }
 
+/// A model of one view, for tests that leave it as it is.
+static ONE_VIEW: LazyLock<Scratch> = LazyLock::new(|| fitted(&[]));
+
 /// A scratch folder whose dataset is simulated.
 fn simulated(options: &str) -> Scratch {
     let scratch = Scratch::new();
-    let data = scratch.path("data");
-    fs::remove_dir_all(&data).unwrap();
-    let mut simulate = sps();
-    simulate.arg("simulate").args(options.split(' '));
-    simulate.arg("--out").arg(&data).assert().success();
+    fs::remove_dir_all(scratch.path("data")).unwrap();
+    let line = format!("simulate {options} --out @data");
+    scratch.sps(&line).assert().success();
     scratch
 }
 
-/// What a command that succeeds prints.
-fn said(command: &mut assert_cmd::Command) -> String {
-    let output = command.assert().success().get_output().clone();
-    String::from_utf8(output.stdout).unwrap()
-}
-
-fn predict(scratch: &Scratch, options: &[&str], images: &[PathBuf]) -> assert_cmd::Command {
-    let mut command = sps();
-    command.args(["predict", "--json"]);
-    command
-        .arg(scratch.path("model"))
-        .args(options)
-        .args(images);
+fn predict(scratch: &Scratch, options: &[&str], images: &[PathBuf]) -> Command {
+    let mut command = scratch.sps("predict --json @model");
+    command.args(options).args(images);
     command
 }
 
-/// The first estimate, and the log.
-fn estimate(mut command: assert_cmd::Command) -> (Value, String) {
-    let output = command.assert().success().get_output().clone();
-    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let log = String::from_utf8_lossy(&output.stderr).into_owned();
-    (answer["estimates"][0].clone(), log)
+/// The first estimate.
+fn estimate(mut command: Command) -> Value {
+    command.json()["estimates"][0].take()
 }
 
 #[test]
 fn a_model_answers_for_a_photograph() {
-    let scratch = fitted(&[]);
+    let scratch = &*ONE_VIEW;
     let images = ["oak-01/002.jpg", "tile-01/002.exr"];
     let images = images.map(|name| scratch.path("data/frames").join(name));
-    let of = |images: &[PathBuf]| estimate(predict(&scratch, &[], images)).0;
+    let of = |images: &[PathBuf]| estimate(predict(scratch, &[], images));
     let one = of(&images[..1]);
     let at = |key: &str| one[key].as_f64().unwrap();
     assert!(at("low") < at("value") && at("value") < at("high"), "{one}");
     let value = |estimate: &Value| estimate["value"].as_f64().unwrap();
     let other = of(&images[1..]);
-    let mean = estimate(predict(&scratch, &["--group-by", "all"], &images)).0;
+    let mean = estimate(predict(scratch, &["--group-by", "all"], &images));
     assert!((value(&mean) - f64::midpoint(value(&one), value(&other))).abs() < 1e-9);
 }
 
 /// Three surfaces calibrate at 50 %: 4 * 0.75 is 3, for two photographs, and 4 * 5 / 6 is above, for three.
 #[test]
 fn the_mean_of_more_photographs_than_were_calibrated_for_has_no_interval() {
-    let scratch = fitted(&[]);
+    let scratch = &*ONE_VIEW;
     let images = ["000.jpg", "001.jpg", "002.jpg"];
     let images = images.map(|name| scratch.path("data/frames/oak-01").join(name));
-    let line = |count: usize| -> Value {
-        let text = said(&mut predict(
-            &scratch,
-            &["--group-by", "all"],
-            &images[..count],
-        ));
-        serde_json::from_str(&text).unwrap()
-    };
+    let all = ["--group-by", "all"];
+    let line = |count: usize| predict(scratch, &all, &images[..count]).json();
     let (two, three) = (line(2), line(3));
     assert_eq!(
-        (&two["level"], &two["no_interval"]),
-        (&json!(0.5), &json!({}))
+        [&two["level"], &two["no_interval"]],
+        [&json!(0.5), &json!({})]
     );
     assert!(two["estimates"][0]["low"].is_f64(), "{two}");
     assert_eq!(three["estimates"][0]["high"], Value::Null);
     let reason = three["no_interval"]["fRS"].as_str().unwrap();
     expect(reason, &["found 3 photographs", "at most 2", "83.3 %"]);
 
-    let mut command = sps();
-    command.args(["predict", "--group-by", "all"]);
-    command.arg(scratch.path("model")).args(&images);
-    let table = said(&mut command);
-    expect(
-        &table,
-        &[
-            "50 % interval",
-            "none",
-            "fRS: no interval, found 3 photographs",
-        ],
-    );
-    let csv = said(command.arg("--csv"));
+    let mut command = scratch.sps("predict --group-by all @model");
+    command.args(&images);
+    let reason = "fRS: no interval, found 3 photographs";
+    expect(&command.said(), &["50 % interval", "none", reason]);
+    let csv = command.arg("--csv").said();
     let cells: Vec<&str> = csv.lines().nth(1).unwrap().split(',').collect();
     assert_eq!((cells[1], &cells[3..5]), ("fRS", &["", ""][..]), "{csv}");
 }
@@ -117,7 +91,7 @@ fn the_mean_of_more_photographs_than_were_calibrated_for_has_no_interval() {
 /// A photograph of the same surface with more pixels is brought to those of the model's frames.
 #[test]
 fn a_large_photograph_comes_to_the_scale_of_the_model() {
-    let scratch = fitted(&[]);
+    let scratch = &*ONE_VIEW;
     let photograph = |name: &str, side: u32| {
         let path = scratch.path(name);
         // Smooth, so that both show the same but for the rounding to 8 bits.
@@ -129,8 +103,9 @@ fn a_large_photograph_comes_to_the_scale_of_the_model() {
     let small = photograph("small.png", SIDE);
     let large = photograph("large.png", 30 * SIDE);
     let value = |options: &[&str], images: &[PathBuf]| {
-        let (estimate, _) = estimate(predict(&scratch, options, images));
-        estimate["value"].as_f64().unwrap()
+        estimate(predict(scratch, options, images))["value"]
+            .as_f64()
+            .unwrap()
     };
     let expected = value(&[], &small);
     let found = value(&[], &large);
@@ -143,7 +118,7 @@ fn a_large_photograph_comes_to_the_scale_of_the_model() {
 /// Files that cannot be read are named; the others are estimated as they are alone.
 #[test]
 fn broken_photographs_do_not_stop_the_others() {
-    let scratch = fitted(&[]);
+    let scratch = &*ONE_VIEW;
     let folder = scratch.path("photographs");
     fs::create_dir(&folder).unwrap();
     let whole = fs::read(scratch.path("data/frames/oak-01/002.jpg")).unwrap();
@@ -154,37 +129,24 @@ fn broken_photographs_do_not_stop_the_others() {
     }
     fs::write(folder.join("notes.txt"), "no image").unwrap();
     let alone = scratch.path("data/frames/oak-01/002.jpg");
-    let (alone, _) = estimate(predict(&scratch, &[], &[alone]));
-    let output = predict(&scratch, &[], std::slice::from_ref(&folder))
-        .assert()
-        .code(1);
-    let output = output.get_output();
-    let lines = String::from_utf8_lossy(&output.stdout).into_owned();
-    let lines: Vec<Value> = lines
+    let alone = estimate(predict(scratch, &[], &[alone]));
+    let [lines, log] = predict(scratch, &[], &[folder]).failed();
+    let lines = lines
         .lines()
-        .map(|line| serde_json::from_str(line).unwrap())
-        .collect();
+        .map(|line| serde_json::from_str(line).unwrap());
+    let lines: Vec<Value> = lines.collect();
     assert_eq!(lines.len(), 38);
     assert!(lines.iter().all(|line| line["estimates"][0] == alone));
     assert!(lines[0]["surface"].as_str().unwrap().ends_with("00.jpg"));
-    let log = String::from_utf8_lossy(&output.stderr);
     expect(
         &log,
         &["07.jpg", "27.jpg", "2 of 40 surfaces have no estimate"],
     );
 
-    let mut table = sps();
-    table
-        .args(["predict", "--csv"])
-        .arg(scratch.path("model"))
-        .arg(&folder);
-    let table = String::from_utf8(table.assert().code(1).get_output().stdout.clone()).unwrap();
-    let mut lines = table.lines();
-    assert_eq!(
-        lines.next(),
-        Some("surface,property,value,low,high,familiar")
-    );
-    assert_eq!(lines.count(), 2 * 38);
+    let [table, _] = scratch.sps("predict --csv @model @photographs").failed();
+    let (header, lines) = table.split_once('\n').unwrap();
+    assert_eq!(header, "surface,property,value,low,high,familiar");
+    assert_eq!(lines.lines().count(), 2 * 38);
 }
 
 /// A model of three views takes three photographs of a surface, in another process than it was fitted
@@ -200,26 +162,21 @@ fn so_does_one_of_simulated_surfaces() {
 }
 
 fn three_views_say_what_a_ridge_does(scratch: Scratch) {
-    let scratch = fitted_in(
-        scratch,
-        &[
-            "methods=[{ id = \"ridge\", label = \"Ridge\", kind = \"ridge\", views = 3, selector = { kind = \"equidistant\" } }]",
-            "properties=[\"fRS\"]",
-        ],
-    );
+    let method = "methods=[{ id = \"ridge\", label = \"Ridge\", kind = \"ridge\", views = 3, \
+        selector = { kind = \"equidistant\" } }]";
+    let scratch = fitted_in(scratch, &[method, "properties=[\"fRS\"]"]);
     let dataset = DatasetFolder::open(&scratch.path("data"), &ReadSettings::default()).unwrap();
     let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu).unwrap();
     let encoder = encoder.with_depths(&Depths::All).unwrap();
     let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
     let views = [0, 2, 4];
     let count = dataset.surfaces().len();
-    let frames =
-        (0..count).flat_map(|surface| views.map(|view| dataset.frame(surface, view).unwrap()));
-    let values = embedder.embed(&frames.collect::<Vec<_>>()).unwrap();
+    let of_surface = |surface| views.map(|view| dataset.frame(surface, view).unwrap());
+    let frames: Vec<_> = (0..count).flat_map(of_surface).collect();
+    let values = embedder.embed(&frames).unwrap();
     let embeddings = embedder.table(&values, count, 3).unwrap();
-    let touched = dataset
-        .tactile()
-        .averages(&TactileSettings::default(), count);
+    let settings = TactileSettings::default();
+    let touched = dataset.tactile().averages(&settings, count);
     let rows: Vec<_> = (0..count).map(|s| vec![touched.value(s, "fRS")]).collect();
     let readings = Readings::new(vec!["fRS".into()], &rows).unwrap();
     let units = Units::by(dataset.surfaces(), Unit::Surface);
@@ -232,10 +189,8 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
     let mut plan = Plan::each(0, readings.properties(), vec![rerun]);
     plan.trials[0].views = Views::Fixed(vec![0, 1, 2]);
     let data = TrainingData::new(&embeddings, &readings).with_units(units.of_surface());
-    let ridges = Ridge::new(RidgeConfig::default())
-        .unwrap()
-        .train(&data, &plan)
-        .unwrap();
+    let ridge = Ridge::new(RidgeConfig::default()).unwrap();
+    let ridges = ridge.train(&data, &plan).unwrap();
     let expected = ridges.predict(&embeddings).unwrap().remove(0).values;
 
     let folder = |surface: &str| scratch.path("three").join(surface);
@@ -248,28 +203,25 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
                 fs::copy(&path, folder(&surface.id).join(path.file_name().unwrap())).unwrap();
             }
         }
-        let of_folder = estimate(predict(&scratch, &[], &[folder(&surface.id)])).0;
+        let of_folder = estimate(predict(&scratch, &[], &[folder(&surface.id)]));
         let of = |key: &str| of_folder[key].as_f64().unwrap();
         let expected = expected[at].clamp(of("low"), of("high"));
         assert_eq!(of("value"), expected, "{}", surface.id);
         // Of a folder they are taken by name, named one by one as they come.
         let mut named = photographs_in(&folder(&surface.id)).unwrap();
-        assert_eq!(estimate(predict(&scratch, &[], &named)).0, of_folder);
+        assert_eq!(estimate(predict(&scratch, &[], &named)), of_folder);
         named.reverse();
-        assert_ne!(estimate(predict(&scratch, &[], &named)).0, of_folder);
+        assert_ne!(estimate(predict(&scratch, &[], &named)), of_folder);
     }
     let first = &dataset.surfaces()[0].id;
     let one = dataset.frame_path(0, 2).unwrap();
-    let refused = predict(&scratch, &[], &[one]).assert().code(1);
-    let log = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
-    let angles = "found 1, expected 3, at -45, 0 and 45 degrees";
-    expect(&log, &[first, angles]);
-    let mut map = sps();
-    map.arg("map").arg(scratch.path("model")).arg("fRS");
-    map.arg(dataset.frame_path(0, 2).unwrap());
+    let mut map = scratch.sps("map @model fRS");
+    map.arg(&one)
+        .refused(&["a map is of one", "without `views`"]);
+    let [_, log] = predict(&scratch, &[], &[one]).failed();
     expect(
-        &message(map.assert()),
-        &["a map is of one", "without `views`"],
+        &log,
+        &[first, "found 1, expected 3, at -45, 0 and 45 degrees"],
     );
 }
 
@@ -277,18 +229,18 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
 #[test]
 fn a_model_takes_the_views_that_its_selector_chose() {
     let selected = |more: &str| {
-        let method = format!(
-            "methods=[{{ id = \"r\", label = \"R\", views = 2, distinct = true, {more} }}]"
-        );
-        fitted(&[&method, "selection.folds=1"])
+        let same = "id = \"r\", label = \"R\", views = 2, distinct = true";
+        fitted(&[
+            &format!("methods=[{{ {same}, {more} }}]"),
+            "selection.folds=1",
+        ])
     };
     let by_refits = "kind = \"kernel-ridge\", selector = { kind = \"greedy\" }, refit = {}";
     let frozen = "kind = \"head\", head = { model = { kind = \"regression\" }, epochs = 2 }, \
         selector = { kind = \"exhaustive\" }";
     for more in [by_refits, frozen] {
         let scratch = selected(more);
-        let text = fs::read_to_string(scratch.path("model/estimator.json")).unwrap();
-        let model: Value = serde_json::from_str(&text).unwrap();
+        let model: Value = serde_json::from_str(&scratch.read("model/estimator.json")).unwrap();
         let angles = model["about"]["angles"].as_array().unwrap();
         assert!((2..=4).contains(&angles.len()), "{angles:?}");
         let shown = scratch.path("shown");
@@ -298,7 +250,7 @@ fn a_model_takes_the_views_that_its_selector_chose() {
             let frame = scratch.path(&format!("data/frames/oak-01/00{view}.jpg"));
             fs::copy(frame, shown.join(format!("{at}.jpg"))).unwrap();
         }
-        let (found, _) = estimate(predict(&scratch, &[], &[shown]));
+        let found = estimate(predict(&scratch, &[], &[shown]));
         assert!(found["value"].as_f64().unwrap().is_finite());
     }
 }
@@ -309,9 +261,9 @@ fn a_model_keeps_the_precision_of_its_encoder() {
     for precision in ["bf16", "int8"] {
         let scratch = fitted(&[&format!("encoder.precision={precision}")]);
         let image = [scratch.path("data/frames/oak-01/002.jpg")];
-        let (found, _) = estimate(predict(&scratch, &[], &image));
+        let found = estimate(predict(&scratch, &[], &image));
         scratch.edit("model/estimator.json", &format!("{precision:?}"), "\"f32\"");
-        let (in_f32, _) = estimate(predict(&scratch, &[], &image));
+        let in_f32 = estimate(predict(&scratch, &[], &image));
         assert_ne!(found["value"], in_f32["value"]);
     }
 }
@@ -320,8 +272,8 @@ fn a_model_keeps_the_precision_of_its_encoder() {
 fn a_model_that_resizes_is_not_resized() {
     let scratch = fitted(&["encoder.resize=16"]);
     let image = scratch.path("data/frames/oak-01/002.jpg");
-    let refused = predict(&scratch, &["--resize", "24"], &[image]).assert();
-    expect(&message(refused), &["--resize", "16 pixels"]);
+    let mut resizing = predict(&scratch, &["--resize", "24"], &[image]);
+    resizing.refused(&["--resize", "16 pixels"]);
 }
 
 /// A method whose encoder learns from the surfaces fitted to.
@@ -334,34 +286,24 @@ fn a_trained_encoder_that_has_seen_too_much_has_no_p_value() {
     let more = [TRAINED, "train.calibration=0.34"];
     let scratch = fitted(&more);
     let reason = "found 2 surfaces that it has not seen, expected at least 19";
-    let printed = said(fit(&scratch, &more).arg("--force"));
+    let printed = fit(&scratch, &more).arg("--force").said();
     let of_splits = "no p-value of \"like what was fitted on\": the encoder learned";
     let of_model = "the model has no p-value of \"like what it was fitted on\"";
     expect(&printed, &[of_splits, of_model, reason]);
 
     let image = [scratch.path("data/frames/oak-01/002.jpg")];
-    let line: Value = serde_json::from_str(&said(&mut predict(&scratch, &[], &image))).unwrap();
+    let line = predict(&scratch, &[], &image).json();
     assert_eq!(
-        (&line["familiar"], &line["unfamiliar"]),
-        (&Value::Null, &json!(false))
+        [&line["familiar"], &line["unfamiliar"]],
+        [&Value::Null, &json!(false)]
     );
     expect(line["no_familiar"].as_str().unwrap(), &[reason]);
-    let ask = |verb: &str, options: &[&str]| {
-        let mut command = sps();
-        command.arg(verb).arg(scratch.path("model"));
-        said(command.args(options).arg(&image[0]))
-    };
-    expect(
-        &ask("predict", &[]),
-        &[
-            "no p-value of \"like what the model was fitted on\"",
-            reason,
-        ],
-    );
-    let csv = ask("predict", &["--csv"]);
+    let ask = |line: &str| scratch.sps(line).arg(&image[0]).said();
+    let none = "no p-value of \"like what the model was fitted on\"";
+    expect(&ask("predict @model"), &[none, reason]);
+    let csv = ask("predict @model --csv");
     assert!(csv.lines().nth(1).unwrap().ends_with(','), "{csv}");
-    let maps = scratch.path("maps").display().to_string();
-    let drawn = ask("map", &["fRS", "--out", &maps]);
+    let drawn = ask("map @model fRS --out @maps");
     expect(
         &drawn,
         &["nothing is hatched, for there is no p-value", reason],
@@ -436,9 +378,8 @@ fn an_encoder_that_is_trained_does_not_see_what_calibrates() {
             lines.collect::<Vec<_>>().join("\n") + "\n"
         };
         let scratch = Scratch::new();
-        let readings = scratch.path("data/tactile.csv");
-        let text = fs::read_to_string(&readings).unwrap();
-        fs::write(&readings, read(&text)).unwrap();
+        let readings = read(&scratch.read("data/tactile.csv"));
+        fs::write(scratch.path("data/tactile.csv"), readings).unwrap();
         let scratch = fitted_in(scratch, &[TRAINED, "train.calibration=0.34"]);
         fs::read(scratch.path("model/encoder.safetensors")).unwrap()
     };
@@ -449,72 +390,44 @@ fn an_encoder_that_is_trained_does_not_see_what_calibrates() {
 
 #[test]
 fn a_map_is_a_picture_and_numbers() {
-    let scratch = fitted(&[]);
+    let scratch = &*ONE_VIEW;
     let photograph = scratch.path("wide.png");
     let pixel = |x: u32, y: u32| Rgb([(x * 4 % 256) as u8, (y * 7 % 256) as u8, 90]);
-    RgbImage::from_fn(3 * SIDE, SIDE, pixel)
-        .save(&photograph)
-        .unwrap();
+    let wide = RgbImage::from_fn(3 * SIDE, SIDE, pixel);
+    wide.save(&photograph).unwrap();
     let map = |options: &[&str], images: &[PathBuf]| {
-        let mut command = sps();
-        command.arg("map").arg(scratch.path("model")).arg("fRS");
-        command
-            .arg("--out")
-            .arg(scratch.path("maps"))
-            .args(options)
-            .args(images);
+        let mut command = scratch.sps("map @model fRS --out @maps");
+        command.args(options).args(images);
         command
     };
     for options in [&[][..], &["--alone"]] {
-        let output = map(options, std::slice::from_ref(&photograph))
-            .assert()
-            .success();
-        let said = String::from_utf8_lossy(&output.get_output().stdout).into_owned();
-        expect(
-            &said,
-            &[
-                "wide-fRS.png",
-                "1 x 17 places",
-                "colours from ",
-                "intervals +/- ",
-            ],
-        );
+        let said = map(options, std::slice::from_ref(&photograph)).said();
+        expect(&said, &["wide-fRS.png", "1 x 17 places"]);
+        expect(&said, &["colours from ", "intervals +/- "]);
         let numbers = fs::read(scratch.path("maps/wide-fRS.npy")).unwrap();
         assert_eq!(numbers.len(), 128 + 17 * 4 * 8);
         let picture = image::open(scratch.path("maps/wide-fRS.png")).unwrap();
         assert!(picture.width() > 3 * SIDE);
     }
-    let two =
-        ["oak-01/002.jpg", "oak-02/002.jpg"].map(|name| scratch.path("data/frames").join(name));
-    let refused = map(&[], &two).assert();
-    expect(&message(refused), &["would have the same map", "002-fRS"]);
+    let two = ["oak-01", "oak-02"].map(|oak| scratch.path(&format!("data/frames/{oak}/002.jpg")));
+    map(&[], &two).refused(&["would have the same map", "002-fRS"]);
 
     // As large as a frame: one place. A map of another photograph is not written over.
-    let output = map(&[], &two[..1]).assert().success();
-    let log = String::from_utf8_lossy(&output.get_output().stderr).into_owned();
+    let log = map(&[], &two[..1]).logged();
     expect(
         &log,
         &["oak-01/002.jpg: one place", "32 x 32 pixels", "--resize"],
     );
-    let drawn = fs::read(scratch.path("maps/002-fRS.png")).unwrap();
-    let refused = map(&[], &two[1..]).assert();
-    expect(
-        &message(refused),
-        &["002-fRS.png is there already, the map of", "oak-01/002.jpg"],
-    );
-    assert_eq!(fs::read(scratch.path("maps/002-fRS.png")).unwrap(), drawn);
+    let path = scratch.path("maps/002-fRS.png");
+    let drawn = fs::read(&path).unwrap();
+    let there = "002-fRS.png is there already, the map of";
+    map(&[], &two[1..]).refused(&[there, "oak-01/002.jpg"]);
+    assert_eq!(fs::read(&path).unwrap(), drawn);
     map(&[], &two[..1]).assert().success();
-    fs::copy(&photograph, scratch.path("maps/002-fRS.png")).unwrap();
-    let refused = map(&[], &two[..1]).assert();
-    expect(&message(refused), &["is no map that names its photograph"]);
-    let mut misspelt = sps();
-    misspelt.arg("map").arg(scratch.path("model"));
-    misspelt.arg("frs").arg(&photograph);
-    let refused = message(misspelt.assert());
-    expect(
-        &refused,
-        &["unknown property `frs`", "did you mean `fRS`?", "`cDF`"],
-    );
+    fs::copy(&photograph, &path).unwrap();
+    map(&[], &two[..1]).refused(&["is no map that names its photograph"]);
+    let mut misspelt = scratch.sps("map @model frs @wide.png");
+    misspelt.refused(&["unknown property `frs`", "did you mean `fRS`?", "`cDF`"]);
 }
 
 /// What `fit` says of the tiny dataset, its readings a hundredth of what they were, and what `predict`
@@ -522,8 +435,7 @@ fn a_map_is_a_picture_and_numbers() {
 #[test]
 fn people_read_as_many_digits_as_the_readings_have() {
     let scratch = Scratch::new();
-    let readings = scratch.path("data/tactile.csv");
-    let text = fs::read_to_string(&readings).unwrap();
+    let text = scratch.read("data/tactile.csv");
     let hundredth = |(at, cell): (usize, &str)| match cell.parse::<f64>() {
         Ok(value) if at > 2 => (value / 100.0).to_string(),
         _ => cell.to_owned(),
@@ -532,16 +444,14 @@ fn people_read_as_many_digits_as_the_readings_have() {
         let cells = line.split(',').enumerate().map(hundredth);
         cells.collect::<Vec<_>>().join(",") + "\n"
     });
-    fs::write(&readings, lines.collect::<String>()).unwrap();
+    fs::write(scratch.path("data/tactile.csv"), lines.collect::<String>()).unwrap();
     let scratch = fitted_in(scratch, &["train.method=ridge"]);
     let decimals = |line: &str| {
-        let numbers = line
-            .split_whitespace()
-            .filter(|word| word.parse::<f64>().is_ok());
+        let words = line.split_whitespace();
+        let numbers = words.filter(|word| word.parse::<f64>().is_ok());
         let numbers = numbers.filter_map(|number| number.split_once('.'));
-        numbers
-            .map(|(_, decimals)| decimals.len())
-            .collect::<Vec<_>>()
+        let decimals = numbers.map(|(_, decimals)| decimals.len());
+        decimals.collect::<Vec<_>>()
     };
     let of = |text: &str, property: &str| {
         let mut lines = text.lines();
@@ -550,17 +460,15 @@ fn people_read_as_many_digits_as_the_readings_have() {
             .to_owned()
     };
 
-    let mut predict = sps();
-    predict.args(["predict"]).arg(scratch.path("model"));
-    let table = said(predict.arg(scratch.path("data/frames/oak-01/002.jpg")));
+    let table = scratch
+        .sps("predict @model @data/frames/oak-01/002.jpg")
+        .said();
     // Their standard deviations are 0.117 and 0.318.
     assert_eq!(decimals(&of(&table, "fRS")), [3; 3], "{table}");
     assert_eq!(decimals(&of(&table, "cDF")), [3; 3], "{table}");
     assert!(table.starts_with("property"), "{table}");
 
-    let mut inspect = sps();
-    inspect.arg("inspect").arg(scratch.path("data"));
-    let table = said(inspect.arg("--out").arg(scratch.path("figures")));
+    let table = scratch.sps("inspect @data --out @figures").said();
     // Their quartiles lie 0.131 and 0.062 apart.
     assert_eq!(decimals(&of(&table, "fRS"))[..5], [3; 5], "{table}");
     assert_eq!(decimals(&of(&table, "cDF"))[..5], [4; 5], "{table}");
@@ -570,18 +478,8 @@ fn people_read_as_many_digits_as_the_readings_have() {
 fn fit_says_what_it_fits_and_what_its_numbers_mean() {
     let scratch = Scratch::new();
     calibrates(&scratch);
-    let train = |more: &[&str]| {
-        let mut train = sps();
-        train
-            .args(["fit", "--config"])
-            .arg(scratch.path("tiny.toml"))
-            .args(more);
-        train.arg("--out").arg(scratch.path("model")).assert()
-    };
-    let said = |assert: assert_cmd::assert::Assert| {
-        String::from_utf8(assert.success().get_output().stdout.clone()).unwrap()
-    };
-    let first = said(train(&[]));
+    let line = "fit --config @tiny.toml --out @model";
+    let first = scratch.sps(line).said();
     expect(
         &first,
         &[
@@ -595,10 +493,9 @@ fn fit_says_what_it_fits_and_what_its_numbers_mean() {
     );
     let at = |property: &str| first.find(property).unwrap();
     assert!(at("\n  fRS") < at("\n  cDF"), "{first}");
-    let other = ["--set", "train.method=ridge"];
-    let refused = message(train(&other));
-    expect(&refused, &["model holds a model; `--force` replaces it"]);
-    let second = said(train(&[&other[..], &["--force"]].concat()));
+    let mut other = scratch.sps(&format!("{line} --set train.method=ridge"));
+    other.refused(&["model holds a model; `--force` replaces it"]);
+    let second = other.arg("--force").said();
     expect(
         &second,
         &["Fits method `ridge`, as `train.method` says", "cross-modal"],
@@ -607,23 +504,20 @@ fn fit_says_what_it_fits_and_what_its_numbers_mean() {
 
 #[test]
 fn what_no_photographs_can_be_taken_for_is_not_kept() {
-    let refused = |method: &str, named: &[&str]| {
-        let scratch = Scratch::new();
-        let mut train = sps();
+    let scratch = Scratch::new();
+    let refused = |more: &str, named: &[&str]| {
+        let method = "id = \"r\", label = \"R\", kind = \"ridge\"";
+        let mut train = scratch.sps("fit --config @tiny.toml --out @model");
         train
-            .args(["fit", "--config"])
-            .arg(scratch.path("tiny.toml"));
-        train.arg("--set").arg(format!("methods=[{method}]"));
-        let refused = train.arg("--out").arg(scratch.path("model")).assert();
-        expect(&message(refused), named);
+            .args(["--set", &format!("methods=[{{ {method}, {more} }}]")])
+            .refused(named);
     };
-    let twice = "{ id = \"r\", label = \"R\", kind = \"ridge\", views = 5, selector = { kind = \"random\" } }";
+    let twice = "views = 5, selector = { kind = \"random\" }";
     refused(twice, &["may look at a view twice", "`distinct = true`"]);
-    let hindsight = "{ id = \"r\", label = \"R\", kind = \"ridge\", views = 2, \
-        selector = { kind = \"greedy\" }, refit = { judged-on = \"held-out\" } }";
+    let hindsight =
+        "views = 2, selector = { kind = \"greedy\" }, refit = { judged-on = \"held-out\" }";
     refused(hindsight, &["by the surfaces held out"]);
-    let sequence = "{ id = \"r\", label = \"R\", kind = \"ridge\", \
-        encoder = { name = \"i3d\", weights = \"untrained\", frames = 3 } }";
+    let sequence = "encoder = { name = \"i3d\", weights = \"untrained\", frames = 3 }";
     refused(sequence, &["looks at a sequence by i3d"]);
 }
 
@@ -631,11 +525,11 @@ fn what_no_photographs_can_be_taken_for_is_not_kept() {
 /// their place.
 #[test]
 fn lines_of_standard_input_are_answered_one_by_one() {
-    let scratch = fitted(&[]);
+    let scratch = &*ONE_VIEW;
     let images = ["oak-01/002.jpg", "tile-01/002.exr"];
     let images = images.map(|name| scratch.path("data/frames").join(name));
-    let named = said(&mut predict(&scratch, &[], &images));
-    let both = said(&mut predict(&scratch, &["--group-by", "all"], &images));
+    let named = predict(scratch, &[], &images).said();
+    let both = predict(scratch, &["--group-by", "all"], &images).said();
     let lines = [
         json!(images[0]).to_string(),
         json!([images[1]]).to_string(),
@@ -643,20 +537,15 @@ fn lines_of_standard_input_are_answered_one_by_one() {
         "{}".to_owned(),
         json!(images).to_string(),
     ];
-    let mut asked = predict(&scratch, &[], &[PathBuf::from("-")]);
-    let output = asked.write_stdin(lines.join("\n")).assert().code(1);
-    let output = output.get_output().clone();
-    let answers = String::from_utf8(output.stdout).unwrap();
+    let mut asked = predict(scratch, &[], &[PathBuf::from("-")]);
+    let [answers, log] = asked.write_stdin(lines.join("\n")).failed();
     let answers: Vec<&str> = answers.lines().collect();
     let named: Vec<&str> = named.lines().collect();
     assert_eq!(answers[..2], named);
     expect(answers[2], &["\"line\":3", "none.png"]);
     expect(answers[3], &["\"line\":4", "found `{}`, expected the path"]);
     assert_eq!(answers[4..], [both.trim_end()]);
-    expect(
-        &String::from_utf8_lossy(&output.stderr),
-        &["2 lines have no estimate"],
-    );
+    expect(&log, &["2 lines have no estimate"]);
 }
 
 #[test]
@@ -664,9 +553,7 @@ fn joint_intervals_are_wider_and_of_one_photograph() {
     let scratch = fitted(&["methods=[{ id = \"ridge\", label = \"Ridge\", kind = \"ridge\" }]"]);
     let images = ["000.jpg", "001.jpg"];
     let images = images.map(|name| scratch.path("data/frames/oak-01").join(name));
-    let ask = |options: &[&str], images: &[PathBuf]| -> Value {
-        serde_json::from_str(&said(&mut predict(&scratch, options, images))).unwrap()
-    };
+    let ask = |options: &[&str], images: &[PathBuf]| predict(&scratch, options, images).json();
     let (alone, joint) = (ask(&[], &images[..1]), ask(&["--joint"], &images[..1]));
     let mut wider = 0;
     let estimates = |answer: &Value| answer["estimates"].as_array().unwrap().clone();

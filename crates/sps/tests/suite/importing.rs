@@ -1,17 +1,15 @@
 //! Photographs and tables laid out as datasets.
 
-#[path = "importing/hostile.rs"]
 mod hostile;
-mod support;
-#[path = "importing/views.rs"]
 mod views;
 
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-use support::{expect, json, message, root, sps};
+use crate::support::{Ends, expect, root, sps};
+use assert_cmd::Command;
+use serde_json::{Value, json};
 use tempfile::TempDir;
 
 /// A folder of photographs, and a table beside it.
@@ -37,21 +35,39 @@ impl Photographs {
         self.folder.path().join("dataset")
     }
 
-    fn import(&self) -> assert_cmd::assert::Assert {
+    fn import(&self) -> Command {
         self.import_with(&[])
     }
 
     /// `import` with options beside those that it must have.
-    fn import_with(&self, options: &[&str]) -> assert_cmd::assert::Assert {
+    fn import_with(&self, options: &[&str]) -> Command {
+        let [photographs, values] =
+            ["photographs", "values.csv"].map(|name| self.folder.path().join(name));
         let mut command = sps();
         command
             .arg("import")
-            .arg(self.folder.path().join("photographs"));
-        command
+            .arg(photographs)
             .arg("--values")
-            .arg(self.folder.path().join("values.csv"));
-        command.arg("--out").arg(self.dataset());
-        command.args(options).assert()
+            .arg(values);
+        command.arg("--out").arg(self.dataset()).args(options);
+        command
+    }
+
+    /// Refused with every part, and nothing is written.
+    fn is_refused(&self, parts: &[&str]) {
+        self.import().refused(parts);
+        assert!(!self.dataset().exists(), "{parts:?}");
+    }
+
+    /// `surfaces.csv` and `tactile.csv` of the dataset have these lines, with `; ` between them.
+    fn ensure_tables(&self, surfaces: &str, tactile: &str) {
+        for (name, lines) in [("surfaces.csv", surfaces), ("tactile.csv", tactile)] {
+            assert_eq!(
+                self.text(name),
+                format!("{lines}\n").replace("; ", "\n"),
+                "{name}"
+            );
+        }
     }
 
     /// A file of the dataset.
@@ -64,7 +80,7 @@ impl Photographs {
         let mut command = sps();
         command.arg("inspect").arg(dataset).arg("--json");
         command.arg("--out").arg(self.folder.path().join("figures"));
-        json(command.assert())
+        command.json()
     }
 
     /// Nothing but the name of their dataset is another than that of `dataset`.
@@ -90,20 +106,13 @@ const FILES: [(&str, &str); 5] = [
 #[test]
 fn folders_by_class() {
     let photographs = Photographs::new(&FILES, "class, fRS, cDF\ndenim, 41.5,\noak, 20, 3.25\n");
-    photographs.import().success();
-    assert_eq!(
-        photographs.text("surfaces.csv"),
-        "surface,material,group\ndenim-a,denim,denim\ndenim-b,denim,denim\noak-1,oak,oak\n"
+    photographs.import().assert().success();
+    photographs.ensure_tables(
+        "surface,material,group; denim-a,denim,denim; denim-b,denim,denim; oak-1,oak,oak",
+        "surface,location,repeat,fRS,cDF; denim-a,0,0,41.5,; denim-b,0,0,41.5,; oak-1,0,0,20,3.25",
     );
-    assert_eq!(
-        photographs.text("tactile.csv"),
-        "surface,location,repeat,fRS,cDF\ndenim-a,0,0,41.5,\ndenim-b,0,0,41.5,\noak-1,0,0,20,3.25\n"
-    );
-    assert!(
-        photographs
-            .text("dataset.toml")
-            .contains("# - photographs of one folder have one value")
-    );
+    let manifest = photographs.text("dataset.toml");
+    expect(&manifest, &["# - photographs of one folder have one value"]);
     let copied = fs::read(photographs.dataset().join("frames/oak-1/000.jpg")).unwrap();
     let own = root().join("fixtures/tiny-dataset/frames/oak-01/002.jpg");
     assert!(copied == fs::read(own).unwrap());
@@ -111,35 +120,27 @@ fn folders_by_class() {
     assert_eq!(found["surfaces"], 3);
     assert_eq!(found["groups"], 2);
 
-    let again = message(photographs.import());
-    expect(&again, &["dataset", "is there already"]);
+    photographs
+        .import()
+        .refused(&["dataset", "is there already"]);
 }
 
 #[test]
 fn photographs_of_a_table() {
     let table = "photograph,group,material,tCO\ndenim/b.png,bolt 7,denim,1e1\noak/1.JPG,,,\n";
     let photographs = Photographs::new(&FILES, table);
-    let said = photographs.import_with(&["--json"]).success();
-    let text = String::from_utf8_lossy(&said.get_output().stderr).into_owned();
-    expect(&text, &["2 surfaces in 2 groups", "Left out", "`inspect "]);
-    let said = json(said);
+    let [said, log] = photographs.import_with(&["--json"]).said_and_logged();
+    expect(&log, &["2 surfaces in 2 groups", "Left out", "`inspect "]);
+    let said: Value = serde_json::from_str(&said).unwrap();
     assert_eq!(said["dataset"], *photographs.dataset().to_string_lossy());
-    assert_eq!(
-        [&said["surfaces"], &said["groups"], &said["views"]],
-        [2, 2, 1]
-    );
-    assert_eq!(said["properties"], serde_json::json!(["tCO"]));
-    assert_eq!(said["left_out"], serde_json::json!(["denim/a.jpg"]));
+    let counts = ["surfaces", "groups", "views"].map(|key| &said[key]);
+    assert_eq!(counts, [2, 2, 1]);
+    assert_eq!(said["properties"], json!(["tCO"]));
+    assert_eq!(said["left_out"], json!(["denim/a.jpg"]));
     let assumed = said["assumed"].as_array().unwrap();
-    assert!(
-        assumed
-            .iter()
-            .any(|line| line == "a surface without a material is of `unknown`")
-    );
-    assert_eq!(
-        photographs.text("surfaces.csv"),
-        "surface,material,group\ndenim-b,denim,bolt 7\noak-1,unknown,oak-1\n"
-    );
+    assert!(assumed.contains(&json!("a surface without a material is of `unknown`")));
+    let surfaces = "surface,material,group\ndenim-b,denim,bolt 7\noak-1,unknown,oak-1\n";
+    assert_eq!(photographs.text("surfaces.csv"), surfaces);
     let found = photographs.inspected(&photographs.dataset());
     assert_eq!(found["properties"][0]["quantiles"][2], 10.0);
     let manifest = photographs.text("dataset.toml");
@@ -151,86 +152,49 @@ fn photographs_of_a_table() {
 /// A folder of a class, too, may be without a row.
 #[test]
 fn photographs_without_a_row_are_counted_and_named() {
-    let files = [
-        "a.png",
-        "b.png",
-        "c.png",
-        "oak/d.png",
-        "oak/.e.png",
-        "denim/f.png",
-    ];
-    let files = files.map(|name| ("denim-01/002.png", name));
+    let names = "a.png b.png c.png oak/d.png oak/.e.png denim/f.png";
+    let files: Vec<_> = names
+        .split(' ')
+        .map(|name| ("denim-01/002.png", name))
+        .collect();
     let photographs = Photographs::new(&files, "class,fRS\ndenim,1\n");
-    let done = photographs.import().success();
-    let said = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
-    expect(
-        &said,
-        &["no row is of them: 4 photographs (a.png, b.png, c.png, ...)"],
-    );
+    let left_out = "no row is of them: 4 photographs (a.png, b.png, c.png, ...)";
+    expect(&photographs.import().said(), &[left_out]);
     assert!(!photographs.dataset().join("frames/oak-d").exists());
+}
+
+/// A line for each: a table, and what the message has.
+const REFUSED: &str = r"
+name,fRS\n | values.csv; `name`; `class` or `photograph`
+class,fRS\n | values.csv; no row
+class\ndenim\n | values.csv; no column is a property; fRS
+class,friction (N)\ndenim,1\n | values.csv; `friction (N)`; `friction-N`
+class,fRS,fRS\ndenim,1,1\n | two columns `fRS`
+class,fRS\ndenim,1\noak,soft\n | line 3; `soft`; a number
+class,fRS\ndenim,inf\noak,1\n | line 2; `inf`
+class,fRS\ndenim,1\noak,1\nslate,2\n | line 4; `slate`
+class,fRS\ndenim,1\noak,1\ndenim,2\n | would both be surface `denim-a`
+photograph,fRS\ndenim/c.png,1\n | line 2; denim/c.png
+photograph,fRS\n../values.csv,1\n | line 2; ends in png
+";
+
+/// The tables and parts of such lines.
+fn cases(lines: &'static str) -> Vec<(String, Vec<&'static str>)> {
+    let case = |line: &'static str| {
+        let (table, parts) = line.split_once(" | ").unwrap();
+        (table.replace(r"\n", "\n"), parts.split("; ").collect())
+    };
+    lines.trim().lines().map(case).collect()
 }
 
 #[test]
 fn what_cannot_be_meant_is_refused_and_leaves_nothing() {
-    for (files, table, parts) in [
-        (
-            &FILES[..],
-            "name,fRS\n",
-            &["values.csv", "`name`", "`class` or `photograph`"][..],
-        ),
-        (&FILES, "class,fRS\n", &["values.csv", "no row"]),
-        (
-            &FILES,
-            "class\ndenim\n",
-            &["values.csv", "no column is a property", "fRS"],
-        ),
-        (
-            &FILES,
-            "class,friction (N)\ndenim,1\n",
-            &["values.csv", "`friction (N)`", "`friction-N`"],
-        ),
-        (&FILES, "class,fRS,fRS\ndenim,1,1\n", &["two columns `fRS`"]),
-        (
-            &FILES,
-            "class,fRS\ndenim,1\noak,soft\n",
-            &["line 3", "`soft`", "a number"],
-        ),
-        (
-            &FILES,
-            "class,fRS\ndenim,inf\noak,1\n",
-            &["line 2", "`inf`"],
-        ),
-        (
-            &FILES,
-            "class,fRS\ndenim,1\noak,1\nslate,2\n",
-            &["line 4", "`slate`"],
-        ),
-        (
-            &FILES,
-            "class,fRS\ndenim,1\noak,1\ndenim,2\n",
-            &["would both be surface `denim-a`"],
-        ),
-        (
-            &FILES,
-            "photograph,fRS\ndenim/c.png,1\n",
-            &["line 2", "denim/c.png"],
-        ),
-        (
-            &FILES,
-            "photograph,fRS\n../values.csv,1\n",
-            &["line 2", "ends in png"],
-        ),
-        (
-            &[("oak-01/002.jpg", ".a.jpg")],
-            "photograph,fRS\n.a.jpg,1\n",
-            &["line 2", "`.a`", "begin with a dot"],
-        ),
-    ] {
-        let photographs = Photographs::new(files, table);
-        let refused = message(photographs.import().failure());
-        expect(&refused, parts);
-        assert!(!photographs.dataset().exists(), "{table}");
+    for (table, parts) in cases(REFUSED) {
+        Photographs::new(&FILES, &table).is_refused(&parts);
     }
+    let hidden = [("oak-01/002.jpg", ".a.jpg")];
+    let photographs = Photographs::new(&hidden, "photograph,fRS\n.a.jpg,1\n");
+    photographs.is_refused(&["line 2", "`.a`", "begin with a dot"]);
 }
 
 /// The friction photographs, taken apart into a folder for each material, are the same dataset again.
@@ -245,23 +209,18 @@ fn friction_photographs_taken_apart() {
     let folder = tempfile::tempdir().unwrap();
     let mut table = "photograph,material,group,fRS\n".to_owned();
     for line in tactile.lines().skip(1) {
-        let (surface, value) = (
-            line.split(',').next().unwrap(),
-            line.rsplit(',').next().unwrap(),
-        );
+        let (surface, rest) = line.split_once(',').unwrap();
+        let (_, value) = rest.rsplit_once(',').unwrap();
         let (material, number) = surface.rsplit_once('-').unwrap();
         let to = folder.path().join("photographs").join(material);
         fs::create_dir_all(&to).unwrap();
         let from = dataset.join("frames").join(surface).join("000.jpg");
         fs::copy(from, to.join(format!("{number}.jpg"))).unwrap();
-        writeln!(
-            table,
-            "{material}/{number}.jpg,{material},{material},{value}"
-        )
-        .unwrap();
+        let photograph = format!("{material}/{number}.jpg");
+        writeln!(table, "{photograph},{material},{material},{value}").unwrap();
     }
     fs::write(folder.path().join("values.csv"), table).unwrap();
     let photographs = Photographs { folder };
-    photographs.import().success();
+    photographs.import().assert().success();
     photographs.ensure_are(&dataset);
 }

@@ -1,11 +1,9 @@
 //! The page of a report, as a browser lays it out.
 
-mod support;
-
 use std::fs;
 use std::sync::LazyLock;
 
-use support::{Scratch, browser};
+use crate::support::{Scratch, browser};
 
 const PROBE: &str = include_str!("page/probe.js");
 const WIDTHS: [usize; 3] = [800, 1300, 1600];
@@ -14,7 +12,7 @@ const WIDTHS: [usize; 3] = [800, 1300, 1600];
 static PROBED: LazyLock<Scratch> = LazyLock::new(|| {
     let scratch = Scratch::new();
     scratch.experiment().assert().success();
-    let page = fs::read_to_string(scratch.path("run/report.html")).unwrap();
+    let page = scratch.read("run/report.html");
     let end = page.rfind("</body>").unwrap();
     let probe = format!("<script>{PROBE}</script>");
     let page = [&page[..end], &probe, &page[end..]].concat();

@@ -1,5 +1,4 @@
 //! Streams differ by every part of their name, and draws have no favourites.
-#![cfg(feature = "streams")]
 
 use sps_base::streams::{ChaCha8Rng, RngCore, SeedableRng, below, below_u32, stream};
 

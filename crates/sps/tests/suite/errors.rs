@@ -1,25 +1,40 @@
 //! What can go wrong ends with status 1 and one clear message.
 
-mod support;
-
 use std::fs;
 use std::path::Path;
 
+use crate::support::{Ends, Mounted, Scratch};
+use candle_core::Device;
 use safetensors::tensor::{Dtype, TensorView};
-use support::{Mounted, Scratch, expect, message, sps};
+use sps_models::encoders::{Encoder, EncoderKind};
+
+/// A line for each: the file, what stands there, what is put there, and what the message has.
+const EDITED: &str = r#"
+tiny.toml | /data" | /nowhere" | nowhere; no such folder
+tiny.toml | level | levels | tiny.toml, line 17; did you mean `level`?
+tiny.toml | "cDF" | "cDX" | `properties`; `cDX`; did you mean `cDF`?; of tiny
+data/surfaces.csv | denim-02, | denim-01, | surfaces.csv; line 3; denim-01
+data/tactile.csv | fRS | fRX | tactile.csv; fRX
+"#;
 
 #[test]
-fn a_missing_dataset() {
-    let scratch = Scratch::new();
-    scratch.edit("tiny.toml", "/data\"", "/nowhere\"");
-    let text = message(scratch.experiment().assert());
-    expect(&text, &["nowhere", "no such folder"]);
+fn what_was_edited_wrongly() {
+    for line in EDITED.trim().lines() {
+        let scratch = Scratch::new();
+        let [name, from, to, parts] = line.split(" | ").collect::<Vec<_>>()[..] else {
+            panic!("{line}");
+        };
+        scratch.edit(name, from, to);
+        scratch.is_refused(&parts.split("; ").collect::<Vec<_>>());
+    }
 }
 
 #[test]
 fn a_missing_config() {
-    let text = message(sps().args(["experiment", "configs/nothing.toml"]).assert());
-    expect(&text, &["configs/nothing.toml"]);
+    let scratch = Scratch::new();
+    scratch
+        .sps("experiment configs/nothing.toml")
+        .refused(&["configs/nothing.toml"]);
 }
 
 #[test]
@@ -28,19 +43,9 @@ fn a_truncated_png() {
     let path = scratch.path("data/frames/denim-01/002.png");
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    expect(
-        &message(scratch.experiment().assert()),
-        &["denim-01/002.png"],
-    );
-    let inspected = message(
-        sps()
-            .arg("inspect")
-            .arg(scratch.path("data"))
-            .arg("--out")
-            .arg(scratch.path("figures"))
-            .assert(),
-    );
-    expect(&inspected, &["1 frames", "cannot be read"]);
+    scratch.is_refused(&["denim-01/002.png"]);
+    let mut inspect = scratch.sps("inspect @data --out @figures");
+    inspect.refused(&["1 frames", "cannot be read"]);
 }
 
 #[test]
@@ -50,73 +55,33 @@ fn an_exr_cut_anywhere() {
     let bytes = fs::read(&path).unwrap();
     for part in 0..10 {
         fs::write(&path, &bytes[..bytes.len() * part / 10]).unwrap();
-        expect(
-            &message(scratch.experiment().assert()),
-            &["tile-01/002.exr"],
-        );
+        scratch.is_refused(&["tile-01/002.exr"]);
     }
-}
-
-#[test]
-fn a_table_with_a_surface_twice() {
-    let scratch = Scratch::new();
-    scratch.edit("data/surfaces.csv", "denim-02,", "denim-01,");
-    let text = message(scratch.experiment().assert());
-    expect(&text, &["surfaces.csv", "line 3", "denim-01"]);
-}
-
-#[test]
-fn an_unknown_property() {
-    let scratch = Scratch::new();
-    scratch.edit("data/tactile.csv", "fRS", "fRX");
-    let text = message(scratch.experiment().assert());
-    expect(&text, &["tactile.csv", "fRX"]);
-    let scratch = Scratch::new();
-    scratch.edit("tiny.toml", "\"cDF\"", "\"cDX\"");
-    let text = message(scratch.experiment().assert());
-    expect(
-        &text,
-        &["`properties`", "`cDX`", "did you mean `cDF`?", "of tiny"],
-    );
 }
 
 #[test]
 fn a_text_where_a_number_belongs() {
     let scratch = Scratch::new();
-    let path = scratch.path("data/tactile.csv");
-    let table = fs::read_to_string(&path).unwrap();
+    let table = scratch.read("data/tactile.csv");
     let (header, rows) = table.split_once('\n').unwrap();
     let (first, rest) = rows.split_once('\n').unwrap();
     let cells: Vec<&str> = first.split(',').collect();
     let spoilt = [&cells[..3], &["rough"], &cells[4..]].concat().join(",");
-    fs::write(&path, format!("{header}\n{spoilt}\n{rest}")).unwrap();
-    let text = message(scratch.experiment().assert());
-    expect(&text, &["tactile.csv", "line 2", "rough", "number"]);
+    let table = format!("{header}\n{spoilt}\n{rest}");
+    fs::write(scratch.path("data/tactile.csv"), table).unwrap();
+    scratch.is_refused(&["tactile.csv", "line 2", "rough", "number"]);
 }
 
 #[test]
 fn a_misspelt_key() {
     let scratch = Scratch::new();
-    scratch.edit("tiny.toml", "level", "levels");
-    let text = message(scratch.experiment().assert());
-    expect(&text, &["tiny.toml, line 17", "did you mean `level`?"]);
-    let text = message(
-        Scratch::new()
-            .experiment()
-            .args(["--set", "head.epoch=3"])
-            .assert(),
-    );
-    expect(&text, &["--set head.epoch", "did you mean `epochs`?"]);
+    let mut experiment = scratch.sps("experiment @tiny.toml --set head.epoch=3");
+    experiment.refused(&["--set head.epoch", "did you mean `epochs`?"]);
 }
 
 /// Writes the encoder's weights with one tensor taken away or misshapen.
 fn spoilt_weights(path: &Path, spoil: impl Fn(&str, &mut Vec<usize>) -> bool) {
-    let encoder = sps_models::encoders::Encoder::seeded(
-        sps_models::encoders::EncoderKind::EfficientNetLiteBody,
-        0,
-        &candle_core::Device::Cpu,
-    );
-    let encoder = encoder.unwrap();
+    let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0, &Device::Cpu).unwrap();
     let mut tensors = Vec::new();
     for (name, tensor) in encoder.weights().iter() {
         let mut shape = tensor.dims().to_vec();
@@ -126,10 +91,8 @@ fn spoilt_weights(path: &Path, spoil: impl Fn(&str, &mut Vec<usize>) -> bool) {
         }
     }
     let views = tensors.iter().map(|(name, shape, bytes)| {
-        (
-            name,
-            TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap(),
-        )
+        let view = TensorView::new(Dtype::F32, shape.clone(), bytes);
+        (name, view.unwrap())
     });
     fs::write(path, safetensors::serialize(views, None).unwrap()).unwrap();
 }
@@ -140,22 +103,14 @@ fn weights_that_do_not_fit() {
     let weights = scratch.path("weights.safetensors");
     scratch.edit("tiny.toml", "untrained", &weights.display().to_string());
     spoilt_weights(&weights, |name, _| name != "conv_stem.weight");
-    let text = message(scratch.experiment().assert());
-    expect(
-        &text,
-        &["weights.safetensors", "conv_stem.weight", "missing"],
-    );
+    scratch.is_refused(&["weights.safetensors", "conv_stem.weight", "missing"]);
     spoilt_weights(&weights, |name, shape| {
         if name == "conv_stem.weight" {
             shape[1] += 1;
         }
         true
     });
-    let text = message(scratch.experiment().assert());
-    expect(
-        &text,
-        &["weights.safetensors", "conv_stem.weight", "[", "expected"],
-    );
+    scratch.is_refused(&["weights.safetensors", "conv_stem.weight", "[", "expected"]);
 }
 
 #[test]
@@ -165,8 +120,7 @@ fn a_full_disk_loses_nothing_that_was_written() {
     let Some(mounted) = Mounted::new(&run, "size=32k") else {
         return;
     };
-    let text = message(scratch.experiment().assert());
-    expect(&text, &["run/", "No space left"]);
+    scratch.is_refused(&["run/", "No space left"]);
     let kept = fs::read_to_string(run.join("trials.jsonl")).unwrap();
     assert_eq!(kept.lines().count(), 8, "{kept}");
     mounted.remount("size=10m");
@@ -185,7 +139,7 @@ fn a_full_disk_leaves_whole_lines() {
             return;
         };
         let mut many = scratch.experiment();
-        let text = message(many.args(["--set", "reruns=20"]).assert());
+        let text = many.args(["--set", "reruns=20"]).message();
         filled += usize::from(text.contains("cannot add to"));
         let kept = fs::read_to_string(run.join("trials.jsonl")).unwrap_or_default();
         assert!(kept.is_empty() || kept.ends_with('\n'), "{kib} KiB: {kept}");
@@ -206,6 +160,5 @@ fn a_read_only_output_folder() {
     let Some(_mounted) = Mounted::new(&run, "ro") else {
         return;
     };
-    let text = message(scratch.experiment().assert());
-    expect(&text, &["run", "Read-only file system"]);
+    scratch.is_refused(&["run", "Read-only file system"]);
 }

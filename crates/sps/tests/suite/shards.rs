@@ -1,14 +1,14 @@
 //! Experiments in shards, and what there is to do before a run.
 
-mod support;
-
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::Child;
 
+use crate::support::{
+    Ends, Scratch, copy, expect, kill, results_of_trained, results_without_timings, texts,
+};
 use serde_json::Value;
-use support::{Scratch, expect, kill, message, process, results_without_timings};
 
 /// Methods that ask the same networks, one that asks refits, and two on an encoder that is trained.
 const METHODS: &str = "\
@@ -38,24 +38,9 @@ fn merge(scratch: &Scratch, to: &str, runs: &[&str]) -> assert_cmd::Command {
 
 /// Starts a shard of the run in `run`, with its log in a file.
 fn start(scratch: &Scratch, shard: &str, log: &str) -> Child {
-    process()
-        .arg("experiment")
-        .arg(scratch.path("tiny.toml"))
-        .arg("--out")
-        .arg(scratch.path("run"))
-        .args(["--shard", shard])
-        .stderr(fs::File::create(scratch.path(log)).unwrap())
-        .spawn()
-        .unwrap()
-}
-
-/// `results.json` without times.
-fn results(run: &Path) -> Value {
-    let mut results = results_without_timings(run);
-    for method in results["methods"].as_array_mut().unwrap() {
-        method["encoder_train_seconds"].take();
-    }
-    results
+    let line = format!("experiment @tiny.toml --out @run --shard {shard}");
+    let log = fs::File::create(scratch.path(log)).unwrap();
+    scratch.process(&line).stderr(log).spawn().unwrap()
 }
 
 /// Keys of the trials in a journal, in its order.
@@ -71,7 +56,7 @@ fn keys(journal: &Path) -> Vec<String> {
 fn shards_come_to_what_one_run_does() {
     let scratch = Scratch::with_methods(METHODS);
     scratch.experiment().assert().success();
-    let expected = results(&scratch.path("run"));
+    let expected = results_of_trained(&scratch.path("run"));
     let all = keys(&scratch.path("run/trials.jsonl"));
     for of in [1, 2, 4] {
         let run = format!("run-{of}");
@@ -94,7 +79,11 @@ fn shards_come_to_what_one_run_does() {
             merge(&scratch, "merged", &[&run]).assert().success();
             "merged".to_owned()
         };
-        assert_eq!(results(&scratch.path(&to)), expected, "{of} shards");
+        assert_eq!(
+            results_of_trained(&scratch.path(&to)),
+            expected,
+            "{of} shards"
+        );
         let journal = scratch.path(&to).join("trials.jsonl");
         assert_eq!(keys(&journal).len(), all.len());
         let _ = fs::remove_dir_all(scratch.path("merged"));
@@ -104,8 +93,7 @@ fn shards_come_to_what_one_run_does() {
 #[test]
 fn more_shards_than_items_leave_some_without_work() {
     let scratch = Scratch::new();
-    scratch.experiment().assert().success();
-    let expected = scratch.results();
+    let expected = scratch.ran();
     for number in 1..=6 {
         let name = format!("{number}/6");
         shard(&scratch, "many", &name).assert().success();
@@ -118,7 +106,7 @@ fn more_shards_than_items_leave_some_without_work() {
 fn shards_at_once_share_one_cache() {
     let scratch = Scratch::with_methods(METHODS);
     scratch.experiment().assert().success();
-    let expected = results(&scratch.path("run"));
+    let expected = results_of_trained(&scratch.path("run"));
     fs::remove_dir_all(scratch.path("run")).unwrap();
     fs::remove_dir_all(scratch.path("cache")).unwrap();
     let children = [1, 2, 3].map(|number| {
@@ -130,18 +118,16 @@ fn shards_at_once_share_one_cache() {
         let log = fs::read_to_string(scratch.path(&log)).unwrap();
         assert!(status.success(), "{log}");
     }
-    let merged = merge(&scratch, "run", &["run"]).assert().success();
-    let log = String::from_utf8_lossy(&merged.get_output().stderr).into_owned();
+    let log = merge(&scratch, "run", &["run"]).logged();
     assert!(log.contains("0 of them encoded now"), "{log}");
-    assert_eq!(results(&scratch.path("run")), expected);
+    assert_eq!(results_of_trained(&scratch.path("run")), expected);
 }
 
 #[test]
 fn a_shard_that_was_killed_is_run_again_alone() {
     let scratch = Scratch::new();
     scratch.edit("tiny.toml", "epochs = 3", "epochs = 40");
-    scratch.experiment().assert().success();
-    let expected = scratch.results();
+    let expected = scratch.ran();
     fs::remove_dir_all(scratch.path("run")).unwrap();
     shard(&scratch, "run", "1/2").assert().success();
     let journal = scratch.path("run/shards/2-of-2/trials.jsonl");
@@ -152,7 +138,7 @@ fn a_shard_that_was_killed_is_run_again_alone() {
     });
     let begun = fs::read_to_string(&journal).unwrap();
     if killed {
-        let refused = message(merge(&scratch, "run", &["run"]).assert());
+        let refused = merge(&scratch, "run", &["run"]).message();
         let again = "`--shard 2/2` again";
         expect(&refused, &["shard 2/2", "2-of-2", "has not ended", again]);
     }
@@ -180,30 +166,29 @@ fn two_of_one_number_wait_for_one_another() {
 fn shards_in_folders_of_their_own_with_caches_of_their_own_are_merged() {
     let scratch = Scratch::with_methods(METHODS);
     scratch.experiment().assert().success();
-    let expected = results(&scratch.path("run"));
+    let expected = results_of_trained(&scratch.path("run"));
     for (number, run) in [(1, "here"), (2, "there")] {
         let cache = scratch.path(&format!("cache-{run}"));
-        shard(&scratch, run, &format!("{number}/2"))
-            .args(["--set", &format!("cache.folder={}", cache.display())])
-            .assert()
-            .success();
+        let mut part = shard(&scratch, run, &format!("{number}/2"));
+        part.args(["--set", &format!("cache.folder={}", cache.display())]);
+        part.assert().success();
     }
     // As if brought from the machines; entries are named by what they hold.
     fs::remove_dir_all(scratch.path("cache")).unwrap();
     for cache in ["cache-here", "cache-there"] {
-        support::copy(&scratch.path(cache), &scratch.path("cache"));
+        copy(&scratch.path(cache), &scratch.path("cache"));
     }
     merge(&scratch, "merged", &["here", "there"])
         .assert()
         .success();
-    assert_eq!(results(&scratch.path("merged")), expected);
+    assert_eq!(results_of_trained(&scratch.path("merged")), expected);
 }
 
 #[test]
 fn shards_that_do_not_belong_together_are_named() {
     let scratch = Scratch::new();
     let refused = |parts: &[&str]| {
-        expect(&message(merge(&scratch, "run", &["run"]).assert()), parts);
+        merge(&scratch, "run", &["run"]).refused(parts);
         assert!(!scratch.path("run/results.json").exists());
     };
     refused(&["--merge", "run: no shards here", "--shard K/N"]);
@@ -214,10 +199,8 @@ fn shards_that_do_not_belong_together_are_named() {
     fs::remove_dir_all(scratch.path("run/shards/1-of-3")).unwrap();
 
     let other = |settings: &[&str]| {
-        shard(&scratch, "run", "1/2")
-            .args(settings)
-            .assert()
-            .success();
+        let mut part = shard(&scratch, "run", "1/2");
+        part.args(settings).assert().success();
     };
     other(&["--set", "seed=1"]);
     refused(&["shard 1/2", "another config", "`seed` is 1, here 0"]);
@@ -225,11 +208,8 @@ fn shards_that_do_not_belong_together_are_named() {
     let methods = "ridge; here ridge, cross-modal";
     refused(&["shard 1/2", "other methods", methods]);
     other(&[]);
-    let table = fs::read(scratch.path("data/tactile.csv")).unwrap();
-    let digit = table.iter().rposition(u8::is_ascii_digit).unwrap();
-    let mut changed = table.clone();
-    changed[digit] = if table[digit] == b'1' { b'2' } else { b'1' };
-    fs::write(scratch.path("data/tactile.csv"), changed).unwrap();
+    let table = scratch.read("data/tactile.csv");
+    scratch.change_a_reading();
     refused(&["shard 1/2", "other data", "data_hash"]);
     fs::write(scratch.path("data/tactile.csv"), table).unwrap();
 
@@ -255,8 +235,7 @@ fn a_merge_does_no_work_of_a_shard() {
     let journal = scratch.path("run/shards/1-of-1/trials.jsonl");
     let text = fs::read_to_string(&journal).unwrap();
     fs::write(&journal, text.split_once('\n').unwrap().1).unwrap();
-    let refused = message(merge(&scratch, "run", &["run"]).assert());
-    expect(&refused, &["method `", "rerun ", "in none of the shards"]);
+    merge(&scratch, "run", &["run"]).refused(&["method `", "rerun ", "in none of the shards"]);
     // The shard mends it, or the plain command does.
     scratch.experiment().assert().success();
 }
@@ -266,15 +245,8 @@ fn a_number_that_is_no_shard_is_refused() {
     let scratch = Scratch::new();
     for text in ["0/2", "3/2", "2"] {
         let refused = shard(&scratch, "run", text).assert().code(2);
-        let text = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
-        assert!(text.contains("is not K/N"), "{text}");
+        expect(&texts(&refused)[1], &["is not K/N"]);
     }
-}
-
-/// What `--dry-run` says.
-fn said(command: &mut assert_cmd::Command) -> String {
-    let output = command.arg("--dry-run").assert().success();
-    String::from_utf8_lossy(&output.get_output().stdout).into_owned()
 }
 
 /// The words of the line that begins with this one, after it.
@@ -288,7 +260,7 @@ fn line(said: &str, first: &str) -> Vec<String> {
 #[test]
 fn a_dry_run_counts_and_writes_nothing() {
     let scratch = Scratch::with_methods(METHODS);
-    let before = said(&mut scratch.experiment());
+    let before = scratch.experiment().arg("--dry-run").said();
     assert!(!scratch.path("run").exists() && !scratch.path("cache").exists());
     assert_eq!(line(&before, "ridge"), ["0", "4"], "{before}");
     assert_eq!(line(&before, "nvs"), ["0", "4", "0", "4"], "{before}");
@@ -296,16 +268,16 @@ fn a_dry_run_counts_and_writes_nothing() {
     assert!(!before.contains("nothing is missing"), "{before}");
 
     shard(&scratch, "run", "1/2").assert().success();
-    let part = said(&mut scratch.experiment());
+    let part = scratch.experiment().arg("--dry-run").said();
     assert_eq!(line(&part, "ridge"), ["2", "2"], "{part}");
     assert_eq!(line(&part, "nvs"), ["2", "2", "2", "2"], "{part}");
     assert!(part.contains("to be trained on 1 split"), "{part}");
-    let own = said(&mut shard(&scratch, "run", "1/2"));
+    let own = shard(&scratch, "run", "1/2").arg("--dry-run").said();
     assert_eq!(line(&own, "ridge"), ["2", "0"], "{own}");
 
     scratch.experiment().assert().success();
     let journal = fs::read(scratch.path("run/trials.jsonl")).unwrap();
-    let after = said(&mut scratch.experiment());
+    let after = scratch.experiment().arg("--dry-run").said();
     let done = ["4", "0", "4", "0"];
     assert_eq!(line(&after, "exhaustive"), done, "{after}");
     assert!(after.contains("nothing is missing"), "{after}");

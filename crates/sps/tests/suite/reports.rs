@@ -1,18 +1,14 @@
 //! Reports of finished runs, and what is left in their folders.
 
-mod support;
-
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
+use crate::support::{Ends, Mounted, Scratch, expect};
 use serde_json::Value;
-use support::{Mounted, Scratch, expect, json, message, process, sps};
 
 fn report(scratch: &Scratch) -> assert_cmd::Command {
-    let mut command = sps();
-    command.arg("report").arg(scratch.path("run"));
-    command
+    scratch.sps("report @run")
 }
 
 #[test]
@@ -22,12 +18,8 @@ fn a_report_waits_for_the_run_in_its_folder() {
     let lock = File::options().append(true).open(scratch.path("run/lock"));
     let lock = lock.unwrap();
     lock.lock().unwrap();
-    let mut child = process()
-        .arg("report")
-        .arg(scratch.path("run"))
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut waiting = scratch.process("report @run");
+    let mut child = waiting.stderr(Stdio::piped()).spawn().unwrap();
     let mut log = BufReader::new(child.stderr.take().unwrap()).lines();
     let waits = log.any(|line| line.unwrap().contains("waiting"));
     lock.unlock().unwrap();
@@ -43,14 +35,14 @@ fn results_that_are_older_than_the_last_run_are_refused() {
     let frame = scratch.path("data/frames/denim-01/002.png");
     let whole = fs::read(&frame).unwrap();
     fs::write(&frame, &whole[..whole.len() / 2]).unwrap();
-    let mut again = scratch.experiment();
-    message(again.args(["--set", "report.level=0.5"]).assert());
-    let text = message(report(&scratch).assert());
-    expect(&text, &["run", "no run has finished", "`experiment`"]);
-    let mut compare = sps();
-    let both = [scratch.path("run"), scratch.path("run")];
-    let text = message(compare.arg("compare").args(both).assert());
-    expect(&text, &["no run has finished"]);
+    scratch
+        .experiment()
+        .args(["--set", "report.level=0.5"])
+        .message();
+    report(&scratch).refused(&["run", "no run has finished", "`experiment`"]);
+    scratch
+        .sps("compare @run @run")
+        .refused(&["no run has finished"]);
     fs::write(&frame, &whole).unwrap();
     scratch.experiment().assert().success();
     report(&scratch).assert().success();
@@ -73,7 +65,7 @@ fn what_a_run_did_not_write_is_neither_sealed_nor_reported() {
     for mut command in [report(&scratch), scratch.experiment()] {
         command.assert().success();
         assert!(!old.iter().any(|old| old.exists()));
-        let sealed = fs::read_to_string(scratch.path("run/checksums")).unwrap();
+        let sealed = scratch.read("run/checksums");
         let mut names: Vec<&str> = sealed.lines().map(|line| &line[66..]).collect();
         let tables = names.iter().filter(|name| name.starts_with("tables/"));
         assert!(tables.count() >= 10);
@@ -91,8 +83,7 @@ fn every_table_is_there_for_programs_and_for_papers() {
     let scratch = Scratch::new();
     scratch.edit("tiny.toml", "\"Ridge\"", "\"Ridge_1 & 50 %, one\"");
     scratch.experiment().assert().success();
-    let read = |name: &str| fs::read_to_string(scratch.path("run").join(name)).unwrap();
-    let page = read("report.md");
+    let page = scratch.read("run/report.md");
     for name in "means r2 percent-error mae mae-over-std spearman costs".split(' ') {
         let mut csv = csv::Reader::from_path(scratch.path(&format!("run/tables/{name}.csv")));
         let csv = csv.as_mut().unwrap();
@@ -100,46 +91,32 @@ fn every_table_is_there_for_programs_and_for_papers() {
         let labels: Vec<String> = records.map(|record| record[0].to_owned()).collect();
         assert_eq!(labels[0], "Ridge_1 & 50 %, one");
         assert!(labels.iter().all(|label| page.contains(label.as_str())));
-        let latex = read(&format!("tables/{name}.tex"));
-        expect(
-            &latex,
-            &[
-                "\\toprule",
-                "    Ridge\\_1 \\& 50 \\%, one & ",
-                "\\bottomrule",
-            ],
-        );
+        let latex = scratch.read(&format!("run/tables/{name}.tex"));
+        let label = "    Ridge\\_1 \\& 50 \\%, one & ";
+        expect(&latex, &["\\toprule", label, "\\bottomrule"]);
     }
-    let means = read("tables/means.csv");
+    let means = scratch.read("run/tables/means.csv");
     let r2 = scratch.results()["methods"][0]["r2_mean"].to_string();
     expect(&means, &["MAE,MAE / std,Spearman,% error,", &r2]);
 
-    let written = fs::read(scratch.path("run/tables/means.tex")).unwrap();
+    let written = scratch.read("run/tables/means.tex");
+
     fs::remove_dir_all(scratch.path("run/tables")).unwrap();
     report(&scratch).assert().success();
-    assert_eq!(
-        fs::read(scratch.path("run/tables/means.tex")).unwrap(),
-        written
-    );
+    assert_eq!(scratch.read("run/tables/means.tex"), written);
 }
 
 #[test]
 fn photographs_that_are_gone_are_left_out_with_a_line() {
     let scratch = Scratch::new();
     scratch.experiment().assert().success();
-    let page = || fs::read_to_string(scratch.path("run/report.html")).unwrap();
-    let seen = page();
-    expect(
-        &seen,
-        &["The surfaces themselves", "data:image/png;base64,"],
-    );
+    let seen = scratch.read("run/report.html");
+    let title = "The surfaces themselves";
+    expect(&seen, &[title, "data:image/png;base64,"]);
     fs::remove_dir_all(scratch.path("data")).unwrap();
     report(&scratch).assert().success();
-    let unseen = page();
-    expect(
-        &unseen,
-        &["The surfaces themselves", "There are no pictures: "],
-    );
+    let unseen = scratch.read("run/report.html");
+    expect(&unseen, &[title, "There are no pictures: "]);
     assert!(!unseen.contains("data:image"));
     let cards = |page: &str| page.matches("<article>").count();
     assert_eq!(cards(&unseen), cards(&seen));
@@ -149,19 +126,19 @@ fn photographs_that_are_gone_are_left_out_with_a_line() {
 fn json_is_the_content_of_the_results() {
     let scratch = Scratch::new();
     scratch.experiment().assert().success();
-    let said = report(&scratch).arg("--json").assert().success();
-    let text = String::from_utf8_lossy(&said.get_output().stderr).into_owned();
-    expect(&text, &["report.html"]);
-    let written = fs::read_to_string(scratch.path("run/results.json")).unwrap();
-    assert_eq!(json(said), serde_json::from_str::<Value>(&written).unwrap());
+    let [said, log] = report(&scratch).arg("--json").said_and_logged();
+    expect(&log, &["report.html"]);
+    let [said, written] = [&said, &scratch.read("run/results.json")]
+        .map(|text| serde_json::from_str::<Value>(text).unwrap());
+    assert_eq!(said, written);
 }
 
 #[test]
 fn a_folder_without_a_run_is_left_as_it_was() {
-    let folder = tempfile::tempdir().unwrap();
-    let text = message(sps().arg("report").arg(folder.path()).assert());
-    expect(&text, &["is not the folder of a run"]);
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    let scratch = Scratch::new();
+    fs::create_dir(scratch.path("run")).unwrap();
+    report(&scratch).refused(&["is not the folder of a run"]);
+    assert_eq!(fs::read_dir(scratch.path("run")).unwrap().count(), 0);
 }
 
 #[test]
@@ -173,13 +150,11 @@ fn runs_that_cannot_be_written_to_are_shown_and_compared() {
     };
     scratch.experiment().assert().success();
     mounted.remount("ro");
-    let shown = report(&scratch).assert().success().get_output().clone();
-    let [table, log] = [shown.stdout, shown.stderr].map(|text| String::from_utf8(text).unwrap());
+    let [table, log] = report(&scratch).said_and_logged();
     expect(&table, &["ridge"]);
     expect(
         &log,
         &["the report was not written", "Read-only file system"],
     );
-    let mut compare = sps();
-    compare.arg("compare").args([&run, &run]).assert().success();
+    scratch.sps("compare @run @run").assert().success();
 }

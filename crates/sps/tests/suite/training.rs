@@ -1,37 +1,25 @@
 //! Training encoders from the command line.
 
-mod support;
-
 use std::fs;
 use std::path::Path;
 
+use crate::support::{Ends, Scratch};
 use serde_json::Value;
-use support::{Scratch, results_without_timings, sps};
 
 /// An experiment in which the encoder of each of two reruns is trained, through heads with all their
 /// losses.
 fn fine_tune(scratch: &Scratch, more: &[&str]) -> (Value, String) {
-    let cache = format!("cache.folder={}", scratch.path("cache").display());
-    let mut command = sps();
-    command.args(["experiment", "configs/end-to-end.toml", "--fresh"]);
-    command.args(["--only", "frozen", "--only", "heads"]);
-    let settings = [
-        "reruns=2",
-        "properties=[\"fRS\", \"mTX\"]",
-        "data.simulated.surfaces=20",
-        "data.simulated.test-surfaces=10",
-        "data.simulated.size=32",
-        "encoder.training.epochs=2",
-        "head.epochs=2",
-        &cache,
-    ];
-    for setting in settings.iter().chain(more) {
+    let mut command = scratch.sps(
+        "experiment configs/end-to-end.toml --fresh --only frozen --only heads --out @run \
+         --set reruns=2 --set data.simulated.surfaces=20 --set data.simulated.test-surfaces=10 \
+         --set data.simulated.size=32 --set encoder.training.epochs=2 --set head.epochs=2 \
+         --set cache.folder=@cache",
+    );
+    for setting in ["properties=[\"fRS\", \"mTX\"]"].iter().chain(more) {
         command.args(["--set", setting]);
     }
-    command.arg("--out").arg(scratch.path("run"));
-    let done = command.assert().success();
-    let log = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
-    (results_without_timings(&scratch.path("run")), log)
+    let log = command.logged();
+    (scratch.results(), log)
 }
 
 fn entries(folder: &Path) -> usize {
@@ -72,14 +60,9 @@ fn a_trained_encoder_computes_in_the_precision_that_is_asked_for() {
 
 #[test]
 fn a_learning_rate_that_cannot_be_meant_is_refused() {
-    let run = sps()
-        .args(["experiment", "configs/end-to-end.toml", "--list"])
-        .args(["--set", "encoder.training.adam.learning-rate=-1"])
-        .assert()
-        .failure();
-    let message = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
-    assert!(
-        message.contains("learning-rate") && message.contains("above 0"),
-        "{message}"
-    );
+    let line =
+        "experiment configs/end-to-end.toml --list --set encoder.training.adam.learning-rate=-1";
+    Scratch::new()
+        .sps(line)
+        .refused(&["learning-rate", "above 0"]);
 }

@@ -1,11 +1,8 @@
 //! What splits keep together, from the config to the results.
 
-mod support;
-
 use std::collections::BTreeMap;
-use std::fs;
 
-use support::{Scratch, method, sps};
+use crate::support::{Ends, Scratch, expect, method};
 
 /// A line of `predictions.csv`.
 struct Prediction {
@@ -17,7 +14,7 @@ struct Prediction {
 }
 
 fn predictions(scratch: &Scratch) -> Vec<Prediction> {
-    let text = fs::read_to_string(scratch.path("run/predictions.csv")).unwrap();
+    let text = scratch.read("run/predictions.csv");
     let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let header = lines.next().unwrap();
     let of = |cells: &[&str], name: &str| {
@@ -69,13 +66,8 @@ fn folds_by_material_are_pooled_in_a_rerun_and_differ_between_reruns() {
         names.sort_unstable();
         names.dedup();
         assert_eq!(names.len(), 6);
-        let groups =
-            |fold: &[Prediction]| -> Vec<String> { fold.iter().map(|p| p.group.clone()).collect() };
-        assert!(
-            groups(&rerun[0])
-                .iter()
-                .all(|g| !groups(&rerun[1]).contains(g))
-        );
+        let mut groups = rerun[0].iter().map(|p| &p.group);
+        assert!(groups.all(|group| rerun[1].iter().all(|p| p.group != *group)));
         let (mut errors, mut distances) = (0.0, 0.0);
         for (fold, mean) in rerun.iter().zip(means) {
             for one in fold {
@@ -87,9 +79,7 @@ fn folds_by_material_are_pooled_in_a_rerun_and_differ_between_reruns() {
     }
     let scored = ridge["r2"]["fRS"].as_f64().unwrap();
     assert!((scored - r2).abs() < 1e-9, "{scored}, {r2}");
-    let held_out = |fold: &Vec<Prediction>| -> Vec<String> {
-        fold.iter().map(|p| p.surface.clone()).collect()
-    };
+    let held_out = |fold: &[Prediction]| fold.iter().map(|p| p.surface.clone()).collect::<Vec<_>>();
     let first = held_out(&folds[0]);
     assert!(folds[2..].iter().any(|fold| {
         let other = held_out(fold);
@@ -102,33 +92,21 @@ fn folds_by_material_are_pooled_in_a_rerun_and_differ_between_reruns() {
 #[test]
 fn training_says_which_question_was_asked() {
     let scratch = Scratch::new();
-    let train = |by: &str, said: &[&str]| {
-        let mut train = sps();
-        train
-            .args(["fit", "--config"])
-            .arg(scratch.path("tiny.toml"));
+    let train = |by: &str, parts: &[&str]| {
+        let mut train =
+            scratch.sps("fit --config @tiny.toml --set train.method=ridge --set reruns=1");
         let split = format!("split={{leave-one-out={{by=\"{by}\"}}}}");
-        for set in [split.as_str(), "train.method=ridge", "reruns=1"] {
-            train.args(["--set", set]);
-        }
-        let output = train.arg("--out").arg(scratch.path(by)).assert().success();
-        let text = String::from_utf8(output.get_output().stdout.clone()).unwrap();
-        for part in said {
-            assert!(text.contains(part), "`{part}` is not in: {text}");
-        }
+        train
+            .args(["--set", &split])
+            .arg("--out")
+            .arg(scratch.path(by));
+        expect(&train.said(), parts);
     };
-    train(
-        "surface",
-        &[
-            "splits are by surface: 33.3 % of the surfaces held out are of a group that was trained on",
-        ],
-    );
-    train(
-        "group",
-        &[
-            "splits are by group: scores tell what is known of new groups; 33.3 % of the surfaces \
-             held out are of a material",
-            "the intervals of the model are calibrated on 1 of 5 groups",
-        ],
-    );
+    let known =
+        "splits are by surface: 33.3 % of the surfaces held out are of a group that was trained on";
+    train("surface", &[known]);
+    let new = "splits are by group: scores tell what is known of new groups; 33.3 % of the surfaces \
+        held out are of a material";
+    let calibrated = "the intervals of the model are calibrated on 1 of 5 groups";
+    train("group", &[new, calibrated]);
 }

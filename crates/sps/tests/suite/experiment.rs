@@ -1,18 +1,16 @@
 //! Experiments from config to report.
 
-mod support;
-
 use std::fs;
+use std::path::Path;
 
+use crate::support::{Ends, Scratch, expect, kill, method, results_without_timings};
+use safetensors::SafeTensors;
 use serde_json::Value;
-use support::{
-    Scratch, expect, json, kill, message, method, process, results_without_timings, sps,
-};
 
 #[test]
 fn an_experiment_ends_with_results_and_a_report() {
     let scratch = Scratch::new();
-    let ended = scratch.experiment().assert().success();
+    let said = scratch.experiment().said();
     let results = scratch.results();
     assert_eq!(results["properties"], serde_json::json!(["fRS", "cDF"]));
     for method in results["methods"].as_array().unwrap() {
@@ -27,12 +25,11 @@ fn an_experiment_ends_with_results_and_a_report() {
             serde_json::json!([[2], [2]])
         );
     }
-    let report = fs::read_to_string(scratch.path("run/report.md")).unwrap();
+    let report = scratch.read("run/report.md");
     assert!(report.contains("| Ridge |"));
-    let html = fs::read_to_string(scratch.path("run/report.html")).unwrap();
+    let html = scratch.read("run/report.html");
     assert!(html.contains("<svg") && !html.contains("src=\"http"));
 
-    let said = String::from_utf8_lossy(&ended.get_output().stdout).into_owned();
     let lines: Vec<&str> = said.lines().collect();
     assert_eq!(lines[0], "tiny: means over properties");
     let path = scratch.path("run/report.html").display().to_string();
@@ -58,18 +55,14 @@ fn an_experiment_ends_with_results_and_a_report() {
 #[test]
 fn a_second_run_computes_nothing_and_says_the_same() {
     let scratch = Scratch::new();
-    let printed = json(scratch.experiment().arg("--json").assert());
-    let written = fs::read_to_string(scratch.path("run/results.json")).unwrap();
+    let printed = scratch.experiment().arg("--json").json();
+    let written = scratch.read("run/results.json");
     assert_eq!(printed, serde_json::from_str::<Value>(&written).unwrap());
-    let (results, trials) = (
-        scratch.results(),
-        fs::read(scratch.path("run/trials.jsonl")).unwrap(),
-    );
-    let again = scratch.experiment().assert().success();
-    let log = String::from_utf8_lossy(&again.get_output().stderr).into_owned();
+    let (results, trials) = (scratch.results(), scratch.read("run/trials.jsonl"));
+    let log = scratch.experiment().logged();
     assert!(log.contains("0 of them encoded now"), "{log}");
     assert_eq!(scratch.results(), results);
-    assert_eq!(fs::read(scratch.path("run/trials.jsonl")).unwrap(), trials);
+    assert_eq!(scratch.read("run/trials.jsonl"), trials);
 }
 
 #[test]
@@ -78,10 +71,8 @@ fn the_number_of_threads_changes_no_bit() {
     let run = |threads: &str| {
         let mut command = scratch.experiment();
         let cache = format!("cache.folder={}", scratch.path(threads).display());
-        command
-            .args(["--fresh", "--set", &cache])
-            .env("RAYON_NUM_THREADS", threads);
-        command.assert().success();
+        command.args(["--fresh", "--set", &cache]);
+        command.env("RAYON_NUM_THREADS", threads).assert().success();
         scratch.results()
     };
     assert_eq!(run("1"), run("2"));
@@ -92,12 +83,7 @@ fn a_killed_run_ends_as_one_that_was_not() {
     let scratch = Scratch::new();
     scratch.edit("tiny.toml", "epochs = 3", "epochs = 40");
     let journal = scratch.path("run/trials.jsonl");
-    let child = process()
-        .arg("experiment")
-        .arg(scratch.path("tiny.toml"))
-        .arg("--out")
-        .arg(scratch.path("run"))
-        .spawn();
+    let child = scratch.process("experiment @tiny.toml --out @run").spawn();
     // Once the first trials are on disk.
     let begun = || fs::metadata(&journal).is_ok_and(|file| file.len() > 0);
     kill(child.unwrap(), begun);
@@ -112,10 +98,9 @@ fn a_killed_run_ends_as_one_that_was_not() {
 #[test]
 fn a_run_for_one_property_gives_it_the_same_numbers() {
     let scratch = Scratch::new();
-    scratch.experiment().assert().success();
-    let both = scratch.results();
-    scratch
-        .experiment()
+    let both = scratch.ran();
+    let mut experiment = scratch.experiment();
+    experiment
         .args(["--set", "properties=[\"cDF\"]"])
         .assert()
         .success();
@@ -130,26 +115,24 @@ fn a_run_for_one_property_gives_it_the_same_numbers() {
 #[test]
 fn damaged_trials_and_embeddings_are_computed_again() {
     let scratch = Scratch::new();
-    scratch.experiment().assert().success();
-    let expected = scratch.results();
-    let flip = |path: &std::path::Path| {
+    let expected = scratch.ran();
+    let flip = |path: &Path| {
         let mut bytes = fs::read(path).unwrap();
         let middle = bytes.len() / 2;
         bytes[middle] ^= 1;
         fs::write(path, bytes).unwrap();
     };
     flip(&scratch.path("run/trials.jsonl"));
-    let encoder = fs::read_dir(scratch.path("cache/embeddings"))
-        .unwrap()
-        .next()
-        .unwrap();
-    let segment = fs::read_dir(encoder.unwrap().path())
-        .unwrap()
-        .next()
-        .unwrap();
-    flip(&segment.unwrap().path());
-    let again = scratch.experiment().assert().success();
-    let log = String::from_utf8_lossy(&again.get_output().stderr).into_owned();
+    let first = |folder: &Path| {
+        fs::read_dir(folder)
+            .unwrap()
+            .next()
+            .unwrap()
+            .unwrap()
+            .path()
+    };
+    flip(&first(&first(&scratch.path("cache/embeddings"))));
+    let log = scratch.experiment().logged();
     assert!(log.contains("lines are damaged"), "{log}");
     assert!(log.contains("checksum"), "{log}");
     assert_eq!(scratch.results(), expected);
@@ -159,24 +142,19 @@ fn damaged_trials_and_embeddings_are_computed_again() {
 fn embeddings_are_written_in_the_order_given() {
     let scratch = Scratch::new();
     let embed = |images: &[&str], threads: &str| {
-        let out = scratch.path("out.safetensors");
-        let mut command = sps();
-        let encoder = "embed --encoder efficientnet-lite-body --weights untrained";
-        command.args(encoder.split(' '));
-        command.args(["--threads", threads, "--out"]).arg(&out);
-        for image in images {
-            command.arg(scratch.path(image));
-        }
-        command.assert().success();
-        let bytes = fs::read(out).unwrap();
-        let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+        let line =
+            "embed --encoder efficientnet-lite-body --weights untrained --out @out.safetensors";
+        let mut command = scratch.sps(line);
+        command.args(["--threads", threads]);
+        command
+            .args(images.iter().map(|image| scratch.path(image)))
+            .assert()
+            .success();
+        let bytes = fs::read(scratch.path("out.safetensors")).unwrap();
+        let file = SafeTensors::deserialize(&bytes).unwrap();
         let tensor = file.tensor("embeddings").unwrap();
-        let width = tensor.shape()[1] * 4;
-        tensor
-            .data()
-            .chunks(width)
-            .map(<[u8]>::to_vec)
-            .collect::<Vec<_>>()
+        let rows = tensor.data().chunks(tensor.shape()[1] * 4);
+        rows.map(<[u8]>::to_vec).collect::<Vec<_>>()
     };
     let (a, b) = ("data/frames/oak-01/000.jpg", "data/frames/denim-01/000.png");
     let forwards = embed(&[a, b], "1");
@@ -189,28 +167,21 @@ fn embeddings_are_written_in_the_order_given() {
 fn depths_are_written_one_by_one() {
     let scratch = Scratch::new();
     let embed = |depths: &str| {
-        let out = scratch.path("out.safetensors");
-        let mut command = sps();
-        command.args(["embed", "--encoder", "resnet18", "--weights", "untrained"]);
-        command
-            .args(["--json", "--depths", depths, "--out"])
-            .arg(&out);
+        let line = "embed --encoder resnet18 --weights untrained --json --out @out.safetensors";
+        let mut command = scratch.sps(line);
+        command.args(["--depths", depths]);
         command.arg(scratch.path("data/frames/oak-01/000.jpg"));
-        (command.assert(), out)
+        command
     };
     let read = |depths: &str| {
-        let (ended, out) = embed(depths);
-        let said = json(ended);
+        let said = embed(depths).json();
+        let out = scratch.path("out.safetensors");
         let bytes = fs::read(&out).unwrap();
-        let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+        let file = SafeTensors::deserialize(&bytes).unwrap();
         let rows = file.tensor("embeddings").unwrap();
         assert_eq!(said["embeddings"], *out.to_string_lossy());
-        assert_eq!(
-            [&said["rows"], &said["width"]],
-            [rows.shape()[0], rows.shape()[1]]
-        );
-        let blocks = said["blocks"].as_array().unwrap();
-        for block in blocks {
+        assert_eq!([&said["rows"], &said["width"]], rows.shape());
+        for block in said["blocks"].as_array().unwrap() {
             // A depth that is alone has no tensor of its own.
             let own = file.tensor(block["name"].as_str().unwrap());
             let own = own.unwrap_or_else(|_| file.tensor("embeddings").unwrap());
@@ -218,92 +189,58 @@ fn depths_are_written_one_by_one() {
         }
         assert!(said["encode_seconds_per_image"].as_f64().unwrap() > 0.0);
         let tensors = file.tensors().into_iter();
-        let mut tensors: Vec<_> = tensors
-            .map(|(name, tensor)| (name, tensor.shape().to_vec(), tensor.data().to_vec()))
-            .collect();
+        let tensors = tensors.map(|(name, of)| (name, of.shape().to_vec(), of.data().to_vec()));
+        let mut tensors: Vec<_> = tensors.collect();
         tensors.sort();
         tensors
     };
     let all = read("all");
-    let shapes: Vec<_> = all
+    let shapes = all
         .iter()
-        .map(|(name, shape, _)| (&name[..], shape[1]))
-        .collect();
-    let expected = [
-        ("embeddings", 960),
-        ("stage-1", 64),
-        ("stage-2", 128),
-        ("stage-3", 256),
-        ("stage-4", 512),
-    ];
-    assert_eq!(shapes, expected);
+        .map(|(name, shape, _)| format!("{name} {}", shape[1]));
+    let expected = "embeddings 960, stage-1 64, stage-2 128, stage-3 256, stage-4 512";
+    assert_eq!(shapes.collect::<Vec<_>>().join(", "), expected);
     let parts = all[1..].iter().flat_map(|(_, _, bytes)| bytes);
     assert!(all[0].2.iter().eq(parts));
     let two = read("stage-2,stage-4");
     assert_eq!((&two[1], &two[2]), (&all[2], &all[4]));
-    assert_eq!(
-        read("last"),
-        [("embeddings".to_owned(), vec![1, 512], all[4].2.clone())]
-    );
-    let said = message(embed("stage-9").0);
-    expect(
-        &said,
-        &["stage-9", "resnet18's stage-1, stage-2, stage-3, stage-4"],
-    );
+    let last = ("embeddings".to_owned(), vec![1, 512], all[4].2.clone());
+    assert_eq!(read("last"), [last]);
+    let depths = "resnet18's stage-1, stage-2, stage-3, stage-4";
+    embed("stage-9").refused(&["stage-9", depths]);
 }
 
 /// Methods may look at other depths of one encoder; an unknown one is named with its line.
 #[test]
 fn methods_look_at_the_depths_that_they_name() {
-    let scratch = Scratch::new();
-    let text = fs::read_to_string(scratch.path("tiny.toml")).unwrap();
-    let method = |id: &str, depths: &str| {
-        format!(
-            "[[methods]]\nid = {id:?}\nlabel = {id:?}\nkind = \"kernel-ridge\"\nencoder.depths = {depths}\n"
-        )
-    };
-    let methods = [
-        method("last", "\"last\""),
-        method("all", "\"all\""),
-        method("two", "[\"stage-1\", \"stage-3\"]"),
-    ];
-    fs::write(
-        scratch.path("tiny.toml"),
-        format!("{text}{}", methods.concat()),
-    )
-    .unwrap();
-    scratch.experiment().assert().success();
-    let results = scratch.results();
-    let scores =
-        ["last", "all", "two"].map(|id| support::method(&results, id)["mae"]["fRS"].clone());
-    assert!(
-        scores[0] != scores[1] && scores[1] != scores[2],
-        "{scores:?}"
+    let scratch = Scratch::with_methods(
+        "last | last | kernel-ridge | encoder.depths = 'last'\n\
+         all | all | kernel-ridge | encoder.depths = 'all'\n\
+         two | two | kernel-ridge | encoder.depths = ['stage-1', 'stage-3']",
     );
-    let said = ["all", "two"].map(|id| support::method(&results, id)["encoder"].to_string());
-    assert!(said[0].contains("at all depths"), "{}", said[0]);
-    assert!(said[1].contains("at stage-1 and stage-3"), "{}", said[1]);
-
-    scratch.edit("tiny.toml", "\"stage-3\"", "\"stage-9\"");
-    let said = message(scratch.experiment().assert());
+    let results = scratch.ran();
+    let [last, all, two] = ["last", "all", "two"].map(|id| method(&results, id));
+    let error = |of: &Value| of["mae"]["fRS"].clone();
+    assert!(error(last) != error(all) && error(all) != error(two));
+    expect(all["encoder"].as_str().unwrap(), &["at all depths"]);
     expect(
-        &said,
-        &[
-            "tiny.toml, line",
-            "depths`: is \"stage-9\", expected",
-            "stage-7",
-        ],
+        two["encoder"].as_str().unwrap(),
+        &["at stage-1 and stage-3"],
     );
+
+    scratch.edit("tiny.toml", "'stage-3'", "'stage-9'");
+    scratch.is_refused(&[
+        "tiny.toml, line",
+        "depths`: is \"stage-9\", expected",
+        "stage-7",
+    ]);
 }
 
 #[test]
 fn results_say_where_they_come_from() {
     let scratch = Scratch::new();
     scratch.experiment().assert().success();
-    let read = || -> serde_json::Value {
-        let text = fs::read_to_string(scratch.path("run/results.json")).unwrap();
-        serde_json::from_str(&text).unwrap()
-    };
+    let read = || -> Value { serde_json::from_str(&scratch.read("run/results.json")).unwrap() };
     let results = read();
     assert_eq!(results["schema"], 4);
     let config = fs::read(scratch.path("run/config.toml")).unwrap();
@@ -312,8 +249,8 @@ fn results_say_where_they_come_from() {
     assert_eq!(results["precision"], serde_json::json!(["f32"]));
     assert_eq!(results["methods"][0]["precision"], "f32");
     assert_eq!(
-        (&results["seed"], &results["data_seed"]),
-        (&0.into(), &serde_json::Value::Null)
+        [&results["seed"], &results["data_seed"]],
+        [&0.into(), &Value::Null]
     );
     for key in ["source_hash", "data_hash", "cpu"] {
         assert!(!results[key].as_str().unwrap().is_empty(), "{key}");
@@ -321,7 +258,7 @@ fn results_say_where_they_come_from() {
     assert!(results["threads"].as_u64().unwrap() > 0);
 
     // Another config, the same data; then another reading.
-    let again = |scratch: &Scratch| {
+    let again = || {
         let mut command = scratch.experiment();
         command
             .args(["--set", "report.level=0.5"])
@@ -329,50 +266,35 @@ fn results_say_where_they_come_from() {
             .success();
         read()
     };
-    let other = again(&scratch);
+    let other = again();
     assert_ne!(other["config_hash"], results["config_hash"]);
     assert_eq!(other["data_hash"], results["data_hash"]);
-    let table = fs::read_to_string(scratch.path("data/tactile.csv")).unwrap();
-    let digit = table.rfind(|c: char| c.is_ascii_digit()).unwrap();
-    let new = if &table[digit..=digit] == "1" {
-        "2"
-    } else {
-        "1"
-    };
-    let table = format!("{}{new}{}", &table[..digit], &table[digit + 1..]);
-    fs::write(scratch.path("data/tactile.csv"), table).unwrap();
-    assert_ne!(again(&scratch)["data_hash"], results["data_hash"]);
+    scratch.change_a_reading();
+    assert_ne!(again()["data_hash"], results["data_hash"]);
 }
 
 #[test]
 fn a_method_that_diverges_has_a_reason_and_the_others_go_on() {
     let scratch = Scratch::new();
-    scratch.edit(
-        "tiny.toml",
-        "head.model = { kind = \"cross-modal\" }",
-        "head.model = { kind = \"cross-modal\" }\nhead.adam.learning-rate = 1e30",
-    );
-    scratch.experiment().assert().success();
-    let results = scratch.results();
-    let of = |id: &str| {
-        let mut methods = results["methods"].as_array().unwrap().iter();
-        methods.find(|method| method["id"] == id).unwrap()
-    };
-    assert!(of("ridge")["r2"]["fRS"].is_f64());
-    let row = of("cross-modal");
+    let model = "head.model = { kind = \"cross-modal\" }";
+    let diverging = format!("{model}\nhead.adam.learning-rate = 1e30");
+    scratch.edit("tiny.toml", model, &diverging);
+    let results = scratch.ran();
+    assert!(method(&results, "ridge")["r2"]["fRS"].is_f64());
+    let row = method(&results, "cross-modal");
     assert!(row["r2"]["fRS"].is_null(), "{row}");
     assert_eq!(row["held_out_surfaces"], 0);
     let notes = row["notes"].as_array().unwrap().iter();
     let reasons = notes.filter(|note| note.as_str().unwrap().contains("left out: "));
     assert_eq!(reasons.count(), 4, "two properties in two reruns: {row}");
-    let report = fs::read_to_string(scratch.path("run/report.md")).unwrap();
+    let report = scratch.read("run/report.md");
     assert!(report.contains("fRS, rerun 0, left out"), "{report}");
 
     // They are finished: nothing is trained again, and nothing changes.
-    let trials = fs::read(scratch.path("run/trials.jsonl")).unwrap();
+    let trials = scratch.read("run/trials.jsonl");
     scratch.experiment().assert().success();
     assert_eq!(scratch.results(), results);
-    assert_eq!(fs::read(scratch.path("run/trials.jsonl")).unwrap(), trials);
+    assert_eq!(scratch.read("run/trials.jsonl"), trials);
 }
 
 /// Beside the same one that stands on all it was given; a stack says it as well.
@@ -401,8 +323,7 @@ fn a_row_says_that_it_stands_on_fewer_surfaces() {
 fn a_list_shows_settings_and_opens_no_data() {
     let scratch = Scratch::new();
     fs::remove_dir_all(scratch.path("data")).unwrap();
-    let output = scratch.experiment().arg("--list").assert().success();
-    let text = String::from_utf8_lossy(&output.get_output().stdout).into_owned();
+    let text = scratch.experiment().arg("--list").said();
     let head = text.split("\ncross-modal\t").nth(1).unwrap();
     let head = head.split("\n    kind = \"mean\"").next().unwrap();
     for line in [
@@ -417,8 +338,7 @@ fn a_list_shows_settings_and_opens_no_data() {
     assert!(!scratch.path("run").exists());
     let input = |views: &str| {
         let mut command = scratch.experiment();
-        let listed = command.args(["--list", "--set", views]).assert().success();
-        let text = String::from_utf8_lossy(&listed.get_output().stdout).into_owned();
+        let text = command.args(["--list", "--set", views]).said();
         let line = text.lines().find(|line| line.contains("head.input"));
         line.unwrap().trim().to_owned()
     };
@@ -435,19 +355,18 @@ fn a_list_shows_settings_and_opens_no_data() {
 #[test]
 fn other_settings_do_not_replace_a_report_unasked() {
     let scratch = Scratch::new();
-    let experiment = |more: &[&str]| {
-        let mut command = sps();
+    let experiment = |more: &str| {
+        let mut command = scratch.sps(&format!("experiment tiny.toml {more}"));
         command.current_dir(scratch.path("."));
-        command.args(["experiment", "tiny.toml"]).args(more);
-        command.assert()
+        command
     };
-    experiment(&["--set", "reruns=1"]).success();
+    experiment("--set reruns=1").assert().success();
+
     let results = || fs::read(scratch.path("runs/tiny/results.json")).unwrap();
     let before = results();
-    let refused = message(experiment(&[]));
-    expect(&refused, &["config.toml", "`reruns` is 1, here 2", "--out"]);
+    experiment("").refused(&["config.toml", "`reruns` is 1, here 2", "--out"]);
     assert_eq!(results(), before);
-    experiment(&["--out", "runs/tiny"]).success();
+    experiment("--out runs/tiny").assert().success();
     assert_ne!(results(), before);
 }
 
@@ -456,25 +375,17 @@ fn other_settings_do_not_replace_a_report_unasked() {
 fn embeddings_from_a_file_score_as_the_encoder_does() {
     let scratch = Scratch::new();
     scratch.edit("tiny.toml", "[encoder]\nweights = \"untrained\"\n", "");
-    scratch.experiment().assert().success();
-    let seeing = scratch.results();
-    let mut embed = sps();
-    let out = scratch.path("file.safetensors");
-    embed
-        .args(["embed", "--encoder", "efficientnet-lite-body", "--out"])
-        .arg(&out);
-    for image in ["tile-01/002.exr", "sponge-01/002.exr", "oak-02/002.png"] {
-        embed.arg(scratch.path("data/frames").join(image));
-    }
-    for image in ["oak-01/002.jpg", "denim-02/002.jpg", "denim-01/002.png"] {
-        embed.arg(scratch.path("data/frames").join(image));
-    }
+    let seeing = scratch.ran();
+    let mut embed = scratch.sps("embed --encoder efficientnet-lite-body --out @file.safetensors");
+    let images = "tile-01/002.exr sponge-01/002.exr oak-02/002.png oak-01/002.jpg denim-02/002.jpg denim-01/002.png";
+    embed.args(
+        images
+            .split(' ')
+            .map(|image| scratch.path("data/frames").join(image)),
+    );
     embed.assert().success();
-    let mut blind = scratch.experiment_into("blind");
-    blind
-        .arg("--set")
-        .arg(format!("encoder.embeddings={}", out.display()));
-    blind.assert().success();
+    let line = "experiment @tiny.toml --out @blind --set encoder.embeddings=@file.safetensors";
+    scratch.sps(line).assert().success();
     let blind = results_without_timings(&scratch.path("blind"));
     for id in ["ridge", "cross-modal"] {
         let (blind, seeing) = (method(&blind, id), method(&seeing, id));

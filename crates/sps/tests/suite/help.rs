@@ -1,8 +1,6 @@
 //! What the program says of itself.
 
-mod support;
-
-use support::sps;
+use crate::support::{Ends, sps};
 
 #[test]
 fn examples_say_what_to_type() {
@@ -10,8 +8,7 @@ fn examples_say_what_to_type() {
         "fit predict map suggest serve experiment compare simulate import inspect embed report list completions man"
             .split(' ')
     {
-        let output = sps().args([command, "--help"]).assert().success();
-        let text = String::from_utf8_lossy(&output.get_output().stdout).into_owned();
+        let text = sps().args([command, "--help"]).said();
         for part in [
             format!("Usage: sps {command} "),
             format!("\n  sps {command} "),

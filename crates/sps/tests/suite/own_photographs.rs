@@ -1,15 +1,13 @@
 //! From a folder of photographs and a table of two measured columns to a model and a map.
 
-mod support;
-
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
+use crate::support::{Ends, expect, root, sps, texts};
 use image::{Rgb, RgbImage};
 use serde_json::Value;
 use sps_estimator::Estimator;
-use support::{expect, root, sps};
 
 /// Pixels of a photograph's side.
 const SIDE: u32 = 64;
@@ -40,15 +38,12 @@ fn lay_out(folder: &Path) {
         let friction = 0.1 + 0.8 * share(2 * sheet);
         let hardness = 1.0 + 8.0 * share(2 * sheet + 1);
         let name = format!("{number:03}.png");
-        photograph(SIDE, number, friction, hardness)
+        let photograph = photograph(SIDE, number, friction, hardness);
+        photograph
             .save(folder.join("photographs").join(&name))
             .unwrap();
         // One is not measured.
-        let hardness = if number == 7 {
-            String::new()
-        } else {
-            format!("{hardness:.3}")
-        };
+        let hardness = format!("{hardness:.3}").repeat(usize::from(number != 7));
         writeln!(table, "{name},sheet-{sheet},{friction:.3},{hardness}").unwrap();
     }
     fs::write(folder.join("values.csv"), table).unwrap();
@@ -72,15 +67,12 @@ fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
     let scratch = tempfile::tempdir().unwrap();
     let path = |name: &str| scratch.path().join(name);
     lay_out(scratch.path());
-    photograph(4 * SIDE, 1000, 0.5, 8.0)
-        .save(path("photograph.jpg"))
-        .unwrap();
+    let one = photograph(4 * SIDE, 1000, 0.5, 8.0);
+    one.save(path("photograph.jpg")).unwrap();
 
     let commands = commands_of_the_readme();
-    let printed = commands.iter().map(|words| {
-        let done = sps().args(words).current_dir(scratch.path()).assert();
-        String::from_utf8(done.success().get_output().stdout.clone()).unwrap()
-    });
+    let said = |words: &Vec<String>| sps().args(words).current_dir(scratch.path()).said();
+    let printed = commands.iter().map(said);
     let printed: Vec<String> = printed.collect();
     let of = |command: &str| {
         let found = commands.iter().position(|words| words[0] == command);
@@ -95,10 +87,7 @@ fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
     ];
     expect(of("fit"), &fitted);
     expect(of("predict"), &["friction", "hardness", "90 % interval"]);
-    expect(
-        printed.last().unwrap(),
-        &["photograph-hardness.png", "places"],
-    );
+    expect(of("map"), &["photograph-hardness.png", "places"]);
     assert!(path("maps/photograph-hardness.npy").is_file());
 
     let model = Estimator::load(&path("models/mine")).unwrap();
@@ -117,55 +106,41 @@ fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
     assert_eq!(left.count(), 1);
 
     let mut again = sps();
-    again
-        .current_dir(scratch.path())
-        .args(commands[0].as_slice());
-    let printed = again.args(["--force", "--json"]).assert().success();
-    let found: Value = serde_json::from_slice(&printed.get_output().stdout).unwrap();
+    again.current_dir(scratch.path()).args(&commands[0]);
+    let [found, log] = again.args(["--force", "--json"]).said_and_logged();
+    let found: Value = serde_json::from_str(&found).unwrap();
     let measured = serde_json::to_value(&model.about().measured).unwrap();
     assert_eq!(found["about"]["measured"], measured);
     assert_eq!(found["worst"].as_array().unwrap().len(), 3);
-    expect(
-        &String::from_utf8_lossy(&printed.get_output().stderr),
-        &fitted,
-    );
+    expect(&log, &fitted);
 }
 
 #[test]
 fn what_cannot_be_fitted_is_refused_before_anything_is_written() {
     let scratch = tempfile::tempdir().unwrap();
     lay_out(scratch.path());
-    let refused = |values: &str, more: &[&str], code: i32, named: &[&str]| {
-        let table = scratch.path().join("other.csv");
-        fs::write(&table, values).unwrap();
+    let refused = |values: &str, more: &str, code: i32, named: &[&str]| {
+        fs::write(scratch.path().join("other.csv"), values).unwrap();
         let mut fit = sps();
-        fit.current_dir(scratch.path()).args(["fit", "photographs"]);
-        fit.args(["--out", "models/other"]).args(more);
-        let assert = fit.assert().code(code);
-        expect(&String::from_utf8_lossy(&assert.get_output().stderr), named);
+        fit.current_dir(scratch.path());
+        fit.args(["fit", "photographs", "--out", "models/other"]);
+        let assert = fit.args(more.split_whitespace()).assert().code(code);
+        expect(&texts(&assert)[1], named);
         assert!(!scratch.path().join("models").exists());
     };
-    let table = ["--values", "other.csv"];
+    let table = "--values other.csv";
     let one = "photograph,group,friction\n000.png,steel,0.5\n001.png,steel,0.6\n";
-    refused(one, &table, 1, &["other.csv: found one group", "two"]);
+    refused(one, table, 1, &["other.csv: found one group", "two"]);
     let missing = "photograph,friction\n000.png,0.5\nnone.png,0.6\n";
-    refused(missing, &table, 1, &["other.csv, line 3", "none.png"]);
-    refused(one, &[], 2, &["--values"]);
-    refused(
-        one,
-        &["--config", "other.toml"],
-        2,
-        &["cannot be used with"],
-    );
-    let level = ["--values", "other.csv", "--level", "2"];
-    refused(one, &level, 2, &["--level", "between 0 and 1"]);
+    refused(missing, table, 1, &["other.csv, line 3", "none.png"]);
+    refused(one, "", 2, &["--values"]);
+    refused(one, "--config other.toml", 2, &["cannot be used with"]);
+    let level = "--values other.csv --level 2";
+    refused(one, level, 2, &["--level", "between 0 and 1"]);
     // How a table is laid out says nothing of a config.
     let config = ["fit", "--config", "x.toml", "--views", "a", "--out", "m"];
     let both = sps().args(config).assert().code(2);
-    expect(
-        &String::from_utf8_lossy(&both.get_output().stderr),
-        &["--views"],
-    );
+    expect(&texts(&both)[1], &["--views"]);
 }
 
 /// Models of one encoder's embeddings are the same, whether the encoder made them or a file has them.
@@ -176,36 +151,24 @@ fn embeddings_from_a_file_give_the_model_that_photographs_give() {
     let run = |line: &str| {
         let mut command = sps();
         command.current_dir(scratch.path());
-        command.args(line.split_whitespace()).assert()
+        command.args(line.split_whitespace());
+        command
     };
-    let done =
-        |line: &str| String::from_utf8(run(line).success().get_output().stdout.clone()).unwrap();
-    let refused = |line: &str, parts: &[&str]| {
-        let refusal = run(line).failure();
-        expect(
-            &String::from_utf8_lossy(&refusal.get_output().stderr),
-            parts,
-        );
-    };
+    let done = |line: &str| run(line).said();
+    let refused = |line: &str, parts: &[&str]| run(line).refused(parts);
     // In another order than the table's.
-    let images: Vec<String> = (0..100)
-        .rev()
-        .map(|at| format!("photographs/{at:03}.png"))
-        .collect();
-    let images = images.join(" ");
+    let images = (0..100).rev().map(|at| format!("photographs/{at:03}.png"));
+    let images = images.collect::<Vec<_>>().join(" ");
+    let two = "photographs/000.png photographs/001.png";
     let embed = "embed --encoder efficientnet-lite-body --resize 64 --out";
     done(&format!("{embed} all.safetensors {images}"));
-    done(&format!(
-        "{embed} few.safetensors photographs/000.png photographs/001.png"
-    ));
+    done(&format!("{embed} few.safetensors {two}"));
     let fit = "fit photographs --values values.csv";
     // Where no command has left a cache.
     done(&format!("{fit} --embeddings all.safetensors --out blind"));
     done(&format!("{fit} --pixels 64 --out seeing"));
-    refused(
-        &format!("{fit} --embeddings few.safetensors --out x"),
-        &["few.safetensors", "a row of 002.png: found none"],
-    );
+    let few = format!("{fit} --embeddings few.safetensors --out x");
+    refused(&few, &["few.safetensors", "a row of 002.png: found none"]);
 
     let model = |name: &str| Estimator::load(&scratch.path().join(name)).unwrap();
     let (seeing, blind) = (model("seeing"), model("blind"));
@@ -215,27 +178,21 @@ fn embeddings_from_a_file_give_the_model_that_photographs_give() {
         let rows = table.records().map(|row| row.unwrap()[2].parse().unwrap());
         rows.collect()
     };
-    let seen = values("predict seeing --csv photographs/000.png photographs/001.png");
+    let seen = values(&format!("predict seeing --csv {two}"));
     let told = values("predict blind --csv --embeddings few.safetensors");
     assert_eq!(told.len(), 4);
     for (told, seen) in told.iter().zip(seen) {
         assert!((told - seen).abs() < 1e-9, "{told}, {seen}");
     }
-    let parts = [
-        "expected their embeddings",
-        "predict MODEL --embeddings FILE",
-    ];
+    let how = "predict MODEL --embeddings FILE";
+    let parts = ["expected their embeddings", how];
     refused("predict blind photographs/000.png", &parts);
     refused("serve blind", &parts);
     let narrow = "embed --encoder efficientnet-lite-body --depths last --out last.safetensors";
     done(&format!("{narrow} photographs/000.png"));
-    refused(
-        "predict blind --embeddings last.safetensors",
-        &[
-            "last.safetensors: found the blocks embeddings (320), expected",
-            "stage-1 (16)",
-        ],
-    );
+    let found = "last.safetensors: found the blocks embeddings (320), expected";
+    let last = "predict blind --embeddings last.safetensors";
+    refused(last, &[found, "stage-1 (16)"]);
     // An ONNX file, in a build that reads none.
     fs::write(scratch.path().join("dino.onnx"), "").unwrap();
     let onnx = format!("{fit} --encoder dino.onnx --out x");

@@ -1,14 +1,15 @@
 //! Running `sps` on small data.
 
-#![allow(dead_code, reason = "each test file uses a part")]
+#![allow(dead_code, reason = "each test program uses a part")]
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{self, Stdio};
+use std::process::{self, Output, Stdio};
 use std::time::Duration;
 
 use assert_cmd::Command;
 use assert_cmd::assert::Assert;
+
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -21,14 +22,6 @@ pub(crate) fn root() -> PathBuf {
 pub(crate) fn sps() -> Command {
     let mut command = Command::cargo_bin("sps").expect("sps is built");
     command.current_dir(root()).env_remove("RUST_LOG");
-    command
-}
-
-/// The same as a process to start, which prints nothing.
-pub(crate) fn process() -> process::Command {
-    let mut command = process::Command::new(env!("CARGO_BIN_EXE_sps"));
-    command.current_dir(root()).env_remove("RUST_LOG");
-    command.stdout(Stdio::null()).stderr(Stdio::null());
     command
 }
 
@@ -93,9 +86,8 @@ impl Scratch {
     /// The same with methods added to its config.
     pub(crate) fn with(methods: &str) -> Self {
         let scratch = Self::new();
-        let path = scratch.path("tiny.toml");
-        let text = fs::read_to_string(&path).expect("a config");
-        fs::write(path, text + methods).expect("a config");
+        let text = scratch.read("tiny.toml") + methods;
+        fs::write(scratch.path("tiny.toml"), text).expect("a config");
         scratch
     }
 
@@ -117,9 +109,50 @@ impl Scratch {
 
     /// Replaces `from` by `to` in a file of the scratch folder.
     pub(crate) fn edit(&self, name: &str, from: &str, to: &str) {
-        let text = fs::read_to_string(self.path(name)).expect("a text file");
+        let text = self.read(name);
         assert!(text.contains(from), "{name} has no `{from}`");
         fs::write(self.path(name), text.replacen(from, to, 1)).expect("a text file");
+    }
+
+    /// A text file of the scratch folder.
+    pub(crate) fn read(&self, name: &str) -> String {
+        fs::read_to_string(self.path(name)).expect("a text file")
+    }
+
+    /// The words of a line, in which `@NAME` is the path of a file of the scratch folder.
+    fn words(&self, line: &str) -> Vec<String> {
+        let folder = format!("{}/", self.folder.path().display());
+        let words = line.split_whitespace();
+        words.map(|word| word.replace('@', &folder)).collect()
+    }
+
+    /// The command with the words of such a line.
+    pub(crate) fn sps(&self, line: &str) -> Command {
+        let mut command = sps();
+        command.args(self.words(line));
+        command
+    }
+
+    /// The same as a process to start, which prints nothing.
+    pub(crate) fn process(&self, line: &str) -> process::Command {
+        let mut command = process::Command::new(env!("CARGO_BIN_EXE_sps"));
+        command.current_dir(root()).env_remove("RUST_LOG");
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        command.args(self.words(line));
+        command
+    }
+
+    /// Changes the last digit of the readings.
+    pub(crate) fn change_a_reading(&self) {
+        let mut table = self.read("data/tactile.csv");
+        let digit = table.rfind(|c: char| c.is_ascii_digit()).expect("a digit");
+        let other = if table[digit..].starts_with('1') {
+            "2"
+        } else {
+            "1"
+        };
+        table.replace_range(digit..=digit, other);
+        fs::write(self.path("data/tactile.csv"), table).expect("a table");
     }
 
     /// `experiment` on the scratch config, into the folder `run`.
@@ -129,13 +162,18 @@ impl Scratch {
 
     /// `experiment` on the scratch config, into a folder of this name.
     pub(crate) fn experiment_into(&self, run: &str) -> Command {
-        let mut command = sps();
-        command
-            .arg("experiment")
-            .arg(self.path("tiny.toml"))
-            .arg("--out")
-            .arg(self.path(run));
-        command
+        self.sps(&format!("experiment @tiny.toml --out @{run}"))
+    }
+
+    /// The same to its end, into the folder `run`: its results without what depends on the clock.
+    pub(crate) fn ran(&self) -> Value {
+        self.experiment().assert().success();
+        self.results()
+    }
+
+    /// `experiment` on the scratch config fails with a message that has every part.
+    pub(crate) fn is_refused(&self, parts: &[&str]) {
+        self.experiment().refused(parts);
     }
 
     /// `results.json` of the run without what depends on the clock.
@@ -164,13 +202,19 @@ pub(crate) fn results_without_timings(run: &Path) -> Value {
         // More threads hold more at once.
         assert!(method.remove("peak_memory_bytes").is_some());
         let selections = method["selections"].as_object_mut().expect("selections");
-        for selection in selections
-            .values_mut()
-            .filter_map(|all| all.as_array_mut())
-            .flatten()
-        {
+        let of_properties = selections.values_mut().filter_map(Value::as_array_mut);
+        of_properties.flatten().for_each(|selection| {
             selection["seconds"].take();
-        }
+        });
+    }
+    results
+}
+
+/// The same without what an encoder took to train.
+pub(crate) fn results_of_trained(run: &Path) -> Value {
+    let mut results = results_without_timings(run);
+    for method in results["methods"].as_array_mut().expect("methods") {
+        method["encoder_train_seconds"].take();
     }
     results
 }
@@ -196,19 +240,59 @@ pub(crate) fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// What a command that succeeded printed: JSON, and nothing beside it.
-pub(crate) fn json(assert: Assert) -> Value {
-    let output = assert.success().get_output().clone();
-    serde_json::from_slice(&output.stdout).expect("JSON alone")
+/// How a command ends.
+pub(crate) trait Ends {
+    /// What it prints, and its log, where it succeeds.
+    fn said_and_logged(&mut self) -> [String; 2];
+
+    /// What it prints, and its log, where it fails with status 1.
+    fn failed(&mut self) -> [String; 2];
+
+    /// The message where it fails as it should.
+    fn message(&mut self) -> String {
+        let [_, log] = self.failed();
+        assert!(!log.contains("panicked"), "{log}");
+        let error = log.find("error: ").expect("an error message");
+        log[error..].trim_end().to_owned()
+    }
+
+    /// What it prints where it succeeds.
+    fn said(&mut self) -> String {
+        let [said, _] = self.said_and_logged();
+        said
+    }
+
+    /// Its log where it succeeds.
+    fn logged(&mut self) -> String {
+        let [_, log] = self.said_and_logged();
+        log
+    }
+
+    /// What it prints where it succeeds: JSON, and nothing beside it.
+    fn json(&mut self) -> Value {
+        serde_json::from_str(&self.said()).expect("JSON alone")
+    }
+
+    /// Fails as it should, with a message that has every part.
+    fn refused(&mut self, parts: &[&str]) {
+        expect(&self.message(), parts);
+    }
 }
 
-/// The message of a command that failed as it should.
-pub(crate) fn message(assert: Assert) -> String {
-    let output = assert.code(1).get_output().clone();
-    let text = String::from_utf8(output.stderr).expect("UTF-8");
-    assert!(!text.contains("panicked"), "{text}");
-    let error = text.find("error: ").expect("an error message");
-    text[error..].trim_end().to_owned()
+impl Ends for Command {
+    fn said_and_logged(&mut self) -> [String; 2] {
+        texts(&self.assert().success())
+    }
+
+    fn failed(&mut self) -> [String; 2] {
+        texts(&self.assert().code(1))
+    }
+}
+
+/// What a command printed, and its log.
+pub(crate) fn texts(ended: &Assert) -> [String; 2] {
+    let Output { stdout, stderr, .. } = ended.get_output().clone();
+    [stdout, stderr].map(|text| String::from_utf8(text).expect("UTF-8"))
 }
 
 /// Every part is in the message.
@@ -294,11 +378,9 @@ pub(crate) fn calibrates(scratch: &Scratch) {
 
 /// The command that fits the model.
 pub(crate) fn fit(scratch: &Scratch, more: &[&str]) -> Command {
-    let mut fit = sps();
-    fit.args(["fit", "--config"]).arg(scratch.path("tiny.toml"));
+    let mut fit = scratch.sps("fit --config @tiny.toml --out @model");
     for more in more {
         fit.args(["--set", more]);
     }
-    fit.arg("--out").arg(scratch.path("model"));
     fit
 }

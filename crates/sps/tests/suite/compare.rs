@@ -1,40 +1,26 @@
 //! Finished runs set beside one another.
 
-mod support;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::support::{Ends, Scratch, copy, expect, sps, texts};
 use assert_cmd::Command;
 use serde_json::Value;
-use support::{Scratch, expect, message, sps};
 
 /// The tiny experiment with other settings, in a folder of that name.
 fn ran(scratch: &Scratch, name: &str, settings: &[&str]) -> PathBuf {
-    let mut command = sps();
-    command.arg("experiment").arg(scratch.path("tiny.toml"));
+    let mut command = scratch.experiment_into(name);
     for setting in settings {
         command.args(["--set", setting]);
     }
-    let folder = scratch.path(name);
-    command.arg("--out").arg(&folder).assert().success();
-    folder
+    command.assert().success();
+    scratch.path(name)
 }
 
 fn compare(runs: &[&PathBuf]) -> Command {
     let mut command = sps();
     command.arg("compare").args(runs);
     command
-}
-
-fn json(runs: &[&PathBuf]) -> Value {
-    let output = compare(runs).arg("--json").assert().success();
-    serde_json::from_slice(&output.get_output().stdout).unwrap()
-}
-
-fn text(runs: &[&PathBuf]) -> String {
-    let output = compare(runs).assert().success();
-    String::from_utf8(output.get_output().stdout.clone()).unwrap()
 }
 
 fn scores(comparison: &Value) -> &Vec<Value> {
@@ -59,7 +45,7 @@ const SURFACES: [&str; 5] = [
 fn a_run_and_itself_do_not_differ() {
     let scratch = Scratch::new();
     let run = ran(&scratch, "run", &[&SURFACES[..], &["reruns=2"]].concat());
-    let all = json(&[&run, &run]);
+    let all = compare(&[&run, &run]).arg("--json").json();
     let one = &all["comparisons"][0];
     for aspect in one["aspects"].as_array().unwrap() {
         assert_eq!(aspect["differing"], serde_json::json!([]), "{aspect}");
@@ -76,7 +62,7 @@ fn a_run_and_itself_do_not_differ() {
             assert_eq!(score["interval"], serde_json::json!([0.0, 0.0]), "{score}");
         }
     }
-    let text = text(&[&run, &run]);
+    let text = compare(&[&run, &run]).said();
     expect(
         &text,
         &[
@@ -90,8 +76,8 @@ fn a_run_and_itself_do_not_differ() {
         text.lines().all(|line| line.chars().count() <= 100),
         "{text}"
     );
-    let within = compare(&[&run, &run]).args(["--tolerance", "0"]).assert();
-    within.success();
+    let mut within = compare(&[&run, &run]);
+    within.args(["--tolerance", "0"]).assert().success();
 }
 
 /// Paired because the splits are those of one seed.
@@ -101,7 +87,7 @@ fn other_settings_on_the_same_surfaces_are_paired() {
     // One rerun says nothing of chance: whatever moves counts.
     let run = ran(&scratch, "run", &["reruns=1"]);
     let other = ran(&scratch, "longer", &["reruns=1", "head.epochs=9"]);
-    let all = json(&[&run, &other]);
+    let all = compare(&[&run, &other]).arg("--json").json();
     let one = &all["comparisons"][0];
     let epochs = serde_json::json!({ "key": "head.epochs", "first": "3", "second": "9" });
     assert_eq!(one["aspects"][0]["differing"][0], epochs);
@@ -119,16 +105,16 @@ fn other_settings_on_the_same_surfaces_are_paired() {
         }
     }
 
-    let text = message(compare(&[&run, &other]).args(["--tolerance", "0"]).assert());
+    let text = compare(&[&run, &other])
+        .args(["--tolerance", "0"])
+        .message();
     expect(
         &text,
         &["tolerance of 0 in R²", "cross-modal: R² fRS", "longer"],
     );
     assert!(!text.contains("ridge: R²"), "{text}");
-    let wide = compare(&[&run, &other])
-        .args(["--tolerance", "1e9"])
-        .assert();
-    wide.success();
+    let mut wide = compare(&[&run, &other]);
+    wide.args(["--tolerance", "1e9"]).assert().success();
 }
 
 #[test]
@@ -136,11 +122,11 @@ fn other_surfaces_are_not_paired() {
     let scratch = Scratch::new();
     let run = ran(&scratch, "run", &[]);
     let other = ran(&scratch, "other", &["seed=1"]);
-    let said = text(&[&run, &other]);
+    let said = compare(&[&run, &other]).said();
     expect(&said, &["seed", "different surfaces", "unpaired"]);
 
     // The same names, other readings.
-    let table = fs::read_to_string(scratch.path("data/tactile.csv")).unwrap();
+    let table = scratch.read("data/tactile.csv");
     let raised = |cell: &str| match cell.parse::<f64>() {
         Ok(reading) if cell.contains('.') => (reading + 1.0).to_string(),
         _ => cell.to_owned(),
@@ -151,7 +137,7 @@ fn other_surfaces_are_not_paired() {
     });
     fs::write(scratch.path("data/tactile.csv"), lines.collect::<String>()).unwrap();
     let edited = ran(&scratch, "edited", &[]);
-    let all = json(&[&run, &run, &edited]);
+    let all = compare(&[&run, &run, &edited]).arg("--json").json();
     let [same, edited] = all["comparisons"].as_array().unwrap().as_slice() else {
         panic!("{all}");
     };
@@ -163,22 +149,16 @@ fn other_surfaces_are_not_paired() {
 #[test]
 fn what_one_run_lacks_is_named() {
     let scratch = Scratch::new();
-    let run = ran(
-        &scratch,
-        "run",
-        &["properties=[\"fRS\"]", "floors=[\"mean\"]"],
-    );
+    let less = ["properties=[\"fRS\"]", "floors=[\"mean\"]"];
+    let run = ran(&scratch, "run", &less);
     let other = ran(&scratch, "other", &["properties=[\"cDF\", \"fRS\"]"]);
-    let said = text(&[&run, &other]);
+    let said = compare(&[&run, &other]).said();
     expect(&said, &["Only run 1 has: mean", "properties", "floors"]);
     // Means over other properties say nothing.
     assert!(!said.contains("Means over properties"), "{said}");
-    let past = message(
-        compare(&[&run, &other])
-            .args(["--tolerance", "1e9"])
-            .assert(),
-    );
-    expect(&past, &["mean: R²", "not measured"]);
+    compare(&[&run, &other])
+        .args(["--tolerance", "1e9"])
+        .refused(&["mean: R²", "not measured"]);
 }
 
 #[test]
@@ -186,16 +166,13 @@ fn what_cannot_be_compared_is_refused_by_name() {
     let scratch = Scratch::new();
     let run = ran(&scratch, "run", &[]);
     let refused = |other: &str, parts: &[&str]| {
-        expect(
-            &message(compare(&[&run, &scratch.path(other)]).assert()),
-            parts,
-        );
+        compare(&[&run, &scratch.path(other)]).refused(parts);
     };
     refused("nowhere", &["nowhere", "is not the folder of a run"]);
-    support::copy(&run, &scratch.path("begun"));
+    copy(&run, &scratch.path("begun"));
     fs::remove_file(scratch.path("begun/checksums")).unwrap();
     refused("begun", &["begun", "no run has finished here"]);
-    support::copy(&run, &scratch.path("damaged"));
+    copy(&run, &scratch.path("damaged"));
     scratch.edit("damaged/config.toml", "epochs = 3", "epochs = 4");
     refused("damaged", &["damaged/config.toml", "checksum"]);
 
@@ -206,8 +183,10 @@ fn what_cannot_be_compared_is_refused_by_name() {
     assert!(renamed.exists());
     refused("renamed", &["no method in common", "ridge", "network"]);
 
-    let text = compare(&[&run, &run]).arg("--tolerance=-1").assert();
-    let text = String::from_utf8(text.failure().get_output().stderr.clone()).unwrap();
-    expect(&text, &["--tolerance", "-1"]);
+    let refused = compare(&[&run, &run])
+        .arg("--tolerance=-1")
+        .assert()
+        .code(2);
+    expect(&texts(&refused)[1], &["--tolerance", "-1"]);
     compare(&[&run]).assert().failure();
 }

@@ -1,10 +1,10 @@
 //! Experiments that look at several views.
 
-mod support;
-
 use std::fs;
+use std::sync::LazyLock;
 
-use support::{Scratch, expect, message, method};
+use crate::support::{Ends, Scratch, expect, method};
+use serde_json::Value;
 
 const METHODS: &str = "\
 all | All | head | views = 'all'
@@ -22,44 +22,40 @@ trn | TRN | head | relations = { scales = [1, 2], per-scale = 2, test-draws = 2 
 equidistant-ridge | Ridge of two | ridge | views = 2
 ";
 
+/// The results and the report of all of them, for tests that only read.
+static RAN: LazyLock<(Value, String)> = LazyLock::new(|| {
+    let scratch = Scratch::with_methods(METHODS);
+    (scratch.ran(), scratch.read("run/report.md"))
+});
+
 #[test]
 fn a_method_decodes_the_views_that_it_looks_at_and_no_other() {
-    let scratch = Scratch::with_methods(METHODS);
-    scratch.experiment().assert().success();
-    let results = scratch.results();
+    let (results, report) = &*RAN;
     let views = results["dataset"]["views"].as_f64().unwrap();
-    for (id, frames) in [
-        ("ridge", 1.0),
-        ("cross-modal", 1.0),
-        ("all", views),
-        ("i3d", 3.0),
-        ("i3d-trained", 3.0),
-        ("pooling", views),
-        ("random", 2.0),
-        ("nvs", 2.0),
-        ("vb-nvs", 2.0),
-        ("greedy", 2.0),
-        ("exhaustive", 2.0),
-        ("equidistant-ridge", 2.0),
+    for (ids, frames) in [
+        ("ridge cross-modal", 1.0),
+        ("random nvs vb-nvs greedy exhaustive equidistant-ridge", 2.0),
+        ("i3d i3d-trained", 3.0),
+        ("all pooling", views),
     ] {
-        let method = method(&results, id);
-        assert_eq!(method["frames_decoded_per_surface"], frames, "{id}");
-        assert_eq!(method["frames_encoded_per_surface"], frames, "{id}");
-        assert!(method["r2"]["fRS"].is_f64(), "{method}");
+        for method in ids.split(' ').map(|id| method(results, id)) {
+            assert_eq!(method["frames_decoded_per_surface"], frames, "{method}");
+            assert_eq!(method["frames_encoded_per_surface"], frames, "{method}");
+            assert!(method["r2"]["fRS"].is_f64(), "{method}");
+        }
     }
-    let report = fs::read_to_string(scratch.path("run/report.md")).unwrap();
-    assert!(report.contains("## The selection of views"), "{report}");
-    assert!(report.contains("figures/selected-views.svg"), "{report}");
+    expect(
+        report,
+        &["## The selection of views", "figures/selected-views.svg"],
+    );
 }
 
 #[test]
 fn no_selector_is_better_than_the_exhaustive_one() {
-    let scratch = Scratch::with_methods(METHODS);
-    scratch.experiment().assert().success();
-    let results = scratch.results();
+    let (results, _) = &*RAN;
     for property in ["fRS", "cDF"] {
         for rerun in 0..2 {
-            let of = |id: &str| &method(&results, id)["selections"][property][rerun];
+            let of = |id: &str| &method(results, id)["selections"][property][rerun];
             let optimum = of("exhaustive")["loss"].as_f64().unwrap();
             for id in ["random", "nvs", "vb-nvs", "greedy"] {
                 assert!(of(id)["loss"].as_f64().unwrap() >= optimum, "{id}");
@@ -68,23 +64,17 @@ fn no_selector_is_better_than_the_exhaustive_one() {
             assert_eq!(of("greedy")["regret"], 0.0);
         }
     }
-    assert!(
-        method(&results, "ridge")["selections"]
-            .as_object()
-            .unwrap()
-            .is_empty()
+    assert_eq!(
+        method(results, "ridge")["selections"],
+        serde_json::json!({})
     );
 }
 
 #[test]
 fn methods_at_nadir_say_the_same_beside_others() {
-    let alone = Scratch::with_methods("");
-    alone.experiment().assert().success();
-    let beside = Scratch::with_methods(METHODS);
-    beside.experiment().assert().success();
-    let (alone, beside) = (alone.results(), beside.results());
+    let alone = Scratch::new().ran();
     for id in ["ridge", "cross-modal"] {
-        let (one, other) = (method(&alone, id), method(&beside, id));
+        let (one, other) = (method(&alone, id), method(&RAN.0, id));
         assert_eq!(one["r2"], other["r2"]);
         assert_eq!(one["selected_views"], other["selected_views"]);
     }
@@ -117,11 +107,8 @@ fn selections_that_were_made_are_not_made_again() {
     assert!(fs::read(&path).unwrap().starts_with(&kept));
     // Other settings are another selection.
     let lines = fs::read_to_string(&path).unwrap().lines().count();
-    scratch.edit(
-        "tiny.toml",
-        "'nvs', evaluations = 200",
-        "'nvs', evaluations = 100",
-    );
+    let evaluations = ["'nvs', evaluations = 200", "'nvs', evaluations = 100"];
+    scratch.edit("tiny.toml", evaluations[0], evaluations[1]);
     scratch.experiment().assert().success();
     let after = fs::read_to_string(&path).unwrap().lines().count();
     assert_eq!(after, lines + 4);
@@ -130,8 +117,7 @@ fn selections_that_were_made_are_not_made_again() {
 #[test]
 fn fixed_views_alone_are_embedded_alone() {
     let scratch = Scratch::with_methods(METHODS.lines().last().unwrap());
-    let run = scratch.experiment().assert().success();
-    let log = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+    let log = scratch.experiment().logged();
     let surfaces = scratch.results()["dataset"]["surfaces"].as_u64().unwrap();
     // The view straight down and two others, or it and one other.
     let views = [2, 3].map(|views| format!("{} embeddings", views * surfaces));
@@ -142,8 +128,11 @@ fn fixed_views_alone_are_embedded_alone() {
 fn more_views_than_there_are_are_refused_by_the_name_of_the_method() {
     let scratch = Scratch::new();
     let mut command = scratch.experiment();
-    let text = message(command.args(["--set", "methods.ridge.views=9"]).assert());
-    expect(&text, &["method `ridge`", "9 views", "at most 5"]);
+    command.args(["--set", "methods.ridge.views=9"]).refused(&[
+        "method `ridge`",
+        "9 views",
+        "at most 5",
+    ]);
 }
 
 /// Angles of 0, 15, 30, 45 and 60 degrees: the middle view is not the one straight down.
@@ -158,8 +147,7 @@ neighbours | Neighbours | ridge | views = 3; distinct = true; selector = { kind 
     );
     let angles = ["from = -45.0, to = 45.0", "from = 0.0, to = 60.0"];
     scratch.edit("data/dataset.toml", angles[0], angles[1]);
-    scratch.experiment().assert().success();
-    let results = scratch.results();
+    let results = scratch.ran();
     for (id, views) in [
         ("ridge", &[0][..]),
         ("one", &[0]),

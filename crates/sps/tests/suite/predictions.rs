@@ -1,13 +1,11 @@
 //! Another system's estimates, from a file to the results.
 
-mod support;
-
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
 
+use crate::support::{Ends, Scratch, expect, method, results_without_timings};
 use serde_json::Value;
-use support::{Scratch, expect, message, method, results_without_timings, sps};
 
 /// A method whose estimates are those of the file, beside ridge regression, whose may be copied there.
 const METHODS: &str = "\
@@ -60,6 +58,7 @@ fn ensure_same(results: &Value) {
     );
     let others = "id label kind encoder precision \
         frames_decoded_per_surface frames_encoded_per_surface multiply_adds_per_surface selected_views";
+
     for (key, value) in ours {
         if !others.split(' ').any(|other| other == key) {
             assert_eq!(value, &gpt[key], "{key}");
@@ -74,12 +73,11 @@ fn ensure_same(results: &Value) {
 fn copied_estimates_are_scored_as_those_they_were_copied_from() {
     let scratch = scratch();
     copy_ours(&scratch, 1);
-    scratch.experiment().assert().success();
-    let results = scratch.results();
+    let results = scratch.ran();
     ensure_same(&results);
     let ours = estimates(&scratch, "run", "ours");
     assert_eq!(estimates(&scratch, "run", "gpt"), ours);
-    let report = fs::read_to_string(scratch.path("run/report.md")).unwrap();
+    let report = scratch.read("run/report.md");
     assert!(report.contains("| GPT |"), "{report}");
     assert!(!report.contains("Intervals that came with"), "{report}");
 
@@ -103,7 +101,7 @@ fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() 
     let by = "by = \"surface\"\n";
     scratch.edit("tiny.toml", "validation = 0.34\nby = \"surface\"\n", by);
     copy_ours(&scratch, 6);
-    let text = fs::read_to_string(scratch.path("estimates.csv")).unwrap();
+    let text = scratch.read("estimates.csv");
     let raised = text.lines().map(|line| match line.split_once(",1,") {
         Some((value, rest)) => format!("{},1,{rest}\n", value.parse::<f64>().unwrap() + 1.0),
         None => format!("{line}\n"),
@@ -117,13 +115,10 @@ fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() 
         let expected = ours[&(surface, property, split)] + raise;
         assert!((given - expected).abs() < 1e-9, "{given} {expected}");
     }
-    let trials = fs::read_to_string(scratch.path("run/trials.jsonl")).unwrap();
+    let trials = scratch.read("run/trials.jsonl");
     let fitted = |id: &str| {
         let of_method = format!("\"method\":\"{id}\"");
-        trials
-            .lines()
-            .filter(|line| line.contains(&of_method))
-            .count()
+        trials.matches(&of_method).count()
     };
     // Six folds of two properties, in one rerun or two.
     assert_eq!(["ours", "cross-modal", "gpt"].map(fitted), [12, 24, 24]);
@@ -136,10 +131,8 @@ fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() 
 fn of_splits(scratch: &Scratch, id: &str) -> BTreeMap<(String, String, usize), f64> {
     let all = estimates(scratch, "run", id).into_iter();
     all.map(|[surface, property, split, value]| {
-        (
-            (surface, property, split.parse().unwrap()),
-            value.parse().unwrap(),
-        )
+        let split = split.parse().unwrap();
+        ((surface, property, split), value.parse().unwrap())
     })
     .collect()
 }
@@ -179,7 +172,7 @@ fn an_edited_file_is_scored_anew_and_a_moved_one_is_not() {
     let scratch = scratch();
     copy_ours(&scratch, 1);
     scratch.experiment().assert().success();
-    let trials = || fs::read_to_string(scratch.path("run/trials.jsonl")).unwrap();
+    let trials = || scratch.read("run/trials.jsonl");
     let (before, first) = (trials(), scratch.results());
 
     fs::rename(scratch.path("estimates.csv"), scratch.path("moved.csv")).unwrap();
@@ -187,18 +180,14 @@ fn an_edited_file_is_scored_anew_and_a_moved_one_is_not() {
     scratch.experiment().assert().success();
     assert_eq!(trials(), before);
 
-    let text = fs::read_to_string(scratch.path("moved.csv")).unwrap();
+    let text = scratch.read("moved.csv");
     let (header, lines) = text.split_once('\n').unwrap();
     fs::write(scratch.path("moved.csv"), format!("{header}\n1{lines}")).unwrap();
     scratch.experiment().assert().success();
     // The two properties and two reruns of this method, and no other.
     let added = trials().strip_prefix(&before).unwrap().to_owned();
     assert_eq!(added.lines().count(), 4, "{added}");
-    assert!(
-        added
-            .lines()
-            .all(|line| line.contains("\"method\":\"gpt\""))
-    );
+    assert_eq!(added.matches("\"method\":\"gpt\"").count(), 4);
     let second = scratch.results();
     assert_eq!(method(&second, "ours"), method(&first, "ours"));
     assert_ne!(method(&second, "gpt")["r2"], method(&first, "gpt")["r2"]);
@@ -210,7 +199,7 @@ fn intervals_are_judged_by_what_they_hold() {
     let scratch = scratch();
     copy_ours(&scratch, 1);
     scratch.experiment().assert().success();
-    let text = fs::read_to_string(scratch.path("run/predictions.csv")).unwrap();
+    let text = scratch.read("run/predictions.csv");
     let mut lines = "surface,property,rerun,value,low,high\n".to_owned();
     let mut shares: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
     let ours = text.lines().filter(|line| line.starts_with("ours,"));
@@ -225,9 +214,7 @@ fn intervals_are_judged_by_what_they_hold() {
         shares.entry(property).or_default().push((at % 2) as f64);
     }
     fs::write(scratch.path("estimates.csv"), lines).unwrap();
-    scratch.experiment().assert().success();
-
-    let results = scratch.results();
+    let results = scratch.ran();
     let found = &method(&results, "gpt")["intervals"];
     let near = |value: &Value, expected: f64| {
         let value = value.as_f64().unwrap();
@@ -247,7 +234,7 @@ fn intervals_are_judged_by_what_they_hold() {
     near(&found["coverage_mean"], held);
     near(&found["mean_width_over_std_mean"], widths);
     assert!(method(&results, "ours")["intervals"].is_null());
-    let report = fs::read_to_string(scratch.path("run/report.md")).unwrap();
+    let report = scratch.read("run/report.md");
     assert!(report.contains("Intervals that came with"), "{report}");
 }
 
@@ -258,7 +245,7 @@ const WIDTHS: [f64; 2] = [4.0, 2.0];
 fn refusal(text: &str) -> String {
     let scratch = scratch();
     fs::write(scratch.path("estimates.csv"), text).unwrap();
-    let refused = message(scratch.experiment().assert());
+    let refused = scratch.experiment().message();
     assert!(!scratch.path("run").exists() && !scratch.path("cache").exists());
     refused
 }
@@ -279,23 +266,21 @@ fn a_broken_file_is_named_line_by_line_before_anything_is_done() {
          tile-01,fRS,1,1,2,2\n\
          tile-01,fRS,1,1,2\n",
     );
-    for parts in [
-        &["method `gpt`, `file`: ", " problems"][..],
-        &["estimates.csv, line 2: found `rough` for `value`, expected a number"],
-        &["line 3: unknown property `fRX`, did you mean `fRS`?"],
-        &["line 5: unknown surface `oka-01`, did you mean `oak-01`?"],
-        &[
-            "line 6: found `NaN` for `value`",
-            "line 7: found `inf` for `value`",
-        ],
-        &["line 8: estimates again what line 2 does"],
-        &["line 9: found 3 for `low`, expected at most `high`, 2"],
-        &["line 10: found `` for `high`"],
-        &["line 11: found `2` for `rerun`, expected one of the experiment's 2, counted from 0"],
-        &["line 12: found 5 cells, expected 6"],
-        &["no row of `cDF`, which the experiment estimates"],
+    expect(&refused, &["method `gpt`, `file`: ", " problems"]);
+    for part in [
+        "estimates.csv, line 2: found `rough` for `value`, expected a number",
+        "line 3: unknown property `fRX`, did you mean `fRS`?",
+        "line 5: unknown surface `oka-01`, did you mean `oak-01`?",
+        "line 6: found `NaN` for `value`",
+        "line 7: found `inf` for `value`",
+        "line 8: estimates again what line 2 does",
+        "line 9: found 3 for `low`, expected at most `high`, 2",
+        "line 10: found `` for `high`",
+        "line 11: found `2` for `rerun`, expected one of the experiment's 2, counted from 0",
+        "line 12: found 5 cells, expected 6",
+        "no row of `cDF`, which the experiment estimates",
     ] {
-        expect(&refused, parts);
+        expect(&refused, &[part]);
     }
 }
 
@@ -318,14 +303,8 @@ fn columns_are_named_where_they_are_missing_or_unknown() {
 #[test]
 fn held_out_surfaces_without_an_estimate_are_named() {
     let refused = refusal("surface,property,value\noak-01,fRS,1\noak-01,cDF,1\n");
-    expect(
-        &refused,
-        &[
-            "2 problems",
-            "estimates.csv: no estimate of `fRS` for ",
-            "surfaces held out: ",
-        ],
-    );
+    let missing = "estimates.csv: no estimate of `fRS` for ";
+    expect(&refused, &["2 problems", missing, "surfaces held out: "]);
     // Of many problems the first are shown.
     let lines = (0..30).map(|_| "oak-01,fRS,x\n").collect::<String>();
     let refused = refusal(&format!("surface,property,value\n{lines}"));
@@ -337,44 +316,22 @@ fn held_out_surfaces_without_an_estimate_are_named() {
 #[test]
 fn a_file_is_of_this_kind_of_method_alone_and_nothing_is_fitted_to_it() {
     let scratch = scratch();
-    let mut run = scratch.experiment();
-    run.args(["--set", "methods.ours.file=a.csv"]);
-    expect(
-        &message(run.assert()),
-        &[
-            "`methods.2.file`",
-            "kind `predictions`",
-            "`ours` is `ridge`",
-        ],
-    );
-    let mut run = scratch.experiment();
-    run.args(["--set", "methods.gpt.views=3"]);
-    expect(
-        &message(run.assert()),
-        &["views", "`predictions` looks at no view"],
-    );
-    let missing = message(scratch.experiment().assert());
-    expect(
-        &missing,
-        &["method `gpt`, `file`", "cannot read", "estimates.csv"],
-    );
-
-    let mut train = sps();
-    train
-        .args(["fit", "--config"])
-        .arg(scratch.path("tiny.toml"));
-    train.arg("--out").arg(scratch.path("model"));
-    expect(
-        &message(train.assert()),
-        &[
-            "method `gpt` has its estimates from a file",
-            "nothing to fit",
-        ],
-    );
+    let refused = |line: &str, parts: &[&str]| scratch.sps(line).refused(parts);
+    let file = [
+        "`methods.2.file`",
+        "kind `predictions`",
+        "`ours` is `ridge`",
+    ];
+    refused("experiment @tiny.toml --set methods.ours.file=a.csv", &file);
+    let views = ["views", "`predictions` looks at no view"];
+    refused("experiment @tiny.toml --set methods.gpt.views=3", &views);
+    scratch.is_refused(&["method `gpt`, `file`", "cannot read", "estimates.csv"]);
+    let fitted = [
+        "method `gpt` has its estimates from a file",
+        "nothing to fit",
+    ];
+    refused("fit --config @tiny.toml --out @model", &fitted);
     let file = scratch.path("estimates.csv").display().to_string();
     scratch.edit("tiny.toml", &format!("file = '{file}'\n"), "");
-    expect(
-        &message(scratch.experiment().assert()),
-        &["`methods.3.file`", "method `gpt` needs a CSV"],
-    );
+    scratch.is_refused(&["`methods.3.file`", "method `gpt` needs a CSV"]);
 }

@@ -1,11 +1,8 @@
 //! Surfaces that show one pattern in other colours are kept together.
 
-#[path = "common/folder.rs"]
-mod folder;
-
 use std::f64::consts::TAU;
 
-use folder::Made;
+use crate::made::Made;
 use sps_dataset::{DatasetFolder, NearTwins, Source};
 
 /// A coarse plain weave, stripes of another period, and a fine weave across both.

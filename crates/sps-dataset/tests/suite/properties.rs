@@ -1,11 +1,8 @@
 //! Properties of any name: what a dataset says of them, many at once, and what is refused.
 
-#[path = "common/folder.rs"]
-mod folder;
-
 use std::fmt::Write as _;
 
-use folder::{Made, SURFACES};
+use crate::made::{Made, SURFACES};
 use sps_dataset::{DatasetFolder, Property, RangePolicy, ReadSettings, Source, TactileSettings};
 
 const OWN: &str = "\
@@ -127,17 +124,7 @@ fn columns_that_cannot_be_codes_are_refused_by_name_or_ignored() {
         assert!(refusal.contains(name), "{refusal}");
     }
     // Named like keys of configs and tables of Rust, Python and JSON.
-    for name in [
-        "properties",
-        "mean",
-        "std",
-        "true",
-        "null",
-        "NaN",
-        "__init__",
-        "0",
-        "material",
-    ] {
+    for name in "properties mean std true null NaN __init__ 0 material".split(' ') {
         let manifest = OWN.replace("hardness", name);
         let dataset = own(&manifest, &TABLE.replace("hardness", name))
             .open()

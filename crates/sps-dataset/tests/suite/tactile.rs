@@ -1,9 +1,6 @@
 //! What is made of tactile readings: values out of range, averages and their spread.
 
-#[path = "common/folder.rs"]
-mod folder;
-
-use folder::Made;
+use crate::made::Made;
 use proptest::prelude::*;
 use sps_dataset::{
     Average, DatasetFolder, OutOfRange, Property, PropertyRange, RangePolicy, ReadSettings,

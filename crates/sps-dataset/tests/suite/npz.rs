@@ -1,12 +1,7 @@
 //! Archives that NumPy wrote (`data/make_npz.py`), against the formula of their content.
-#![cfg(feature = "npz")]
 
-mod common;
-#[path = "common/folder.rs"]
-mod folder;
-
-use common::data;
-use folder::Made;
+use crate::common::data;
+use crate::made::Made;
 use sps_dataset::{DatasetFolder, ReadSettings, Reading, Source};
 
 fn npz(settings: &str, archive: &str) -> Made {

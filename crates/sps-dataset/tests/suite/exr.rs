@@ -1,9 +1,6 @@
 //! EXR files that OpenEXR wrote (`data/make_exr.cpp`), against the formulas of their content.
-#![cfg(feature = "exr")]
 
-mod common;
-
-use common::{at_most, check, cut_anywhere, data, decoded, decoded_with, srgb};
+use crate::common::{at_most, check, cut_anywhere, data, decoded, decoded_with, srgb};
 use sps_dataset::{DecodeSettings, FrameErrorKind, LightCounts, NonFinite, decode_image};
 
 const SIZE: (usize, usize) = (24, 36);

@@ -1,8 +1,6 @@
 //! Images brought to a size as they are read, against the whole frame brought to it.
 
-mod common;
-
-use common::data;
+use crate::common::data;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use png::{BitDepth, ColorType};

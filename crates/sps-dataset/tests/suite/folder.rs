@@ -1,11 +1,8 @@
 //! A dataset in a folder: what is read of it, and what is refused with which words.
 
-#[path = "common/folder.rs"]
-mod folder;
-
 use std::path::{Path, PathBuf};
 
-use folder::{MANIFEST, Made, SURFACES};
+use crate::made::{MANIFEST, Made, SURFACES, cases};
 use sps_dataset::{
     DatasetErrorKind, DatasetFolder, DecodeSettings, FrameErrorKind, FrameIndex, JsonLayout,
     NonFinite, ReadSettings, RollAngle, Source, TableFormat, TactileSettings, decode_frames,
@@ -31,26 +28,15 @@ fn the_tiny_dataset_is_what_its_readme_says() {
     assert_eq!(dataset.nearest_view(RollAngle::NADIR), Some(2));
     assert_eq!(dataset.nearest_view(RollAngle(-40.0)), Some(0));
     let surface = &dataset.surfaces()[1];
-    assert_eq!(
-        (
-            surface.id.as_str(),
-            surface.material.as_str(),
-            surface.group.as_str()
-        ),
-        ("denim-02", "denim", "denim-bolt")
-    );
+    let named = [&surface.id, &surface.material, &surface.group];
+    assert_eq!(named, ["denim-02", "denim", "denim-bolt"]);
     let inspection = dataset.inspect(&TactileSettings::default());
     assert_eq!((inspection.readings, inspection.groups), (60, 5));
-    assert_eq!(
-        inspection.materials[..2],
-        [("denim".to_owned(), 2), ("wood".to_owned(), 2)]
-    );
+    let two = ["denim", "wood"].map(|name| (name.to_owned(), 2));
+    assert_eq!(inspection.materials[..2], two);
     let summary = |property| {
-        inspection
-            .properties
-            .iter()
-            .find(|s| s.property == property)
-            .unwrap()
+        let mut summaries = inspection.properties.iter();
+        summaries.find(|s| s.property == property).unwrap()
     };
     assert_eq!(summary("tCO").missing_cells, 1);
     let tack = summary("aTK");
@@ -105,10 +91,8 @@ fn the_four_forms_of_its_table_agree() {
         for property in toccare::properties() {
             for surface in 0..6 {
                 // NumPy's averages, and values standardised and restored in double precision.
-                match (
-                    long.value(surface, &property),
-                    other.value(surface, &property),
-                ) {
+                let [one, two] = [&long, &other].map(|table| table.value(surface, &property));
+                match (one, two) {
                     (Some(a), Some(b)) => assert!((a - b).abs() < 1e-12, "{form}: {a} {b}"),
                     (a, b) => assert_eq!(a, b, "{form}: {property} of {surface}"),
                 }
@@ -127,8 +111,8 @@ fn frames_of_three_formats_come_in_the_order_asked_for() {
     let frames = decode_frames(&dataset, &all).unwrap();
     for (index, frame) in all.iter().zip(&frames) {
         assert_eq!(
-            (frame.width, frame.height, frame.data.len()),
-            (32, 32, 32 * 32 * 3)
+            [frame.width, frame.height, frame.data.len()],
+            [32, 32, 3072]
         );
         assert_eq!(frame, &dataset.frame(index.surface, index.view).unwrap());
     }
@@ -137,12 +121,8 @@ fn frames_of_three_formats_come_in_the_order_asked_for() {
     // The glazed tile, seen straight down, is brighter than white all over.
     let tile = dataset.decode(5, 2).unwrap();
     assert_eq!(tile.light.clipped, 32 * 32 * 3);
-    assert!(
-        tile.frame
-            .data
-            .iter()
-            .all(|&value| (value - 1.0).abs() < 1e-6)
-    );
+    let mut values = tile.frame.data.iter();
+    assert!(values.all(|&value| (value - 1.0).abs() < 1e-6));
 }
 
 #[test]
@@ -157,52 +137,31 @@ fn the_first_frame_that_fails_is_the_one_reported() {
 #[test]
 fn frame_keys_follow_the_content_and_what_changes_pixels() {
     let dataset = tiny();
-    let mut keys: Vec<_> = (0..30)
-        .map(|i| dataset.frame_key(i / 5, i % 5).unwrap())
-        .collect();
+    let key = |i: usize| dataset.frame_key(i / 5, i % 5).unwrap();
+    let mut keys: Vec<_> = (0..30).map(key).collect();
     assert_eq!(keys[7], tiny().frame_key(1, 2).unwrap());
     keys.sort_unstable();
     keys.dedup();
     assert_eq!(keys.len(), 30);
 
-    let key_with = |images: DecodeSettings| {
-        let settings = ReadSettings {
-            images,
-            ..ReadSettings::default()
-        };
-        DatasetFolder::open(&tiny_path(), &settings)
-            .unwrap()
-            .frame_key(0, 0)
-            .unwrap()
+    let key_with = |change: fn(&mut DecodeSettings)| {
+        let mut settings = ReadSettings::default();
+        change(&mut settings.images);
+        let dataset = DatasetFolder::open(&tiny_path(), &settings).unwrap();
+        dataset.frame_key(0, 0).unwrap()
     };
-    let default = DecodeSettings::default;
-    let same = key_with(default());
-    assert_eq!(same, tiny().frame_key(0, 0).unwrap());
-    let others = [
-        DecodeSettings {
-            exposure_stops: 1.0,
-            ..default()
-        },
-        DecodeSettings {
-            background: [0.0; 3],
-            ..default()
-        },
-        DecodeSettings {
-            exr_layer: Some(String::new()),
-            ..default()
-        },
-        DecodeSettings {
-            non_finite: NonFinite::Reject,
-            ..default()
-        },
+    let same = tiny().frame_key(0, 0).unwrap();
+    let changes: [fn(&mut DecodeSettings); 4] = [
+        |images| images.exposure_stops = 1.0,
+        |images| images.background = [0.0; 3],
+        |images| images.exr_layer = Some(String::new()),
+        |images| images.non_finite = NonFinite::Reject,
     ];
-    for other in others {
-        assert_ne!(key_with(other), same);
+    for change in changes {
+        assert_ne!(key_with(change), same);
     }
     // How much a file may ask for changes no pixel.
-    let mut limited = default();
-    limited.limits.pixels = 1 << 20;
-    assert_eq!(key_with(limited), same);
+    assert_eq!(key_with(|images| images.limits.pixels = 1 << 20), same);
 }
 
 #[test]
@@ -223,89 +182,69 @@ fn frames_to_resize_are_read_at_their_size_with_the_same_pixels() {
 #[test]
 fn a_missing_folder_or_file_is_named() {
     let nowhere = DatasetFolder::open(Path::new("/nowhere/at all"), &ReadSettings::default());
-    assert_eq!(
-        nowhere.unwrap_err().to_string(),
-        "/nowhere/at all: not a dataset: there is no such folder"
-    );
+    let expected = "/nowhere/at all: not a dataset: there is no such folder";
+    assert_eq!(nowhere.unwrap_err().to_string(), expected);
     let made = Made::new("", "tactile.csv", TABLE);
     std::fs::remove_file(made.path().join("tactile.csv")).unwrap();
     let refused = made.open().unwrap_err();
     assert!(refused.path().ends_with("tactile.csv"));
-    assert!(
-        matches!(refused.kind(), DatasetErrorKind::Io(_)),
-        "{refused}"
-    );
+    let is_io = matches!(refused.kind(), DatasetErrorKind::Io(_));
+    assert!(is_io, "{refused}");
     std::fs::remove_file(made.path().join("dataset.toml")).unwrap();
-    assert!(
-        made.refusal()
-            .ends_with("not a dataset: it has no `dataset.toml`")
-    );
+    let none = "not a dataset: it has no `dataset.toml`";
+    assert!(made.refusal().ends_with(none));
     std::fs::create_dir(made.path().join("dataset.toml")).unwrap();
     assert!(made.refusal().starts_with("dataset.toml: cannot be read"));
 }
 
 #[test]
 fn manifest_errors_name_the_line_and_the_nearest_key() {
-    let cases = [
-        (
-            MANIFEST.replace("properties", "propertes"),
-            "dataset.toml, line 2: unknown key `propertes`, did you mean `properties`? Expected one of \
-          `name`, `description`, `source`, `origin`, `properties`, `view-angles-deg`, `ranges`, \
-          `tactile`, `property`",
-        ),
-        (
-            MANIFEST.replace("fRS", "f RS"),
-            "dataset.toml, line 2: is not valid TOML: `f RS` cannot be the code of a property, expected 1 \
-          to 64 of a to z, A to Z, 0 to 9, `-` and `_`, for example `f-RS`",
-        ),
-        (
-            MANIFEST.replace("cDF", "fRS"),
-            "dataset.toml, line 2: is not valid TOML: property `fRS` is listed twice",
-        ),
-        (
-            MANIFEST.replace("[0.0]", "[]"),
-            "dataset.toml, line 3: is not valid TOML: a dataset has at least one view",
-        ),
-        (
-            MANIFEST.replace("[0.0]", "[0.0, nan]"),
-            "dataset.toml, line 3: is not valid TOML: a view angle is a finite number of degrees",
-        ),
-        (
-            MANIFEST.replace("[0.0]", "\"level\""),
-            "dataset.toml, line 3: is not valid TOML: invalid type: string \"level\", expected a list of \
-          degrees or { from = DEGREES, to = DEGREES, count = VIEWS }",
-        ),
-        (
-            MANIFEST.replace("[0.0]", "{ from = -45, to = 45, cuont = 3 }"),
-            "dataset.toml, line 3: unknown key `cuont`, did you mean `count`? Expected one of `from`, \
-          `to`, `count`",
-        ),
-        (
-            MANIFEST.replace("[0.0]", "{ from = -45, to = 45, count = 1000000000000 }"),
-            "dataset.toml, line 3: is not valid TOML: a sequence has at most 1000000 views",
-        ),
-        (
-            format!("{MANIFEST}[tactile.wide-cvs]\n"),
-            "dataset.toml, line 4: unknown value `wide-cvs`, did you mean `wide-csv`? Expected one of \
-          `long-csv`, `wide-csv`, `npz`, `json`",
-        ),
-        (
-            format!("{MANIFEST}[tactile.json]\nlayout = \"record\"\n"),
-            "dataset.toml, line 5: unknown value `record`, did you mean `records`? Expected one of \
-          `keyed`, `records`",
-        ),
-    ];
-    for (manifest, expected) in cases {
+    let keys = "`name`, `description`, `source`, `origin`, `properties`, `view-angles-deg`, `ranges`, \
+        `tactile`, `property`";
+    let edited = format!(
+        r#"
+        properties | propertes
+            2: unknown key `propertes`, did you mean `properties`? Expected one of {keys}
+        fRS | f RS
+            2: is not valid TOML: `f RS` cannot be the code of a property, expected 1 to 64 of {letters}
+        cDF | fRS
+            2: is not valid TOML: property `fRS` is listed twice
+        [0.0] | []
+            3: is not valid TOML: a dataset has at least one view
+        [0.0] | [0.0, nan]
+            3: is not valid TOML: a view angle is a finite number of degrees
+        [0.0] | "level"
+            3: is not valid TOML: invalid type: string "level", expected a list of degrees or {range}
+        [0.0] | {{ from = -45, to = 45, cuont = 3 }}
+            3: unknown key `cuont`, did you mean `count`? Expected one of `from`, `to`, `count`
+        [0.0] | {{ from = -45, to = 45, count = 1000000000000 }}
+            3: is not valid TOML: a sequence has at most 1000000 views
+        "#,
+        letters = "a to z, A to Z, 0 to 9, `-` and `_`, for example `f-RS`",
+        range = "{ from = DEGREES, to = DEGREES, count = VIEWS }",
+    );
+    let refusal = |manifest: String| {
         let made = Made::new("", "tactile.csv", TABLE);
         made.write("dataset.toml", manifest);
-        assert_eq!(made.refusal(), expected);
-    }
-    let made = Made::new("", "tactile.csv", TABLE);
-    made.write("dataset.toml", "name = ");
-    assert!(
         made.refusal()
-            .starts_with("dataset.toml, line 1: is not valid TOML: ")
-    );
+    };
+    for (edit, expected) in cases(&edited) {
+        let (from, to) = edit.split_once(" | ").unwrap();
+        let expected = format!("dataset.toml, line {expected}");
+        assert_eq!(refusal(MANIFEST.replace(from, to)), expected);
+    }
+    let added = r#"
+        [tactile.wide-cvs]
+            4: unknown value `wide-cvs`, did you mean `wide-csv`? Expected one of `long-csv`, `wide-csv`, `npz`, `json`
+        [tactile.json]\nlayout = "record"
+            5: unknown value `record`, did you mean `records`? Expected one of `keyed`, `records`
+    "#;
+    for (lines, expected) in cases(added) {
+        let expected = format!("dataset.toml, line {expected}");
+        assert_eq!(refusal(format!("{MANIFEST}{lines}\n")), expected);
+    }
+    let broken = refusal("name = ".to_owned());
+    assert!(broken.starts_with("dataset.toml, line 1: is not valid TOML: "));
     assert_eq!(JsonLayout::default(), JsonLayout::Keyed);
 }
 
@@ -315,14 +254,8 @@ fn the_table_may_not_be_outside_the_folder() {
     std::fs::write(outside.path(), TABLE).unwrap();
     let absolute = outside.path().to_str().unwrap();
     let up = "../".repeat(20) + absolute;
-    for file in [
-        absolute,
-        &up,
-        "../tactile.csv",
-        "a/../../tactile.csv",
-        "C:tactile.csv",
-        "",
-    ] {
+    let others = ["../tactile.csv", "a/../../tactile.csv", "C:tactile.csv", ""];
+    for file in [absolute, &up].into_iter().chain(others) {
         let tactile = format!("[tactile.long-csv]\nfile = '{file}'\n");
         let refused = Made::new(&tactile, "tactile.csv", TABLE)
             .open()
@@ -330,16 +263,11 @@ fn the_table_may_not_be_outside_the_folder() {
         let found =
             format!("tactile table: found `{file}`, expected a path below the dataset's folder");
         assert!(refused.to_string().contains(&found), "{refused}");
-        assert!(matches!(
-            refused.kind(),
-            DatasetErrorKind::Unexpected { .. }
-        ));
+        let kind = refused.kind();
+        assert!(matches!(kind, DatasetErrorKind::Invalid(_)));
     }
-    let made = Made::new(
-        "[tactile.long-csv]\nfile = \"tables/a.csv\"\n",
-        "tactile.csv",
-        TABLE,
-    );
+    let inside = "[tactile.long-csv]\nfile = \"tables/a.csv\"\n";
+    let made = Made::new(inside, "tactile.csv", TABLE);
     std::fs::create_dir(made.path().join("tables")).unwrap();
     made.write("tables/a.csv", TABLE);
     made.open().unwrap();
@@ -347,47 +275,40 @@ fn the_table_may_not_be_outside_the_folder() {
 
 #[test]
 fn surface_errors_name_the_line() {
-    let cases = [
-        (
-            format!("{SURFACES}a,silk,x\n"),
-            "surfaces.csv, line 5: surface `a` is listed twice, first at line 2",
-        ),
-        (
-            format!("{SURFACES}../up,silk,x\n"),
-            "surfaces.csv, line 5: a surface's id: found `../up`, expected a name that does not begin \
-          with a dot",
-        ),
-        (
-            format!("{SURFACES}up/../../there,silk,x\n"),
-            "surfaces.csv, line 5: a surface's id: found `up/../../there`, expected a name without \
-          slashes, colons and control characters",
-        ),
-        (
-            format!("{SURFACES},silk,x\n"),
-            "surfaces.csv, line 5: a surface's id: found ``, expected a name",
-        ),
-        (
-            format!("{SURFACES}d,silk\n"),
-            "surfaces.csv, line 5: the cells of the line: found 2, expected 3",
-        ),
-        (
-            "surface,group,material\n".to_owned(),
-            "surfaces.csv, line 1: the header: found surface,group,material, expected \
-          surface,material,group",
-        ),
-        (
-            "surface,material,group\n".to_owned(),
-            "surfaces.csv: its rows: found none, expected at least one surface",
-        ),
-        (
-            String::new(),
-            "surfaces.csv, line 1: the header: found nothing, expected surface,material,group",
-        ),
-    ];
-    for (surfaces, expected) in cases {
+    let refusal = |surfaces: &str| {
         let made = Made::new("", "tactile.csv", TABLE);
         made.write("surfaces.csv", surfaces);
-        assert_eq!(made.refusal(), expected);
+        made.refusal()
+    };
+    let rows = r"
+        a,silk,x
+            surface `a` is listed twice, first at line 2
+        ../up,silk,x
+            a surface's id: found `../up`, expected a name that does not begin with a dot
+        up/../../there,silk,x
+            a surface's id: found `up/../../there`, expected a name without slashes, colons and control characters
+        ,silk,x
+            a surface's id: found ``, expected a name
+        d,silk
+            the cells of the line: found 2, expected 3
+    ";
+    for (row, expected) in cases(rows) {
+        let expected = format!("surfaces.csv, line 5: {expected}");
+        assert_eq!(refusal(&format!("{SURFACES}{row}\n")), expected);
+    }
+    let header = "expected surface,material,group";
+    for (surfaces, expected) in [
+        (
+            "surface,group,material\n",
+            format!(", line 1: the header: found surface,group,material, {header}"),
+        ),
+        (
+            "surface,material,group\n",
+            ": its rows: found none, expected at least one surface".to_owned(),
+        ),
+        ("", format!(", line 1: the header: found nothing, {header}")),
+    ] {
+        assert_eq!(refusal(surfaces), format!("surfaces.csv{expected}"));
     }
 }
 
@@ -408,9 +329,8 @@ fn frame_errors_name_the_file() {
     std::fs::write(frames.join("000.png"), &png[..png.len() / 2]).unwrap();
     assert!(refusal(0, 0).contains("frames/a/000.png: is not a whole PNG image: "));
     std::fs::write(frames.join("000.jpeg"), &png).unwrap();
-    assert!(
-        refusal(0, 0).ends_with("frames/a: has two frames for view 0: `000.png` and `000.jpeg`")
-    );
+    let two = "frames/a: has two frames for view 0: `000.png` and `000.jpeg`";
+    assert!(refusal(0, 0).ends_with(two));
     std::fs::remove_file(frames.join("000.png")).unwrap();
     // Told by its content, not by its name.
     assert_eq!(dataset.frame(0, 0).unwrap(), tiny().frame(3, 0).unwrap());
@@ -419,8 +339,9 @@ fn frame_errors_name_the_file() {
     settings.images.limits.file_bytes = 100;
     let limited = DatasetFolder::open(made.path(), &settings).unwrap();
     let refused = limited.frame(0, 0).unwrap_err();
+    let kind = refused.kind();
     assert!(matches!(
-        refused.kind(),
+        kind,
         FrameErrorKind::FileTooLarge { limit: 100, .. }
     ));
 }
@@ -437,11 +358,8 @@ fn inspection_finds_broken_and_unknown_frames() {
         let folder = made.path().join("frames").join(surface);
         std::fs::create_dir_all(&folder).unwrap();
         let ending = frame.rsplit('.').next().unwrap();
-        std::fs::copy(
-            tiny_path().join("frames").join(frame),
-            folder.join(format!("000.{ending}")),
-        )
-        .unwrap();
+        let from = tiny_path().join("frames").join(frame);
+        std::fs::copy(from, folder.join(format!("000.{ending}"))).unwrap();
     }
     let dataset = made.open().unwrap();
     let seen = std::sync::atomic::AtomicUsize::new(0);
@@ -452,10 +370,8 @@ fn inspection_finds_broken_and_unknown_frames() {
     assert_eq!(frames.sizes, [(32, 32, 2)]);
     assert_eq!(frames.light.clipped, 32 * 32 * 3);
     assert_eq!(frames.broken.len(), 1);
-    assert_eq!(
-        (frames.broken[0].surface.as_str(), frames.broken[0].view),
-        ("c", 0)
-    );
+    let broken = &frames.broken[0];
+    assert_eq!((&*broken.surface, broken.view), ("c", 0));
     assert_eq!(frames.unknown_folders, ["x"]);
     let inspection = dataset.inspect(&TactileSettings::default());
     assert_eq!(inspection.untouched, ["b", "c"]);

@@ -47,3 +47,14 @@ impl Made {
         rest.trim_start_matches('/').to_owned()
     }
 }
+
+/// What is read and what is said of it, a line each; `\n` in the former ends a line.
+pub(crate) fn cases(lines: &str) -> impl Iterator<Item = (String, &str)> {
+    let lines: Vec<&str> = lines
+        .lines()
+        .map(str::trim)
+        .filter(|line| !line.is_empty())
+        .collect();
+    let pairs = lines.as_chunks().0.to_vec().into_iter();
+    pairs.map(|[read, said]: [&str; 2]| (read.replace("\\n", "\n"), said))
+}

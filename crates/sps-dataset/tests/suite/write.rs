@@ -1,6 +1,5 @@
 //! Writing a dataset: what reads back, what is resumed and what is refused. The source is the tiny
 //! dataset, part of which is EXR.
-#![cfg(feature = "exr")]
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -106,40 +105,35 @@ fn check_copy(folder: &Path, bound: f32) {
         let [a, b] =
             [&original.inner, &copy].map(|source| source.frame(index / 5, index % 5).unwrap());
         assert_eq!((a.width, a.height), (b.width, b.height));
-        let worst = a
-            .data
-            .iter()
-            .zip(&b.data)
-            .map(|(a, b)| (a - b).abs())
-            .fold(0.0, f32::max);
+        let worst = furthest(&a, &b);
         assert!(worst <= bound, "frame {index} is {worst} off");
     }
+}
+
+fn furthest(a: &Frame, b: &Frame) -> f32 {
+    let distances = a.data.iter().zip(&b.data).map(|(a, b)| (a - b).abs());
+    distances.fold(0.0, f32::max)
+}
+
+/// What is in a folder.
+fn entries(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    entries.map(|entry| entry.unwrap().path()).collect()
 }
 
 #[test]
 fn png_reads_back_within_half_a_level() {
     let folder = TempDir::new().unwrap();
-    let written = write_png(&Counted::new(usize::MAX), folder.path());
-    assert_eq!(
-        written.unwrap(),
-        Written {
-            written: 6,
-            already_there: 0
-        }
-    );
+    let written = write_png(&Counted::new(usize::MAX), folder.path()).unwrap();
+    assert_eq!((written.written, written.already_there), (6, 0));
     check_copy(folder.path(), 0.5 / 255.0 + 1e-6);
 }
 
 #[test]
 fn exr_reads_back_within_the_documented_bound() {
     let folder = TempDir::new().unwrap();
-    write_dataset(
-        &Counted::new(usize::MAX),
-        folder.path(),
-        &options(FrameFormat::Exr),
-        |_, _| {},
-    )
-    .unwrap();
+    let (source, options) = (Counted::new(usize::MAX), options(FrameFormat::Exr));
+    write_dataset(&source, folder.path(), &options, |_, _| {}).unwrap();
     check_copy(folder.path(), 3e-4);
     // Every display value there can be, not only those of a picture.
     let data: Vec<f32> = (0..30_000).map(|i| i as f32 / 29_999.0).collect();
@@ -149,13 +143,8 @@ fn exr_reads_back_within_the_documented_bound() {
         data,
     };
     let bytes = FrameFormat::Exr.encode(&ramp).unwrap();
-    let back = sps_dataset::decode_image(&bytes, &sps_dataset::DecodeSettings::default()).unwrap();
-    let worst = ramp
-        .data
-        .iter()
-        .zip(&back.frame.data)
-        .map(|(a, b)| (a - b).abs())
-        .fold(0.0, f32::max);
+    let back = decode_image(&bytes, &DecodeSettings::default()).unwrap();
+    let worst = furthest(&ramp, &back.frame);
     assert!(worst <= 3e-4, "{worst}");
 }
 
@@ -197,27 +186,12 @@ fn stopped_and_started_again_it_goes_on_from_finished_surfaces() {
     let folder = TempDir::new().unwrap();
     let stopped = write_png(&Counted::new(14), folder.path());
     let stopped = stopped.unwrap_err();
-    assert!(
-        matches!(stopped.kind(), WriteErrorKind::Frame { .. }),
-        "{stopped}"
-    );
-    assert!(
-        stopped.to_string().ends_with("the lamp went out"),
-        "{stopped}"
-    );
+    assert!(matches!(stopped.kind(), WriteErrorKind::Frame { .. }));
+    assert!(stopped.to_string().ends_with("the lamp went out"));
     assert!(!folder.path().join("dataset.toml").exists());
-    let frames = folder.path().join("frames");
-    let finished: Vec<PathBuf> = std::fs::read_dir(&frames)
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .collect();
+    let finished = entries(&folder.path().join("frames"));
     for surface in &finished {
-        assert_eq!(
-            std::fs::read_dir(surface).unwrap().count(),
-            5,
-            "{}",
-            surface.display()
-        );
+        assert_eq!(entries(surface).len(), 5, "{}", surface.display());
     }
 
     let rest = Counted::new(usize::MAX);
@@ -266,18 +240,12 @@ fn two_datasets_do_not_mix() {
         ..options(FrameFormat::Png)
     };
     let refused = write_dataset(&source, folder.path(), &other, |_, _| {}).unwrap_err();
-    assert!(
-        matches!(refused.kind(), WriteErrorKind::Occupied(_)),
-        "{refused}"
-    );
+    assert!(matches!(refused.kind(), WriteErrorKind::Occupied(_)));
 
     let foreign = TempDir::new().unwrap();
     std::fs::write(foreign.path().join("dataset.toml"), "name = \"theirs\"").unwrap();
-    let refused = write_png(&source, foreign.path());
-    assert!(matches!(
-        refused.unwrap_err().kind(),
-        WriteErrorKind::Occupied(_)
-    ));
+    let refused = write_png(&source, foreign.path()).unwrap_err();
+    assert!(matches!(refused.kind(), WriteErrorKind::Occupied(_)));
 }
 
 #[test]
@@ -304,9 +272,8 @@ fn a_child_that_another_thread_starts_does_not_keep_the_folder() {
                 let _ = std::process::Command::new("true").status();
             }
         });
-        let written: Result<Vec<_>, _> = (0..200)
-            .map(|_| write_png(&source, folder.path()))
-            .collect();
+        let write = |_| write_png(&source, folder.path());
+        let written: Result<Vec<_>, _> = (0..200).map(write).collect();
         drop(done);
         written.unwrap();
     });
@@ -341,10 +308,8 @@ fn a_frame_without_pixels_is_refused() {
         data: Vec::new(),
     };
     let refused = FrameFormat::Png.encode(&empty).unwrap_err();
-    assert_eq!(
-        refused.to_string(),
-        "the frame cannot be encoded: it has 0 values for 0 x 3 pixels"
-    );
+    let expected = "the frame cannot be encoded: it has 0 values for 0 x 3 pixels";
+    assert_eq!(refused.to_string(), expected);
     let short = Frame {
         width: 2,
         height: 2,
@@ -366,18 +331,16 @@ impl TinyDisk {
             .args(["-t", "tmpfs", "-o", "size=48k", "tmpfs"])
             .arg(folder.path());
         let mounted = mount.stderr(std::process::Stdio::null()).status();
-        mounted
-            .is_ok_and(|status| status.success())
-            .then_some(Self(folder))
+        let is_there = mounted.is_ok_and(|status| status.success());
+        is_there.then_some(Self(folder))
     }
 }
 
 #[cfg(target_os = "linux")]
 impl Drop for TinyDisk {
     fn drop(&mut self) {
-        let _ = std::process::Command::new("umount")
-            .arg(self.0.path())
-            .status();
+        let mut umount = std::process::Command::new("umount");
+        let _ = umount.arg(self.0.path()).status();
     }
 }
 
@@ -389,36 +352,28 @@ fn a_full_disk_leaves_whole_surfaces_only() {
         return;
     };
     let source = Counted::new(usize::MAX);
-    let refused = write_png(&source, disk.0.path());
-    let refused = refused.unwrap_err();
-    assert!(
-        matches!(refused.kind(), WriteErrorKind::StorageFull),
-        "{refused}"
-    );
+    let refused = write_png(&source, disk.0.path()).unwrap_err();
+    assert!(matches!(refused.kind(), WriteErrorKind::StorageFull));
     assert!(!disk.0.path().join("dataset.toml").exists());
-    let names = |folder: &Path| -> Vec<PathBuf> {
-        std::fs::read_dir(folder)
-            .unwrap()
-            .map(|entry| entry.unwrap().path())
-            .collect()
-    };
-    for surface in names(&disk.0.path().join("frames")) {
-        let frames = names(&surface);
+    for surface in entries(&disk.0.path().join("frames")) {
+        let frames = entries(&surface);
         assert_eq!(frames.len(), 5, "{}", surface.display());
         for frame in frames {
-            sps_dataset::read_image(&frame, &sps_dataset::DecodeSettings::default()).unwrap();
+            sps_dataset::read_image(&frame, &DecodeSettings::default()).unwrap();
         }
     }
 }
 
 #[test]
 fn declared_ranges_are_kept() {
-    let ranged = |ranges: &[(&str, [f64; 2])]| Counted {
-        ranges: ranges
+    let ranged = |ranges: &[(&str, [f64; 2])]| {
+        let ranges = ranges
             .iter()
-            .map(|(code, ends)| ((*code).to_owned(), *ends))
-            .collect(),
-        ..Counted::new(usize::MAX)
+            .map(|(code, ends)| ((*code).to_owned(), *ends));
+        Counted {
+            ranges: ranges.collect(),
+            ..Counted::new(usize::MAX)
+        }
     };
     let source = ranged(&[("fRS", [0.0, 100.0]), ("cDF", [-0.1, f64::INFINITY])]);
     let folder = TempDir::new().unwrap();
@@ -432,9 +387,7 @@ fn declared_ranges_are_kept() {
     let folder = TempDir::new().unwrap();
     let refused = write_png(&ranged(&[("cDF", [0.0, 100.0])]), folder.path());
     let message = refused.unwrap_err().to_string();
-    assert!(
-        message.contains("a reading: found cDF of `") && message.contains("expected 0 to 100"),
-        "{message}"
-    );
+    assert!(message.contains("a reading: found cDF of `"), "{message}");
+    assert!(message.contains("expected 0 to 100"), "{message}");
     assert!(!folder.path().join("dataset.toml").exists());
 }

@@ -1,9 +1,7 @@
 //! PNG and JPEG files of other encoders (`data/make_images.py`, `data/make_ycck.c`), against the
 //! formulas of their content.
 
-mod common;
-
-use common::{at_most, check, cut_anywhere, data, decoded, decoded_with, naive_misses};
+use crate::common::{at_most, check, cut_anywhere, data, decoded, decoded_with, naive_misses};
 use sps_dataset::{DecodeSettings, FrameErrorKind, LightCounts, decode_image};
 
 const SIZE: (usize, usize) = (16, 12);

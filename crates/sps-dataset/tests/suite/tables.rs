@@ -210,8 +210,6 @@ fn json_records() {
 #[test]
 fn json_errors_name_the_key() {
     let keyed = r#"
-        {"a": [1, 2]}
-            , key `a`: the order of its properties is not given: the file does not name its columns, so `property-order` must list the tactile property of each, in order
         {"a": {"fRS": "high", "cDF": 1}}
             , key `a`: found `high` in column `fRS`, expected a number within 1e9 of 0, or null
         {"a": {"fRS": 1, "fRS": 2, "cDF": 1}}
@@ -227,6 +225,9 @@ fn json_errors_name_the_key() {
         {"a": {}\n,}
             , line 2: is not valid JSON: trailing comma at line 2 column 2
     "#;
+    let unordered = "tactile.json, key `a`: the order of its properties is not given: the file does not \
+        name its columns, so `property-order` must list the tactile property of each, in order";
+    assert_eq!(json("", r#"{"a": [1, 2]}"#).refusal(), unordered);
     let listed = r#"
         {"a": [1, 2, 3]}
             , key `a`: the length of a list: found 3, expected 2, one per entry of `property-order`

@@ -2,7 +2,7 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::{InvalidCode, Property, UnknownName};
+use crate::{InvalidCode, UnknownName};
 
 /// A dataset, or a table of one, that cannot be read: which file, where in it, and why.
 ///
@@ -33,9 +33,6 @@ pub enum DatasetErrorKind {
     /// The file or folder cannot be opened or read.
     #[error("cannot be read: {0}")]
     Io(io::Error),
-    /// The path is not a folder with a `dataset.toml`.
-    #[error("not a dataset: {0}")]
-    NotADataset(&'static str),
     /// The file is larger than the reader allows.
     #[error("has {bytes} bytes, more than the limit of {limit}")]
     TooLarge {
@@ -58,87 +55,9 @@ pub enum DatasetErrorKind {
     /// A column whose name cannot be the code of a property.
     #[error("{0}; `ignore-columns` leaves a column out")]
     InvalidCode(InvalidCode),
-    /// A table whose columns carry no names, and no order was given for them.
-    #[error(
-        "the order of its properties is not given: the file does not name its columns, so \
-         `property-order` must list the tactile property of each, in order"
-    )]
-    NoPropertyOrder,
-    /// A text where a number belongs.
-    #[error("found `{found}` in column `{column}`, expected {expected}")]
-    NotANumber {
-        /// The column or key.
-        column: String,
-        /// What stands there.
-        found: String,
-        /// Which numbers would have been right.
-        expected: &'static str,
-    },
-    /// A value outside of its property's range under
-    /// [`RangePolicy::Reject`](crate::RangePolicy::Reject), or one that is more than 1e9 from 0 once it
-    /// was restored.
-    #[error("{property} of `{surface}` is {value}, outside {low} to {high}, and is to be rejected")]
-    OutOfRange {
-        /// The surface touched.
-        surface: String,
-        /// The property measured.
-        property: Property,
-        /// The value read.
-        value: f64,
-        /// The lowest value that is taken.
-        low: f64,
-        /// The highest.
-        high: f64,
-    },
-    /// A value outside of the range that the dataset declares for its property.
-    #[error(
-        "{property} of `{surface}` is {value}, outside {low} to {high}, the range that the dataset \
-         declares"
-    )]
-    OutOfDeclaredRange {
-        /// The surface touched.
-        surface: String,
-        /// The property measured.
-        property: Property,
-        /// The value read.
-        value: f64,
-        /// The lowest value declared.
-        low: f64,
-        /// The highest value declared.
-        high: f64,
-    },
-    /// A surface that was listed before.
-    #[error("surface `{surface}` is listed twice, first at {first}")]
-    DuplicateSurface {
-        /// The surface.
-        surface: String,
-        /// Where it was first.
-        first: Place,
-    },
-    /// The same touch twice.
-    #[error(
-        "location {location}, repeat {repeat} of surface `{surface}` is listed twice, first at {first}"
-    )]
-    DuplicateReading {
-        /// The surface.
-        surface: String,
-        /// The location on it.
-        location: u32,
-        /// The repeat at that location.
-        repeat: u32,
-        /// Where it was first.
-        first: Place,
-    },
-    /// Something else than what belongs there.
-    #[error("{what}: found {found}, expected {expected}")]
-    Unexpected {
-        /// What is being read.
-        what: String,
-        /// What was found.
-        found: String,
-        /// What was expected.
-        expected: String,
-    },
+    /// The file is sound, but says what no dataset can have.
+    #[error("{0}")]
+    Invalid(String),
 }
 
 impl DatasetError {
@@ -180,15 +99,33 @@ impl DatasetError {
 
 impl DatasetErrorKind {
     pub(crate) fn unexpected(
-        what: impl Into<String>,
-        found: impl Into<String>,
-        expected: impl Into<String>,
+        what: impl fmt::Display,
+        found: impl fmt::Display,
+        expected: impl fmt::Display,
     ) -> Self {
-        Self::Unexpected {
-            what: what.into(),
-            found: found.into(),
-            expected: expected.into(),
-        }
+        Self::Invalid(format!("{what}: found {found}, expected {expected}"))
+    }
+
+    /// A text where a number belongs.
+    pub(crate) fn not_a_number(column: &str, found: &str, expected: &str) -> Self {
+        Self::Invalid(format!(
+            "found `{found}` in column `{column}`, expected {expected}"
+        ))
+    }
+
+    pub(crate) fn twice(surface: &str, first: &Place) -> Self {
+        Self::Invalid(format!(
+            "surface `{surface}` is listed twice, first at {first}"
+        ))
+    }
+
+    /// A table whose columns carry no names, and no order was given for them.
+    pub(crate) fn no_property_order() -> Self {
+        Self::Invalid(
+            "the order of its properties is not given: the file does not name its columns, so \
+             `property-order` must list the tactile property of each, in order"
+                .to_owned(),
+        )
     }
 }
 

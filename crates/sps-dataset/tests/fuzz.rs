@@ -1,14 +1,15 @@
 //! Whatever bytes a reader of images, tables or manifests is given, it answers within its limits;
 //! `fixtures/fuzz` says which.
 
+#[path = "suite/common.rs"]
 mod common;
-#[path = "common/folder.rs"]
-mod folder;
 #[path = "../../../fixtures/fuzz/mod.rs"]
 mod fuzz;
+#[path = "suite/made.rs"]
+mod made;
 
-use folder::{MANIFEST, Made, SURFACES};
 use fuzz::{Damage, damaged, fuzz, nested};
+use made::{MANIFEST, Made, SURFACES};
 use proptest::prelude::*;
 use proptest::sample::select;
 use sps_dataset::{DecodeSettings, FrameErrorKind, Source, TactileSettings, decode_image};

@@ -1,3 +1,5 @@
+use serde::{Deserialize, Serialize};
+
 use crate::{
     Equidistant, Exhaustive, Greedy, Nadir, Nvs, Problem, Random, SelectError, Selection, Selector,
     VbNvs,
@@ -5,22 +7,19 @@ use crate::{
 
 /// Any selector of this crate with its settings: what a config names.
 ///
-/// With the feature `serde`, `kind` is the selector's name in kebab-case, and the other keys are its settings:
+/// `kind` is the selector's name in kebab-case, and the other keys are its settings:
 ///
 /// ```
-/// # #[cfg(feature = "serde")] {
 /// use sps_viewselect::{AnySelector, Greedy};
 ///
 /// let config = r#"{ "kind": "greedy", "starts": 2 }"#;
 /// let selector: AnySelector = serde_json::from_str(config)?;
 /// let greedy = Greedy { starts: 2, ..Greedy::default() };
 /// assert_eq!(selector, AnySelector::Greedy(greedy));
-/// # }
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(tag = "kind", rename_all = "kebab-case"))]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum AnySelector {
     /// Random sets, the best of so many draws.
@@ -79,7 +78,7 @@ impl Selector for AnySelector {
     }
 }
 
-#[cfg(all(test, feature = "serde"))]
+#[cfg(test)]
 mod tests {
     use super::*;
 

@@ -1,5 +1,7 @@
 //! Selections that learn nothing: random, equidistant, nadir.
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{SelectError, require};
 use crate::evaluator::Evaluator;
 use crate::problem::{Problem, Selector};
@@ -11,12 +13,8 @@ use crate::stream::{Purpose, Stream};
 ///
 /// The first point of the curve holds the mean loss of the draws: with many of them, the loss of a
 /// random set that [`Selection::regret`] wants.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(default, deny_unknown_fields, rename_all = "kebab-case")
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Random {
     /// Sets drawn, of which the best is picked. 1, the default, is the paper's "random".
     pub draws: usize,
@@ -59,21 +57,16 @@ pub(crate) fn best_of(sets: Sets<'_>, losses: &[f64]) -> Vec<usize> {
 /// Selector Framework"): neither where the first view lies nor where the last. Both readings of
 /// [`EquidistantAt`] are that. Centres are the default: the view farthest from any picked one is as
 /// near as it can be.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(default, deny_unknown_fields, rename_all = "kebab-case")
-)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Equidistant {
     /// Where the views lie. Default [`EquidistantAt::Centres`].
     pub at: EquidistantAt,
 }
 
 /// Where equidistant views lie among all N.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum EquidistantAt {
     /// The views are cut into M equal parts, and the middle view of each is picked (of two middle
     /// views the lower).
@@ -121,12 +114,8 @@ fn at_ends(views: usize, picks: usize) -> Vec<usize> {
 
 /// Straight down: the nadir view in every slot, or with distinct views the M nearest to it in the order
 /// of the views, nearest first (of two equally near the lower).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(default, deny_unknown_fields, rename_all = "kebab-case")
-)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Nadir {
     /// The view that looks straight down. A problem knows no angles: `None`, the default, is the
     /// middle one (of two the lower), which is right where as many views lie to either side.

@@ -106,6 +106,18 @@ pub(crate) fn require(
     })
 }
 
+/// Refuses a number that is not above 0.
+pub(crate) fn require_positive(field: &'static str, found: f64) -> Result<(), SelectError> {
+    let fits = found > 0.0 && found.is_finite();
+    require(fits, field, found, "a positive number")
+}
+
+/// Refuses a number below 0.
+pub(crate) fn require_not_negative(field: &'static str, found: f64) -> Result<(), SelectError> {
+    let fits = found >= 0.0 && found.is_finite();
+    require(fits, field, found, "0 or a positive number")
+}
+
 /// Refuses a slice of the wrong length.
 pub(crate) fn require_length(
     what: &'static str,
@@ -113,12 +125,11 @@ pub(crate) fn require_length(
     expected: usize,
 ) -> Result<(), SelectError> {
     if found == expected {
-        Ok(())
-    } else {
-        Err(SelectError::Length {
-            what,
-            found,
-            expected,
-        })
+        return Ok(());
     }
+    Err(SelectError::Length {
+        what,
+        found,
+        expected,
+    })
 }

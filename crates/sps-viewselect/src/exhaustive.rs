@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::error::{SelectError, require};
 use crate::evaluator::checked_losses;
@@ -27,12 +28,8 @@ const BLOCKS_AT_ONCE: u64 = 1024;
 /// thread begin further blocks while it waits.)
 ///
 /// An N^M above `limit` is [`SelectError::TooManySets`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(default, deny_unknown_fields, rename_all = "kebab-case")
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Exhaustive {
     /// Sets per call of the loss, 1 to 2^24, rounded down to whole runs, at least one run. Default
     /// 4096: large enough that a loss can walk over its surfaces outside and over the sets inside, so

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use serde::{Deserialize, Serialize};
+
 use crate::baselines::{at_centres, best_of};
 use crate::error::{SelectError, require};
 use crate::evaluator::Evaluator;
@@ -20,12 +22,8 @@ use crate::stream::{Purpose, Stream};
 ///
 /// What is left is a local optimum: no change of one slot lowers its loss. With `pair_width` of N
 /// or more, no change of two does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(default, deny_unknown_fields, rename_all = "kebab-case")
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Greedy {
     /// Starts. Default 8.
     pub starts: usize,

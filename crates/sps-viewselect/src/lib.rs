@@ -60,8 +60,8 @@
 //! (seed, purpose, index), and every sum is taken in a fixed order: the same seed gives the same
 //! picks for any number of threads.
 //!
-//! The feature `serde` (off by default) reads selectors from a config, with kebab-case keys of which
-//! unknown ones are refused, and writes selections.
+//! Selectors are read from a config with serde, by kebab-case keys of which unknown ones are refused;
+//! selections are written.
 
 mod adam;
 mod any;

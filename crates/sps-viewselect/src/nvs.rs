@@ -1,5 +1,7 @@
 //! The neural viewpoint selector.
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{SelectError, require};
 use crate::evaluator::Evaluator;
 use crate::problem::{Problem, Selector};
@@ -9,12 +11,8 @@ use crate::selection::Selection;
 /// NVS (section "Viewpoint Selector Framework"): M selector vectors over N views, trained by
 /// REINFORCE on drawn sets; the arg-max of each at the end, which need not be the best of the sets
 /// that were drawn.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(default, deny_unknown_fields, rename_all = "kebab-case")
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Nvs {
     /// Sets asked for in all, repeats and the picks' own included. Default 20,000. With 1, nothing
     /// is learned.

@@ -1,19 +1,17 @@
 //! REINFORCE on a policy, one batch of sets at a time.
 
+use serde::{Deserialize, Serialize};
+
 use crate::adam::Adam;
-use crate::error::{SelectError, require};
+use crate::error::{SelectError, require, require_not_negative, require_positive};
 use crate::policy::Policy;
 use crate::problem::Problem;
 use crate::sets::{SetList, Sets};
 use crate::vector::{add, mean};
 
 /// What is subtracted from the reward (minus the loss) to make the advantage.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(deny_unknown_fields, rename_all = "kebab-case")
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub enum Baseline {
     /// Nothing: plain REINFORCE, the paper's form.
     None,
@@ -29,12 +27,8 @@ pub enum Baseline {
 }
 
 /// How the selector vectors are trained.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(default, deny_unknown_fields, rename_all = "kebab-case")
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct PolicyTraining {
     /// Sets drawn per step. Default 50.
     pub batch: usize,
@@ -78,27 +72,10 @@ impl PolicyTraining {
     }
 
     pub(crate) fn check(&self) -> Result<(), SelectError> {
-        let Self {
-            batch,
-            learning_rate,
-            baseline,
-            standardise: _,
-            entropy_weight,
-        } = *self;
-        require(batch > 0, "batch", batch, "at least 1")?;
-        require(
-            learning_rate > 0.0 && learning_rate.is_finite(),
-            "learning-rate",
-            learning_rate,
-            "a positive number",
-        )?;
-        require(
-            entropy_weight >= 0.0 && entropy_weight.is_finite(),
-            "entropy-weight",
-            entropy_weight,
-            "0 or a positive number",
-        )?;
-        if let Baseline::MovingMean { decay } = baseline {
+        require(self.batch > 0, "batch", self.batch, "at least 1")?;
+        require_positive("learning-rate", self.learning_rate)?;
+        require_not_negative("entropy-weight", self.entropy_weight)?;
+        if let Baseline::MovingMean { decay } = self.baseline {
             let fits = (0.0..1.0).contains(&decay);
             require(fits, "decay", decay, "a number from 0 to below 1")?;
         }

@@ -1,5 +1,7 @@
 //! Multi-scale temporal relations: which ordered groups of views are related.
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{SelectError, require};
 use crate::problem::check_sizes;
 use crate::stream::{Purpose, Stream};
@@ -30,12 +32,8 @@ use crate::stream::{Purpose, Stream};
 /// assert_eq!(draws.len(), 10);
 /// # Ok::<(), sps_viewselect::SelectError>(())
 /// ```
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(default, deny_unknown_fields, rename_all = "kebab-case")
-)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct TemporalRelations {
     /// Views per group, one entry for each scale. Default `[2, 3]`: with three views picked, there
     /// are no longer relations.

@@ -1,9 +1,10 @@
 //! What a selector reports.
 
+use serde::{Deserialize, Serialize};
+
 /// The picks of a selector, and what they cost.
-#[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub struct Selection {
     /// The M picked views, in the order of the slots.
     pub picks: Vec<usize>,
@@ -32,9 +33,8 @@ impl Selection {
 }
 
 /// One round of a search.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub struct CurvePoint {
     /// Sets asked for up to the end of the round, repeats included.
     pub evaluations: u64,

@@ -1,7 +1,9 @@
 //! The value based neural viewpoint selector.
 
+use serde::{Deserialize, Serialize};
+
 use crate::critic::Critic;
-use crate::error::{SelectError, require};
+use crate::error::{SelectError, require, require_not_negative, require_positive};
 use crate::evaluator::Evaluator;
 use crate::problem::{Problem, Selector};
 use crate::reinforce::{PolicyTraining, Trainer};
@@ -15,12 +17,8 @@ use crate::value_search::lowest_sets;
 /// back to the selector vectors, and the set is found by searching it: coordinate descent from
 /// several starts and all combinations of the best few views of each slot give a shortlist, whose
 /// true losses the network learns before it is searched again.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(default, deny_unknown_fields, rename_all = "kebab-case")
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct VbNvs {
     /// Sets asked for in all, repeats and shortlist included. Default 20,000.
     pub evaluations: u64,
@@ -33,12 +31,8 @@ pub struct VbNvs {
 }
 
 /// How the value network is trained, and what it passes on.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(default, deny_unknown_fields, rename_all = "kebab-case")
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct ValueTraining {
     /// Tanh units. Default 16; the paper says "lightweight" and no more.
     pub hidden: usize,
@@ -55,12 +49,8 @@ pub struct ValueTraining {
 }
 
 /// How the value network is searched at the end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(
-    feature = "serde",
-    serde(default, deny_unknown_fields, rename_all = "kebab-case")
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct ValueSearch {
     /// Coordinate descents: from the policy's arg-max, the best set so far, and random sets.
     /// Default 16.
@@ -121,41 +111,25 @@ const FLOOR: f64 = 0.1;
 
 impl VbNvs {
     fn check(&self) -> Result<(), SelectError> {
-        let ValueTraining {
-            hidden,
-            learning_rate,
-            steps,
-            batch,
-            weight,
-        } = self.value;
-        let ValueSearch {
-            starts,
-            combinations,
-            shortlist,
-            rounds,
-        } = self.search;
+        let (value, search) = (self.value, self.search);
         self.policy.check()?;
-        require(hidden > 0, "hidden", hidden, "at least 1")?;
-        require(
-            learning_rate > 0.0 && learning_rate.is_finite(),
-            "learning-rate",
-            learning_rate,
-            "a positive number",
-        )?;
-        require(steps > 0, "steps", steps, "at least 1")?;
-        require(batch > 0, "batch", batch, "at least 1")?;
-        let fits = weight >= 0.0 && weight.is_finite();
-        require(fits, "weight", weight, "0 or a positive number")?;
-        require(starts > 1, "starts", starts, "at least 2")?;
-        require(combinations > 0, "combinations", combinations, "at least 1")?;
-        require(shortlist > 0, "shortlist", shortlist, "at least 1")?;
-        require(rounds > 0, "rounds", rounds, "at least 1")?;
-        require(
-            self.evaluations > self.search.evaluations(),
-            "evaluations",
-            self.evaluations,
-            "more than `shortlist` times `rounds`",
-        )
+        require(value.hidden > 0, "hidden", value.hidden, "at least 1")?;
+        require_positive("learning-rate", value.learning_rate)?;
+        require(value.steps > 0, "steps", value.steps, "at least 1")?;
+        require(value.batch > 0, "batch", value.batch, "at least 1")?;
+        require_not_negative("weight", value.weight)?;
+
+        require(search.starts > 1, "starts", search.starts, "at least 2")?;
+        for (name, found) in [
+            ("combinations", search.combinations as u64),
+            ("shortlist", search.shortlist as u64),
+            ("rounds", search.rounds),
+        ] {
+            require(found > 0, name, found, "at least 1")?;
+        }
+        let fits = self.evaluations > search.evaluations();
+        let expected = "more than `shortlist` times `rounds`";
+        require(fits, "evaluations", self.evaluations, expected)
     }
 }
 

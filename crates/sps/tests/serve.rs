@@ -4,6 +4,7 @@
 mod devtools;
 #[path = "../../../fixtures/fuzz/mod.rs"]
 mod fuzz;
+#[path = "suite/support.rs"]
 mod support;
 
 use std::fs;
@@ -20,7 +21,7 @@ use fuzz::{Damage, damaged, fuzz};
 use proptest::prelude::*;
 use proptest::sample::select;
 use serde_json::{Value, json};
-use support::{Scratch, expect, fitted_in, message, root, sps};
+use support::{Ends, Scratch, expect, fitted_in, root};
 
 #[global_allocator]
 static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
@@ -42,13 +43,13 @@ fn bytes(name: &str) -> Vec<u8> {
 
 /// What `predict --json` prints of photographs of one surface.
 fn predicted(model: &Scratch, options: &[&str], photographs: &[PathBuf]) -> String {
-    let mut command = sps();
-    command.args(["predict", "--json", "--group-by", "all"]);
-    command
-        .arg(model.path("model"))
-        .args(options)
-        .args(photographs);
-    String::from_utf8(command.assert().success().get_output().stdout.clone()).unwrap()
+    let mut command = model.sps("predict --json --group-by all @model");
+    command.args(options).args(photographs).said()
+}
+
+/// The same as JSON.
+fn expected(model: &Scratch, photographs: &[PathBuf]) -> Value {
+    serde_json::from_str(&predicted(model, &[], photographs)).unwrap()
 }
 
 /// A service that ends with the value.
@@ -75,9 +76,8 @@ impl Served {
 
     fn connect(&self) -> TcpStream {
         let stream = TcpStream::connect(self.address).unwrap();
-        stream
-            .set_read_timeout(Some(Duration::from_secs(60)))
-            .unwrap();
+        let most = Some(Duration::from_secs(60));
+        stream.set_read_timeout(most).unwrap();
         stream
     }
 
@@ -223,17 +223,14 @@ fn answers_are_those_of_predict() {
         assert_eq!(ask(query, &files), predicted(&ONE_VIEW, options, &files));
     }
     // Without a form and its name, by content whatever it is said to be.
-    let expected: Value = serde_json::from_str(&predicted(&ONE_VIEW, &[], &files)).unwrap();
+    let expected = expected(&ONE_VIEW, &files);
     for media in ["image/jpeg", "application/octet-stream", "image/png"] {
         let media = format!("content-type: {media}");
-        let found = served
-            .ask("POST /predict", &[&media], &bytes("oak-01/002.jpg"))
-            .json();
+        let found = served.ask("POST /predict", &[&media], &bytes("oak-01/002.jpg"));
+        let found = found.json();
         assert_eq!(found["estimates"], expected["estimates"]);
-        assert_eq!(
-            (&found["surface"], &found["images"]),
-            (&json!("photograph"), &json!(["photograph"]))
-        );
+        let named = [&found["surface"], &found["images"]];
+        assert_eq!(named, [&json!("photograph"), &json!(["photograph"])]);
     }
 }
 
@@ -242,48 +239,33 @@ fn maps_are_those_of_the_command() {
     let served = Served::start(&ONE_VIEW, &[]);
     let file = photograph("oak-01/002.jpg");
     let maps = ONE_VIEW.path("maps");
-    let mut command = sps();
-    command
-        .arg("map")
-        .arg(ONE_VIEW.path("model"))
-        .args(["fRS", "--resize", "48", "--out"])
-        .arg(&maps)
-        .arg(&file);
-    command.assert().success();
+    let mut drawn = ONE_VIEW.sps("map @model fRS --resize 48 --out @maps");
+    drawn.arg(&file).assert().success();
 
     let line = "POST /map?property=fRS&resize=48";
     let files = form(std::slice::from_ref(&file));
     let picture = served.ask(line, &[FORM], &files);
-    assert!(
-        picture.head.contains("content-type: image/png"),
-        "{}",
-        picture.head
-    );
+    expect(&picture.head, &["content-type: image/png"]);
     assert!(picture.body == fs::read(maps.join("002-fRS.png")).unwrap());
 
-    let numbers = served
-        .ask(line, &[FORM, "accept: application/json"], &files)
-        .json();
-    let mut printed = sps();
-    printed.arg("map").arg(ONE_VIEW.path("model"));
-    printed.args(["fRS", "--resize", "48", "--json"]).arg(&file);
-    let mut printed: Value = serde_json::from_slice(&printed.output().unwrap().stdout).unwrap();
-    assert_eq!(printed["image"].take(), json!(file));
+    let json_of = [FORM, "accept: application/json"];
+    let numbers = served.ask(line, &json_of, &files).json();
+    let mut printed = ONE_VIEW.sps("map @model fRS --resize 48 --json");
+    let mut printed = printed.arg(&file).json();
+    assert_eq!(printed["image"], json!(file));
     printed.as_object_mut().unwrap().remove("image");
     assert_eq!(printed, numbers);
     let written = fs::read(maps.join("002-fRS.npy")).unwrap();
-    let places: Vec<[f64; 4]> = written[written.len() % 32..][written.len() % 32..]
-        .as_chunks::<8>()
-        .0
-        .as_chunks::<4>()
+    let [rows, columns] = ["rows", "columns"].map(|key| numbers[key].as_u64().unwrap() as usize);
+    let places = &written[written.len() - 32 * rows * columns..];
+    let places: Vec<f64> = places
+        .as_chunks()
         .0
         .iter()
-        .map(|place| place.map(f64::from_le_bytes))
+        .map(|bytes| f64::from_le_bytes(*bytes))
         .collect();
-    let [rows, columns] = ["rows", "columns"].map(|key| numbers[key].as_u64().unwrap() as usize);
-    let places = &places[places.len() - rows * columns..];
     for (at, key) in ["values", "low", "high", "familiar"].iter().enumerate() {
-        let expected: Vec<f64> = places.iter().map(|place| place[at]).collect();
+        let expected: Vec<f64> = places.iter().skip(at).step_by(4).copied().collect();
         assert_eq!(numbers[key], json!(expected), "{key}");
     }
     let expected = json!({ "window": [32, 32], "first": [16.0, 16.0] });
@@ -292,20 +274,21 @@ fn maps_are_those_of_the_command() {
 
     let known = served.post("/map?property=fRT", &bytes("oak-01/002.jpg"));
     known.refused(400, &["property `fRT`", "fRS"]);
-    served
-        .post("/map", b"")
-        .refused(400, &["found none", "fRS, cDF"]);
+    let none = served.post("/map", b"");
+    none.refused(400, &["found none", "fRS, cDF"]);
 }
 
 #[test]
 fn what_is_not_as_expected_is_named() {
     let options = ["--max-body", "1", "--max-pixels", "16000"];
     let served = Served::start(&ONE_VIEW, &options);
+    let refused = |path: &str, body: &[u8], status: u16, parts: &[&str]| {
+        served.post(path, body).refused(status, parts);
+    };
     let whole = bytes("oak-01/002.jpg");
     let large = vec![0; (1 << 20) + 1];
-    served
-        .post("/predict", &large)
-        .refused(413, &["1048577 bytes", "at most 1048576"]);
+    let bounds = ["1048577 bytes", "at most 1048576"];
+    refused("/predict", &large, 413, &bounds);
     // The same, of a length that is not said before.
     let chunk = [b"100001\r\n", large.as_slice(), b"\r\n0\r\n\r\n"].concat();
     let mut stream = served.connect();
@@ -316,54 +299,34 @@ fn what_is_not_as_expected_is_named() {
     // The header of a PNG that says 65535 x 65535 pixels.
     let header = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\xff\xff\0\0\xff\xff\x08\x02\0\0\0";
     let header = [&header[..], &png_checksum(&header[12..])].concat();
-    served
-        .post("/predict", &header)
-        .refused(413, &["65535 x 65535", "16000"]);
-    served
-        .post("/predict?resize=45", &whole)
-        .refused(413, &["resize", "45", "2000"]);
+    refused("/predict", &header, 413, &["65535 x 65535", "16000"]);
+    let sides = ["resize", "45", "2000"];
+    refused("/predict?resize=45", &whole, 413, &sides);
     let two = [photograph("oak-01/002.jpg"), photograph("oak-01/001.jpg")];
-    let refused = served.ask("POST /predict?keep-size", &[FORM], &form(&two));
-    refused.refused(413, &["001.jpg", "32 x 32", "976"]);
+    let both = served.ask("POST /predict?keep-size", &[FORM], &form(&two));
+    both.refused(413, &["001.jpg", "32 x 32", "976"]);
 
-    served
-        .post("/predict", &whole[..300])
-        .refused(400, &["photograph", "JPEG"]);
-    served
-        .post("/predict", b"GIF89a")
-        .refused(400, &["47 49 46 38", "no PNG, JPEG or EXR"]);
-    served
-        .post("/predict", b"")
-        .refused(400, &["begins with nothing"]);
-    served
-        .post("/predict?size=3", &whole)
-        .refused(400, &["parameter `size`", "resize"]);
-    let media = "content-type: image/gif";
-    served
-        .ask("POST /predict", &[media], &whole)
-        .refused(415, &["image/gif", "image/png"]);
-    served
-        .ask("POST /predict", &[FORM], b"--between\r\n")
-        .refused(400, &["part 1"]);
-    served
-        .ask("POST /predict", &[FORM], b"--between--")
-        .refused(400, &["at least one"]);
+    refused("/predict", &whole[..300], 400, &["photograph", "JPEG"]);
+    let gif = ["47 49 46 38", "no PNG, JPEG or EXR"];
+    refused("/predict", b"GIF89a", 400, &gif);
+    refused("/predict", b"", 400, &["begins with nothing"]);
+    let unknown = ["parameter `size`", "resize"];
+    refused("/predict?size=3", &whole, 400, &unknown);
+    let ask = |header: &str, body: &[u8]| served.ask("POST /predict", &[header], body);
+    ask("content-type: image/gif", &whole).refused(415, &["image/gif", "image/png"]);
+    ask(FORM, b"--between\r\n").refused(400, &["part 1"]);
+    ask(FORM, b"--between--").refused(400, &["at least one"]);
 
-    served
-        .get("/predictions")
-        .refused(404, &["/predictions", "/predict, /map"]);
-    let refused = served.get("/predict");
-    assert!(refused.head.contains("allow: POST"), "{}", refused.head);
-    refused.refused(405, &["found GET", "expected POST"]);
-    served
-        .post("/session/none", &whole)
-        .refused(404, &["`none`"]);
-    served
-        .post("/session", b"{\"wide\": 2}")
-        .refused(400, &["wide", "{\"width\": 2.0}"]);
-    served
-        .post("/session", b"{\"width\": 0}")
-        .refused(400, &["width", "above 0"]);
+    let nowhere = served.get("/predictions");
+    nowhere.refused(404, &["/predictions", "/predict, /map"]);
+    let got = served.get("/predict");
+    assert!(got.head.contains("allow: POST"), "{}", got.head);
+    got.refused(405, &["found GET", "expected POST"]);
+    refused("/session/none", &whole, 404, &["`none`"]);
+    let wide = ["wide", "{\"width\": 2.0}"];
+    refused("/session", b"{\"wide\": 2}", 400, &wide);
+    let width = ["width", "above 0"];
+    refused("/session", b"{\"width\": 0}", 400, &width);
     let health = || served.get("/health").json();
     assert_eq!(health()["status"], "ok");
     let before = health()["watch"]["surfaces"].as_u64().unwrap();
@@ -424,10 +387,7 @@ fn many_clients_have_the_answers_that_each_would_have_alone() {
         "oak-01/001.jpg",
         "oak-01/000.jpg",
     ];
-    let expected = names.map(|name| {
-        let line = predicted(&ONE_VIEW, &[], &[photograph(name)]);
-        serde_json::from_str::<Value>(&line).unwrap()["estimates"].clone()
-    });
+    let expected = names.map(|name| expected(&ONE_VIEW, &[photograph(name)])["estimates"].take());
     thread::scope(|scope| {
         for client in 0..16 {
             let (served, expected) = (&served, &expected);
@@ -440,14 +400,10 @@ fn many_clients_have_the_answers_that_each_would_have_alone() {
         }
     });
     let metrics = served.get("/metrics").text();
-    let counted = "sps_requests_total{path=\"/predict\",status=\"200\"} 160\n";
-    expect(
-        &metrics,
-        &[
-            counted,
-            "sps_request_seconds_count{path=\"/predict\",status=\"200\"} 160\n",
-        ],
-    );
+    for counted in ["sps_requests_total", "sps_request_seconds_count"] {
+        let counted = format!("{counted}{{path=\"/predict\",status=\"200\"}} 160\n");
+        expect(&metrics, &[&counted]);
+    }
 }
 
 #[test]
@@ -466,21 +422,15 @@ fn a_token_is_asked_for() {
         with(wrong).refused(401, &["token", "expected that of --token-file"]);
     }
     let refused = served.post("/predict", &bytes("oak-01/002.jpg"));
-    assert!(
-        refused.head.contains("www-authenticate: Bearer"),
-        "{}",
-        refused.head
-    );
+    expect(&refused.head, &["www-authenticate: Bearer"]);
     refused.refused(401, &["found none"]);
     assert_eq!(
-        [served.get("/").status, served.get("/health").status],
-        [200, 200]
+        ["/", "/health"].map(|path| served.get(path).status),
+        [200; 2]
     );
     // What was seen is not told to everybody.
-    assert_eq!(
-        served.get("/health").json(),
-        json!({ "status": "ok", "watch": null })
-    );
+    let told = served.get("/health").json();
+    assert_eq!(told, json!({ "status": "ok", "watch": null }));
     let header = "authorization: Bearer a-token-of-letters";
     let told = served.ask("GET /health", &[header], b"").json();
     assert_eq!(told["watch"]["surfaces"], 0, "{told}");
@@ -488,26 +438,17 @@ fn a_token_is_asked_for() {
 
 #[test]
 fn other_machines_are_not_listened_to_without_a_token() {
-    let refused = |options: &[&str]| {
-        let mut command = sps();
-        command
-            .arg("serve")
-            .arg(ONE_VIEW.path("model"))
-            .args(options);
-        message(command.assert())
+    let refused = |options: &str, parts: &[&str]| {
+        ONE_VIEW
+            .sps(&format!("serve @model {options}"))
+            .refused(parts);
     };
-    expect(
-        &refused(&["--listen", "0.0.0.0:0"]),
-        &["--listen: found 0.0.0.0:0", "--token-file"],
-    );
-    let empty = ONE_VIEW.path("empty.txt");
-    fs::write(&empty, "\n").unwrap();
-    let empty = empty.to_str().unwrap();
-    expect(
-        &refused(&["--token-file", empty]),
-        &["empty.txt", "expected one line"],
-    );
-    expect(&refused(&["--unfamiliar", "2"]), &["--unfamiliar: found 2"]);
+    let listens = ["--listen: found 0.0.0.0:0", "--token-file"];
+    refused("--listen 0.0.0.0:0", &listens);
+    fs::write(ONE_VIEW.path("empty.txt"), "\n").unwrap();
+    let empty = ["empty.txt", "expected one line"];
+    refused("--token-file @empty.txt", &empty);
+    refused("--unfamiliar 2", &["--unfamiliar: found 2"]);
 }
 
 #[test]
@@ -527,10 +468,8 @@ fn pages_of_elsewhere_are_not_answered() {
 fn a_request_that_runs_is_answered_before_the_end() {
     let mut served = Served::start(&ONE_VIEW, &[]);
     let whole = bytes("oak-01/002.jpg");
-    let line = served.head(
-        "POST /predict",
-        &[&format!("content-length: {}", whole.len())],
-    );
+    let length = format!("content-length: {}", whole.len());
+    let line = served.head("POST /predict", &[&length]);
     let before = served.in_flight();
     let mut stream = served.connect();
     stream.write_all(line.as_bytes()).unwrap();
@@ -550,27 +489,20 @@ fn a_request_that_runs_is_answered_before_the_end() {
 
 #[test]
 fn surfaces_that_look_alike_are_named_and_shown() {
-    let file = photograph("oak-01/002.jpg");
-    let line: Value = serde_json::from_str(&predicted(&ONE_VIEW, &[], &[file])).unwrap();
+    let line = expected(&ONE_VIEW, &[photograph("oak-01/002.jpg")]);
     let nearest = &line["nearest"];
-    assert_eq!(
-        (&nearest[0]["surface"], &nearest[0]["distance"]),
-        (&json!("oak-01"), &json!(0.0))
-    );
+    let first = [&nearest[0]["surface"], &nearest[0]["distance"]];
+    assert_eq!(first, [&json!("oak-01"), &json!(0.0)]);
     let served = Served::start(&ONE_VIEW, &[]);
     assert_eq!(served.get("/model").json()["keeps_photographs"], true);
     let kept = served.get(&format!("/surface/{}", nearest[0]["at"]));
     let kept = image::load_from_memory(&kept.body).unwrap().into_rgb8();
-    let own = image::open(ONE_VIEW.path("data/frames/oak-01/002.jpg"))
-        .unwrap()
-        .into_rgb8();
+    let own = image::open(ONE_VIEW.path("data/frames/oak-01/002.jpg"));
+    let own = own.unwrap().into_rgb8();
     assert_eq!(kept.dimensions(), own.dimensions());
     // Decoders of JPEG differ by a few levels.
-    let close = kept
-        .iter()
-        .zip(own.iter())
-        .all(|(a, b)| a.abs_diff(*b) <= 8);
-    assert!(close);
+    let mut both = kept.iter().zip(own.iter());
+    assert!(both.all(|(a, b)| a.abs_diff(*b) <= 8));
     for other in ["/surface/100", "/surface/-1"] {
         assert!([400, 404].contains(&served.get(other).status), "{other}");
     }
@@ -582,15 +514,16 @@ fn damaged_requests_are_refused_within_limits() {
     let served = Served::start(&ONE_VIEW, &["--max-body", "1", "--max-pixels", "1048576"]);
     let jpeg = form(&[photograph("oak-01/002.jpg")]);
     let exr = bytes("tile-01/002.exr");
+    let [of_exr, of_json] = [
+        "content-type: image/x-exr",
+        "content-type: application/json",
+    ];
+    let width = b"{\"width\": 2.0}".to_vec();
     let requests = [
         ("POST /predict", FORM, jpeg.clone()),
-        ("POST /predict?resize=40", "content-type: image/x-exr", exr),
+        ("POST /predict?resize=40", of_exr, exr),
         ("POST /map?property=fRS&resize=48", FORM, jpeg),
-        (
-            "POST /session",
-            "content-type: application/json",
-            b"{\"width\": 2.0}".to_vec(),
-        ),
+        ("POST /session", of_json, width),
         ("GET /surface/3", "accept: */*", Vec::new()),
     ];
     let cases = (select(requests.to_vec()), Damage::some(), any::<bool>());
@@ -646,8 +579,7 @@ fn a_person_tries_the_page() {
     let served = Served::start(&ONE_VIEW, &[]);
     let address = format!("http://{}", served.address);
     let file = photograph("oak-01/002.jpg").canonicalize().unwrap();
-    let expected: Value =
-        serde_json::from_str(&predicted(&ONE_VIEW, &[], std::slice::from_ref(&file))).unwrap();
+    let expected = expected(&ONE_VIEW, std::slice::from_ref(&file));
     let value = expected["estimates"][0]["value"].as_f64().unwrap();
     let mut grounds = Vec::new();
     for scheme in ["light", "dark"] {
@@ -665,10 +597,7 @@ fn a_person_tries_the_page() {
             tab.wait_for("document.querySelector('#drawing').innerText === 'Map of cDF'");
             tab.wait_for("document.querySelector('#picture').naturalWidth > 32");
             let beyond = tab.value("document.documentElement.scrollWidth - innerWidth");
-            assert!(
-                beyond.as_i64() <= Some(0),
-                "{beyond} pixels are cut at {width}"
-            );
+            assert!(beyond.as_i64() <= Some(0), "{beyond} pixels cut at {width}");
             assert_eq!(tab.problems(), [""; 0], "at {width} pixels, {scheme}");
         }
         grounds.push(tab.value("getComputedStyle(document.body).backgroundColor"));
@@ -682,10 +611,7 @@ fn what_is_known_of_the_model() {
     let model = served.get("/model").json();
     assert_eq!(model["views"], json!([1]));
     assert_eq!(model["about"]["angles"], json!([0.0]));
-    assert_eq!(
-        (&model["level"], &model["unfamiliar"]),
-        (&json!(0.5), &json!(0.2))
-    );
+    assert_eq!([&model["level"], &model["unfamiliar"]], [0.5, 0.2]);
     assert_eq!(model["fitted_on"]["surfaces"], 6);
     let property = &model["properties"][1];
     assert_eq!(property["property"], "cDF");
@@ -711,33 +637,27 @@ fn a_session_says_where_to_look_from_next() {
     let view = |angle: &f64| photograph(&format!("oak-01/00{}.jpg", (angle + 45.0) / 22.5));
     let files: Vec<PathBuf> = angles.iter().map(view).collect();
     for views in 1..=3 {
-        let looked = served
-            .post(&path, &fs::read(&files[views - 1]).unwrap())
-            .json();
+        let looked = served.post(&path, &fs::read(&files[views - 1]).unwrap());
+        let looked = looked.json();
         let next = json!(angles.get(views));
         assert_eq!((&looked["views"], &looked["next"]), (&json!(views), &next));
         assert_eq!(looked["narrow"], json!({ "fRS": false, "cDF": false }));
-        let line = predicted(&model, &[], &files[..views]);
-        let expected: Value = serde_json::from_str(&line).unwrap();
+        let expected = expected(&model, &files[..views]);
         assert_eq!(looked["estimates"], expected["estimates"]);
     }
-    served
-        .post(&path, &bytes("oak-01/004.jpg"))
-        .refused(409, &["the session is over"]);
+    let fourth = served.post(&path, &bytes("oak-01/004.jpg"));
+    fourth.refused(409, &["the session is over"]);
 
     // One narrow enough after its first photograph, and then so many that it leaves.
     let begun = served.post("/session", b"{\"width\": 1e9}").json();
     let wide = format!("/session/{}", begun["id"].as_str().unwrap());
     let looked = served.post(&wide, &bytes("oak-01/000.jpg")).json();
-    assert_eq!(
-        (&looked["next"], &looked["narrow"]["fRS"]),
-        (&Value::Null, &json!(true))
-    );
+    let found = [&looked["next"], &looked["narrow"]["fRS"]];
+    assert_eq!(found, [&Value::Null, &json!(true)]);
     for _ in 0..64 {
         served.post("/session", b"{\"width\": 1.0}").json();
     }
-    served
-        .post(&wide, &bytes("oak-01/000.jpg"))
-        .refused(404, &["one of the last 64"]);
+    let gone = served.post(&wide, &bytes("oak-01/000.jpg"));
+    gone.refused(404, &["one of the last 64"]);
     expect(&served.get("/metrics").text(), &["\nsps_sessions 64\n"]);
 }

@@ -136,50 +136,30 @@ fn what_was_edited_is_found_with_its_line() {
 
 #[test]
 fn what_cannot_be_written_is_named_and_left() {
+    let table = |words: &str| format!("<!-- measured: {words} -->\n<!-- /measured -->\n");
+    let value = |words: &str| format!("<!-- value: {words} -->1<!-- /value -->\n");
+    let open = "<!-- measured: ablation means -->\n";
+    let unclosed = format!("{open}{}", value("ablation full r2_mean"));
     for (page, expected) in [
         (
-            "\n<!-- measured: other means -->\n<!-- /measured -->\n",
+            format!("\n{}", table("other means")),
             "2: docs/measured/other.json",
         ),
+        (table("ablation meens"), "1: no table"),
+        (table("ablation error"), "1: more than one table"),
+        (table("ablation means rows=fool"), "no method `fool`"),
+        (table("ablation means columns=x"), "no column `x`"),
+        (table("ablation means row=full"), "`row`"),
+        (value("ablation full r3"), "1: `r3` of `full`"),
+        (value("ablation full best8"), "`best8`"),
+        (format!("a\n\n{open}"), "3: `ablation means` has no"),
         (
-            "<!-- measured: ablation meens -->\n<!-- /measured -->\n",
-            "1: no table",
+            "a\n<!-- /value -->\n".to_owned(),
+            "2: `/value` closes nothing",
         ),
-        (
-            "<!-- measured: ablation error -->\n<!-- /measured -->\n",
-            "1: more than one table",
-        ),
-        (
-            "<!-- measured: ablation means rows=fool -->\n<!-- /measured -->\n",
-            "no method `fool`",
-        ),
-        (
-            "<!-- measured: ablation means columns=x -->\n<!-- /measured -->\n",
-            "no column `x`",
-        ),
-        (
-            "<!-- measured: ablation means row=full -->\n<!-- /measured -->\n",
-            "`row`",
-        ),
-        (
-            "<!-- value: ablation full r3 -->1<!-- /value -->\n",
-            "1: `r3` of `full`",
-        ),
-        (
-            "<!-- value: ablation full best8 -->1<!-- /value -->\n",
-            "`best8`",
-        ),
-        (
-            "a\n\n<!-- measured: ablation means -->\n",
-            "3: `ablation means` has no",
-        ),
-        ("a\n<!-- /value -->\n", "2: `/value` closes nothing"),
-        (
-            "<!-- measured: ablation means -->\n<!-- value: ablation full r2_mean --><!-- /value -->",
-            "1: `ablation means` has no",
-        ),
+        (unclosed, "1: `ablation means` has no"),
     ] {
-        let repository = Repository::with(page);
+        let repository = Repository::with(&page);
         keep(repository.0.path(), &repository.path("runs/ablation")).unwrap();
         let problems = repository.problems();
         assert!(problems.contains(expected), "{problems}");

@@ -53,12 +53,15 @@ impl DatasetFolder {
     pub fn open(folder: &Path, settings: &ReadSettings) -> Result<Self, DatasetError> {
         let limit = settings.table_bytes;
         let path = folder.join("dataset.toml");
-        if !folder.is_dir() {
-            let kind = DatasetErrorKind::NotADataset("there is no such folder");
-            return Err(DatasetError::file(folder, kind));
-        }
-        if !path.exists() {
-            let kind = DatasetErrorKind::NotADataset("it has no `dataset.toml`");
+        let lacks = if !folder.is_dir() {
+            Some("there is no such folder")
+        } else if !path.exists() {
+            Some("it has no `dataset.toml`")
+        } else {
+            None
+        };
+        if let Some(lacks) = lacks {
+            let kind = DatasetErrorKind::Invalid(format!("not a dataset: {lacks}"));
             return Err(DatasetError::file(folder, kind));
         }
         let bytes = read_file(&path, limit)?;
@@ -111,52 +114,32 @@ impl DatasetFolder {
     /// # Errors
     /// Where an index is out of range, or there is no file or more than one for that view.
     pub fn frame_path(&self, surface: usize, view: usize) -> Result<PathBuf, FrameError> {
-        let error = |kind| FrameError::new(&self.folder, kind);
-        let views = self.view_angles().len();
-        let found = self.surfaces.get(surface).ok_or_else(|| {
-            let count = self.surfaces.len();
-            error(FrameErrorKind::NoSuchIndex {
-                what: "surface",
-                index: surface,
-                count,
-            })
-        })?;
+        let no_such = |what, index, count| {
+            let kind = FrameErrorKind::NoSuchIndex { what, index, count };
+            FrameError::new(&self.folder, kind)
+        };
+        let (surfaces, views) = (self.surfaces.len(), self.view_angles().len());
+        let found = self.surfaces.get(surface);
+        let found = found.ok_or_else(|| no_such("surface", surface, surfaces))?;
         if view >= views {
-            let kind = FrameErrorKind::NoSuchIndex {
-                what: "view",
-                index: view,
-                count: views,
-            };
-            return Err(error(kind));
+            return Err(no_such("view", view, views));
         }
         let folder = self.folder.join("frames").join(&found.id);
-        let name = |extension: &&str| format!("{view:03}.{extension}");
-        let mut files = PHOTOGRAPH_ENDINGS
-            .iter()
-            .map(name)
-            .filter(|name| folder.join(name).is_file());
-        match (files.next(), files.next()) {
-            (Some(file), None) => Ok(folder.join(file)),
-            (Some(first), Some(second)) => {
-                let kind = FrameErrorKind::Ambiguous {
-                    view,
-                    first,
-                    second,
-                };
-                Err(FrameError::new(&folder, kind))
-            }
-            (None, _) => {
-                let tried = PHOTOGRAPH_ENDINGS
-                    .iter()
-                    .map(name)
-                    .collect::<Vec<_>>()
-                    .join(", ");
-                Err(FrameError::new(
-                    &folder,
-                    FrameErrorKind::Missing { view, tried },
-                ))
-            }
-        }
+        let names = PHOTOGRAPH_ENDINGS.map(|extension| format!("{view:03}.{extension}"));
+        let mut files = names.iter().filter(|name| folder.join(name).is_file());
+        let kind = match (files.next(), files.next()) {
+            (Some(file), None) => return Ok(folder.join(file)),
+            (Some(first), Some(second)) => FrameErrorKind::Ambiguous {
+                view,
+                first: first.clone(),
+                second: second.clone(),
+            },
+            (None, _) => FrameErrorKind::Missing {
+                view,
+                tried: names.join(", "),
+            },
+        };
+        Err(FrameError::new(&folder, kind))
     }
 
     /// Decodes one frame and says what had to be done to its light.

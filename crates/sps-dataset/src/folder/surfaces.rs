@@ -37,8 +37,7 @@ pub(super) fn read_surfaces(path: &Path, bytes: &[u8]) -> Result<Vec<Surface>, D
             DatasetError::line(path, line.number, kind)
         })?;
         if let Some(first) = first_seen.insert(surface.id.clone(), line.number) {
-            let (surface, first) = (surface.id, Place::Line(first));
-            let kind = DatasetErrorKind::DuplicateSurface { surface, first };
+            let kind = DatasetErrorKind::twice(&surface.id, &Place::Line(first));
             return Err(DatasetError::line(path, line.number, kind));
         }
         surfaces.push(surface);

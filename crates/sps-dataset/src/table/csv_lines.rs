@@ -90,12 +90,7 @@ impl Line {
         name: &str,
         expected: &'static str,
     ) -> DatasetError {
-        let (column, found) = (name.to_owned(), self.cell(column).to_owned());
-        let kind = DatasetErrorKind::NotANumber {
-            column,
-            found,
-            expected,
-        };
+        let kind = DatasetErrorKind::not_a_number(name, self.cell(column), expected);
         DatasetError::line(path, self.number, kind)
     }
 }

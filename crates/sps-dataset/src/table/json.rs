@@ -91,20 +91,15 @@ fn records(path: &Path, list: &[Node], format: &Json) -> Result<RawTable, Datase
 
 fn record(key: &str, entries: &Entries, columns: &Columns<'_>) -> Result<RawRow, DatasetErrorKind> {
     let find = |wanted: &str| {
-        entries
-            .iter()
-            .find(|(name, _)| name == wanted)
-            .map(|(_, node)| node)
+        let entry = entries.iter().find(|(name, _)| name == wanted);
+        entry.map(|(_, node)| node)
     };
     let surface = match find("surface") {
         Some(Node::Text(surface)) => surface.clone(),
         other => {
             let found = other.map_or("nothing".to_owned(), Node::describe);
-            return Err(DatasetErrorKind::unexpected(
-                "`surface`",
-                found,
-                "the id of a surface",
-            ));
+            let expected = "the id of a surface";
+            return Err(DatasetErrorKind::unexpected("`surface`", found, expected));
         }
     };
     let index = |name: &str| match find(name) {
@@ -112,11 +107,14 @@ fn record(key: &str, entries: &Entries, columns: &Columns<'_>) -> Result<RawRow,
         Some(Node::Number(n)) if n.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(n) => {
             Ok(*n as u32)
         }
-        Some(other) => Err(DatasetErrorKind::NotANumber {
-            column: name.to_owned(),
-            found: other.describe(),
-            expected: "a whole number from 0 to 4294967295",
-        }),
+        Some(other) => {
+            let expected = "a whole number from 0 to 4294967295";
+            Err(DatasetErrorKind::not_a_number(
+                name,
+                &other.describe(),
+                expected,
+            ))
+        }
     };
     let values = entries
         .iter()

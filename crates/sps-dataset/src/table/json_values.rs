@@ -99,7 +99,7 @@ impl<'a> Columns<'a> {
     }
 
     fn of_list(&self, list: &[Node]) -> Result<Values, DatasetErrorKind> {
-        let order = self.order.ok_or(DatasetErrorKind::NoPropertyOrder)?;
+        let order = self.order.ok_or_else(DatasetErrorKind::no_property_order)?;
         if list.len() != order.len() {
             return Err(DatasetErrorKind::unexpected(
                 "the length of a list",
@@ -119,11 +119,10 @@ impl Node {
     fn as_list(&self) -> Result<&[Self], DatasetErrorKind> {
         match self {
             Self::List(list) => Ok(list),
-            other => Err(DatasetErrorKind::unexpected(
-                "an entry",
-                other.describe(),
-                "a list",
-            )),
+            other => {
+                let found = other.describe();
+                Err(DatasetErrorKind::unexpected("an entry", found, "a list"))
+            }
         }
     }
 }
@@ -140,10 +139,14 @@ fn measured(property: &Property, node: &Node) -> Result<Option<f64>, DatasetErro
     match node {
         Node::Null => Ok(None),
         Node::Number(value) if is_plausible(*value) => Ok(Some(*value)),
-        other => Err(DatasetErrorKind::NotANumber {
-            column: property.code().to_owned(),
-            found: other.describe(),
-            expected: "a number within 1e9 of 0, or null",
-        }),
+        other => {
+            let expected = "a number within 1e9 of 0, or null";
+            let found = other.describe();
+            Err(DatasetErrorKind::not_a_number(
+                property.code(),
+                &found,
+                expected,
+            ))
+        }
     }
 }

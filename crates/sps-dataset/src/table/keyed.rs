@@ -42,10 +42,7 @@ impl<'a> KeyedTable<'a> {
         touches: Vec<Touch>,
     ) -> Result<(), DatasetError> {
         if let Some(first) = self.first_seen.insert(name.to_owned(), place.clone()) {
-            let kind = DatasetErrorKind::DuplicateSurface {
-                surface: name.to_owned(),
-                first,
-            };
+            let kind = DatasetErrorKind::twice(name, &first);
             return Err(DatasetError::new(self.path, place, kind));
         }
         if name == self.statistics.mean || name == self.statistics.std {
@@ -62,38 +59,28 @@ impl<'a> KeyedTable<'a> {
             *to = Some((place, values));
             return Ok(());
         }
-        self.rows.extend(
-            touches
-                .into_iter()
-                .map(|(location, repeat, values)| RawRow {
-                    place: place.clone(),
-                    surface: name.to_owned(),
-                    location,
-                    repeat,
-                    values,
-                }),
-        );
+        let row = |(location, repeat, values)| RawRow {
+            place: place.clone(),
+            surface: name.to_owned(),
+            location,
+            repeat,
+            values,
+        };
+        self.rows.extend(touches.into_iter().map(row));
         Ok(())
     }
 
     pub(super) fn finish(self, columns: Vec<Property>) -> Result<RawTable, DatasetError> {
-        let Self {
-            path,
-            statistics,
-            rows,
-            mean,
-            std,
-            ..
-        } = self;
-        let restore = if statistics.restore {
-            let mean = complete(path, &statistics.mean, mean)?;
-            Some([mean, complete(path, &statistics.std, std)?])
+        let (path, names) = (self.path, self.statistics);
+        let restore = if names.restore {
+            let mean = complete(path, &names.mean, self.mean)?;
+            Some([mean, complete(path, &names.std, self.std)?])
         } else {
             None
         };
         Ok(RawTable {
             columns,
-            rows,
+            rows: self.rows,
             restore,
         })
     }

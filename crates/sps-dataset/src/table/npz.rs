@@ -23,7 +23,8 @@ pub(super) fn read(
     limit: u64,
 ) -> Result<RawTable, DatasetError> {
     let order = format.property_order.as_ref();
-    let order = order.ok_or_else(|| DatasetError::file(path, DatasetErrorKind::NoPropertyOrder))?;
+    let order =
+        order.ok_or_else(|| DatasetError::file(path, DatasetErrorKind::no_property_order()))?;
     let arrays = Arrays::unpack(path, bytes, limit)?;
     let mut table = KeyedTable::new(path, &format.statistics);
     let mut push = |name: &str, values: &Numbers<'_>| {
@@ -74,44 +75,28 @@ struct Arrays<'a> {
 impl<'a> Arrays<'a> {
     fn unpack(path: &'a Path, bytes: &[u8], limit: u64) -> Result<Self, DatasetError> {
         let malformed = |reason: String| {
-            DatasetError::file(
-                path,
-                DatasetErrorKind::Malformed {
-                    format: "NPZ",
-                    reason,
-                },
-            )
+            let format = "NPZ";
+            DatasetError::file(path, DatasetErrorKind::Malformed { format, reason })
         };
-        let mut archive =
-            ZipArchive::new(Cursor::new(bytes)).map_err(|error| malformed(error.to_string()))?;
+        let in_zip = |error: zip::result::ZipError| malformed(error.to_string());
+        let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(in_zip)?;
         let mut named: Vec<(String, Array)> = Vec::new();
         let mut left = limit;
         for index in 0..archive.len() {
-            let file = archive
-                .by_index(index)
-                .map_err(|error| malformed(error.to_string()))?;
-            let name = file
-                .name()
-                .map_err(|error| malformed(error.to_string()))?
-                .into_owned();
+            let file = archive.by_index(index).map_err(in_zip)?;
+            let name = file.name().map_err(|error| malformed(error.to_string()))?;
+            let name = name.into_owned();
             let name = name.strip_suffix(".npy").unwrap_or(&name);
             let mut unpacked = Vec::new();
             let read = file.take(left.saturating_add(1)).read_to_end(&mut unpacked);
             read.map_err(|error| malformed(format!("array `{name}`: {error}")))?;
-            left = left.checked_sub(unpacked.len() as u64).ok_or_else(|| {
-                malformed(format!(
-                    "its arrays unpack to more than the limit of {limit} bytes"
-                ))
-            })?;
+            let most = format!("its arrays unpack to more than the limit of {limit} bytes");
+            left = left
+                .checked_sub(unpacked.len() as u64)
+                .ok_or_else(|| malformed(most))?;
             let array = npy::read(&unpacked, limit / BYTES_PER_VALUE).map_err(|reason| {
-                DatasetError::key(
-                    path,
-                    name,
-                    DatasetErrorKind::Malformed {
-                        format: "NPY",
-                        reason,
-                    },
-                )
+                let format = "NPY";
+                DatasetError::key(path, name, DatasetErrorKind::Malformed { format, reason })
             })?;
             named.push((name.to_owned(), array));
         }
@@ -119,10 +104,8 @@ impl<'a> Arrays<'a> {
     }
 
     fn find(&self, name: &str) -> Option<&Array> {
-        self.named
-            .iter()
-            .find(|(named, _)| named == name)
-            .map(|(_, array)| array)
+        let found = self.named.iter().find(|(named, _)| named == name);
+        found.map(|(_, array)| array)
     }
 
     fn required(&self, name: &str) -> Result<&Array, DatasetError> {
@@ -221,11 +204,15 @@ impl<'a> Numbers<'a> {
             let measured = values.map(|(property, &value)| match value {
                 _ if value.is_nan() => Ok(None),
                 _ if is_plausible(value) => Ok(Some(value)),
-                _ => Err(DatasetErrorKind::NotANumber {
-                    column: property.code().to_owned(),
-                    found: value.to_string(),
-                    expected: "a number within 1e9 of 0, or NaN",
-                }),
+                _ => {
+                    let expected = "a number within 1e9 of 0, or NaN";
+                    let found = value.to_string();
+                    Err(DatasetErrorKind::not_a_number(
+                        property.code(),
+                        &found,
+                        expected,
+                    ))
+                }
             });
             let values = measured.collect::<Result<_, _>>()?;
             Ok(((index / repeats) as u32, (index % repeats) as u32, values))

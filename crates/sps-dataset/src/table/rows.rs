@@ -61,21 +61,19 @@ impl Wanted<'_> {
     pub(super) fn assemble(&self, raw: RawTable) -> Result<TactileRead, DatasetError> {
         let columns = self.find_columns(&raw.columns)?;
         let mut out_of_range = vec![OutOfRange::default(); columns.len()];
-        let index: HashMap<&str, usize> = self
-            .surfaces
-            .iter()
-            .enumerate()
-            .map(|(i, surface)| (surface.id.as_str(), i))
-            .collect();
+        let ids = self.surfaces.iter().map(|surface| surface.id.as_str());
+        let index: HashMap<&str, usize> = ids.zip(0..).collect();
         let mut first_seen: HashMap<(usize, u32, u32), Place> = HashMap::new();
         let mut readings = Vec::with_capacity(raw.rows.len());
         for row in raw.rows {
-            let surface = *index
-                .get(row.surface.as_str())
-                .ok_or_else(|| self.unknown(&row))?;
+            let surface = index.get(row.surface.as_str());
+            let surface = *surface.ok_or_else(|| self.unknown(&row))?;
             let touch = (surface, row.location, row.repeat);
             if let Some(first) = first_seen.insert(touch, row.place.clone()) {
-                return Err(self.twice(row, first));
+                let touch = format!("location {}, repeat {}", row.location, row.repeat);
+                let what = format!("{touch} of surface `{}`", row.surface);
+                let twice = format!("{what} is listed twice, first at {first}");
+                return Err(self.invalid(&row, twice));
             }
             let values = columns.iter().zip(&mut out_of_range);
             let values = values
@@ -135,45 +133,36 @@ impl Wanted<'_> {
         restore: Option<&[Vec<f64>; 2]>,
         count: &mut OutOfRange,
     ) -> Result<Option<f64>, DatasetError> {
-        let &Column {
-            property,
-            at,
-            nominal,
-            declared,
-        } = column;
+        let (at, nominal) = (column.at, column.nominal);
         let Some(stored) = row.values.get(at).copied().flatten() else {
             return Ok(None);
         };
         let value = restore.map_or(stored, |[mean, std]| stored * std[at] + mean[at]);
-        let (surface, property) = (row.surface.clone(), property.clone());
-        let refused = |kind| Err(DatasetError::new(self.path, row.place.clone(), kind));
+        let refused = |[low, high]: [f64; 2], why| {
+            let of = format!("{} of `{}`", column.property, row.surface);
+            let text = format!("{of} is {value}, outside {low} to {high}, {why}");
+            Err(self.invalid(row, text))
+        };
         let outside = |[low, high]: &[f64; 2]| !(low..=high).contains(&&value);
         let rejected = nominal.filter(|range| self.policy == RangePolicy::Reject && outside(range));
         let implausible = (!is_plausible(value)).then_some(PLAUSIBLE);
-        if let Some([low, high]) = rejected.or(implausible) {
-            return refused(DatasetErrorKind::OutOfRange {
-                surface,
-                property,
-                value,
-                low,
-                high,
-            });
+        if let Some(range) = rejected.or(implausible) {
+            return refused(range, "and is to be rejected");
         }
         count.count(value, nominal);
         let taken = self.policy.apply(value, nominal);
-        match declared
-            .filter(|range| !range.holds(taken))
-            .map(PropertyRange::ends)
-        {
+        match column.declared.filter(|range| !range.holds(taken)) {
             None => Ok(Some(taken)),
-            Some([low, high]) => refused(DatasetErrorKind::OutOfDeclaredRange {
-                surface,
-                property,
-                value,
-                low,
-                high,
-            }),
+            Some(range) => refused(range.ends(), "the range that the dataset declares"),
         }
+    }
+
+    fn invalid(&self, row: &RawRow, text: String) -> DatasetError {
+        DatasetError::new(
+            self.path,
+            row.place.clone(),
+            DatasetErrorKind::Invalid(text),
+        )
     }
 
     fn unknown(&self, row: &RawRow) -> DatasetError {
@@ -183,22 +172,5 @@ impl Wanted<'_> {
             ..UnknownName::new("surface", &row.surface, known)
         });
         DatasetError::new(self.path, row.place.clone(), kind)
-    }
-
-    fn twice(&self, row: RawRow, first: Place) -> DatasetError {
-        let RawRow {
-            place,
-            surface,
-            location,
-            repeat,
-            ..
-        } = row;
-        let kind = DatasetErrorKind::DuplicateReading {
-            surface,
-            location,
-            repeat,
-            first,
-        };
-        DatasetError::new(self.path, place, kind)
     }
 }

@@ -35,7 +35,7 @@ fn columns<'a>(
     let ordered = || {
         let order = format.property_order.as_ref();
         let order =
-            order.ok_or_else(|| DatasetError::file(path, DatasetErrorKind::NoPropertyOrder))?;
+            order.ok_or_else(|| DatasetError::file(path, DatasetErrorKind::no_property_order()))?;
         Ok((1..).zip(order.iter().cloned()).collect::<Vec<_>>())
     };
     match format.header {

@@ -191,7 +191,7 @@ impl<W: Word> Copies<W> {
             source, rows, run, ..
         } = *product;
         let halves = [0, product.lower.unwrap_or(0)];
-        let halves = &halves[..1 + usize::from(product.lower.is_some())];
+        let halves = &halves[..=usize::from(product.lower.is_some())];
         let runs = halves
             .iter()
             .flat_map(|half| product.taps.iter().map(move |tap| half + tap));

@@ -1,6 +1,6 @@
 //! Colours: what can be seen and, within a material, says almost nothing about touch.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::super::stream::Stream;
 
@@ -8,7 +8,7 @@ use super::super::stream::Stream;
 pub(crate) type Rgb = [f32; 3];
 
 /// A family of colours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs, reason = "the name is what is known of it")]
 #[non_exhaustive]
@@ -100,12 +100,7 @@ fn stops(palette: Palette, stream: &mut Stream) -> [Rgb; 4] {
                 2 => natural([0.3, 0.3, 0.31], 0.4, stream),
                 _ => dye(stream),
             };
-            [
-                scaled(base, 0.35),
-                scaled(base, 0.75),
-                base,
-                scaled(base, 1.12),
-            ]
+            shades(base, [0.35, 0.75, 1.12])
         }
         Palette::Sponge => {
             let base = match stream.index(3) {
@@ -113,12 +108,7 @@ fn stops(palette: Palette, stream: &mut Stream) -> [Rgb; 4] {
                 1 => natural([0.12, 0.32, 0.1], 0.6, stream),
                 _ => vivid(stream),
             };
-            [
-                scaled(base, 0.25),
-                scaled(base, 0.7),
-                base,
-                scaled(base, 1.15),
-            ]
+            shades(base, [0.25, 0.7, 1.15])
         }
         Palette::Plastic | Palette::Paint => {
             let base = match stream.index(4) {
@@ -164,22 +154,12 @@ fn natural_stops(palette: Palette, stream: &mut Stream) -> [Rgb; 4] {
         Palette::Cardboard => around(natural([0.42, 0.29, 0.17], 0.2, stream), 0.1),
         Palette::Cork => {
             let base = natural([0.42, 0.26, 0.14], 0.2, stream);
-            [
-                scaled(base, 0.3),
-                scaled(base, 0.8),
-                base,
-                scaled(base, 1.35),
-            ]
+            shades(base, [0.3, 0.8, 1.35])
         }
         Palette::Wood => wood(stream),
         Palette::Bamboo => {
             let base = natural([0.56, 0.39, 0.2], 0.25, stream);
-            [
-                scaled(base, 0.6),
-                scaled(base, 0.9),
-                base,
-                scaled(base, 1.15),
-            ]
+            shades(base, [0.6, 0.9, 1.15])
         }
         Palette::Granite => granite(stream),
         Palette::Marble => marble(stream),
@@ -192,12 +172,7 @@ fn natural_stops(palette: Palette, stream: &mut Stream) -> [Rgb; 4] {
                 1 => muted(stream),
                 _ => vivid(stream),
             };
-            [
-                scaled(base, 0.55),
-                scaled(base, 0.95),
-                base,
-                scaled(base, 1.1),
-            ]
+            shades(base, [0.55, 0.95, 1.1])
         }
         Palette::Glass => around(natural([0.1, 0.16, 0.15], 0.6, stream), 0.05),
         // Reflectance at normal incidence, after Gulbrandsen, JCGT 3(4), 2014.
@@ -231,12 +206,7 @@ fn leather(stream: &mut Stream) -> [Rgb; 4] {
         4 => natural([0.7, 0.66, 0.58], 0.15, stream),
         _ => muted(stream),
     };
-    [
-        scaled(base, 0.5),
-        scaled(base, 0.85),
-        base,
-        scaled(base, 1.15),
-    ]
+    shades(base, [0.5, 0.85, 1.15])
 }
 
 fn wood(stream: &mut Stream) -> [Rgb; 4] {
@@ -317,11 +287,16 @@ fn natural(base: Rgb, spread: f64, stream: &mut Stream) -> Rgb {
 }
 
 fn around(base: Rgb, spread: f32) -> [Rgb; 4] {
+    [-1.0, -0.4, 0.2, 0.6].map(|share| scaled(base, 1.0 + share * spread))
+}
+
+/// Two darker than `base`, itself and a lighter one.
+fn shades(base: Rgb, [darkest, darker, lighter]: [f32; 3]) -> [Rgb; 4] {
     [
-        scaled(base, 1.0 - spread),
-        scaled(base, 1.0 - 0.4 * spread),
-        scaled(base, 1.0 + 0.2 * spread),
-        scaled(base, 1.0 + 0.6 * spread),
+        scaled(base, darkest),
+        scaled(base, darker),
+        base,
+        scaled(base, lighter),
     ]
 }
 

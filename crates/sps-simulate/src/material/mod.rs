@@ -2,11 +2,8 @@
 
 mod assignment;
 mod colour;
-mod hard;
-mod pile;
 mod profile;
-mod soft;
-mod textile;
+mod ranges;
 
 pub(crate) use assignment::material_of;
 pub(crate) use colour::Colours;
@@ -14,7 +11,7 @@ pub use colour::Palette;
 pub use profile::{Profile, Range, Structure, Weave};
 
 macro_rules! materials {
-    ($($variant:ident $label:literal $per_block:literal $table:path;)*) => {
+    ($($variant:ident $label:literal $per_block:literal;)*) => {
         /// What a surface is made of.
         ///
         /// The first fourteen are the named classes of the paper's figure 2a; the others are each
@@ -41,56 +38,57 @@ macro_rules! materials {
 
             /// The kinds it comes in, each with a weight and its physical ranges.
             pub fn variants(self) -> &'static [(f64, Profile)] {
-                match self { $(Self::$variant => $table,)* }
+                                &ranges::KINDS[self as usize]
+
             }
         }
     };
 }
 
 materials! {
-    Plastic "plastic" 32 hard::PLASTIC;
-    Leather "leather" 21 soft::LEATHER;
-    Wood "wood" 19 hard::WOOD;
-    Cotton "cotton" 9 textile::COTTON;
-    Upholstery "upholstery" 9 textile::UPHOLSTERY;
-    Towel "towel" 7 pile::TOWEL;
-    Sponge "sponge" 7 soft::SPONGE;
-    Denim "denim" 7 textile::DENIM;
-    Foam "foam" 7 soft::FOAM;
-    Carpet "carpet" 7 pile::CARPET;
-    Stone "stone" 4 hard::STONE;
-    Linen "linen" 3 textile::LINEN;
-    Silk "silk" 3 textile::SILK;
-    Ceramic "ceramic" 3 hard::CERAMIC;
-    Steel "steel" 2 hard::STEEL;
-    Aluminium "aluminium" 2 hard::ALUMINIUM;
-    Brass "brass" 2 hard::BRASS;
-    Copper "copper" 2 hard::COPPER;
-    Glass "glass" 2 hard::GLASS;
-    Concrete "concrete" 2 hard::CONCRETE;
-    Plaster "plaster" 2 hard::PLASTER;
-    Sandpaper "sandpaper" 2 hard::SANDPAPER;
-    Bamboo "bamboo" 2 hard::BAMBOO;
-    Cork "cork" 2 soft::CORK;
-    Rubber "rubber" 2 soft::RUBBER;
-    Vinyl "vinyl" 2 soft::VINYL;
-    Silicone "silicone" 2 soft::SILICONE;
-    Neoprene "neoprene" 2 soft::NEOPRENE;
-    Suede "suede" 2 soft::SUEDE;
-    Paper "paper" 2 soft::PAPER;
-    Cardboard "cardboard" 2 soft::CARDBOARD;
-    Wallpaper "wallpaper" 2 soft::WALLPAPER;
-    Felt "felt" 2 pile::FELT;
-    Fur "fur" 2 pile::FUR;
-    Fleece "fleece" 2 pile::FLEECE;
-    Velvet "velvet" 2 pile::VELVET;
-    Microfibre "microfibre" 2 pile::MICROFIBRE;
-    Corduroy "corduroy" 2 textile::CORDUROY;
-    Nylon "nylon" 2 textile::NYLON;
-    Polyester "polyester" 2 textile::POLYESTER;
-    Wool "wool" 2 textile::WOOL;
-    Knit "knit" 2 textile::KNIT;
-    Canvas "canvas" 2 textile::CANVAS;
-    Burlap "burlap" 2 textile::BURLAP;
-    Straw "straw" 2 textile::STRAW;
+    Plastic "plastic" 32;
+    Leather "leather" 21;
+    Wood "wood" 19;
+    Cotton "cotton" 9;
+    Upholstery "upholstery" 9;
+    Towel "towel" 7;
+    Sponge "sponge" 7;
+    Denim "denim" 7;
+    Foam "foam" 7;
+    Carpet "carpet" 7;
+    Stone "stone" 4;
+    Linen "linen" 3;
+    Silk "silk" 3;
+    Ceramic "ceramic" 3;
+    Steel "steel" 2;
+    Aluminium "aluminium" 2;
+    Brass "brass" 2;
+    Copper "copper" 2;
+    Glass "glass" 2;
+    Concrete "concrete" 2;
+    Plaster "plaster" 2;
+    Sandpaper "sandpaper" 2;
+    Bamboo "bamboo" 2;
+    Cork "cork" 2;
+    Rubber "rubber" 2;
+    Vinyl "vinyl" 2;
+    Silicone "silicone" 2;
+    Neoprene "neoprene" 2;
+    Suede "suede" 2;
+    Paper "paper" 2;
+    Cardboard "cardboard" 2;
+    Wallpaper "wallpaper" 2;
+    Felt "felt" 2;
+    Fur "fur" 2;
+    Fleece "fleece" 2;
+    Velvet "velvet" 2;
+    Microfibre "microfibre" 2;
+    Corduroy "corduroy" 2;
+    Nylon "nylon" 2;
+    Polyester "polyester" 2;
+    Wool "wool" 2;
+    Knit "knit" 2;
+    Canvas "canvas" 2;
+    Burlap "burlap" 2;
+    Straw "straw" 2;
 }

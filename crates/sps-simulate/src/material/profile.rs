@@ -1,6 +1,6 @@
 //! What a kind of material is, as ranges of physical parameters.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::super::numeric;
 use super::Palette;
@@ -27,13 +27,8 @@ impl Range {
     }
 }
 
-/// Shorthand of the tables.
-pub(crate) const fn r(lo: f64, hi: f64) -> Range {
-    Range { lo, hi }
-}
-
 /// How warp and weft cross.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Weave {
     /// Over one, under one.
@@ -47,7 +42,7 @@ pub enum Weave {
 }
 
 /// What the height field is built of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Structure {
     /// Nothing but its microrelief.
@@ -89,7 +84,7 @@ pub enum Structure {
 /// The ranges of one kind of one material.
 ///
 /// A surface's parameter is [`Range::at`] its latent score. The sources of the ranges are in the
-/// repository's `docs/simulator/ranges.csv`.
+/// repository's `docs/simulator.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Profile {

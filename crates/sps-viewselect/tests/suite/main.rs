@@ -9,7 +9,6 @@ mod policy;
 mod problems;
 mod regret;
 mod relations;
-#[cfg(feature = "serde")]
 mod serde;
 mod shared;
 mod support;

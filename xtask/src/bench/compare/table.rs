@@ -30,13 +30,8 @@ impl Comparison {
     pub(crate) fn past(&self) -> Vec<String> {
         let rows = self.0.iter().flat_map(|part| &part.rows);
         let past = rows.filter_map(|row| {
-            let (name, then, now) = (&row.name, &row.then, &row.now);
-            let Change {
-                by,
-                budget,
-                verdict,
-            } = &row.change;
-            match verdict {
+            let [name, then, now, by, budget, _] = row.cells();
+            match row.change.verdict {
                 Verdict::Past => Some(format!("{name} ({then} to {now}: {by}, budget {budget})")),
                 Verdict::NotMeasured => Some(format!("{name} ({then}, not measured)")),
                 _ => None,
@@ -52,7 +47,10 @@ impl fmt::Display for Comparison {
             writeln!(f, "\n{title}")?;
             let header = ["", "then", "now", "change", "budget", ""].map(str::to_owned);
             let mut lines = vec![header.to_vec()];
-            lines.extend(rows.iter().map(Row::cells));
+            lines.extend(
+                rows.iter()
+                    .map(|row| row.cells().map(str::to_owned).to_vec()),
+            );
             f.write_str(&aligned(&lines, |at| at == 0 || at == 5))?;
         }
         Ok(())
@@ -60,14 +58,9 @@ impl fmt::Display for Comparison {
 }
 
 impl Row {
-    fn cells(&self) -> Vec<String> {
-        let Change {
-            by,
-            budget,
-            verdict,
-        } = &self.change;
-        let (name, then, now) = (&self.name, &self.then, &self.now);
-        let cells = [name, then, now, by, budget, verdict.text()];
-        cells.map(ToString::to_string).to_vec()
+    fn cells(&self) -> [&str; 6] {
+        let (change, verdict) = (&self.change, self.change.verdict.text());
+        let (by, budget) = (&change.by, &change.budget);
+        [&self.name, &self.then, &self.now, by, budget, verdict]
     }
 }

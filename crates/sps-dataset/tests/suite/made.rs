@@ -1,0 +1,60 @@
+//! Datasets made for one test.
+#![allow(dead_code, reason = "each test file uses some of it")]
+
+use std::path::Path;
+
+use sps_dataset::{DatasetError, DatasetFolder, ReadSettings};
+use tempfile::TempDir;
+
+/// Three surfaces, one view, two properties.
+pub(crate) const MANIFEST: &str = "\
+name = \"made\"
+properties = [\"fRS\", \"cDF\"]
+view-angles-deg = [0.0]
+";
+
+pub(crate) const SURFACES: &str = "surface,material,group\na,wood,a\nb,wood,b\nc,denim,c\n";
+
+pub(crate) struct Made(TempDir);
+
+impl Made {
+    /// A dataset with that `[tactile]` and that table.
+    pub(crate) fn new(tactile: &str, file: &str, table: impl AsRef<[u8]>) -> Self {
+        let made = Self(TempDir::new().unwrap());
+        made.write("dataset.toml", format!("{MANIFEST}{tactile}"));
+        made.write("surfaces.csv", SURFACES);
+        made.write(file, table);
+        made
+    }
+
+    pub(crate) fn write(&self, file: &str, content: impl AsRef<[u8]>) {
+        std::fs::write(self.path().join(file), content).unwrap();
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    pub(crate) fn open(&self) -> Result<DatasetFolder, DatasetError> {
+        DatasetFolder::open(self.path(), &ReadSettings::default())
+    }
+
+    /// The message of opening it, after the name of the folder.
+    pub(crate) fn refusal(&self) -> String {
+        let message = self.open().unwrap_err().to_string();
+        let folder = format!("{}", self.path().display());
+        let rest = message.strip_prefix(&folder).unwrap_or(&message);
+        rest.trim_start_matches('/').to_owned()
+    }
+}
+
+/// What is read and what is said of it, a line each; `\n` in the former ends a line.
+pub(crate) fn cases(lines: &str) -> impl Iterator<Item = (String, &str)> {
+    let lines: Vec<&str> = lines
+        .lines()
+        .map(str::trim)
+        .filter(|line| !line.is_empty())
+        .collect();
+    let pairs = lines.as_chunks().0.to_vec().into_iter();
+    pairs.map(|[read, said]: [&str; 2]| (read.replace("\\n", "\n"), said))
+}

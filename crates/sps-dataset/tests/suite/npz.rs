@@ -1,0 +1,131 @@
+//! Archives that NumPy wrote (`data/make_npz.py`), against the formula of their content.
+
+use crate::common::data;
+use crate::made::Made;
+use sps_dataset::{DatasetFolder, ReadSettings, Reading, Source};
+
+fn npz(settings: &str, archive: &str) -> Made {
+    let tactile = format!("[tactile.npz]\nproperty-order = [\"fRS\", \"cDF\"]\n{settings}");
+    Made::new(&tactile, "tactile.npz", data(&format!("npz/{archive}.npz")))
+}
+
+/// Compares every reading with `100 s + 10 l + 2 r + p`.
+fn check(archive: &str, made: &Made, touches: usize, modulus: u32) {
+    let dataset = made
+        .open()
+        .unwrap_or_else(|error| panic!("{archive}: {error}"));
+    let readings = &dataset.tactile().readings;
+    assert_eq!(readings.len(), 3 * touches, "{archive}");
+    for Reading {
+        surface,
+        location,
+        repeat,
+        values,
+    } in readings
+    {
+        let first = 100 * *surface as u32 + 10 * location + 2 * repeat;
+        let expected: Vec<_> = [first, first + 1]
+            .map(|value| Some(f64::from(value % modulus)))
+            .to_vec();
+        assert_eq!(
+            values, &expected,
+            "{archive}: {surface} {location} {repeat}"
+        );
+    }
+}
+
+#[test]
+fn every_dtype_and_both_orders() {
+    for archive in [
+        "f4", "f8", "f8-big", "i8", "i4-big", "i2", "u2", "stored", "fortran",
+    ] {
+        let archive = format!("keyed-{archive}");
+        check(&archive, &npz("", &archive), 6, u32::MAX);
+    }
+    check("u1", &npz("", "keyed-u1"), 6, 200);
+    check("repeats", &npz("", "keyed-repeats"), 3, u32::MAX);
+    check("single", &npz("", "keyed-single"), 1, u32::MAX);
+}
+
+#[test]
+fn one_array_for_all_surfaces() {
+    let named = "[tactile.npz.layout.stacked]\nsurfaces = \"names\"";
+    for archive in ["stacked", "stacked-bytes", "stacked-shuffled"] {
+        check(archive, &npz(named, archive), 6, u32::MAX);
+    }
+    check(
+        "unnamed",
+        &npz("[tactile.npz.layout.stacked]", "stacked"),
+        6,
+        u32::MAX,
+    );
+}
+
+#[test]
+fn what_cannot_be_read_is_named() {
+    let cases = [
+        (
+            "pickled",
+            "tactile.npz, key `a`: is not valid NPY: its items are pickled Python objects, \
+          expected plain numbers: save it again as an array of floats",
+        ),
+        (
+            "infinite",
+            "tactile.npz, key `b`: found `inf` in column `cDF`, expected a number within 1e9 of 0, or NaN",
+        ),
+        (
+            "records",
+            "tactile.npz, key `a`: is not valid NPY: its items are records of several \
+          fields, expected numbers or texts",
+        ),
+        (
+            "half",
+            "tactile.npz, key `a`: is not valid NPY: its items are of dtype `<f2`, expected \
+          i1 to i8, u1 to u8, f4 or f8, or U or S",
+        ),
+        (
+            "stacked",
+            "tactile.npz, key `values`: the axes of a surface: found [3, 2, 3, 2], expected \
+          (properties), (repeats, properties) or (locations, repeats, properties) with 2 \
+          properties, as in `property-order`",
+        ),
+    ];
+    for (archive, expected) in cases {
+        assert_eq!(npz("", archive).refusal(), expected, "{archive}");
+    }
+    let no_order = Made::new("[tactile.npz]", "tactile.npz", data("npz/keyed-f8.npz"));
+    assert!(
+        no_order
+            .refusal()
+            .starts_with("tactile.npz: the order of its properties is not given")
+    );
+    assert_eq!(
+        npz("[tactile.npz.layout.stacked]\nvalues = \"data\"", "stacked").refusal(),
+        "tactile.npz: its arrays: found values, names, expected an array `data`"
+    );
+    assert_eq!(
+        npz("", "keyed-f8").open().unwrap().tactile().properties,
+        ["fRS", "cDF"]
+    );
+}
+
+#[test]
+fn an_archive_that_unpacks_beyond_the_limit_is_refused() {
+    let made = npz("", "large");
+    let refusal = |table_bytes: u64| {
+        let settings = ReadSettings {
+            table_bytes,
+            ..ReadSettings::default()
+        };
+        DatasetFolder::open(made.path(), &settings)
+            .unwrap_err()
+            .to_string()
+    };
+    let bytes = refusal(10_000);
+    let expected = "is not valid NPZ: its arrays unpack to more than the limit of 10000 bytes";
+    assert!(bytes.ends_with(expected), "{bytes}");
+    // 10000 values of 8 bytes; each is reckoned at 64.
+    let values = refusal(100_000);
+    let expected = "its header says shape [100, 50, 2], more than the limit of 1562 items";
+    assert!(values.ends_with(expected), "{values}");
+}

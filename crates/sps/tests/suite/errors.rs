@@ -1,0 +1,164 @@
+//! What can go wrong ends with status 1 and one clear message.
+
+use std::fs;
+use std::path::Path;
+
+use crate::support::{Ends, Mounted, Scratch};
+use candle_core::Device;
+use safetensors::tensor::{Dtype, TensorView};
+use sps_models::encoders::{Encoder, EncoderKind};
+
+/// A line for each: the file, what stands there, what is put there, and what the message has.
+const EDITED: &str = r#"
+tiny.toml | /data" | /nowhere" | nowhere; no such folder
+tiny.toml | level | levels | tiny.toml, line 17; did you mean `level`?
+tiny.toml | "cDF" | "cDX" | `properties`; `cDX`; did you mean `cDF`?; of tiny
+data/surfaces.csv | denim-02, | denim-01, | surfaces.csv; line 3; denim-01
+data/tactile.csv | fRS | fRX | tactile.csv; fRX
+"#;
+
+#[test]
+fn what_was_edited_wrongly() {
+    for line in EDITED.trim().lines() {
+        let scratch = Scratch::new();
+        let [name, from, to, parts] = line.split(" | ").collect::<Vec<_>>()[..] else {
+            panic!("{line}");
+        };
+        scratch.edit(name, from, to);
+        scratch.is_refused(&parts.split("; ").collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn a_missing_config() {
+    let scratch = Scratch::new();
+    scratch
+        .sps("experiment configs/nothing.toml")
+        .refused(&["configs/nothing.toml"]);
+}
+
+#[test]
+fn a_truncated_png() {
+    let scratch = Scratch::new();
+    let path = scratch.path("data/frames/denim-01/002.png");
+    let bytes = fs::read(&path).unwrap();
+    fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    scratch.is_refused(&["denim-01/002.png"]);
+    let mut inspect = scratch.sps("inspect @data --out @figures");
+    inspect.refused(&["1 frames", "cannot be read"]);
+}
+
+#[test]
+fn an_exr_cut_anywhere() {
+    let scratch = Scratch::new();
+    let path = scratch.path("data/frames/tile-01/002.exr");
+    let bytes = fs::read(&path).unwrap();
+    for part in 0..10 {
+        fs::write(&path, &bytes[..bytes.len() * part / 10]).unwrap();
+        scratch.is_refused(&["tile-01/002.exr"]);
+    }
+}
+
+#[test]
+fn a_text_where_a_number_belongs() {
+    let scratch = Scratch::new();
+    let table = scratch.read("data/tactile.csv");
+    let (header, rows) = table.split_once('\n').unwrap();
+    let (first, rest) = rows.split_once('\n').unwrap();
+    let cells: Vec<&str> = first.split(',').collect();
+    let spoilt = [&cells[..3], &["rough"], &cells[4..]].concat().join(",");
+    let table = format!("{header}\n{spoilt}\n{rest}");
+    fs::write(scratch.path("data/tactile.csv"), table).unwrap();
+    scratch.is_refused(&["tactile.csv", "line 2", "rough", "number"]);
+}
+
+#[test]
+fn a_misspelt_key() {
+    let scratch = Scratch::new();
+    let mut experiment = scratch.sps("experiment @tiny.toml --set head.epoch=3");
+    experiment.refused(&["--set head.epoch", "did you mean `epochs`?"]);
+}
+
+/// Writes the encoder's weights with one tensor taken away or misshapen.
+fn spoilt_weights(path: &Path, spoil: impl Fn(&str, &mut Vec<usize>) -> bool) {
+    let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0).unwrap();
+    let mut tensors = Vec::new();
+    for (name, tensor) in encoder.weights().iter() {
+        let mut shape = tensor.dims().to_vec();
+        if spoil(name, &mut shape) {
+            let length: usize = shape.iter().product();
+            tensors.push((name.to_owned(), shape, vec![0; 4 * length]));
+        }
+    }
+    let views = tensors.iter().map(|(name, shape, bytes)| {
+        let view = TensorView::new(Dtype::F32, shape.clone(), bytes);
+        (name, view.unwrap())
+    });
+    fs::write(path, safetensors::serialize(views, None).unwrap()).unwrap();
+}
+
+#[test]
+fn weights_that_do_not_fit() {
+    let scratch = Scratch::new();
+    let weights = scratch.path("weights.safetensors");
+    scratch.edit("tiny.toml", "untrained", &weights.display().to_string());
+    spoilt_weights(&weights, |name, _| name != "conv_stem.weight");
+    scratch.is_refused(&["weights.safetensors", "conv_stem.weight", "missing"]);
+    spoilt_weights(&weights, |name, shape| {
+        if name == "conv_stem.weight" {
+            shape[1] += 1;
+        }
+        true
+    });
+    scratch.is_refused(&["weights.safetensors", "conv_stem.weight", "[", "expected"]);
+}
+
+#[test]
+fn a_full_disk_loses_nothing_that_was_written() {
+    let scratch = Scratch::new();
+    let run = scratch.path("run");
+    let Some(mounted) = Mounted::new(&run, "size=32k") else {
+        return;
+    };
+    scratch.is_refused(&["run/", "No space left"]);
+    let kept = fs::read_to_string(run.join("trials.jsonl")).unwrap();
+    assert_eq!(kept.lines().count(), 8, "{kept}");
+    mounted.remount("size=10m");
+    scratch.experiment().assert().success();
+    assert_eq!(fs::read_to_string(run.join("trials.jsonl")).unwrap(), kept);
+    assert_eq!(scratch.results()["methods"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn a_full_disk_leaves_whole_lines() {
+    let mut filled = 0;
+    for kib in [12, 24, 36] {
+        let scratch = Scratch::new();
+        let run = scratch.path("run");
+        let Some(_mounted) = Mounted::new(&run, &format!("size={kib}k")) else {
+            return;
+        };
+        let mut many = scratch.experiment();
+        let text = many.args(["--set", "reruns=20"]).message();
+        filled += usize::from(text.contains("cannot add to"));
+        let kept = fs::read_to_string(run.join("trials.jsonl")).unwrap_or_default();
+        assert!(kept.is_empty() || kept.ends_with('\n'), "{kib} KiB: {kept}");
+        for line in kept.lines() {
+            assert!(
+                serde_json::from_str::<serde_json::Value>(line).is_ok(),
+                "{line}"
+            );
+        }
+    }
+    assert!(filled > 0, "no disk was full while trials were added");
+}
+
+#[test]
+fn a_read_only_output_folder() {
+    let scratch = Scratch::new();
+    let run = scratch.path("run");
+    let Some(_mounted) = Mounted::new(&run, "ro") else {
+        return;
+    };
+    scratch.is_refused(&["run", "Read-only file system"]);
+}

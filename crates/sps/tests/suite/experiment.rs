@@ -1,0 +1,396 @@
+//! Experiments from config to report.
+
+use std::fs;
+use std::path::Path;
+
+use crate::support::{Ends, Scratch, expect, kill, method, results_without_timings};
+use safetensors::SafeTensors;
+use serde_json::Value;
+
+#[test]
+fn an_experiment_ends_with_results_and_a_report() {
+    let scratch = Scratch::new();
+    let said = scratch.experiment().said();
+    let results = scratch.results();
+    assert_eq!(results["properties"], serde_json::json!(["fRS", "cDF"]));
+    for method in results["methods"].as_array().unwrap() {
+        assert!(method["r2"]["fRS"].is_f64(), "{method}");
+        if ["mean", "label-mean"].contains(&method["kind"].as_str().unwrap()) {
+            continue;
+        }
+        assert_eq!(method["frames_decoded_per_surface"], 1.0);
+        assert_eq!(method["frames_encoded_per_surface"], 1.0);
+        assert_eq!(
+            method["selected_views"]["fRS"],
+            serde_json::json!([[2], [2]])
+        );
+    }
+    let report = scratch.read("run/report.md");
+    assert!(report.contains("| Ridge |"));
+    let html = scratch.read("run/report.html");
+    assert!(html.contains("<svg") && !html.contains("src=\"http"));
+
+    let lines: Vec<&str> = said.lines().collect();
+    assert_eq!(lines[0], "tiny: means over properties");
+    let path = scratch.path("run/report.html").display().to_string();
+    assert_eq!(*lines.last().unwrap(), path);
+    let marked = |mark: &str| lines.iter().filter(|line| line.ends_with(mark)).count();
+    assert_eq!(marked("fastest"), 1, "{said}");
+    assert!(said.contains("best"), "{said}");
+
+    // The network's losses, of three epochs and the first rerun.
+    for property in ["fRS", "cDF"] {
+        let folder = scratch.path("run/tensorboard/cross-modal").join(property);
+        let events: Vec<_> = fs::read_dir(folder).unwrap().collect();
+        assert_eq!(events.len(), 1);
+        let file = fs::read(events[0].as_ref().unwrap().path()).unwrap();
+        let times = |tag: &[u8]| file.windows(tag.len()).filter(|part| part == &tag).count();
+        assert_eq!(times(b"training/estimation"), 3);
+        assert_eq!(times(b"training/embedding"), 3);
+        assert_eq!(times(b"training/generator"), 0);
+    }
+    assert!(!scratch.path("run/tensorboard/ridge").exists());
+}
+
+#[test]
+fn a_second_run_computes_nothing_and_says_the_same() {
+    let scratch = Scratch::new();
+    let printed = scratch.experiment().arg("--json").json();
+    let written = scratch.read("run/results.json");
+    assert_eq!(printed, serde_json::from_str::<Value>(&written).unwrap());
+    let (results, trials) = (scratch.results(), scratch.read("run/trials.jsonl"));
+    let log = scratch.experiment().logged();
+    assert!(log.contains("0 of them encoded now"), "{log}");
+    assert_eq!(scratch.results(), results);
+    assert_eq!(scratch.read("run/trials.jsonl"), trials);
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let scratch = Scratch::new();
+    let run = |threads: &str| {
+        let mut command = scratch.experiment();
+        let cache = format!("cache.folder={}", scratch.path(threads).display());
+        command.args(["--fresh", "--set", &cache]);
+        command.env("RAYON_NUM_THREADS", threads).assert().success();
+        scratch.results()
+    };
+    assert_eq!(run("1"), run("2"));
+}
+
+#[test]
+fn a_killed_run_ends_as_one_that_was_not() {
+    let scratch = Scratch::new();
+    scratch.edit("tiny.toml", "epochs = 3", "epochs = 40");
+    let journal = scratch.path("run/trials.jsonl");
+    let child = scratch.process("experiment @tiny.toml --out @run").spawn();
+    // Once the first trials are on disk.
+    let begun = || fs::metadata(&journal).is_ok_and(|file| file.len() > 0);
+    kill(child.unwrap(), begun);
+    let begun = fs::read_to_string(&journal).unwrap();
+    scratch.experiment().assert().success();
+    assert!(fs::read_to_string(&journal).unwrap().starts_with(&begun));
+    let finished = scratch.results();
+    scratch.experiment().arg("--fresh").assert().success();
+    assert_eq!(finished, scratch.results());
+}
+
+#[test]
+fn a_run_for_one_property_gives_it_the_same_numbers() {
+    let scratch = Scratch::new();
+    let both = scratch.ran();
+    let mut experiment = scratch.experiment();
+    experiment
+        .args(["--set", "properties=[\"cDF\"]"])
+        .assert()
+        .success();
+    let one = scratch.results();
+    for method in 0..2 {
+        let of = |results: &serde_json::Value| results["methods"][method]["r2"]["cDF"].clone();
+        assert_eq!(of(&both), of(&one));
+    }
+    assert!(one["methods"][0]["r2"]["fRS"].is_null());
+}
+
+#[test]
+fn damaged_trials_and_embeddings_are_computed_again() {
+    let scratch = Scratch::new();
+    let expected = scratch.ran();
+    let flip = |path: &Path| {
+        let mut bytes = fs::read(path).unwrap();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        fs::write(path, bytes).unwrap();
+    };
+    flip(&scratch.path("run/trials.jsonl"));
+    let first = |folder: &Path| {
+        fs::read_dir(folder)
+            .unwrap()
+            .next()
+            .unwrap()
+            .unwrap()
+            .path()
+    };
+    flip(&first(&first(&scratch.path("cache/embeddings"))));
+    let log = scratch.experiment().logged();
+    assert!(log.contains("lines are damaged"), "{log}");
+    assert!(log.contains("checksum"), "{log}");
+    assert_eq!(scratch.results(), expected);
+}
+
+#[test]
+fn embeddings_are_written_in_the_order_given() {
+    let scratch = Scratch::new();
+    let embed = |images: &[&str], threads: &str| {
+        let line =
+            "embed --encoder efficientnet-lite-body --weights untrained --out @out.safetensors";
+        let mut command = scratch.sps(line);
+        command.args(["--threads", threads]);
+        command
+            .args(images.iter().map(|image| scratch.path(image)))
+            .assert()
+            .success();
+        let bytes = fs::read(scratch.path("out.safetensors")).unwrap();
+        let file = SafeTensors::deserialize(&bytes).unwrap();
+        let tensor = file.tensor("embeddings").unwrap();
+        let rows = tensor.data().chunks(tensor.shape()[1] * 4);
+        rows.map(<[u8]>::to_vec).collect::<Vec<_>>()
+    };
+    let (a, b) = ("data/frames/oak-01/000.jpg", "data/frames/denim-01/000.png");
+    let forwards = embed(&[a, b], "1");
+    let backwards = embed(&[b, a, b], "2");
+    assert_eq!(forwards, [backwards[1].clone(), backwards[0].clone()]);
+}
+
+/// Each depth is a tensor of its own, and a part of the whole.
+#[test]
+fn depths_are_written_one_by_one() {
+    let scratch = Scratch::new();
+    let embed = |depths: &str| {
+        let line = "embed --encoder resnet18 --weights untrained --json --out @out.safetensors";
+        let mut command = scratch.sps(line);
+        command.args(["--depths", depths]);
+        command.arg(scratch.path("data/frames/oak-01/000.jpg"));
+        command
+    };
+    let read = |depths: &str| {
+        let said = embed(depths).json();
+        let out = scratch.path("out.safetensors");
+        let bytes = fs::read(&out).unwrap();
+        let file = SafeTensors::deserialize(&bytes).unwrap();
+        let rows = file.tensor("embeddings").unwrap();
+        assert_eq!(said["embeddings"], *out.to_string_lossy());
+        assert_eq!([&said["rows"], &said["width"]], rows.shape());
+        for block in said["blocks"].as_array().unwrap() {
+            // A depth that is alone has no tensor of its own.
+            let own = file.tensor(block["name"].as_str().unwrap());
+            let own = own.unwrap_or_else(|_| file.tensor("embeddings").unwrap());
+            assert_eq!(block["width"], own.shape()[1]);
+        }
+        assert!(said["encode_seconds_per_image"].as_f64().unwrap() > 0.0);
+        let tensors = file.tensors().into_iter();
+        let tensors = tensors.map(|(name, of)| (name, of.shape().to_vec(), of.data().to_vec()));
+        let mut tensors: Vec<_> = tensors.collect();
+        tensors.sort();
+        tensors
+    };
+    let all = read("all");
+    let shapes = all
+        .iter()
+        .map(|(name, shape, _)| format!("{name} {}", shape[1]));
+    let expected = "embeddings 960, stage-1 64, stage-2 128, stage-3 256, stage-4 512";
+    assert_eq!(shapes.collect::<Vec<_>>().join(", "), expected);
+    let parts = all[1..].iter().flat_map(|(_, _, bytes)| bytes);
+    assert!(all[0].2.iter().eq(parts));
+    let two = read("stage-2,stage-4");
+    assert_eq!((&two[1], &two[2]), (&all[2], &all[4]));
+    let last = ("embeddings".to_owned(), vec![1, 512], all[4].2.clone());
+    assert_eq!(read("last"), [last]);
+    let depths = "resnet18's stage-1, stage-2, stage-3, stage-4";
+    embed("stage-9").refused(&["stage-9", depths]);
+}
+
+/// Methods may look at other depths of one encoder; an unknown one is named with its line.
+#[test]
+fn methods_look_at_the_depths_that_they_name() {
+    let scratch = Scratch::with_methods(
+        "last | last | kernel-ridge | encoder.depths = 'last'\n\
+         all | all | kernel-ridge | encoder.depths = 'all'\n\
+         two | two | kernel-ridge | encoder.depths = ['stage-1', 'stage-3']",
+    );
+    let results = scratch.ran();
+    let [last, all, two] = ["last", "all", "two"].map(|id| method(&results, id));
+    let error = |of: &Value| of["mae"]["fRS"].clone();
+    assert!(error(last) != error(all) && error(all) != error(two));
+    expect(all["encoder"].as_str().unwrap(), &["at all depths"]);
+    expect(
+        two["encoder"].as_str().unwrap(),
+        &["at stage-1 and stage-3"],
+    );
+
+    scratch.edit("tiny.toml", "'stage-3'", "'stage-9'");
+    scratch.is_refused(&[
+        "tiny.toml, line",
+        "depths`: is \"stage-9\", expected",
+        "stage-7",
+    ]);
+}
+
+#[test]
+fn results_say_where_they_come_from() {
+    let scratch = Scratch::new();
+    scratch.experiment().assert().success();
+    let read = || -> Value { serde_json::from_str(&scratch.read("run/results.json")).unwrap() };
+    let results = read();
+    assert_eq!(results["schema"], 4);
+    let config = fs::read(scratch.path("run/config.toml")).unwrap();
+    let hash = blake3::hash(&config).to_string();
+    assert_eq!(results["config_hash"], hash);
+    assert_eq!(results["precision"], serde_json::json!(["f32"]));
+    assert_eq!(results["methods"][0]["precision"], "f32");
+    assert_eq!(
+        [&results["seed"], &results["data_seed"]],
+        [&0.into(), &Value::Null]
+    );
+    for key in ["source_hash", "data_hash", "cpu"] {
+        assert!(!results[key].as_str().unwrap().is_empty(), "{key}");
+    }
+    assert!(results["threads"].as_u64().unwrap() > 0);
+
+    // Another config, the same data; then another reading.
+    let again = || {
+        let mut command = scratch.experiment();
+        command
+            .args(["--set", "report.level=0.5"])
+            .assert()
+            .success();
+        read()
+    };
+    let other = again();
+    assert_ne!(other["config_hash"], results["config_hash"]);
+    assert_eq!(other["data_hash"], results["data_hash"]);
+    scratch.change_a_reading();
+    assert_ne!(again()["data_hash"], results["data_hash"]);
+}
+
+#[test]
+fn a_method_that_diverges_has_a_reason_and_the_others_go_on() {
+    let scratch = Scratch::new();
+    let model = "head.model = { kind = \"cross-modal\" }";
+    let diverging = format!("{model}\nhead.adam.learning-rate = 1e30");
+    scratch.edit("tiny.toml", model, &diverging);
+    let results = scratch.ran();
+    assert!(method(&results, "ridge")["r2"]["fRS"].is_f64());
+    let row = method(&results, "cross-modal");
+    assert!(row["r2"]["fRS"].is_null(), "{row}");
+    assert_eq!(row["held_out_surfaces"], 0);
+    let notes = row["notes"].as_array().unwrap().iter();
+    let reasons = notes.filter(|note| note.as_str().unwrap().contains("left out: "));
+    assert_eq!(reasons.count(), 4, "two properties in two reruns: {row}");
+    let report = scratch.read("run/report.md");
+    assert!(report.contains("fRS, rerun 0, left out"), "{report}");
+
+    // They are finished: nothing is trained again, and nothing changes.
+    let trials = scratch.read("run/trials.jsonl");
+    scratch.experiment().assert().success();
+    assert_eq!(scratch.results(), results);
+    assert_eq!(scratch.read("run/trials.jsonl"), trials);
+}
+
+/// Beside the same one that stands on all it was given; a stack says it as well.
+#[test]
+fn a_row_says_that_it_stands_on_fewer_surfaces() {
+    let scratch = Scratch::with_methods(
+        "kernel | Kernel | kernel-ridge\n\
+         stacked | Stacked | stacked | members = ['ridge', 'kernel-ridge']; folds = 2",
+    );
+    let said = |at_most: &str| {
+        let setting = format!("kernel-ridge.at-most={at_most}");
+        let mut command = scratch.experiment();
+        command.args(["--set", &setting]).assert().success();
+        let results = scratch.results();
+        let said = |id: &str| {
+            let notes = method(&results, id)["notes"].to_string();
+            notes.contains(&format!("stands on {at_most} of the "))
+        };
+        ["ridge", "kernel", "stacked"].map(said)
+    };
+    assert_eq!(said("3"), [false, true, true]);
+    assert_eq!(said("1000"), [false; 3]);
+}
+
+#[test]
+fn a_list_shows_settings_and_opens_no_data() {
+    let scratch = Scratch::new();
+    fs::remove_dir_all(scratch.path("data")).unwrap();
+    let text = scratch.experiment().arg("--list").said();
+    let head = text.split("\ncross-modal\t").nth(1).unwrap();
+    let head = head.split("\n    kind = \"mean\"").next().unwrap();
+    for line in [
+        "    kind = \"head\"\n",
+        "    encoder = \"efficientnet-lite-body with untrained, random weights, at all depths\"\n",
+        "    views = 1 # the one straight down\n",
+        "    head.epochs = 3\n",
+        "    head.batch-size = 16\n",
+    ] {
+        assert!(head.contains(line), "`{line}` is not in: {head}");
+    }
+    assert!(!scratch.path("run").exists());
+    let input = |views: &str| {
+        let mut command = scratch.experiment();
+        let text = command.args(["--list", "--set", views]).said();
+        let line = text.lines().find(|line| line.contains("head.input"));
+        line.unwrap().trim().to_owned()
+    };
+    for (views, expected) in [
+        ("1", "{ kind = \"single\" }"),
+        ("3", "{ kind = \"late-fusion\", views = 3 }"),
+        ("all", "{ kind = \"late-fusion\" } # of all views"),
+    ] {
+        let found = input(&format!("methods.cross-modal.views={views}"));
+        assert_eq!(found, format!("head.input = {expected}"));
+    }
+}
+
+#[test]
+fn other_settings_do_not_replace_a_report_unasked() {
+    let scratch = Scratch::new();
+    let experiment = |more: &str| {
+        let mut command = scratch.sps(&format!("experiment tiny.toml {more}"));
+        command.current_dir(scratch.path("."));
+        command
+    };
+    experiment("--set reruns=1").assert().success();
+
+    let results = || fs::read(scratch.path("runs/tiny/results.json")).unwrap();
+    let before = results();
+    experiment("").refused(&["config.toml", "`reruns` is 1, here 2", "--out"]);
+    assert_eq!(results(), before);
+    experiment("--out runs/tiny").assert().success();
+    assert_ne!(results(), before);
+}
+
+/// Rows of a file are found by surface and view, in whatever order they are, and no other is needed.
+#[test]
+fn embeddings_from_a_file_score_as_the_encoder_does() {
+    let scratch = Scratch::new();
+    scratch.edit("tiny.toml", "[encoder]\nweights = \"untrained\"\n", "");
+    let seeing = scratch.ran();
+    let mut embed = scratch.sps("embed --encoder efficientnet-lite-body --out @file.safetensors");
+    let images = "tile-01/002.exr sponge-01/002.exr oak-02/002.png oak-01/002.jpg denim-02/002.jpg denim-01/002.png";
+    embed.args(
+        images
+            .split(' ')
+            .map(|image| scratch.path("data/frames").join(image)),
+    );
+    embed.assert().success();
+    let line = "experiment @tiny.toml --out @blind --set encoder.embeddings=@file.safetensors";
+    scratch.sps(line).assert().success();
+    let blind = results_without_timings(&scratch.path("blind"));
+    for id in ["ridge", "cross-modal"] {
+        let (blind, seeing) = (method(&blind, id), method(&seeing, id));
+        assert_eq!(blind["r2"], seeing["r2"], "{id}");
+        assert_eq!(blind["encoder"], "embeddings from file.safetensors");
+        assert_eq!(blind["frames_decoded_per_surface"], 0.0);
+    }
+}

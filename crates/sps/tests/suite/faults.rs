@@ -1,0 +1,474 @@
+//! Runs and caches under faults: killed runners and shards, two runners at once, flipped bits, full disks,
+//! clocks that were set. What counts as a loss: a result that differs, a trial or an embedding that was on
+//! disk and is computed again without a line in the log, a run that cannot be finished.
+//!
+//! `cargo test --workspace --release --test suite faults -- --ignored --nocapture` does it at length;
+//! docs/benchmarks.md shows what came out.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ExitStatus};
+use std::time::{Duration, Instant, SystemTime};
+
+use crate::support::{Mounted, Scratch, copy, results_of_trained};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{RngCore, SeedableRng};
+use serde_json::Value;
+
+/// One method that selects its views, and one whose encoder is trained, through heads of two views.
+const METHODS: &str = "\
+nvs | NVS | head | views = 2; selector = { kind = 'nvs', evaluations = 200 }
+fine-tuned | Fine-tuned | ridge | encoder = { trainable = true, training = { epochs = 2, \
+    batch-size = 4, objective = { kind = 'heads', input = { kind = 'late-fusion', views = 2 }, \
+    model = { kind = 'cross-modal', adversarial = {} } } } }
+";
+
+const JOURNALS: [&str; 2] = ["trials.jsonl", "selections.jsonl"];
+
+#[test]
+fn a_few_faults_lose_nothing() {
+    let mut faults = Faults::new();
+    faults.kill(5);
+    faults.flip(1, |name| {
+        ["/trials.jsonl", "encoder.safetensors", "/results.json"]
+            .iter()
+            .any(|end| name.ends_with(end))
+            || name.contains("/embeddings/")
+    });
+    faults.run_in_pairs(1);
+    faults.kill_shards(1);
+    faults.fill_disks(1);
+    faults.set_clocks();
+    faults.finish();
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn a_hundred_kills_and_all_other_faults_lose_nothing() {
+    let mut faults = Faults::new();
+    faults.kill(100);
+    faults.flip(3, |_| true);
+    faults.run_in_pairs(10);
+    faults.kill_shards(10);
+    faults.fill_disks(5);
+    faults.set_clocks();
+    faults.finish();
+}
+
+/// What was done so far.
+#[derive(Default)]
+struct Summary {
+    runs: usize,
+    kills: usize,
+    bits: usize,
+    pairs: usize,
+    shards: usize,
+    full_disks: usize,
+    clocks: usize,
+    losses: Vec<String>,
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "runs: {}, kills: {}, bits flipped: {}, pairs of runners: {}, shards killed: {}, full \
+             disks: {}, clocks set: {}, losses: {}",
+            self.runs,
+            self.kills,
+            self.bits,
+            self.pairs,
+            self.shards,
+            self.full_disks,
+            self.clocks,
+            self.losses.len()
+        )
+    }
+}
+
+/// An experiment, what it comes to, and what is done to it.
+struct Faults {
+    scratch: Scratch,
+    expected: Value,
+    /// What an undisturbed run takes.
+    takes: Duration,
+    random: ChaCha8Rng,
+    summary: Summary,
+}
+
+/// A run that is at work.
+struct Run {
+    child: Child,
+    log: PathBuf,
+}
+
+impl Run {
+    /// Waits for its end.
+    fn end(mut self) -> Ended {
+        let status = self.child.wait().expect("a run");
+        let log = fs::read(&self.log).expect("a log");
+        let log = String::from_utf8_lossy(&log).into_owned();
+        Ended { status, log }
+    }
+}
+
+/// A run that has ended.
+struct Ended {
+    status: ExitStatus,
+    log: String,
+}
+
+impl Faults {
+    fn new() -> Self {
+        let mut faults = Self {
+            scratch: Scratch::with_methods(METHODS),
+            expected: Value::Null,
+            takes: Duration::ZERO,
+            random: ChaCha8Rng::seed_from_u64(0),
+            summary: Summary::default(),
+        };
+        let begun = Instant::now();
+        let ended = faults.run("run");
+        assert!(ended.status.success(), "{}", ended.log);
+        faults.takes = begun.elapsed();
+        faults.expected = results_of_trained(&faults.path("run"));
+        faults
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.scratch.path(name)
+    }
+
+    /// A number below `end`.
+    fn draw(&mut self, end: usize) -> usize {
+        (self.random.next_u64() % end as u64) as usize
+    }
+
+    /// Starts a run into a folder.
+    fn start(&mut self, run: &str) -> Run {
+        self.start_with(run, "")
+    }
+
+    /// Starts a run into a folder, with more arguments.
+    fn start_with(&mut self, run: &str, arguments: &str) -> Run {
+        self.summary.runs += 1;
+        let log = self.path(&format!("{}.log", self.summary.runs));
+        let line = format!("experiment @tiny.toml --out @{run} {arguments}");
+        let mut command = self.scratch.process(&line);
+        command.stderr(File::create(&log).expect("a log"));
+        let child = command.spawn().expect("a run");
+        Run { child, log }
+    }
+
+    /// Runs to the end.
+    fn run(&mut self, run: &str) -> Ended {
+        self.start(run).end()
+    }
+
+    fn lose(&mut self, what: String) {
+        println!("LOSS: {what}");
+        self.summary.losses.push(what);
+    }
+
+    /// Notes a loss where a run failed or came to something else.
+    fn check(&mut self, doing: &str, run: &str, ended: &Ended) {
+        if !ended.status.success() || ended.log.contains("panicked") {
+            self.lose(format!("{doing}: the run failed: {}", ended.log));
+        } else if results_of_trained(&self.path(run)) != self.expected {
+            self.lose(format!("{doing}: other results"));
+        }
+    }
+
+    /// As [`Faults::check`]; and no trial was run although it was on disk.
+    fn check_once(&mut self, doing: &str, run: &str, ended: &Ended) {
+        self.check(doing, run, ended);
+        if let Some(key) = twice(&self.path(run).join("trials.jsonl")) {
+            self.lose(format!("{doing}: the trial {key} was run twice"));
+        }
+    }
+
+    /// As if nothing had ever been run.
+    fn begin_again(&self) {
+        for folder in ["run", "cache"] {
+            let path = self.path(folder);
+            if path.exists() {
+                fs::remove_dir_all(path).expect("a folder");
+            }
+        }
+    }
+
+    /// Kills runs at random moments and has them go on, until so many were killed.
+    fn kill(&mut self, kills: usize) {
+        self.begin_again();
+        let mut before = Contents::default();
+        while self.summary.kills < kills {
+            let delay = self.takes * self.draw(1000) as u32 / 1000;
+            let mut run = self.start("run");
+            std::thread::sleep(delay);
+            // Not an error where the run has ended by itself.
+            let _ = run.child.kill();
+            let ended = run.end();
+            let after = Contents::of(self);
+            if let Some(lost) = before.lost_in(&after) {
+                self.lose(format!("kill {}: {lost}", self.summary.kills));
+            }
+            before = after;
+            if ended.status.code().is_some() {
+                self.check_once("killed before", "run", &ended);
+                self.begin_again();
+                before = Contents::default();
+            } else {
+                self.summary.kills += 1;
+            }
+        }
+        let ended = self.run("run");
+        self.check_once("the last kill", "run", &ended);
+    }
+
+    /// Flips bits of each file that `chosen` says, one at a time, so many of each.
+    fn flip(&mut self, bits: usize, chosen: impl Fn(&str) -> bool) {
+        self.begin_again();
+        let ended = self.run("run");
+        self.check("before flipping", "run", &ended);
+        for folder in ["run", "cache"] {
+            copy(&self.path(folder), &self.path(&format!("whole-{folder}")));
+        }
+        for name in self.files().into_iter().filter(|name| chosen(name)) {
+            for _ in 0..bits {
+                self.flip_one(&name);
+            }
+        }
+        self.restore();
+    }
+
+    fn restore(&self) {
+        self.begin_again();
+        for folder in ["run", "cache"] {
+            copy(&self.path(&format!("whole-{folder}")), &self.path(folder));
+        }
+    }
+
+    fn flip_one(&mut self, name: &str) {
+        self.restore();
+        let path = self.path(name);
+        let mut bytes = fs::read(&path).expect("a stored file");
+        if bytes.is_empty() {
+            return;
+        }
+        let (at, bit) = (self.draw(bytes.len()), self.draw(8));
+        bytes[at] ^= 1 << bit;
+        fs::write(&path, &bytes).expect("a stored file");
+        let ended = self.run("run");
+        self.summary.bits += 1;
+        let what = format!("bit {bit} of byte {at} of {name}");
+        self.check(&what, "run", &ended);
+        if !reported(name, &path, &ended.log) {
+            self.lose(format!("{what}: no line in the log: {}", ended.log));
+        }
+    }
+
+    /// Every file of run and cache.
+    fn files(&self) -> Vec<String> {
+        let mut files = Vec::new();
+        for folder in ["run", "cache"] {
+            list(&self.path(folder), folder, &mut files);
+        }
+        files.sort();
+        files
+    }
+
+    /// Two runners in one folder at once, and two that share a cache.
+    fn run_in_pairs(&mut self, pairs: usize) {
+        for _ in 0..pairs {
+            for runs in [["run", "run"], ["run", "other-run"]] {
+                self.begin_again();
+                let _ = fs::remove_dir_all(self.path("other-run"));
+                let both = runs.map(|run| self.start(run));
+                let [first, second] = both.map(Run::end);
+                self.summary.pairs += 1;
+                self.check_once("the first of two", runs[0], &first);
+                self.check_once("the second of two", runs[1], &second);
+                let waited = first.log.contains("waiting") || second.log.contains("waiting");
+                if runs[0] == runs[1] && !waited {
+                    self.lose("two runners: none waited for the other".to_owned());
+                }
+            }
+        }
+    }
+
+    /// Two shards at once, one of which is killed at a random moment and run again, so many times.
+    fn kill_shards(&mut self, kills: usize) {
+        for _ in 0..kills {
+            self.begin_again();
+            let delay = self.takes * self.draw(1000) as u32 / 1000;
+            let whole = self.start_with("run", "--shard 1/2");
+            let mut killed = self.start_with("run", "--shard 2/2");
+            std::thread::sleep(delay);
+            // Not an error where it has ended by itself.
+            let _ = killed.child.kill();
+            killed.end();
+            self.summary.shards += 1;
+            let again = self.start_with("run", "--shard 2/2").end();
+            for (what, ended) in [("the other shard", whole.end()), ("the shard again", again)] {
+                if !ended.status.success() {
+                    self.lose(format!("{what}: {}", ended.log));
+                }
+            }
+            let merged = self.start_with("run", "--merge").end();
+            self.check_once("a killed shard", "run", &merged);
+            for shard in ["1-of-2", "2-of-2"] {
+                let journal = self.path("run/shards").join(shard).join("trials.jsonl");
+                if let Some(key) = twice(&journal) {
+                    self.lose(format!("{shard}: the trial {key} was run twice"));
+                }
+            }
+        }
+    }
+
+    /// Runs on disks that become full, and goes on when there is room.
+    fn fill_disks(&mut self, disks: usize) {
+        for _ in 0..disks {
+            // A run takes some 90 KiB, a cache 50 MiB.
+            for (folder, most) in [("run", 80), ("cache", 8000)] {
+                self.begin_again();
+                let size = 4 + self.draw(most);
+                let path = self.path(folder);
+                let Some(disk) = Mounted::new(&path, &format!("size={size}k")) else {
+                    return;
+                };
+                let ended = self.run("run");
+                let full = ended.log.contains("No space left") && ended.status.code() == Some(1);
+                if !full && !ended.status.success() {
+                    self.lose(format!("{size} KiB for {folder}: {}", ended.log));
+                }
+                let before = Contents::of(self);
+                disk.remount("size=400m");
+                let ended = self.run("run");
+                self.summary.full_disks += usize::from(full);
+                self.check_once("after a full disk", "run", &ended);
+                if let Some(lost) = before.lost_in(&Contents::of(self)) {
+                    self.lose(format!("{size} KiB for {folder}: {lost}"));
+                }
+            }
+        }
+    }
+
+    /// As if the clock had been set, back or forward, after everything was stored.
+    fn set_clocks(&mut self) {
+        self.begin_again();
+        let ended = self.run("run");
+        self.check("before setting the clock", "run", &ended);
+        let before = Contents::of(self);
+        let year = Duration::from_secs(365 * 24 * 3600);
+        for time in [SystemTime::now() + year, SystemTime::UNIX_EPOCH] {
+            for name in self.files() {
+                let file = File::options().append(true).open(self.path(&name));
+                let file = file.expect("a stored file");
+                file.set_modified(time).expect("a time");
+            }
+            let ended = self.run("run");
+            self.summary.clocks += 1;
+            self.check_once("after the clock was set", "run", &ended);
+            let nothing = ended.log.matches(" 0 of them encoded now").count();
+            let encoded = ended.log.matches("of them encoded now").count();
+            if nothing != encoded || Contents::of(self) != before {
+                self.lose(format!(
+                    "after the clock was set: work done again: {}",
+                    ended.log
+                ));
+            }
+        }
+    }
+
+    fn finish(self) {
+        println!("{}", self.summary);
+        assert!(self.summary.losses.is_empty(), "{:#?}", self.summary.losses);
+    }
+}
+
+/// Whether the log tells of the damage to a file, as far as there is something to tell.
+fn reported(name: &str, path: &Path, log: &str) -> bool {
+    // TensorBoard's files are for people: nothing reads them again, and each record of theirs has a
+    // checksum that TensorBoard knows.
+    if name.contains("tfevents") {
+        return true;
+    }
+    // A checksum that no longer fits speaks against its file, unless it was that of the content
+    // before the last.
+    if let Some(of) = name.strip_suffix(".blake3") {
+        return log.contains(of) || log.matches("trained before").count() == 2;
+    }
+    if name == "run/checksums" {
+        return log.contains("checksum does not match");
+    }
+    log.contains(&path.display().to_string())
+}
+
+/// What is worth keeping.
+#[derive(Default, PartialEq)]
+struct Contents {
+    journals: BTreeMap<&'static str, Vec<u8>>,
+    /// Embeddings and trained encoders.
+    cache: BTreeMap<String, Vec<u8>>,
+}
+
+impl Contents {
+    fn of(faults: &Faults) -> Self {
+        let journal = |name| {
+            let bytes = fs::read(faults.path("run").join(name)).unwrap_or_default();
+            (name, bytes)
+        };
+        let mut names = Vec::new();
+        list(&faults.path("cache"), "cache", &mut names);
+        let kept =
+            |name: &String| name.ends_with(".safetensors") && !name.ends_with("state.safetensors");
+        let names = names.into_iter().filter(kept);
+        Self {
+            journals: JOURNALS.into_iter().map(journal).collect(),
+            cache: names
+                .map(|name| (name.clone(), fs::read(faults.path(&name)).expect("a file")))
+                .collect(),
+        }
+    }
+
+    /// What is in `self` and not in `after`.
+    fn lost_in(&self, after: &Self) -> Option<String> {
+        for (name, bytes) in &self.journals {
+            if !after.journals[name].starts_with(bytes) {
+                return Some(format!("{name} lost lines"));
+            }
+        }
+        let mut cache = self.cache.iter();
+        let lost = cache.find(|(name, bytes)| after.cache.get(*name) != Some(bytes));
+        lost.map(|(name, _)| format!("{name} is gone or changed"))
+    }
+}
+
+/// A trial that is in a journal more than once.
+fn twice(journal: &Path) -> Option<String> {
+    let bytes = fs::read(journal).expect("a journal");
+    let mut seen = BTreeSet::new();
+    // Half a line that a kill has left is no trial.
+    let lines = bytes.split(|byte| *byte == b'\n');
+    let lines = lines.filter_map(|line| serde_json::from_slice::<Value>(line).ok());
+    let mut keys = lines.filter_map(|line| Some(line["trial"]["key"].as_str()?.to_owned()));
+    keys.find(|key| !seen.insert(key.clone()))
+}
+
+/// The files below a folder called `prefix`.
+fn list(folder: &Path, prefix: &str, names: &mut Vec<String>) {
+    let Ok(entries) = fs::read_dir(folder) else {
+        return;
+    };
+    for entry in entries {
+        let entry = entry.expect("an entry");
+        let name = format!("{prefix}/{}", entry.file_name().to_string_lossy());
+        if entry.path().is_dir() {
+            list(&entry.path(), &name, names);
+        } else {
+            names.push(name);
+        }
+    }
+}

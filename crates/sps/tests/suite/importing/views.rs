@@ -1,0 +1,206 @@
+//! Several photographs of one surface.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+
+use super::{Photographs, cases};
+use crate::support::{Ends, expect, root};
+
+/// Two surfaces, each in a folder of its own, and a photograph that is of neither.
+const FOLDERS: [(&str, &str); 5] = [
+    ("oak-02/000.png", "first/0.png"),
+    ("oak-02/001.png", "first/1.png"),
+    ("denim-01/000.png", "second/0.png"),
+    ("denim-01/001.png", "second/1.png"),
+    ("denim-01/002.png", "spare.png"),
+];
+
+/// The same bytes as a frame of the tiny dataset.
+fn same(photographs: &Photographs, frame: &str, of: &str) -> bool {
+    let bytes = |path: &Path| fs::read(path).unwrap();
+    bytes(&photographs.dataset().join("frames").join(frame))
+        == bytes(&root().join("fixtures/tiny-dataset/frames").join(of))
+}
+
+#[test]
+fn rows_for_each_photograph() {
+    let table = "surface,view,photograph,material,fRS,cDF\n\
+        s1,10,first/1.png,,20,\n\
+        s2,10,second/1.png,denim,,3\n\
+        s2,9,second/0.png,denim,4,3\n\
+        s1,9,first/0.png,oak,20,\n";
+    let photographs = Photographs::new(&FOLDERS, table);
+    let said = photographs.import().said();
+    expect(
+        &said,
+        &["2 surfaces", "1 photographs (spare.png)", "fRS, cDF"],
+    );
+    photographs.ensure_tables(
+        "surface,material,group; s1,oak,s1; s2,denim,s2",
+        "surface,location,repeat,fRS,cDF; s1,0,0,20,; s2,0,0,4,3",
+    );
+    // As numbers, 9 is before 10.
+    assert!(same(&photographs, "s1/000.png", "oak-02/000.png"));
+    assert!(same(&photographs, "s1/001.png", "oak-02/001.png"));
+    assert!(same(&photographs, "s2/000.png", "denim-01/000.png"));
+    let manifest = photographs.text("dataset.toml");
+    let order = "# - views are in the order 9, 10";
+    expect(&manifest, &[order, "nominal", "[0.0, 45.0]"]);
+}
+
+/// As [`super::REFUSED`].
+const NO_SURFACES: &str = r"
+surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,1,first/1.png,2\n | line 2; line 3; `fRS`; `1`; `2`
+surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,1,first/1.png,\ns2,1,second/1.png,2\n | line 4; surface `s2` has no photograph of view `0`
+surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,0,first/1.png,1\n | line 3; surface `s1`; line 2 already
+surface,photograph,fRS\ns1,first/0.png,1\ns1,first/1.png,1\n | line 3; a column `view`
+surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,,first/1.png,1\n | line 3; `view` is empty
+surface,photograph,fRS\ns1,first/0.png,1\ns2,second/../first/0.png,1\n | line 3; a photograph of surface `s1` already
+surface,fRS\nthird,1\n | line 2; `third`
+surface,fRS\nfirst,1\nfirst,2\n | would both be surface `first`
+";
+
+#[test]
+fn rows_that_are_no_surfaces() {
+    for (table, parts) in cases(NO_SURFACES) {
+        Photographs::new(&FOLDERS, &table).is_refused(&parts);
+    }
+}
+
+#[test]
+fn a_folder_for_each_surface() {
+    let table = "surface,group,fRS\nsecond,roll 7,4\nfirst,,20\n";
+    let photographs = Photographs::new(&FOLDERS, table);
+    let mut three = photographs.import_with(&["--angles", "0,30,60"]);
+    three.refused(&["found 3 angles", "each of 2 photographs"]);
+    let mut two = photographs.import_with(&["--angles", "-30,12.5"]);
+    two.assert().success();
+    let surfaces = "surface,material,group\nsecond,unknown,roll 7\nfirst,unknown,first\n";
+    assert_eq!(photographs.text("surfaces.csv"), surfaces);
+    let manifest = photographs.text("dataset.toml");
+    expect(&manifest, &["[-30.0, 12.5]", "in the order of their names"]);
+    assert!(!manifest.contains("nominal"));
+    assert!(same(&photographs, "second/001.png", "denim-01/001.png"));
+
+    let uneven = Photographs::new(&FOLDERS[..3], table);
+    uneven.is_refused(&["surface `first` is 2", "`second` is 1"]);
+    let unclear = [
+        ("oak-02/000.png", "first/10.png"),
+        ("oak-02/001.png", "first/9.png"),
+    ];
+    let unclear = Photographs::new(&unclear, "surface,fRS\nfirst,1\n");
+    unclear.is_refused(&["line 2", "`10.png`", "`9.png`", "equally many digits"]);
+}
+
+/// The layout in which the material ratings are published: a folder for each view, ratings in the order
+/// of names, and the names of columns in a file of their own.
+struct Published(Photographs);
+
+impl Published {
+    fn new(names: &[&str], ratings: &str, order: &str) -> Self {
+        let photographs = Photographs::new(&[], ratings);
+        fs::write(photographs.folder.path().join("order.txt"), order).unwrap();
+        for (view, of) in [("non-specular", "000.jpg"), ("specular", "001.jpg")] {
+            let to = photographs.folder.path().join("photographs").join(view);
+            fs::create_dir_all(&to).unwrap();
+            for (name, surface) in names.iter().zip(["oak-01", "denim-02", "oak-01"]) {
+                let from = root()
+                    .join("fixtures/tiny-dataset/frames")
+                    .join(surface)
+                    .join(of);
+                fs::copy(from, to.join(name)).unwrap();
+            }
+        }
+        Self(photographs)
+    }
+
+    fn import(&self) -> Command {
+        let mut import = self.0.import_with(&["--views", "non-specular,specular"]);
+        import
+            .arg("--columns")
+            .arg(self.0.folder.path().join("order.txt"));
+        import.arg("--materials-from-names");
+        import
+    }
+
+    fn is_refused(&self, parts: &[&str]) {
+        self.import().refused(parts);
+        assert!(!self.0.dataset().exists(), "{parts:?}");
+    }
+}
+
+#[test]
+fn a_folder_for_each_view() {
+    let names = ["001_baked_clay01.jpg", "002_beads.jpg", "003_fabric012.jpg"];
+    let ratings = "-0.32 0.5 \n-0.5 1 \n1e-1 2 \n";
+    let published = Published::new(&names, ratings, "fRS\ncDF\n");
+    published.import().assert().success();
+    let photographs = &published.0;
+    photographs.ensure_tables(
+        "surface,material,group; 001-baked-clay,baked-clay,001-baked-clay; 002-beads,beads,002-beads; \
+         003-fabric,fabric,003-fabric",
+        "surface,location,repeat,fRS,cDF; 001-baked-clay,0,0,-0.32,0.5; 002-beads,0,0,-0.5,1; \
+         003-fabric,0,0,1e-1,2",
+    );
+    assert!(same(photographs, "002-beads/000.jpg", "denim-02/000.jpg"));
+    assert!(same(photographs, "002-beads/001.jpg", "denim-02/001.jpg"));
+
+    let refused = |names: &[&str], ratings: &str, parts: &[&str]| {
+        Published::new(names, ratings, "fRS\ncDF\n").is_refused(parts);
+    };
+    refused(&names, "1 2\n3 4\n", &["2 rows for 3 photographs"]);
+    let cells = ["line 3", "found 1 cells, expected 2"];
+    refused(&names, "1 2\n3 4\n5\n", &cells);
+    let numbers = ["1.jpg", "2.jpg", "3.jpg"];
+    refused(&numbers, ratings, &["line 1", "`1` names no material"]);
+    let uneven = ["1_a.jpg", "2_a.jpg", "10_a.jpg"];
+    refused(&uneven, ratings, &["`10_a.jpg`", "`1_a.jpg`"]);
+
+    let published = Published::new(&names, ratings, "fRS\ncDF\n");
+    let photographs = published.0.folder.path().join("photographs");
+    fs::remove_file(photographs.join("specular").join(names[1])).unwrap();
+    published.is_refused(&["line 2", "specular/002_beads.jpg"]);
+}
+
+/// The 260 materials at hand, laid out as they are published, are the same dataset again.
+#[test]
+fn material_ratings_taken_apart() {
+    let dataset = root().join("../shared/data/material-ratings");
+    if !dataset.exists() {
+        println!("left out: there is no {}", dataset.display());
+        return;
+    }
+    let tactile = fs::read_to_string(dataset.join("tactile.csv")).unwrap();
+    let mut lines = tactile.lines();
+    let header = lines.next().unwrap().split(',').skip(3);
+    let order = header
+        .map(|code| code.replace('-', " ") + "\n")
+        .collect::<String>();
+    let mut ratings = String::new();
+    let published = Published::new(&[], "", &order);
+    let folder = published.0.folder.path().join("photographs");
+    for line in lines {
+        let mut cells = line.split(',');
+        let surface = cells.next().unwrap();
+        for (view, of) in [("non-specular", "000.jpg"), ("specular", "001.jpg")] {
+            let name = surface.replace('-', "_") + "01.jpg";
+            let from = dataset.join("frames").join(surface).join(of);
+            fs::copy(from, folder.join(view).join(name)).unwrap();
+        }
+        for cell in cells.skip(2) {
+            write!(ratings, "{cell} ").unwrap();
+        }
+        ratings.push('\n');
+    }
+    fs::write(published.0.folder.path().join("values.csv"), ratings).unwrap();
+    published.import().assert().success();
+    for name in ["surfaces.csv", "tactile.csv"] {
+        let expected = fs::read_to_string(dataset.join(name)).unwrap();
+        assert!(published.0.text(name) == expected, "{name}");
+    }
+    // Read in full, and with the same frames.
+    published.0.ensure_are(&dataset);
+}

@@ -1,0 +1,26 @@
+//! The program, as people and other programs run it: one test program, so that it is linked once.
+
+mod support;
+
+mod cluster;
+mod compare;
+mod errors;
+mod experiment;
+mod faults;
+mod help;
+mod importing;
+mod multi_view;
+mod own_photographs;
+mod page;
+#[cfg(unix)]
+mod pipes;
+mod predict;
+mod predictions;
+mod readme;
+mod reports;
+mod shards;
+mod simulate;
+mod speed_error;
+mod splits;
+mod suggest;
+mod training;

@@ -1,0 +1,337 @@
+//! Another system's estimates, from a file to the results.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+
+use crate::support::{Ends, Scratch, expect, method, results_without_timings};
+use serde_json::Value;
+
+/// A method whose estimates are those of the file, beside ridge regression, whose may be copied there.
+const METHODS: &str = "\
+ours | Ours | ridge
+gpt | GPT | predictions | file = 'FILE'
+";
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::with_methods(METHODS);
+    let file = scratch.path("estimates.csv").display().to_string();
+    scratch.edit("tiny.toml", "FILE", &file);
+    // So that both are compared with another.
+    scratch.edit("tiny.toml", "kind = \"ridge\"", "kind = \"nearest\"");
+    scratch.edit("tiny.toml", "id = \"ridge\"", "id = \"nearest\"");
+    scratch
+}
+
+/// What one method estimates of held-out surfaces, as `predictions.csv` has it: surface, property, number
+/// of the split, and the estimate in its own digits.
+fn estimates(scratch: &Scratch, run: &str, id: &str) -> Vec<[String; 4]> {
+    let text = fs::read_to_string(scratch.path(run).join("predictions.csv")).unwrap();
+    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    let place = |name: &str| header.iter().position(|column| *column == name).unwrap();
+    let of_method = lines.filter(|cells| cells[place("method")] == id);
+    let cells = of_method.map(|cells| {
+        ["surface", "property", "rerun", "estimate"].map(|name| cells[place(name)].to_owned())
+    });
+    cells.collect()
+}
+
+/// Runs all but `gpt`, and writes what `ours` estimates as the file of `gpt`, columns in another order.
+fn copy_ours(scratch: &Scratch, folds: usize) {
+    let mut run = scratch.experiment_into("before");
+    run.args(["--only", "[!g]*"]).assert().success();
+    let mut text = "value,rerun,property,surface\n".to_owned();
+    for [surface, property, split, value] in estimates(scratch, "before", "ours") {
+        let rerun = split.parse::<usize>().unwrap() / folds;
+        let _ = writeln!(text, "{value},{rerun},{property},{surface}");
+    }
+    fs::write(scratch.path("estimates.csv"), text).unwrap();
+}
+
+/// Everything that two methods have but their names and what they cost.
+fn ensure_same(results: &Value) {
+    let [ours, gpt] = ["ours", "gpt"].map(|id| method(results, id).as_object().unwrap());
+    assert_eq!(
+        ours.keys().collect::<Vec<_>>(),
+        gpt.keys().collect::<Vec<_>>()
+    );
+    let others = "id label kind encoder precision \
+        frames_decoded_per_surface frames_encoded_per_surface multiply_adds_per_surface selected_views";
+
+    for (key, value) in ours {
+        if !others.split(' ').any(|other| other == key) {
+            assert_eq!(value, &gpt[key], "{key}");
+        }
+    }
+    assert!(gpt["r2_mean"].is_f64());
+    assert_eq!(gpt["frames_decoded_per_surface"], 0.0);
+    assert_eq!(gpt["encoder"], "");
+}
+
+#[test]
+fn copied_estimates_are_scored_as_those_they_were_copied_from() {
+    let scratch = scratch();
+    copy_ours(&scratch, 1);
+    let results = scratch.ran();
+    ensure_same(&results);
+    let ours = estimates(&scratch, "run", "ours");
+    assert_eq!(estimates(&scratch, "run", "gpt"), ours);
+    let report = scratch.read("run/report.md");
+    assert!(report.contains("| GPT |"), "{report}");
+    assert!(!report.contains("Intervals that came with"), "{report}");
+
+    // In shards, with whatever was done before.
+    for shard in ["1/2", "2/2"] {
+        let mut part = scratch.experiment_into("parts");
+        part.args(["--shard", shard]).assert().success();
+    }
+    let mut whole = scratch.experiment_into("parts");
+    whole.arg("--merge").assert().success();
+    let merged = results_without_timings(&scratch.path("parts"));
+    assert_eq!(merged["methods"], results["methods"]);
+}
+
+/// Leaving one of six surfaces out, both reruns train on the same: what draws nothing is fitted once,
+/// a network twice, and a file may have other estimates for each rerun.
+#[test]
+fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() {
+    let scratch = scratch();
+    scratch.edit("tiny.toml", "[split.random]", "[split.leave-one-out]");
+    let by = "by = \"surface\"\n";
+    scratch.edit("tiny.toml", "validation = 0.34\nby = \"surface\"\n", by);
+    copy_ours(&scratch, 6);
+    let text = scratch.read("estimates.csv");
+    let raised = text.lines().map(|line| match line.split_once(",1,") {
+        Some((value, rest)) => format!("{},1,{rest}\n", value.parse::<f64>().unwrap() + 1.0),
+        None => format!("{line}\n"),
+    });
+    fs::write(scratch.path("estimates.csv"), raised.collect::<String>()).unwrap();
+    scratch.experiment().assert().success();
+
+    let ours: BTreeMap<_, _> = of_splits(&scratch, "ours");
+    for ((surface, property, split), given) in of_splits(&scratch, "gpt") {
+        let raise = if split < 6 { 0.0 } else { 1.0 };
+        let expected = ours[&(surface, property, split)] + raise;
+        assert!((given - expected).abs() < 1e-9, "{given} {expected}");
+    }
+    let trials = scratch.read("run/trials.jsonl");
+    let fitted = |id: &str| {
+        let of_method = format!("\"method\":\"{id}\"");
+        trials.matches(&of_method).count()
+    };
+    // Six folds of two properties, in one rerun or two.
+    assert_eq!(["ours", "cross-modal", "gpt"].map(fitted), [12, 24, 24]);
+    let results = scratch.results();
+    assert_eq!(method(&results, "ours")["r2_std"]["fRS"], 0.0);
+    assert!(method(&results, "ours")["r2_interval"]["fRS"].is_array());
+}
+
+/// Estimates by surface, property and split.
+fn of_splits(scratch: &Scratch, id: &str) -> BTreeMap<(String, String, usize), f64> {
+    let all = estimates(scratch, "run", id).into_iter();
+    all.map(|[surface, property, split, value]| {
+        let split = split.parse().unwrap();
+        ((surface, property, split), value.parse().unwrap())
+    })
+    .collect()
+}
+
+/// The folds of a rerun share its number.
+#[test]
+fn a_rerun_is_that_of_the_experiment_and_not_of_its_folds() {
+    let scratch = scratch();
+    scratch.edit("tiny.toml", "[split.random]", "[split.k-fold]");
+    scratch.edit("tiny.toml", "validation = 0.34", "folds = 3");
+    copy_ours(&scratch, 3);
+    let mut run = scratch.experiment();
+    run.args(["--only", "ours", "--only", "gpt", "--only", "nearest"]);
+    run.assert().success();
+    let results = scratch.results();
+    ensure_same(&results);
+    let gpt = method(&results, "gpt");
+    assert!(gpt["r2_mean_interval"].is_array() && gpt["r2_mean_gain"]["interval"].is_array());
+}
+
+#[test]
+fn simulated_surfaces_are_estimated_by_their_names() {
+    let scratch = scratch();
+    let split = "[split.random]\nvalidation = 0.34\nby = \"surface\"\n";
+    scratch.edit("tiny.toml", split, "");
+    scratch.edit("tiny.toml", "from = \"folder\"", "from = \"simulator\"");
+    let simulated = "surfaces = 8\ntest-surfaces = 12\nsize = 32\nviews = 3\n[data.folder]";
+    let simulated = format!("[data.simulated]\n{simulated}");
+    scratch.edit("tiny.toml", "[data.folder]", &simulated);
+    copy_ours(&scratch, 1);
+    scratch.experiment().assert().success();
+    ensure_same(&scratch.results());
+}
+
+#[test]
+fn an_edited_file_is_scored_anew_and_a_moved_one_is_not() {
+    let scratch = scratch();
+    copy_ours(&scratch, 1);
+    scratch.experiment().assert().success();
+    let trials = || scratch.read("run/trials.jsonl");
+    let (before, first) = (trials(), scratch.results());
+
+    fs::rename(scratch.path("estimates.csv"), scratch.path("moved.csv")).unwrap();
+    scratch.edit("tiny.toml", "estimates.csv", "moved.csv");
+    scratch.experiment().assert().success();
+    assert_eq!(trials(), before);
+
+    let text = scratch.read("moved.csv");
+    let (header, lines) = text.split_once('\n').unwrap();
+    fs::write(scratch.path("moved.csv"), format!("{header}\n1{lines}")).unwrap();
+    scratch.experiment().assert().success();
+    // The two properties and two reruns of this method, and no other.
+    let added = trials().strip_prefix(&before).unwrap().to_owned();
+    assert_eq!(added.lines().count(), 4, "{added}");
+    assert_eq!(added.matches("\"method\":\"gpt\"").count(), 4);
+    let second = scratch.results();
+    assert_eq!(method(&second, "ours"), method(&first, "ours"));
+    assert_ne!(method(&second, "gpt")["r2"], method(&first, "gpt")["r2"]);
+}
+
+/// Intervals of the widths 4 and 2: every other ends just below its reading, the rest hold it.
+#[test]
+fn intervals_are_judged_by_what_they_hold() {
+    let scratch = scratch();
+    copy_ours(&scratch, 1);
+    scratch.experiment().assert().success();
+    let text = scratch.read("run/predictions.csv");
+    let mut lines = "surface,property,rerun,value,low,high\n".to_owned();
+    let mut shares: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    let ours = text.lines().filter(|line| line.starts_with("ours,"));
+    for (at, line) in ours.enumerate() {
+        let cells: Vec<&str> = line.split(',').collect();
+        let [property, rerun, surface, truth, value] = [1, 2, 3, 4, 5].map(|cell| cells[cell]);
+        let width = WIDTHS[usize::from(property == "cDF")];
+        let above = if at % 2 == 0 { -1e-9 } else { width / 2.0 };
+        let high = truth.parse::<f64>().unwrap() + above;
+        let low = high - width;
+        let _ = writeln!(lines, "{surface},{property},{rerun},{value},{low},{high}");
+        shares.entry(property).or_default().push((at % 2) as f64);
+    }
+    fs::write(scratch.path("estimates.csv"), lines).unwrap();
+    let results = scratch.ran();
+    let found = &method(&results, "gpt")["intervals"];
+    let near = |value: &Value, expected: f64| {
+        let value = value.as_f64().unwrap();
+        assert!((value - expected).abs() < 1e-6, "{value} and {expected}");
+    };
+    let (mut held, mut widths) = (0.0, 0.0);
+    for (property, width) in ["fRS", "cDF"].into_iter().zip(WIDTHS) {
+        let all = &shares[property];
+        let share = all.iter().sum::<f64>() / all.len() as f64;
+        let std = results["described"][property]["std"].as_f64().unwrap();
+        near(&found["coverage"][property], share);
+        near(&found["mean_width"][property], width);
+        near(&found["mean_width_over_std"][property], width / std);
+        held += share / 2.0;
+        widths += width / std / 2.0;
+    }
+    near(&found["coverage_mean"], held);
+    near(&found["mean_width_over_std_mean"], widths);
+    assert!(method(&results, "ours")["intervals"].is_null());
+    let report = scratch.read("run/report.md");
+    assert!(report.contains("Intervals that came with"), "{report}");
+}
+
+/// Of the intervals of either property.
+const WIDTHS: [f64; 2] = [4.0, 2.0];
+
+/// The message about a file of this content.
+fn refusal(text: &str) -> String {
+    let scratch = scratch();
+    fs::write(scratch.path("estimates.csv"), text).unwrap();
+    let refused = scratch.experiment().message();
+    assert!(!scratch.path("run").exists() && !scratch.path("cache").exists());
+    refused
+}
+
+#[test]
+fn a_broken_file_is_named_line_by_line_before_anything_is_done() {
+    let refused = refusal(
+        "surface,property,value,low,high,rerun\n\
+         oak-01,fRS,rough,1,2,0\n\
+         oak-01,fRX,1,1,2,0\n\
+         \n\
+         oka-01,fRS,1,1,2,0\n\
+         oak-02,fRS,NaN,1,2,0\n\
+         oak-02,fST,inf,1,2,0\n\
+         oak-01,fRS,1,1,2,0\n\
+         oak-01,fRS,1,3,2,1\n\
+         oak-02,fRS,1,1,,1\n\
+         tile-01,fRS,1,1,2,2\n\
+         tile-01,fRS,1,1,2\n",
+    );
+    expect(&refused, &["method `gpt`, `file`: ", " problems"]);
+    for part in [
+        "estimates.csv, line 2: found `rough` for `value`, expected a number",
+        "line 3: unknown property `fRX`, did you mean `fRS`?",
+        "line 5: unknown surface `oka-01`, did you mean `oak-01`?",
+        "line 6: found `NaN` for `value`",
+        "line 7: found `inf` for `value`",
+        "line 8: estimates again what line 2 does",
+        "line 9: found 3 for `low`, expected at most `high`, 2",
+        "line 10: found `` for `high`",
+        "line 11: found `2` for `rerun`, expected one of the experiment's 2, counted from 0",
+        "line 12: found 5 cells, expected 6",
+        "no row of `cDF`, which the experiment estimates",
+    ] {
+        expect(&refused, &[part]);
+    }
+}
+
+#[test]
+fn columns_are_named_where_they_are_missing_or_unknown() {
+    let refused = refusal("surface,property,valeu,low,rerun,rerun\n");
+    expect(
+        &refused,
+        &[
+            "4 problems",
+            "line 1: unknown column `valeu`, did you mean `value`?",
+            "line 1: there are two columns `rerun`",
+            "line 1: there is no column `value`",
+            "line 1: a column `low` without a column `high`",
+        ],
+    );
+    expect(&refusal(""), &["there is no column `surface`"]);
+}
+
+#[test]
+fn held_out_surfaces_without_an_estimate_are_named() {
+    let refused = refusal("surface,property,value\noak-01,fRS,1\noak-01,cDF,1\n");
+    let missing = "estimates.csv: no estimate of `fRS` for ";
+    expect(&refused, &["2 problems", missing, "surfaces held out: "]);
+    // Of many problems the first are shown.
+    let lines = (0..30).map(|_| "oak-01,fRS,x\n").collect::<String>();
+    let refused = refusal(&format!("surface,property,value\n{lines}"));
+    // 30 numbers, 29 lines again, one property missing and the other's surfaces.
+    expect(&refused, &["61 problems", "line 11: ", "and 41 more"]);
+    assert_eq!(refused.lines().count(), 22, "{refused}");
+}
+
+#[test]
+fn a_file_is_of_this_kind_of_method_alone_and_nothing_is_fitted_to_it() {
+    let scratch = scratch();
+    let refused = |line: &str, parts: &[&str]| scratch.sps(line).refused(parts);
+    let file = [
+        "`methods.2.file`",
+        "kind `predictions`",
+        "`ours` is `ridge`",
+    ];
+    refused("experiment @tiny.toml --set methods.ours.file=a.csv", &file);
+    let views = ["views", "`predictions` looks at no view"];
+    refused("experiment @tiny.toml --set methods.gpt.views=3", &views);
+    scratch.is_refused(&["method `gpt`, `file`", "cannot read", "estimates.csv"]);
+    let fitted = [
+        "method `gpt` has its estimates from a file",
+        "nothing to fit",
+    ];
+    refused("fit --config @tiny.toml --out @model", &fitted);
+    let file = scratch.path("estimates.csv").display().to_string();
+    scratch.edit("tiny.toml", &format!("file = '{file}'\n"), "");
+    scratch.is_refused(&["`methods.3.file`", "method `gpt` needs a CSV"]);
+}

@@ -1,0 +1,184 @@
+//! Simulated datasets on disk: written, interrupted, read and looked at.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::support::{Ends, Mounted, Scratch, expect, kill, sps};
+use assert_cmd::Command;
+use sps_dataset::{DecodeSettings, read_image};
+
+/// Eight surfaces of four small views.
+const SMALL: &str = "simulate --surfaces 8 --views 4 --size 48 --seed 5";
+
+fn small(out: &Path) -> Command {
+    let mut simulate = sps();
+    simulate.args(SMALL.split(' ')).arg("--out").arg(out);
+    simulate
+}
+
+/// Every file below a folder with its content.
+fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().to_owned();
+                found.insert(name, fs::read(&path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+/// The finished surfaces of an unfinished dataset.
+fn finished(folder: &Path) -> Vec<PathBuf> {
+    let surfaces = fs::read_dir(folder.join("frames")).into_iter().flatten();
+    let paths = surfaces.map(|entry| entry.unwrap().path());
+    paths
+        .filter(|path| !path.file_name().unwrap().to_string_lossy().starts_with('.'))
+        .collect()
+}
+
+#[test]
+fn a_killed_run_goes_on_and_gives_the_files_of_one_that_was_not() {
+    let scratch = Scratch::new();
+    let (whole, cut) = (scratch.path("whole"), scratch.path("cut"));
+    small(&whole).assert().success();
+    let line = format!("{SMALL} --out @cut --threads 1");
+    let child = scratch.process(&line).spawn().unwrap();
+    // Once the first surface is whole.
+    kill(child, || !finished(&cut).is_empty());
+    let begun = finished(&cut);
+    for surface in &begun {
+        assert_eq!(fs::read_dir(surface).unwrap().count(), 4);
+    }
+    let log = small(&cut).logged();
+    if begun.len() < 8 {
+        assert!(!log.contains(" 0 were there"), "{log}");
+    }
+    assert_eq!(files(&whole), files(&cut));
+}
+
+#[test]
+fn a_full_disk_ends_with_one_message_and_whole_surfaces_only() {
+    let scratch = Scratch::new();
+    let data = scratch.path("disk");
+    let Some(mounted) = Mounted::new(&data, "size=160k") else {
+        return;
+    };
+    let out = data.join("set");
+    let text = small(&out).message();
+    expect(&text, &["disk/set", "no space is left"]);
+    assert_eq!(text.lines().count(), 1, "{text}");
+    assert!(!out.join("dataset.toml").exists());
+    for surface in finished(&out) {
+        let frames = files(&surface);
+        assert_eq!(frames.len(), 4);
+        for name in frames.keys() {
+            read_image(&surface.join(name), &DecodeSettings::default()).unwrap();
+        }
+    }
+    mounted.remount("size=10m");
+    small(&out).assert().success();
+    let straight = scratch.path("straight");
+    small(&straight).assert().success();
+    assert_eq!(files(&out), files(&straight));
+}
+
+#[test]
+fn inspect_prints_and_draws_the_statistics() {
+    let scratch = Scratch::new();
+    let friction = || {
+        let text = scratch.sps("inspect @data --out @figures").said();
+        let mut lines = text.lines();
+        let line = lines.find(|line| line.trim_start().starts_with("fRS "));
+        let cells = line.unwrap().split_whitespace();
+        cells.map(str::to_owned).collect::<Vec<_>>()
+    };
+    // What the paper prints stands beside its own surfaces and those simulated after them alone.
+    let own = friction();
+    scratch.edit("data/dataset.toml", "name =", "origin = \"paper\"\nname =");
+    let printed = friction();
+    assert_eq!(printed[..own.len()], own);
+    let published = printed[own.len()..].iter().map(|q| q.parse().unwrap());
+    assert_eq!(
+        published.collect::<Vec<f64>>(),
+        [13.3, 30.0, 34.5, 46.6, 100.0]
+    );
+    for name in ["boxes.svg", "materials.svg"] {
+        let svg = scratch.read(&format!("figures/{name}"));
+
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+    }
+    assert!(
+        scratch
+            .read("figures/materials.svg")
+            .contains("other 100.0 %")
+    );
+
+    let elsewhere = scratch.path("elsewhere");
+    fs::create_dir(&elsewhere).unwrap();
+    let mut inspect = scratch.sps("inspect @data");
+    inspect.current_dir(&elsewhere).assert().success();
+    assert_eq!(fs::read_dir(elsewhere).unwrap().count(), 0);
+}
+
+#[test]
+fn inspect_reads_a_dataset_by_the_settings_of_a_config() {
+    let scratch = Scratch::new();
+    let by_config = |setting: &str| {
+        let line = "inspect --config @tiny.toml --json --out @figures --set";
+        scratch.sps(&format!("{line} {setting}"))
+    };
+    let by_folder = scratch.sps("inspect @data --json --out @figures").json();
+    assert_eq!(by_config("reruns=1").json(), by_folder);
+    let medians = by_config("data.folder.read.tactile.repeats=median").json();
+    assert_eq!(medians["surfaces"], by_folder["surfaces"]);
+    assert_ne!(medians["properties"], by_folder["properties"]);
+
+    let split = "[split.leave-one-out]\nby = \"group\"";
+    scratch.edit("tiny.toml", "[split.random]", split);
+    scratch.edit("tiny.toml", "validation = 0.34\nby = \"surface\"\n", "");
+    let none = "[data]\nsimulated.test-surfaces = 0\n";
+    scratch.edit("tiny.toml", "[data]\n", none);
+    let mut simulated = by_config("data.from=simulator");
+    simulated.refused(&["tiny.toml", "data.from", "simulate"]);
+}
+
+#[test]
+fn a_simulated_dataset_reads_back_as_it_was_simulated() {
+    let scratch = Scratch::new();
+    let data = scratch.path("simulated");
+    let line =
+        "simulate --surfaces 6 --views 3 --size 32 --seed 5 --format png --json --out @simulated";
+    for (written, there) in [(6, 0), (0, 6)] {
+        let expected = serde_json::json!({
+            "dataset": data, "written": written, "already_there": there,
+        });
+        assert_eq!(scratch.sps(line).json(), expected);
+    }
+    scratch
+        .sps("inspect @simulated --out @figures")
+        .assert()
+        .success();
+    let run = |settings: &str| {
+        let mut command = scratch.experiment();
+        command.arg("--fresh");
+        for setting in settings.split(' ') {
+            command.args(["--set", setting]);
+        }
+        command.assert().success();
+        scratch.results()["methods"].take()
+    };
+    let from_disk = run(&format!("data.folder.path={}", data.display()));
+    let in_memory = run(
+        "data.from=simulator data.simulated.surfaces=6 data.simulated.test-surfaces=0 \
+         data.simulated.views=3 data.simulated.size=32 data.simulated.seed=5",
+    );
+    assert_eq!(from_disk, in_memory);
+}

@@ -1,0 +1,112 @@
+//! What splits keep together, from the config to the results.
+
+use std::collections::BTreeMap;
+
+use crate::support::{Ends, Scratch, expect, method};
+
+/// A line of `predictions.csv`.
+struct Prediction {
+    rerun: usize,
+    surface: String,
+    truth: f64,
+    estimate: f64,
+    group: String,
+}
+
+fn predictions(scratch: &Scratch) -> Vec<Prediction> {
+    let text = scratch.read("run/predictions.csv");
+    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    let of = |cells: &[&str], name: &str| {
+        let at = header.iter().position(|column| *column == name).unwrap();
+        cells[at].to_owned()
+    };
+    let prediction = |cells: Vec<&str>| Prediction {
+        rerun: of(&cells, "rerun").parse().unwrap(),
+        surface: of(&cells, "surface"),
+        truth: of(&cells, "truth").parse().unwrap(),
+        estimate: of(&cells, "estimate").parse().unwrap(),
+        group: of(&cells, "group"),
+    };
+    lines.map(prediction).collect()
+}
+
+/// Three reruns of two folds by material: denim and wood have two surfaces each, sponge and ceramic
+/// one. R² is the mean over reruns of `1 - sum (y - e)² / sum (y - m)²`, over both folds of a rerun
+/// with the training mean `m` of each.
+#[test]
+fn folds_by_material_are_pooled_in_a_rerun_and_differ_between_reruns() {
+    let scratch = Scratch::new();
+    scratch.edit("tiny.toml", "[split.random]", "[split.k-fold]");
+    let by = "folds = 2\nby = \"material\"\n";
+    scratch.edit("tiny.toml", "validation = 0.34\nby = \"surface\"\n", by);
+    scratch.edit("tiny.toml", "reruns = 2", "reruns = 3");
+    scratch.edit("tiny.toml", "[\"fRS\", \"cDF\"]", "[\"fRS\"]");
+    let mut run = scratch.experiment();
+    run.args(["--only", "ridge"]).assert().success();
+
+    let results = scratch.results();
+    assert_eq!(results["dataset"]["unit"], "material");
+    assert_eq!(results["dataset"]["units"], 4);
+    let note = results["notes"][0].as_str().unwrap();
+    assert!(note.starts_with("splits are by material"), "{note}");
+    assert!(note.ends_with("2 of 4 materials, 0.50 of the surfaces"));
+
+    let ridge = method(&results, "ridge");
+    let means = ridge["training_means"]["fRS"].as_array().unwrap();
+    let mut folds: BTreeMap<usize, Vec<Prediction>> = BTreeMap::new();
+    for one in predictions(&scratch) {
+        folds.entry(one.rerun).or_default().push(one);
+    }
+    assert_eq!((folds.len(), means.len()), (6, 6));
+    let folds: Vec<Vec<Prediction>> = folds.into_values().collect();
+    let mut r2 = 0.0;
+    for (rerun, means) in folds.chunks(2).zip(means.chunks(2)) {
+        let mut names: Vec<&str> = rerun.iter().flatten().map(|p| &*p.surface).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), 6);
+        let mut groups = rerun[0].iter().map(|p| &p.group);
+        assert!(groups.all(|group| rerun[1].iter().all(|p| p.group != *group)));
+        let (mut errors, mut distances) = (0.0, 0.0);
+        for (fold, mean) in rerun.iter().zip(means) {
+            for one in fold {
+                errors += (one.truth - one.estimate).powi(2);
+                distances += (one.truth - mean.as_f64().unwrap()).powi(2);
+            }
+        }
+        r2 += (1.0 - errors / distances) / 3.0;
+    }
+    let scored = ridge["r2"]["fRS"].as_f64().unwrap();
+    assert!((scored - r2).abs() < 1e-9, "{scored}, {r2}");
+    let held_out = |fold: &[Prediction]| fold.iter().map(|p| p.surface.clone()).collect::<Vec<_>>();
+    let first = held_out(&folds[0]);
+    assert!(folds[2..].iter().any(|fold| {
+        let other = held_out(fold);
+        other.contains(&first[0]) && other != first
+    }));
+}
+
+/// One bolt of denim has two surfaces. By surface, a model that is trained on one is asked about the
+/// other.
+#[test]
+fn training_says_which_question_was_asked() {
+    let scratch = Scratch::new();
+    let train = |by: &str, parts: &[&str]| {
+        let mut train =
+            scratch.sps("fit --config @tiny.toml --set train.method=ridge --set reruns=1");
+        let split = format!("split={{leave-one-out={{by=\"{by}\"}}}}");
+        train
+            .args(["--set", &split])
+            .arg("--out")
+            .arg(scratch.path(by));
+        expect(&train.said(), parts);
+    };
+    let known =
+        "splits are by surface: 33.3 % of the surfaces held out are of a group that was trained on";
+    train("surface", &[known]);
+    let new = "splits are by group: scores tell what is known of new groups; 33.3 % of the surfaces \
+        held out are of a material";
+    let calibrated = "the intervals of the model are calibrated on 1 of 5 groups";
+    train("group", &[new, calibrated]);
+}

@@ -1,0 +1,181 @@
+//! Which surfaces to measure next.
+
+use std::fs;
+
+use crate::support::{Ends, Scratch, root};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{RngCore, SeedableRng};
+use sps_dataset::{DatasetFolder, ReadSettings, Source, TactileSettings};
+use sps_estimator::{Embedder, Network};
+use sps_metrics::{Pair, ScoreAccumulator, TrainingMean};
+use sps_models::encoders::{Depths, Encoder, EncoderKind};
+use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
+use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData, Views};
+
+#[test]
+fn photographs_without_a_row_are_named() {
+    let scratch = Scratch::new();
+    let frames = scratch.path("data/frames");
+    let line = "suggest @data/frames --pixels 32";
+    let named = scratch.sps(&format!("{line} --count 3")).said();
+    let lines: Vec<&str> = named.lines().collect();
+    assert_eq!(lines.len(), 3, "{named}");
+    let one = lines[0].strip_prefix(frames.to_str().unwrap()).unwrap();
+    let row = format!("photograph,friction\n{},0.5\n", one.trim_start_matches('/'));
+    fs::write(scratch.path("values.csv"), row).unwrap();
+    let next = scratch
+        .sps(&format!("{line} --values @values.csv --count 2"))
+        .said();
+    assert_eq!(next.lines().collect::<Vec<_>>(), lines[1..], "{next}");
+
+    fs::create_dir(scratch.path("empty")).unwrap();
+    scratch
+        .sps("suggest @empty")
+        .refused(&["empty has no photograph"]);
+}
+
+/// Surfaces that are measured in some order, and others to be scored on.
+struct Trial<'a> {
+    embeddings: &'a Embeddings,
+    readings: &'a Readings,
+    held_out: &'a [usize],
+}
+
+impl Trial<'_> {
+    /// Mean R² over the properties, fitted to these surfaces.
+    fn r2(&self, training: &[usize]) -> f64 {
+        let rerun = Rerun {
+            number: 0,
+            training: training.to_vec(),
+            validation: Vec::new(),
+        };
+        let mut plan = Plan::each(0, self.readings.properties(), vec![rerun]);
+        for trial in &mut plan.trials {
+            trial.views = Views::Fixed(vec![0]);
+        }
+        let data = TrainingData::new(self.embeddings, self.readings);
+        let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+        let fitted = ridge.train(&data, &plan).unwrap();
+        let asked = self.embeddings.select(self.held_out, &[0]).unwrap();
+        let all = fitted.predict(&asked).unwrap();
+        let r2 = all.iter().enumerate().map(|(column, estimates)| {
+            let truth = |surface: &usize| self.readings.get(*surface, column).unwrap();
+            let mut scores = ScoreAccumulator::new();
+            for (surface, &estimate) in self.held_out.iter().zip(&estimates.values) {
+                let truth = truth(surface);
+                scores.push(Pair { truth, estimate });
+            }
+            let mean = training.iter().map(truth).sum::<f64>() / training.len() as f64;
+            scores.r2(TrainingMean::new(mean).unwrap()).unwrap().value
+        });
+        r2.sum::<f64>() / all.len() as f64
+    }
+}
+
+/// How many surfaces are measured.
+const MEASURED: [usize; 4] = [10, 20, 40, 80];
+
+/// Mean R² by number of measured surfaces, chosen and at random, over some draws of the surfaces to choose
+/// from.
+fn curves(dataset: &DatasetFolder, view: usize, held_out: usize) -> [[f64; 2]; MEASURED.len()] {
+    const DRAWS: u64 = 20;
+    let encoder = Encoder::built_in(EncoderKind::EfficientNetLiteBody).unwrap();
+    let encoder = encoder.with_depths(&Depths::All).unwrap();
+    let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
+    let count = dataset.surfaces().len();
+    let frames = (0..count).map(|surface| dataset.frame(surface, view).unwrap());
+    let values = embedder.embed(&frames.collect::<Vec<_>>()).unwrap();
+    let embeddings = embedder.table(&values, count, 1).unwrap();
+    let settings = TactileSettings::default();
+    let touched = dataset.tactile().averages(&settings, count);
+    let names: Vec<String> = touched
+        .properties()
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    let row = |surface: usize| {
+        names
+            .iter()
+            .map(|name| touched.value(surface, name))
+            .collect()
+    };
+    let rows: Vec<Vec<Option<f64>>> = (0..count).map(row).collect();
+    let readings = Readings::new(names, &rows).unwrap();
+
+    let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+    let mut sums = [[0.0; 2]; MEASURED.len()];
+    for draw in 0..DRAWS {
+        let mut random = ChaCha8Rng::seed_from_u64(draw);
+        let mut order: Vec<usize> = (0..count).collect();
+        for at in (1..count).rev() {
+            order.swap(at, random.next_u64() as usize % (at + 1));
+        }
+        let (held_out, pool) = order.split_at(held_out);
+        let trial = Trial {
+            embeddings: &embeddings,
+            readings: &readings,
+            held_out,
+        };
+        let open = embeddings.select(pool, &[0]).unwrap();
+        let most = MEASURED[MEASURED.len() - 1];
+        let chosen = ridge.most_telling(&open, &[], most).unwrap();
+        let chosen: Vec<usize> = chosen.into_iter().map(|at| pool[at]).collect();
+        for (sums, count) in sums.iter_mut().zip(MEASURED) {
+            sums[0] += trial.r2(&chosen[..count]) / DRAWS as f64;
+            sums[1] += trial.r2(&pool[..count]) / DRAWS as f64;
+        }
+    }
+    for (count, [chosen, random]) in MEASURED.iter().zip(sums) {
+        println!("{count} measured: R² {chosen:.3} chosen, {random:.3} at random");
+    }
+    sums
+}
+
+fn gains(curves: &[[f64; 2]]) -> Vec<f64> {
+    let gains = curves.iter().map(|[chosen, random]| chosen - random);
+    gains.collect()
+}
+
+/// The numbers in the row of docs/guide.md that begins with a word.
+fn in_the_guide(word: &str) -> Vec<f64> {
+    let guide = fs::read_to_string(root().join("docs/guide.md")).unwrap();
+    let row = guide
+        .lines()
+        .find_map(|line| line.strip_prefix(&format!("| {word} |")));
+    let cells = row.unwrap().trim_end_matches('|').split('|');
+    cells.map(|cell| cell.trim().parse().unwrap()).collect()
+}
+
+#[test]
+fn chosen_surfaces_teach_more_than_random_ones_do() {
+    let folder = root().join("../shared/data/material-ratings");
+    if !folder.exists() {
+        println!("SKIPPED: {} is not there", folder.display());
+        return;
+    }
+    let dataset = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
+    let curves = curves(&dataset, 0, 80);
+    for (at, word) in ["chosen", "at random"].into_iter().enumerate() {
+        let found = curves.map(|both| both[at]);
+        let told = in_the_guide(word);
+        assert_eq!(told.len(), found.len());
+        let mut both = told.iter().zip(found);
+        let near = both.all(|(told, found)| (told - found).abs() < 0.005);
+        assert!(near, "{word}: the guide has {told:?}, found {found:?}");
+    }
+    let gains = gains(&curves);
+    assert!(gains[0] > 0.05 && gains[1] > 0.03, "{gains:?}");
+    assert!(gains.iter().all(|gain| *gain > -0.01), "{gains:?}");
+}
+
+#[test]
+fn so_do_simulated_ones() {
+    let scratch = Scratch::new();
+    let mut simulate =
+        scratch.sps("simulate --surfaces 300 --views 1 --size 96 --seed 5 --out @simulated");
+    simulate.assert().success();
+    let folder = scratch.path("simulated");
+    let dataset = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
+    let gains = gains(&curves(&dataset, 0, 100));
+    assert!(gains[0] > 0.0 && gains[1] > 0.0, "{gains:?}");
+}

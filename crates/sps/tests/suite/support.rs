@@ -1,0 +1,386 @@
+//! Running `sps` on small data.
+
+#![allow(dead_code, reason = "each test program uses a part")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{self, Output, Stdio};
+use std::time::Duration;
+
+use assert_cmd::Command;
+use assert_cmd::assert::Assert;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// The root of the repository.
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// The command, in the root of the repository.
+pub(crate) fn sps() -> Command {
+    let mut command = Command::cargo_bin("sps").expect("sps is built");
+    command.current_dir(root()).env_remove("RUST_LOG");
+    command
+}
+
+/// Kills a process once it has `begun`, or lets it end before that; whether it was killed.
+pub(crate) fn kill(mut child: process::Child, begun: impl Fn() -> bool) -> bool {
+    while !begun() && child.try_wait().expect("a process").is_none() {
+        std::thread::yield_now();
+    }
+    let _ = child.kill();
+    child.wait().expect("a process").code().is_none()
+}
+
+/// A scratch folder with a copy of the tiny dataset and an experiment on it.
+pub(crate) struct Scratch {
+    folder: TempDir,
+}
+
+const CONFIG: &str = r#"
+reruns = 2
+floors = []
+properties = ["fRS", "cDF"]
+[split.random]
+validation = 0.34
+by = "surface"
+[data]
+from = "folder"
+[data.folder]
+path = "DATA"
+[encoder]
+weights = "untrained"
+[head]
+epochs = 3
+[report]
+level = 0.95
+[cache]
+folder = "CACHE"
+[[methods]]
+id = "ridge"
+label = "Ridge"
+kind = "ridge"
+[[methods]]
+id = "cross-modal"
+label = "Cross-modal"
+kind = "head"
+head.model = { kind = "cross-modal" }
+"#;
+
+impl Scratch {
+    pub(crate) fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        copy(
+            &root().join("fixtures/tiny-dataset"),
+            &folder.path().join("data"),
+        );
+        let text = CONFIG
+            .replace("DATA", &folder.path().join("data").display().to_string())
+            .replace("CACHE", &folder.path().join("cache").display().to_string());
+        fs::write(folder.path().join("tiny.toml"), text).expect("a config");
+        Self { folder }
+    }
+
+    /// The same with methods added to its config.
+    pub(crate) fn with(methods: &str) -> Self {
+        let scratch = Self::new();
+        let text = scratch.read("tiny.toml") + methods;
+        fs::write(scratch.path("tiny.toml"), text).expect("a config");
+        scratch
+    }
+
+    /// The same with methods, one a line: `ID | LABEL | KIND | KEY = VALUE; KEY = VALUE`.
+    pub(crate) fn with_methods(lines: &str) -> Self {
+        let table = |line: &str| {
+            let mut cells = line.split(" | ");
+            let mut next = || cells.next().unwrap_or_default();
+            let [id, label, kind, more] = [next(), next(), next(), next()];
+            let more = more.replace("; ", "\n");
+            format!("[[methods]]\nid = '{id}'\nlabel = '{label}'\nkind = '{kind}'\n{more}\n")
+        };
+        Self::with(&lines.lines().map(table).collect::<String>())
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Replaces `from` by `to` in a file of the scratch folder.
+    pub(crate) fn edit(&self, name: &str, from: &str, to: &str) {
+        let text = self.read(name);
+        assert!(text.contains(from), "{name} has no `{from}`");
+        fs::write(self.path(name), text.replacen(from, to, 1)).expect("a text file");
+    }
+
+    /// A text file of the scratch folder.
+    pub(crate) fn read(&self, name: &str) -> String {
+        fs::read_to_string(self.path(name)).expect("a text file")
+    }
+
+    /// The words of a line, in which `@NAME` is the path of a file of the scratch folder.
+    fn words(&self, line: &str) -> Vec<String> {
+        let folder = format!("{}/", self.folder.path().display());
+        let words = line.split_whitespace();
+        words.map(|word| word.replace('@', &folder)).collect()
+    }
+
+    /// The command with the words of such a line.
+    pub(crate) fn sps(&self, line: &str) -> Command {
+        let mut command = sps();
+        command.args(self.words(line));
+        command
+    }
+
+    /// The same as a process to start, which prints nothing.
+    pub(crate) fn process(&self, line: &str) -> process::Command {
+        let mut command = process::Command::new(env!("CARGO_BIN_EXE_sps"));
+        command.current_dir(root()).env_remove("RUST_LOG");
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        command.args(self.words(line));
+        command
+    }
+
+    /// Changes the last digit of the readings.
+    pub(crate) fn change_a_reading(&self) {
+        let mut table = self.read("data/tactile.csv");
+        let digit = table.rfind(|c: char| c.is_ascii_digit()).expect("a digit");
+        let other = if table[digit..].starts_with('1') {
+            "2"
+        } else {
+            "1"
+        };
+        table.replace_range(digit..=digit, other);
+        fs::write(self.path("data/tactile.csv"), table).expect("a table");
+    }
+
+    /// `experiment` on the scratch config, into the folder `run`.
+    pub(crate) fn experiment(&self) -> Command {
+        self.experiment_into("run")
+    }
+
+    /// `experiment` on the scratch config, into a folder of this name.
+    pub(crate) fn experiment_into(&self, run: &str) -> Command {
+        self.sps(&format!("experiment @tiny.toml --out @{run}"))
+    }
+
+    /// The same to its end, into the folder `run`: its results without what depends on the clock.
+    pub(crate) fn ran(&self) -> Value {
+        self.experiment().assert().success();
+        self.results()
+    }
+
+    /// `experiment` on the scratch config fails with a message that has every part.
+    pub(crate) fn is_refused(&self, parts: &[&str]) {
+        self.experiment().refused(parts);
+    }
+
+    /// `results.json` of the run without what depends on the clock.
+    pub(crate) fn results(&self) -> Value {
+        results_without_timings(&self.path("run"))
+    }
+}
+
+/// `results.json` without what depends on the clock.
+pub(crate) fn results_without_timings(run: &Path) -> Value {
+    let text = fs::read_to_string(run.join("results.json")).expect("results");
+    let mut results: Value = serde_json::from_str(&text).expect("JSON");
+    let whole = results.as_object_mut().expect("results");
+    // The config names the folder of the cache.
+    for key in ["cpu", "threads", "config_hash"] {
+        assert!(whole.remove(key).is_some());
+    }
+    for method in results["methods"].as_array_mut().expect("methods") {
+        let method = method.as_object_mut().expect("a method");
+        assert!(method.remove("predict_seconds_per_surface").is_some());
+        assert!(method.remove("train_seconds").is_some());
+        for part in ["decode", "encode", "head"] {
+            let key = format!("{part}_seconds_per_surface");
+            assert!(method.remove(&key).is_some());
+        }
+        // More threads hold more at once.
+        assert!(method.remove("peak_memory_bytes").is_some());
+        let selections = method["selections"].as_object_mut().expect("selections");
+        let of_properties = selections.values_mut().filter_map(Value::as_array_mut);
+        of_properties.flatten().for_each(|selection| {
+            selection["seconds"].take();
+        });
+    }
+    results
+}
+
+/// The same without what an encoder took to train.
+pub(crate) fn results_of_trained(run: &Path) -> Value {
+    let mut results = results_without_timings(run);
+    for method in results["methods"].as_array_mut().expect("methods") {
+        method["encoder_train_seconds"].take();
+    }
+    results
+}
+
+/// The method of this id in results.
+pub(crate) fn method<'a>(results: &'a Value, id: &str) -> &'a Value {
+    let mut methods = results["methods"].as_array().expect("methods").iter();
+    let found = methods.find(|method| method["id"] == id);
+    found.unwrap_or_else(|| panic!("no method {id}"))
+}
+
+/// Copies a folder.
+pub(crate) fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).expect("a folder");
+    for entry in fs::read_dir(from).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let target = to.join(path.file_name().expect("a name"));
+        if path.is_dir() {
+            copy(&path, &target);
+        } else {
+            fs::copy(&path, &target).expect("a copy");
+        }
+    }
+}
+
+/// How a command ends.
+pub(crate) trait Ends {
+    /// What it prints, and its log, where it succeeds.
+    fn said_and_logged(&mut self) -> [String; 2];
+
+    /// What it prints, and its log, where it fails with status 1.
+    fn failed(&mut self) -> [String; 2];
+
+    /// The message where it fails as it should.
+    fn message(&mut self) -> String {
+        let [_, log] = self.failed();
+        assert!(!log.contains("panicked"), "{log}");
+        let error = log.find("error: ").expect("an error message");
+        log[error..].trim_end().to_owned()
+    }
+
+    /// What it prints where it succeeds.
+    fn said(&mut self) -> String {
+        let [said, _] = self.said_and_logged();
+        said
+    }
+
+    /// Its log where it succeeds.
+    fn logged(&mut self) -> String {
+        let [_, log] = self.said_and_logged();
+        log
+    }
+
+    /// What it prints where it succeeds: JSON, and nothing beside it.
+    fn json(&mut self) -> Value {
+        serde_json::from_str(&self.said()).expect("JSON alone")
+    }
+
+    /// Fails as it should, with a message that has every part.
+    fn refused(&mut self, parts: &[&str]) {
+        expect(&self.message(), parts);
+    }
+}
+
+impl Ends for Command {
+    fn said_and_logged(&mut self) -> [String; 2] {
+        texts(&self.assert().success())
+    }
+
+    fn failed(&mut self) -> [String; 2] {
+        texts(&self.assert().code(1))
+    }
+}
+
+/// What a command printed, and its log.
+pub(crate) fn texts(ended: &Assert) -> [String; 2] {
+    let Output { stdout, stderr, .. } = ended.get_output().clone();
+    [stdout, stderr].map(|text| String::from_utf8(text).expect("UTF-8"))
+}
+
+/// Every part is in the message.
+pub(crate) fn expect(message: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(message.contains(part), "`{part}` is not in: {message}");
+    }
+}
+
+/// What a browser may be called.
+const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
+
+/// A browser that is installed; none, with a line that says so, where there is none.
+pub(crate) fn browser_name() -> Option<&'static str> {
+    let is_there = |name: &&str| {
+        let version = Command::new(name).arg("--version").output();
+        version.is_ok_and(|output| output.status.success())
+    };
+    let found = BROWSERS.into_iter().find(is_there);
+    if found.is_none() {
+        println!("SKIPPED: none of {} is installed", BROWSERS.join(", "));
+    }
+    found
+}
+
+/// A browser without a window, which prints the page it ends with; none where none is installed.
+pub(crate) fn browser(profile: &Path) -> Option<Command> {
+    let name = browser_name()?;
+    let mut command = Command::new(name);
+    command
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"])
+        .args(["--enable-logging=stderr", "--v=0"])
+        .arg(format!("--user-data-dir={}", profile.display()))
+        .timeout(Duration::from_secs(120));
+    Some(command)
+}
+
+/// A file system of its own, gone with the value; none where that is not permitted.
+pub(crate) struct Mounted<'a>(&'a Path);
+
+impl<'a> Mounted<'a> {
+    pub(crate) fn new(path: &'a Path, options: &str) -> Option<Self> {
+        fs::create_dir_all(path).unwrap();
+        let mounted = process::Command::new("mount")
+            .args(["-t", "tmpfs", "-o", options, "tmpfs"])
+            .arg(path)
+            .output();
+        if mounted.is_ok_and(|output| output.status.success()) {
+            return Some(Self(path));
+        }
+        println!("skipped: file systems cannot be mounted here");
+        None
+    }
+
+    pub(crate) fn remount(&self, options: &str) {
+        let mut command = process::Command::new("mount");
+        command
+            .args(["-o", &format!("remount,{options}")])
+            .arg(self.0);
+        assert!(command.status().unwrap().success());
+    }
+}
+
+impl Drop for Mounted<'_> {
+    fn drop(&mut self) {
+        let _ = process::Command::new("umount").arg(self.0).status();
+    }
+}
+
+/// A scratch folder with a model in `model`, its config with `more` set; its dataset may be another.
+pub(crate) fn fitted_in(scratch: Scratch, more: &[&str]) -> Scratch {
+    calibrates(&scratch);
+    scratch.edit("tiny.toml", "validation = 0.34", "validation = 0.2");
+    fit(&scratch, more).assert().success();
+    scratch
+}
+
+/// Has half of the surfaces calibrate intervals at a level of a half.
+pub(crate) fn calibrates(scratch: &Scratch) {
+    let set = "[train]\ncalibration = 0.5\nlevel = 0.5\n[cache]";
+    scratch.edit("tiny.toml", "[cache]", set);
+}
+
+/// The command that fits the model.
+pub(crate) fn fit(scratch: &Scratch, more: &[&str]) -> Command {
+    let mut fit = scratch.sps("fit --config @tiny.toml --out @model");
+    for more in more {
+        fit.args(["--set", more]);
+    }
+    fit
+}

@@ -1,0 +1,68 @@
+//! Training encoders from the command line.
+
+use std::fs;
+use std::path::Path;
+
+use crate::support::{Ends, Scratch};
+use serde_json::Value;
+
+/// An experiment in which the encoder of each of two reruns is trained, through heads with all their
+/// losses.
+fn fine_tune(scratch: &Scratch, more: &[&str]) -> (Value, String) {
+    let mut command = scratch.sps(
+        "experiment configs/end-to-end.toml --fresh --only frozen --only heads --out @run \
+         --set reruns=2 --set data.simulated.surfaces=20 --set data.simulated.test-surfaces=10 \
+         --set data.simulated.size=32 --set encoder.training.epochs=2 --set head.epochs=2 \
+         --set cache.folder=@cache",
+    );
+    for setting in ["properties=[\"fRS\", \"mTX\"]"].iter().chain(more) {
+        command.args(["--set", setting]);
+    }
+    let log = command.logged();
+    (scratch.results(), log)
+}
+
+fn entries(folder: &Path) -> usize {
+    fs::read_dir(folder).unwrap().count()
+}
+
+#[test]
+fn an_encoder_is_trained_once_for_each_rerun() {
+    let scratch = Scratch::new();
+    let (results, log) = fine_tune(&scratch, &[]);
+    assert!(!log.contains("trained before"), "{log}");
+    assert_eq!(entries(&scratch.path("cache/encoders")), 2);
+    for entry in fs::read_dir(scratch.path("cache/encoders")).unwrap() {
+        let epochs = fs::read(entry.unwrap().path().join("epochs.json")).unwrap();
+        let epochs: Value = serde_json::from_slice(&epochs).unwrap();
+        for loss in "values classes embedding generator discriminator".split(' ') {
+            let value = epochs[1]["training"][loss].as_f64().unwrap();
+            assert!(value.is_finite() && value != 0.0, "{loss}: {value}");
+        }
+    }
+    let (again, log) = fine_tune(&scratch, &[]);
+    assert_eq!(log.matches("trained before").count(), 2, "{log}");
+    assert_eq!(again, results);
+}
+
+/// Embeddings are kept by what computes them.
+#[test]
+fn a_trained_encoder_computes_in_the_precision_that_is_asked_for() {
+    let scratch = Scratch::new();
+    fine_tune(&scratch, &[]);
+    assert_eq!(entries(&scratch.path("cache/embeddings")), 3);
+    fine_tune(&scratch, &["encoder.precision=bf16"]);
+    assert_eq!(entries(&scratch.path("cache/embeddings")), 6);
+    // Scaled for what each rerun trains on: two frozen, what training starts from, two trained.
+    fine_tune(&scratch, &["encoder.precision=int8"]);
+    assert_eq!(entries(&scratch.path("cache/embeddings")), 10);
+}
+
+#[test]
+fn a_learning_rate_that_cannot_be_meant_is_refused() {
+    let line =
+        "experiment configs/end-to-end.toml --list --set encoder.training.adam.learning-rate=-1";
+    Scratch::new()
+        .sps(line)
+        .refused(&["learning-rate", "above 0"]);
+}

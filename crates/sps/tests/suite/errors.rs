@@ -4,7 +4,6 @@ use std::fs;
 use std::path::Path;
 
 use crate::support::{Ends, Mounted, Scratch};
-use candle_core::Device;
 use safetensors::tensor::{Dtype, TensorView};
 use sps_models::encoders::{Encoder, EncoderKind};
 

@@ -26,7 +26,7 @@ const CHANNELS: usize = 2 * WORDS;
 /// Pixels that one thread splits at once.
 const PIXELS: usize = 512;
 
-/// What of a number its nearest bf16 leaves; nothing of what is infinite or no number.
+/// What of a number its nearest bf16 leaves; nothing of what is not finite.
 #[inline(always)]
 fn rest(number: f32) -> f32 {
     let rest = number - Bf16Pair::widened(rounded(number));

@@ -12,6 +12,7 @@ mod golden3d;
 mod hard_cases;
 mod image;
 mod others;
+mod split;
 mod threads;
 pub(super) mod tiles;
 mod windows;

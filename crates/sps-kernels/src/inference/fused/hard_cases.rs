@@ -14,7 +14,7 @@ type Numbers = BTreeMap<String, Vec<f32>>;
 /// What leaves the stem and each bottleneck.
 fn layers<W: Word>(weights: &Numbers, image: &[f32], size: [usize; 3]) -> Vec<Vec<f64>> {
     let network = se_resnext50("SE-ResNeXt-50");
-    let fused = Fused::<W>::new(&network, weights, None, Level::detect()).unwrap();
+    let fused = Fused::<W>::new(&network, weights, None, (Level::detect(), false)).unwrap();
     let images = Images {
         pixels: &[image],
         order: Order::Planes,

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::network::{self, IMAGE};
 use crate::ops::conv::{Conv, ConvShape};
 use crate::ops::panels::Panels;
-use crate::ops::product::{Activation, Epilogue, Product};
+use crate::ops::product::{Activation, Epilogue, product_of_rows};
 use crate::ops::simd::Level;
 use crate::ops::words::{Bytes, Word};
 use crate::tensors::{Tensors, with_values};
@@ -25,27 +25,15 @@ impl Folded {
     /// A convolution with its bias or with the batch norm after it, which becomes part of it.
     pub(super) fn new(conv: &network::Conv, weights: &dyn Tensors, eps: f64) -> Result<Self> {
         let shape = conv.shape([1; 3]);
-        let folded = match &conv.norm {
-            Some(norm) => Self::batch_norm(shape, weights, &conv.name, norm, eps),
-            None => Self::bias(shape, weights, &conv.name),
+        let of_images = conv.input == IMAGE;
+        let Some(norm) = &conv.norm else {
+            let bias = Self::bias(shape, weights, &conv.name)?;
+            return Ok(Self { of_images, ..bias });
         };
-        Ok(Self {
-            of_images: conv.input == IMAGE,
-            ..folded?
-        })
-    }
-
-    fn batch_norm(
-        shape: ConvShape,
-        weights: &dyn Tensors,
-        conv: &str,
-        norm: &str,
-        eps: f64,
-    ) -> Result<Self> {
         let read = |leaf: &str| values(weights, &format!("{norm}.{leaf}"));
         let (gamma, beta) = (read("weight")?, read("bias")?);
         let (mean, variance) = (read("running_mean")?, read("running_var")?);
-        let mut folded = values(weights, &format!("{conv}.weight"))?;
+        let mut folded = values(weights, &format!("{}.weight", conv.name))?;
         let mut shift = Vec::with_capacity(shape.outputs);
         let per_output = folded.len() / shape.outputs;
         for (channel, weights) in folded.chunks_exact_mut(per_output).enumerate() {
@@ -60,7 +48,7 @@ impl Folded {
             shape,
             weights: folded,
             shift,
-            of_images: false,
+            of_images,
         })
     }
 
@@ -76,25 +64,10 @@ impl Folded {
 
     /// This 1x1 convolution of what `inner`, another, makes of its input: one convolution again.
     pub(super) fn compose(&self, inner: &Self, level: Level) -> Self {
-        let (outputs, middle) = (self.shape.outputs, self.shape.inputs);
-        let inputs = inner.shape.inputs;
+        let (inputs, middle) = (inner.shape.inputs, self.shape.inputs);
         let product = |n: usize, right: &[f32]| {
             let panels = Panels::pack_rows(level, middle, n, right);
-            let rows: Vec<usize> = (0..outputs).map(|row| row * middle).collect();
-            let places: Vec<usize> = (0..outputs).map(|row| row * n).collect();
-            let mut out = vec![0.0; outputs * n];
-            let product = Product {
-                source: &self.weights,
-                rows: &rows,
-                frame_rows: outputs,
-                taps: &[0],
-                run: middle,
-                lower: None,
-                panels: panels.all(),
-                epilogue: Epilogue::default(),
-            };
-            product.write(&mut out, &places, 0);
-            out
+            product_of_rows(&self.weights, &panels, Epilogue::default())
         };
         let weights = product(inputs, &inner.weights);
         let mut shift = product(1, &inner.shift);
@@ -110,6 +83,15 @@ impl Folded {
             shift,
             of_images: inner.of_images,
         }
+    }
+
+    /// Lays this 1x1 convolution out for vectors: a matrix, and what it adds.
+    pub(super) fn pack_linear(self, level: Level) -> (Panels, Vec<f32>) {
+        let ConvShape {
+            inputs, outputs, ..
+        } = self.shape;
+        let panels = Panels::pack_transposed(level, inputs, outputs, &self.weights);
+        (panels, self.shift)
     }
 
     /// Lays it out for the kernels, for a map of such words and scales.
@@ -175,13 +157,6 @@ pub(super) struct Ends {
 }
 
 impl Ends {
-    /// Numbers that stand for themselves, added to nothing.
-    pub(super) const UNIT: Self = Self {
-        from: Scale::UNIT,
-        to: Scale::UNIT,
-        onto: None,
-    };
-
     /// The factor of the numbers that it is added to.
     pub(super) fn accumulate(&self) -> Option<f32> {
         self.onto.map(|onto| onto.step / self.to.step)
@@ -209,7 +184,7 @@ fn values(weights: &dyn Tensors, name: &str) -> Result<Vec<f32>> {
 
 /// A convolution laid out for the kernels, and what it adds to each channel.
 #[derive(Debug)]
-pub(super) struct Packed<W = f32> {
+pub(super) struct Packed<W> {
     pub(super) conv: Conv<W>,
     /// What the sums of each channel are multiplied with, where they are.
     pub(super) scale: Option<Vec<f32>>,

@@ -30,7 +30,8 @@ pub(super) const GROUP: usize = 4;
 /// A network with its weights laid out for the kernels.
 #[derive(Debug)]
 pub(super) struct Fused<W> {
-    level: Level,
+    /// The instructions that it runs by.
+    pub(super) level: Level,
     network: Network,
     steps: Vec<Step<W>>,
     slots: Slots,
@@ -141,11 +142,6 @@ impl<W: Word> Fused<W> {
         self.network.width()
     }
 
-    /// The instructions that it runs by.
-    pub(super) fn level(&self) -> Level {
-        self.level
-    }
-
     /// Calls `see` with the map at each of the network's depths, of at most [`GROUP`] images
     /// `(frames, 3, ..size)`, as soon as it is made: the next layer may overwrite it.
     ///
@@ -243,16 +239,9 @@ impl<W: Word> Fused<W> {
     /// share memory share a layout.
     fn grids(&self, frames: usize, image: Size) -> Vec<Grid> {
         let sizes = self.network.sizes(image).unwrap_or_default();
-        let maps = sizes.iter().zip(&self.network.channels);
-        let tight = |(&size, &channels)| Grid::tight(frames, size, channels).of::<W>();
-        let mut grids: Vec<Grid> = maps.map(|map| tight(map).staggered()).collect();
-        for layer in &self.network.layers {
-            for (map, slide) in layer.slides() {
-                let host = self.slots.host(map);
-                grids[host] = grids[host].enclosing(&slide.window(sizes[map]));
-            }
-        }
-        let shared = (0..grids.len()).map(|map| grids[self.slots.host(map)]);
+        let host = |map: Map| self.slots.host(map);
+        let grids = self.network.grids::<W>(frames, &sizes, host);
+        let shared = (0..grids.len()).map(|map| grids[host(map)]);
         shared.collect()
     }
 
@@ -268,7 +257,7 @@ impl<W: Word> Fused<W> {
             Step::Convs(parts) => {
                 for part in parts {
                     let target = (&mut memory[W::words(part.column)..], to);
-                    part.apply(threads, source(part.conv.input), target);
+                    part.apply(threads, source(part.conv.input), target, None);
                 }
             }
             Step::Gated(gated) => {
@@ -277,7 +266,7 @@ impl<W: Word> Fused<W> {
                 let (source, from) = source(input);
                 let map = (source, from, self.scales[input]);
                 let factors = gate.factors(threads, self.level, map, &part.packed);
-                part.apply_gated(threads, (source, from), (memory, to), &factors);
+                part.apply(threads, (source, from), (memory, to), Some(&factors));
             }
             Step::Pool(pool) => {
                 let (source, from) = source(pool.input);
@@ -307,35 +296,32 @@ impl Fused<f32> {
 }
 
 impl<W: Word> Part<W> {
-    /// Convolves and adds the shift, and what is there already where that is wanted.
-    fn apply(&self, threads: Threads, source: (&[W], &Grid), target: (&mut [W], &Grid)) {
+    /// Convolves, multiplies with factors and adds shifts, its own or those of a gate, and what is there already
+    /// where that is wanted.
+    fn apply(
+        &self,
+        threads: Threads,
+        source: (&[W], &Grid),
+        target: (&mut [W], &Grid),
+        gate: Option<&[Vec<f32>; 2]>,
+    ) {
+        let [scale, shift] = if let Some(gate) = gate {
+            let channels = self.conv.outputs;
+            gate.each_ref()
+                .map(|values| Some(Columns::per_frame(values, channels)))
+        } else {
+            let scale = self.packed.scale.as_deref();
+            [scale, Some(&self.packed.shift)].map(|values| values.map(Columns::shared))
+        };
         let epilogue = Epilogue {
-            scale: self.packed.scale.as_deref().map(Columns::shared),
-            shift: Some(Columns::shared(&self.packed.shift)),
+            scale,
+            shift,
             accumulate: self.accumulate,
             limits: self.limits,
         };
         let window = self.conv.slide.window(source.1.size);
         let conv = &self.packed.conv;
         conv.apply_by(&window, threads, source, target, epilogue);
-    }
-
-    /// Convolves, multiplies with the gate's factors and adds its shifts and what is there already.
-    fn apply_gated(
-        &self,
-        threads: Threads,
-        source: (&[W], &Grid),
-        target: (&mut [W], &Grid),
-        [scale, shift]: &[Vec<f32>; 2],
-    ) {
-        let channels = self.conv.outputs;
-        let epilogue = Epilogue {
-            scale: Some(Columns::per_frame(scale, channels)),
-            shift: Some(Columns::per_frame(shift, channels)),
-            accumulate: self.accumulate,
-            limits: self.limits,
-        };
-        self.packed.conv.apply(threads, source, target, epilogue);
     }
 }
 

@@ -1,6 +1,6 @@
 //! The squeeze-and-excitation gate in inference.
 
-use super::folded::{Ends, Folded, Packed};
+use super::folded::{Folded, Packed};
 use super::scales::Scale;
 use crate::error::Result;
 use crate::network::Gate;
@@ -8,7 +8,8 @@ use crate::ops::bands::Threads;
 use crate::ops::conv::ConvShape;
 use crate::ops::grid::{Grid, Window};
 use crate::ops::mean::frame_means;
-use crate::ops::product::{Activation, Columns, Epilogue};
+use crate::ops::panels::Panels;
+use crate::ops::product::{Activation, Epilogue, product_of_rows};
 use crate::ops::simd::Level;
 use crate::ops::words::Word;
 use crate::tensors::Tensors;
@@ -16,8 +17,9 @@ use crate::tensors::Tensors;
 /// From the mean of a 1x1 convolution's input to a factor of each of its outputs.
 #[derive(Debug)]
 pub(super) struct PackedGate {
-    hidden: Packed,
-    logits: Packed,
+    /// The matrix of each layer, and what it adds.
+    hidden: (Panels, Vec<f32>),
+    logits: (Panels, Vec<f32>),
 }
 
 impl PackedGate {
@@ -41,8 +43,8 @@ impl PackedGate {
         let hidden = linear(hidden, gate.channels, gate.hidden)?;
         let logits = linear(logits, gate.hidden, gate.channels)?;
         Ok(Self {
-            hidden: hidden.compose(conv, level).pack((level, false), Ends::UNIT),
-            logits: logits.pack((level, false), Ends::UNIT),
+            hidden: hidden.compose(conv, level).pack_linear(level),
+            logits: logits.pack_linear(level),
         })
     }
 
@@ -61,8 +63,11 @@ impl PackedGate {
         for mean in &mut means {
             *mean = of.value(*mean);
         }
-        let hidden = rows(&self.hidden, from.frames, &means, Activation::Relu);
-        let mut scale = rows(&self.logits, from.frames, &hidden, Activation::Identity);
+        let (panels, shift) = &self.hidden;
+        let hidden = product_of_rows(&means, panels, Epilogue::biased(shift, Activation::Relu));
+        let (panels, shift) = &self.logits;
+        let identity = Epilogue::biased(shift, Activation::Identity);
+        let mut scale = product_of_rows(&hidden, panels, identity);
         for logit in &mut scale {
             *logit = 1.0 / (1.0 + (-*logit).exp());
         }
@@ -82,24 +87,4 @@ impl PackedGate {
         }
         [scale, shift]
     }
-}
-
-/// A layer of vectors, one of each frame.
-fn rows(layer: &Packed, frames: usize, source: &[f32], activation: Activation) -> Vec<f32> {
-    let ConvShape {
-        inputs, outputs, ..
-    } = *layer.conv.shape();
-    let vectors = |channels| Grid::tight(frames, [1; 3], channels);
-    let mut target = vec![0.0; frames * outputs];
-    let epilogue = Epilogue {
-        shift: Some(Columns::shared(&layer.shift)),
-        limits: activation.limits(),
-        ..Epilogue::default()
-    };
-    let (from, to) = (vectors(inputs), vectors(outputs));
-    let target_of = (&mut target[..], &to);
-    layer
-        .conv
-        .apply(Threads::One, (source, &from), target_of, epilogue);
-    target
 }

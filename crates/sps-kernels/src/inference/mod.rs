@@ -105,9 +105,11 @@ impl Inference {
         scales: Option<Vec<Scale>>,
         kernels: (Level, bool),
     ) -> Result<Self> {
-        let fused = Fused::<W>::new(network, tensors, scales, kernels)?;
         Ok(Self {
-            kernels: Arc::new(Pooled::new(fused)),
+            kernels: Arc::new(Pooled {
+                network: Fused::<W>::new(network, tensors, scales, kernels)?,
+                workspaces: Mutex::default(),
+            }),
             resources: Resources::default(),
         })
     }
@@ -246,13 +248,6 @@ struct Pooled<W> {
 }
 
 impl<W: Word> Pooled<W> {
-    fn new(network: Fused<W>) -> Self {
-        Self {
-            network,
-            workspaces: Mutex::new(Vec::new()),
-        }
-    }
-
     fn embed_shares(
         &self,
         shares: [Vec<Share>; 2],
@@ -302,7 +297,7 @@ impl<W: Word> Pooled<W> {
                         .collect();
                     frame_means(
                         threads,
-                        self.network.level(),
+                        self.network.level,
                         seen.memory,
                         seen.grid,
                         &mut means,

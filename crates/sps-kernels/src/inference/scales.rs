@@ -80,15 +80,11 @@ pub(super) struct Calibration {
 }
 
 impl Calibration {
-    /// Nothing yet.
     pub(super) fn new(network: &Network) -> Self {
-        let maps = network.channels.iter().map(|_| Values::new());
-        Self {
-            maps: maps.collect(),
-        }
+        let maps = network.channels.iter().map(|_| Values::new()).collect();
+        Self { maps }
     }
 
-    /// Sees a map of one frame.
     pub(super) fn see(&mut self, map: usize, memory: &[f32], grid: &Grid) {
         for place in grid.places() {
             self.maps[map].see(&memory[place..place + grid.channels]);
@@ -156,29 +152,19 @@ impl Values {
             } else {
                 "such that a feature map is not finite"
             };
-            return Err(Error::input(
-                "images to calibrate with",
-                found,
-                "finite ones",
-            ));
+            let what = "images to calibrate with";
+            return Err(Error::input(what, found, "finite ones"));
         }
-        let ends = |shares: [f64; 2]| {
-            [
-                shares[0] * f64::from(self.least),
-                shares[1] * f64::from(self.most),
-            ]
-        };
+        let (least, most) = (f64::from(self.least), f64::from(self.most));
+        let ends = |[lower, upper]: [f64; 2]| [lower * least, upper * most];
         let error = |shares: [f64; 2]| {
             let [least, most] = ends(shares);
             let step = (most - least) / f64::from(LARGEST);
             let of_value = |&(value, count): &(f64, u64)| {
                 let clipped = value - value.clamp(least, most);
-                count as f64
-                    * if clipped == 0.0 {
-                        step * step / 12.0
-                    } else {
-                        clipped * clipped
-                    }
+                let rounded = step * step / 12.0;
+                let squared = clipped * clipped;
+                count as f64 * if clipped == 0.0 { rounded } else { squared }
             };
             seen.iter().map(of_value).sum::<f64>()
         };

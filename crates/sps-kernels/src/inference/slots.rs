@@ -11,7 +11,6 @@ const LARGE: usize = 8;
 pub(super) struct Slots {
     of: Vec<usize>,
     host: Vec<Map>,
-    /// How many slots there are.
     pub(super) count: usize,
     /// The map that frames of a group, having come so far one by one, go on from together.
     pub(super) meeting: Map,
@@ -54,11 +53,10 @@ impl Slots {
             of,
             host,
             count,
-            meeting: meeting(network, &last_readers),
+            meeting: meeting(network),
         }
     }
 
-    /// The slot of a map.
     pub(super) fn of(&self, map: Map) -> usize {
         self.of[map]
     }
@@ -70,10 +68,10 @@ impl Slots {
 }
 
 /// The last map before maps are no longer large that is alone: all before it have been read.
-fn meeting(network: &Network, last_readers: &[usize]) -> Map {
+fn meeting(network: &Network) -> Map {
     let strides = network.strides();
     let small = strides.iter().position(|&stride| stride > LARGE);
     let before = small.unwrap_or(strides.len());
-    let alone = |&map: &Map| last_readers[..map].iter().all(|&last| last < map);
-    (0..before).rev().find(alone).unwrap_or(IMAGE)
+    let mut alone = network.alone();
+    alone.rfind(|&map| map < before).unwrap_or(IMAGE)
 }

@@ -8,6 +8,7 @@ use super::{Inference, Resources};
 use crate::images::{Images, Normalisation, Order};
 use crate::networks::squeezenet1_1;
 use crate::ops::simd::Level;
+use crate::ops::tests::by;
 use crate::precision::Precision;
 
 /// Frames and threads of each share, what is done first and what then.
@@ -75,11 +76,6 @@ fn embed(inference: &Inference, frames: usize, [height, width]: [usize; 2]) -> V
     inference.embed(&images.unwrap()).unwrap()
 }
 
-fn on<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    pool.build().unwrap().install(work)
-}
-
 /// What passes may take, but so long for spinning.
 fn spinning(spin: Duration) -> Resources {
     Resources {
@@ -91,13 +87,13 @@ fn spinning(spin: Duration) -> Resources {
 #[test]
 fn no_embedding_depends_on_resources() {
     let inference = squeezenet();
-    let expected = on(1, || embed(&inference, 1, [64, 64]));
+    let expected = by(1, || embed(&inference, 1, [64, 64]));
     for (threads, spin, memory) in [(16, 0, 0), (16, 2, usize::MAX), (3, 0, 1 << 20)] {
         let mut resources = spinning(Duration::from_millis(spin));
         (resources.threads, resources.memory) = (threads, memory);
         let inference = inference.clone().with_resources(resources);
         for frames in [1, 3, 15, 17] {
-            let found = on(16, || embed(&inference, frames, [64, 64]));
+            let found = by(16, || embed(&inference, frames, [64, 64]));
             assert!(found == expected.repeat(frames));
         }
     }
@@ -153,7 +149,7 @@ fn a_small_frame_takes_one_core_and_shrink_gives_memory_back() {
     let inference = squeezenet();
     for spin in [Resources::default().spin, Duration::ZERO] {
         let inference = inference.clone().with_resources(spinning(spin));
-        let ratio = on(16, || {
+        let ratio = by(16, || {
             let ([before, _], start) = (used(), Instant::now());
             while start.elapsed() < Duration::from_secs(3) {
                 embed(&inference, 1, [64, 64]);

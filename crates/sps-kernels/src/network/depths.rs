@@ -50,20 +50,17 @@ impl Depths {
             }
             Self::Named(names) => names,
         };
-        let known = |name: &String| depths.iter().any(|depth| depth.name == *name);
-        let twice = |(at, name): (usize, &String)| names[..at].contains(name);
-        let unknown = names.iter().find(|name| !known(name));
-        let found = match (
-            unknown,
-            names.iter().enumerate().find(|named| twice(*named)),
-        ) {
-            (Some(name), _) => format!("{name:?}"),
-            (None, Some((_, name))) => format!("{name:?} twice"),
-            (None, None) if names.is_empty() => "none".to_owned(),
-            (None, None) => {
-                depths.retain(|depth| names.contains(&depth.name));
-                return Ok(());
-            }
+        let known = |name: &&String| depths.iter().any(|depth| depth.name == **name);
+        let twice = (1..names.len()).find(|&at| names[..at].contains(&names[at]));
+        let found = if let Some(name) = names.iter().find(|name| !known(name)) {
+            format!("{name:?}")
+        } else if let Some(at) = twice {
+            format!("{:?} twice", names[at])
+        } else if names.is_empty() {
+            "none".to_owned()
+        } else {
+            depths.retain(|depth| names.contains(&depth.name));
+            return Ok(());
         };
         let all: Vec<&str> = depths.iter().map(|depth| &depth.name[..]).collect();
         let expected = format!("some of {network}'s {}, each once", all.join(", "));

@@ -10,10 +10,10 @@ pub use depths::{Block, Depths};
 
 use crate::error::Result;
 use crate::images::Normalisation;
-
 use crate::ops::conv::ConvShape;
-use crate::ops::grid::{Size, Window};
+use crate::ops::grid::{Grid, Size, Window};
 use crate::ops::product::Activation;
+use crate::ops::words::Word;
 use crate::tensors::TensorSpec;
 
 /// A feature map of a network by its number: that of the image is 0, and each layer's is one more
@@ -161,16 +161,13 @@ impl Slide {
 
     /// Pixels under the window.
     pub fn size(&self) -> Size {
-        match self {
-            Self::Padded(window) => window.size,
-            Self::Same { size, .. } => *size,
-        }
+        self.size_and_stride()[0]
     }
 
-    fn stride(&self) -> Size {
-        match self {
-            Self::Padded(window) => window.stride,
-            Self::Same { stride, .. } => *stride,
+    fn size_and_stride(&self) -> [Size; 2] {
+        match *self {
+            Self::Padded(window) => [window.size, window.stride],
+            Self::Same { size, stride } => [size, stride],
         }
     }
 }
@@ -407,12 +404,37 @@ impl Network {
         Some(sizes)
     }
 
+    /// The layout of each map of so many frames and such a size, with the border that readers of the map need and of
+    /// those that it is a `host` of.
+    pub(crate) fn grids<W: Word>(
+        &self,
+        frames: usize,
+        sizes: &[Size],
+        host: impl Fn(Map) -> Map,
+    ) -> Vec<Grid> {
+        let maps = sizes.iter().zip(&self.channels);
+        let tight = |(&size, &channels)| Grid::tight(frames, size, channels).of::<W>();
+        let mut grids: Vec<Grid> = maps.map(|map| tight(map).staggered()).collect();
+        for (map, slide) in self.layers.iter().flat_map(Layer::slides) {
+            let host = host(map);
+            grids[host] = grids[host].enclosing(&slide.window(sizes[map]));
+        }
+        grids
+    }
+
+    /// The maps that are alone: all made before them have been read.
+    pub(crate) fn alone(&self) -> impl DoubleEndedIterator<Item = Map> {
+        let last_readers = self.last_readers();
+        let alone = move |map: &Map| last_readers[..*map].iter().all(|&last| last < *map);
+        (0..=self.layers.len()).filter(alone)
+    }
+
     /// Pixels of the image from one pixel of each map to the next, from the upper to the lower.
     pub fn strides(&self) -> Vec<usize> {
         let mut strides = vec![1];
         for layer in &self.layers {
             let slides = layer.slides();
-            let stride = slides.map(|(map, slide)| strides[map] * slide.stride()[1]);
+            let stride = slides.map(|(map, slide)| strides[map] * slide.size_and_stride()[1][1]);
             strides.push(stride.max().unwrap_or(1));
         }
         strides

@@ -9,44 +9,19 @@ use crate::images::Normalisation;
 use crate::network::{Conv, IMAGE, Map, Network, Slide};
 use crate::ops::product::Activation;
 
-/// Blocks of one size.
-#[derive(Clone, Copy)]
-struct Stage {
-    repeats: usize,
-    /// The depth-wise window.
-    window: usize,
-    /// Of the first block.
-    stride: usize,
-    /// What a block's input grows by for the depth-wise convolution.
-    expansion: usize,
-    outputs: usize,
-}
-
-const fn stage(
-    repeats: usize,
-    window: usize,
-    stride: usize,
-    expansion: usize,
-    outputs: usize,
-) -> Stage {
-    Stage {
-        repeats,
-        window,
-        stride,
-        expansion,
-        outputs,
-    }
-}
+/// Blocks of one size: how many, the depth-wise window, the first block's stride, what a block's input grows by for the
+/// depth-wise convolution, channels that leave it.
+type Stage = [usize; 5];
 
 /// The stages of version 0.
 const STAGES: [Stage; 7] = [
-    stage(1, 3, 1, 1, 16),
-    stage(2, 3, 2, 6, 24),
-    stage(2, 5, 2, 6, 40),
-    stage(3, 3, 2, 6, 80),
-    stage(3, 5, 1, 6, 112),
-    stage(4, 5, 2, 6, 192),
-    stage(1, 3, 1, 6, 320),
+    [1, 3, 1, 1, 16],
+    [2, 3, 2, 6, 24],
+    [2, 5, 2, 6, 40],
+    [3, 3, 2, 6, 80],
+    [3, 5, 1, 6, 112],
+    [4, 5, 2, 6, 192],
+    [1, 3, 1, 6, 320],
 ];
 
 /// Width and depth of each version over those of version 0.
@@ -64,10 +39,10 @@ pub fn efficientnet_lite(name: &'static str, version: usize) -> Network {
     let [width, depth] = SCALES[version.min(SCALES.len() - 1)];
     let last = STAGES.len() - 1;
     let mut stages = STAGES;
-    for (place, stage) in stages.iter_mut().enumerate() {
-        stage.outputs = wider(stage.outputs, width);
+    for (place, [repeats, .., outputs]) in stages.iter_mut().enumerate() {
+        *outputs = wider(*outputs, width);
         if place != 0 && place != last {
-            stage.repeats = deeper(stage.repeats, depth);
+            *repeats = (*repeats as f64 * depth).ceil() as usize;
         }
     }
     let (mut net, x) = body(name, &stages);
@@ -87,11 +62,21 @@ pub fn efficientnet_lite_body(name: &'static str) -> Network {
 /// The first convolution and the stages, and the last stage's map.
 fn body(name: &'static str, stages: &[Stage]) -> (Network, Map) {
     let mut net = stem(name);
-    let (mut x, mut all) = (STEM_MAP, blocks(stages));
-    for (number, stage) in (1..).zip(stages) {
-        let of_stage = all.by_ref().take(stage.repeats);
-        x = of_stage.fold(x, |x, block| block.add(&mut net, x));
-        net.depth(format!("stage-{number}"));
+    let (mut x, mut block) = (STEM_MAP, 0);
+    for (place, &[repeats, window, stride, expansion, outputs]) in stages.iter().enumerate() {
+        for index in 0..repeats {
+            let own = Block {
+                name: format!("blocks.{place}.{index}"),
+                other: format!("_blocks.{block}"),
+                window,
+                stride: if index == 0 { stride } else { 1 },
+                expansion,
+                outputs,
+            };
+            x = own.add(&mut net, x);
+            block += 1;
+        }
+        net.depth(format!("stage-{}", place + 1));
     }
     (net, x)
 }
@@ -111,22 +96,6 @@ fn stem(name: &'static str) -> Network {
     let stem = Conv::new("conv_stem", Slide::same(3, 2), STEM);
     net.conv(IMAGE, normed(stem, "bn1"));
     net
-}
-
-/// The blocks of stages, in their order.
-fn blocks(stages: &[Stage]) -> impl Iterator<Item = Block> {
-    let in_stage = |(place, stage): (usize, &Stage)| {
-        let stage = *stage;
-        (0..stage.repeats).map(move |index| (stage, [place, index]))
-    };
-    let places = stages.iter().enumerate().flat_map(in_stage);
-    let block = |(number, (stage, place))| Block::new(stage, place, number);
-    places.enumerate().map(block)
-}
-
-/// So many blocks in a deeper version.
-fn deeper(repeats: usize, depth: f64) -> usize {
-    (repeats as f64 * depth).ceil() as usize
 }
 
 /// So many channels in a wider version: a multiple of 8 that is near, and at least 0.9 of them.
@@ -158,18 +127,6 @@ struct Block {
 }
 
 impl Block {
-    /// The block of a stage, by its place (the stage's and its own in there) and its number in all.
-    fn new(stage: Stage, [place, index]: [usize; 2], number: usize) -> Self {
-        Self {
-            name: format!("blocks.{place}.{index}"),
-            other: format!("_blocks.{number}"),
-            window: stage.window,
-            stride: if index == 0 { stage.stride } else { 1 },
-            expansion: stage.expansion,
-            outputs: stage.outputs,
-        }
-    }
-
     /// A layer with its batch norm, the block's first, second or third.
     fn layer(
         &self,

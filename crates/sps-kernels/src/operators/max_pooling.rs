@@ -84,15 +84,8 @@ impl MaxPooling {
         check("gradient of max pooling", gradient, self.to.len())?;
         let mut of_x = vec![0.0; self.from.len()];
         let source = (&with_border(x, &self.from)[..], &self.from);
-        let level = Level::detect();
-        max_pool_backward(
-            level,
-            &self.window,
-            source,
-            (y, &self.to),
-            gradient,
-            &mut of_x,
-        );
+        let (level, y) = (Level::detect(), (y, &self.to));
+        max_pool_backward(level, &self.window, source, y, gradient, &mut of_x);
         Ok(without_border(&of_x, &self.from))
     }
 }

@@ -1,6 +1,8 @@
 //! The way back through an activation.
 
-use super::bands::{Band, map_bands};
+use rayon::prelude::*;
+
+use super::bands::{Band, bands};
 use super::grid::{Grid, pixel, pixel_mut};
 use super::product::Activation;
 use super::simd::{Kernel, Lanes, Level};
@@ -21,7 +23,7 @@ pub(crate) fn activation_gradient<W: Real>(
     gradient: &[W],
     (target, to): (&mut [W], &Grid),
 ) -> Vec<f64> {
-    let parts = map_bands(PARTS, to, target, |band| {
+    let back = |band| {
         level.run(Back {
             limits: activation.limits(),
             numbers,
@@ -30,9 +32,10 @@ pub(crate) fn activation_gradient<W: Real>(
             band,
             to,
         })
-    });
+    };
+    let parts = bands(PARTS, 1, to, target).into_par_iter().map(back);
     let mut sums = vec![0.0; to.channels];
-    for part in parts {
+    for part in parts.collect::<Vec<_>>() {
         for (sum, part) in sums.iter_mut().zip(part) {
             *sum += part;
         }

@@ -7,8 +7,6 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use rayon::prelude::*;
-
 use super::grid::{Grid, pixels};
 use super::words::Word;
 
@@ -30,7 +28,6 @@ pub(crate) struct Band<'a, W = f32> {
     pub(crate) pixels: Range<usize>,
     /// The index in the whole memory at which `target` begins.
     pub(crate) origin: usize,
-    /// The memory.
     pub(crate) target: &'a mut [W],
 }
 
@@ -225,20 +222,8 @@ impl Drop for Done<'_> {
     }
 }
 
-/// Calls `work` on bands that cover the grid, at most so many of each frame, and returns what it says of each, in
-/// order.
-pub(super) fn map_bands<W: Word, T: Send>(
-    per_frame: usize,
-    grid: &Grid,
-    target: &mut [W],
-    work: impl Fn(Band<'_, W>) -> T + Send + Sync,
-) -> Vec<T> {
-    let bands = bands(per_frame, 1, grid, target);
-    bands.into_par_iter().map(work).collect()
-}
-
 /// Bands of whole rows, at most so many of each frame; none reaches over two frames.
-fn bands<'a, W>(
+pub(super) fn bands<'a, W>(
     per_frame: usize,
     together: usize,
     grid: &Grid,

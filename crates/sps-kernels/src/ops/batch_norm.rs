@@ -1,4 +1,4 @@
-//! Batch norm in training, with the rectifier after it, forward and backward.
+//! What batch norm in training does to each channel, and what its gradients come from; [`super::pointwise`] does it.
 //!
 //! `y = (x - mean) * factor + beta` with `factor = gamma / sqrt(variance + eps)`: the mean is
 //! taken off first, so that a large common offset costs no digits.
@@ -7,10 +7,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::bands::{Threads, for_each_band};
-use super::grid::{Grid, pixel_mut, rows};
-use super::product::Activation;
-use super::simd::{Kernel, Lanes, Level};
+use super::grid::Grid;
 use super::statistics::{ChannelStatistics, run_rows};
 use super::words::Real;
 
@@ -20,7 +17,6 @@ pub(crate) struct Norm {
     pub(crate) mean: Vec<f32>,
     /// `1 / sqrt(variance + eps)`
     pub(crate) inverse: Vec<f32>,
-    /// `gamma * inverse`
     pub(crate) factor: Vec<f32>,
     pub(crate) beta: Vec<f32>,
 }
@@ -53,79 +49,6 @@ impl Norm {
     pub(super) fn channels(&self) -> (usize, &[f32], &[f32], &[f32]) {
         let n = self.mean.len();
         (n, &self.mean[..n], &self.factor[..n], &self.beta[..n])
-    }
-
-    /// Writes `y`, activated, from `x`, which has no border, into channels that the target begins
-    /// with.
-    pub(crate) fn apply<W: Real>(
-        &self,
-        level: Level,
-        (x, from): (&[W], &Grid),
-        (target, to): (&mut [W], &Grid),
-        activation: Activation,
-    ) {
-        let places = to.places();
-        for_each_band(Threads::All, to, target, |band| {
-            level.run(Apply {
-                norm: self,
-                pitch: from.pitch,
-                x: &x[band.pixels.start * from.pitch..band.pixels.end * from.pitch],
-                places: &places[band.pixels],
-                origin: band.origin,
-                target: band.target,
-                limits: activation.limits(),
-            });
-        });
-    }
-
-    /// Sums over each frame, from which every gradient follows: see [`FrameSums`].
-    ///
-    /// The output was activated so.
-    pub(crate) fn sums<W: Real>(
-        &self,
-        level: Level,
-        x: &[W],
-        gradient: &[W],
-        grid: &Grid,
-        activation: Activation,
-    ) -> FrameSums {
-        FrameSums::of(grid, |range| {
-            level.run(Sums {
-                norm: self,
-                pitch: grid.pitch,
-                x: &x[range.clone()],
-                gradient: &gradient[range],
-                limits: activation.limits(),
-            })
-        })
-    }
-
-    /// The gradient of `x` from that of `y` by `slopes`; both lie as the target does but have no
-    /// border. The target's stays as it is.
-    pub(crate) fn backward<W: Real>(
-        &self,
-        level: Level,
-        slopes: &Slopes,
-        x: &[W],
-        gradient: &[W],
-        (target, to): (&mut [W], &Grid),
-        activation: Activation,
-    ) {
-        let places = to.places();
-        for_each_band(Threads::All, to, target, |band| {
-            let range = band.pixels.start * to.pitch..band.pixels.end * to.pitch;
-            level.run(Backward {
-                norm: self,
-                pitch: to.pitch,
-                slopes,
-                x: &x[range.clone()],
-                gradient: &gradient[range],
-                places: &places[band.pixels],
-                origin: band.origin,
-                target: band.target,
-                limits: activation.limits(),
-            });
-        });
     }
 }
 
@@ -217,7 +140,7 @@ fn add(sums: &mut [f64], run: &[f32]) {
 }
 
 /// The gradient of `x` as an affine function: `gradient * of_gradient + (x - mean) * of_x +
-/// constant`.
+/// constant`. All `(channels)`, or `(frames, channels)` but for that of `x`.
 #[derive(Debug, Clone)]
 pub(crate) struct Slopes {
     pub(crate) of_gradient: Vec<f32>,
@@ -262,103 +185,5 @@ impl NormGradients {
                 .push((-factor * gradient[channel] / count) as f32);
         }
         all
-    }
-}
-
-struct Apply<'a, W> {
-    norm: &'a Norm,
-    pitch: usize,
-    x: &'a [W],
-    places: &'a [usize],
-    origin: usize,
-    target: &'a mut [W],
-    limits: [f32; 2],
-}
-
-impl<W: Real> Kernel for Apply<'_, W> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, _: S) {
-        let (n, mean, factor, beta) = self.norm.channels();
-        let [least, most] = self.limits;
-        for (x, &place) in rows(self.x, self.pitch, n).zip(self.places) {
-            let y = pixel_mut(&mut self.target[place - self.origin..], n);
-            for c in 0..n {
-                let value = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
-                let value = if value < least { least } else { value };
-                y[c] = W::narrowed(if value > most { most } else { value });
-            }
-        }
-    }
-}
-
-struct Sums<'a, W> {
-    norm: &'a Norm,
-    pitch: usize,
-    x: &'a [W],
-    gradient: &'a [W],
-    limits: [f32; 2],
-}
-
-impl<W: Real> Kernel for Sums<'_, W> {
-    type Output = [Vec<f32>; 2];
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, _: S) -> [Vec<f32>; 2] {
-        let (n, mean, factor, beta) = self.norm.channels();
-        let [least, most] = self.limits;
-        let mut sums = [vec![0.0_f32; n], vec![0.0_f32; n]];
-        let [total, product] = &mut sums;
-        let (total, product) = (&mut total[..n], &mut product[..n]);
-        let pixels = rows(self.x, self.pitch, n);
-        for (x, gradient) in pixels.zip(rows(self.gradient, self.pitch, n)) {
-            for c in 0..n {
-                let deviation = W::widened(x[c]) - mean[c];
-                let y = deviation * factor[c] + beta[c];
-                // Read whether it passes or not, which leaves no branch.
-                let g = W::widened(gradient[c]);
-                let g = if y > least && y < most { g } else { 0.0 };
-                total[c] += g;
-                product[c] += g * deviation;
-            }
-        }
-        sums
-    }
-}
-
-struct Backward<'a, W> {
-    norm: &'a Norm,
-    pitch: usize,
-    slopes: &'a Slopes,
-    x: &'a [W],
-    gradient: &'a [W],
-    places: &'a [usize],
-    origin: usize,
-    target: &'a mut [W],
-    limits: [f32; 2],
-}
-
-impl<W: Real> Kernel for Backward<'_, W> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, _: S) {
-        let (n, mean, factor, beta) = self.norm.channels();
-        let (of_gradient, of_x) = (&self.slopes.of_gradient[..n], &self.slopes.of_x[..n]);
-        let constant = &self.slopes.constant[..n];
-        let [least, most] = self.limits;
-        let pixels = rows(self.x, self.pitch, n).zip(rows(self.gradient, self.pitch, n));
-        for ((x, gradient), &place) in pixels.zip(self.places) {
-            let out = pixel_mut(&mut self.target[place - self.origin..], n);
-            for c in 0..n {
-                let deviation = W::widened(x[c]) - mean[c];
-                let y = deviation * factor[c] + beta[c];
-                // Read whether it passes or not, which leaves no branch.
-                let g = W::widened(gradient[c]);
-                let g = if y > least && y < most { g } else { 0.0 };
-                out[c] = W::narrowed(g * of_gradient[c] + deviation * of_x[c] + constant[c]);
-            }
-        }
     }
 }

@@ -24,7 +24,6 @@ pub(crate) struct Buffer<W = f32> {
 }
 
 impl<W: Word> Buffer<W> {
-    /// `len` zeros.
     pub(crate) fn zeros(len: usize) -> Self {
         Self {
             lines: vec![Line([0.0; LINE]); len.div_ceil(LINE)],

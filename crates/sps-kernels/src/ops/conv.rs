@@ -2,14 +2,12 @@
 
 use std::sync::OnceLock;
 
-use super::bands::{Threads, for_each_band};
-use super::depthwise::{ChannelWeights, DepthwiseProduct};
-use super::depthwise_bytes::{QuadProduct, QuadWeights};
+use super::bands::Threads;
 use super::grid::{Grid, Size, Window, pixels};
-use super::grouped::{GroupWeights, GroupedProduct};
-use super::image::ImagePanels;
-use super::panels::{PANEL_VECTORS, Panels};
-use super::product::{Epilogue, Product};
+use super::image::{self, Phase as ImagePhase, rows_of_words};
+use super::panels::PANEL_VECTORS;
+use super::phases::{Lattice, Packed, Phase, convolve};
+use super::product::Epilogue;
 use super::simd::Level;
 use super::split::Split;
 use super::winograd::{Reach, Winograd};
@@ -29,12 +27,10 @@ pub struct ConvShape {
 }
 
 impl ConvShape {
-    /// Channels of a group that go in.
     pub(crate) const fn group_inputs(&self) -> usize {
         self.inputs / self.groups
     }
 
-    /// Channels of a group that come out.
     pub(crate) const fn group_outputs(&self) -> usize {
         self.outputs / self.groups
     }
@@ -47,7 +43,6 @@ impl ConvShape {
         [time, height, if joined { 1 } else { width }]
     }
 
-    /// Whether each channel is a group of its own.
     pub(crate) const fn depthwise(&self) -> bool {
         self.groups > 1 && self.groups == self.inputs && self.groups == self.outputs
     }
@@ -102,21 +97,8 @@ pub(crate) struct Conv<W = f32> {
 /// A convolution's weights.
 #[derive(Debug, Clone)]
 enum Weights<W> {
-    Images(ImagePanels<W>),
+    Images(Vec<(ImagePhase, Packed<W>)>),
     Maps(Packed<W>),
-}
-
-/// Those of a convolution of feature maps.
-#[derive(Debug, Clone)]
-enum Packed<W> {
-    /// Each group as a matrix, by the rows of [`ConvShape::runs`].
-    Matrices(Vec<Panels<W>>),
-    /// Groups narrower than a vector.
-    Narrow(GroupWeights<W>),
-    /// Each channel by itself.
-    Channels(ChannelWeights),
-    /// Each channel by itself, in bytes.
-    Quads(QuadWeights<W>),
     /// Of maps of f32, split in two of bf16.
     Split(Split),
 }
@@ -129,50 +111,21 @@ impl<W: Word> Conv<W> {
         if let Some((shape, weights)) = shape.joined::<W>(level, weights) {
             return Self::pack(level, shape, &weights);
         }
-        let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
-        let taps = pixels(shape.window.size);
-        if shape.depthwise() {
-            let packed = if W::WHOLE {
-                let columns = shape.window.size[2];
-                let window = [taps / columns, columns];
-                Packed::Quads(QuadWeights::pack(level, window, weights))
-            } else {
-                // Rounded to bf16, few weights that all but cancel each other would move sums too far.
-                Packed::Channels(ChannelWeights::pack(level, taps, weights))
-            };
-            return Self::direct(shape, packed);
-        }
-        debug_assert!(inputs.is_multiple_of(W::NUMBERS), "{shape:?}");
-        debug_assert!(outputs.is_multiple_of(W::NUMBERS), "{shape:?}");
+        let taps: Vec<usize> = (0..pixels(shape.window.size)).collect();
         let words = W::of_weights(level, weights);
-        let numbers = W::each(&words);
-        let at =
-            |out: usize, tap: usize, input: usize| numbers[(out * inputs + input) * taps + tap];
-        let narrow = GroupWeights::<W>::serves(level, shape.outputs, outputs);
-        let packed = if inputs == outputs && narrow {
-            Packed::Narrow(GroupWeights::pack(level, shape.outputs, outputs, taps, at))
-        } else {
-            let group = |group: usize| {
-                if taps == 1 {
-                    let matrix = &words[W::words(group * outputs * inputs)..];
-                    return Panels::pack_transposed(level, W::words(inputs), outputs, matrix);
-                }
-                let words = W::words(inputs);
-                Panels::pack(level, [taps, words], outputs, |tap, word, column| {
-                    let output = group * outputs + column;
-                    W::gathered(|i| at(output, tap, W::NUMBERS * word + i))
-                })
-            };
-            Packed::Matrices((0..shape.groups).map(group).collect())
-        };
-        Self::direct(shape, packed)
+        let packed = Packed::pack(level, &shape, &taps, (weights, &words), false);
+        Self {
+            shape,
+            weights: Weights::Maps(packed),
+            winograd: None,
+        }
     }
 
     /// Packs weights `(outputs, 3, time, height, width)`, for images that lie as [`super::image`] says.
     pub(crate) fn pack_for_images(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
         Self {
             shape,
-            weights: Weights::Images(ImagePanels::pack(level, &shape, weights)),
+            weights: Weights::Images(image::pack(level, &shape, weights)),
             winograd: None,
         }
     }
@@ -188,7 +141,11 @@ impl<W: Word> Conv<W> {
     /// The same for maps of f32 that are [split](super::split) where that is worth it.
     pub(crate) fn pack_split(level: Level, shape: ConvShape, weights: &[f32]) -> Self {
         match Split::pack(level, shape, weights) {
-            Some(split) => Self::direct(shape, Packed::Split(split)),
+            Some(split) => Self {
+                shape,
+                weights: Weights::Split(split),
+                winograd: None,
+            },
             None => Self::pack_for_inference(level, shape, weights),
         }
     }
@@ -196,29 +153,14 @@ impl<W: Word> Conv<W> {
     /// Winograd's form, for maps of such a size.
     fn winograd(&self, size: Size) -> Option<&Winograd> {
         let laid_out = self.winograd.as_ref()?;
-        let (shape, Weights::Maps(Packed::Matrices(groups))) = (&self.shape, &self.weights) else {
+        let (shape, Weights::Maps(packed)) = (&self.shape, &self.weights) else {
             return None;
         };
-        if !Winograd::serves(size) {
-            return None;
-        }
+        let matrix = packed.matrix().filter(|_| Winograd::serves(size))?;
         let ends = [shape.inputs, shape.outputs];
         // On one thread: while it waits, rayon could hand it a pass that waits for this cell, a deadlock.
-        let lay_out = || Winograd::of(Threads::One, &shape.window, ends, groups, false);
+        let lay_out = || Winograd::of(Threads::One, &shape.window, ends, matrix, false);
         laid_out.get_or_init(lay_out).as_ref()
-    }
-
-    fn direct(shape: ConvShape, packed: Packed<W>) -> Self {
-        Self {
-            shape,
-            weights: Weights::Maps(packed),
-            winograd: None,
-        }
-    }
-
-    /// The convolution's shape.
-    pub(crate) fn shape(&self) -> &ConvShape {
-        &self.shape
     }
 
     /// Convolves `source`, which lies in memory as `from` says, into `target`, as `to` says.
@@ -239,130 +181,49 @@ impl<W: Word> Conv<W> {
         &self,
         window: &Window,
         threads: Threads,
-        source: (&[W], &Grid),
-        target: (&mut [W], &Grid),
-        epilogue: Epilogue<'_>,
-    ) {
-        debug_assert_eq!(window.size, self.shape.window.size);
-        debug_assert_eq!(window.output(source.1.size), Some(target.1.size));
-        match &self.weights {
-            Weights::Images(panels) => panels.apply(window, threads, source, target, epilogue),
-            Weights::Maps(packed) => {
-                self.apply_packed(packed, window, threads, source, target, epilogue);
-            }
-        }
-    }
-
-    fn apply_packed(
-        &self,
-        packed: &Packed<W>,
-        window: &Window,
-        threads: Threads,
         (source, from): (&[W], &Grid),
         (target, to): (&mut [W], &Grid),
         epilogue: Epilogue<'_>,
     ) {
-        if let Packed::Split(split) = packed {
-            let target = bytemuck::cast_slice_mut(target);
-            return split.apply(
-                window,
-                threads,
-                (lanes_of(source), from),
-                (target, to),
-                epilogue,
-            );
-        }
-        let reach = || (from.starts(window, to.size), to.places());
+        debug_assert_eq!(window.size, self.shape.window.size);
+        debug_assert_eq!(window.output(from.size), Some(to.size));
         if let Some(winograd) = self.winograd(to.size) {
             debug_assert_eq!(window.stride, self.shape.window.stride);
-            let (starts, places) = reach();
             let reach = Reach {
                 source,
                 from,
-                starts: &starts,
+                starts: &from.starts(window, to.size),
                 to,
-                places: &places,
+                places: &to.places(),
             };
             winograd.apply(threads, reach, target, epilogue);
             return;
         }
-        let taps = self.taps(from);
-        if let (Threads::All, Packed::Matrices(groups)) = (threads, packed)
-            && let [panels] = &groups[..]
-            && panels.outweigh(from, to)
-        {
-            let (starts, places) = reach();
-            let product = Product {
-                source,
-                rows: &starts,
-                frame_rows: pixels(to.size),
-                taps: &taps,
-                run: panels.k() / taps.len(),
-                lower: None,
-                panels: panels.all(),
-                epilogue,
-            };
-            product.write_shared(target, &places);
-            return;
-        }
-        for_each_band(threads, to, target, |band| {
-            let rows = band.rows(to);
-            let starts = &from.starts_of(rows.clone(), window, to.size)[..];
-            let places = &to.places_of(rows)[..];
-            match packed {
-                Packed::Split(_) => (),
-                Packed::Narrow(weights) => GroupedProduct {
-                    source,
-                    starts,
-                    taps: &taps,
-                    weights,
-                    epilogue,
-                }
-                .write(band.target, places, band.origin),
-                Packed::Channels(weights) => DepthwiseProduct {
-                    source,
-                    starts,
-                    taps: &taps,
-                    pitch: from.pitch,
-                    stride: window.stride[2],
-                    columns: window.size[2],
-                    weights,
-                    epilogue,
-                }
-                .write(band.target, places, band.origin),
-                Packed::Quads(weights) => QuadProduct {
-                    source,
-                    starts,
-                    taps: &taps,
-                    pitch: from.pitch,
-                    stride: window.stride[2],
-                    weights,
-                    epilogue,
-                }
-                .write(band.target, places, band.origin),
-                Packed::Matrices(groups) => {
-                    for (group, panels) in groups.iter().enumerate() {
-                        let column = group * self.shape.group_outputs();
-                        let product = Product {
-                            source: &source[W::words(group * self.shape.group_inputs())..],
-                            rows: starts,
-                            frame_rows: places.len() / band.frames.len().max(1),
-                            taps: &taps,
-                            run: panels.k() / taps.len(),
-                            lower: None,
-                            panels: panels.all(),
-                            epilogue: epilogue.from(band.frames.start, column),
-                        };
-                        let target = &mut band.target[W::words(column)..];
-                        product.write(target, places, band.origin);
-                    }
-                }
+        match &self.weights {
+            Weights::Images(phases) => {
+                let taps = image::taps::<W>(window, from);
+                let phases = phases.iter().map(|(phase, packed)| Phase {
+                    lattice: phase.lattice(window, from),
+                    taps: taps.clone(),
+                    packed,
+                });
+                let rows = rows_of_words::<W>(from);
+                let phases: Vec<_> = phases.collect();
+                convolve(&phases, threads, (source, &rows), (target, to), epilogue);
             }
-        });
-    }
-
-    /// The beginnings of a window's runs, from its own beginning.
-    fn taps(&self, from: &Grid) -> Vec<usize> {
-        from.taps(self.shape.runs(from))
+            Weights::Maps(packed) => {
+                let phase = Phase {
+                    lattice: Lattice::of_window(window, from),
+                    taps: from.taps(self.shape.runs(from)),
+                    packed,
+                };
+                convolve(&[phase], threads, (source, from), (target, to), epilogue);
+            }
+            Weights::Split(split) => {
+                let source = (lanes_of(source), from);
+                let target = (bytemuck::cast_slice_mut(target), to);
+                split.apply(window, threads, source, target, epilogue);
+            }
+        }
     }
 }

@@ -7,72 +7,43 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::buffer::Buffer;
-use super::product::{Epilogue, Finish};
+use super::product::Finish;
+use super::rows::{RowWeights, Writer};
 use super::simd::{Lanes, Level, load};
-use super::words::{Arithmetic, Real, Word, WordKernel, read, vectors};
+use super::words::{Arithmetic, Real, Word, WordKernel, vectors};
 
 /// The weights of a depth-wise convolution, f32 whatever the feature maps are made of.
 #[derive(Debug, Clone)]
 pub(crate) struct ChannelWeights {
     level: Level,
     channels: usize,
+    /// Taps in a row of the window, which lie side by side one way or the other.
+    columns: usize,
     /// `(taps, channels)`
     data: Buffer,
 }
 
 impl ChannelWeights {
-    /// Packs weights `(channels, taps)`.
-    pub(crate) fn pack(level: Level, taps: usize, weights: &[f32]) -> Self {
-        let channels = weights.len() / taps;
-        let mut data = Buffer::zeros(weights.len());
-        for (tap, row) in data.chunks_exact_mut(channels).enumerate() {
-            for (out, weights) in row.iter_mut().zip(weights.chunks_exact(taps)) {
+    /// Packs some taps of weights `(channels, window)`, `columns` of them in each row.
+    pub(crate) fn pack(
+        level: Level,
+        (taps, columns): (&[usize], usize),
+        window: usize,
+        weights: &[f32],
+    ) -> Self {
+        let channels = weights.len() / window;
+        let mut data = Buffer::zeros(channels * taps.len());
+        for (&tap, row) in taps.iter().zip(data.chunks_exact_mut(channels)) {
+            for (out, weights) in row.iter_mut().zip(weights.chunks_exact(window)) {
                 *out = weights[tap];
             }
         }
         Self {
             level,
             channels,
+            columns,
             data,
         }
-    }
-}
-
-/// A depth-wise convolution over a source that has its padding around it.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct DepthwiseProduct<'a, W = f32> {
-    pub(crate) source: &'a [W],
-    /// Where the window begins for each pixel.
-    pub(crate) starts: &'a [usize],
-    /// How far from there its pixels lie.
-    pub(crate) taps: &'a [usize],
-    /// Words from one pixel of the source to the next.
-    pub(crate) pitch: usize,
-    /// Pixels from one place of the window to the next in a row.
-    pub(crate) stride: usize,
-    /// Pixels in a row of the window, which lie side by side one way or the other.
-    pub(crate) columns: usize,
-    pub(crate) weights: &'a ChannelWeights,
-    /// What happens to the sums; factors and shifts are those of frame 0.
-    pub(crate) epilogue: Epilogue<'a>,
-}
-
-impl<W: Word> DepthwiseProduct<'_, W> {
-    /// Whether the pixels in a row of the window lie in the order against that of places.
-    #[inline(always)]
-    fn backwards(&self) -> bool {
-        matches!(self.taps, [first, second, ..] if second < first)
-    }
-
-    /// Writes pixel `i` at `places[i] - origin` of the target.
-    pub(crate) fn write(&self, target: &mut [W], places: &[usize], origin: usize) {
-        let write = Write {
-            product: self,
-            target,
-            places,
-            origin,
-        };
-        W::run(self.weights.level, write);
     }
 }
 
@@ -80,74 +51,61 @@ impl<W: Word> DepthwiseProduct<'_, W> {
 /// two vectors of channels.
 const SIDE_BY_SIDE: usize = 7;
 
-struct Write<'a, 'b, W> {
-    product: &'a DepthwiseProduct<'b, W>,
-    target: &'a mut [W],
-    places: &'a [usize],
-    origin: usize,
-}
-
-impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
-    type Output = ();
+impl<W: Word> RowWeights<W> for ChannelWeights {
+    fn level(&self) -> Level {
+        self.level
+    }
 
     #[inline(always)]
-    fn run<S: Lanes, A: Arithmetic<S, Word = W>>(mut self, lanes: S, arithmetic: A) {
-        let DepthwiseProduct {
-            starts,
-            pitch,
-            stride,
-            columns,
-            weights: ChannelWeights { channels, .. },
-            ..
-        } = *self.product;
+    fn write<S: Lanes, A: Arithmetic<S, Word = W>>(mut writer: Writer<'_, W, Self, S, A>) {
+        let rows = writer.rows;
+        let (channels, columns) = (writer.weights.channels, writer.weights.columns);
         let whole = channels - channels % S::F32_LANES;
-        let beside = |pair: &&[usize]| pair[1] == pair[0] + stride * pitch;
+        let beside = |pair: &&[usize]| pair[1] == pair[0] + rows.stride * rows.pitch;
         let mut first = 0;
-        while first < starts.len() {
-            let end = first + 1 + starts[first..].windows(2).take_while(beside).count();
+        while first < rows.starts.len() {
+            let end = first + 1 + rows.starts[first..].windows(2).take_while(beside).count();
             let row = (first..end, whole);
-            let done = match (columns, stride) {
-                (3, 1) => self.row::<S, A, 3, 1, 9>(lanes, arithmetic, row),
-                (3, 2) => self.row::<S, A, 3, 2, 15>(lanes, arithmetic, row),
-                (5, 1) => self.row::<S, A, 5, 1, 11>(lanes, arithmetic, row),
-                (5, 2) => self.row::<S, A, 5, 2, 17>(lanes, arithmetic, row),
+            let done = match (columns, rows.stride) {
+                (3, 1) => writer.row::<3, 1, 9>(row),
+                (3, 2) => writer.row::<3, 2, 15>(row),
+                (5, 1) => writer.row::<5, 1, 11>(row),
+                (5, 2) => writer.row::<5, 2, 17>(row),
                 _ => first,
             };
-            for (pixels, channels) in [(done..end, 0..whole), (first..end, whole..*channels)] {
-                self.scattered(lanes, arithmetic, pixels, channels);
+            for (pixels, channels) in [(done..end, 0..whole), (first..end, whole..channels)] {
+                writer.scattered(pixels, channels);
             }
             first = end;
         }
     }
 }
 
-impl<W: Word> Write<'_, '_, W> {
+impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, ChannelWeights, S, A> {
+    /// Whether the pixels in a row of the window lie in the order against that of places.
+    #[inline(always)]
+    fn backwards(&self) -> bool {
+        matches!(self.rows.taps, [first, second, ..] if second < first)
+    }
+
     /// As many vectors as are whole of pixels whose windows, of `K` columns, lie `STEP` pixels from each other, by
     /// tiles that reach over `COLUMNS` of the source; the first pixel that was left.
     #[inline(always)]
-    fn row<S, A, const K: usize, const STEP: usize, const COLUMNS: usize>(
+    fn row<const K: usize, const STEP: usize, const COLUMNS: usize>(
         &mut self,
-        lanes: S,
-        arithmetic: A,
         (pixels, whole): (Range<usize>, usize),
-    ) -> usize
-    where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
+    ) -> usize {
         let Range { mut start, end } = pixels;
         while start + SIDE_BY_SIDE <= end {
             let mut channel = 0;
             if S::REGISTER_COUNT >= 32 {
                 while channel + 2 * S::F32_LANES <= whole {
-                    self.side_by_side::<S, A, K, STEP, COLUMNS, 2>(
-                        lanes, arithmetic, start, channel,
-                    );
+                    self.side_by_side::<K, STEP, COLUMNS, 2>(start, channel);
                     channel += 2 * S::F32_LANES;
                 }
             }
             while channel < whole {
-                self.side_by_side::<S, A, K, STEP, COLUMNS, 1>(lanes, arithmetic, start, channel);
+                self.side_by_side::<K, STEP, COLUMNS, 1>(start, channel);
                 channel += S::F32_LANES;
             }
             start += SIDE_BY_SIDE;
@@ -157,62 +115,34 @@ impl<W: Word> Write<'_, '_, W> {
 
     /// `NV` vectors of a tile, from a channel on.
     #[inline(always)]
-    fn side_by_side<
-        S,
-        A,
-        const K: usize,
-        const STEP: usize,
-        const COLUMNS: usize,
-        const NV: usize,
-    >(
+    fn side_by_side<const K: usize, const STEP: usize, const COLUMNS: usize, const NV: usize>(
         &mut self,
-        lanes: S,
-        arithmetic: A,
         first: usize,
         channel: usize,
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        let sums = self.sums::<S, A, K, STEP, COLUMNS, NV>(lanes, arithmetic, first, channel);
-        let columns = (channel, NV * S::F32_LANES);
-        let finish = Finish::new(lanes, self.product.epilogue, 0, columns);
+    ) {
+        let sums = self.sums::<K, STEP, COLUMNS, NV>(first, channel);
         let mut pixels: [usize; SIDE_BY_SIDE] = std::array::from_fn(|i| first + i);
-        if self.product.backwards() {
+        if self.backwards() {
             pixels.reverse();
         }
-        self.store::<S, A, SIDE_BY_SIDE, NV, true>(
-            lanes, arithmetic, pixels, columns, sums, finish,
-        );
+        self.store::<SIDE_BY_SIDE, NV, true>(pixels, (channel, NV * S::F32_LANES), sums);
     }
 
     /// The sums of a tile's pixels: backwards, if the window lies so. Each sum runs over the taps in order.
     #[inline(always)]
-    fn sums<S, A, const K: usize, const STEP: usize, const COLUMNS: usize, const NV: usize>(
+    fn sums<const K: usize, const STEP: usize, const COLUMNS: usize, const NV: usize>(
         &self,
-        lanes: S,
-        arithmetic: A,
         first: usize,
         channel: usize,
-    ) -> [[S::f32s; NV]; SIDE_BY_SIDE]
-    where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
+    ) -> [[S::f32s; NV]; SIDE_BY_SIDE] {
         const { assert!(COLUMNS == (SIDE_BY_SIDE - 1) * STEP + K) };
-        let DepthwiseProduct {
-            source,
-            starts,
-            taps,
-            pitch,
-            weights,
-            ..
-        } = *self.product;
-        let start = starts[first] + W::words(channel);
+        let rows = self.rows;
+        let (lanes, weights) = (self.lanes, self.weights);
+        let start = rows.starts[first] + W::words(channel);
         let words = W::words(NV * S::F32_LANES);
-        let backwards = self.product.backwards();
+        let backwards = self.backwards();
         let mut sums = [[lanes.splat_f32s(0.0); NV]; SIDE_BY_SIDE];
-        let (taps, _) = taps.as_chunks::<K>();
+        let (taps, _) = rows.taps.as_chunks::<K>();
         for (taps, weights_of_row) in taps
             .iter()
             .zip(weights.data.chunks_exact(K * weights.channels))
@@ -224,7 +154,7 @@ impl<W: Word> Write<'_, '_, W> {
             {
                 *held = vectors::<S, NV, true>(lanes, &weights[channel..]);
             }
-            let row = &source[start + taps[0].min(taps[K - 1])..];
+            let row = &rows.source[start + taps[0].min(taps[K - 1])..];
             // All before the first is read: between what can fail, nothing is kept in registers.
             let row: [&[W]; COLUMNS] = std::array::from_fn(|column| {
                 let column = if backwards {
@@ -232,10 +162,10 @@ impl<W: Word> Write<'_, '_, W> {
                 } else {
                     column
                 };
-                &row[column * pitch..][..words]
+                &row[column * rows.pitch..][..words]
             });
             each_row!(COLUMNS, column, {
-                let x: [_; NV] = arithmetic.load(lanes, row[column]);
+                let x: [_; NV] = self.arithmetic.load(lanes, row[column]);
                 for (i, sums) in sums.iter_mut().enumerate() {
                     if column >= i * STEP && column - i * STEP < K {
                         for v in 0..NV {
@@ -250,134 +180,89 @@ impl<W: Word> Write<'_, '_, W> {
 
     /// Pixels wherever they lie, some of their channels: eight pixels at once where registers suffice.
     #[inline(always)]
-    fn scattered<S, A>(
-        &mut self,
-        lanes: S,
-        arithmetic: A,
-        pixels: Range<usize>,
-        channels: Range<usize>,
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
+    fn scattered(&mut self, pixels: Range<usize>, channels: Range<usize>) {
         let Range { mut start, end } = pixels;
         if S::REGISTER_COUNT >= 32 {
             while start + 8 <= end {
-                self.pixels::<S, A, 8>(lanes, arithmetic, start, channels.clone());
+                self.pixels::<8>(start, channels.clone());
                 start += 8;
             }
         }
         while start + 4 <= end {
-            self.pixels::<S, A, 4>(lanes, arithmetic, start, channels.clone());
+            self.pixels::<4>(start, channels.clone());
             start += 4;
         }
         for pixel in start..end {
-            self.pixels::<S, A, 1>(lanes, arithmetic, pixel, channels.clone());
+            self.pixels::<1>(pixel, channels.clone());
         }
     }
 
     /// `H` pixels: two vectors of channels at a time, one, and what is left.
     #[inline(always)]
-    fn pixels<S, A, const H: usize>(
-        &mut self,
-        lanes: S,
-        arithmetic: A,
-        first: usize,
-        channels: Range<usize>,
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
+    fn pixels<const H: usize>(&mut self, first: usize, channels: Range<usize>) {
         let Range {
             start: mut channel,
             end,
         } = channels;
         while channel + 2 * S::F32_LANES <= end {
-            self.tile::<S, A, H, 2, true>(lanes, arithmetic, first, channel..end);
+            self.tile::<H, 2, true>(first, channel..end);
             channel += 2 * S::F32_LANES;
         }
         if channel + S::F32_LANES <= end {
-            self.tile::<S, A, H, 1, true>(lanes, arithmetic, first, channel..end);
+            self.tile::<H, 1, true>(first, channel..end);
             channel += S::F32_LANES;
         }
         if channel < end {
-            self.tile::<S, A, H, 1, false>(lanes, arithmetic, first, channel..end);
+            self.tile::<H, 1, false>(first, channel..end);
         }
     }
 
     /// `NV` vectors of `H` pixels' channels, the first of some; `WHOLE` where there are as many.
     #[inline(always)]
-    fn tile<S, A, const H: usize, const NV: usize, const WHOLE: bool>(
+    fn tile<const H: usize, const NV: usize, const WHOLE: bool>(
         &mut self,
-        lanes: S,
-        arithmetic: A,
         first: usize,
         channels: Range<usize>,
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        let DepthwiseProduct {
-            source,
-            starts,
-            taps,
-            weights,
-            epilogue,
-            ..
-        } = *self.product;
+    ) {
+        let rows = self.rows;
+        let (lanes, arithmetic, weights) = (self.lanes, self.arithmetic, self.weights);
         let (channel, count) = (channels.start, channels.len().min(NV * S::F32_LANES));
         let (word, words) = (W::words(channel), W::words(count));
-        let starts: [usize; H] = std::array::from_fn(|i| starts[first + i] + word);
+        let starts: [usize; H] = std::array::from_fn(|i| rows.starts[first + i] + word);
         let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
-        for (&tap, row) in taps.iter().zip(weights.data.chunks_exact(weights.channels)) {
+        for (&tap, row) in rows
+            .taps
+            .iter()
+            .zip(weights.data.chunks_exact(weights.channels))
+        {
             let weights = vectors::<S, NV, WHOLE>(lanes, &row[channel..channel + count]);
             for i in 0..H {
                 let from = starts[i] + tap;
-                let x = read::<W, S, A, NV, WHOLE>(lanes, arithmetic, &source[from..from + words]);
+                let x = arithmetic.read::<NV, WHOLE>(lanes, &rows.source[from..from + words]);
                 for v in 0..NV {
                     sums[i][v] = lanes.fma(x[v], weights[v], sums[i][v]);
                 }
             }
         }
-        let columns = (channel, count);
-        let finish = Finish::new(lanes, epilogue, 0, columns);
         let pixels = std::array::from_fn(|i| first + i);
-        self.store::<S, A, H, NV, WHOLE>(lanes, arithmetic, pixels, columns, sums, finish);
+        self.store::<H, NV, WHOLE>(pixels, (channel, count), sums);
     }
 
     /// Ends the sums of so many channels, from one on, of `H` pixels, and stores them; `WHOLE` where they fill the
     /// vectors.
     #[inline(always)]
-    fn store<S, A, const H: usize, const NV: usize, const WHOLE: bool>(
+    fn store<const H: usize, const NV: usize, const WHOLE: bool>(
         &mut self,
-        lanes: S,
-        arithmetic: A,
         pixels: [usize; H],
         (channel, count): (usize, usize),
         sums: [[S::f32s; NV]; H],
-        finish: Finish<S, NV>,
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
+    ) {
+        let finish = Finish::new(self.lanes, self.rows.epilogue, 0, (channel, count));
         let (word, words) = (W::words(channel), W::words(count));
-        for (pixel, mut ended) in pixels.into_iter().zip(sums) {
-            let place = self.places[pixel] - self.origin + word;
+        for (pixel, sums) in pixels.into_iter().zip(sums) {
+            let place = self.rows.places[pixel] - self.rows.origin + word;
             let out = &mut self.target[place..place + words];
-            let stored = if finish.accumulate {
-                read::<W, S, A, NV, WHOLE>(lanes, arithmetic, out)
-            } else {
-                [lanes.splat_f32s(0.0); NV]
-            };
-            // A closure of as much is not inlined, and runs without the instructions.
-            for v in 0..NV {
-                ended[v] = finish.apply_to(lanes, arithmetic, v, ended[v], stored[v]);
-            }
-            if WHOLE {
-                arithmetic.store::<NV>(lanes, ended, out);
-            } else {
-                arithmetic.store_part::<NV>(lanes, ended, out);
-            }
+            finish.store::<A, WHOLE>(self.lanes, self.arithmetic, sums, out);
         }
     }
 }
@@ -465,24 +350,21 @@ impl<W: Real> WordKernel<W> for TapSums<'_, W> {
 impl<W: Real> TapSums<'_, W> {
     /// Adds the sums over some pixels of the channels from one on; `WHOLE` if they fill the vectors.
     #[inline(always)]
-    fn add<S, A, const NV: usize, const WHOLE: bool>(
+    fn add<S: Lanes, A: Arithmetic<S, Word = W>, const NV: usize, const WHOLE: bool>(
         &self,
         lanes: S,
         arithmetic: A,
         (starts, places): (&[usize], &[usize]),
         channel: usize,
         total: &mut [f32],
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
+    ) {
         let (word, words) = (W::words(channel), W::words(total.len()));
         let mut sums = [lanes.splat_f32s(0.0); NV];
         for (&start, &place) in starts.iter().zip(places) {
             let x = &self.source[start + word..][..words];
-            let x = read::<W, S, A, NV, WHOLE>(lanes, arithmetic, x);
+            let x = arithmetic.read::<NV, WHOLE>(lanes, x);
             let y = &self.gradient[place + word..][..words];
-            let y = read::<W, S, A, NV, WHOLE>(lanes, arithmetic, y);
+            let y = arithmetic.read::<NV, WHOLE>(lanes, y);
             for v in 0..NV {
                 sums[v] = lanes.fma(x[v], y[v], sums[v]);
             }

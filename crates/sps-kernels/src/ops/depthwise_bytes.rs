@@ -9,9 +9,10 @@ use std::ops::Range;
 use bytemuck::Zeroable;
 
 use super::buffer::Buffer;
-use super::product::{Columns, Epilogue, Finish};
+use super::product::{Columns, Finish};
+use super::rows::{RowWeights, Rows, Writer};
 use super::simd::{Lanes, Level, channel_of, load};
-use super::words::{Arithmetic, Word, WordKernel, lanes_of};
+use super::words::{Arithmetic, Word, lanes_of};
 
 /// Numbers of a word, and vectors that those of one vector are spread over.
 const QUAD: usize = 4;
@@ -63,64 +64,27 @@ impl<W: Word> QuadWeights<W> {
     }
 }
 
-/// A depth-wise convolution over a source that has its padding around it.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct QuadProduct<'a, W> {
-    pub(crate) source: &'a [W],
-    /// Where the window begins for each pixel.
-    pub(crate) starts: &'a [usize],
-    /// How far from there its pixels lie.
-    pub(crate) taps: &'a [usize],
-    /// Words from one pixel of the source to the next.
-    pub(crate) pitch: usize,
-    /// Pixels from one place of the window to the next in a row.
-    pub(crate) stride: usize,
-    pub(crate) weights: &'a QuadWeights<W>,
-    /// What happens to the sums; factors and shifts are those of frame 0.
-    pub(crate) epilogue: Epilogue<'a>,
-}
-
-impl<W: Word> QuadProduct<'_, W> {
-    /// Writes pixel `i` at `places[i] - origin` of the target.
-    pub(crate) fn write(&self, target: &mut [W], places: &[usize], origin: usize) {
-        let write = Write {
-            product: self,
-            target,
-            places,
-            origin,
-        };
-        W::run(self.weights.level, write);
-    }
-}
-
 /// As many vectors of weights stay in registers beside the sums.
 const HELD: usize = 12;
 
-struct Write<'a, 'b, W> {
-    product: &'a QuadProduct<'b, W>,
-    target: &'a mut [W],
-    places: &'a [usize],
-    origin: usize,
-}
-
-impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
-    type Output = ();
+impl<W: Word> RowWeights<W> for QuadWeights<W> {
+    fn level(&self) -> Level {
+        self.level
+    }
 
     #[inline(always)]
-    fn run<S: Lanes, A: Arithmetic<S, Word = W>>(mut self, lanes: S, arithmetic: A) {
-        let QuadProduct {
-            stride,
-            epilogue,
-            weights:
-                QuadWeights {
-                    channels,
-                    rows,
-                    columns,
-                    data,
-                    ..
-                },
+    fn write<S: Lanes, A: Arithmetic<S, Word = W>>(mut writer: Writer<'_, W, Self, S, A>) {
+        let lanes = writer.lanes;
+        let Rows {
+            stride, epilogue, ..
+        } = writer.rows;
+        let Self {
+            channels,
+            rows,
+            columns,
+            data,
             ..
-        } = *self.product;
+        } = writer.weights;
         let block_len = rows.div_ceil(QUAD) * columns * QUAD * S::F32_LANES;
         // No closure: one that is not inlined is compiled without the instructions.
         let mut blocks = Vec::with_capacity(data.len() / block_len);
@@ -136,14 +100,14 @@ impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
             });
         }
         match (rows, columns, stride) {
-            (3, 3, 1) => self.rows::<S, A, 3, 1>(lanes, arithmetic, &blocks),
-            (3, 3, 2) => self.rows::<S, A, 3, 2>(lanes, arithmetic, &blocks),
-            (5, 5, 1) => self.rows::<S, A, 5, 1>(lanes, arithmetic, &blocks),
-            (5, 5, 2) => self.rows::<S, A, 5, 2>(lanes, arithmetic, &blocks),
+            (3, 3, 1) => writer.by_windows::<3, 1>(&blocks),
+            (3, 3, 2) => writer.by_windows::<3, 2>(&blocks),
+            (5, 5, 1) => writer.by_windows::<5, 1>(&blocks),
+            (5, 5, 2) => writer.by_windows::<5, 2>(&blocks),
             _ => {
-                for pixel in 0..self.places.len() {
+                for pixel in 0..writer.rows.places.len() {
                     for block in &blocks {
-                        self.pixel::<S, A>(lanes, arithmetic, block, pixel);
+                        writer.pixel(block, pixel);
                     }
                 }
             }
@@ -161,36 +125,22 @@ struct Block<'a, S: Lanes> {
     finish: Finish<S, QUAD>,
 }
 
-impl<W: Word> Write<'_, '_, W> {
+impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, QuadWeights<W>, S, A> {
     /// All pixels, by windows of `K x K` that lie `STEP` pixels from each other in a row.
     #[inline(always)]
-    fn rows<S, A, const K: usize, const STEP: usize>(
-        &mut self,
-        lanes: S,
-        arithmetic: A,
-        blocks: &[Block<'_, S>],
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        let QuadProduct {
-            source,
-            starts,
-            taps,
-            pitch,
-            ..
-        } = *self.product;
-        let beside = |pair: &&[usize]| pair[1] == pair[0] + STEP * pitch;
+    fn by_windows<const K: usize, const STEP: usize>(&mut self, blocks: &[Block<'_, S>]) {
+        let rows = self.rows;
+        let beside = |pair: &&[usize]| pair[1] == pair[0] + STEP * rows.pitch;
         let mut first = 0;
-        while first < starts.len() {
-            let end = first + 1 + starts[first..].windows(2).take_while(beside).count();
-            let last = starts[end - 1] + taps[taps.len() - 1];
+        while first < rows.starts.len() {
+            let end = first + 1 + rows.starts[first..].windows(2).take_while(beside).count();
+            let last = rows.starts[end - 1] + rows.taps[rows.taps.len() - 1];
             for block in blocks {
                 // What a vector reads beyond the channels is not stored.
-                if last + block.word + S::F32_LANES <= source.len() {
-                    self.row::<S, A, K, STEP, true>(lanes, arithmetic, block, first..end);
+                if last + block.word + S::F32_LANES <= rows.source.len() {
+                    self.row::<K, STEP, true>(block, first..end);
                 } else {
-                    self.row::<S, A, K, STEP, false>(lanes, arithmetic, block, first..end);
+                    self.row::<K, STEP, false>(block, first..end);
                 }
             }
             first = end;
@@ -200,30 +150,20 @@ impl<W: Word> Write<'_, '_, W> {
     /// Pixels whose windows lie side by side, column by column: each is read once, and joins the sums of the windows
     /// that it is under. `WHOLE` if all of a vector can be read everywhere.
     #[inline(always)]
-    fn row<S, A, const K: usize, const STEP: usize, const WHOLE: bool>(
+    fn row<const K: usize, const STEP: usize, const WHOLE: bool>(
         &mut self,
-        lanes: S,
-        arithmetic: A,
         block: &Block<'_, S>,
         pixels: Range<usize>,
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        let QuadProduct {
-            source,
-            starts,
-            taps,
-            pitch,
-            ..
-        } = *self.product;
-        let from = starts[pixels.start] + block.word;
+    ) {
+        let (lanes, arithmetic) = (self.lanes, self.arithmetic);
+        let rows = self.rows;
+        let from = rows.starts[pixels.start] + block.word;
         let count = pixels.len();
         let words = if WHOLE { S::F32_LANES } else { block.words };
         let columns = (count - 1) * STEP + K;
-        let rows: [&[f32]; K] = std::array::from_fn(|row| {
-            let row = &source[from + taps[row * K]..];
-            lanes_of(&row[..(columns - 1) * pitch + words])
+        let lines: [&[f32]; K] = std::array::from_fn(|row| {
+            let row = &rows.source[from + rows.taps[row * K]..];
+            lanes_of(&row[..(columns - 1) * rows.pitch + words])
         });
         let (weights, _) = block.weights.as_chunks::<K>();
         let weights = &weights[..const { K.div_ceil(QUAD) }];
@@ -245,8 +185,7 @@ impl<W: Word> Write<'_, '_, W> {
                     for i in 0..QUAD {
                         // Beyond the last row stands nothing.
                         if group * QUAD + i < K {
-                            let row =
-                                &rows[group * QUAD + i][column * pitch..column * pitch + words];
+                            let row = &lines[group * QUAD + i][column * rows.pitch..][..words];
                             x[i] = if WHOLE {
                                 S::as_simd_f32s(row).0[0]
                             } else {
@@ -272,7 +211,7 @@ impl<W: Word> Write<'_, '_, W> {
             }
             if step + 1 >= open {
                 let pixel = pixels.start + step + 1 - open;
-                self.store::<S, A>(lanes, arithmetic, block, pixel, sums[open - 1]);
+                self.store(block, pixel, sums[open - 1]);
             }
             for window in (1..open).rev() {
                 sums[window] = sums[window - 1];
@@ -283,29 +222,21 @@ impl<W: Word> Write<'_, '_, W> {
 
     /// One pixel, by any window.
     #[inline(always)]
-    fn pixel<S, A>(&mut self, lanes: S, arithmetic: A, block: &Block<'_, S>, pixel: usize)
-    where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        let QuadProduct {
-            source,
-            taps,
-            starts,
-            weights,
-            ..
-        } = *self.product;
-        let from = starts[pixel] + block.word;
-        let columns = weights.columns;
+    fn pixel(&mut self, block: &Block<'_, S>, pixel: usize) {
+        let (lanes, arithmetic) = (self.lanes, self.arithmetic);
+        let columns = self.weights.columns;
+        let rows = self.rows;
+        let from = rows.starts[pixel] + block.word;
         let mut sums = [lanes.splat_f32s(0.0); QUAD];
-        let groups = taps
+        let groups = rows
+            .taps
             .chunks(QUAD * columns)
             .zip(block.weights.chunks_exact(columns));
         for (taps, weights) in groups {
             for (column, weights) in weights.iter().enumerate() {
                 let mut x = [lanes.splat_f32s(0.0); QUAD];
                 for (x, tap) in x.iter_mut().zip(taps[column..].iter().step_by(columns)) {
-                    *x = load(lanes, lanes_of(&source[from + tap..][..block.words]));
+                    *x = load(lanes, lanes_of(&rows.source[from + tap..][..block.words]));
                 }
                 let x = lanes.interleave(x);
                 for v in 0..QUAD {
@@ -313,23 +244,14 @@ impl<W: Word> Write<'_, '_, W> {
                 }
             }
         }
-        self.store::<S, A>(lanes, arithmetic, block, pixel, sums);
+        self.store(block, pixel, sums);
     }
 
     /// Ends a pixel's sums and stores them.
     #[inline(always)]
-    fn store<S, A>(
-        &mut self,
-        lanes: S,
-        arithmetic: A,
-        block: &Block<'_, S>,
-        pixel: usize,
-        sums: [S::f32s; QUAD],
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        let place = self.places[pixel] - self.origin + block.word;
+    fn store(&mut self, block: &Block<'_, S>, pixel: usize, sums: [S::f32s; QUAD]) {
+        let lanes = self.lanes;
+        let place = self.rows.places[pixel] - self.rows.origin + block.word;
         let out: &mut [f32] = bytemuck::cast_slice_mut(&mut self.target[place..][..block.words]);
         let mut stored = [lanes.splat_f32s(0.0); QUAD];
         if block.finish.accumulate {
@@ -340,7 +262,8 @@ impl<W: Word> Write<'_, '_, W> {
         for v in 0..QUAD {
             let sum = lanes.of_integers(ended[v]);
             let stored = lanes.of_integers(stored[v]);
-            ended[v] = block.finish.apply_to(lanes, arithmetic, v, sum, stored);
+            let finish = block.finish;
+            ended[v] = finish.apply_some::<A, 2>(lanes, self.arithmetic, v, sum, stored);
         }
         let ended = lanes.join(ended);
         match S::as_mut_simd_f32s(out).0 {
@@ -361,7 +284,7 @@ fn spread<S: Lanes>(
 ) -> [S::f32s; QUAD] {
     let mut vectors = [lanes.splat_f32s(default); QUAD];
     let Some(of) = of else { return vectors };
-    let numbers = &of.get(0, 0)[channel..channels];
+    let numbers = &of.values[channel..channels];
     let places: &mut [f32] = bytemuck::cast_slice_mut(&mut vectors);
     for (i, place) in places.iter_mut().enumerate() {
         if let Some(number) = numbers.get(channel_of(i / S::F32_LANES, i % S::F32_LANES)) {

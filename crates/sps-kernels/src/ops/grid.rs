@@ -195,7 +195,6 @@ impl Grid {
         self
     }
 
-    /// Without its border.
     pub(crate) const fn bare(mut self) -> Self {
         self.before = [0; 3];
         self.after = [0; 3];
@@ -221,7 +220,6 @@ impl Grid {
         (0..3).map(|axis| self.extent(axis)).product::<usize>() * self.pitch
     }
 
-    /// Words of all frames.
     pub(crate) fn len(&self) -> usize {
         self.frames * self.frame_len()
     }
@@ -233,7 +231,6 @@ impl Grid {
         frame * self.frame_len() + row * self.pitch
     }
 
-    /// Rows of all frames.
     pub(crate) fn rows(&self) -> Range<usize> {
         0..self.frames * self.size[0] * self.size[1]
     }
@@ -251,16 +248,6 @@ impl Grid {
     /// Where a window begins at each of its places.
     pub(crate) fn starts(&self, window: &Window, output: Size) -> Vec<usize> {
         let rows = 0..self.frames * output[0] * output[1];
-        self.starts_of(rows, window, output)
-    }
-
-    /// The same of some rows of places, counted over all frames.
-    pub(super) fn starts_of(
-        &self,
-        rows: Range<usize>,
-        window: &Window,
-        output: Size,
-    ) -> Vec<usize> {
         let from = [0, 1, 2].map(|axis| self.before[axis] - window.before[axis]);
         self.steps(rows, from, output, window.stride)
     }

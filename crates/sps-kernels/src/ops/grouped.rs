@@ -7,7 +7,8 @@
 use rayon::prelude::*;
 
 use super::buffer::Buffer;
-use super::product::{Epilogue, Finish};
+use super::product::Finish;
+use super::rows::{RowWeights, Writer};
 use super::simd::{Lanes, Level};
 use super::words::{Arithmetic, Real, Word, WordKernel, lanes_of};
 
@@ -58,113 +59,62 @@ impl<W: Word> GroupWeights<W> {
     }
 }
 
-/// A grouped convolution over a source that has its padding around it.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct GroupedProduct<'a, W = f32> {
-    pub(crate) source: &'a [W],
-    /// Where the window begins for each pixel.
-    pub(crate) starts: &'a [usize],
-    /// How far from there its pixels lie.
-    pub(crate) taps: &'a [usize],
-    pub(crate) weights: &'a GroupWeights<W>,
-    /// What happens to the sums; factors and shifts are those of frame 0.
-    pub(crate) epilogue: Epilogue<'a>,
-}
-
-impl<W: Word> GroupedProduct<'_, W> {
-    /// Writes pixel `i` at `places[i] - origin` of the target.
-    pub(crate) fn write(&self, target: &mut [W], places: &[usize], origin: usize) {
-        debug_assert_eq!(self.taps.len(), self.weights.taps);
-        let write = Write {
-            product: self,
-            target,
-            places,
-            origin,
-        };
-        W::run(self.weights.level, write);
+impl<W: Word> RowWeights<W> for GroupWeights<W> {
+    fn level(&self) -> Level {
+        self.level
     }
-}
-
-struct Write<'a, 'b, W> {
-    product: &'a GroupedProduct<'b, W>,
-    target: &'a mut [W],
-    places: &'a [usize],
-    origin: usize,
-}
-
-impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
-    type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes, A: Arithmetic<S, Word = W>>(mut self, lanes: S, arithmetic: A) {
-        match (W::NUMBERS, self.product.weights.group) {
-            (1, 4) => self.tiles::<S, A, 4, 1, 12>(lanes, arithmetic),
-            (1, _) => self.tiles::<S, A, 8, 1, 12>(lanes, arithmetic),
-            (2, 4) => self.tiles::<S, A, 4, 2, 6>(lanes, arithmetic),
-            (2, _) => self.tiles::<S, A, 8, 2, 6>(lanes, arithmetic),
-            (_, 4) => self.tiles::<S, A, 4, 4, 4>(lanes, arithmetic),
-            _ => self.tiles::<S, A, 8, 4, 4>(lanes, arithmetic),
+    fn write<S: Lanes, A: Arithmetic<S, Word = W>>(mut writer: Writer<'_, W, Self, S, A>) {
+        debug_assert_eq!(writer.rows.taps.len(), writer.weights.taps);
+        match (W::NUMBERS, writer.weights.group) {
+            (1, 4) => writer.tiles::<4, 1, 12>(),
+            (1, _) => writer.tiles::<8, 1, 12>(),
+            (2, 4) => writer.tiles::<4, 2, 6>(),
+            (2, _) => writer.tiles::<8, 2, 6>(),
+            (_, 4) => writer.tiles::<4, 4, 4>(),
+            _ => writer.tiles::<8, 4, 4>(),
         }
     }
 }
 
-impl<W: Word> Write<'_, '_, W> {
+impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, GroupWeights<W>, S, A> {
     /// All pixels, `TALLEST` at once where there are registers for it.
     #[inline(always)]
-    fn tiles<S, A, const G: usize, const NV: usize, const TALLEST: usize>(
-        &mut self,
-        lanes: S,
-        arithmetic: A,
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        let count = self.places.len();
+    fn tiles<const G: usize, const NV: usize, const TALLEST: usize>(&mut self) {
+        let count = self.rows.places.len();
         let mut first = 0;
         if S::REGISTER_COUNT >= 32 {
             while first + TALLEST <= count {
-                self.tile::<S, A, G, NV, TALLEST>(lanes, arithmetic, first);
+                self.tile::<G, NV, TALLEST>(first);
                 first += TALLEST;
             }
         }
         while first + 4 <= count {
-            self.tile::<S, A, G, NV, 4>(lanes, arithmetic, first);
+            self.tile::<G, NV, 4>(first);
             first += 4;
         }
         for first in first..count {
-            self.tile::<S, A, G, NV, 1>(lanes, arithmetic, first);
+            self.tile::<G, NV, 1>(first);
         }
     }
 
     /// `H` pixels, all channels; a vector of words makes `NV` of channels.
     #[inline(always)]
-    fn tile<S, A, const G: usize, const NV: usize, const H: usize>(
-        &mut self,
-        lanes: S,
-        arithmetic: A,
-        first: usize,
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        let GroupedProduct {
-            source,
-            starts,
-            taps,
-            weights,
-            epilogue,
-        } = *self.product;
-        let starts: [usize; H] = std::array::from_fn(|i| starts[first + i]);
-        let places: [usize; H] = std::array::from_fn(|i| self.places[first + i] - self.origin);
-        let (all, _) = S::as_simd_f32s(lanes_of(&weights.data));
+    fn tile<const G: usize, const NV: usize, const H: usize>(&mut self, first: usize) {
+        let rows = self.rows;
+        let (lanes, arithmetic) = (self.lanes, self.arithmetic);
+        let starts: [usize; H] = std::array::from_fn(|i| rows.starts[first + i]);
+        let places: [usize; H] = std::array::from_fn(|i| rows.places[first + i] - rows.origin);
+        let (all, _) = S::as_simd_f32s(lanes_of(&self.weights.data));
         let (all, _) = all.as_chunks::<G>();
-        for (block, weights) in all.chunks_exact(taps.len()).enumerate() {
+        for (block, weights) in all.chunks_exact(rows.taps.len()).enumerate() {
             let word = block * S::F32_LANES;
             let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
-            for (&tap, weights) in taps.iter().zip(weights) {
+            for (&tap, weights) in rows.taps.iter().zip(weights) {
                 let x: [S::f32s; H] = std::array::from_fn(|i| {
                     let from = starts[i] + tap + word;
-                    vector(lanes, &source[from..from + S::F32_LANES])
+                    vector(lanes, &rows.source[from..from + S::F32_LANES])
                 });
                 for (g, &weight) in weights.iter().enumerate() {
                     let (index, v) = (g / NV, g % NV);
@@ -175,22 +125,11 @@ impl<W: Word> Write<'_, '_, W> {
                 }
             }
             let columns = (block * NV * S::F32_LANES, NV * S::F32_LANES);
-            let finish = Finish::<S, NV>::new(lanes, epilogue, 0, columns);
+            let finish = Finish::<S, NV>::new(lanes, rows.epilogue, 0, columns);
             for i in 0..H {
                 let from = places[i] + word;
                 let out = &mut self.target[from..from + S::F32_LANES];
-                let stored: [S::f32s; NV] = if finish.accumulate {
-                    arithmetic.load(lanes, out)
-                } else {
-                    [lanes.splat_f32s(0.0); NV]
-                };
-                // A closure of as much is not inlined, and runs without the instructions.
-                let mut ended = sums[i];
-                for v in 0..NV {
-                    let sum = arithmetic.numbers(lanes, ended[v]);
-                    ended[v] = finish.apply_to(lanes, arithmetic, v, sum, stored[v]);
-                }
-                arithmetic.store::<NV>(lanes, ended, out);
+                finish.store::<A, true>(lanes, arithmetic, sums[i], out);
             }
         }
     }
@@ -304,16 +243,13 @@ impl<W: Real> WordKernel<W> for WriteOuter<'_, '_, W> {
 impl<W: Real> WriteOuter<'_, '_, W> {
     /// The part of taps `first..first + T`.
     #[inline(always)]
-    fn taps<S, A, const G: usize, const T: usize>(
+    fn taps<S: Lanes, A: Arithmetic<S, Word = W>, const G: usize, const T: usize>(
         &mut self,
         lanes: S,
         arithmetic: A,
         first: usize,
         taps: [usize; T],
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
+    ) {
         let words = W::words(S::F32_LANES);
         let pixels = self.starts.chunks(PIXELS).zip(self.places.chunks(PIXELS));
         for (starts, places) in pixels {

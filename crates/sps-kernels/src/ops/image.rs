@@ -8,11 +8,10 @@ use std::ops::Range;
 
 use bytemuck::Zeroable;
 
-use super::bands::{Threads, for_each_band};
 use super::conv::ConvShape;
 use super::grid::{Grid, Window};
 use super::panels::Panels;
-use super::product::{Epilogue, Product};
+use super::phases::{Lattice, Packed, Reach};
 use super::simd::Level;
 use super::words::Word;
 
@@ -45,12 +44,6 @@ pub(super) struct Phase {
     pub(super) offset: usize,
 }
 
-/// Where the runs of a phase begin, and its pixels of the output.
-pub(super) struct Reach {
-    pub(super) starts: Vec<usize>,
-    pub(super) places: Vec<usize>,
-}
-
 impl Phase {
     /// All phases of a window.
     pub(super) fn all<W: Word>(window: &Window) -> impl Iterator<Item = Self> {
@@ -71,8 +64,19 @@ impl Phase {
         W::words(self.offset + PIXEL * window.size[2])
     }
 
-    /// Of some rows of the output, counted over all frames, and images with as much padding along theirs as the
-    /// window wants.
+    /// Of images with as much padding along their rows as the window wants, as rows of words.
+    pub(super) fn lattice(&self, window: &Window, images: &Grid) -> Lattice {
+        debug_assert_eq!(images.before[2], window.before[2]);
+        let [before, above] = [0, 1].map(|axis| images.before[axis] - window.before[axis]);
+        Lattice {
+            first: [0, 0, self.first],
+            step: [1, 1, self.step],
+            start: [before, above, self.word],
+            stride: [window.stride[0], window.stride[1], self.words],
+        }
+    }
+
+    /// Where the runs of some rows of the output, counted over all frames, begin, and their pixels.
     pub(super) fn reach<W: Word>(
         &self,
         window: &Window,
@@ -80,23 +84,8 @@ impl Phase {
         to: &Grid,
         rows: Range<usize>,
     ) -> Reach {
-        debug_assert_eq!(images.before[2], window.before[2]);
-        let [time, height, width] = to.size;
-        let count = width.saturating_sub(self.first).div_ceil(self.step);
-        let count = [time, height, count];
-        let [before, above] = [0, 1].map(|axis| images.before[axis] - window.before[axis]);
-        let stride = [window.stride[0], window.stride[1], self.words];
-        let [earlier, under, beside] = to.before;
         let memory = rows_of_words::<W>(images);
-        Reach {
-            starts: memory.steps(rows.clone(), [before, above, self.word], count, stride),
-            places: to.steps(
-                rows,
-                [earlier, under, beside + self.first],
-                count,
-                [1, 1, self.step],
-            ),
-        }
+        self.lattice(window, images).reach(rows, &memory, to)
     }
 }
 
@@ -106,62 +95,28 @@ pub(super) fn taps<W: Word>(window: &Window, images: &Grid) -> Vec<usize> {
     rows_of_words::<W>(images).taps([time, height, 1])
 }
 
-/// The weights of a convolution of images, laid out for each phase.
-#[derive(Debug, Clone)]
-pub(super) struct ImagePanels<W>(Vec<(Phase, Panels<W>)>);
-
-impl<W: Word> ImagePanels<W> {
-    /// Packs weights `(outputs, 3, time, height, width)`.
-    pub(super) fn pack(level: Level, shape: &ConvShape, weights: &[f32]) -> Self {
-        let words = W::of_weights(level, weights);
-        let numbers = W::each(&words);
-        let [time, height, width] = shape.window.size;
-        let panels = |phase: Phase| {
-            let runs = [time * height, phase.run::<W>(&shape.window)];
-            Panels::pack(level, runs, shape.outputs, |run, word, output| {
-                W::gathered(|i| {
-                    let number = (W::NUMBERS * word + i).wrapping_sub(phase.offset);
-                    let (pixel, channel) = (number / PIXEL, number % PIXEL);
-                    if pixel >= width {
-                        return W::Number::zeroed();
-                    }
-                    numbers[((output * PIXEL + channel) * runs[0] + run) * width + pixel]
-                })
+/// Packs the weights of a convolution of images, `(outputs, 3, time, height, width)`, for each phase.
+pub(super) fn pack<W: Word>(
+    level: Level,
+    shape: &ConvShape,
+    weights: &[f32],
+) -> Vec<(Phase, Packed<W>)> {
+    let words = W::of_weights(level, weights);
+    let numbers = W::each(&words);
+    let [time, height, width] = shape.window.size;
+    let panels = |phase: Phase| {
+        let runs = [time * height, phase.run::<W>(&shape.window)];
+        let panels = Panels::pack(level, runs, shape.outputs, |run, word, output| {
+            W::gathered(|i| {
+                let number = (W::NUMBERS * word + i).wrapping_sub(phase.offset);
+                let (pixel, channel) = (number / PIXEL, number % PIXEL);
+                if pixel >= width {
+                    return W::Number::zeroed();
+                }
+                numbers[((output * PIXEL + channel) * runs[0] + run) * width + pixel]
             })
-        };
-        Self(
-            Phase::all::<W>(&shape.window)
-                .map(|phase| (phase, panels(phase)))
-                .collect(),
-        )
-    }
-
-    /// Convolves images into `target`.
-    pub(super) fn apply(
-        &self,
-        window: &Window,
-        threads: Threads,
-        (source, images): (&[W], &Grid),
-        (target, to): (&mut [W], &Grid),
-        epilogue: Epilogue<'_>,
-    ) {
-        let taps = taps::<W>(window, images);
-        for_each_band(threads, to, target, |band| {
-            let rows = band.rows(to);
-            for (phase, panels) in &self.0 {
-                let reach = phase.reach::<W>(window, images, to, rows.clone());
-                let product = Product {
-                    source,
-                    rows: &reach.starts,
-                    frame_rows: reach.places.len() / band.frames.len().max(1),
-                    taps: &taps,
-                    run: panels.k() / taps.len(),
-                    lower: None,
-                    panels: panels.all(),
-                    epilogue: epilogue.from(band.frames.start, 0),
-                };
-                product.write(band.target, &reach.places, band.origin);
-            }
         });
-    }
+        (phase, Packed::Matrices(vec![panels]))
+    };
+    Phase::all::<W>(&shape.window).map(panels).collect()
 }

@@ -26,9 +26,11 @@ mod native;
 pub(crate) mod outer;
 mod outer_tiles;
 pub(crate) mod panels;
+mod phases;
+pub(crate) mod pointwise;
 pub(crate) mod pool;
 pub(crate) mod product;
-pub(crate) mod residual;
+mod rows;
 pub mod simd;
 pub(crate) mod split;
 pub(crate) mod statistics;
@@ -37,4 +39,4 @@ mod winograd;
 pub(crate) mod words;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

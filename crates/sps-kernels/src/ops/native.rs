@@ -38,9 +38,9 @@ macro_rules! native {
         use std::arch::x86_64::*;
 
         use pulp::x86::V4;
-        use pulp::{Simd, f32x16};
+        use pulp::{Simd, cast, f32x16};
 
-        use crate::ops::simd::{Lanes, NullaryFnOnce};
+        use crate::ops::simd::NullaryFnOnce;
         use crate::ops::words::{Arithmetic, WordKernel};
 
         /// A processor with AVX-512 and the instructions of this module.
@@ -88,6 +88,20 @@ macro_rules! native {
     };
 }
 
+/// What [`Arithmetic`](super::words::Arithmetic) says of every `Native`.
+#[cfg(target_arch = "x86_64")]
+macro_rules! beside_tiles {
+    () => {
+        const BESIDE_TILES: bool = true;
+
+        #[inline(always)]
+        fn apart<F: NullaryFnOnce>(self, _: V4, work: F) -> F::Output {
+            // SAFETY: `self` says that the processor has the instructions, and `V4` the rest.
+            unsafe { with_instructions(work) }
+        }
+    };
+}
+
 #[cfg(target_arch = "x86_64")]
 pub(super) mod bf16 {
     //! AVX512-BF16.
@@ -100,13 +114,6 @@ pub(super) mod bf16 {
         Bf16Pair
     );
 
-    /// The same 16 numbers.
-    #[inline(always)]
-    fn vector(x: f32x16) -> __m512 {
-        // SAFETY: both are 16 numbers of f32.
-        unsafe { std::mem::transmute::<f32x16, __m512>(x) }
-    }
-
     /// The same bits as 32 numbers of bf16.
     #[inline(always)]
     fn pairs(x: f32x16) -> __m512bh {
@@ -117,27 +124,12 @@ pub(super) mod bf16 {
     impl Arithmetic<V4> for Native {
         type Word = Bf16Pair;
 
-        const BESIDE_TILES: bool = true;
-
-        #[inline(always)]
-        fn apart<F: NullaryFnOnce>(self, _: V4, work: F) -> F::Output {
-            // SAFETY: `self` says that the processor has AVX512-BF16, and `V4` the rest.
-            unsafe { with_instructions(work) }
-        }
+        beside_tiles!();
 
         #[inline(always)]
         fn multiply_add(self, _: V4, x: f32x16, y: f32x16, sum: f32x16) -> f32x16 {
-            // SAFETY: `self` says that the processor has AVX512-BF16; `f32x16` and `__m512` are both
-            // 16 numbers of f32.
-            unsafe {
-                let sum = _mm512_dpbf16_ps(vector(sum), pairs(x), pairs(y));
-                std::mem::transmute::<__m512, f32x16>(sum)
-            }
-        }
-
-        #[inline(always)]
-        fn spread<const G: usize>(self, lanes: V4, x: f32x16, v: usize, index: usize) -> f32x16 {
-            lanes.spread_words::<G, 2>(x, v, index)
+            // SAFETY: `self` says that the processor has AVX512-BF16.
+            cast(unsafe { _mm512_dpbf16_ps(cast(sum), pairs(x), pairs(y)) })
         }
 
         #[inline(always)]
@@ -147,12 +139,9 @@ pub(super) mod bf16 {
             // No closure: one that is not inlined is compiled without the instructions. Over a number of
             // vectors that is known, or they would pass through memory.
             for (numbers, words) in all.iter_mut().zip(&from[..NV]) {
-                // SAFETY: `V4` stands for AVX-512F, and the types are the same bits.
-                unsafe {
-                    let words = std::mem::transmute::<[Bf16Pair; 8], __m256i>(*words);
-                    let wide = _mm512_slli_epi32::<16>(_mm512_cvtepu16_epi32(words));
-                    *numbers = std::mem::transmute::<__m512i, f32x16>(wide);
-                }
+                // SAFETY: `V4` stands for AVX-512F.
+                *numbers =
+                    cast(unsafe { _mm512_slli_epi32::<16>(_mm512_cvtepu16_epi32(cast(*words))) });
             }
             all
         }
@@ -160,12 +149,12 @@ pub(super) mod bf16 {
         #[inline(always)]
         fn store<const NV: usize>(self, _: V4, values: [f32x16; NV], to: &mut [Bf16Pair]) {
             for (values, to) in values.chunks(2).zip(to.chunks_mut(16)) {
-                let first = vector(values[0]);
+                let first = cast(values[0]);
                 // SAFETY: `self` says that the processor has AVX512-BF16, and the types are the same
                 // bits.
                 unsafe {
                     if let ([_, second], Some(to)) = (values, to.first_chunk_mut::<16>()) {
-                        let words = _mm512_cvtne2ps_pbh(vector(*second), first);
+                        let words = _mm512_cvtne2ps_pbh(cast(*second), first);
                         *to = std::mem::transmute::<__m512bh, [Bf16Pair; 16]>(words);
                     } else if let Some(to) = to.first_chunk_mut::<8>() {
                         let words = _mm512_cvtneps_pbh(first);
@@ -189,42 +178,17 @@ pub(super) mod vnni {
         Bytes
     );
 
-    /// The same bits.
-    #[inline(always)]
-    fn bits(x: f32x16) -> __m512i {
-        // SAFETY: both are 512 bits of which every pattern is a value.
-        unsafe { std::mem::transmute::<f32x16, __m512i>(x) }
-    }
-
     impl Arithmetic<V4> for Native {
         type Word = Bytes;
 
-        const BESIDE_TILES: bool = true;
         const CUTS: bool = true;
 
-        #[inline(always)]
-        fn apart<F: NullaryFnOnce>(self, _: V4, work: F) -> F::Output {
-            // SAFETY: `self` says that the processor has AVX512-VNNI, and `V4` the rest.
-            unsafe { with_instructions(work) }
-        }
+        beside_tiles!();
 
         #[inline(always)]
         fn multiply_add(self, _: V4, x: f32x16, y: f32x16, sum: f32x16) -> f32x16 {
-            // SAFETY: `self` says that the processor has AVX512-VNNI; the types are the same bits.
-            unsafe {
-                let sum = _mm512_dpbusd_epi32(bits(sum), bits(x), bits(y));
-                std::mem::transmute::<__m512i, f32x16>(sum)
-            }
-        }
-
-        #[inline(always)]
-        fn numbers(self, lanes: V4, sum: f32x16) -> f32x16 {
-            lanes.of_integers(sum)
-        }
-
-        #[inline(always)]
-        fn spread<const G: usize>(self, lanes: V4, x: f32x16, v: usize, index: usize) -> f32x16 {
-            lanes.spread_words::<G, 4>(x, v, index)
+            // SAFETY: `self` says that the processor has AVX512-VNNI.
+            cast(unsafe { _mm512_dpbusd_epi32(cast(sum), cast(x), cast(y)) })
         }
 
         #[inline(always)]
@@ -234,12 +198,8 @@ pub(super) mod vnni {
             // No closure: one that is not inlined is compiled without the instructions. Over a number of
             // vectors that is known, or they would pass through memory.
             for (numbers, words) in all.iter_mut().zip(&from[..NV]) {
-                // SAFETY: `V4` stands for AVX-512F, and the types are the same bits.
-                unsafe {
-                    let words = std::mem::transmute::<[Bytes; 4], __m128i>(*words);
-                    let wide = _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(words));
-                    *numbers = std::mem::transmute::<__m512, f32x16>(wide);
-                }
+                // SAFETY: `V4` stands for AVX-512F.
+                *numbers = cast(unsafe { _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(cast(*words))) });
             }
             all
         }
@@ -260,29 +220,25 @@ pub(super) mod vnni {
         #[inline(always)]
         fn store<const NV: usize>(self, _: V4, values: [f32x16; NV], to: &mut [Bytes]) {
             if let (&[first, second], Some(to)) = (&values[..], to.first_chunk_mut::<8>()) {
-                // SAFETY: `V4` stands for AVX-512BW, and the types are the same bits.
-                *to = unsafe {
-                    let first = _mm512_cvtps_epi32(std::mem::transmute::<f32x16, __m512>(first));
-                    let second = _mm512_cvtps_epi32(std::mem::transmute::<f32x16, __m512>(second));
-                    let halves = _mm512_packs_epi32(first, second);
+                // SAFETY: `V4` stands for AVX-512BW.
+                *to = cast(unsafe {
+                    let (first, second) = (cast(first), cast(second));
+                    let halves =
+                        _mm512_packs_epi32(_mm512_cvtps_epi32(first), _mm512_cvtps_epi32(second));
                     let bytes = _mm512_packus_epi16(halves, halves);
                     // Both instructions keep to lanes of four words.
                     let order = _mm512_castsi256_si512(_mm256_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13));
-                    let words = _mm512_castsi512_si256(_mm512_permutexvar_epi32(order, bytes));
-                    std::mem::transmute::<__m256i, [Bytes; 8]>(words)
-                };
+                    _mm512_castsi512_si256(_mm512_permutexvar_epi32(order, bytes))
+                });
                 return;
             }
             let (to, _) = to.as_chunks_mut::<4>();
             for (values, to) in values.into_iter().zip(&mut to[..NV]) {
-                // SAFETY: `V4` stands for AVX-512F, and the types are the same bits.
-                *to = unsafe {
-                    let values = std::mem::transmute::<f32x16, __m512>(values);
-                    let whole =
-                        _mm512_max_epi32(_mm512_cvtps_epi32(values), _mm512_setzero_si512());
-                    let words = _mm512_cvtusepi32_epi8(whole);
-                    std::mem::transmute::<__m128i, [Bytes; 4]>(words)
-                };
+                // SAFETY: `V4` stands for AVX-512F.
+                *to = cast(unsafe {
+                    let whole = _mm512_cvtps_epi32(cast(values));
+                    _mm512_cvtusepi32_epi8(_mm512_max_epi32(whole, _mm512_setzero_si512()))
+                });
             }
         }
     }

@@ -111,14 +111,12 @@ impl<W: Real> Outer<'_, W> {
     /// Adds the sum, `(height, width)`, to rows of `target` that lie `stride` apart, each number where
     /// [`Real::place`] says.
     pub(crate) fn add(&self, level: Level, target: &mut [f32], stride: usize) {
-        W::run(
-            level,
-            Add {
-                outer: self,
-                target,
-                stride,
-            },
-        );
+        let add = Add {
+            outer: self,
+            target,
+            stride,
+        };
+        W::run(level, add);
     }
 }
 
@@ -157,7 +155,7 @@ impl<W: Real> WordKernel<W> for Add<'_, '_, W> {
 /// Rows from the first number, as many columns as the third says from the second.
 type Corner = (usize, usize, usize);
 
-/// A tile of `H` rows and `NV` vectors to be added.
+/// A tile of `H` rows and `NV` vectors to be added; `WHOLE` if its columns fill them.
 struct SizedTile<'a, 'b, 'c, S, A, W, const H: usize, const NV: usize, const WHOLE: bool> {
     add: &'a mut Add<'b, 'c, W>,
     lanes: S,
@@ -176,55 +174,17 @@ where
 
     #[inline(always)]
     fn call(self) {
-        self.add
-            .tile::<S, A, H, NV, WHOLE>(self.lanes, self.arithmetic, self.tile);
-    }
-}
-
-impl<W: Real> Add<'_, '_, W> {
-    #[inline(always)]
-    fn apart<S, A, const H: usize, const NV: usize, const WHOLE: bool>(
-        &mut self,
-        lanes: S,
-        arithmetic: A,
-        tile: Corner,
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        arithmetic.apart(
-            lanes,
-            SizedTile::<S, A, W, H, NV, WHOLE> {
-                add: self,
-                lanes,
-                arithmetic,
-                tile,
-            },
-        );
-    }
-
-    /// Rows from `row`, `columns` columns from `column`; `WHOLE` if they fill the vectors.
-    #[inline(always)]
-    fn tile<S, A, const H: usize, const NV: usize, const WHOLE: bool>(
-        &mut self,
-        lanes: S,
-        arithmetic: A,
-        (row, column, columns): Corner,
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        let Outer {
-            left,
-            left_rows,
-            right,
-            right_rows,
-            ..
-        } = *self.outer;
-        let right = &right[W::words(column)..];
+        let (add, lanes, arithmetic) = (self.add, self.lanes, self.arithmetic);
+        let (row, column, columns) = self.tile;
+        let outer = *add.outer;
+        let right = &outer.right[W::words(column)..];
         let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
-        for (&l, r) in left_rows.iter().zip(right_rows.chunks(W::NUMBERS)) {
-            let x = &lanes_of(&left[l + row..])[..H];
+        for (&l, r) in outer
+            .left_rows
+            .iter()
+            .zip(outer.right_rows.chunks(W::NUMBERS))
+        {
+            let x = &lanes_of(&outer.left[l + row..])[..H];
             let y = W::columns::<S, NV, WHOLE>(lanes, right, r, columns);
             for i in 0..H {
                 let x = lanes.splat_f32s(x[i]);
@@ -236,8 +196,8 @@ impl<W: Real> Add<'_, '_, W> {
         let whole = const { WHOLE || W::NUMBERS > 1 };
         let kept = if whole { NV * S::F32_LANES } else { columns };
         each_row!(H, i, {
-            let start = (row + i) * self.stride + column;
-            let target = &mut self.target[start..start + kept];
+            let start = (row + i) * add.stride + column;
+            let target = &mut add.target[start..start + kept];
             if whole {
                 for (sum, target) in sums[i].into_iter().zip(S::as_mut_simd_f32s(target).0) {
                     *target = lanes.add_f32s(sum, *target);
@@ -249,5 +209,31 @@ impl<W: Real> Add<'_, '_, W> {
                 }
             }
         });
+    }
+}
+
+impl<W: Real> Add<'_, '_, W> {
+    #[inline(always)]
+    fn apart<
+        S: Lanes,
+        A: Arithmetic<S, Word = W>,
+        const H: usize,
+        const NV: usize,
+        const WHOLE: bool,
+    >(
+        &mut self,
+        lanes: S,
+        arithmetic: A,
+        tile: Corner,
+    ) {
+        arithmetic.apart(
+            lanes,
+            SizedTile::<S, A, W, H, NV, WHOLE> {
+                add: self,
+                lanes,
+                arithmetic,
+                tile,
+            },
+        );
     }
 }

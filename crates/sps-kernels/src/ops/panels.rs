@@ -210,7 +210,6 @@ impl<W: Word> Panels<W> {
         rayon::current_num_threads() > 1 && self.k * self.n > words(from) + 2 * words(to)
     }
 
-    /// All panels.
     pub(crate) fn all(&self) -> PanelRun<'_, W> {
         PanelRun {
             level: self.level,
@@ -251,7 +250,6 @@ impl<'a, W: Word> PanelRun<'a, W> {
         self.k
     }
 
-    /// The first column in the whole matrix.
     pub(crate) fn column(self) -> usize {
         self.column
     }

@@ -6,7 +6,7 @@ use super::bands::{Threads, for_each_band};
 use super::buffer::Buffer;
 use super::grid::{Grid, Size, Window, pixels};
 use super::simd::{Kernel, Lanes, Level};
-use super::words::{Arithmetic, Real, Word, WordKernel, lanes_of, read, vectors};
+use super::words::{Arithmetic, Real, Word, WordKernel, lanes_of, vectors};
 
 /// Writes to each pixel of `target` the largest values under the window.
 ///
@@ -260,20 +260,17 @@ impl<W: Real> PoolBackward<'_, W> {
     /// Hands the gradient of a pixel's words from one on to the first of the largest values; `WHOLE` if they fill
     /// a vector.
     #[inline(always)]
-    fn give<S, A, const WHOLE: bool>(
+    fn give<S: Lanes, A: Arithmetic<S, Word = W>, const WHOLE: bool>(
         &mut self,
         lanes: S,
         arithmetic: A,
         corner: &Corner,
         (place, own): (usize, usize),
         (word, words): (usize, usize),
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
+    ) {
         let read = |memory: &[W], at: usize| {
             let memory = &memory[at + word..at + word + words];
-            let [numbers] = read::<W, S, A, 1, WHOLE>(lanes, arithmetic, memory);
+            let [numbers] = arithmetic.read::<1, WHOLE>(lanes, memory);
             numbers
         };
         let zero = lanes.splat_f32s(0.0);

@@ -8,7 +8,7 @@
 use super::bands::on_all_threads;
 use super::buffer::Buffer;
 use super::native::prefetch;
-use super::panels::{PANEL_VECTORS, Panel, PanelRun};
+use super::panels::{PANEL_VECTORS, Panel, PanelRun, Panels};
 use super::simd::{Lanes, NullaryFnOnce, load};
 use super::tiles::{Plan, WriteTiles};
 use super::unroll::{tallest, tiles};
@@ -18,9 +18,7 @@ use super::words::{Arithmetic, Word, WordKernel, lanes_of};
 /// each part where it is wanted.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Epilogue<'a> {
-    /// Factors of the columns.
     pub(crate) scale: Option<Columns<'a>>,
-    /// What is added to the columns.
     pub(crate) shift: Option<Columns<'a>>,
     /// The factor of what is stored already, where that is added.
     pub(crate) accumulate: Option<f32>,
@@ -66,7 +64,7 @@ impl Activation {
 /// A number for each column, the same in every frame or each frame's own.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Columns<'a> {
-    values: &'a [f32],
+    pub(super) values: &'a [f32],
     /// From one frame's numbers to the next's.
     stride: usize,
 }
@@ -83,17 +81,23 @@ impl<'a> Columns<'a> {
     }
 
     /// Those from a frame and a column on.
+    #[inline(always)]
     pub(crate) fn from(self, frame: usize, column: usize) -> Self {
         Self {
             values: &self.values[frame * self.stride + column..],
             ..self
         }
     }
+}
 
-    /// The numbers of a frame from a column on.
-    #[inline(always)]
-    pub(super) fn get(self, frame: usize, column: usize) -> &'a [f32] {
-        &self.values[frame * self.stride + column..]
+impl<'a> Epilogue<'a> {
+    /// Adds a number to each column and activates.
+    pub(crate) fn biased(bias: &'a [f32], activation: Activation) -> Self {
+        Self {
+            shift: Some(Columns::shared(bias)),
+            limits: activation.limits(),
+            ..Self::default()
+        }
     }
 }
 
@@ -141,9 +145,7 @@ impl Epilogue<'_> {
 /// The product of gathered rows and a packed matrix.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Product<'a, W = f32> {
-    /// What the rows are gathered from.
     pub(crate) source: &'a [W],
-    /// Where each row begins in the source.
     pub(crate) rows: &'a [usize],
     /// Rows of one frame.
     pub(crate) frame_rows: usize,
@@ -154,9 +156,7 @@ pub(crate) struct Product<'a, W = f32> {
     /// How far from the upper halves of numbers that are [split](super::split) the lower ones lie. The panels then hold
     /// two runs for each tap, one of each half.
     pub(crate) lower: Option<usize>,
-    /// The right operand.
     pub(crate) panels: PanelRun<'a, W>,
-    /// What happens to the sums.
     pub(crate) epilogue: Epilogue<'a>,
 }
 
@@ -242,6 +242,25 @@ impl<W: Word> Product<'_, W> {
     }
 }
 
+/// The product of a row-major matrix and a packed one, row-major.
+pub(crate) fn product_of_rows(x: &[f32], panels: &Panels, epilogue: Epilogue<'_>) -> Vec<f32> {
+    let count = x.len() / panels.k();
+    let starts = |len: usize| (0..count).map(|row| row * len).collect::<Vec<_>>();
+    let mut out = vec![0.0; count * panels.n()];
+    let product = Product {
+        source: x,
+        rows: &starts(panels.k()),
+        frame_rows: count,
+        taps: &[0],
+        run: panels.k(),
+        lower: None,
+        panels: panels.all(),
+        epilogue,
+    };
+    product.write(&mut out, &starts(panels.n()), 0);
+    out
+}
+
 /// Has all threads of the pool write some columns each: the first one, how many, and what they are computed
 /// from. `write` fills a block of their own, whose rows begin where it is told.
 pub(super) fn write_shared<W: Word, T: Sync>(
@@ -295,12 +314,7 @@ impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
 
     #[inline(always)]
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) {
-        let Self {
-            product,
-            target,
-            places,
-            origin,
-        } = self;
+        let (product, places, origin) = (self.product, self.places, self.origin);
         let tallest = tallest::<S>();
         let (k, n) = (product.panels.k(), product.panels.n());
         let frame_rows = product.frame_rows.max(1);
@@ -330,8 +344,10 @@ impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
                                 first,
                                 places: &places[first..first + height],
                                 origin,
+                                lanes,
+                                arithmetic,
                             };
-                            tile.write(lanes, arithmetic, target);
+                            tile.write(self.target);
                         }
                     }
                 }
@@ -341,123 +357,52 @@ impl<W: Word> WordKernel<W> for Write<'_, '_, W> {
 }
 
 #[derive(Clone, Copy)]
-struct Tile<'a, 'b, W> {
-    product: &'a Product<'b, W>,
-    panel: Panel<'a, W>,
+struct Tile<'a, 'b, S: Lanes, A: Arithmetic<S>> {
+    product: &'a Product<'b, A::Word>,
+    panel: Panel<'a, A::Word>,
     frame: usize,
     first: usize,
     places: &'a [usize],
     origin: usize,
+    lanes: S,
+    arithmetic: A,
 }
 
-impl<W: Word> Tile<'_, '_, W> {
+impl<S: Lanes, A: Arithmetic<S>> Tile<'_, '_, S, A> {
     #[inline(always)]
-    fn write<S, A>(self, lanes: S, arithmetic: A, target: &mut [W])
-    where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
+    fn write(self, target: &mut [A::Word]) {
         if self.panel.vectors == PANEL_VECTORS {
-            self.write_vectors::<S, A, PANEL_VECTORS>(lanes, arithmetic, target);
+            self.write_vectors::<PANEL_VECTORS>(target);
         } else {
-            self.write_vectors::<S, A, 1>(lanes, arithmetic, target);
+            self.write_vectors::<1>(target);
         }
     }
 
     #[inline(always)]
-    fn write_vectors<S, A, const NV: usize>(self, lanes: S, arithmetic: A, target: &mut [W])
-    where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
+    fn write_vectors<const NV: usize>(self, target: &mut [A::Word]) {
+        let tile = &self;
         with_height!(self.places.len(), S, H => {
-            arithmetic.apart(lanes, SizedTile::<S, A, H, NV> {
-                tile: &self,
-                lanes,
-                arithmetic,
-                target,
-            });
-        });
-    }
-
-    #[inline(always)]
-    fn write_sized<S, A, const H: usize, const NV: usize>(
-        self,
-        lanes: S,
-        arithmetic: A,
-        target: &mut [W],
-    ) where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        let columns = self.panel.columns;
-        let row = |i: usize| self.places[i] - self.origin + W::words(self.panel.column);
-        let epilogue = self.product.epilogue;
-        // Of bytes, a tile's columns are half a cache line: what is only stored there waits for none.
-        if !W::WHOLE || epilogue.accumulate.is_some() {
-            for i in 0..H {
-                prefetch(&target[row(i)..][..W::words(columns)], true);
-            }
-        }
-        let sums = self.sums::<S, A, H, NV>(lanes, arithmetic);
-        let finish =
-            Finish::<S, NV>::new(lanes, epilogue, self.frame, (self.panel.column, columns));
-        if columns < NV * S::F32_LANES {
-            // A copy, so that the sums below are never in memory.
-            #[allow(clippy::redundant_locals)]
-            let sums = sums;
-            for (i, sums) in sums.iter().enumerate() {
-                let out = &mut target[row(i)..][..W::words(columns)];
-                let mut stored = [lanes.splat_f32s(0.0); NV];
-                if finish.accumulate {
-                    stored = arithmetic.load_part(lanes, out);
-                }
-                let ended = finish.apply(lanes, arithmetic, sums, stored);
-                arithmetic.store_part(lanes, ended, out);
-            }
-            return;
-        }
-        each_row!(H, i, {
-            let out = &mut target[row(i)..][..W::words(NV * S::F32_LANES)];
-            let mut stored = [lanes.splat_f32s(0.0); NV];
-            if finish.accumulate {
-                stored = arithmetic.load(lanes, out);
-            }
-            let ended = finish.apply(lanes, arithmetic, &sums[i], stored);
-            arithmetic.store::<NV>(lanes, ended, out);
+            self.arithmetic.apart(self.lanes, SizedTile::<S, A, H, NV> { tile, target });
         });
     }
 
     /// The tile of the product itself.
     #[inline(always)]
-    fn sums<S, A, const H: usize, const NV: usize>(
-        self,
-        lanes: S,
-        arithmetic: A,
-    ) -> [[S::f32s; NV]; H]
-    where
-        S: Lanes,
-        A: Arithmetic<S, Word = W>,
-    {
-        let Product {
-            source,
-            rows,
-            taps,
-            run,
-            ..
-        } = *self.product;
-        let rows = &rows[self.first..self.first + H];
+    fn sums<const H: usize, const NV: usize>(self) -> [[S::f32s; NV]; H] {
+        let (lanes, arithmetic) = (self.lanes, self.arithmetic);
+        let product = *self.product;
+        let rows = &product.rows[self.first..self.first + H];
         let (panel, _) = S::as_simd_f32s(lanes_of(self.panel.data));
         let (panel, _) = panel.as_chunks::<NV>();
         let mut total = [[lanes.splat_f32s(0.0); NV]; H];
         let mut sums = total;
-        let block = const { block::<W>() };
+        let block = const { block::<A::Word>() };
         let length = block.unwrap_or(usize::MAX);
         let mut summed = 0;
-        for (&tap, panel) in taps.iter().zip(panel.chunks_exact(run)) {
+        for (&tap, panel) in product.taps.iter().zip(panel.chunks_exact(product.run)) {
             let left: [&[f32]; H] = std::array::from_fn(|i| {
                 let start = rows[i] + tap;
-                lanes_of(&source[start..start + run])
+                lanes_of(&product.source[start..start + product.run])
             });
             for (part, panel) in panel.chunks(length).enumerate() {
                 let from = part * length;
@@ -496,9 +441,7 @@ impl<W: Word> Tile<'_, '_, W> {
 
 /// A tile of `H` rows and `NV` vectors to be written.
 struct SizedTile<'a, 'b, 'c, S: Lanes, A: Arithmetic<S>, const H: usize, const NV: usize> {
-    tile: &'a Tile<'b, 'c, A::Word>,
-    lanes: S,
-    arithmetic: A,
+    tile: &'a Tile<'b, 'c, S, A>,
     target: &'a mut [A::Word],
 }
 
@@ -509,8 +452,43 @@ impl<S: Lanes, A: Arithmetic<S>, const H: usize, const NV: usize> NullaryFnOnce
 
     #[inline(always)]
     fn call(self) {
-        self.tile
-            .write_sized::<S, A, H, NV>(self.lanes, self.arithmetic, self.target);
+        let Self { tile, target } = self;
+        let (panel, lanes, arithmetic) = (tile.panel, tile.lanes, tile.arithmetic);
+        let row = |i: usize| tile.places[i] - tile.origin + A::Word::words(panel.column);
+        let epilogue = tile.product.epilogue;
+        // Of bytes, a tile's columns are half a cache line: what is only stored there waits for none.
+        if !A::Word::WHOLE || epilogue.accumulate.is_some() {
+            for i in 0..H {
+                prefetch(&target[row(i)..][..A::Word::words(panel.columns)], true);
+            }
+        }
+        let sums = tile.sums::<H, NV>();
+        let columns = (panel.column, panel.columns);
+        let finish = Finish::<S, NV>::new(lanes, epilogue, tile.frame, columns);
+        if panel.columns < NV * S::F32_LANES {
+            // A copy, so that the sums below are never in memory.
+            #[allow(clippy::redundant_locals)]
+            let sums = sums;
+            for (i, sums) in sums.iter().enumerate() {
+                let out = &mut target[row(i)..][..A::Word::words(panel.columns)];
+                let mut stored = [lanes.splat_f32s(0.0); NV];
+                if finish.accumulate {
+                    stored = arithmetic.load_part(lanes, out);
+                }
+                let ended = finish.apply(lanes, arithmetic, sums, stored);
+                arithmetic.store_part(lanes, ended, out);
+            }
+            return;
+        }
+        each_row!(H, i, {
+            let out = &mut target[row(i)..][..A::Word::words(NV * S::F32_LANES)];
+            let mut stored = [lanes.splat_f32s(0.0); NV];
+            if finish.accumulate {
+                stored = arithmetic.load(lanes, out);
+            }
+            let ended = finish.apply(lanes, arithmetic, &sums[i], stored);
+            arithmetic.store::<NV>(lanes, ended, out);
+        });
     }
 }
 
@@ -559,7 +537,7 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
         }
     }
 
-    /// What is stored of a row's sums, where `stored` is stored already.
+    /// What is stored of a row's sums, where `stored` is stored already. By a closure, which is faster here.
     #[inline(always)]
     fn apply<A: Arithmetic<S>>(
         self,
@@ -570,24 +548,37 @@ impl<S: Lanes, const NV: usize> Finish<S, NV> {
     ) -> [S::f32s; NV] {
         std::array::from_fn(|v| {
             let sum = arithmetic.numbers(lanes, sums[v]);
-            self.apply_to(lanes, arithmetic, v, sum, stored[v])
+            self.apply_some::<A, 2>(lanes, arithmetic, v, sum, stored[v])
         })
     }
 
-    /// The same of the numbers of one vector.
+    /// Ends a row's sums and stores them; `WHOLE` where they fill the vectors.
     #[inline(always)]
-    pub(super) fn apply_to<A: Arithmetic<S>>(
+    pub(super) fn store<A: Arithmetic<S>, const WHOLE: bool>(
         self,
         lanes: S,
         arithmetic: A,
-        v: usize,
-        sum: S::f32s,
-        stored: S::f32s,
-    ) -> S::f32s {
-        self.apply_some::<A, 2>(lanes, arithmetic, v, sum, stored)
+        sums: [S::f32s; NV],
+        out: &mut [A::Word],
+    ) {
+        let mut stored = [lanes.splat_f32s(0.0); NV];
+        if self.accumulate {
+            stored = arithmetic.read::<NV, WHOLE>(lanes, out);
+        }
+        // A closure of as much is not inlined, and runs without the instructions.
+        let mut ended = sums;
+        for v in 0..NV {
+            let sum = arithmetic.numbers(lanes, ended[v]);
+            ended[v] = self.apply_some::<A, 2>(lanes, arithmetic, v, sum, stored[v]);
+        }
+        if WHOLE {
+            arithmetic.store(lanes, ended, out);
+        } else {
+            arithmetic.store_part(lanes, ended, out);
+        }
     }
 
-    /// The same with so many of the limits.
+    /// What is stored of the numbers of one vector by so many of the limits, where `stored` is stored already.
     #[inline(always)]
     pub(super) fn apply_some<A: Arithmetic<S>, const LIMITS: usize>(
         self,
@@ -623,7 +614,7 @@ fn vectors<S: Lanes, const NV: usize>(
     let Some(columns) = columns else {
         return [lanes.splat_f32s(default); NV];
     };
-    let values = &columns.get(frame, column)[..count];
+    let values = &columns.from(frame, column).values[..count];
     let mut vectors = [lanes.splat_f32s(default); NV];
     // No closure: one that is not inlined is compiled without the instructions.
     for (v, vector) in vectors.iter_mut().enumerate() {

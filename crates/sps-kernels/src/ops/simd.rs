@@ -103,24 +103,25 @@ impl Level {
         }
     }
 
+    #[cfg(target_arch = "x86_64")]
+    fn avx512(self) -> Option<V4> {
+        match self {
+            Self::Avx512(simd) => Some(simd),
+            Self::Amx(amx) => Some(amx.vectors()),
+            _ => None,
+        }
+    }
+
     /// The machine's own instructions for bf16, which round otherwise than those for f32.
     #[cfg(target_arch = "x86_64")]
     pub(crate) fn bf16(self) -> Option<super::native::bf16::Native> {
-        match self {
-            Self::Avx512(simd) => super::native::bf16::Native::detect(simd),
-            Self::Amx(amx) => super::native::bf16::Native::detect(amx.vectors()),
-            _ => None,
-        }
+        super::native::bf16::Native::detect(self.avx512()?)
     }
 
     /// The machine's own instructions for bytes.
     #[cfg(target_arch = "x86_64")]
     pub(crate) fn vnni(self) -> Option<super::native::vnni::Native> {
-        match self {
-            Self::Avx512(simd) => super::native::vnni::Native::detect(simd),
-            Self::Amx(amx) => super::native::vnni::Native::detect(amx.vectors()),
-            _ => None,
-        }
+        super::native::vnni::Native::detect(self.avx512()?)
     }
 
     /// The machine's matrix tiles.
@@ -388,6 +389,62 @@ macro_rules! by_instructions {
     };
 }
 
+/// Kernels of bytes by instructions that both widths have.
+#[cfg(target_arch = "x86_64")]
+macro_rules! of_bytes {
+    (
+        $float:ident, $all:ident, $rounded:ident;
+        $whole:ident, $and:ident, $add:ident;
+        $integers:ident, $right:ident, $left:ident, $right_signed:ident, $madd:ident, $max:ident;
+        [$low8:ident, $high8:ident, $low16:ident, $high16:ident];
+        [$pack32:ident, $pack16:ident]
+    ) => {
+        #[inline(always)]
+        fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s {
+            use pulp::cast;
+            let (f, w, i) = (self.$float, self.$whole, self.$integers);
+            let (x, y) = (cast(x), cast(y));
+            // Two products of a byte with a byte could be too large for 16 bits, which `maddubs` sums in.
+            let even = w.$and(x, f.$all(0xff));
+            let odd = i.$right::<8>(x);
+            let even_weights = i.$right_signed::<8>(i.$left::<8>(y));
+            let odd_weights = i.$right_signed::<8>(y);
+            let products = w.$add(i.$madd(even, even_weights), i.$madd(odd, odd_weights));
+            cast(w.$add(cast(sum), products))
+        }
+
+        #[inline(always)]
+        fn larger_bytes(self, x: Self::f32s, y: Self::f32s) -> Self::f32s {
+            use pulp::cast;
+            cast(self.$integers.$max(cast(x), cast(y)))
+        }
+
+        #[inline(always)]
+        fn interleave(self, [a, b, c, d]: [Self::f32s; 4]) -> [Self::f32s; 4] {
+            use pulp::cast;
+            let i = self.$integers;
+            let (a, b, c, d) = (cast(a), cast(b), cast(c), cast(d));
+            let [low, high] = [i.$low8(a, b), i.$high8(a, b)];
+            let [low2, high2] = [i.$low8(c, d), i.$high8(c, d)];
+            [
+                cast(i.$low16(low, low2)),
+                cast(i.$high16(low, low2)),
+                cast(i.$low16(high, high2)),
+                cast(i.$high16(high, high2)),
+            ]
+        }
+
+        #[inline(always)]
+        fn join(self, [a, b, c, d]: [Self::f32s; 4]) -> Self::f32s {
+            use pulp::cast;
+            let (f, i) = (self.$float, self.$integers);
+            let [a, b] = [f.$rounded(cast(a)), f.$rounded(cast(b))];
+            let [c, d] = [f.$rounded(cast(c)), f.$rounded(cast(d))];
+            cast(i.$pack16(i.$pack32(a, b), i.$pack32(c, d)))
+        }
+    };
+}
+
 /// Spreading where a vector has four lanes.
 macro_rules! of_four_lanes {
     () => {
@@ -414,6 +471,14 @@ macro_rules! of_four_lanes {
 #[cfg(target_arch = "x86_64")]
 impl Lanes for V4 {
     by_instructions!();
+
+    of_bytes!(
+        avx512f, _mm512_set1_epi16, _mm512_cvtps_epi32;
+        avx512f, _mm512_and_si512, _mm512_add_epi32;
+        avx512bw, _mm512_srli_epi16, _mm512_slli_epi16, _mm512_srai_epi16, _mm512_madd_epi16, _mm512_max_epu8;
+        [_mm512_unpacklo_epi8, _mm512_unpackhi_epi8, _mm512_unpacklo_epi16, _mm512_unpackhi_epi16];
+        [_mm512_packs_epi32, _mm512_packus_epi16]
+    );
 
     #[inline(always)]
     fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
@@ -448,44 +513,8 @@ impl Lanes for V4 {
     }
 
     #[inline(always)]
-    fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s {
-        use pulp::cast;
-        let (f, bw) = (self.avx512f, self.avx512bw);
-        let (x, y) = (cast(x), cast(y));
-        let even = f._mm512_and_si512(x, f._mm512_set1_epi16(0xff));
-        let odd = bw._mm512_srli_epi16::<8>(x);
-        let even_weights = bw._mm512_srai_epi16::<8>(bw._mm512_slli_epi16::<8>(y));
-        let odd_weights = bw._mm512_srai_epi16::<8>(y);
-        let even = bw._mm512_madd_epi16(even, even_weights);
-        let odd = bw._mm512_madd_epi16(odd, odd_weights);
-        let products = f._mm512_add_epi32(even, odd);
-        cast(f._mm512_add_epi32(cast(sum), products))
-    }
-
-    #[inline(always)]
-    fn larger_bytes(self, x: Self::f32s, y: Self::f32s) -> Self::f32s {
-        use pulp::cast;
-        cast(self.avx512bw._mm512_max_epu8(cast(x), cast(y)))
-    }
-
-    #[inline(always)]
     fn of_integers(self, x: Self::f32s) -> Self::f32s {
         pulp::cast(self.avx512f._mm512_cvtepi32_ps(pulp::cast(x)))
-    }
-
-    #[inline(always)]
-    fn interleave(self, [a, b, c, d]: [Self::f32s; 4]) -> [Self::f32s; 4] {
-        use pulp::cast;
-        let bw = self.avx512bw;
-        let (a, b, c, d) = (cast(a), cast(b), cast(c), cast(d));
-        let [low, high] = [bw._mm512_unpacklo_epi8(a, b), bw._mm512_unpackhi_epi8(a, b)];
-        let [low2, high2] = [bw._mm512_unpacklo_epi8(c, d), bw._mm512_unpackhi_epi8(c, d)];
-        [
-            cast(bw._mm512_unpacklo_epi16(low, low2)),
-            cast(bw._mm512_unpackhi_epi16(low, low2)),
-            cast(bw._mm512_unpacklo_epi16(high, high2)),
-            cast(bw._mm512_unpackhi_epi16(high, high2)),
-        ]
     }
 
     #[inline(always)]
@@ -531,21 +560,19 @@ impl Lanes for V4 {
             }
         }
     }
-
-    #[inline(always)]
-    fn join(self, [a, b, c, d]: [Self::f32s; 4]) -> Self::f32s {
-        use pulp::cast;
-        let (f, bw) = (self.avx512f, self.avx512bw);
-        let [a, b] = [f._mm512_cvtps_epi32(cast(a)), f._mm512_cvtps_epi32(cast(b))];
-        let [c, d] = [f._mm512_cvtps_epi32(cast(c)), f._mm512_cvtps_epi32(cast(d))];
-        let low = bw._mm512_packs_epi32(a, b);
-        cast(bw._mm512_packus_epi16(low, bw._mm512_packs_epi32(c, d)))
-    }
 }
 
 #[cfg(target_arch = "x86_64")]
 impl Lanes for V3 {
     by_instructions!();
+
+    of_bytes!(
+        avx, _mm256_set1_epi16, _mm256_cvtps_epi32;
+        avx2, _mm256_and_si256, _mm256_add_epi32;
+        avx2, _mm256_srli_epi16, _mm256_slli_epi16, _mm256_srai_epi16, _mm256_madd_epi16, _mm256_max_epu8;
+        [_mm256_unpacklo_epi8, _mm256_unpackhi_epi8, _mm256_unpacklo_epi16, _mm256_unpackhi_epi16];
+        [_mm256_packs_epi32, _mm256_packus_epi16]
+    );
 
     #[inline(always)]
     fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
@@ -570,53 +597,6 @@ impl Lanes for V3 {
         use pulp::cast;
         let lanes: [i32; 8] = std::array::from_fn(|lane| word_of::<G, N>(8, v, index, lane) as i32);
         cast(self.avx2._mm256_permutevar8x32_ps(cast(x), cast(lanes)))
-    }
-
-    #[inline(always)]
-    fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s {
-        use pulp::cast;
-        let i = self.avx2;
-        let (x, y) = (cast(x), cast(y));
-        // Two products of a byte with a byte could be too large for 16 bits, which `maddubs` sums in.
-        let even = i._mm256_and_si256(x, self.avx._mm256_set1_epi16(0xff));
-        let odd = i._mm256_srli_epi16::<8>(x);
-        let even_weights = i._mm256_srai_epi16::<8>(i._mm256_slli_epi16::<8>(y));
-        let odd_weights = i._mm256_srai_epi16::<8>(y);
-        let even = i._mm256_madd_epi16(even, even_weights);
-        let odd = i._mm256_madd_epi16(odd, odd_weights);
-        let products = i._mm256_add_epi32(even, odd);
-        cast(i._mm256_add_epi32(cast(sum), products))
-    }
-
-    #[inline(always)]
-    fn larger_bytes(self, x: Self::f32s, y: Self::f32s) -> Self::f32s {
-        use pulp::cast;
-        cast(self.avx2._mm256_max_epu8(cast(x), cast(y)))
-    }
-
-    #[inline(always)]
-    fn interleave(self, [a, b, c, d]: [Self::f32s; 4]) -> [Self::f32s; 4] {
-        use pulp::cast;
-        let i = self.avx2;
-        let (a, b, c, d) = (cast(a), cast(b), cast(c), cast(d));
-        let [low, high] = [i._mm256_unpacklo_epi8(a, b), i._mm256_unpackhi_epi8(a, b)];
-        let [low2, high2] = [i._mm256_unpacklo_epi8(c, d), i._mm256_unpackhi_epi8(c, d)];
-        [
-            cast(i._mm256_unpacklo_epi16(low, low2)),
-            cast(i._mm256_unpackhi_epi16(low, low2)),
-            cast(i._mm256_unpacklo_epi16(high, high2)),
-            cast(i._mm256_unpackhi_epi16(high, high2)),
-        ]
-    }
-
-    #[inline(always)]
-    fn join(self, [a, b, c, d]: [Self::f32s; 4]) -> Self::f32s {
-        use pulp::cast;
-        let (f, i) = (self.avx, self.avx2);
-        let [a, b] = [f._mm256_cvtps_epi32(cast(a)), f._mm256_cvtps_epi32(cast(b))];
-        let [c, d] = [f._mm256_cvtps_epi32(cast(c)), f._mm256_cvtps_epi32(cast(d))];
-        let low = i._mm256_packs_epi32(a, b);
-        cast(i._mm256_packus_epi16(low, i._mm256_packs_epi32(c, d)))
     }
 }
 
@@ -648,25 +628,23 @@ impl Lanes for Scalar128b {
 
     #[inline(always)]
     fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s {
-        let at_least = |floor: f32, x: f32| if x < floor { floor } else { x };
-        pulp::f32x4(
-            at_least(floor.0, x.0),
-            at_least(floor.1, x.1),
-            at_least(floor.2, x.2),
-            at_least(floor.3, x.3),
-        )
+        each(floor, x, |floor, x| if x < floor { floor } else { x })
     }
 
     #[inline(always)]
     fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s {
-        let at_most = |ceiling: f32, x: f32| if x > ceiling { ceiling } else { x };
-        pulp::f32x4(
-            at_most(ceiling.0, x.0),
-            at_most(ceiling.1, x.1),
-            at_most(ceiling.2, x.2),
-            at_most(ceiling.3, x.3),
+        each(
+            ceiling,
+            x,
+            |ceiling, x| if x > ceiling { ceiling } else { x },
         )
     }
 
     of_four_lanes!();
+}
+
+/// Four numbers, each of two.
+#[inline(always)]
+fn each(a: pulp::f32x4, b: pulp::f32x4, of: impl Fn(f32, f32) -> f32) -> pulp::f32x4 {
+    pulp::f32x4(of(a.0, b.0), of(a.1, b.1), of(a.2, b.2), of(a.3, b.3))
 }

@@ -15,6 +15,7 @@ use super::buffer::Buffer;
 use super::conv::ConvShape;
 use super::grid::{Grid, Window, pixels};
 use super::panels::Panels;
+use super::phases::Lattice;
 use super::product::{Epilogue, Product};
 use super::simd::{Kernel, Lanes, Level};
 use super::tiles::WORDS;
@@ -97,21 +98,20 @@ impl Split {
         let [inputs, outputs] = [self.shape.group_inputs(), self.shape.group_outputs()];
         for_each_band(threads, to, target, |band| {
             let rows = band.rows(to);
-            let starts = split.starts_of(rows.clone(), window, to.size);
-            let places = to.places_of(rows);
+            let reach = Lattice::of_window(window, &split).reach(rows, &split, to);
             for (group, panels) in self.panels.iter().enumerate() {
                 let column = group * outputs;
                 let product = Product {
                     source: &memory[words(group * inputs)..],
-                    rows: &starts,
-                    frame_rows: places.len() / band.frames.len().max(1),
+                    rows: &reach.starts,
+                    frame_rows: reach.places.len() / band.frames.len().max(1),
                     taps: &taps,
                     run: words(inputs),
                     lower: Some(upper),
                     panels: panels.all(),
                     epilogue: epilogue.from(band.frames.start, column),
                 };
-                product.write_by_tiles(&mut band.target[column..], &places, band.origin);
+                product.write_by_tiles(&mut band.target[column..], &reach.places, band.origin);
             }
         });
     }

@@ -4,6 +4,7 @@
 //! bytes.
 
 use std::borrow::Cow;
+use std::marker::PhantomData;
 
 use bytemuck::{Pod, Zeroable};
 use half::bf16;
@@ -40,6 +41,9 @@ pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
     /// What a number is as f32.
     fn widened(number: Self::Number) -> f32;
 
+    /// A number as it lies in memory, rounded; whole ones are within 0 to 255.
+    fn narrowed(number: f32) -> Self::Number;
+
     /// The numbers of words as they lie in memory.
     #[inline(always)]
     fn each(words: &[Self]) -> &[Self::Number] {
@@ -63,15 +67,18 @@ pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
     /// Of each number of two vectors of words the larger one; NaN where one is NaN.
     fn larger<S: Lanes>(lanes: S, x: S::f32s, y: S::f32s) -> S::f32s;
 
+    /// What [`Arithmetic::multiply_add`] does without instructions for these words.
+    fn multiply_add<S: Lanes>(lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s;
+
     /// Runs a kernel by the machine's own instructions for these words where it has some.
-    fn run<K: WordKernel<Self>>(level: Level, kernel: K) -> K::Output;
+    #[inline]
+    fn run<K: WordKernel<Self>>(level: Level, kernel: K) -> K::Output {
+        level.run(Plainly::<Self, K>::new(kernel))
+    }
 }
 
 /// Words of numbers that stand for themselves: what networks train in.
 pub(crate) trait Real: Word {
-    /// A number as it lies in memory, rounded.
-    fn narrowed(number: f32) -> Self::Number;
-
     /// Where the vectors of [`Real::columns`] have a column.
     fn place(column: usize, lanes: usize) -> usize;
 
@@ -110,25 +117,24 @@ impl Word for f32 {
     }
 
     #[inline(always)]
+    fn narrowed(number: f32) -> Self {
+        number
+    }
+
+    #[inline(always)]
     fn larger<S: Lanes>(lanes: S, x: S::f32s, y: S::f32s) -> S::f32s {
         // `x` where one of them is NaN.
         let largest = lanes.at_least(y, x);
         lanes.select_f32s(lanes.equal_f32s(y, y), largest, y)
     }
 
-    #[inline]
-    fn run<K: WordKernel<Self>>(level: Level, kernel: K) -> K::Output {
-        let arithmetic = Singles;
-        level.run(With { kernel, arithmetic })
+    #[inline(always)]
+    fn multiply_add<S: Lanes>(lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s {
+        lanes.fma(x, y, sum)
     }
 }
 
 impl Real for f32 {
-    #[inline(always)]
-    fn narrowed(number: f32) -> Self {
-        number
-    }
-
     #[inline(always)]
     fn place(column: usize, _: usize) -> usize {
         column
@@ -180,6 +186,11 @@ impl Word for Bf16Pair {
     }
 
     #[inline(always)]
+    fn narrowed(number: f32) -> bf16 {
+        rounded(number)
+    }
+
+    #[inline(always)]
     fn larger<S: Lanes>(lanes: S, x: S::f32s, y: S::f32s) -> S::f32s {
         let of_first = f32::larger(lanes, first(lanes, x), first(lanes, y));
         let of_second = f32::larger(lanes, second(lanes, x), second(lanes, y));
@@ -188,14 +199,20 @@ impl Word for Bf16Pair {
         lanes.transmute_f32s_u32s(lanes.or_u32s(low, lanes.transmute_u32s_f32s(of_second)))
     }
 
+    /// Each half becomes an f32.
+    #[inline(always)]
+    fn multiply_add<S: Lanes>(lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s {
+        let sum = lanes.fma(first(lanes, x), first(lanes, y), sum);
+        lanes.fma(second(lanes, x), second(lanes, y), sum)
+    }
+
     #[inline]
     fn run<K: WordKernel<Self>>(level: Level, kernel: K) -> K::Output {
         #[cfg(target_arch = "x86_64")]
         if let Some(native) = level.bf16() {
             return native.run(kernel);
         }
-        let arithmetic = Pairs;
-        level.run(With { kernel, arithmetic })
+        level.run(Plainly::<Self, K>::new(kernel))
     }
 }
 
@@ -230,11 +247,6 @@ impl Kernel for Round<'_> {
 }
 
 impl Real for Bf16Pair {
-    #[inline(always)]
-    fn narrowed(number: f32) -> bf16 {
-        rounded(number)
-    }
-
     // Of two vectors, even columns are in the first, odd ones in the second.
     #[inline(always)]
     fn place(column: usize, lanes: usize) -> usize {
@@ -327,8 +339,18 @@ impl Word for Bytes {
     }
 
     #[inline(always)]
+    fn narrowed(number: f32) -> u8 {
+        byte(number)
+    }
+
+    #[inline(always)]
     fn larger<S: Lanes>(lanes: S, x: S::f32s, y: S::f32s) -> S::f32s {
         lanes.larger_bytes(x, y)
+    }
+
+    #[inline(always)]
+    fn multiply_add<S: Lanes>(lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s {
+        lanes.dot(x, y, sum)
     }
 
     #[inline]
@@ -337,8 +359,7 @@ impl Word for Bytes {
         if let Some(native) = level.vnni() {
             return native.run(kernel);
         }
-        let arithmetic = Quads;
-        level.run(With { kernel, arithmetic })
+        level.run(Plainly::<Self, K>::new(kernel))
     }
 }
 
@@ -367,7 +388,8 @@ pub(super) fn lanes_of<W: Word>(words: &[W]) -> &[f32] {
     bytemuck::cast_slice(words)
 }
 
-/// How a kernel computes with words on one set of vector instructions.
+/// How a kernel computes with words on one set of vector instructions; without those for the words where nothing else
+/// is said.
 pub(crate) trait Arithmetic<S: Lanes>: Copy {
     /// What memory is made of; vectors hold its bits.
     type Word: Word;
@@ -386,30 +408,70 @@ pub(crate) trait Arithmetic<S: Lanes>: Copy {
 
     /// `sum` and, in each lane, the products of the numbers of `x`, a map's, with those of `y`, a
     /// matrix's.
-    fn multiply_add(self, lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s;
+    #[inline(always)]
+    fn multiply_add(self, lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s {
+        Self::Word::multiply_add(lanes, x, y, sum)
+    }
 
     /// Sums of [`Arithmetic::multiply_add`] as numbers.
     #[inline(always)]
-    fn numbers(self, _: S, sum: S::f32s) -> S::f32s {
-        sum
+    fn numbers(self, lanes: S, sum: S::f32s) -> S::f32s {
+        if Self::Word::WHOLE {
+            lanes.of_integers(sum)
+        } else {
+            sum
+        }
     }
 
     /// `x * scale + y`, of numbers. Of maps of bytes in one rounding everywhere.
     #[inline(always)]
     fn scale_add(self, lanes: S, x: S::f32s, scale: S::f32s, y: S::f32s) -> S::f32s {
-        lanes.fma(x, scale, y)
+        if Self::Word::WHOLE {
+            lanes.mul_add_f32s(x, scale, y)
+        } else {
+            lanes.fma(x, scale, y)
+        }
     }
 
     /// For vector `v` of the outputs, a word of each group's part of `x`, the one with `index`,
     /// everywhere in the group. Groups have `G` numbers.
-    fn spread<const G: usize>(self, lanes: S, x: S::f32s, v: usize, index: usize) -> S::f32s;
+    #[inline(always)]
+    fn spread<const G: usize>(self, lanes: S, x: S::f32s, v: usize, index: usize) -> S::f32s {
+        match Self::Word::NUMBERS {
+            1 => lanes.spread::<G>(x, index),
+            2 => lanes.spread_words::<G, 2>(x, v, index),
+            _ => lanes.spread_words::<G, 4>(x, v, index),
+        }
+    }
 
     /// Reads `NV` vectors of numbers.
-    fn load<const NV: usize>(self, lanes: S, from: &[Self::Word]) -> [S::f32s; NV];
+    #[inline(always)]
+    fn load<const NV: usize>(self, _: S, from: &[Self::Word]) -> [S::f32s; NV] {
+        if Self::Word::NUMBERS == 1 {
+            let (from, _) = S::as_simd_f32s(lanes_of(from));
+            return std::array::from_fn(|v| from[v]);
+        }
+        let mut values = [Zeroable::zeroed(); NV];
+        let numbers: &mut [f32] = bytemuck::cast_slice_mut(&mut values);
+        for (number, widened) in numbers.iter_mut().zip(Self::Word::numbers(from)) {
+            *number = widened;
+        }
+        values
+    }
 
     /// Writes `NV` vectors of numbers, rounded to what a word holds; bytes are within 0 to 255 unless it
     /// [cuts](Arithmetic::CUTS) them.
-    fn store<const NV: usize>(self, lanes: S, values: [S::f32s; NV], to: &mut [Self::Word]);
+    #[inline(always)]
+    fn store<const NV: usize>(self, _: S, values: [S::f32s; NV], to: &mut [Self::Word]) {
+        if Self::Word::NUMBERS == 1 {
+            let (to, _) = S::as_mut_simd_f32s(bytemuck::cast_slice_mut(to));
+            return to[..NV].copy_from_slice(&values);
+        }
+        let numbers: &[f32] = bytemuck::cast_slice(&values);
+        for (to, &number) in Self::Word::each_mut(to).iter_mut().zip(numbers) {
+            *to = Self::Word::narrowed(number);
+        }
+    }
 
     /// As [`Arithmetic::load`], of a row shorter than its vectors; numbers beyond it are 0.
     #[inline(always)]
@@ -417,6 +479,20 @@ pub(crate) trait Arithmetic<S: Lanes>: Copy {
         let mut whole = [Self::Word::zeroed(); LONGEST];
         whole[..from.len()].copy_from_slice(from);
         self.load(lanes, &whole[..Self::Word::words(NV * S::F32_LANES)])
+    }
+
+    /// Reads `NV` vectors of numbers; `WHOLE` if there are as many, else what they lack is 0.
+    #[inline(always)]
+    fn read<const NV: usize, const WHOLE: bool>(
+        self,
+        lanes: S,
+        from: &[Self::Word],
+    ) -> [S::f32s; NV] {
+        if WHOLE {
+            self.load(lanes, from)
+        } else {
+            self.load_part(lanes, from)
+        }
     }
 
     /// As [`Arithmetic::store`], of a row shorter than its vectors.
@@ -432,120 +508,14 @@ pub(crate) trait Arithmetic<S: Lanes>: Copy {
 /// Words of the longest row that is loaded or stored at once.
 const LONGEST: usize = 32;
 
-/// Words of one f32.
+/// Without instructions for the words.
 #[derive(Debug, Clone, Copy)]
-struct Singles;
+struct Plain<W>(PhantomData<W>);
 
-impl<S: Lanes> Arithmetic<S> for Singles {
-    type Word = f32;
+impl<S: Lanes, W: Word> Arithmetic<S> for Plain<W> {
+    type Word = W;
 
-    const BESIDE_TILES: bool = S::F32_LANES == 16;
-
-    #[inline(always)]
-    fn multiply_add(self, lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s {
-        lanes.fma(x, y, sum)
-    }
-
-    #[inline(always)]
-    fn spread<const G: usize>(self, lanes: S, x: S::f32s, _: usize, index: usize) -> S::f32s {
-        lanes.spread::<G>(x, index)
-    }
-
-    #[inline(always)]
-    fn load<const NV: usize>(self, _: S, from: &[f32]) -> [S::f32s; NV] {
-        let (from, _) = S::as_simd_f32s(from);
-        std::array::from_fn(|v| from[v])
-    }
-
-    #[inline(always)]
-    fn store<const NV: usize>(self, _: S, values: [S::f32s; NV], to: &mut [f32]) {
-        let (to, _) = S::as_mut_simd_f32s(to);
-        to[..NV].copy_from_slice(&values);
-    }
-}
-
-/// Words of two bf16, without instructions for them: each half becomes an f32.
-#[derive(Debug, Clone, Copy)]
-struct Pairs;
-
-impl<S: Lanes> Arithmetic<S> for Pairs {
-    type Word = Bf16Pair;
-
-    #[inline(always)]
-    fn multiply_add(self, lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s {
-        let sum = lanes.fma(first(lanes, x), first(lanes, y), sum);
-        lanes.fma(second(lanes, x), second(lanes, y), sum)
-    }
-
-    #[inline(always)]
-    fn spread<const G: usize>(self, lanes: S, x: S::f32s, v: usize, index: usize) -> S::f32s {
-        lanes.spread_words::<G, 2>(x, v, index)
-    }
-
-    #[inline(always)]
-    fn load<const NV: usize>(self, _: S, from: &[Bf16Pair]) -> [S::f32s; NV] {
-        let mut values = [Zeroable::zeroed(); NV];
-        let numbers: &mut [f32] = bytemuck::cast_slice_mut(&mut values);
-        for (number, widened) in numbers.iter_mut().zip(Bf16Pair::numbers(from)) {
-            *number = widened;
-        }
-        values
-    }
-
-    #[inline(always)]
-    fn store<const NV: usize>(self, _: S, values: [S::f32s; NV], to: &mut [Bf16Pair]) {
-        let numbers: &[f32] = bytemuck::cast_slice(&values);
-        for (to, numbers) in to.iter_mut().zip(numbers.chunks_exact(2)) {
-            *to = Bf16Pair::of(|i| numbers[i]);
-        }
-    }
-}
-
-/// Words of four bytes, without instructions for them.
-#[derive(Debug, Clone, Copy)]
-struct Quads;
-
-impl<S: Lanes> Arithmetic<S> for Quads {
-    type Word = Bytes;
-
-    #[inline(always)]
-    fn multiply_add(self, lanes: S, x: S::f32s, y: S::f32s, sum: S::f32s) -> S::f32s {
-        lanes.dot(x, y, sum)
-    }
-
-    #[inline(always)]
-    fn numbers(self, lanes: S, sum: S::f32s) -> S::f32s {
-        lanes.of_integers(sum)
-    }
-
-    #[inline(always)]
-    fn scale_add(self, lanes: S, x: S::f32s, scale: S::f32s, y: S::f32s) -> S::f32s {
-        lanes.mul_add_f32s(x, scale, y)
-    }
-
-    #[inline(always)]
-    fn spread<const G: usize>(self, lanes: S, x: S::f32s, v: usize, index: usize) -> S::f32s {
-        lanes.spread_words::<G, 4>(x, v, index)
-    }
-
-    #[inline(always)]
-    fn load<const NV: usize>(self, _: S, from: &[Bytes]) -> [S::f32s; NV] {
-        let mut values = [Zeroable::zeroed(); NV];
-        let numbers: &mut [f32] = bytemuck::cast_slice_mut(&mut values);
-        for (number, widened) in numbers.iter_mut().zip(Bytes::numbers(from)) {
-            *number = widened;
-        }
-        values
-    }
-
-    #[inline(always)]
-    fn store<const NV: usize>(self, _: S, values: [S::f32s; NV], to: &mut [Bytes]) {
-        let numbers: &[f32] = bytemuck::cast_slice(&values);
-        let to: &mut [u8] = bytemuck::cast_slice_mut(to);
-        for (to, &number) in to.iter_mut().zip(numbers) {
-            *to = byte(number);
-        }
-    }
+    const BESIDE_TILES: bool = W::NUMBERS == 1 && S::F32_LANES == 16;
 }
 
 /// A vector of pairs as plain bits; `WHOLE` if they fill it.
@@ -569,25 +539,6 @@ fn second<S: Lanes>(lanes: S, x: S::f32s) -> S::f32s {
     lanes.transmute_f32s_u32s(lanes.and_u32s(bits, lanes.splat_u32s(0xffff_0000)))
 }
 
-/// Numbers of a feature map; `WHOLE` if they fill the vectors, else what they lack is 0.
-#[inline(always)]
-pub(super) fn read<W, S, A, const NV: usize, const WHOLE: bool>(
-    lanes: S,
-    arithmetic: A,
-    from: &[W],
-) -> [S::f32s; NV]
-where
-    W: Word,
-    S: Lanes,
-    A: Arithmetic<S, Word = W>,
-{
-    if WHOLE {
-        arithmetic.load(lanes, from)
-    } else {
-        arithmetic.load_part(lanes, from)
-    }
-}
-
 /// A piece of work written against [`Arithmetic`] and [`Lanes`]; see [`Kernel`].
 pub(crate) trait WordKernel<W: Word> {
     type Output;
@@ -595,30 +546,19 @@ pub(crate) trait WordKernel<W: Word> {
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) -> Self::Output;
 }
 
-struct With<K, A> {
+struct Plainly<W, K> {
     kernel: K,
-    arithmetic: A,
+    arithmetic: Plain<W>,
 }
 
-impl<K: WordKernel<f32>> Kernel for With<K, Singles> {
-    type Output = K::Output;
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, lanes: S) -> K::Output {
-        self.kernel.run(lanes, self.arithmetic)
+impl<W, K> Plainly<W, K> {
+    fn new(kernel: K) -> Self {
+        let arithmetic = Plain(PhantomData);
+        Self { kernel, arithmetic }
     }
 }
 
-impl<K: WordKernel<Bf16Pair>> Kernel for With<K, Pairs> {
-    type Output = K::Output;
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, lanes: S) -> K::Output {
-        self.kernel.run(lanes, self.arithmetic)
-    }
-}
-
-impl<K: WordKernel<Bytes>> Kernel for With<K, Quads> {
+impl<W: Word, K: WordKernel<W>> Kernel for Plainly<W, K> {
     type Output = K::Output;
 
     #[inline(always)]

@@ -7,8 +7,9 @@ use crate::network::{Conv, IMAGE};
 use crate::ops::activated::activation_gradient;
 use crate::ops::batch_norm::{Norm, NormGradients};
 use crate::ops::buffer::Scratch;
+use crate::ops::conv_input::ConvTranspose;
 use crate::ops::grid::Grid;
-use crate::ops::product::Activation;
+use crate::ops::product::Epilogue;
 use crate::ops::statistics::ChannelStatistics;
 use crate::ops::words::Real;
 use crate::training::BatchStatistics;
@@ -30,7 +31,10 @@ impl<W: Real> KeptConv<W> {
         source: &Value<W>,
         statistics: Option<&mut Vec<BatchStatistics>>,
     ) -> Result<Self> {
-        let (raw, grid) = context.conv(conv, source.view())?;
+        let grid = output::<W>(conv, &source.grid)?;
+        let mut raw = context.recycler.take(grid.len());
+        let target = (&mut raw[..], &grid);
+        context.convolve(conv, source.view(), target, Epilogue::default())?;
         let (norm, moments) = context.norm(norm, (&raw[..], &grid), statistics)?;
         Ok(Self {
             raw,
@@ -53,17 +57,6 @@ impl<W: Real> KeptConv<W> {
         means.iter().enumerate().map(norm).collect()
     }
 
-    /// Writes the activated norm into channels of a map, which the target begins with.
-    pub(super) fn activate(
-        &self,
-        context: &Context,
-        activation: Activation,
-        target: (&mut [W], &Grid),
-    ) {
-        let raw = (&self.raw[..], &self.grid);
-        self.norm.apply(context.level, raw, target, activation);
-    }
-
     /// Runs backward, from the gradient of the activated norm, which lies as the output.
     pub(super) fn backward(
         &self,
@@ -82,9 +75,9 @@ impl<W: Real> KeptConv<W> {
         let slopes = of_norm.slopes.clone();
         gradients.norm(norm, of_norm);
         let write = |target: &mut [W], layout: &Grid| {
-            let target = (target, layout);
+            let (ends, target) = ([&self.raw[..], gradient], (target, layout));
             self.norm
-                .backward(level, &slopes, &self.raw, gradient, target, activation);
+                .backward(level, &slopes, ends, target, Some(activation));
         };
         input_gradient(
             (context, conv),
@@ -137,7 +130,9 @@ pub(super) fn input_gradient<W: Real>(
         context.weight_gradient(conv, &shape, source.view(), gradient, gradients);
         return Ok(());
     }
-    let transpose = context.transpose::<W>(&conv.name, shape)?;
+    let transpose = context.parameter(&format!("{}.weight", conv.name), |weights| {
+        ConvTranspose::<W>::pack(context.level, shape, weights)
+    })?;
     let layout = transpose.layout(grid.frames, source.grid.size, grid.size);
     let layout = layout.staggered();
     let mut target = context.recycler.take(layout.len());

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::network::Gate;
 use crate::ops::outer::Outer;
 use crate::ops::panels::Panels;
-use crate::ops::product::{Activation, Columns, Epilogue, Product};
+use crate::ops::product::{Activation, Epilogue, product_of_rows};
 
 /// What the gate's backward pass needs; all `(frames, channels)`.
 #[derive(Debug)]
@@ -65,12 +65,7 @@ fn linear(
     context.parameter(&format!("{layer}.bias"), |bias| {
         context.parameter(&format!("{layer}.weight"), |weight| {
             let panels = Panels::pack_transposed(level, inputs, bias.len(), weight);
-            let epilogue = Epilogue {
-                shift: Some(Columns::shared(bias)),
-                limits: activation.limits(),
-                ..Epilogue::default()
-            };
-            rows_by(&panels, x, epilogue)
+            product_of_rows(x, &panels, Epilogue::biased(bias, activation))
         })
     })?
 }
@@ -106,25 +101,8 @@ fn linear_backward(
     gradients.insert(layer, "bias", bias);
     context.parameter(&format!("{layer}.weight"), |weight| {
         let panels = Panels::pack_rows(context.level, outputs, inputs, weight);
-        rows_by(&panels, gradient, Epilogue::default())
+        product_of_rows(gradient, &panels, Epilogue::default())
     })
-}
-
-fn rows_by(panels: &Panels, x: &[f32], epilogue: Epilogue<'_>) -> Vec<f32> {
-    let rows = x.len() / panels.k();
-    let mut out = vec![0.0; rows * panels.n()];
-    let product = Product {
-        source: x,
-        rows: &starts(rows, panels.k()),
-        frame_rows: rows,
-        taps: &[0],
-        run: panels.k(),
-        panels: panels.all(),
-        lower: None,
-        epilogue,
-    };
-    product.write(&mut out, &starts(rows, panels.n()), 0);
-    out
 }
 
 /// Where each of `rows` rows begins.

@@ -8,12 +8,11 @@ use crate::error::{Result, too_small};
 use crate::network::{self, IMAGE, Layer, Map, Network};
 use crate::ops::bands::Threads;
 use crate::ops::batch_norm::{Norm, NormGradients};
-use crate::ops::buffer::{Recycler, Scratch};
+use crate::ops::buffer::Recycler;
 use crate::ops::conv::{Conv, ConvShape};
-use crate::ops::conv_input::ConvTranspose;
 use crate::ops::conv_weight::{weight_gradient, weight_gradient_of_images};
 use crate::ops::grid::{Grid, Size, pixels};
-use crate::ops::product::{Activation, Columns, Epilogue};
+use crate::ops::product::{Activation, Epilogue};
 use crate::ops::simd::Level;
 use crate::ops::statistics::ChannelStatistics;
 use crate::ops::words::Real;
@@ -70,15 +69,7 @@ impl Context {
     /// The layout of each map of so many frames, with the border that its readers need.
     pub(super) fn grids<W: Real>(&self, frames: usize, image: Size) -> Result<Vec<Grid>> {
         let sizes = self.network.sizes(image).ok_or_else(|| too_small(image))?;
-        let maps = sizes.iter().zip(&self.network.channels);
-        let tight = |(&size, &channels)| Grid::tight(frames, size, channels).of::<W>();
-        let mut grids: Vec<Grid> = maps.map(|map| tight(map).staggered()).collect();
-        for layer in &self.network.layers {
-            for (map, slide) in layer.slides() {
-                grids[map] = grids[map].enclosing(&slide.window(sizes[map]));
-            }
-        }
-        Ok(grids)
+        Ok(self.network.grids::<W>(frames, &sizes, |map| map))
     }
 
     /// Whether a map is only what a residual branch is added to, and its norm alone: the addition
@@ -96,18 +87,6 @@ impl Context {
             && { readers }.all(added)
     }
 
-    /// Convolves, without the bias.
-    pub(super) fn conv<W: Real>(
-        &self,
-        conv: &network::Conv,
-        source: (&[W], &Grid),
-    ) -> Result<(Scratch<W>, Grid)> {
-        let to = output::<W>(conv, source.1)?;
-        let mut target = self.recycler.take(to.len());
-        self.convolve(conv, source, (&mut target, &to), Epilogue::default())?;
-        Ok((target, to))
-    }
-
     /// Convolves, adds the bias and activates, into channels of a map, which the target begins with.
     pub(super) fn biased<W: Real>(
         &self,
@@ -116,16 +95,13 @@ impl Context {
         target: (&mut [W], &Grid),
     ) -> Result<()> {
         self.parameter(&format!("{}.bias", conv.name), |bias| {
-            let epilogue = Epilogue {
-                shift: Some(Columns::shared(bias)),
-                limits: conv.activation.limits(),
-                ..Epilogue::default()
-            };
+            let epilogue = Epilogue::biased(bias, conv.activation);
             self.convolve(conv, source, target, epilogue)
         })?
     }
 
-    fn convolve<W: Real>(
+    /// Convolves by `{layer}.weight`.
+    pub(super) fn convolve<W: Real>(
         &self,
         conv: &network::Conv,
         source: (&[W], &Grid),
@@ -185,17 +161,6 @@ impl Context {
         };
         write(self.level, shape, source, gradient, &mut values);
         gradients.insert(&conv.name, "weight", values);
-    }
-
-    /// The transpose of the convolution by `{layer}.weight`.
-    pub(super) fn transpose<W: Real>(
-        &self,
-        layer: &str,
-        shape: ConvShape,
-    ) -> Result<ConvTranspose<W>> {
-        self.parameter(&format!("{layer}.weight"), |weights| {
-            ConvTranspose::pack(self.level, shape, weights)
-        })
     }
 }
 

@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::images::{Images, lay_out};
-use crate::network::{IMAGE, Map, Network};
+use crate::network::{IMAGE, Network};
 use crate::ops::bands::{Threads, inside_pool};
 use crate::ops::buffer::{Recycler, Scratch};
 use crate::ops::grid::{Grid, pixels};
@@ -322,24 +322,17 @@ fn images_value<W: Real>(context: &Context, images: &Images<'_>, grid: Grid) -> 
     let one = Grid { frames: 1, ..grid };
     let frames = memory.chunks_exact_mut(rows.frame_len());
     for (image, memory) in images.iter().zip(frames) {
-        lay_out(
-            (Threads::All, context.level),
-            image,
-            images,
-            (memory, &one),
-            0.0,
-        );
+        let by = (Threads::All, context.level);
+        lay_out(by, image, images, (memory, &one), 0.0);
     }
     Value { memory, grid }
 }
 
 /// The layers cut at each map that is alone: all made before it have been read.
 fn ranges(network: &Network) -> Vec<Range<usize>> {
-    let last_readers = network.last_readers();
-    let alone = |map: Map| last_readers[..map].iter().all(|&last| last < map);
     let mut ranges = Vec::new();
     let mut start = 0;
-    for end in (1..=network.layers.len()).filter(|&map| alone(map)) {
+    for end in network.alone().skip(1) {
         ranges.push(start..end);
         start = end;
     }

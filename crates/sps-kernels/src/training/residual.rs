@@ -6,10 +6,10 @@ use super::layer::{Context, Gradients};
 use super::{Value, segment::MapGradients};
 use crate::error::{Error, Result};
 use crate::network::{Conv, Gate};
-use crate::ops::batch_norm::{FrameSums, NormGradients};
+use crate::ops::batch_norm::{FrameSums, NormGradients, Slopes};
 use crate::ops::buffer::Scratch;
 use crate::ops::grid::{Grid, pixels};
-use crate::ops::residual::{Branch, FrameSlopes, Shortcut};
+use crate::ops::pointwise::Shortcut;
 use crate::ops::words::Real;
 use crate::training::BatchStatistics;
 
@@ -32,11 +32,8 @@ impl<W: Real> KeptResidual<W> {
         statistics: Option<&mut Vec<BatchStatistics>>,
     ) -> Result<Self> {
         let Some(norm) = &conv.norm else {
-            return Err(Error::input(
-                "network",
-                &conv.name,
-                "a batch norm before its shortcut",
-            ));
+            let expected = "a batch norm before its shortcut";
+            return Err(Error::input("network", &conv.name, expected));
         };
         let conv = KeptConv::record(context, (conv, norm), source, statistics)?;
         let means = conv.squeeze();
@@ -61,17 +58,11 @@ impl<W: Real> KeptResidual<W> {
         shortcut: Shortcut<'_, W>,
         target: (&mut [W], &Grid),
     ) {
-        self.branch(conv).end(context.level, shortcut, target);
-    }
-
-    fn branch(&self, conv: &Conv) -> Branch<'_, W> {
-        Branch {
-            x: &self.conv.raw,
-            norm: &self.conv.norm,
-            gate: &self.factors,
-            grid: &self.conv.grid,
-            activation: conv.activation,
-        }
+        let (kept, activation) = (&self.conv, conv.activation);
+        let onto = Some((&self.factors[..], shortcut));
+        let raw = (&kept.raw[..], &kept.grid);
+        kept.norm
+            .apply(context.level, raw, onto, target, activation);
     }
 
     /// Runs backward; returns the gradient of what the branch was added to, which lies as the branch
@@ -84,13 +75,14 @@ impl<W: Real> KeptResidual<W> {
         of_maps: &mut MapGradients<W>,
         gradients: &mut Gradients,
     ) -> Result<Scratch<W>> {
-        let branch = self.branch(conv);
-        let sums = branch.mask(context.level, end.view(), &mut gradient);
+        let (level, activation) = (context.level, conv.activation);
+        let (raw, norm, grid) = (&self.conv.raw, &self.conv.norm, &self.conv.grid);
+        let sums = norm.mask(level, (raw, grid), end.view(), &mut gradient, activation);
         let slopes = self.slopes(context, conv, gate, &sums, gradients)?;
         let write = |target: &mut [W], layout: &Grid| {
-            branch.backward(context.level, &slopes, &gradient, (target, layout));
+            let ends: [&[W]; 2] = [raw, &gradient];
+            norm.backward(level, &slopes, ends, (target, layout), None);
         };
-        let grid = &self.conv.grid;
         input_gradient((context, conv), grid, source, of_maps, gradients, write)?;
         Ok(gradient)
     }
@@ -103,13 +95,8 @@ impl<W: Real> KeptResidual<W> {
         gate: Option<&Gate>,
         sums: &FrameSums,
         gradients: &mut Gradients,
-    ) -> Result<FrameSlopes> {
-        let KeptConv {
-            norm,
-            moments,
-            grid,
-            ..
-        } = &self.conv;
+    ) -> Result<Slopes> {
+        let (norm, moments, grid) = (&self.conv.norm, &self.conv.moments, &self.conv.grid);
         let channels = grid.channels;
         let count = pixels(grid.size) as f64;
         let wide = |values: &[f32], i: usize| f64::from(values[i % values.len()]);
@@ -142,7 +129,7 @@ impl<W: Real> KeptResidual<W> {
             let share = (f64::from(*mean) / count) as f32;
             factor(i) * share + normed.slopes.constant[i % channels]
         });
-        let slopes = FrameSlopes {
+        let slopes = Slopes {
             of_gradient: gates.map(|(i, gate)| factor(i) * gate).collect(),
             of_x: normed.slopes.of_x.clone(),
             constant: shares.collect(),

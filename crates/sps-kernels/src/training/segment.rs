@@ -14,8 +14,8 @@ use crate::network::{Conv, Layer, Map, MaxPool};
 use crate::ops::bands::{Threads, for_each_band};
 use crate::ops::buffer::Scratch;
 use crate::ops::grid::Grid;
+use crate::ops::pointwise::Shortcut;
 use crate::ops::pool::{max_pool, max_pool_backward};
-use crate::ops::residual::Shortcut;
 use crate::ops::words::Real;
 use crate::training::BatchStatistics;
 
@@ -228,15 +228,8 @@ impl<W: Real> Kept<W> {
         let input = &self.values[&pool.input];
         let window = pool.slide.window(input.grid.size);
         let mut target = context.recycler.take::<W>(input.grid.len());
-        let level = context.level;
-        max_pool_backward(
-            level,
-            &window,
-            input.view(),
-            output.view(),
-            gradient,
-            &mut target,
-        );
+        let (level, from, to) = (context.level, input.view(), output.view());
+        max_pool_backward(level, &window, from, to, gradient, &mut target);
         let bare = input.grid.bare();
         if bare == input.grid {
             return target;
@@ -266,7 +259,9 @@ fn record<W: Real>(
     if let Some(norm) = &conv.norm {
         let kept = KeptConv::record(context, (conv, norm), source, statistics)?;
         if let Some(target) = target {
-            kept.activate(context, conv.activation, target);
+            let (raw, activation) = ((&kept.raw[..], &kept.grid), conv.activation);
+            kept.norm
+                .apply(context.level, raw, None, target, activation);
         }
         return Ok(Some(kept));
     }

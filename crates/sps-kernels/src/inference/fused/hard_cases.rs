@@ -6,16 +6,10 @@ use super::*;
 use crate::golden::{uniform, weight};
 use crate::images::{Normalisation, Order};
 use crate::networks::se_resnext50;
+use crate::ops::tests::inside;
 use crate::ops::words::Bf16Pair;
 
 type Numbers = BTreeMap<String, Vec<f32>>;
-
-/// The numbers of a feature map, pixel by pixel.
-fn numbers<W: Word>(memory: &[W], grid: &Grid) -> Vec<f64> {
-    let pixel = |&place: &usize| W::numbers(&memory[place..][..grid.words]);
-    let places = grid.places();
-    places.iter().flat_map(pixel).map(f64::from).collect()
-}
 
 /// What leaves the stem and each bottleneck.
 fn layers<W: Word>(weights: &Numbers, image: &[f32], size: [usize; 3]) -> Vec<Vec<f64>> {
@@ -35,7 +29,7 @@ fn layers<W: Word>(weights: &Numbers, image: &[f32], size: [usize; 3]) -> Vec<Ve
         fused.run(Threads::One, number, &grids, &mut slots);
         if matches!(layer, Layer::MaxPool(_) | Layer::Residual { .. }) {
             let map = number + 1;
-            layers.push(numbers(&slots[fused.slots.of(map)].memory, &grids[map]));
+            layers.push(inside(&slots[fused.slots.of(map)].memory, &grids[map]));
         }
     }
     layers

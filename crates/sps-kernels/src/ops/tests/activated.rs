@@ -1,6 +1,6 @@
 //! The way back through an activation, against its definition.
 
-use super::noise;
+use super::{by, laid_out, noise};
 use crate::ops::activated::activation_gradient;
 use crate::ops::grid::{Grid, Window, pixels};
 use crate::ops::product::Activation;
@@ -11,16 +11,13 @@ const CHANNELS: usize = 34;
 
 /// A map of as many channels as it has, with a border, that holds what an activation leaves: some at its limits.
 fn activated<W: Real>(grid: &Grid, activation: Activation) -> Vec<W> {
-    let [least, most] = activation.limits();
-    let mut memory = vec![W::default(); grid.len()];
+    let [least, most] = activation.limits().map(f64::from);
     let values = noise(grid.frames * pixels(grid.size) * grid.channels, 1);
-    for (place, values) in grid.places().into_iter().zip(values.chunks(grid.channels)) {
-        let numbers = W::each_mut(&mut memory[place..place + grid.words]);
-        for (number, value) in numbers.iter_mut().zip(values) {
-            *number = W::narrowed((9.0 * *value as f32).clamp(least, most));
-        }
-    }
-    memory
+    let values: Vec<f64> = values
+        .iter()
+        .map(|x| (9.0 * x).clamp(least, most))
+        .collect();
+    laid_out(&values, grid, 0.0)
 }
 
 fn check<W: Real>(level: Level, activation: Activation) {
@@ -65,8 +62,7 @@ fn check<W: Real>(level: Level, activation: Activation) {
         assert!((sum - expected).abs() < 1e-6, "{sum} for {expected}");
     }
     for threads in [1, 3] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        assert_eq!(pool.build().unwrap().install(run).1, sums);
+        assert_eq!(by(threads, run).1, sums);
     }
 }
 

@@ -4,32 +4,23 @@
 use half::bf16;
 
 use super::super::bands::Threads;
-use super::super::batch_norm::{FrameSums, Norm, NormGradients};
+use super::super::batch_norm::{FrameSums, Norm, NormGradients, Slopes};
 use super::super::conv::{Conv, ConvShape};
 use super::super::conv_input::ConvTranspose;
 use super::super::conv_weight::weight_gradient;
 use super::super::grid::{Grid, Window, pixels};
-use super::super::mean::frame_means;
+use super::super::pointwise::Shortcut;
 use super::super::pool::{max_pool, max_pool_backward};
-use super::super::product::{Activation, Columns, Epilogue};
-use super::super::residual::{Branch, FrameSlopes, Shortcut};
+use super::super::product::{Activation, Epilogue};
 use super::super::simd::Level;
 use super::super::statistics::ChannelStatistics;
 use super::super::words::{Bf16Pair, Real, Word};
-use super::{noise, shape, window_sums};
-
-/// A feature map without a border as words.
-fn words(values: &[f64]) -> Vec<Bf16Pair> {
-    let pairs = values.chunks_exact(2);
-    pairs.map(|p| Bf16Pair::of(|i| p[i] as f32)).collect()
-}
-
-fn numbers(words: &[Bf16Pair]) -> Vec<f64> {
-    Bf16Pair::numbers(words).map(f64::from).collect()
-}
+use super::conv::Case;
+use super::{check_pooling_and_means, convolved, inside, laid_out, narrow, noise, shape, wide};
 
 fn rounded(values: &[f64]) -> Vec<f64> {
-    numbers(&words(values))
+    let number = |x: &f64| bf16::from_f32(*x as f32).to_f64();
+    values.iter().map(number).collect()
 }
 
 /// What a number differs by once it is rounded to eight bits.
@@ -42,33 +33,26 @@ fn check(shape: ConvShape, size: [usize; 2]) {
     let taps = pixels(shape.window.size);
     let weights = rounded(&noise(shape.outputs * shape.group_inputs() * taps, 2));
     let shift = noise(shape.outputs, 3);
-    let sums = window_sums(&shape, size, &values, &weights, 0.0);
+    let sums = Case::of_image(shape, size).reference(&values, &weights);
     // Sums of as many products as there are, each of at most 1, in f32.
     let slack = 1e-6 * (shape.group_inputs() * taps) as f64;
 
     Level::on_each(|level| {
-        let weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
-        let shift: Vec<f32> = shift.iter().map(|&s| s as f32).collect();
-        let conv = Conv::pack(level, shape, &weights);
+        let (weights, shift) = (narrow(&weights), narrow(&shift));
+        let conv = Conv::<Bf16Pair>::pack(level, shape, &weights);
         let for_inference = Conv::pack_for_inference(level, shape, &weights);
         let from = grid.padded(&shape.window);
-        let mut source = vec![Bf16Pair::default(); from.len()];
-        for (&place, pixel) in from.places().iter().zip(words(&values).chunks(grid.pitch)) {
-            source[place..][..grid.pitch].copy_from_slice(pixel);
-        }
         let to = shape.window.output(grid.size).unwrap();
         let to = Grid::tight(1, to, shape.outputs).of::<Bf16Pair>();
         let before = rounded(&noise(2 * to.len(), 4));
         for (conv, accumulate) in [(&conv, false), (&conv, true), (&for_inference, true)] {
-            let mut target = words(&before);
             let epilogue = Epilogue {
-                shift: Some(Columns::shared(&shift)),
                 accumulate: accumulate.then_some(1.0),
-                limits: Activation::Relu.limits(),
-                ..Epilogue::default()
+                ..Epilogue::biased(&shift, Activation::Relu)
             };
-            conv.apply(Threads::One, (&source, &from), (&mut target, &to), epilogue);
-            for (i, found) in numbers(&target).into_iter().enumerate() {
+            let (conv, source) = ((conv, Threads::One), (&values[..], &from, 0.0));
+            let found = convolved(conv, source, (&before, &to), epilogue);
+            for (i, found) in found.into_iter().enumerate() {
                 let stored = if accumulate { before[i] } else { 0.0 };
                 let expected = (sums[i] + f64::from(shift[i % shape.outputs]) + stored).max(0.0);
                 let error = (found - expected).abs();
@@ -107,53 +91,24 @@ fn convolutions() {
 /// Neither rounds: the largest number is one of those that are there, and the sum is of f32.
 #[test]
 fn pooling_and_means() {
-    let window = Window::square(3, 2, 0);
-    let grid = Grid::tight(1, [1, 7, 6], 32).of::<Bf16Pair>();
-    let values = rounded(&noise(7 * 6 * 32, 5));
-    let to = Grid {
-        size: window.output_ceil(grid.size),
-        ..grid
-    };
-    Level::on_each(|level| {
-        let source = words(&values);
-        let mut target = vec![Bf16Pair::default(); to.len()];
-        let pair = ((&source[..], &grid), (&mut target[..], &to));
-        max_pool(Threads::One, level, &window, pair.0, pair.1);
-        for (i, found) in numbers(&target).into_iter().enumerate() {
-            let (pixel, channel) = (i / 32, i % 32);
-            let (y, x) = (pixel / to.size[2] * 2, pixel % to.size[2] * 2);
-            let under = (y..(y + 3).min(7)).flat_map(|y| (x..(x + 3).min(6)).map(move |x| (y, x)));
-            let largest = under.map(|(y, x)| values[(y * 6 + x) * 32 + channel]);
-            assert_eq!(found, largest.fold(f64::NEG_INFINITY, f64::max));
-        }
-        let mut means = [0.0; 32];
-        frame_means(Threads::One, level, &source, &grid, &mut [&mut means]);
-        for (channel, mean) in means.iter().enumerate() {
-            let sum: f64 = values.iter().skip(channel).step_by(32).sum();
-            assert!((f64::from(*mean) - sum / 42.0).abs() < 1e-7);
-        }
-    });
+    let is_mean = |found: f32, mean: f64| (f64::from(found) - mean).abs() < 1e-7;
+    check_pooling_and_means::<Bf16Pair>(&rounded(&noise(7 * 6 * 32, 5)), is_mean);
 }
 
 /// Words of numbers that are rounded to bf16, those of a border 0.
 fn map<W: Word>(grid: &Grid, seed: u64) -> Vec<W> {
     let tight = grid.frames * pixels(grid.size) * grid.channels;
-    let values = rounded(&noise(tight, seed));
-    let mut memory = vec![W::default(); grid.len()];
-    for (&place, pixel) in grid.places().iter().zip(values.chunks(grid.channels)) {
-        for (word, numbers) in memory[place..].iter_mut().zip(pixel.chunks(W::NUMBERS)) {
-            *word = W::of(|i| numbers[i] as f32);
-        }
-    }
-    memory
+    laid_out(&rounded(&noise(tight, seed)), grid, 0.0)
 }
 
 /// The gradients of a convolution's weights and of its input, the latter added to what is there.
 fn gradients<W: Real>(level: Level, shape: ConvShape, size: [usize; 2]) -> [Vec<f64>; 2] {
     let input = [1, size[0], size[1]];
     let taps = pixels(shape.window.size);
-    let weights = rounded(&noise(shape.outputs * shape.group_inputs() * taps, 1));
-    let weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
+    let weights = narrow(&rounded(&noise(
+        shape.outputs * shape.group_inputs() * taps,
+        1,
+    )));
     let transpose = ConvTranspose::<W>::pack(level, shape, &weights);
     let output = shape.window.output(input).unwrap();
     let from = Grid::tight(2, input, shape.inputs).of::<W>();
@@ -165,11 +120,7 @@ fn gradients<W: Real>(level: Level, shape: ConvShape, size: [usize; 2]) -> [Vec<
     weight_gradient(level, &shape, (&source, &from), gradient, &mut of_weights);
     let mut of_input = map::<W>(&to, 4);
     transpose.apply(gradient, (&mut of_input, &to), true);
-    let wide = |values: &mut dyn Iterator<Item = f32>| values.map(f64::from).collect();
-    [
-        wide(&mut of_weights.into_iter()),
-        wide(&mut W::numbers(&of_input)),
-    ]
+    [wide(&of_weights), inside(&of_input, &to)]
 }
 
 #[test]
@@ -231,23 +182,11 @@ fn gradients_of_pooling() {
             *number = W::narrowed((4.0 * W::widened(*number)).round());
         }
         let mut pooled = vec![W::default(); to.len()];
-        max_pool(
-            Threads::One,
-            level,
-            &window,
-            (&source, &from),
-            (&mut pooled, &to),
-        );
-        let mut target = vec![W::default(); from.len()];
-        let (source, pooled) = ((&source[..], &from), (&pooled[..], &to));
-        max_pool_backward(
-            level,
-            &window,
-            source,
-            pooled,
-            &map::<W>(&to, 6),
-            &mut target,
-        );
+        let source = (&source[..], &from);
+        max_pool(Threads::One, level, &window, source, (&mut pooled, &to));
+        let (mut target, gradient) = (vec![W::default(); from.len()], map::<W>(&to, 6));
+        let pooled = (&pooled[..], &to);
+        max_pool_backward(level, &window, source, pooled, &gradient, &mut target);
         W::numbers(&target).collect()
     }
     Level::on_each(|level| {
@@ -265,10 +204,8 @@ type Left = (Vec<Vec<f32>>, FrameSums);
 
 /// Numbers from a quarter to one and a quarter.
 fn parameters(len: usize, seed: u64) -> Vec<f32> {
-    noise(len, seed)
-        .iter()
-        .map(|x| 0.75 + 0.5 * *x as f32)
-        .collect()
+    let numbers = noise(len, seed).into_iter();
+    numbers.map(|x| 0.75 + 0.5 * x as f32).collect()
 }
 
 const CHANNELS: usize = 34;
@@ -290,10 +227,11 @@ fn norm<W: Real>(level: Level) -> Left {
     let (norm, count) = norm_of(level, &x, &grid);
     let activation = Activation::Relu6;
     let (mut y, mut dx) = (vec![W::default(); to.len()], vec![W::default(); grid.len()]);
-    norm.apply(level, (&x, &grid), (&mut y, &to), activation);
+    norm.apply(level, (&x, &grid), None, (&mut y, &to), activation);
     let sums = norm.sums(level, &x, &gradient, &grid, activation);
     let slopes = NormGradients::new(&norm, count, &sums.over_frames(CHANNELS)).slopes;
-    norm.backward(level, &slopes, &x, &gradient, (&mut dx, &grid), activation);
+    let ends = [&x[..], &gradient];
+    norm.backward(level, &slopes, ends, (&mut dx, &grid), Some(activation));
     let maps = [y, dx].map(|map| W::numbers(&map).collect());
     (maps.to_vec(), sums)
 }
@@ -305,28 +243,24 @@ fn residual<W: Real>(level: Level) -> Left {
     let (norm, _) = norm_of(level, &x, &grid);
     let (other, _) = norm_of(level, &added, &grid);
     let gate = parameters(2 * CHANNELS, 13);
-    let branch = Branch {
-        x: &x,
-        norm: &norm,
-        gate: &gate,
-        grid: &grid,
-        activation: Activation::Relu,
-    };
+    let (x, activation) = ((&x[..], &grid), Activation::Relu);
     let [mut plain, mut normed, mut dx] = [0; 3].map(|_| vec![W::default(); grid.len()]);
-    branch.end(level, Shortcut::Plain(&added, &grid), (&mut plain, &grid));
-    branch.end(
-        level,
-        Shortcut::Normed(&added, &other),
-        (&mut normed, &grid),
-    );
+    for (shortcut, target) in [
+        (Shortcut::Plain(&added, &grid), &mut plain),
+        (Shortcut::Normed(&added, &other), &mut normed),
+    ] {
+        let onto = Some((&gate[..], shortcut));
+        norm.apply(level, x, onto, (target, &grid), activation);
+    }
     let (end, mut masked) = (map::<W>(&grid, 3), map::<W>(&grid, 4));
-    let sums = branch.mask(level, (&end, &grid), &mut masked);
-    let slopes = FrameSlopes {
+    let sums = norm.mask(level, x, (&end, &grid), &mut masked, activation);
+    let slopes = Slopes {
         of_gradient: gate.clone(),
         of_x: parameters(CHANNELS, 14),
         constant: parameters(2 * CHANNELS, 15),
     };
-    branch.backward(level, &slopes, &masked, (&mut dx, &grid));
+    let ends = [x.0, &masked];
+    norm.backward(level, &slopes, ends, (&mut dx, &grid), None);
     let maps = [plain, normed, masked, dx].map(|map| W::numbers(&map).collect());
     (maps.to_vec(), sums)
 }

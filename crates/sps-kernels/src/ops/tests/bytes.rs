@@ -6,28 +6,17 @@ use proptest::prelude::*;
 use super::super::bands::Threads;
 use super::super::conv::{Conv, ConvShape};
 use super::super::grid::{Grid, Window, pixels};
-use super::super::mean::frame_means;
-use super::super::pool::max_pool;
 use super::super::product::{Columns, Epilogue};
 use super::super::simd::{Kernel, Lanes, Level};
 use super::super::words::{Bytes, Word};
-use super::{noise, shape, window_sums};
+use super::conv::Case;
+use super::{check_pooling_and_means, convolved, inside, narrow, noise, shape};
 
 /// Whole numbers of `least` to `most`, both among them.
 fn whole(len: usize, seed: u64, least: f64, most: f64) -> Vec<f64> {
     let (middle, reach) = (f64::midpoint(least, most), (most - least) / 2.0 + 0.5);
     let number = |x: f64| (middle + reach * x).round().clamp(least, most);
     noise(len, seed).into_iter().map(number).collect()
-}
-
-/// A feature map without a border as words.
-fn words(numbers: &[f64]) -> Vec<Bytes> {
-    let quads = numbers.chunks_exact(4);
-    quads.map(|q| Bytes::of(|i| q[i] as f32)).collect()
-}
-
-fn numbers(words: &[Bytes]) -> Vec<f64> {
-    Bytes::numbers(words).map(f64::from).collect()
 }
 
 /// A convolution of bytes is that of whole numbers, scaled in one rounding and rounded to even.
@@ -40,41 +29,31 @@ fn check(shape: ConvShape, size: [usize; 2], seed: u64) {
     // A channel of nothing but zeros.
     weights[..count / shape.outputs].fill(0.0);
     let padding = 77.0;
-    let sums = window_sums(&shape, size, &values, &weights, padding);
+    let sums = Case::of_image(shape, size).padded_by(padding, &values, &weights);
     let largest = sums.iter().fold(1.0, |m: f64, sum| m.max(sum.abs())) as f32;
-    let factors: Vec<f32> = noise(shape.outputs, seed + 2)
-        .iter()
-        .map(|&x| 180.0 * x as f32 / largest)
-        .collect();
-    let shifts: Vec<f32> = noise(shape.outputs, seed + 3)
-        .iter()
-        .map(|&x| 99.0 + 90.0 * x as f32)
-        .collect();
-    let weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
+    let each_of = |seed: u64| noise(shape.outputs, seed).into_iter().map(|x| x as f32);
+    let factors: Vec<f32> = each_of(seed + 2).map(|x| 180.0 * x / largest).collect();
+    let shifts: Vec<f32> = each_of(seed + 3).map(|x| 99.0 + 90.0 * x).collect();
+    let weights = narrow(&weights);
 
     Level::on_each(|level| {
-        let conv = Conv::pack(level, shape, &weights);
+        let conv = Conv::<Bytes>::pack(level, shape, &weights);
         // A border wider than the window's, as another reader may need it.
         let wider = Window::square(9, 1, 4);
         let from = grid.enclosing(&shape.window).enclosing(&wider);
-        let mut source = vec![Bytes::default(); from.len()];
-        from.fill_border(&mut source, Bytes::of(|_| padding as f32));
-        for (&place, pixel) in from.places().iter().zip(words(&values).chunks(grid.pitch)) {
-            source[place..][..grid.pitch].copy_from_slice(pixel);
-        }
         let to = shape.window.output(grid.size).unwrap();
         let to = Grid::tight(1, to, shape.outputs).of::<Bytes>();
         let before = whole(sums.len(), seed + 4, 0.0, 255.0);
         for (accumulate, limits) in [(None, [0.0, 255.0]), (Some(0.37), [13.0, 201.5])] {
-            let mut target = words(&before);
             let epilogue = Epilogue {
                 scale: Some(Columns::shared(&factors)),
                 shift: Some(Columns::shared(&shifts)),
                 accumulate,
                 limits,
             };
-            conv.apply(Threads::One, (&source, &from), (&mut target, &to), epilogue);
-            for (i, found) in numbers(&target).into_iter().enumerate() {
+            let source = (&values[..], &from, padding);
+            let found = convolved((&conv, Threads::One), source, (&before, &to), epilogue);
+            for (i, found) in found.into_iter().enumerate() {
                 let channel = i % shape.outputs;
                 let y = (sums[i] as f32).mul_add(factors[channel], shifts[channel]);
                 let y = accumulate.map_or(y, |factor| (before[i] as f32).mul_add(factor, y));
@@ -157,7 +136,7 @@ fn the_largest_sum_does_not_overflow() {
                 ..Epilogue::default()
             };
             conv.apply(Threads::One, (&source, &grid), (&mut target, &to), epilogue);
-            assert_eq!(numbers(&target), [200.0; 4], "{level:?}");
+            assert_eq!(inside(&target, &to), [200.0; 4], "{level:?}");
         }
     });
     // In 16 bits, as `maddubs` adds two products, it does.
@@ -201,50 +180,16 @@ fn a_sum_without_instructions_for_bytes() {
 /// Neither rounds.
 #[test]
 fn pooling_and_means() {
-    let window = Window::square(3, 2, 0);
-    let grid = Grid::tight(1, [1, 7, 6], 32).of::<Bytes>();
     let values = whole(7 * 6 * 32, 5, 0.0, 255.0);
-    let to = Grid {
-        size: window.output_ceil(grid.size),
-        ..grid
-    };
-    Level::on_each(|level| {
-        let source = words(&values);
-        let mut target = vec![Bytes::default(); to.len()];
-        let pair = ((&source[..], &grid), (&mut target[..], &to));
-        max_pool(Threads::One, level, &window, pair.0, pair.1);
-        for (i, found) in numbers(&target).into_iter().enumerate() {
-            let (pixel, channel) = (i / 32, i % 32);
-            let (y, x) = (pixel / to.size[2] * 2, pixel % to.size[2] * 2);
-            let under = (y..(y + 3).min(7)).flat_map(|y| (x..(x + 3).min(6)).map(move |x| (y, x)));
-            let largest = under.map(|(y, x)| values[(y * 6 + x) * 32 + channel]);
-            assert_eq!(found, largest.fold(0.0, f64::max));
-        }
-        let mut means = [0.0; 32];
-        frame_means(Threads::One, level, &source, &grid, &mut [&mut means]);
-        for (channel, mean) in means.iter().enumerate() {
-            let sum: f64 = values.iter().skip(channel).step_by(32).sum();
-            assert_eq!(*mean, (sum / 42.0) as f32);
-        }
-    });
+    check_pooling_and_means::<Bytes>(&values, |found, mean| found == mean as f32);
 }
 
 /// What leaves the range of a byte ends at its ends, and what is no number at the lower one.
 #[test]
 fn numbers_become_bytes() {
-    let rounded = |x: f32| numbers(&[Bytes::of(|_| x)])[0];
-    let given = [
-        -1e9,
-        -0.5,
-        0.5,
-        1.5,
-        254.5,
-        255.4,
-        1e9,
-        f32::INFINITY,
-        f32::NEG_INFINITY,
-        f32::NAN,
-    ];
+    let rounded = |x: f32| Bytes::numbers(&[Bytes::of(|_| x)]).next().unwrap();
+    let (most, nan) = (f32::INFINITY, f32::NAN);
+    let given = [-1e9, -0.5, 0.5, 1.5, 254.5, 255.4, 1e9, most, -most, nan];
     let expected = [0.0, 0.0, 0.0, 2.0, 254.0, 255.0, 255.0, 255.0, 0.0, 0.0];
     assert_eq!(given.map(rounded), expected);
 }

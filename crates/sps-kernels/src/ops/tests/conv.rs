@@ -7,25 +7,40 @@ use crate::ops::grid::{Window, pixels};
 pub(super) struct Case {
     pub(super) frames: usize,
     pub(super) size: [usize; 3],
-    pub(super) inputs: usize,
-    pub(super) outputs: usize,
-    pub(super) groups: usize,
-    pub(super) window: Window,
+    pub(super) shape: ConvShape,
 }
 
 impl Case {
-    pub(super) const fn shape(&self) -> ConvShape {
-        shape(self.window, self.inputs, self.outputs, self.groups)
+    pub(super) const fn new(
+        frames: usize,
+        size: [usize; 3],
+        [inputs, outputs, groups]: [usize; 3],
+        window: Window,
+    ) -> Self {
+        Self {
+            frames,
+            size,
+            shape: shape(window, inputs, outputs, groups),
+        }
+    }
+
+    /// A convolution of one image.
+    pub(super) const fn of_image(shape: ConvShape, [height, width]: [usize; 2]) -> Self {
+        Self {
+            frames: 1,
+            size: image(height, width),
+            shape,
+        }
     }
 
     /// How many numbers the input has.
     pub(super) fn numbers(&self) -> usize {
-        self.frames * pixels(self.size) * self.inputs
+        self.frames * pixels(self.size) * self.shape.inputs
     }
 
     /// How many weights there are.
     pub(super) fn weights(&self) -> usize {
-        self.outputs * self.inputs / self.groups * pixels(self.window.size)
+        self.shape.outputs * self.shape.inputs / self.shape.groups * pixels(self.shape.window.size)
     }
 
     fn inputs(&self) -> Vec<Vec<f64>> {
@@ -33,21 +48,31 @@ impl Case {
     }
 
     fn convolution(&self) -> Convolution {
-        Convolution::new(self.frames, self.size, self.shape()).unwrap()
+        Convolution::new(self.frames, self.size, self.shape).unwrap()
     }
 
     /// Convolution by its definition.
     pub(super) fn reference(&self, x: &[f64], weight: &[f64]) -> Vec<f64> {
-        let to = self.window.output(self.size).unwrap();
-        let (inputs, outputs) = (self.inputs / self.groups, self.outputs / self.groups);
-        let taps = pixels(self.window.size);
-        let mut y = vec![0.0; self.frames * pixels(to) * self.outputs];
-        for [pixel, tap, from] in self.pairs() {
-            for output in 0..self.outputs {
-                let x = &x[from * self.inputs + output / outputs * inputs..][..inputs];
-                for (input, x) in x.iter().enumerate() {
+        self.padded_by(0.0, x, weight)
+    }
+
+    /// The same of a map around which lies `padding`.
+    pub(super) fn padded_by(&self, padding: f64, x: &[f64], weight: &[f64]) -> Vec<f64> {
+        let to = self.shape.window.output(self.size).unwrap();
+        let (inputs, outputs) = (
+            self.shape.inputs / self.shape.groups,
+            self.shape.outputs / self.shape.groups,
+        );
+        let taps = pixels(self.shape.window.size);
+        let mut y = vec![0.0; self.frames * pixels(to) * self.shape.outputs];
+        for (pixel, tap, from) in self.taps() {
+            for output in 0..self.shape.outputs {
+                let first = output / outputs * inputs;
+                for input in 0..inputs {
+                    let x =
+                        from.map_or(padding, |from| x[from * self.shape.inputs + first + input]);
                     let weight = weight[(output * inputs + input) * taps + tap];
-                    y[pixel * self.outputs + output] += x * weight;
+                    y[pixel * self.shape.outputs + output] += x * weight;
                 }
             }
         }
@@ -56,41 +81,47 @@ impl Case {
 
     /// The gradient of the weights by its definition; of one group.
     pub(super) fn weight_gradient(&self, x: &[f64], cotangent: &[f64]) -> Vec<f64> {
-        let taps = pixels(self.window.size);
-        let mut gradient = vec![0.0; self.outputs * self.inputs * taps];
+        let taps = pixels(self.shape.window.size);
+        let mut gradient = vec![0.0; self.shape.outputs * self.shape.inputs * taps];
         for [pixel, tap, from] in self.pairs() {
             for (i, gradient) in gradient.iter_mut().skip(tap).step_by(taps).enumerate() {
-                let (output, input) = (i / self.inputs, i % self.inputs);
-                *gradient +=
-                    cotangent[pixel * self.outputs + output] * x[from * self.inputs + input];
+                let (output, input) = (i / self.shape.inputs, i % self.shape.inputs);
+                *gradient += cotangent[pixel * self.shape.outputs + output]
+                    * x[from * self.shape.inputs + input];
             }
         }
         gradient
     }
 
+    /// Those of [`Case::taps`] that are under no padding.
+    pub(super) fn pairs(&self) -> impl Iterator<Item = [usize; 3]> {
+        let taps = self.taps().into_iter();
+        taps.filter_map(|(pixel, tap, from)| Some([pixel, tap, from?]))
+    }
+
     /// Each pixel of the output with each tap of the window and the pixel of the input under it,
     /// pixels counted over all frames.
-    pub(super) fn pairs(&self) -> Vec<[usize; 3]> {
-        let to = self.window.output(self.size).unwrap();
-        let mut pairs = Vec::new();
+    fn taps(&self) -> Vec<(usize, usize, Option<usize>)> {
+        let to = self.shape.window.output(self.size).unwrap();
+        let mut taps = Vec::new();
         for pixel in 0..self.frames * pixels(to) {
             let (frame, place) = (pixel / pixels(to), unflatten(pixel % pixels(to), to));
-            for tap in 0..pixels(self.window.size) {
-                let under = unflatten(tap, self.window.size);
-                if let Some(from) = self.source(place, under) {
-                    pairs.push([pixel, tap, frame * pixels(self.size) + from]);
-                }
+            for tap in 0..pixels(self.shape.window.size) {
+                let under = unflatten(tap, self.shape.window.size);
+                let from = self.source(place, under);
+                let from = from.map(|from| frame * pixels(self.size) + from);
+                taps.push((pixel, tap, from));
             }
         }
-        pairs
+        taps
     }
 
     /// The pixel under the window, `None` in the padding.
     fn source(&self, place: [usize; 3], under: [usize; 3]) -> Option<usize> {
         let mut flat = 0;
         for axis in 0..3 {
-            let at = place[axis] * self.window.stride[axis] + under[axis];
-            let at = at.checked_sub(self.window.before[axis])?;
+            let at = place[axis] * self.shape.window.stride[axis] + under[axis];
+            let at = at.checked_sub(self.shape.window.before[axis])?;
             if at >= self.size[axis] {
                 return None;
             }
@@ -127,13 +158,8 @@ const fn image(height: usize, width: usize) -> [usize; 3] {
 #[test]
 fn convolutions_of_many_shapes() {
     let square = Window::square;
-    let case = |frames, size, inputs, outputs, groups, window| Case {
-        frames,
-        size,
-        inputs,
-        outputs,
-        groups,
-        window,
+    let case = |frames, size, inputs, outputs, groups, window| {
+        Case::new(frames, size, [inputs, outputs, groups], window)
     };
     case(2, image(5, 3), 7, 33, 1, square(1, 1, 0)).check("1x1, odd sizes");
     case(1, image(5, 6), 6, 5, 1, square(1, 2, 0)).check("1x1, stride 2");
@@ -166,14 +192,7 @@ fn convolutions_of_many_shapes() {
 fn more_rows_than_a_block_sums_to_the_last_digits() {
     // Long enough for several blocks of every kernel; gradients by the definition in f64.
     for window in [Window::square(1, 1, 0), Window::square(3, 1, 1)] {
-        let case = Case {
-            frames: 2,
-            size: image(37, 41),
-            inputs: 16,
-            outputs: 48,
-            groups: 1,
-            window,
-        };
+        let case = Case::new(2, image(37, 41), [16, 48, 1], window);
         let inputs = case.inputs();
         let (x, w) = (narrow(&inputs[0]), narrow(&inputs[1]));
         let y = case.convolution().forward(&x, &w).unwrap();

@@ -3,74 +3,38 @@
 use super::super::bands::Threads;
 use super::super::conv::Conv;
 use super::super::grid::{Grid, Window, pixels};
-use super::super::product::{Activation, Columns, Epilogue};
+use super::super::product::{Activation, Epilogue};
 use super::super::simd::Level;
 use super::super::words::{Bf16Pair, Word};
-use super::{noise, shape};
-
-/// Sums over the window, plus a shift, within 0 to 6; in f64.
-fn reference(
-    window: &Window,
-    size: [usize; 3],
-    x: &[f64],
-    weights: &[f64],
-    shift: &[f64],
-) -> Vec<f64> {
-    let channels = shift.len();
-    let [_, height, width] = size;
-    let [_, rows, columns] = window.output(size).unwrap();
-    let [_, taps_y, taps_x] = window.size;
-    let mut out = Vec::new();
-    for (y, x_) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
-        for (channel, shift) in shift.iter().enumerate() {
-            let mut sum = *shift;
-            for (i, j) in (0..taps_y).flat_map(|i| (0..taps_x).map(move |j| (i, j))) {
-                let row = (y * window.stride[1] + i).wrapping_sub(window.before[1]);
-                let column = (x_ * window.stride[2] + j).wrapping_sub(window.before[2]);
-                if row < height && column < width {
-                    let weight = weights[(channel * taps_y + i) * taps_x + j];
-                    sum += x[(row * width + column) * channels + channel] * weight;
-                }
-            }
-            out.push(sum.clamp(0.0, 6.0));
-        }
-    }
-    out
-}
+use super::conv::Case;
+use super::{convolved, inside, laid_out, narrow, noise, shape};
 
 /// A convolution's sums may be off by `rounding` of themselves and by what sums in f32 lose.
 fn check<W: Word>(window: Window, size: [usize; 3], channels: usize, rounding: f64) {
     let shape = shape(window, channels, channels, channels);
-    let as_words = |values: &[f64]| -> Vec<W> {
-        let words = values.chunks_exact(W::NUMBERS);
-        words.map(|w| W::of(|i| w[i] as f32)).collect()
-    };
-    let values = as_words(&noise(pixels(size) * channels, 1));
-    let x: Vec<f64> = W::numbers(&values).map(f64::from).collect();
+    let tight = Grid::tight(1, size, channels).of::<W>();
+    let x = laid_out::<W>(&noise(pixels(size) * channels, 1), &tight, 0.0);
+    let x = inside(&x, &tight);
     let (weights, shift) = (noise(channels * pixels(window.size), 2), noise(channels, 3));
     let weights: Vec<f64> = weights.iter().map(|w| 3.0 * w).collect();
-    let expected = reference(&window, size, &x, &weights, &shift);
+    let sums = Case::of_image(shape, [size[1], size[2]]).reference(&x, &weights);
+    let (weights, shift_of) = (narrow(&weights), narrow(&shift));
     Level::on_each(|level| {
-        let narrow = |values: &[f64]| -> Vec<f32> { values.iter().map(|&v| v as f32).collect() };
-        let (weights, shift) = (narrow(&weights), narrow(&shift));
         let conv = Conv::<W>::pack(level, shape, &weights);
         // A border wider than the window's, as another reader may need it.
-        let wider = Window::square(9, 1, 4);
-        let from = Grid::tight(1, size, channels).of::<W>().enclosing(&wider);
-        let mut source = vec![W::default(); from.len()];
-        for (&place, pixel) in from.places().iter().zip(values.chunks(from.pitch)) {
-            source[place..][..from.pitch].copy_from_slice(pixel);
-        }
+        let from = tight.enclosing(&Window::square(9, 1, 4));
         let to = Grid::tight(1, window.output(size).unwrap(), channels).of::<W>();
-        let mut target = vec![W::default(); to.len()];
-        let epilogue = Epilogue {
-            shift: Some(Columns::shared(&shift)),
-            limits: Activation::Relu6.limits(),
-            ..Epilogue::default()
-        };
-        conv.apply(Threads::One, (&source, &from), (&mut target, &to), epilogue);
-        for (i, (found, expected)) in W::numbers(&target).zip(&expected).enumerate() {
-            let error = (f64::from(found) - expected).abs();
+        let epilogue = Epilogue::biased(&shift_of, Activation::Relu6);
+        let found = convolved(
+            (&conv, Threads::One),
+            (&x, &from, 0.0),
+            (&[], &to),
+            epilogue,
+        );
+        assert_eq!(found.len(), sums.len());
+        for (i, (found, sum)) in found.into_iter().zip(&sums).enumerate() {
+            let expected = (sum + shift[i % channels]).clamp(0.0, 6.0);
+            let error = (found - expected).abs();
             let bound = rounding * expected + 1e-5;
             assert!(
                 error <= bound,

@@ -48,25 +48,13 @@ fn window(size: [usize; 3], stride: [usize; 3], padding: [usize; 3]) -> Window {
 
 #[test]
 fn convolution_forward_and_backward() {
+    let stem = window([7; 3], [2; 3], [3; 3]);
+    let point = window([1; 3], [1; 3], [0; 3]);
+    let grouped = window([3; 3], [1, 2, 1], [1; 3]);
     let cases = [
-        (
-            [1, 3, 9, 20, 18],
-            [8, 3, 7, 7, 7],
-            window([7; 3], [2; 3], [3; 3]),
-            1,
-        ),
-        (
-            [2, 8, 4, 5, 6],
-            [6, 8, 1, 1, 1],
-            window([1; 3], [1; 3], [0; 3]),
-            1,
-        ),
-        (
-            [2, 4, 5, 7, 6],
-            [8, 2, 3, 3, 3],
-            window([3; 3], [1, 2, 1], [1; 3]),
-            2,
-        ),
+        ([1, 3, 9, 20, 18], [8, 3, 7, 7, 7], stem, 1),
+        ([2, 8, 4, 5, 6], [6, 8, 1, 1, 1], point, 1),
+        ([2, 4, 5, 7, 6], [8, 2, 3, 3, 3], grouped, 2),
     ];
     for (i, (x_shape, weight_shape, window, groups)) in cases.into_iter().enumerate() {
         let name = |leaf: &str| format!("golden/conv3d.{i}.{leaf}");

@@ -1,6 +1,6 @@
 //! Batch norm where it has nothing to divide by.
 
-use super::batch_norm::batch_norm;
+use super::others::batch_norm;
 use super::{distance, narrow, noise, wide};
 
 const EPS: f64 = 1e-5;

@@ -1,7 +1,7 @@
 //! Convolutions of images against their definition: windows that begin within words, at every stride.
 
 use super::conv::Case;
-use super::{distance, noise};
+use super::{distance, inside, laid_out, narrow, noise, wide};
 use crate::ops::bands::{Threads, inside_pool};
 use crate::ops::conv::Conv;
 use crate::ops::conv_weight::weight_gradient_of_images;
@@ -13,14 +13,7 @@ use crate::ops::words::{Bf16Pair, Bytes, Real, Word};
 
 /// Two images or sequences; windows one to seven pixels wide, whose places lie one to four pixels apart.
 fn cases() -> Vec<Case> {
-    let case = |size, window| Case {
-        frames: 2,
-        size,
-        inputs: 3,
-        outputs: 32,
-        groups: 1,
-        window,
-    };
+    let case = |size, window| Case::new(2, size, [3, 32, 1], window);
     let lopsided = Window {
         before: [0, 1, 2],
         after: [0, 0, 1],
@@ -45,7 +38,7 @@ fn whole(len: usize, seed: u64, least: f64) -> Vec<f64> {
 
 /// Images in memory, around which lie zeros.
 fn images<W: Word>(case: &Case, values: &[f64]) -> (Vec<W>, Grid) {
-    let grid = Grid::tight(case.frames, case.size, 3).padded(&case.window);
+    let grid = Grid::tight(case.frames, case.size, 3).padded(&case.shape.window);
     let rows = rows_of_words::<W>(&grid);
     let mut memory = vec![W::default(); rows.len()];
     let words = rows.size[2];
@@ -68,13 +61,13 @@ fn weights(case: &Case) -> Vec<f64> {
     whole(case.weights(), 2, -2.0)
 }
 
-fn convolved<W: Word>(level: Level, case: &Case, threads: Threads) -> Vec<f32> {
-    let weights: Vec<f32> = weights(case).into_iter().map(|w| w as f32).collect();
+fn convolved<W: Word>(level: Level, case: &Case, threads: Threads) -> Vec<f64> {
+    let weights = narrow(&weights(case));
     let values = whole(case.numbers(), 1, 0.0);
     let (source, from) = images::<W>(case, &values);
-    let conv = Conv::<W>::pack_for_images(level, case.shape(), &weights);
-    let size = case.window.output(case.size).unwrap();
-    let to = Grid::tight(case.frames, size, case.outputs).of::<W>();
+    let conv = Conv::<W>::pack_for_images(level, case.shape, &weights);
+    let size = case.shape.window.output(case.size).unwrap();
+    let to = Grid::tight(case.frames, size, case.shape.outputs).of::<W>();
     let to = to.padded(&Window::square(3, 1, 1));
     let mut target = vec![W::default(); to.len()];
     let epilogue = Epilogue {
@@ -82,8 +75,7 @@ fn convolved<W: Word>(level: Level, case: &Case, threads: Threads) -> Vec<f32> {
         ..Epilogue::default()
     };
     conv.apply(threads, (&source, &from), (&mut target, &to), epilogue);
-    let pixel = |place: usize| W::numbers(&target[place..][..to.words]);
-    to.places().into_iter().flat_map(pixel).collect()
+    inside(&target, &to)
 }
 
 /// Sums of whole numbers, which are exact: of bf16 until they are stored.
@@ -103,8 +95,8 @@ fn sums_are_those_of_the_definition() {
                 };
                 let (exact, rounded) = inside_pool(run);
                 for (i, sum) in expected.iter().enumerate() {
-                    let sum = sum.clamp(0.0, 255.0) as f32;
-                    let what = format!("{level:?}, {:?}, number {i}", case.window);
+                    let sum = sum.clamp(0.0, 255.0);
+                    let what = format!("{level:?}, {:?}, number {i}", case.shape.window);
                     assert_eq!(exact[0][i], sum, "{what}");
                     assert_eq!(exact[1][i], sum, "{what}");
                     assert!((rounded[i] - sum).abs() <= sum / 256.0, "{what}");
@@ -118,41 +110,27 @@ fn sums_are_those_of_the_definition() {
 fn the_gradient_of_the_weights_is_that_of_the_definition() {
     fn gradient<W: Real>(level: Level, case: &Case, x: &[f64], cotangent: &[f64]) -> Vec<f64> {
         let (source, from) = images::<W>(case, x);
-        let size = case.window.output(case.size).unwrap();
-        let to = Grid::tight(case.frames, size, case.outputs).of::<W>();
-        let cotangent = cotangent.chunks_exact(W::NUMBERS);
-        let gradient: Vec<W> = cotangent.map(|c| W::of(|i| c[i] as f32)).collect();
+        let size = case.shape.window.output(case.size).unwrap();
+        let to = Grid::tight(case.frames, size, case.shape.outputs).of::<W>();
+        let gradient = laid_out::<W>(cotangent, &to, 0.0);
         let mut target = vec![1.0; case.weights()];
-        let gradient = (&gradient[..], &to);
-        weight_gradient_of_images(
-            level,
-            &case.shape(),
-            (&source, &from),
-            gradient,
-            &mut target,
-        );
-        target.into_iter().map(f64::from).collect()
+        let ends = ((&source[..], &from), (&gradient[..], &to));
+        weight_gradient_of_images(level, &case.shape, ends.0, ends.1, &mut target);
+        wide(&target)
     }
     for case in cases() {
         let x = whole(case.numbers(), 1, 0.0);
-        let size = case.window.output(case.size).unwrap();
-        let cotangent = whole(case.frames * pixels(size) * case.outputs, 3, -2.0);
+        let size = case.shape.window.output(case.size).unwrap();
+        let cotangent = whole(case.frames * pixels(size) * case.shape.outputs, 3, -2.0);
         let expected = case.weight_gradient(&x, &cotangent);
         Level::on_each(|level| {
-            let found = gradient::<f32>(level, &case, &x, &cotangent);
-            assert_eq!(
-                distance(&found, &expected),
-                0.0,
-                "{level:?}, {:?}",
-                case.window
-            );
-            let found = gradient::<Bf16Pair>(level, &case, &x, &cotangent);
-            assert_eq!(
-                distance(&found, &expected),
-                0.0,
-                "{level:?}, {:?}",
-                case.window
-            );
+            for found in [
+                gradient::<f32>(level, &case, &x, &cotangent),
+                gradient::<Bf16Pair>(level, &case, &x, &cotangent),
+            ] {
+                let error = distance(&found, &expected);
+                assert_eq!(error, 0.0, "{level:?}, {:?}", case.shape.window);
+            }
         });
     }
 }

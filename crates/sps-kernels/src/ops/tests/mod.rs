@@ -2,12 +2,10 @@
 //! every gradient against central differences of that reference; on each level of vectors.
 
 mod activated;
-mod batch_norm;
 mod bf16;
 mod bytes;
 mod conv;
 mod depthwise;
-mod gated_residual;
 mod golden3d;
 mod hard_cases;
 mod image;
@@ -18,9 +16,14 @@ pub(super) mod tiles;
 mod windows;
 mod winograd;
 
-use super::conv::ConvShape;
+use super::bands::Threads;
+use super::conv::{Conv, ConvShape};
 use super::grid::{Grid, Window};
+use super::mean::frame_means;
+use super::pool::max_pool;
+use super::product::Epilogue;
 use super::simd::Level;
+use super::words::Word;
 
 /// A function of several flat arrays, in f64.
 type Reference<'a> = &'a dyn Fn(&[Vec<f64>]) -> Vec<f64>;
@@ -51,12 +54,77 @@ fn noise(len: usize, seed: u64) -> Vec<f64> {
         .collect()
 }
 
+/// Works in a pool of so many threads.
+pub(crate) fn by<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    pool.build().unwrap().install(work)
+}
+
 fn narrow(values: &[f64]) -> Vec<f32> {
     values.iter().map(|&value| value as f32).collect()
 }
 
 fn wide(values: &[f32]) -> Vec<f64> {
     values.iter().copied().map(f64::from).collect()
+}
+
+/// A map in memory of such a layout, rounded to what words hold; around it lies `border`.
+fn laid_out<W: Word>(values: &[f64], grid: &Grid, border: f64) -> Vec<W> {
+    let mut memory = vec![W::of(|_| border as f32); grid.len()];
+    for (place, pixel) in grid.places().into_iter().zip(values.chunks(grid.channels)) {
+        for (word, numbers) in memory[place..].iter_mut().zip(pixel.chunks(W::NUMBERS)) {
+            *word = W::of(|i| numbers[i] as f32);
+        }
+    }
+    memory
+}
+
+/// The numbers of a map without its border.
+pub(crate) fn inside<W: Word>(memory: &[W], grid: &Grid) -> Vec<f64> {
+    let pixel = |place: usize| W::numbers(&memory[place..][..grid.words]).map(f64::from);
+    grid.places().into_iter().flat_map(pixel).collect()
+}
+
+/// What a convolution writes onto what is there. Around its source lies `border`.
+fn convolved<W: Word>(
+    (conv, threads): (&Conv<W>, Threads),
+    (values, from, border): (&[f64], &Grid, f64),
+    (before, to): (&[f64], &Grid),
+    epilogue: Epilogue<'_>,
+) -> Vec<f64> {
+    let source = laid_out(values, from, border);
+    let mut target = laid_out(before, to, 0.0);
+    conv.apply(threads, (&source, from), (&mut target, to), epilogue);
+    inside(&target, to)
+}
+
+/// The largest of `(1, 7, 6, 32)` numbers under each window, exactly, and their means.
+fn check_pooling_and_means<W: Word>(values: &[f64], is_mean: fn(f32, f64) -> bool) {
+    let window = Window::square(3, 2, 0);
+    let grid = Grid::tight(1, [1, 7, 6], 32).of::<W>();
+    let to = Grid {
+        size: window.output_ceil(grid.size),
+        ..grid
+    };
+    let source = laid_out::<W>(values, &grid, 0.0);
+    Level::on_each(|level| {
+        let mut target = vec![W::default(); to.len()];
+        let pair = ((&source[..], &grid), (&mut target[..], &to));
+        max_pool(Threads::One, level, &window, pair.0, pair.1);
+        for (i, found) in inside(&target, &to).into_iter().enumerate() {
+            let (pixel, channel) = (i / 32, i % 32);
+            let (y, x) = (pixel / to.size[2] * 2, pixel % to.size[2] * 2);
+            let under = (y..(y + 3).min(7)).flat_map(|y| (x..(x + 3).min(6)).map(move |x| (y, x)));
+            let largest = under.map(|(y, x)| values[(y * 6 + x) * 32 + channel]);
+            assert_eq!(found, largest.fold(f64::NEG_INFINITY, f64::max));
+        }
+        let mut means = [0.0; 32];
+        frame_means(Threads::One, level, &source, &grid, &mut [&mut means]);
+        for (channel, &mean) in means.iter().enumerate() {
+            let sum: f64 = values.iter().skip(channel).step_by(32).sum();
+            assert!(is_mean(mean, sum / 42.0));
+        }
+    });
 }
 
 /// The layout of `(frames, [time,] height, width, channels)`; rows of all times are one above the
@@ -103,42 +171,6 @@ fn central_differences(
                 .collect()
         })
         .collect()
-}
-
-/// A convolution by its definition: sums of products over the window; around the map lies `padding`.
-fn window_sums(
-    shape: &ConvShape,
-    [height, width]: [usize; 2],
-    source: &[f64],
-    weights: &[f64],
-    padding: f64,
-) -> Vec<f64> {
-    let window = &shape.window;
-    let [_, rows, columns] = window.output([1, height, width]).unwrap();
-    let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
-    let [_, kernel_rows, kernel_columns] = window.size;
-    let mut sums = Vec::new();
-    for (y, x) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
-        for channel in 0..shape.outputs {
-            let mut sum = 0.0;
-            for (i, j) in (0..kernel_rows).flat_map(|i| (0..kernel_columns).map(move |j| (i, j))) {
-                let row = (y * window.stride[1] + i).wrapping_sub(window.before[1]);
-                let column = (x * window.stride[2] + j).wrapping_sub(window.before[2]);
-                for input in 0..inputs {
-                    let from = channel / outputs * inputs + input;
-                    let number = if row < height && column < width {
-                        source[(row * width + column) * shape.inputs + from]
-                    } else {
-                        padding
-                    };
-                    let weight = (channel * inputs + input) * kernel_rows + i;
-                    sum += number * weights[weight * kernel_columns + j];
-                }
-            }
-            sums.push(sum);
-        }
-    }
-    sums
 }
 
 /// Holds an operator to its reference: outputs within 3e-6, gradients within 2e-5 of their

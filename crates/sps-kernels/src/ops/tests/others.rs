@@ -1,8 +1,13 @@
-use super::batch_norm::batch_norm;
-use super::gated_residual::gated_residual;
-use super::{check, distance, narrow, noise, wide};
+//! Pooling, batch norm and the end of a residual branch, against their definitions in f64.
+
+use super::{check, distance, grid, narrow, noise, wide};
 use crate::MaxPooling;
+use crate::ops::batch_norm::{Norm, NormGradients, Slopes};
 use crate::ops::grid::Window;
+use crate::ops::pointwise::Shortcut;
+use crate::ops::product::Activation;
+use crate::ops::simd::Level;
+use crate::ops::statistics::ChannelStatistics;
 
 /// Numbers far enough apart that no two change places within a step of the differences.
 fn distinct(len: usize) -> Vec<f64> {
@@ -111,6 +116,36 @@ fn a_value_that_is_no_number_stays_in_the_maximum() {
 
 const EPS: f64 = 1e-5;
 
+/// A feature map `(frames, [time,] height, width, channels)` by the batch's own statistics, rectified where `relu`
+/// says so; the gradients of map, gamma and beta; the statistics.
+pub(super) fn batch_norm(
+    dims: &[usize],
+    inputs: &[Vec<f32>],
+    eps: f64,
+    relu: bool,
+    gradient: &[f32],
+) -> (Vec<f32>, Vec<Vec<f32>>, ChannelStatistics) {
+    let [x, gamma, beta] = inputs else {
+        unreachable!()
+    };
+    let (grid, level) = (grid(dims), Level::detect());
+    let activation = if relu {
+        Activation::Relu
+    } else {
+        Activation::Identity
+    };
+    let statistics = ChannelStatistics::of(level, x, &grid);
+    let norm = Norm::new(&statistics, gamma, beta, eps);
+    let mut y = vec![0.0; grid.len()];
+    norm.apply(level, (x, &grid), None, (&mut y, &grid), activation);
+    let sums = norm.sums(level, x, gradient, &grid, activation);
+    let gradients = NormGradients::new(&norm, statistics.count, &sums.over_frames(grid.channels));
+    let mut of_x = vec![0.0; grid.len()];
+    let (ends, target) = ([&x[..], gradient], (&mut of_x[..], &grid));
+    norm.backward(level, &gradients.slopes, ends, target, Some(activation));
+    (y, vec![of_x, gradients.gamma, gradients.beta], statistics)
+}
+
 pub(super) fn norm_reference(x: &[Vec<f64>], relu: bool) -> Vec<f64> {
     let channels = x[1].len();
     let count = (x[0].len() / channels) as f64;
@@ -168,6 +203,46 @@ fn batch_norm_reports_the_batch() {
         let variance = channel.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 18.0;
         assert!((f64::from(found.mean[c]) - mean).abs() < 1e-7);
         assert!((f64::from(found.variance[c]) - variance).abs() < 1e-7);
+    }
+}
+
+/// `relu(x * gate + shortcut)` of feature maps `(frames, [time,] height, width, channels)` and a gate
+/// `(frames, channels)`, and their gradients.
+fn gated_residual(
+    dims: &[usize],
+    inputs: &[Vec<f32>],
+    gradient: &[f32],
+) -> (Vec<f32>, Vec<Vec<f32>>) {
+    let [x, gate, shortcut] = inputs else {
+        unreachable!()
+    };
+    let (grid, level) = (grid(dims), Level::detect());
+    let norm = identity(grid.channels);
+    let (x, activation) = ((&x[..], &grid), Activation::Relu);
+    let mut y = vec![0.0; grid.len()];
+    let onto = Some((&gate[..], Shortcut::Plain(shortcut, &grid)));
+    norm.apply(level, x, onto, (&mut y, &grid), activation);
+    let mut masked = gradient.to_vec();
+    let sums = norm.mask(level, x, (&y, &grid), &mut masked, activation);
+    let slopes = Slopes {
+        of_gradient: gate.clone(),
+        of_x: vec![0.0; grid.channels],
+        constant: vec![0.0; grid.frames * grid.channels],
+    };
+    let mut of_x = vec![0.0; grid.len()];
+    let ends = [x.0, &masked];
+    norm.backward(level, &slopes, ends, (&mut of_x, &grid), None);
+    let of_gate = sums.product.iter().map(|&sum| sum as f32).collect();
+    (y, vec![of_x, of_gate, masked])
+}
+
+/// A norm that changes nothing.
+fn identity(channels: usize) -> Norm {
+    Norm {
+        mean: vec![0.0; channels],
+        inverse: vec![1.0; channels],
+        factor: vec![1.0; channels],
+        beta: vec![0.0; channels],
     }
 }
 

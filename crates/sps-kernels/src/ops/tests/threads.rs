@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::{noise, shape};
+use super::{by, noise, shape};
 use crate::ops::bands::{SPIN, Threads, by_team, for_each_band, inside_pool, pass};
 use crate::ops::conv::Conv;
 use crate::ops::conv_input::ConvTranspose;
@@ -31,10 +31,9 @@ fn words<W: Word>(len: usize, seed: u64, scale: f64) -> Vec<W> {
     words.map(|some| W::of(|i| some[i].abs())).collect()
 }
 
-/// Works in a pool of so many threads.
-fn by<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    pool.build().unwrap().install(|| inside_pool(work))
+/// A pass in a pool of so many threads.
+fn pass_by<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    by(threads, || inside_pool(work))
 }
 
 /// What so many threads write onto a map that is there, with numbers of each frame's own.
@@ -59,7 +58,7 @@ fn onto<W: Word>(threads: usize, outputs: usize, extent: usize) -> Vec<W> {
         accumulate: Some(0.5),
         limits: Activation::Relu.limits(),
     };
-    by(threads, || {
+    pass_by(threads, || {
         let target = (&mut target[..], &to);
         conv.apply(Threads::All, (&source, &from), target, epilogue);
     });
@@ -95,7 +94,7 @@ fn gradients<W: Real>(
     let (source, gradient) = (words(from.len(), 2, 1.0), words(layout.len(), 3, 1.0));
     let (mut of_weights, to) = (vec![0.0; weights.len()], from.bare());
     let mut of_input = words(to.len(), 4, 1.0);
-    by(threads, || {
+    pass_by(threads, || {
         let gradient = (&gradient[..], &layout);
         let source = (&source[..], &from);
         weight_gradient(Level::detect(), &shape, source, gradient, &mut of_weights);
@@ -132,7 +131,7 @@ fn any_number_of_threads_gives_the_same_bits() {
 fn rows(threads: usize, frames: usize, extent: usize) -> Vec<usize> {
     let grid = Grid::tight(frames, [1, extent, extent], 1);
     let (mut map, bands) = (vec![0.0; grid.len()], Mutex::new(Vec::new()));
-    by(16, || {
+    pass_by(16, || {
         by_team(threads, || {
             for_each_band(Threads::All, &grid, &mut map, |band| {
                 band.target.fill(1.0);

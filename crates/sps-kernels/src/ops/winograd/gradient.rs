@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::points::of_sums;
-use super::transforms::{Inputs, TransformGradients, TransformInputs};
-use super::{CACHE, MEMORY, Reach, Tile, TileSize, Winograd, tiles, worth_it};
+use super::transforms::{TransformGradients, TransformInputs};
+use super::{CACHE, MEMORY, Reach, Tile, Winograd, tiles, worth_it};
 use crate::ops::grid::{Window, pixels};
 use crate::ops::outer::Outer;
 use crate::ops::simd::Level;
@@ -13,6 +13,9 @@ use crate::ops::words::Word;
 /// More weights of a tap than this have sums that are not read and written, for each chunk of tiles, in the time
 /// that is saved.
 const MOST_WEIGHTS: usize = 1 << 14;
+
+/// Products of a pair of channels by tiles of 2 x 2 outputs.
+const PRODUCTS: usize = 16;
 
 /// Parts of frames whose sums of products are joined in order.
 const MOST_PARTS: usize = 8;
@@ -47,7 +50,7 @@ pub(in crate::ops) fn weight_gradient(
     let rows = target.par_chunks_exact_mut(inputs * 9 * times).enumerate();
     rows.for_each(|(output, target)| {
         for time in 0..times {
-            let mut sums = vec![[0.0; TileSize::Two.products()]; inputs];
+            let mut sums = vec![[0.0; PRODUCTS]; inputs];
             for part in &parts {
                 let products = part.chunks_exact(times * outputs * inputs);
                 for (product, part) in products.enumerate() {
@@ -74,7 +77,7 @@ fn sums_of_products(
     gradient: &[f32],
     tiles: &[Tile],
 ) -> Vec<f32> {
-    let count = TileSize::Two.products();
+    let count = PRODUCTS;
     let mut sums = vec![0.0; count * times * inputs * outputs];
     let most = (CACHE / (count * (times * inputs + outputs))).max(1);
     let mut memory = MEMORY.take();
@@ -82,14 +85,14 @@ fn sums_of_products(
         let seen = count * times * tiles.len() * inputs;
         memory.resize(seen + count * tiles.len() * outputs);
         let (seen, slopes) = memory.split_at_mut(seen);
-        let of_inputs = Inputs {
+        let of_inputs = TransformInputs::<f32, 4> {
             reach,
             tiles,
             times,
             run: inputs,
             target: &mut *seen,
         };
-        f32::run(level, TransformInputs::<f32, 4>(of_inputs));
+        f32::run(level, of_inputs);
         level.run(TransformGradients {
             reach,
             gradient,

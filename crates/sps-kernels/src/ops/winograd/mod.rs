@@ -25,7 +25,7 @@ use super::panels::{PanelRun, Panels};
 use super::product::{Epilogue, Product, write_shared};
 use super::words::Word;
 pub(super) use gradient::weight_gradient;
-use transforms::{Inputs, Outputs, TransformInputs, TransformOutputs, TransformWeights};
+use transforms::{TransformInputs, TransformOutputs, TransformWeights};
 
 /// Fewer channels than this, and the transforms take longer than the products they save.
 const FEWEST_CHANNELS: usize = 32;
@@ -47,35 +47,12 @@ const CACHE: usize = 256 << 10;
 /// Weights of a convolution, transformed.
 #[derive(Debug, Clone)]
 pub(super) struct Winograd {
-    size: TileSize,
+    /// Inputs of a tile along height and width, two more than outputs: 4 or 6.
+    side: usize,
     /// Time steps of the window.
     times: usize,
     /// `(times * inputs, outputs)` of each product.
     weights: Vec<Panels>,
-}
-
-/// How many outputs a tile has along height and width.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum TileSize {
-    /// From 4 x 4 inputs.
-    Two,
-    /// From 6 x 6 inputs.
-    Four,
-}
-
-impl TileSize {
-    const fn outputs(self) -> usize {
-        match self {
-            Self::Two => 2,
-            Self::Four => 4,
-        }
-    }
-
-    /// Products of a pair of channels.
-    const fn products(self) -> usize {
-        let side = self.outputs() + 2;
-        side * side
-    }
 }
 
 /// Where a convolution reads, and where its outputs lie.
@@ -94,7 +71,6 @@ pub(super) struct Reach<'a, W = f32> {
 #[derive(Debug, Clone, Copy)]
 struct Tile {
     frame: usize,
-    /// The first pixel.
     pixel: usize,
     /// How many of its rows and columns there are.
     extent: [usize; 2],
@@ -108,60 +84,52 @@ impl Winograd {
         threads: Threads,
         window: &Window,
         [inputs, outputs]: [usize; 2],
-        groups: &[Panels<W>],
+        direct: &Panels<W>,
         turned: bool,
     ) -> Option<Self> {
-        let [direct] = groups else {
-            return None;
-        };
         let by_tiles = W::NUMBERS > 1 && direct.all().level().tiles().is_some();
         if W::WHOLE || by_tiles || !worth_it(window, [inputs, outputs]) {
             return None;
         }
         let times = window.size[0];
-        let size = if inputs * outputs <= MOST_WEIGHTS_OF_LARGE {
-            TileSize::Four
+        let side = if inputs * outputs <= MOST_WEIGHTS_OF_LARGE {
+            6
         } else if W::NUMBERS == 1 {
-            TileSize::Two
+            4
         } else {
             // Products of bf16 are twice as fast as those of f32, in which tiles are multiplied.
             return None;
         };
-        let weights = direct.derived(
-            threads,
-            times * inputs,
-            size.products(),
-            |panel, products| {
-                let (level, tap) = (direct.all().level(), panel.len() / (9 * times));
-                match size {
-                    TileSize::Two => level.run(TransformWeights::<4> {
-                        panel,
-                        products,
-                        tap,
-                        turned,
-                    }),
-                    TileSize::Four => level.run(TransformWeights::<6> {
-                        panel,
-                        products,
-                        tap,
-                        turned,
-                    }),
-                }
-            },
-        );
+        let level = direct.all().level();
+        let make = |panel: &[f32], products: &mut [&mut [f32]]| {
+            let tap = panel.len() / (9 * times);
+            match side {
+                4 => level.run(TransformWeights::<4> {
+                    panel,
+                    products,
+                    tap,
+                    turned,
+                }),
+                _ => level.run(TransformWeights::<6> {
+                    panel,
+                    products,
+                    tap,
+                    turned,
+                }),
+            }
+        };
+        let weights = direct.derived(threads, times * inputs, side * side, make);
         Some(Self {
-            size,
+            side,
             times,
             weights,
         })
     }
 
-    /// Whether maps of this size are worth it.
     pub(super) fn serves(size: Size) -> bool {
         size[1] * size[2] >= FEWEST_PIXELS
     }
 
-    /// Convolves.
     pub(super) fn apply<W: Word>(
         &self,
         threads: Threads,
@@ -173,19 +141,14 @@ impl Winograd {
         let heaviest = self.weights.first();
         let outweigh = heaviest.is_some_and(|panels| panels.outweigh(reach.from, reach.to));
         if threads == Threads::All && outweigh {
-            let runs: Vec<Vec<_>> = self
-                .weights
-                .iter()
-                .map(|p| p.all().split(rayon::current_num_threads()))
-                .collect();
-            let of = |run: usize| runs.iter().map(|runs| runs[run]).collect::<Vec<_>>();
-            let columns: Vec<_> = runs
-                .first()
-                .into_iter()
-                .flatten()
-                .enumerate()
-                .map(|(i, run)| (run.column(), run.n(), of(i)))
-                .collect();
+            let threads = rayon::current_num_threads();
+            let weights = self.weights.iter();
+            let runs: Vec<Vec<_>> = weights.map(|w| w.all().split(threads)).collect();
+            let of_run = |run: usize| {
+                let of: Vec<_> = runs.iter().map(|runs| runs[run]).collect();
+                (of[0].column(), of[0].n(), of)
+            };
+            let columns: Vec<_> = (0..runs[0].len()).map(of_run).collect();
             write_shared(
                 &columns,
                 (target, reach.places),
@@ -198,7 +161,7 @@ impl Winograd {
             return;
         }
         let weights: Vec<_> = self.weights.iter().map(Panels::all).collect();
-        for_each_band_of(self.size.outputs(), threads, reach.to, target, |band| {
+        for_each_band_of(self.side - 2, threads, reach.to, target, |band| {
             let target = (band.target, band.origin);
             self.write(&weights, &reach, band.pixels, target, epilogue);
         });
@@ -210,13 +173,29 @@ impl Winograd {
         weights: &[PanelRun<'_, f32>],
         reach: &Reach<'_, W>,
         band: Range<usize>,
+        target: (&mut [W], usize),
+        epilogue: Epilogue<'_>,
+    ) {
+        let write = match self.side {
+            4 => Self::write_tiles::<W, 4>,
+            _ => Self::write_tiles::<W, 6>,
+        };
+        write(self, weights, reach, band, target, epilogue);
+    }
+
+    /// The same by tiles of `SIDE x SIDE` inputs.
+    fn write_tiles<W: Word, const SIDE: usize>(
+        &self,
+        weights: &[PanelRun<'_, f32>],
+        reach: &Reach<'_, W>,
+        band: Range<usize>,
         (target, origin): (&mut [W], usize),
         epilogue: Epilogue<'_>,
     ) {
         let Some(first) = weights.first() else { return };
         let (level, k, n) = (first.level(), first.k(), first.n());
-        let count = self.size.products();
-        let tiles = tiles(self.size.outputs(), reach.to.size, band);
+        let count = SIDE * SIDE;
+        let tiles = tiles(SIDE - 2, reach.to.size, band);
         let most = (CACHE / (count * (k + n))).max(1);
         let chunks = tiles.len().div_ceil(most);
         let mut memory = MEMORY.take();
@@ -227,19 +206,16 @@ impl Winograd {
             memory.resize(count * (inputs + outputs));
             let (seen, products) = memory.split_at_mut(count * inputs);
             let run = k / self.times;
-            let of_inputs = Inputs {
+            let of_inputs = TransformInputs::<W, SIDE> {
                 reach,
                 tiles,
                 times: self.times,
                 run,
                 target: &mut *seen,
             };
-            match self.size {
-                TileSize::Two => W::run(level, TransformInputs::<W, 4>(of_inputs)),
-                TileSize::Four => W::run(level, TransformInputs::<W, 6>(of_inputs)),
-            }
+            W::run(level, of_inputs);
             self.multiply(weights, tiles.len(), seen, products);
-            let of_outputs = Outputs {
+            let of_outputs = TransformOutputs::<W, SIDE> {
                 reach,
                 tiles,
                 n,
@@ -248,10 +224,7 @@ impl Winograd {
                 origin,
                 epilogue,
             };
-            match self.size {
-                TileSize::Two => W::run(level, TransformOutputs::<W, 4>(of_outputs)),
-                TileSize::Four => W::run(level, TransformOutputs::<W, 6>(of_outputs)),
-            }
+            W::run(level, of_outputs);
         }
         MEMORY.set(memory);
     }

@@ -50,9 +50,7 @@ impl<const SIDE: usize> Kernel for TransformWeights<'_, '_, SIDE> {
 }
 
 /// `B^T d B` of each tile, time step and channel.
-pub(super) struct TransformInputs<'a, W, const SIDE: usize>(pub(super) Inputs<'a, W>);
-
-pub(super) struct Inputs<'a, W> {
+pub(super) struct TransformInputs<'a, W, const SIDE: usize> {
     pub(super) reach: &'a Reach<'a, W>,
     pub(super) tiles: &'a [Tile],
     pub(super) times: usize,
@@ -67,28 +65,17 @@ impl<W: Word, const SIDE: usize> WordKernel<W> for TransformInputs<'_, W, SIDE> 
 
     #[inline(always)]
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) {
-        let Inputs {
-            reach,
-            tiles,
-            times,
-            run,
-            target,
-        } = self.0;
-        let Reach {
-            source,
-            from,
-            starts,
-            ..
-        } = *reach;
+        let (tiles, times, run) = (self.tiles, self.times, self.run);
+        let (reach, from) = (*self.reach, self.reach.from);
         let (row, pitch) = (from.extent(2) * from.pitch, from.pitch);
         let step = times * tiles.len() * run;
         for time in 0..times {
             for (number, tile) in tiles.iter().enumerate() {
-                let start = starts[tile.pixel] + time * from.extent(1) * row;
+                let start = reach.starts[tile.pixel] + time * from.extent(1) * row;
                 // Behind the last row and column that its outputs need there may be none.
                 let [last_row, last_column] = tile.extent.map(|extent| extent + 1);
                 let end = start + last_row * row + last_column * pitch + W::words(run);
-                let inputs = &source[start..end];
+                let inputs = &reach.source[start..end];
                 let first = (time * tiles.len() + number) * run;
                 for channel in (0..run).step_by(S::F32_LANES) {
                     let mut columns = [[lanes.splat_f32s(0.0); SIDE]; SIDE];
@@ -108,7 +95,7 @@ impl<W: Word, const SIDE: usize> WordKernel<W> for TransformInputs<'_, W, SIDE> 
                         of_inputs(lanes, &mut values);
                         for (x, value) in values.into_iter().enumerate() {
                             let at = (SIDE * y + x) * step + first + channel;
-                            store(lanes, value, &mut target[at..]);
+                            store(lanes, value, &mut self.target[at..]);
                         }
                     }
                 }
@@ -118,9 +105,7 @@ impl<W: Word, const SIDE: usize> WordKernel<W> for TransformInputs<'_, W, SIDE> 
 }
 
 /// `A^T m A` of each tile and channel, and what happens to sums.
-pub(super) struct TransformOutputs<'a, W, const SIDE: usize>(pub(super) Outputs<'a, W>);
-
-pub(super) struct Outputs<'a, W> {
+pub(super) struct TransformOutputs<'a, W, const SIDE: usize> {
     pub(super) reach: &'a Reach<'a, W>,
     pub(super) tiles: &'a [Tile],
     /// Channels.
@@ -137,26 +122,17 @@ impl<W: Word, const SIDE: usize> WordKernel<W> for TransformOutputs<'_, W, SIDE>
 
     #[inline(always)]
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) {
-        let Outputs {
-            reach,
-            tiles,
-            n,
-            products,
-            target,
-            origin,
-            epilogue,
-        } = self.0;
-        let Reach { places, to, .. } = *reach;
+        let (reach, tiles, n) = (*self.reach, self.tiles, self.n);
         let step = tiles.len() * n;
         for (number, tile) in tiles.iter().enumerate() {
             for channel in (0..n).step_by(S::F32_LANES) {
                 let columns = (channel, S::F32_LANES);
-                let finish = Finish::<S, 1>::new(lanes, epilogue, tile.frame, columns);
+                let finish = Finish::<S, 1>::new(lanes, self.epilogue, tile.frame, columns);
                 let at = number * n + channel;
                 let mut columns = [[lanes.splat_f32s(0.0); SIDE]; SIDE];
                 for (x, column) in columns.iter_mut().enumerate() {
                     for (y, product) in column.iter_mut().enumerate() {
-                        *product = load(lanes, &products[(SIDE * y + x) * step + at..]);
+                        *product = load(lanes, &self.products[(SIDE * y + x) * step + at..]);
                     }
                     of_products(lanes, column);
                 }
@@ -170,15 +146,10 @@ impl<W: Word, const SIDE: usize> WordKernel<W> for TransformOutputs<'_, W, SIDE>
                         if y >= tile.extent[0] || x >= tile.extent[1] {
                             continue;
                         }
-                        let pixel = tile.pixel + y * to.size[2] + x;
-                        let out = places[pixel] - origin + W::words(channel);
-                        let out = &mut target[out..][..W::words(S::F32_LANES)];
-                        let mut stored = [lanes.splat_f32s(0.0)];
-                        if finish.accumulate {
-                            stored = arithmetic.load(lanes, out);
-                        }
-                        let ended = finish.apply_to(lanes, arithmetic, 0, value, stored[0]);
-                        arithmetic.store(lanes, [ended], out);
+                        let pixel = tile.pixel + y * reach.to.size[2] + x;
+                        let out = reach.places[pixel] - self.origin + W::words(channel);
+                        let out = &mut self.target[out..][..W::words(S::F32_LANES)];
+                        finish.store::<A, true>(lanes, arithmetic, [value], out);
                     }
                 }
             }
@@ -202,7 +173,7 @@ impl Kernel for TransformGradients<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) {
-        let Reach { places, to, .. } = *self.reach;
+        let reach = *self.reach;
         let step = self.tiles.len() * self.n;
         let nothing = lanes.splat_f32s(0.0);
         for (number, tile) in self.tiles.iter().enumerate() {
@@ -213,7 +184,7 @@ impl Kernel for TransformGradients<'_> {
                     let mut own = [nothing; 2];
                     for (y, own) in own.iter_mut().enumerate() {
                         if y < rows && x < columns {
-                            let place = places[tile.pixel + y * to.size[2] + x];
+                            let place = reach.places[tile.pixel + y * reach.to.size[2] + x];
                             *own = load(lanes, &self.gradient[place + channel..]);
                         }
                     }

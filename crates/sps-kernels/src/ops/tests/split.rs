@@ -3,32 +3,29 @@
 use super::super::bands::Threads;
 use super::super::conv::{Conv, ConvShape};
 use super::super::grid::{Grid, Window, pixels};
-use super::super::product::{Activation, Columns, Epilogue};
+use super::super::product::{Activation, Epilogue};
 use super::super::simd::Level;
-use super::{distance, narrow, noise, shape, wide, window_sums};
+use super::conv::Case;
+use super::{convolved, distance, narrow, noise, shape};
 
-/// What a convolution with shifts makes of a map and what is stored.
-fn convolve(conv: &Conv, [height, width]: [usize; 2], values: &[f32], stored: &[f32]) -> Vec<f32> {
-    let shape = conv.shape();
+/// What a convolution adds to what is stored, whose first numbers are its shifts too.
+fn convolve(
+    (conv, shape): (&Conv, ConvShape),
+    [height, width]: [usize; 2],
+    values: &[f64],
+    stored: &[f64],
+) -> Vec<f64> {
     let grid = Grid::tight(1, [1, height, width], shape.inputs);
-    let from = grid.padded(&shape.window);
-    let mut source = vec![0.0; from.len()];
-    for (&place, pixel) in from.places().iter().zip(values.chunks(grid.pitch)) {
-        source[place..][..grid.pitch].copy_from_slice(pixel);
-    }
     let to = shape.window.output(grid.size).unwrap();
     let to = Grid::tight(1, to, shape.outputs);
-    let mut target = stored.to_vec();
-    let epilogue = Epilogue {
-        shift: Some(Columns::shared(&stored[..shape.outputs])),
-        accumulate: Some(1.0),
-        limits: Activation::Relu.limits(),
-        ..Epilogue::default()
-    };
-    let mut by = |threads| {
-        target.copy_from_slice(stored);
-        conv.apply(threads, (&source, &from), (&mut target, &to), epilogue);
-        target.clone()
+    let shift = narrow(&stored[..shape.outputs]);
+    let by = |threads| {
+        let epilogue = Epilogue {
+            accumulate: Some(1.0),
+            ..Epilogue::biased(&shift, Activation::Relu)
+        };
+        let source = (values, &grid.padded(&shape.window), 0.0);
+        convolved((conv, threads), source, (stored, &to), epilogue)
     };
     let alone = by(Threads::One);
     let mut pairs = by(Threads::All).into_iter().zip(&alone);
@@ -45,15 +42,15 @@ fn check(shape: ConvShape, size: [usize; 2], scale: f64) {
     let taps = pixels(shape.window.size);
     let weights = noise(shape.outputs * shape.group_inputs() * taps, 2);
     let weights: Vec<f64> = weights.into_iter().map(|w| single(w * 0.1)).collect();
-    let sums = window_sums(&shape, size, &values, &weights, 0.0);
+    let sums = Case::of_image(shape, size).reference(&values, &weights);
     let stored: Vec<f64> = scaled(noise(sums.len(), 4)).map(single).collect();
     let shifted = sums.iter().zip(&stored).enumerate();
     let shifted = shifted.map(|(i, (sum, x))| (sum + x + stored[i % shape.outputs]).max(0.0));
     let expected: Vec<f64> = shifted.map(|x| x / scale).collect();
     Level::on_each(|level| {
         let conv = Conv::pack_split(level, shape, &narrow(&weights));
-        let found = convolve(&conv, size, &narrow(&values), &narrow(&stored));
-        let found: Vec<f64> = wide(&found).iter().map(|x| x / scale).collect();
+        let found = convolve((&conv, shape), size, &values, &stored);
+        let found: Vec<f64> = found.iter().map(|x| x / scale).collect();
         let error = distance(&found, &expected);
         assert!(error < 1e-5, "{level:?} {shape:?}: off by {error:.1e}");
     });
@@ -85,18 +82,14 @@ fn convolutions() {
 fn numbers_beyond_all() {
     let shape = shape(Window::square(3, 1, 1), 32, 16, 1);
     let weights = vec![0.5; 16 * 32 * 9];
-    let mut values = vec![1.0_f32; 9 * 8 * 32];
-    (values[0], values[35 * 32 + 3]) = (f32::INFINITY, f32::NAN);
+    let mut values = vec![1.0; 9 * 8 * 32];
+    (values[0], values[35 * 32 + 3]) = (f64::INFINITY, f64::NAN);
     let stored = vec![0.0; 9 * 8 * 16];
-    let in_f32 = convolve(
-        &Conv::pack(Level::Portable, shape, &weights),
-        [9, 8],
-        &values,
-        &stored,
-    );
+    let in_f32 = Conv::pack(Level::Portable, shape, &weights);
+    let in_f32 = convolve((&in_f32, shape), [9, 8], &values, &stored);
     Level::on_each(|level| {
         let conv = Conv::pack_split(level, shape, &weights);
-        let found = convolve(&conv, [9, 8], &values, &stored);
+        let found = convolve((&conv, shape), [9, 8], &values, &stored);
         for (found, expected) in found.iter().zip(&in_f32) {
             let same = (found - expected).abs() < 1e-3;
             assert!(

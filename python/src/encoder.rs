@@ -21,8 +21,8 @@ const BUILT_IN: &str = "built-in";
 /// A network with its weights, ready to embed images.
 ///
 /// `name` is one of `list_encoders()`; `weights` the path of a safetensors or PyTorch file, or "built-in"
-/// for those of efficientnet-lite-body, which come with the package; `precision` is f32, bf16, which is faster on some
-/// processors with AVX512-BF16, or int8 where the file holds scales for it, as one that `calibrated`
+/// for those of efficientnet-lite-body, which come with the package; `precision` is f32, bf16x2 or bf16, which are faster
+/// on some processors, or int8 where the file holds scales for it, as one that `calibrated`
 /// wrote does, and that of a model trained with `encoder.precision = "int8"`; `depths` the feature maps whose
 /// means make an embedding, side by side: "all", "last", or a list of their names (`blocks` has them).
 ///

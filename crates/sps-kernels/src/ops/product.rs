@@ -180,7 +180,7 @@ impl<W: Word> Product<'_, W> {
         W::run(self.panels.level(), write);
     }
 
-    /// The same into a map of other words, by matrix tiles; none where there are no tiles.
+    /// The same by matrix tiles, into a map of any words. Nothing where tiles do not multiply it.
     pub(super) fn write_by_tiles<T: Word>(
         &self,
         target: &mut [T],

@@ -38,7 +38,7 @@ pub struct Args {
     /// A weights file, or `built-in`, or `untrained`
     #[arg(long, value_name = "FILE", default_value = "built-in")]
     weights: String,
-    /// What to compute in: f32, bf16, or int8, which is scaled by up to 64 of the images
+    /// What to compute in: f32, bf16x2, bf16, or int8, which is scaled by up to 64 of the images
     #[arg(long, default_value_t = Precision::F32)]
     precision: Precision,
     /// Images encoded at once

@@ -1,0 +1,56 @@
+//! A small network, written as a list of layers: an embedding in each precision, and a step of training.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use sps_kernels::inference::{Inference, calibrate};
+use sps_kernels::network::{Conv, IMAGE, Network, Slide};
+use sps_kernels::simd::Level;
+use sps_kernels::training::Training;
+use sps_kernels::{Images, Normalisation, Order, Precision, Result};
+
+fn main() -> Result<()> {
+    let mut network = Network::new("small", "classifier.");
+    let stem = Conv::new("stem", Slide::square(3, 2, 1), 16).relu();
+    let stem = network.conv(IMAGE, stem);
+    let deeper = Conv::new("deeper", Slide::square(3, 2, 1), 32).relu();
+    network.conv(stem, deeper);
+    network.depth("deeper");
+
+    // As a file of weights would have them.
+    let wave = |i: usize| (i as f32 * 0.7).sin() * 0.1;
+    let specs = network.specs().into_iter();
+    let tensors: BTreeMap<String, Vec<f32>> = specs
+        .map(|spec| {
+            (
+                spec.name,
+                (0..spec.shape.iter().product()).map(wave).collect(),
+            )
+        })
+        .collect();
+
+    let image: Vec<f32> = (0..3 * 64 * 64).map(|i| 0.5 + wave(i)).collect();
+    let images = [&image[..]];
+    let images = Images::new(&images, Order::Pixels, [1, 64, 64], Normalisation::IMAGENET)?;
+    let scales = calibrate(&network, &tensors, &[images], Level::detect())?;
+    for precision in Precision::ALL {
+        let inference = Inference::new(
+            &network,
+            &tensors,
+            precision,
+            Some(&scales),
+            Level::detect(),
+        )?;
+        println!("{precision}: {:.4?} ..", &inference.embed(&images)?[..4]);
+    }
+
+    let training = Training::new(Arc::new(network));
+    let forward = training.forward(Arc::new(tensors), &images)?;
+    let gradients = forward
+        .pass
+        .backward(&vec![1.0; forward.embeddings.len()])?;
+    for (name, gradient) in &gradients.0 {
+        println!("{name}: {} gradients", gradient.len());
+    }
+    Ok(())
+}

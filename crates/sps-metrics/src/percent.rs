@@ -1,11 +1,15 @@
-use crate::outcome::{Outcome, Score, Undefined, in_range};
+use crate::outcome::{Outcome, Quantity, Score, Undefined, in_range};
 use crate::samples::Pair;
+use crate::screen::Screen;
 
-/// The median percentage error of samples that are known to be finite.
+/// The median percentage error of samples.
 pub(crate) fn median_percent_error(pairs: impl Iterator<Item = Pair>) -> Outcome {
-    let mut seen = 0;
-    let counted = pairs.inspect(|_| seen += 1);
-    let mut errors: Vec<f64> = counted.filter_map(percent_error).collect();
+    let mut screen = Screen::default();
+    let admitted = pairs.filter(|Pair { truth, estimate }| {
+        screen.admit([(Quantity::Truth, *truth), (Quantity::Estimate, *estimate)])
+    });
+    let mut errors: Vec<f64> = admitted.filter_map(percent_error).collect();
+    let seen = screen.samples()?;
     let median = median(&mut errors).ok_or(Undefined::AllTruthsZero { samples: seen })?;
     Ok(Score {
         value: in_range(median)?,

@@ -115,7 +115,6 @@ impl<'a> Samples<'a> {
     ///
     /// [`Undefined::AllTruthsZero`].
     pub fn median_percent_error(self) -> Outcome {
-        self.accumulate()?.samples()?;
         median_percent_error(self.pairs()?)
     }
 

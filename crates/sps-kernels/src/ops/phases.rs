@@ -136,8 +136,12 @@ impl<W: Word> Packed<W> {
         let numbers = W::each(words);
         if depth == columns && GroupWeights::<W>::serves(level, channels, columns) {
             let element = |channel: usize, tap: usize, i: usize| {
-                let (group, column) = (channel / columns, channel % columns);
-                numbers[group * group_len + column * next + i * step + taps[tap]]
+                let first = if backward {
+                    channel / columns * group_len + channel % columns * next
+                } else {
+                    channel * next
+                };
+                numbers[first + i * step + taps[tap]]
             };
             let taps = taps.len();
             return Self::Narrow(GroupWeights::pack(level, channels, columns, taps, element));

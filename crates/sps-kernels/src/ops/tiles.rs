@@ -44,7 +44,7 @@ pub(super) trait Tiles<W: Word> {
     fn store<const TILE: usize>(&mut self, to: &mut [f32], step: usize);
 }
 
-/// Words of a tile's row at least: with fewer, most of a tile would be empty.
+/// Words of a tile's row at least: with fewer, a tile does too little at once.
 const SHALLOWEST: usize = 3;
 
 /// How a product's rows are cut into tiles. It follows from the shape of the weights alone, so that sums have the same
@@ -57,7 +57,7 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// None where the machine has no tiles, or most of a tile would be empty.
+    /// None where the machine has no tiles, or a tile would do too little at once.
     pub(super) fn of<W: Word>(product: &Product<'_, W>) -> Option<Self> {
         let kind = product.panels.level().tiles().filter(|_| W::NUMBERS > 1)?;
         let depth = deepest(product.run);
@@ -80,7 +80,7 @@ fn deepest(run: usize) -> usize {
         .unwrap_or(1)
 }
 
-/// Writes a product, as [`Product::write`] says.
+/// Writes a product of words `L` into a map of words `W`, as [`Product::write`] says.
 pub(super) struct WriteTiles<'a, 'b, L, W> {
     pub(super) plan: Plan,
     pub(super) product: &'a Product<'b, L>,

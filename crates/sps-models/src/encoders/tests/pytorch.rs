@@ -58,7 +58,7 @@ fn embeddings_are_those_of_timm_and_torchvision() {
     }
 }
 
-/// Numbers of eight bits through 16 bottlenecks; whatever else is in the batch.
+/// Numbers of eight bits, or of 16, through 16 bottlenecks; whatever else is in the batch.
 #[test]
 fn bf16_stays_near_f32() {
     for (kind, case) in [
@@ -70,14 +70,16 @@ fn bf16_stays_near_f32() {
         let encoder = encoder(kind);
         let images = input(&format!("golden/{case}"), &[2, 3, 224, 224]);
         let exact = encoder.embed_normalised(&images).unwrap();
-        let bf16 = encoder.with_precision(Precision::Bf16).unwrap();
-        let found = bf16.embed_normalised(&images).unwrap();
-        let error = relative(&found, &exact);
-        println!("{kind} in bf16: relative error {error:.1e}");
-        assert!(error < 5e-3, "{kind}: {error:.1e}");
-        let second = images.narrow(0, 1, 1).unwrap();
-        let alone = numbers(&bf16.embed_normalised(&second).unwrap());
-        assert_eq!(alone, numbers(&found.get(1).unwrap()));
+        for (precision, bound) in [(Precision::Bf16, 5e-3), (Precision::Bf16x2, 2e-5)] {
+            let encoder = encoder.clone().with_precision(precision).unwrap();
+            let found = encoder.embed_normalised(&images).unwrap();
+            let error = relative(&found, &exact);
+            println!("{kind} in {precision}: relative error {error:.1e}");
+            assert!(error < bound, "{kind} in {precision}: {error:.1e}");
+            let second = images.narrow(0, 1, 1).unwrap();
+            let alone = numbers(&encoder.embed_normalised(&second).unwrap());
+            assert_eq!(alone, numbers(&found.get(1).unwrap()));
+        }
     }
 }
 

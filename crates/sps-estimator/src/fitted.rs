@@ -125,9 +125,13 @@ impl Measure {
     ) -> Predicted {
         let intervals = |times: Result<f64, String>| {
             let times = times?;
-            let around = |expected: &Expected| PredictionInterval {
-                low: self.bounded(expected.value - times * expected.error),
-                high: self.bounded(expected.value + times * expected.error),
+            // Around the nearest value that can be: one of no width would claim what nobody knows.
+            let around = |expected: &Expected| {
+                let (value, half) = (self.bounded(expected.value), times * expected.error);
+                PredictionInterval {
+                    low: self.bounded(value - half),
+                    high: self.bounded(value + half),
+                }
             };
             Ok(expected.iter().map(around).collect::<Vec<_>>())
         };
@@ -376,6 +380,40 @@ fn deviation(readings: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The parts of the range that intervals cover, and of estimates beyond it those next to the end.
+    #[test]
+    fn an_interval_is_cut_to_the_range_and_has_a_width() {
+        let wanted = Wanted {
+            property: "fRS".to_owned(),
+            views: vec![0],
+            range: Some([0.0, 10.0]),
+        };
+        let mut measure = Measure::of(&wanted, &[4.0, 6.0]);
+        measure.interval = Interval::Errors(2.0);
+        let expected = [
+            (5.0, 1.0),
+            (9.0, 1.0),
+            (10.5, 1.0),
+            (13.0, 1.0),
+            (-1.0, 0.25),
+        ]
+        .map(|(value, error)| Expected { value, error });
+        let predicted = measure.predicted(&expected, None, (Ok(2.0), Level::P90));
+        assert_eq!(predicted.values, [5.0, 9.0, 10.0, 10.0, 0.0]);
+        let ends = predicted.intervals.unwrap();
+        let ends: Vec<_> = ends.iter().map(|ends| [ends.low, ends.high]).collect();
+        assert_eq!(
+            ends,
+            [
+                [3.0, 7.0],
+                [7.0, 10.0],
+                [8.0, 10.0],
+                [8.0, 10.0],
+                [0.0, 0.5]
+            ]
+        );
+    }
 
     #[test]
     fn looking_ends_at_the_first_interval_that_is_narrow_enough() {

@@ -19,28 +19,18 @@ fn main() -> Result<()> {
 
     // As a file of weights would have them.
     let wave = |i: usize| (i as f32 * 0.7).sin() * 0.1;
+    let numbers = |shape: &[usize]| (0..shape.iter().product()).map(wave).collect();
     let specs = network.specs().into_iter();
-    let tensors: BTreeMap<String, Vec<f32>> = specs
-        .map(|spec| {
-            (
-                spec.name,
-                (0..spec.shape.iter().product()).map(wave).collect(),
-            )
-        })
-        .collect();
+    let tensors = specs.map(|spec| (spec.name, numbers(&spec.shape)));
+    let tensors: BTreeMap<String, Vec<f32>> = tensors.collect();
 
     let image: Vec<f32> = (0..3 * 64 * 64).map(|i| 0.5 + wave(i)).collect();
     let images = [&image[..]];
     let images = Images::new(&images, Order::Pixels, [1, 64, 64], Normalisation::IMAGENET)?;
-    let scales = calibrate(&network, &tensors, &[images], Level::detect())?;
+    let level = Level::detect();
+    let scales = calibrate(&network, &tensors, &[images], level)?;
     for precision in Precision::ALL {
-        let inference = Inference::new(
-            &network,
-            &tensors,
-            precision,
-            Some(&scales),
-            Level::detect(),
-        )?;
+        let inference = Inference::new(&network, &tensors, precision, Some(&scales), level)?;
         println!("{precision}: {:.4?} ..", &inference.embed(&images)?[..4]);
     }
 

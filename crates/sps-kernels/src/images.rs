@@ -1,10 +1,8 @@
 //! Images as the kernels take them.
 
-use std::ops::Range;
-
 use crate::error::{Error, Result};
 use crate::inference::Scale;
-use crate::ops::bands::{Threads, for_each_band};
+use crate::ops::bands::{Band, Threads, for_each_band};
 use crate::ops::grid::{Grid, Size};
 use crate::ops::image::rows_of_words;
 use crate::ops::simd::{Kernel, Lanes, Level};
@@ -70,9 +68,7 @@ impl<'a> Images<'a> {
         size: Size,
         normalisation: Normalisation,
     ) -> Result<Self> {
-        let len = size
-            .iter()
-            .try_fold(3_usize, |len, side| len.checked_mul(*side));
+        let len = size.into_iter().try_fold(3, usize::checked_mul);
         let misfit = pixels.iter().find(|image| Some(image.len()) != len);
         if pixels.is_empty() || misfit.is_some() || size.contains(&0) {
             let values = misfit.or(pixels.first()).map_or(0, |image| image.len());
@@ -117,42 +113,40 @@ impl<'a> Images<'a> {
     }
 }
 
-/// Lays one of the images out as `grid` says of a single frame and [`crate::ops::image`] of its rows; around it
-/// lies `zero`.
+/// Lays one of the images out, scaled, as `grid` says of a single frame and [`crate::ops::image`] of its rows; around
+/// it lies what stands for 0.
 pub(crate) fn lay_out<W: Word>(
     (threads, level): (Threads, Level),
     image: &[f32],
     images: &Images<'_>,
     (out, grid): (&mut [W], &Grid),
-    zero: f32,
+    scale: Scale,
 ) {
     let memory = rows_of_words::<W>(grid);
-    memory.fill_border(out, W::of(|_| zero));
+    memory.fill_border(out, W::of(|_| scale.zero));
     for_each_band(threads, &memory, out, |band| {
         level.run(LayOut {
             image,
-            images,
+            order: images.order,
+            normalisation: images.normalisation.scaled(scale),
             grid,
-            rows: band.rows(&memory),
-            out: band.target,
-            origin: band.origin,
-            zero,
+            band,
+            zero: scale.zero,
         });
     });
 }
 
-/// The same for some rows, into memory that begins at `origin`.
-struct LayOut<'a, W> {
+/// The same for some rows.
+struct LayOut<'a, 'b, W> {
     image: &'a [f32],
-    images: &'a Images<'a>,
+    order: Order,
+    normalisation: Normalisation,
     grid: &'a Grid,
-    rows: Range<usize>,
-    out: &'a mut [W],
-    origin: usize,
+    band: Band<'b, W>,
     zero: f32,
 }
 
-impl<W: Word> Kernel for LayOut<'_, W> {
+impl<W: Word> Kernel for LayOut<'_, '_, W> {
     type Output = ();
 
     // As in `ops`.
@@ -163,11 +157,11 @@ impl<W: Word> Kernel for LayOut<'_, W> {
         let memory = rows_of_words::<W>(self.grid);
         let words = memory.size[2];
         let plane = time * height * width;
-        let Normalisation { mean, std } = self.images.normalisation;
+        let Normalisation { mean, std } = self.normalisation;
         let mut numbers = vec![self.zero; W::NUMBERS * words];
-        for row in self.rows {
+        for row in self.band.rows(&memory) {
             let (pixels, _) = numbers[3 * self.grid.before[2]..][..3 * width].as_chunks_mut();
-            match self.images.order {
+            match self.order {
                 Order::Planes => {
                     let [red, green, blue] = [0, 1, 2]
                         .map(|channel| &self.image[channel * plane + row * width..][..width]);
@@ -185,12 +179,8 @@ impl<W: Word> Kernel for LayOut<'_, W> {
                     pixel[channel] = (pixel[channel] - mean[channel]) / std[channel];
                 }
             }
-            let place = [
-                memory.before[0] + row / height,
-                memory.before[1] + row % height,
-                0,
-            ];
-            let out = &mut self.out[memory.index(0, place) - self.origin..][..words];
+            let first = memory.row_start(row) - self.band.origin;
+            let out = &mut self.band.target[first..][..words];
             for (word, numbers) in out.iter_mut().zip(numbers.chunks_exact(W::NUMBERS)) {
                 *word = W::of(|i| numbers[i]);
             }

@@ -70,10 +70,8 @@ impl Windows {
     /// The centre of each, as [`Windows::corners`].
     pub fn centres(&self) -> Vec<[f64; 2]> {
         let [height, width] = self.window.map(|side| side as f64 / 2.0);
-        let corners = self.corners();
-        corners
-            .map(|[y, x]| [y as f64 + height, x as f64 + width])
-            .collect()
+        let centre = |[y, x]: [usize; 2]| [y as f64 + height, x as f64 + width];
+        self.corners().map(centre).collect()
     }
 
     /// Where the windows begin along an axis.
@@ -98,10 +96,8 @@ impl Windows {
                 .saturating_sub(extent)
                 .div_ceil(2 * extent)
         };
-        let starts = self.starts(axis);
-        Ok(starts
-            .map(|start| before(start)..before(start + window))
-            .collect())
+        let cells = |start: usize| before(start)..before(start + window);
+        Ok(self.starts(axis).map(cells).collect())
     }
 
     /// The mean of the cells of each window, at each depth. A feature map of `n` rows cuts the image into `n` rows
@@ -176,9 +172,7 @@ impl CellSums {
         let line = (columns + 1) * width;
         let mut sums = vec![0.0; (rows + 1) * line];
         let places = grid.places();
-        let mut cells = places
-            .iter()
-            .map(|&place| &features[place..place + grid.words]);
+        let mut cells = places.iter().map(|&place| &features[place..][..grid.words]);
         for row in 0..rows {
             let (above, below) = sums[row * line..].split_at_mut(line);
             let mut of_row = vec![0.0; width];
@@ -237,13 +231,11 @@ mod tests {
             map[0] = 1e6;
             let grid = Grid::tight(1, [1, SIDE, SIDE], 1);
             let windows = Windows::new([SIDE; 2], [1, 1], 1).unwrap();
-            let found = windows
-                .embed(&[CellSums::new(&map, &grid, Scale::UNIT)])
-                .unwrap();
+            let sums = CellSums::new(&map, &grid, Scale::UNIT);
+            let found = windows.embed(&[sums]).unwrap();
             let off = |value: f32| (value / DARK - 1.0).abs();
-            let worst = found.embeddings[1..]
-                .iter()
-                .fold(0.0_f32, |m, &v| m.max(off(v)));
+            let others = found.embeddings[1..].iter();
+            let worst = others.fold(0.0_f32, |m, &v| m.max(off(v)));
             println!("windows after a bright cell: error {worst:.1e}, bound 1e-7");
             assert!(worst <= 1e-7);
             let sums = [1, 2].map(|cells| map[..=cells].iter().sum::<f32>());
@@ -266,10 +258,8 @@ mod tests {
                 let least = image[axis].div_ceil(cells[axis]);
                 least + ((image[axis] - least) as f64 * share[axis]) as usize
             });
-            let map: Vec<f32> = uniform("windows", cells[0] * cells[1] * width)
-                .iter()
-                .map(|&x| x as f32)
-                .collect();
+            let map = uniform("windows", cells[0] * cells[1] * width);
+            let map: Vec<f32> = map.iter().map(|&x| x as f32).collect();
             let grid = Grid::tight(1, [1, cells[0], cells[1]], width);
             let windows = Windows::new(image, window, stride).unwrap();
             let found = windows.embed(&[CellSums::new(&map, &grid, Scale::UNIT)]).unwrap();

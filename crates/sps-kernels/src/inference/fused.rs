@@ -10,8 +10,7 @@ use super::gate::PackedGate;
 use super::scales::{Calibration, Scale};
 use super::slots::Slots;
 use crate::error::{Result, too_small};
-use crate::images::Images;
-use crate::images::lay_out;
+use crate::images::{Images, lay_out};
 use crate::network::{Conv, IMAGE, Layer, Map, MaxPool, Network};
 use crate::ops::bands::Threads;
 use crate::ops::buffer::Buffer;
@@ -32,7 +31,7 @@ pub(super) const GROUP: usize = 4;
 pub(super) struct Fused<W> {
     /// The instructions that it runs by.
     pub(super) level: Level,
-    network: Network,
+    pub(super) network: Network,
     steps: Vec<Step<W>>,
     slots: Slots,
     /// Of each map.
@@ -137,11 +136,6 @@ impl<W: Word> Fused<W> {
         all / self.steps.len().max(1) as u64
     }
 
-    /// The length of an embedding.
-    pub(super) fn width(&self) -> usize {
-        self.network.width()
-    }
-
     /// Calls `see` with the map at each of the network's depths, of at most [`GROUP`] images
     /// `(frames, 3, ..size)`, as soon as it is made: the next layer may overwrite it.
     ///
@@ -157,13 +151,24 @@ impl<W: Word> Fused<W> {
         slots.resize_with(self.slots.count, Slot::default);
         let frames = images.frames();
         let meeting = self.slots.meeting;
-        let slot = self.slots.of(meeting);
+        let slot = self.slots.of[meeting];
         let one = self.grids(1, images.size);
+        let mut show = |map: Map, first: usize, grids: &[Grid], slots: &[Slot<W>]| {
+            if let Some(block) = self.network.block(map) {
+                see(Seen {
+                    block,
+                    first,
+                    memory: &slots[self.slots.of[map]].memory,
+                    grid: &grids[map],
+                    scale: self.scales[map],
+                });
+            }
+        };
         for (frame, image) in images.iter().enumerate() {
             self.lay_out(threads, image, images, &one[IMAGE], slots);
             for number in 0..meeting {
                 self.run(threads, number, &one, slots);
-                self.show(number + 1, frame, &one, slots, &mut see);
+                show(number + 1, frame, &one, slots);
             }
             if frames > 1 && meeting < self.steps.len() {
                 let len = one[meeting].len();
@@ -180,27 +185,7 @@ impl<W: Word> Fused<W> {
         };
         for number in meeting..self.steps.len() {
             self.run(threads, number, &grids, slots);
-            self.show(number + 1, 0, &grids, slots, &mut see);
-        }
-    }
-
-    /// Calls `see` where a map is at a depth.
-    fn show(
-        &self,
-        map: Map,
-        first: usize,
-        grids: &[Grid],
-        slots: &[Slot<W>],
-        see: &mut impl FnMut(Seen<'_, W>),
-    ) {
-        if let Some(block) = self.network.block(map) {
-            see(Seen {
-                block,
-                first,
-                memory: &slots[self.slots.of(map)].memory,
-                grid: &grids[map],
-                scale: self.scales[map],
-            });
+            show(number + 1, 0, &grids, slots);
         }
     }
 
@@ -213,16 +198,11 @@ impl<W: Word> Fused<W> {
         grid: &Grid,
         slots: &mut [Slot<W>],
     ) {
-        let Slot { memory, border } = &mut slots[self.slots.of(IMAGE)];
+        let Slot { memory, border } = &mut slots[self.slots.of[IMAGE]];
         memory.resize(rows_of_words::<W>(grid).len());
         *border = None;
-        let normalisation = images.normalisation.scaled(self.scales[IMAGE]);
-        let images = Images {
-            normalisation,
-            ..*images
-        };
-        let zero = self.scales[IMAGE].zero;
-        lay_out((threads, self.level), image, &images, (memory, grid), zero);
+        let (by, scale) = ((threads, self.level), self.scales[IMAGE]);
+        lay_out(by, image, images, (memory, grid), scale);
     }
 
     /// Makes room for a map, with a border of what stands for 0.
@@ -238,21 +218,20 @@ impl<W: Word> Fused<W> {
     /// The layout of each map of so many frames, with the border that its readers need. Maps that
     /// share memory share a layout.
     fn grids(&self, frames: usize, image: Size) -> Vec<Grid> {
-        let sizes = self.network.sizes(image).unwrap_or_default();
-        let host = |map: Map| self.slots.host(map);
-        let grids = self.network.grids::<W>(frames, &sizes, host);
-        let shared = (0..grids.len()).map(|map| grids[host(map)]);
-        shared.collect()
+        let (sizes, host) = (self.network.sizes(image), &self.slots.host);
+        let sizes = sizes.unwrap_or_default();
+        let grids = self.network.grids::<W>(frames, &sizes, |map| host[map]);
+        (0..grids.len()).map(|map| grids[host[map]]).collect()
     }
 
     /// Makes the map of a layer.
     fn run(&self, threads: Threads, number: usize, grids: &[Grid], slots: &mut [Slot<W>]) {
         let map = number + 1;
-        let (slot, to) = (self.slots.of(map), &grids[map]);
+        let (slot, to) = (self.slots.of[map], &grids[map]);
         let mut taken = std::mem::take(&mut slots[slot]);
         self.pad(map, to, &mut taken);
         let memory = &mut taken.memory;
-        let source = |map: Map| (&slots[self.slots.of(map)].memory[..], &grids[map]);
+        let source = |map: Map| (&slots[self.slots.of[map]].memory[..], &grids[map]);
         match &self.steps[number] {
             Step::Convs(parts) => {
                 for part in parts {
@@ -285,11 +264,11 @@ impl Fused<f32> {
         let grids = self.grids(1, images.size);
         for image in images.iter() {
             self.lay_out(Threads::All, image, images, &grids[IMAGE], &mut slots);
-            calibration.see(IMAGE, &slots[self.slots.of(IMAGE)].memory, &grids[IMAGE]);
+            calibration.see(IMAGE, &slots[self.slots.of[IMAGE]].memory, &grids[IMAGE]);
             for number in 0..self.steps.len() {
                 self.run(Threads::All, number, &grids, &mut slots);
                 let map = number + 1;
-                calibration.see(map, &slots[self.slots.of(map)].memory, &grids[map]);
+                calibration.see(map, &slots[self.slots.of[map]].memory, &grids[map]);
             }
         }
     }
@@ -337,14 +316,10 @@ struct Plan<'a> {
 impl Plan<'_> {
     /// What makes a layer's map, which is scaled like this.
     fn step<W: Word>(&self, layer: &Layer, to: Scale) -> Result<Step<W>> {
-        let onto = match layer {
-            Layer::Residual { shortcut, .. } => Some(self.scales[*shortcut]),
-            _ => None,
-        };
         let ends = |conv: &Conv| Ends {
             from: self.scales[conv.input],
             to,
-            onto,
+            onto: layer.shortcut().map(|shortcut| self.scales[shortcut]),
         };
         Ok(match layer {
             Layer::MaxPool(pool) => Step::Pool(pool.clone()),
@@ -362,11 +337,9 @@ impl Plan<'_> {
                 let part = |conv: &Conv| {
                     let folded = Folded::new(conv, self.weights, self.eps)?;
                     let mut part = self.part(conv, folded, column, ends(conv));
-                    let offset = part.packed.offset;
-                    part.packed
-                        .shift
-                        .iter_mut()
-                        .for_each(|shift| *shift += offset);
+                    for shift in &mut part.packed.shift {
+                        *shift += part.packed.offset;
+                    }
                     column += conv.outputs;
                     Ok(part)
                 };

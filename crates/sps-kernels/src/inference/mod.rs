@@ -107,7 +107,7 @@ impl Inference {
     ) -> Result<Self> {
         Ok(Self {
             kernels: Arc::new(Pooled {
-                network: Fused::<W>::new(network, tensors, scales, kernels)?,
+                fused: Fused::<W>::new(network, tensors, scales, kernels)?,
                 workspaces: Mutex::default(),
             }),
             resources: Resources::default(),
@@ -147,8 +147,7 @@ impl Inference {
     ///
     /// Images smaller than the network takes.
     pub fn embed(&self, images: &Images<'_>) -> Result<Vec<f32>> {
-        self.kernels.check(images)?;
-        Ok(self.kernels.embed(images, &self.resources))
+        self.kernels.embed(images, &self.resources)
     }
 
     /// The sums of the feature maps of the first of the images at each depth, for
@@ -158,8 +157,7 @@ impl Inference {
     ///
     /// An image smaller than the network takes.
     pub fn cell_sums(&self, image: &Images<'_>) -> Result<Vec<CellSums>> {
-        self.kernels.check(image)?;
-        Ok(self.kernels.cell_sums(image, &self.resources))
+        self.kernels.cell_sums(image, &self.resources)
     }
 }
 
@@ -193,11 +191,9 @@ pub fn calibrate(
 
 /// A network of any words.
 trait Kernels: Debug + Send + Sync {
-    fn check(&self, images: &Images<'_>) -> Result<()>;
+    fn embed(&self, images: &Images<'_>, resources: &Resources) -> Result<Vec<f32>>;
 
-    fn embed(&self, images: &Images<'_>, resources: &Resources) -> Vec<f32>;
-
-    fn cell_sums(&self, image: &Images<'_>, resources: &Resources) -> Vec<CellSums>;
+    fn cell_sums(&self, image: &Images<'_>, resources: &Resources) -> Result<Vec<CellSums>>;
 
     fn shrink(&self);
 
@@ -205,30 +201,27 @@ trait Kernels: Debug + Send + Sync {
 }
 
 impl<W: Word> Kernels for Pooled<W> {
-    fn check(&self, images: &Images<'_>) -> Result<()> {
-        self.network.check(images)
-    }
-
-    fn embed(&self, images: &Images<'_>, resources: &Resources) -> Vec<f32> {
-        let worth = resources.worth(self.network.layer_multiply_adds(images.size));
+    fn embed(&self, images: &Images<'_>, resources: &Resources) -> Result<Vec<f32>> {
+        self.fused.check(images)?;
+        let worth = resources.worth(self.fused.layer_multiply_adds(images.size));
         let shares = shares(images.frames(), resources.of_pool(), worth);
         let threads = |shares: &Vec<Share>| shares.iter().map(|share| share.threads).sum();
         let threads = shares.iter().map(threads).max().unwrap_or(1);
-        pass(threads, resources.spin, || {
-            self.embed_shares(shares, *images, resources)
-        })
+        let run = || self.embed_shares(shares, *images, resources);
+        Ok(pass(threads, resources.spin, run))
     }
 
-    fn cell_sums(&self, image: &Images<'_>, resources: &Resources) -> Vec<CellSums> {
+    fn cell_sums(&self, image: &Images<'_>, resources: &Resources) -> Result<Vec<CellSums>> {
+        self.fused.check(image)?;
         let (image, _) = image.split_at(1);
         let mut sums = Vec::new();
         let see = |seen: Seen<'_, W>| sums.push(CellSums::new(seen.memory, seen.grid, seen.scale));
-        let walk = |w: &mut Workspace<W>| self.network.walk(Threads::All, &image, w, see);
-        let worth = resources.worth(self.network.layer_multiply_adds(image.size));
+        let walk = |w: &mut Workspace<W>| self.fused.walk(Threads::All, &image, w, see);
+        let worth = resources.worth(self.fused.layer_multiply_adds(image.size));
         let threads = resources.of_pool().min(worth);
         let run = || self.with_workspace(resources, walk);
         pass(threads, resources.spin, run);
-        sums
+        Ok(sums)
     }
 
     fn shrink(&self) {
@@ -243,7 +236,7 @@ impl<W: Word> Kernels for Pooled<W> {
 /// A network and the workspaces that are not in use.
 #[derive(Debug)]
 struct Pooled<W> {
-    network: Fused<W>,
+    fused: Fused<W>,
     workspaces: Mutex<Vec<Workspace<W>>>,
 }
 
@@ -254,7 +247,7 @@ impl<W: Word> Pooled<W> {
         images: Images<'_>,
         resources: &Resources,
     ) -> Vec<f32> {
-        let width = self.network.width();
+        let width = self.fused.network.width();
         let mut embeddings = vec![0.0; images.frames() * width];
         let (mut images, mut outs) = (images, &mut embeddings[..]);
         for shares in shares {
@@ -286,22 +279,16 @@ impl<W: Word> Pooled<W> {
         resources: &Resources,
     ) {
         self.with_workspace(resources, |workspace| {
-            let width = self.network.width();
+            let width = self.fused.network.width();
             let outs = embeddings.chunks_mut(GROUP * width);
             for (images, out) in images.chunks(GROUP).zip(outs) {
-                self.network.walk(threads, &images, workspace, |seen| {
+                self.fused.walk(threads, &images, workspace, |seen| {
                     let frames = out.chunks_exact_mut(width).skip(seen.first);
-                    let mut means: Vec<&mut [f32]> = frames
-                        .take(seen.grid.frames)
-                        .map(|frame| &mut frame[seen.block.clone()])
-                        .collect();
-                    frame_means(
-                        threads,
-                        self.network.level,
-                        seen.memory,
-                        seen.grid,
-                        &mut means,
-                    );
+                    let frames = frames.take(seen.grid.frames);
+                    let means = frames.map(|frame| &mut frame[seen.block.clone()]);
+                    let mut means: Vec<&mut [f32]> = means.collect();
+                    let (level, grid) = (self.fused.level, seen.grid);
+                    frame_means(threads, level, seen.memory, grid, &mut means);
                     for mean in means.into_iter().flatten() {
                         *mean = seen.scale.value(*mean);
                     }

@@ -65,10 +65,8 @@ pub(super) fn shares(frames: usize, threads: usize, worth: usize) -> [Vec<Share>
     };
     let teams = (1..=left).min_by_key(time).unwrap_or(0);
     let shares = |count, share: &dyn Fn(usize) -> Share| -> Vec<Share> {
-        (0..count)
-            .map(share)
-            .filter(|share| share.frames > 0)
-            .collect()
+        let shares = (0..count).map(share);
+        shares.filter(|share| share.frames > 0).collect()
     };
     let alone = teams > 0 && (threads / teams).min(worth) == 1;
     let whole = shares(threads, &|i| Share {

@@ -41,9 +41,7 @@ impl Scale {
     pub(crate) fn value(self, number: f32) -> f32 {
         self.step * (number - self.zero)
     }
-}
 
-impl Scale {
     /// The scales that a tensor `(maps, 2)` of this shape holds, one for each map of a network.
     ///
     /// # Errors
@@ -192,10 +190,8 @@ mod tests {
     /// The squared error of values in steps of a scale, one by one.
     fn squared_error(values: &[f32], scale: Scale) -> f64 {
         let error = |&value: &f32| {
-            let number = (value / scale.step + scale.zero)
-                .round()
-                .clamp(0.0, LARGEST);
-            f64::from(scale.value(number) - value).powi(2)
+            let number = (value / scale.step + scale.zero).round();
+            f64::from(scale.value(number.clamp(0.0, LARGEST)) - value).powi(2)
         };
         values.iter().map(error).sum()
     }
@@ -209,15 +205,11 @@ mod tests {
     /// Of all pairs of hundredths, tried one by one, none is much better.
     #[test]
     fn the_range_is_that_of_the_least_squared_error() {
-        let cubed = uniform("cubed", 5000)
-            .into_iter()
-            .map(|x| (4.0 * x.powi(9)) as f32);
-        let cubed: Vec<f32> = cubed.collect();
+        let cubed = uniform("cubed", 5000).into_iter();
+        let cubed: Vec<f32> = cubed.map(|x| (4.0 * x.powi(9)) as f32).collect();
         let rectified: Vec<f32> = cubed.iter().map(|x| x.max(0.0)).collect();
-        let lopsided: Vec<f32> = cubed
-            .iter()
-            .map(|x| if *x < 0.0 { x / 3.0 } else { *x })
-            .collect();
+        let lopsided = cubed.iter().map(|x| if *x < 0.0 { x / 3.0 } else { *x });
+        let lopsided: Vec<f32> = lopsided.collect();
         for values in [cubed, rectified, lopsided] {
             let found = squared_error(&values, scale(&values));
             let [least, most] = [f32::min, f32::max].map(|f| values.iter().copied().fold(0.0, f));
@@ -236,10 +228,8 @@ mod tests {
     /// One value far from millions of others does not take the steps from them, and the other end stays.
     #[test]
     fn an_outlier_is_clipped() {
-        let values: Vec<f32> = uniform("outlier", 100_000)
-            .into_iter()
-            .map(|x| x as f32)
-            .collect();
+        let values = uniform("outlier", 100_000).into_iter().map(|x| x as f32);
+        let values: Vec<f32> = values.collect();
         let mut seen = Values::new();
         for _ in 0..100 {
             seen.see(&values);
@@ -247,26 +237,17 @@ mod tests {
         seen.see(&[20.0]);
         let found = seen.scale().unwrap();
         let [lower, upper] = [0.0, LARGEST].map(|number| found.value(number));
-        assert!(
-            (-1.05..-0.9).contains(&lower) && (0.9..3.0).contains(&upper),
-            "{found:?}"
-        );
+        assert!((-1.05..-0.9).contains(&lower), "{found:?}");
+        assert!((0.9..3.0).contains(&upper), "{found:?}");
     }
 
     #[test]
     fn zero_has_a_number_of_its_own() {
-        for values in [
-            vec![0.0],
-            vec![3.0, 5.0],
-            vec![-3.0, -5.0],
-            vec![-1.0, 2.0],
-            vec![1e-44],
-        ] {
-            let found = scale(&values);
-            assert!(
-                found.step.is_normal() && found.zero.fract() == 0.0,
-                "{found:?}"
-            );
+        let given: [&[f32]; 5] = [&[0.0], &[3.0, 5.0], &[-3.0, -5.0], &[-1.0, 2.0], &[1e-44]];
+        for values in given {
+            let found = scale(values);
+            assert!(found.step.is_normal(), "{found:?}");
+            assert_eq!(found.zero.fract(), 0.0, "{found:?}");
             assert!((0.0..=LARGEST).contains(&found.zero), "{found:?}");
             assert_eq!(found.value(found.zero), 0.0);
         }

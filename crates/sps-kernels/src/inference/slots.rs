@@ -1,16 +1,18 @@
 //! Where feature maps lie in memory.
 
-use crate::network::{IMAGE, Layer, Map, Network};
+use crate::network::{IMAGE, Map, Network};
 
 /// A map of this share of the image's height is large: frames meet where maps become smaller.
 const LARGE: usize = 8;
 
-/// The slot of each map: a map that has been read leaves its own to others, to one like it where there is one, which
+/// The slots of maps: a map that has been read leaves its own to others, to one like it where there is one, which
 /// finds its border filled.
 #[derive(Debug)]
 pub(super) struct Slots {
-    of: Vec<usize>,
-    host: Vec<Map>,
+    /// The slot of each map.
+    pub(super) of: Vec<usize>,
+    /// The first of the maps that each map shares its memory with, one after the other.
+    pub(super) host: Vec<Map>,
     pub(super) count: usize,
     /// The map that frames of a group, having come so far one by one, go on from together.
     pub(super) meeting: Map,
@@ -27,12 +29,8 @@ impl Slots {
         // Maps whose slots are free.
         let (mut free, mut count) = (Vec::<Map>::new(), 1);
         for (number, layer) in network.layers.iter().enumerate() {
-            let shortcut = match layer {
-                // The branch is added where the shortcut lies.
-                Layer::Residual { shortcut, .. } => Some(*shortcut),
-                _ => None,
-            };
-            let map = number + 1;
+            // A branch is added where its shortcut lies.
+            let (map, shortcut) = (number + 1, layer.shortcut());
             let freed = || match free.iter().rposition(|&other| alike(map, other)) {
                 Some(like) => Some(free.remove(like)),
                 None => free.pop(),
@@ -55,15 +53,6 @@ impl Slots {
             count,
             meeting: meeting(network),
         }
-    }
-
-    pub(super) fn of(&self, map: Map) -> usize {
-        self.of[map]
-    }
-
-    /// The first of the maps that a map shares its memory with, one after the other.
-    pub(super) fn host(&self, map: Map) -> Map {
-        self.host[map]
     }
 }
 

@@ -161,14 +161,7 @@ impl Slide {
 
     /// Pixels under the window.
     pub fn size(&self) -> Size {
-        self.size_and_stride()[0]
-    }
-
-    fn size_and_stride(&self) -> [Size; 2] {
-        match *self {
-            Self::Padded(window) => [window.size, window.stride],
-            Self::Same { size, stride } => [size, stride],
-        }
+        self.window([1; 3]).size
     }
 }
 
@@ -259,15 +252,19 @@ impl Layer {
 
     /// The maps that it reads.
     pub fn inputs(&self) -> impl Iterator<Item = Map> {
-        let shortcut = match self {
+        self.slides().map(|(map, _)| map).chain(self.shortcut())
+    }
+
+    /// The map that it is added to, where it is the end of a residual branch.
+    pub(crate) fn shortcut(&self) -> Option<Map> {
+        match self {
             Self::Residual { shortcut, .. } => Some(*shortcut),
             _ => None,
-        };
-        self.slides().map(|(map, _)| map).chain(shortcut)
+        }
     }
 
     /// The squeeze-and-excitation gate, where it has one.
-    fn gate(&self) -> Option<&Gate> {
+    pub(crate) fn gate(&self) -> Option<&Gate> {
         match self {
             Self::Residual { gate, .. } => gate.as_ref(),
             _ => None,
@@ -434,7 +431,7 @@ impl Network {
         let mut strides = vec![1];
         for layer in &self.layers {
             let slides = layer.slides();
-            let stride = slides.map(|(map, slide)| strides[map] * slide.size_and_stride()[1][1]);
+            let stride = slides.map(|(map, slide)| strides[map] * slide.window([1; 3]).stride[1]);
             strides.push(stride.max().unwrap_or(1));
         }
         strides
@@ -443,9 +440,8 @@ impl Network {
     /// The smallest height and width of an image.
     pub fn min_size(&self) -> usize {
         let takes = |side: &usize| self.sizes([1, *side, *side]).is_some();
-        (1..=LARGEST_MIN_SIZE)
-            .find(takes)
-            .unwrap_or(LARGEST_MIN_SIZE)
+        let least = (1..LARGEST_MIN_SIZE).find(takes);
+        least.unwrap_or(LARGEST_MIN_SIZE)
     }
 
     /// Multiply-adds for one image of so many pixels: those of the convolutions and of the gates; `None`

@@ -50,12 +50,10 @@ impl Convolution {
             sound(&to).then_some(Self { shape, from, to })
         };
         find().ok_or_else(|| {
-            Error::input(
-                "convolution",
-                format_args!("{frames} frames of {size:?}, {shape:?}"),
-                "channels that the groups share evenly, and a window of a stride above 0 and less padding than \
-                 its size, within the map",
-            )
+            let found = format_args!("{frames} frames of {size:?}, {shape:?}");
+            let expected = "channels that the groups share evenly, and a window of a stride above 0 and less padding \
+                            than its size, within the map";
+            Error::input("convolution", found, expected)
         })
     }
 

@@ -10,7 +10,7 @@ pub use max_pooling::MaxPooling;
 
 use crate::error::{Error, Result};
 use crate::ops::buffer::Buffer;
-use crate::ops::grid::{Grid, pixels};
+use crate::ops::grid::Grid;
 
 /// Refuses numbers that are not as many as a tensor has.
 fn check(what: &'static str, values: &[f32], expected: usize) -> Result<()> {
@@ -71,8 +71,5 @@ fn row(padded: &Grid) -> usize {
 
 /// Where the rows of pixels begin in memory.
 fn firsts(padded: &Grid) -> impl Iterator<Item = usize> {
-    let width = padded.size[2];
-    let places = padded.places();
-    debug_assert_eq!(places.len(), padded.frames * pixels(padded.size));
-    places.into_iter().step_by(width)
+    padded.rows().map(|row| padded.row_start(row))
 }

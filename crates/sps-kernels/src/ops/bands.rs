@@ -172,10 +172,8 @@ pub(super) fn for_each_band_of<W: Word>(
         }),
         Threads::All => {
             let count = 2 * team();
-            on_all_threads(
-                bands(count.div_ceil(grid.frames.max(1)), together, grid, target),
-                work,
-            );
+            let per_frame = count.div_ceil(grid.frames.max(1));
+            on_all_threads(bands(per_frame, together, grid, target), work);
         }
     }
 }
@@ -213,6 +211,14 @@ pub(crate) fn on_all_threads<T: Send>(items: Vec<T>, work: impl Fn(T) + Send + S
     });
 }
 
+/// A range in pieces of so many.
+pub(super) fn chunks(range: Range<usize>, count: usize) -> impl Iterator<Item = Range<usize>> {
+    let Range { start, end } = range;
+    (start..end)
+        .step_by(count)
+        .map(move |from| from..(from + count).min(end))
+}
+
 /// Counts when it is dropped, also by a panic.
 struct Done<'a>(&'a AtomicUsize);
 
@@ -244,7 +250,7 @@ pub(super) fn bands<'a, W>(
             let end = if (frame, part) == (grid.frames - 1, per_frame - 1) {
                 origin + rest.len()
             } else {
-                row_start(grid, to)
+                grid.row_start(to)
             };
             let (target, tail) = rest.split_at_mut(end - origin);
             bands.push(Band {
@@ -257,16 +263,4 @@ pub(super) fn bands<'a, W>(
         }
     }
     bands
-}
-
-/// The index at which a row's first pixel lies, rows counted over all frames.
-fn row_start(grid: &Grid, row: usize) -> usize {
-    let [time, height, _] = grid.size;
-    let (frame, row) = (row / (time * height), row % (time * height));
-    let place = [
-        grid.before[0] + row / height,
-        grid.before[1] + row % height,
-        grid.before[2],
-    ];
-    grid.index(frame, place)
 }

@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::bands::chunks;
 use super::grid::Grid;
 use super::statistics::{ChannelStatistics, run_rows};
 use super::words::Real;
@@ -23,20 +24,18 @@ pub(crate) struct Norm {
 
 impl Norm {
     pub(crate) fn new(moments: &ChannelStatistics, gamma: &[f32], beta: &[f32], eps: f64) -> Self {
-        let inverse: Vec<f32> = moments
-            .variance
-            .iter()
-            .map(|&variance| (1.0 / (f64::from(variance) + eps).sqrt()) as f32)
-            .collect();
+        let inverse = |&variance: &f32| (1.0 / (f64::from(variance) + eps).sqrt()) as f32;
+        let inverse: Vec<f32> = moments.variance.iter().map(inverse).collect();
         let factor: Vec<f32> = gamma.iter().zip(&inverse).map(|(g, i)| g * i).collect();
+        // What the mean's rounding lost: much of a spread that is small beside the mean.
         let lost = moments.mean_lost.iter().zip(&factor);
+        let lost = beta
+            .iter()
+            .zip(lost.map(|(lost, &factor)| lost * f64::from(factor)));
         Self {
             mean: moments.mean.clone(),
-            // What the mean's rounding lost: much of a spread that is small beside the mean.
-            beta: beta
-                .iter()
-                .zip(lost)
-                .map(|(&beta, (lost, &factor))| (f64::from(beta) - lost * f64::from(factor)) as f32)
+            beta: lost
+                .map(|(&beta, lost)| (f64::from(beta) - lost) as f32)
                 .collect(),
             inverse,
             factor,
@@ -62,48 +61,34 @@ pub(crate) struct FrameSums {
 }
 
 impl FrameSums {
-    /// Adds up, frame by frame, what `run` says of each range of elements.
-    pub(crate) fn of(
-        grid: &Grid,
-        run: impl Fn(Range<usize>) -> [Vec<f32>; 2] + Send + Sync,
-    ) -> Self {
-        let ranges = runs(grid);
-        let sums: Vec<_> = ranges.par_iter().map(|range| run(range.clone())).collect();
-        Self::join(grid, &ranges, &sums)
-    }
-
-    /// The same where `run` also changes that range of `values`.
-    pub(crate) fn of_mut<W: Real>(
+    /// Adds up, frame by frame, what `run` says of each range of elements. It may change that range of `values`, where
+    /// there are some.
+    pub(crate) fn of<W: Real>(
         grid: &Grid,
         values: &mut [W],
         run: impl Fn(Range<usize>, &mut [W]) -> [Vec<f32>; 2] + Send + Sync,
     ) -> Self {
-        let ranges = runs(grid);
-        let mut rest = values;
-        let mut parts = Vec::with_capacity(ranges.len());
-        for range in &ranges {
-            let (part, tail) = rest.split_at_mut(range.len());
-            parts.push((range.clone(), part));
-            rest = tail;
+        let (frame_len, step) = (grid.frame_len(), run_rows(grid.channels) * grid.pitch);
+        let frames = chunks(0..grid.len(), frame_len);
+        let ranges: Vec<_> = frames.flat_map(|frame| chunks(frame, step)).collect();
+        let frames = values.chunks_exact_mut(frame_len);
+        let mut parts = frames.flat_map(|frame| frame.chunks_mut(step));
+        let parts = ranges.iter().map(|_| parts.next().unwrap_or_default());
+        let parts = ranges.par_iter().zip(parts.collect::<Vec<_>>());
+        let runs: Vec<_> = parts
+            .map(|(range, part)| run(range.clone(), part))
+            .collect();
+        let mut sums = [0; 2].map(|_| vec![0.0; grid.frames * grid.channels]);
+        for (range, run) in ranges.iter().zip(runs) {
+            let first = range.start / frame_len * grid.channels;
+            for (sums, run) in sums.iter_mut().zip(run) {
+                for (sum, x) in sums[first..].iter_mut().zip(run) {
+                    *sum += f64::from(x);
+                }
+            }
         }
-        let parts = parts.into_par_iter();
-        let sums: Vec<_> = parts.map(|(range, part)| run(range, part)).collect();
-        Self::join(grid, &ranges, &sums)
-    }
-
-    fn join(grid: &Grid, ranges: &[Range<usize>], runs: &[[Vec<f32>; 2]]) -> Self {
-        let channels = grid.channels;
-        let mut sums = Self {
-            gradient: vec![0.0; grid.frames * channels],
-            product: vec![0.0; grid.frames * channels],
-        };
-        for (range, [gradient, product]) in ranges.iter().zip(runs) {
-            let frame = range.start / grid.frame_len();
-            let of_frame = frame * channels..(frame + 1) * channels;
-            add(&mut sums.gradient[of_frame.clone()], gradient);
-            add(&mut sums.product[of_frame], product);
-        }
-        sums
+        let [gradient, product] = sums;
+        Self { gradient, product }
     }
 
     /// The sums over all frames, `(channels)` each: gradient, and gradient times `x - mean`.
@@ -117,25 +102,6 @@ impl FrameSums {
             }
             total
         })
-    }
-}
-
-/// Cuts a feature map into runs; none reaches over two frames.
-fn runs(grid: &Grid) -> Vec<Range<usize>> {
-    let (frame_len, step) = (grid.frame_len(), run_rows(grid.channels) * grid.pitch);
-    (0..grid.frames)
-        .flat_map(|frame| {
-            let (start, end) = (frame * frame_len, (frame + 1) * frame_len);
-            (start..end)
-                .step_by(step)
-                .map(move |from| from..(from + step).min(end))
-        })
-        .collect()
-}
-
-fn add(sums: &mut [f64], run: &[f32]) {
-    for (sum, x) in sums.iter_mut().zip(run) {
-        *sum += f64::from(*x);
     }
 }
 
@@ -161,29 +127,20 @@ impl NormGradients {
     /// that times `x - mean`.
     pub(crate) fn new(norm: &Norm, count: usize, [gradient, product]: &[Vec<f64>; 2]) -> Self {
         let count = count as f64;
-        let channels = norm.mean.len();
-        let mut all = Self {
-            gamma: Vec::with_capacity(channels),
-            beta: Vec::with_capacity(channels),
+        let of = |number: &dyn Fn(usize) -> f64| -> Vec<f32> {
+            (0..norm.mean.len()).map(|c| number(c) as f32).collect()
+        };
+        let inverse = |c: usize| f64::from(norm.inverse[c]);
+        let factor = |c: usize| f64::from(norm.factor[c]);
+        let gamma = |c: usize| product[c] * inverse(c);
+        Self {
+            gamma: of(&gamma),
+            beta: of(&|c| gradient[c]),
             slopes: Slopes {
                 of_gradient: norm.factor.clone(),
-                of_x: Vec::with_capacity(channels),
-                constant: Vec::with_capacity(channels),
+                of_x: of(&|c| -factor(c) * inverse(c) * gamma(c) / count),
+                constant: of(&|c| -factor(c) * gradient[c] / count),
             },
-        };
-        for channel in 0..channels {
-            let inverse = f64::from(norm.inverse[channel]);
-            let factor = f64::from(norm.factor[channel]);
-            let gamma = product[channel] * inverse;
-            all.gamma.push(gamma as f32);
-            all.beta.push(gradient[channel] as f32);
-            all.slopes
-                .of_x
-                .push((-factor * inverse * gamma / count) as f32);
-            all.slopes
-                .constant
-                .push((-factor * gradient[channel] / count) as f32);
         }
-        all
     }
 }

@@ -35,9 +35,8 @@ impl<W: Real> ConvTranspose<W> {
             return Self::pack(level, shape, &weights);
         }
         let words = W::of_weights(level, weights);
-        let phases = places(shape.window.stride)
-            .map(|first| Phase::pack(level, &shape, first, (weights, &words)))
-            .collect();
+        let phase = |first| Phase::pack(level, &shape, first, (weights, &words));
+        let phases = places(shape.window.stride).map(phase).collect();
         Self { shape, phases }
     }
 
@@ -122,10 +121,9 @@ impl<W: Real> Phase<W> {
             }
             Some(offset)
         };
-        let (taps, offsets): (Vec<usize>, Vec<_>) = places(window.size)
-            .enumerate()
-            .filter_map(|(index, tap)| Some((index, reaches(tap)?)))
-            .unzip();
+        let taps = places(window.size).enumerate();
+        let taps = taps.filter_map(|(index, tap)| Some((index, reaches(tap)?)));
+        let (taps, offsets): (Vec<usize>, Vec<_>) = taps.unzip();
         Self {
             lattice: Lattice {
                 first,

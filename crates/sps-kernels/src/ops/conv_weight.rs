@@ -4,16 +4,17 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::bands::chunks;
 use super::conv::ConvShape;
-use super::depthwise::DepthwiseOuter;
 use super::grid::{Grid, Window, pixels};
-use super::grouped::GroupedOuter;
+use super::grouped::GroupWeights;
 use super::image::{self, PIXEL, Phase};
-use super::outer::{Joined, Outer};
+use super::outer::{Joined, Outer, Pairs};
 use super::outer_tiles::OuterTiles;
 use super::simd::{Level, TileKind};
 use super::winograd::{self, Reach};
 use super::words::{Real, lanes_of};
+use super::{depthwise, grouped};
 
 /// Pixels whose outer products are summed before the sum joins a longer one: few enough that
 /// what they hold stays in the cache.
@@ -58,16 +59,12 @@ pub(crate) fn weight_gradient<W: Real>(
             }
         }
         let taps = from.taps(shape.runs(from));
-        dense(level, shape, &pairs, &taps, target);
+        dense(level, shape, pairs, &taps, target);
     } else if shape.depthwise() {
-        let outer = DepthwiseOuter {
-            level,
-            channels: shape.outputs,
-            taps: &from.taps(shape.window.size),
-        };
-        outer.write(source, pairs.starts, gradient, pairs.places, target);
+        let taps = from.taps(shape.window.size);
+        depthwise::weight_gradient(level, &taps, pairs, target);
     } else {
-        grouped(level, shape, &pairs, &from.taps(shape.window.size), target);
+        of_groups(level, shape, pairs, &from.taps(shape.window.size), target);
     }
 }
 
@@ -100,7 +97,7 @@ pub(crate) fn weight_gradient_of_images<W: Real>(
             ..*shape
         };
         let mut sums = vec![0.0; shape.outputs * of_runs.inputs * runs.len()];
-        dense(level, &of_runs, &pairs, &runs, &mut sums);
+        dense(level, &of_runs, pairs, &runs, &mut sums);
         let outputs = target.chunks_exact_mut(PIXEL * runs.len() * width);
         for (target, sums) in outputs.zip(sums.chunks_exact(of_runs.inputs * runs.len())) {
             for (row, target) in target.chunks_exact_mut(width).enumerate() {
@@ -111,14 +108,6 @@ pub(crate) fn weight_gradient_of_images<W: Real>(
             }
         }
     }
-}
-
-/// Pixels of the output with the places of the input where their windows begin.
-struct Pairs<'a, W> {
-    source: &'a [W],
-    starts: &'a [usize],
-    gradient: &'a [W],
-    places: &'a [usize],
 }
 
 /// Adds sums of outer products, `(height, width)`, of a block of pixels to rows of `total`: of those of the left,
@@ -156,14 +145,6 @@ fn add_products<W: Real>(
     }
 }
 
-/// A range in pieces of so many.
-fn chunks(range: Range<usize>, count: usize) -> impl Iterator<Item = Range<usize>> {
-    let Range { start, end } = range;
-    (start..end)
-        .step_by(count)
-        .map(move |from| from..(from + count).min(end))
-}
-
 /// Rows of a part that one thread computes, where the threads have enough of them: two tall tiles.
 const ROWS: usize = 28;
 
@@ -178,7 +159,7 @@ const SUMS: usize = 16;
 fn dense<W: Real>(
     level: Level,
     shape: &ConvShape,
-    pairs: &Pairs<'_, W>,
+    pairs: Pairs<'_, W>,
     runs: &[usize],
     target: &mut [f32],
 ) {
@@ -219,12 +200,8 @@ fn dense<W: Real>(
                 add_products(level, left, (pairs.gradient, places), shape, [total, block]);
             }
         };
-    let blocks = || {
-        chunks(
-            0..pairs.starts.len(),
-            if taps == 1 { PIXELS } else { BLOCK },
-        )
-    };
+    let block = if taps == 1 { PIXELS } else { BLOCK };
+    let blocks = || chunks(0..pairs.starts.len(), block);
     if taps == 1 && !turned && W::NUMBERS == 1 {
         let parts = target.par_chunks_mut(height * stride).enumerate();
         parts.for_each(|(part, total)| {
@@ -283,7 +260,7 @@ fn dense_by_tiles<W: Real>(
     level: Level,
     kind: TileKind,
     shape: &ConvShape,
-    pairs: &Pairs<'_, W>,
+    pairs: Pairs<'_, W>,
     runs: &[usize],
     target: &mut [f32],
 ) {
@@ -292,8 +269,7 @@ fn dense_by_tiles<W: Real>(
     let sums = OuterTiles {
         kind,
         level,
-        left: (pairs.gradient, pairs.places),
-        right: (pairs.source, pairs.starts),
+        pairs,
         height: shape.outputs,
         runs,
         width,
@@ -319,25 +295,17 @@ fn dense_by_tiles<W: Real>(
 }
 
 /// A small matrix for each group and tap.
-fn grouped<W: Real>(
+fn of_groups<W: Real>(
     level: Level,
     shape: &ConvShape,
-    pairs: &Pairs<'_, W>,
+    pairs: Pairs<'_, W>,
     taps: &[usize],
     target: &mut [f32],
 ) {
-    let outer = GroupedOuter::new(level, shape.outputs, shape.group_inputs(), taps);
-    if let Some(outer) = outer.filter(|_| shape.group_inputs() == shape.group_outputs()) {
-        outer.write(
-            pairs.source,
-            pairs.starts,
-            pairs.gradient,
-            pairs.places,
-            target,
-        );
-        return;
-    }
     let (inputs, outputs) = (shape.group_inputs(), shape.group_outputs());
+    if inputs == outputs && GroupWeights::<f32>::serves(level, shape.outputs, inputs) {
+        return grouped::weight_gradient(level, inputs, taps, pairs, target);
+    }
     let stride = Outer::<W>::stride(level, outputs);
     let group_len = outputs * inputs * taps.len();
     let groups = target.par_chunks_exact_mut(group_len).enumerate();

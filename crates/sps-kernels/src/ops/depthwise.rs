@@ -7,6 +7,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::buffer::Buffer;
+use super::outer::Pairs;
 use super::product::Finish;
 use super::rows::{RowWeights, Writer};
 use super::simd::{Lanes, Level, load};
@@ -61,22 +62,17 @@ impl<W: Word> RowWeights<W> for ChannelWeights {
         let rows = writer.rows;
         let (channels, columns) = (writer.weights.channels, writer.weights.columns);
         let whole = channels - channels % S::F32_LANES;
-        let beside = |pair: &&[usize]| pair[1] == pair[0] + rows.stride * rows.pitch;
-        let mut first = 0;
-        while first < rows.starts.len() {
-            let end = first + 1 + rows.starts[first..].windows(2).take_while(beside).count();
-            let row = (first..end, whole);
+        for pixels in rows.side_by_side() {
+            let row = (pixels.clone(), whole);
             let done = match (columns, rows.stride) {
                 (3, 1) => writer.row::<3, 1, 9>(row),
                 (3, 2) => writer.row::<3, 2, 15>(row),
                 (5, 1) => writer.row::<5, 1, 11>(row),
                 (5, 2) => writer.row::<5, 2, 17>(row),
-                _ => first,
+                _ => pixels.start,
             };
-            for (pixels, channels) in [(done..end, 0..whole), (first..end, whole..channels)] {
-                writer.scattered(pixels, channels);
-            }
-            first = end;
+            writer.scattered(done..pixels.end, 0..whole);
+            writer.scattered(pixels, whole..channels);
         }
     }
 }
@@ -230,11 +226,8 @@ impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, ChannelWeights
         let (word, words) = (W::words(channel), W::words(count));
         let starts: [usize; H] = std::array::from_fn(|i| rows.starts[first + i] + word);
         let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
-        for (&tap, row) in rows
-            .taps
-            .iter()
-            .zip(weights.data.chunks_exact(weights.channels))
-        {
+        let weights = weights.data.chunks_exact(weights.channels);
+        for (&tap, row) in rows.taps.iter().zip(weights) {
             let weights = vectors::<S, NV, WHOLE>(lanes, &row[channel..channel + count]);
             for i in 0..H {
                 let from = starts[i] + tap;
@@ -267,57 +260,37 @@ impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, ChannelWeights
     }
 }
 
-/// The gradient of a depth-wise convolution's weights.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct DepthwiseOuter<'a> {
-    pub(crate) level: Level,
-    pub(crate) channels: usize,
-    pub(crate) taps: &'a [usize],
-}
-
 /// Pixels whose products are summed before the sum joins a longer one.
 const PIXELS: usize = 256;
 
 /// Vectors of channels whose sums are held in registers together.
 const VECTORS: usize = 4;
 
-impl DepthwiseOuter<'_> {
-    /// Writes `(channels, taps)`: sums over pixels of the source, from `starts` on, times the gradient
-    /// at `places`.
-    pub(crate) fn write<W: Real>(
-        &self,
-        source: &[W],
-        starts: &[usize],
-        gradient: &[W],
-        places: &[usize],
-        target: &mut [f32],
-    ) {
-        let sums = self.taps.par_iter().map(|&tap| {
-            let sums = TapSums {
-                channels: self.channels,
-                source: &source[tap..],
-                starts,
-                gradient,
-                places,
-            };
-            W::run(self.level, sums)
-        });
-        let sums: Vec<Vec<f32>> = sums.collect();
-        for (channel, target) in target.chunks_exact_mut(self.taps.len()).enumerate() {
-            for (target, sums) in target.iter_mut().zip(&sums) {
-                *target = sums[channel];
-            }
+/// Writes the gradient of a depth-wise convolution's weights, `(channels, taps)`.
+pub(super) fn weight_gradient<W: Real>(
+    level: Level,
+    taps: &[usize],
+    pairs: Pairs<'_, W>,
+    target: &mut [f32],
+) {
+    let channels = target.len() / taps.len();
+    let sums = taps.par_iter().map(|&tap| {
+        let source = &pairs.source[tap..];
+        let pairs = Pairs { source, ..pairs };
+        W::run(level, TapSums { channels, pairs })
+    });
+    let sums: Vec<Vec<f32>> = sums.collect();
+    for (channel, target) in target.chunks_exact_mut(taps.len()).enumerate() {
+        for (target, sums) in target.iter_mut().zip(&sums) {
+            *target = sums[channel];
         }
     }
 }
 
-/// The sums of one tap.
+/// The sums of one tap, over the products of each channel's pairs.
 struct TapSums<'a, W> {
     channels: usize,
-    source: &'a [W],
-    starts: &'a [usize],
-    gradient: &'a [W],
-    places: &'a [usize],
+    pairs: Pairs<'a, W>,
 }
 
 impl<W: Real> WordKernel<W> for TapSums<'_, W> {
@@ -326,20 +299,19 @@ impl<W: Real> WordKernel<W> for TapSums<'_, W> {
     #[inline(always)]
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) -> Vec<f32> {
         let mut total = vec![0.0; self.channels];
-        let blocks = self.starts.chunks(PIXELS).zip(self.places.chunks(PIXELS));
-        for (starts, places) in blocks {
+        let Pairs { starts, places, .. } = self.pairs;
+        for (starts, places) in starts.chunks(PIXELS).zip(places.chunks(PIXELS)) {
             let step = VECTORS * S::F32_LANES;
             for (part, total) in total.chunks_mut(step).enumerate() {
                 let channel = part * step;
+                let pixels = (starts, places);
                 if total.len() == step {
-                    let pixels = (starts, places);
                     self.add::<S, A, VECTORS, true>(lanes, arithmetic, pixels, channel, total);
-                } else {
-                    for (part, total) in total.chunks_mut(S::F32_LANES).enumerate() {
-                        let channel = channel + part * S::F32_LANES;
-                        let pixels = (starts, places);
-                        self.add::<S, A, 1, false>(lanes, arithmetic, pixels, channel, total);
-                    }
+                    continue;
+                }
+                for (part, total) in total.chunks_mut(S::F32_LANES).enumerate() {
+                    let channel = channel + part * S::F32_LANES;
+                    self.add::<S, A, 1, false>(lanes, arithmetic, pixels, channel, total);
                 }
             }
         }
@@ -361,9 +333,9 @@ impl<W: Real> TapSums<'_, W> {
         let (word, words) = (W::words(channel), W::words(total.len()));
         let mut sums = [lanes.splat_f32s(0.0); NV];
         for (&start, &place) in starts.iter().zip(places) {
-            let x = &self.source[start + word..][..words];
+            let x = &self.pairs.source[start + word..][..words];
             let x = arithmetic.read::<NV, WHOLE>(lanes, x);
-            let y = &self.gradient[place + word..][..words];
+            let y = &self.pairs.gradient[place + word..][..words];
             let y = arithmetic.read::<NV, WHOLE>(lanes, y);
             for v in 0..NV {
                 sums[v] = lanes.fma(x[v], y[v], sums[v]);

@@ -10,9 +10,9 @@ use bytemuck::Zeroable;
 
 use super::buffer::Buffer;
 use super::product::{Columns, Finish};
-use super::rows::{RowWeights, Rows, Writer};
+use super::rows::{RowWeights, Writer};
 use super::simd::{Lanes, Level, channel_of, load};
-use super::words::{Arithmetic, Word, lanes_of};
+use super::words::{Arithmetic, Word, lanes_of, vectors};
 
 /// Numbers of a word, and vectors that those of one vector are spread over.
 const QUAD: usize = 4;
@@ -74,32 +74,23 @@ impl<W: Word> RowWeights<W> for QuadWeights<W> {
 
     #[inline(always)]
     fn write<S: Lanes, A: Arithmetic<S, Word = W>>(mut writer: Writer<'_, W, Self, S, A>) {
-        let lanes = writer.lanes;
-        let Rows {
-            stride, epilogue, ..
-        } = writer.rows;
-        let Self {
-            channels,
-            rows,
-            columns,
-            data,
-            ..
-        } = writer.weights;
-        let block_len = rows.div_ceil(QUAD) * columns * QUAD * S::F32_LANES;
+        let (lanes, weights) = (writer.lanes, writer.weights);
+        let (channels, epilogue) = (weights.channels, writer.rows.epilogue);
+        let block_len = weights.rows.div_ceil(QUAD) * weights.columns * QUAD * S::F32_LANES;
         // No closure: one that is not inlined is compiled without the instructions.
-        let mut blocks = Vec::with_capacity(data.len() / block_len);
-        for (block, weights) in data.chunks_exact(block_len).enumerate() {
+        let mut blocks = Vec::with_capacity(weights.data.len() / block_len);
+        for (block, weights) in weights.data.chunks_exact(block_len).enumerate() {
             let channel = block * QUAD * S::F32_LANES;
-            let scale = spread::<S>(lanes, epilogue.scale, *channels, channel, 1.0);
-            let shift = spread::<S>(lanes, epilogue.shift, *channels, channel, 0.0);
+            let scale = spread::<S>(lanes, epilogue.scale, channels, channel, 1.0);
+            let shift = spread::<S>(lanes, epilogue.shift, channels, channel, 0.0);
             blocks.push(Block {
                 weights: S::as_simd_f32s(lanes_of(weights)).0.as_chunks().0,
                 word: block * S::F32_LANES,
-                words: (W::words(*channels) - block * S::F32_LANES).min(S::F32_LANES),
+                words: (W::words(channels) - block * S::F32_LANES).min(S::F32_LANES),
                 finish: Finish::of_vectors(lanes, epilogue, scale, shift),
             });
         }
-        match (rows, columns, stride) {
+        match (weights.rows, weights.columns, writer.rows.stride) {
             (3, 3, 1) => writer.by_windows::<3, 1>(&blocks),
             (3, 3, 2) => writer.by_windows::<3, 2>(&blocks),
             (5, 5, 1) => writer.by_windows::<5, 1>(&blocks),
@@ -130,20 +121,16 @@ impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, QuadWeights<W>
     #[inline(always)]
     fn by_windows<const K: usize, const STEP: usize>(&mut self, blocks: &[Block<'_, S>]) {
         let rows = self.rows;
-        let beside = |pair: &&[usize]| pair[1] == pair[0] + STEP * rows.pitch;
-        let mut first = 0;
-        while first < rows.starts.len() {
-            let end = first + 1 + rows.starts[first..].windows(2).take_while(beside).count();
-            let last = rows.starts[end - 1] + rows.taps[rows.taps.len() - 1];
+        for pixels in rows.side_by_side() {
+            let last = rows.starts[pixels.end - 1] + rows.taps[rows.taps.len() - 1];
             for block in blocks {
                 // What a vector reads beyond the channels is not stored.
                 if last + block.word + S::F32_LANES <= rows.source.len() {
-                    self.row::<K, STEP, true>(block, first..end);
+                    self.row::<K, STEP, true>(block, pixels.clone());
                 } else {
-                    self.row::<K, STEP, false>(block, first..end);
+                    self.row::<K, STEP, false>(block, pixels.clone());
                 }
             }
-            first = end;
         }
     }
 
@@ -186,11 +173,7 @@ impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, QuadWeights<W>
                         // Beyond the last row stands nothing.
                         if group * QUAD + i < K {
                             let row = &lines[group * QUAD + i][column * rows.pitch..][..words];
-                            x[i] = if WHOLE {
-                                S::as_simd_f32s(row).0[0]
-                            } else {
-                                lanes.partial_load_f32s(row)
-                            };
+                            [x[i]] = vectors::<S, 1, WHOLE>(lanes, row);
                         }
                     }
                     let x = lanes.interleave(x);
@@ -228,11 +211,8 @@ impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, QuadWeights<W>
         let rows = self.rows;
         let from = rows.starts[pixel] + block.word;
         let mut sums = [lanes.splat_f32s(0.0); QUAD];
-        let groups = rows
-            .taps
-            .chunks(QUAD * columns)
-            .zip(block.weights.chunks_exact(columns));
-        for (taps, weights) in groups {
+        let weights = block.weights.chunks_exact(columns);
+        for (taps, weights) in rows.taps.chunks(QUAD * columns).zip(weights) {
             for (column, weights) in weights.iter().enumerate() {
                 let mut x = [lanes.splat_f32s(0.0); QUAD];
                 for (x, tap) in x.iter_mut().zip(taps[column..].iter().step_by(columns)) {

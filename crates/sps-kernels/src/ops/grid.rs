@@ -80,12 +80,11 @@ impl Window {
             // Saturating, as an extent without elements may be any.
             let begins = input[axis].saturating_add(self.before[axis]);
             let room = begins.saturating_add(self.after[axis]);
-            let count = room
+            let last = room
                 .saturating_sub(self.size[axis])
-                .div_ceil(self.stride[axis])
-                + 1;
+                .div_ceil(self.stride[axis]);
             // The last place must begin before the padding does.
-            count.min(begins.saturating_sub(1) / self.stride[axis] + 1)
+            last.min(begins.saturating_sub(1) / self.stride[axis]) + 1
         })
     }
 
@@ -229,6 +228,18 @@ impl Grid {
         let [t, y, x] = place;
         let row = (t * self.extent(1) + y) * self.extent(2) + x;
         frame * self.frame_len() + row * self.pitch
+    }
+
+    /// The index of a row's first pixel, rows counted over all frames.
+    pub(crate) fn row_start(&self, row: usize) -> usize {
+        let ([time, height, _], before) = (self.size, self.before);
+        let (frame, row) = (row / (time * height), row % (time * height));
+        let place = [
+            before[0] + row / height,
+            before[1] + row % height,
+            before[2],
+        ];
+        self.index(frame, place)
     }
 
     pub(crate) fn rows(&self) -> Range<usize> {

@@ -7,6 +7,7 @@
 use rayon::prelude::*;
 
 use super::buffer::Buffer;
+use super::outer::Pairs;
 use super::product::Finish;
 use super::rows::{RowWeights, Writer};
 use super::simd::{Lanes, Level};
@@ -114,7 +115,7 @@ impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, GroupWeights<W
             for (&tap, weights) in rows.taps.iter().zip(weights) {
                 let x: [S::f32s; H] = std::array::from_fn(|i| {
                     let from = starts[i] + tap + word;
-                    vector(lanes, &rows.source[from..from + S::F32_LANES])
+                    S::as_simd_f32s(lanes_of(&rows.source[from..from + S::F32_LANES])).0[0]
                 });
                 for (g, &weight) in weights.iter().enumerate() {
                     let (index, v) = (g / NV, g % NV);
@@ -135,104 +136,68 @@ impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, GroupWeights<W
     }
 }
 
-#[inline(always)]
-fn vector<S: Lanes, W: Word>(_lanes: S, from: &[W]) -> S::f32s {
-    S::as_simd_f32s(lanes_of(from)).0[0]
-}
-
-/// The gradient of a grouped convolution's weights.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct GroupedOuter<'a> {
-    level: Level,
-    channels: usize,
-    group: usize,
-    taps: &'a [usize],
-}
-
 /// Taps whose sums are held in registers together.
 const TAPS: usize = 3;
 
 /// Pixels whose products are summed before the sum joins a longer one.
 const PIXELS: usize = 4096;
 
-impl<'a> GroupedOuter<'a> {
-    /// For groups of `group` channels in and out, where the kernel serves.
-    pub(crate) fn new(
-        level: Level,
-        channels: usize,
-        group: usize,
-        taps: &'a [usize],
-    ) -> Option<Self> {
-        GroupWeights::<f32>::serves(level, channels, group).then_some(Self {
-            level,
-            channels,
+/// Writes the gradient of a grouped convolution's weights, `(channels, group, taps)`, of `group` channels in and out of
+/// each group, where [`GroupWeights::serves`] says so of single numbers.
+pub(super) fn weight_gradient<W: Real>(
+    level: Level,
+    group: usize,
+    taps: &[usize],
+    pairs: Pairs<'_, W>,
+    target: &mut [f32],
+) {
+    let lanes = level.lanes();
+    let blocks = target.par_chunks_exact_mut(lanes * group * taps.len());
+    blocks.enumerate().for_each(|(block, target)| {
+        let first = W::words(block * lanes);
+        let pairs = Pairs {
+            source: &pairs.source[first..],
+            gradient: &pairs.gradient[first..],
+            ..pairs
+        };
+        let write = WriteOuter {
             group,
             taps,
-        })
-    }
-
-    /// Writes `(channels, group, taps)`: sums over pixels of the source, from `starts` on, times
-    /// the gradient at `places`.
-    pub(crate) fn write<W: Real>(
-        &self,
-        source: &[W],
-        starts: &[usize],
-        gradient: &[W],
-        places: &[usize],
-        target: &mut [f32],
-    ) {
-        let lanes = self.level.lanes();
-        let block_len = lanes * self.group * self.taps.len();
-        debug_assert_eq!(target.len(), self.channels * self.group * self.taps.len());
-        target
-            .par_chunks_exact_mut(block_len)
-            .enumerate()
-            .for_each(|(block, target)| {
-                let first = W::words(block * lanes);
-                let write = WriteOuter {
-                    outer: self,
-                    source: &source[first..],
-                    starts,
-                    gradient: &gradient[first..],
-                    places,
-                    target,
-                };
-                W::run(self.level, write);
-            });
-    }
+            pairs,
+            target,
+        };
+        W::run(level, write);
+    });
 }
 
-struct WriteOuter<'a, 'b, W> {
-    outer: &'a GroupedOuter<'b>,
-    source: &'a [W],
-    starts: &'a [usize],
-    gradient: &'a [W],
-    places: &'a [usize],
+struct WriteOuter<'a, W> {
+    group: usize,
+    taps: &'a [usize],
+    pairs: Pairs<'a, W>,
     target: &'a mut [f32],
 }
 
-impl<W: Real> WordKernel<W> for WriteOuter<'_, '_, W> {
+impl<W: Real> WordKernel<W> for WriteOuter<'_, W> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(mut self, lanes: S, arithmetic: A) {
-        let taps = self.outer.taps;
         self.target.fill(0.0);
-        for first in (0..taps.len()).step_by(TAPS) {
-            let some = &taps[first..(first + TAPS).min(taps.len())];
-            match (self.outer.group, some) {
+        for (part, some) in self.taps.chunks(TAPS).enumerate() {
+            let first = part * TAPS;
+            match (self.group, some) {
                 (4, &[a, b, c]) => self.taps::<S, A, 4, TAPS>(lanes, arithmetic, first, [a, b, c]),
                 (_, &[a, b, c]) if S::REGISTER_COUNT >= 32 => {
                     self.taps::<S, A, 8, TAPS>(lanes, arithmetic, first, [a, b, c]);
                 }
                 (4, some) => {
-                    for (i, &tap) in some.iter().enumerate() {
-                        self.taps::<S, A, 4, 1>(lanes, arithmetic, first + i, [tap]);
+                    for (first, &tap) in (first..).zip(some) {
+                        self.taps::<S, A, 4, 1>(lanes, arithmetic, first, [tap]);
                     }
                 }
                 (_, some) => {
-                    for (i, &tap) in some.iter().enumerate() {
-                        self.taps::<S, A, 8, 1>(lanes, arithmetic, first + i, [tap]);
+                    for (first, &tap) in (first..).zip(some) {
+                        self.taps::<S, A, 8, 1>(lanes, arithmetic, first, [tap]);
                     }
                 }
             }
@@ -240,7 +205,7 @@ impl<W: Real> WordKernel<W> for WriteOuter<'_, '_, W> {
     }
 }
 
-impl<W: Real> WriteOuter<'_, '_, W> {
+impl<W: Real> WriteOuter<'_, W> {
     /// The part of taps `first..first + T`.
     #[inline(always)]
     fn taps<S: Lanes, A: Arithmetic<S, Word = W>, const G: usize, const T: usize>(
@@ -250,21 +215,21 @@ impl<W: Real> WriteOuter<'_, '_, W> {
         first: usize,
         taps: [usize; T],
     ) {
-        let words = W::words(S::F32_LANES);
-        let pixels = self.starts.chunks(PIXELS).zip(self.places.chunks(PIXELS));
+        let (words, count) = (W::words(S::F32_LANES), self.taps.len());
+        let pairs = self.pairs;
+        let pixels = pairs.starts.chunks(PIXELS).zip(pairs.places.chunks(PIXELS));
         for (starts, places) in pixels {
             let mut sums = [[lanes.splat_f32s(0.0); G]; T];
             for (&start, &place) in starts.iter().zip(places) {
-                let [y] = arithmetic.load(lanes, &self.gradient[place..place + words]);
+                let [y] = arithmetic.load(lanes, &pairs.gradient[place..place + words]);
                 for t in 0..T {
                     let from = start + taps[t];
-                    let [x] = arithmetic.load(lanes, &self.source[from..from + words]);
+                    let [x] = arithmetic.load(lanes, &pairs.source[from..from + words]);
                     for (g, sum) in sums[t].iter_mut().enumerate() {
                         *sum = lanes.fma(lanes.spread::<G>(x, g), y, *sum);
                     }
                 }
             }
-            let count = self.outer.taps.len();
             for (t, sums) in sums.iter().enumerate() {
                 for (g, sum) in sums.iter().enumerate() {
                     let sum: &[f32] = bytemuck::cast_slice(std::slice::from_ref(sum));

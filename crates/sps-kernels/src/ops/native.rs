@@ -34,7 +34,7 @@ pub(super) fn prefetch<W: Word>(memory: &[W], now: bool) {
 /// exists only where the processor was found to have the instructions.
 #[cfg(target_arch = "x86_64")]
 macro_rules! native {
-    ($feature:tt, $features:literal, $word:ty) => {
+    ($feature:tt, $word:ty) => {
         use std::arch::x86_64::*;
 
         use pulp::x86::V4;
@@ -57,31 +57,26 @@ macro_rules! native {
             /// Runs a kernel compiled with the instructions.
             #[inline]
             pub(crate) fn run<K: WordKernel<$word>>(self, kernel: K) -> K::Output {
-                let call = Call {
-                    kernel,
-                    native: self,
-                };
                 // SAFETY: `self` says that the processor has the instructions, and `V4` the rest.
-                unsafe { with_instructions(call) }
+                unsafe { with_instructions(Call(kernel, self)) }
             }
         }
 
-        struct Call<K> {
-            kernel: K,
-            native: Native,
-        }
+        struct Call<K>(K, Native);
 
         impl<K: WordKernel<$word>> NullaryFnOnce for Call<K> {
             type Output = K::Output;
 
             #[inline(always)]
             fn call(self) -> K::Output {
-                self.kernel.run(self.native.0, self.native)
+                self.0.run(self.1.0, self.1)
             }
         }
 
         #[inline(never)]
-        #[target_feature(enable = $features)]
+        #[target_feature(enable = $feature)]
+        #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl")]
+        #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt")]
         fn with_instructions<F: NullaryFnOnce>(work: F) -> F::Output {
             work.call()
         }
@@ -108,11 +103,7 @@ pub(super) mod bf16 {
 
     use crate::ops::words::Bf16Pair;
 
-    native!(
-        "avx512bf16",
-        "avx512bf16,avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt",
-        Bf16Pair
-    );
+    native!("avx512bf16", Bf16Pair);
 
     /// The same bits as 32 numbers of bf16.
     #[inline(always)]
@@ -172,11 +163,7 @@ pub(super) mod vnni {
 
     use crate::ops::words::Bytes;
 
-    native!(
-        "avx512vnni",
-        "avx512vnni,avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt",
-        Bytes
-    );
+    native!("avx512vnni", Bytes);
 
     impl Arithmetic<V4> for Native {
         type Word = Bytes;

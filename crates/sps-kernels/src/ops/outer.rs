@@ -9,6 +9,17 @@ use super::simd::{Kernel, Lanes, Level, NullaryFnOnce};
 use super::unroll::{tallest, tiles};
 use super::words::{Arithmetic, Real, WordKernel, lanes_of};
 
+/// Pixels of a gradient, and the places of a source that they belong to.
+#[derive(Clone, Copy)]
+pub(super) struct Pairs<'a, W> {
+    pub(super) source: &'a [W],
+    /// Where each place begins.
+    pub(super) starts: &'a [usize],
+    pub(super) gradient: &'a [W],
+    /// Where each pixel begins.
+    pub(super) places: &'a [usize],
+}
+
 /// Rows of a feature map as the left of [`Outer`]: of words that hold several numbers, as many rows joined, of
 /// each column a word.
 #[derive(Debug)]
@@ -32,16 +43,15 @@ impl<'a, W: Real> Joined<'a, W> {
         }
         let mut joined = vec![W::default(); rows.len().div_ceil(W::NUMBERS) * width];
         let parts = joined.par_chunks_mut(TOGETHER / W::NUMBERS * width.max(1));
-        parts
-            .zip(rows.par_chunks(TOGETHER))
-            .for_each(|(out, rows)| {
-                level.run(Join {
-                    memory,
-                    rows,
-                    width,
-                    out,
-                });
+        let parts = parts.zip(rows.par_chunks(TOGETHER));
+        parts.for_each(|(out, rows)| {
+            level.run(Join {
+                memory,
+                rows,
+                width,
+                out,
             });
+        });
         Self {
             rows: (0..joined.len()).step_by(width.max(1)).collect(),
             memory: Cow::Owned(joined),
@@ -69,15 +79,35 @@ impl<W: Real> Kernel for Join<'_, W> {
 
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) {
-        let nothing = vec![W::default(); W::words(self.width)];
-        let pairs = self.rows.chunks(W::NUMBERS);
-        for (out, rows) in self.out.chunks_exact_mut(self.width).zip(pairs) {
-            let first = &W::each(&self.memory[rows[0]..])[..self.width];
-            let second = rows.get(1).map_or(&nothing[..], |&row| &self.memory[row..]);
-            let second = &W::each(second)[..self.width];
-            for ((word, &first), &second) in out.iter_mut().zip(first).zip(second) {
-                *word = W::gathered(|i| [first, second][i]);
+        join(self.memory, self.rows, (self.width, self.width), self.out);
+    }
+}
+
+/// Joins so many numbers of rows two by two, into rows of so many words; where there are none stand zeros.
+#[inline(always)]
+pub(super) fn join<W: Real>(
+    memory: &[W],
+    rows: &[usize],
+    (width, words): (usize, usize),
+    joined: &mut [W],
+) {
+    let number = |row: usize| &W::each(&memory[row..])[..width];
+    for (pair, out) in joined.chunks_exact_mut(words).enumerate() {
+        let (own, beyond) = out.split_at_mut(width);
+        beyond.fill(W::default());
+        match rows.get(2 * pair..) {
+            Some(&[one, other, ..]) => {
+                let both = number(one).iter().zip(number(other));
+                for (word, (&one, &other)) in own.iter_mut().zip(both) {
+                    *word = W::gathered(|i| [one, other][i]);
+                }
             }
+            Some(&[one]) => {
+                for (word, &one) in own.iter_mut().zip(number(one)) {
+                    *word = W::gathered(|i| if i == 0 { one } else { W::narrowed(0.0) });
+                }
+            }
+            _ => own.fill(W::default()),
         }
     }
 }
@@ -152,16 +182,14 @@ impl<W: Real> WordKernel<W> for Add<'_, '_, W> {
     }
 }
 
-/// Rows from the first number, as many columns as the third says from the second.
-type Corner = (usize, usize, usize);
-
-/// A tile of `H` rows and `NV` vectors to be added; `WHOLE` if its columns fill them.
-struct SizedTile<'a, 'b, 'c, S, A, W, const H: usize, const NV: usize, const WHOLE: bool> {
-    add: &'a mut Add<'b, 'c, W>,
-    lanes: S,
-    arithmetic: A,
-    tile: Corner,
-}
+/// A tile of `H` rows and `NV` vectors to be added, from a row and a column on, so many columns; `WHOLE` if those fill
+/// the vectors.
+struct SizedTile<'a, 'b, 'c, S, A, W, const H: usize, const NV: usize, const WHOLE: bool>(
+    &'a mut Add<'b, 'c, W>,
+    S,
+    A,
+    (usize, usize, usize),
+);
 
 impl<S, A, W, const H: usize, const NV: usize, const WHOLE: bool> NullaryFnOnce
     for SizedTile<'_, '_, '_, S, A, W, H, NV, WHOLE>
@@ -174,16 +202,12 @@ where
 
     #[inline(always)]
     fn call(self) {
-        let (add, lanes, arithmetic) = (self.add, self.lanes, self.arithmetic);
-        let (row, column, columns) = self.tile;
+        let Self(add, lanes, arithmetic, (row, column, columns)) = self;
         let outer = *add.outer;
         let right = &outer.right[W::words(column)..];
         let mut sums = [[lanes.splat_f32s(0.0); NV]; H];
-        for (&l, r) in outer
-            .left_rows
-            .iter()
-            .zip(outer.right_rows.chunks(W::NUMBERS))
-        {
+        let rights = outer.right_rows.chunks(W::NUMBERS);
+        for (&l, r) in outer.left_rows.iter().zip(rights) {
             let x = &lanes_of(&outer.left[l + row..])[..H];
             let y = W::columns::<S, NV, WHOLE>(lanes, right, r, columns);
             for i in 0..H {
@@ -224,16 +248,9 @@ impl<W: Real> Add<'_, '_, W> {
         &mut self,
         lanes: S,
         arithmetic: A,
-        tile: Corner,
+        tile: (usize, usize, usize),
     ) {
-        arithmetic.apart(
-            lanes,
-            SizedTile::<S, A, W, H, NV, WHOLE> {
-                add: self,
-                lanes,
-                arithmetic,
-                tile,
-            },
-        );
+        let tile = SizedTile::<S, A, W, H, NV, WHOLE>(self, lanes, arithmetic, tile);
+        arithmetic.apart(lanes, tile);
     }
 }

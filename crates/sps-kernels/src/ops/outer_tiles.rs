@@ -7,19 +7,17 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::bands::on_all_threads;
+use super::bands::{chunks, on_all_threads};
+use super::outer::{Pairs, join};
 use super::simd::{Lanes, Level, TileKind};
 use super::tiles::{HEIGHT, Left, Sums, Tiles, WIDTH, WORDS, compiled, sum};
 use super::words::{Arithmetic, Real, WordKernel, lanes_of};
 
-/// `sum_m left[m]^T right[m]` over pixels, for each run of the right.
+/// `sum_m left[m]^T right[m]` over pixels, of gradients on the left, for each run of the source on the right.
 pub(super) struct OuterTiles<'a, W> {
     pub(super) kind: TileKind,
     pub(super) level: Level,
-    /// Memory, and where each pixel's numbers begin.
-    pub(super) left: (&'a [W], &'a [usize]),
-    /// The same, before a run.
-    pub(super) right: (&'a [W], &'a [usize]),
+    pub(super) pairs: Pairs<'a, W>,
     /// Numbers of a pixel of the left.
     pub(super) height: usize,
     /// How far from a pixel's beginning each run of the right begins.
@@ -93,21 +91,15 @@ impl<W: Real> OuterTiles<'_, W> {
         };
         let parts = self.runs.len() * counts[0] * counts[1];
         let mut parts: Vec<Part> = (0..parts).map(part).collect();
-        let pixels = self.left.1.len();
+        let pixels = self.pairs.places.len();
         let mut left = vec![W::default(); BLOCKS.min(pixels.div_ceil(2 * PAIRS)) * height * PITCH];
-        for from in (0..pixels).step_by(2 * PAIRS * BLOCKS) {
-            let pixels = from..(from + 2 * PAIRS * BLOCKS).min(pixels);
-            let blocks: Vec<Range<usize>> = pixels
-                .clone()
-                .step_by(2 * PAIRS)
-                .map(|from| from..(from + 2 * PAIRS).min(pixels.end))
-                .collect();
+        for pixels in chunks(0..pixels, 2 * PAIRS * BLOCKS) {
+            let blocks: Vec<Range<usize>> = chunks(pixels, 2 * PAIRS).collect();
             let turned = left.par_chunks_mut(height * PITCH).zip(&blocks);
             turned.for_each(|(out, pixels)| {
-                let (memory, rows) = self.left;
                 let turn = Turn {
-                    memory,
-                    rows: &rows[pixels.clone()],
+                    memory: self.pairs.gradient,
+                    rows: &self.pairs.places[pixels.clone()],
                     width: self.height,
                     out,
                 };
@@ -135,7 +127,7 @@ impl<W: Real> OuterTiles<'_, W> {
 /// Joins pixels two by two: panels of `width` numbers, rows of which are pairs, up to a multiple of a tile's depth, with
 /// zeros where there are none.
 #[inline(always)]
-fn join<W: Real>(
+fn join_panels<W: Real>(
     (memory, rows): (&[W], &[usize]),
     (first, width): (usize, usize),
     columns: usize,
@@ -145,25 +137,7 @@ fn join<W: Real>(
     for (panel, out) in panels.chunks_exact_mut(pairs * columns).enumerate() {
         let from = first + panel * columns;
         let own = width.saturating_sub(from).min(columns);
-        let number = |row: usize| &W::each(&memory[row + W::words(from)..])[..own];
-        for (pair, out) in out.chunks_exact_mut(columns).enumerate() {
-            let (own, beyond) = out.split_at_mut(own);
-            beyond.fill(W::default());
-            match rows.get(2 * pair..) {
-                Some(&[one, other, ..]) => {
-                    let both = number(one).iter().zip(number(other));
-                    for (word, (&one, &other)) in own.iter_mut().zip(both) {
-                        *word = W::gathered(|i| [one, other][i]);
-                    }
-                }
-                Some(&[one]) => {
-                    for (word, &one) in own.iter_mut().zip(number(one)) {
-                        *word = W::gathered(|i| if i == 0 { one } else { W::narrowed(0.0) });
-                    }
-                }
-                _ => own.fill(W::default()),
-            }
-        }
+        join(&memory[W::words(from)..], rows, (own, columns), out);
     }
 }
 
@@ -185,12 +159,8 @@ impl<W: Real> WordKernel<W> for Turn<'_, W> {
         let mut joined = vec![W::default(); pairs * columns];
         let groups = self.out.chunks_mut(columns * PITCH);
         for (first, out) in (0..self.width).step_by(columns).zip(groups) {
-            join(
-                (self.memory, self.rows),
-                (first, self.width),
-                columns,
-                &mut joined,
-            );
+            let from = (self.memory, self.rows);
+            join_panels(from, (first, self.width), columns, &mut joined);
             for (step, words) in joined.chunks_exact(WORDS * columns).enumerate() {
                 let to: &mut [f32] = bytemuck::cast_slice_mut(&mut out[step * WORDS..]);
                 lanes.transpose((lanes_of(words), columns), (to, PITCH));
@@ -237,17 +207,16 @@ impl<W: Real> Add<'_, '_, W> {
             rows,
             sums,
         } = &mut *self.part;
-        let (memory, starts) = self.outer.right;
-        let memory = &memory[self.outer.runs[*run]..];
+        let memory = &self.outer.pairs.source[self.outer.runs[*run]..];
         let first = panels.start * columns;
         let mut joined = vec![W::default(); panels.len() * PAIRS * columns];
         let mut tile = Sums([0.0; 2 * HEIGHT * WIDTH]);
         let lefts = self.left.chunks_exact(self.height * PITCH);
         for (pixels, left) in self.blocks.iter().zip(lefts) {
-            let starts = &starts[pixels.clone()];
+            let starts = &self.outer.pairs.starts[pixels.clone()];
             let pairs = starts.len().div_ceil(2).next_multiple_of(WORDS);
             let joined = &mut joined[..panels.len() * pairs * columns];
-            join((memory, starts), (first, self.outer.width), columns, joined);
+            join_panels((memory, starts), (first, self.outer.width), columns, joined);
             for (row, sums) in rows
                 .clone()
                 .step_by(2 * HEIGHT)

@@ -1,7 +1,7 @@
 //! Passes over the pixels of a map that is normed, forward and backward: with an activation, and with the end of a
 //! residual branch, `activation(norm(x) * gate + shortcut)`.
 
-use super::bands::{Threads, for_each_band};
+use super::bands::{Band, Threads, for_each_band};
 use super::batch_norm::{FrameSums, Norm, Slopes};
 use super::grid::{Grid, pixel, pixel_mut, rows, rows_mut};
 use super::product::Activation;
@@ -36,20 +36,20 @@ impl Norm {
         for_each_band(Threads::All, to, target, |band| {
             let range = band.pixels.start * from.pitch..band.pixels.end * from.pitch;
             let onto = onto.map(|(gate, shortcut)| {
-                let added = match shortcut {
-                    Shortcut::Plain(x, _) => Added::Plain(x, &added[band.pixels.clone()]),
-                    Shortcut::Normed(x, norm) => Added::Normed(&x[range.clone()], norm),
+                let shortcut = match shortcut {
+                    Shortcut::Normed(x, norm) => Shortcut::Normed(&x[range.clone()], norm),
+                    plain @ Shortcut::Plain(..) => plain,
                 };
-                (&gate[band.frames.start * from.channels..], added)
+                (&gate[band.frames.start * from.channels..], shortcut)
             });
             level.run(Apply {
                 norm: self,
                 pitch: from.pitch,
                 x: &x[range],
                 onto,
-                places: &places[band.pixels],
-                origin: band.origin,
-                target: band.target,
+                added: &added,
+                places: &places,
+                band,
                 limits: activation.limits(),
             });
         });
@@ -66,7 +66,7 @@ impl Norm {
         grid: &Grid,
         activation: Activation,
     ) -> FrameSums {
-        FrameSums::of(grid, |range| {
+        FrameSums::of::<W>(grid, &mut [], |range, _| {
             level.run(Sums {
                 norm: self,
                 pitch: grid.pitch,
@@ -89,7 +89,7 @@ impl Norm {
     ) -> FrameSums {
         let places = from.places();
         let pitch = grid.pitch;
-        FrameSums::of_mut(grid, gradient, |range, gradient| {
+        FrameSums::of(grid, gradient, |range, gradient| {
             level.run(Mask {
                 mean: &self.mean,
                 pitch,
@@ -130,55 +130,49 @@ impl Norm {
                 constant: &slopes.constant[of_frame(&slopes.constant)..],
                 x: &x[range.clone()],
                 gradient: &gradient[range],
-                places: &places[band.pixels],
-                origin: band.origin,
-                target: band.target,
+                places: &places,
+                band,
                 limits: activation.map(Activation::limits),
             });
         });
     }
 }
 
-/// What is added to some pixels of a branch.
-#[derive(Debug, Clone, Copy)]
-enum Added<'a, W> {
-    /// A feature map, and where each pixel lies in it.
-    Plain(&'a [W], &'a [usize]),
-    Normed(&'a [W], &'a Norm),
-}
-
-struct Apply<'a, W> {
+struct Apply<'a, 'b, W> {
     norm: &'a Norm,
     pitch: usize,
     x: &'a [W],
-    onto: Option<(&'a [f32], Added<'a, W>)>,
+    onto: Option<(&'a [f32], Shortcut<'a, W>)>,
+    /// Where each pixel of all of a plain shortcut lies.
+    added: &'a [usize],
+    /// Where each pixel of the whole target lies.
     places: &'a [usize],
-    origin: usize,
-    target: &'a mut [W],
+    band: Band<'b, W>,
     limits: [f32; 2],
 }
 
-impl<W: Real> Kernel for Apply<'_, W> {
+impl<W: Real> Kernel for Apply<'_, '_, W> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Lanes>(self, _: S) {
         let (n, mean, factor, beta) = self.norm.channels();
-        let pixels = rows(self.x, self.pitch, n).zip(self.places);
+        let (target, origin, range) = (self.band.target, self.band.origin, self.band.pixels);
+        let pixels = rows(self.x, self.pitch, n).zip(&self.places[range.clone()]);
         match self.onto {
             None => {
                 for (x, &place) in pixels {
-                    let out = pixel_mut(&mut self.target[place - self.origin..], n);
+                    let out = pixel_mut(&mut target[place - origin..], n);
                     for c in 0..n {
                         let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
                         out[c] = W::narrowed(within(self.limits, y));
                     }
                 }
             }
-            Some((gate, Added::Plain(memory, added))) => {
+            Some((gate, Shortcut::Plain(memory, _))) => {
                 let gate = &gate[..n];
-                for ((x, place), &added) in pixels.zip(added) {
-                    let out = pixel_mut(&mut self.target[place - self.origin..], n);
+                for ((x, place), &added) in pixels.zip(&self.added[range]) {
+                    let out = pixel_mut(&mut target[place - origin..], n);
                     let shortcut = pixel(&memory[added..], n);
                     for c in 0..n {
                         let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
@@ -187,12 +181,12 @@ impl<W: Real> Kernel for Apply<'_, W> {
                     }
                 }
             }
-            Some((gate, Added::Normed(shortcut, norm))) => {
+            Some((gate, Shortcut::Normed(shortcut, norm))) => {
                 let gate = &gate[..n];
                 let (_, m, f, b) = norm.channels();
                 let (m, f, b) = (&m[..n], &f[..n], &b[..n]);
                 for ((x, place), shortcut) in pixels.zip(rows(shortcut, self.pitch, n)) {
-                    let out = pixel_mut(&mut self.target[place - self.origin..], n);
+                    let out = pixel_mut(&mut target[place - origin..], n);
                     for c in 0..n {
                         let y = (W::widened(x[c]) - mean[c]) * factor[c] + beta[c];
                         let z = (W::widened(shortcut[c]) - m[c]) * f[c] + b[c];
@@ -285,7 +279,7 @@ impl<W: Real> Kernel for Mask<'_, W> {
     }
 }
 
-struct Backward<'a, W> {
+struct Backward<'a, 'b, W> {
     norm: &'a Norm,
     pitch: usize,
     of_gradient: &'a [f32],
@@ -293,13 +287,13 @@ struct Backward<'a, W> {
     constant: &'a [f32],
     x: &'a [W],
     gradient: &'a [W],
+    /// Where each pixel of the whole target lies.
     places: &'a [usize],
-    origin: usize,
-    target: &'a mut [W],
+    band: Band<'b, W>,
     limits: Option<[f32; 2]>,
 }
 
-impl<W: Real> Kernel for Backward<'_, W> {
+impl<W: Real> Kernel for Backward<'_, '_, W> {
     type Output = ();
 
     #[inline(always)]
@@ -307,9 +301,10 @@ impl<W: Real> Kernel for Backward<'_, W> {
         let (n, mean, factor, beta) = self.norm.channels();
         let (of_gradient, of_x) = (&self.of_gradient[..n], &self.of_x[..n]);
         let constant = &self.constant[..n];
+        let Band { target, origin, .. } = self.band;
         let pixels = rows(self.x, self.pitch, n).zip(rows(self.gradient, self.pitch, n));
-        for ((x, gradient), &place) in pixels.zip(self.places) {
-            let out = pixel_mut(&mut self.target[place - self.origin..], n);
+        for ((x, gradient), &place) in pixels.zip(&self.places[self.band.pixels]) {
+            let out = pixel_mut(&mut target[place - origin..], n);
             if let Some([least, most]) = self.limits {
                 for c in 0..n {
                     let deviation = W::widened(x[c]) - mean[c];

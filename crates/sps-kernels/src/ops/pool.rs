@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::bands::{Threads, for_each_band};
+use super::bands::{Band, Threads, chunks, for_each_band};
 use super::buffer::Buffer;
 use super::grid::{Grid, Size, Window, pixels};
 use super::simd::{Kernel, Lanes, Level};
@@ -26,31 +26,27 @@ pub(crate) fn max_pool<W: Word>(
             source,
             from,
             to,
-            places: &places[band.pixels.clone()],
-            first: band.pixels.start,
-            target: band.target,
-            origin: band.origin,
+            places: &places,
+            band,
             columns: Buffer::default(),
         });
     });
 }
 
 /// Whole rows.
-struct Pool<'a, W> {
+struct Pool<'a, 'b, W> {
     window: &'a Window,
     source: &'a [W],
     from: &'a Grid,
     to: &'a Grid,
+    /// Where each pixel of the whole target lies.
     places: &'a [usize],
-    /// The number of the first pixel.
-    first: usize,
-    target: &'a mut [W],
-    origin: usize,
+    band: Band<'b, W>,
     /// Of each column of the source the largest of its pixels, which windows side by side share.
     columns: Buffer,
 }
 
-impl<W: Word> Kernel for Pool<'_, W> {
+impl<W: Word> Kernel for Pool<'_, '_, W> {
     type Output = ();
 
     #[inline(always)]
@@ -60,8 +56,9 @@ impl<W: Word> Kernel for Pool<'_, W> {
         } = self;
         let width = to.size[2].max(1);
         let mut rows = Vec::new();
-        for (line, places) in self.places.chunks_exact(width).enumerate() {
-            let corner = Corner::new(window, from, to, self.first + line * width);
+        for pixels in chunks(self.band.pixels.clone(), width) {
+            let corner = Corner::new(window, from, to, pixels.start);
+            let places = &self.places[pixels];
             rows.clear();
             rows.extend(corner.rows(from));
             // The last window may hang over the end.
@@ -86,7 +83,7 @@ impl<W: Word> Kernel for Pool<'_, W> {
 /// Vectors that are compared together.
 const VECTORS: usize = 4;
 
-impl<W: Word> Pool<'_, W> {
+impl<W: Word> Pool<'_, '_, W> {
     /// `NV` vectors of a row of pixels, from `word` on; `WHOLE` if there are as many. The windows see some columns of
     /// rows that begin so.
     #[inline(always)]
@@ -124,8 +121,8 @@ impl<W: Word> Pool<'_, W> {
             for &column in others {
                 keep_larger::<W, S, NV>(lanes, &mut largest, column);
             }
-            let place = place - self.origin + word;
-            let out = bytemuck::cast_slice_mut(&mut self.target[place..place + words]);
+            let place = place - self.band.origin + word;
+            let out = bytemuck::cast_slice_mut(&mut self.band.target[place..place + words]);
             if WHOLE {
                 S::as_mut_simd_f32s(out).0[..NV].copy_from_slice(&largest);
             } else {

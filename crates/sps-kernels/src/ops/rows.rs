@@ -1,5 +1,7 @@
 //! Rows of a convolution, which weights of several kinds are made for.
 
+use std::ops::Range;
+
 use super::panels::Panels;
 use super::product::{Epilogue, Product};
 use super::simd::{Lanes, Level};
@@ -46,6 +48,17 @@ pub(super) struct Writer<'a, W, P, S, A> {
 }
 
 impl<'a, W: Word> Rows<'a, W> {
+    /// Runs of pixels whose windows lie `stride` pixels from each other in a row.
+    pub(super) fn side_by_side(&self) -> impl Iterator<Item = Range<usize>> + use<'a, W> {
+        let (starts, step) = (self.starts, self.stride * self.pitch);
+        let runs = starts.chunk_by(move |start, next| *next == start + step);
+        runs.scan(0, |first, run| {
+            let pixels = *first..*first + run.len();
+            *first = pixels.end;
+            Some(pixels)
+        })
+    }
+
     /// The product by the matrix of a group, whose columns begin with this one.
     pub(super) fn product(
         &self,

@@ -10,9 +10,12 @@ use bytemuck::{cast_slice, cast_slice_mut};
 pub use pulp::NullaryFnOnce;
 #[cfg(target_arch = "aarch64")]
 use pulp::aarch64::Neon;
-#[cfg(target_arch = "x86_64")]
-use pulp::x86::{V3, V4};
 use pulp::{Scalar128b, Simd};
+#[cfg(target_arch = "x86_64")]
+use pulp::{
+    cast, i32x16,
+    x86::{V3, V4},
+};
 
 #[cfg(target_arch = "x86_64")]
 use super::amx::Amx;
@@ -176,13 +179,13 @@ impl Level {
             #[cfg(test)]
             Self::Tiles => kernel.run(Scalar128b),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2(simd) => simd.vectorize(Call { kernel, simd }),
+            Self::Avx2(simd) => simd.vectorize(Call(kernel, simd)),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512(simd) => simd.vectorize(Call { kernel, simd }),
+            Self::Avx512(simd) => simd.vectorize(Call(kernel, simd)),
             #[cfg(target_arch = "x86_64")]
             Self::Amx(amx) => Self::Avx512(amx.vectors()).run(kernel),
             #[cfg(target_arch = "aarch64")]
-            Self::Neon(simd) => simd.vectorize(Call { kernel, simd }),
+            Self::Neon(simd) => simd.vectorize(Call(kernel, simd)),
         }
     }
 }
@@ -210,17 +213,14 @@ pub trait Kernel {
     fn run<S: Lanes>(self, lanes: S) -> Self::Output;
 }
 
-struct Call<K, S> {
-    kernel: K,
-    simd: S,
-}
+struct Call<K, S>(K, S);
 
 impl<K: Kernel, S: Lanes> NullaryFnOnce for Call<K, S> {
     type Output = K::Output;
 
     #[inline(always)]
     fn call(self) -> K::Output {
-        self.kernel.run(self.simd)
+        self.0.run(self.1)
     }
 }
 
@@ -280,10 +280,8 @@ pub trait Lanes: Simd {
     #[inline(always)]
     fn larger_bytes(self, x: Self::f32s, y: Self::f32s) -> Self::f32s {
         let mut larger = [x];
-        for (x, &y) in cast_slice_mut::<_, u8>(&mut larger)
-            .iter_mut()
-            .zip(cast_slice::<_, u8>(&[y]))
-        {
+        let pairs = cast_slice_mut::<_, u8>(&mut larger).iter_mut();
+        for (x, &y) in pairs.zip(cast_slice::<_, u8>(&[y])) {
             *x = y.max(*x);
         }
         larger[0]
@@ -401,7 +399,6 @@ macro_rules! of_bytes {
     ) => {
         #[inline(always)]
         fn dot(self, x: Self::f32s, y: Self::f32s, sum: Self::f32s) -> Self::f32s {
-            use pulp::cast;
             let (f, w, i) = (self.$float, self.$whole, self.$integers);
             let (x, y) = (cast(x), cast(y));
             // Two products of a byte with a byte could be too large for 16 bits, which `maddubs` sums in.
@@ -415,13 +412,11 @@ macro_rules! of_bytes {
 
         #[inline(always)]
         fn larger_bytes(self, x: Self::f32s, y: Self::f32s) -> Self::f32s {
-            use pulp::cast;
             cast(self.$integers.$max(cast(x), cast(y)))
         }
 
         #[inline(always)]
         fn interleave(self, [a, b, c, d]: [Self::f32s; 4]) -> [Self::f32s; 4] {
-            use pulp::cast;
             let i = self.$integers;
             let (a, b, c, d) = (cast(a), cast(b), cast(c), cast(d));
             let [low, high] = [i.$low8(a, b), i.$high8(a, b)];
@@ -436,7 +431,6 @@ macro_rules! of_bytes {
 
         #[inline(always)]
         fn join(self, [a, b, c, d]: [Self::f32s; 4]) -> Self::f32s {
-            use pulp::cast;
             let (f, i) = (self.$float, self.$integers);
             let [a, b] = [f.$rounded(cast(a)), f.$rounded(cast(b))];
             let [c, d] = [f.$rounded(cast(c)), f.$rounded(cast(d))];
@@ -482,7 +476,6 @@ impl Lanes for V4 {
 
     #[inline(always)]
     fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
-        use pulp::{cast, i32x16};
         let f = self.avx512f;
         let x = cast(x);
         cast(match (G, index) {
@@ -506,7 +499,6 @@ impl Lanes for V4 {
         v: usize,
         index: usize,
     ) -> Self::f32s {
-        use pulp::cast;
         let lanes: [i32; 16] =
             std::array::from_fn(|lane| word_of::<G, N>(16, v, index, lane) as i32);
         cast(self.avx512f._mm512_permutexvar_ps(cast(lanes), cast(x)))
@@ -514,12 +506,11 @@ impl Lanes for V4 {
 
     #[inline(always)]
     fn of_integers(self, x: Self::f32s) -> Self::f32s {
-        pulp::cast(self.avx512f._mm512_cvtepi32_ps(pulp::cast(x)))
+        cast(self.avx512f._mm512_cvtepi32_ps(cast(x)))
     }
 
     #[inline(always)]
     fn transpose(self, (from, step): (&[f32], usize), (to, pitch): (&mut [f32], usize)) {
-        use pulp::cast;
         let f = self.avx512f;
         let mut rows = [f._mm512_setzero_si512(); 16];
         // Loops over numbers that are known, or vectors would pass through memory.
@@ -576,7 +567,6 @@ impl Lanes for V3 {
 
     #[inline(always)]
     fn spread<const G: usize>(self, x: Self::f32s, index: usize) -> Self::f32s {
-        use pulp::cast;
         let avx = self.avx;
         let x = cast(x);
         cast(match index {
@@ -594,7 +584,6 @@ impl Lanes for V3 {
         v: usize,
         index: usize,
     ) -> Self::f32s {
-        use pulp::cast;
         let lanes: [i32; 8] = std::array::from_fn(|lane| word_of::<G, N>(8, v, index, lane) as i32);
         cast(self.avx2._mm256_permutevar8x32_ps(cast(x), cast(lanes)))
     }
@@ -633,11 +622,7 @@ impl Lanes for Scalar128b {
 
     #[inline(always)]
     fn at_most(self, ceiling: Self::f32s, x: Self::f32s) -> Self::f32s {
-        each(
-            ceiling,
-            x,
-            |ceiling, x| if x > ceiling { ceiling } else { x },
-        )
+        each(ceiling, x, |most, x| if x > most { most } else { x })
     }
 
     of_four_lanes!();

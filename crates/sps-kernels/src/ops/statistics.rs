@@ -26,9 +26,8 @@ pub(crate) struct ChannelStatistics {
 
 /// Rows of a run: a function of the number of channels alone, so that no sum depends on the
 /// number of threads.
-pub(super) const fn run_rows(channels: usize) -> usize {
-    let rows = RUN / channels;
-    if rows == 0 { 1 } else { rows }
+pub(super) fn run_rows(channels: usize) -> usize {
+    (RUN / channels).max(1)
 }
 
 impl ChannelStatistics {

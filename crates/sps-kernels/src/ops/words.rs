@@ -29,8 +29,11 @@ pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
         numbers.div_ceil(Self::NUMBERS)
     }
 
-    /// A word of `number(0)` and, where it holds two, `number(1)`, rounded.
-    fn of(number: impl Fn(usize) -> f32) -> Self;
+    /// A word of `number(0)` and, where it holds several, the next ones, rounded.
+    #[inline(always)]
+    fn of(number: impl Fn(usize) -> f32) -> Self {
+        Self::gathered(|i| Self::narrowed(number(i)))
+    }
 
     /// A word of numbers as they lie in memory.
     fn gathered(number: impl Fn(usize) -> Self::Number) -> Self;
@@ -59,9 +62,8 @@ pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
     /// The numbers of words.
     #[inline(always)]
     fn numbers(words: &[Self]) -> impl Iterator<Item = f32> {
-        Self::each(words)
-            .iter()
-            .map(|&number| Self::widened(number))
+        let numbers = Self::each(words).iter();
+        numbers.map(|&number| Self::widened(number))
     }
 
     /// Of each number of two vectors of words the larger one; NaN where one is NaN.
@@ -73,7 +75,7 @@ pub(crate) trait Word: Pod + Default + Send + Sync + std::fmt::Debug {
     /// Runs a kernel by the machine's own instructions for these words where it has some.
     #[inline]
     fn run<K: WordKernel<Self>>(level: Level, kernel: K) -> K::Output {
-        level.run(Plainly::<Self, K>::new(kernel))
+        level.run(Plainly(kernel, Plain::<Self>(PhantomData)))
     }
 }
 
@@ -96,11 +98,6 @@ impl Word for f32 {
     type Number = Self;
 
     const NUMBERS: usize = 1;
-
-    #[inline(always)]
-    fn of(number: impl Fn(usize) -> f32) -> Self {
-        number(0)
-    }
 
     #[inline(always)]
     fn gathered(number: impl Fn(usize) -> f32) -> Self {
@@ -162,11 +159,6 @@ impl Word for Bf16Pair {
     const NUMBERS: usize = 2;
 
     #[inline(always)]
-    fn of(number: impl Fn(usize) -> f32) -> Self {
-        Self([0, 1].map(|i| rounded(number(i))))
-    }
-
-    #[inline(always)]
     fn gathered(number: impl Fn(usize) -> bf16) -> Self {
         Self([number(0), number(1)])
     }
@@ -212,7 +204,7 @@ impl Word for Bf16Pair {
         if let Some(native) = level.bf16() {
             return native.run(kernel);
         }
-        level.run(Plainly::<Self, K>::new(kernel))
+        level.run(Plainly(kernel, Plain::<Self>(PhantomData)))
     }
 }
 
@@ -269,19 +261,13 @@ impl Real for Bf16Pair {
         };
         let (low, high) = (lanes.splat_u32s(0xffff), lanes.splat_u32s(0xffff_0000));
         let half = lanes.splat_u32s(16);
-        let even = lanes.or_u32s(
-            lanes.and_u32s(first, low),
-            lanes.wrapping_dyn_shl_u32s(second, half),
-        );
-        let odd = lanes.or_u32s(
-            lanes.wrapping_dyn_shr_u32s(first, half),
-            lanes.and_u32s(second, high),
-        );
-        let both = [
-            lanes.transmute_f32s_u32s(even),
-            lanes.transmute_f32s_u32s(odd),
-        ];
-        std::array::from_fn(|v| both[v % 2])
+        let upper = lanes.wrapping_dyn_shl_u32s(second, half);
+        let lower = lanes.wrapping_dyn_shr_u32s(first, half);
+        let even = lanes.or_u32s(lanes.and_u32s(first, low), upper);
+        let odd = lanes.or_u32s(lower, lanes.and_u32s(second, high));
+        let even = lanes.transmute_f32s_u32s(even);
+        let odd = lanes.transmute_f32s_u32s(odd);
+        std::array::from_fn(|v| [even, odd][v % 2])
     }
 }
 
@@ -359,7 +345,7 @@ impl Word for Bytes {
         if let Some(native) = level.vnni() {
             return native.run(kernel);
         }
-        level.run(Plainly::<Self, K>::new(kernel))
+        level.run(Plainly(kernel, Plain::<Self>(PhantomData)))
     }
 }
 
@@ -546,23 +532,13 @@ pub(crate) trait WordKernel<W: Word> {
     fn run<S: Lanes, A: Arithmetic<S, Word = W>>(self, lanes: S, arithmetic: A) -> Self::Output;
 }
 
-struct Plainly<W, K> {
-    kernel: K,
-    arithmetic: Plain<W>,
-}
-
-impl<W, K> Plainly<W, K> {
-    fn new(kernel: K) -> Self {
-        let arithmetic = Plain(PhantomData);
-        Self { kernel, arithmetic }
-    }
-}
+struct Plainly<W, K>(K, Plain<W>);
 
 impl<W: Word, K: WordKernel<W>> Kernel for Plainly<W, K> {
     type Output = K::Output;
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) -> K::Output {
-        self.kernel.run(lanes, self.arithmetic)
+        self.0.run(lanes, self.1)
     }
 }

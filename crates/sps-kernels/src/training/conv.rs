@@ -9,6 +9,7 @@ use crate::ops::batch_norm::{Norm, NormGradients};
 use crate::ops::buffer::Scratch;
 use crate::ops::conv_input::ConvTranspose;
 use crate::ops::grid::Grid;
+use crate::ops::pointwise::Shortcut;
 use crate::ops::product::Epilogue;
 use crate::ops::statistics::ChannelStatistics;
 use crate::ops::words::Real;
@@ -57,6 +58,18 @@ impl<W: Real> KeptConv<W> {
         means.iter().enumerate().map(norm).collect()
     }
 
+    /// Writes the activated norm: of a residual branch its end, gated and added to a shortcut.
+    pub(super) fn end(
+        &self,
+        context: &Context,
+        conv: &Conv,
+        onto: Option<(&[f32], Shortcut<'_, W>)>,
+        target: (&mut [W], &Grid),
+    ) {
+        let (level, raw) = (context.level, (&self.raw[..], &self.grid));
+        self.norm.apply(level, raw, onto, target, conv.activation);
+    }
+
     /// Runs backward, from the gradient of the activated norm, which lies as the output.
     pub(super) fn backward(
         &self,
@@ -67,26 +80,17 @@ impl<W: Real> KeptConv<W> {
         gradients: &mut Gradients,
     ) -> Result<()> {
         let (level, activation) = (context.level, conv.activation);
-        let sums = self
-            .norm
-            .sums(level, &self.raw, gradient, &self.grid, activation);
-        let sums = sums.over_frames(self.grid.channels);
-        let of_norm = NormGradients::new(&self.norm, self.moments.count, &sums);
+        let (grid, of_this) = (&self.grid, &self.norm);
+        let sums = of_this.sums(level, &self.raw, gradient, grid, activation);
+        let sums = sums.over_frames(grid.channels);
+        let of_norm = NormGradients::new(of_this, self.moments.count, &sums);
         let slopes = of_norm.slopes.clone();
         gradients.norm(norm, of_norm);
         let write = |target: &mut [W], layout: &Grid| {
             let (ends, target) = ([&self.raw[..], gradient], (target, layout));
-            self.norm
-                .backward(level, &slopes, ends, target, Some(activation));
+            of_this.backward(level, &slopes, ends, target, Some(activation));
         };
-        input_gradient(
-            (context, conv),
-            &self.grid,
-            source,
-            of_maps,
-            gradients,
-            write,
-        )
+        input_gradient((context, conv), grid, source, of_maps, gradients, write)
     }
 }
 

@@ -1,7 +1,6 @@
 //! What the parts of the tape share: parameters, memory, gradients.
 
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 use crate::error::{Result, too_small};
@@ -11,7 +10,7 @@ use crate::ops::batch_norm::{Norm, NormGradients};
 use crate::ops::buffer::Recycler;
 use crate::ops::conv::{Conv, ConvShape};
 use crate::ops::conv_weight::{weight_gradient, weight_gradient_of_images};
-use crate::ops::grid::{Grid, Size, pixels};
+use crate::ops::grid::{Grid, pixels};
 use crate::ops::product::{Activation, Epilogue};
 use crate::ops::simd::Level;
 use crate::ops::statistics::ChannelStatistics;
@@ -36,15 +35,12 @@ impl Gradients {
     /// Adds those of another pass.
     pub fn add(&mut self, other: Self) {
         for (name, values) in other.0 {
-            match self.0.entry(name) {
-                Entry::Vacant(entry) => {
-                    entry.insert(values);
-                }
-                Entry::Occupied(mut entry) => {
-                    for (sum, value) in entry.get_mut().iter_mut().zip(values) {
-                        *sum += value;
-                    }
-                }
+            let Some(sums) = self.0.get_mut(&name) else {
+                self.0.insert(name, values);
+                continue;
+            };
+            for (sum, value) in sums.iter_mut().zip(values) {
+                *sum += value;
             }
         }
     }
@@ -66,38 +62,17 @@ impl Context {
         with_values(self.tensors.as_ref(), name, work)
     }
 
-    /// The layout of each map of so many frames, with the border that its readers need.
-    pub(super) fn grids<W: Real>(&self, frames: usize, image: Size) -> Result<Vec<Grid>> {
-        let sizes = self.network.sizes(image).ok_or_else(|| too_small(image))?;
-        Ok(self.network.grids::<W>(frames, &sizes, |map| map))
-    }
-
     /// Whether a map is only what a residual branch is added to, and its norm alone: the addition
     /// takes the norm, and the map is never written.
     pub(super) fn deferred(&self, map: Map) -> bool {
         let layers = &self.network.layers;
-        let readers = layers
+        let mut readers = layers
             .iter()
             .filter(|layer| layer.inputs().any(|m| m == map));
-        let added =
-            |layer: &Layer| matches!(layer, Layer::Residual { shortcut, .. } if *shortcut == map);
         let makes = map.checked_sub(1).and_then(|number| layers.get(number));
         matches!(makes, Some(Layer::Conv(conv)) if conv.activation == Activation::Identity && conv.norm.is_some())
             && self.network.block(map).is_none()
-            && { readers }.all(added)
-    }
-
-    /// Convolves, adds the bias and activates, into channels of a map, which the target begins with.
-    pub(super) fn biased<W: Real>(
-        &self,
-        conv: &network::Conv,
-        source: (&[W], &Grid),
-        target: (&mut [W], &Grid),
-    ) -> Result<()> {
-        self.parameter(&format!("{}.bias", conv.name), |bias| {
-            let epilogue = Epilogue::biased(bias, conv.activation);
-            self.convolve(conv, source, target, epilogue)
-        })?
+            && readers.all(|layer| layer.shortcut() == Some(map))
     }
 
     /// Convolves by `{layer}.weight`.

@@ -14,8 +14,9 @@ use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, too_small};
 use crate::images::{Images, lay_out};
+use crate::inference::Scale;
 use crate::network::{IMAGE, Network};
 use crate::ops::bands::{Threads, inside_pool};
 use crate::ops::buffer::{Recycler, Scratch};
@@ -109,11 +110,9 @@ impl BatchStatistics {
         if count >= 2 {
             return Ok(());
         }
-        Err(Error::input(
-            "batch in training",
-            format_args!("one number in each channel at {layer}"),
-            "at least two: more images or larger ones",
-        ))
+        let found = format_args!("one number in each channel at {layer}");
+        let expected = "at least two: more images or larger ones";
+        Err(Error::input("batch in training", found, expected))
     }
 }
 
@@ -239,7 +238,11 @@ impl<W: Real> Tape<W> {
         checkpointing: bool,
         statistics: &mut Vec<BatchStatistics>,
     ) -> Result<(Self, Vec<f32>)> {
-        let grids = context.grids::<W>(images.frames(), images.size)?;
+        let sizes = context.network.sizes(images.size);
+        let sizes = sizes.ok_or_else(|| too_small(images.size))?;
+        let grids = context
+            .network
+            .grids::<W>(images.frames(), &sizes, |map| map);
         let mut input = Arc::new(images_value(context, images, grids[IMAGE]));
         let mut segments = Vec::new();
         let width = context.network.width();
@@ -323,7 +326,7 @@ fn images_value<W: Real>(context: &Context, images: &Images<'_>, grid: Grid) -> 
     let frames = memory.chunks_exact_mut(rows.frame_len());
     for (image, memory) in images.iter().zip(frames) {
         let by = (Threads::All, context.level);
-        lay_out(by, image, images, (memory, &one), 0.0);
+        lay_out(by, image, images, (memory, &one), Scale::UNIT);
     }
     Value { memory, grid }
 }

@@ -9,17 +9,16 @@ use crate::network::{Conv, Gate};
 use crate::ops::batch_norm::{FrameSums, NormGradients, Slopes};
 use crate::ops::buffer::Scratch;
 use crate::ops::grid::{Grid, pixels};
-use crate::ops::pointwise::Shortcut;
 use crate::ops::words::Real;
 use crate::training::BatchStatistics;
 
 /// What the backward pass needs beside input and output.
 #[derive(Debug)]
 pub(super) struct KeptResidual<W: Real> {
-    conv: KeptConv<W>,
+    pub(super) conv: KeptConv<W>,
     gate: Option<KeptGate>,
     /// `(frames, channels)`, 1 where there is no gate.
-    factors: Vec<f32>,
+    pub(super) factors: Vec<f32>,
 }
 
 impl<W: Real> KeptResidual<W> {
@@ -48,21 +47,6 @@ impl<W: Real> KeptResidual<W> {
             gate,
             factors,
         })
-    }
-
-    /// Writes the end of the branch, which `shortcut` is added to.
-    pub(super) fn end(
-        &self,
-        context: &Context,
-        conv: &Conv,
-        shortcut: Shortcut<'_, W>,
-        target: (&mut [W], &Grid),
-    ) {
-        let (kept, activation) = (&self.conv, conv.activation);
-        let onto = Some((&self.factors[..], shortcut));
-        let raw = (&kept.raw[..], &kept.grid);
-        kept.norm
-            .apply(context.level, raw, onto, target, activation);
     }
 
     /// Runs backward; returns the gradient of what the branch was added to, which lies as the branch
@@ -103,25 +87,22 @@ impl<W: Real> KeptResidual<W> {
         let means = match (gate, &self.gate) {
             (Some(gate), Some(kept)) => {
                 let pairs = sums.gradient.iter().zip(&sums.product).enumerate();
-                let factors: Vec<f32> = pairs
-                    .map(|(i, (g, p))| (wide(&norm.factor, i) * p + wide(&norm.beta, i) * g) as f32)
-                    .collect();
+                let factor = |(i, (g, p))| wide(&norm.factor, i) * p + wide(&norm.beta, i) * g;
+                let factors: Vec<f32> = pairs.map(|pair| factor(pair) as f32).collect();
                 kept.backward(gate, context, &factors, gradients)?
             }
             _ => vec![0.0; self.factors.len()],
         };
         // Each pixel's gradient behind the norm is its own times the gate, and its share of the
         // mean's.
-        let mut behind = FrameSums {
-            gradient: Vec::with_capacity(means.len()),
-            product: Vec::with_capacity(means.len()),
-        };
-        for (i, mean) in means.iter().enumerate() {
+        let behind = means.iter().enumerate().map(|(i, mean)| {
             let (gate, mean) = (f64::from(self.factors[i]), f64::from(*mean));
             let offset = f64::from(moments.frame_means[i]) - wide(&norm.mean, i);
-            behind.gradient.push(gate * sums.gradient[i] + mean);
-            behind.product.push(gate * sums.product[i] + mean * offset);
-        }
+            let product = gate * sums.product[i] + mean * offset;
+            (gate * sums.gradient[i] + mean, product)
+        });
+        let (gradient, product) = behind.unzip();
+        let behind = FrameSums { gradient, product };
         let normed = NormGradients::new(norm, moments.count, &behind.over_frames(channels));
         let factor = |i: usize| norm.factor[i % channels];
         let gates = self.factors.iter().enumerate();

@@ -1,7 +1,6 @@
 //! A few layers, forward and backward.
 
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -16,6 +15,7 @@ use crate::ops::buffer::Scratch;
 use crate::ops::grid::Grid;
 use crate::ops::pointwise::Shortcut;
 use crate::ops::pool::{max_pool, max_pool_backward};
+use crate::ops::product::Epilogue;
 use crate::ops::words::Real;
 use crate::training::BatchStatistics;
 
@@ -96,7 +96,8 @@ impl<W: Real> Kept<W> {
                 let kept = KeptResidual::record(context, conv, gate.as_ref(), source, statistics)?;
                 let mut memory = memory();
                 if let Some(added) = self.shortcut(*shortcut) {
-                    kept.end(context, conv, added, (&mut memory, to));
+                    let onto = Some((&kept.factors[..], added));
+                    kept.conv.end(context, conv, onto, (&mut memory, to));
                 }
                 (KeptLayer::Residual(Box::new(kept)), Some(memory))
             }
@@ -134,23 +135,10 @@ impl<W: Real> Kept<W> {
             };
             let layer = &context.network.layers[number];
             match (layer, kept) {
-                (
-                    Layer::Residual {
-                        conv,
-                        gate,
-                        shortcut,
-                    },
-                    KeptLayer::Residual(kept),
-                ) => {
-                    let ends = [&self.values[&conv.input], &self.values[&map]];
-                    let pass = (context, conv, gate.as_ref());
-                    let added = kept.backward(
-                        pass,
-                        ends.map(Arc::as_ref),
-                        gradient,
-                        &mut of_maps,
-                        gradients,
-                    )?;
+                (Layer::Residual { conv, shortcut, .. }, KeptLayer::Residual(kept)) => {
+                    let ends = [conv.input, map].map(|map| self.values[&map].as_ref());
+                    let pass = (context, conv, layer.gate());
+                    let added = kept.backward(pass, ends, gradient, &mut of_maps, gradients)?;
                     give(&mut of_maps, *shortcut, added);
                 }
                 (Layer::MaxPool(pool), _) => {
@@ -235,12 +223,11 @@ impl<W: Real> Kept<W> {
             return target;
         }
         let mut inside = context.recycler.take::<W>(bare.len());
-        let (width, row) = (bare.size[2], bare.size[2] * bare.pitch);
+        let len = bare.size[2] * bare.pitch;
         for_each_band(Threads::All, &bare, &mut inside, |band| {
-            let places = input.grid.places_of(band.rows(&bare));
-            let rows = band.target.chunks_exact_mut(row);
-            for (out, place) in rows.zip(places.into_iter().step_by(width)) {
-                out.copy_from_slice(&target[place..place + row]);
+            let rows = band.rows(&bare);
+            for (row, out) in rows.zip(band.target.chunks_exact_mut(len)) {
+                out.copy_from_slice(&target[input.grid.row_start(row)..][..len]);
             }
         });
         inside
@@ -259,30 +246,27 @@ fn record<W: Real>(
     if let Some(norm) = &conv.norm {
         let kept = KeptConv::record(context, (conv, norm), source, statistics)?;
         if let Some(target) = target {
-            let (raw, activation) = ((&kept.raw[..], &kept.grid), conv.activation);
-            kept.norm
-                .apply(context.level, raw, None, target, activation);
+            kept.end(context, conv, None, target);
         }
         return Ok(Some(kept));
     }
     if let Some(target) = target {
-        context.biased(conv, source.view(), target)?;
+        context.parameter(&format!("{}.bias", conv.name), |bias| {
+            let epilogue = Epilogue::biased(bias, conv.activation);
+            context.convolve(conv, source.view(), target, epilogue)
+        })??;
     }
     Ok(None)
 }
 
 /// Adds to the gradient of a map.
 fn give<W: Real>(of_maps: &mut MapGradients<W>, map: Map, gradient: Scratch<W>) {
-    match of_maps.entry(map) {
-        Entry::Vacant(entry) => {
-            entry.insert(gradient);
-        }
-        Entry::Occupied(mut entry) => {
-            let sums = W::each_mut(entry.get_mut());
-            for (sum, gradient) in sums.iter_mut().zip(W::numbers(&gradient)) {
-                *sum = W::narrowed(W::widened(*sum) + gradient);
-            }
-        }
+    let Some(sums) = of_maps.get_mut(&map) else {
+        of_maps.insert(map, gradient);
+        return;
+    };
+    for (sum, gradient) in W::each_mut(sums).iter_mut().zip(W::numbers(&gradient)) {
+        *sum = W::narrowed(W::widened(*sum) + gradient);
     }
 }
 

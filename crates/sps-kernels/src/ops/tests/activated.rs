@@ -13,11 +13,8 @@ const CHANNELS: usize = 34;
 fn activated<W: Real>(grid: &Grid, activation: Activation) -> Vec<W> {
     let [least, most] = activation.limits().map(f64::from);
     let values = noise(grid.frames * pixels(grid.size) * grid.channels, 1);
-    let values: Vec<f64> = values
-        .iter()
-        .map(|x| (9.0 * x).clamp(least, most))
-        .collect();
-    laid_out(&values, grid, 0.0)
+    let values = values.iter().map(|x| (9.0 * x).clamp(least, most));
+    laid_out(&values.collect::<Vec<_>>(), grid, 0.0)
 }
 
 fn check<W: Real>(level: Level, activation: Activation) {
@@ -45,19 +42,14 @@ fn check<W: Real>(level: Level, activation: Activation) {
         for channel in 0..CHANNELS {
             let y = W::widened(W::each(&numbers[from + 1..])[channel]);
             let g = W::each(&gradient[pixel * whole.pitch + 1..])[channel];
-            let g = if least < y && y < most {
-                W::widened(g)
-            } else {
-                0.0
-            };
+            let passes = least < y && y < most;
+            let g = if passes { W::widened(g) } else { 0.0 };
             W::each_mut(&mut expected.0[place..])[channel] = W::narrowed(g);
             expected.1[channel] += f64::from(g);
         }
     }
-    assert_eq!(
-        bytemuck::cast_slice::<W, u8>(&target),
-        bytemuck::cast_slice::<W, u8>(&expected.0)
-    );
+    let [found, wanted] = [&target, &expected.0].map(|map| bytemuck::cast_slice::<W, u8>(map));
+    assert_eq!(found, wanted);
     for (sum, expected) in sums.iter().zip(&expected.1) {
         assert!((sum - expected).abs() < 1e-6, "{sum} for {expected}");
     }

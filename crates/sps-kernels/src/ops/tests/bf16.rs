@@ -5,64 +5,31 @@ use half::bf16;
 
 use super::super::bands::Threads;
 use super::super::batch_norm::{FrameSums, Norm, NormGradients, Slopes};
-use super::super::conv::{Conv, ConvShape};
-use super::super::conv_input::ConvTranspose;
-use super::super::conv_weight::weight_gradient;
+use super::super::conv::ConvShape;
 use super::super::grid::{Grid, Window, pixels};
 use super::super::pointwise::Shortcut;
 use super::super::pool::{max_pool, max_pool_backward};
-use super::super::product::{Activation, Epilogue};
+use super::super::product::Activation;
 use super::super::simd::Level;
 use super::super::statistics::ChannelStatistics;
 use super::super::words::{Bf16Pair, Real, Word};
 use super::conv::Case;
-use super::{check_pooling_and_means, convolved, inside, laid_out, narrow, noise, shape, wide};
+use super::{check_pooling_and_means, check_sums, gradients, laid_out, narrow, noise, shape};
 
 fn rounded(values: &[f64]) -> Vec<f64> {
-    let number = |x: &f64| bf16::from_f32(*x as f32).to_f64();
-    values.iter().map(number).collect()
+    super::rounded::<Bf16Pair>(values)
 }
 
 /// What a number differs by once it is rounded to eight bits.
 const ROUNDING: f64 = 1.0 / 256.0;
 
 fn check(shape: ConvShape, size: [usize; 2]) {
-    let [height, width] = size;
-    let grid = Grid::tight(1, [1, height, width], shape.inputs).of::<Bf16Pair>();
-    let values = rounded(&noise(height * width * shape.inputs, 1));
-    let taps = pixels(shape.window.size);
-    let weights = rounded(&noise(shape.outputs * shape.group_inputs() * taps, 2));
-    let shift = noise(shape.outputs, 3);
-    let sums = Case::of_image(shape, size).reference(&values, &weights);
+    let case = Case::of_image(shape, size);
+    let weights = rounded(&noise(case.weights(), 2));
     // Sums of as many products as there are, each of at most 1, in f32.
-    let slack = 1e-6 * (shape.group_inputs() * taps) as f64;
-
-    Level::on_each(|level| {
-        let (weights, shift) = (narrow(&weights), narrow(&shift));
-        let conv = Conv::<Bf16Pair>::pack(level, shape, &weights);
-        let for_inference = Conv::pack_for_inference(level, shape, &weights);
-        let from = grid.padded(&shape.window);
-        let to = shape.window.output(grid.size).unwrap();
-        let to = Grid::tight(1, to, shape.outputs).of::<Bf16Pair>();
-        let before = rounded(&noise(2 * to.len(), 4));
-        for (conv, accumulate) in [(&conv, false), (&conv, true), (&for_inference, true)] {
-            let epilogue = Epilogue {
-                accumulate: accumulate.then_some(1.0),
-                ..Epilogue::biased(&shift, Activation::Relu)
-            };
-            let (conv, source) = ((conv, Threads::One), (&values[..], &from, 0.0));
-            let found = convolved(conv, source, (&before, &to), epilogue);
-            for (i, found) in found.into_iter().enumerate() {
-                let stored = if accumulate { before[i] } else { 0.0 };
-                let expected = (sums[i] + f64::from(shift[i % shape.outputs]) + stored).max(0.0);
-                let error = (found - expected).abs();
-                assert!(
-                    error <= ROUNDING * expected.abs() + slack,
-                    "{level:?} {shape:?} number {i}: {found} instead of {expected}"
-                );
-            }
-        }
-    });
+    let slack = 1e-6 * (case.weights() / shape.outputs) as f64;
+    let case = (&case, &shape.window);
+    check_sums::<Bf16Pair>(case, &weights, Activation::Relu, [ROUNDING, slack]);
 }
 
 #[test]
@@ -101,28 +68,6 @@ fn map<W: Word>(grid: &Grid, seed: u64) -> Vec<W> {
     laid_out(&rounded(&noise(tight, seed)), grid, 0.0)
 }
 
-/// The gradients of a convolution's weights and of its input, the latter added to what is there.
-fn gradients<W: Real>(level: Level, shape: ConvShape, size: [usize; 2]) -> [Vec<f64>; 2] {
-    let input = [1, size[0], size[1]];
-    let taps = pixels(shape.window.size);
-    let weights = narrow(&rounded(&noise(
-        shape.outputs * shape.group_inputs() * taps,
-        1,
-    )));
-    let transpose = ConvTranspose::<W>::pack(level, shape, &weights);
-    let output = shape.window.output(input).unwrap();
-    let from = Grid::tight(2, input, shape.inputs).of::<W>();
-    let (from, to) = (from.padded(&shape.window), from);
-    let layout = transpose.layout(2, input, output);
-    let (source, gradient) = (map::<W>(&from, 2), map::<W>(&layout, 3));
-    let gradient = (&gradient[..], &layout);
-    let mut of_weights = vec![0.0; weights.len()];
-    weight_gradient(level, &shape, (&source, &from), gradient, &mut of_weights);
-    let mut of_input = map::<W>(&to, 4);
-    transpose.apply(gradient, (&mut of_input, &to), true);
-    [wide(&of_weights), inside(&of_input, &to)]
-}
-
 #[test]
 fn gradients_of_convolutions() {
     let point = Window::square(1, 1, 0);
@@ -145,16 +90,19 @@ fn gradients_of_convolutions() {
         (shape(Window::square(5, 2, 2), 96, 96, 96), [9, 11]),
     ];
     for (shape, size) in cases {
-        let [weights, input] = gradients::<f32>(Level::detect(), shape, size);
+        let case = Case {
+            frames: 2,
+            ..Case::of_image(shape, size)
+        };
+        let weights = narrow(&rounded(&noise(case.weights(), 1)));
+        let [of_weights, input] = gradients(Level::detect(), &case, &weights, map::<f32>);
         let products = 2 * size[0] * size[1];
         Level::on_each(|level| {
-            let found = gradients::<Bf16Pair>(level, shape, size);
-            for (found, expected) in found[0].iter().zip(&weights) {
+            let found = gradients(level, &case, &weights, map::<Bf16Pair>);
+            for (found, expected) in found[0].iter().zip(&of_weights) {
                 let error = (found - expected).abs();
-                assert!(
-                    error <= 1e-6 * products as f64,
-                    "{level:?} {shape:?} weights: {error}"
-                );
+                let bound = 1e-6 * products as f64;
+                assert!(error <= bound, "{level:?} {shape:?} weights: {error}");
             }
             let slack = 1e-6 * (shape.group_outputs() * pixels(shape.window.size)) as f64;
             for (found, expected) in found[1].iter().zip(&input) {
@@ -213,10 +161,8 @@ const CHANNELS: usize = 34;
 fn norm_of<W: Real>(level: Level, x: &[W], grid: &Grid) -> (Norm, usize) {
     let statistics = ChannelStatistics::of(level, x, grid);
     let (gamma, beta) = (parameters(CHANNELS, 11), parameters(CHANNELS, 12));
-    (
-        Norm::new(&statistics, &gamma, &beta, 1e-5),
-        statistics.count,
-    )
+    let norm = Norm::new(&statistics, &gamma, &beta, 1e-5);
+    (norm, statistics.count)
 }
 
 /// Batch norm with a rectifier, forward and backward, into a map with a border.

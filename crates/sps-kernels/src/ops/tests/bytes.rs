@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::super::bands::Threads;
 use super::super::conv::{Conv, ConvShape};
-use super::super::grid::{Grid, Window, pixels};
+use super::super::grid::{Grid, Window};
 use super::super::product::{Columns, Epilogue};
 use super::super::simd::{Kernel, Lanes, Level};
 use super::super::words::{Bytes, Word};
@@ -21,15 +21,13 @@ fn whole(len: usize, seed: u64, least: f64, most: f64) -> Vec<f64> {
 
 /// A convolution of bytes is that of whole numbers, scaled in one rounding and rounded to even.
 fn check(shape: ConvShape, size: [usize; 2], seed: u64) {
-    let [height, width] = size;
-    let grid = Grid::tight(1, [1, height, width], shape.inputs).of::<Bytes>();
-    let values = whole(height * width * shape.inputs, seed, 0.0, 255.0);
-    let count = shape.outputs * shape.group_inputs() * pixels(shape.window.size);
-    let mut weights = whole(count, seed + 1, -127.0, 127.0);
+    let case = Case::of_image(shape, size);
+    let values = whole(case.numbers(), seed, 0.0, 255.0);
+    let mut weights = whole(case.weights(), seed + 1, -127.0, 127.0);
     // A channel of nothing but zeros.
-    weights[..count / shape.outputs].fill(0.0);
+    weights[..case.weights() / shape.outputs].fill(0.0);
     let padding = 77.0;
-    let sums = Case::of_image(shape, size).padded_by(padding, &values, &weights);
+    let sums = case.padded_by(padding, &values, &weights);
     let largest = sums.iter().fold(1.0, |m: f64, sum| m.max(sum.abs())) as f32;
     let each_of = |seed: u64| noise(shape.outputs, seed).into_iter().map(|x| x as f32);
     let factors: Vec<f32> = each_of(seed + 2).map(|x| 180.0 * x / largest).collect();
@@ -40,9 +38,8 @@ fn check(shape: ConvShape, size: [usize; 2], seed: u64) {
         let conv = Conv::<Bytes>::pack(level, shape, &weights);
         // A border wider than the window's, as another reader may need it.
         let wider = Window::square(9, 1, 4);
-        let from = grid.enclosing(&shape.window).enclosing(&wider);
-        let to = shape.window.output(grid.size).unwrap();
-        let to = Grid::tight(1, to, shape.outputs).of::<Bytes>();
+        let from = case.from::<Bytes>().enclosing(&shape.window);
+        let (from, to) = (from.enclosing(&wider), case.to::<Bytes>());
         let before = whole(sums.len(), seed + 4, 0.0, 255.0);
         for (accumulate, limits) in [(None, [0.0, 255.0]), (Some(0.37), [13.0, 201.5])] {
             let epilogue = Epilogue {
@@ -58,11 +55,8 @@ fn check(shape: ConvShape, size: [usize; 2], seed: u64) {
                 let y = (sums[i] as f32).mul_add(factors[channel], shifts[channel]);
                 let y = accumulate.map_or(y, |factor| (before[i] as f32).mul_add(factor, y));
                 let expected = y.clamp(limits[0], limits[1]).round_ties_even();
-                assert_eq!(
-                    found,
-                    f64::from(expected),
-                    "{level:?} {shape:?} number {i}: {y}"
-                );
+                let what = format!("{level:?} {shape:?} number {i}: {y}");
+                assert_eq!(found, f64::from(expected), "{what}");
             }
         }
     });

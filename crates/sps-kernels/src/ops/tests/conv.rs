@@ -1,7 +1,8 @@
 use super::{check, distance, narrow, noise, shape, wide};
 use crate::Convolution;
 use crate::ops::conv::ConvShape;
-use crate::ops::grid::{Window, pixels};
+use crate::ops::grid::{Grid, Window, pixels};
+use crate::ops::words::Word;
 
 #[derive(Clone, Copy)]
 pub(super) struct Case {
@@ -33,14 +34,25 @@ impl Case {
         }
     }
 
+    /// The layout of the input, without padding.
+    pub(super) fn from<W: Word>(&self) -> Grid {
+        Grid::tight(self.frames, self.size, self.shape.inputs).of::<W>()
+    }
+
+    /// The layout of the output.
+    pub(super) fn to<W: Word>(&self) -> Grid {
+        let size = self.shape.window.output(self.size).unwrap();
+        Grid::tight(self.frames, size, self.shape.outputs).of::<W>()
+    }
+
     /// How many numbers the input has.
     pub(super) fn numbers(&self) -> usize {
-        self.frames * pixels(self.size) * self.shape.inputs
+        self.from::<f32>().len()
     }
 
     /// How many weights there are.
     pub(super) fn weights(&self) -> usize {
-        self.shape.outputs * self.shape.inputs / self.shape.groups * pixels(self.shape.window.size)
+        self.shape.outputs * self.shape.group_inputs() * pixels(self.shape.window.size)
     }
 
     fn inputs(&self) -> Vec<Vec<f64>> {
@@ -58,13 +70,9 @@ impl Case {
 
     /// The same of a map around which lies `padding`.
     pub(super) fn padded_by(&self, padding: f64, x: &[f64], weight: &[f64]) -> Vec<f64> {
-        let to = self.shape.window.output(self.size).unwrap();
-        let (inputs, outputs) = (
-            self.shape.inputs / self.shape.groups,
-            self.shape.outputs / self.shape.groups,
-        );
+        let (inputs, outputs) = (self.shape.group_inputs(), self.shape.group_outputs());
         let taps = pixels(self.shape.window.size);
-        let mut y = vec![0.0; self.frames * pixels(to) * self.shape.outputs];
+        let mut y = vec![0.0; self.to::<f32>().len()];
         for (pixel, tap, from) in self.taps() {
             for output in 0..self.shape.outputs {
                 let first = output / outputs * inputs;
@@ -99,35 +107,14 @@ impl Case {
         taps.filter_map(|(pixel, tap, from)| Some([pixel, tap, from?]))
     }
 
-    /// Each pixel of the output with each tap of the window and the pixel of the input under it,
-    /// pixels counted over all frames.
+    /// As [`taps`].
     fn taps(&self) -> Vec<(usize, usize, Option<usize>)> {
-        let to = self.shape.window.output(self.size).unwrap();
-        let mut taps = Vec::new();
-        for pixel in 0..self.frames * pixels(to) {
-            let (frame, place) = (pixel / pixels(to), unflatten(pixel % pixels(to), to));
-            for tap in 0..pixels(self.shape.window.size) {
-                let under = unflatten(tap, self.shape.window.size);
-                let from = self.source(place, under);
-                let from = from.map(|from| frame * pixels(self.size) + from);
-                taps.push((pixel, tap, from));
-            }
-        }
-        taps
-    }
-
-    /// The pixel under the window, `None` in the padding.
-    fn source(&self, place: [usize; 3], under: [usize; 3]) -> Option<usize> {
-        let mut flat = 0;
-        for axis in 0..3 {
-            let at = place[axis] * self.shape.window.stride[axis] + under[axis];
-            let at = at.checked_sub(self.shape.window.before[axis])?;
-            if at >= self.size[axis] {
-                return None;
-            }
-            flat = flat * self.size[axis] + at;
-        }
-        Some(flat)
+        taps(
+            self.frames,
+            self.size,
+            &self.shape.window,
+            self.to::<f32>().size,
+        )
     }
 
     fn check(&self, name: &str) {
@@ -141,6 +128,33 @@ impl Case {
             self.reference(&x[0], &x[1])
         });
     }
+}
+
+/// Each pixel of an output with each tap of the window and the pixel of the input under it, `None` in the padding;
+/// pixels are counted over all frames. Taps beyond the padding are left out.
+pub(super) fn taps(
+    frames: usize,
+    size: [usize; 3],
+    window: &Window,
+    to: [usize; 3],
+) -> Vec<(usize, usize, Option<usize>)> {
+    let mut taps = Vec::new();
+    for pixel in 0..frames * pixels(to) {
+        let (frame, place) = (pixel / pixels(to), unflatten(pixel % pixels(to), to));
+        for tap in 0..pixels(window.size) {
+            let under = unflatten(tap, window.size);
+            let at = [0, 1, 2].map(|axis| place[axis] * window.stride[axis] + under[axis]);
+            let padded = |axis: usize| window.before[axis] + size[axis] + window.after[axis];
+            if (0..3).all(|axis| at[axis] < padded(axis)) {
+                let from = (0..3).try_fold(frame, |flat, axis| {
+                    let at = at[axis].checked_sub(window.before[axis])?;
+                    (at < size[axis]).then_some(flat * size[axis] + at)
+                });
+                taps.push((pixel, tap, from));
+            }
+        }
+    }
+    taps
 }
 
 fn unflatten(index: usize, size: [usize; 3]) -> [usize; 3] {
@@ -199,10 +213,8 @@ fn more_rows_than_a_block_sums_to_the_last_digits() {
         let expected = case.reference(&inputs[0], &inputs[1]);
         assert!(distance(&wide(&y), &expected) < 3e-6);
         let cotangent = noise(y.len(), 3);
-        let [_, found] = case
-            .convolution()
-            .backward(&x, &w, &narrow(&cotangent))
-            .unwrap();
+        let gradients = case.convolution().backward(&x, &w, &narrow(&cotangent));
+        let [_, found] = gradients.unwrap();
         let expected = case.weight_gradient(&inputs[0], &cotangent);
         assert!(distance(&wide(&found), &expected) < 2e-6);
     }

@@ -5,7 +5,7 @@ use super::{distance, inside, laid_out, narrow, noise, wide};
 use crate::ops::bands::{Threads, inside_pool};
 use crate::ops::conv::Conv;
 use crate::ops::conv_weight::weight_gradient_of_images;
-use crate::ops::grid::{Grid, Window, pixels};
+use crate::ops::grid::{Grid, Window};
 use crate::ops::image::rows_of_words;
 use crate::ops::product::Epilogue;
 use crate::ops::simd::Level;
@@ -45,13 +45,11 @@ fn images<W: Word>(case: &Case, values: &[f64]) -> (Vec<W>, Grid) {
     for (row, start) in rows.places().into_iter().step_by(words).enumerate() {
         let pixels = &values[row * 3 * case.size[2]..][..3 * case.size[2]];
         let number = |i: usize| {
-            let inside = i.checked_sub(3 * grid.before[2]);
-            inside
-                .and_then(|i| pixels.get(i))
-                .map_or(0.0, |&x| x as f32)
+            let inside = i.checked_sub(3 * grid.before[2])?;
+            pixels.get(inside).map(|&x| x as f32)
         };
         for (i, word) in memory[start..][..words].iter_mut().enumerate() {
-            *word = W::of(|j| number(W::NUMBERS * i + j));
+            *word = W::of(|j| number(W::NUMBERS * i + j).unwrap_or_default());
         }
     }
     (memory, grid)
@@ -66,9 +64,7 @@ fn convolved<W: Word>(level: Level, case: &Case, threads: Threads) -> Vec<f64> {
     let values = whole(case.numbers(), 1, 0.0);
     let (source, from) = images::<W>(case, &values);
     let conv = Conv::<W>::pack_for_images(level, case.shape, &weights);
-    let size = case.shape.window.output(case.size).unwrap();
-    let to = Grid::tight(case.frames, size, case.shape.outputs).of::<W>();
-    let to = to.padded(&Window::square(3, 1, 1));
+    let to = case.to::<W>().padded(&Window::square(3, 1, 1));
     let mut target = vec![W::default(); to.len()];
     let epilogue = Epilogue {
         limits: [0.0, 255.0],
@@ -110,8 +106,7 @@ fn sums_are_those_of_the_definition() {
 fn the_gradient_of_the_weights_is_that_of_the_definition() {
     fn gradient<W: Real>(level: Level, case: &Case, x: &[f64], cotangent: &[f64]) -> Vec<f64> {
         let (source, from) = images::<W>(case, x);
-        let size = case.shape.window.output(case.size).unwrap();
-        let to = Grid::tight(case.frames, size, case.shape.outputs).of::<W>();
+        let to = case.to::<W>();
         let gradient = laid_out::<W>(cotangent, &to, 0.0);
         let mut target = vec![1.0; case.weights()];
         let ends = ((&source[..], &from), (&gradient[..], &to));
@@ -120,8 +115,7 @@ fn the_gradient_of_the_weights_is_that_of_the_definition() {
     }
     for case in cases() {
         let x = whole(case.numbers(), 1, 0.0);
-        let size = case.shape.window.output(case.size).unwrap();
-        let cotangent = whole(case.frames * pixels(size) * case.shape.outputs, 3, -2.0);
+        let cotangent = whole(case.to::<f32>().len(), 3, -2.0);
         let expected = case.weight_gradient(&x, &cotangent);
         Level::on_each(|level| {
             for found in [

@@ -18,12 +18,15 @@ mod winograd;
 
 use super::bands::Threads;
 use super::conv::{Conv, ConvShape};
+use super::conv_input::ConvTranspose;
+use super::conv_weight::weight_gradient;
 use super::grid::{Grid, Window};
 use super::mean::frame_means;
 use super::pool::max_pool;
-use super::product::Epilogue;
+use super::product::{Activation, Epilogue};
 use super::simd::Level;
-use super::words::Word;
+use super::words::{Real, Word};
+use conv::Case;
 
 /// A function of several flat arrays, in f64.
 type Reference<'a> = &'a dyn Fn(&[Vec<f64>]) -> Vec<f64>;
@@ -43,15 +46,14 @@ const fn shape(window: Window, inputs: usize, outputs: usize, groups: usize) -> 
 /// Uniform in -1..1, the same for the same seed.
 fn noise(len: usize, seed: u64) -> Vec<f64> {
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-    (0..len)
-        .map(|_| {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            // Few digits: the same number in f32.
-            ((state >> 44) as f64) / f64::from(1 << 19) - 1.0
-        })
-        .collect()
+    let numbers = (0..len).map(|_| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        // Few digits: the same number in f32.
+        ((state >> 44) as f64) / f64::from(1 << 19) - 1.0
+    });
+    numbers.collect()
 }
 
 /// Works in a pool of so many threads.
@@ -98,6 +100,76 @@ fn convolved<W: Word>(
     inside(&target, to)
 }
 
+/// Numbers as words hold them.
+fn rounded<W: Word>(values: &[f64]) -> Vec<f64> {
+    let grid = Grid::tight(1, [1; 3], values.len()).of::<W>();
+    let mut rounded = inside(&laid_out::<W>(values, &grid, 0.0), &grid);
+    rounded.truncate(values.len());
+    rounded
+}
+
+/// Holds a convolution, as it is in training and in inference, onto what is there and not, to its definition: numbers
+/// may be off by `rounding` of themselves and by `slack`. The source has a border such as a window pads.
+fn check_sums<W: Word>(
+    (case, border): (&Case, &Window),
+    weights: &[f64],
+    activation: Activation,
+    [rounding, slack]: [f64; 2],
+) {
+    let (shape, from, to) = (
+        case.shape,
+        case.from::<W>().enclosing(border),
+        case.to::<W>(),
+    );
+    let values = rounded::<W>(&noise(case.numbers(), 1));
+    let sums = case.reference(&values, weights);
+    let before = rounded::<W>(&noise(sums.len(), 4));
+    let (weights, shift) = (narrow(weights), noise(shape.outputs, 3));
+    let (shift_of, limits) = (narrow(&shift), activation.limits().map(f64::from));
+    Level::on_each(|level| {
+        let conv = Conv::<W>::pack(level, shape, &weights);
+        let for_inference = Conv::pack_for_inference(level, shape, &weights);
+        for (conv, accumulate) in [(&conv, false), (&conv, true), (&for_inference, true)] {
+            let epilogue = Epilogue {
+                accumulate: accumulate.then_some(1.0),
+                ..Epilogue::biased(&shift_of, activation)
+            };
+            let (conv, source) = ((conv, Threads::One), (&values[..], &from, 0.0));
+            let found = convolved(conv, source, (&before, &to), epilogue);
+            assert_eq!(found.len(), sums.len());
+            for (i, found) in found.into_iter().enumerate() {
+                let stored = if accumulate { before[i] } else { 0.0 };
+                let expected = sums[i] + shift[i % shape.outputs] + stored;
+                let expected = expected.clamp(limits[0], limits[1]);
+                let error = (found - expected).abs();
+                let what = format!("{level:?} {shape:?} {i}: {found} for {expected}");
+                assert!(error <= rounding * expected.abs() + slack, "{what}");
+            }
+        }
+    });
+}
+
+/// The gradients of a convolution's weights and of its input, the latter added to what is there. `map` makes maps of
+/// a layout by a number.
+fn gradients<W: Real>(
+    level: Level,
+    case: &Case,
+    weights: &[f32],
+    map: impl Fn(&Grid, u64) -> Vec<W>,
+) -> [Vec<f64>; 2] {
+    let (shape, to) = (case.shape, case.from::<W>());
+    let transpose = ConvTranspose::<W>::pack(level, shape, weights);
+    let layout = transpose.layout(case.frames, case.size, case.to::<W>().size);
+    let from = to.padded(&shape.window);
+    let (source, gradient) = (map(&from, 2), map(&layout, 3));
+    let gradient = (&gradient[..], &layout);
+    let mut of_weights = vec![0.0; weights.len()];
+    weight_gradient(level, &shape, (&source, &from), gradient, &mut of_weights);
+    let mut of_input = map(&to, 4);
+    transpose.apply(gradient, (&mut of_input, &to), true);
+    [wide(&of_weights), inside(&of_input, &to)]
+}
+
 /// The largest of `(1, 7, 6, 32)` numbers under each window, exactly, and their means.
 fn check_pooling_and_means<W: Word>(values: &[f64], is_mean: fn(f32, f64) -> bool) {
     let window = Window::square(3, 2, 0);
@@ -107,17 +179,12 @@ fn check_pooling_and_means<W: Word>(values: &[f64], is_mean: fn(f32, f64) -> boo
         ..grid
     };
     let source = laid_out::<W>(values, &grid, 0.0);
+    let largest = others::pool_reference(values, [1, 1, 7, 6, 32], &window, to.size);
     Level::on_each(|level| {
         let mut target = vec![W::default(); to.len()];
         let pair = ((&source[..], &grid), (&mut target[..], &to));
         max_pool(Threads::One, level, &window, pair.0, pair.1);
-        for (i, found) in inside(&target, &to).into_iter().enumerate() {
-            let (pixel, channel) = (i / 32, i % 32);
-            let (y, x) = (pixel / to.size[2] * 2, pixel % to.size[2] * 2);
-            let under = (y..(y + 3).min(7)).flat_map(|y| (x..(x + 3).min(6)).map(move |x| (y, x)));
-            let largest = under.map(|(y, x)| values[(y * 6 + x) * 32 + channel]);
-            assert_eq!(found, largest.fold(f64::NEG_INFINITY, f64::max));
-        }
+        assert_eq!(inside(&target, &to), largest);
         let mut means = [0.0; 32];
         frame_means(Threads::One, level, &source, &grid, &mut [&mut means]);
         for (channel, &mean) in means.iter().enumerate() {
@@ -155,22 +222,19 @@ fn central_differences(
         let y = reference(inputs);
         y.iter().zip(cotangent).map(|(y, c)| y * c).sum()
     };
-    let mut inputs = inputs.to_vec();
-    (0..inputs.len())
-        .map(|which| {
-            (0..inputs[which].len())
-                .map(|i| {
-                    let value = inputs[which][i];
-                    inputs[which][i] = value + STEP;
-                    let above = loss(&inputs);
-                    inputs[which][i] = value - STEP;
-                    let below = loss(&inputs);
-                    inputs[which][i] = value;
-                    (above - below) / (2.0 * STEP)
-                })
-                .collect()
-        })
-        .collect()
+    let (mut inputs, mut slopes) = (inputs.to_vec(), inputs.to_vec());
+    for (which, slopes) in slopes.iter_mut().enumerate() {
+        for (i, slope) in slopes.iter_mut().enumerate() {
+            let value = inputs[which][i];
+            inputs[which][i] = value + STEP;
+            let above = loss(&inputs);
+            inputs[which][i] = value - STEP;
+            let below = loss(&inputs);
+            inputs[which][i] = value;
+            *slope = (above - below) / (2.0 * STEP);
+        }
+    }
+    slopes
 }
 
 /// Holds an operator to its reference: outputs within 3e-6, gradients within 2e-5 of their
@@ -187,10 +251,7 @@ fn check(case: &str, inputs: &[Vec<f64>], operator: Operator<'_>, reference: Ref
         assert_eq!(gradients.len(), expected_gradients.len());
         for (i, (found, expected)) in gradients.iter().zip(&expected_gradients).enumerate() {
             let error = distance(&wide(found), expected);
-            assert!(
-                error < 2e-5,
-                "{case}, {level:?}: gradient {i} off by {error:.1e}"
-            );
+            assert!(error < 2e-5, "{case}, {level:?}: gradient {i} {error:.1e}");
         }
     });
 }

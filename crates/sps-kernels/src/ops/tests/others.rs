@@ -1,9 +1,10 @@
 //! Pooling, batch norm and the end of a residual branch, against their definitions in f64.
 
+use super::conv::taps;
 use super::{check, distance, grid, narrow, noise, wide};
 use crate::MaxPooling;
 use crate::ops::batch_norm::{Norm, NormGradients, Slopes};
-use crate::ops::grid::Window;
+use crate::ops::grid::{Window, pixels};
 use crate::ops::pointwise::Shortcut;
 use crate::ops::product::Activation;
 use crate::ops::simd::Level;
@@ -15,51 +16,23 @@ fn distinct(len: usize) -> Vec<f64> {
     let keys = noise(len, 4);
     order.sort_by(|&a, &b| keys[a].total_cmp(&keys[b]));
     let step = 1.0 / 64.0;
-    order
-        .iter()
-        .map(|&i| i as f64 * step - len as f64 * step / 2.0)
-        .collect()
+    let number = |&i: &usize| i as f64 * step - len as f64 * step / 2.0;
+    order.iter().map(number).collect()
 }
 
-/// Max pooling by its definition: `(frames, time, height, width, channels)`, places given.
-fn pool_reference(
+/// Max pooling of `(frames, time, height, width, channels)` by its definition, to places given.
+pub(super) fn pool_reference(
     x: &[f64],
-    [frames, time, height, width, channels]: [usize; 5],
+    [frames, size @ .., channels]: [usize; 5],
     window: &Window,
     to: [usize; 3],
 ) -> Vec<f64> {
-    let size = [time, height, width];
-    let mut y = Vec::new();
-    for frame in 0..frames {
-        for place in 0..to.iter().product() {
-            let place = [
-                place / (to[1] * to[2]),
-                place / to[2] % to[1],
-                place % to[2],
-            ];
-            for channel in 0..channels {
-                let mut largest = f64::NEG_INFINITY;
-                for tap in 0..window.size.iter().product() {
-                    let [_, h, w] = window.size;
-                    let under = [tap / (h * w), tap / w % h, tap % w];
-                    let at: [usize; 3] =
-                        std::array::from_fn(|a| place[a] * window.stride[a] + under[a]);
-                    let padded = |a: usize| window.before[a] + size[a] + window.after[a];
-                    if (0..3).any(|a| at[a] >= padded(a)) {
-                        continue;
-                    }
-                    let inside = (0..3)
-                        .all(|a| (window.before[a]..window.before[a] + size[a]).contains(&at[a]));
-                    let value = if inside {
-                        let [t, y, x_] = std::array::from_fn(|a| at[a] - window.before[a]);
-                        x[(((frame * time + t) * height + y) * width + x_) * channels + channel]
-                    } else {
-                        0.0
-                    };
-                    largest = largest.max(value);
-                }
-                y.push(largest);
-            }
+    let mut y = vec![f64::NEG_INFINITY; frames * pixels(to) * channels];
+    for (pixel, _, from) in taps(frames, size, window, to) {
+        for channel in 0..channels {
+            let value = from.map_or(0.0, |from| x[from * channels + channel]);
+            let largest = &mut y[pixel * channels + channel];
+            *largest = largest.max(value);
         }
     }
     y
@@ -98,10 +71,11 @@ fn max_pooling() {
 fn equal_values_give_their_gradient_once() {
     let pooling = MaxPooling::new(1, [1, 3, 3], 1, Window::square(3, 2, 0), true).unwrap();
     let y = pooling.forward(&[0.0; 9]).unwrap();
-    let found = pooling
-        .backward(&[0.0; 9], &y, &vec![1.0; y.len()])
-        .unwrap();
-    assert_eq!(found, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let found = pooling.backward(&[0.0; 9], &y, &vec![1.0; y.len()]);
+    assert_eq!(
+        found.unwrap(),
+        [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    );
 }
 
 #[test]
@@ -129,11 +103,7 @@ pub(super) fn batch_norm(
         unreachable!()
     };
     let (grid, level) = (grid(dims), Level::detect());
-    let activation = if relu {
-        Activation::Relu
-    } else {
-        Activation::Identity
-    };
+    let activation = [Activation::Identity, Activation::Relu][usize::from(relu)];
     let statistics = ChannelStatistics::of(level, x, &grid);
     let norm = Norm::new(&statistics, gamma, beta, eps);
     let mut y = vec![0.0; grid.len()];
@@ -150,13 +120,12 @@ pub(super) fn norm_reference(x: &[Vec<f64>], relu: bool) -> Vec<f64> {
     let channels = x[1].len();
     let count = (x[0].len() / channels) as f64;
     let channel = |c: usize| x[0].iter().skip(c).step_by(channels);
-    let stats: Vec<(f64, f64)> = (0..channels)
-        .map(|c| {
-            let mean = channel(c).sum::<f64>() / count;
-            let variance = channel(c).map(|v| (v - mean) * (v - mean)).sum::<f64>() / count;
-            (mean, variance)
-        })
-        .collect();
+    let stats = (0..channels).map(|c| {
+        let mean = channel(c).sum::<f64>() / count;
+        let variance = channel(c).map(|v| (v - mean) * (v - mean)).sum::<f64>() / count;
+        (mean, variance)
+    });
+    let stats: Vec<(f64, f64)> = stats.collect();
     let norm = |(i, v): (usize, &f64)| {
         let c = i % channels;
         let y = (v - stats[c].0) / (stats[c].1 + EPS).sqrt() * x[1][c] + x[2][c];
@@ -175,11 +144,8 @@ fn batch_norm_in_training() {
         ("three dimensions", vec![2, 3, 2, 2, 4]),
     ] {
         let channels = dims[dims.len() - 1];
-        let inputs = [
-            noise(dims.iter().product(), 1),
-            noise(channels, 2),
-            noise(channels, 3),
-        ];
+        let x = noise(dims.iter().product(), 1);
+        let inputs = [x, noise(channels, 2), noise(channels, 3)];
         for relu in [false, true] {
             let operator = |x: &[Vec<f32>], gradient: &[f32]| {
                 let (y, gradients, _) = batch_norm(&dims, x, EPS, relu, gradient);
@@ -268,10 +234,8 @@ fn the_end_of_a_residual_branch() {
 #[test]
 fn large_offsets_cost_batch_norm_no_digits() {
     // Values of 1e4 with a spread of 1: the reference sees the same f32 numbers.
-    let values: Vec<f64> = noise(4 * 6 * 6 * 3, 1)
-        .into_iter()
-        .map(|v| f64::from((1e4 + v) as f32))
-        .collect();
+    let values = noise(4 * 6 * 6 * 3, 1).into_iter();
+    let values = values.map(|v| f64::from((1e4 + v) as f32)).collect();
     let x = [values, vec![1.0, 0.5, 2.0], vec![0.0, 1.0, -1.0]];
     let inputs: Vec<Vec<f32>> = x.iter().map(|values| narrow(values)).collect();
     let gradient = vec![0.0; inputs[0].len()];

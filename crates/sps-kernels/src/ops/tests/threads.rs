@@ -6,11 +6,10 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use super::conv::Case;
 use super::{by, noise, shape};
 use crate::ops::bands::{SPIN, Threads, by_team, for_each_band, inside_pool, pass};
 use crate::ops::conv::Conv;
-use crate::ops::conv_input::ConvTranspose;
-use crate::ops::conv_weight::weight_gradient;
 use crate::ops::grid::{Grid, Window};
 use crate::ops::product::{Activation, Columns, Epilogue};
 use crate::ops::simd::Level;
@@ -41,11 +40,8 @@ fn onto<W: Word>(threads: usize, outputs: usize, extent: usize) -> Vec<W> {
     let (frames, inputs) = (2, 64);
     let window = Window::square(3, 1, 1);
     let shape = shape(window, inputs, outputs, 1);
-    let conv = Conv::<W>::pack(
-        Level::detect(),
-        shape,
-        &numbers::<W>(outputs * inputs * 9, 1, 90.0),
-    );
+    let weights = numbers::<W>(outputs * inputs * 9, 1, 90.0);
+    let conv = Conv::<W>::pack(Level::detect(), shape, &weights);
     let map = |channels| Grid::tight(frames, [1, extent, extent], channels).of::<W>();
     let (from, to) = (map(inputs).padded(&window), map(outputs).staggered());
     let (source, mut target) = (words(from.len(), 2, 127.0), words(to.len(), 3, 127.0));
@@ -75,35 +71,18 @@ fn same_bits<W: Word + PartialEq>() {
     }
 }
 
-/// The gradients of a convolution's weights and input, the latter added to what is there.
-fn gradients<W: Real>(
-    threads: usize,
-    size: usize,
-    stride: usize,
-    outputs: usize,
-) -> (Vec<f32>, Vec<W>) {
-    let (frames, inputs, input) = (2, 40, [1, 9, 9]);
+/// The gradients by so many threads.
+fn gradients<W: Real>(threads: usize, size: usize, stride: usize, outputs: usize) -> [Vec<f64>; 2] {
     let window = Window::square(size, stride, size / 2);
-    let shape = shape(window, inputs, outputs, 1);
-    let weights = numbers::<W>(outputs * inputs * size * size, 1, 1.0);
-    let from = Grid::tight(frames, input, inputs).of::<W>();
-    let from = from.padded(&window);
-    let output = window.output(input).unwrap();
-    let transpose = ConvTranspose::<W>::pack(Level::detect(), shape, &weights);
-    let layout = transpose.layout(frames, input, output);
-    let (source, gradient) = (words(from.len(), 2, 1.0), words(layout.len(), 3, 1.0));
-    let (mut of_weights, to) = (vec![0.0; weights.len()], from.bare());
-    let mut of_input = words(to.len(), 4, 1.0);
+    let case = Case::new(2, [1, 9, 9], [40, outputs, 1], window);
+    let weights = numbers::<W>(case.weights(), 1, 1.0);
+    let map = |grid: &Grid, seed: u64| words::<W>(grid.len(), seed, 1.0);
     pass_by(threads, || {
-        let gradient = (&gradient[..], &layout);
-        let source = (&source[..], &from);
-        weight_gradient(Level::detect(), &shape, source, gradient, &mut of_weights);
-        transpose.apply(gradient, (&mut of_input, &to), true);
-    });
-    (of_weights, of_input)
+        super::gradients(Level::detect(), &case, &weights, map)
+    })
 }
 
-fn gradients_of_the_same_bits<W: Real + PartialEq>() {
+fn gradients_of_the_same_bits<W: Real>() {
     for (size, stride) in [(1, 1), (3, 1), (3, 2), (1, 2)] {
         for outputs in [24, 300] {
             let expected = gradients::<W>(1, size, stride, outputs);

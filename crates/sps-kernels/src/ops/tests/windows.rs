@@ -42,10 +42,8 @@ fn windows_without_extent_are_refused() {
 fn feature_maps_beyond_32_bits() {
     let grid = Grid::tight(2, [1, 50_000, 50_000], 1);
     let starts = grid.steps(0..2, [0; 3], [1, 1, 3], [1, 1, 7]);
-    assert_eq!(
-        starts,
-        [0, 7, 14, 2_500_000_000, 2_500_000_007, 2_500_000_014]
-    );
+    let second = [2_500_000_000, 2_500_000_007, 2_500_000_014];
+    assert_eq!(starts, [[0, 7, 14], second].concat());
     let far = Grid::tight(3, [1, 50_000, 50_000], 1).steps(0..3, [0; 3], [1; 3], [1; 3]);
     assert_eq!(far, [0, 2_500_000_000, 5_000_000_000]);
 }

@@ -35,11 +35,12 @@ fn cases() -> Vec<Case> {
 fn written(case: &Case, threads: Threads, epilogue: Epilogue<'_>) -> Vec<f64> {
     let weights = narrow(&noise(case.weights(), 2));
     let conv = Conv::<f32>::pack_for_inference(Level::detect(), case.shape, &weights);
-    let from = Grid::tight(case.frames, case.size, case.shape.inputs).padded(&case.shape.window);
-    let output = case.shape.window.output(case.size).unwrap();
-    let to = Grid::tight(case.frames, output, case.shape.outputs).staggered();
-    let x = noise(case.numbers(), 1);
-    let before = noise(to.frames * pixels(output) * to.channels, 3);
+    let (from, to) = (
+        case.from::<f32>().padded(&case.shape.window),
+        case.to::<f32>(),
+    );
+    let (x, before) = (noise(case.numbers(), 1), noise(to.len(), 3));
+    let to = to.staggered();
     convolved((&conv, threads), (&x, &from, 0.0), (&before, &to), epilogue)
 }
 
@@ -72,15 +73,12 @@ fn what_follows_a_sum_is_done_to_it() {
         let plain = written(&case, Threads::One, Epilogue::default());
         let stored = noise(plain.len(), 3);
         let per_frame = plain.len() / 2;
-        let expected = plain
-            .iter()
-            .zip(&stored)
-            .enumerate()
-            .map(|(i, (sum, stored))| {
-                let column = i / per_frame * outputs + i % outputs;
-                let y = sum * f64::from(scale[column]) + f64::from(shift[column]);
-                (y + 0.5 * stored).clamp(0.0, 6.0)
-            });
+        let pairs = plain.iter().zip(&stored).enumerate();
+        let expected = pairs.map(|(i, (sum, stored))| {
+            let column = i / per_frame * outputs + i % outputs;
+            let y = sum * f64::from(scale[column]) + f64::from(shift[column]);
+            (y + 0.5 * stored).clamp(0.0, 6.0)
+        });
         let found = written(&case, Threads::One, epilogue);
         let error = distance(&found, &expected.collect::<Vec<_>>());
         assert!(error < 1e-6, "{:?}: {error:.1e}", case.size);
@@ -95,9 +93,8 @@ fn threads_and_frames_beside_change_no_bit() {
                 accumulate: Some(1.0),
                 ..Epilogue::default()
             };
-            by(threads, || {
-                inside_pool(|| written(&case, Threads::All, epilogue))
-            })
+            let run = || written(&case, Threads::All, epilogue);
+            by(threads, || inside_pool(run))
         };
         let expected = run(1);
         for threads in [2, 3, 16] {
@@ -120,8 +117,8 @@ fn threads_and_frames_beside_change_no_bit() {
 fn the_gradient_of_the_input_is_that_of_the_definition() {
     for case in cases() {
         let weights = noise(case.weights(), 2);
-        let output = case.shape.window.output(case.size).unwrap();
-        let cotangent = noise(case.frames * pixels(output) * case.shape.outputs, 6);
+        let output = case.to::<f32>();
+        let cotangent = noise(output.len(), 6);
         let mut expected = vec![0.0; case.numbers()];
         for [pixel, tap, from] in case.pairs() {
             for out in 0..case.shape.outputs {
@@ -135,9 +132,9 @@ fn the_gradient_of_the_input_is_that_of_the_definition() {
         }
         Level::on_each(|level| {
             let transpose = ConvTranspose::<f32>::pack(level, case.shape, &narrow(&weights));
-            let layout = transpose.layout(case.frames, case.size, output);
+            let layout = transpose.layout(case.frames, case.size, output.size);
             let gradient = laid_out(&cotangent, &layout, 0.0);
-            let to = Grid::tight(case.frames, case.size, case.shape.inputs);
+            let to = case.from::<f32>();
             let mut target = vec![1.0; to.len()];
             for accumulate in [false, true] {
                 transpose.apply((&gradient, &layout), (&mut target, &to), accumulate);
@@ -153,15 +150,12 @@ fn the_gradient_of_the_input_is_that_of_the_definition() {
 fn the_gradient_of_the_weights_is_that_of_the_definition() {
     for case in cases() {
         let x = noise(case.numbers(), 1);
-        let output = case.shape.window.output(case.size).unwrap();
-        let cotangent = noise(case.frames * pixels(output) * case.shape.outputs, 6);
+        let cotangent = noise(case.to::<f32>().len(), 6);
         let expected = case.weight_gradient(&x, &cotangent);
-        let from =
-            Grid::tight(case.frames, case.size, case.shape.inputs).padded(&case.shape.window);
-        let to = Grid::tight(case.frames, output, case.shape.outputs);
+        let from = case.from::<f32>().padded(&case.shape.window);
         let to = Grid {
             before: [0, 1, 2],
-            ..to
+            ..case.to::<f32>()
         };
         let source = laid_out::<f32>(&x, &from, 0.0);
         let gradient = laid_out::<f32>(&cotangent, &to, 0.0);
@@ -188,10 +182,10 @@ fn the_gradient_of_the_weights_is_that_of_the_definition() {
 #[test]
 fn a_bright_pixel_is_felt_in_its_tiles_alone() {
     for case in cases() {
-        let from =
-            Grid::tight(case.frames, case.size, case.shape.inputs).padded(&case.shape.window);
-        let output = case.shape.window.output(case.size).unwrap();
-        let to = Grid::tight(case.frames, output, case.shape.outputs);
+        let (from, to) = (
+            case.from::<f32>().padded(&case.shape.window),
+            case.to::<f32>(),
+        );
         let weights = narrow(&noise(case.weights(), 2));
         let conv = Conv::<f32>::pack_for_inference(Level::detect(), case.shape, &weights);
         let dark = noise(case.numbers(), 1);
@@ -203,13 +197,12 @@ fn a_bright_pixel_is_felt_in_its_tiles_alone() {
         bright[..case.shape.inputs].fill(1e8);
         let (dark, bright) = (run(&dark), run(&bright));
         let far = |pixel: usize| {
-            let (row, column) = (pixel / output[2] % output[1], pixel % output[2]);
+            let [_, height, width] = to.size;
+            let (row, column) = (pixel / width % height, pixel % width);
             row >= 6 || column >= 6
         };
-        let rows = dark
-            .chunks_exact(to.channels)
-            .zip(bright.chunks_exact(to.channels));
-        for (pixel, (dark, bright)) in rows.enumerate() {
+        let [dark, bright] = [&dark, &bright].map(|map| map.chunks_exact(to.channels));
+        for (pixel, (dark, bright)) in dark.zip(bright).enumerate() {
             assert!(bright.iter().all(|value| value.is_finite()));
             let same = !far(pixel) || dark == bright;
             assert!(same, "{:?}, pixel {pixel}", case.size);

@@ -94,6 +94,25 @@ macro_rules! beside_tiles {
             // SAFETY: `self` says that the processor has the instructions, and `V4` the rest.
             unsafe { with_instructions(work) }
         }
+
+        // A row shorter than its vectors is no longer than a vector of words.
+        #[inline(always)]
+        fn load_part<const NV: usize>(self, lanes: V4, from: &[Self::Word]) -> [f32x16; NV] {
+            let words = [lanes.partial_load_f32s(bytemuck::cast_slice(from))];
+            self.load(lanes, bytemuck::cast_slice(&words))
+        }
+
+        #[inline(always)]
+        fn store_part<const NV: usize>(
+            self,
+            lanes: V4,
+            values: [f32x16; NV],
+            to: &mut [Self::Word],
+        ) {
+            let mut words = [lanes.splat_f32s(0.0)];
+            self.store(lanes, values, bytemuck::cast_slice_mut(&mut words));
+            lanes.partial_store_f32s(bytemuck::cast_slice_mut(to), words[0]);
+        }
     };
 }
 
@@ -189,19 +208,6 @@ pub(super) mod vnni {
                 *numbers = cast(unsafe { _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(cast(*words))) });
             }
             all
-        }
-
-        #[inline(always)]
-        fn load_part<const NV: usize>(self, lanes: V4, from: &[Bytes]) -> [f32x16; NV] {
-            let words = [lanes.partial_load_f32s(bytemuck::cast_slice(from))];
-            self.load(lanes, bytemuck::cast_slice(&words))
-        }
-
-        #[inline(always)]
-        fn store_part<const NV: usize>(self, lanes: V4, values: [f32x16; NV], to: &mut [Bytes]) {
-            let mut words = [lanes.splat_f32s(0.0)];
-            self.store(lanes, values, bytemuck::cast_slice_mut(&mut words));
-            lanes.partial_store_f32s(bytemuck::cast_slice_mut(to), words[0]);
         }
 
         #[inline(always)]

@@ -8,6 +8,7 @@ use serde::Serialize;
 use serde_json::Value;
 use sps_estimator::Regression;
 use sps_experiment::config::{Experiment, Setting};
+use sps_regress::RegressorSettings;
 use toml::Table;
 
 use crate::errors::{any_error, value_error};
@@ -42,9 +43,8 @@ pub(crate) fn settings(of: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Setting>>
     of.iter().map(setting).collect()
 }
 
-/// What a regression may have: of the method of a config, and beside the methods.
+/// What a regression may have of the method of a config; beside the methods, the settings of regressors.
 const OF_METHOD: [&str; 4] = ["kind", "head", "members", "folds"];
-const BESIDE: [&str; 2] = ["ridge", "kernel-ridge"];
 
 /// The regression of this kind, or with these settings; ridge where none is asked for.
 pub(crate) fn regression(of: Option<&Bound<'_, PyAny>>) -> PyResult<Regression> {
@@ -56,12 +56,16 @@ pub(crate) fn regression(of: Option<&Bound<'_, PyAny>>) -> PyResult<Regression> 
             Err(_) => text(of)?.parse().map_err(value_error)?,
         },
     };
+    let beside = Table::try_from(RegressorSettings::default()).map_err(value_error)?;
     let mut config = Table::new();
-    for key in BESIDE {
+    for key in beside.keys() {
         config.extend(method.remove_entry(key));
     }
     if let Some(key) = method.keys().find(|key| !OF_METHOD.contains(&key.as_str())) {
-        let expected = [&OF_METHOD[..], &BESIDE].concat().join(", ");
+        let expected = OF_METHOD
+            .into_iter()
+            .chain(beside.keys().map(String::as_str));
+        let expected = expected.collect::<Vec<_>>().join(", ");
         return Err(value_error(format_args!(
             "regression: found `{key}`, expected {expected}"
         )));

@@ -1,9 +1,11 @@
+mod percent;
+pub(crate) mod ranks;
+
 use crate::accumulate::ScoreAccumulator;
-use crate::interval::Scale;
+use crate::interval::{Scale, Terms, of_median, of_spearman};
 use crate::moments::Moments;
 use crate::outcome::{NonFiniteKind, Outcome, Quantity, Undefined};
-use crate::percent::median_percent_error;
-use crate::ranks;
+use percent::{median_percent_error, percent_error};
 
 /// One sample: what was measured and what the model said.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -201,6 +203,23 @@ impl Metric {
             Self::MedianPercentError => samples.median_percent_error(),
             Self::Spearman => samples.spearman(),
         }
+    }
+
+    /// The sums that its score of these samples is made of, for intervals.
+    pub(crate) fn terms(self, samples: Samples<'_>) -> Result<Terms, Undefined> {
+        let pairs: Vec<Pair> = samples.pairs()?.collect();
+        let errors = pairs.iter().map(|pair| (pair.truth - pair.estimate).abs());
+        Ok(match self {
+            Self::R2(mean) => Terms::r2(&pairs, Some(mean.get())),
+            Self::R2OwnMean => Terms::r2(&pairs, None),
+            Self::Mae => Terms::mean(errors.map(Some)),
+            Self::Rmse => Terms::mean(errors.map(|error| Some(error.powi(2)))).root(),
+            Self::MedianPercentError => {
+                let percent: Vec<_> = pairs.iter().map(|&pair| percent_error(pair)).collect();
+                Terms::mean(of_median(&percent))
+            }
+            Self::Spearman => Terms::mean(of_spearman(samples).into_iter().map(Some)),
+        })
     }
 
     /// The name in files, for example `median_percent_error`.

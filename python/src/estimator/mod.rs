@@ -74,7 +74,7 @@ impl Estimator {
     /// surfaces are alike (sheets of one roll, photographs of one material): a group is never parted,
     /// and intervals are for a surface of a new one.
     ///
-    /// `regression` is ridge, kernel-ridge, nearest or head, the paper's network; or a method of a config
+    /// `regression` is a name of `sps list regressors` or head, the paper's network; or a method of a config
     /// (docs/config.md) with its settings, as {"kind": "head", "head": {"epochs": 60}}, {"kind": "stacked",
     /// "members": ("ridge", "head"), "folds": 5} or {"kind": "kernel-ridge", "kernel-ridge": {"at-most":
     /// 1000}}. The share `calibration` of the surfaces is kept aside for

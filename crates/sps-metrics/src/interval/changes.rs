@@ -2,11 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::influence::{of_median, of_spearman};
 use super::{IntervalError, Scored};
-use crate::outcome::Undefined;
-use crate::percent::percent_error;
-use crate::samples::{Metric, Pair, Samples};
+use crate::samples::Pair;
 
 /// A remainder of a sum that is smaller than this share of it is what rounding left.
 const ROUNDING: f64 = 1e-12;
@@ -35,7 +32,7 @@ pub(super) fn changes(scored: &Scored<'_>) -> Result<Vec<(usize, Change)>, Inter
         });
     }
     let unit = |at: usize| scored.units.map_or(at, |units| units[at]);
-    let terms = Terms::of(scored.metric, scored.samples)?;
+    let terms = scored.metric.terms(scored.samples)?;
     let mut of_unit: BTreeMap<usize, Sums> = BTreeMap::new();
     let mut total = Sums::default();
     for (at, term) in terms.each.iter().enumerate() {
@@ -101,54 +98,53 @@ impl Sums {
 }
 
 /// A score as a function of sums over samples.
-struct Terms {
+pub(crate) struct Terms {
     each: Vec<Sums>,
     score: fn(Sums) -> f64,
 }
 
 impl Terms {
-    fn of(metric: Metric, samples: Samples<'_>) -> Result<Self, Undefined> {
-        let pairs: Vec<Pair> = samples.pairs()?.collect();
-        let errors = |power: i32| {
-            let errors = pairs.iter();
-            errors.map(move |pair| (pair.truth - pair.estimate).abs().powi(power))
+    /// Of a mean of numbers, or of influences, whose mean without a unit is how much the score changes
+    /// without it; of samples without one nothing.
+    pub(crate) fn mean(numbers: impl IntoIterator<Item = Option<f64>>) -> Self {
+        let term = |number: Option<f64>| match number {
+            Some(errors) => Sums {
+                count: 1.0,
+                errors,
+                ..Sums::default()
+            },
+            None => Sums::default(),
         };
-        let about = |origin: f64, errors: f64, pair: &Pair| Sums {
+        Self {
+            each: numbers.into_iter().map(term).collect(),
+            score: mean_of,
+        }
+    }
+
+    /// Of the root of a mean.
+    pub(crate) fn root(self) -> Self {
+        Self {
+            score: |sums| mean_of(sums).max(0.0).sqrt(),
+            ..self
+        }
+    }
+
+    /// Of R² about a mean, or about the samples' own where there is none.
+    pub(crate) fn r2(pairs: &[Pair], mean: Option<f64>) -> Self {
+        let origin = mean.unwrap_or_else(|| middle(pairs));
+        let term = |pair: &Pair| Sums {
             count: 1.0,
-            errors,
+            errors: (pair.truth - pair.estimate).powi(2),
             deviations: pair.truth - origin,
             squares: (pair.truth - origin).powi(2),
         };
-        let plain = |errors: f64| Sums {
-            count: 1.0,
-            errors,
-            ..Sums::default()
-        };
-        let both = |origin: f64| {
-            let both = errors(2).zip(&pairs);
-            both.map(|(error, pair)| about(origin, error, pair))
-                .collect()
-        };
-        let (each, score): (Vec<Sums>, fn(Sums) -> f64) = match metric {
-            Metric::R2(mean) => (both(mean.get()), |sums| 1.0 - sums.errors / sums.squares),
-            Metric::R2OwnMean => (both(middle(samples.truth)), |sums| {
-                1.0 - sums.errors / sums.about_mean()
-            }),
-            Metric::Mae => (errors(1).map(plain).collect(), mean_of),
-            Metric::Rmse => (errors(2).map(plain).collect(), |sums| {
-                mean_of(sums).max(0.0).sqrt()
-            }),
-            Metric::MedianPercentError => {
-                let errors: Vec<Option<f64>> =
-                    pairs.iter().map(|&pair| percent_error(pair)).collect();
-                (of_influences(&of_median(&errors)), mean_of)
-            }
-            Metric::Spearman => {
-                let influences = of_spearman(samples).into_iter().map(Some);
-                (of_influences(&influences.collect::<Vec<_>>()), mean_of)
-            }
-        };
-        Ok(Self { each, score })
+        Self {
+            each: pairs.iter().map(term).collect(),
+            score: match mean {
+                Some(_) => |sums| 1.0 - sums.errors / sums.squares,
+                None => |sums| 1.0 - sums.errors / sums.about_mean(),
+            },
+        }
     }
 }
 
@@ -156,23 +152,9 @@ fn mean_of(sums: Sums) -> f64 {
     sums.errors / sums.count
 }
 
-/// Terms whose mean without a unit is how much the score changes without it; of samples without an
-/// influence nothing.
-fn of_influences(influences: &[Option<f64>]) -> Vec<Sums> {
-    let term = |influence: &Option<f64>| match influence {
-        Some(errors) => Sums {
-            count: 1.0,
-            errors: *errors,
-            ..Sums::default()
-        },
-        None => Sums::default(),
-    };
-    influences.iter().map(term).collect()
-}
-
 /// The middle truth: near the bulk of them, so that differences from it are exact for that bulk.
-fn middle(truth: &[f64]) -> f64 {
-    let mut truth = truth.to_vec();
+fn middle(pairs: &[Pair]) -> f64 {
+    let mut truth: Vec<f64> = pairs.iter().map(|pair| pair.truth).collect();
     let middle = truth.len() / 2;
     if truth.is_empty() {
         return 0.0;

@@ -1,13 +1,13 @@
 //! How much each sample draws a score: its influence function (Hampel, "The influence curve and its
 //! role in robust estimation", Journal of the American Statistical Association 69, 1974).
 
-use crate::ranks::Order;
 use crate::samples::Samples;
+use crate::samples::ranks::Order;
 
 /// Of the median of those values that there are. The density of values about it is read off the
 /// distance between two of them (McKean and Schrader, "A comparison of methods for studentizing the
 /// sample median", Communications in Statistics 13, 1984).
-pub(super) fn of_median(values: &[Option<f64>]) -> Vec<Option<f64>> {
+pub(crate) fn of_median(values: &[Option<f64>]) -> Vec<Option<f64>> {
     /// The 99.5th percentile of the normal distribution.
     const Z: f64 = 2.575_829_303_548_900_4;
     let mut ascending: Vec<f64> = values.iter().flatten().copied().collect();
@@ -30,7 +30,7 @@ pub(super) fn of_median(values: &[Option<f64>]) -> Vec<Option<f64>> {
 
 /// Of Spearman's correlation, the correlation of the shares of truths and of estimates that lie below
 /// a sample's.
-pub(super) fn of_spearman(samples: Samples<'_>) -> Vec<f64> {
+pub(crate) fn of_spearman(samples: Samples<'_>) -> Vec<f64> {
     let count = samples.truth.len() as f64;
     let orders = [samples.truth, samples.estimate].map(Order::of);
     let [truth, estimate] = orders.each_ref().map(|order| {

@@ -11,7 +11,9 @@ use crate::level::Level;
 use crate::outcome::Undefined;
 use crate::samples::{Metric, Samples};
 use chance::{Part, Side};
+pub(crate) use changes::Terms;
 pub use holm::holm;
+pub(crate) use influence::{of_median, of_spearman};
 
 /// How far scores would move if other surfaces had been tested, and other models trained.
 ///

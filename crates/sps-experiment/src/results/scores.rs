@@ -1,5 +1,5 @@
-//! Scores of one method per property: a metric that `sps-metrics` computes becomes a key of
-//! `results.json` here, and `report/tables.rs` shows it.
+//! Scores of one method per property: a metric that `sps-metrics` computes becomes a key of `results.json` here, and
+//! `tables.rs` of `sps-report` shows it.
 
 use serde::{Deserialize, Serialize};
 use sps_metrics::{

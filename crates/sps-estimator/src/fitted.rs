@@ -125,7 +125,7 @@ impl Measure {
     ) -> Predicted {
         let intervals = |times: Result<f64, String>| {
             let times = times?;
-            // Around the nearest value that can be: one of no width would claim what nobody knows.
+            // Beyond the range, around its end: cut to nothing, an interval would claim to be certain.
             let around = |expected: &Expected| {
                 let (value, half) = (self.bounded(expected.value), times * expected.error);
                 PredictionInterval {

@@ -28,8 +28,8 @@ pub struct Wanted {
     pub property: String,
     /// The views to look at, as indices into the embeddings' views.
     pub views: Vec<usize>,
-    /// The lowest and highest value that it can have, in its measured units, either of which may be
-    /// infinite: intervals are cut there, and estimates brought there.
+    /// The lowest and highest value that it can have, in its measured units, either of which may be infinite. An
+    /// estimate beyond becomes the nearer end, and intervals around it are cut there.
     pub range: Option<[f64; 2]>,
 }
 

@@ -58,7 +58,8 @@ fn embeddings_are_those_of_timm_and_torchvision() {
     }
 }
 
-/// Numbers of eight bits, or of 16, through 16 bottlenecks; whatever else is in the batch.
+/// Numbers of eight bits, or of 16, through 16 bottlenecks; whatever else is in the batch. Without matrix tiles, 16 bits
+/// are f32.
 #[test]
 fn bf16_stays_near_f32() {
     for (kind, case) in [

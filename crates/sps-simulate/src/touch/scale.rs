@@ -6,6 +6,8 @@
 //! [`super::calibration`]: they are the same for every simulated set, so a surface's values do not
 //! depend on which others there are.
 
+use std::sync::LazyLock;
+
 use super::super::numeric;
 use super::Values;
 use super::calibration::RESPONSES;
@@ -35,11 +37,13 @@ pub(super) const PUBLISHED: [[f64; 5]; 15] = [
     [4.0, 5.8, 6.6, 7.5, 100.0],
 ];
 
+static SCALES: LazyLock<[Scale; 15]> = LazyLock::new(|| PUBLISHED.map(Scale::new));
+
 /// Reads all responses on the scale.
 pub(super) fn read(responses: &Values) -> Values {
     std::array::from_fn(|i| {
         let p = probability(&RESPONSES[i], responses[i]);
-        quantile(&PUBLISHED[i], p)
+        SCALES[i].quantile(p)
     })
 }
 
@@ -57,28 +61,43 @@ fn probability(table: &[f64; 29], response: f64) -> f64 {
     p + (q - p) * (response - lo) / (hi - lo)
 }
 
-/// The value below which a share `p` of the published surfaces lies.
-fn quantile(&[min, q1, median, q3, max]: &[f64; 5], p: f64) -> f64 {
-    let inner = |lo: f64, hi: f64, from: f64| lo + (hi - lo) * (p - from) / 0.25;
-    match p {
-        p if p < 0.25 => q1 - tail(q1 - min, median - q1, 1.0 - p / 0.25),
-        p if p < 0.5 => inner(q1, median, 0.25),
-        p if p < 0.75 => inner(median, q3, 0.5),
-        _ => q3 + tail(max - q3, q3 - median, (p - 0.75) / 0.25),
+/// The published values of a property, and how fast they grow beyond the quartiles.
+struct Scale {
+    points: [f64; 5],
+    /// Below the lower quartile and above the upper one.
+    rates: [f64; 2],
+}
+
+impl Scale {
+    fn new(points: [f64; 5]) -> Self {
+        let [min, q1, median, q3, max] = points;
+        let rates = [rate(q1 - min, median - q1), rate(max - q3, q3 - median)];
+        Self { points, rates }
+    }
+
+    /// The value below which a share `p` of the published surfaces lies.
+    fn quantile(&self, p: f64) -> f64 {
+        let [min, q1, median, q3, max] = self.points;
+        let inner = |lo: f64, hi: f64, from: f64| lo + (hi - lo) * (p - from) / 0.25;
+        match p {
+            p if p < 0.25 => q1 - tail(q1 - min, self.rates[0], 1.0 - p / 0.25),
+            p if p < 0.5 => inner(q1, median, 0.25),
+            p if p < 0.75 => inner(median, q3, 0.5),
+            _ => q3 + tail(max - q3, self.rates[1], (p - 0.75) / 0.25),
+        }
     }
 }
 
-/// From 0 at `t = 0` to `reach` at `t = 1`, leaving with slope `slope` and then growing or falling
-/// off exponentially: `reach (e^(k t) - 1) / (e^k - 1)`.
-fn tail(reach: f64, slope: f64, t: f64) -> f64 {
-    let k = rate(reach, slope);
+/// From 0 at `t = 0` to `reach` at `t = 1`, growing or falling off exponentially with rate `k`:
+/// `reach (e^(k t) - 1) / (e^k - 1)`.
+fn tail(reach: f64, k: f64, t: f64) -> f64 {
     if k.abs() < 1e-6 {
         return reach * t;
     }
     reach * (numeric::exp(k * t) - 1.0) / (numeric::exp(k) - 1.0)
 }
 
-/// The `k` with `reach k / (e^k - 1) = slope`, by bisection.
+/// The rate `k` at which a [`tail`] leaves with slope `slope`, `reach k / (e^k - 1) = slope`, by bisection.
 fn rate(reach: f64, slope: f64) -> f64 {
     let (mut lo, mut hi) = (-20.0f64, 20.0f64);
     for _ in 0..60 {
@@ -115,9 +134,10 @@ mod tests {
         let published: Published = toml::from_str(text).unwrap();
         for (property, ours) in toccare::properties().into_iter().zip(PUBLISHED) {
             assert_eq!(ours, published.quantiles[property.code()], "{property}");
+            let scale = Scale::new(ours);
             for (p, value) in [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().zip(ours) {
                 assert!(
-                    (quantile(&ours, p) - value).abs() < 1e-9,
+                    (scale.quantile(p) - value).abs() < 1e-9,
                     "{property} at {p}"
                 );
             }
@@ -127,16 +147,17 @@ mod tests {
     #[test]
     fn values_rise_with_probability_and_density_is_continuous_at_the_quartiles() {
         for published in PUBLISHED {
+            let scale = Scale::new(published);
             let mut last = -1.0;
             for i in 0..=1000 {
-                let value = quantile(&published, f64::from(i) / 1000.0);
+                let value = scale.quantile(f64::from(i) / 1000.0);
                 assert!(value >= last, "{published:?} at {i}");
                 last = value;
             }
             for p in [0.25, 0.75] {
                 let step = 1e-6;
-                let before = quantile(&published, p) - quantile(&published, p - step);
-                let after = quantile(&published, p + step) - quantile(&published, p);
+                let before = scale.quantile(p) - scale.quantile(p - step);
+                let after = scale.quantile(p + step) - scale.quantile(p);
                 assert!((before / after - 1.0).abs() < 1e-3, "{published:?} at {p}");
             }
         }

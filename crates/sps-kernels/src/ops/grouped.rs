@@ -68,18 +68,26 @@ impl<W: Word> RowWeights<W> for GroupWeights<W> {
     #[inline(always)]
     fn write<S: Lanes, A: Arithmetic<S, Word = W>>(mut writer: Writer<'_, W, Self, S, A>) {
         debug_assert_eq!(writer.rows.taps.len(), writer.weights.taps);
-        match (W::NUMBERS, writer.weights.group) {
-            (1, 4) => writer.tiles::<4, 1, 12>(),
-            (1, _) => writer.tiles::<8, 1, 12>(),
-            (2, 4) => writer.tiles::<4, 2, 6>(),
-            (2, _) => writer.tiles::<8, 2, 6>(),
-            (_, 4) => writer.tiles::<4, 4, 4>(),
-            _ => writer.tiles::<8, 4, 4>(),
+        if const { W::NUMBERS == 1 } {
+            writer.groups::<1, 12>();
+        } else if const { W::NUMBERS == 2 } {
+            writer.groups::<2, 6>();
+        } else {
+            writer.groups::<4, 4>();
         }
     }
 }
 
 impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, GroupWeights<W>, S, A> {
+    #[inline(always)]
+    fn groups<const NV: usize, const TALLEST: usize>(&mut self) {
+        if self.weights.group == 4 {
+            self.tiles::<4, NV, TALLEST>();
+        } else {
+            self.tiles::<8, NV, TALLEST>();
+        }
+    }
+
     /// All pixels, `TALLEST` at once where there are registers for it.
     #[inline(always)]
     fn tiles<const G: usize, const NV: usize, const TALLEST: usize>(&mut self) {

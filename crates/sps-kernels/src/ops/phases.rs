@@ -180,8 +180,17 @@ impl<W: Word> Packed<W> {
             }
             Self::Nothing(_) => {}
             Self::Narrow(weights) => rows.write(weights, target),
-            Self::Channels(weights) => rows.write(weights, target),
-            Self::Quads(weights) => rows.write(weights, target),
+            // For other words, neither is made nor compiled.
+            Self::Channels(weights) => {
+                if const { !W::WHOLE } {
+                    rows.write(weights, target);
+                }
+            }
+            Self::Quads(weights) => {
+                if const { W::WHOLE } {
+                    rows.write(weights, target);
+                }
+            }
             Self::Matrices(groups) => {
                 let mut column = 0;
                 for (group, panels) in groups.iter().enumerate() {

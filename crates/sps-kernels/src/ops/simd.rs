@@ -364,7 +364,7 @@ pub(crate) fn load<S: Lanes>(lanes: S, from: &[f32]) -> S::f32s {
 /// What is an instruction of every set.
 macro_rules! by_instructions {
     () => {
-        #[inline(always)]
+        #[inline(never)]
         fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
             self.vectorize(work)
         }

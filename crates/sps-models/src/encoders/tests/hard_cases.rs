@@ -4,7 +4,7 @@ use candle_core::{DType, Device, Tensor};
 use half::f16;
 use proptest::prelude::*;
 
-use super::{SMALL_ONES, calibrated, exact_features, of_images};
+use super::{SMALL_ONES, exact_features, of_images};
 use crate::Error;
 use crate::encoders::{Depths, Encoder, EncoderKind, Precision, TrainableEncoder};
 use crate::golden::{error, numbers, values};
@@ -89,9 +89,10 @@ fn images_of_one_value() {
 #[test]
 fn what_was_embedded_before_changes_no_bit() {
     let images = textured((3, 3, 33, 40));
-    for kind in SMALL_ONES {
+    for of_kind in &*SMALL_ONES {
+        let kind = of_kind.kind();
         for precision in Precision::ALL {
-            let encoder = || calibrated(encoder(kind)).with_precision(precision).unwrap();
+            let encoder = || of_kind.clone().with_precision(precision).unwrap();
             let embed = |encoder: &Encoder| numbers(&encoder.embed(&images).unwrap());
             let (fresh, used) = (encoder(), encoder());
             used.embed(&filled(1.0, (5, 3, 65, 80))).unwrap();

@@ -52,8 +52,9 @@ const BOUND: f64 = 5e-2;
 #[test]
 fn neither_neighbours_nor_threads_change_a_bit() {
     let images = images("batch", 5, 65, 40);
-    for kind in SMALL_ONES {
-        let encoder = int8(encoder(kind));
+    for encoder in &*SMALL_ONES {
+        let kind = encoder.kind();
+        let encoder = encoder.clone().with_precision(Precision::Int8).unwrap();
         let together = rows(&encoder, &images);
         for (i, row) in together.iter().enumerate() {
             let alone = rows(&encoder, &images.narrow(0, i, 1).unwrap());
@@ -167,10 +168,11 @@ fn what_is_no_calibration_is_refused() {
 /// What calibration saw was of one value, and what comes later is not: nothing is divided by 0.
 #[test]
 fn calibration_by_images_of_one_value() {
-    for kind in SMALL_ONES {
+    for encoder in &*SMALL_ONES {
+        let kind = encoder.kind();
         for value in [0.0_f32, 0.5, 1e-30] {
             let flat = Tensor::full(value, (1, 3, 40, 40), &Device::Cpu).unwrap();
-            let encoder = encoder(kind).calibrated(&[&flat]).unwrap();
+            let encoder = encoder.clone().calibrated(&[&flat]).unwrap();
             let encoder = encoder.with_precision(Precision::Int8).unwrap();
             for images in [flat, images("after", 1, 40, 40)] {
                 let row = &rows(&encoder, &images)[0];

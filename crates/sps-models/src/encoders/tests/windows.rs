@@ -75,9 +75,11 @@ fn error_of(encoder: &Encoder, map: &Tensor) -> f64 {
 #[test]
 fn embeddings_are_means_of_the_last_feature_map() {
     for kind in of_images() {
-        let map = last_map(&encoder(kind, Precision::F32));
+        let encoder = encoder(kind, Precision::F32);
+        let map = last_map(&encoder);
         for (precision, bound) in [(Precision::F32, 5e-6), (Precision::Bf16, 2e-2)] {
-            let found = error_of(&encoder(kind, precision), &map);
+            let encoder = encoder.clone().with_precision(precision).unwrap();
+            let found = error_of(&encoder, &map);
             println!("{kind}, {precision}: {found:.1e}, bound {bound:.0e}");
             assert!(found <= bound, "{kind}, {precision}: {found:.1e}");
         }
@@ -87,9 +89,10 @@ fn embeddings_are_means_of_the_last_feature_map() {
 #[test]
 fn one_window_is_the_image() {
     for kind in of_images() {
+        let encoder = encoder(kind, Precision::F32);
+        let encoder = encoder.with_depths(&Depths::All).unwrap();
         for precision in Precision::ALL {
-            let encoder = encoder(kind, precision);
-            let encoder = encoder.with_depths(&Depths::All).unwrap();
+            let encoder = encoder.clone().with_precision(precision).unwrap();
             let found = windows(&encoder, SIZE, 1);
             assert_eq!((found.rows, found.columns), (1, 1));
             assert_eq!(found.centres, [[73.5, 105.0]]);

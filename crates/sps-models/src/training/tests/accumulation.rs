@@ -5,11 +5,6 @@ use super::*;
 use crate::encoders::Depths;
 use crate::training::batches::Batch;
 
-/// A network without batch norm, which would see the parts one by one.
-fn without_norms() -> Encoder {
-    Encoder::seeded(EncoderKind::SqueezeNet1_1, 0).unwrap()
-}
-
 fn in_parts(config: TrainingConfig, micro_batch_size: Option<usize>) -> TrainingConfig {
     TrainingConfig {
         micro_batch_size,
@@ -17,7 +12,8 @@ fn in_parts(config: TrainingConfig, micro_batch_size: Option<usize>) -> Training
     }
 }
 
-/// The gradients and losses of one step of eleven surfaces, whole and in parts of 2 and 3.
+/// The gradients and losses of one step of eleven surfaces, whole and in parts of 2 and 3: of a network without batch
+/// norm, which would see the parts one by one.
 fn differs(source: &dyn ImageSource, targets: &Targets, config: &TrainingConfig) -> f64 {
     let surfaces: Vec<usize> = (0..11).collect();
     let views = targets.views();

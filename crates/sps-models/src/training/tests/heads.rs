@@ -280,8 +280,11 @@ impl Pairs {
     }
 
     fn trainer(&self, config: TrainingConfig) -> Trainer {
-        let (targets, parts) = (self.targets(), self.0.parts());
-        Trainer::new(&start(), targets, parts, config, 5).unwrap()
+        self.trainer_from(&start(), config)
+    }
+
+    fn trainer_from(&self, start: &Encoder, config: TrainingConfig) -> Trainer {
+        Trainer::new(start, self.targets_of(start), self.0.parts(), config, 5).unwrap()
     }
 }
 
@@ -330,7 +333,8 @@ fn an_encoder_learns_through_heads() {
     for input in inputs() {
         let pairs = Pairs::new(64);
         let model = Model::CrossModal(CrossModal::default());
-        let mut trainer = pairs.trainer(through_heads(input.clone(), model));
+        let config = through_heads(input.clone(), model);
+        let mut trainer = pairs.trainer_from(&without_norms(), config);
         to_the_end(&mut trainer, &pairs);
         let errors = trainer.history().iter().map(|e| e.validation.unwrap());
         let errors: Vec<f64> = errors.map(|losses| losses.values).collect();

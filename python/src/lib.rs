@@ -33,12 +33,12 @@ mod settings;
 mod views;
 mod work;
 
-use peak_alloc::PeakAlloc;
 use pyo3::prelude::*;
+use sps_base::memory::CountingAllocator;
 
-/// Counts what work allocates, which results say.
+/// Counts what an estimate allocates, which results say.
 #[global_allocator]
-static ALLOCATOR: PeakAlloc = PeakAlloc;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 /// What `sps/__init__.py` exports; `sps/_sps.pyi` has its types.
 #[pymodule]

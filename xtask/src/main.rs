@@ -9,11 +9,11 @@ use std::env;
 use std::process::ExitCode;
 
 use clap::Subcommand;
-use peak_alloc::PeakAlloc;
+use sps_base::memory::CountingAllocator;
 
-/// Counts what work allocates, which results say.
+/// Counts what an estimate allocates, which results say.
 #[global_allocator]
-static ALLOCATOR: PeakAlloc = PeakAlloc;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 #[derive(Subcommand)]
 enum Command {

@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod files;
+pub mod memory;
 #[cfg(feature = "names")]
 pub mod names;
 #[cfg(feature = "streams")]

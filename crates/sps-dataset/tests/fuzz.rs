@@ -14,9 +14,6 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use sps_dataset::{DecodeSettings, FrameErrorKind, Source, TactileSettings, decode_image};
 
-#[global_allocator]
-static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
-
 /// Every image file of `tests/data`.
 fn images() -> Vec<String> {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");

@@ -13,9 +13,6 @@ use serde_json::{Value, json};
 use sps_estimator::{Estimator, Precomputed, Sight};
 use support::{Tables, block, npy, photograph, recipe, ridge};
 
-#[global_allocator]
-static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
-
 fn kept() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     Tables::new(16, 1, 1)

@@ -27,7 +27,6 @@ pub mod files;
 mod fuzz;
 mod journal;
 pub mod machine;
-mod memory;
 pub mod own;
 pub mod paper;
 pub mod predictions;

@@ -25,9 +25,6 @@ use sps_regress::stacking::Stacking;
 use sps_regress::{Regressor, Views};
 use surfaces::Made;
 
-#[global_allocator]
-static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
-
 /// Tensors of several shapes, among them none and one without elements.
 fn weights() -> Weights {
     let shapes: [&[usize]; 4] = [&[], &[3], &[2, 0, 5], &[4, 3, 2, 1]];

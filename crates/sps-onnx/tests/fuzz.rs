@@ -9,9 +9,6 @@ use std::path::Path;
 use fuzz::{Damage, damaged, fuzz, said};
 use sps_onnx::{OnnxEncoder, Settings};
 
-#[global_allocator]
-static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
-
 #[test]
 fn files() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/onnx/tiny.onnx");

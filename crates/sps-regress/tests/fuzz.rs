@@ -17,9 +17,6 @@ use sps_regress::stacking::Stacking;
 use sps_regress::{FittedRegressor, Regressor, fitted_from_bytes};
 use surfaces::Made;
 
-#[global_allocator]
-static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
-
 #[test]
 fn ridges() {
     let made = Made::new();

@@ -1,11 +1,11 @@
 //! What an exhaustive search keeps: alone in its process, since what is allocated is counted for the
 //! whole of it.
 
-use peak_alloc::PeakAlloc;
+use sps_base::memory::{CountingAllocator, peak};
 use sps_viewselect::{Exhaustive, Problem, Selector, SetFunction};
 
 #[global_allocator]
-static ALLOCATED: PeakAlloc = PeakAlloc;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 /// Seven of seven views in blocks of one run: 7^6 blocks. As documented, 24 bytes each and thrice
 /// that while the curve moves; the results of 1024 blocks (two words and a number, and seven views on
@@ -21,10 +21,8 @@ fn an_exhaustive_search_keeps_no_picks_but_the_best() -> Result<(), Box<dyn std:
     // The pool's threads begin here.
     let few = SetFunction::new(2, 1, |set: &[usize]| set[0] as f64);
     exhaustive.select(&Problem::new(&few)?)?;
-    ALLOCATED.reset_peak_usage();
-    let before = ALLOCATED.current_usage();
-    let found = exhaustive.select(&problem)?;
-    let most = ALLOCATED.peak_usage() - before;
+    let (found, most) = peak(|| exhaustive.select(&problem));
+    let found = found?;
     let blocks = 7_usize.pow(6);
     assert_eq!((found.picks, found.curve.len()), (vec![6; 7], blocks));
     assert!(

@@ -9,9 +9,6 @@ use fuzz::{Damage, broken, damaged, fuzz, nested, said};
 use proptest::sample::select;
 use sps_weights::{RawTensor, Storage, read};
 
-#[global_allocator]
-static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
-
 fn read_weights(bytes: &[u8]) {
     let Some(tensors) = said(read(bytes)) else {
         return;

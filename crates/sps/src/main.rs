@@ -3,12 +3,12 @@
 use std::env;
 use std::process::ExitCode;
 
-use peak_alloc::PeakAlloc;
 use sps::Command;
+use sps_base::memory::CountingAllocator;
 
-/// Counts what work allocates, which results say.
+/// Counts what an estimate allocates, which results say.
 #[global_allocator]
-static ALLOCATOR: PeakAlloc = PeakAlloc;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 fn main() -> ExitCode {
     sps::main(sps::NAME, env::args_os(), Command::run)

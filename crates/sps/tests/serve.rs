@@ -23,9 +23,6 @@ use proptest::sample::select;
 use serde_json::{Value, json};
 use support::{Ends, Scratch, expect, fitted_in, root};
 
-#[global_allocator]
-static ALLOCATOR: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
-
 /// A model of one view.
 static ONE_VIEW: LazyLock<Scratch> = LazyLock::new(|| fitted(&["train.keep-photographs=true"]));
 

@@ -1,6 +1,7 @@
 //! What the parts of this crate promise: one program, so that it is linked once.
 
 mod files;
+mod memory;
 #[cfg(feature = "names")]
 mod names;
 #[cfg(feature = "streams")]

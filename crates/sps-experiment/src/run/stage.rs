@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use sps_base::memory;
 use sps_dataset::{FEWEST_PER_MATERIAL, FrameIndex, MaterialLabels, Property, Split};
 use sps_estimator::{Embedder, Network};
 use sps_models::encoders::Precision;
@@ -19,7 +20,6 @@ use super::views::{self, equidistant};
 use crate::data;
 use crate::embeddings::embed;
 use crate::encoder;
-use crate::memory;
 use crate::training::{FrameImages, Task, train, trained};
 use crate::work::Undone;
 

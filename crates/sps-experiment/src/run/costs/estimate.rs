@@ -3,11 +3,11 @@
 use std::time::Instant;
 
 use anyhow::Result;
+use sps_base::memory;
 use sps_dataset::{Frame, Source};
 use sps_estimator::Network;
 use sps_regress::FittedRegressor;
 
-use crate::memory;
 use crate::results::Costs;
 use crate::run::Stage;
 

@@ -18,9 +18,11 @@ use crate::output::Output;
 #[derive(clap::Args)]
 #[command(
     group = clap::ArgGroup::new("examples").args(["photographs", "config"]).required(true),
-    after_help = "Before it fits the model to keep, it holds out a tenth of the surfaces at a time (whole \
-    groups, where the table has a column `group`) and says how well others estimate them. `import --help` \
-    says which tables are read.\n\nExamples:\n  \
+    after_help = "How well it estimates is measured first: ten times, it holds out a tenth of the surfaces and \
+    estimates them by a model of the others. Where the table has a column `group`, it holds out whole \
+    groups.\n\n`import --help` says which tables are read.\n\nA file of embeddings is as `sps embed` writes it: \
+    safetensors, a tensor (photographs, width) for each block, whose metadata names the `files` of the rows. Without \
+    `files`, and in .npy, rows are in the order of the photographs' paths.\n\nExamples:\n  \
     sps fit fixtures/tiny-dataset/frames --values values.csv --out models/mine\n  \
     sps fit --config configs/smoke.toml --out models/smoke"
 )]
@@ -39,9 +41,7 @@ pub struct Args {
     /// A network to look at photographs by, in place of the built-in one
     #[arg(long, value_name = "FILE.onnx", conflicts_with = "config")]
     encoder: Option<PathBuf>,
-    /// Embeddings of the photographs, computed elsewhere: safetensors, a tensor (photographs, width) for each block,
-    /// whose metadata names the `files` of the rows, as `sps embed` writes it; or without `files`, or .npy, rows in
-    /// the order of the photographs' paths
+    /// Embeddings of the photographs that were computed elsewhere, in place of the built-in encoder's
     #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "encoder", "pixels"])]
     embeddings: Option<PathBuf>,
     /// Share of new surfaces, or groups, whose truth an interval holds

@@ -28,12 +28,10 @@ pub struct Args {
     /// Bring the shorter side to so many pixels [default: photographs keep their size]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u64).range(1..))]
     resize: Option<u64>,
-    /// Encode each place as a photograph of its own, as many passes in place of one: what is said of the
-    /// crop, where one pass sees beyond its edges
+    /// Encode each place as a photograph of its own: slower, but nothing beyond its edges is seen
     #[arg(long)]
     alone: bool,
-    /// Hatch places where photographs like those that the model was fitted on look as strange with at most
-    /// this probability
+    /// Hatch unfamiliar places: at most this share of photographs like the fitted ones look as strange
     #[arg(long, value_name = "P", default_value = "0.05")]
     unfamiliar: f64,
     /// The folder to write to

@@ -39,8 +39,7 @@ pub struct Args {
     /// Requests with a body that are taken in at once; as many are worked on as there are threads
     #[arg(long, value_name = "N", default_value = "32", value_parser = clap::value_parser!(u32).range(1..=65536))]
     at_once: u32,
-    /// Say so where photographs like those that the model was fitted on look as strange with at most
-    /// this probability
+    /// Call a photograph unfamiliar if at most this share of those like the fitted ones look as strange
     #[arg(long, value_name = "P", default_value = "0.05")]
     unfamiliar: f64,
 }

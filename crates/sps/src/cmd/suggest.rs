@@ -15,9 +15,9 @@ use crate::output::print_json;
 /// Say which surfaces to measure next, by photographs of them
 #[derive(clap::Args)]
 #[command(
-    after_help = "Prints photographs, the most telling first: those after whose measurement kernel ridge \
-    regression would be least uncertain about all. Photographs that the table has a row for are taken as \
-    measured; without a table, none is. Every other photograph is a surface of its own.\n\nExample:\n  \
+    after_help = "The most telling come first: once they are measured, kernel ridge regression is least uncertain \
+    about all the others.\n\nPhotographs that have a row in the table are measured already; every other one is a \
+    surface of its own.\n\nExample:\n  \
     sps suggest fixtures/tiny-dataset/frames --count 3"
 )]
 pub struct Args {

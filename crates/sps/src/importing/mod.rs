@@ -39,9 +39,7 @@ pub struct Request<'a> {
 #[derive(Default, clap::Args)]
 #[group(id = "layout", requires = "values")]
 pub struct Options {
-    /// The names of the table's columns, one a line, where its first line does not have them; without
-    /// a column that says which photographs a row is of, rows are in the order of their names, and
-    /// blanks may stand for commas
+    /// The names of the table's columns, one a line, where its first line does not have them
     #[arg(long, value_name = "FILE")]
     columns: Option<PathBuf>,
     /// Folders in that of the photographs, one for each view, with the same names in each

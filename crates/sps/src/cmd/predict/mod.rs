@@ -18,31 +18,30 @@ use crate::answer;
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  sps predict models/friction photograph.jpg\n  \
-    sps predict models/friction --csv photographs/ > estimates.csv\n\nA model of one \
-    view takes every photograph for a surface of its own, one of several views those of a folder, or \
-    all that are named one by one, for one surface; --group-by says otherwise. Photographs of a folder \
-    are taken by name, those that are named in the order given; it is that of the model's angles. \
-    Photographs that cannot be read are named, the others are estimated, and the status \
-    is 1.\n\nWith - photographs are read from standard input: a line is a JSON string, the path of one, or a \
-    list of those of a surface, and is answered by a line of JSON before the next is read."
+    sps predict models/friction --csv photographs/ > estimates.csv\n\nWhich photographs show one surface, \
+    unless --group-by says otherwise:\n- to a model of one view, each is a surface of its own\n- to a model of \
+    several views, those of a folder, or all that are named one by one, are one surface\n\nThey are taken in the \
+    order of the model's angles: those of a folder by name, others as they are given. A row of --embeddings is a \
+    photograph; as many as the model has views, one after the other, are of one surface.\n\nPhotographs that cannot \
+    be read are named, the others are estimated, and the status is 1.\n\nBy default photographs are brought to the \
+    size of the frames that the model was fitted on, which is right if they show as much of a surface. --keep-size is \
+    right if a pixel shows as much.\n\nWith - photographs are read from standard input. A line is a JSON string, the \
+    path of one, or a list of those of a surface. It is answered by a line of JSON before the next is read."
 )]
 pub struct Args {
     /// A folder that `fit` wrote
     #[arg(value_name = "MODEL")]
     model: PathBuf,
-    /// Bring the shorter side to so many pixels [default: as many as the frames that the model was
-    /// fitted on have, which is right where a photograph shows as much of a surface as those did]
+    /// Bring the shorter side to so many pixels [default: as many as the model was fitted on]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u64).range(1..))]
     resize: Option<u64>,
-    /// Photographs keep their size: right where a pixel shows as much as in the frames that the model
-    /// was fitted on
+    /// Photographs keep their size
     #[arg(long, conflicts_with = "resize")]
     keep_size: bool,
     /// What one surface is: an image, a folder, or all that is named
     #[arg(long, value_enum, value_name = "WHAT")]
     group_by: Option<GroupBy>,
-    /// Say so where photographs like those that the model was fitted on look as strange with at most
-    /// this probability
+    /// Call a photograph unfamiliar if at most this share of those like the fitted ones look as strange
     #[arg(long, value_name = "P", default_value = "0.05")]
     unfamiliar: f64,
     /// Wider intervals, which hold the truths of all properties of a surface at once
@@ -50,9 +49,7 @@ pub struct Args {
     joint: bool,
     #[command(flatten)]
     format: print::Format,
-    /// Embeddings in place of photographs, computed as those that the model was fitted on: a file as
-    /// `fit --embeddings` takes it; a row is a photograph, and as many as the model has views, one after the
-    /// other, are of one surface
+    /// A file as `fit --embeddings` takes it, in place of photographs
     #[arg(long, value_name = "FILE", conflicts_with_all = ["images", "resize", "keep_size", "group_by"])]
     embeddings: Option<PathBuf>,
     /// PNG, JPEG or EXR, or folders of them; or -, for lines of standard input

@@ -38,18 +38,6 @@ unsafe impl GlobalAlloc for CountingAllocator {
         // SAFETY: what the caller promises.
         unsafe { System.dealloc(memory, layout) }
     }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count(layout.size(), 0);
-        // SAFETY: what the caller promises.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count(size, layout.size());
-        // SAFETY: what the caller promises.
-        unsafe { System.realloc(memory, layout, size) }
-    }
 }
 
 /// Counts as long as it lives.

@@ -180,17 +180,10 @@ impl<W: Word> Packed<W> {
             }
             Self::Nothing(_) => {}
             Self::Narrow(weights) => rows.write(weights, target),
-            // For other words, neither is made nor compiled.
-            Self::Channels(weights) => {
-                if const { !W::WHOLE } {
-                    rows.write(weights, target);
-                }
-            }
-            Self::Quads(weights) => {
-                if const { W::WHOLE } {
-                    rows.write(weights, target);
-                }
-            }
+            Self::Channels(weights) if const { !W::WHOLE } => rows.write(weights, target),
+            Self::Quads(weights) if const { W::WHOLE } => rows.write(weights, target),
+            // Made of no such words; kernels for them would be compiled all the same.
+            Self::Channels(_) | Self::Quads(_) => {}
             Self::Matrices(groups) => {
                 let mut column = 0;
                 for (group, panels) in groups.iter().enumerate() {

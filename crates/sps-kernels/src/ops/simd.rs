@@ -231,7 +231,10 @@ pub trait Lanes: Simd {
 
     /// Runs work in a function of its own, compiled with the same instructions. Where much is inlined into
     /// one function, compiling it takes a time that grows with the square of its size.
-    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output;
+    #[inline(always)]
+    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
+        self.vectorize(work)
+    }
 
     /// The larger of `x` and `floor`, which is no NaN; where `x` is NaN, NaN.
     fn at_least(self, floor: Self::f32s, x: Self::f32s) -> Self::f32s;
@@ -364,11 +367,6 @@ pub(crate) fn load<S: Lanes>(lanes: S, from: &[f32]) -> S::f32s {
 /// What is an instruction of every set.
 macro_rules! by_instructions {
     () => {
-        #[inline(never)]
-        fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
-            self.vectorize(work)
-        }
-
         #[inline(always)]
         fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s {
             self.mul_add_e_f32s(a, b, c)
@@ -465,6 +463,12 @@ macro_rules! of_four_lanes {
 #[cfg(target_arch = "x86_64")]
 impl Lanes for V4 {
     by_instructions!();
+
+    // Tiles of fourteen heights; what is called in one place would be inlined there.
+    #[inline(never)]
+    fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
+        self.vectorize(work)
+    }
 
     of_bytes!(
         avx512f, _mm512_set1_epi16, _mm512_cvtps_epi32;

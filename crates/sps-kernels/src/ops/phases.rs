@@ -178,12 +178,9 @@ impl<W: Word> Packed<W> {
                     target[place - rows.origin..][..*words].fill(W::default());
                 }
             }
-            Self::Nothing(_) => {}
             Self::Narrow(weights) => rows.write(weights, target),
             Self::Channels(weights) if const { !W::WHOLE } => rows.write(weights, target),
             Self::Quads(weights) if const { W::WHOLE } => rows.write(weights, target),
-            // Made of no such words; kernels for them would be compiled all the same.
-            Self::Channels(_) | Self::Quads(_) => {}
             Self::Matrices(groups) => {
                 let mut column = 0;
                 for (group, panels) in groups.iter().enumerate() {
@@ -192,6 +189,8 @@ impl<W: Word> Packed<W> {
                     column += panels.n();
                 }
             }
+            // The last two are made of other words; kernels for these would be compiled all the same.
+            Self::Nothing(_) | Self::Channels(_) | Self::Quads(_) => {}
         }
     }
 }

@@ -6,13 +6,13 @@ use std::sync::atomic::{AtomicIsize, AtomicUsize, Ordering::Relaxed};
 
 /// Measurements that are under way.
 static MEASURING: AtomicUsize = AtomicUsize::new(0);
-/// Bytes allocated less those freed while anything was measured.
+/// Bytes that were allocated, less those that were freed, while anything was measured.
 static CURRENT: AtomicIsize = AtomicIsize::new(0);
-/// Most that [`CURRENT`] has been since the last measurement of a peak began.
+/// The most that [`CURRENT`] has been since the last measurement of a peak began.
 static PEAK: AtomicIsize = AtomicIsize::new(0);
 
-/// The system's allocator, which counts bytes while memory is measured and not otherwise: counters that
-/// all threads write to can take a third of the time of work that allocates much.
+/// The system's allocator, which counts bytes only while memory is measured: counters that all threads
+/// write to can take a third of the time of work that allocates much.
 #[derive(Debug)]
 pub struct CountingAllocator;
 

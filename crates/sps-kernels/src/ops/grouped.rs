@@ -79,6 +79,7 @@ impl<W: Word> RowWeights<W> for GroupWeights<W> {
 }
 
 impl<W: Word, S: Lanes, A: Arithmetic<S, Word = W>> Writer<'_, W, GroupWeights<W>, S, A> {
+    /// All pixels; a vector of words makes `NV` of channels.
     #[inline(always)]
     fn groups<const NV: usize, const TALLEST: usize>(&mut self) {
         if self.weights.group == 4 {

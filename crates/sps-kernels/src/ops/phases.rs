@@ -189,7 +189,8 @@ impl<W: Word> Packed<W> {
                     column += panels.n();
                 }
             }
-            // The last two are made of other words; kernels for these would be compiled all the same.
+            // Channels are never packed from whole numbers, nor quads from others: this keeps kernels for such words from
+            // being compiled.
             Self::Nothing(_) | Self::Channels(_) | Self::Quads(_) => {}
         }
     }

@@ -229,8 +229,8 @@ pub trait Lanes: Simd {
     /// `a * b + c`, in one rounding where the machine can.
     fn fma(self, a: Self::f32s, b: Self::f32s, c: Self::f32s) -> Self::f32s;
 
-    /// Runs work in a function of its own, compiled with the same instructions. Where much is inlined into
-    /// one function, compiling it takes a time that grows with the square of its size.
+    /// Runs work compiled with the same instructions, in a function of its own where there is much of it: compiling
+    /// one function takes a time that grows with the square of its size.
     #[inline(always)]
     fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
         self.vectorize(work)
@@ -464,7 +464,7 @@ macro_rules! of_four_lanes {
 impl Lanes for V4 {
     by_instructions!();
 
-    // Tiles of fourteen heights; what is called in one place would be inlined there.
+    // A function that is called in one place alone would be inlined there: tiles of fourteen heights into one.
     #[inline(never)]
     fn apart<F: NullaryFnOnce>(self, work: F) -> F::Output {
         self.vectorize(work)

@@ -37,6 +37,7 @@ pub(super) const PUBLISHED: [[f64; 5]; 15] = [
     [4.0, 5.8, 6.6, 7.5, 100.0],
 ];
 
+/// Of each property, in the order of [`PUBLISHED`].
 static SCALES: LazyLock<[Scale; 15]> = LazyLock::new(|| PUBLISHED.map(Scale::new));
 
 /// Reads all responses on the scale.

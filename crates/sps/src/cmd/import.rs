@@ -16,8 +16,8 @@ use crate::output::Output;
     class                     a folder of photographs, surfaces that share the row's values\n\
     Columns may be `material` and `group`. All others are properties; a code has letters, digits, `-` \
     and `_`. What is assumed stands in dataset.toml.\n\n\
-    With --columns, blanks may stand for commas. If no column says which photographs a row is of, rows are in the \
-    order of the photographs' names.\n\n\
+    With --columns, blanks may stand for commas, and no column need say which photographs a row is of: rows are then \
+    in the order of the photographs' names.\n\n\
     Example, with photographs in this repository and a values.csv of two lines, `surface,view,photograph,\
     friction` and `denim,0,denim-01/002.png,0.4`:\n  \
     sps import fixtures/tiny-dataset/frames --values values.csv --out data/mine\n\n\

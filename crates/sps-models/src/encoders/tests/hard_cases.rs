@@ -89,10 +89,10 @@ fn images_of_one_value() {
 #[test]
 fn what_was_embedded_before_changes_no_bit() {
     let images = textured((3, 3, 33, 40));
-    for of_kind in &*SMALL_ONES {
-        let kind = of_kind.kind();
+    for calibrated in &*SMALL_ONES {
+        let kind = calibrated.kind();
         for precision in Precision::ALL {
-            let encoder = || of_kind.clone().with_precision(precision).unwrap();
+            let encoder = || calibrated.clone().with_precision(precision).unwrap();
             let embed = |encoder: &Encoder| numbers(&encoder.embed(&images).unwrap());
             let (fresh, used) = (encoder(), encoder());
             used.embed(&filled(1.0, (5, 3, 65, 80))).unwrap();

@@ -1,6 +1,6 @@
 //! The service, over connections of its own.
 
-#[path = "serve/devtools.rs"]
+#[path = "suite/devtools.rs"]
 mod devtools;
 #[path = "../../../fixtures/fuzz/mod.rs"]
 mod fuzz;
@@ -39,14 +39,14 @@ fn bytes(name: &str) -> Vec<u8> {
 }
 
 /// What `predict --json` prints of photographs of one surface.
-fn predicted(model: &Scratch, options: &[&str], photographs: &[PathBuf]) -> String {
-    let mut command = model.sps("predict --json --group-by all @model");
-    command.args(options).args(photographs).said()
+fn predicted(model: &Scratch, options: &str, photographs: &[PathBuf]) -> String {
+    let mut command = model.sps(&format!("predict --json --group-by all @model {options}"));
+    command.args(photographs).said()
 }
 
 /// The same as JSON.
 fn expected(model: &Scratch, photographs: &[PathBuf]) -> Value {
-    serde_json::from_str(&predicted(model, &[], photographs)).unwrap()
+    serde_json::from_str(&predicted(model, "", photographs)).unwrap()
 }
 
 /// A service that ends with the value.
@@ -56,10 +56,9 @@ struct Served {
 }
 
 impl Served {
-    fn start(model: &Scratch, options: &[&str]) -> Self {
-        let mut command = process::Command::new(env!("CARGO_BIN_EXE_sps"));
-        command.arg("serve").arg(model.path("model"));
-        command.args(["--listen", "127.0.0.1:0"]).args(options);
+    fn start(model: &Scratch, options: &str) -> Self {
+        let line = format!("serve @model --listen 127.0.0.1:0 {options}");
+        let mut command = model.process(&line);
         let mut process = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut line = String::new();
         let mut said = BufReader::new(process.stdout.take().unwrap());
@@ -102,12 +101,14 @@ impl Served {
         self.ask(&format!("POST {path}"), &[], body)
     }
 
-    /// Begins a request whose body never ends, and waits until the service has it.
-    fn begin(&self, path: &str) -> TcpStream {
+    /// Begins a request with the first bytes of a body so long, and waits until the service has it.
+    fn begin(&self, path: &str, length: usize, first: &[u8]) -> TcpStream {
         let before = self.in_flight();
-        let head = self.head(&format!("POST {path}"), &["content-length: 1000"]);
+        let length = format!("content-length: {length}");
+        let head = self.head(&format!("POST {path}"), &[&length]);
         let mut stream = self.connect();
-        stream.write_all(head.as_bytes()).unwrap();
+        let sent = [head.as_bytes(), first].concat();
+        stream.write_all(&sent).unwrap();
         while self.in_flight() <= before {
             thread::yield_now();
         }
@@ -119,12 +120,6 @@ impl Served {
         let metrics = self.get("/metrics").text();
         let (_, rest) = metrics.split_once("\nsps_requests_in_flight ").unwrap();
         rest.lines().next().unwrap().parse().unwrap()
-    }
-
-    fn tell_to_end(&self) {
-        let id = self.process.id().to_string();
-        let told = process::Command::new("kill").arg(id).status().unwrap();
-        assert!(told.success());
     }
 }
 
@@ -197,7 +192,7 @@ fn form(files: &[PathBuf]) -> Vec<u8> {
 
 #[test]
 fn answers_are_those_of_predict() {
-    let served = Served::start(&ONE_VIEW, &[]);
+    let served = Served::start(&ONE_VIEW, "");
     let jpeg = photograph("oak-01/002.jpg");
     let exr = photograph("tile-01/002.exr");
     let ask = |query: &str, files: &[PathBuf]| {
@@ -205,22 +200,16 @@ fn answers_are_those_of_predict() {
         assert_eq!(answer.status, 200);
         answer.text()
     };
-    for files in [
-        vec![jpeg.clone()],
-        vec![exr.clone()],
-        vec![jpeg.clone(), exr],
-    ] {
-        assert_eq!(ask("", &files), predicted(&ONE_VIEW, &[], &files));
+    let both = [jpeg, exr];
+    for files in [&both[..1], &both[1..], &both] {
+        assert_eq!(ask("", files), predicted(&ONE_VIEW, "", files));
     }
-    let files = [jpeg];
-    for (query, options) in [
-        ("?resize=40", &["--resize", "40"][..]),
-        ("?keep-size", &["--keep-size"]),
-    ] {
-        assert_eq!(ask(query, &files), predicted(&ONE_VIEW, options, &files));
+    let files = &both[..1];
+    for (query, options) in [("?resize=40", "--resize 40"), ("?keep-size", "--keep-size")] {
+        assert_eq!(ask(query, files), predicted(&ONE_VIEW, options, files));
     }
     // Without a form and its name, by content whatever it is said to be.
-    let expected = expected(&ONE_VIEW, &files);
+    let expected = expected(&ONE_VIEW, files);
     for media in ["image/jpeg", "application/octet-stream", "image/png"] {
         let media = format!("content-type: {media}");
         let found = served.ask("POST /predict", &[&media], &bytes("oak-01/002.jpg"));
@@ -233,7 +222,7 @@ fn answers_are_those_of_predict() {
 
 #[test]
 fn maps_are_those_of_the_command() {
-    let served = Served::start(&ONE_VIEW, &[]);
+    let served = Served::start(&ONE_VIEW, "");
     let file = photograph("oak-01/002.jpg");
     let maps = ONE_VIEW.path("maps");
     let mut drawn = ONE_VIEW.sps("map @model fRS --resize 48 --out @maps");
@@ -254,13 +243,9 @@ fn maps_are_those_of_the_command() {
     assert_eq!(printed, numbers);
     let written = fs::read(maps.join("002-fRS.npy")).unwrap();
     let [rows, columns] = ["rows", "columns"].map(|key| numbers[key].as_u64().unwrap() as usize);
-    let places = &written[written.len() - 32 * rows * columns..];
-    let places: Vec<f64> = places
-        .as_chunks()
-        .0
-        .iter()
-        .map(|bytes| f64::from_le_bytes(*bytes))
-        .collect();
+    let (places, _) = written[written.len() - 32 * rows * columns..].as_chunks();
+    let places = places.iter().map(|eight| f64::from_le_bytes(*eight));
+    let places: Vec<f64> = places.collect();
     for (at, key) in ["values", "low", "high", "familiar"].iter().enumerate() {
         let expected: Vec<f64> = places.iter().skip(at).step_by(4).copied().collect();
         assert_eq!(numbers[key], json!(expected), "{key}");
@@ -277,8 +262,7 @@ fn maps_are_those_of_the_command() {
 
 #[test]
 fn what_is_not_as_expected_is_named() {
-    let options = ["--max-body", "1", "--max-pixels", "16000"];
-    let served = Served::start(&ONE_VIEW, &options);
+    let served = Served::start(&ONE_VIEW, "--max-body 1 --max-pixels 16000");
     let refused = |path: &str, body: &[u8], status: u16, parts: &[&str]| {
         served.post(path, body).refused(status, parts);
     };
@@ -287,10 +271,9 @@ fn what_is_not_as_expected_is_named() {
     let bounds = ["1048577 bytes", "at most 1048576"];
     refused("/predict", &large, 413, &bounds);
     // The same, of a length that is not said before.
-    let chunk = [b"100001\r\n", large.as_slice(), b"\r\n0\r\n\r\n"].concat();
-    let mut stream = served.connect();
     let head = served.head("POST /predict", &["transfer-encoding: chunked"]);
-    stream.write_all(head.as_bytes()).unwrap();
+    let chunk = [head.as_bytes(), b"100001\r\n", &large, b"\r\n0\r\n\r\n"].concat();
+    let mut stream = served.connect();
     stream.write_all(&chunk).unwrap();
     Response::of(stream).refused(413, &["more than 1048576", "at most 1048576"]);
     // The header of a PNG that says 65535 x 65535 pixels.
@@ -352,7 +335,7 @@ fn png_checksum(bytes: &[u8]) -> [u8; 4] {
 
 #[test]
 fn a_body_that_does_not_come_is_not_waited_for() {
-    let served = Served::start(&ONE_VIEW, &["--timeout", "1"]);
+    let served = Served::start(&ONE_VIEW, "--timeout 1");
     let head = served.head("POST /predict", &["content-length: 1000"]);
     let mut slow = served.connect();
     slow.write_all(head.as_bytes()).unwrap();
@@ -361,8 +344,8 @@ fn a_body_that_does_not_come_is_not_waited_for() {
 
 #[test]
 fn more_than_are_taken_in_are_told_to_ask_again() {
-    let served = Served::start(&ONE_VIEW, &["--at-once", "1"]);
-    let first = served.begin("/predict");
+    let served = Served::start(&ONE_VIEW, "--at-once 1");
+    let first = served.begin("/predict", 1000, b"");
     let second = served.post("/predict", &bytes("oak-01/002.jpg"));
     assert!(second.head.contains("retry-after: 1"), "{}", second.head);
     second.refused(429, &["found 1"]);
@@ -377,7 +360,7 @@ fn more_than_are_taken_in_are_told_to_ask_again() {
 
 #[test]
 fn many_clients_have_the_answers_that_each_would_have_alone() {
-    let served = Served::start(&ONE_VIEW, &["--at-once", "16"]);
+    let served = Served::start(&ONE_VIEW, "--at-once 16");
     let names = [
         "oak-01/002.jpg",
         "tile-01/002.exr",
@@ -405,9 +388,8 @@ fn many_clients_have_the_answers_that_each_would_have_alone() {
 
 #[test]
 fn a_token_is_asked_for() {
-    let token = ONE_VIEW.path("token.txt");
-    fs::write(&token, "a-token-of-letters\n").unwrap();
-    let served = Served::start(&ONE_VIEW, &["--token-file", token.to_str().unwrap()]);
+    ONE_VIEW.write("token.txt", "a-token-of-letters\n");
+    let served = Served::start(&ONE_VIEW, "--token-file @token.txt");
     let with = |header: &str| served.ask("GET /model", &[header], b"");
     assert_eq!(with("authorization: Bearer a-token-of-letters").status, 200);
     for wrong in [
@@ -421,10 +403,8 @@ fn a_token_is_asked_for() {
     let refused = served.post("/predict", &bytes("oak-01/002.jpg"));
     expect(&refused.head, &["www-authenticate: Bearer"]);
     refused.refused(401, &["found none"]);
-    assert_eq!(
-        ["/", "/health"].map(|path| served.get(path).status),
-        [200; 2]
-    );
+    let open = ["/", "/health"].map(|path| served.get(path).status);
+    assert_eq!(open, [200; 2]);
     // What was seen is not told to everybody.
     let told = served.get("/health").json();
     assert_eq!(told, json!({ "status": "ok", "watch": null }));
@@ -435,14 +415,11 @@ fn a_token_is_asked_for() {
 
 #[test]
 fn other_machines_are_not_listened_to_without_a_token() {
-    let refused = |options: &str, parts: &[&str]| {
-        ONE_VIEW
-            .sps(&format!("serve @model {options}"))
-            .refused(parts);
-    };
+    let serve = |options: &str| ONE_VIEW.sps(&format!("serve @model {options}"));
+    let refused = |options: &str, parts: &[&str]| serve(options).refused(parts);
     let listens = ["--listen: found 0.0.0.0:0", "--token-file"];
     refused("--listen 0.0.0.0:0", &listens);
-    fs::write(ONE_VIEW.path("empty.txt"), "\n").unwrap();
+    ONE_VIEW.write("empty.txt", "\n");
     let empty = ["empty.txt", "expected one line"];
     refused("--token-file @empty.txt", &empty);
     refused("--unfamiliar 2", &["--unfamiliar: found 2"]);
@@ -450,7 +427,7 @@ fn other_machines_are_not_listened_to_without_a_token() {
 
 #[test]
 fn pages_of_elsewhere_are_not_answered() {
-    let served = Served::start(&ONE_VIEW, &[]);
+    let served = Served::start(&ONE_VIEW, "");
     let mut stream = served.connect();
     let request = b"GET /model HTTP/1.1\r\nhost: example.org:8080\r\nconnection: close\r\n\r\n";
     stream.write_all(request).unwrap();
@@ -463,18 +440,12 @@ fn pages_of_elsewhere_are_not_answered() {
 
 #[test]
 fn a_request_that_runs_is_answered_before_the_end() {
-    let mut served = Served::start(&ONE_VIEW, &[]);
+    let mut served = Served::start(&ONE_VIEW, "");
     let whole = bytes("oak-01/002.jpg");
-    let length = format!("content-length: {}", whole.len());
-    let line = served.head("POST /predict", &[&length]);
-    let before = served.in_flight();
-    let mut stream = served.connect();
-    stream.write_all(line.as_bytes()).unwrap();
-    stream.write_all(&whole[..100]).unwrap();
-    while served.in_flight() <= before {
-        thread::yield_now();
-    }
-    served.tell_to_end();
+    let mut stream = served.begin("/predict", whole.len(), &whole[..100]);
+    let id = served.process.id().to_string();
+    let told = process::Command::new("kill").arg(id).status().unwrap();
+    assert!(told.success());
     // It listens no more.
     while TcpStream::connect(served.address).is_ok() {
         thread::yield_now();
@@ -490,7 +461,7 @@ fn surfaces_that_look_alike_are_named_and_shown() {
     let nearest = &line["nearest"];
     let first = [&nearest[0]["surface"], &nearest[0]["distance"]];
     assert_eq!(first, [&json!("oak-01"), &json!(0.0)]);
-    let served = Served::start(&ONE_VIEW, &[]);
+    let served = Served::start(&ONE_VIEW, "");
     assert_eq!(served.get("/model").json()["keeps_photographs"], true);
     let kept = served.get(&format!("/surface/{}", nearest[0]["at"]));
     let kept = image::load_from_memory(&kept.body).unwrap().into_rgb8();
@@ -508,7 +479,7 @@ fn surfaces_that_look_alike_are_named_and_shown() {
 /// Requests whose head or body is damaged: each has an answer or none, and the service goes on.
 #[test]
 fn damaged_requests_are_refused_within_limits() {
-    let served = Served::start(&ONE_VIEW, &["--max-body", "1", "--max-pixels", "1048576"]);
+    let served = Served::start(&ONE_VIEW, "--max-body 1 --max-pixels 1048576");
     let jpeg = form(&[photograph("oak-01/002.jpg")]);
     let exr = bytes("tile-01/002.exr");
     let [of_exr, of_json] = [
@@ -564,7 +535,7 @@ fn damaged_requests_are_refused_within_limits() {
 
 #[test]
 fn the_page_lets_in_nothing_but_its_own() {
-    let page = Served::start(&ONE_VIEW, &[]).get("/");
+    let page = Served::start(&ONE_VIEW, "").get("/");
     let policy = "content-security-policy: default-src 'none'; script-src 'nonce-";
     expect(&page.head, &[policy, "content-type: text/html"]);
 }
@@ -573,7 +544,7 @@ fn the_page_lets_in_nothing_but_its_own() {
 #[test]
 fn a_person_tries_the_page() {
     let Some(mut tab) = Tab::open() else { return };
-    let served = Served::start(&ONE_VIEW, &[]);
+    let served = Served::start(&ONE_VIEW, "");
     let address = format!("http://{}", served.address);
     let file = photograph("oak-01/002.jpg").canonicalize().unwrap();
     let expected = expected(&ONE_VIEW, std::slice::from_ref(&file));
@@ -604,7 +575,7 @@ fn a_person_tries_the_page() {
 
 #[test]
 fn what_is_known_of_the_model() {
-    let served = Served::start(&ONE_VIEW, &["--unfamiliar", "0.2"]);
+    let served = Served::start(&ONE_VIEW, "--unfamiliar 0.2");
     let model = served.get("/model").json();
     assert_eq!(model["views"], json!([1]));
     assert_eq!(model["about"]["angles"], json!([0.0]));
@@ -622,7 +593,7 @@ fn a_session_says_where_to_look_from_next() {
     let method = "methods=[{ id = \"r\", label = \"R\", kind = \"kernel-ridge\", views = 3, \
         selector = { kind = \"equidistant\" }, adaptive = { width = 1.0, calibration = 0.5 } }]";
     let model = fitted(&[method]);
-    let served = Served::start(&model, &[]);
+    let served = Served::start(&model, "");
     let begun = served.post("/session", b"{\"width\": 1e-9}");
     assert_eq!(begun.status, 201);
     let begun = begun.json();

@@ -4,10 +4,10 @@
 use std::fs;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::support::{Scratch, results_without_timings, root};
+use crate::support::{Scratch, root};
 
 /// Whatever is waited for is there by then, or never.
 const LONG: Duration = Duration::from_secs(300);
@@ -21,11 +21,8 @@ fn an_array_of_four_one_of_them_killed_comes_to_what_one_run_does() {
     scratch.edit("tiny.toml", "epochs = 3", "epochs = 200");
     let expected = scratch.ran();
     let mut submit = slurm.command("cluster/slurm.sh");
-    submit
-        .arg(scratch.path("tiny.toml"))
-        .args(["4", "--out"])
-        .arg(scratch.path("slurm"))
-        .env("SBATCH_OUTPUT", scratch.path("job-%j.log"));
+    submit.env("SBATCH_OUTPUT", scratch.path("job-%j.log"));
+    submit.args(scratch.words("@tiny.toml 4 --out @slurm"));
     let submitted = said(&mut submit);
     let merge = submitted.trim().rsplit(' ').next().unwrap();
     // One of those that train networks.
@@ -40,7 +37,7 @@ fn an_array_of_four_one_of_them_killed_comes_to_what_one_run_does() {
     let report = scratch.path("slurm/report.html");
     assert!(report.exists(), "{submitted}{logs}{}", slurm.logs());
     assert!(logs.contains("shard 3/4 was killed (status 137)"), "{logs}");
-    assert_eq!(results_without_timings(&scratch.path("slurm")), expected);
+    assert_eq!(scratch.results_in("slurm"), expected);
 }
 
 #[test]
@@ -49,17 +46,13 @@ fn parallel_comes_to_what_one_run_does() {
         return;
     }
     let scratch = Scratch::new();
-    scratch.experiment().assert().success();
     let mut command = Command::new("cluster/parallel.sh");
     command
         .current_dir(root())
         .env("XTASK", env!("CARGO_BIN_EXE_sps"))
-        .arg(scratch.path("tiny.toml"))
-        .args(["3", "--out"])
-        .arg(scratch.path("parallel"));
+        .args(scratch.words("@tiny.toml 3 --out @parallel"));
     said(&mut command);
-    let parallel = results_without_timings(&scratch.path("parallel"));
-    assert_eq!(parallel, scratch.results());
+    assert_eq!(scratch.results_in("parallel"), scratch.ran());
 }
 
 /// A controller and a node of their own, gone with the value.
@@ -84,21 +77,13 @@ impl Slurm {
             daemons: Vec::new(),
         };
         slurm.configure();
-        let path = |name: &str| slurm.path(name).display().to_string();
-        let munged = [
-            "--foreground".to_owned(),
-            "--force".to_owned(),
-            format!("--socket={}", path("munge.socket")),
-            format!("--key-file={}", path("munge.key")),
-            format!("--pid-file={}", path("munge.pid")),
-            format!("--seed-file={}", path("munge.seed")),
-            format!("--log-file={}", path("munge.log")),
-        ];
-        slurm.daemon("munged", &munged);
+        let folder = slurm.folder.path().display().to_string();
+        let files = ["socket", "key-file", "pid-file", "seed-file", "log-file"];
+        let files = files.map(|name| format!("--{name}={folder}/munge.{name}"));
+        slurm.daemon("munged --foreground --force", &files);
         wait("munge", || slurm.path("munge.socket").exists());
-        for name in ["slurmctld", "slurmd"] {
-            slurm.daemon(name, &["-D".to_owned()]);
-        }
+        slurm.daemon("slurmctld -D", &[]);
+        slurm.daemon("slurmd -D", &[]);
         wait("a node", || {
             let states = slurm.command("sinfo").args(["-h", "-o", "%T"]).output();
             String::from_utf8_lossy(&states.unwrap().stdout).contains("idle")
@@ -112,8 +97,9 @@ impl Slurm {
 
     fn configure(&self) {
         let key: Vec<u8> = (0..=255).cycle().take(1024).collect();
-        fs::write(self.path("munge.key"), key).unwrap();
-        said(Command::new("chmod").arg("400").arg(self.path("munge.key")));
+        fs::write(self.path("munge.key-file"), key).unwrap();
+        let mut own = Command::new("chmod");
+        said(own.arg("400").arg(self.path("munge.key-file")));
         let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap();
         let name = name.trim().split('.').next().unwrap();
         let [controller, node] = [free_port(), free_port()];
@@ -156,15 +142,13 @@ impl Slurm {
         command
     }
 
-    fn daemon(&mut self, program: &str, arguments: &[String]) {
+    fn daemon(&mut self, line: &str, more: &[String]) {
+        let mut words = line.split(' ');
+        let program = words.next().unwrap();
         let log = fs::File::create(self.path(&format!("{program}.out"))).unwrap();
-        let daemon = self
-            .command(program)
-            .args(arguments)
-            .stdout(Stdio::null())
-            .stderr(log)
-            .spawn();
-        self.daemons.push(daemon.unwrap());
+        let mut daemon = self.command(program);
+        daemon.args(words).args(more).stdout(Stdio::null());
+        self.daemons.push(daemon.stderr(log).spawn().unwrap());
     }
 
     fn logs(&self) -> String {
@@ -198,14 +182,10 @@ fn is_installed(program: &str) -> bool {
 
 /// What a command that must succeed prints.
 fn said(command: &mut Command) -> String {
-    let Output {
-        status,
-        stdout,
-        stderr,
-    } = command.output().unwrap();
-    let stderr = String::from_utf8_lossy(&stderr);
-    assert!(status.success(), "{command:?}: {stderr}");
-    String::from_utf8_lossy(&stdout).into_owned()
+    let output = command.output().unwrap();
+    let log = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?}: {log}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
 fn wait(what: &str, is_there: impl Fn() -> bool) {

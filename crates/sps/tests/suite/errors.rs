@@ -3,17 +3,18 @@
 use std::fs;
 use std::path::Path;
 
-use crate::support::{Ends, Mounted, Scratch};
+use crate::support::{Ends, Mounted, Scratch, cases, tree};
 use safetensors::tensor::{Dtype, TensorView};
 use sps_models::encoders::{Encoder, EncoderKind};
 
-/// A line for each: the file, what stands there, what is put there, and what the message has.
+/// A line for each: the file, what stands there, what is put there, and what the message of `experiment` has.
 const EDITED: &str = r#"
 tiny.toml | /data" | /nowhere" | nowhere; no such folder
 tiny.toml | level | levels | tiny.toml, line 17; did you mean `level`?
 tiny.toml | "cDF" | "cDX" | `properties`; `cDX`; did you mean `cDF`?; of tiny
 data/surfaces.csv | denim-02, | denim-01, | surfaces.csv; line 3; denim-01
 data/tactile.csv | fRS | fRX | tactile.csv; fRX
+data/tactile.csv | 41.45 | rough | tactile.csv; line 2; rough; number
 "#;
 
 #[test]
@@ -28,12 +29,24 @@ fn what_was_edited_wrongly() {
     }
 }
 
+/// A line for each: what is typed, and what the message has.
+const TYPED: &str = "
+experiment configs/nothing.toml | configs/nothing.toml
+experiment @tiny.toml --set head.epoch=3 | --set head.epoch; did you mean `epochs`?
+experiment @tiny.toml --out @run --set methods.ridge.views=9 | method `ridge`; 9 views; at most 5
+experiment configs/end-to-end.toml --list --set encoder.training.adam.learning-rate=-1 | learning-rate; above 0
+report @empty | is not the folder of a run
+suggest @empty | empty has no photograph
+";
+
 #[test]
-fn a_missing_config() {
+fn what_was_typed_wrongly() {
     let scratch = Scratch::new();
-    scratch
-        .sps("experiment configs/nothing.toml")
-        .refused(&["configs/nothing.toml"]);
+    fs::create_dir(scratch.path("empty")).unwrap();
+    for (line, parts) in cases(TYPED) {
+        scratch.sps(&line).refused(&parts);
+    }
+    assert_eq!(tree(&scratch.path("empty")).len(), 0);
 }
 
 #[test]
@@ -56,26 +69,6 @@ fn an_exr_cut_anywhere() {
         fs::write(&path, &bytes[..bytes.len() * part / 10]).unwrap();
         scratch.is_refused(&["tile-01/002.exr"]);
     }
-}
-
-#[test]
-fn a_text_where_a_number_belongs() {
-    let scratch = Scratch::new();
-    let table = scratch.read("data/tactile.csv");
-    let (header, rows) = table.split_once('\n').unwrap();
-    let (first, rest) = rows.split_once('\n').unwrap();
-    let cells: Vec<&str> = first.split(',').collect();
-    let spoilt = [&cells[..3], &["rough"], &cells[4..]].concat().join(",");
-    let table = format!("{header}\n{spoilt}\n{rest}");
-    fs::write(scratch.path("data/tactile.csv"), table).unwrap();
-    scratch.is_refused(&["tactile.csv", "line 2", "rough", "number"]);
-}
-
-#[test]
-fn a_misspelt_key() {
-    let scratch = Scratch::new();
-    let mut experiment = scratch.sps("experiment @tiny.toml --set head.epoch=3");
-    experiment.refused(&["--set head.epoch", "did you mean `epochs`?"]);
 }
 
 /// Writes the encoder's weights with one tensor taken away or misshapen.
@@ -120,11 +113,11 @@ fn a_full_disk_loses_nothing_that_was_written() {
         return;
     };
     scratch.is_refused(&["run/", "No space left"]);
-    let kept = fs::read_to_string(run.join("trials.jsonl")).unwrap();
+    let kept = scratch.read("run/trials.jsonl");
     assert_eq!(kept.lines().count(), 8, "{kept}");
     mounted.remount("size=10m");
     scratch.experiment().assert().success();
-    assert_eq!(fs::read_to_string(run.join("trials.jsonl")).unwrap(), kept);
+    assert_eq!(scratch.read("run/trials.jsonl"), kept);
     assert_eq!(scratch.results()["methods"].as_array().unwrap().len(), 2);
 }
 
@@ -143,10 +136,7 @@ fn a_full_disk_leaves_whole_lines() {
         let kept = fs::read_to_string(run.join("trials.jsonl")).unwrap_or_default();
         assert!(kept.is_empty() || kept.ends_with('\n'), "{kib} KiB: {kept}");
         for line in kept.lines() {
-            assert!(
-                serde_json::from_str::<serde_json::Value>(line).is_ok(),
-                "{line}"
-            );
+            serde_json::from_str::<serde_json::Value>(line).expect(line);
         }
     }
     assert!(filled > 0, "no disk was full while trials were added");

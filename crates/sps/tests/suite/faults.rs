@@ -6,13 +6,12 @@
 //! docs/benchmarks.md shows what came out.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ExitStatus};
 use std::time::{Duration, Instant, SystemTime};
 
-use crate::support::{Mounted, Scratch, copy, results_of_trained};
+use crate::support::{Mounted, Scratch, copy, tree};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 use serde_json::Value;
@@ -25,17 +24,15 @@ fine-tuned | Fine-tuned | ridge | encoder = { trainable = true, training = { epo
     model = { kind = 'cross-modal', adversarial = {} } } } }
 ";
 
-const JOURNALS: [&str; 2] = ["trials.jsonl", "selections.jsonl"];
+const JOURNALS: [&str; 2] = ["run/trials.jsonl", "run/selections.jsonl"];
 
 #[test]
 fn a_few_faults_lose_nothing() {
     let mut faults = Faults::new();
     faults.kill(5);
+    let ends = ["/trials.jsonl", "encoder.safetensors", "/results.json"];
     faults.flip(1, |name| {
-        ["/trials.jsonl", "encoder.safetensors", "/results.json"]
-            .iter()
-            .any(|end| name.ends_with(end))
-            || name.contains("/embeddings/")
+        ends.iter().any(|end| name.ends_with(end)) || name.contains("/embeddings/")
     });
     faults.run_in_pairs(1);
     faults.kill_shards(1);
@@ -57,37 +54,6 @@ fn a_hundred_kills_and_all_other_faults_lose_nothing() {
     faults.finish();
 }
 
-/// What was done so far.
-#[derive(Default)]
-struct Summary {
-    runs: usize,
-    kills: usize,
-    bits: usize,
-    pairs: usize,
-    shards: usize,
-    full_disks: usize,
-    clocks: usize,
-    losses: Vec<String>,
-}
-
-impl fmt::Display for Summary {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "runs: {}, kills: {}, bits flipped: {}, pairs of runners: {}, shards killed: {}, full \
-             disks: {}, clocks set: {}, losses: {}",
-            self.runs,
-            self.kills,
-            self.bits,
-            self.pairs,
-            self.shards,
-            self.full_disks,
-            self.clocks,
-            self.losses.len()
-        )
-    }
-}
-
 /// An experiment, what it comes to, and what is done to it.
 struct Faults {
     scratch: Scratch,
@@ -95,7 +61,9 @@ struct Faults {
     /// What an undisturbed run takes.
     takes: Duration,
     random: ChaCha8Rng,
-    summary: Summary,
+    /// How often each fault was tried, and runs were begun.
+    counts: BTreeMap<&'static str, usize>,
+    losses: Vec<String>,
 }
 
 /// A run that is at work.
@@ -127,13 +95,14 @@ impl Faults {
             expected: Value::Null,
             takes: Duration::ZERO,
             random: ChaCha8Rng::seed_from_u64(0),
-            summary: Summary::default(),
+            counts: BTreeMap::new(),
+            losses: Vec::new(),
         };
         let begun = Instant::now();
         let ended = faults.run("run");
         assert!(ended.status.success(), "{}", ended.log);
         faults.takes = begun.elapsed();
-        faults.expected = results_of_trained(&faults.path("run"));
+        faults.expected = faults.scratch.results();
         faults
     }
 
@@ -141,21 +110,23 @@ impl Faults {
         self.scratch.path(name)
     }
 
+    /// Counts one more.
+    fn count(&mut self, what: &'static str) -> usize {
+        let count = self.counts.entry(what).or_default();
+        *count += 1;
+        *count
+    }
+
     /// A number below `end`.
     fn draw(&mut self, end: usize) -> usize {
         (self.random.next_u64() % end as u64) as usize
     }
 
-    /// Starts a run into a folder.
+    /// Starts a run into a folder, which more arguments may follow.
     fn start(&mut self, run: &str) -> Run {
-        self.start_with(run, "")
-    }
-
-    /// Starts a run into a folder, with more arguments.
-    fn start_with(&mut self, run: &str, arguments: &str) -> Run {
-        self.summary.runs += 1;
-        let log = self.path(&format!("{}.log", self.summary.runs));
-        let line = format!("experiment @tiny.toml --out @{run} {arguments}");
+        let number = self.count("runs");
+        let log = self.path(&format!("{number}.log"));
+        let line = format!("experiment @tiny.toml --out @{run}");
         let mut command = self.scratch.process(&line);
         command.stderr(File::create(&log).expect("a log"));
         let child = command.spawn().expect("a run");
@@ -169,14 +140,14 @@ impl Faults {
 
     fn lose(&mut self, what: String) {
         println!("LOSS: {what}");
-        self.summary.losses.push(what);
+        self.losses.push(what);
     }
 
     /// Notes a loss where a run failed or came to something else.
     fn check(&mut self, doing: &str, run: &str, ended: &Ended) {
         if !ended.status.success() || ended.log.contains("panicked") {
             self.lose(format!("{doing}: the run failed: {}", ended.log));
-        } else if results_of_trained(&self.path(run)) != self.expected {
+        } else if self.scratch.results_in(run) != self.expected {
             self.lose(format!("{doing}: other results"));
         }
     }
@@ -203,7 +174,8 @@ impl Faults {
     fn kill(&mut self, kills: usize) {
         self.begin_again();
         let mut before = Contents::default();
-        while self.summary.kills < kills {
+        let mut killed = 0;
+        while killed < kills {
             let delay = self.takes * self.draw(1000) as u32 / 1000;
             let mut run = self.start("run");
             std::thread::sleep(delay);
@@ -212,7 +184,7 @@ impl Faults {
             let ended = run.end();
             let after = Contents::of(self);
             if let Some(lost) = before.lost_in(&after) {
-                self.lose(format!("kill {}: {lost}", self.summary.kills));
+                self.lose(format!("kill {killed}: {lost}"));
             }
             before = after;
             if ended.status.code().is_some() {
@@ -220,7 +192,7 @@ impl Faults {
                 self.begin_again();
                 before = Contents::default();
             } else {
-                self.summary.kills += 1;
+                killed = self.count("kills");
             }
         }
         let ended = self.run("run");
@@ -235,9 +207,9 @@ impl Faults {
         for folder in ["run", "cache"] {
             copy(&self.path(folder), &self.path(&format!("whole-{folder}")));
         }
-        for name in self.files().into_iter().filter(|name| chosen(name)) {
-            for _ in 0..bits {
-                self.flip_one(&name);
+        for (name, bytes) in self.files() {
+            if chosen(&name) && !bytes.is_empty() {
+                (0..bits).for_each(|_| self.flip_one(&name, bytes.clone()));
             }
         }
         self.restore();
@@ -250,18 +222,14 @@ impl Faults {
         }
     }
 
-    fn flip_one(&mut self, name: &str) {
+    fn flip_one(&mut self, name: &str, mut bytes: Vec<u8>) {
         self.restore();
         let path = self.path(name);
-        let mut bytes = fs::read(&path).expect("a stored file");
-        if bytes.is_empty() {
-            return;
-        }
         let (at, bit) = (self.draw(bytes.len()), self.draw(8));
         bytes[at] ^= 1 << bit;
         fs::write(&path, &bytes).expect("a stored file");
         let ended = self.run("run");
-        self.summary.bits += 1;
+        self.count("bits flipped");
         let what = format!("bit {bit} of byte {at} of {name}");
         self.check(&what, "run", &ended);
         if !reported(name, &path, &ended.log) {
@@ -269,14 +237,14 @@ impl Faults {
         }
     }
 
-    /// Every file of run and cache.
-    fn files(&self) -> Vec<String> {
-        let mut files = Vec::new();
-        for folder in ["run", "cache"] {
-            list(&self.path(folder), folder, &mut files);
-        }
-        files.sort();
-        files
+    /// Every file of run and cache, with its content.
+    fn files(&self) -> BTreeMap<String, Vec<u8>> {
+        let of_folder = |folder: &'static str| {
+            let all = tree(&self.path(folder)).into_iter();
+            all.map(move |(name, bytes)| (format!("{folder}/{}", name.display()), bytes))
+        };
+        let all = ["run", "cache"].into_iter().flat_map(of_folder);
+        all.filter(|(name, _)| self.path(name).is_file()).collect()
     }
 
     /// Two runners in one folder at once, and two that share a cache.
@@ -287,7 +255,7 @@ impl Faults {
                 let _ = fs::remove_dir_all(self.path("other-run"));
                 let both = runs.map(|run| self.start(run));
                 let [first, second] = both.map(Run::end);
-                self.summary.pairs += 1;
+                self.count("pairs of runners");
                 self.check_once("the first of two", runs[0], &first);
                 self.check_once("the second of two", runs[1], &second);
                 let waited = first.log.contains("waiting") || second.log.contains("waiting");
@@ -303,20 +271,20 @@ impl Faults {
         for _ in 0..kills {
             self.begin_again();
             let delay = self.takes * self.draw(1000) as u32 / 1000;
-            let whole = self.start_with("run", "--shard 1/2");
-            let mut killed = self.start_with("run", "--shard 2/2");
+            let whole = self.start("run --shard 1/2");
+            let mut killed = self.start("run --shard 2/2");
             std::thread::sleep(delay);
             // Not an error where it has ended by itself.
             let _ = killed.child.kill();
             killed.end();
-            self.summary.shards += 1;
-            let again = self.start_with("run", "--shard 2/2").end();
+            self.count("shards killed");
+            let again = self.start("run --shard 2/2").end();
             for (what, ended) in [("the other shard", whole.end()), ("the shard again", again)] {
                 if !ended.status.success() {
                     self.lose(format!("{what}: {}", ended.log));
                 }
             }
-            let merged = self.start_with("run", "--merge").end();
+            let merged = self.start("run --merge").end();
             self.check_once("a killed shard", "run", &merged);
             for shard in ["1-of-2", "2-of-2"] {
                 let journal = self.path("run/shards").join(shard).join("trials.jsonl");
@@ -346,7 +314,9 @@ impl Faults {
                 let before = Contents::of(self);
                 disk.remount("size=400m");
                 let ended = self.run("run");
-                self.summary.full_disks += usize::from(full);
+                if full {
+                    self.count("full disks");
+                }
                 self.check_once("after a full disk", "run", &ended);
                 if let Some(lost) = before.lost_in(&Contents::of(self)) {
                     self.lose(format!("{size} KiB for {folder}: {lost}"));
@@ -363,28 +333,26 @@ impl Faults {
         let before = Contents::of(self);
         let year = Duration::from_secs(365 * 24 * 3600);
         for time in [SystemTime::now() + year, SystemTime::UNIX_EPOCH] {
-            for name in self.files() {
-                let file = File::options().append(true).open(self.path(&name));
+            for name in self.files().keys() {
+                let file = File::options().append(true).open(self.path(name));
                 let file = file.expect("a stored file");
                 file.set_modified(time).expect("a time");
             }
             let ended = self.run("run");
-            self.summary.clocks += 1;
+            self.count("clocks set");
             self.check_once("after the clock was set", "run", &ended);
             let nothing = ended.log.matches(" 0 of them encoded now").count();
             let encoded = ended.log.matches("of them encoded now").count();
             if nothing != encoded || Contents::of(self) != before {
-                self.lose(format!(
-                    "after the clock was set: work done again: {}",
-                    ended.log
-                ));
+                let log = ended.log;
+                self.lose(format!("the clock was set: work done again: {log}"));
             }
         }
     }
 
     fn finish(self) {
-        println!("{}", self.summary);
-        assert!(self.summary.losses.is_empty(), "{:#?}", self.summary.losses);
+        println!("{:?}, losses: {}", self.counts, self.losses.len());
+        assert!(self.losses.is_empty(), "{:#?}", self.losses);
     }
 }
 
@@ -406,42 +374,28 @@ fn reported(name: &str, path: &Path, log: &str) -> bool {
     log.contains(&path.display().to_string())
 }
 
-/// What is worth keeping.
+/// What is worth keeping: journals, embeddings and trained encoders.
 #[derive(Default, PartialEq)]
-struct Contents {
-    journals: BTreeMap<&'static str, Vec<u8>>,
-    /// Embeddings and trained encoders.
-    cache: BTreeMap<String, Vec<u8>>,
-}
+struct Contents(BTreeMap<String, Vec<u8>>);
 
 impl Contents {
     fn of(faults: &Faults) -> Self {
-        let journal = |name| {
-            let bytes = fs::read(faults.path("run").join(name)).unwrap_or_default();
-            (name, bytes)
-        };
-        let mut names = Vec::new();
-        list(&faults.path("cache"), "cache", &mut names);
-        let kept =
-            |name: &String| name.ends_with(".safetensors") && !name.ends_with("state.safetensors");
-        let names = names.into_iter().filter(kept);
-        Self {
-            journals: JOURNALS.into_iter().map(journal).collect(),
-            cache: names
-                .map(|name| (name.clone(), fs::read(faults.path(&name)).expect("a file")))
-                .collect(),
-        }
+        let files = faults.files().into_iter();
+        let kept = files.filter(|(name, _)| {
+            JOURNALS.contains(&name.as_str())
+                || name.ends_with(".safetensors") && !name.ends_with("state.safetensors")
+        });
+        Self(kept.collect())
     }
 
     /// What is in `self` and not in `after`.
     fn lost_in(&self, after: &Self) -> Option<String> {
-        for (name, bytes) in &self.journals {
-            if !after.journals[name].starts_with(bytes) {
-                return Some(format!("{name} lost lines"));
-            }
-        }
-        let mut cache = self.cache.iter();
-        let lost = cache.find(|(name, bytes)| after.cache.get(*name) != Some(bytes));
+        let is_lost = |(name, bytes): &(&String, &Vec<u8>)| match after.0.get(*name) {
+            // A journal may have grown.
+            Some(after) if JOURNALS.contains(&name.as_str()) => !after.starts_with(bytes),
+            after => after != Some(*bytes),
+        };
+        let lost = self.0.iter().find(is_lost);
         lost.map(|(name, _)| format!("{name} is gone or changed"))
     }
 }
@@ -455,20 +409,4 @@ fn twice(journal: &Path) -> Option<String> {
     let lines = lines.filter_map(|line| serde_json::from_slice::<Value>(line).ok());
     let mut keys = lines.filter_map(|line| Some(line["trial"]["key"].as_str()?.to_owned()));
     keys.find(|key| !seen.insert(key.clone()))
-}
-
-/// The files below a folder called `prefix`.
-fn list(folder: &Path, prefix: &str, names: &mut Vec<String>) {
-    let Ok(entries) = fs::read_dir(folder) else {
-        return;
-    };
-    for entry in entries {
-        let entry = entry.expect("an entry");
-        let name = format!("{prefix}/{}", entry.file_name().to_string_lossy());
-        if entry.path().is_dir() {
-            list(&entry.path(), &name, names);
-        } else {
-            names.push(name);
-        }
-    }
 }

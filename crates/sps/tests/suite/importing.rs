@@ -7,50 +7,43 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::support::{Ends, expect, root, sps};
+use crate::support::{Ends, Scratch, cases, expect, root};
 use assert_cmd::Command;
 use serde_json::{Value, json};
-use tempfile::TempDir;
 
-/// A folder of photographs, and a table beside it.
-struct Photographs {
-    folder: TempDir,
-}
+/// The folder `photographs`, and a table beside it.
+struct Photographs(Scratch);
 
 impl Photographs {
     /// Copies of files of the tiny dataset by new names.
     fn new(files: &[(&str, &str)], table: &str) -> Self {
-        let folder = tempfile::tempdir().unwrap();
+        let photographs = Self(Scratch::empty());
+        photographs.0.write("values.csv", table);
         for (from, to) in files {
-            let to = folder.path().join("photographs").join(to);
-            fs::create_dir_all(to.parent().unwrap()).unwrap();
-            let from = root().join("fixtures/tiny-dataset/frames").join(from);
-            fs::copy(from, to).unwrap();
+            photographs.add(&Path::new("fixtures/tiny-dataset/frames").join(from), to);
         }
-        fs::write(folder.path().join("values.csv"), table).unwrap();
-        Self { folder }
+        photographs
+    }
+
+    /// Copies a file of the repository there.
+    fn add(&self, from: &Path, to: &str) {
+        let to = self.0.path("photographs").join(to);
+        fs::create_dir_all(to.parent().unwrap()).unwrap();
+        fs::copy(root().join(from), to).unwrap();
     }
 
     fn dataset(&self) -> PathBuf {
-        self.folder.path().join("dataset")
+        self.0.path("dataset")
     }
 
     fn import(&self) -> Command {
-        self.import_with(&[])
+        self.import_with("")
     }
 
     /// `import` with options beside those that it must have.
-    fn import_with(&self, options: &[&str]) -> Command {
-        let [photographs, values] =
-            ["photographs", "values.csv"].map(|name| self.folder.path().join(name));
-        let mut command = sps();
-        command
-            .arg("import")
-            .arg(photographs)
-            .arg("--values")
-            .arg(values);
-        command.arg("--out").arg(self.dataset()).args(options);
-        command
+    fn import_with(&self, options: &str) -> Command {
+        let line = "import @photographs --values @values.csv --out @dataset";
+        self.0.sps(&format!("{line} {options}"))
     }
 
     /// Refused with every part, and nothing is written.
@@ -62,25 +55,26 @@ impl Photographs {
     /// `surfaces.csv` and `tactile.csv` of the dataset have these lines, with `; ` between them.
     fn ensure_tables(&self, surfaces: &str, tactile: &str) {
         for (name, lines) in [("surfaces.csv", surfaces), ("tactile.csv", tactile)] {
-            assert_eq!(
-                self.text(name),
-                format!("{lines}\n").replace("; ", "\n"),
-                "{name}"
-            );
+            let lines = lines.replace("; ", "\n");
+            assert_eq!(self.text(name), format!("{lines}\n"), "{name}");
         }
     }
 
     /// A file of the dataset.
     fn text(&self, name: &str) -> String {
-        fs::read_to_string(self.dataset().join(name)).unwrap()
+        self.0.read(&format!("dataset/{name}"))
+    }
+
+    /// Whether a frame of the dataset has the same bytes as one of the tiny dataset.
+    fn has(&self, frame: &str, of: &str) -> bool {
+        let of = root().join("fixtures/tiny-dataset/frames").join(of);
+        fs::read(self.dataset().join("frames").join(frame)).unwrap() == fs::read(of).unwrap()
     }
 
     /// What `inspect` says of a dataset.
     fn inspected(&self, dataset: &Path) -> Value {
-        let mut command = sps();
-        command.arg("inspect").arg(dataset).arg("--json");
-        command.arg("--out").arg(self.folder.path().join("figures"));
-        command.json()
+        let mut command = self.0.sps("inspect --json --out @figures");
+        command.arg(dataset).json()
     }
 
     /// Nothing but the name of their dataset is another than that of `dataset`.
@@ -113,23 +107,20 @@ fn folders_by_class() {
     );
     let manifest = photographs.text("dataset.toml");
     expect(&manifest, &["# - photographs of one folder have one value"]);
-    let copied = fs::read(photographs.dataset().join("frames/oak-1/000.jpg")).unwrap();
-    let own = root().join("fixtures/tiny-dataset/frames/oak-01/002.jpg");
-    assert!(copied == fs::read(own).unwrap());
+    assert!(photographs.has("oak-1/000.jpg", "oak-01/002.jpg"));
     let found = photographs.inspected(&photographs.dataset());
     assert_eq!(found["surfaces"], 3);
     assert_eq!(found["groups"], 2);
 
-    photographs
-        .import()
-        .refused(&["dataset", "is there already"]);
+    let there = ["dataset", "is there already"];
+    photographs.import().refused(&there);
 }
 
 #[test]
 fn photographs_of_a_table() {
     let table = "photograph,group,material,tCO\ndenim/b.png,bolt 7,denim,1e1\noak/1.JPG,,,\n";
     let photographs = Photographs::new(&FILES, table);
-    let [said, log] = photographs.import_with(&["--json"]).said_and_logged();
+    let [said, log] = photographs.import_with("--json").said_and_logged();
     expect(&log, &["2 surfaces in 2 groups", "Left out", "`inspect "]);
     let said: Value = serde_json::from_str(&said).unwrap();
     assert_eq!(said["dataset"], *photographs.dataset().to_string_lossy());
@@ -152,11 +143,8 @@ fn photographs_of_a_table() {
 /// A folder of a class, too, may be without a row.
 #[test]
 fn photographs_without_a_row_are_counted_and_named() {
-    let names = "a.png b.png c.png oak/d.png oak/.e.png denim/f.png";
-    let files: Vec<_> = names
-        .split(' ')
-        .map(|name| ("denim-01/002.png", name))
-        .collect();
+    let names = "a.png b.png c.png oak/d.png oak/.e.png denim/f.png".split(' ');
+    let files: Vec<_> = names.map(|name| ("denim-01/002.png", name)).collect();
     let photographs = Photographs::new(&files, "class,fRS\ndenim,1\n");
     let left_out = "no row is of them: 4 photographs (a.png, b.png, c.png, ...)";
     expect(&photographs.import().said(), &[left_out]);
@@ -178,15 +166,6 @@ photograph,fRS\ndenim/c.png,1\n | line 2; denim/c.png
 photograph,fRS\n../values.csv,1\n | line 2; ends in png
 ";
 
-/// The tables and parts of such lines.
-fn cases(lines: &'static str) -> Vec<(String, Vec<&'static str>)> {
-    let case = |line: &'static str| {
-        let (table, parts) = line.split_once(" | ").unwrap();
-        (table.replace(r"\n", "\n"), parts.split("; ").collect())
-    };
-    lines.trim().lines().map(case).collect()
-}
-
 #[test]
 fn what_cannot_be_meant_is_refused_and_leaves_nothing() {
     for (table, parts) in cases(REFUSED) {
@@ -206,21 +185,18 @@ fn friction_photographs_taken_apart() {
         return;
     }
     let tactile = fs::read_to_string(dataset.join("tactile.csv")).unwrap();
-    let folder = tempfile::tempdir().unwrap();
     let mut table = "photograph,material,group,fRS\n".to_owned();
+    let photographs = Photographs::new(&[], "");
     for line in tactile.lines().skip(1) {
         let (surface, rest) = line.split_once(',').unwrap();
         let (_, value) = rest.rsplit_once(',').unwrap();
         let (material, number) = surface.rsplit_once('-').unwrap();
-        let to = folder.path().join("photographs").join(material);
-        fs::create_dir_all(&to).unwrap();
-        let from = dataset.join("frames").join(surface).join("000.jpg");
-        fs::copy(from, to.join(format!("{number}.jpg"))).unwrap();
         let photograph = format!("{material}/{number}.jpg");
+        let from = dataset.join("frames").join(surface).join("000.jpg");
+        photographs.add(&from, &photograph);
         writeln!(table, "{photograph},{material},{material},{value}").unwrap();
     }
-    fs::write(folder.path().join("values.csv"), table).unwrap();
-    let photographs = Photographs { folder };
+    photographs.0.write("values.csv", table);
     photographs.import().assert().success();
     photographs.ensure_are(&dataset);
 }

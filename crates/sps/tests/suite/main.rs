@@ -1,6 +1,8 @@
 //! The program, as people and other programs run it: one test program, so that it is linked once.
 
+mod devtools;
 mod support;
+mod tables;
 
 mod cluster;
 mod compare;

@@ -1,10 +1,9 @@
 //! Experiments that look at several views.
 
-use std::fs;
 use std::sync::LazyLock;
 
 use crate::support::{Ends, Scratch, expect, method};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 const METHODS: &str = "\
 all | All | head | views = 'all'
@@ -44,10 +43,8 @@ fn a_method_decodes_the_views_that_it_looks_at_and_no_other() {
             assert!(method["r2"]["fRS"].is_f64(), "{method}");
         }
     }
-    expect(
-        report,
-        &["## The selection of views", "figures/selected-views.svg"],
-    );
+    let figure = "figures/selected-views.svg";
+    expect(report, &["## The selection of views", figure]);
 }
 
 #[test]
@@ -64,10 +61,7 @@ fn no_selector_is_better_than_the_exhaustive_one() {
             assert_eq!(of("greedy")["regret"], 0.0);
         }
     }
-    assert_eq!(
-        method(results, "ridge")["selections"],
-        serde_json::json!({})
-    );
+    assert_eq!(method(results, "ridge")["selections"], json!({}));
 }
 
 #[test]
@@ -81,12 +75,13 @@ fn methods_at_nadir_say_the_same_beside_others() {
 }
 
 #[test]
-fn the_number_of_threads_changes_no_pick() {
+fn the_number_of_threads_changes_no_bit_and_no_pick() {
     let scratch = Scratch::with_methods(METHODS);
     let run = |threads: &str| {
+        let cache = format!("cache.folder={}", scratch.path(threads).display());
         let mut command = scratch.experiment();
         command.arg("--fresh").env("RAYON_NUM_THREADS", threads);
-        command.assert().success();
+        command.set(&[&cache]).assert().success();
         scratch.results()
     };
     assert_eq!(run("1"), run("2"));
@@ -95,23 +90,22 @@ fn the_number_of_threads_changes_no_pick() {
 #[test]
 fn selections_that_were_made_are_not_made_again() {
     let scratch = Scratch::with_methods(METHODS);
-    scratch.experiment().assert().success();
-    let (path, results) = (scratch.path("run/selections.jsonl"), scratch.results());
-    let whole = fs::read(&path).unwrap();
-    // As a kill in the middle of the search leaves it: half of the last line.
-    let lines: Vec<&[u8]> = whole.split_inclusive(|byte| *byte == b'\n').collect();
+    let results = scratch.ran();
+    let journal = "run/selections.jsonl";
+    let whole = scratch.read(journal);
+    // As a kill in the middle of the search leaves it: part of a line.
+    let lines: Vec<&str> = whole.split_inclusive('\n').collect();
     let kept = lines[..lines.len() - 3].concat();
-    fs::write(&path, &whole[..kept.len() + 20]).unwrap();
-    scratch.experiment().assert().success();
-    assert_eq!(scratch.results(), results);
-    assert!(fs::read(&path).unwrap().starts_with(&kept));
+    scratch.write(journal, &whole[..kept.len() + 20]);
+    assert_eq!(scratch.ran(), results);
+    let mended = scratch.read(journal);
+    assert!(mended.starts_with(&kept));
     // Other settings are another selection.
-    let lines = fs::read_to_string(&path).unwrap().lines().count();
     let evaluations = ["'nvs', evaluations = 200", "'nvs', evaluations = 100"];
     scratch.edit("tiny.toml", evaluations[0], evaluations[1]);
     scratch.experiment().assert().success();
-    let after = fs::read_to_string(&path).unwrap().lines().count();
-    assert_eq!(after, lines + 4);
+    let after = scratch.read(journal).lines().count();
+    assert_eq!(after, mended.lines().count() + 4);
 }
 
 #[test]
@@ -122,17 +116,6 @@ fn fixed_views_alone_are_embedded_alone() {
     // The view straight down and two others, or it and one other.
     let views = [2, 3].map(|views| format!("{} embeddings", views * surfaces));
     assert!(views.iter().any(|line| log.contains(line)), "{log}");
-}
-
-#[test]
-fn more_views_than_there_are_are_refused_by_the_name_of_the_method() {
-    let scratch = Scratch::new();
-    let mut command = scratch.experiment();
-    command.args(["--set", "methods.ridge.views=9"]).refused(&[
-        "method `ridge`",
-        "9 views",
-        "at most 5",
-    ]);
 }
 
 /// Angles of 0, 15, 30, 45 and 60 degrees: the middle view is not the one straight down.
@@ -155,6 +138,6 @@ neighbours | Neighbours | ridge | views = 3; distinct = true; selector = { kind 
         ("neighbours", &[0, 1, 2]),
     ] {
         let selected = &method(&results, id)["selected_views"]["fRS"];
-        assert_eq!(selected, &serde_json::json!([views, views]), "{id}");
+        assert_eq!(selected, &json!([views, views]), "{id}");
     }
 }

@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 use std::fs;
-use std::path::Path;
 
-use crate::support::{Ends, expect, root, sps, texts};
+use crate::support::{Ends, Scratch, expect, root, rows, texts};
+use assert_cmd::Command;
 use image::{Rgb, RgbImage};
 use serde_json::Value;
 use sps_estimator::Estimator;
@@ -30,8 +30,9 @@ fn photograph(width: u32, number: u64, friction: f64, hardness: f64) -> RgbImage
 }
 
 /// A hundred photographs of fifty sheets, two of each, and what was measured on the sheets.
-fn lay_out(folder: &Path) {
-    fs::create_dir(folder.join("photographs")).unwrap();
+fn laid_out() -> Scratch {
+    let scratch = Scratch::empty();
+    fs::create_dir(scratch.path("photographs")).unwrap();
     let mut table = "photograph,group,friction,hardness\n".to_owned();
     for number in 0..100 {
         let sheet = number / 2;
@@ -39,43 +40,44 @@ fn lay_out(folder: &Path) {
         let hardness = 1.0 + 8.0 * share(2 * sheet + 1);
         let name = format!("{number:03}.png");
         let photograph = photograph(SIDE, number, friction, hardness);
-        photograph
-            .save(folder.join("photographs").join(&name))
-            .unwrap();
+        let path = scratch.path("photographs").join(&name);
+        photograph.save(path).unwrap();
         // One is not measured.
         let hardness = format!("{hardness:.3}").repeat(usize::from(number != 7));
         writeln!(table, "{name},sheet-{sheet},{friction:.3},{hardness}").unwrap();
     }
-    fs::write(folder.join("values.csv"), table).unwrap();
+    scratch.write("values.csv", table);
+    scratch
+}
+
+/// The command with the words of a line, in the scratch folder.
+fn inside(scratch: &Scratch, line: &str) -> Command {
+    let mut command = scratch.sps(line);
+    command.current_dir(scratch.path("."));
+    command
 }
 
 /// The commands of the README's section on one's own photographs, without `cargo xtask`.
-fn commands_of_the_readme() -> Vec<Vec<String>> {
+fn commands_of_the_readme() -> Vec<String> {
     let readme = fs::read_to_string(root().join("README.md")).unwrap();
     let (_, section) = readme.split_once("## On your own photographs").unwrap();
     let (_, lines) = section.split_once("```sh\n").unwrap();
     let (lines, _) = lines.split_once("```").unwrap();
-    let words = |line: &str| {
-        let line = line.strip_prefix("cargo xtask ").unwrap();
-        line.split_whitespace().map(str::to_owned).collect()
-    };
-    lines.lines().map(words).collect()
+    let command = |line: &str| line.strip_prefix("cargo xtask ").unwrap().to_owned();
+    lines.lines().map(command).collect()
 }
 
 #[test]
 fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
-    let scratch = tempfile::tempdir().unwrap();
-    let path = |name: &str| scratch.path().join(name);
-    lay_out(scratch.path());
+    let scratch = laid_out();
     let one = photograph(4 * SIDE, 1000, 0.5, 8.0);
-    one.save(path("photograph.jpg")).unwrap();
+    one.save(scratch.path("photograph.jpg")).unwrap();
 
     let commands = commands_of_the_readme();
-    let said = |words: &Vec<String>| sps().args(words).current_dir(scratch.path()).said();
-    let printed = commands.iter().map(said);
+    let printed = commands.iter().map(|line| inside(&scratch, line).said());
     let printed: Vec<String> = printed.collect();
     let of = |command: &str| {
-        let found = commands.iter().position(|words| words[0] == command);
+        let found = commands.iter().position(|line| line.starts_with(command));
         &printed[found.unwrap()]
     };
     // Sheets are held out whole, so there is a column for them.
@@ -88,9 +90,9 @@ fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
     expect(of("fit"), &fitted);
     expect(of("predict"), &["friction", "hardness", "90 % interval"]);
     expect(of("map"), &["photograph-hardness.png", "places"]);
-    assert!(path("maps/photograph-hardness.npy").is_file());
+    assert!(scratch.path("maps/photograph-hardness.npy").is_file());
 
-    let model = Estimator::load(&path("models/mine")).unwrap();
+    let model = Estimator::load(&scratch.path("models/mine")).unwrap();
     // Brightness and grain are plain to see, also on sheets that were held out.
     for property in ["friction", "hardness"] {
         let measured = model.about().measured[property];
@@ -99,15 +101,14 @@ fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
             assert!(coverage.unwrap() > 0.7, "{property}: {measured:?}");
         }
     }
-    let page = fs::read_to_string(path("models/mine/report.html")).unwrap();
+    let page = scratch.read("models/mine/report.html");
     expect(&page, &["Ridge regression", "Nearest neighbour"]);
     // What the data was laid out in is gone.
-    let left = fs::read_dir(path("models")).unwrap();
+    let left = fs::read_dir(scratch.path("models")).unwrap();
     assert_eq!(left.count(), 1);
 
-    let mut again = sps();
-    again.current_dir(scratch.path()).args(&commands[0]);
-    let [found, log] = again.args(["--force", "--json"]).said_and_logged();
+    let again = format!("{} --force --json", commands[0]);
+    let [found, log] = inside(&scratch, &again).said_and_logged();
     let found: Value = serde_json::from_str(&found).unwrap();
     let measured = serde_json::to_value(&model.about().measured).unwrap();
     assert_eq!(found["about"]["measured"], measured);
@@ -117,16 +118,13 @@ fn photographs_of_ones_own_become_a_model_by_the_lines_of_the_readme() {
 
 #[test]
 fn what_cannot_be_fitted_is_refused_before_anything_is_written() {
-    let scratch = tempfile::tempdir().unwrap();
-    lay_out(scratch.path());
+    let scratch = laid_out();
     let refused = |values: &str, more: &str, code: i32, named: &[&str]| {
-        fs::write(scratch.path().join("other.csv"), values).unwrap();
-        let mut fit = sps();
-        fit.current_dir(scratch.path());
-        fit.args(["fit", "photographs", "--out", "models/other"]);
-        let assert = fit.args(more.split_whitespace()).assert().code(code);
-        expect(&texts(&assert)[1], named);
-        assert!(!scratch.path().join("models").exists());
+        scratch.write("other.csv", values);
+        let line = format!("fit photographs --out models/other {more}");
+        let ended = inside(&scratch, &line).assert().code(code);
+        expect(&texts(&ended)[1], named);
+        assert!(!scratch.path("models").exists());
     };
     let table = "--values other.csv";
     let one = "photograph,group,friction\n000.png,steel,0.5\n001.png,steel,0.6\n";
@@ -138,22 +136,15 @@ fn what_cannot_be_fitted_is_refused_before_anything_is_written() {
     let level = "--values other.csv --level 2";
     refused(one, level, 2, &["--level", "between 0 and 1"]);
     // How a table is laid out says nothing of a config.
-    let config = ["fit", "--config", "x.toml", "--views", "a", "--out", "m"];
-    let both = sps().args(config).assert().code(2);
-    expect(&texts(&both)[1], &["--views"]);
+    let mut both = scratch.sps("fit --config x.toml --views a --out m");
+    expect(&texts(&both.assert().code(2))[1], &["--views"]);
 }
 
 /// Models of one encoder's embeddings are the same, whether the encoder made them or a file has them.
 #[test]
 fn embeddings_from_a_file_give_the_model_that_photographs_give() {
-    let scratch = tempfile::tempdir().unwrap();
-    lay_out(scratch.path());
-    let run = |line: &str| {
-        let mut command = sps();
-        command.current_dir(scratch.path());
-        command.args(line.split_whitespace());
-        command
-    };
+    let scratch = laid_out();
+    let run = |line: &str| inside(&scratch, line);
     let done = |line: &str| run(line).said();
     let refused = |line: &str, parts: &[&str]| run(line).refused(parts);
     // In another order than the table's.
@@ -170,13 +161,12 @@ fn embeddings_from_a_file_give_the_model_that_photographs_give() {
     let few = format!("{fit} --embeddings few.safetensors --out x");
     refused(&few, &["few.safetensors", "a row of 002.png: found none"]);
 
-    let model = |name: &str| Estimator::load(&scratch.path().join(name)).unwrap();
+    let model = |name: &str| Estimator::load(&scratch.path(name)).unwrap();
     let (seeing, blind) = (model("seeing"), model("blind"));
     assert_eq!(blind.about().measured, seeing.about().measured);
     let values = |line: &str| -> Vec<f64> {
-        let mut table = csv::Reader::from_reader(std::io::Cursor::new(done(line)));
-        let rows = table.records().map(|row| row.unwrap()[2].parse().unwrap());
-        rows.collect()
+        let rows: Vec<Vec<String>> = rows(&done(line));
+        rows.iter().map(|row| row[2].parse().unwrap()).collect()
     };
     let seen = values(&format!("predict seeing --csv {two}"));
     let told = values("predict blind --csv --embeddings few.safetensors");
@@ -194,7 +184,7 @@ fn embeddings_from_a_file_give_the_model_that_photographs_give() {
     let last = "predict blind --embeddings last.safetensors";
     refused(last, &[found, "stage-1 (16)"]);
     // An ONNX file, in a build that reads none.
-    fs::write(scratch.path().join("dino.onnx"), "").unwrap();
+    scratch.write("dino.onnx", "");
     let onnx = format!("{fit} --encoder dino.onnx --out x");
     if cfg!(not(feature = "onnx")) {
         refused(&onnx, &["dino.onnx", "a build with the feature `onnx`"]);

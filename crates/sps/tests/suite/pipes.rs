@@ -2,43 +2,42 @@
 
 use std::io::pipe;
 use std::os::unix::process::ExitStatusExt;
-use std::process::Command;
+use std::process::Stdio;
 
-use crate::support::{Scratch, root};
+use crate::support::Scratch;
 
 const SIGPIPE: i32 = 13;
 
 /// Runs the command with its output into a closed pipe.
-fn closed(arguments: &[&str]) {
+fn closed(scratch: &Scratch, line: &str) {
     let (reader, writer) = pipe().unwrap();
     drop(reader);
-    let mut command = Command::new(env!("CARGO_BIN_EXE_sps"));
-    command.current_dir(root()).args(arguments).stdout(writer);
-    let output = command.env_remove("RUST_LOG").output().unwrap();
+    let mut command = scratch.process(line);
+    command.stdout(writer).stderr(Stdio::piped());
+    let output = command.output().unwrap();
     let log = String::from_utf8_lossy(&output.stderr);
     let signal = output.status.signal();
-    assert_eq!(signal, Some(SIGPIPE), "{arguments:?}: {log}");
+    assert_eq!(signal, Some(SIGPIPE), "{line}: {log}");
     for word in ["panicked", "error", "roken pipe"] {
-        assert!(!log.contains(word), "{arguments:?}: {log}");
+        assert!(!log.contains(word), "{line}: {log}");
     }
 }
 
 #[test]
 fn closed_pipes_end_commands_quietly() {
     let scratch = Scratch::new();
-    let path = |name: &str| scratch.path(name).display().to_string();
-    let [config, data, model, figures] = ["tiny.toml", "data", "model", "figures"].map(path);
-    let photograph = path("data/frames/oak-01/002.jpg");
-    closed(&["--help"]);
-    closed(&["experiment", &config, "--list"]);
-    closed(&["inspect", &data, "--out", &figures]);
-    closed(&["inspect", &data, "--json", "--out", &figures]);
-    closed(&["fit", "--config", &config, "--out", &model]);
-    let line = "fit --config @tiny.toml --out @model --set train.method=ridge";
-    scratch.sps(line).assert().success();
-    for form in [&[][..], &["--json"], &["--csv"]] {
-        let ask = ["predict", &model, &photograph];
-        closed(&[&ask[..], form].concat());
+    let closed = |line: &str| closed(&scratch, line);
+    closed("--help");
+    closed("experiment @tiny.toml --list");
+    closed("inspect @data --out @figures");
+    closed("inspect @data --json --out @figures");
+    let fit = "fit --config @tiny.toml --out @model";
+    closed(fit);
+    let line = format!("{fit} --set train.method=ridge");
+    scratch.sps(&line).assert().success();
+    let photograph = "@data/frames/oak-01/002.jpg";
+    for form in ["", "--json", "--csv"] {
+        closed(&format!("predict @model {photograph} {form}"));
     }
-    closed(&["map", &model, "fRS", &photograph, "--out", &figures]);
+    closed(&format!("map @model fRS {photograph} --out @figures"));
 }

@@ -1,19 +1,19 @@
 //! Models that are kept, and what they say of photographs.
 
 use std::fs;
-use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use crate::support::{Ends, Scratch, calibrates, expect, fit, fitted_in, root};
+use crate::tables::tables;
 use assert_cmd::Command;
 use candle_core::Device;
 use image::{Rgb, RgbImage};
 use serde_json::{Value, json};
-use sps_dataset::{DatasetFolder, ReadSettings, Source, TactileSettings, Unit, Units};
-use sps_estimator::{Embedder, Estimator, Network, photographs_in};
-use sps_models::encoders::{Depths, Encoder, EncoderKind};
+use sps_dataset::{DatasetFolder, ReadSettings, Source, Unit, Units};
+use sps_estimator::Estimator;
+use sps_models::encoders::{Encoder, EncoderKind};
 use sps_regress::ridge::{Ridge, RidgeConfig};
-use sps_regress::{FittedRegressor, Plan, Readings, Rerun, TrainingData, Views};
+use sps_regress::{FittedRegressor, Plan, Rerun, TrainingData, Views};
 
 /// The frames of the tiny dataset.
 const SIDE: u32 = 32;
@@ -35,52 +35,52 @@ fn simulated(options: &str) -> Scratch {
     scratch
 }
 
-fn predict(scratch: &Scratch, options: &[&str], images: &[PathBuf]) -> Command {
-    let mut command = scratch.sps("predict --json @model");
-    command.args(options).args(images);
-    command
+/// Two photographs.
+const OAK: &str = "@data/frames/oak-01/002.jpg";
+const TILE: &str = "@data/frames/tile-01/002.exr";
+
+/// `predict` with the words of a line, as [`Scratch::sps`] has it.
+fn predict(scratch: &Scratch, line: &str) -> Command {
+    scratch.sps(&format!("predict --json @model {line}"))
 }
 
 /// The first estimate.
-fn estimate(mut command: Command) -> Value {
-    command.json()["estimates"][0].take()
+fn estimate(scratch: &Scratch, line: &str) -> Value {
+    predict(scratch, line).json()["estimates"][0].take()
+}
+
+/// Its value.
+fn value(scratch: &Scratch, line: &str) -> f64 {
+    estimate(scratch, line)["value"].as_f64().unwrap()
 }
 
 #[test]
 fn a_model_answers_for_a_photograph() {
     let scratch = &*ONE_VIEW;
-    let images = ["oak-01/002.jpg", "tile-01/002.exr"];
-    let images = images.map(|name| scratch.path("data/frames").join(name));
-    let of = |images: &[PathBuf]| estimate(predict(scratch, &[], images));
-    let one = of(&images[..1]);
+    let one = estimate(scratch, OAK);
     let at = |key: &str| one[key].as_f64().unwrap();
     assert!(at("low") < at("value") && at("value") < at("high"), "{one}");
-    let value = |estimate: &Value| estimate["value"].as_f64().unwrap();
-    let other = of(&images[1..]);
-    let mean = estimate(predict(scratch, &["--group-by", "all"], &images));
-    assert!((value(&mean) - f64::midpoint(value(&one), value(&other))).abs() < 1e-9);
+    let other = value(scratch, TILE);
+    let mean = value(scratch, &format!("--group-by all {OAK} {TILE}"));
+    assert!((mean - f64::midpoint(at("value"), other)).abs() < 1e-9);
 }
 
 /// Three surfaces calibrate at 50 %: 4 * 0.75 is 3, for two photographs, and 4 * 5 / 6 is above, for three.
 #[test]
 fn the_mean_of_more_photographs_than_were_calibrated_for_has_no_interval() {
     let scratch = &*ONE_VIEW;
-    let images = ["000.jpg", "001.jpg", "002.jpg"];
-    let images = images.map(|name| scratch.path("data/frames/oak-01").join(name));
-    let all = ["--group-by", "all"];
-    let line = |count: usize| predict(scratch, &all, &images[..count]).json();
+    let images = ["000", "001", "002"].map(|name| format!("@data/frames/oak-01/{name}.jpg"));
+    let of = |count: usize| format!("--group-by all {}", images[..count].join(" "));
+    let line = |count: usize| predict(scratch, &of(count)).json();
     let (two, three) = (line(2), line(3));
-    assert_eq!(
-        [&two["level"], &two["no_interval"]],
-        [&json!(0.5), &json!({})]
-    );
+    let said = [&two["level"], &two["no_interval"]];
+    assert_eq!(said, [&json!(0.5), &json!({})]);
     assert!(two["estimates"][0]["low"].is_f64(), "{two}");
     assert_eq!(three["estimates"][0]["high"], Value::Null);
     let reason = three["no_interval"]["fRS"].as_str().unwrap();
     expect(reason, &["found 3 photographs", "at most 2", "83.3 %"]);
 
-    let mut command = scratch.sps("predict --group-by all @model");
-    command.args(&images);
+    let mut command = scratch.sps(&format!("predict @model {}", of(3)));
     let reason = "fRS: no interval, found 3 photographs";
     expect(&command.said(), &["50 % interval", "none", reason]);
     let csv = command.arg("--csv").said();
@@ -92,56 +92,41 @@ fn the_mean_of_more_photographs_than_were_calibrated_for_has_no_interval() {
 #[test]
 fn a_large_photograph_comes_to_the_scale_of_the_model() {
     let scratch = &*ONE_VIEW;
-    let photograph = |name: &str, side: u32| {
-        let path = scratch.path(name);
+    for (name, side) in [("small", SIDE), ("large", 30 * SIDE)] {
         // Smooth, so that both show the same but for the rounding to 8 bits.
         let ramp = |at: u32| ((2 * at + 1) * 125 / side) as u8;
-        let pixel = |x, y| Rgb([ramp(x), ramp(y), 90]);
-        RgbImage::from_fn(side, side, pixel).save(&path).unwrap();
-        [path]
-    };
-    let small = photograph("small.png", SIDE);
-    let large = photograph("large.png", 30 * SIDE);
-    let value = |options: &[&str], images: &[PathBuf]| {
-        estimate(predict(scratch, options, images))["value"]
-            .as_f64()
-            .unwrap()
-    };
-    let expected = value(&[], &small);
-    let found = value(&[], &large);
+        let image = RgbImage::from_fn(side, side, |x, y| Rgb([ramp(x), ramp(y), 90]));
+        image.save(scratch.path(&format!("{name}.png"))).unwrap();
+    }
+    let value = |line: &str| value(scratch, line);
+    let (expected, found) = (value("@small.png"), value("@large.png"));
     assert!((found - expected).abs() < 1.0, "{found}, not {expected}");
-    assert_eq!(value(&["--resize", "32"], &large), value(&[], &large));
-    assert_eq!(value(&["--keep-size"], &small), expected);
-    assert_ne!(value(&["--keep-size"], &large), value(&[], &large));
+    assert_eq!(value("--resize 32 @large.png"), found);
+    assert_eq!(value("--keep-size @small.png"), expected);
+    assert_ne!(value("--keep-size @large.png"), found);
 }
 
 /// Files that cannot be read are named; the others are estimated as they are alone.
 #[test]
 fn broken_photographs_do_not_stop_the_others() {
     let scratch = &*ONE_VIEW;
-    let folder = scratch.path("photographs");
-    fs::create_dir(&folder).unwrap();
+    fs::create_dir(scratch.path("photographs")).unwrap();
     let whole = fs::read(scratch.path("data/frames/oak-01/002.jpg")).unwrap();
     for number in 0..40 {
         let broken = number % 20 == 7;
         let bytes = if broken { &whole[..30] } else { &whole[..] };
-        fs::write(folder.join(format!("{number:02}.jpg")), bytes).unwrap();
+        scratch.write(&format!("photographs/{number:02}.jpg"), bytes);
     }
-    fs::write(folder.join("notes.txt"), "no image").unwrap();
-    let alone = scratch.path("data/frames/oak-01/002.jpg");
-    let alone = estimate(predict(scratch, &[], &[alone]));
-    let [lines, log] = predict(scratch, &[], &[folder]).failed();
-    let lines = lines
-        .lines()
-        .map(|line| serde_json::from_str(line).unwrap());
-    let lines: Vec<Value> = lines.collect();
+    scratch.write("photographs/notes.txt", "no image");
+    let alone = estimate(scratch, OAK);
+    let [lines, log] = predict(scratch, "@photographs").failed();
+    let lines = lines.lines().map(serde_json::from_str::<Value>);
+    let lines: Vec<Value> = lines.map(Result::unwrap).collect();
     assert_eq!(lines.len(), 38);
     assert!(lines.iter().all(|line| line["estimates"][0] == alone));
     assert!(lines[0]["surface"].as_str().unwrap().ends_with("00.jpg"));
-    expect(
-        &log,
-        &["07.jpg", "27.jpg", "2 of 40 surfaces have no estimate"],
-    );
+    let failed = "2 of 40 surfaces have no estimate";
+    expect(&log, &["07.jpg", "27.jpg", failed]);
 
     let [table, _] = scratch.sps("predict --csv @model @photographs").failed();
     let (header, lines) = table.split_once('\n').unwrap();
@@ -167,79 +152,56 @@ fn three_views_say_what_a_ridge_does(scratch: Scratch) {
     let scratch = fitted_in(scratch, &[method, "properties=[\"fRS\"]"]);
     let dataset = DatasetFolder::open(&scratch.path("data"), &ReadSettings::default()).unwrap();
     let encoder = Encoder::seeded(EncoderKind::EfficientNetLiteBody, 0).unwrap();
-    let encoder = encoder.with_depths(&Depths::All).unwrap();
-    let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
     let views = [0, 2, 4];
-    let count = dataset.surfaces().len();
-    let of_surface = |surface| views.map(|view| dataset.frame(surface, view).unwrap());
-    let frames: Vec<_> = (0..count).flat_map(of_surface).collect();
-    let values = embedder.embed(&frames).unwrap();
-    let embeddings = embedder.table(&values, count, 3).unwrap();
-    let settings = TactileSettings::default();
-    let touched = dataset.tactile().averages(&settings, count);
-    let rows: Vec<_> = (0..count).map(|s| vec![touched.value(s, "fRS")]).collect();
-    let readings = Readings::new(vec!["fRS".into()], &rows).unwrap();
+    let (embeddings, readings) = tables(&dataset, encoder, &views);
     let units = Units::by(dataset.surfaces(), Unit::Surface);
     // Values come from a fit to all surfaces, those among them that calibrate.
-    let rerun = Rerun {
-        number: 0,
-        training: (0..count).collect(),
-        validation: Vec::new(),
-    };
-    let mut plan = Plan::each(0, readings.properties(), vec![rerun]);
-    plan.trials[0].views = Views::Fixed(vec![0, 1, 2]);
+    let rerun = Rerun::new(0, 0..dataset.surfaces().len());
+    let plan = Plan::each(0, &["fRS".into()], vec![rerun]);
+    let plan = plan.with_views(&Views::Fixed(vec![0, 1, 2]));
     let data = TrainingData::new(&embeddings, &readings).with_units(units.of_surface());
     let ridge = Ridge::new(RidgeConfig::default()).unwrap();
     let ridges = ridge.train(&data, &plan).unwrap();
     let expected = ridges.predict(&embeddings).unwrap().remove(0).values;
 
-    let folder = |surface: &str| scratch.path("three").join(surface);
     for (at, surface) in dataset.surfaces().iter().enumerate() {
-        fs::create_dir_all(folder(&surface.id)).unwrap();
-        for entry in fs::read_dir(scratch.path("data/frames").join(&surface.id)).unwrap() {
-            let path = entry.unwrap().path();
-            let stem = path.file_stem().unwrap().to_str().unwrap().to_owned();
-            if views.contains(&stem.parse().unwrap()) {
-                fs::copy(&path, folder(&surface.id).join(path.file_name().unwrap())).unwrap();
-            }
+        let folder = format!("three/{}", surface.id);
+        fs::create_dir_all(scratch.path(&folder)).unwrap();
+        let mut named = Vec::new();
+        for view in views {
+            let frame = dataset.frame_path(at, view).unwrap();
+            let name = format!("{folder}/{}", frame.file_name().unwrap().display());
+            fs::copy(&frame, scratch.path(&name)).unwrap();
+            named.push(format!("@{name}"));
         }
-        let of_folder = estimate(predict(&scratch, &[], &[folder(&surface.id)]));
+        let of_folder = estimate(&scratch, &format!("@{folder}"));
         let of = |key: &str| of_folder[key].as_f64().unwrap();
         let expected = expected[at].clamp(of("low"), of("high"));
         assert_eq!(of("value"), expected, "{}", surface.id);
         // Of a folder they are taken by name, named one by one as they come.
-        let mut named = photographs_in(&folder(&surface.id)).unwrap();
-        assert_eq!(estimate(predict(&scratch, &[], &named)), of_folder);
+        assert_eq!(estimate(&scratch, &named.join(" ")), of_folder);
         named.reverse();
-        assert_ne!(estimate(predict(&scratch, &[], &named)), of_folder);
+        assert_ne!(estimate(&scratch, &named.join(" ")), of_folder);
     }
-    let first = &dataset.surfaces()[0].id;
     let one = dataset.frame_path(0, 2).unwrap();
     let mut map = scratch.sps("map @model fRS");
-    map.arg(&one)
-        .refused(&["a map is of one", "without `views`"]);
-    let [_, log] = predict(&scratch, &[], &[one]).failed();
-    expect(
-        &log,
-        &[first, "found 1, expected 3, at -45, 0 and 45 degrees"],
-    );
+    let parts = ["a map is of one", "without `views`"];
+    map.arg(&one).refused(&parts);
+    let [_, log] = predict(&scratch, "").arg(&one).failed();
+    let found = "found 1, expected 3, at -45, 0 and 45 degrees";
+    expect(&log, &[&dataset.surfaces()[0].id, found]);
 }
 
 /// Views that a selector chose for each property: a photograph of each view that any looks at.
 #[test]
 fn a_model_takes_the_views_that_its_selector_chose() {
-    let selected = |more: &str| {
-        let same = "id = \"r\", label = \"R\", views = 2, distinct = true";
-        fitted(&[
-            &format!("methods=[{{ {same}, {more} }}]"),
-            "selection.folds=1",
-        ])
-    };
+    let same = "id = \"r\", label = \"R\", views = 2, distinct = true";
     let by_refits = "kind = \"kernel-ridge\", selector = { kind = \"greedy\" }, refit = {}";
     let frozen = "kind = \"head\", head = { model = { kind = \"regression\" }, epochs = 2 }, \
         selector = { kind = \"exhaustive\" }";
     for more in [by_refits, frozen] {
-        let scratch = selected(more);
+        let method = format!("methods=[{{ {same}, {more} }}]");
+        let scratch = fitted(&[&method, "selection.folds=1"]);
         let model: Value = serde_json::from_str(&scratch.read("model/estimator.json")).unwrap();
         let angles = model["about"]["angles"].as_array().unwrap();
         assert!((2..=4).contains(&angles.len()), "{angles:?}");
@@ -250,8 +212,7 @@ fn a_model_takes_the_views_that_its_selector_chose() {
             let frame = scratch.path(&format!("data/frames/oak-01/00{view}.jpg"));
             fs::copy(frame, shown.join(format!("{at}.jpg"))).unwrap();
         }
-        let found = estimate(predict(&scratch, &[], &[shown]));
-        assert!(found["value"].as_f64().unwrap().is_finite());
+        assert!(value(&scratch, "@shown").is_finite());
     }
 }
 
@@ -260,19 +221,16 @@ fn a_model_takes_the_views_that_its_selector_chose() {
 fn a_model_keeps_the_precision_of_its_encoder() {
     for precision in ["bf16", "int8"] {
         let scratch = fitted(&[&format!("encoder.precision={precision}")]);
-        let image = [scratch.path("data/frames/oak-01/002.jpg")];
-        let found = estimate(predict(&scratch, &[], &image));
+        let found = value(&scratch, OAK);
         scratch.edit("model/estimator.json", &format!("{precision:?}"), "\"f32\"");
-        let in_f32 = estimate(predict(&scratch, &[], &image));
-        assert_ne!(found["value"], in_f32["value"]);
+        assert_ne!(found, value(&scratch, OAK));
     }
 }
 
 #[test]
 fn a_model_that_resizes_is_not_resized() {
     let scratch = fitted(&["encoder.resize=16"]);
-    let image = scratch.path("data/frames/oak-01/002.jpg");
-    let mut resizing = predict(&scratch, &["--resize", "24"], &[image]);
+    let mut resizing = predict(&scratch, &format!("--resize 24 {OAK}"));
     resizing.refused(&["--resize", "16 pixels"]);
 }
 
@@ -291,23 +249,18 @@ fn a_trained_encoder_that_has_seen_too_much_has_no_p_value() {
     let of_model = "the model has no p-value of \"like what it was fitted on\"";
     expect(&printed, &[of_splits, of_model, reason]);
 
-    let image = [scratch.path("data/frames/oak-01/002.jpg")];
-    let line = predict(&scratch, &[], &image).json();
-    assert_eq!(
-        [&line["familiar"], &line["unfamiliar"]],
-        [&Value::Null, &json!(false)]
-    );
+    let line = predict(&scratch, OAK).json();
+    let familiar = [&line["familiar"], &line["unfamiliar"]];
+    assert_eq!(familiar, [&Value::Null, &json!(false)]);
     expect(line["no_familiar"].as_str().unwrap(), &[reason]);
-    let ask = |line: &str| scratch.sps(line).arg(&image[0]).said();
+    let ask = |line: &str| scratch.sps(&format!("{line} {OAK}")).said();
     let none = "no p-value of \"like what the model was fitted on\"";
     expect(&ask("predict @model"), &[none, reason]);
     let csv = ask("predict @model --csv");
     assert!(csv.lines().nth(1).unwrap().ends_with(','), "{csv}");
     let drawn = ask("map @model fRS --out @maps");
-    expect(
-        &drawn,
-        &["nothing is hatched, for there is no p-value", reason],
-    );
+    let bare = "nothing is hatched, for there is no p-value";
+    expect(&drawn, &[bare, reason]);
     let numbers = fs::read(scratch.path("maps/002-fRS.npy")).unwrap();
     let last = numbers.last_chunk().unwrap();
     assert!(f64::from_le_bytes(*last).is_nan());
@@ -326,11 +279,9 @@ fn a_photograph_is_held_against_what_a_trained_encoder_has_not_seen() {
     let units = Units::by(dataset.surfaces(), Unit::Surface);
     let all: Vec<usize> = (0..40).collect();
     let part = units.keep_aside(&all, 0.5, 0, "random split", 0).unwrap();
-    let frames = part
-        .validation
-        .iter()
-        .map(|&at| dataset.frame(at, 0).unwrap());
-    let values = model.embedder().embed(&frames.collect::<Vec<_>>()).unwrap();
+    let frames = part.validation.iter().map(|at| dataset.frame(*at, 0));
+    let frames: Vec<_> = frames.map(Result::unwrap).collect();
+    let values = model.embedder().embed(&frames).unwrap();
     let width = model.embedder().width();
     // Each block of its own.
     let blocks = model.embedder().network().blocks();
@@ -345,8 +296,8 @@ fn a_photograph_is_held_against_what_a_trained_encoder_has_not_seen() {
             rest = behind;
         }
     }
-    let kept =
-        candle_core::safetensors::load(scratch.path("model/familiar.safetensors"), &Device::Cpu);
+    let kept = scratch.path("model/familiar.safetensors");
+    let kept = candle_core::safetensors::load(kept, &Device::Cpu);
     let kept = &kept.unwrap()["units"];
     assert_eq!(kept.dims(), [20, 1, width]);
     let kept: Vec<f32> = kept.flatten_all().unwrap().to_vec1().unwrap();
@@ -363,23 +314,9 @@ fn an_encoder_that_is_trained_does_not_see_what_calibrates() {
     let all: Vec<usize> = (0..6).collect();
     let part = units.keep_aside(&all, 0.34, 0, "random split", 0).unwrap();
     let weights = |changed: Option<usize>| {
-        let read = |text: &str| {
-            let surface = changed.map(|surface| dataset.surfaces()[surface].id.clone());
-            let lines = text.lines().enumerate().map(|(number, line)| {
-                let cells: Vec<&str> = line.split(',').collect();
-                if number > 0 && surface.as_deref() == Some(cells[0]) {
-                    let cells = cells.iter().enumerate();
-                    let cells = cells.map(|(at, cell)| if at < 3 { cell } else { "1" });
-                    cells.collect::<Vec<_>>().join(",")
-                } else {
-                    line.to_owned()
-                }
-            });
-            lines.collect::<Vec<_>>().join("\n") + "\n"
-        };
+        let changed = changed.map(|at| dataset.surfaces()[at].id.as_str());
         let scratch = Scratch::new();
-        let readings = read(&scratch.read("data/tactile.csv"));
-        fs::write(scratch.path("data/tactile.csv"), readings).unwrap();
+        scratch.change_readings(|of, reading| if changed == Some(of) { 1.0 } else { reading });
         let scratch = fitted_in(scratch, &[TRAINED, "train.calibration=0.34"]);
         fs::read(scratch.path("model/encoder.safetensors")).unwrap()
     };
@@ -391,17 +328,12 @@ fn an_encoder_that_is_trained_does_not_see_what_calibrates() {
 #[test]
 fn a_map_is_a_picture_and_numbers() {
     let scratch = &*ONE_VIEW;
-    let photograph = scratch.path("wide.png");
     let pixel = |x: u32, y: u32| Rgb([(x * 4 % 256) as u8, (y * 7 % 256) as u8, 90]);
     let wide = RgbImage::from_fn(3 * SIDE, SIDE, pixel);
-    wide.save(&photograph).unwrap();
-    let map = |options: &[&str], images: &[PathBuf]| {
-        let mut command = scratch.sps("map @model fRS --out @maps");
-        command.args(options).args(images);
-        command
-    };
-    for options in [&[][..], &["--alone"]] {
-        let said = map(options, std::slice::from_ref(&photograph)).said();
+    wide.save(scratch.path("wide.png")).unwrap();
+    let map = |line: &str| scratch.sps(&format!("map @model fRS --out @maps {line}"));
+    for line in ["@wide.png", "@wide.png --alone"] {
+        let said = map(line).said();
         expect(&said, &["wide-fRS.png", "1 x 17 places"]);
         expect(&said, &["colours from ", "intervals +/- "]);
         let numbers = fs::read(scratch.path("maps/wide-fRS.npy")).unwrap();
@@ -409,23 +341,21 @@ fn a_map_is_a_picture_and_numbers() {
         let picture = image::open(scratch.path("maps/wide-fRS.png")).unwrap();
         assert!(picture.width() > 3 * SIDE);
     }
-    let two = ["oak-01", "oak-02"].map(|oak| scratch.path(&format!("data/frames/{oak}/002.jpg")));
-    map(&[], &two).refused(&["would have the same map", "002-fRS"]);
+    let other = "@data/frames/oak-02/002.jpg";
+    let same = ["would have the same map", "002-fRS"];
+    map(&format!("{OAK} {other}")).refused(&same);
 
     // As large as a frame: one place. A map of another photograph is not written over.
-    let log = map(&[], &two[..1]).logged();
-    expect(
-        &log,
-        &["oak-01/002.jpg: one place", "32 x 32 pixels", "--resize"],
-    );
+    let place = "oak-01/002.jpg: one place";
+    expect(&map(OAK).logged(), &[place, "32 x 32 pixels", "--resize"]);
     let path = scratch.path("maps/002-fRS.png");
     let drawn = fs::read(&path).unwrap();
     let there = "002-fRS.png is there already, the map of";
-    map(&[], &two[1..]).refused(&[there, "oak-01/002.jpg"]);
+    map(other).refused(&[there, "oak-01/002.jpg"]);
     assert_eq!(fs::read(&path).unwrap(), drawn);
-    map(&[], &two[..1]).assert().success();
-    fs::copy(&photograph, &path).unwrap();
-    map(&[], &two[..1]).refused(&["is no map that names its photograph"]);
+    map(OAK).assert().success();
+    fs::copy(scratch.path("wide.png"), &path).unwrap();
+    map(OAK).refused(&["is no map that names its photograph"]);
     let mut misspelt = scratch.sps("map @model frs @wide.png");
     misspelt.refused(&["unknown property `frs`", "did you mean `fRS`?", "`cDF`"]);
 }
@@ -435,43 +365,27 @@ fn a_map_is_a_picture_and_numbers() {
 #[test]
 fn people_read_as_many_digits_as_the_readings_have() {
     let scratch = Scratch::new();
-    let text = scratch.read("data/tactile.csv");
-    let hundredth = |(at, cell): (usize, &str)| match cell.parse::<f64>() {
-        Ok(value) if at > 2 => (value / 100.0).to_string(),
-        _ => cell.to_owned(),
-    };
-    let lines = text.lines().map(|line| {
-        let cells = line.split(',').enumerate().map(hundredth);
-        cells.collect::<Vec<_>>().join(",") + "\n"
-    });
-    fs::write(scratch.path("data/tactile.csv"), lines.collect::<String>()).unwrap();
+    scratch.change_readings(|_, reading| reading / 100.0);
     let scratch = fitted_in(scratch, &["train.method=ridge"]);
-    let decimals = |line: &str| {
-        let words = line.split_whitespace();
+    let decimals = |text: &str, property: &str| {
+        let mut lines = text.lines();
+        let line = lines.find(|line| line.trim_start().starts_with(property));
+        let words = line.expect("a line").split_whitespace();
         let numbers = words.filter(|word| word.parse::<f64>().is_ok());
         let numbers = numbers.filter_map(|number| number.split_once('.'));
         let decimals = numbers.map(|(_, decimals)| decimals.len());
         decimals.collect::<Vec<_>>()
     };
-    let of = |text: &str, property: &str| {
-        let mut lines = text.lines();
-        let line = lines.find(|line| line.trim_start().starts_with(property));
-        line.unwrap_or_else(|| panic!("no {property} in {text}"))
-            .to_owned()
-    };
-
-    let table = scratch
-        .sps("predict @model @data/frames/oak-01/002.jpg")
-        .said();
+    let table = scratch.sps(&format!("predict @model {OAK}")).said();
     // Their standard deviations are 0.117 and 0.318.
-    assert_eq!(decimals(&of(&table, "fRS")), [3; 3], "{table}");
-    assert_eq!(decimals(&of(&table, "cDF")), [3; 3], "{table}");
+    assert_eq!(decimals(&table, "fRS"), [3; 3], "{table}");
+    assert_eq!(decimals(&table, "cDF"), [3; 3], "{table}");
     assert!(table.starts_with("property"), "{table}");
 
     let table = scratch.sps("inspect @data --out @figures").said();
     // Their quartiles lie 0.131 and 0.062 apart.
-    assert_eq!(decimals(&of(&table, "fRS"))[..5], [3; 5], "{table}");
-    assert_eq!(decimals(&of(&table, "cDF"))[..5], [4; 5], "{table}");
+    assert_eq!(decimals(&table, "fRS")[..5], [3; 5], "{table}");
+    assert_eq!(decimals(&table, "cDF")[..5], [4; 5], "{table}");
 }
 
 #[test]
@@ -480,26 +394,21 @@ fn fit_says_what_it_fits_and_what_its_numbers_mean() {
     calibrates(&scratch);
     let line = "fit --config @tiny.toml --out @model";
     let first = scratch.sps(line).said();
-    expect(
-        &first,
-        &[
-            "Fits method `cross-modal`, the last of the config's methods; `[train] method = \"ID\"` \
-            chooses another: ridge",
-            "intervals of 50 %:",
-            "R²   MAE  interval half width  covered, %",
-            "furthest from what was measured",
-            "the 50 % that calibrate them",
-        ],
-    );
+    let parts = [
+        "Fits method `cross-modal`, the last of the config's methods; `[train] method = \"ID\"` \
+        chooses another: ridge",
+        "intervals of 50 %:",
+        "R²   MAE  interval half width  covered, %",
+        "furthest from what was measured",
+        "the 50 % that calibrate them",
+    ];
+    expect(&first, &parts);
     let at = |property: &str| first.find(property).unwrap();
     assert!(at("\n  fRS") < at("\n  cDF"), "{first}");
     let mut other = scratch.sps(&format!("{line} --set train.method=ridge"));
     other.refused(&["model holds a model; `--force` replaces it"]);
-    let second = other.arg("--force").said();
-    expect(
-        &second,
-        &["Fits method `ridge`, as `train.method` says", "cross-modal"],
-    );
+    let ridge = "Fits method `ridge`, as `train.method` says";
+    expect(&other.arg("--force").said(), &[ridge, "cross-modal"]);
 }
 
 #[test]
@@ -507,10 +416,8 @@ fn what_no_photographs_can_be_taken_for_is_not_kept() {
     let scratch = Scratch::new();
     let refused = |more: &str, named: &[&str]| {
         let method = "id = \"r\", label = \"R\", kind = \"ridge\"";
-        let mut train = scratch.sps("fit --config @tiny.toml --out @model");
-        train
-            .args(["--set", &format!("methods=[{{ {method}, {more} }}]")])
-            .refused(named);
+        let method = format!("methods=[{{ {method}, {more} }}]");
+        fit(&scratch, &[&method]).refused(named);
     };
     let twice = "views = 5, selector = { kind = \"random\" }";
     refused(twice, &["may look at a view twice", "`distinct = true`"]);
@@ -526,10 +433,11 @@ fn what_no_photographs_can_be_taken_for_is_not_kept() {
 #[test]
 fn lines_of_standard_input_are_answered_one_by_one() {
     let scratch = &*ONE_VIEW;
-    let images = ["oak-01/002.jpg", "tile-01/002.exr"];
-    let images = images.map(|name| scratch.path("data/frames").join(name));
-    let named = predict(scratch, &[], &images).said();
-    let both = predict(scratch, &["--group-by", "all"], &images).said();
+    let images = [OAK, TILE].map(|name| scratch.path(&name[1..]));
+    let both = format!("{OAK} {TILE}");
+    let named = predict(scratch, &both).said();
+    let mut both = predict(scratch, &format!("--group-by all {both}"));
+    let both = both.said();
     let lines = [
         json!(images[0]).to_string(),
         json!([images[1]]).to_string(),
@@ -537,7 +445,7 @@ fn lines_of_standard_input_are_answered_one_by_one() {
         "{}".to_owned(),
         json!(images).to_string(),
     ];
-    let mut asked = predict(scratch, &[], &[PathBuf::from("-")]);
+    let mut asked = predict(scratch, "-");
     let [answers, log] = asked.write_stdin(lines.join("\n")).failed();
     let answers: Vec<&str> = answers.lines().collect();
     let named: Vec<&str> = named.lines().collect();
@@ -551,10 +459,8 @@ fn lines_of_standard_input_are_answered_one_by_one() {
 #[test]
 fn joint_intervals_are_wider_and_of_one_photograph() {
     let scratch = fitted(&["methods=[{ id = \"ridge\", label = \"Ridge\", kind = \"ridge\" }]"]);
-    let images = ["000.jpg", "001.jpg"];
-    let images = images.map(|name| scratch.path("data/frames/oak-01").join(name));
-    let ask = |options: &[&str], images: &[PathBuf]| predict(&scratch, options, images).json();
-    let (alone, joint) = (ask(&[], &images[..1]), ask(&["--joint"], &images[..1]));
+    let ask = |line: &str| predict(&scratch, line).json();
+    let (alone, joint) = (ask(OAK), ask(&format!("--joint {OAK}")));
     let mut wider = 0;
     let estimates = |answer: &Value| answer["estimates"].as_array().unwrap().clone();
     assert_eq!(estimates(&alone).len(), 2);
@@ -565,7 +471,7 @@ fn joint_intervals_are_wider_and_of_one_photograph() {
         wider += usize::from(width(&joint) > width(alone));
     }
     assert!(wider > 0, "{joint}");
-    let several = ask(&["--joint", "--group-by", "all"], &images);
+    let several = ask(&format!("--joint --group-by all {OAK} {TILE}"));
     let reason = several["no_interval"]["fRS"].as_str().unwrap();
     expect(reason, &["found 2 photographs", "expected one"]);
 }

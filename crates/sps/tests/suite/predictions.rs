@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
 
-use crate::support::{Ends, Scratch, expect, method, results_without_timings};
+use crate::support::{Ends, Scratch, expect, method, rows};
 use serde_json::Value;
 
 /// A method whose estimates are those of the file, beside ridge regression, whose may be copied there.
@@ -26,15 +26,10 @@ fn scratch() -> Scratch {
 /// What one method estimates of held-out surfaces, as `predictions.csv` has it: surface, property, number
 /// of the split, and the estimate in its own digits.
 fn estimates(scratch: &Scratch, run: &str, id: &str) -> Vec<[String; 4]> {
-    let text = fs::read_to_string(scratch.path(run).join("predictions.csv")).unwrap();
-    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
-    let header = lines.next().unwrap();
-    let place = |name: &str| header.iter().position(|column| *column == name).unwrap();
-    let of_method = lines.filter(|cells| cells[place("method")] == id);
-    let cells = of_method.map(|cells| {
-        ["surface", "property", "rerun", "estimate"].map(|name| cells[place(name)].to_owned())
-    });
-    cells.collect()
+    let all = rows::<BTreeMap<String, String>>(&scratch.read(&format!("{run}/predictions.csv")));
+    let own = all.iter().filter(|row| row["method"] == id);
+    let keys = ["surface", "property", "rerun", "estimate"];
+    own.map(|row| keys.map(|key| row[key].clone())).collect()
 }
 
 /// Runs all but `gpt`, and writes what `ours` estimates as the file of `gpt`, columns in another order.
@@ -46,7 +41,7 @@ fn copy_ours(scratch: &Scratch, folds: usize) {
         let rerun = split.parse::<usize>().unwrap() / folds;
         let _ = writeln!(text, "{value},{rerun},{property},{surface}");
     }
-    fs::write(scratch.path("estimates.csv"), text).unwrap();
+    scratch.write("estimates.csv", text);
 }
 
 /// Everything that two methods have but their names and what they cost.
@@ -58,7 +53,6 @@ fn ensure_same(results: &Value) {
     );
     let others = "id label kind encoder precision \
         frames_decoded_per_surface frames_encoded_per_surface multiply_adds_per_surface selected_views";
-
     for (key, value) in ours {
         if !others.split(' ').any(|other| other == key) {
             assert_eq!(value, &gpt[key], "{key}");
@@ -88,7 +82,7 @@ fn copied_estimates_are_scored_as_those_they_were_copied_from() {
     }
     let mut whole = scratch.experiment_into("parts");
     whole.arg("--merge").assert().success();
-    let merged = results_without_timings(&scratch.path("parts"));
+    let merged = scratch.results_in("parts");
     assert_eq!(merged["methods"], results["methods"]);
 }
 
@@ -106,13 +100,20 @@ fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() 
         Some((value, rest)) => format!("{},1,{rest}\n", value.parse::<f64>().unwrap() + 1.0),
         None => format!("{line}\n"),
     });
-    fs::write(scratch.path("estimates.csv"), raised.collect::<String>()).unwrap();
+    scratch.write("estimates.csv", raised.collect::<String>());
     scratch.experiment().assert().success();
 
-    let ours: BTreeMap<_, _> = of_splits(&scratch, "ours");
-    for ((surface, property, split), given) in of_splits(&scratch, "gpt") {
-        let raise = if split < 6 { 0.0 } else { 1.0 };
-        let expected = ours[&(surface, property, split)] + raise;
+    let of_splits = |id: &str| -> BTreeMap<_, _> {
+        let all = estimates(&scratch, "run", id).into_iter();
+        let estimates = all.map(|[surface, property, split, value]| {
+            let split: usize = split.parse().unwrap();
+            ((surface, property, split), value.parse::<f64>().unwrap())
+        });
+        estimates.collect()
+    };
+    let ours = of_splits("ours");
+    for (of, given) in of_splits("gpt") {
+        let expected = ours[&of] + if of.2 < 6 { 0.0 } else { 1.0 };
         assert!((given - expected).abs() < 1e-9, "{given} {expected}");
     }
     let trials = scratch.read("run/trials.jsonl");
@@ -125,16 +126,6 @@ fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() 
     let results = scratch.results();
     assert_eq!(method(&results, "ours")["r2_std"]["fRS"], 0.0);
     assert!(method(&results, "ours")["r2_interval"]["fRS"].is_array());
-}
-
-/// Estimates by surface, property and split.
-fn of_splits(scratch: &Scratch, id: &str) -> BTreeMap<(String, String, usize), f64> {
-    let all = estimates(scratch, "run", id).into_iter();
-    all.map(|[surface, property, split, value]| {
-        let split = split.parse().unwrap();
-        ((surface, property, split), value.parse().unwrap())
-    })
-    .collect()
 }
 
 /// The folds of a rerun share its number.
@@ -182,7 +173,7 @@ fn an_edited_file_is_scored_anew_and_a_moved_one_is_not() {
 
     let text = scratch.read("moved.csv");
     let (header, lines) = text.split_once('\n').unwrap();
-    fs::write(scratch.path("moved.csv"), format!("{header}\n1{lines}")).unwrap();
+    scratch.write("moved.csv", format!("{header}\n1{lines}"));
     scratch.experiment().assert().success();
     // The two properties and two reruns of this method, and no other.
     let added = trials().strip_prefix(&before).unwrap().to_owned();
@@ -202,10 +193,12 @@ fn intervals_are_judged_by_what_they_hold() {
     let text = scratch.read("run/predictions.csv");
     let mut lines = "surface,property,rerun,value,low,high\n".to_owned();
     let mut shares: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-    let ours = text.lines().filter(|line| line.starts_with("ours,"));
+    let ours = text.lines().filter_map(|line| line.strip_prefix("ours,"));
     for (at, line) in ours.enumerate() {
         let cells: Vec<&str> = line.split(',').collect();
-        let [property, rerun, surface, truth, value] = [1, 2, 3, 4, 5].map(|cell| cells[cell]);
+        let [property, rerun, surface, truth, value] = cells[..5] else {
+            panic!("{line}");
+        };
         let width = WIDTHS[usize::from(property == "cDF")];
         let above = if at % 2 == 0 { -1e-9 } else { width / 2.0 };
         let high = truth.parse::<f64>().unwrap() + above;
@@ -213,7 +206,7 @@ fn intervals_are_judged_by_what_they_hold() {
         let _ = writeln!(lines, "{surface},{property},{rerun},{value},{low},{high}");
         shares.entry(property).or_default().push((at % 2) as f64);
     }
-    fs::write(scratch.path("estimates.csv"), lines).unwrap();
+    scratch.write("estimates.csv", lines);
     let results = scratch.ran();
     let found = &method(&results, "gpt")["intervals"];
     let near = |value: &Value, expected: f64| {
@@ -244,7 +237,7 @@ const WIDTHS: [f64; 2] = [4.0, 2.0];
 /// The message about a file of this content.
 fn refusal(text: &str) -> String {
     let scratch = scratch();
-    fs::write(scratch.path("estimates.csv"), text).unwrap();
+    scratch.write("estimates.csv", text);
     let refused = scratch.experiment().message();
     assert!(!scratch.path("run").exists() && !scratch.path("cache").exists());
     refused
@@ -266,8 +259,9 @@ fn a_broken_file_is_named_line_by_line_before_anything_is_done() {
          tile-01,fRS,1,1,2,2\n\
          tile-01,fRS,1,1,2\n",
     );
-    expect(&refused, &["method `gpt`, `file`: ", " problems"]);
-    for part in [
+    let parts = [
+        "method `gpt`, `file`: ",
+        " problems",
         "estimates.csv, line 2: found `rough` for `value`, expected a number",
         "line 3: unknown property `fRX`, did you mean `fRS`?",
         "line 5: unknown surface `oka-01`, did you mean `oak-01`?",
@@ -279,24 +273,20 @@ fn a_broken_file_is_named_line_by_line_before_anything_is_done() {
         "line 11: found `2` for `rerun`, expected one of the experiment's 2, counted from 0",
         "line 12: found 5 cells, expected 6",
         "no row of `cDF`, which the experiment estimates",
-    ] {
-        expect(&refused, &[part]);
-    }
+    ];
+    expect(&refused, &parts);
 }
 
 #[test]
 fn columns_are_named_where_they_are_missing_or_unknown() {
-    let refused = refusal("surface,property,valeu,low,rerun,rerun\n");
-    expect(
-        &refused,
-        &[
-            "4 problems",
-            "line 1: unknown column `valeu`, did you mean `value`?",
-            "line 1: there are two columns `rerun`",
-            "line 1: there is no column `value`",
-            "line 1: a column `low` without a column `high`",
-        ],
-    );
+    let parts = [
+        "4 problems",
+        "line 1: unknown column `valeu`, did you mean `value`?",
+        "line 1: there are two columns `rerun`",
+        "line 1: there is no column `value`",
+        "line 1: a column `low` without a column `high`",
+    ];
+    expect(&refusal("surface,property,valeu,low,rerun,rerun\n"), &parts);
     expect(&refusal(""), &["there is no column `surface`"]);
 }
 
@@ -306,7 +296,7 @@ fn held_out_surfaces_without_an_estimate_are_named() {
     let missing = "estimates.csv: no estimate of `fRS` for ";
     expect(&refused, &["2 problems", missing, "surfaces held out: "]);
     // Of many problems the first are shown.
-    let lines = (0..30).map(|_| "oak-01,fRS,x\n").collect::<String>();
+    let lines = "oak-01,fRS,x\n".repeat(30);
     let refused = refusal(&format!("surface,property,value\n{lines}"));
     // 30 numbers, 29 lines again, one property missing and the other's surfaces.
     expect(&refused, &["61 problems", "line 11: ", "and 41 more"]);
@@ -317,20 +307,15 @@ fn held_out_surfaces_without_an_estimate_are_named() {
 fn a_file_is_of_this_kind_of_method_alone_and_nothing_is_fitted_to_it() {
     let scratch = scratch();
     let refused = |line: &str, parts: &[&str]| scratch.sps(line).refused(parts);
-    let file = [
-        "`methods.2.file`",
-        "kind `predictions`",
-        "`ours` is `ridge`",
-    ];
-    refused("experiment @tiny.toml --set methods.ours.file=a.csv", &file);
+    let key = "`methods.2.file`";
+    let kind = [key, "kind `predictions`", "`ours` is `ridge`"];
+    refused("experiment @tiny.toml --set methods.ours.file=a.csv", &kind);
     let views = ["views", "`predictions` looks at no view"];
     refused("experiment @tiny.toml --set methods.gpt.views=3", &views);
     scratch.is_refused(&["method `gpt`, `file`", "cannot read", "estimates.csv"]);
-    let fitted = [
-        "method `gpt` has its estimates from a file",
-        "nothing to fit",
-    ];
-    refused("fit --config @tiny.toml --out @model", &fitted);
+    let fitted = "method `gpt` has its estimates from a file";
+    let parts = [fitted, "nothing to fit"];
+    refused("fit --config @tiny.toml --out @model", &parts);
     let file = scratch.path("estimates.csv").display().to_string();
     scratch.edit("tiny.toml", &format!("file = '{file}'\n"), "");
     scratch.is_refused(&["`methods.3.file`", "method `gpt` needs a CSV"]);

@@ -2,12 +2,9 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::Path;
 use std::process::Child;
 
-use crate::support::{
-    Ends, Scratch, copy, expect, kill, results_of_trained, results_without_timings, texts,
-};
+use crate::support::{Ends, Scratch, copy, expect, kill, texts};
 use serde_json::Value;
 
 /// Methods that ask the same networks, one that asks refits, and two on an encoder that is trained.
@@ -22,18 +19,12 @@ fine-tuned-kernel | Fine-tuned, kernel | kernel-ridge | \
 
 /// A shard of the run in the folder of this name.
 fn shard(scratch: &Scratch, run: &str, shard: &str) -> assert_cmd::Command {
-    let mut command = scratch.experiment_into(run);
-    command.args(["--shard", shard]);
-    command
+    scratch.experiment_into(&format!("{run} --shard {shard}"))
 }
 
-/// What makes results in the folder `to` of shards below these.
-fn merge(scratch: &Scratch, to: &str, runs: &[&str]) -> assert_cmd::Command {
-    let mut command = scratch.experiment_into(to);
-    command
-        .arg("--merge")
-        .args(runs.iter().map(|run| scratch.path(run)));
-    command
+/// What makes results in the folder `to` of shards below others.
+fn merge(scratch: &Scratch, to: &str, runs: &str) -> assert_cmd::Command {
+    scratch.experiment_into(&format!("{to} --merge {runs}"))
 }
 
 /// Starts a shard of the run in `run`, with its log in a file.
@@ -43,9 +34,9 @@ fn start(scratch: &Scratch, shard: &str, log: &str) -> Child {
     scratch.process(&line).stderr(log).spawn().unwrap()
 }
 
-/// Keys of the trials in a journal, in its order.
-fn keys(journal: &Path) -> Vec<String> {
-    let text = fs::read_to_string(journal).unwrap();
+/// Keys of the trials of the run in this folder, in their order.
+fn keys(scratch: &Scratch, run: &str) -> Vec<String> {
+    let text = scratch.read(&format!("{run}/trials.jsonl"));
     let lines = text.lines();
     let lines = lines.filter_map(|line| serde_json::from_str::<Value>(line).ok());
     let keys = lines.filter_map(|line| Some(line["trial"]["key"].as_str()?.to_owned()));
@@ -55,9 +46,8 @@ fn keys(journal: &Path) -> Vec<String> {
 #[test]
 fn shards_come_to_what_one_run_does() {
     let scratch = Scratch::with_methods(METHODS);
-    scratch.experiment().assert().success();
-    let expected = results_of_trained(&scratch.path("run"));
-    let all = keys(&scratch.path("run/trials.jsonl"));
+    let expected = scratch.ran();
+    let all = keys(&scratch, "run");
     for of in [1, 2, 4] {
         let run = format!("run-{of}");
         let mut dealt = Vec::new();
@@ -66,27 +56,21 @@ fn shards_come_to_what_one_run_does() {
             let name = format!("{number}/{of}");
             shard(&scratch, &run, &name).assert().success();
             assert!(!scratch.path(&own).join("results.json").exists());
-            dealt.extend(keys(&scratch.path(&own).join("trials.jsonl")));
+            dealt.extend(keys(&scratch, &own));
         }
         // Each trial once.
         assert_eq!(dealt.len(), all.len(), "{of}");
         assert_eq!(dealt.iter().collect::<BTreeSet<_>>(), all.iter().collect());
         // The plain command finds all of it done.
-        let to = if of == 2 {
-            scratch.experiment_into(&run).assert().success();
-            run
+        let merged = format!("merged-{of}");
+        let (to, mut command) = if of == 2 {
+            (&run, scratch.experiment_into(&run))
         } else {
-            merge(&scratch, "merged", &[&run]).assert().success();
-            "merged".to_owned()
+            (&merged, merge(&scratch, &merged, &format!("@{run}")))
         };
-        assert_eq!(
-            results_of_trained(&scratch.path(&to)),
-            expected,
-            "{of} shards"
-        );
-        let journal = scratch.path(&to).join("trials.jsonl");
-        assert_eq!(keys(&journal).len(), all.len());
-        let _ = fs::remove_dir_all(scratch.path("merged"));
+        command.assert().success();
+        assert_eq!(scratch.results_in(to), expected, "{of} shards");
+        assert_eq!(keys(&scratch, to).len(), all.len());
     }
 }
 
@@ -98,29 +82,26 @@ fn more_shards_than_items_leave_some_without_work() {
         let name = format!("{number}/6");
         shard(&scratch, "many", &name).assert().success();
     }
-    merge(&scratch, "many", &[]).assert().success();
-    assert_eq!(results_without_timings(&scratch.path("many")), expected);
+    merge(&scratch, "many", "").assert().success();
+    assert_eq!(scratch.results_in("many"), expected);
 }
 
 #[test]
 fn shards_at_once_share_one_cache() {
     let scratch = Scratch::with_methods(METHODS);
-    scratch.experiment().assert().success();
-    let expected = results_of_trained(&scratch.path("run"));
+    let expected = scratch.ran();
     fs::remove_dir_all(scratch.path("run")).unwrap();
     fs::remove_dir_all(scratch.path("cache")).unwrap();
-    let children = [1, 2, 3].map(|number| {
-        let log = format!("{number}.log");
-        (start(&scratch, &format!("{number}/3"), &log), log)
+    let children = ["1", "2", "3"].map(|number| {
+        let child = start(&scratch, &format!("{number}/3"), number);
+        (child, number)
     });
     for (mut child, log) in children {
-        let status = child.wait().unwrap();
-        let log = fs::read_to_string(scratch.path(&log)).unwrap();
-        assert!(status.success(), "{log}");
+        assert!(child.wait().unwrap().success(), "{}", scratch.read(log));
     }
-    let log = merge(&scratch, "run", &["run"]).logged();
+    let log = merge(&scratch, "run", "@run").logged();
     assert!(log.contains("0 of them encoded now"), "{log}");
-    assert_eq!(results_of_trained(&scratch.path("run")), expected);
+    assert_eq!(scratch.results(), expected);
 }
 
 #[test]
@@ -138,13 +119,13 @@ fn a_shard_that_was_killed_is_run_again_alone() {
     });
     let begun = fs::read_to_string(&journal).unwrap();
     if killed {
-        let refused = merge(&scratch, "run", &["run"]).message();
+        let refused = merge(&scratch, "run", "@run").message();
         let again = "`--shard 2/2` again";
         expect(&refused, &["shard 2/2", "2-of-2", "has not ended", again]);
     }
     shard(&scratch, "run", "2/2").assert().success();
     assert!(fs::read_to_string(&journal).unwrap().starts_with(&begun));
-    merge(&scratch, "run", &["run"]).assert().success();
+    merge(&scratch, "run", "@run").assert().success();
     assert_eq!(scratch.results(), expected);
 }
 
@@ -155,22 +136,20 @@ fn two_of_one_number_wait_for_one_another() {
     for mut child in children {
         assert!(child.wait().unwrap().success());
     }
-    let logs = ["a.log", "b.log"].map(|log| fs::read_to_string(scratch.path(log)).unwrap());
+    let logs = ["a.log", "b.log"].map(|log| scratch.read(log));
     let is_waiting = |log: &&String| log.contains("waiting") && log.contains("1-of-1");
     assert_eq!(logs.iter().filter(is_waiting).count(), 1, "{logs:?}");
-    let keys = keys(&scratch.path("run/shards/1-of-1/trials.jsonl"));
+    let keys = keys(&scratch, "run/shards/1-of-1");
     assert_eq!(keys.len(), keys.iter().collect::<BTreeSet<_>>().len());
 }
 
 #[test]
 fn shards_in_folders_of_their_own_with_caches_of_their_own_are_merged() {
     let scratch = Scratch::with_methods(METHODS);
-    scratch.experiment().assert().success();
-    let expected = results_of_trained(&scratch.path("run"));
+    let expected = scratch.ran();
     for (number, run) in [(1, "here"), (2, "there")] {
-        let cache = scratch.path(&format!("cache-{run}"));
-        let mut part = shard(&scratch, run, &format!("{number}/2"));
-        part.args(["--set", &format!("cache.folder={}", cache.display())]);
+        let settings = format!("--set cache.folder=@cache-{run}");
+        let mut part = shard(&scratch, run, &format!("{number}/2 {settings}"));
         part.assert().success();
     }
     // As if brought from the machines; entries are named by what they hold.
@@ -178,17 +157,16 @@ fn shards_in_folders_of_their_own_with_caches_of_their_own_are_merged() {
     for cache in ["cache-here", "cache-there"] {
         copy(&scratch.path(cache), &scratch.path("cache"));
     }
-    merge(&scratch, "merged", &["here", "there"])
-        .assert()
-        .success();
-    assert_eq!(results_of_trained(&scratch.path("merged")), expected);
+    let mut merge = merge(&scratch, "merged", "@here @there");
+    merge.assert().success();
+    assert_eq!(scratch.results_in("merged"), expected);
 }
 
 #[test]
 fn shards_that_do_not_belong_together_are_named() {
     let scratch = Scratch::new();
     let refused = |parts: &[&str]| {
-        merge(&scratch, "run", &["run"]).refused(parts);
+        merge(&scratch, "run", "@run").refused(parts);
         assert!(!scratch.path("run/results.json").exists());
     };
     refused(&["--merge", "run: no shards here", "--shard K/N"]);
@@ -198,20 +176,20 @@ fn shards_that_do_not_belong_together_are_named() {
     refused(&["shard 2/2", "shard 1/3", "do not belong together"]);
     fs::remove_dir_all(scratch.path("run/shards/1-of-3")).unwrap();
 
-    let other = |settings: &[&str]| {
-        let mut part = shard(&scratch, "run", "1/2");
-        part.args(settings).assert().success();
+    let other = |more: &str| {
+        let mut part = shard(&scratch, "run", &format!("1/2 {more}"));
+        part.assert().success();
     };
-    other(&["--set", "seed=1"]);
+    other("--set seed=1");
     refused(&["shard 1/2", "another config", "`seed` is 1, here 0"]);
-    other(&["--only", "ridge"]);
+    other("--only ridge");
     let methods = "ridge; here ridge, cross-modal";
     refused(&["shard 1/2", "other methods", methods]);
-    other(&[]);
+    other("");
     let table = scratch.read("data/tactile.csv");
-    scratch.change_a_reading();
+    scratch.change_readings(|_, reading| reading + 1.0);
     refused(&["shard 1/2", "other data", "data_hash"]);
-    fs::write(scratch.path("data/tactile.csv"), table).unwrap();
+    scratch.write("data/tactile.csv", table);
 
     let manifest = scratch.path("run/shards/2-of-2/shard.json");
     let text = fs::read_to_string(&manifest).unwrap();
@@ -225,7 +203,7 @@ fn shards_that_do_not_belong_together_are_named() {
     fs::write(checksum, format!("{}\n", blake3::hash(&bytes))).unwrap();
     refused(&["shard 2/2", "other sources: `0123`"]);
     shard(&scratch, "run", "2/2").assert().success();
-    merge(&scratch, "run", &["run"]).assert().success();
+    merge(&scratch, "run", "@run").assert().success();
 }
 
 #[test]
@@ -235,7 +213,7 @@ fn a_merge_does_no_work_of_a_shard() {
     let journal = scratch.path("run/shards/1-of-1/trials.jsonl");
     let text = fs::read_to_string(&journal).unwrap();
     fs::write(&journal, text.split_once('\n').unwrap().1).unwrap();
-    merge(&scratch, "run", &["run"]).refused(&["method `", "rerun ", "in none of the shards"]);
+    merge(&scratch, "run", "@run").refused(&["method `", "rerun ", "in none of the shards"]);
     // The shard mends it, or the plain command does.
     scratch.experiment().assert().success();
 }

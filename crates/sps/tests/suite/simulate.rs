@@ -1,10 +1,9 @@
 //! Simulated datasets on disk: written, interrupted, read and looked at.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::support::{Ends, Mounted, Scratch, expect, kill, sps};
+use crate::support::{Ends, Mounted, Scratch, expect, kill, sps, tree};
 use assert_cmd::Command;
 use sps_dataset::{DecodeSettings, read_image};
 
@@ -15,24 +14,6 @@ fn small(out: &Path) -> Command {
     let mut simulate = sps();
     simulate.args(SMALL.split(' ')).arg("--out").arg(out);
     simulate
-}
-
-/// Every file below a folder with its content.
-fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(next) = folders.pop() {
-        for entry in fs::read_dir(next).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let name = path.strip_prefix(folder).unwrap().to_owned();
-                found.insert(name, fs::read(&path).unwrap());
-            }
-        }
-    }
-    found
 }
 
 /// The finished surfaces of an unfinished dataset.
@@ -61,7 +42,7 @@ fn a_killed_run_goes_on_and_gives_the_files_of_one_that_was_not() {
     if begun.len() < 8 {
         assert!(!log.contains(" 0 were there"), "{log}");
     }
-    assert_eq!(files(&whole), files(&cut));
+    assert_eq!(tree(&whole), tree(&cut));
 }
 
 #[test]
@@ -77,7 +58,7 @@ fn a_full_disk_ends_with_one_message_and_whole_surfaces_only() {
     assert_eq!(text.lines().count(), 1, "{text}");
     assert!(!out.join("dataset.toml").exists());
     for surface in finished(&out) {
-        let frames = files(&surface);
+        let frames = tree(&surface);
         assert_eq!(frames.len(), 4);
         for name in frames.keys() {
             read_image(&surface.join(name), &DecodeSettings::default()).unwrap();
@@ -87,7 +68,7 @@ fn a_full_disk_ends_with_one_message_and_whole_surfaces_only() {
     small(&out).assert().success();
     let straight = scratch.path("straight");
     small(&straight).assert().success();
-    assert_eq!(files(&out), files(&straight));
+    assert_eq!(tree(&out), tree(&straight));
 }
 
 #[test]
@@ -105,21 +86,14 @@ fn inspect_prints_and_draws_the_statistics() {
     scratch.edit("data/dataset.toml", "name =", "origin = \"paper\"\nname =");
     let printed = friction();
     assert_eq!(printed[..own.len()], own);
-    let published = printed[own.len()..].iter().map(|q| q.parse().unwrap());
-    assert_eq!(
-        published.collect::<Vec<f64>>(),
-        [13.3, 30.0, 34.5, 46.6, 100.0]
-    );
+    let published = printed[own.len()..].iter().map(|q| q.parse::<f64>());
+    let published: Vec<f64> = published.map(Result::unwrap).collect();
+    assert_eq!(published, [13.3, 30.0, 34.5, 46.6, 100.0]);
     for name in ["boxes.svg", "materials.svg"] {
         let svg = scratch.read(&format!("figures/{name}"));
-
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
     }
-    assert!(
-        scratch
-            .read("figures/materials.svg")
-            .contains("other 100.0 %")
-    );
+    expect(&scratch.read("figures/materials.svg"), &["other 100.0 %"]);
 
     let elsewhere = scratch.path("elsewhere");
     fs::create_dir(&elsewhere).unwrap();
@@ -162,17 +136,11 @@ fn a_simulated_dataset_reads_back_as_it_was_simulated() {
         });
         assert_eq!(scratch.sps(line).json(), expected);
     }
-    scratch
-        .sps("inspect @simulated --out @figures")
-        .assert()
-        .success();
+    scratch.sps("inspect @simulated --out @figures").said();
     let run = |settings: &str| {
+        let settings: Vec<&str> = settings.split_whitespace().collect();
         let mut command = scratch.experiment();
-        command.arg("--fresh");
-        for setting in settings.split(' ') {
-            command.args(["--set", setting]);
-        }
-        command.assert().success();
+        command.arg("--fresh").set(&settings).assert().success();
         scratch.results()["methods"].take()
     };
     let from_disk = run(&format!("data.folder.path={}", data.display()));

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
 
-use crate::support::{Scratch, expect, method};
+use crate::support::{Scratch, expect, method, rows};
 use serde_json::Value;
 
 /// Three encoders, and two ways to look at no more views than needed: one that is never sure
@@ -93,10 +93,8 @@ fn settings_are_drawn_and_the_questions_answered() {
                 || (seconds(m) < seconds(one) && r2(m) >= r2(one))
         })
     };
-    let front = methods
-        .iter()
-        .filter(|m| !beaten(m))
-        .map(|m| m["id"].as_str());
+    let front = methods.iter().filter(|m| !beaten(m));
+    let front = front.map(|m| m["id"].as_str());
     let speed = &results["speed"];
     let found = speed["front"].as_array().unwrap().iter().map(Value::as_str);
     assert_eq!(found.collect::<BTreeSet<_>>(), front.collect());
@@ -110,15 +108,12 @@ fn settings_are_drawn_and_the_questions_answered() {
         let label = one["label"].as_str().unwrap();
         assert!(RAN.figure.contains(&format!("<title>{label}: ")), "{label}");
     }
-    expect(
-        &RAN.report,
-        &["## Two questions", "## Every setting", "| ● "],
-    );
-    expect(&RAN.html, &["Speed against error", "Coverage of intervals"]);
-    expect(
-        &RAN.html,
-        &["Width of intervals against error", "data:image/png;base64,"],
-    );
+    let titles = ["## Two questions", "## Every setting", "| ● "];
+    expect(&RAN.report, &titles);
+    let titles = ["Speed against error", "Width of intervals against error"];
+    expect(&RAN.html, &titles);
+    let coverage = ["Coverage of intervals", "data:image/png;base64,"];
+    expect(&RAN.html, &coverage);
 }
 
 #[test]
@@ -154,9 +149,7 @@ fn views_are_added_until_the_interval_is_narrow_enough() {
     let share = serde_json::json!([0.0, 0.0, 1.0]);
     assert_eq!(narrow["adaptive"]["share_of_views"], share);
     // What single estimates took, and their intervals.
-    let mut csv = csv::Reader::from_reader(RAN.predictions.as_bytes());
-    for line in csv.deserialize() {
-        let line: BTreeMap<String, String> = line.unwrap();
+    for line in rows::<BTreeMap<String, String>>(&RAN.predictions) {
         let number = |key: &str| line[key].parse::<f64>().ok();
         match line["method"].as_str() {
             "narrow" => assert_eq!(line["views"], "3"),
@@ -172,9 +165,7 @@ fn views_are_added_until_the_interval_is_narrow_enough() {
 
 #[test]
 fn a_method_says_the_same_beside_methods_with_other_encoders() {
-    let alone = scratch("");
-    alone.experiment().assert().success();
-    let (alone, beside) = (alone.results(), &RAN.results);
+    let (alone, beside) = (scratch("").ran(), &RAN.results);
     for id in ["ridge", "cross-modal"] {
         assert_eq!(method(&alone, id)["r2"], method(beside, id)["r2"]);
     }
@@ -185,34 +176,24 @@ fn a_method_says_the_same_beside_methods_with_other_encoders() {
 #[test]
 fn wrong_settings_are_refused_at_their_line() {
     let refused = |settings: &str, parts: &[&str]| scratch(settings).is_refused(parts);
-    let sweep = |more: &str| {
-        format!(
-            "[[sweep]]\nid = 's'\nlabel = 'S'\nkind = 'ridge'\ngrid = {{ views = [1] }}\n{more}"
-        )
-    };
+    let sweep = "[[sweep]]\nid = 's'\nlabel = 'S'\nkind = 'ridge'\ngrid = { views = [1] }\n";
     let vgg = "encoder = { name = \"vgg\" }";
-    refused(&sweep(vgg), &[vgg, "sweep.0.encoder.name", "vgg"]);
-    let slip = sweep("encoder = { nam = \"vgg\" }");
+    let key = [vgg, "sweep.0.encoder.name", "vgg"];
+    refused(&format!("{sweep}{vgg}"), &key);
+    let slip = format!("{sweep}encoder = {{ nam = \"vgg\" }}");
     refused(&slip, &["did you mean `name`?"]);
-    let twice = sweep("").replace("[1]", "[1, 1]");
+    let twice = sweep.replace("[1]", "[1, 1]");
     refused(&twice, &["two methods", "s-1"]);
-    let adaptive = |more: &str| {
-        format!("[[methods]]\nid = 'a'\nlabel = 'A'\nkind = 'ridge'\n{more}\nadaptive = ")
+    let adaptive = |more: &str, width: &str, parts: &[&str]| {
+        let method = "[[methods]]\nid = 'a'\nlabel = 'A'\nkind = 'ridge'";
+        let adaptive = format!("adaptive = {{ width = {width} }}");
+        refused(&format!("{method}\n{more}\n{adaptive}"), parts);
     };
+    adaptive("", "1.0", &["adaptive", "needs a number of `views`"]);
     let several = "views = 3\nselector = { kind = 'equidistant' }";
+    adaptive(several, "0.0", &["adaptive.width", "above 0"]);
     let trained = format!("{several}\nencoder = {{ trainable = true }}");
-    refused(
-        &(adaptive("") + "{ width = 1.0 }"),
-        &["adaptive", "needs a number of `views`"],
-    );
-    refused(
-        &(adaptive(several) + "{ width = 0.0 }"),
-        &["adaptive.width", "above 0"],
-    );
-    refused(
-        &(adaptive(&trained) + "{ width = 1.0 }"),
-        &["adaptive", "not trained"],
-    );
+    adaptive(&trained, "1.0", &["adaptive", "not trained"]);
     let error = "[report.speed]\nwithin-error = -1.0";
     refused(error, &["within-error", "from 0 on"]);
 }

@@ -2,33 +2,17 @@
 
 use std::collections::BTreeMap;
 
-use crate::support::{Ends, Scratch, expect, method};
+use crate::support::{Ends, Scratch, expect, method, rows};
+use serde::Deserialize;
 
 /// A line of `predictions.csv`.
+#[derive(Deserialize)]
 struct Prediction {
     rerun: usize,
     surface: String,
     truth: f64,
     estimate: f64,
     group: String,
-}
-
-fn predictions(scratch: &Scratch) -> Vec<Prediction> {
-    let text = scratch.read("run/predictions.csv");
-    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
-    let header = lines.next().unwrap();
-    let of = |cells: &[&str], name: &str| {
-        let at = header.iter().position(|column| *column == name).unwrap();
-        cells[at].to_owned()
-    };
-    let prediction = |cells: Vec<&str>| Prediction {
-        rerun: of(&cells, "rerun").parse().unwrap(),
-        surface: of(&cells, "surface"),
-        truth: of(&cells, "truth").parse().unwrap(),
-        estimate: of(&cells, "estimate").parse().unwrap(),
-        group: of(&cells, "group"),
-    };
-    lines.map(prediction).collect()
 }
 
 /// Three reruns of two folds by material: denim and wood have two surfaces each, sponge and ceramic
@@ -38,8 +22,8 @@ fn predictions(scratch: &Scratch) -> Vec<Prediction> {
 fn folds_by_material_are_pooled_in_a_rerun_and_differ_between_reruns() {
     let scratch = Scratch::new();
     scratch.edit("tiny.toml", "[split.random]", "[split.k-fold]");
-    let by = "folds = 2\nby = \"material\"\n";
-    scratch.edit("tiny.toml", "validation = 0.34\nby = \"surface\"\n", by);
+    scratch.edit("tiny.toml", "validation = 0.34", "folds = 2");
+    scratch.edit("tiny.toml", "by = \"surface\"", "by = \"material\"");
     scratch.edit("tiny.toml", "reruns = 2", "reruns = 3");
     scratch.edit("tiny.toml", "[\"fRS\", \"cDF\"]", "[\"fRS\"]");
     let mut run = scratch.experiment();
@@ -55,7 +39,7 @@ fn folds_by_material_are_pooled_in_a_rerun_and_differ_between_reruns() {
     let ridge = method(&results, "ridge");
     let means = ridge["training_means"]["fRS"].as_array().unwrap();
     let mut folds: BTreeMap<usize, Vec<Prediction>> = BTreeMap::new();
-    for one in predictions(&scratch) {
+    for one in rows::<Prediction>(&scratch.read("run/predictions.csv")) {
         folds.entry(one.rerun).or_default().push(one);
     }
     assert_eq!((folds.len(), means.len()), (6, 6));
@@ -93,13 +77,9 @@ fn folds_by_material_are_pooled_in_a_rerun_and_differ_between_reruns() {
 fn training_says_which_question_was_asked() {
     let scratch = Scratch::new();
     let train = |by: &str, parts: &[&str]| {
-        let mut train =
-            scratch.sps("fit --config @tiny.toml --set train.method=ridge --set reruns=1");
         let split = format!("split={{leave-one-out={{by=\"{by}\"}}}}");
-        train
-            .args(["--set", &split])
-            .arg("--out")
-            .arg(scratch.path(by));
+        let mut train = scratch.sps(&format!("fit --config @tiny.toml --out @{by}"));
+        train.set(&["train.method=ridge", "reruns=1", &split]);
         expect(&train.said(), parts);
     };
     let known =

@@ -3,14 +3,14 @@
 use std::fs;
 
 use crate::support::{Ends, Scratch, root};
+use crate::tables::tables;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
-use sps_dataset::{DatasetFolder, ReadSettings, Source, TactileSettings};
-use sps_estimator::{Embedder, Network};
-use sps_metrics::{Pair, ScoreAccumulator, TrainingMean};
-use sps_models::encoders::{Depths, Encoder, EncoderKind};
+use sps_dataset::{DatasetFolder, ReadSettings, Source};
+use sps_metrics::{Samples, TrainingMean};
+use sps_models::encoders::{Encoder, EncoderKind};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
-use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData, Views};
+use sps_regress::{Embeddings, FittedRegressor, Plan, Readings, Rerun, TrainingData};
 
 #[test]
 fn photographs_without_a_row_are_named() {
@@ -22,54 +22,35 @@ fn photographs_without_a_row_are_named() {
     assert_eq!(lines.len(), 3, "{named}");
     let one = lines[0].strip_prefix(frames.to_str().unwrap()).unwrap();
     let row = format!("photograph,friction\n{},0.5\n", one.trim_start_matches('/'));
-    fs::write(scratch.path("values.csv"), row).unwrap();
-    let next = scratch
-        .sps(&format!("{line} --values @values.csv --count 2"))
-        .said();
+    scratch.write("values.csv", row);
+    let line = format!("{line} --values @values.csv --count 2");
+    let next = scratch.sps(&line).said();
     assert_eq!(next.lines().collect::<Vec<_>>(), lines[1..], "{next}");
-
-    fs::create_dir(scratch.path("empty")).unwrap();
-    scratch
-        .sps("suggest @empty")
-        .refused(&["empty has no photograph"]);
 }
 
-/// Surfaces that are measured in some order, and others to be scored on.
-struct Trial<'a> {
-    embeddings: &'a Embeddings,
-    readings: &'a Readings,
-    held_out: &'a [usize],
-}
-
-impl Trial<'_> {
-    /// Mean R² over the properties, fitted to these surfaces.
-    fn r2(&self, training: &[usize]) -> f64 {
-        let rerun = Rerun {
-            number: 0,
-            training: training.to_vec(),
-            validation: Vec::new(),
+/// Mean R² over the properties of surfaces held out, fitted to the training surfaces.
+fn r2(of: (&Embeddings, &Readings), held_out: &[usize], training: &[usize]) -> f64 {
+    let (embeddings, readings) = of;
+    let rerun = Rerun::new(0, training.iter().copied());
+    let plan = Plan::each(0, readings.properties(), vec![rerun]);
+    let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
+    let data = TrainingData::new(embeddings, readings);
+    let fitted = ridge.train(&data, &plan).unwrap();
+    let asked = embeddings.select(held_out, &[0]).unwrap();
+    let all = fitted.predict(&asked).unwrap();
+    let r2 = all.iter().enumerate().map(|(column, estimates)| {
+        let truths = |surfaces: &[usize]| -> Vec<f64> {
+            let truths = surfaces.iter().map(|at| readings.get(*at, column));
+            truths.map(Option::unwrap).collect()
         };
-        let mut plan = Plan::each(0, self.readings.properties(), vec![rerun]);
-        for trial in &mut plan.trials {
-            trial.views = Views::Fixed(vec![0]);
-        }
-        let data = TrainingData::new(self.embeddings, self.readings);
-        let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
-        let fitted = ridge.train(&data, &plan).unwrap();
-        let asked = self.embeddings.select(self.held_out, &[0]).unwrap();
-        let all = fitted.predict(&asked).unwrap();
-        let r2 = all.iter().enumerate().map(|(column, estimates)| {
-            let truth = |surface: &usize| self.readings.get(*surface, column).unwrap();
-            let mut scores = ScoreAccumulator::new();
-            for (surface, &estimate) in self.held_out.iter().zip(&estimates.values) {
-                let truth = truth(surface);
-                scores.push(Pair { truth, estimate });
-            }
-            let mean = training.iter().map(truth).sum::<f64>() / training.len() as f64;
-            scores.r2(TrainingMean::new(mean).unwrap()).unwrap().value
-        });
-        r2.sum::<f64>() / all.len() as f64
-    }
+        let samples = Samples {
+            truth: &truths(held_out),
+            estimate: &estimates.values,
+        };
+        let mean = TrainingMean::of(&truths(training)).unwrap();
+        samples.r2(mean).unwrap().value
+    });
+    r2.sum::<f64>() / all.len() as f64
 }
 
 /// How many surfaces are measured.
@@ -77,31 +58,11 @@ const MEASURED: [usize; 4] = [10, 20, 40, 80];
 
 /// Mean R² by number of measured surfaces, chosen and at random, over some draws of the surfaces to choose
 /// from.
-fn curves(dataset: &DatasetFolder, view: usize, held_out: usize) -> [[f64; 2]; MEASURED.len()] {
+fn curves(dataset: &DatasetFolder, held_out: usize) -> [[f64; 2]; MEASURED.len()] {
     const DRAWS: u64 = 20;
     let encoder = Encoder::built_in(EncoderKind::EfficientNetLiteBody).unwrap();
-    let encoder = encoder.with_depths(&Depths::All).unwrap();
-    let embedder = Embedder::new(Network::Images(encoder), None).unwrap();
+    let (embeddings, readings) = tables(dataset, encoder, &[0]);
     let count = dataset.surfaces().len();
-    let frames = (0..count).map(|surface| dataset.frame(surface, view).unwrap());
-    let values = embedder.embed(&frames.collect::<Vec<_>>()).unwrap();
-    let embeddings = embedder.table(&values, count, 1).unwrap();
-    let settings = TactileSettings::default();
-    let touched = dataset.tactile().averages(&settings, count);
-    let names: Vec<String> = touched
-        .properties()
-        .iter()
-        .map(ToString::to_string)
-        .collect();
-    let row = |surface: usize| {
-        names
-            .iter()
-            .map(|name| touched.value(surface, name))
-            .collect()
-    };
-    let rows: Vec<Vec<Option<f64>>> = (0..count).map(row).collect();
-    let readings = Readings::new(names, &rows).unwrap();
-
     let ridge = KernelRidge::new(KernelRidgeConfig::default()).unwrap();
     let mut sums = [[0.0; 2]; MEASURED.len()];
     for draw in 0..DRAWS {
@@ -111,18 +72,14 @@ fn curves(dataset: &DatasetFolder, view: usize, held_out: usize) -> [[f64; 2]; M
             order.swap(at, random.next_u64() as usize % (at + 1));
         }
         let (held_out, pool) = order.split_at(held_out);
-        let trial = Trial {
-            embeddings: &embeddings,
-            readings: &readings,
-            held_out,
-        };
+        let r2 = |training: &[usize]| r2((&embeddings, &readings), held_out, training);
         let open = embeddings.select(pool, &[0]).unwrap();
         let most = MEASURED[MEASURED.len() - 1];
         let chosen = ridge.most_telling(&open, &[], most).unwrap();
         let chosen: Vec<usize> = chosen.into_iter().map(|at| pool[at]).collect();
         for (sums, count) in sums.iter_mut().zip(MEASURED) {
-            sums[0] += trial.r2(&chosen[..count]) / DRAWS as f64;
-            sums[1] += trial.r2(&pool[..count]) / DRAWS as f64;
+            sums[0] += r2(&chosen[..count]) / DRAWS as f64;
+            sums[1] += r2(&pool[..count]) / DRAWS as f64;
         }
     }
     for (count, [chosen, random]) in MEASURED.iter().zip(sums) {
@@ -139,9 +96,8 @@ fn gains(curves: &[[f64; 2]]) -> Vec<f64> {
 /// The numbers in the row of docs/guide.md that begins with a word.
 fn in_the_guide(word: &str) -> Vec<f64> {
     let guide = fs::read_to_string(root().join("docs/guide.md")).unwrap();
-    let row = guide
-        .lines()
-        .find_map(|line| line.strip_prefix(&format!("| {word} |")));
+    let begin = format!("| {word} |");
+    let row = guide.lines().find_map(|line| line.strip_prefix(&begin));
     let cells = row.unwrap().trim_end_matches('|').split('|');
     cells.map(|cell| cell.trim().parse().unwrap()).collect()
 }
@@ -154,7 +110,7 @@ fn chosen_surfaces_teach_more_than_random_ones_do() {
         return;
     }
     let dataset = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
-    let curves = curves(&dataset, 0, 80);
+    let curves = curves(&dataset, 80);
     for (at, word) in ["chosen", "at random"].into_iter().enumerate() {
         let found = curves.map(|both| both[at]);
         let told = in_the_guide(word);
@@ -171,11 +127,10 @@ fn chosen_surfaces_teach_more_than_random_ones_do() {
 #[test]
 fn so_do_simulated_ones() {
     let scratch = Scratch::new();
-    let mut simulate =
-        scratch.sps("simulate --surfaces 300 --views 1 --size 96 --seed 5 --out @simulated");
-    simulate.assert().success();
+    let line = "simulate --surfaces 300 --views 1 --size 96 --seed 5 --out @simulated";
+    scratch.sps(line).assert().success();
     let folder = scratch.path("simulated");
     let dataset = DatasetFolder::open(&folder, &ReadSettings::default()).unwrap();
-    let gains = gains(&curves(&dataset, 0, 100));
+    let gains = gains(&curves(&dataset, 100));
     assert!(gains[0] > 0.0 && gains[1] > 0.0, "{gains:?}");
 }

@@ -2,14 +2,14 @@
 
 #![allow(dead_code, reason = "each test program uses a part")]
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{self, Output, Stdio};
-use std::time::Duration;
 
 use assert_cmd::Command;
 use assert_cmd::assert::Assert;
-
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -34,7 +34,7 @@ pub(crate) fn kill(mut child: process::Child, begun: impl Fn() -> bool) -> bool 
     child.wait().expect("a process").code().is_none()
 }
 
-/// A scratch folder with a copy of the tiny dataset and an experiment on it.
+/// A scratch folder, mostly with a copy of the tiny dataset and an experiment on it.
 pub(crate) struct Scratch {
     folder: TempDir,
 }
@@ -70,24 +70,23 @@ head.model = { kind = "cross-modal" }
 "#;
 
 impl Scratch {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn empty() -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        copy(
-            &root().join("fixtures/tiny-dataset"),
-            &folder.path().join("data"),
-        );
-        let text = CONFIG
-            .replace("DATA", &folder.path().join("data").display().to_string())
-            .replace("CACHE", &folder.path().join("cache").display().to_string());
-        fs::write(folder.path().join("tiny.toml"), text).expect("a config");
         Self { folder }
+    }
+
+    pub(crate) fn new() -> Self {
+        Self::with("")
     }
 
     /// The same with methods added to its config.
     pub(crate) fn with(methods: &str) -> Self {
-        let scratch = Self::new();
-        let text = scratch.read("tiny.toml") + methods;
-        fs::write(scratch.path("tiny.toml"), text).expect("a config");
+        let scratch = Self::empty();
+        copy(&root().join("fixtures/tiny-dataset"), &scratch.path("data"));
+        let path = |name: &str| scratch.path(name).display().to_string();
+        let config = CONFIG.replace("DATA", &path("data"));
+        let config = config.replace("CACHE", &path("cache")) + methods;
+        scratch.write("tiny.toml", config);
         scratch
     }
 
@@ -111,7 +110,11 @@ impl Scratch {
     pub(crate) fn edit(&self, name: &str, from: &str, to: &str) {
         let text = self.read(name);
         assert!(text.contains(from), "{name} has no `{from}`");
-        fs::write(self.path(name), text.replacen(from, to, 1)).expect("a text file");
+        self.write(name, text.replacen(from, to, 1));
+    }
+
+    pub(crate) fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        fs::write(self.path(name), content).expect("a file");
     }
 
     /// A text file of the scratch folder.
@@ -120,7 +123,7 @@ impl Scratch {
     }
 
     /// The words of a line, in which `@NAME` is the path of a file of the scratch folder.
-    fn words(&self, line: &str) -> Vec<String> {
+    pub(crate) fn words(&self, line: &str) -> Vec<String> {
         let folder = format!("{}/", self.folder.path().display());
         let words = line.split_whitespace();
         words.map(|word| word.replace('@', &folder)).collect()
@@ -142,17 +145,20 @@ impl Scratch {
         command
     }
 
-    /// Changes the last digit of the readings.
-    pub(crate) fn change_a_reading(&self) {
-        let mut table = self.read("data/tactile.csv");
-        let digit = table.rfind(|c: char| c.is_ascii_digit()).expect("a digit");
-        let other = if table[digit..].starts_with('1') {
-            "2"
-        } else {
-            "1"
+    /// Changes the readings of surfaces.
+    pub(crate) fn change_readings(&self, change: impl Fn(&str, f64) -> f64) {
+        let table = self.read("data/tactile.csv");
+        let line = |line: &str| {
+            let cells: Vec<&str> = line.split(',').collect();
+            let cell = |(at, cell): (usize, &&str)| match cell.parse() {
+                Ok(reading) if at > 2 => change(cells[0], reading).to_string(),
+                _ => (*cell).to_owned(),
+            };
+            let changed: Vec<String> = cells.iter().enumerate().map(cell).collect();
+            changed.join(",") + "\n"
         };
-        table.replace_range(digit..=digit, other);
-        fs::write(self.path("data/tactile.csv"), table).expect("a table");
+        let changed: String = table.lines().map(line).collect();
+        self.write("data/tactile.csv", changed);
     }
 
     /// `experiment` on the scratch config, into the folder `run`.
@@ -178,45 +184,37 @@ impl Scratch {
 
     /// `results.json` of the run without what depends on the clock.
     pub(crate) fn results(&self) -> Value {
-        results_without_timings(&self.path("run"))
+        self.results_in("run")
     }
-}
 
-/// `results.json` without what depends on the clock.
-pub(crate) fn results_without_timings(run: &Path) -> Value {
-    let text = fs::read_to_string(run.join("results.json")).expect("results");
-    let mut results: Value = serde_json::from_str(&text).expect("JSON");
-    let whole = results.as_object_mut().expect("results");
-    // The config names the folder of the cache.
-    for key in ["cpu", "threads", "config_hash"] {
-        assert!(whole.remove(key).is_some());
-    }
-    for method in results["methods"].as_array_mut().expect("methods") {
-        let method = method.as_object_mut().expect("a method");
-        assert!(method.remove("predict_seconds_per_surface").is_some());
-        assert!(method.remove("train_seconds").is_some());
-        for part in ["decode", "encode", "head"] {
-            let key = format!("{part}_seconds_per_surface");
-            assert!(method.remove(&key).is_some());
+    /// The same of the run in a folder of this name.
+    pub(crate) fn results_in(&self, run: &str) -> Value {
+        let text = self.read(&format!("{run}/results.json"));
+        let mut results: Value = serde_json::from_str(&text).expect("JSON");
+        let whole = results.as_object_mut().expect("results");
+        // The config names the folder of the cache.
+        for key in ["cpu", "threads", "config_hash"] {
+            assert!(whole.remove(key).is_some());
         }
-        // More threads hold more at once.
-        assert!(method.remove("peak_memory_bytes").is_some());
-        let selections = method["selections"].as_object_mut().expect("selections");
-        let of_properties = selections.values_mut().filter_map(Value::as_array_mut);
-        of_properties.flatten().for_each(|selection| {
-            selection["seconds"].take();
-        });
+        for method in results["methods"].as_array_mut().expect("methods") {
+            let method = method.as_object_mut().expect("a method");
+            for part in ["decode", "encode", "head", "predict"] {
+                let key = format!("{part}_seconds_per_surface");
+                assert!(method.remove(&key).is_some());
+            }
+            // More threads hold more at once.
+            let keys = "train_seconds encoder_train_seconds peak_memory_bytes";
+            for key in keys.split(' ') {
+                assert!(method.remove(key).is_some());
+            }
+            let selections = method["selections"].as_object_mut().expect("selections");
+            let of_properties = selections.values_mut().filter_map(Value::as_array_mut);
+            of_properties.flatten().for_each(|selection| {
+                selection["seconds"].take();
+            });
+        }
+        results
     }
-    results
-}
-
-/// The same without what an encoder took to train.
-pub(crate) fn results_of_trained(run: &Path) -> Value {
-    let mut results = results_without_timings(run);
-    for method in results["methods"].as_array_mut().expect("methods") {
-        method["encoder_train_seconds"].take();
-    }
-    results
 }
 
 /// The method of this id in results.
@@ -240,8 +238,11 @@ pub(crate) fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// How a command ends.
+/// How a command is asked, and how it ends.
 pub(crate) trait Ends {
+    /// The same with settings of the config.
+    fn set(&mut self, settings: &[&str]) -> &mut Self;
+
     /// What it prints, and its log, where it succeeds.
     fn said_and_logged(&mut self) -> [String; 2];
 
@@ -280,6 +281,10 @@ pub(crate) trait Ends {
 }
 
 impl Ends for Command {
+    fn set(&mut self, settings: &[&str]) -> &mut Self {
+        self.args(settings.iter().flat_map(|setting| ["--set", setting]))
+    }
+
     fn said_and_logged(&mut self) -> [String; 2] {
         texts(&self.assert().success())
     }
@@ -302,32 +307,36 @@ pub(crate) fn expect(message: &str, parts: &[&str]) {
     }
 }
 
-/// What a browser may be called.
-const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
-
-/// A browser that is installed; none, with a line that says so, where there is none.
-pub(crate) fn browser_name() -> Option<&'static str> {
-    let is_there = |name: &&str| {
-        let version = Command::new(name).arg("--version").output();
-        version.is_ok_and(|output| output.status.success())
+/// The lines of a table of cases: what stands before ` | `, where `\n` ends a line, and the parts behind it.
+pub(crate) fn cases(lines: &'static str) -> Vec<(String, Vec<&'static str>)> {
+    let case = |line: &'static str| {
+        let (before, parts) = line.split_once(" | ").expect("a case");
+        (before.replace(r"\n", "\n"), parts.split("; ").collect())
     };
-    let found = BROWSERS.into_iter().find(is_there);
-    if found.is_none() {
-        println!("SKIPPED: none of {} is installed", BROWSERS.join(", "));
-    }
-    found
+    lines.trim().lines().map(case).collect()
 }
 
-/// A browser without a window, which prints the page it ends with; none where none is installed.
-pub(crate) fn browser(profile: &Path) -> Option<Command> {
-    let name = browser_name()?;
-    let mut command = Command::new(name);
-    command
-        .args(["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"])
-        .args(["--enable-logging=stderr", "--v=0"])
-        .arg(format!("--user-data-dir={}", profile.display()))
-        .timeout(Duration::from_secs(120));
-    Some(command)
+/// The rows of a table in CSV.
+pub(crate) fn rows<T: DeserializeOwned>(text: &str) -> Vec<T> {
+    let mut table = csv::Reader::from_reader(text.as_bytes());
+    table.deserialize().map(|row| row.expect("a row")).collect()
+}
+
+/// Everything below a folder, with the bytes of files.
+pub(crate) fn tree(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(folder).into_iter().flatten() {
+        let path = entry.expect("an entry").path();
+        let name = PathBuf::from(path.file_name().expect("a name"));
+        if path.is_dir() {
+            let below = tree(&path).into_iter();
+            found.extend(below.map(|(below, bytes)| (name.join(below), bytes)));
+            found.insert(name, Vec::new());
+        } else {
+            found.insert(name, fs::read(&path).expect("a file"));
+        }
+    }
+    found
 }
 
 /// A file system of its own, gone with the value; none where that is not permitted.
@@ -379,8 +388,6 @@ pub(crate) fn calibrates(scratch: &Scratch) {
 /// The command that fits the model.
 pub(crate) fn fit(scratch: &Scratch, more: &[&str]) -> Command {
     let mut fit = scratch.sps("fit --config @tiny.toml --out @model");
-    for more in more {
-        fit.args(["--set", more]);
-    }
+    fit.set(more);
     fit
 }

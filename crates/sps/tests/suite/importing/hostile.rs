@@ -1,42 +1,24 @@
 //! Tables that would write where nobody asked, and names that no property can have.
 
-use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
 
-use super::{FILES, Photographs, cases};
-use crate::support::Ends;
-
-/// Everything below a folder, with the bytes of files.
-fn tree(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            found.extend(tree(&path));
-            found.insert(path, Vec::new());
-        } else {
-            let bytes = fs::read(&path).unwrap();
-            found.insert(path, bytes);
-        }
-    }
-    found
-}
+use super::{FILES, Photographs};
+use crate::support::{Ends, cases, tree};
 
 /// Photographs with one more, `outside/a.png`, beside their folder.
 fn beside_another(table: &str) -> Photographs {
     let photographs = Photographs::new(&FILES, table);
-    let outside = photographs.folder.path().join("outside");
-    fs::create_dir(&outside).unwrap();
-    let inside = photographs.folder.path().join("photographs/denim/b.png");
-    fs::copy(inside, outside.join("a.png")).unwrap();
+    photographs.add(
+        "fixtures/tiny-dataset/frames/denim-01/002.png".as_ref(),
+        "../outside/a.png",
+    );
     photographs
 }
 
-fn refused(photographs: &Photographs, options: &[&str], parts: &[&str]) {
-    let before = tree(photographs.folder.path());
+fn refused(photographs: &Photographs, options: &str, parts: &[&str]) {
+    let before = tree(&photographs.0.path("."));
     photographs.import_with(options).refused(parts);
-    assert!(tree(photographs.folder.path()) == before, "{parts:?}");
+    assert!(tree(&photographs.0.path(".")) == before, "{parts:?}");
 }
 
 /// As [`super::REFUSED`].
@@ -63,37 +45,30 @@ surface,photograph,fRS\n..,denim/b.png,1\n | line 2; `..`
 #[test]
 fn hostile_tables_leave_nothing_behind() {
     for (table, parts) in cases(HOSTILE) {
-        refused(&beside_another(&table.replace(r"\0", "\0")), &[], &parts);
+        refused(&beside_another(&table.replace(r"\0", "\0")), "", &parts);
     }
-    let long = format!(
-        "surface,photograph,fRS\n{},denim/b.png,1\n",
-        "x".repeat(201)
-    );
-    refused(
-        &beside_another(&long),
-        &[],
-        &["line 2", "at most 200 bytes"],
-    );
+    let long = "x".repeat(201);
+    let long = format!("surface,photograph,fRS\n{long},denim/b.png,1\n");
+    let bytes = ["line 2", "at most 200 bytes"];
+    refused(&beside_another(&long), "", &bytes);
     let rows = beside_another("photograph,fRS\nb.png,1\n");
-    refused(&rows, &["--views", "../outside"], &["lies outside of"]);
+    refused(&rows, "--views ../outside", &["lies outside of"]);
 }
 
 #[test]
 fn an_absolute_path_is_accepted_inside_of_the_folder_alone() {
     let photographs = beside_another("");
     let table = |path: &str| {
-        let path = photographs.folder.path().join(path);
+        let path = photographs.0.path(path);
         let table = format!("photograph,fRS\n{},1\n", path.display());
-        fs::write(photographs.folder.path().join("values.csv"), table).unwrap();
+        photographs.0.write("values.csv", table);
     };
     table("outside/a.png");
-    refused(&photographs, &[], &["line 2", "lies outside of"]);
+    refused(&photographs, "", &["line 2", "lies outside of"]);
     table("photographs/denim/b.png");
     photographs.import().assert().success();
-    assert_eq!(
-        photographs.text("surfaces.csv"),
-        "surface,material,group\ndenim-b,unknown,denim-b\n"
-    );
+    let surfaces = "surface,material,group\ndenim-b,unknown,denim-b\n";
+    assert_eq!(photographs.text("surfaces.csv"), surfaces);
     let copied = photographs.dataset().join("frames/denim-b/000.png");
     assert!(copied.is_file());
 }
@@ -104,9 +79,9 @@ fn links_are_followed_inside_of_the_folder_alone() {
     use std::os::unix::fs::symlink;
 
     let photographs = beside_another("photograph,fRS\nlink.png,1\n");
-    let link = photographs.folder.path().join("photographs/link.png");
+    let link = photographs.0.path("photographs/link.png");
     symlink("../outside/a.png", &link).unwrap();
-    refused(&photographs, &[], &["line 2", "`link.png` lies outside of"]);
+    refused(&photographs, "", &["line 2", "`link.png` lies outside of"]);
     fs::remove_file(&link).unwrap();
     symlink("denim/b.png", &link).unwrap();
     photographs.import().assert().success();
@@ -134,7 +109,7 @@ photograph, | values.csv
 fn names_that_no_property_can_have() {
     for (header, parts) in cases(NO_NAMES) {
         let table = format!("{header}\ndenim/b.png,1\n");
-        refused(&Photographs::new(&FILES, &table), &[], &parts);
+        refused(&Photographs::new(&FILES, &table), "", &parts);
     }
 }
 
@@ -151,6 +126,6 @@ fn names_that_properties_can_have() {
     for (name, code) in [("color vibrancy", "`color-vibrancy`"), ("a/b", "`a-b`")] {
         let table = format!("photograph,{name}\ndenim/b.png,1\n");
         let said = [&*format!("`{name}`"), code];
-        refused(&Photographs::new(&FILES, &table), &[], &said);
+        refused(&Photographs::new(&FILES, &table), "", &said);
     }
 }

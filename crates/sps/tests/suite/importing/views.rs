@@ -6,8 +6,8 @@ use std::path::Path;
 
 use assert_cmd::Command;
 
-use super::{Photographs, cases};
-use crate::support::{Ends, expect, root};
+use super::Photographs;
+use crate::support::{Ends, cases, expect, root};
 
 /// Two surfaces, each in a folder of its own, and a photograph that is of neither.
 const FOLDERS: [(&str, &str); 5] = [
@@ -18,13 +18,6 @@ const FOLDERS: [(&str, &str); 5] = [
     ("denim-01/002.png", "spare.png"),
 ];
 
-/// The same bytes as a frame of the tiny dataset.
-fn same(photographs: &Photographs, frame: &str, of: &str) -> bool {
-    let bytes = |path: &Path| fs::read(path).unwrap();
-    bytes(&photographs.dataset().join("frames").join(frame))
-        == bytes(&root().join("fixtures/tiny-dataset/frames").join(of))
-}
-
 #[test]
 fn rows_for_each_photograph() {
     let table = "surface,view,photograph,material,fRS,cDF\n\
@@ -33,19 +26,16 @@ fn rows_for_each_photograph() {
         s2,9,second/0.png,denim,4,3\n\
         s1,9,first/0.png,oak,20,\n";
     let photographs = Photographs::new(&FOLDERS, table);
-    let said = photographs.import().said();
-    expect(
-        &said,
-        &["2 surfaces", "1 photographs (spare.png)", "fRS, cDF"],
-    );
+    let said = ["2 surfaces", "1 photographs (spare.png)", "fRS, cDF"];
+    expect(&photographs.import().said(), &said);
     photographs.ensure_tables(
         "surface,material,group; s1,oak,s1; s2,denim,s2",
         "surface,location,repeat,fRS,cDF; s1,0,0,20,; s2,0,0,4,3",
     );
     // As numbers, 9 is before 10.
-    assert!(same(&photographs, "s1/000.png", "oak-02/000.png"));
-    assert!(same(&photographs, "s1/001.png", "oak-02/001.png"));
-    assert!(same(&photographs, "s2/000.png", "denim-01/000.png"));
+    assert!(photographs.has("s1/000.png", "oak-02/000.png"));
+    assert!(photographs.has("s1/001.png", "oak-02/001.png"));
+    assert!(photographs.has("s2/000.png", "denim-01/000.png"));
     let manifest = photographs.text("dataset.toml");
     let order = "# - views are in the order 9, 10";
     expect(&manifest, &[order, "nominal", "[0.0, 45.0]"]);
@@ -74,16 +64,16 @@ fn rows_that_are_no_surfaces() {
 fn a_folder_for_each_surface() {
     let table = "surface,group,fRS\nsecond,roll 7,4\nfirst,,20\n";
     let photographs = Photographs::new(&FOLDERS, table);
-    let mut three = photographs.import_with(&["--angles", "0,30,60"]);
+    let mut three = photographs.import_with("--angles 0,30,60");
     three.refused(&["found 3 angles", "each of 2 photographs"]);
-    let mut two = photographs.import_with(&["--angles", "-30,12.5"]);
+    let mut two = photographs.import_with("--angles -30,12.5");
     two.assert().success();
     let surfaces = "surface,material,group\nsecond,unknown,roll 7\nfirst,unknown,first\n";
     assert_eq!(photographs.text("surfaces.csv"), surfaces);
     let manifest = photographs.text("dataset.toml");
     expect(&manifest, &["[-30.0, 12.5]", "in the order of their names"]);
     assert!(!manifest.contains("nominal"));
-    assert!(same(&photographs, "second/001.png", "denim-01/001.png"));
+    assert!(photographs.has("second/001.png", "denim-01/001.png"));
 
     let uneven = Photographs::new(&FOLDERS[..3], table);
     uneven.is_refused(&["surface `first` is 2", "`second` is 1"]);
@@ -99,31 +89,27 @@ fn a_folder_for_each_surface() {
 /// of names, and the names of columns in a file of their own.
 struct Published(Photographs);
 
+/// The folders of the views, and what a dataset calls their frames.
+const VIEWS: [(&str, &str); 2] = [("non-specular", "000.jpg"), ("specular", "001.jpg")];
+
 impl Published {
     fn new(names: &[&str], ratings: &str, order: &str) -> Self {
         let photographs = Photographs::new(&[], ratings);
-        fs::write(photographs.folder.path().join("order.txt"), order).unwrap();
-        for (view, of) in [("non-specular", "000.jpg"), ("specular", "001.jpg")] {
-            let to = photographs.folder.path().join("photographs").join(view);
-            fs::create_dir_all(&to).unwrap();
-            for (name, surface) in names.iter().zip(["oak-01", "denim-02", "oak-01"]) {
-                let from = root()
-                    .join("fixtures/tiny-dataset/frames")
-                    .join(surface)
-                    .join(of);
-                fs::copy(from, to.join(name)).unwrap();
+        photographs.0.write("order.txt", order);
+        let frames = Path::new("fixtures/tiny-dataset/frames");
+        for (name, surface) in names.iter().zip(["oak-01", "denim-02", "oak-01"]) {
+            for (view, of) in VIEWS {
+                let from = frames.join(surface).join(of);
+                photographs.add(&from, &format!("{view}/{name}"));
             }
         }
         Self(photographs)
     }
 
     fn import(&self) -> Command {
-        let mut import = self.0.import_with(&["--views", "non-specular,specular"]);
-        import
-            .arg("--columns")
-            .arg(self.0.folder.path().join("order.txt"));
-        import.arg("--materials-from-names");
-        import
+        let views = "--views non-specular,specular --columns @order.txt";
+        let options = format!("{views} --materials-from-names");
+        self.0.import_with(&options)
     }
 
     fn is_refused(&self, parts: &[&str]) {
@@ -145,8 +131,8 @@ fn a_folder_for_each_view() {
         "surface,location,repeat,fRS,cDF; 001-baked-clay,0,0,-0.32,0.5; 002-beads,0,0,-0.5,1; \
          003-fabric,0,0,1e-1,2",
     );
-    assert!(same(photographs, "002-beads/000.jpg", "denim-02/000.jpg"));
-    assert!(same(photographs, "002-beads/001.jpg", "denim-02/001.jpg"));
+    assert!(photographs.has("002-beads/000.jpg", "denim-02/000.jpg"));
+    assert!(photographs.has("002-beads/001.jpg", "denim-02/001.jpg"));
 
     let refused = |names: &[&str], ratings: &str, parts: &[&str]| {
         Published::new(names, ratings, "fRS\ncDF\n").is_refused(parts);
@@ -160,8 +146,8 @@ fn a_folder_for_each_view() {
     refused(&uneven, ratings, &["`10_a.jpg`", "`1_a.jpg`"]);
 
     let published = Published::new(&names, ratings, "fRS\ncDF\n");
-    let photographs = published.0.folder.path().join("photographs");
-    fs::remove_file(photographs.join("specular").join(names[1])).unwrap();
+    let gone = published.0.0.path("photographs/specular").join(names[1]);
+    fs::remove_file(gone).unwrap();
     published.is_refused(&["line 2", "specular/002_beads.jpg"]);
 }
 
@@ -176,26 +162,23 @@ fn material_ratings_taken_apart() {
     let tactile = fs::read_to_string(dataset.join("tactile.csv")).unwrap();
     let mut lines = tactile.lines();
     let header = lines.next().unwrap().split(',').skip(3);
-    let order = header
-        .map(|code| code.replace('-', " ") + "\n")
-        .collect::<String>();
+    let order: String = header.map(|code| code.replace('-', " ") + "\n").collect();
     let mut ratings = String::new();
     let published = Published::new(&[], "", &order);
-    let folder = published.0.folder.path().join("photographs");
     for line in lines {
         let mut cells = line.split(',');
         let surface = cells.next().unwrap();
-        for (view, of) in [("non-specular", "000.jpg"), ("specular", "001.jpg")] {
-            let name = surface.replace('-', "_") + "01.jpg";
+        for (view, of) in VIEWS {
+            let name = format!("{view}/{}01.jpg", surface.replace('-', "_"));
             let from = dataset.join("frames").join(surface).join(of);
-            fs::copy(from, folder.join(view).join(name)).unwrap();
+            published.0.add(&from, &name);
         }
         for cell in cells.skip(2) {
             write!(ratings, "{cell} ").unwrap();
         }
         ratings.push('\n');
     }
-    fs::write(published.0.folder.path().join("values.csv"), ratings).unwrap();
+    published.0.0.write("values.csv", ratings);
     published.import().assert().success();
     for name in ["surfaces.csv", "tactile.csv"] {
         let expected = fs::read_to_string(dataset.join(name)).unwrap();

@@ -85,9 +85,8 @@ impl Command {
     }
 }
 
-/// A program of the commands `C`, which a user starts as `name`: reads the command line `words`, the first
-/// of which it is started by, sets up log and threads, and runs the command. The status is 0, or 1 where the command fails; a command line that
-/// cannot be understood ends the process with 2.
+/// Runs a program of the commands `C`, which a user starts as `name`, by the command line `words`. The status
+/// is 0, or 1 where the command fails; a command line that cannot be understood ends the process with 2.
 pub fn main<C: Subcommand>(
     name: &'static str,
     words: impl IntoIterator<Item = OsString>,
@@ -108,11 +107,9 @@ pub fn main<C: Subcommand>(
 
 /// The command line of a program that is started as `name`, which its examples then say.
 fn named(command: clap::Command, name: &'static str) -> clap::Command {
+    let [from, to] = [NAME, name].map(|name| format!("\n  {name} "));
     let of = |command: clap::Command| match command.get_after_help().map(ToString::to_string) {
-        Some(text) => {
-            let [from, to] = [NAME, name].map(|name| format!("\n  {name} "));
-            command.after_help(text.replace(&from, &to))
-        }
+        Some(text) => command.after_help(text.replace(&from, &to)),
         None => command,
     };
     command.name(name).bin_name(name).mut_subcommands(of)

@@ -56,27 +56,25 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         if !args.json {
             println!("{comparison}");
         }
-        comparisons.push(comparison);
-        if let Some(tolerance) = args.tolerance {
-            let found = comparisons
-                .last()
-                .map(|comparison| comparison.past(tolerance));
-            let in_run = found
+        let found = args.tolerance.map(|tolerance| comparison.past(tolerance));
+        let path = other.path.display();
+        past.extend(
+            found
                 .into_iter()
                 .flatten()
-                .map(|what| format!("{}: {what}", other.path.display()));
-            past.extend(in_run);
-        }
+                .map(|what| format!("{path}: {what}")),
+        );
+        comparisons.push(comparison);
     }
     let compared = Compared { comparisons, past };
     if args.json {
         print_json(&compared)?;
     }
-    match (args.tolerance, compared.past.as_slice()) {
-        (Some(tolerance), past @ [_, ..]) => bail!(
-            "past the tolerance of {tolerance} in R²: {}",
-            past.join("; ")
-        ),
+    let past = compared.past.join("; ");
+    match args.tolerance {
+        Some(tolerance) if !past.is_empty() => {
+            bail!("past the tolerance of {tolerance} in R²: {past}")
+        }
         _ => Ok(()),
     }
 }

@@ -118,12 +118,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let files = args.images.iter().map(name).filter(|_| each == 1);
     let embeddings = Precomputed::new(embedder.network().blocks(), files.collect(), values)?;
     write_atomically(&args.out, &embeddings.to_bytes()?)?;
-    let each_image = seconds / args.images.len() as f64;
-    info!(
-        "{} images, {:.2} ms each to encode",
-        args.images.len(),
-        1e3 * each_image
-    );
+    let count = args.images.len();
+    let each_image = seconds / count as f64;
+    info!("{count} images, {:.2} ms each to encode", 1e3 * each_image);
     let blocks = embeddings.blocks().iter().map(|block| Block {
         name: &block.name,
         width: block.width,
@@ -137,9 +134,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     })
 }
 
-fn read(paths: &[PathBuf], resize: Option<usize>) -> Result<Vec<Frame>> {
+/// Photographs, the shorter side of each brought to so many pixels.
+pub(super) fn read<P>(paths: &[P], resize: Option<usize>) -> Result<Vec<Frame>>
+where
+    P: AsRef<Path> + Sync,
+{
     let settings = DecodeSettings::default();
-    let read = |path: &PathBuf| Ok(read_photograph(path, &settings, resize)?);
+    let read = |path: &P| Ok(read_photograph(path.as_ref(), &settings, resize)?);
     paths.par_iter().map(read).collect()
 }
 
@@ -147,20 +148,16 @@ fn read(paths: &[PathBuf], resize: Option<usize>) -> Result<Vec<Frame>> {
 fn stacked(frames: &[Frame], each: usize) -> Result<Vec<Frame>> {
     let stack = |images: &[Frame]| {
         let (width, height) = (images[0].width, images[0].height);
+        let mut sizes = images.iter().map(|image| (image.width, image.height));
         ensure!(
-            images
-                .iter()
-                .all(|image| (image.width, image.height) == (width, height)),
+            sizes.all(|size| size == (width, height)),
             "images of one sequence have different sizes, expected one size"
         );
+        let data = images.iter().flat_map(|image| &image.data);
         Ok(Frame {
             width,
             height: each * height,
-            data: images
-                .iter()
-                .flat_map(|image| &image.data)
-                .copied()
-                .collect(),
+            data: data.copied().collect(),
         })
     };
     frames.chunks_exact(each).map(stack).collect()

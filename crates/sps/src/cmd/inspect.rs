@@ -8,8 +8,7 @@ use sps_dataset::{
 use sps_experiment::config::{DataSpec, Experiment, Setting};
 use sps_experiment::files::write_atomically;
 use sps_experiment::progress::Progress;
-use sps_experiment::text::decimals;
-use sps_experiment::text::{aligned, number};
+use sps_experiment::text::{aligned, decimals, number};
 use sps_report::published::published;
 use sps_report::statistics;
 use tracing::info;
@@ -96,26 +95,16 @@ fn labels(dataset: &DatasetFolder) -> Vec<(String, usize)> {
 fn draw(dataset: &DatasetFolder, settings: TactileSettings, folder: &Path) -> Result<()> {
     let surfaces = dataset.surfaces().len();
     let averages = dataset.tactile().averages(&settings, surfaces);
-    let values: Vec<(String, Vec<f64>)> = averages
-        .properties()
-        .iter()
-        .map(|property| {
-            let of_surface = |surface| averages.value(surface, property);
-            (
-                property.to_string(),
-                (0..surfaces).filter_map(of_surface).collect(),
-            )
-        })
-        .collect();
-    for (name, svg) in [
-        (
-            "boxes.svg",
-            statistics::boxes(&values, dataset.origin().is_some()),
-        ),
-        ("materials.svg", statistics::donut(&labels(dataset))),
-    ] {
-        write_atomically(&folder.join(name), svg.as_bytes())?;
-    }
+    let properties = averages.properties().iter().map(ToString::to_string);
+    let values = properties.map(|code| {
+        let values = averages.column(&code).into_iter().flatten();
+        (code, values.collect())
+    });
+    let values: Vec<(String, Vec<f64>)> = values.collect();
+    let boxes = statistics::boxes(&values, dataset.origin().is_some());
+    write_atomically(&folder.join("boxes.svg"), boxes.as_bytes())?;
+    let donut = statistics::donut(&labels(dataset));
+    write_atomically(&folder.join("materials.svg"), donut.as_bytes())?;
     info!("boxes.svg and materials.svg are in {}", folder.display());
     Ok(())
 }
@@ -134,8 +123,9 @@ fn print(inspection: &Inspection, labels: &[(String, usize)], after_the_paper: b
         println!("  {name:<24}{count:>6}");
     }
     print_labels(inspection.surfaces, labels, after_the_paper);
-    let columns = &COLUMNS[..COLUMNS.len() - usize::from(!after_the_paper)];
-    let heading = columns.iter().map(|&column| column.to_owned()).collect();
+    let columns = COLUMNS.split('|').map(str::to_owned);
+    let heading = columns.filter(|column| after_the_paper || column != "published");
+    let heading = heading.collect();
     let lines = inspection.properties.iter();
     let lines = lines.map(|property| line(property, after_the_paper));
     let lines: Vec<Vec<String>> = [heading].into_iter().chain(lines).collect();
@@ -195,21 +185,9 @@ fn print_labels(surfaces: usize, labels: &[(String, usize)], after_the_paper: bo
     }
 }
 
-/// Of the table of properties; the last five are the published quantiles.
-const COLUMNS: [&str; 12] = [
-    "",
-    "measured",
-    "missing",
-    "minimum",
-    "quartile",
-    "median",
-    "quartile",
-    "maximum",
-    "outside",
-    "repeat",
-    "between",
-    "published",
-];
+/// Of the table of properties; the last is of five, the published quantiles.
+const COLUMNS: &str =
+    "|measured|missing|minimum|quartile|median|quartile|maximum|outside|repeat|between|published";
 
 fn line(property: &PropertySummary, after_the_paper: bool) -> Vec<String> {
     let decimals = decimals(spread(property.quantiles));

@@ -49,16 +49,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let model = Estimator::load(&args.model)?;
     answer::check_probability(args.unfamiliar).context("--unfamiliar")?;
     answer::check_photographs(&model)?;
-    let wanted = map::Wanted {
-        property: &args.property,
-        at: map::place(&model, &args.property)?,
-        sight: if args.alone {
-            Sight::Alone
-        } else {
-            Sight::Within
-        },
-        unfamiliar: args.unfamiliar,
+    let sight = if args.alone {
+        Sight::Alone
+    } else {
+        Sight::Within
     };
+    let wanted = map::Wanted::new(&model, &args.property, sight, args.unfamiliar)?;
     let scale = match args.resize {
         Some(pixels) => Scale::ShorterSide(pixels as usize),
         None => Scale::Keep,
@@ -72,14 +68,16 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     for (stem, path) in &photographs {
         let read = model.read(path, scale).map_err(anyhow::Error::from);
         let mapped = read.and_then(|photograph| {
-            if args.json {
-                let mapped = wanted.of(&model, &photograph)?;
-                return Ok(serde_json::to_string(&Line {
-                    image: path,
-                    numbers: mapped.numbers(&model),
-                })?);
+            if !args.json {
+                return wanted.write(&model, (&photograph, path), stem);
             }
-            wanted.write(&model, (&photograph, path), stem)
+            let mapped = wanted.of(&model, &photograph)?;
+            let numbers = mapped.numbers(&model);
+            let line = Line {
+                image: path,
+                numbers,
+            };
+            Ok(serde_json::to_string(&line)?)
         });
         match mapped {
             Ok(said) => println!("{said}"),
@@ -108,13 +106,12 @@ struct Line<'a> {
 
 /// The photographs, by what the names of their maps begin with.
 fn photographs(args: &Args) -> Result<BTreeMap<PathBuf, PathBuf>> {
-    let mut photographs = BTreeMap::new();
+    let mut photographs: BTreeMap<PathBuf, PathBuf> = BTreeMap::new();
     let mut add = |path: PathBuf| {
         let name = path.file_stem().unwrap_or(path.as_os_str());
         let name = format!("{}-{}", Path::new(name).display(), args.property);
         let stem = args.out.join(name);
         if let Some(other) = photographs.get(&stem) {
-            let other: &PathBuf = other;
             bail!(
                 "{} and {} would have the same map, {}: ask for one at a time, each with its own --out",
                 other.display(),

@@ -1,14 +1,13 @@
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
-use rayon::prelude::*;
-use sps_dataset::DecodeSettings;
-use sps_estimator::{Embedder, Network, read_photograph};
+use anyhow::Result;
+use sps_estimator::{Embedder, Network};
 use sps_experiment::progress::Progress;
 use sps_models::encoders::{Depths, Encoder, EncoderKind};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig};
 use tracing::warn;
 
+use super::embed::read;
 use crate::importing::{Import, Options, Request, photographs_below};
 use crate::output::print_json;
 
@@ -83,17 +82,11 @@ fn photographs(args: &Args) -> Result<(Vec<PathBuf>, Vec<PathBuf>)> {
 /// The embeddings of photographs, `(photographs, width)`.
 fn embedded(embedder: &Embedder, photographs: &[&Path]) -> Result<Vec<f32>> {
     const AT_ONCE: usize = 16;
-    let settings = DecodeSettings::default();
     let progress = Progress::new("photographs encoded", photographs.len());
     let mut values = Vec::new();
     for paths in photographs.chunks(AT_ONCE) {
-        let read = |path: &&Path| {
-            let read = read_photograph(path, &settings, embedder.resize());
-            read.with_context(|| path.display().to_string())
-        };
-        let frames = paths.par_iter().map(read).collect::<Result<Vec<_>>>()?;
-        values.extend(embedder.embed(&frames)?);
-        progress.advance(frames.len());
+        values.extend(embedder.embed(&read(paths, embedder.resize())?)?);
+        progress.advance(paths.len());
     }
     Ok(values)
 }

@@ -137,15 +137,10 @@ impl Import {
         let surfaces = finder.find()?;
         let photographs = surfaces.iter().flat_map(|surface| &surface.photographs);
         let used: BTreeSet<&Path> = photographs.map(|photograph| &*photograph.path).collect();
-        let views = surfaces
-            .first()
-            .map_or(0, |surface| surface.photographs.len());
+        let views = views_of(&surfaces);
+        let [photographs, values] = [request.photographs, request.values].map(Path::display);
         Ok(Self {
-            source: format!(
-                "{} and {}",
-                request.photographs.display(),
-                request.values.display()
-            ),
+            source: format!("{photographs} and {values}"),
             angles: angles(&options.angles, views)?,
             without_row: folder.others(&used)?,
             assumed: assumed(options, &table, &surfaces)?,
@@ -176,8 +171,8 @@ impl Import {
 
     /// How many groups there are.
     pub fn groups(&self) -> usize {
-        let groups: BTreeSet<&str> = self.surfaces.iter().map(Imported::group).collect();
-        groups.len()
+        let groups = self.surfaces.iter().map(Imported::group);
+        groups.collect::<BTreeSet<_>>().len()
     }
 
     /// What was found, for programs.
@@ -208,16 +203,11 @@ impl Import {
         if !self.without_row.is_empty() {
             let first = self.without_row.iter().take(3);
             let first: Vec<_> = first.map(|path| path.display().to_string()).collect();
-            let more = if self.without_row.len() > 3 {
-                ", ..."
-            } else {
-                ""
-            };
+            let (count, first) = (self.without_row.len(), first.join(", "));
+            let more = if count > 3 { ", ..." } else { "" };
             let _ = writeln!(
                 text,
-                "Left out, for no row is of them: {} photographs ({}{more}).",
-                self.without_row.len(),
-                first.join(", ")
+                "Left out, for no row is of them: {count} photographs ({first}{more})."
             );
         }
         text
@@ -230,10 +220,8 @@ impl Import {
 
     /// The photographs that rows are of.
     pub(crate) fn photographs(&self) -> impl Iterator<Item = &Path> {
-        let photographs = self
-            .surfaces
-            .iter()
-            .flat_map(|surface| &surface.photographs);
+        let surfaces = self.surfaces.iter();
+        let photographs = surfaces.flat_map(|surface| &surface.photographs);
         photographs.map(|photograph| photograph.path.as_path())
     }
 
@@ -297,7 +285,7 @@ impl Import {
                 .map(str::to_owned)
                 .to_vec()
         });
-        table::written(std::iter::once(header.to_vec()).chain(rows))
+        table::written([header.to_vec()].into_iter().chain(rows))
     }
 
     fn tactile_csv(&self) -> Result<String> {
@@ -310,7 +298,7 @@ impl Import {
             row.extend(surface.values.iter().cloned());
             row
         });
-        table::written(std::iter::once(header).chain(rows))
+        table::written([header].into_iter().chain(rows))
     }
 }
 
@@ -356,6 +344,11 @@ impl Imported {
     }
 }
 
+/// The photographs of each surface.
+fn views_of(surfaces: &[Imported]) -> usize {
+    surfaces.first().map_or(0, |first| first.photographs.len())
+}
+
 /// The angles of so many views.
 fn angles(given: &[f64], views: usize) -> Result<ViewAngles> {
     if given.is_empty() {
@@ -372,9 +365,7 @@ fn angles(given: &[f64], views: usize) -> Result<ViewAngles> {
 /// What is taken for granted; nothing of it may hold the text of a table as it is, since it becomes a
 /// comment in TOML.
 fn assumed(options: &Options, table: &Table, surfaces: &[Imported]) -> Result<Vec<String>> {
-    let views = surfaces
-        .first()
-        .map_or(0, |surface| surface.photographs.len());
+    let views = views_of(surfaces);
     let mut assumed = Vec::new();
     let mut assume = |line: &str| assumed.push(line.to_owned());
     match (views, options.angles.as_slice()) {

@@ -111,12 +111,9 @@ impl Folder {
             let folder = self.inside(view, below)?;
             let entries = fs::read_dir(&folder).with_context(|| folder.display().to_string())?;
             for entry in entries {
-                let path = entry?.path();
-                if is_photograph(&path) {
-                    names.extend(
-                        path.file_name()
-                            .map(|name| name.to_string_lossy().into_owned()),
-                    );
+                let entry = entry?;
+                if is_photograph(&entry.path()) {
+                    names.insert(entry.file_name().to_string_lossy().into_owned());
                 }
             }
         }
@@ -153,9 +150,8 @@ impl Folder {
 /// Photographs by their names, where it is plain which order that is.
 pub(super) fn in_order(names: BTreeSet<String>) -> Result<Vec<String>> {
     let names: Vec<String> = names.into_iter().collect();
-    let unclear = names
-        .windows(2)
-        .find(|pair| by_numbers(&pair[0]) > by_numbers(&pair[1]));
+    let mut pairs = names.windows(2);
+    let unclear = pairs.find(|pair| by_numbers(&pair[0]) > by_numbers(&pair[1]));
     if let Some([first, second]) = unclear {
         bail!(
             "by letters `{}` comes before `{}`, by numbers after it: write the numbers with equally \
@@ -167,23 +163,19 @@ pub(super) fn in_order(names: BTreeSet<String>) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// A name whose order by letters is that by numbers.
+/// A name whose order by letters is that by numbers: each number has twenty digits.
 fn by_numbers(name: &str) -> String {
-    let mut padded = String::new();
-    let mut digits = String::new();
-    for letter in name.chars() {
-        if letter.is_ascii_digit() {
-            digits.push(letter);
+    let letters: Vec<char> = name.chars().collect();
+    let parts = letters.chunk_by(|one, next| one.is_ascii_digit() == next.is_ascii_digit());
+    let padded = parts.map(|part| {
+        let text: String = part.iter().collect();
+        if part[0].is_ascii_digit() {
+            format!("{text:0>20}")
         } else {
-            if !digits.is_empty() {
-                padded.push_str(&"0".repeat(20_usize.saturating_sub(digits.len())));
-                padded.push_str(&digits);
-                digits.clear();
-            }
-            padded.push(letter);
+            text
         }
-    }
-    padded
+    });
+    padded.collect()
 }
 
 fn is_photograph(path: &Path) -> bool {

@@ -1,46 +1,55 @@
 //! Maps of a property over a photograph, as pictures and as numbers.
 
 mod npy;
-mod numbers;
 mod picture;
 mod scale;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, ensure};
+use anyhow::{Error, Result, ensure};
+use serde::Serialize;
 use sps_base::names::UnknownName;
-use sps_estimator::{Estimator, Frame, Map, Sight};
+use sps_estimator::{Described, Estimator, Frame, Map, Sight};
 use sps_experiment::files::write_atomically;
 use tracing::warn;
 
-pub(crate) use self::numbers::Numbers;
 pub(crate) use self::picture::source;
 use self::scale::Scale;
 
 /// What is drawn of one photograph.
-pub(crate) struct Wanted<'a> {
-    pub property: &'a str,
+pub(crate) struct Wanted {
+    property: String,
     /// Its place among those of the model.
-    pub at: usize,
-    pub sight: Sight,
+    at: usize,
+    sight: Sight,
     /// Places are hatched whose p-value is at most this.
-    pub unfamiliar: f64,
+    unfamiliar: f64,
 }
 
-/// The place of a property among those of the model, which must be able to map.
-pub(crate) fn place(model: &Estimator, property: &str) -> Result<usize> {
-    ensure!(
-        model.fitted().steps().eq([1]),
-        "the model looks at {} photographs of a surface, and a map is of one: train a method \
+impl Wanted {
+    /// One of the properties of a model, which must be able to map.
+    pub(crate) fn new(
+        model: &Estimator,
+        property: &str,
+        sight: Sight,
+        unfamiliar: f64,
+    ) -> Result<Self> {
+        ensure!(
+            model.fitted().steps().eq([1]),
+            "the model looks at {} photographs of a surface, and a map is of one: train a method \
         without `views`, which looks at one straight down",
-        model.views_in_words()
-    );
-    let known = || model.fitted().properties();
-    let place = known().position(|known| known == property);
-    place.ok_or_else(|| anyhow::Error::msg(UnknownName::new("property", property, known())))
-}
+            model.views_in_words()
+        );
+        let known = || model.fitted().properties();
+        let at = known().position(|known| known == property);
+        Ok(Self {
+            property: property.to_owned(),
+            at: at.ok_or_else(|| Error::msg(UnknownName::new("property", property, known())))?,
+            sight,
+            unfamiliar,
+        })
+    }
 
-impl Wanted<'_> {
     /// Writes `STEM.png` and `STEM.npy`, (rows, columns, 4), f64: estimate, lower and upper end of its
     /// interval, and p-value, each NaN where there is none. The picture names the photograph. In words,
     /// what they show.
@@ -119,7 +128,7 @@ impl Wanted<'_> {
 
 /// A map of one property.
 pub(crate) struct Mapped<'a> {
-    wanted: &'a Wanted<'a>,
+    wanted: &'a Wanted,
     pub grid: Map,
     /// Of each place, row by row, its estimate, the lower and upper end of its interval, and its p-value;
     /// NaN where there is none.
@@ -133,6 +142,42 @@ impl Mapped<'_> {
         let of = (photograph, &self.grid);
         picture::draw(of, &self.places, self.wanted, &self.scale).png(path)
     }
+
+    pub(crate) fn numbers(&self, model: &Estimator) -> Numbers<'_> {
+        let all = |at: usize| self.places.iter().map(move |place| place[at]);
+        let known = |at: usize| all(at).all(f64::is_finite).then(|| all(at).collect());
+        let property = self.wanted.property.as_str();
+        Numbers {
+            property,
+            described: model.about().describe(property),
+            level: model.fitted().level().get(),
+            rows: self.grid.rows,
+            columns: self.grid.columns,
+            window: self.grid.window,
+            centres: &self.grid.centres,
+            values: all(0).collect(),
+            low: known(1),
+            high: known(2),
+            familiar: known(3),
+        }
+    }
+}
+
+/// The numbers of a map, row by row. What a place does not have is none for all.
+#[derive(Serialize)]
+pub(crate) struct Numbers<'a> {
+    property: &'a str,
+    #[serde(flatten)]
+    described: Described,
+    level: f64,
+    rows: usize,
+    columns: usize,
+    window: [usize; 2],
+    centres: &'a [[f64; 2]],
+    values: Vec<f64>,
+    low: Option<Vec<f64>>,
+    high: Option<Vec<f64>>,
+    familiar: Option<Vec<f64>>,
 }
 
 /// The path with an ending after the whole of its name, whatever dots are in it.

@@ -34,7 +34,7 @@ pub(super) struct Picture {
 pub(super) fn draw(
     (photograph, map): (&Frame, &Map),
     places: &[[f64; 4]],
-    wanted: &Wanted<'_>,
+    wanted: &Wanted,
     scale: &Scale,
 ) -> Picture {
     let legend = Legend::of(wanted, scale, map.predictions.familiar.is_some());
@@ -77,10 +77,10 @@ struct Legend<'a> {
 }
 
 impl<'a> Legend<'a> {
-    fn of(wanted: &Wanted<'a>, scale: &Scale, familiar: bool) -> Self {
+    fn of(wanted: &'a Wanted, scale: &Scale, familiar: bool) -> Self {
         let middle = f64::midpoint(scale.lowest, scale.highest);
         Self {
-            property: wanted.property,
+            property: &wanted.property,
             labels: [scale.highest, middle, scale.lowest].map(|value| scale.shown(value)),
             hatched: familiar.then(|| format!("p <= {}", wanted.unfamiliar)),
             intervals: scale.intervals().unwrap_or_default(),
@@ -232,7 +232,7 @@ mod tests {
             },
         };
         let wanted = Wanted {
-            property: "fRS",
+            property: "fRS".to_owned(),
             at: 0,
             sight: Sight::Within,
             unfamiliar: 0.05,

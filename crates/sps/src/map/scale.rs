@@ -1,8 +1,7 @@
 //! What the colours of a map stand for.
 
 use colorous::CIVIDIS;
-use sps_experiment::text::decimals;
-use sps_experiment::text::number;
+use sps_experiment::text::{decimals, number};
 
 /// The ends of the colours, which are those of the estimates.
 pub(super) struct Scale {
@@ -53,13 +52,10 @@ impl Scale {
     pub(super) fn in_words(&self) -> String {
         let [lowest, highest] = [self.lowest, self.highest].map(|value| self.shown(value));
         let colours = format!("colours from {lowest} to {highest}");
-        let Some(intervals) = self.intervals() else {
+        let Some((half, intervals)) = self.half_width.zip(self.intervals()) else {
             return colours;
         };
-        let narrow = self
-            .half_width
-            .is_some_and(|half| self.highest - self.lowest < half);
-        let narrow = if narrow {
+        let narrow = if self.highest - self.lowest < half {
             ": the colours differ by less than that"
         } else {
             ""

@@ -2,19 +2,18 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::PoisonError;
 
 use axum::body::Body;
 use axum::extract::{Path, Request, State};
-use axum::http::{HeaderName, HeaderValue, StatusCode, header};
+use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use sps_estimator::{About, Described, Estimator, FittedOn, Scale, Sight};
 
 use super::failure::Failure;
-use super::{Service, Shared, guard, sessions};
+use super::{Service, Shared, guard, locked, sessions};
 use crate::answer::{self, Line, Said};
-use crate::map::{self, Wanted};
+use crate::map::Wanted;
 
 pub(super) const OPENAPI: &str = include_str!("openapi.json");
 const PAGE: &str = include_str!("page.html");
@@ -26,13 +25,11 @@ pub(super) type Answered = Result<Response, Failure>;
 /// A line of JSON.
 pub(super) fn json(status: StatusCode, content: &impl Serialize) -> Answered {
     let text = serde_json::to_string(content).map_err(|error| Failure::internal(&error))?;
-    let mut response = typed("application/json", text + "\n");
-    *response.status_mut() = status;
-    Ok(response)
+    Ok((status, typed("application/json", text + "\n")).into_response())
 }
 
 fn typed(media: &'static str, content: impl Into<Body>) -> Response {
-    let headers: [(HeaderName, &str); 3] = [
+    let headers = [
         (header::CONTENT_TYPE, media),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
         (header::CACHE_CONTROL, "no-store"),
@@ -41,35 +38,30 @@ fn typed(media: &'static str, content: impl Into<Body>) -> Response {
 }
 
 /// The page, which runs no script but its own and asks nobody but this service.
-pub(super) async fn page() -> Answered {
+pub(super) async fn page() -> Response {
     let nonce = sessions::random();
     let policy = format!(
         "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; connect-src 'self'; \
         img-src blob: data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     );
-    let policy = HeaderValue::from_str(&policy).map_err(|error| Failure::internal(&error))?;
-    let mut response = typed("text/html; charset=utf-8", PAGE.replace(NONCE, &nonce));
-    let headers = response.headers_mut();
-    headers.insert(header::CONTENT_SECURITY_POLICY, policy);
-    headers.insert(
-        header::REFERRER_POLICY,
-        HeaderValue::from_static("no-referrer"),
-    );
-    Ok(response)
+    let headers = [
+        (header::CONTENT_SECURITY_POLICY, policy),
+        (header::REFERRER_POLICY, "no-referrer".to_owned()),
+    ];
+    let page = typed("text/html; charset=utf-8", PAGE.replace(NONCE, &nonce));
+    (headers, page).into_response()
 }
 
 /// That it answers and, for those with the token, whether surfaces still look as those of the fit did.
 pub(super) async fn health(State(service): State<Shared>, request: Request) -> Answered {
     let trusted = guard::is_trusted(service.settings.token.as_ref(), &request);
     let watch = service.watch.as_ref().filter(|_| trusted).map(|watch| {
-        let watch = watch.lock().unwrap_or_else(PoisonError::into_inner);
+        let watch = locked(watch);
         let (seen, evidence, alarm) = (watch.seen(), watch.evidence(), watch.alarm());
         serde_json::json!({ "surfaces": seen, "evidence": evidence, "alarm": alarm })
     });
-    json(
-        StatusCode::OK,
-        &serde_json::json!({ "status": "ok", "watch": watch }),
-    )
+    let health = serde_json::json!({ "status": "ok", "watch": watch });
+    json(StatusCode::OK, &health)
 }
 
 pub(super) async fn openapi() -> Response {
@@ -162,15 +154,9 @@ pub(super) async fn predict(State(service): State<Shared>, request: Request) -> 
 impl Service {
     /// Takes the embeddings of a surface's photographs in, the first of them where the model looks at one.
     fn watch(&self, values: &[f32]) -> Result<(), Failure> {
-        let Some(watch) = &self.watch else {
-            return Ok(());
-        };
         let views = self.model.about().angles.len() * self.model.embedder().width();
-        if let Some(values) = values.get(..views) {
-            watch
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .see(values)?;
+        if let Some((watch, values)) = self.watch.as_ref().zip(values.get(..views)) {
+            locked(watch).see(values)?;
         }
         Ok(())
     }
@@ -199,12 +185,11 @@ pub(super) async fn map(State(service): State<Shared>, request: Request) -> Answ
     let query = service.query(&request, &["property", "resize"])?;
     let property = query.property.ok_or_else(|| {
         let known: Vec<&str> = service.model.fitted().properties().collect();
-        Failure::bad(format!(
-            "property: found none, expected one of {}",
-            known.join(", ")
-        ))
+        let known = known.join(", ");
+        Failure::bad(format!("property: found none, expected one of {known}"))
     })?;
-    let at = map::place(&service.model, &property)
+    let unfamiliar = service.settings.unfamiliar;
+    let wanted = Wanted::new(&service.model, &property, Sight::Within, unfamiliar)
         .map_err(|error| Failure::bad(format!("{error:#}")))?;
     let accepted = request.headers().get(header::ACCEPT);
     let accepted = accepted.and_then(|value| value.to_str().ok());
@@ -221,12 +206,6 @@ pub(super) async fn map(State(service): State<Shared>, request: Request) -> Answ
             .resize
             .map_or(Scale::Keep, |pixels| Scale::ShorterSide(pixels as usize));
         let frames = service.decoded(&photographs, scale)?;
-        let wanted = Wanted {
-            property: &property,
-            at,
-            sight: Sight::Within,
-            unfamiliar: service.settings.unfamiliar,
-        };
         let mapped = wanted.of(&service.model, &frames[0])?;
         if as_numbers {
             return json(StatusCode::OK, &mapped.numbers(&service.model));

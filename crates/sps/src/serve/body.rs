@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use axum::body::{Body, Bytes};
 use axum::extract::Request;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{StatusCode, header};
 use http_body_util::BodyExt;
 use sps_dataset::Limits;
 use sps_estimator::{Frame, Scale};
@@ -25,15 +25,13 @@ pub(super) struct Photograph {
 
 impl Service {
     /// The whole body, within the limits of size and time.
-    pub(super) async fn body(&self, request: Request) -> Result<(HeaderMap, Bytes), Failure> {
-        let (parts, body) = request.into_parts();
+    pub(super) async fn body(&self, request: Request) -> Result<Bytes, Failure> {
         let within = self.settings.timeout;
-        let whole = timeout(within, collect(body, self.settings.max_body)).await;
-        let slow = |_| {
+        let whole = collect(request.into_body(), self.settings.max_body);
+        timeout(within, whole).await.map_err(|_| {
             let message = format!("a body that is not there after {within:?}, expected it by then");
             Failure::new(StatusCode::REQUEST_TIMEOUT, message)
-        };
-        Ok((parts.headers, whole.map_err(slow)??))
+        })?
     }
 
     /// The photographs of a body: one, or those of a form.
@@ -44,28 +42,26 @@ impl Service {
         let (kind, _) = media.split_once(';').unwrap_or((&media, ""));
         match kind.trim().to_ascii_lowercase().as_str() {
             "image/png" | "image/jpeg" | "image/x-exr" | "application/octet-stream" => {
-                let (_, content) = self.body(request).await?;
+                let content = self.body(request).await?;
                 let name = PHOTOGRAPH.into();
                 Ok(vec![Photograph { name, content }])
             }
             "multipart/form-data" => {
-                let boundary =
-                    parameter(&media, "boundary").filter(|boundary| !boundary.is_empty());
-                let boundary = boundary.ok_or_else(|| {
-                    Failure::bad(format!(
-                        "content-type: found `{media}`, expected a `boundary` in it"
-                    ))
+                let found = parameter(&media, "boundary").filter(|found| !found.is_empty());
+                let boundary = found.ok_or_else(|| {
+                    let message = "expected a `boundary` in it";
+                    Failure::bad(format!("content-type: found `{media}`, {message}"))
                 })?;
-                let (_, form) = self.body(request).await?;
+                let form = self.body(request).await?;
                 of_form(&form, &boundary)
             }
-            _ => Err(Failure::new(
-                StatusCode::UNSUPPORTED_MEDIA_TYPE,
-                format!(
+            _ => {
+                let message = format!(
                     "content-type: found `{media}`, expected image/png, image/jpeg, image/x-exr, \
                     application/octet-stream or multipart/form-data"
-                ),
-            )),
+                );
+                Err(Failure::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, message))
+            }
         }
     }
 

@@ -14,13 +14,7 @@ const AT_MOST: Duration = Duration::from_secs(2);
 
 /// A body that is read on for a while if it is let go of before its end. A connection that is closed with
 /// bytes unread loses the answer on its way to a client that still sends.
-pub(super) struct Drained(Body);
-
-impl Drained {
-    pub(super) fn new(body: Body) -> Self {
-        Self(body)
-    }
-}
+pub(super) struct Drained(pub Body);
 
 impl HttpBody for Drained {
     type Data = Bytes;

@@ -1,7 +1,7 @@
 //! Requests that are refused, and why.
 
-use axum::http::{HeaderValue, StatusCode, header};
-use axum::response::{IntoResponse, Response};
+use axum::http::{StatusCode, header};
+use axum::response::{AppendHeaders, IntoResponse, Response};
 use serde_json::json;
 use sps_dataset::FrameErrorKind;
 use sps_estimator::Error;
@@ -54,16 +54,13 @@ impl From<Error> for Failure {
 
 impl IntoResponse for Failure {
     fn into_response(self) -> Response {
-        let mut response = json(self.status, &json!({ "error": self.message }))
+        let response = json(self.status, &json!({ "error": self.message }))
             .unwrap_or_else(|_| self.status.into_response());
         let more = match self.status {
             StatusCode::TOO_MANY_REQUESTS => Some((header::RETRY_AFTER, "1")),
             StatusCode::UNAUTHORIZED => Some((header::WWW_AUTHENTICATE, "Bearer")),
             _ => None,
         };
-        response
-            .headers_mut()
-            .extend(more.map(|(name, value)| (name, HeaderValue::from_static(value))));
-        response
+        (AppendHeaders(more), response).into_response()
     }
 }

@@ -3,6 +3,8 @@
 use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::sync::Arc;
+#[cfg(unix)]
+use std::task::Poll;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
@@ -34,7 +36,7 @@ pub(crate) fn run(model: Estimator, settings: Settings, address: SocketAddr) -> 
 }
 
 async fn serve(model: Estimator, settings: Settings, address: SocketAddr) -> Result<()> {
-    let mut signals = Signals::new()?;
+    let told = told_to_end()?;
     let listener = TcpListener::bind(address)
         .await
         .with_context(|| format!("--listen {address}"))?;
@@ -46,11 +48,12 @@ async fn serve(model: Estimator, settings: Settings, address: SocketAddr) -> Res
     let app = router(Arc::new(Service::new(model, settings)));
     let watched = Arc::new(GracefulShutdown::new());
     let accepting = tokio::spawn(accept(listener, http, app, watched.clone()));
-    signals.next().await;
+    told.await;
+    let again = told_to_end()?;
     accepting.abort();
     let _ = accepting.await;
     tokio::spawn(async move {
-        signals.next().await;
+        again.await;
         std::process::exit(1);
     });
     // Nothing else holds it once no more connections come.
@@ -84,48 +87,26 @@ async fn accept(
     }
 }
 
-/// What tells the process to end.
+/// Waits until the process is told to end after this call.
 #[cfg(unix)]
-struct Signals([tokio::signal::unix::Signal; 2]);
-
-#[cfg(unix)]
-impl Signals {
-    fn new() -> Result<Self> {
-        use tokio::signal::unix::{SignalKind, signal};
-        Ok(Self([
-            signal(SignalKind::terminate())?,
-            signal(SignalKind::interrupt())?,
-        ]))
-    }
-
-    async fn next(&mut self) {
-        std::future::poll_fn(|context| {
-            let mut polled = self.0.iter_mut().map(|signal| signal.poll_recv(context));
-            // Each is polled, so that each wakes.
-            let ready = polled.by_ref().filter(std::task::Poll::is_ready).count();
-            if ready > 0 {
-                std::task::Poll::Ready(())
-            } else {
-                std::task::Poll::Pending
-            }
-        })
-        .await;
-    }
+fn told_to_end() -> io::Result<impl Future<Output = ()>> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let mut terminate = signal(SignalKind::terminate())?;
+    let mut interrupt = signal(SignalKind::interrupt())?;
+    Ok(std::future::poll_fn(move |context| {
+        // Both are polled, so that each wakes.
+        match (terminate.poll_recv(context), interrupt.poll_recv(context)) {
+            (Poll::Pending, Poll::Pending) => Poll::Pending,
+            _ => Poll::Ready(()),
+        }
+    }))
 }
 
-/// What tells the process to end.
 #[cfg(not(unix))]
-struct Signals;
-
-#[cfg(not(unix))]
-impl Signals {
-    fn new() -> Result<Self> {
-        Ok(Self)
-    }
-
-    async fn next(&mut self) {
+fn told_to_end() -> io::Result<impl Future<Output = ()>> {
+    Ok(async {
         let _ = tokio::signal::ctrl_c().await;
-    }
+    })
 }
 
 /// Undoes for connections what commands want of pipes: a client that leaves ends no service.

@@ -1,12 +1,13 @@
 //! Counts of requests, as Prometheus reads them.
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use axum::http::StatusCode;
+
+use super::locked;
 
 #[derive(Default)]
 pub(super) struct Metrics {
@@ -30,62 +31,41 @@ impl Metrics {
         InFlight(self)
     }
 
-    fn answered(&self) -> MutexGuard<'_, BTreeMap<(String, u16), Tally>> {
-        self.answered.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// All of them in Prometheus' text format, version 0.0.4.
     pub(super) fn text(&self, sessions: usize) -> String {
-        let mut text = String::new();
-        let answered = self.answered();
-        let mut family = |name: &str, kind: &str, help: &str, lines: &[String]| {
-            let _ = writeln!(text, "# HELP {name} {help}\n# TYPE {name} {kind}");
-            for line in lines {
-                let _ = writeln!(text, "{name}{line}");
-            }
-        };
-        let each = |line: &dyn Fn(&str, Tally) -> Vec<String>| -> Vec<String> {
-            let lines = answered.iter().flat_map(|((path, status), tally)| {
-                line(&format!("{{path=\"{path}\",status=\"{status}\"}}"), *tally)
+        let answered = locked(&self.answered);
+        let each = |lines: fn(&str, Tally) -> String| -> String {
+            let all = answered.iter().map(|((path, status), tally)| {
+                lines(&format!("{{path=\"{path}\",status=\"{status}\"}}"), *tally)
             });
-            lines.collect()
+            all.collect()
         };
-        family(
-            "sps_requests_total",
-            "counter",
-            "Requests answered.",
-            &each(&|labels, tally| vec![format!("{labels} {}", tally.requests)]),
-        );
-        family(
-            "sps_request_seconds",
-            "summary",
-            "Seconds from a request's head to its answer.",
-            &each(&|labels, tally| {
-                vec![
-                    format!("_sum{labels} {}", tally.seconds),
-                    format!("_count{labels} {}", tally.requests),
-                ]
-            }),
-        );
-        let gauge = |value: usize| [format!(" {value}")];
-        let in_flight = gauge(self.in_flight.load(Ordering::Relaxed));
-        family(
-            "sps_requests_in_flight",
-            "gauge",
-            "Requests not answered yet.",
-            &in_flight,
-        );
-        family("sps_sessions", "gauge", "Sessions kept.", &gauge(sessions));
-        text
+        let totals = each(|labels, Tally { requests, .. }| {
+            format!("sps_requests_total{labels} {requests}\n")
+        });
+        let seconds = each(|labels, Tally { requests, seconds }| {
+            let sum = format!("sps_request_seconds_sum{labels} {seconds}");
+            format!("{sum}\nsps_request_seconds_count{labels} {requests}\n")
+        });
+        let in_flight = self.in_flight.load(Ordering::Relaxed);
+        format!(
+            "# HELP sps_requests_total Requests answered.\n\
+             # TYPE sps_requests_total counter\n{totals}\
+             # HELP sps_request_seconds Seconds from a request's head to its answer.\n\
+             # TYPE sps_request_seconds summary\n{seconds}\
+             # HELP sps_requests_in_flight Requests not answered yet.\n\
+             # TYPE sps_requests_in_flight gauge\nsps_requests_in_flight {in_flight}\n\
+             # HELP sps_sessions Sessions kept.\n\
+             # TYPE sps_sessions gauge\nsps_sessions {sessions}\n"
+        )
     }
 }
 
 impl InFlight<'_> {
     pub(super) fn answered(&self, path: &str, status: StatusCode, took: Duration) {
-        let mut answered = self.0.answered();
-        let tally = answered
-            .entry((path.to_owned(), status.as_u16()))
-            .or_default();
+        let mut answered = locked(&self.0.answered);
+        let of = (path.to_owned(), status.as_u16());
+        let tally = answered.entry(of).or_default();
         tally.requests += 1;
         tally.seconds += took.as_secs_f64();
     }

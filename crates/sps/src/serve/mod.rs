@@ -14,7 +14,7 @@ mod multipart;
 mod query;
 mod sessions;
 
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use axum::Router;
@@ -72,6 +72,11 @@ struct Service {
 }
 
 type Shared = Arc<Service>;
+
+/// What a lock is around, also where a thread that held it has panicked.
+fn locked<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
+    lock.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 impl Service {
     fn new(model: Estimator, settings: Settings) -> Self {
@@ -146,15 +151,11 @@ async fn enter(State(service): State<Shared>, request: Request, next: Next) -> R
     let began = Instant::now();
     let path = request.extensions().get::<MatchedPath>().cloned();
     let in_flight = service.metrics.enter();
-    let response = match guard::check(service.settings.token.as_ref(), &request) {
-        Ok(()) => {
-            next.run(request.map(|body| Body::new(Drained::new(body))))
-                .await
-        }
-        Err(failure) => {
-            drop(Drained::new(request.into_body()));
-            failure.into_response()
-        }
+    let allowed = guard::check(service.settings.token.as_ref(), &request);
+    let request = request.map(|body| Body::new(Drained(body)));
+    let response = match allowed {
+        Ok(()) => next.run(request).await,
+        Err(failure) => failure.into_response(),
     };
     let path = path.as_ref().map_or("other", MatchedPath::as_str);
     in_flight.answered(path, response.status(), began.elapsed());

@@ -21,15 +21,12 @@ impl Service {
     /// What is asked for by some of `known` keys.
     pub(super) fn query(&self, request: &Request, known: &[&str]) -> Result<Query, Failure> {
         let query = Query::parse(request.uri().query().unwrap_or_default(), known)?;
-        let most = self.settings.most_looked_at();
-        match query.resize {
-            Some(pixels) if pixels.saturating_mul(pixels) > most => {
-                let message =
-                    format!("resize: found {pixels}, expected at most {most} pixels in all");
-                Err(Failure::new(StatusCode::PAYLOAD_TOO_LARGE, message))
-            }
-            _ => Ok(query),
+        let (pixels, most) = (query.resize.unwrap_or(0), self.settings.most_looked_at());
+        if pixels.saturating_mul(pixels) > most {
+            let message = format!("resize: found {pixels}, expected at most {most} pixels in all");
+            return Err(Failure::new(StatusCode::PAYLOAD_TOO_LARGE, message));
         }
+        Ok(query)
     }
 }
 
@@ -37,27 +34,20 @@ impl Query {
     fn parse(text: &str, known: &[&str]) -> Result<Self, Failure> {
         let mut query = Self::default();
         for (key, value) in form_urlencoded::parse(text.as_bytes()) {
-            match key.as_ref() {
-                key if !known.contains(&key) => {
+            let expected = |what| Failure::bad(format!("{key}: found `{value}`, expected {what}"));
+            match (key.as_ref(), value.as_ref()) {
+                (key, _) if !known.contains(&key) => {
                     let error = UnknownName::new("parameter", key, known.iter().copied());
                     return Err(Failure::bad(error.to_string()));
                 }
-                "resize" => {
-                    let pixels = value.parse::<NonZeroU64>().map_err(|_| {
-                        Failure::bad(format!(
-                            "resize: found `{value}`, expected pixels, at least 1"
-                        ))
-                    })?;
+                ("resize", value) => {
+                    let pixels = value.parse::<NonZeroU64>();
+                    let pixels = pixels.map_err(|_| expected("pixels, at least 1"))?;
                     query.resize = Some(pixels.get());
                 }
-                "keep-size" => match value.as_ref() {
-                    "" | "true" => query.keep_size = true,
-                    value => {
-                        let message = format!("keep-size: found `{value}`, expected no value");
-                        return Err(Failure::bad(message));
-                    }
-                },
-                _ => query.property = Some(value.into_owned()),
+                ("keep-size", "" | "true") => query.keep_size = true,
+                ("keep-size", _) => return Err(expected("no value")),
+                (_, value) => query.property = Some(value.to_owned()),
             }
         }
         if query.resize.is_some() && query.keep_size {
@@ -81,18 +71,10 @@ mod tests {
         assert_eq!(parse(""), Query::default());
         assert!(parse("keep-size").keep_size);
         let query = parse("property=f%52S&resize=64");
-        assert_eq!(
-            (query.property.as_deref(), query.resize),
-            (Some("fRS"), Some(64))
-        );
-        for text in [
-            "resize=0",
-            "resize=",
-            "resize=-1",
-            "keep-size=no",
-            "size=3",
-            "resize=1&keep-size",
-        ] {
+        assert_eq!(query.property.as_deref(), Some("fRS"));
+        assert_eq!(query.resize, Some(64));
+        let refused = "resize=0 resize= resize=-1 keep-size=no size=3 resize=1&keep-size";
+        for text in refused.split(' ') {
             assert!(Query::parse(text, &KNOWN).is_err(), "{text}");
         }
     }

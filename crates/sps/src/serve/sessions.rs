@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::hash::{BuildHasher, RandomState};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use axum::extract::{Path, Request, State};
 use axum::http::StatusCode;
@@ -11,7 +11,7 @@ use sps_estimator::{Estimator, Session};
 
 use super::answers::{Answered, json};
 use super::failure::Failure;
-use super::{Service, Shared};
+use super::{Service, Shared, locked};
 use crate::answer::Said;
 
 /// Sessions that are kept. Where one more begins, the one goes whose last photograph, or beginning, lies
@@ -25,17 +25,13 @@ type Kept = Arc<Mutex<Session<Arc<Estimator>>>>;
 pub(super) struct Sessions(Mutex<VecDeque<(String, Kept)>>);
 
 impl Sessions {
-    fn kept(&self) -> MutexGuard<'_, VecDeque<(String, Kept)>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     pub(super) fn count(&self) -> usize {
-        self.kept().len()
+        locked(&self.0).len()
     }
 
     fn add(&self, session: Session<Arc<Estimator>>) -> String {
         let name = random();
-        let mut kept = self.kept();
+        let mut kept = locked(&self.0);
         if kept.len() == MOST {
             kept.pop_front();
         }
@@ -44,7 +40,7 @@ impl Sessions {
     }
 
     fn find(&self, name: &str) -> Option<Kept> {
-        let mut kept = self.kept();
+        let mut kept = locked(&self.0);
         let at = kept.iter().position(|(known, _)| known == name)?;
         let found = kept.remove(at)?;
         let session = found.1.clone();
@@ -74,7 +70,7 @@ struct Begun {
 
 pub(super) async fn begin(State(service): State<Shared>, request: Request) -> Answered {
     let _place = service.place()?;
-    let (_, body) = service.body(request).await?;
+    let body = service.body(request).await?;
     let wanted: Wanted = serde_json::from_slice(&body)
         .map_err(|error| Failure::bad(format!("{error}; expected JSON as {{\"width\": 2.0}}")))?;
     let session = Session::new(service.model.clone(), wanted.width)?;

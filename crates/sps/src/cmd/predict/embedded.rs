@@ -36,23 +36,17 @@ pub(super) fn answer(args: &Args, model: &Estimator, file: &Path) -> Result<()> 
     let mut printer = Printer::new(&args.format, args.unfamiliar, model)?;
     for (at, answer) in answers.iter().enumerate() {
         let files = rows.files().get(at * views..(at + 1) * views);
-        let images: Vec<PathBuf> = files
-            .unwrap_or_default()
-            .iter()
-            .map(PathBuf::from)
-            .collect();
-        let name = match images.first() {
-            Some(first) => first.display().to_string(),
-            None => format!("surface {}", at + 1),
-        };
-        printer.print(&Surface { name, images }, answer)?;
+        let images = files.unwrap_or_default().iter().map(PathBuf::from);
+        let mut surface = Surface::of(images.collect());
+        if surface.images.is_empty() {
+            surface.name = format!("surface {}", at + 1);
+        }
+        printer.print(&surface, answer)?;
     }
     printer.end();
     let watch = Watch::new(model).ok();
     let surfaces = rows.values().chunks_exact(views * rows.width());
-    let scores = watch
-        .iter()
-        .flat_map(|watch| surfaces.clone().map(|row| watch.score(row)));
+    let scores = surfaces.filter_map(|row| Some(watch.as_ref()?.score(row)));
     let scores = scores.collect::<Result<_, _>>()?;
     warn_of_drift(watch, scores);
     Ok(())
@@ -60,7 +54,6 @@ pub(super) fn answer(args: &Args, model: &Estimator, file: &Path) -> Result<()> 
 
 /// `stage-1 (16), stage-2 (24)`.
 fn listed(blocks: &[Block]) -> String {
-    let blocks = blocks.iter();
-    let blocks = blocks.map(|Block { name, width }| format!("{name} ({width})"));
-    blocks.collect::<Vec<_>>().join(", ")
+    let block = |Block { name, width }: &Block| format!("{name} ({width})");
+    blocks.iter().map(block).collect::<Vec<_>>().join(", ")
 }

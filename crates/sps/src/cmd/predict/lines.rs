@@ -49,6 +49,5 @@ fn answered(model: &Estimator, scale: Scale, line: &str) -> Result<(Surface, Ans
     };
     let frames = images.iter().map(|path| Ok(model.read(path, scale)?));
     let answer = model.predict(&frames.collect::<Result<Vec<_>>>()?)?;
-    let first = images.first().cloned().unwrap_or_default();
-    Ok((Surface::of(&first, images), answer))
+    Ok((Surface::of(images), answer))
 }

@@ -78,10 +78,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let scale =
         answer::scale(&model, args.resize, args.keep_size).context("--resize, --keep-size")?;
     if args.images == [Path::new("-")] {
-        let format = print::Format {
-            json: true,
-            csv: false,
-        };
+        let (json, csv) = (true, false);
+        let format = print::Format { json, csv };
         let printer = Printer::new(&format, args.unfamiliar, &model)?;
         return lines::answer(&model, scale, printer);
     }
@@ -95,15 +93,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         _ => AT_ONCE,
     };
     let mut chunks = chunks(&surfaces, at_once).into_iter();
-    let mut at_work = chunks
-        .next()
-        .map(|chunk| (chunk, read(&model, scale, chunk)));
+    let mut next = || {
+        let chunk = chunks.next()?;
+        Some((chunk, read(&model, scale, chunk)))
+    };
+    let mut at_work = next();
     while let Some((chunk, photographs)) = at_work {
-        let next = chunks.next();
-        let (answers, ahead) = rayon::join(
-            || answers(&model, photographs, watch.as_ref()),
-            || next.map(|next| (next, read(&model, scale, next))),
-        );
+        let (answers, ahead) =
+            rayon::join(|| answers(&model, photographs, watch.as_ref()), &mut next);
         for (surface, answer) in chunk.iter().zip(answers) {
             match answer {
                 Ok((answer, score)) => {
@@ -121,11 +118,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     printer.end();
     warn_of_drift(watch, scores);
-    ensure!(
-        failed == 0,
-        "{failed} of {} surfaces have no estimate",
-        surfaces.len()
-    );
+    let all = surfaces.len();
+    ensure!(failed == 0, "{failed} of {all} surfaces have no estimate");
     Ok(())
 }
 
@@ -148,9 +142,11 @@ struct Surface {
 }
 
 impl Surface {
-    fn of(path: &Path, images: Vec<PathBuf>) -> Self {
+    /// Called after its first photograph.
+    fn of(images: Vec<PathBuf>) -> Self {
+        let name = images.first().map(|first| first.display().to_string());
         Self {
-            name: path.display().to_string(),
+            name: name.unwrap_or_default(),
             images,
         }
     }
@@ -172,22 +168,17 @@ fn surfaces(args: &Args, model: &Estimator) -> Result<Vec<Surface>> {
         }
         let images = photographs_in(path)?;
         match group_by {
-            GroupBy::Folder => surfaces.push(Surface::of(path, images)),
+            GroupBy::Folder => surfaces.push(Surface {
+                name: path.display().to_string(),
+                images,
+            }),
             GroupBy::Image | GroupBy::All => named.extend(images),
         }
     }
-    match (group_by, named.first()) {
-        (_, None) => {}
-        (GroupBy::Image, _) => {
-            surfaces.extend(
-                named
-                    .into_iter()
-                    .map(|path| Surface::of(&path, vec![path.clone()])),
-            );
-        }
-        (GroupBy::Folder | GroupBy::All, Some(first)) => {
-            surfaces.push(Surface::of(&first.clone(), named));
-        }
+    if group_by == GroupBy::Image {
+        surfaces.extend(named.into_iter().map(|path| Surface::of(vec![path])));
+    } else if !named.is_empty() {
+        surfaces.push(Surface::of(named));
     }
     Ok(surfaces)
 }
@@ -233,11 +224,10 @@ fn answers(
     let mut answer = |photographs: Result<Vec<Frame>>| {
         let photographs = photographs?;
         let own = match &mut together {
-            Some(values) => Cow::Borrowed(
-                values
-                    .split_off(..photographs.len() * width)
-                    .unwrap_or_default(),
-            ),
+            Some(values) => {
+                let own = values.split_off(..photographs.len() * width);
+                Cow::Borrowed(own.unwrap_or_default())
+            }
             // One of all is refused: which, is found one by one.
             None => Cow::Owned(model.embedder().embed(&photographs)?),
         };

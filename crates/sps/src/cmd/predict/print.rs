@@ -5,8 +5,7 @@ use std::io::{self, Write};
 
 use anyhow::Result;
 use sps_estimator::{Answer, Estimate, Estimator};
-use sps_experiment::text::decimals;
-use sps_experiment::text::number;
+use sps_experiment::text::{decimals, number};
 
 use super::Surface;
 use crate::answer::{Line, Said};

@@ -49,6 +49,7 @@ surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,0,first/1.png,1\n | line 3; 
 surface,photograph,fRS\ns1,first/0.png,1\ns1,first/1.png,1\n | line 3; a column `view`
 surface,view,photograph,fRS\ns1,0,first/0.png,1\ns1,,first/1.png,1\n | line 3; `view` is empty
 surface,photograph,fRS\ns1,first/0.png,1\ns2,second/../first/0.png,1\n | line 3; a photograph of surface `s1` already
+surface,view,photograph,fRS\ns1,v9,first/0.png,1\ns1,v10,first/1.png,1\n | views; `v10`; `v9`; equally many digits
 surface,fRS\nthird,1\n | line 2; `third`
 surface,fRS\nfirst,1\nfirst,2\n | would both be surface `first`
 ";

@@ -75,12 +75,10 @@ struct Fitted<'a> {
     worst: &'a [(String, f64)],
 }
 
-fn share(text: &str) -> Result<f64, String> {
-    let share = text
-        .parse()
-        .ok()
-        .filter(|share| *share > 0.0 && *share < 1.0);
-    share.ok_or_else(|| "expected a number between 0 and 1".to_owned())
+fn share(text: &str) -> Result<f64> {
+    let share = text.parse().ok();
+    let share = share.filter(|share| *share > 0.0 && *share < 1.0);
+    share.context("expected a number between 0 and 1")
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
@@ -94,7 +92,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         let experiment = Experiment::read(config, &args.settings)?;
         args.output.say(&train::which(&experiment));
         let trained = train::train(&experiment, &mut |line| args.output.say(line))?;
-        save(&trained, out)?;
+        let saved = trained.model.save(out);
+        saved.with_context(|| out.display().to_string())?;
         trained
     } else {
         let (photographs, values) = (args.photographs.as_deref(), args.values.as_deref());
@@ -143,9 +142,8 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<Trained> {
     ];
     if let Some(file) = &args.embeddings {
         // Called after the file, as the report will have it.
-        let ordered = work
-            .path()
-            .join(file.file_name().unwrap_or(file.as_os_str()));
+        let name = file.file_name().unwrap_or(file.as_os_str());
+        let ordered = work.path().join(name);
         let rows = import.rows_of(Precomputed::read(file)?, Some(photographs));
         let rows = rows.with_context(|| file.display().to_string())?;
         write_file(&ordered, &rows.to_bytes()?)?;
@@ -167,9 +165,4 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<Trained> {
     let trained = chosen.train(&mut |line| args.output.say(line))?;
     fitting::save(&chosen, &trained, &args.out)?;
     Ok(trained)
-}
-
-fn save(trained: &Trained, out: &Path) -> Result<()> {
-    let saved = trained.model.save(out);
-    saved.with_context(|| out.display().to_string())
 }

@@ -167,19 +167,17 @@ fn print_grouped(properties: &[PropertySummary]) {
 }
 
 fn print_labels(surfaces: usize, labels: &[(String, usize)], after_the_paper: bool) {
-    let published_column = if after_the_paper { "published" } else { "" };
-    println!(
-        "\nlabels, fewer than {FEWEST_PER_MATERIAL} of a material being `{OTHER}`\n  \
-         {:<24}{:>6}{:>9}{:>11}",
-        "", "", "share", published_column
-    );
+    println!("\nlabels, fewer than {FEWEST_PER_MATERIAL} of a material being `{OTHER}`");
+    let heading = if after_the_paper { "published" } else { "" };
+    println!("  {:>39}{heading:>11}", "share");
     for (name, count) in labels {
         let share = 100.0 * *count as f64 / surfaces.max(1) as f64;
         let printed = published().materials.get(name);
-        let printed = match printed.filter(|_| after_the_paper) {
-            Some(share) => format!("{:.1} %", 100.0 * share),
-            None if after_the_paper => "–".to_owned(),
-            None => String::new(),
+        let printed = printed.map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share));
+        let printed = if after_the_paper {
+            printed.as_str()
+        } else {
+            ""
         };
         println!("  {name:<24}{count:>6}{share:>7.1} %{printed:>11}");
     }
@@ -204,12 +202,12 @@ fn line(property: &PropertySummary, after_the_paper: bool) -> Vec<String> {
         number(property.repeat_std, decimals + 1),
         number(property.between_groups, 2),
     ];
-    let cells = [code]
-        .into_iter()
-        .chain(counts)
-        .chain(shown(property.quantiles));
-    let printed = printed.into_iter().filter(|_| after_the_paper);
-    cells.chain(others).chain(printed).collect()
+    let mut cells = vec![code];
+    cells.extend(counts);
+    cells.extend(shown(property.quantiles));
+    cells.extend(others);
+    cells.extend(printed.into_iter().filter(|_| after_the_paper));
+    cells
 }
 
 /// How far apart the quartiles lie, or the ends where the quartiles are one.

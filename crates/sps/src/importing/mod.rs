@@ -1,7 +1,6 @@
 //! Photographs and a table of their values, laid out as a dataset.
 
 mod photographs;
-mod rows;
 mod surfaces;
 mod table;
 
@@ -17,6 +16,7 @@ use sps_dataset::{
     DatasetFolder, Manifest, PHOTOGRAPH_ENDINGS, Property, PropertyOrder, ReadSettings,
     TableFormat, ViewAngles,
 };
+use sps_estimator::Precomputed;
 
 use self::photographs::{Folder, Photograph};
 use self::surfaces::{Finder, Imported};
@@ -223,6 +223,35 @@ impl Import {
         let surfaces = self.surfaces.iter();
         let photographs = surfaces.flat_map(|surface| &surface.photographs);
         photographs.map(|photograph| photograph.path.as_path())
+    }
+
+    /// The rows of the photographs that are imported, in the order of the dataset. Rows that name no `files` are
+    /// of all photographs below `folder`, by name; without a folder, of those imported, in their order.
+    ///
+    /// # Errors
+    /// Another number of rows where no files are named; a photograph without a row, or with two.
+    pub fn rows_of(&self, mut rows: Precomputed, folder: Option<&Path>) -> Result<Precomputed> {
+        let text = |path: &Path| path.to_string_lossy().into_owned();
+        let blocks = rows.blocks().to_vec();
+        if let (Some(folder), []) = (folder, rows.files()) {
+            let all = photographs_below(folder)?;
+            ensure!(
+                rows.rows() == all.len(),
+                "found {} rows without `files`, expected {}, one for each photograph below {}",
+                rows.rows(),
+                all.len(),
+                folder.display()
+            );
+            let files = all.iter().map(|path| text(path)).collect();
+            rows = Precomputed::new(blocks.clone(), files, rows.values().to_vec())?;
+        }
+        let root = folder.map_or(Ok(PathBuf::new()), |folder| {
+            fs::canonicalize(folder).with_context(|| folder.display().to_string())
+        })?;
+        let below = |path| Path::strip_prefix(path, &root).unwrap_or(path);
+        let wanted: Vec<_> = self.photographs().map(|path| text(below(path))).collect();
+        let values = rows.rows_of(&wanted)?;
+        Ok(Precomputed::new(blocks, Vec::new(), values)?)
     }
 
     /// Writes the dataset; `folder` must not be there yet.

@@ -120,15 +120,12 @@ impl Finder<'_> {
         let views = self.table.views()?;
         let mut rows: BTreeMap<&str, Vec<&Row>> = BTreeMap::new();
         for row in &self.table.rows {
-            rows.entry(cell(row, Column::Surface))
-                .or_default()
-                .push(row);
+            let surface = cell(row, Column::Surface);
+            rows.entry(surface).or_default().push(row);
         }
         let mut rows: Vec<_> = rows.into_iter().collect();
-        rows.sort_by_key(|(_, rows)| rows.first().map(|row| row.line));
-        let surfaces = rows
-            .into_iter()
-            .map(|(id, rows)| self.of_rows(id, &rows, &views));
+        rows.sort_by_key(|(_, rows)| rows[0].line);
+        let surfaces = rows.iter().map(|(id, rows)| self.of_rows(id, rows, &views));
         surfaces.collect()
     }
 

@@ -115,21 +115,18 @@ impl Table {
     }
 
     /// One row of those of a surface, whose cells agree where they are not empty.
-    pub(super) fn merged(&self, rows: &[&Row]) -> Result<Row> {
+    pub(super) fn merged<'a>(&self, rows: &[&'a Row]) -> Result<Row> {
         let line = rows.first().map_or(0, |row| row.line);
+        let at = || self.at(line);
         let mut named = BTreeMap::new();
-        for (name, column) in &NAMED[4..] {
-            let cell = agreed(name, rows, |row| row.cell(*column));
-            named.extend(
-                cell.with_context(|| self.at(line))?
-                    .map(|cell| (*column, cell)),
-            );
+        for &(name, column) in &NAMED[4..] {
+            let cell = agreed(name, rows, |row| row.cell(column));
+            named.extend(cell.with_context(at)?.map(|cell| (column, cell)));
         }
         let values = self.properties.iter().enumerate().map(|(i, property)| {
-            let cell = agreed(&property.to_string(), rows, |row| {
-                Some(row.values[i].as_str()).filter(|cell| !cell.is_empty())
-            });
-            Ok(cell.with_context(|| self.at(line))?.unwrap_or_default())
+            let cell = |row: &'a Row| Some(row.values[i].as_str()).filter(|cell| !cell.is_empty());
+            let cell = agreed(property.code(), rows, cell);
+            Ok(cell.with_context(at)?.unwrap_or_default())
         });
         let values = values.collect::<Result<_>>()?;
         Ok(Row {
@@ -174,9 +171,8 @@ fn records(path: &Path, without_names: bool) -> Result<Vec<cells::Row>> {
     if without_names && !text.contains(',') {
         let lines = (1..).zip(text.lines());
         let lines = lines.map(|(number, line)| (number, line.split_whitespace().collect()));
-        return Ok(lines
-            .filter(|(_, line): &cells::Row| !line.is_empty())
-            .collect());
+        let lines = lines.filter(|(_, line): &cells::Row| !line.is_empty());
+        return Ok(lines.collect());
     }
     Ok(cells::rows(&text)?)
 }
@@ -184,9 +180,8 @@ fn records(path: &Path, without_names: bool) -> Result<Vec<cells::Row>> {
 /// The names of columns, one a line; a name of several words becomes a code with hyphens.
 fn listed(names: &Path) -> Result<csv::StringRecord> {
     let text = cells::text(names)?;
-    let names = text
-        .lines()
-        .map(|line| line.split_whitespace().collect::<Vec<_>>().join("-"));
+    let words = |line: &str| line.split_whitespace().collect::<Vec<_>>().join("-");
+    let names = text.lines().map(words);
     Ok(names.filter(|name| !name.is_empty()).collect())
 }
 
@@ -198,16 +193,16 @@ fn columns(
     for name in header {
         ensure!(seen.insert(name), "there are two columns `{name}`");
     }
-    let column = |name| {
+    let column = |name: &str| {
         let named = NAMED.iter().find(|(known, _)| *known == name);
         named.map_or(Column::Property, |&(_, column)| column)
     };
     let columns: Vec<Column> = header.iter().map(column).collect();
     let key = key(&columns, without_names, header.get(0).unwrap_or_default())?;
-    let properties = header.iter().zip(&columns);
-    let properties = properties.filter(|(_, column)| **column == Column::Property);
-    let properties = properties.map(|(name, _)| property(name));
-    let properties: Vec<Property> = properties.collect::<Result<_>>()?;
+    let others = header
+        .iter()
+        .filter(|name| column(name) == Column::Property);
+    let properties: Vec<Property> = others.map(property).collect::<Result<_>>()?;
     ensure!(
         !properties.is_empty(),
         "no column is a property, expected one or more, each by its code, such as `fRS`"

@@ -45,21 +45,15 @@ pub(super) fn draw(
     for (y, row) in rows.into_iter().enumerate() {
         for (x, column) in columns.iter().enumerate() {
             let bare = grey(photograph, x, y);
-            let place = row.zip(*column);
-            let colour = place.map_or([bare; 3], |(row, column)| {
+            let colour = row.zip(*column).map_or([bare; 3], |(row, column)| {
                 let [value, _, _, familiar] = places[row * map.columns + column];
-                let hatch = familiar <= wanted.unfamiliar && (x + y) % HATCHING == 0;
-                if hatch {
-                    [0.0; 3]
-                } else {
-                    scale.colour(value).map(|c| mixed(c, bare))
+                if familiar <= wanted.unfamiliar && (x + y) % HATCHING == 0 {
+                    return [0.0; 3];
                 }
+                let colour = scale.colour(value);
+                colour.map(|c| COLOUR * c + (1.0 - COLOUR) * bare)
             });
-            picture.set(
-                x,
-                y,
-                colour.map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8),
-            );
+            picture.set(x, y, colour.map(byte));
         }
     }
     legend.draw(&mut picture, photograph.width + MARGIN, scale);
@@ -71,8 +65,10 @@ struct Legend<'a> {
     property: &'a str,
     /// Beside the colours, from the top.
     labels: [String; 3],
-    /// What hatched places are; none where no place has a p-value.
-    hatched: Option<String>,
+    /// Whether places have p-values, by which they are hatched.
+    hatched: bool,
+    /// Beside the sample of hatching.
+    key: String,
     intervals: String,
 }
 
@@ -82,18 +78,18 @@ impl<'a> Legend<'a> {
         Self {
             property: &wanted.property,
             labels: [scale.highest, middle, scale.lowest].map(|value| scale.shown(value)),
-            hatched: familiar.then(|| format!("p <= {}", wanted.unfamiliar)),
+            hatched: familiar,
+            key: if familiar {
+                format!("p <= {}", wanted.unfamiliar)
+            } else {
+                "no p-value".to_owned()
+            },
             intervals: scale.intervals().unwrap_or_default(),
         }
     }
 
-    /// What stands beside the sample of hatching.
-    fn key(&self) -> &str {
-        self.hatched.as_deref().unwrap_or("no p-value")
-    }
-
     fn width(&self) -> usize {
-        let key = self.labels.iter().map(String::as_str).chain([self.key()]);
+        let key = self.labels.iter().chain([&self.key]);
         let key = key.map(|text| BAR + MARGIN + LETTER * text.chars().count());
         let line = [self.property, &self.intervals].map(|text| LETTER * text.chars().count());
         2 * MARGIN + key.chain(line).max().unwrap_or(0)
@@ -102,15 +98,13 @@ impl<'a> Legend<'a> {
     /// Draws it at `left`, from the top of the picture to its bottom.
     fn draw(&self, picture: &mut Picture, left: usize, scale: &Scale) {
         picture.write(self.property, left, MARGIN);
-        let (top, bottom) = (
-            2 * MARGIN + LETTER,
-            picture.height - 4 * MARGIN - 3 * LETTER,
-        );
+        let top = 2 * MARGIN + LETTER;
+        let bottom = picture.height - 4 * MARGIN - 3 * LETTER;
         for y in top..bottom {
             let share = (bottom - 1 - y) as f64 / (bottom - 1 - top).max(1) as f64;
             let colour = scale.colour(scale.lowest + share * (scale.highest - scale.lowest));
             for x in left..left + BAR {
-                picture.set(x, y, colour.map(|value| (value * 255.0).round() as u8));
+                picture.set(x, y, colour.map(byte));
             }
         }
         let text = left + BAR + MARGIN;
@@ -119,33 +113,28 @@ impl<'a> Legend<'a> {
         }
         for y in 0..2 * LETTER {
             for x in 0..BAR {
-                let line = self.hatched.is_some() && (x + y) % HATCHING == 0;
+                let line = self.hatched && (x + y) % HATCHING == 0;
                 let shade = if line { 0 } else { 200 };
                 picture.set(left + x, bottom + MARGIN + y, [shade; 3]);
             }
         }
-        picture.write(self.key(), text, bottom + MARGIN + LETTER / 2);
+        picture.write(&self.key, text, bottom + MARGIN + LETTER / 2);
         picture.write(&self.intervals, left, bottom + 2 * MARGIN + 2 * LETTER);
     }
 }
 
 /// The photograph that the map at `path` is of; none where the file is no map that says so.
 pub(crate) fn source(path: &Path) -> Option<String> {
-    let reader = png::Decoder::new(BufReader::new(File::open(path).ok()?))
-        .read_info()
-        .ok()?;
+    let file = BufReader::new(File::open(path).ok()?);
+    let reader = png::Decoder::new(file).read_info().ok()?;
     let mut texts = reader.info().utf8_text.iter();
     texts.find(|text| text.keyword == SOURCE)?.get_text().ok()
 }
 
 /// For each pixel along an axis the window whose centre is nearest, as long as it lies in it; the centres
 /// of `count` windows stand `step` apart in the map.
-fn windows(
-    map: &Map,
-    axis: usize,
-    pixels: usize,
-    (count, step): (usize, usize),
-) -> Vec<Option<usize>> {
+fn windows(map: &Map, axis: usize, pixels: usize, of: (usize, usize)) -> Vec<Option<usize>> {
+    let (count, step) = of;
     let nearest = |pixel: usize| {
         let distance = |at: &usize| (map.centres[at * step][axis] - (pixel as f64 + 0.5)).abs();
         let nearest = (0..count).min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
@@ -161,8 +150,9 @@ fn grey(photograph: &Frame, x: usize, y: usize) -> f32 {
     0.2126 * red + 0.7152 * green + 0.0722 * blue
 }
 
-fn mixed(colour: f32, bare: f32) -> f32 {
-    COLOUR * colour + (1.0 - COLOUR) * bare
+/// A brightness from 0 to 1 as a picture has it.
+fn byte(value: f32) -> u8 {
+    (value.clamp(0.0, 1.0) * 255.0).round() as u8
 }
 
 impl Picture {
@@ -255,14 +245,10 @@ mod tests {
         // Hatched, and bare where no window lies.
         assert_eq!(at(14, 4), [0; 3]);
         assert_eq!(at(25, 4), [128; 3]);
-        let decoded = png::Decoder::new(std::io::Cursor::new(
-            picture.png(Path::new("a.png")).unwrap(),
-        ));
-        let info = decoded.read_info().unwrap();
-        assert_eq!(
-            info.info().size(),
-            (picture.width as u32, picture.height as u32)
-        );
+        let written = picture.png(Path::new("a.png")).unwrap();
+        let decoded = png::Decoder::new(std::io::Cursor::new(written));
+        let size = (picture.width as u32, picture.height as u32);
+        assert_eq!(decoded.read_info().unwrap().info().size(), size);
     }
 
     /// Nothing to tell apart, and no p-value.

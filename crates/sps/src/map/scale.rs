@@ -66,12 +66,9 @@ impl Scale {
     /// Cividis (Nuñez, Anderton and Renslow 2018), which people see alike whether or not they tell red
     /// from green.
     pub(super) fn colour(&self, value: f64) -> [f32; 3] {
-        let room = self.highest - self.lowest;
-        let share = if room > 0.0 {
-            (value - self.lowest) / room
-        } else {
-            0.5
-        };
+        let share = (value - self.lowest) / (self.highest - self.lowest);
+        // Where all are one value, that of the middle.
+        let share = if share.is_finite() { share } else { 0.5 };
         let colour = CIVIDIS.eval_continuous(share.clamp(0.0, 1.0));
         [colour.r, colour.g, colour.b].map(|value| f32::from(value) / 255.0)
     }

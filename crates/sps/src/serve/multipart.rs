@@ -16,12 +16,9 @@ pub(super) struct Part {
 pub(super) fn parts(form: &Bytes, boundary: &str) -> Result<Vec<Part>, String> {
     let delimiter = format!("--{boundary}");
     let between = format!("\r\n{delimiter}");
-    let mut rest = if form.starts_with(delimiter.as_bytes()) {
-        &form[delimiter.len()..]
-    } else {
-        let (_, rest) = parted(form, &between).ok_or("no boundary")?;
-        rest
-    };
+    let first = form.strip_prefix(delimiter.as_bytes());
+    let first = first.or_else(|| Some(parted(form, &between)?.1));
+    let mut rest = first.ok_or("no boundary")?;
     let mut parts = Vec::new();
     while !rest.starts_with(b"--") {
         let (padding, part) = parted(rest, "\r\n").ok_or("an end within a boundary")?;
@@ -29,13 +26,13 @@ pub(super) fn parts(form: &Bytes, boundary: &str) -> Result<Vec<Part>, String> {
             return Err("text after a boundary".to_owned());
         }
         let number = parts.len() + 1;
-        let (head, part) =
-            parted(part, "\r\n\r\n").ok_or(format!("an end within the head of part {number}"))?;
-        let (content, after) =
-            parted(part, &between).ok_or(format!("an end within part {number}"))?;
-        let head = String::from_utf8_lossy(head);
-        let (field, file_name) =
-            names(&head).ok_or(format!("no `name` in the head of part {number}"))?;
+        let wrong = |what: &str| format!("{what} part {number}");
+        let head = parted(part, "\r\n\r\n");
+        let (head, part) = head.ok_or_else(|| wrong("an end within the head of"))?;
+        let content = parted(part, &between);
+        let (content, after) = content.ok_or_else(|| wrong("an end within"))?;
+        let names = names(&String::from_utf8_lossy(head));
+        let (field, file_name) = names.ok_or_else(|| wrong("no `name` in the head of"))?;
         parts.push(Part {
             field,
             file_name,
@@ -122,22 +119,20 @@ mod tests {
             filename=\"a;b \\\"1\\\".png\"\r\nContent-Type: image/png\r\n\r\nx\r\n--c\r\n\r\n--b\r\n\
             content-type: text/plain\r\ncontent-disposition:form-data;filename*=UTF-8''c;name=width\r\n\r\n\
             \r\n--b--\r\nafter";
-        let first = ("photograph", Some("a;b \"1\".png"), "x\r\n--c\r\n");
-        let parts = [first, ("width", None, "")];
-        let owned = parts.map(|(field, file, content)| {
-            (
-                field.to_owned(),
-                file.map(str::to_owned),
-                content.to_owned(),
-            )
-        });
-        assert_eq!(found(form), Ok(owned.to_vec()));
+        let part = |field: &str, file: Option<&str>, content: &str| {
+            let file = file.map(str::to_owned);
+            (field.to_owned(), file, content.to_owned())
+        };
+        let file = Some("a;b \"1\".png");
+        let first = part("photograph", file, "x\r\n--c\r\n");
+        assert_eq!(found(form), Ok(vec![first, part("width", None, "")]));
         assert_eq!(found("--b--"), Ok(Vec::new()));
     }
 
     #[test]
     fn damaged_forms_are_refused() {
         let head = "--b\r\nContent-Disposition: form-data; name=\"p\"\r\n\r\n";
+        let nameless = "no `name` in the head of part 1";
         for (form, reason) in [
             (String::new(), "no boundary"),
             ("--c--".to_owned(), "no boundary"),
@@ -145,14 +140,8 @@ mod tests {
             ("--bc\r\n".to_owned(), "text after a boundary"),
             (head[..30].to_owned(), "an end within the head of part 1"),
             (format!("{head}x"), "an end within part 1"),
-            (
-                head.replace("name", "no") + "x\r\n--b--",
-                "no `name` in the head of part 1",
-            ),
-            (
-                head.replace("p\"", "p") + "x\r\n--b--",
-                "no `name` in the head of part 1",
-            ),
+            (head.replace("name", "no") + "x\r\n--b--", nameless),
+            (head.replace("p\"", "p") + "x\r\n--b--", nameless),
         ] {
             assert_eq!(found(&form), Err(reason.to_owned()), "{form:?}");
         }

@@ -1,9 +1,8 @@
 //! Experiments from config to report.
 
 use std::fs;
-use std::path::Path;
 
-use crate::support::{Ends, Scratch, expect, kill, method, tree};
+use crate::support::{Ends, Scratch, expect, method};
 use safetensors::SafeTensors;
 use serde_json::{Value, json};
 
@@ -63,22 +62,6 @@ fn a_second_run_computes_nothing_and_says_the_same() {
 }
 
 #[test]
-fn a_killed_run_ends_as_one_that_was_not() {
-    let scratch = Scratch::new();
-    scratch.edit("tiny.toml", "epochs = 3", "epochs = 40");
-    let journal = scratch.path("run/trials.jsonl");
-    let child = scratch.process("experiment @tiny.toml --out @run").spawn();
-    // Once the first trials are on disk.
-    let begun = || fs::metadata(&journal).is_ok_and(|file| file.len() > 0);
-    kill(child.unwrap(), begun);
-    let begun = scratch.read("run/trials.jsonl");
-    let finished = scratch.ran();
-    assert!(scratch.read("run/trials.jsonl").starts_with(&begun));
-    scratch.experiment().arg("--fresh").assert().success();
-    assert_eq!(finished, scratch.results());
-}
-
-#[test]
 fn a_run_for_one_property_gives_it_the_same_numbers() {
     let scratch = Scratch::new();
     let both = scratch.ran();
@@ -90,27 +73,6 @@ fn a_run_for_one_property_gives_it_the_same_numbers() {
         assert_eq!(of(&both), of(&one));
     }
     assert!(one["methods"][0]["r2"]["fRS"].is_null());
-}
-
-#[test]
-fn damaged_trials_and_embeddings_are_computed_again() {
-    let scratch = Scratch::new();
-    let expected = scratch.ran();
-    let flip = |path: &Path| {
-        let mut bytes = fs::read(path).unwrap();
-        let middle = bytes.len() / 2;
-        bytes[middle] ^= 1;
-        fs::write(path, bytes).unwrap();
-    };
-    flip(&scratch.path("run/trials.jsonl"));
-    let embeddings = scratch.path("cache/embeddings");
-    let segments = tree(&embeddings).into_keys();
-    let mut segments = segments.map(|name| embeddings.join(name));
-    flip(&segments.find(|path| path.is_file()).unwrap());
-    let log = scratch.experiment().logged();
-    assert!(log.contains("lines are damaged"), "{log}");
-    assert!(log.contains("checksum"), "{log}");
-    assert_eq!(scratch.results(), expected);
 }
 
 #[test]

@@ -8,7 +8,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ExitStatus};
+use std::process::{Child, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant, SystemTime};
 
 use crate::support::{Mounted, Scratch, copy, tree};
@@ -66,26 +66,17 @@ struct Faults {
     losses: Vec<String>,
 }
 
-/// A run that is at work.
-struct Run {
-    child: Child,
-    log: PathBuf,
-}
-
-impl Run {
-    /// Waits for its end.
-    fn end(mut self) -> Ended {
-        let status = self.child.wait().expect("a run");
-        let log = fs::read(&self.log).expect("a log");
-        let log = String::from_utf8_lossy(&log).into_owned();
-        Ended { status, log }
-    }
-}
-
 /// A run that has ended.
 struct Ended {
     status: ExitStatus,
     log: String,
+}
+
+/// Waits for the end of a run.
+fn end(run: Child) -> Ended {
+    let Output { status, stderr, .. } = run.wait_with_output().expect("a run");
+    let log = String::from_utf8_lossy(&stderr).into_owned();
+    Ended { status, log }
 }
 
 impl Faults {
@@ -123,19 +114,16 @@ impl Faults {
     }
 
     /// Starts a run into a folder, which more arguments may follow.
-    fn start(&mut self, run: &str) -> Run {
-        let number = self.count("runs");
-        let log = self.path(&format!("{number}.log"));
+    fn start(&mut self, run: &str) -> Child {
+        self.count("runs");
         let line = format!("experiment @tiny.toml --out @{run}");
         let mut command = self.scratch.process(&line);
-        command.stderr(File::create(&log).expect("a log"));
-        let child = command.spawn().expect("a run");
-        Run { child, log }
+        command.stderr(Stdio::piped()).spawn().expect("a run")
     }
 
     /// Runs to the end.
     fn run(&mut self, run: &str) -> Ended {
-        self.start(run).end()
+        end(self.start(run))
     }
 
     fn lose(&mut self, what: String) {
@@ -180,8 +168,8 @@ impl Faults {
             let mut run = self.start("run");
             std::thread::sleep(delay);
             // Not an error where the run has ended by itself.
-            let _ = run.child.kill();
-            let ended = run.end();
+            let _ = run.kill();
+            let ended = end(run);
             let after = Contents::of(self);
             if let Some(lost) = before.lost_in(&after) {
                 self.lose(format!("kill {killed}: {lost}"));
@@ -254,7 +242,7 @@ impl Faults {
                 self.begin_again();
                 let _ = fs::remove_dir_all(self.path("other-run"));
                 let both = runs.map(|run| self.start(run));
-                let [first, second] = both.map(Run::end);
+                let [first, second] = both.map(end);
                 self.count("pairs of runners");
                 self.check_once("the first of two", runs[0], &first);
                 self.check_once("the second of two", runs[1], &second);
@@ -275,16 +263,16 @@ impl Faults {
             let mut killed = self.start("run --shard 2/2");
             std::thread::sleep(delay);
             // Not an error where it has ended by itself.
-            let _ = killed.child.kill();
-            killed.end();
+            let _ = killed.kill();
+            end(killed);
             self.count("shards killed");
-            let again = self.start("run --shard 2/2").end();
-            for (what, ended) in [("the other shard", whole.end()), ("the shard again", again)] {
+            let again = self.run("run --shard 2/2");
+            for (what, ended) in [("the other shard", end(whole)), ("the shard again", again)] {
                 if !ended.status.success() {
                     self.lose(format!("{what}: {}", ended.log));
                 }
             }
-            let merged = self.start("run --merge").end();
+            let merged = self.run("run --merge");
             self.check_once("a killed shard", "run", &merged);
             for shard in ["1-of-2", "2-of-2"] {
                 let journal = self.path("run/shards").join(shard).join("trials.jsonl");

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::process::Child;
+use std::process::{Child, Output, Stdio};
 
 use crate::support::{Ends, Scratch, copy, expect, kill, texts};
 use serde_json::Value;
@@ -27,11 +27,19 @@ fn merge(scratch: &Scratch, to: &str, runs: &str) -> assert_cmd::Command {
     scratch.experiment_into(&format!("{to} --merge {runs}"))
 }
 
-/// Starts a shard of the run in `run`, with its log in a file.
-fn start(scratch: &Scratch, shard: &str, log: &str) -> Child {
+/// Starts a shard of the run in `run`.
+fn start(scratch: &Scratch, shard: &str) -> Child {
     let line = format!("experiment @tiny.toml --out @run --shard {shard}");
-    let log = fs::File::create(scratch.path(log)).unwrap();
-    scratch.process(&line).stderr(log).spawn().unwrap()
+    let mut command = scratch.process(&line);
+    command.stderr(Stdio::piped()).spawn().unwrap()
+}
+
+/// Its log, once it has ended well.
+fn logged(shard: Child) -> String {
+    let Output { status, stderr, .. } = shard.wait_with_output().unwrap();
+    let log = String::from_utf8(stderr).unwrap();
+    assert!(status.success(), "{log}");
+    log
 }
 
 /// Keys of the trials of the run in this folder, in their order.
@@ -92,12 +100,9 @@ fn shards_at_once_share_one_cache() {
     let expected = scratch.ran();
     fs::remove_dir_all(scratch.path("run")).unwrap();
     fs::remove_dir_all(scratch.path("cache")).unwrap();
-    let children = ["1", "2", "3"].map(|number| {
-        let child = start(&scratch, &format!("{number}/3"), number);
-        (child, number)
-    });
-    for (mut child, log) in children {
-        assert!(child.wait().unwrap().success(), "{}", scratch.read(log));
+    let children = ["1/3", "2/3", "3/3"].map(|shard| start(&scratch, shard));
+    for child in children {
+        logged(child);
     }
     let log = merge(&scratch, "run", "@run").logged();
     assert!(log.contains("0 of them encoded now"), "{log}");
@@ -112,7 +117,7 @@ fn a_shard_that_was_killed_is_run_again_alone() {
     fs::remove_dir_all(scratch.path("run")).unwrap();
     shard(&scratch, "run", "1/2").assert().success();
     let journal = scratch.path("run/shards/2-of-2/trials.jsonl");
-    let child = start(&scratch, "2/2", "killed.log");
+    let child = start(&scratch, "2/2");
     // Once the first trials are on disk.
     let killed = kill(child, || {
         fs::metadata(&journal).is_ok_and(|file| file.len() > 0)
@@ -132,11 +137,8 @@ fn a_shard_that_was_killed_is_run_again_alone() {
 #[test]
 fn two_of_one_number_wait_for_one_another() {
     let scratch = Scratch::new();
-    let children = ["a.log", "b.log"].map(|log| start(&scratch, "1/1", log));
-    for mut child in children {
-        assert!(child.wait().unwrap().success());
-    }
-    let logs = ["a.log", "b.log"].map(|log| scratch.read(log));
+    let children = [(); 2].map(|()| start(&scratch, "1/1"));
+    let logs = children.map(logged);
     let is_waiting = |log: &&String| log.contains("waiting") && log.contains("1-of-1");
     assert_eq!(logs.iter().filter(is_waiting).count(), 1, "{logs:?}");
     let keys = keys(&scratch, "run/shards/1-of-1");

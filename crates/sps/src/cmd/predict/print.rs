@@ -38,14 +38,12 @@ pub(super) struct Printer<'a> {
 impl<'a> Printer<'a> {
     pub(super) fn new(format: &'a Format, unfamiliar: f64, model: &'a Estimator) -> Result<Self> {
         let fitted = model.fitted();
+        let decimals = fitted.deviations().map(decimals);
         let mut printer = Self {
             format,
             model,
             unfamiliar,
-            properties: fitted
-                .properties()
-                .zip(fitted.deviations().map(decimals))
-                .collect(),
+            properties: fitted.properties().zip(decimals).collect(),
             no_interval: BTreeSet::new(),
             headed: false,
             csv: format.csv.then(|| csv::Writer::from_writer(io::stdout())),
@@ -66,13 +64,13 @@ impl<'a> Printer<'a> {
             };
             println!("{}", serde_json::to_string(&line)?);
         } else if let Some(csv) = &mut self.csv {
-            let text =
-                |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
             for one in &answer.estimates {
-                let value = one.value.to_string();
-                let numbers = [value, text(one.low), text(one.high), text(answer.familiar)];
-                let [value, low, high, familiar] = &numbers;
-                csv.write_record([&surface.name, &one.property, value, low, high, familiar])?;
+                let numbers = [Some(one.value), one.low, one.high, answer.familiar];
+                let text = |value: f64| value.to_string();
+                let numbers = numbers.map(|value| value.map_or_else(String::new, text));
+                csv.write_field(&surface.name)?;
+                csv.write_field(&one.property)?;
+                csv.write_record(&numbers)?;
             }
             csv.flush()?;
         } else {
@@ -96,29 +94,21 @@ impl<'a> Printer<'a> {
         let codes = self.properties.iter().map(|(code, _)| code.chars().count());
         let code = codes.max().unwrap_or_default();
         let label = |one: &Estimate| {
-            let Estimate {
-                property,
-                name,
-                unit,
-                ..
-            } = one;
+            let (property, name) = (&one.property, &one.name);
             let name = if name == property { "" } else { name };
-            let unit = match unit.as_str() {
+            let unit = match one.unit.as_str() {
                 "" => String::new(),
                 unit => format!(" [{unit}]"),
             };
             format!("{property:<code$}  {name}{unit}")
         };
-        let labels = answer.estimates.iter().map(label);
-        let labels: Vec<String> = labels.collect();
+        let labels: Vec<String> = answer.estimates.iter().map(label).collect();
         let widths = labels.iter().map(|label| label.chars().count());
         let width = widths.chain(["property".len()]).max().unwrap_or_default();
         if !std::mem::replace(&mut self.headed, true) {
             let share = 100.0 * self.model.fitted().level().get();
-            println!(
-                "{:<width$} {:>9}   {share:.0} % interval",
-                "property", "value"
-            );
+            let (property, value) = ("property", "value");
+            println!("{property:<width$} {value:>9}   {share:.0} % interval");
         }
         println!("{}", surface.name);
         let rows = labels.iter().zip(&answer.estimates).zip(&self.properties);
@@ -133,13 +123,14 @@ impl<'a> Printer<'a> {
     }
 
     pub(super) fn end(&self) {
-        if !self.format.json && !self.format.csv {
-            for (at, reason) in &self.no_interval {
-                println!("{}: no interval, {reason}", self.properties[*at].0);
-            }
-            if let Some(reason) = self.model.fitted().no_familiar() {
-                println!("no p-value of \"like what the model was fitted on\": {reason}");
-            }
+        if self.format.json || self.format.csv {
+            return;
+        }
+        for (at, reason) in &self.no_interval {
+            println!("{}: no interval, {reason}", self.properties[*at].0);
+        }
+        if let Some(reason) = self.model.fitted().no_familiar() {
+            println!("no p-value of \"like what the model was fitted on\": {reason}");
         }
     }
 }

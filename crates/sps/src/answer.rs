@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use serde::Serialize;
 use sps_estimator::{Answer, Estimator, Network, Scale};
 
@@ -65,11 +65,9 @@ pub(crate) fn check_photographs(model: &Estimator) -> Result<()> {
     Ok(())
 }
 
-/// Refuses what is no probability.
-pub(crate) fn check_probability(value: f64) -> Result<()> {
-    ensure!(
-        (0.0..=1.0).contains(&value),
-        "found {value}, expected a probability"
-    );
-    Ok(())
+/// A probability that a user types.
+pub(crate) fn probability(text: &str) -> Result<f64> {
+    let value = text.parse().ok();
+    let value = value.filter(|value| (0.0..=1.0).contains(value));
+    value.context("expected a number between 0 and 1")
 }

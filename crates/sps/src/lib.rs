@@ -92,7 +92,7 @@ pub fn main<C: Subcommand>(
     words: impl IntoIterator<Item = OsString>,
     run: impl FnOnce(&C) -> Result<()>,
 ) -> ExitCode {
-    end_quietly_on_closed_pipes();
+    end_on_closed_pipes(true);
     let matches = named(Cli::<C>::command(), name).get_matches_from(words);
     let cli = Cli::<C>::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     log(cli.quiet);
@@ -122,18 +122,15 @@ fn start_threads(count: Option<usize>) -> Result<()> {
     pool.build_global().context("--threads")
 }
 
-/// Ends the process where it writes to a pipe that nobody reads any more, as `head` leaves one behind.
-/// Rust starts programs with that signal ignored, and `println!` then panics.
-#[expect(
-    unsafe_code,
-    reason = "the standard library has no way to reset a signal"
-)]
-fn end_quietly_on_closed_pipes() {
+/// Sets whether the process ends where it writes to a pipe or connection that nobody reads any more, as `head`
+/// leaves one behind. Rust starts programs so that it does not, and `println!` then panics.
+#[expect(unsafe_code, reason = "the standard library sets no signals")]
+pub(crate) fn end_on_closed_pipes(ends: bool) {
     #[cfg(unix)]
-    // SAFETY: the default action is no handler that could run at a wrong time, and no other thread runs
-    // yet.
+    // SAFETY: neither action is a handler that could run at a wrong time.
     unsafe {
-        libc::signal(libc::SIGPIPE, libc::SIG_DFL);
+        let action = if ends { libc::SIG_DFL } else { libc::SIG_IGN };
+        libc::signal(libc::SIGPIPE, action);
     }
 }
 

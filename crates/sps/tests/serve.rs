@@ -21,7 +21,7 @@ use fuzz::{Damage, damaged, fuzz};
 use proptest::prelude::*;
 use proptest::sample::select;
 use serde_json::{Value, json};
-use support::{Ends, Scratch, expect, fitted_in, root};
+use support::{Ends, Scratch, expect, fitted_in, root, texts};
 
 /// A model of one view.
 static ONE_VIEW: LazyLock<Scratch> = LazyLock::new(|| fitted(&["train.keep-photographs=true"]));
@@ -77,6 +77,13 @@ impl Served {
         stream
     }
 
+    /// A connection over which these bytes are sent.
+    fn send(&self, parts: &[&[u8]]) -> TcpStream {
+        let mut stream = self.connect();
+        stream.write_all(&parts.concat()).unwrap();
+        stream
+    }
+
     /// The head of a request with the lines of `headers`, none of which is `host`.
     fn head(&self, line: &str, headers: &[&str]) -> String {
         let host = format!("host: {}", self.address);
@@ -87,10 +94,7 @@ impl Served {
     fn ask(&self, line: &str, headers: &[&str], body: &[u8]) -> Response {
         let length = format!("content-length: {}", body.len());
         let head = self.head(line, &[headers, &[&length]].concat());
-        let mut stream = self.connect();
-        stream.write_all(head.as_bytes()).unwrap();
-        stream.write_all(body).unwrap();
-        Response::of(stream)
+        Response::of(self.send(&[head.as_bytes(), body]))
     }
 
     fn get(&self, path: &str) -> Response {
@@ -106,9 +110,7 @@ impl Served {
         let before = self.in_flight();
         let length = format!("content-length: {length}");
         let head = self.head(&format!("POST {path}"), &[&length]);
-        let mut stream = self.connect();
-        let sent = [head.as_bytes(), first].concat();
-        stream.write_all(&sent).unwrap();
+        let stream = self.send(&[head.as_bytes(), first]);
         while self.in_flight() <= before {
             thread::yield_now();
         }
@@ -272,13 +274,12 @@ fn what_is_not_as_expected_is_named() {
     refused("/predict", &large, 413, &bounds);
     // The same, of a length that is not said before.
     let head = served.head("POST /predict", &["transfer-encoding: chunked"]);
-    let chunk = [head.as_bytes(), b"100001\r\n", &large, b"\r\n0\r\n\r\n"].concat();
-    let mut stream = served.connect();
-    stream.write_all(&chunk).unwrap();
-    Response::of(stream).refused(413, &["more than 1048576", "at most 1048576"]);
+    let chunk = [head.as_bytes(), b"100001\r\n", &large, b"\r\n0\r\n\r\n"];
+    Response::of(served.send(&chunk)).refused(413, &["more than 1048576", "at most 1048576"]);
     // The header of a PNG that says 65535 x 65535 pixels.
-    let header = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\xff\xff\0\0\xff\xff\x08\x02\0\0\0";
-    let header = [&header[..], &png_checksum(&header[12..])].concat();
+    let mut header = Vec::new();
+    let encoder = png::Encoder::new(&mut header, 65535, 65535);
+    drop(encoder.write_header().unwrap());
     refused("/predict", &header, 413, &["65535 x 65535", "16000"]);
     let sides = ["resize", "45", "2000"];
     refused("/predict?resize=45", &whole, 413, &sides);
@@ -316,29 +317,11 @@ fn what_is_not_as_expected_is_named() {
     assert!(watch["evidence"].as_f64().unwrap() > 0.0 && watch["alarm"].is_null());
 }
 
-/// CRC-32 of PNG, annex D of its specification.
-fn png_checksum(bytes: &[u8]) -> [u8; 4] {
-    let mut checksum = u32::MAX;
-    for byte in bytes {
-        checksum ^= u32::from(*byte);
-        for _ in 0..8 {
-            let shifted = checksum >> 1;
-            checksum = if checksum & 1 == 1 {
-                0xedb8_8320 ^ shifted
-            } else {
-                shifted
-            };
-        }
-    }
-    (!checksum).to_be_bytes()
-}
-
 #[test]
 fn a_body_that_does_not_come_is_not_waited_for() {
     let served = Served::start(&ONE_VIEW, "--timeout 1");
     let head = served.head("POST /predict", &["content-length: 1000"]);
-    let mut slow = served.connect();
-    slow.write_all(head.as_bytes()).unwrap();
+    let slow = served.send(&[head.as_bytes()]);
     Response::of(slow).refused(408, &["not there after 1s"]);
 }
 
@@ -392,12 +375,9 @@ fn a_token_is_asked_for() {
     let served = Served::start(&ONE_VIEW, "--token-file @token.txt");
     let with = |header: &str| served.ask("GET /model", &[header], b"");
     assert_eq!(with("authorization: Bearer a-token-of-letters").status, 200);
-    for wrong in [
-        "authorization: Bearer a-token-of-letter",
-        "authorization: Bearer a-token-of-letters2",
-        "authorization: a-token-of-letters",
-        "authorization: Bearer ",
-    ] {
+    let wrong = "Bearer a-token-of-letter|Bearer a-token-of-letters2|a-token-of-letters|Bearer ";
+    for wrong in wrong.split('|') {
+        let wrong = &format!("authorization: {wrong}");
         with(wrong).refused(401, &["token", "expected that of --token-file"]);
     }
     let refused = served.post("/predict", &bytes("oak-01/002.jpg"));
@@ -422,16 +402,18 @@ fn other_machines_are_not_listened_to_without_a_token() {
     ONE_VIEW.write("empty.txt", "\n");
     let empty = ["empty.txt", "expected one line"];
     refused("--token-file @empty.txt", &empty);
-    refused("--unfamiliar 2", &["--unfamiliar: found 2"]);
+    let ended = serve("--unfamiliar 2").assert().code(2);
+    expect(
+        &texts(&ended)[1],
+        &["--unfamiliar", "'2'", "between 0 and 1"],
+    );
 }
 
 #[test]
 fn pages_of_elsewhere_are_not_answered() {
     let served = Served::start(&ONE_VIEW, "");
-    let mut stream = served.connect();
     let request = b"GET /model HTTP/1.1\r\nhost: example.org:8080\r\nconnection: close\r\n\r\n";
-    stream.write_all(request).unwrap();
-    Response::of(stream).refused(403, &["`example.org:8080`", "this machine"]);
+    Response::of(served.send(&[request])).refused(403, &["`example.org:8080`", "this machine"]);
     let from = |origin: &str| served.ask("GET /model", &[&format!("origin: {origin}")], b"");
     from("http://example.org").refused(403, &["`http://example.org`"]);
     from("null").refused(403, &["`null`"]);

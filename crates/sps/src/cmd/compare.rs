@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 use serde::Serialize;
 use sps_report::compare::{self, Comparison, Run};
 
@@ -31,12 +31,9 @@ pub struct Args {
 }
 
 fn tolerance(text: &str) -> Result<f64> {
-    let found: f64 = text.parse()?;
-    ensure!(
-        found.is_finite() && found >= 0.0,
-        "expected a number from 0 on"
-    );
-    Ok(found)
+    let found = text.parse().ok();
+    let found = found.filter(|found: &f64| found.is_finite() && *found >= 0.0);
+    found.context("expected a number from 0 on")
 }
 
 /// What `--json` prints.
@@ -57,13 +54,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             println!("{comparison}");
         }
         let found = args.tolerance.map(|tolerance| comparison.past(tolerance));
-        let path = other.path.display();
-        past.extend(
-            found
-                .into_iter()
-                .flatten()
-                .map(|what| format!("{path}: {what}")),
-        );
+        let named = |what| format!("{}: {what}", other.path.display());
+        past.extend(found.into_iter().flatten().map(named));
         comparisons.push(comparison);
     }
     let compared = Compared { comparisons, past };

@@ -64,10 +64,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         print!("{}", config::list(&experiment)?);
         return Ok(());
     }
-    let folder = args
-        .out
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("runs").join(&experiment.name));
+    let default = Path::new("runs").join(&experiment.name);
+    let folder = args.out.clone().unwrap_or(default);
     if args.dry_run {
         experiment.work = Work::None;
         print!("{}", run::outlook(&experiment, &folder, args.shard)?);

@@ -132,9 +132,7 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<Trained> {
     let name = photographs.file_name().unwrap_or("photographs".as_ref());
     let name = Path::new(name).with_extension("").display().to_string();
     // The dataset is called after its folder.
-    let named = work.path().join("named");
-    fs::create_dir(&named).with_context(|| named.display().to_string())?;
-    let data = named.join(&name);
+    let data = work.path().join("named").join(&name);
     import.write(&data, Frames::Linked)?;
     let mut settings = vec![
         Setting::new("train.level", args.level),
@@ -156,8 +154,8 @@ fn fit(args: &Args, photographs: &Path, values: &Path) -> Result<Trained> {
         settings.push(Setting::new("encoder.onnx", file.display().to_string()));
     }
     let chosen = Chosen::of(&data, &name, settings, &work.path().join("run"))?;
-    args.output
-        .say(report::summary(&chosen.results).terminal().trim_end());
+    let summary = report::summary(&chosen.results).terminal();
+    args.output.say(summary.trim_end());
     args.output.say(&format!(
         "`{}` is kept. It was chosen by these surfaces, which flatters its numbers a little.\n",
         chosen.method

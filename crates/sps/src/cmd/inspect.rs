@@ -153,10 +153,9 @@ fn print(inspection: &Inspection, labels: &[(String, usize)], after_the_paper: b
 const MOSTLY_BETWEEN: f64 = 0.5;
 
 fn print_grouped(properties: &[PropertySummary]) {
-    let grouped = properties
-        .iter()
-        .filter(|property| property.between_groups > Some(MOSTLY_BETWEEN));
-    let codes: Vec<String> = grouped.map(|p| p.property.to_string()).collect();
+    let between = |one: &&PropertySummary| one.between_groups > Some(MOSTLY_BETWEEN);
+    let grouped = properties.iter().filter(between);
+    let codes: Vec<&str> = grouped.map(|one| one.property.code()).collect();
     if !codes.is_empty() {
         println!(
             "\nmore than half of the variance of {} lies between groups (column `between`): a \

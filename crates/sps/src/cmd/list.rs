@@ -42,10 +42,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if args.json {
         return print_json(&entries);
     }
-    let lines = entries.into_iter();
-    let lines: Vec<_> = lines
-        .map(|entry| vec![entry.name.to_owned(), entry.about])
-        .collect();
+    let line = |entry: Entry| vec![entry.name.to_owned(), entry.about];
+    let lines: Vec<_> = entries.into_iter().map(line).collect();
     print!("{}", aligned(&lines, |_| true));
     Ok(())
 }

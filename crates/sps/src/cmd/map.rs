@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, bail, ensure};
 use serde::Serialize;
 use sps_estimator::{Estimator, Scale, Sight, photographs_in};
 use sps_experiment::files::create_folder;
@@ -32,7 +32,7 @@ pub struct Args {
     #[arg(long)]
     alone: bool,
     /// Hatch unfamiliar places: at most this share of photographs like the fitted ones look as strange
-    #[arg(long, value_name = "P", default_value = "0.05")]
+    #[arg(long, value_name = "P", default_value = "0.05", value_parser = answer::probability)]
     unfamiliar: f64,
     /// The folder to write to
     #[arg(long, value_name = "DIR", default_value = ".")]
@@ -47,7 +47,6 @@ pub struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<()> {
     let model = Estimator::load(&args.model)?;
-    answer::check_probability(args.unfamiliar).context("--unfamiliar")?;
     answer::check_photographs(&model)?;
     let sight = if args.alone {
         Sight::Alone
@@ -55,10 +54,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         Sight::Within
     };
     let wanted = map::Wanted::new(&model, &args.property, sight, args.unfamiliar)?;
-    let scale = match args.resize {
-        Some(pixels) => Scale::ShorterSide(pixels as usize),
-        None => Scale::Keep,
-    };
+    let resize = args.resize.map(|pixels| pixels as usize);
+    let scale = resize.map_or(Scale::Keep, Scale::ShorterSide);
     let photographs = photographs(args)?;
     if !args.json {
         create_folder(&args.out)?;
@@ -88,11 +85,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         }
         progress.advance(1);
     }
-    ensure!(
-        failed == 0,
-        "{failed} of {} photographs have no map",
-        photographs.len()
-    );
+    let all = photographs.len();
+    ensure!(failed == 0, "{failed} of {all} photographs have no map");
     Ok(())
 }
 

@@ -40,7 +40,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value = "32", value_parser = clap::value_parser!(u32).range(1..=65536))]
     at_once: u32,
     /// Call a photograph unfamiliar if at most this share of those like the fitted ones look as strange
-    #[arg(long, value_name = "P", default_value = "0.05")]
+    #[arg(long, value_name = "P", default_value = "0.05", value_parser = answer::probability)]
     unfamiliar: f64,
 }
 
@@ -52,7 +52,6 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         reach needs --token-file",
         args.listen
     );
-    answer::check_probability(args.unfamiliar).context("--unfamiliar")?;
     let settings = Settings {
         token,
         max_body: (args.max_body << 20) as usize,

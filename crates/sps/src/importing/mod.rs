@@ -307,27 +307,22 @@ impl Import {
     }
 
     fn surfaces_csv(&self) -> Result<String> {
-        let header = ["surface", "material", "group"].map(str::to_owned);
         let rows = self.surfaces.iter().map(|surface| {
             let material = surface.material.as_deref().unwrap_or("unknown");
-            [&surface.id, material, surface.group()]
-                .map(str::to_owned)
-                .to_vec()
+            vec![surface.id.as_str(), material, surface.group()]
         });
-        table::written([header.to_vec()].into_iter().chain(rows))
+        table::written(vec!["surface", "material", "group"], rows)
     }
 
     fn tactile_csv(&self) -> Result<String> {
-        let mut header = ["surface", "location", "repeat"]
-            .map(str::to_owned)
-            .to_vec();
-        header.extend(self.properties.iter().map(ToString::to_string));
+        let mut header = vec!["surface", "location", "repeat"];
+        header.extend(self.properties.iter().map(Property::code));
         let rows = self.surfaces.iter().map(|surface| {
-            let mut row = vec![surface.id.clone(), "0".to_owned(), "0".to_owned()];
-            row.extend(surface.values.iter().cloned());
+            let mut row = vec![surface.id.as_str(), "0", "0"];
+            row.extend(surface.values.iter().map(String::as_str));
             row
         });
-        table::written([header].into_iter().chain(rows))
+        table::written(header, rows)
     }
 }
 

@@ -70,9 +70,8 @@ impl Finder<'_> {
 
     /// What each row makes; errors name its line.
     fn each<T>(&self, mut of_row: impl FnMut(&Row) -> Result<T>) -> Result<Vec<T>> {
-        let rows = self.table.rows.iter();
-        rows.map(|row| of_row(row).with_context(|| self.table.at(row.line)))
-            .collect()
+        let of = |row: &Row| of_row(row).with_context(|| self.table.at(row.line));
+        self.table.rows.iter().map(of).collect()
     }
 
     /// A surface for each photograph in the folder of a class.

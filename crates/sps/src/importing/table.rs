@@ -281,10 +281,13 @@ fn row(record: &csv::StringRecord, columns: &[Column], line: u64) -> Result<Row>
 }
 
 /// Rows as CSV.
-pub(super) fn written(rows: impl Iterator<Item = Vec<String>>) -> Result<String> {
+pub(super) fn written<'a>(
+    header: Vec<&'a str>,
+    rows: impl Iterator<Item = Vec<&'a str>>,
+) -> Result<String> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    for row in rows {
-        writer.write_record(&row)?;
+    for row in [header].into_iter().chain(rows) {
+        writer.write_record(row)?;
     }
     Ok(String::from_utf8(writer.into_inner()?)?)
 }

@@ -37,7 +37,7 @@ impl Wanted {
         ensure!(
             model.fitted().steps().eq([1]),
             "the model looks at {} photographs of a surface, and a map is of one: train a method \
-        without `views`, which looks at one straight down",
+            without `views`, which looks at one straight down",
             model.views_in_words()
         );
         let known = || model.fitted().properties();
@@ -113,14 +113,11 @@ impl Wanted {
     fn places(&self, map: &Map) -> Vec<[f64; 4]> {
         let predicted = &map.predictions.properties[self.at];
         let place = |at: usize| {
-            let interval = predicted.intervals.as_ref().ok().map(|all| all[at]);
-            let familiar = map.predictions.familiar.as_ref().map(|all| all[at]);
-            [
-                predicted.values[at],
-                interval.map_or(f64::NAN, |interval| interval.low),
-                interval.map_or(f64::NAN, |interval| interval.high),
-                familiar.unwrap_or(f64::NAN),
-            ]
+            let intervals = predicted.intervals.as_ref();
+            let [low, high] = intervals.map_or([f64::NAN; 2], |all| [all[at].low, all[at].high]);
+            let familiar = map.predictions.familiar.as_ref();
+            let familiar = familiar.map_or(f64::NAN, |all| all[at]);
+            [predicted.values[at], low, high, familiar]
         };
         (0..map.rows * map.columns).map(place).collect()
     }

@@ -10,6 +10,7 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use sps_estimator::{About, Described, Estimator, FittedOn, Scale, Sight};
 
+use super::body::{Photograph, single};
 use super::failure::Failure;
 use super::{Service, Shared, guard, locked, sessions};
 use crate::answer::{self, Line, Said};
@@ -132,14 +133,13 @@ pub(super) async fn model(State(service): State<Shared>) -> Answered {
 /// All photographs are of one surface, which is called after the first.
 pub(super) async fn predict(State(service): State<Shared>, request: Request) -> Answered {
     let scale = service.scale(&request)?;
-    let place = service.place()?;
-    let photographs = service.photographs(request).await?;
-    let answer = move |service: &Service| {
-        let frames = service.decoded(&photographs, scale)?;
+    let answer = move |service: &Service, photographs: &[Photograph]| {
+        let frames = service.decoded(photographs, scale)?;
         let values = service.model.embedder().embed(&frames)?;
         let answer = service.model.predict_embedded(&values, frames.len())?;
         service.watch(&values)?;
-        let images: Vec<PathBuf> = photographs.into_iter().map(|one| one.name).collect();
+        let images = photographs.iter().map(|one| one.name.clone());
+        let images: Vec<PathBuf> = images.collect();
         let surface = images.first().map(|name| name.display().to_string());
         let line = Line {
             surface: &surface.unwrap_or_default(),
@@ -148,7 +148,7 @@ pub(super) async fn predict(State(service): State<Shared>, request: Request) -> 
         };
         json(StatusCode::OK, &line)
     };
-    service.work(place, answer).await
+    service.work(request, answer).await
 }
 
 impl Service {
@@ -194,18 +194,11 @@ pub(super) async fn map(State(service): State<Shared>, request: Request) -> Answ
     let accepted = request.headers().get(header::ACCEPT);
     let accepted = accepted.and_then(|value| value.to_str().ok());
     let as_numbers = accepted.is_some_and(|media| media.contains("application/json"));
-    let place = service.place()?;
-    let photographs = service.photographs(request).await?;
-    let draw = move |service: &Service| {
-        let [photograph] = photographs.as_slice() else {
-            let found = photographs.len();
-            let message = format!("found {found} photographs, expected one to map");
-            return Err(Failure::bad(message));
-        };
-        let scale = query
-            .resize
-            .map_or(Scale::Keep, |pixels| Scale::ShorterSide(pixels as usize));
-        let frames = service.decoded(&photographs, scale)?;
+    let draw = move |service: &Service, photographs: &[Photograph]| {
+        let photograph = single(photographs)?;
+        let resize = query.resize.map(|pixels| pixels as usize);
+        let scale = resize.map_or(Scale::Keep, Scale::ShorterSide);
+        let frames = service.decoded(photographs, scale)?;
         let mapped = wanted.of(&service.model, &frames[0])?;
         if as_numbers {
             return json(StatusCode::OK, &mapped.numbers(&service.model));
@@ -214,5 +207,5 @@ pub(super) async fn map(State(service): State<Shared>, request: Request) -> Answ
         let picture = picture.map_err(|error| Failure::internal(&format!("{error:#}")))?;
         Ok(typed("image/png", picture))
     };
-    service.work(place, draw).await
+    service.work(request, draw).await
 }

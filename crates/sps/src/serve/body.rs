@@ -99,6 +99,16 @@ impl Service {
     }
 }
 
+/// The one photograph that there must be.
+pub(super) fn single(photographs: &[Photograph]) -> Result<&Photograph, Failure> {
+    let [photograph] = photographs else {
+        let found = photographs.len();
+        let message = format!("found {found} photographs, expected one at a time");
+        return Err(Failure::bad(message));
+    };
+    Ok(photograph)
+}
+
 async fn collect(mut body: Body, most: usize) -> Result<Bytes, Failure> {
     let too_large = |found: String| {
         let message = format!("a body of {found} bytes, expected at most {most}");

@@ -69,9 +69,8 @@ fn is_loopback(host: &str) -> bool {
 }
 
 fn text<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<&'a str> {
-    headers
-        .get(name)
-        .map(|value| value.to_str().unwrap_or("no ASCII"))
+    let value = headers.get(name)?;
+    Some(value.to_str().unwrap_or("no ASCII"))
 }
 
 #[cfg(test)]

@@ -19,6 +19,7 @@ use tokio::runtime;
 use tokio::sync::Semaphore;
 
 use super::{Service, Settings, router};
+use crate::end_on_closed_pipes;
 
 /// Connections at once; more wait until one ends. Each takes a file descriptor, of which a process
 /// commonly has 1024.
@@ -28,7 +29,8 @@ const PAUSE: Duration = Duration::from_millis(50);
 
 /// Serves until the process is told to end.
 pub(crate) fn run(model: Estimator, settings: Settings, address: SocketAddr) -> Result<()> {
-    keep_on_closed_connections();
+    // A client that leaves ends no service.
+    end_on_closed_pipes(false);
     let runtime = runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
@@ -37,9 +39,8 @@ pub(crate) fn run(model: Estimator, settings: Settings, address: SocketAddr) -> 
 
 async fn serve(model: Estimator, settings: Settings, address: SocketAddr) -> Result<()> {
     let told = told_to_end()?;
-    let listener = TcpListener::bind(address)
-        .await
-        .with_context(|| format!("--listen {address}"))?;
+    let listener = TcpListener::bind(address).await;
+    let listener = listener.with_context(|| format!("--listen {address}"))?;
     let bound = listener.local_addr()?;
     writeln!(io::stdout(), "http://{bound}")?;
     let mut http = http1::Builder::new();
@@ -107,17 +108,4 @@ fn told_to_end() -> io::Result<impl Future<Output = ()>> {
     Ok(async {
         let _ = tokio::signal::ctrl_c().await;
     })
-}
-
-/// Undoes for connections what commands want of pipes: a client that leaves ends no service.
-fn keep_on_closed_connections() {
-    #[cfg(unix)]
-    #[expect(
-        unsafe_code,
-        reason = "the standard library has no way to ignore a signal"
-    )]
-    // SAFETY: to ignore a signal is no handler that could run at a wrong time.
-    unsafe {
-        libc::signal(libc::SIGPIPE, libc::SIG_IGN);
-    }
 }

@@ -27,6 +27,8 @@ use axum::routing::{MethodRouter, get, post};
 use sps_estimator::{Estimator, Watch};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
+use self::answers::Answered;
+use self::body::Photograph;
 use self::drained::Drained;
 use self::failure::Failure;
 pub(crate) use self::listen::run;
@@ -103,16 +105,18 @@ impl Service {
         })
     }
 
-    /// Computes for a request that was let in, once it is its turn.
-    async fn work<T: Send + 'static>(
+    /// Lets a request in and answers it by its photographs, once it is its turn.
+    async fn work(
         self: Shared,
-        place: OwnedSemaphorePermit,
-        task: impl FnOnce(&Self) -> Result<T, Failure> + Send + 'static,
-    ) -> Result<T, Failure> {
+        request: Request,
+        answer: impl FnOnce(&Self, &[Photograph]) -> Answered + Send + 'static,
+    ) -> Answered {
+        let place = self.place()?;
+        let photographs = self.photographs(request).await?;
         let turn = self.turns.clone().acquire_owned().await;
         let work = move || {
             let _until_done = (place, turn);
-            task(&self)
+            answer(&self, &photographs)
         };
         let done = tokio::task::spawn_blocking(work).await;
         done.unwrap_or_else(|error| Err(Failure::internal(&error)))

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use sps_estimator::{Estimator, Session};
 
 use super::answers::{Answered, json};
+use super::body::{Photograph, single};
 use super::failure::Failure;
 use super::{Service, Shared, locked};
 use crate::answer::Said;
@@ -102,21 +103,15 @@ pub(super) async fn look(
         let message = format!("found no session `{id}`, expected one of the last {MOST}");
         Failure::new(StatusCode::NOT_FOUND, message)
     })?;
-    let place = service.place()?;
-    let photographs = service.photographs(request).await?;
-    let look = move |service: &Service| {
-        let frames = service.decoded(&photographs, scale)?;
-        let [photograph] = frames.as_slice() else {
-            let found = frames.len();
-            let message = format!("found {found} photographs, expected one at a time");
-            return Err(Failure::bad(message));
-        };
+    let look = move |service: &Service, photographs: &[Photograph]| {
+        single(photographs)?;
+        let frames = service.decoded(photographs, scale)?;
         let mut session = session.lock().map_err(|error| Failure::internal(&error))?;
         if session.next_angle().is_none() {
             let message = "found a photograph more, expected none: the session is over";
             return Err(Failure::new(StatusCode::CONFLICT, message));
         }
-        let looked = session.look(photograph)?;
+        let looked = session.look(&frames[0])?;
         let fitted = service.model.fitted();
         let known = Known {
             views: looked.views,
@@ -126,5 +121,5 @@ pub(super) async fn look(
         };
         json(StatusCode::OK, &known)
     };
-    service.work(place, look).await
+    service.work(request, look).await
 }

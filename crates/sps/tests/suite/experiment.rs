@@ -164,8 +164,7 @@ fn methods_look_at_the_depths_that_they_name() {
 
 #[test]
 fn results_say_where_they_come_from() {
-    let scratch = Scratch::new();
-    scratch.experiment().assert().success();
+    let scratch = Scratch::after_a_run();
     let read = || -> Value { serde_json::from_str(&scratch.read("run/results.json")).unwrap() };
     let results = read();
     assert_eq!(results["schema"], 4);

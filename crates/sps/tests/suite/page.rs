@@ -10,8 +10,7 @@ const PROBE: &str = include_str!("page/probe.js");
 #[test]
 fn nothing_is_cut_or_missing_at_any_width_light_or_dark() {
     let Some(mut tab) = Tab::open() else { return };
-    let scratch = Scratch::new();
-    scratch.experiment().assert().success();
+    let scratch = Scratch::after_a_run();
     let page = format!("file://{}", scratch.path("run/report.html").display());
     let files = |folder: &str, ending: &str| {
         let entries = fs::read_dir(scratch.path(folder)).unwrap();

@@ -77,11 +77,10 @@ fn copied_estimates_are_scored_as_those_they_were_copied_from() {
 
     // In shards, with whatever was done before.
     for shard in ["1/2", "2/2"] {
-        let mut part = scratch.experiment_into("parts");
-        part.args(["--shard", shard]).assert().success();
+        let mut part = scratch.experiment_into(&format!("parts --shard {shard}"));
+        part.assert().success();
     }
-    let mut whole = scratch.experiment_into("parts");
-    whole.arg("--merge").assert().success();
+    scratch.experiment_into("parts --merge").assert().success();
     let merged = scratch.results_in("parts");
     assert_eq!(merged["methods"], results["methods"]);
 }
@@ -92,8 +91,7 @@ fn copied_estimates_are_scored_as_those_they_were_copied_from() {
 fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() {
     let scratch = scratch();
     scratch.edit("tiny.toml", "[split.random]", "[split.leave-one-out]");
-    let by = "by = \"surface\"\n";
-    scratch.edit("tiny.toml", "validation = 0.34\nby = \"surface\"\n", by);
+    scratch.edit("tiny.toml", "validation = 0.34\n", "");
     copy_ours(&scratch, 6);
     let text = scratch.read("estimates.csv");
     let raised = text.lines().map(|line| match line.split_once(",1,") {
@@ -101,7 +99,7 @@ fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() 
         None => format!("{line}\n"),
     });
     scratch.write("estimates.csv", raised.collect::<String>());
-    scratch.experiment().assert().success();
+    let results = scratch.ran();
 
     let of_splits = |id: &str| -> BTreeMap<_, _> {
         let all = estimates(&scratch, "run", id).into_iter();
@@ -123,7 +121,6 @@ fn reruns_on_the_same_surfaces_are_fitted_once_but_may_be_estimated_otherwise() 
     };
     // Six folds of two properties, in one rerun or two.
     assert_eq!(["ours", "cross-modal", "gpt"].map(fitted), [12, 24, 24]);
-    let results = scratch.results();
     assert_eq!(method(&results, "ours")["r2_std"]["fRS"], 0.0);
     assert!(method(&results, "ours")["r2_interval"]["fRS"].is_array());
 }
@@ -154,17 +151,16 @@ fn simulated_surfaces_are_estimated_by_their_names() {
     let simulated = format!("[data.simulated]\n{simulated}");
     scratch.edit("tiny.toml", "[data.folder]", &simulated);
     copy_ours(&scratch, 1);
-    scratch.experiment().assert().success();
-    ensure_same(&scratch.results());
+    ensure_same(&scratch.ran());
 }
 
 #[test]
 fn an_edited_file_is_scored_anew_and_a_moved_one_is_not() {
     let scratch = scratch();
     copy_ours(&scratch, 1);
-    scratch.experiment().assert().success();
+    let first = scratch.ran();
     let trials = || scratch.read("run/trials.jsonl");
-    let (before, first) = (trials(), scratch.results());
+    let before = trials();
 
     fs::rename(scratch.path("estimates.csv"), scratch.path("moved.csv")).unwrap();
     scratch.edit("tiny.toml", "estimates.csv", "moved.csv");
@@ -174,12 +170,11 @@ fn an_edited_file_is_scored_anew_and_a_moved_one_is_not() {
     let text = scratch.read("moved.csv");
     let (header, lines) = text.split_once('\n').unwrap();
     scratch.write("moved.csv", format!("{header}\n1{lines}"));
-    scratch.experiment().assert().success();
+    let second = scratch.ran();
     // The two properties and two reruns of this method, and no other.
     let added = trials().strip_prefix(&before).unwrap().to_owned();
     assert_eq!(added.lines().count(), 4, "{added}");
     assert_eq!(added.matches("\"method\":\"gpt\"").count(), 4);
-    let second = scratch.results();
     assert_eq!(method(&second, "ours"), method(&first, "ours"));
     assert_ne!(method(&second, "gpt")["r2"], method(&first, "gpt")["r2"]);
 }

@@ -1,9 +1,9 @@
 //! The program in README.md is one that runs.
 
 use std::fs;
-use std::process::Command;
 
-use crate::support::{expect, root, sps};
+use crate::support::{Ends, Scratch, copy, expect, root};
+use assert_cmd::Command;
 
 #[test]
 fn the_program_of_the_readme_runs() {
@@ -14,16 +14,11 @@ fn the_program_of_the_readme_runs() {
     let example = root().join("crates/sps-estimator/examples/predict.rs");
     assert_eq!(program, fs::read_to_string(example).unwrap());
 
-    let folder = tempfile::tempdir().unwrap();
-    let photograph = "fixtures/tiny-dataset/frames/oak-01/002.jpg";
-    let to = folder.path().join(photograph);
-    fs::create_dir_all(to.parent().unwrap()).unwrap();
-    fs::copy(root().join(photograph), to).unwrap();
-    let cache = format!("cache.folder={:?}", folder.path().join("cache"));
-    let mut train = sps();
-    train.args(["fit", "--config", "configs/smoke.toml", "--set", &cache]);
-    train.arg("--out").arg(folder.path().join("models/smoke"));
-    train.assert().success();
+    let scratch = Scratch::empty();
+    let frames = "fixtures/tiny-dataset/frames/oak-01";
+    copy(&root().join(frames), &scratch.path(frames));
+    let line = "fit --config configs/smoke.toml --set cache.folder=@cache --out @models/smoke";
+    scratch.sps(line).assert().success();
 
     // Built with the tests of the workspace, not with those of this package alone.
     let tests = std::env::current_exe().unwrap();
@@ -32,13 +27,6 @@ fn the_program_of_the_readme_runs() {
         println!("SKIPPED: {} is not built", built.display());
         return;
     }
-    let output = Command::new(built)
-        .current_dir(folder.path())
-        .output()
-        .unwrap();
-    assert!(output.status.success());
-    expect(
-        &String::from_utf8(output.stdout).unwrap(),
-        &["sliding resistance"],
-    );
+    let said = Command::new(built).current_dir(scratch.path(".")).said();
+    expect(&said, &["sliding resistance"]);
 }

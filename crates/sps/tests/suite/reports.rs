@@ -13,8 +13,7 @@ fn report(scratch: &Scratch) -> assert_cmd::Command {
 
 #[test]
 fn a_report_waits_for_the_run_in_its_folder() {
-    let scratch = Scratch::new();
-    scratch.experiment().assert().success();
+    let scratch = Scratch::after_a_run();
     let lock = File::options().append(true).open(scratch.path("run/lock"));
     let lock = lock.unwrap();
     lock.lock().unwrap();
@@ -30,8 +29,7 @@ fn a_report_waits_for_the_run_in_its_folder() {
 /// The old results would stand beside a config that they were not computed by.
 #[test]
 fn results_that_are_older_than_the_last_run_are_refused() {
-    let scratch = Scratch::new();
-    scratch.experiment().assert().success();
+    let scratch = Scratch::after_a_run();
     let frame = scratch.path("data/frames/denim-01/002.png");
     let whole = fs::read(&frame).unwrap();
     fs::write(&frame, &whole[..whole.len() / 2]).unwrap();
@@ -46,8 +44,7 @@ fn results_that_are_older_than_the_last_run_are_refused() {
 
 #[test]
 fn what_a_run_did_not_write_is_neither_sealed_nor_reported() {
-    let scratch = Scratch::new();
-    scratch.experiment().assert().success();
+    let scratch = Scratch::after_a_run();
     let old = [
         scratch.path("run/figures/of-another-config.svg"),
         scratch.path("run/tables/of-another-config.csv"),
@@ -100,8 +97,7 @@ fn every_table_is_there_for_programs_and_for_papers() {
 
 #[test]
 fn photographs_that_are_gone_are_left_out_with_a_line() {
-    let scratch = Scratch::new();
-    scratch.experiment().assert().success();
+    let scratch = Scratch::after_a_run();
     let seen = scratch.read("run/report.html");
     let title = "The surfaces themselves";
     expect(&seen, &[title, "data:image/png;base64,"]);
@@ -116,8 +112,7 @@ fn photographs_that_are_gone_are_left_out_with_a_line() {
 
 #[test]
 fn json_is_the_content_of_the_results() {
-    let scratch = Scratch::new();
-    scratch.experiment().assert().success();
+    let scratch = Scratch::after_a_run();
     let [said, log] = report(&scratch).arg("--json").said_and_logged();
     expect(&log, &["report.html"]);
     let [said, written] = [&said, &scratch.read("run/results.json")]

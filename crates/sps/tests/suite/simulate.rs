@@ -3,33 +3,26 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::support::{Ends, Mounted, Scratch, expect, kill, sps, tree};
-use assert_cmd::Command;
+use crate::support::{Ends, Mounted, Scratch, expect, kill, tree};
 use sps_dataset::{DecodeSettings, read_image};
 
 /// Eight surfaces of four small views.
 const SMALL: &str = "simulate --surfaces 8 --views 4 --size 48 --seed 5";
 
-fn small(out: &Path) -> Command {
-    let mut simulate = sps();
-    simulate.args(SMALL.split(' ')).arg("--out").arg(out);
-    simulate
-}
-
 /// The finished surfaces of an unfinished dataset.
 fn finished(folder: &Path) -> Vec<PathBuf> {
     let surfaces = fs::read_dir(folder.join("frames")).into_iter().flatten();
-    let paths = surfaces.map(|entry| entry.unwrap().path());
-    paths
-        .filter(|path| !path.file_name().unwrap().to_string_lossy().starts_with('.'))
-        .collect()
+    let surfaces = surfaces.map(Result::unwrap);
+    let surfaces = surfaces.filter(|of| !of.file_name().to_string_lossy().starts_with('.'));
+    surfaces.map(|surface| surface.path()).collect()
 }
 
 #[test]
 fn a_killed_run_goes_on_and_gives_the_files_of_one_that_was_not() {
     let scratch = Scratch::new();
     let (whole, cut) = (scratch.path("whole"), scratch.path("cut"));
-    small(&whole).assert().success();
+    let small = |out: &str| scratch.sps(&format!("{SMALL} --out @{out}"));
+    small("whole").assert().success();
     let line = format!("{SMALL} --out @cut --threads 1");
     let child = scratch.process(&line).spawn().unwrap();
     // Once the first surface is whole.
@@ -38,7 +31,7 @@ fn a_killed_run_goes_on_and_gives_the_files_of_one_that_was_not() {
     for surface in &begun {
         assert_eq!(fs::read_dir(surface).unwrap().count(), 4);
     }
-    let log = small(&cut).logged();
+    let log = small("cut").logged();
     if begun.len() < 8 {
         assert!(!log.contains(" 0 were there"), "{log}");
     }
@@ -53,7 +46,8 @@ fn a_full_disk_ends_with_one_message_and_whole_surfaces_only() {
         return;
     };
     let out = data.join("set");
-    let text = small(&out).message();
+    let small = |out: &str| scratch.sps(&format!("{SMALL} --out @{out}"));
+    let text = small("disk/set").message();
     expect(&text, &["disk/set", "no space is left"]);
     assert_eq!(text.lines().count(), 1, "{text}");
     assert!(!out.join("dataset.toml").exists());
@@ -65,10 +59,9 @@ fn a_full_disk_ends_with_one_message_and_whole_surfaces_only() {
         }
     }
     mounted.remount("size=10m");
-    small(&out).assert().success();
-    let straight = scratch.path("straight");
-    small(&straight).assert().success();
-    assert_eq!(tree(&out), tree(&straight));
+    small("disk/set").assert().success();
+    small("straight").assert().success();
+    assert_eq!(tree(&out), tree(&scratch.path("straight")));
 }
 
 #[test]

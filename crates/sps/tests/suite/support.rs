@@ -171,6 +171,13 @@ impl Scratch {
         self.sps(&format!("experiment @tiny.toml --out @{run}"))
     }
 
+    /// The folder after such a run.
+    pub(crate) fn after_a_run() -> Self {
+        let scratch = Self::new();
+        scratch.ran();
+        scratch
+    }
+
     /// The same to its end, into the folder `run`: its results without what depends on the clock.
     pub(crate) fn ran(&self) -> Value {
         self.experiment().assert().success();
@@ -345,11 +352,7 @@ pub(crate) struct Mounted<'a>(&'a Path);
 impl<'a> Mounted<'a> {
     pub(crate) fn new(path: &'a Path, options: &str) -> Option<Self> {
         fs::create_dir_all(path).unwrap();
-        let mounted = process::Command::new("mount")
-            .args(["-t", "tmpfs", "-o", options, "tmpfs"])
-            .arg(path)
-            .output();
-        if mounted.is_ok_and(|output| output.status.success()) {
+        if Self::mount(&["-t", "tmpfs", "-o", options, "tmpfs"], path) {
             return Some(Self(path));
         }
         println!("skipped: file systems cannot be mounted here");
@@ -357,11 +360,14 @@ impl<'a> Mounted<'a> {
     }
 
     pub(crate) fn remount(&self, options: &str) {
+        let options = format!("remount,{options}");
+        assert!(Self::mount(&["-o", &options], self.0));
+    }
+
+    fn mount(options: &[&str], path: &Path) -> bool {
         let mut command = process::Command::new("mount");
-        command
-            .args(["-o", &format!("remount,{options}")])
-            .arg(self.0);
-        assert!(command.status().unwrap().success());
+        let done = command.args(options).arg(path).output();
+        done.is_ok_and(|output| output.status.success())
     }
 }
 

@@ -42,7 +42,7 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "WHAT")]
     group_by: Option<GroupBy>,
     /// Call a photograph unfamiliar if at most this share of those like the fitted ones look as strange
-    #[arg(long, value_name = "P", default_value = "0.05")]
+    #[arg(long, value_name = "P", default_value = "0.05", value_parser = answer::probability)]
     unfamiliar: f64,
     /// Wider intervals, which hold the truths of all properties of a surface at once
     #[arg(long)]
@@ -70,7 +70,6 @@ const AT_ONCE: usize = 16;
 pub(crate) fn run(args: &Args) -> Result<()> {
     let model = Estimator::load(&args.model)?;
     let model = if args.joint { model.jointly() } else { model };
-    answer::check_probability(args.unfamiliar).context("--unfamiliar")?;
     if let Some(file) = &args.embeddings {
         return embedded::answer(args, &model, file);
     }

@@ -7,30 +7,12 @@ use std::time::Duration;
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use image::{ExtendedColorType, ImageEncoder};
 use sps_dataset::Source;
-use sps_simulate::{Simulator, SimulatorSpec, ceilings};
+use sps_simulate::{Material, Simulator, SimulatorSpec, ceilings};
 
-/// The named classes of the paper's figure 2a.
-const CLASSES: [&str; 14] = [
-    "plastic",
-    "leather",
-    "wood",
-    "cotton",
-    "upholstery",
-    "towel",
-    "sponge",
-    "denim",
-    "foam",
-    "carpet",
-    "stone",
-    "linen",
-    "silk",
-    "ceramic",
-];
-
-fn spec(size: usize) -> SimulatorSpec {
+fn spec(surfaces: usize) -> SimulatorSpec {
     SimulatorSpec {
-        surfaces: 200,
-        size,
+        surfaces,
+        size: 128,
         views: 91,
         locations: 1,
         repeats: 1,
@@ -38,25 +20,16 @@ fn spec(size: usize) -> SimulatorSpec {
     }
 }
 
-fn surface_of(simulator: &Simulator, material: &str) -> usize {
-    let mut surfaces = simulator.surfaces().iter();
-    surfaces.position(|s| s.material == material).unwrap_or(0)
-}
-
 /// Building a surface for its first view, and a view of a built one, of each class.
 fn surfaces_and_views(c: &mut Criterion) {
-    let simulator = Simulator::new(spec(128)).expect("the spec is valid");
-    for class in CLASSES {
-        let surface = surface_of(&simulator, class);
+    let simulator = Simulator::new(spec(200)).expect("the spec is valid");
+    // The named classes of the paper's figure 2a.
+    for class in Material::all().take(14).map(Material::label) {
+        let mut surfaces = simulator.surfaces().iter();
+        let surface = surfaces.position(|s| s.material == class).unwrap_or(0);
         c.bench_function(&format!("surface and first view, 128 px, {class}"), |b| {
             b.iter_batched(
-                || {
-                    Simulator::new(SimulatorSpec {
-                        surfaces: surface + 1,
-                        ..spec(128)
-                    })
-                    .unwrap()
-                },
+                || Simulator::new(spec(surface + 1)).unwrap(),
                 |fresh| fresh.frame_bytes(surface, 0).unwrap(),
                 BatchSize::PerIteration,
             );
@@ -72,7 +45,7 @@ fn surfaces_and_views(c: &mut Criterion) {
 }
 
 fn other_stages(c: &mut Criterion) {
-    let simulator = Simulator::new(spec(128)).expect("the spec is valid");
+    let simulator = Simulator::new(spec(200)).expect("the spec is valid");
     let bytes = simulator.frame_bytes(0, 45).expect("the view exists");
     c.bench_function("PNG of a view, 128 px", |b| {
         b.iter(|| {
@@ -84,7 +57,7 @@ fn other_stages(c: &mut Criterion) {
         });
     });
     c.bench_function("touching 200 surfaces", |b| {
-        b.iter(|| Simulator::new(black_box(spec(128))).unwrap());
+        b.iter(|| Simulator::new(black_box(spec(200))).unwrap());
     });
     c.bench_function("ceilings of 1000 surfaces", |b| {
         b.iter(|| ceilings(black_box(1), 1000, 3));

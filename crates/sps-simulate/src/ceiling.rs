@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use sps_dataset::toccare;
 
-use super::latent::{Latent, Scores};
+use super::latent::Scores;
 use super::parameters::Specimen;
 use super::stream::{Purpose, Stream};
 use super::touch::{self, Values};
@@ -43,9 +43,9 @@ pub struct Ceilings {
 /// With `x` all that images show of a surface and `t` a value of touch, no estimate from images
 /// does better than `E[t | x]`, whose coefficient of determination is `Var(E[t | x]) / Var(t)`.
 /// For two draws `t`, `t'` that share `x` and are otherwise independent, `Cov(t, t')` is
-/// `Var(E[t | x])` (Sobol, Math. Comput. Simul. 55, 2001). What `x` holds is
-/// [`Latent::visibility`] and the material. Errors are from the spread over 20 batches; the two
-/// limits of a property share their draws, so their difference is more certain than either.
+/// `Var(E[t | x])` (Sobol, Math. Comput. Simul. 55, 2001). `x` holds the material and what the table
+/// in `docs/simulator.md` says. Errors are from the spread over 20 batches; the two limits of a
+/// property share their draws, so their difference is more certain than either.
 pub fn ceilings(seed: u64, surfaces: usize, locations: u32) -> Ceilings {
     const BATCHES: usize = 20;
     let per_batch = surfaces.div_ceil(BATCHES).max(2);
@@ -91,12 +91,8 @@ fn batch_ratios(seed: u64, range: std::ops::Range<usize>, locations: u32) -> [[f
                 let places = u64::from(locations);
                 touch::mean_values(&specimen, own, which * places..(which + 1) * places)
             };
-            let redrawn = |seen: fn(Latent) -> f64| touched(&specimen.own.redrawn(&other, seen), 1);
-            [
-                touched(&specimen.own, 0),
-                redrawn(|latent| latent.visibility().nadir),
-                redrawn(|latent| latent.visibility().all),
-            ]
+            let redrawn = |which| touched(&specimen.own.redrawn(&other, which), 1);
+            [touched(&specimen.own, 0), redrawn(0), redrawn(1)]
         })
         .collect();
     [1, 2].map(|which| {

@@ -7,7 +7,6 @@ use sps_dataset::{FrameKey, RollAngle};
 use super::material::Material;
 use super::parameters::Specimen;
 use super::render;
-use super::simulator::photograph;
 
 /// The hash of a tiny picture of every kind of every material: it changes with any change of the
 /// simulator that could change a frame.
@@ -15,14 +14,14 @@ static PROBE: LazyLock<[u8; 32]> = LazyLock::new(|| {
     const SIZE: usize = 12;
     const MAP: usize = 64;
     let mut hasher = blake3::Hasher::new_derive_key("sps-dataset simulate probe 1");
-    for &material in Material::ALL {
-        for (index, (_, profile)) in material.variants().iter().enumerate() {
+    for material in Material::all() {
+        for (index, profile) in material.kinds().iter().enumerate() {
             let specimen = Specimen {
                 profile,
                 ..Specimen::of_material(0, index, material)
             };
             let texels = render::prepare_on(&specimen, SIZE, MAP);
-            let image = photograph(&specimen, &texels, 20.0, SIZE);
+            let image = render::photograph(&specimen, &texels, 20.0, SIZE);
             hasher.update(&render::encode(&image));
         }
     }

@@ -1,5 +1,7 @@
 //! A square periodic map.
 
+use std::ops::Index;
+
 /// `n x n` values on one period of a surface; row `y`, column `x` is `data[y * n + x]`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Grid {
@@ -67,12 +69,8 @@ impl Grid {
     /// Root of the mean square about the mean.
     pub(crate) fn deviation(&self) -> f32 {
         let mean = f64::from(self.mean());
-        let sum = self
-            .data
-            .iter()
-            .map(|&v| (f64::from(v) - mean) * (f64::from(v) - mean))
-            .sum::<f64>();
-        (sum / self.data.len() as f64).sqrt() as f32
+        let squares = self.data.iter().map(|&v| (f64::from(v) - mean).powi(2));
+        (squares.sum::<f64>() / self.data.len() as f64).sqrt() as f32
     }
 
     /// Shifts to mean zero and scales to the given deviation; a constant map becomes zero.
@@ -97,6 +95,14 @@ impl Grid {
         let a = top[i] + (top[i1] - top[i]) * fx;
         let b = bottom[i] + (bottom[i1] - bottom[i]) * fx;
         a + (b - a) * fy
+    }
+}
+
+impl Index<usize> for Grid {
+    type Output = f32;
+
+    fn index(&self, at: usize) -> &f32 {
+        &self.data[at]
     }
 }
 

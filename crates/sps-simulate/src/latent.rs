@@ -1,13 +1,10 @@
 //! The latent causes of what is seen and felt, and how much of each an image shows.
 
-use serde::Serialize;
-
 use super::stream::Stream;
 
 /// A cause that differs between surfaces of one kind; each is a standard-normal score.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Latent {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Latent {
     /// Pitch of the structure.
     Period,
     /// Order of the structure.
@@ -45,78 +42,43 @@ pub enum Latent {
 }
 
 /// How many there are.
-pub(crate) const LATENTS: usize = Latent::ALL.len();
+const LATENTS: usize = Latent::Seating as usize + 1;
 
-/// The correlation between a latent score and the best reading of it in images.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Visibility {
-    /// In one view at nadir.
-    pub nadir: f64,
-    /// In all views together.
-    pub all: f64,
-}
+/// What a perfect reader of images knows of a latent: the correlation between its score and the
+/// best reading of it in one view at nadir, and in all views together. All others do not show.
+///
+/// Pitch and order are in the picture at any angle. Height, gloss and fuzz change shading at nadir
+/// by amounts that paint could also cause; the roll reveals them. The bulk shows only through the
+/// material and through its links with what shows.
+const VISIBLE: [(Latent, [f64; 2]); 7] = [
+    (Latent::Period, [1.0, 1.0]),
+    (Latent::Regularity, [1.0, 1.0]),
+    (Latent::Relief, [0.8, 1.0]),
+    (Latent::Gloss, [0.6, 1.0]),
+    (Latent::Fuzz, [0.6, 1.0]),
+    (Latent::Microrelief, [0.6, 0.9]),
+    (Latent::Microlength, [0.7, 0.9]),
+];
 
-impl Latent {
-    /// All of them.
-    pub const ALL: [Self; 17] = [
-        Self::Period,
-        Self::Regularity,
-        Self::Relief,
-        Self::Microrelief,
-        Self::Microlength,
-        Self::Gloss,
-        Self::Fuzz,
-        Self::Stiffness,
-        Self::Damping,
-        Self::Relaxation,
-        Self::Creep,
-        Self::Thickness,
-        Self::Effusivity,
-        Self::Adhesion,
-        Self::Tack,
-        Self::Deposit,
-        Self::Seating,
-    ];
+/// Part of the first score follows the second, with this correlation.
+///
+/// Finer cells and tighter weaves make a denser, stiffer body; hard surfaces polish better.
+const LINKS: [(Latent, Latent, f64); 6] = [
+    (Latent::Stiffness, Latent::Period, -0.45),
+    (Latent::Stiffness, Latent::Regularity, 0.2),
+    (Latent::Effusivity, Latent::Period, -0.5),
+    (Latent::Thickness, Latent::Period, 0.5),
+    (Latent::Damping, Latent::Regularity, -0.3),
+    (Latent::Adhesion, Latent::Gloss, -0.3),
+];
 
-    /// What a perfect reader of images knows of it.
-    ///
-    /// Pitch and order are in the picture at any angle. Height, gloss and fuzz change shading at
-    /// nadir by amounts that paint could also cause; the roll reveals them. The bulk shows only
-    /// through the material and through its links with what shows.
-    pub const fn visibility(self) -> Visibility {
-        let (nadir, all) = match self {
-            Self::Period | Self::Regularity => (1.0, 1.0),
-            Self::Relief => (0.8, 1.0),
-            Self::Gloss | Self::Fuzz => (0.6, 1.0),
-            Self::Microrelief => (0.6, 0.9),
-            Self::Microlength => (0.7, 0.9),
-            _ => (0.0, 0.0),
-        };
-        Visibility { nadir, all }
-    }
-
-    /// Causes that part of this score follows, with their correlations.
-    ///
-    /// Finer cells and tighter weaves make a denser, stiffer body; hard surfaces polish better.
-    const fn links(self) -> &'static [(Self, f64)] {
-        match self {
-            Self::Stiffness => &[(Self::Period, -0.45), (Self::Regularity, 0.2)],
-            Self::Effusivity => &[(Self::Period, -0.5)],
-            Self::Thickness => &[(Self::Period, 0.5)],
-            Self::Damping => &[(Self::Regularity, -0.3)],
-            Self::Adhesion => &[(Self::Gloss, -0.3)],
-            _ => &[],
-        }
-    }
-}
-
-/// The score of every latent of one surface, in the order of [`Latent::ALL`].
+/// The score of every latent of one surface, in their order.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scores([f64; LATENTS]);
+pub(crate) struct Scores([f64; LATENTS]);
 
 impl Scores {
     /// The score of one latent: standard normal over surfaces.
-    pub fn of(&self, latent: Latent) -> f64 {
+    pub(crate) fn of(&self, latent: Latent) -> f64 {
         self.0[latent as usize]
     }
 
@@ -128,9 +90,8 @@ impl Scores {
     /// Adds the links between own parts; each score stays standard normal.
     pub(crate) fn linked(&self) -> Self {
         Self(std::array::from_fn(|i| {
-            let links = Latent::ALL[i].links();
             let (mut score, mut left) = (0.0, 1.0);
-            for &(source, weight) in links {
+            for &(_, source, weight) in LINKS.iter().filter(|link| link.0 as usize == i) {
                 score += weight * self.of(source);
                 left -= weight * weight;
             }
@@ -138,13 +99,15 @@ impl Scores {
         }))
     }
 
-    /// Scores that a reader cannot tell from these: `other` with what the reader sees of these.
+    /// Scores that a reader cannot tell from these: `other` with what the reader sees of these, in
+    /// one view (`which` is 0) or in all (1).
     ///
     /// For an observation `o = c z + sqrt(1 - c^2) e` of a standard-normal `z`, `z` given `o` is
     /// normal with mean `c o` and variance `1 - c^2`, so two draws of it correlate by `c^2`.
-    pub(crate) fn redrawn(&self, other: &Self, seen: impl Fn(Latent) -> f64) -> Self {
+    pub(crate) fn redrawn(&self, other: &Self, which: usize) -> Self {
         Self(std::array::from_fn(|i| {
-            let c = seen(Latent::ALL[i]);
+            let visible = VISIBLE.iter().find(|visible| visible.0 as usize == i);
+            let c = visible.map_or(0.0, |visible| visible.1[which]);
             let shared = c * c;
             shared * self.0[i] + (1.0 - shared * shared).sqrt() * other.0[i]
         }))
@@ -168,16 +131,16 @@ mod tests {
             .collect();
         let mean =
             |f: &dyn Fn(&Scores) -> f64| draws.iter().map(f).sum::<f64>() / draws.len() as f64;
-        for latent in Latent::ALL {
-            let square = mean(&|s| s.of(latent) * s.of(latent));
-            assert!((square - 1.0).abs() < 0.05, "{latent:?}: {square}");
-            for &(source, weight) in latent.links() {
-                let both = mean(&|s| s.of(latent) * s.of(source));
-                assert!(
-                    (both - weight).abs() < 0.04,
-                    "{latent:?} and {source:?}: {both}"
-                );
-            }
+        for latent in 0..LATENTS {
+            let square = mean(&|s| s.0[latent] * s.0[latent]);
+            assert!((square - 1.0).abs() < 0.05, "{latent}: {square}");
+        }
+        for (latent, source, weight) in LINKS {
+            let both = mean(&|s| s.of(latent) * s.of(source));
+            assert!(
+                (both - weight).abs() < 0.04,
+                "{latent:?} and {source:?}: {both}"
+            );
         }
     }
 }

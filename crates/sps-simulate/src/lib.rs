@@ -18,8 +18,7 @@ mod stream;
 mod touch;
 
 pub use ceiling::{Ceiling, Ceilings, ceilings};
-pub use latent::{Latent, Scores, Visibility};
-pub use material::{Material, Palette, Profile, Range, Structure, Weave};
+pub use material::Material;
 pub use parameters::Parameters;
 pub use patterns::Patterns;
 pub use reflectance::{Brdf, Vector};

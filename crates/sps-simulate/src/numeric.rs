@@ -1,32 +1,8 @@
-//! Transcendental functions that are the same on every machine.
+//! Functions of one number that are the same on every machine.
 //!
 //! The standard library's `sin`, `exp`, `powf` and so on call the platform's math library, whose
-//! last bits differ between machines. These come from the `libm` crate, which is plain arithmetic.
-//! Its functions are within one unit in the last place; `sqrt` is exact by IEEE 754.
-
-pub(crate) fn sqrt(x: f64) -> f64 {
-    x.sqrt()
-}
-
-pub(crate) fn ln(x: f64) -> f64 {
-    libm::log(x)
-}
-
-pub(crate) fn exp(x: f64) -> f64 {
-    libm::exp(x)
-}
-
-pub(crate) fn sin(x: f64) -> f64 {
-    libm::sin(x)
-}
-
-pub(crate) fn cos(x: f64) -> f64 {
-    libm::cos(x)
-}
-
-pub(crate) fn pow(x: f64, y: f64) -> f64 {
-    libm::pow(x, y)
-}
+//! last bits differ between machines. Those of the `libm` crate, which is plain arithmetic, are taken
+//! throughout; `sqrt` is exact by IEEE 754.
 
 /// The standard normal distribution function.
 pub(crate) fn normal_cdf(z: f64) -> f64 {

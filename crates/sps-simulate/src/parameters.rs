@@ -1,19 +1,14 @@
 //! The physical parameters of one surface.
 
-use serde::Serialize;
-
 use super::latent::{Latent, Scores};
 use super::material::{Material, Profile, material_of};
-use super::numeric;
 use super::stream::{Purpose, Stream};
 
-/// Everything physical about one surface, in the units of [`Profile`].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+/// Everything physical about one surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
     /// The ranges that they were drawn from.
-    #[serde(skip)]
-    pub profile: &'static Profile,
+    pub(crate) profile: &'static Profile,
     /// Pitch of the structure, in mm.
     pub period_mm: f64,
     /// Root mean square height of the structure, in mm.
@@ -52,28 +47,27 @@ pub struct Parameters {
 
 impl Parameters {
     /// The parameters at the given scores.
-    pub fn at(profile: &'static Profile, scores: &Scores) -> Self {
-        let p = profile;
-        let at = |latent: Latent, range: super::material::Range| range.at(scores.of(latent));
+    pub(crate) fn at(profile: &'static Profile, scores: &Scores) -> Self {
+        let at = |latent: Latent| profile.ranges[latent as usize].at(scores.of(latent));
         Self {
             profile,
-            period_mm: at(Latent::Period, p.period_mm),
-            relief_mm: at(Latent::Relief, p.relief_mm),
-            regularity: at(Latent::Regularity, p.regularity),
-            micro_um: at(Latent::Microrelief, p.micro_um),
-            micro_length_mm: at(Latent::Microlength, p.micro_length_mm),
-            alpha: at(Latent::Gloss, p.alpha),
-            sheen: at(Latent::Fuzz, p.sheen),
-            modulus_kpa: at(Latent::Stiffness, p.modulus_kpa),
-            loss: at(Latent::Damping, p.loss),
-            relaxation: at(Latent::Relaxation, p.relaxation),
-            creep: at(Latent::Creep, p.creep),
-            thickness_mm: at(Latent::Thickness, p.thickness_mm),
-            effusivity: at(Latent::Effusivity, p.effusivity),
-            adhesion: at(Latent::Adhesion, p.adhesion),
-            tack: at(Latent::Tack, p.tack),
-            deposit: numeric::exp(0.9 * scores.of(Latent::Deposit)),
-            seating: 1e-3 * numeric::exp(1.3 * scores.of(Latent::Seating)),
+            period_mm: at(Latent::Period),
+            relief_mm: at(Latent::Relief),
+            regularity: at(Latent::Regularity),
+            micro_um: at(Latent::Microrelief),
+            micro_length_mm: at(Latent::Microlength),
+            alpha: at(Latent::Gloss),
+            sheen: at(Latent::Fuzz),
+            modulus_kpa: at(Latent::Stiffness),
+            loss: at(Latent::Damping),
+            relaxation: at(Latent::Relaxation),
+            creep: at(Latent::Creep),
+            thickness_mm: at(Latent::Thickness),
+            effusivity: at(Latent::Effusivity),
+            adhesion: at(Latent::Adhesion),
+            tack: at(Latent::Tack),
+            deposit: libm::exp(0.9 * scores.of(Latent::Deposit)),
+            seating: 1e-3 * libm::exp(1.3 * scores.of(Latent::Seating)),
         }
     }
 }
@@ -97,14 +91,14 @@ impl Specimen {
     /// The surface that `index` would be, were it of this material.
     pub(crate) fn of_material(seed: u64, index: usize, material: Material) -> Self {
         let index = index as u64;
-        let variants = material.variants();
+        let kinds = material.kinds();
         let mut stream = Stream::new(seed, Purpose::Variant, &[index]);
-        let variant = stream.weighted(variants.iter().map(|v| v.0));
+        let kind = stream.weighted(kinds.iter().map(|kind| kind.weight));
         Self {
             seed,
             index,
             material,
-            profile: &variants[variant].1,
+            profile: &kinds[kind],
             own: Scores::draw_own(&mut Stream::new(seed, Purpose::Latents, &[index])),
         }
     }

@@ -10,7 +10,7 @@ use sps_dataset::{
 use super::fingerprint;
 use super::material::Material;
 use super::parameters::{Parameters, Specimen};
-use super::render::{self, Linear, Pose, Texels};
+use super::render::{self, Texels};
 use super::spec::{MOST_SURFACES, SimulateError, SimulatorSpec};
 use super::touch;
 
@@ -18,17 +18,6 @@ use super::touch;
 ///
 /// Construction draws the surfaces and touches them; a view is rendered when it is asked for. The
 /// last surfaces seen are kept built, so views of one surface are best asked for together.
-///
-/// ```
-/// use sps_dataset::Source;
-/// use sps_simulate::{Simulator, SimulatorSpec};
-///
-/// let spec = SimulatorSpec { surfaces: 3, size: 32, views: 3, ..SimulatorSpec::default() };
-/// let simulator = Simulator::new(spec)?;
-/// let frame = simulator.frame(2, 1)?;
-/// assert_eq!((frame.width, frame.height), (32, 32));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug)]
 pub struct Simulator {
     spec: SimulatorSpec,
@@ -136,12 +125,17 @@ impl Simulator {
         Ok(render::encode(&self.photograph(surface, view)?))
     }
 
-    fn photograph(&self, surface: usize, view: usize) -> Result<Linear, SimulateError> {
+    fn photograph(&self, surface: usize, view: usize) -> Result<LinearFrame, SimulateError> {
         let specimen = self.specimen(surface)?;
         let degrees = self.angle(view)?.0;
         let built = self.built(surface);
         let texels = built.get_or_init(|| render::prepare(specimen, self.spec.size));
-        Ok(photograph(specimen, texels, degrees, self.spec.size))
+        Ok(render::photograph(
+            specimen,
+            texels,
+            degrees,
+            self.spec.size,
+        ))
     }
 
     fn specimen(&self, surface: usize) -> Result<&Specimen, SimulateError> {
@@ -172,17 +166,6 @@ impl Simulator {
         built.push(entry);
         texels
     }
-}
-
-/// One photograph of a built surface.
-pub(crate) fn photograph(
-    specimen: &Specimen,
-    texels: &Texels,
-    degrees: f64,
-    size: usize,
-) -> Linear {
-    let pose = Pose::draw(specimen, degrees);
-    render::expose(render::render(texels, &pose, size), specimen, degrees)
 }
 
 impl Source for Simulator {
@@ -231,12 +214,8 @@ impl Source for Simulator {
         surface: usize,
         view: usize,
     ) -> Result<Option<LinearFrame>, SourceError> {
-        let image = self.photograph(surface, view).map_err(SourceError::new)?;
-        Ok(Some(LinearFrame {
-            width: image.size,
-            height: image.size,
-            data: image.data,
-        }))
+        let image = self.photograph(surface, view);
+        image.map(Some).map_err(SourceError::new)
     }
 
     fn frame_key(&self, surface: usize, view: usize) -> Result<FrameKey, SourceError> {

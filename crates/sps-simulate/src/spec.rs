@@ -1,5 +1,8 @@
 //! What to simulate.
 
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -10,13 +13,6 @@ pub(super) const MOST_SURFACES: usize = 1_000_000;
 
 /// What to simulate; every surface is a function of `seed` and its index alone, so sets of
 /// different lengths agree in the surfaces that both hold.
-///
-/// ```
-/// use sps_simulate::SimulatorSpec;
-///
-/// let spec = SimulatorSpec { surfaces: 40, ..SimulatorSpec::default() };
-/// assert_eq!((spec.views, spec.from_deg, spec.to_deg), (100, -45.0, 45.0));
-/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
 pub struct SimulatorSpec {
@@ -90,53 +86,16 @@ pub enum SimulateError {
 impl SimulatorSpec {
     /// Checks every field and gives the roll angle of each view.
     pub(crate) fn check(&self) -> Result<Vec<RollAngle>, SimulateError> {
-        require(self.surfaces >= 1, "surfaces", self.surfaces, "at least 1")?;
-        require(
-            self.surfaces <= MOST_SURFACES,
-            "surfaces",
-            self.surfaces,
-            "at most 1000000",
-        )?;
-        let size_fits = (8..=2048).contains(&self.size);
-        require(size_fits, "size", self.size, "8 to 2048 pixels")?;
-        require(
-            (1..=10_000).contains(&self.views),
-            "views",
-            self.views,
-            "1 to 10000",
-        )?;
-        let angle = -60.0..=60.0;
-        let expected = "an angle from -60 to 60 degrees";
-        require(
-            angle.contains(&self.from_deg),
-            "from-deg",
-            self.from_deg,
-            expected,
-        )?;
-        require(
-            angle.contains(&self.to_deg),
-            "to-deg",
-            self.to_deg,
-            expected,
-        )?;
-        require(
-            self.from_deg <= self.to_deg,
-            "to-deg",
-            self.to_deg,
-            "not below `from-deg`",
-        )?;
-        require(
-            (1..=1000).contains(&self.locations),
-            "locations",
-            self.locations,
-            "1 to 1000",
-        )?;
-        require(
-            (1..=1000).contains(&self.repeats),
-            "repeats",
-            self.repeats,
-            "1 to 1000",
-        )?;
+        let angle = "an angle from -60 to 60 degrees";
+        require("surfaces", self.surfaces, 1..=MOST_SURFACES, "1 to 1000000")?;
+        require("size", self.size, 8..=2048, "8 to 2048 pixels")?;
+        require("views", self.views, 1..=10_000, "1 to 10000")?;
+        require("from-deg", self.from_deg, -60.0..=60.0, angle)?;
+        require("to-deg", self.to_deg, -60.0..=60.0, angle)?;
+        let after = self.from_deg..=60.0;
+        require("to-deg", self.to_deg, after, "not below `from-deg`")?;
+        require("locations", self.locations, 1..=1000, "1 to 1000")?;
+        require("repeats", self.repeats, 1..=1000, "1 to 1000")?;
         Ok(self.angles())
     }
 
@@ -153,13 +112,13 @@ impl SimulatorSpec {
     }
 }
 
-fn require(
-    holds: bool,
+fn require<T: PartialOrd + Display + Copy>(
     field: &'static str,
-    found: impl std::fmt::Display + Copy,
+    found: T,
+    range: RangeInclusive<T>,
     expected: &'static str,
 ) -> Result<(), SimulateError> {
-    if holds {
+    if range.contains(&found) {
         return Ok(());
     }
     Err(SimulateError::Spec {
@@ -175,74 +134,22 @@ mod tests {
 
     #[test]
     fn each_bad_field_is_named() {
+        type Spoil = fn(&mut SimulatorSpec);
         let good = SimulatorSpec::default();
-        let bad = [
-            (
-                "surfaces",
-                SimulatorSpec {
-                    surfaces: 0,
-                    ..good.clone()
-                },
-            ),
-            (
-                "size",
-                SimulatorSpec {
-                    size: 4,
-                    ..good.clone()
-                },
-            ),
-            (
-                "size",
-                SimulatorSpec {
-                    size: 5000,
-                    ..good.clone()
-                },
-            ),
-            (
-                "views",
-                SimulatorSpec {
-                    views: 0,
-                    ..good.clone()
-                },
-            ),
-            (
-                "from-deg",
-                SimulatorSpec {
-                    from_deg: f64::NAN,
-                    ..good.clone()
-                },
-            ),
-            (
-                "to-deg",
-                SimulatorSpec {
-                    to_deg: 61.0,
-                    ..good.clone()
-                },
-            ),
-            (
-                "to-deg",
-                SimulatorSpec {
-                    from_deg: 10.0,
-                    to_deg: 5.0,
-                    ..good.clone()
-                },
-            ),
-            (
-                "locations",
-                SimulatorSpec {
-                    locations: 0,
-                    ..good.clone()
-                },
-            ),
-            (
-                "repeats",
-                SimulatorSpec {
-                    repeats: 0,
-                    ..good.clone()
-                },
-            ),
+        let bad: [(&str, Spoil); 9] = [
+            ("surfaces", |spec| spec.surfaces = 0),
+            ("size", |spec| spec.size = 4),
+            ("size", |spec| spec.size = 5000),
+            ("views", |spec| spec.views = 0),
+            ("from-deg", |spec| spec.from_deg = f64::NAN),
+            ("to-deg", |spec| spec.to_deg = 61.0),
+            ("to-deg", |spec| (spec.from_deg, spec.to_deg) = (10.0, 5.0)),
+            ("locations", |spec| spec.locations = 0),
+            ("repeats", |spec| spec.repeats = 0),
         ];
-        for (name, spec) in bad {
+        for (name, spoil) in bad {
+            let mut spec = good.clone();
+            spoil(&mut spec);
             let Err(SimulateError::Spec { field, .. }) = spec.check() else {
                 panic!("{name} was taken");
             };
@@ -253,15 +160,11 @@ mod tests {
 
     #[test]
     fn angles_run_from_end_to_end() {
-        let spec = SimulatorSpec {
-            views: 3,
+        let of = |views| SimulatorSpec {
+            views,
             ..SimulatorSpec::default()
         };
-        assert_eq!(spec.check().unwrap(), [-45.0, 0.0, 45.0].map(RollAngle));
-        let one = SimulatorSpec {
-            views: 1,
-            ..SimulatorSpec::default()
-        };
-        assert_eq!(one.check().unwrap(), [RollAngle(0.0)]);
+        assert_eq!(of(3).check().unwrap(), [-45.0, 0.0, 45.0].map(RollAngle));
+        assert_eq!(of(1).check().unwrap(), [RollAngle(0.0)]);
     }
 }

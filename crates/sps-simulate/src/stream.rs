@@ -2,8 +2,6 @@
 
 use sps_base::streams::{ChaCha8Rng, RngCore, hashed_stream};
 
-use super::numeric;
-
 /// What a stream is drawn for. The names enter the key, so adding one moves no other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
@@ -82,6 +80,10 @@ impl Stream {
         lo + (hi - lo) * self.unit()
     }
 
+    pub(crate) fn between32(&mut self, lo: f64, hi: f64) -> f32 {
+        self.between(lo, hi) as f32
+    }
+
     pub(crate) fn chance(&mut self, probability: f64) -> bool {
         self.unit() < probability
     }
@@ -93,8 +95,8 @@ impl Stream {
 
     /// Standard normal, by Box and Muller.
     pub(crate) fn normal(&mut self) -> f64 {
-        let radius = numeric::sqrt(-2.0 * numeric::ln(1.0 - self.unit()));
-        radius * numeric::cos(std::f64::consts::TAU * self.unit())
+        let radius = (-2.0 * libm::log(1.0 - self.unit())).sqrt();
+        radius * libm::cos(std::f64::consts::TAU * self.unit())
     }
 
     /// Which of some weighted things; weights need not sum to one.

@@ -1,6 +1,6 @@
 //! Images of simulated surfaces and of patterns, one after the other.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use sps_dataset::{Frame, FrameIndex, Source};
 use sps_models::training::{Classes, Parts};
 use sps_regress::Readings;
@@ -81,14 +81,12 @@ impl World {
 
     /// The material of each surface; each class of patterns is one more.
     pub(crate) fn classes(&self) -> Result<Classes> {
-        let materials = Material::ALL.len();
+        let materials = Material::all().len();
         let of_image = (0..self.len()).map(|image| {
             let Some(frame) = self.frames.get(image) else {
                 return Ok((materials + self.pattern(image).0) as u32);
             };
-            let material = self.simulator.material(frame.surface)?;
-            let index = Material::ALL.iter().position(|other| *other == material);
-            Ok(index.context("a material that is not listed")? as u32)
+            Ok(self.simulator.material(frame.surface)?.index() as u32)
         });
         Ok(Classes {
             of_image: of_image.collect::<Result<_>>()?,

@@ -13,9 +13,8 @@ pub(crate) const BLOCK: usize = 200;
 /// of 400 has the paper's composition instead of a noisy draw from it, and the rare materials
 /// neither vanish nor crowd.
 pub(crate) fn material_of(seed: u64, index: usize) -> Material {
-    let mut places: Vec<Material> = Material::ALL
-        .iter()
-        .flat_map(|&material| std::iter::repeat_n(material, material.per_block()))
+    let mut places: Vec<Material> = Material::all()
+        .flat_map(|material| std::iter::repeat_n(material, material.per_block()))
         .collect();
     let mut stream = Stream::new(seed, Purpose::Assignment, &[(index / BLOCK) as u64]);
     for last in (1..places.len()).rev() {
@@ -32,7 +31,7 @@ mod tests {
 
     #[test]
     fn a_block_is_full() {
-        let total: usize = Material::ALL.iter().map(|m| m.per_block()).sum();
+        let total: usize = Material::all().map(Material::per_block).sum();
         assert_eq!(total, BLOCK);
     }
 
@@ -47,9 +46,8 @@ mod tests {
 
         let mut counts = BTreeMap::<String, usize>::new();
         for index in 0..400 {
-            *counts
-                .entry(material_of(5, index).label().to_owned())
-                .or_default() += 1;
+            let label = material_of(5, index).label();
+            *counts.entry(label.to_owned()).or_default() += 1;
         }
         let mut labels = BTreeMap::<String, usize>::new();
         for (label, count) in counts {

@@ -1,6 +1,6 @@
 //! Colours: what can be seen and, within a material, says almost nothing about touch.
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::super::stream::Stream;
 
@@ -8,11 +8,9 @@ use super::super::stream::Stream;
 pub(crate) type Rgb = [f32; 3];
 
 /// A family of colours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-#[allow(missing_docs, reason = "the name is what is known of it")]
-#[non_exhaustive]
-pub enum Palette {
+pub(crate) enum Palette {
     Dyed,
     Undyed,
     Tweed,
@@ -72,12 +70,7 @@ fn stops(palette: Palette, stream: &mut Stream) -> [Rgb; 4] {
         Palette::Dyed => around(dye(stream), 0.18),
         Palette::Undyed => {
             let base = natural([0.62, 0.52, 0.38], 0.25, stream);
-            let base = if stream.chance(0.4) {
-                dye(stream)
-            } else {
-                base
-            };
-            around(base, 0.35)
+            around(or(base, 0.4, dye, stream), 0.35)
         }
         Palette::Tweed => {
             let (a, b) = (muted(stream), muted(stream));
@@ -88,9 +81,7 @@ fn stops(palette: Palette, stream: &mut Stream) -> [Rgb; 4] {
         Palette::Hide => {
             let dark = natural([0.08, 0.05, 0.03], 0.8, stream);
             let light = natural([0.5, 0.38, 0.26], 0.5, stream);
-            let t = stream.unit() as f32;
-            let base = lerp(dark, light, t);
-            around(base, 0.5)
+            around(lerp(dark, light, stream.unit() as f32), 0.5)
         }
         Palette::Leather => leather(stream),
         Palette::Foam => {
@@ -117,39 +108,16 @@ fn stops(palette: Palette, stream: &mut Stream) -> [Rgb; 4] {
                 2 => muted(stream),
                 _ => vivid(stream),
             };
-            let base = if palette == Palette::Paint {
-                lerp(base, [0.8, 0.78, 0.74], 0.6)
-            } else {
-                base
-            };
-            around(base, 0.06)
+            let white = if palette == Palette::Paint { 0.6 } else { 0.0 };
+            around(lerp(base, [0.8, 0.78, 0.74], white), 0.06)
         }
         Palette::Dark => {
             let base = natural([0.045, 0.045, 0.048], 0.6, stream);
-            let base = if stream.chance(0.25) {
-                muted(stream)
-            } else {
-                base
-            };
-            around(base, 0.12)
+            around(or(base, 0.25, muted, stream), 0.12)
         }
-        _ => natural_stops(palette, stream),
-    }
-}
-
-/// Families whose colours are those of the stuff itself.
-fn natural_stops(palette: Palette, stream: &mut Stream) -> [Rgb; 4] {
-    match palette {
         Palette::Paper => {
             let white = natural([0.82, 0.8, 0.75], 0.1, stream);
-            around(
-                if stream.chance(0.35) {
-                    muted(stream)
-                } else {
-                    white
-                },
-                0.06,
-            )
+            around(or(white, 0.35, muted, stream), 0.06)
         }
         Palette::Cardboard => around(natural([0.42, 0.29, 0.17], 0.2, stream), 0.1),
         Palette::Cork => {
@@ -179,7 +147,16 @@ fn natural_stops(palette: Palette, stream: &mut Stream) -> [Rgb; 4] {
         Palette::Steel => around(natural([0.53, 0.51, 0.49], 0.08, stream), 0.12),
         Palette::Aluminium => around(natural([0.68, 0.69, 0.7], 0.08, stream), 0.12),
         Palette::Brass => around(natural([0.82, 0.66, 0.33], 0.08, stream), 0.14),
-        _ => around(natural([0.9, 0.58, 0.43], 0.08, stream), 0.2),
+        Palette::Copper => around(natural([0.9, 0.58, 0.43], 0.08, stream), 0.2),
+    }
+}
+
+/// The colour, or with this chance another.
+fn or(base: Rgb, chance: f64, other: fn(&mut Stream) -> Rgb, stream: &mut Stream) -> Rgb {
+    if stream.chance(chance) {
+        other(stream)
+    } else {
+        base
     }
 }
 
@@ -220,7 +197,7 @@ fn wood(stream: &mut Stream) -> [Rgb; 4] {
         ([0.02, 0.013, 0.009], [0.08, 0.05, 0.035]),
     ];
     let (dark, light) = SPECIES[stream.index(SPECIES.len())];
-    let gain = stream.between(0.75, 1.3) as f32;
+    let gain = stream.between32(0.75, 1.3);
     let (dark, light) = (scaled(dark, gain), scaled(light, gain));
     [scaled(dark, 0.55), dark, lerp(dark, light, 0.6), light]
 }

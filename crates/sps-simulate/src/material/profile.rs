@@ -1,26 +1,28 @@
-//! What a kind of material is, as ranges of physical parameters.
+//! What a kind of material is, as ranges of physical parameters: a line of `ranges.csv`.
 
-use serde::{Deserialize, Serialize};
+use std::sync::LazyLock;
 
-use super::super::numeric;
+use serde::Deserialize;
+use serde::de::IntoDeserializer;
+use serde::de::value::Error;
+
+use super::super::numeric::normal_cdf;
 use super::Palette;
 
 /// A range that a parameter is drawn from.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Range {
-    /// Lowest value.
-    pub lo: f64,
-    /// Highest value.
-    pub hi: f64,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Range {
+    lo: f64,
+    hi: f64,
 }
 
 impl Range {
     /// The value at a standard-normal score: uniform in the logarithm between the two ends, or
     /// uniform where the range starts at zero.
-    pub fn at(self, score: f64) -> f64 {
-        let p = numeric::normal_cdf(score);
+    pub(crate) fn at(self, score: f64) -> f64 {
+        let p = normal_cdf(score);
         if self.lo > 0.0 {
-            self.lo * numeric::pow(self.hi / self.lo, p)
+            self.lo * libm::pow(self.hi / self.lo, p)
         } else {
             self.lo + (self.hi - self.lo) * p
         }
@@ -28,9 +30,9 @@ impl Range {
 }
 
 /// How warp and weft cross.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Weave {
+pub(crate) enum Weave {
     /// Over one, under one.
     Plain,
     /// Over three, under one, shifted by one each row: diagonal lines.
@@ -42,9 +44,9 @@ pub enum Weave {
 }
 
 /// What the height field is built of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Structure {
+pub(crate) enum Structure {
     /// Nothing but its microrelief.
     Smooth,
     /// A fired glaze: faint waves, specks and a net of fine cracks.
@@ -81,53 +83,98 @@ pub enum Structure {
     Embossed,
 }
 
-/// The ranges of one kind of one material.
-///
-/// A surface's parameter is [`Range::at`] its latent score. The sources of the ranges are in the
-/// repository's `docs/simulator.md`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub struct Profile {
-    /// What the height field is built of.
-    pub structure: Structure,
-    /// Thread, stitch, tuft, cell, ring or motif pitch, in mm.
-    pub period_mm: Range,
-    /// Root mean square of the structure's height, in mm.
-    pub relief_mm: Range,
-    /// 0 is disordered, 1 is a perfect lattice.
-    pub regularity: Range,
-    /// Root mean square of the microrelief, in micrometres.
-    pub micro_um: Range,
-    /// Correlation length of the microrelief, in mm.
-    pub micro_length_mm: Range,
-    /// GGX roughness (alpha) of what is too fine to resolve.
-    pub alpha: Range,
+/// One kind of one material; its fields are in the order of the columns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Profile {
+    pub(crate) material: &'static str,
+    /// How many of 200 consecutive surfaces are of the material.
+    pub(crate) per_block: usize,
+    pub(crate) structure: Structure,
+    /// Share of the kind in its material.
+    pub(crate) weight: f64,
+    pub(crate) palette: Palette,
     /// Roughness along the structure over roughness across it.
-    pub anisotropy: f64,
-    /// Strength of the fuzz lobe.
-    pub sheen: Range,
+    pub(crate) anisotropy: f64,
     /// Reflectance at normal incidence of a dielectric; 0 for a metal, whose colour it is.
-    pub f0: f64,
+    pub(crate) f0: f64,
     /// Share of surfaces under a clear coat.
-    pub coated: f64,
-    /// Family of colours.
-    pub palette: Palette,
+    pub(crate) coated: f64,
     /// Share of surfaces with a print or woven pattern of a second colour.
-    pub printed: f64,
-    /// Indentation modulus, in kPa.
-    pub modulus_kpa: Range,
-    /// Loss tangent at 1 to 10 Hz.
-    pub loss: Range,
-    /// Share of the stress that relaxes within seconds.
-    pub relaxation: Range,
-    /// Creep strain over elastic strain within seconds.
-    pub creep: Range,
-    /// Thickness on the rigid stage, in mm.
-    pub thickness_mm: Range,
-    /// Thermal effusivity, in J m^-2 K^-1 s^-1/2.
-    pub effusivity: Range,
-    /// Work of adhesion against silicone rubber, in mJ/m^2.
-    pub adhesion: Range,
-    /// Tackiness of deposits and plasticiser, relative to a clean surface.
-    pub tack: Range,
+    pub(crate) printed: f64,
+    /// Of what the first fifteen [latents](crate::latent::Latent) set, in their order.
+    pub(crate) ranges: [Range; 15],
+}
+
+const TABLE: &str = include_str!("ranges.csv");
+
+/// The kinds of each material.
+pub(super) static KINDS: LazyLock<Vec<Vec<Profile>>> = LazyLock::new(|| {
+    let kinds: Vec<Profile> = TABLE.lines().skip(1).map(Profile::read).collect();
+    let of_one = kinds.chunk_by(|one, other| one.material == other.material);
+    of_one.map(<[_]>::to_vec).collect()
+});
+
+impl Profile {
+    fn read(line: &'static str) -> Self {
+        let mut cells = line.split(',');
+        let mut text = || cells.next().expect("a cell");
+        let number = |text: &str| text.parse().expect("a number");
+        Self {
+            material: text(),
+            per_block: number(text()) as usize,
+            structure: Structure::named(text()),
+            weight: number(text()),
+            palette: named(text()),
+            anisotropy: number(text()),
+            f0: number(text()),
+            coated: number(text()),
+            printed: number(text()),
+            ranges: std::array::from_fn(|_| {
+                let (lo, hi) = text().split_once('-').expect("two numbers");
+                let (lo, hi) = (number(lo), number(hi));
+                Range { lo, hi }
+            }),
+        }
+    }
+}
+
+impl Structure {
+    fn named(name: &'static str) -> Self {
+        match name.strip_prefix("woven ") {
+            Some(weave) => Self::Woven(named(weave)),
+            None => named(name),
+        }
+    }
+}
+
+/// The variant of this name.
+fn named<T: Deserialize<'static>>(name: &'static str) -> T {
+    let named: Result<T, Error> = T::deserialize(name.into_deserializer());
+    named.expect("a name that there is")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_line_is_read_whole_and_every_material_has_its_kinds() {
+        assert_eq!(KINDS.len(), 45);
+        for line in TABLE.lines() {
+            assert_eq!(line.split(',').count(), 24, "{line}");
+        }
+        for kinds in KINDS.iter() {
+            let material = kinds[0].material;
+            let weights: f64 = kinds.iter().map(|kind| kind.weight).sum();
+            assert!((weights - 1.0).abs() < 1e-12, "{material}: {weights}");
+            let share = kinds[0].per_block;
+            assert!(kinds.iter().all(|kind| kind.per_block == share));
+            let lines = TABLE.lines().filter(|line| line.starts_with(material));
+            assert_eq!(
+                lines.count(),
+                kinds.len(),
+                "{material}: its lines stand together"
+            );
+        }
+    }
 }

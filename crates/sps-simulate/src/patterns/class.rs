@@ -1,12 +1,10 @@
 //! What all images of a class have in common.
 
-use super::motif::Motif;
+use super::motif::{self, Motif};
 use super::noise::{reseed, warped};
-use crate::numeric;
 use crate::stream::Stream;
 
 /// One or two motifs, and how they are seen.
-#[derive(Debug, Clone)]
 pub(super) struct Class {
     first: Motif,
     second: Option<Second>,
@@ -25,7 +23,6 @@ pub(super) struct Class {
     pub(super) upright: bool,
 }
 
-#[derive(Debug, Clone)]
 struct Second {
     motif: Motif,
     /// Its features for one of the first motif.
@@ -33,7 +30,6 @@ struct Second {
     joined: Joined,
 }
 
-#[derive(Debug, Clone, Copy)]
 enum Joined {
     /// With such a weight.
     Sum(f32),
@@ -53,19 +49,19 @@ pub(super) struct Spot {
 
 impl Class {
     pub(super) fn draw(stream: &mut Stream) -> Self {
-        let first = Motif::draw(stream);
+        let first = motif::draw(stream);
         let second = stream.chance(0.6).then(|| Second {
-            motif: Motif::draw(stream),
+            motif: motif::draw(stream),
             ratio: log_between(stream, 0.3, 6.0),
             joined: match stream.index(4) {
-                0 => Joined::Sum(stream.between(0.3, 1.2) as f32),
+                0 => Joined::Sum(stream.between32(0.3, 1.2)),
                 1 => Joined::Inside,
                 2 => Joined::Product,
                 _ => Joined::Colour,
             },
         });
         let warp = if stream.chance(0.5) {
-            [stream.between(0.05, 0.5), stream.between(1.0, 6.0)].map(|v| v as f32)
+            [stream.between32(0.05, 0.5), stream.between32(1.0, 6.0)]
         } else {
             [0.0, 1.0]
         };
@@ -92,12 +88,12 @@ impl Class {
     /// The pattern that a seed makes, at a place in features.
     pub(super) fn at(&self, place: [f32; 2], seed: u32) -> Spot {
         let place = warped(place, reseed(seed, 1), self.warp[0], self.warp[1]);
-        let first = self.first.at(place, reseed(seed, 2));
+        let first = (self.first)(place, reseed(seed, 2));
         let Some(second) = &self.second else {
             return Spot::of(first);
         };
         let finer = place.map(|v| v * second.ratio);
-        let value = || second.motif.at(finer, reseed(seed, 3));
+        let value = || (second.motif)(finer, reseed(seed, 3));
         match second.joined {
             Joined::Sum(weight) => {
                 Spot::of((first + weight * value()) / (1.0 + weight * weight).sqrt())
@@ -124,5 +120,5 @@ impl Spot {
 
 /// Uniform in the logarithm.
 pub(super) fn log_between(stream: &mut Stream, lo: f64, hi: f64) -> f32 {
-    numeric::exp(stream.between(numeric::ln(lo), numeric::ln(hi))) as f32
+    libm::exp(stream.between(libm::log(lo), libm::log(hi))) as f32
 }

@@ -44,9 +44,9 @@ impl Image {
         };
         let (sine, cosine) = (libm::sinf(angle as f32), libm::cosf(angle as f32));
         let step = features / (side as f32 * FINER);
-        let leaning = 1.0 / stream.between(0.65, 1.0) as f32;
+        let leaning = 1.0 / stream.between32(0.65, 1.0);
         let mirrored = if stream.chance(0.5) { -1.0 } else { 1.0 };
-        let mut between = |lo: f64, hi: f64| stream.between(lo, hi) as f32;
+        let mut between = |lo: f64, hi: f64| stream.between32(lo, hi);
         let (height, turn) = (between(0.3, 1.2), between(0.0, TAU));
         let flat = libm::cosf(height);
         let light = [
@@ -171,7 +171,7 @@ fn palette(class: &Class, stream: &mut Stream) -> Vec<[f32; 3]> {
     let grey = stream.chance(0.25);
     let saturation = if grey { 0.0 } else { stream.unit() as f32 };
     let mut colour = || -> [f32; 3] {
-        let light = stream.between(0.02, 0.9) as f32;
+        let light = stream.between32(0.02, 0.9);
         std::array::from_fn(|_| {
             let own = stream.unit() as f32;
             mix(light, own * own, saturation * 0.8)

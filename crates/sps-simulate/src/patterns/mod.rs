@@ -4,7 +4,6 @@
 //! Images" (ACCV 2020), and Baradad et al., "Learning to See by Looking at Noise" (NeurIPS 2021).
 
 mod class;
-mod formulas;
 mod image;
 mod motif;
 mod noise;

@@ -1,6 +1,6 @@
 //! Noise on the plane, each value a function of its place and a seed.
 
-use crate::numeric::smoothstep;
+use crate::numeric::{mix, smoothstep};
 
 /// Bits of a place of a lattice.
 pub(super) fn hash(x: i32, y: i32, seed: u32) -> u32 {
@@ -20,6 +20,16 @@ pub(super) fn unit(bits: u32) -> f32 {
 /// Another seed, of the same seed.
 pub(super) fn reseed(seed: u32, purpose: u32) -> u32 {
     hash(purpose as i32, 0x5EED, seed)
+}
+
+/// A wave of period 1, from -1 to 1.
+pub(super) fn wave(x: f32) -> f32 {
+    libm::sinf(std::f32::consts::TAU * (x - x.floor()))
+}
+
+pub(super) fn turned([x, y]: [f32; 2], angle: f32) -> [f32; 2] {
+    let (sine, cosine) = (libm::sinf(angle), libm::cosf(angle));
+    [cosine * x - sine * y, sine * x + cosine * y]
 }
 
 const DIAGONAL: f32 = std::f32::consts::FRAC_1_SQRT_2;
@@ -46,7 +56,6 @@ pub(super) fn gradient([x, y]: [f32; 2], seed: u32) -> f32 {
     };
     let fade = |t: f32| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
     let (u, v) = (fade(dx), fade(dy));
-    let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
     let upper = mix(corner(0, 0), corner(1, 0), u);
     let lower = mix(corner(0, 1), corner(1, 1), u);
     1.5 * mix(upper, lower, v)
@@ -69,12 +78,6 @@ pub(super) fn octaves(
         (x, y) = (1.6 * x - 1.2 * y, 1.2 * x + 1.6 * y);
     }
     sum / weights.sqrt()
-}
-
-/// Soft octaves, for places to move by.
-fn drift(place: [f32; 2], seed: u32) -> [f32; 2] {
-    let along = |purpose| octaves(place, reseed(seed, purpose), 3, 0.5, |v| v);
-    [along(11), along(12)]
 }
 
 /// The points of a lattice moved at random, as seen from a place.
@@ -158,9 +161,9 @@ pub(super) fn warped(place: [f32; 2], seed: u32, strength: f32, length: f32) -> 
     if strength == 0.0 {
         return place;
     }
-    let [dx, dy] = drift([place[0] / length, place[1] / length], seed);
-    [
-        place[0] + strength * length * dx,
-        place[1] + strength * length * dy,
-    ]
+    let along = |purpose| {
+        let soft = place.map(|v| v / length);
+        strength * length * octaves(soft, reseed(seed, purpose), 3, 0.5, |v| v)
+    };
+    [place[0] + along(11), place[1] + along(12)]
 }

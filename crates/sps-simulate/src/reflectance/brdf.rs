@@ -1,8 +1,7 @@
 //! The layered reflectance at one point.
 
 use super::energy::energy;
-use super::fresnel;
-use super::ggx::{SMALLEST, Spread, visibility};
+use super::ggx::{SMALLEST, Spread, schlick, visibility};
 use super::sheen::{sheen_lobe, sheen_table};
 
 /// A direction or normal; need not be of unit length.
@@ -74,11 +73,7 @@ impl Brdf {
 
     fn eval_pair(&self, pair: &Pair) -> [f32; 3] {
         let (nl, nv) = (pair.light[2], pair.view[2]);
-        let spread = Spread {
-            xx: (self.alpha[0] * self.alpha[0]).max(SMALLEST),
-            yy: (self.alpha[1] * self.alpha[1]).max(SMALLEST),
-            xy: 0.0,
-        };
+        let spread = Spread::along(self.alpha.map(|alpha| (alpha * alpha).max(SMALLEST)));
         let lobe = pair.microfacets(spread);
         let mean_alpha2 = 0.5 * (spread.xx + spread.yy);
         let base = if self.metal {
@@ -95,17 +90,13 @@ impl Brdf {
         };
         let (coat, under_coat) = self.coat.map_or((0.0, 1.0), |alpha| {
             let a2 = (alpha * alpha).max(SMALLEST);
-            let gloss = pair.microfacets(Spread {
-                xx: a2,
-                yy: a2,
-                xy: 0.0,
-            });
+            let gloss = pair.microfacets(Spread::along([a2; 2]));
             let reflected = |c| {
                 let e = energy().at(a2, c);
                 COAT_F0 * e.scale + e.bias
             };
             (
-                gloss * fresnel::schlick(COAT_F0, pair.lh),
+                gloss * schlick(COAT_F0, pair.lh),
                 (1.0 - reflected(nl)) * (1.0 - reflected(nv)),
             )
         });
@@ -115,9 +106,17 @@ impl Brdf {
     /// Single scattering, and the light that bounces between facets (Kulla and Conty, SIGGRAPH
     /// courses 2017).
     fn metal_base(&self, pair: &Pair, lobe: f32, alpha2: f32) -> [f32; 3] {
-        let lost = lost_energy(alpha2, pair.light[2], pair.view[2]);
+        let table = energy();
+        let lost = |c| {
+            let e = table.at(alpha2, c);
+            (1.0 - e.scale - e.bias).max(0.0)
+        };
+        let lost = lost(pair.light[2]) * lost(pair.view[2]);
+        let (scale, bias) = table.mean(alpha2);
+        let mean = scale + bias;
+        let leaving = std::f32::consts::PI * (1.0 - mean).max(1e-4);
         self.albedo
-            .map(|f0| lobe * fresnel::schlick(f0, pair.lh) + multiple_scattering(f0, alpha2, lost))
+            .map(|f0| lobe * schlick(f0, pair.lh) + multiple_colour(f0, mean) * lost / leaving)
     }
 
     /// The interface, and diffuse light that crossed it twice.
@@ -131,42 +130,27 @@ impl Brdf {
         let (scale, bias) = table.mean(alpha2);
         let diffuse =
             crossed(nl) * crossed(nv) / ((1.0 - self.f0 * scale - bias) * std::f32::consts::PI);
-        let gloss = lobe * fresnel::schlick(self.f0, pair.lh);
+        let gloss = lobe * schlick(self.f0, pair.lh);
         self.albedo.map(|albedo| gloss + albedo * diffuse)
     }
-}
-
-/// `(1 - E(l)) (1 - E(v))`: what single scattering loses at either direction.
-#[inline]
-fn lost_energy(alpha2: f32, nl: f32, nv: f32) -> f32 {
-    let lost = |c| {
-        let e = energy().at(alpha2, c);
-        (1.0 - e.scale - e.bias).max(0.0)
-    };
-    lost(nl) * lost(nv)
-}
-
-/// The lobe of light that met several facets of reflectance `f0`.
-#[inline]
-fn multiple_scattering(f0: f32, alpha2: f32, lost: f32) -> f32 {
-    let (scale, bias) = energy().mean(alpha2);
-    let mean = scale + bias;
-    multiple_colour(f0, mean) * lost / (std::f32::consts::PI * (1.0 - mean).max(1e-4))
 }
 
 /// What is left of light that meets facets of reflectance `f0` until it leaves, where white ones
 /// have the mean directional albedo `mean`.
 #[inline]
 pub(crate) fn multiple_colour(f0: f32, mean: f32) -> f32 {
-    let f = fresnel::average(f0);
+    // The mean of Schlick's reflectance over the hemisphere, weighted by the cosine.
+    let f = f0 + (1.0 - f0) / 21.0;
     f * f * mean / (1.0 - f * (1.0 - mean))
 }
 
 impl Pair {
     fn new(normal: Vector, light: Vector, view: Vector) -> Option<Self> {
-        let frame = Frame::around(normalised(normal)?);
-        let light = frame.local(normalised(light)?);
-        let view = frame.local(normalised(view)?);
+        let frame = frame(normalised(normal)?);
+        let light = normalised(light)?;
+        let light = frame.map(|axis| dot(light, axis));
+        let view = normalised(view)?;
+        let view = frame.map(|axis| dot(view, axis));
         if light[2] <= 0.0 || view[2] <= 0.0 {
             return None;
         }
@@ -199,35 +183,15 @@ impl Pair {
     }
 }
 
-/// An orthonormal frame.
-struct Frame {
-    tangent: Vector,
-    bitangent: Vector,
-    normal: Vector,
-}
-
-impl Frame {
-    fn around(normal: Vector) -> Self {
-        let [x, y, z] = normal;
-        // The x axis without its part along the normal, or the y axis where nothing is left.
-        let tangent = normalised([1.0 - x * x, -x * y, -x * z])
-            .filter(|_| x.abs() < 0.999)
-            .or_else(|| normalised([-y * x, 1.0 - y * y, -y * z]))
-            .unwrap_or([0.0, 1.0, 0.0]);
-        Self {
-            tangent,
-            bitangent: cross(normal, tangent),
-            normal,
-        }
-    }
-
-    fn local(&self, d: Vector) -> Vector {
-        [
-            dot(d, self.tangent),
-            dot(d, self.bitangent),
-            dot(d, self.normal),
-        ]
-    }
+/// The tangent, the bitangent and the normal.
+fn frame(normal: Vector) -> [Vector; 3] {
+    let [x, y, z] = normal;
+    // The x axis without its part along the normal, or the y axis where nothing is left.
+    let tangent = normalised([1.0 - x * x, -x * y, -x * z])
+        .filter(|_| x.abs() < 0.999)
+        .or_else(|| normalised([-y * x, 1.0 - y * y, -y * z]))
+        .unwrap_or([0.0, 1.0, 0.0]);
+    [tangent, cross(normal, tangent), normal]
 }
 
 fn dot(a: Vector, b: Vector) -> f32 {

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use super::super::numeric;
+use super::super::numeric::mix;
 use super::dome::{DOME, Dome};
 
 /// Nodes along each axis: the root of alpha, and the root of the cosine.
@@ -80,10 +80,7 @@ impl EnergyTable {
     pub(crate) fn mean(&self, alpha2: f32) -> (f32, f32) {
         let (i, a) = node(alpha2.max(0.0).sqrt().sqrt(), ROUGHNESSES);
         let (low, high) = (self.means[i], self.means[i + 1]);
-        (
-            numeric::mix(low[0], high[0], a),
-            numeric::mix(low[1], high[1], a),
-        )
+        (mix(low[0], high[0], a), mix(low[1], high[1], a))
     }
 }
 
@@ -113,7 +110,7 @@ fn hemispherical_mean(row: &[[f32; 4]]) -> [f32; 2] {
 /// `[dome scale, dome bias, scale, bias]` for a view at cosine `c`, by a product rule over the
 /// normals visible from there (Heitz, JCGT 7(4), 2018).
 fn lobe_integrals(alpha: f64, c: f64, dome: Dome) -> [f64; 4] {
-    let view = [numeric::sqrt(1.0 - c * c), 0.0, c];
+    let view = [(1.0 - c * c).sqrt(), 0.0, c];
     let mut sums = [0.0; 4];
     for i in 0..POINTS {
         // Denser towards the tail, which is long and may see a brighter part of the dome.
@@ -150,17 +147,13 @@ fn lobe_integrals(alpha: f64, c: f64, dome: Dome) -> [f64; 4] {
 /// from the plane of incidence.
 fn visible_normal(alpha: f64, view: [f64; 3], u: f64, phi: f64) -> [f64; 3] {
     let (x, z) = (alpha * view[0], view[2]);
-    let length = numeric::sqrt(x * x + z * z);
+    let length = (x * x + z * z).sqrt();
     let (x, z) = (x / length, z / length);
     let up = 1.0 - u * (1.0 + z);
-    let side = numeric::sqrt((1.0 - up * up).max(0.0));
-    let cap = [
-        side * numeric::cos(phi) + x,
-        side * numeric::sin(phi),
-        up + z,
-    ];
+    let side = (1.0 - up * up).max(0.0).sqrt();
+    let cap = [side * libm::cos(phi) + x, side * libm::sin(phi), up + z];
     let h = [alpha * cap[0], alpha * cap[1], cap[2].max(0.0)];
-    let norm = numeric::sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]).max(1e-300);
+    let norm = (h[0] * h[0] + h[1] * h[1] + h[2] * h[2]).sqrt().max(1e-300);
     h.map(|c| c / norm)
 }
 
@@ -168,7 +161,7 @@ fn visible_normal(alpha: f64, view: [f64; 3], u: f64, phi: f64) -> [f64; 3] {
 fn shadowing_given_masking(alpha: f64, nl: f64, nv: f64) -> f64 {
     let lambda = |c: f64| {
         let tan2 = (1.0 - c * c).max(0.0) / (c * c);
-        0.5 * (numeric::sqrt(1.0 + alpha * alpha * tan2) - 1.0)
+        0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0)
     };
     let (l, v) = (lambda(nl), lambda(nv));
     (1.0 + v) / (1.0 + v + l)

@@ -3,7 +3,6 @@
 mod brdf;
 mod dome;
 mod energy;
-mod fresnel;
 mod ggx;
 mod sheen;
 
@@ -11,6 +10,5 @@ pub use brdf::{Brdf, Vector};
 pub(crate) use brdf::{COAT_F0, multiple_colour};
 pub(crate) use dome::DOME;
 pub(crate) use energy::energy;
-pub(crate) use fresnel::schlick;
-pub(crate) use ggx::{Spread, slope_density, visibility};
+pub(crate) use ggx::{Spread, schlick, slope_density, visibility};
 pub(crate) use sheen::{sheen_lobe, sheen_table};

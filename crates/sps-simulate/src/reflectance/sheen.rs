@@ -5,7 +5,7 @@
 
 use std::sync::LazyLock;
 
-use super::super::numeric;
+use super::super::numeric::mix;
 use super::dome::{DOME, Dome};
 
 const NODES: usize = 64;
@@ -21,7 +21,8 @@ pub(crate) fn sheen_lobe(nl: f32, nv: f32, nh: f32) -> f32 {
 /// Directional albedo of the lobe over the cosine, under uniform light and under the dome.
 pub(crate) struct SheenTable {
     nodes: Vec<[f32; 2]>,
-    mean: f32,
+    /// The albedo's cosine-weighted mean over directions.
+    pub(crate) mean: f32,
 }
 
 /// The instrument's table, integrated once per process.
@@ -44,11 +45,6 @@ impl SheenTable {
         Self { nodes, mean }
     }
 
-    /// The albedo's cosine-weighted mean over directions.
-    pub(crate) fn mean(&self) -> f32 {
-        self.mean
-    }
-
     /// `(albedo, under the dome)` at a cosine, linear between nodes.
     #[inline]
     pub(crate) fn at(&self, cosine: f32) -> (f32, f32) {
@@ -56,25 +52,22 @@ impl SheenTable {
         let i = (scaled as usize).min(NODES - 2);
         let t = scaled - i as f32;
         let (low, high) = (self.nodes[i], self.nodes[i + 1]);
-        (
-            low[0] + (high[0] - low[0]) * t,
-            low[1] + (high[1] - low[1]) * t,
-        )
+        (mix(low[0], high[0], t), mix(low[1], high[1], t))
     }
 }
 
 fn lobe_integrals(c: f64, dome: Dome) -> [f64; 2] {
     const STEPS: usize = 48;
-    let view = [numeric::sqrt(1.0 - c * c), 0.0, c];
+    let view = [(1.0 - c * c).sqrt(), 0.0, c];
     let mut sums = [0.0; 2];
     for i in 0..STEPS {
         let z = (i as f64 + 0.5) / STEPS as f64;
-        let s = numeric::sqrt(1.0 - z * z);
+        let s = (1.0 - z * z).sqrt();
         for j in 0..STEPS {
             let phi = std::f64::consts::PI * (j as f64 + 0.5) / STEPS as f64;
-            let light = [s * numeric::cos(phi), s * numeric::sin(phi), z];
+            let light = [s * libm::cos(phi), s * libm::sin(phi), z];
             let axis = view[0] * light[0] + view[2] * light[2];
-            let half = numeric::sqrt((2.0 + 2.0 * axis).max(1e-12));
+            let half = (2.0 + 2.0 * axis).max(1e-12).sqrt();
             let nh = ((light[2] + view[2]) / half).min(1.0);
             let value = f64::from(sheen_lobe(z as f32, c as f32, nh as f32)) * z;
             sums[0] += value;

@@ -3,7 +3,7 @@
 //! Fast crates choose their instructions by CPU feature, and with them the order of rounding. This
 //! one is radix 2, in f32, with twiddle factors from `libm`.
 
-use super::super::numeric;
+use super::fractal::unit;
 
 /// A complex number as (real, imaginary).
 pub(crate) type Complex = (f32, f32);
@@ -20,12 +20,7 @@ impl Fourier {
     pub(crate) fn new(n: usize) -> Self {
         debug_assert!(n.is_power_of_two() && n >= 2);
         let step = std::f64::consts::TAU / n as f64;
-        let twiddles = (0..n / 2)
-            .map(|k| {
-                let angle = step * k as f64;
-                (numeric::cos(angle) as f32, numeric::sin(angle) as f32)
-            })
-            .collect();
+        let twiddles = (0..n / 2).map(|k| unit(step * k as f64)).collect();
         let shift = usize::BITS - n.trailing_zeros();
         let reversed = (0..n).map(|i| i.reverse_bits() >> shift).collect();
         Self {

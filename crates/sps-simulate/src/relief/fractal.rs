@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use super::super::grid::Grid;
-use super::super::numeric;
+use super::super::numeric::mix;
 use super::super::stream::Stream;
 use super::fourier::Fourier;
 
@@ -76,11 +76,6 @@ pub(crate) fn pair(n: usize, fractal: Fractal, stream: &mut Stream) -> (Grid, Gr
     (re, im)
 }
 
-/// One field of mean zero and unit deviation.
-pub(crate) fn field(n: usize, fractal: Fractal, stream: &mut Stream) -> Grid {
-    pair(n, fractal, stream).0
-}
-
 /// The amplitudes on the edge of the square of wave vectors whose larger component is `radius`. Opposite
 /// wave vectors have the same, so two of the four sides tell all.
 struct Ring {
@@ -110,13 +105,14 @@ impl Ring {
 
 /// Unit vectors around the circle.
 static PHASES: LazyLock<Vec<(f32, f32)>> = LazyLock::new(|| {
-    (0..1024)
-        .map(|i| {
-            let angle = std::f64::consts::TAU * f64::from(i) / 1024.0;
-            (numeric::cos(angle) as f32, numeric::sin(angle) as f32)
-        })
-        .collect()
+    let angles = (0..1024).map(|i| std::f64::consts::TAU * f64::from(i) / 1024.0);
+    angles.map(unit).collect()
 });
+
+/// The unit vector at an angle from the x axis.
+pub(super) fn unit(angle: f64) -> (f32, f32) {
+    (libm::cos(angle) as f32, libm::sin(angle) as f32)
+}
 
 /// Entries of the table for each step of the root of the wave number.
 const PER_ROOT: f32 = 32.0;
@@ -131,23 +127,20 @@ struct Amplitude {
 
 impl Amplitude {
     fn new(fractal: Fractal, n: usize) -> Self {
-        let highest =
-            (n / 2).max(REFERENCE_RINGS as usize + 1) as f64 * 1.5 * fractal.stretch.max(1.0);
-        let entries = (numeric::sqrt(highest) * f64::from(PER_ROOT)) as usize + 2;
+        let rings = (n / 2).max(REFERENCE_RINGS as usize + 1);
+        let highest = rings as f64 * 1.5 * fractal.stretch.max(1.0);
+        let entries = (highest.sqrt() * f64::from(PER_ROOT)) as usize + 2;
         let exponent = -0.5 * (fractal.hurst + 1.0);
         let table = (0..entries)
             .map(|i| {
                 let root = i as f64 / f64::from(PER_ROOT);
                 let k = std::f64::consts::TAU * root * root * fractal.length;
-                numeric::pow(1.0 + k * k, exponent) as f32
+                libm::pow(1.0 + k * k, exponent) as f32
             })
             .collect();
         Self {
             table,
-            along: (
-                numeric::cos(fractal.direction) as f32,
-                numeric::sin(fractal.direction) as f32,
-            ),
+            along: unit(fractal.direction),
             stretch: fractal.stretch as f32,
         }
     }
@@ -175,7 +168,7 @@ impl Amplitude {
         for place in &mut edge {
             let i = (*place as usize).min(self.table.len() - 2);
             let t = (*place - i as f32).min(1.0);
-            *place = numeric::mix(self.table[i], self.table[i + 1], t);
+            *place = mix(self.table[i], self.table[i + 1], t);
         }
         edge
     }
@@ -204,7 +197,7 @@ mod tests {
     fn a_finer_map_only_adds_detail() {
         let draw = |n| {
             let mut stream = Stream::new(3, Purpose::Relief, &[1]);
-            field(n, Fractal::isotropic(0.2, 0.9), &mut stream)
+            pair(n, Fractal::isotropic(0.2, 0.9), &mut stream).0
         };
         let (coarse, fine) = (draw(64), draw(128));
         let mut worst = 0.0f32;

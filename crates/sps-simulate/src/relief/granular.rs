@@ -1,9 +1,8 @@
 //! Grains, pebbles, pores and veins.
 
-use super::super::grid::Grid;
 use super::super::numeric::smoothstep;
 use super::cells::{Cells, Nearest};
-use super::{Builder, Layers, fractal};
+use super::{Builder, Fractal, Layers};
 
 /// Hurst exponents of cell walls: drawn tight, or broken.
 const SMOOTH: f64 = 2.5;
@@ -16,11 +15,8 @@ impl Builder<'_> {
         let mut layers = self.cellular(SMOOTH, |cell, random| {
             let crease = smoothstep(0.02, 0.32, cell.second - cell.first);
             let dome = crease * (1.0 - 0.35 * cell.first) + 0.12 * random;
-            (
-                dome,
-                0.25 + 0.45 * crease + 0.07 * random,
-                0.6 + 0.4 * crease,
-            )
+            let tone = 0.25 + 0.45 * crease + 0.07 * random;
+            (dome, tone, 0.6 + 0.4 * crease)
         });
         layers.height.add_scaled(&crumple, 0.25);
         layers.tone.add_scaled(&crumple, 0.03);
@@ -29,15 +25,7 @@ impl Builder<'_> {
 
     /// Pits of two sizes in a body.
     pub(super) fn porous(&mut self) -> Layers {
-        let fine = {
-            let mut finer = Builder {
-                n: self.n,
-                count: self.count * 3,
-                regularity: self.regularity,
-                stream: &mut *self.stream,
-            };
-            finer.pits(0.9, 0.3)
-        };
+        let fine = self.finer().pits(0.9, 0.3);
         let mut layers = self.pits(0.75, 0.55);
         layers.height.add_scaled(&fine.height, 0.4);
         layers.tone.add_scaled(&fine.tone, 0.5);
@@ -59,28 +47,16 @@ impl Builder<'_> {
     pub(super) fn granular(&mut self) -> Layers {
         self.cellular(FRAYED, |cell, random| {
             let dome = (1.0 - cell.first * cell.first).max(0.0).sqrt();
-            (
-                dome + 0.35 * random,
-                0.5 + 0.4 * random + 0.2 * (dome - 0.7),
-                1.0,
-            )
+            let tone = 0.5 + 0.4 * random + 0.2 * (dome - 0.7);
+            (dome + 0.35 * random, tone, 1.0)
         })
     }
 
     /// Minerals ground flat: dark mica, quartz and two feldspars.
     pub(super) fn speckled(&mut self) -> Layers {
-        let mut fine = Builder {
-            n: self.n,
-            count: self.count * 3,
-            regularity: self.regularity,
-            stream: &mut *self.stream,
-        };
-        let fine = fine.cellular(FRAYED, |_, random| {
-            (
-                random,
-                if random > 0.72 { -0.35 } else { 0.05 * random },
-                1.0,
-            )
+        let fine = self.finer().cellular(FRAYED, |_, random| {
+            let tone = if random > 0.72 { -0.35 } else { 0.05 * random };
+            (random, tone, 1.0)
         });
         let mut layers = self.cellular(FRAYED, |cell, random| {
             let mineral = match random {
@@ -90,11 +66,8 @@ impl Builder<'_> {
                 _ => 0.95,
             };
             let joint = smoothstep(0.0, 0.08, cell.second - cell.first);
-            (
-                0.5 * random + 0.4 * joint,
-                mineral - 0.05 * (1.0 - joint),
-                1.0,
-            )
+            let tone = mineral - 0.05 * (1.0 - joint);
+            (0.5 * random + 0.4 * joint, tone, 1.0)
         });
         layers.height.add_scaled(&fine.height, 0.2);
         layers.tone.add_scaled(&fine.tone, 1.0);
@@ -104,66 +77,36 @@ impl Builder<'_> {
     /// Veins where a warped field crosses zero, as in marble.
     pub(super) fn veined(&mut self) -> Layers {
         let length = 0.5 / self.count as f64;
-        let (broad, warp) = fractal::pair(
-            self.n,
-            fractal::Fractal {
-                length,
-                hurst: 0.75,
-                stretch: 2.0,
-                direction: std::f64::consts::PI * self.stream.unit(),
-            },
-            self.stream,
-        );
-        let (second, cloud) = fractal::pair(
-            self.n,
-            fractal::Fractal::isotropic(0.5 * length, 0.6),
-            self.stream,
-        );
+        let broad = Fractal {
+            length,
+            hurst: 0.75,
+            stretch: 2.0,
+            direction: std::f64::consts::PI * self.stream.unit(),
+        };
+        let (broad, warp) = self.fields(broad);
+        let (second, cloud) = self.fields(Fractal::isotropic(0.5 * length, 0.6));
         let width = 0.05 + 0.1 * self.stream.unit() as f32;
-        let mut tone = Grid::filled(self.n, 0.0);
-        for (at, t) in tone.data_mut().iter_mut().enumerate() {
-            let (b, s, w) = (broad.data()[at], second.data()[at], warp.data()[at]);
+        Layers::of_texels(self.n, |at, _, _| {
+            let (b, s, w) = (broad[at], second[at], warp[at]);
             let main = 1.0 - smoothstep(0.0, width * (1.0 + 0.6 * w.abs()), b.abs());
             let fine = 1.0 - smoothstep(0.0, 0.5 * width, (s + 0.5 * b).abs());
             let veins =
                 (main * (0.55 + 0.4 * w) + 0.5 * fine * smoothstep(-0.2, 0.8, w)).clamp(0.0, 1.0);
-            *t = 0.72 + 0.08 * cloud.data()[at] - 0.66 * veins;
-        }
-        Layers {
-            height: cloud,
-            tone,
-            polish: Grid::filled(self.n, 1.0),
-        }
+            (cloud[at], 0.72 + 0.08 * cloud[at] - 0.66 * veins, 1.0)
+        })
     }
 
     /// Evaluates `(height, tone, polish)` of each cell at each texel, given the place in the cell
     /// and the cell's own draw from -1 to 1. `fray` is the Hurst exponent of the walls.
     fn cellular(&mut self, fray: f64, f: impl Fn(Nearest, f32) -> (f32, f32, f32)) -> Layers {
-        let (n, count) = (self.n, self.count as f32);
-        let cells = Cells::new(
-            self.count,
-            0.95 * (1.0 - self.regularity).sqrt(),
-            self.stream,
-        );
-        let random: Vec<f32> = (0..cells.len())
-            .map(|_| 2.0 * self.stream.unit() as f32 - 1.0)
-            .collect();
+        let jitter = 0.95 * (1.0 - self.regularity).sqrt();
+        let cells = Cells::new(self.count, jitter, self.stream);
+        let random: Vec<f32> = (0..cells.len()).map(|_| self.signed()).collect();
         let (dx, dy) = self.displacement(0.3, 1.5, fray);
-        let mut layers = Layers {
-            height: Grid::filled(n, 0.0),
-            tone: Grid::filled(n, 0.0),
-            polish: Grid::filled(n, 0.0),
-        };
-        let step = count / n as f32;
-        for at in 0..n * n {
-            let x = ((at % n) as f32 + 0.5) * step + dx.data()[at];
-            let y = ((at / n) as f32 + 0.5) * step + dy.data()[at];
-            let cell = cells.at(x, y);
-            let (height, tone, polish) = f(cell, random[cell.id]);
-            layers.height.data_mut()[at] = height;
-            layers.tone.data_mut()[at] = tone;
-            layers.polish.data_mut()[at] = polish;
-        }
-        layers
+        let count = self.count as f32;
+        Layers::of_texels(self.n, |at, u, v| {
+            let cell = cells.at(u * count + dx[at], v * count + dy[at]);
+            f(cell, random[cell.id])
+        })
     }
 }

@@ -17,6 +17,7 @@ use super::grid::Grid;
 use super::material::Structure;
 use super::parameters::{Parameters, Specimen};
 use super::stream::{Purpose, Stream};
+use fractal::Fractal;
 
 pub(crate) use print::print_mask;
 
@@ -31,9 +32,34 @@ pub(crate) struct Layers {
     pub(crate) polish: Grid,
 }
 
+impl Layers {
+    /// Of a height and a tone, polished alike everywhere.
+    fn new(height: Grid, tone: Grid, polish: f32) -> Self {
+        Self {
+            polish: Grid::filled(height.n(), polish),
+            height,
+            tone,
+        }
+    }
+
+    /// Height, tone and polish of each texel, given its index and its centre in units of the period.
+    fn of_texels(n: usize, mut f: impl FnMut(usize, f32, f32) -> (f32, f32, f32)) -> Self {
+        let mut layers = Self::new(Grid::filled(n, 0.0), Grid::filled(n, 0.0), 0.0);
+        let step = 1.0 / n as f32;
+        for at in 0..n * n {
+            let (x, y) = ((at % n) as f32 + 0.5, (at / n) as f32 + 0.5);
+            let (height, tone, polish) = f(at, x * step, y * step);
+            layers.height.data_mut()[at] = height;
+            layers.tone.data_mut()[at] = tone;
+            layers.polish.data_mut()[at] = polish;
+        }
+        layers
+    }
+}
+
 /// What a structure's builder starts from.
 struct Builder<'a> {
-    /// Texels across.
+    /// Texels across, a power of two.
     n: usize,
     /// Repeats of the structure in one period.
     count: usize,
@@ -64,14 +90,10 @@ pub(crate) fn layers(specimen: &Specimen, parameters: &Parameters, n: usize) -> 
     };
     let mut layers = builder.structure(parameters.profile.structure);
     layers.height.standardise(parameters.relief_mm as f32);
-    let (micro, fade) = fractal::pair(
-        n,
-        fractal::Fractal::isotropic(parameters.micro_length_mm / TILE_MM, 0.6),
-        &mut stream,
-    );
-    layers
-        .height
-        .add_scaled(&micro, parameters.micro_um as f32 * 1e-3);
+    let micro = Fractal::isotropic(parameters.micro_length_mm / TILE_MM, 0.6);
+    let (micro, fade) = builder.fields(micro);
+    let deviation = parameters.micro_um as f32 * 1e-3;
+    layers.height.add_scaled(&micro, deviation);
     layers.tone.add_scaled(&fade, 0.03);
     layers
 }
@@ -108,14 +130,29 @@ impl Builder<'_> {
     /// The same with a Hurst exponent: 1 frays edges as broken mineral does.
     fn displacement(&mut self, share: f32, repeats: f32, hurst: f64) -> (Grid, Grid) {
         let length = f64::from(repeats) / self.count as f64 / std::f64::consts::TAU;
-        let (mut x, mut y) = fractal::pair(
-            self.n,
-            fractal::Fractal::isotropic(length, hurst),
-            self.stream,
-        );
+        let (mut x, mut y) = self.fields(Fractal::isotropic(length, hurst));
         let scale = share * (1.0 - self.regularity);
         x.map_in_place(|v| v * scale);
         y.map_in_place(|v| v * scale);
         (x, y)
+    }
+
+    /// Two independent fields.
+    fn fields(&mut self, fractal: Fractal) -> (Grid, Grid) {
+        fractal::pair(self.n, fractal, self.stream)
+    }
+
+    /// The same with three repeats for one.
+    fn finer(&mut self) -> Builder<'_> {
+        Builder {
+            count: self.count * 3,
+            stream: &mut *self.stream,
+            ..*self
+        }
+    }
+
+    /// Uniform from -1 to 1.
+    fn signed(&mut self) -> f32 {
+        2.0 * self.stream.unit() as f32 - 1.0
     }
 }

@@ -1,47 +1,25 @@
 //! Cast, moulded, rolled and brushed surfaces.
 
-use super::super::grid::Grid;
 use super::super::numeric::smoothstep;
 use super::cells::Cells;
-use super::{Builder, Layers, fractal};
-
-/// What is raised on an embossed surface.
-#[derive(Clone, Copy)]
-enum Motif {
-    Dots,
-    Squares,
-    Diamonds,
-    Lines,
-    Hexagons,
-    Waves,
-}
+use super::{Builder, Fractal, Layers};
 
 impl Builder<'_> {
     /// The faint waviness of a cast or blown surface.
     pub(super) fn smooth(&mut self) -> Layers {
         let length = 0.2 / self.count as f64;
-        let (height, cloud) = fractal::pair(
-            self.n,
-            fractal::Fractal::isotropic(length, 2.0),
-            self.stream,
-        );
-        let specks = fractal::field(self.n, fractal::Fractal::isotropic(0.003, 0.9), self.stream);
-        let mut tone = Grid::filled(self.n, 0.55);
-        tone.add_scaled(&cloud, 0.05);
+        let (height, cloud) = self.fields(Fractal::isotropic(length, 2.0));
+        let specks = self.fields(Fractal::isotropic(0.003, 0.9)).0;
         let density = 2.2 + 1.6 * self.stream.unit() as f32;
-        for (t, s) in tone.data_mut().iter_mut().zip(specks.data()) {
-            *t -= 0.4 * smoothstep(density, density + 0.5, *s);
-        }
-        Layers {
-            height,
-            tone,
-            polish: Grid::filled(self.n, 1.0),
-        }
+        Layers::of_texels(self.n, |at, _, _| {
+            let speck = smoothstep(density, density + 0.5, specks[at]);
+            (height[at], 0.55 + 0.05 * cloud[at] - 0.4 * speck, 1.0)
+        })
     }
 
     /// A glaze: waves, specks of iron, and a net of cracks that stain has entered.
     pub(super) fn glazed(&mut self) -> Layers {
-        let mut layers = self.smooth();
+        let clear = self.smooth();
         let specks = Cells::new(self.count * 3, 0.95, self.stream);
         let net = Cells::new((self.count * 3).div_ceil(4), 0.95, self.stream);
         let sizes: Vec<f32> = (0..specks.len())
@@ -50,106 +28,71 @@ impl Builder<'_> {
         let stain = 0.1 + 0.35 * self.stream.unit() as f32;
         let (dx, dy) = self.disorder(0.8, 2.0);
         let (fine, wide) = (self.count as f32 * 3.0, (self.count * 3).div_ceil(4) as f32);
-        let step = 1.0 / self.n as f32;
-        for (at, tone) in layers.tone.data_mut().iter_mut().enumerate() {
-            let (x, y) = (at % self.n, at / self.n);
-            let (u, v) = ((x as f32 + 0.5) * step, (y as f32 + 0.5) * step);
-            let (ox, oy) = (dx.data()[at], dy.data()[at]);
+        Layers::of_texels(self.n, |at, u, v| {
+            let (ox, oy) = (dx[at], dy[at]);
             let speck = specks.at(u * fine + ox, v * fine + oy);
             let size = sizes[speck.id];
             let dark = 1.0 - smoothstep(0.6 * size, size.max(1e-3), speck.first);
             let cell = net.at(u * wide + 0.3 * ox, v * wide + 0.3 * oy);
             let crack = 1.0 - smoothstep(0.0, 0.06, cell.second - cell.first);
-            *tone -= 0.5 * dark * f32::from(u8::from(size > 0.0)) + stain * crack;
-        }
-        layers
+            let stained = 0.5 * dark * f32::from(u8::from(size > 0.0)) + stain * crack;
+            (clear.height[at], clear.tone[at] - stained, 1.0)
+        })
     }
 
     /// Parallel scratches over a faint waviness.
     pub(super) fn brushed(&mut self) -> Layers {
-        let direction = if self.stream.chance(0.5) {
-            0.0
-        } else {
-            std::f64::consts::FRAC_PI_2
-        };
-        let scratch = fractal::Fractal {
+        let turns = if self.stream.chance(0.5) { 0.0 } else { 0.25 };
+        let scratch = Fractal {
             length: 0.08 / self.count as f64,
             hurst: 0.5,
             stretch: 60.0,
-            direction: direction + 0.03 * (self.stream.unit() - 0.5),
+            direction: std::f64::consts::TAU * turns + 0.03 * (self.stream.unit() - 0.5),
         };
-        let (mut height, streaks) = fractal::pair(self.n, scratch, self.stream);
-        let waviness = fractal::field(self.n, fractal::Fractal::isotropic(0.15, 1.0), self.stream);
-        height.add_scaled(&waviness, 0.6);
-        let mut tone = Grid::filled(self.n, 0.5);
-        tone.add_scaled(&streaks, 0.16);
-        Layers {
-            height,
-            tone,
-            polish: Grid::filled(self.n, 1.0),
-        }
+        let (height, streaks) = self.fields(scratch);
+        let waviness = self.fields(Fractal::isotropic(0.15, 1.0)).0;
+        Layers::of_texels(self.n, |at, _, _| {
+            let height = height[at] + 0.6 * waviness[at];
+            (height, 0.5 + 0.16 * streaks[at], 1.0)
+        })
     }
 
     /// A raised motif on a lattice.
     pub(super) fn embossed(&mut self) -> Layers {
-        const MOTIFS: [Motif; 6] = [
-            Motif::Dots,
-            Motif::Squares,
-            Motif::Diamonds,
-            Motif::Lines,
-            Motif::Hexagons,
-            Motif::Waves,
-        ];
-        let motif = MOTIFS[self.stream.index(MOTIFS.len())];
-        let fill = self.stream.between(0.22, 0.38) as f32;
-        let sharpness = self.stream.between(0.06, 0.3) as f32;
+        let motif = self.stream.index(MOTIFS);
+        let fill = self.stream.between32(0.22, 0.38);
+        let sharpness = self.stream.between32(0.06, 0.3);
         let count = self.count as f32;
         let (dx, dy) = self.disorder(0.6, 3.0);
-        let mut at = 0;
-        let height = Grid::from_fn(self.n, |u, v| {
-            let (x, y) = (u * count + dx.data()[at], v * count + dy.data()[at]);
-            at += 1;
-            1.0 - smoothstep(
-                fill - sharpness * 0.5,
-                fill + sharpness * 0.5,
-                motif.distance(x, y),
-            )
-        });
-        let mut tone = Grid::filled(self.n, 0.45);
-        tone.add_scaled(&height, 0.2);
-        Layers {
-            height,
-            tone,
-            polish: Grid::filled(self.n, 1.0),
-        }
+        let (inner, outer) = (fill - sharpness * 0.5, fill + sharpness * 0.5);
+        Layers::of_texels(self.n, |at, u, v| {
+            let (x, y) = (u * count + dx[at], v * count + dy[at]);
+            let height = 1.0 - smoothstep(inner, outer, distance(motif, x, y));
+            (height, 0.45 + 0.2 * height, 1.0)
+        })
     }
 }
 
-impl Motif {
-    /// Distance from the middle of the nearest motif, in pitches.
-    fn distance(self, x: f32, y: f32) -> f32 {
-        let centred = |t: f32| t - t.floor() - 0.5;
-        match self {
-            Self::Dots => hypot(centred(x), centred(y)),
-            Self::Squares => centred(x).abs().max(centred(y).abs()),
-            Self::Diamonds => 0.7 * (centred(x).abs() + centred(y).abs()),
-            Self::Lines => centred(x).abs(),
-            Self::Hexagons => {
-                let shift = if (y.floor() as i32).rem_euclid(2) == 0 {
-                    0.0
-                } else {
-                    0.5
-                };
-                hypot(centred(x + shift), centred(y))
-            }
-            Self::Waves => {
-                let bend = centred(0.5 * y).abs() * 2.0;
-                centred(x + 0.5 * bend).abs()
-            }
-        }
-    }
-}
+/// What is raised on an embossed surface.
+const MOTIFS: usize = 6;
 
-fn hypot(x: f32, y: f32) -> f32 {
-    (x * x + y * y).sqrt()
+/// Distance from the middle of the nearest motif, in pitches.
+fn distance(motif: usize, x: f32, y: f32) -> f32 {
+    let centred = |t: f32| t - t.floor() - 0.5;
+    let hypot = |x: f32, y: f32| (x * x + y * y).sqrt();
+    let (cx, cy) = (centred(x), centred(y));
+    match motif {
+        // Dots, squares, diamonds, lines.
+        0 => hypot(cx, cy),
+        1 => cx.abs().max(cy.abs()),
+        2 => 0.7 * (cx.abs() + cy.abs()),
+        3 => cx.abs(),
+        // Hexagons.
+        4 => {
+            let shift = 0.5 * (y.floor() as i32).rem_euclid(2) as f32;
+            hypot(centred(x + shift), cy)
+        }
+        // Waves.
+        _ => centred(x + centred(0.5 * y).abs()).abs(),
+    }
 }

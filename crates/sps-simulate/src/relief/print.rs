@@ -3,13 +3,13 @@
 use super::super::grid::Grid;
 use super::super::numeric::smoothstep;
 use super::super::stream::Stream;
-use super::fractal;
+use super::fractal::{Fractal, pair};
 
 /// How much of the second colour lies at each texel, 0 to 1.
 pub(crate) fn print_mask(n: usize, stream: &mut Stream) -> Grid {
-    let strength = stream.between(0.35, 1.0) as f32;
+    let strength = stream.between32(0.35, 1.0);
     let repeats = (2 + stream.index(9)) as f32;
-    let duty = stream.between(0.15, 0.5) as f32;
+    let duty = stream.between32(0.15, 0.5);
     let upright = stream.chance(0.5);
     let band = move |t: f32| {
         let t = t * repeats;
@@ -25,7 +25,7 @@ pub(crate) fn print_mask(n: usize, stream: &mut Stream) -> Grid {
         }),
         _ => {
             let length = 0.25 / f64::from(repeats);
-            let mut blobs = fractal::field(n, fractal::Fractal::isotropic(length, 1.0), stream);
+            let mut blobs = pair(n, Fractal::isotropic(length, 1.0), stream).0;
             let level = 1.0 - 2.0 * duty;
             blobs.map_in_place(|v| smoothstep(level - 0.1, level + 0.1, v));
             blobs

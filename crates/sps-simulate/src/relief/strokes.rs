@@ -1,7 +1,8 @@
 //! Fibres, hairs and loops, stamped into a height map.
 
-use super::super::grid::Grid;
-use super::super::numeric;
+use super::super::numeric::mix;
+use super::Layers;
+use super::fractal::unit;
 
 /// A bent round fibre; lengths are in units of the period.
 #[derive(Clone, Copy, Debug)]
@@ -22,43 +23,21 @@ pub(super) struct Stroke {
     pub(super) tones: [f32; 2],
 }
 
-/// The topmost fibre at each texel.
-pub(super) struct Canvas {
-    pub(super) height: Grid,
-    pub(super) tone: Grid,
-}
-
-impl Canvas {
-    pub(super) fn new(n: usize, height: f32, tone: f32) -> Self {
-        Self {
-            height: Grid::filled(n, height),
-            tone: Grid::filled(n, tone),
-        }
-    }
-
+impl Layers {
     /// Stamps discs along the fibre, keeping what is highest.
     pub(super) fn draw(&mut self, stroke: &Stroke) {
         let n = self.height.n() as f32;
         let radius = (stroke.radius * n).max(0.8);
         let steps = ((stroke.length * n / (0.6 * radius)).ceil() as usize).clamp(2, 512);
         let advance = stroke.length * n / steps as f32;
-        let mut direction = (
-            numeric::cos(f64::from(stroke.direction)) as f32,
-            numeric::sin(f64::from(stroke.direction)) as f32,
-        );
-        let bend = f64::from(stroke.turn) / steps as f64;
-        let (c, s) = (numeric::cos(bend) as f32, numeric::sin(bend) as f32);
+        let mut direction = unit(f64::from(stroke.direction));
+        let (c, s) = unit(f64::from(stroke.turn) / steps as f64);
         let (mut x, mut y) = (stroke.x * n, stroke.y * n);
         for step in 0..=steps {
             let t = step as f32 / steps as f32;
-            let tone = numeric::mix(stroke.tones[0], stroke.tones[1], t);
-            self.stamp(
-                (x, y),
-                radius,
-                height_along(stroke.heights, t),
-                stroke.bulge,
-                tone,
-            );
+            let tone = mix(stroke.tones[0], stroke.tones[1], t);
+            let base = height_along(stroke.heights, t);
+            self.stamp((x, y), radius, base, stroke.bulge, tone);
             x += advance * direction.0;
             y += advance * direction.1;
             direction = (
@@ -71,18 +50,11 @@ impl Canvas {
     fn stamp(&mut self, centre: (f32, f32), radius: f32, base: f32, bulge: f32, tone: f32) {
         let n = self.height.n() as i32;
         let inverse = 1.0 / (radius * radius);
-        let (x0, x1) = (
-            (centre.0 - radius).floor() as i32,
-            (centre.0 + radius) as i32,
-        );
-        let (y0, y1) = (
-            (centre.1 - radius).floor() as i32,
-            (centre.1 + radius) as i32,
-        );
-        for y in y0..=y1 {
+        let reach = |c: f32| (c - radius).floor() as i32..=(c + radius) as i32;
+        for y in reach(centre.1) {
             let dy = y as f32 + 0.5 - centre.1;
             let row = (y.rem_euclid(n) * n) as usize;
-            for x in x0..=x1 {
+            for x in reach(centre.0) {
                 let dx = x as f32 + 0.5 - centre.0;
                 let inside = 1.0 - (dx * dx + dy * dy) * inverse;
                 if inside <= 0.0 {
@@ -90,7 +62,7 @@ impl Canvas {
                 }
                 let at = row + x.rem_euclid(n) as usize;
                 let z = base + bulge * inside.sqrt();
-                if z > self.height.data()[at] {
+                if z > self.height[at] {
                     self.height.data_mut()[at] = z;
                     self.tone.data_mut()[at] = tone;
                 }
@@ -109,6 +81,7 @@ fn height_along([start, middle, end]: [f32; 3], t: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grid::Grid;
 
     #[test]
     fn a_parabola_meets_its_three_heights() {
@@ -120,7 +93,7 @@ mod tests {
 
     #[test]
     fn the_higher_fibre_wins_and_edges_wrap() {
-        let mut canvas = Canvas::new(32, 0.0, 0.5);
+        let mut layers = Layers::new(Grid::filled(32, 0.0), Grid::filled(32, 0.5), 1.0);
         let mut stroke = Stroke {
             x: 0.9,
             y: 0.5,
@@ -132,12 +105,12 @@ mod tests {
             bulge: 0.1,
             tones: [1.0; 2],
         };
-        canvas.draw(&stroke);
+        layers.draw(&stroke);
         stroke.heights = [1.0; 3];
         stroke.tones = [0.0; 2];
-        canvas.draw(&stroke);
-        assert_eq!(canvas.tone.row(16)[31], 1.0);
-        assert_eq!(canvas.tone.row(16)[1], 1.0);
-        assert_eq!(canvas.tone.row(0)[31], 0.5);
+        layers.draw(&stroke);
+        assert_eq!(layers.tone.row(16)[31], 1.0);
+        assert_eq!(layers.tone.row(16)[1], 1.0);
+        assert_eq!(layers.tone.row(0)[31], 0.5);
     }
 }

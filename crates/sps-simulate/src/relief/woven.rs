@@ -1,10 +1,9 @@
 //! Woven cloth.
 
-use super::super::grid::Grid;
 use super::super::material::Weave;
 use super::super::numeric::mix;
 use super::super::stream::Stream;
-use super::{Builder, Layers, fractal};
+use super::{Builder, Fractal, Layers};
 
 /// Threads after which a weave repeats.
 pub(super) const fn repeat(weave: Weave) -> usize {
@@ -47,115 +46,83 @@ impl Threads {
     }
 }
 
-/// A thread at one place: the thread's number, and where the place lies across it (-1/2 to 1/2).
-struct Crossing {
-    warp: usize,
-    weft: usize,
-    across_warp: f32,
-    across_weft: f32,
-}
-
 impl Builder<'_> {
     pub(super) fn woven(&mut self, weave: Weave) -> Layers {
-        let (n, count) = (self.n, self.count);
+        let count = self.count;
         let disorder = 1.0 - self.regularity;
-        let warp = Threads::draw(count, disorder, self.stream);
-        let weft = Threads::draw(count, disorder, self.stream);
+        let cloth = Cloth {
+            weave,
+            warp: Threads::draw(count, disorder, self.stream),
+            weft: Threads::draw(count, disorder, self.stream),
+        };
         let (dx, dy) = self.disorder(0.3, 12.0);
-        let slubs = Slubs::draw(n, count, disorder, self.stream);
-        let mut height = Grid::filled(n, 0.0);
-        let mut tone = Grid::filled(n, 0.0);
-        for y in 0..n {
-            for x in 0..n {
-                let at = y * n + x;
-                let scale = count as f32 / n as f32;
-                let px = (x as f32 + 0.5) * scale + dx.data()[at];
-                let py = (y as f32 + 0.5) * scale + dy.data()[at];
-                let crossing = Crossing {
-                    warp: (px.floor() as i32).rem_euclid(count as i32) as usize,
-                    weft: (py.floor() as i32).rem_euclid(count as i32) as usize,
-                    across_warp: px - px.floor() - 0.5,
-                    across_weft: py - py.floor() - 0.5,
-                };
-                let (z, t) = at_crossing(weave, count, &crossing, &warp, &weft, slubs.at(at));
-                height.data_mut()[at] = z;
-                tone.data_mut()[at] = t;
-            }
-        }
-        Layers {
-            height,
-            tone,
-            polish: Grid::filled(n, 1.0),
-        }
-    }
-}
-
-/// Thickness of the threads, which varies along each more than from one to the next.
-struct Slubs {
-    warp: Grid,
-    weft: Grid,
-    strength: f32,
-}
-
-impl Slubs {
-    fn draw(n: usize, count: usize, disorder: f32, stream: &mut Stream) -> Self {
-        let mut along = |direction: f64| {
-            let slub = fractal::Fractal {
+        // Thickness of the threads, which varies along each more than from one to the next.
+        let mut slubs = |direction| {
+            let slub = Fractal {
                 length: 0.25 / count as f64,
                 hurst: 0.8,
                 stretch: 12.0,
                 direction,
             };
-            fractal::field(n, slub, stream)
+            let mut slubs = self.fields(slub).0;
+            slubs.map_in_place(|v| (0.04 + 0.2 * disorder) * v);
+            slubs
         };
-        Self {
-            warp: along(std::f64::consts::FRAC_PI_2),
-            weft: along(0.0),
-            strength: 0.04 + 0.2 * disorder,
-        }
-    }
-
-    fn at(&self, at: usize) -> (f32, f32) {
-        (
-            self.strength * self.warp.data()[at],
-            self.strength * self.weft.data()[at],
-        )
+        let (warp, weft) = (slubs(std::f64::consts::FRAC_PI_2), slubs(0.0));
+        Layers::of_texels(self.n, |at, u, v| {
+            let (x, y) = (u * count as f32 + dx[at], v * count as f32 + dy[at]);
+            let (height, tone) = cloth.at(x, y, (warp[at], weft[at]));
+            (height, tone, 1.0)
+        })
     }
 }
 
-fn at_crossing(
+struct Cloth {
     weave: Weave,
-    count: usize,
-    c: &Crossing,
-    warp: &Threads,
-    weft: &Threads,
-    slub: (f32, f32),
-) -> (f32, f32) {
-    let level = |i: usize, j: usize| if warp_is_up(weave, i, j) { 1.0 } else { -1.0 };
-    let here = level(c.warp, c.weft);
-    let step = |i: usize, across: f32| {
-        let by = if across > 0.0 { 1 } else { count - 1 };
-        (i + by) % count
-    };
-    // A thread dips halfway to its neighbouring crossing where the two differ.
-    let dip = |next: f32, across: f32| here + 0.5 * (next - here) * (4.0 * across * across);
-    let warp_level = dip(level(c.warp, step(c.weft, c.across_weft)), c.across_weft);
-    let weft_level = dip(level(step(c.warp, c.across_warp), c.weft), c.across_warp);
-    let a = c.across_warp + warp.offset[c.warp];
-    let b = c.across_weft + weft.offset[c.weft];
-    let over = yarn(a, c.across_weft + warp.phase[c.warp], slub.0);
-    let under = yarn(b, c.across_warp + weft.phase[c.weft], slub.1);
-    let (z_warp, z_weft) = (over.0 + 0.45 * warp_level, under.0 - 0.45 * weft_level);
-    if z_warp > z_weft {
-        (
-            z_warp,
-            0.92 + 0.6 * (warp.tone[c.warp] + over.1) + 0.5 * slub.0,
-        )
-    } else {
-        (
-            z_weft,
-            0.08 + 0.6 * (weft.tone[c.weft] + under.1) + 0.5 * slub.1,
-        )
+    warp: Threads,
+    weft: Threads,
+}
+
+impl Cloth {
+    /// Height and tone at a place in units of the pitch, where warp and weft are so much thicker.
+    fn at(&self, x: f32, y: f32, slub: (f32, f32)) -> (f32, f32) {
+        let (warp, weft, count) = (&self.warp, &self.weft, self.warp.offset.len());
+        let thread = |t: f32| (t.floor() as i32).rem_euclid(count as i32) as usize;
+        let (i, j) = (thread(x), thread(y));
+        // Across its thread, -1/2 to 1/2.
+        let (across_warp, across_weft) = (x - x.floor() - 0.5, y - y.floor() - 0.5);
+        let level = |i, j| {
+            if warp_is_up(self.weave, i, j) {
+                1.0
+            } else {
+                -1.0
+            }
+        };
+        let here = level(i, j);
+        let step = |i: usize, across: f32| {
+            let by = if across > 0.0 { 1 } else { count - 1 };
+            (i + by) % count
+        };
+        // A thread dips halfway to its neighbouring crossing where the two differ.
+        let dip = |next: f32, across: f32| here + 0.5 * (next - here) * (4.0 * across * across);
+        let warp_level = dip(level(i, step(j, across_weft)), across_weft);
+        let weft_level = dip(level(step(i, across_warp), j), across_warp);
+        let over = yarn(
+            across_warp + warp.offset[i],
+            across_weft + warp.phase[i],
+            slub.0,
+        );
+        let under = yarn(
+            across_weft + weft.offset[j],
+            across_warp + weft.phase[j],
+            slub.1,
+        );
+        let (z_warp, z_weft) = (over.0 + 0.45 * warp_level, under.0 - 0.45 * weft_level);
+        if z_warp > z_weft {
+            (z_warp, 0.92 + 0.6 * (warp.tone[i] + over.1) + 0.5 * slub.0)
+        } else {
+            (z_weft, 0.08 + 0.6 * (weft.tone[j] + under.1) + 0.5 * slub.1)
+        }
     }
 }
 

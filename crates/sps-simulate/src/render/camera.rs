@@ -2,26 +2,11 @@
 
 use std::sync::LazyLock;
 
-use super::super::numeric;
+use sps_dataset::LinearFrame;
+
 use super::super::parameters::Specimen;
 use super::super::stream::{Purpose, Stream};
 use super::view::angle_key;
-
-/// A square image in scene-linear light, RGB, interleaved, row-major; 1 is the display's white.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Linear {
-    pub(crate) size: usize,
-    pub(crate) data: Vec<f32>,
-}
-
-impl Linear {
-    pub(crate) fn black(size: usize) -> Self {
-        Self {
-            size,
-            data: vec![0.0; size * size * 3],
-        }
-    }
-}
 
 /// Variance of the signal in darkness, and what a signal of 1 adds: read noise of 0.2 % and a well
 /// of 10,000 electrons, a machine-vision camera's.
@@ -32,8 +17,8 @@ const SHOT_VARIANCE: f32 = 1e-4;
 const FULL_WELL: f32 = 4.0;
 
 /// Adds the sensor's noise, which belongs to this surface, angle and size.
-pub(crate) fn expose(mut image: Linear, specimen: &Specimen, degrees: f64) -> Linear {
-    let key = [specimen.index, angle_key(degrees), image.size as u64];
+pub(super) fn expose(mut image: LinearFrame, specimen: &Specimen, degrees: f64) -> LinearFrame {
+    let key = [specimen.index, angle_key(degrees), image.width as u64];
     let mut stream = Stream::new(specimen.seed, Purpose::Sensor, &key);
     let mut bytes = [0u8; 4 * 1024];
     for part in image.data.chunks_mut(bytes.len() / 4) {
@@ -57,7 +42,7 @@ fn bell(four: &[u8]) -> f32 {
 }
 
 /// Display-referred bytes (IEC 61966-2-1), rounded to the nearest.
-pub(crate) fn encode(image: &Linear) -> Vec<u8> {
+pub(crate) fn encode(image: &LinearFrame) -> Vec<u8> {
     let table = &*TABLE;
     let entry = |v: f32| table[(v.clamp(0.0, 1.0) * LAST + 0.5) as usize];
     image.data.iter().map(|&v| entry(v)).collect()
@@ -76,7 +61,7 @@ fn srgb(linear: f64) -> f64 {
     if linear <= 0.003_130_8 {
         12.92 * linear
     } else {
-        1.055 * numeric::pow(linear, 1.0 / 2.4) - 0.055
+        1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055
     }
 }
 
@@ -84,22 +69,22 @@ fn srgb(linear: f64) -> f64 {
 mod tests {
     use super::*;
 
+    fn row(data: Vec<f32>) -> LinearFrame {
+        LinearFrame {
+            width: data.len() / 3,
+            height: 1,
+            data,
+        }
+    }
+
     #[test]
     fn noise_has_the_stated_variance() {
         let specimen = Specimen::draw(1, 0);
-        let image = Linear {
-            size: 200,
-            data: vec![0.5; 200 * 200 * 3],
-        };
-        let noisy = expose(image, &specimen, 0.0);
+        let noisy = expose(row(vec![0.5; 200 * 200 * 3]), &specimen, 0.0);
         let count = noisy.data.len() as f64;
         let mean = noisy.data.iter().map(|&v| f64::from(v)).sum::<f64>() / count;
-        let variance = noisy
-            .data
-            .iter()
-            .map(|&v| (f64::from(v) - mean) * (f64::from(v) - mean))
-            .sum::<f64>()
-            / count;
+        let squares = noisy.data.iter().map(|&v| (f64::from(v) - mean).powi(2));
+        let variance = squares.sum::<f64>() / count;
         assert!((mean - 0.5).abs() < 1e-4);
         assert!((variance / 5.4e-5 - 1.0).abs() < 0.02, "{variance}");
     }
@@ -107,11 +92,7 @@ mod tests {
     #[test]
     fn encoding_meets_the_standards_values() {
         // IEC 61966-2-1: byte 128 is linear 0.2159, and linear 0.18 encodes to 0.4613.
-        let image = Linear {
-            size: 1,
-            data: vec![0.2159, 0.18, 2.0],
-        };
-        assert_eq!(encode(&image), [128, 118, 255]);
-        assert_eq!(encode(&Linear::black(1)), [0, 0, 0]);
+        assert_eq!(encode(&row(vec![0.2159, 0.18, 2.0])), [128, 118, 255]);
+        assert_eq!(encode(&row(vec![0.0; 3])), [0, 0, 0]);
     }
 }

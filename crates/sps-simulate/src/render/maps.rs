@@ -115,11 +115,11 @@ fn paint(layers: &Layers, parameters: &Parameters, stream: &mut Stream) -> Vec<T
     let (height, tone, polish) = (&layers.height, &layers.tone, &layers.polish);
     (0..height.data().len())
         .map(|at| {
-            let (tone, shade) = wear.at(tone.data()[at], height.data()[at]);
+            let (tone, shade) = wear.at(tone[at], height[at]);
             let mut colour = colours.at(tone).map(|c| c * shade);
             if let Some(mask) = &mask {
                 // A print keeps the shading of the yarn or grain beneath it.
-                let (share, depth) = (mask.data()[at], 0.7 + 0.5 * tone.clamp(0.0, 1.0));
+                let (share, depth) = (mask[at], 0.7 + 0.5 * tone.clamp(0.0, 1.0));
                 for (c, print) in colour.iter_mut().zip(colours.print) {
                     *c += (print * depth - *c) * share;
                 }
@@ -128,8 +128,8 @@ fn paint(layers: &Layers, parameters: &Parameters, stream: &mut Stream) -> Vec<T
             texel[channel::ALBEDO..channel::ALBEDO + 3].copy_from_slice(&colour);
             texel[channel::AMBIENT] = 1.0;
             texel[channel::HORIZON] = -1e3;
-            texel[channel::POLISH] = polish.data()[at].clamp(0.0, 1.0);
-            texel[channel::HEIGHT] = height.data()[at];
+            texel[channel::POLISH] = polish[at].clamp(0.0, 1.0);
+            texel[channel::HEIGHT] = height[at];
             texel
         })
         .collect()
@@ -146,10 +146,10 @@ struct Wear {
 
 impl Wear {
     fn draw(layers: &Layers, structure: Structure, stream: &mut Stream) -> Self {
-        let hollow = stream.between(-0.1, 0.4) as f32;
+        let hollow = stream.between32(-0.1, 0.4);
         Self {
             mean_tone: layers.tone.mean(),
-            contrast: stream.between(0.5, 1.3) as f32,
+            contrast: stream.between32(0.5, 1.3),
             height_scale: 0.5 / layers.height.deviation().max(1e-6),
             hollow: hollow * holds_dirt(structure),
         }
@@ -229,16 +229,14 @@ impl Finish {
             parameters.alpha as f32
         };
         let ratio = profile.anisotropy as f32;
-        let (rough, smooth) = (alpha * alpha * ratio, alpha * alpha / ratio);
-        let (xx, yy) = if moments[0] > moments[1] {
-            (rough, smooth)
-        } else {
-            (smooth, rough)
-        };
+        let mut spread = [alpha * alpha * ratio, alpha * alpha / ratio];
+        if moments[0] <= moments[1] {
+            spread.reverse();
+        }
         Self {
             metal: profile.f0 == 0.0,
             f0: profile.f0 as f32,
-            spread: Spread { xx, yy, xy: 0.0 },
+            spread: Spread::along(spread),
             sheen: parameters.sheen as f32,
             coat: coated.then_some(COAT_SHARE * parameters.alpha as f32),
         }

@@ -9,7 +9,20 @@ mod shade;
 mod tests;
 mod view;
 
-pub(crate) use camera::{Linear, encode, expose};
+pub(crate) use camera::encode;
 pub(crate) use maps::{Texels, prepare, prepare_on};
-pub(crate) use shade::render;
-pub(crate) use view::Pose;
+
+use super::parameters::Specimen;
+use sps_dataset::LinearFrame;
+use view::Pose;
+
+/// One photograph of a built surface.
+pub(crate) fn photograph(
+    specimen: &Specimen,
+    texels: &Texels,
+    degrees: f64,
+    size: usize,
+) -> LinearFrame {
+    let pose = Pose::draw(specimen, degrees);
+    camera::expose(shade::render(texels, &pose, size), specimen, degrees)
+}

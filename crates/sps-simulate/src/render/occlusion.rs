@@ -2,7 +2,6 @@
 
 use super::super::geometry::{LIGHT_AZIMUTH_DEG, TILE_MM};
 use super::super::grid::Grid;
-use super::super::numeric;
 
 /// Distances at which a ray looks at the relief, in mm.
 const AMBIENT_STEPS: [f64; 6] = [0.125, 0.25, 0.5, 0.875, 1.5, 2.5];
@@ -38,13 +37,13 @@ fn horizons(height: &Grid, angle: f64, steps: &[f64], lowest: f32) -> Vec<f32> {
     let mut horizon = vec![lowest; n * n];
     let mut seen = (0, 0);
     for &step in steps {
-        let dx = (step / texel * numeric::cos(angle)).round() as i64;
-        let dy = (step / texel * numeric::sin(angle)).round() as i64;
+        let dx = (step / texel * libm::cos(angle)).round() as i64;
+        let dy = (step / texel * libm::sin(angle)).round() as i64;
         if (dx, dy) == seen {
             continue;
         }
         seen = (dx, dy);
-        let distance = numeric::sqrt((dx * dx + dy * dy) as f64) * texel;
+        let distance = ((dx * dx + dy * dy) as f64).sqrt() * texel;
         raise(&mut horizon, height, (dx, dy), (1.0 / distance) as f32);
     }
     horizon

@@ -7,10 +7,10 @@ pub(super) fn resample(n: usize, data: Vec<Texel>, m: usize) -> (usize, Vec<Texe
     if m >= n {
         return (n, data);
     }
-    let spans = Spans::new(n, m);
+    let spans = spans(n, m);
     let mut narrow = Vec::with_capacity(n * m);
     for row in data.chunks_exact(n) {
-        for span in &spans.0 {
+        for span in &spans {
             let mut sum = [0.0; CHANNELS];
             for (texel, &weight) in row[span.start..].iter().zip(&span.weights) {
                 accumulate(&mut sum, texel, weight);
@@ -19,7 +19,7 @@ pub(super) fn resample(n: usize, data: Vec<Texel>, m: usize) -> (usize, Vec<Texe
         }
     }
     let mut out = vec![[0.0; CHANNELS]; m * m];
-    for (span, row) in spans.0.iter().zip(out.chunks_exact_mut(m)) {
+    for (span, row) in spans.iter().zip(out.chunks_exact_mut(m)) {
         for (k, &weight) in span.weights.iter().enumerate() {
             let source = &narrow[(span.start + k) * m..(span.start + k + 1) * m];
             for (sum, texel) in row.iter_mut().zip(source) {
@@ -37,31 +37,26 @@ fn accumulate(sum: &mut Texel, texel: &Texel, weight: f32) {
     }
 }
 
-/// The texels that each new texel covers, with the share of each.
-struct Spans(Vec<Span>);
-
+/// The texels that a new texel covers, with the share of each.
 struct Span {
     start: usize,
     weights: Vec<f32>,
 }
 
-impl Spans {
-    fn new(n: usize, m: usize) -> Self {
-        let ratio = n as f64 / m as f64;
-        let span = |j: usize| {
-            let (lo, hi) = (j as f64 * ratio, (j + 1) as f64 * ratio);
-            let start = lo as usize;
-            let end = (hi.ceil() as usize).min(n);
-            let weights = (start..end)
-                .map(|i| {
-                    let covered = hi.min((i + 1) as f64) - lo.max(i as f64);
-                    (covered / ratio) as f32
-                })
-                .collect();
-            Span { start, weights }
-        };
-        Self((0..m).map(span).collect())
-    }
+fn spans(n: usize, m: usize) -> Vec<Span> {
+    let ratio = n as f64 / m as f64;
+    let span = |j: usize| {
+        let (lo, hi) = (j as f64 * ratio, (j + 1) as f64 * ratio);
+        let start = lo as usize;
+        let end = (hi.ceil() as usize).min(n);
+        let covered = |i: usize| hi.min((i + 1) as f64) - lo.max(i as f64);
+        let weights = (start..end).map(|i| (covered(i) / ratio) as f32);
+        Span {
+            start,
+            weights: weights.collect(),
+        }
+    };
+    (0..m).map(span).collect()
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
 //! Shading, row by row.
 
+use sps_dataset::LinearFrame;
+
 use super::super::reflectance::{
     COAT_F0, DOME, Spread, energy, multiple_colour, schlick, sheen_lobe, sheen_table,
     slope_density, visibility,
 };
-use super::camera::Linear;
 use super::maps::{Finish, Texel, Texels, channel};
 use super::view::{Pose, View};
 
@@ -24,17 +25,20 @@ const COAT_SLOPE: f32 = 0.35;
 pub(super) const WHITE: f32 = 0.92;
 
 /// Photographs the surface: scene-linear light, before the sensor.
-pub(crate) fn render(texels: &Texels, pose: &Pose, size: usize) -> Linear {
+pub(super) fn render(texels: &Texels, pose: &Pose, size: usize) -> LinearFrame {
     let view = View::new(pose, size);
     let mut row = Row::new(size);
-    let mut image = Linear::black(size);
-    for y in 0..size {
+    let mut data = vec![0.0; size * size * 3];
+    for (y, out) in data.chunks_exact_mut(size * 3).enumerate() {
         row.trace(&view, y, texels);
         row.light(&view, y, texels);
-        let out = &mut image.data[y * size * 3..(y + 1) * size * 3];
         row.compose(&texels.finish, pose.exposure as f32, out);
     }
-    image
+    LinearFrame {
+        width: size,
+        height: size,
+        data,
+    }
 }
 
 /// What is known of each pixel of a row, as one array per quantity so that loops vectorise.
@@ -113,10 +117,18 @@ impl Row {
 
     fn light(&mut self, view: &View, y: usize, texels: &Texels) {
         self.light_half = view.light_half;
-        self.facets(view, y, &texels.finish);
+        let finish = &texels.finish;
+        self.facets(view, y, finish);
         self.shadows(view, texels.rough);
-        self.dome(&texels.finish);
-        self.layers(view, y, &texels.finish);
+        self.dome(finish);
+        self.over.fill(0.0);
+        self.under.fill(1.0);
+        if finish.sheen > 0.0 {
+            self.fuzz(view, finish.sheen);
+        }
+        if let Some(alpha) = finish.coat {
+            self.coat(view, y, alpha);
+        }
     }
 
     /// Normals, and the response of the microfacets to the soft light.
@@ -155,17 +167,16 @@ impl Row {
 
     /// Light that the relief lets through.
     fn shadows(&mut self, view: &View, rough: bool) {
-        let lit = LIGHT;
         if !rough {
             for (direct, nl) in self.direct.iter_mut().zip(&self.nl) {
-                *direct = lit * nl;
+                *direct = LIGHT * nl;
             }
             return;
         }
         let horizon = &self.texels[channel::HORIZON];
         for ((direct, nl), t) in self.direct.iter_mut().zip(&self.nl).zip(horizon) {
             let clear = ((view.light_slope - t) / PENUMBRA + 0.5).clamp(0.0, 1.0);
-            *direct = lit * nl * clear;
+            *direct = LIGHT * nl * clear;
         }
     }
 
@@ -189,23 +200,11 @@ impl Row {
         }
     }
 
-    /// Fuzz and coat, where there are any.
-    fn layers(&mut self, view: &View, y: usize, finish: &Finish) {
-        self.over.fill(0.0);
-        self.under.fill(1.0);
-        if finish.sheen > 0.0 {
-            self.fuzz(view, finish.sheen);
-        }
-        if let Some(alpha) = finish.coat {
-            self.coat(view, y, alpha);
-        }
-    }
-
     fn fuzz(&mut self, view: &View, strength: f32) {
         let table = sheen_table();
         let ambient = &self.texels[channel::AMBIENT];
         let cosine = 2.0 * view.light_half;
-        let lit = (1.0 - strength * table.mean()).max(0.0);
+        let lit = (1.0 - strength * table.mean).max(0.0);
         for (i, open) in ambient.iter().enumerate() {
             let (nl, nv) = (self.nl[i], self.nv[i]);
             let (albedo, dome) = table.at(nv);
@@ -220,11 +219,7 @@ impl Row {
     fn coat(&mut self, view: &View, y: usize, alpha: f32) {
         let table = energy();
         let a2 = alpha * alpha + LIGHT_SPREAD;
-        let spread = Spread {
-            xx: a2,
-            yy: a2,
-            xy: 0.0,
-        };
+        let spread = Spread::along([a2; 2]);
         let reflected = schlick(COAT_F0, view.light_half);
         let [sx, sy, ..] = &self.texels;
         let [lx, ly, lz] = view.light;

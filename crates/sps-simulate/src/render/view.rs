@@ -1,7 +1,6 @@
 //! Where each pixel looks, and from where the light comes.
 
 use super::super::geometry::{CAMERA_MM, FIELD_MM, LIGHT_AZIMUTH_DEG, LIGHT_ZENITH_DEG, TILE_MM};
-use super::super::numeric;
 use super::super::parameters::Specimen;
 use super::super::stream::{Purpose, Stream};
 use super::maps::{Texels, channel};
@@ -41,7 +40,7 @@ impl Pose {
             roll: (degrees + 0.15 * stream.normal()).to_radians(),
             turn: (0.1 * stream.normal()).to_radians(),
             shift: (0.06 * stream.normal(), 0.06 * stream.normal()),
-            exposure: numeric::exp(0.02 * stream.normal()),
+            exposure: libm::exp(0.02 * stream.normal()),
         }
     }
 }
@@ -86,7 +85,7 @@ pub(crate) struct Column {
 
 impl View {
     pub(crate) fn new(pose: &Pose, size: usize) -> Self {
-        let (sine, cosine) = (numeric::sin(pose.roll), numeric::cos(pose.roll));
+        let (sine, cosine) = (libm::sin(pose.roll), libm::cos(pose.roll));
         let to_surface = |v: [f64; 3]| {
             [
                 v[0] * cosine - v[2] * sine,
@@ -110,13 +109,13 @@ impl View {
             })
             .collect();
         let light_here = to_surface(light);
-        let flat = numeric::sqrt(light_here[0] * light_here[0] + light_here[1] * light_here[1]);
+        let flat = (light_here[0] * light_here[0] + light_here[1] * light_here[1]).sqrt();
         Self {
             size,
             sine: sine as f32,
             cosine: cosine as f32,
             light: light_here.map(|c| c as f32),
-            light_half: numeric::sqrt(0.5 + 0.5 * light[2]) as f32,
+            light_half: (0.5 + 0.5 * light[2]).sqrt() as f32,
             light_slope: (light_here[2] / flat.max(1e-9)) as f32,
             columns,
             half_y,
@@ -243,7 +242,7 @@ impl View {
 impl Column {
     fn new(camera: [f64; 3], light: [f64; 3], to_surface: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
         let both = sum(camera, light);
-        let norm = numeric::sqrt(both.iter().map(|c| c * c).sum::<f64>());
+        let norm = both.iter().map(|c| c * c).sum::<f64>().sqrt();
         let half = to_surface(both);
         let hz = half[2] / norm;
         Self {
@@ -256,7 +255,7 @@ impl Column {
 
 /// Unit vector from the place `(x, y)` in the focal plane to the camera.
 fn camera_direction(x: f64, y: f64) -> [f64; 3] {
-    let length = numeric::sqrt(x * x + y * y + CAMERA_MM * CAMERA_MM);
+    let length = (x * x + y * y + CAMERA_MM * CAMERA_MM).sqrt();
     [-x / length, -y / length, CAMERA_MM / length]
 }
 
@@ -265,9 +264,9 @@ fn world_light() -> [f64; 3] {
     let zenith = LIGHT_ZENITH_DEG.to_radians();
     let azimuth = LIGHT_AZIMUTH_DEG.to_radians();
     [
-        numeric::sin(zenith) * numeric::cos(azimuth),
-        numeric::sin(zenith) * numeric::sin(azimuth),
-        numeric::cos(zenith),
+        libm::sin(zenith) * libm::cos(azimuth),
+        libm::sin(zenith) * libm::sin(azimuth),
+        libm::cos(zenith),
     ]
 }
 

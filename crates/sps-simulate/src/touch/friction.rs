@@ -1,6 +1,5 @@
 //! Friction and adhesion of a rubber finger.
 
-use super::super::numeric;
 use super::super::parameters::Parameters;
 use super::texture::Spectrum;
 
@@ -18,64 +17,57 @@ const SHEAR_KPA: f64 = 7.0;
 const CONFORMED: f64 = 0.8;
 
 /// The contact of skin and surface.
-pub(super) struct Contact {
+pub(super) struct Contact<'a> {
+    surface: &'a Parameters,
     /// Real over apparent area of contact.
     area: f64,
     /// Work of adhesion times tack, relative to a clean surface of 40 mJ/m^2.
     stick: f64,
     /// Root mean square slope of the macrotexture.
     waviness: f64,
-    loss: f64,
-    fuzz: f64,
-    relaxation: f64,
     roughness: f64,
-    energy: f64,
-    deposit: f64,
 }
 
-impl Contact {
+impl<'a> Contact<'a> {
     /// Persson's contact fraction `erf(sqrt(2) p / (E* h'))`, `h'` the root mean square slope, in
     /// which the unresolved part is what the camera sees as gloss (J. Chem. Phys. 115, 2001).
-    pub(super) fn of(p: &Parameters, spectrum: &Spectrum) -> Self {
+    pub(super) fn of(p: &'a Parameters, spectrum: &Spectrum) -> Self {
         let (all, large) = spectrum.mean_square_slopes();
-        let slope = numeric::sqrt(CONFORMED * all + p.alpha * p.alpha);
+        let slope = (CONFORMED * all + p.alpha * p.alpha).sqrt();
         let stiffness = 1.0 / (0.75 / SKIN_KPA + 0.9 / p.modulus_kpa);
         let argument = std::f64::consts::SQRT_2 * PRESSURE_KPA / (stiffness * slope.max(1e-3));
-        let area = libm::erf(argument);
         Self {
-            area,
-            stick: p.adhesion / 40.0 * numeric::pow(p.tack * p.deposit, 0.3),
-            waviness: numeric::sqrt(large),
-            loss: p.loss,
-            fuzz: p.sheen,
-            relaxation: p.relaxation,
+            surface: p,
+            area: libm::erf(argument),
+            stick: p.adhesion / 40.0 * libm::pow(p.tack * p.deposit, 0.3),
+            waviness: large.sqrt(),
             roughness: spectrum.micro_roughness(),
-            energy: p.adhesion * p.tack,
-            deposit: p.deposit,
         }
     }
 
     /// Logarithm of the sliding friction: shearing of the contact, hysteresis of skin and body
     /// over the waves, and drag of fibres.
     pub(super) fn sliding(&self) -> f64 {
-        let shear = SHEAR_KPA * numeric::pow(self.stick, 0.5) * self.area / PRESSURE_KPA;
-        let hysteresis = 0.5 * (SKIN_LOSS + self.loss) * self.waviness.min(1.5);
-        numeric::ln(0.06 + shear + hysteresis + 0.1 * self.fuzz)
+        let shear = SHEAR_KPA * libm::pow(self.stick, 0.5) * self.area / PRESSURE_KPA;
+        let hysteresis = 0.5 * (SKIN_LOSS + self.surface.loss) * self.waviness.min(1.5);
+        libm::log(0.06 + shear + hysteresis + 0.1 * self.surface.sheen)
     }
 
     /// Logarithm of what must be overcome before sliding: a contact that has grown, and skin that
     /// has settled between asperities.
     pub(super) fn stiction(&self) -> f64 {
-        let grown = self.area * numeric::pow(self.stick, 0.5) * (0.5 + 2.0 * self.relaxation);
+        let growth = 0.5 + 2.0 * self.surface.relaxation;
+        let grown = self.area * libm::pow(self.stick, 0.5) * growth;
         let settled = 0.05 * (self.roughness + 8.5).max(0.0);
-        numeric::ln(0.03 + 0.6 * grown + settled)
+        libm::log(0.03 + 0.6 * grown + settled)
     }
 
     /// Logarithm of the effort to part skin and surface (Fuller and Tabor, Proc. R. Soc. A 345,
     /// 1975: roughness lowers it). Mostly what lies on the surface, which no camera sees.
     pub(super) fn tack(&self) -> f64 {
-        0.5 * numeric::ln(self.energy)
-            + numeric::ln(self.deposit)
-            + 0.25 * numeric::ln(self.area + 0.05)
+        let energy = self.surface.adhesion * self.surface.tack;
+        0.5 * libm::log(energy)
+            + libm::log(self.surface.deposit)
+            + 0.25 * libm::log(self.area + 0.05)
     }
 }

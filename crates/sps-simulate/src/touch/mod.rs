@@ -4,7 +4,6 @@
 //! surface, its *response*; the response is then read on the Toccare's scale of 0 to 100 by a
 //! fixed monotone map that gives the published quantiles (see [`scale`]).
 
-mod calibration;
 mod compliance;
 mod friction;
 mod scale;
@@ -31,7 +30,7 @@ const REPEAT_UNITS: f64 = 0.25;
 pub(crate) fn responses(parameters: &Parameters) -> Values {
     let spectrum = texture::Spectrum::of(parameters);
     let contact = friction::Contact::of(parameters, &spectrum);
-    let press = compliance::Press::of(parameters);
+    let depth = compliance::depth(parameters);
     [
         contact.sliding(),
         contact.stiction(),
@@ -42,11 +41,13 @@ pub(crate) fn responses(parameters: &Parameters) -> Values {
         spectrum.macro_texture(),
         thermal::cooling(parameters),
         thermal::persistence(parameters),
-        press.compliance(),
-        press.local_deformation(),
-        press.damping(),
-        press.relaxation(),
-        press.yielding(),
+        compliance::compliance(depth),
+        compliance::local_deformation(depth, parameters.relief_mm),
+        // Energy lost in a press and release of a standard linear solid, the fall of the force at
+        // constant depth, and the depth that is gained at constant force.
+        compliance::shared(depth, parameters.loss),
+        compliance::shared(depth, parameters.relaxation),
+        compliance::shared(depth, parameters.creep),
         contact.tack(),
     ]
 }

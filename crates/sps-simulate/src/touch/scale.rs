@@ -2,24 +2,29 @@
 //!
 //! The published figure gives five quantiles of each property. Between the quartiles the map is
 //! linear in probability; beyond them it is exponential, with the rate at which the density of the
-//! values is continuous at the quartile. The response's own quantiles are the constants of
-//! [`super::calibration`]: they are the same for every simulated set, so a surface's values do not
-//! depend on which others there are.
+//! values is continuous at the quartile. The response's own quantiles are those of `quantiles.csv` for
+//! every simulated set, so a surface's values do not depend on which others there are.
 
 use std::sync::LazyLock;
 
-use super::super::numeric;
 use super::Values;
-use super::calibration::RESPONSES;
 
-/// Probabilities at which the responses are tabulated.
-pub(super) const PROBABILITIES: [f64; 29] = [
-    0.0, 0.002, 0.005, 0.01, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6,
-    0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.93, 0.96, 0.98, 0.99, 0.995, 0.998, 1.0,
-];
+/// The response of each property below which a share of 20,000 surfaces lies: measured once; a test
+/// below says how.
+const QUANTILES: &str = include_str!("quantiles.csv");
+
+/// The share of each line of [`QUANTILES`] and its responses.
+static RESPONSES: LazyLock<Vec<(f64, Values)>> = LazyLock::new(|| {
+    let lines = QUANTILES.lines().skip(1).map(|line| {
+        let mut cells = line.split(',').map(|cell| cell.parse().expect("a number"));
+        let mut next = || cells.next().expect("a cell");
+        (next(), std::array::from_fn(|_| next()))
+    });
+    lines.collect()
+});
 
 /// Minimum, quartiles and maximum of each property, as published.
-pub(super) const PUBLISHED: [[f64; 5]; 15] = [
+const PUBLISHED: [[f64; 5]; 15] = [
     [13.3, 30.0, 34.5, 46.6, 100.0],
     [6.8, 22.7, 27.6, 35.8, 64.0],
     [2.0, 22.8, 34.8, 46.2, 61.6],
@@ -42,23 +47,21 @@ static SCALES: LazyLock<[Scale; 15]> = LazyLock::new(|| PUBLISHED.map(Scale::new
 
 /// Reads all responses on the scale.
 pub(super) fn read(responses: &Values) -> Values {
-    std::array::from_fn(|i| {
-        let p = probability(&RESPONSES[i], responses[i]);
-        SCALES[i].quantile(p)
-    })
+    std::array::from_fn(|i| SCALES[i].quantile(probability(i, responses[i])))
 }
 
 /// The share of surfaces with a lower response, linear between the tabulated ones.
-fn probability(table: &[f64; 29], response: f64) -> f64 {
-    let above = table.partition_point(|&knot| knot <= response);
+fn probability(property: usize, response: f64) -> f64 {
+    let table = &*RESPONSES;
+    let above = table.partition_point(|(_, knot)| knot[property] <= response);
     if above == 0 {
         return 0.0;
     }
     if above == table.len() {
         return 1.0;
     }
-    let (lo, hi) = (table[above - 1], table[above]);
-    let (p, q) = (PROBABILITIES[above - 1], PROBABILITIES[above]);
+    let ((p, lo), (q, hi)) = (&table[above - 1], &table[above]);
+    let (lo, hi) = (lo[property], hi[property]);
     p + (q - p) * (response - lo) / (hi - lo)
 }
 
@@ -95,7 +98,7 @@ fn tail(reach: f64, k: f64, t: f64) -> f64 {
     if k.abs() < 1e-6 {
         return reach * t;
     }
-    reach * (numeric::exp(k * t) - 1.0) / (numeric::exp(k) - 1.0)
+    reach * (libm::exp(k * t) - 1.0) / (libm::exp(k) - 1.0)
 }
 
 /// The rate `k` at which a [`tail`] leaves with slope `slope`, `reach k / (e^k - 1) = slope`, by bisection.
@@ -106,7 +109,7 @@ fn rate(reach: f64, slope: f64) -> f64 {
         let start = if k.abs() < 1e-9 {
             1.0
         } else {
-            k / (numeric::exp(k) - 1.0)
+            k / (libm::exp(k) - 1.0)
         };
         if reach * start > slope {
             lo = k;
@@ -120,10 +123,52 @@ fn rate(reach: f64, slope: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
+    use std::fmt::Write;
 
     use sps_dataset::toccare;
 
+    use super::super::responses;
     use super::*;
+    use crate::parameters::Specimen;
+
+    /// A hundred full blocks of the assignment, of a seed that nothing else uses.
+    const SURFACES: usize = 20_000;
+    const SEED: u64 = 0x5ca1_ab1e;
+
+    /// Where this fails after a change of the measurement model, put what it prints below the head of
+    /// `quantiles.csv`: `cargo test -p sps-simulate measured -- --nocapture`.
+    #[test]
+    fn the_responses_are_what_is_measured() {
+        let mut columns = vec![Vec::new(); 15];
+        for index in 0..SURFACES {
+            let found = responses(&Specimen::draw(SEED, index).parameters());
+            for (column, response) in columns.iter_mut().zip(found) {
+                column.push(response);
+            }
+        }
+        for column in &mut columns {
+            column.sort_by(f64::total_cmp);
+        }
+        let mut found = QUANTILES
+            .lines()
+            .next()
+            .map(|head| head.to_owned() + "\n")
+            .unwrap();
+        for (p, _) in RESPONSES.iter() {
+            let place = p * (SURFACES - 1) as f64;
+            let (i, t) = (place as usize, place - place.floor());
+            let next = (i + 1).min(SURFACES - 1);
+            write!(found, "{p:?}").unwrap();
+            for column in &columns {
+                // Four digits after the point are what the file holds.
+                let value = column[i] + (column[next] - column[i]) * t;
+                write!(found, ",{:?}", (value * 1e4).round() / 1e4).unwrap();
+            }
+            found.push('\n');
+        }
+        println!("{found}");
+        assert_eq!(found, QUANTILES, "the measurement model changed");
+    }
 
     #[test]
     fn the_quantiles_are_the_published_ones() {

@@ -1,6 +1,5 @@
 //! Texture values from the spectrum of the height field.
 
-use super::super::numeric;
 use super::super::parameters::Parameters;
 
 /// Wavelength that parts microtexture from macrotexture, in mm: about the spacing at which touch
@@ -46,29 +45,22 @@ impl Spectrum {
 
     /// Logarithm of the mean wavelength of the microtexture, weighted by how strongly it is felt.
     pub(super) fn micro_coarseness(&self) -> f64 {
-        let (mut power, mut sum) = (1e-12, 0.0);
-        for (wavelength, variance) in self.lines {
-            let weight = variance * micro_band(wavelength);
-            power += weight;
-            sum += weight * numeric::ln(wavelength);
-        }
-        sum / power + 0.3 * numeric::ln(numeric::sqrt(power) + MICRO_FLOOR_MM)
+        let (power, sum) = self.power_and_logarithms(micro_band);
+        sum / power + 0.3 * libm::log(power.sqrt() + MICRO_FLOOR_MM)
     }
 
     /// Logarithm of the vibration that sliding over the microtexture excites; at constant speed a
     /// line's acceleration grows as its wavelength falls.
     pub(super) fn micro_roughness(&self) -> f64 {
-        let power: f64 = self
-            .lines
-            .iter()
-            .map(|&(wavelength, variance)| variance * micro_band(wavelength) / wavelength)
-            .sum();
-        numeric::ln(self.response * numeric::sqrt(power) + MICRO_FLOOR_MM)
+        let lines = self.lines.iter();
+        let power =
+            lines.map(|&(wavelength, variance)| variance * micro_band(wavelength) / wavelength);
+        libm::log(self.response * power.sum::<f64>().sqrt() + MICRO_FLOOR_MM)
     }
 
     /// Logarithm of the macrotexture's height.
     pub(super) fn macro_texture(&self) -> f64 {
-        numeric::ln(self.macro_height() + MACRO_FLOOR_MM)
+        libm::log(self.macro_height() + MACRO_FLOOR_MM)
     }
 
     /// Order, as far as there is anything to be ordered.
@@ -79,22 +71,25 @@ impl Spectrum {
 
     /// Logarithm of the macrotexture's volume: what is high and wide is coarse.
     pub(super) fn macro_coarseness(&self) -> f64 {
-        let (mut power, mut sum) = (1e-12, 0.0);
-        for (wavelength, variance) in self.lines {
-            let weight = variance * (1.0 - micro_band(wavelength));
-            power += weight;
-            sum += weight * numeric::ln(wavelength);
-        }
+        let (power, sum) = self.power_and_logarithms(|wavelength| 1.0 - micro_band(wavelength));
         self.macro_texture() + 1.5 * sum / power
     }
 
+    /// Of the lines weighted by a band: the power, and the sum of the logarithms of wavelengths.
+    fn power_and_logarithms(&self, band: impl Fn(f64) -> f64) -> (f64, f64) {
+        let (mut power, mut sum) = (1e-12, 0.0);
+        for (wavelength, variance) in self.lines {
+            let weight = variance * band(wavelength);
+            power += weight;
+            sum += weight * libm::log(wavelength);
+        }
+        (power, sum)
+    }
+
     fn macro_height(&self) -> f64 {
-        let power: f64 = self
-            .lines
-            .iter()
-            .map(|&(wavelength, variance)| variance * (1.0 - micro_band(wavelength)))
-            .sum();
-        numeric::sqrt(power)
+        let lines = self.lines.iter();
+        let power = lines.map(|&(wavelength, variance)| variance * (1.0 - micro_band(wavelength)));
+        power.sum::<f64>().sqrt()
     }
 
     /// Mean square slope of all lines, and of the macrotexture alone.
@@ -168,7 +163,7 @@ mod tests {
     fn the_spectrum_is_that_of_the_height_field() {
         let (mut macro_model, mut macro_map) = (Vec::new(), Vec::new());
         let (mut micro_model, mut micro_map) = (Vec::new(), Vec::new());
-        for &material in Material::ALL {
+        for material in Material::all() {
             let specimen = Specimen::of_material(11, 0, material);
             let parameters = specimen.parameters();
             let spectrum = Spectrum::of(&parameters);

@@ -1,6 +1,5 @@
 //! Heat drawn from the warm finger.
 
-use super::super::numeric;
 use super::super::parameters::Parameters;
 
 /// Thermal effusivity of the finger's skin and of the stage under a thin sample, in
@@ -23,22 +22,22 @@ const DIFFUSIVITY: f64 = 0.12;
 
 /// Logarithm of the flux soon after contact.
 pub(super) fn cooling(p: &Parameters) -> f64 {
-    numeric::ln(flux(p, p.effusivity, EARLY_S))
+    libm::log(flux(p, p.effusivity, EARLY_S))
 }
 
 /// Logarithm of the flux that persists. A sample thinner than the heat has reached passes it on
 /// to the stage.
 pub(super) fn persistence(p: &Parameters) -> f64 {
-    let reach = numeric::sqrt(DIFFUSIVITY * LATE_S);
-    let through = numeric::exp(-p.thickness_mm / reach);
+    let reach = (DIFFUSIVITY * LATE_S).sqrt();
+    let through = libm::exp(-p.thickness_mm / reach);
     let behind = p.effusivity + through * 0.25 * STAGE;
-    numeric::ln(flux(p, behind, LATE_S))
+    libm::log(flux(p, behind, LATE_S))
 }
 
 /// Flux per kelvin between two half-spaces in contact through a thin layer of air: their
 /// admittances `e / sqrt(pi t)` and the layer in series.
 fn flux(p: &Parameters, effusivity: f64, seconds: f64) -> f64 {
-    let admittance = |e: f64| e / numeric::sqrt(std::f64::consts::PI * seconds);
+    let admittance = |e: f64| e / (std::f64::consts::PI * seconds).sqrt();
     let gap = p.seating + OPEN * p.relief_mm * 1e-3 / AIR;
     1.0 / (1.0 / admittance(SKIN) + 1.0 / admittance(effusivity) + gap)
 }

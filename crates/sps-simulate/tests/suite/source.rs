@@ -6,18 +6,21 @@ use rayon::prelude::*;
 use sps_dataset::{Source, SourceError, toccare};
 use sps_simulate::{SimulateError, Simulator, SimulatorSpec};
 
-fn simulator(spec: SimulatorSpec) -> Simulator {
-    Simulator::new(spec).unwrap()
-}
-
-fn small() -> SimulatorSpec {
-    SimulatorSpec {
-        surfaces: 6,
+/// So many small surfaces in three views, with what is changed.
+fn simulator(surfaces: usize, change: impl FnOnce(&mut SimulatorSpec)) -> Simulator {
+    let mut spec = SimulatorSpec {
+        surfaces,
         seed: 7,
         size: 24,
         views: 3,
         ..SimulatorSpec::default()
-    }
+    };
+    change(&mut spec);
+    Simulator::new(spec).unwrap()
+}
+
+fn small(surfaces: usize) -> Simulator {
+    simulator(surfaces, |_| {})
 }
 
 /// Frames of a few surfaces and angles at two sizes. Where this fails, either a change of the
@@ -26,47 +29,37 @@ fn small() -> SimulatorSpec {
 fn frames_have_the_committed_hash() {
     let mut hasher = blake3::Hasher::new();
     for (size, surfaces) in [(32, 24), (72, 6)] {
-        let simulator = simulator(SimulatorSpec {
-            surfaces,
-            size,
-            ..small()
-        });
+        let simulator = simulator(surfaces, |spec| spec.size = size);
         for surface in 0..surfaces {
             for view in 0..3 {
                 hasher.update(&simulator.frame_bytes(surface, view).unwrap());
             }
         }
     }
-    assert_eq!(hasher.finalize().to_hex().as_str(), COMMITTED_FRAMES);
+    assert_eq!(
+        hasher.finalize().to_string(),
+        "0cff577f0389db0eb2f326eaa5899cd1c1bcd9fb3dec1f3a6bd647ed56a03642"
+    );
 }
-
-const COMMITTED_FRAMES: &str = "0cff577f0389db0eb2f326eaa5899cd1c1bcd9fb3dec1f3a6bd647ed56a03642";
 
 /// The readings of a few surfaces, to twelve digits.
 #[test]
 fn readings_have_the_committed_hash() {
-    let simulator = simulator(SimulatorSpec {
-        surfaces: 50,
-        ..small()
-    });
     let mut hasher = blake3::Hasher::new();
-    for reading in &simulator.tactile().readings {
+    for reading in &small(50).tactile().readings {
         for value in &reading.values {
             hasher.update(format!("{:.12e}", value.unwrap()).as_bytes());
         }
     }
-    assert_eq!(hasher.finalize().to_hex().as_str(), COMMITTED_READINGS);
+    assert_eq!(
+        hasher.finalize().to_string(),
+        "e252d8b861b15e956f27554527d850f3ab466c65157c038c9ce296c4d38682bb"
+    );
 }
-
-const COMMITTED_READINGS: &str = "e252d8b861b15e956f27554527d850f3ab466c65157c038c9ce296c4d38682bb";
 
 #[test]
 fn a_surface_does_not_depend_on_the_others_or_on_what_was_asked_before() {
-    let few = simulator(small());
-    let many = simulator(SimulatorSpec {
-        surfaces: 450,
-        ..small()
-    });
+    let (few, many) = (small(6), small(450));
     for surface in [5, 0, 3] {
         assert_eq!(few.surfaces()[surface], many.surfaces()[surface]);
         for view in [2, 0, 1] {
@@ -83,21 +76,14 @@ fn a_surface_does_not_depend_on_the_others_or_on_what_was_asked_before() {
 
 #[test]
 fn a_view_depends_on_its_angle_and_not_on_its_number() {
-    let three = simulator(small());
-    let one = simulator(SimulatorSpec {
-        views: 1,
-        ..small()
-    });
+    let (three, one) = (small(6), simulator(6, |spec| spec.views = 1));
     assert_eq!(three.frame(2, 1).unwrap(), one.frame(2, 0).unwrap());
     assert_eq!(three.frame_key(2, 1).unwrap(), one.frame_key(2, 0).unwrap());
 }
 
 #[test]
 fn threads_do_not_change_frames() {
-    let source = simulator(SimulatorSpec {
-        surfaces: 12,
-        ..small()
-    });
+    let source = small(12);
     let all: Vec<(usize, usize)> = (0..12).flat_map(|s| (0..3).map(move |v| (v, s))).collect();
     let frames = |threads| {
         let pool = rayon::ThreadPoolBuilder::new()
@@ -115,12 +101,9 @@ fn threads_do_not_change_frames() {
 
 #[test]
 fn keys_are_distinct_and_frames_are_what_an_eight_bit_file_holds() {
-    let source = simulator(small());
-    let other_seed = simulator(SimulatorSpec { seed: 8, ..small() });
-    let other_size = simulator(SimulatorSpec {
-        size: 25,
-        ..small()
-    });
+    let source = small(6);
+    let other_seed = simulator(6, |spec| spec.seed = 8);
+    let other_size = simulator(6, |spec| spec.size = 25);
     let mut keys = std::collections::HashSet::new();
     for simulator in [&source, &other_seed, &other_size] {
         for surface in 0..6 {
@@ -140,7 +123,7 @@ fn keys_are_distinct_and_frames_are_what_an_eight_bit_file_holds() {
 
 #[test]
 fn indices_out_of_range_are_errors() {
-    let source = simulator(small());
+    let source = small(6);
     let refused = |error: SourceError| error.downcast_ref::<SimulateError>().cloned();
     let surface = Some(SimulateError::Surface { found: 6, count: 6 });
     assert_eq!(refused(source.frame(6, 0).unwrap_err()), surface);
@@ -152,10 +135,7 @@ fn indices_out_of_range_are_errors() {
 
 #[test]
 fn every_reading_lies_in_the_range_of_its_property() {
-    let source = simulator(SimulatorSpec {
-        surfaces: 200,
-        ..small()
-    });
+    let source = small(200);
     let table = source.tactile();
     for (column, property) in table.properties.iter().enumerate() {
         let [low, high] = source.describe(property).range.unwrap().ends();
@@ -172,12 +152,8 @@ fn every_reading_lies_in_the_range_of_its_property() {
 fn an_exr_file_keeps_highlights_above_white() {
     use sps_dataset::{DecodeSettings, FrameFormat, WriteOptions, read_image, write_dataset};
 
-    let source = simulator(SimulatorSpec {
-        surfaces: 40,
-        views: 2,
-        from_deg: 20.0,
-        to_deg: 28.0,
-        ..small()
+    let source = simulator(40, |spec| {
+        (spec.views, spec.from_deg, spec.to_deg) = (2, 20.0, 28.0);
     });
     let brightest = |surface| {
         let light = source.linear_frame(surface, 1).unwrap().unwrap();
@@ -223,11 +199,7 @@ fn the_quartiles_are_the_published_ones() {
     let text = include_str!("../../../sps-report/src/published.toml");
     let published: Published = toml::from_str(text).unwrap();
     for seed in [1, 2] {
-        let source = simulator(SimulatorSpec {
-            surfaces: 2000,
-            seed,
-            ..small()
-        });
+        let source = simulator(2000, |spec| spec.seed = seed);
         let means = surface_means(&source);
         for (i, property) in toccare::properties().into_iter().enumerate() {
             let mut column: Vec<f64> = means.iter().map(|m| m[i]).collect();
@@ -248,10 +220,7 @@ fn the_quartiles_are_the_published_ones() {
 
 #[test]
 fn repeats_and_places_differ_by_a_realistic_amount() {
-    let source = simulator(SimulatorSpec {
-        surfaces: 200,
-        ..small()
-    });
+    let source = small(200);
     let readings = &source.tactile().readings;
     assert_eq!(readings.len(), 200 * 3 * 5);
     let means = surface_means(&source);
@@ -264,11 +233,7 @@ fn repeats_and_places_differ_by_a_realistic_amount() {
         within += values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / 4.0 / 600.0;
     }
     let centre = means.iter().map(|m| m[0]).sum::<f64>() / 200.0;
-    let between = means
-        .iter()
-        .map(|m| (m[0] - centre) * (m[0] - centre))
-        .sum::<f64>()
-        / 199.0;
+    let between = means.iter().map(|m| (m[0] - centre).powi(2)).sum::<f64>() / 199.0;
     let ratio = (within / between).sqrt();
     assert!((0.02..0.3).contains(&ratio), "{ratio}");
 }

@@ -11,7 +11,7 @@ use std::hint::black_box;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use problems::LateFusion;
 use sps_viewselect::{
-    Equidistant, Exhaustive, Greedy, Nadir, Nvs, Policy, Problem, Random, Selector, SetFunction,
+    Equidistant, Exhaustive, Greedy, Nadir, Nvs, Problem, Random, Selector, SetFunction,
     TemporalRelations, VbNvs,
 };
 
@@ -61,18 +61,7 @@ fn overhead(criterion: &mut Criterion) {
     group.finish();
 }
 
-fn parts(criterion: &mut Criterion) {
-    let policy = Policy::uniform(PICKS, 100, false).unwrap_or_else(|error| panic!("{error}"));
-    let sets = policy.sample(0, 0, 50);
-    let advantages = [1.0; 50];
-    let mut group = criterion.benchmark_group("policy_3x100_batch_50");
-    group.bench_function("sample", |bencher| {
-        bencher.iter(|| black_box(&policy).sample(0, 0, 50));
-    });
-    group.bench_function("reinforce_gradient", |bencher| {
-        bencher.iter(|| black_box(&policy).reinforce_gradient(sets.as_sets(), &advantages));
-    });
-    group.finish();
+fn relations(criterion: &mut Criterion) {
     let relations = TemporalRelations::default().sampler(100, 0);
     let relations = relations.unwrap_or_else(|error| panic!("{error}"));
     criterion.bench_function("relations_100_views", |bencher| {
@@ -80,5 +69,5 @@ fn parts(criterion: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, selectors, overhead, parts);
+criterion_group!(benches, selectors, overhead, relations);
 criterion_main!(benches);

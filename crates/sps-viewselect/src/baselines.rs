@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{SelectError, require};
+use crate::error::{SelectError, require, require_some};
 use crate::evaluator::Evaluator;
 use crate::problem::{Problem, Selector};
 use crate::selection::Selection;
@@ -28,14 +28,11 @@ impl Default for Random {
 
 impl Selector for Random {
     fn select(&self, problem: &Problem<'_>) -> Result<Selection, SelectError> {
-        require(self.draws > 0, "draws", self.draws, "at least 1")?;
+        require_some("draws", self.draws)?;
         let mut evaluator = Evaluator::new(problem);
         let mut sets = SetList::new(problem.picks());
         let mut stream = Stream::new(problem.seed_value(), Purpose::RandomSets, 0);
-        sets.extend(
-            (0..self.draws)
-                .map(|_| stream.set(problem.views(), problem.picks(), problem.is_distinct())),
-        );
+        sets.extend((0..self.draws).map(|_| stream.set(problem)));
         let losses = evaluator.losses(sets.as_sets())?;
         let picks = best_of(sets.as_sets(), &losses);
         evaluator.finish(picks)

@@ -62,29 +62,13 @@ pub enum SelectError {
         /// What the loss returned.
         loss: f64,
     },
-    /// A slice has not the length that the others call for.
-    #[error("{what} has {found} elements, expected {expected}")]
+    /// A slice of sets does not hold whole sets.
+    #[error("the slice of sets has {found} elements, expected {expected}")]
     Length {
-        /// What the slice holds.
-        what: &'static str,
         /// Its length.
         found: usize,
-        /// The length that fits.
+        /// The length of the whole sets in it.
         expected: usize,
-    },
-    /// A set names a view that does not exist.
-    #[error("the set {set:?} names a view beyond {last}, the last one")]
-    NoSuchView {
-        /// The set, in the order of its slots.
-        set: Vec<usize>,
-        /// The last view's index.
-        last: usize,
-    },
-    /// A set names a view twice where views are to be distinct.
-    #[error("the set {set:?} names a view twice, expected distinct views")]
-    Repeated {
-        /// The set, in the order of its slots.
-        set: Vec<usize>,
     },
 }
 
@@ -106,6 +90,14 @@ pub(crate) fn require(
     })
 }
 
+/// Refuses a count of 0.
+pub(crate) fn require_some<T: ToString + Default + PartialEq>(
+    field: &'static str,
+    found: T,
+) -> Result<(), SelectError> {
+    require(found != T::default(), field, found, "at least 1")
+}
+
 /// Refuses a number that is not above 0.
 pub(crate) fn require_positive(field: &'static str, found: f64) -> Result<(), SelectError> {
     let fits = found > 0.0 && found.is_finite();
@@ -116,20 +108,4 @@ pub(crate) fn require_positive(field: &'static str, found: f64) -> Result<(), Se
 pub(crate) fn require_not_negative(field: &'static str, found: f64) -> Result<(), SelectError> {
     let fits = found >= 0.0 && found.is_finite();
     require(fits, field, found, "0 or a positive number")
-}
-
-/// Refuses a slice of the wrong length.
-pub(crate) fn require_length(
-    what: &'static str,
-    found: usize,
-    expected: usize,
-) -> Result<(), SelectError> {
-    if found == expected {
-        return Ok(());
-    }
-    Err(SelectError::Length {
-        what,
-        found,
-        expected,
-    })
 }

@@ -9,7 +9,7 @@ use crate::error::{SelectError, require};
 use crate::evaluator::checked_losses;
 use crate::problem::{Problem, Selector};
 use crate::selection::{CurvePoint, Selection};
-use crate::sets::{SetList, is_distinct};
+use crate::sets::SetList;
 use crate::vector::mean;
 
 /// Far beyond what any loss gains from.
@@ -84,21 +84,6 @@ impl Selector for Exhaustive {
 }
 
 impl Exhaustive {
-    /// How many sets will be evaluated: N^M, or N! / (N - M)! of distinct views.
-    ///
-    /// # Errors
-    ///
-    /// [`SelectError::TooManySets`].
-    pub fn evaluations(&self, problem: &Problem<'_>) -> Result<u64, SelectError> {
-        let runs = self.runs(problem)?;
-        let (views, picks) = (problem.views() as u64, problem.picks() as u64);
-        Ok(if problem.is_distinct() {
-            (0..picks).map(|taken| views - taken).product()
-        } else {
-            runs * views
-        })
-    }
-
     /// N^(M - 1), if N^M is allowed.
     fn runs(&self, problem: &Problem<'_>) -> Result<u64, SelectError> {
         let (views, picks) = (problem.views(), problem.picks());
@@ -158,7 +143,7 @@ fn sets_of_runs(problem: &Problem<'_>, runs: std::ops::Range<u64>) -> SetList {
         }
         for view in 0..problem.views() {
             set[last] = view;
-            if !problem.is_distinct() || is_distinct(&set) {
+            if problem.allows(&set) {
                 sets.push(&set);
             }
         }

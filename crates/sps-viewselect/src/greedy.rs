@@ -5,11 +5,11 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 use crate::baselines::{at_centres, best_of};
-use crate::error::{SelectError, require};
+use crate::error::{SelectError, require_some};
 use crate::evaluator::Evaluator;
 use crate::problem::{Problem, Selector};
 use crate::selection::Selection;
-use crate::sets::{SetList, is_distinct};
+use crate::sets::SetList;
 use crate::stream::{Purpose, Stream};
 
 /// Forward selection with swaps, from several starts.
@@ -43,7 +43,7 @@ impl Default for Greedy {
 
 impl Selector for Greedy {
     fn select(&self, problem: &Problem<'_>) -> Result<Selection, SelectError> {
-        require(self.starts > 0, "starts", self.starts, "at least 1")?;
+        require_some("starts", self.starts)?;
         let mut search = Search {
             problem,
             evaluator: Evaluator::new(problem),
@@ -60,12 +60,10 @@ impl Selector for Greedy {
 }
 
 fn start_set(problem: &Problem<'_>, start: u64) -> Vec<usize> {
-    let (views, picks) = (problem.views(), problem.picks());
     if start == 0 {
-        return at_centres(views, picks);
+        return at_centres(problem.views(), problem.picks());
     }
-    let mut stream = Stream::new(problem.seed_value(), Purpose::GreedyStarts, start);
-    stream.set(views, picks, problem.is_distinct())
+    Stream::new(problem.seed_value(), Purpose::GreedyStarts, start).set(problem)
 }
 
 struct Search<'p, 'l> {
@@ -173,7 +171,7 @@ impl Search<'_, '_> {
     }
 
     fn push(&self, candidates: &mut SetList, candidate: &[usize]) {
-        if !self.problem.is_distinct() || is_distinct(candidate) {
+        if self.problem.allows(candidate) {
             candidates.push(candidate);
         }
     }

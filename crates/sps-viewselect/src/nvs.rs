@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{SelectError, require};
+use crate::error::{SelectError, require_some};
 use crate::evaluator::Evaluator;
 use crate::problem::{Problem, Selector};
 use crate::reinforce::{PolicyTraining, Trainer};
@@ -32,15 +32,10 @@ impl Default for Nvs {
 
 impl Selector for Nvs {
     fn select(&self, problem: &Problem<'_>) -> Result<Selection, SelectError> {
-        require(
-            self.evaluations > 0,
-            "evaluations",
-            self.evaluations,
-            "at least 1",
-        )?;
+        require_some("evaluations", self.evaluations)?;
         self.policy.check()?;
         let mut evaluator = Evaluator::new(problem);
-        let mut trainer = Trainer::new(self.policy, problem)?;
+        let mut trainer = Trainer::new(self.policy, problem);
         // One is kept for the picks.
         let budget = self.evaluations - 1;
         while evaluator.asked() < budget {
@@ -48,8 +43,8 @@ impl Selector for Nvs {
             let sets = trainer.sample(left);
             let losses = evaluator.losses(sets.as_sets())?;
             let share = left as f64 / budget as f64;
-            trainer.learn(sets.as_sets(), &losses, None, share)?;
+            trainer.learn(sets.as_sets(), &losses, None, share);
         }
-        evaluator.finish(trainer.policy().arg_max())
+        evaluator.finish(trainer.policy.arg_max())
     }
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::adam::Adam;
-use crate::error::{SelectError, require, require_not_negative, require_positive};
+use crate::error::{SelectError, require, require_not_negative, require_positive, require_some};
 use crate::policy::Policy;
 use crate::problem::Problem;
 use crate::sets::{SetList, Sets};
@@ -72,7 +72,7 @@ impl PolicyTraining {
     }
 
     pub(crate) fn check(&self) -> Result<(), SelectError> {
-        require(self.batch > 0, "batch", self.batch, "at least 1")?;
+        require_some("batch", self.batch)?;
         require_positive("learning-rate", self.learning_rate)?;
         require_not_negative("entropy-weight", self.entropy_weight)?;
         if let Baseline::MovingMean { decay } = self.baseline {
@@ -86,7 +86,7 @@ impl PolicyTraining {
 /// A policy on its way.
 pub(crate) struct Trainer {
     settings: PolicyTraining,
-    policy: Policy,
+    pub(crate) policy: Policy,
     adam: Adam,
     moving_mean: Option<f64>,
     moving_square: Option<f64>,
@@ -99,24 +99,17 @@ const SQUARE_DECAY: f64 = 0.9;
 
 impl Trainer {
     /// The settings are checked.
-    pub(crate) fn new(
-        settings: PolicyTraining,
-        problem: &Problem<'_>,
-    ) -> Result<Self, SelectError> {
-        let (picks, views) = (problem.picks(), problem.views());
-        Ok(Self {
+    pub(crate) fn new(settings: PolicyTraining, problem: &Problem<'_>) -> Self {
+        let policy = Policy::uniform(problem);
+        Self {
             settings,
-            policy: Policy::uniform(picks, views, problem.is_distinct())?,
-            adam: Adam::new(picks * views, settings.learning_rate),
+            adam: Adam::new(policy.logits.len(), settings.learning_rate),
+            policy,
             moving_mean: None,
             moving_square: None,
             seed: problem.seed_value(),
             steps: 0,
-        })
-    }
-
-    pub(crate) fn policy(&self) -> &Policy {
-        &self.policy
+        }
     }
 
     /// The sets of the next step, at most `most` of them.
@@ -134,9 +127,9 @@ impl Trainer {
         losses: &[f64],
         extra: Option<&[f64]>,
         left: f64,
-    ) -> Result<(), SelectError> {
+    ) {
         let advantages = self.advantages(losses);
-        let mut down = self.policy.reinforce_gradient(sets, &advantages)?;
+        let mut down = self.policy.reinforce_gradient(sets, &advantages);
         for gradient in &mut down {
             *gradient = -*gradient;
         }
@@ -147,8 +140,7 @@ impl Trainer {
         if let Some(extra) = extra {
             add(&mut down, 1.0, extra);
         }
-        self.adam.descend(self.policy.logits_mut(), &down, 1.0);
-        Ok(())
+        self.adam.descend(&mut self.policy.logits, &down, 1.0);
     }
 
     fn advantages(&mut self, losses: &[f64]) -> Vec<f64> {

@@ -1,8 +1,10 @@
 //! Multi-scale temporal relations: which ordered groups of views are related.
 
+use std::iter::successors;
+
 use serde::{Deserialize, Serialize};
 
-use crate::error::{SelectError, require};
+use crate::error::{SelectError, require, require_some};
 use crate::problem::check_sizes;
 use crate::stream::{Purpose, Stream};
 
@@ -64,18 +66,8 @@ impl TemporalRelations {
     /// `per_scale` or `test_draws` is 0.
     pub fn sampler(self, views: usize, seed: u64) -> Result<RelationSampler, SelectError> {
         require(!self.scales.is_empty(), "scales", "empty", "at least one")?;
-        require(
-            self.per_scale > 0,
-            "per-scale",
-            self.per_scale,
-            "at least 1",
-        )?;
-        require(
-            self.test_draws > 0,
-            "test-draws",
-            self.test_draws,
-            "at least 1",
-        )?;
+        require_some("per-scale", self.per_scale)?;
+        require_some("test-draws", self.test_draws)?;
         for &scale in &self.scales {
             check_sizes(views, scale)?;
         }
@@ -128,8 +120,11 @@ impl RelationSampler {
 }
 
 fn groups(views: usize, scale: usize, count: usize, stream: &mut Stream) -> Vec<Vec<usize>> {
-    if combinations(views, scale) <= count as u128 {
-        return all_groups(views, scale);
+    let first: Vec<usize> = (0..scale).collect();
+    let all = successors(Some(first), |group| next(group, views));
+    let few: Vec<_> = all.take(count.saturating_add(1)).collect();
+    if few.len() <= count {
+        return few;
     }
     let mut groups: Vec<Vec<usize>> = Vec::with_capacity(count);
     while groups.len() < count {
@@ -142,29 +137,12 @@ fn groups(views: usize, scale: usize, count: usize, stream: &mut Stream) -> Vec<
     groups
 }
 
-/// N over d, or as much as fits.
-fn combinations(views: usize, scale: usize) -> u128 {
-    let scale = scale.min(views - scale);
-    (0..scale).fold(1_u128, |count, taken| {
-        // Whole at every step: a product of k consecutive numbers is a multiple of k!.
-        count.saturating_mul((views - taken) as u128) / (taken as u128 + 1)
-    })
-}
-
-/// Every group, in lexicographic order.
-fn all_groups(views: usize, scale: usize) -> Vec<Vec<usize>> {
-    let mut groups = vec![(0..scale).collect::<Vec<_>>()];
-    loop {
-        let mut next = groups[groups.len() - 1].clone();
-        // The last place that can still grow, and the smallest views after it.
-        let grows = (0..scale)
-            .rev()
-            .find(|&place| next[place] < views - scale + place);
-        let Some(place) = grows else { return groups };
-        next[place] += 1;
-        for later in place + 1..scale {
-            next[later] = next[later - 1] + 1;
-        }
-        groups.push(next);
-    }
+/// The next group in lexicographic order.
+fn next(group: &[usize], views: usize) -> Option<Vec<usize>> {
+    let scale = group.len();
+    // The last place that can still grow, and the smallest views after it.
+    let grows = |&place: &usize| group[place] < views - scale + place;
+    let place = (0..scale).rev().find(grows)?;
+    let grown = (0..scale - place).map(|later| group[place] + 1 + later);
+    Some(group[..place].iter().copied().chain(grown).collect())
 }

@@ -1,7 +1,6 @@
 //! Losses that are computed once.
 
 use std::collections::{HashMap, HashSet};
-use std::fmt;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::loss::LossError;
@@ -69,12 +68,6 @@ impl<L: SharedLoss> Remembered<L> {
     }
 }
 
-impl<L> fmt::Debug for Remembered<L> {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.debug_struct("Remembered").finish_non_exhaustive()
-    }
-}
-
 impl<L: SharedLoss> SharedLoss for Remembered<L> {
     fn views(&self) -> usize {
         self.loss.views()
@@ -109,11 +102,8 @@ impl<L: SharedLoss> SharedLoss for Remembered<L> {
         for (key, of_set) in unknown.iter().zip(computed.chunks_exact(properties)) {
             known.insert(key.into(), of_set.into());
         }
-        for (key, of_set) in keys
-            .as_sets()
-            .iter()
-            .zip(losses.chunks_exact_mut(properties))
-        {
+        let of_sets = losses.chunks_exact_mut(properties);
+        for (key, of_set) in keys.as_sets().iter().zip(of_sets) {
             if let Some(remembered) = known.get(key) {
                 of_set.copy_from_slice(remembered);
             }

@@ -1,6 +1,6 @@
 //! Many sets of views in one slice.
 
-use crate::error::{SelectError, require, require_length};
+use crate::error::{SelectError, require_some};
 
 /// Ordered sets of M views each, one after the other in one slice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,9 +17,11 @@ impl<'a> Sets<'a> {
     /// [`SelectError::Length`] if `flat` does not hold whole sets, [`SelectError::Setting`] if
     /// `picks` is 0.
     pub fn new(flat: &'a [usize], picks: usize) -> Result<Self, SelectError> {
-        require(picks > 0, "picks", picks, "at least 1")?;
-        let whole = flat.len() / picks * picks;
-        require_length("the slice of sets", flat.len(), whole)?;
+        require_some("picks", picks)?;
+        let (found, expected) = (flat.len(), flat.len() / picks * picks);
+        if found != expected {
+            return Err(SelectError::Length { found, expected });
+        }
         Ok(Self { flat, picks })
     }
 
@@ -63,8 +65,7 @@ impl<'a> IntoIterator for Sets<'a> {
 }
 
 /// [`Sets`] that own their views.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SetList {
+pub(crate) struct SetList {
     flat: Vec<usize>,
     picks: usize,
 }
@@ -93,8 +94,7 @@ impl SetList {
         self.flat.extend_from_slice(sets.flat);
     }
 
-    /// The sets, borrowed.
-    pub fn as_sets(&self) -> Sets<'_> {
+    pub(crate) fn as_sets(&self) -> Sets<'_> {
         Sets {
             flat: &self.flat,
             picks: self.picks,

@@ -1,7 +1,5 @@
 //! The losses of several properties at once, and one that is drawn towards their mean.
 
-use std::fmt;
-
 use crate::error::{SelectError, require};
 use crate::loss::{LossError, SetLoss};
 use crate::sets::Sets;
@@ -13,40 +11,6 @@ use crate::sets::Sets;
 /// computes each set once for all who ask.
 ///
 /// What [`SetLoss`] says of sets and of pure functions holds here as well.
-///
-/// ```
-/// use sps_viewselect::{LossError, SharedLoss, Sets};
-///
-/// /// Squared distances of the mean of the picked readings from a target per property.
-/// struct Readings {
-///     readings: Vec<f64>,
-///     targets: Vec<f64>,
-/// }
-///
-/// impl SharedLoss for Readings {
-///     fn views(&self) -> usize {
-///         self.readings.len()
-///     }
-///     fn picks(&self) -> usize {
-///         2
-///     }
-///     fn properties(&self) -> usize {
-///         self.targets.len()
-///     }
-///     fn ordered(&self) -> bool {
-///         false // a mean does not ask for order
-///     }
-///     fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
-///         for (set, losses) in sets.iter().zip(losses.chunks_exact_mut(self.targets.len())) {
-///             let mean = set.iter().map(|&view| self.readings[view]).sum::<f64>() / 2.0;
-///             for (target, loss) in self.targets.iter().zip(losses) {
-///                 *loss = (mean - target).powi(2);
-///             }
-///         }
-///         Ok(())
-///     }
-/// }
-/// ```
 pub trait SharedLoss: Sync {
     /// Views that there are, N.
     fn views(&self) -> usize;
@@ -107,39 +71,6 @@ impl<L: SharedLoss + ?Sized> SharedLoss for &L {
 /// The losses of all properties must be in comparable units, or the mean is that of the property
 /// with the largest numbers: divide each property's squared error by the variance of the property
 /// on the same surfaces, so that a loss is 1 - R².
-///
-/// ```
-/// use sps_viewselect::{Exhaustive, LossError, Pooled, Problem, Selector, SharedLoss, Sets};
-///
-/// /// One of nine views; the properties are seen best from views 2 and 6.
-/// struct Bowls;
-///
-/// impl SharedLoss for Bowls {
-///     fn views(&self) -> usize {
-///         9
-///     }
-///     fn picks(&self) -> usize {
-///         1
-///     }
-///     fn properties(&self) -> usize {
-///         2
-///     }
-///     fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
-///         for (set, losses) in sets.iter().zip(losses.chunks_exact_mut(2)) {
-///             losses[0] = (set[0] as f64 - 2.0).powi(2);
-///             losses[1] = (set[0] as f64 - 6.0).powi(2);
-///         }
-///         Ok(())
-///     }
-/// }
-///
-/// for (amount, view) in [(0.0, 2), (0.5, 3), (1.0, 4)] {
-///     let first = Pooled::new(&Bowls, 0, amount)?;
-///     let found = Exhaustive::default().select(&Problem::new(&first)?)?;
-///     assert_eq!(found.picks, [view]);
-/// }
-/// # Ok::<(), sps_viewselect::SelectError>(())
-/// ```
 #[derive(Clone, Copy)]
 pub struct Pooled<'a> {
     shared: &'a dyn SharedLoss,
@@ -186,16 +117,6 @@ impl<'a> Pooled<'a> {
         }
         let pooled = losses.iter().sum::<f64>() / self.properties as f64;
         (1.0 - self.amount) * own + self.amount * pooled
-    }
-}
-
-impl fmt::Debug for Pooled<'_> {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter
-            .debug_struct("Pooled")
-            .field("property", &self.property)
-            .field("amount", &self.amount)
-            .finish_non_exhaustive()
     }
 }
 

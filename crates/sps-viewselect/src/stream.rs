@@ -3,6 +3,8 @@
 
 use sps_base::streams::{self, ChaCha8Rng, RngCore};
 
+use crate::problem::Problem;
+
 /// What the draws are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
@@ -52,9 +54,10 @@ impl Stream {
         drawn
     }
 
-    /// A set of `picks` of `views` views, every one equally likely.
-    pub(crate) fn set(&mut self, views: usize, picks: usize, distinct: bool) -> Vec<usize> {
-        if distinct {
+    /// A set of views, every one equally likely.
+    pub(crate) fn set(&mut self, problem: &Problem<'_>) -> Vec<usize> {
+        let (views, picks) = (problem.views(), problem.picks());
+        if problem.is_distinct() {
             self.distinct_below(views, picks)
         } else {
             (0..picks).map(|_| self.below(views)).collect()

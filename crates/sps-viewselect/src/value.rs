@@ -17,39 +17,63 @@ use crate::vector::{add, dot};
 pub(crate) struct ValueNetwork {
     views: usize,
     hidden: usize,
-    /// W (slots * views, hidden), then w (slots * views), b (hidden), u (hidden), c.
-    parameters: Vec<f64>,
-    adam: Adam,
-    gradient: Vec<f64>,
+    parameters: Parameters,
+    adam: [Adam; 5],
+    gradient: Parameters,
 }
 
-/// The parts of the parameters, in their order.
-struct Parts<T> {
-    matrix: T,
-    linear: T,
-    bias: T,
-    out: T,
-    constant: T,
+/// W (slots * views, hidden), w (slots * views), b (hidden), u (hidden) and c.
+#[derive(Clone)]
+struct Parameters {
+    matrix: Vec<f64>,
+    linear: Vec<f64>,
+    bias: Vec<f64>,
+    out: Vec<f64>,
+    constant: Vec<f64>,
+}
+
+impl Parameters {
+    fn zeros(inputs: usize, hidden: usize) -> Self {
+        let [matrix, linear, bias, out, constant] =
+            [inputs * hidden, inputs, hidden, hidden, 1].map(|count| vec![0.0; count]);
+        Self {
+            matrix,
+            linear,
+            bias,
+            out,
+            constant,
+        }
+    }
+
+    fn all(&mut self) -> [&mut Vec<f64>; 5] {
+        [
+            &mut self.matrix,
+            &mut self.linear,
+            &mut self.bias,
+            &mut self.out,
+            &mut self.constant,
+        ]
+    }
 }
 
 impl ValueNetwork {
     pub(crate) fn new(problem: &Problem<'_>, hidden: usize, learning_rate: f64) -> Self {
-        let inputs = problem.picks() * problem.views();
-        let mut parameters = vec![0.0; inputs * hidden + inputs + 2 * hidden + 1];
+        let mut parameters = Parameters::zeros(problem.picks() * problem.views(), hidden);
         let mut stream = Stream::new(problem.seed_value(), Purpose::ValueInit, 0);
         let mut fill = |part: &mut [f64], fan_in: usize| {
             // Of a set, only one input per slot is not 0.
             let bound = (3.0 / fan_in as f64).sqrt();
             part.fill_with(|| bound * (2.0 * stream.unit() - 1.0));
         };
-        let parts = split_mut(&mut parameters, inputs, hidden);
-        fill(parts.matrix, problem.picks());
-        fill(parts.out, hidden);
+        fill(&mut parameters.matrix, problem.picks());
+        fill(&mut parameters.out, hidden);
         Self {
             views: problem.views(),
             hidden,
-            adam: Adam::new(parameters.len(), learning_rate),
-            gradient: vec![0.0; parameters.len()],
+            adam: parameters
+                .all()
+                .map(|part| Adam::new(part.len(), learning_rate)),
+            gradient: parameters.clone(),
             parameters,
         }
     }
@@ -61,16 +85,15 @@ impl ValueNetwork {
 
     /// The sums of no slots; add one view per slot, then [`finish`](Self::finish).
     pub(crate) fn start(&self) -> Sums {
-        let parts = self.parts();
         Sums {
-            linear: parts.constant[0],
-            hidden: parts.bias.to_vec(),
+            linear: self.parameters.constant[0],
+            hidden: self.parameters.bias.clone(),
         }
     }
 
     /// V of the slots that were added.
     pub(crate) fn finish(&self, sums: &Sums) -> f64 {
-        let out = self.parts().out.iter();
+        let out = self.parameters.out.iter();
         let units = out
             .zip(&sums.hidden)
             .map(|(weight, sum)| weight * sum.tanh());
@@ -79,7 +102,7 @@ impl ValueNetwork {
 
     /// V, the units' outputs, and dV / d(b + W x) = `u (1 - tanh^2)`.
     fn activate(&self, sums: &Sums) -> Activation {
-        let out = self.parts().out;
+        let out = &self.parameters.out;
         let units: Vec<f64> = sums.hidden.iter().map(|sum| sum.tanh()).collect();
         let slopes = out.iter().zip(&units);
         Activation {
@@ -94,11 +117,8 @@ impl ValueNetwork {
     /// The gradient of V with respect to the joined probabilities, shape (slots, views).
     pub(crate) fn input_gradient(&self, probabilities: &[f64]) -> Vec<f64> {
         let slopes = self.activate(&self.sums_of(probabilities)).slopes;
-        let parts = self.parts();
-        parts
-            .matrix
-            .chunks_exact(self.hidden)
-            .zip(parts.linear)
+        let rows = self.parameters.matrix.chunks_exact(self.hidden);
+        rows.zip(&self.parameters.linear)
             .map(|(row, linear)| linear + dot(row, &slopes))
             .collect()
     }
@@ -110,7 +130,9 @@ impl ValueNetwork {
         on_policy: Option<(&[f64], f64)>,
         share: f64,
     ) {
-        self.gradient.fill(0.0);
+        for part in self.gradient.all() {
+            part.fill(0.0);
+        }
         let count = samples.len() + usize::from(on_policy.is_some());
         let scale = 2.0 / count.max(1) as f64;
         for (set, target) in samples {
@@ -119,19 +141,20 @@ impl ValueNetwork {
         if let Some((probabilities, target)) = on_policy {
             self.add_probabilities_gradient(probabilities, target, scale);
         }
-        self.adam
-            .descend(&mut self.parameters, &self.gradient, share);
+        let parts = self.parameters.all().into_iter().zip(self.gradient.all());
+        for (adam, (part, gradient)) in self.adam.iter_mut().zip(parts) {
+            adam.descend(part, gradient, share);
+        }
     }
 
     fn add_set_gradient(&mut self, set: &[usize], target: f64, scale: f64) {
         let activation = self.activate(&self.sums_of_set(set));
         let error = scale * (activation.value - target);
-        let (views, hidden) = (self.views, self.hidden);
-        let parts = self.add_head_gradient(&activation, error);
+        self.add_head_gradient(&activation, error);
         for (slot, &view) in set.iter().enumerate() {
-            let input = slot * views + view;
-            parts.linear[input] += error;
-            let row = &mut parts.matrix[input * hidden..][..hidden];
+            let input = slot * self.views + view;
+            self.gradient.linear[input] += error;
+            let row = &mut self.gradient.matrix[input * self.hidden..][..self.hidden];
             add(row, error, &activation.slopes);
         }
     }
@@ -139,23 +162,19 @@ impl ValueNetwork {
     fn add_probabilities_gradient(&mut self, probabilities: &[f64], target: f64, scale: f64) {
         let activation = self.activate(&self.sums_of(probabilities));
         let error = scale * (activation.value - target);
-        let hidden = self.hidden;
-        let parts = self.add_head_gradient(&activation, error);
-        add(parts.linear, error, probabilities);
-        let rows = parts.matrix.chunks_exact_mut(hidden);
+        self.add_head_gradient(&activation, error);
+        add(&mut self.gradient.linear, error, probabilities);
+        let rows = self.gradient.matrix.chunks_exact_mut(self.hidden);
         for (row, probability) in rows.zip(probabilities) {
             add(row, error * probability, &activation.slopes);
         }
     }
 
     /// The gradient behind the input layer; the rest is the caller's.
-    fn add_head_gradient(&mut self, activation: &Activation, error: f64) -> Parts<&mut [f64]> {
-        let inputs = self.inputs();
-        let parts = split_mut(&mut self.gradient, inputs, self.hidden);
-        parts.constant[0] += error;
-        add(parts.bias, error, &activation.slopes);
-        add(parts.out, error, &activation.units);
-        parts
+    fn add_head_gradient(&mut self, activation: &Activation, error: f64) {
+        self.gradient.constant[0] += error;
+        add(&mut self.gradient.bias, error, &activation.slopes);
+        add(&mut self.gradient.out, error, &activation.units);
     }
 
     fn sums_of_set(&self, set: &[usize]) -> Sums {
@@ -168,32 +187,12 @@ impl ValueNetwork {
 
     fn sums_of(&self, probabilities: &[f64]) -> Sums {
         let mut sums = self.start();
-        let parts = self.parts();
-        sums.linear += dot(parts.linear, probabilities);
-        let rows = parts.matrix.chunks_exact(self.hidden);
+        sums.linear += dot(&self.parameters.linear, probabilities);
+        let rows = self.parameters.matrix.chunks_exact(self.hidden);
         for (row, probability) in rows.zip(probabilities) {
             add(&mut sums.hidden, *probability, row);
         }
         sums
-    }
-
-    fn inputs(&self) -> usize {
-        (self.parameters.len() - 2 * self.hidden - 1) / (self.hidden + 1)
-    }
-
-    fn parts(&self) -> Parts<&[f64]> {
-        let inputs = self.inputs();
-        let (matrix, rest) = self.parameters.split_at(inputs * self.hidden);
-        let (linear, rest) = rest.split_at(inputs);
-        let (bias, rest) = rest.split_at(self.hidden);
-        let (out, constant) = rest.split_at(self.hidden);
-        Parts {
-            matrix,
-            linear,
-            bias,
-            out,
-            constant,
-        }
     }
 }
 
@@ -214,25 +213,10 @@ pub(crate) struct Sums {
 impl Sums {
     /// Adds the view of one slot.
     pub(crate) fn add(&mut self, network: &ValueNetwork, slot: usize, view: usize) {
-        let parts = network.parts();
         let input = slot * network.views + view;
-        self.linear += parts.linear[input];
-        let row = &parts.matrix[input * network.hidden..][..network.hidden];
+        self.linear += network.parameters.linear[input];
+        let row = &network.parameters.matrix[input * network.hidden..][..network.hidden];
         add(&mut self.hidden, 1.0, row);
-    }
-}
-
-fn split_mut(all: &mut [f64], inputs: usize, hidden: usize) -> Parts<&mut [f64]> {
-    let (matrix, rest) = all.split_at_mut(inputs * hidden);
-    let (linear, rest) = rest.split_at_mut(inputs);
-    let (bias, rest) = rest.split_at_mut(hidden);
-    let (out, constant) = rest.split_at_mut(hidden);
-    Parts {
-        matrix,
-        linear,
-        bias,
-        out,
-        constant,
     }
 }
 
@@ -249,7 +233,7 @@ mod tests {
         let problem = Problem::new(&loss).expect("views enough").seed(4);
         let mut network = ValueNetwork::new(&problem, 5, 1e-2);
         let mut stream = Stream::new(5, Purpose::ValueInit, 0);
-        for parameter in &mut network.parameters {
+        for parameter in network.parameters.all().into_iter().flatten() {
             *parameter += stream.unit() - 0.5;
         }
         network
@@ -297,11 +281,12 @@ mod tests {
         };
         let parameters = network.parameters.clone();
         network.learn(samples.into_iter(), Some((&PROBABILITIES, 0.1)), 1.0);
-        let gradient = network.gradient.clone();
+        let gradient = network.gradient.all().map(|part| part.clone()).concat();
         for (index, gradient) in gradient.iter().enumerate() {
             let mut moved = |by: f64| {
-                network.parameters.clone_from(&parameters);
-                network.parameters[index] += by;
+                network.parameters = parameters.clone();
+                let parameter = network.parameters.all().into_iter().flatten().nth(index);
+                *parameter.expect("a parameter") += by;
                 error(&network)
             };
             let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::critic::Critic;
-use crate::error::{SelectError, require, require_not_negative, require_positive};
+use crate::error::{SelectError, require, require_not_negative, require_positive, require_some};
 use crate::evaluator::Evaluator;
 use crate::problem::{Problem, Selector};
 use crate::reinforce::{PolicyTraining, Trainer};
@@ -113,20 +113,16 @@ impl VbNvs {
     fn check(&self) -> Result<(), SelectError> {
         let (value, search) = (self.value, self.search);
         self.policy.check()?;
-        require(value.hidden > 0, "hidden", value.hidden, "at least 1")?;
+        require_some("hidden", value.hidden)?;
         require_positive("learning-rate", value.learning_rate)?;
-        require(value.steps > 0, "steps", value.steps, "at least 1")?;
-        require(value.batch > 0, "batch", value.batch, "at least 1")?;
+        require_some("steps", value.steps)?;
+        require_some("batch", value.batch)?;
         require_not_negative("weight", value.weight)?;
 
         require(search.starts > 1, "starts", search.starts, "at least 2")?;
-        for (name, found) in [
-            ("combinations", search.combinations as u64),
-            ("shortlist", search.shortlist as u64),
-            ("rounds", search.rounds),
-        ] {
-            require(found > 0, name, found, "at least 1")?;
-        }
+        require_some("combinations", search.combinations)?;
+        require_some("shortlist", search.shortlist)?;
+        require_some("rounds", search.rounds)?;
         let fits = self.evaluations > search.evaluations();
         let expected = "more than `shortlist` times `rounds`";
         require(fits, "evaluations", self.evaluations, expected)
@@ -137,26 +133,26 @@ impl Selector for VbNvs {
     fn select(&self, problem: &Problem<'_>) -> Result<Selection, SelectError> {
         self.check()?;
         let mut evaluator = Evaluator::new(problem);
-        let mut trainer = Trainer::new(self.policy, problem)?;
+        let mut trainer = Trainer::new(self.policy, problem);
         let mut critic = Critic::new(self.value, problem);
         let budget = self.evaluations - self.search.evaluations();
         while evaluator.asked() < budget {
             let left = budget - evaluator.asked();
             let share = left as f64 / budget as f64;
-            let probabilities = trainer.policy().probabilities();
+            let probabilities = trainer.policy.probabilities();
             let sets = trainer.sample(left);
             let losses = evaluator.losses(sets.as_sets())?;
-            critic.learn(
-                sets.as_sets(),
-                &losses,
-                Some(&probabilities),
-                share.max(FLOOR),
-            );
+            let sets = sets.as_sets();
+            critic.learn(sets, &losses, Some(&probabilities), share.max(FLOOR));
             let signal = critic.error_signal(&probabilities, problem.views());
-            trainer.learn(sets.as_sets(), &losses, Some(&signal), share)?;
+            trainer.learn(sets, &losses, Some(&signal), share);
         }
         for round in 0..self.search.rounds {
-            let starts = self.starts(problem, &trainer.policy().arg_max(), &critic, round);
+            let mut starts = SetList::new(problem.picks());
+            starts.push(&trainer.policy.arg_max());
+            starts.push(&critic.best_set());
+            let mut stream = Stream::new(problem.seed_value(), Purpose::ValueStarts, round);
+            starts.extend((2..self.search.starts).map(|_| stream.set(problem)));
             let known = |set: &[usize]| evaluator.knows(set);
             let shortlist = lowest_sets(critic.network(), problem, &starts, self.search, known);
             let shortlist = shortlist.as_sets();
@@ -167,24 +163,5 @@ impl Selector for VbNvs {
             critic.learn(shortlist, &losses, None, FLOOR);
         }
         evaluator.finish(critic.best_set())
-    }
-}
-
-impl VbNvs {
-    fn starts(
-        &self,
-        problem: &Problem<'_>,
-        arg_max: &[usize],
-        critic: &Critic,
-        round: u64,
-    ) -> SetList {
-        let mut starts = SetList::new(problem.picks());
-        starts.push(arg_max);
-        starts.push(&critic.best_set());
-        let mut stream = Stream::new(problem.seed_value(), Purpose::ValueStarts, round);
-        let random = (2..self.search.starts)
-            .map(|_| stream.set(problem.views(), problem.picks(), problem.is_distinct()));
-        starts.extend(random);
-        starts
     }
 }

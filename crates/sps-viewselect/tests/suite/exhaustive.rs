@@ -3,7 +3,9 @@
 use std::sync::Mutex;
 
 use proptest::prelude::*;
-use sps_viewselect::{Exhaustive, LossError, SelectError, Selector, SetFunction, SetLoss, Sets};
+use sps_viewselect::{
+    Equidistant, Exhaustive, LossError, SelectError, Selector, SetFunction, SetLoss, Sets, VbNvs,
+};
 
 use crate::problems::LateFusion;
 use crate::support::{all_sets, problem, select};
@@ -43,7 +45,6 @@ proptest! {
         prop_assert_eq!(&found.picks, best);
         prop_assert_eq!(found.loss, function(best));
         prop_assert_eq!(found.evaluations, sets.len() as u64);
-        prop_assert_eq!(found.evaluations, exhaustive.evaluations(&problem).expect("few sets"));
         let mean = sets.iter().map(|set| function(set)).sum::<f64>() / sets.len() as f64;
         let weighted: f64 = found.curve.iter().scan(0, |before, point| {
             let sets = point.evaluations - *before;
@@ -66,6 +67,31 @@ fn equals_brute_force_on_a_late_fusion_estimator() {
     let place = losses.iter().position(|&loss| loss == lowest).expect("one");
     let found = select(&Exhaustive::default(), &problem(&loss));
     assert_eq!((&found.picks, found.loss), (&sets[place], lowest));
+}
+
+/// Which two of forty thermometers along a rod of length 1 tell its mean temperature? Each reads `x^p`
+/// at its place, whose mean is `1 / (p + 1)`: Gauss's two points, 0.211 and 0.789, lie in the cells of
+/// thermometers 8 and 31.
+#[test]
+fn gausss_points_are_found() {
+    let loss = SetFunction::new(40, 2, |sensors: &[usize]| {
+        let error = |power: i32| {
+            let reading = |&sensor: &usize| ((sensor as f64 + 0.5) / 40.0).powi(power);
+            let estimate = sensors.iter().map(reading).sum::<f64>() / 2.0;
+            (estimate - 1.0 / f64::from(power + 1)).powi(2)
+        };
+        (1..=3).map(error).sum()
+    });
+    let problem = problem(&loss).distinct(true).seed(1);
+    let optimum = select(&Exhaustive::default(), &problem);
+    assert_eq!((optimum.picks, optimum.evaluations), (vec![8, 31], 40 * 39));
+    let equidistant = select(&Equidistant::default(), &problem);
+    let learned = VbNvs {
+        evaluations: 5000,
+        ..VbNvs::default()
+    };
+    let learned = select(&learned, &problem);
+    assert!(optimum.loss <= learned.loss && learned.loss < equidistant.loss);
 }
 
 /// Keeps the calls that it gets.
@@ -139,7 +165,7 @@ fn more_sets_than_allowed_are_refused() {
     // A trillion: days, and a curve of gigabytes.
     let triples = SetFunction::new(10_000, 3, sum);
     assert!(matches!(
-        Exhaustive::default().evaluations(&problem(&triples)),
+        Exhaustive::default().select(&problem(&triples)),
         Err(SelectError::TooManySets { .. })
     ));
 }

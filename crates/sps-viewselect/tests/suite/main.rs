@@ -1,11 +1,9 @@
 //! Every test of the crate's public face, in one binary.
 
 mod exhaustive;
-mod golden;
 mod hard_cases;
 mod laws;
 mod planted;
-mod policy;
 mod problems;
 mod regret;
 mod relations;

@@ -214,13 +214,13 @@ fn selections_do_not_depend_on_the_number_of_threads() {
 #[test]
 fn settings_out_of_range_are_refused() {
     let sums = Sums::named("shared/settings", 4, 2, 3);
-    let refused = Pooled::new(&sums, 3, 0.5).expect_err("three properties");
+    let refused = Pooled::new(&sums, 3, 0.5).err().expect("three properties");
     assert_eq!(
         refused.to_string(),
         "`property` is 3, expected a property that exists"
     );
     for amount in [-0.1, 1.1, f64::NAN, f64::INFINITY] {
-        let refused = Pooled::new(&sums, 0, amount).expect_err("no share");
+        let refused = Pooled::new(&sums, 0, amount).err().expect("no share");
         assert!(matches!(
             refused,
             SelectError::Setting {

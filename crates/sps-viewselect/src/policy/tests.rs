@@ -2,13 +2,44 @@
 
 use std::collections::HashMap;
 
-use sps_viewselect::{Policy, Sets};
-
-use crate::support::all_sets;
+use super::*;
+use crate::golden::golden;
+use crate::sets::is_distinct;
 use crate::uniform::uniform;
 
 const SLOTS: usize = 3;
 const VIEWS: usize = 5;
+
+impl Policy {
+    pub(super) fn of(logits: Vec<f64>, views: usize, distinct: bool) -> Self {
+        Self {
+            logits,
+            views,
+            distinct,
+        }
+    }
+
+    /// The log-probability of drawing `set`, in nats.
+    pub(super) fn log_probability(&self, set: &[usize]) -> f64 {
+        let slots = self.rows().zip(set).enumerate();
+        slots
+            .map(|(slot, (row, &view))| softmax::log_softmax(row, self.taken(set, slot))[view])
+            .sum()
+    }
+
+    /// Sum over the slots of the entropy of `softmax(z_m)`, in nats: from 0 to `M ln N`.
+    pub(super) fn entropy(&self) -> f64 {
+        self.rows()
+            .map(|row| softmax::entropy(&softmax::log_softmax(row, &[])))
+            .sum()
+    }
+}
+
+/// Every set of three views.
+fn all_sets(distinct: bool) -> impl Iterator<Item = [usize; SLOTS]> {
+    let all = (0..VIEWS.pow(3)).map(|i| [i / 25, i / 5 % 5, i % 5]);
+    all.filter(move |set| !distinct || is_distinct(set))
+}
 
 fn logits() -> Vec<f64> {
     uniform("policy")
@@ -18,11 +49,7 @@ fn logits() -> Vec<f64> {
 }
 
 fn policy(logits: Vec<f64>, distinct: bool) -> Policy {
-    Policy::from_logits(logits, SLOTS, VIEWS, distinct).expect("finite logits")
-}
-
-fn probability(policy: &Policy, set: &[usize]) -> f64 {
-    policy.log_probability(set).expect("a possible set").exp()
+    Policy::of(logits, VIEWS, distinct)
 }
 
 /// Central differences of a function of the logits.
@@ -51,8 +78,9 @@ fn assert_close(found: &[f64], expected: &[f64], bound: f64) {
 fn probabilities_of_all_sets_add_up_to_one() {
     for distinct in [false, true] {
         let policy = policy(logits(), distinct);
-        let sets = all_sets(VIEWS, SLOTS, distinct);
-        let sum: f64 = sets.iter().map(|set| probability(&policy, set)).sum();
+        let sum: f64 = all_sets(distinct)
+            .map(|set| policy.log_probability(&set).exp())
+            .sum();
         assert!((sum - 1.0).abs() < 1e-14, "{sum}");
     }
 }
@@ -66,9 +94,9 @@ fn samples_come_as_often_as_they_should() {
         for set in policy.sample(1, 0, draws).as_sets() {
             *counts.entry(set.to_vec()).or_default() += 1.0;
         }
-        for set in all_sets(VIEWS, SLOTS, distinct) {
-            let expected = draws as f64 * probability(&policy, &set);
-            let count = counts.remove(&set).unwrap_or_default();
+        for set in all_sets(distinct) {
+            let expected = draws as f64 * policy.log_probability(&set).exp();
+            let count = counts.remove(set.as_slice()).unwrap_or_default();
             // Five standard deviations, and one for the rare ones.
             let bound = 5.0 * expected.sqrt() + 1.0;
             assert!(
@@ -83,20 +111,18 @@ fn samples_come_as_often_as_they_should() {
 #[test]
 fn reinforce_gradient_matches_differences() {
     for distinct in [false, true] {
-        let sets = all_sets(VIEWS, SLOTS, distinct);
-        let chosen: Vec<Vec<usize>> = sets.into_iter().step_by(7).collect();
+        let chosen: Vec<_> = all_sets(distinct).step_by(7).collect();
         let advantages: Vec<f64> = uniform("advantages").take(chosen.len()).collect();
         let expected = differences(|logits| {
             let policy = policy(logits, distinct);
-            let weighted = chosen.iter().zip(&advantages).map(|(set, advantage)| {
-                advantage * policy.log_probability(set).expect("a possible set")
-            });
+            let both = chosen.iter().zip(&advantages);
+            let weighted = both.map(|(set, advantage)| advantage * policy.log_probability(set));
             weighted.sum::<f64>() / chosen.len() as f64
         });
         let flat = chosen.concat();
         let sets = Sets::new(&flat, SLOTS).expect("whole sets");
         let found = policy(logits(), distinct).reinforce_gradient(sets, &advantages);
-        assert_close(&found.expect("possible sets"), &expected, 1e-9);
+        assert_close(&found, &expected, 1e-9);
     }
 }
 
@@ -107,7 +133,7 @@ fn entropy_and_its_gradient_match_their_definitions() {
     assert!((start.entropy() - by_definition).abs() < 1e-14);
     let expected = differences(|logits| policy(logits, false).entropy());
     assert_close(&start.entropy_gradient(), &expected, 1e-9);
-    let uniform = Policy::uniform(SLOTS, VIEWS, false).expect("views enough");
+    let uniform = policy(vec![0.0; SLOTS * VIEWS], false);
     let largest = SLOTS as f64 * (VIEWS as f64).ln();
     assert!((uniform.entropy() - largest).abs() < 1e-14);
 }
@@ -121,4 +147,38 @@ fn arg_max_is_the_most_probable_view_of_each_slot() {
     ];
     assert_eq!(policy(logits.clone(), false).arg_max(), [1, 1, 1]);
     assert_eq!(policy(logits, true).arg_max(), [1, 4, 0]);
+}
+
+/// PyTorch's autograd (`reinforce` in `fixtures/golden/make_golden.py`).
+#[test]
+fn reinforce_gradient_matches_autograd() {
+    const VIEWS: usize = 100;
+    const BATCH: usize = 16;
+    // Inputs go through f32, as the script's `image` has it; q does not.
+    let rounded = |value: f64| f64::from(value as f32);
+    let logits = uniform("golden/reinforce.z").map(|u| 3.0 * rounded(u));
+    let policy = Policy::of(logits.take(SLOTS * VIEWS).collect(), VIEWS, false);
+    let drawn = uniform("golden/reinforce.q").map(|u| (0.5 * (u + 1.0) * 100.0) as usize);
+    let drawn: Vec<usize> = drawn.take(BATCH * SLOTS).collect();
+    let stored = golden("reinforce", "q").map(i64::from_le_bytes);
+    assert!(stored.eq(drawn.iter().map(|&view| view as i64)));
+    let advantages = uniform("golden/reinforce.advantage").map(rounded);
+    let advantages: Vec<f64> = advantages.take(BATCH).collect();
+
+    let sets = Sets::new(&drawn, SLOTS).expect("whole sets");
+    let expected: Vec<f64> = golden("reinforce", "grad")
+        .map(f64::from_le_bytes)
+        .collect();
+    assert_close(
+        &policy.reinforce_gradient(sets, &advantages),
+        &expected,
+        1e-15,
+    );
+    let none = Sets::new(&[], SLOTS).expect("no sets");
+    assert!(
+        policy
+            .reinforce_gradient(none, &[])
+            .iter()
+            .all(|&gradient| gradient == 0.0)
+    );
 }

@@ -86,7 +86,7 @@ fn batch_ratios(seed: u64, range: std::ops::Range<usize>, locations: u32) -> [[f
             // Both readers are asked about the same other surface, touched at the same places of its
             // own: what the second sees beyond the first is all that differs.
             let other =
-                Scores::draw_own(&mut Stream::new(seed, Purpose::Redraw, &[specimen.index]));
+                Scores::draw_own(&mut Stream::new(seed, Purpose::REDRAW, &[specimen.index]));
             let touched = |own: &Scores, which: u64| {
                 let places = u64::from(locations);
                 touch::mean_values(&specimen, own, which * places..(which + 1) * places)

@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn linked_scores_stay_standard_normal_and_follow_their_links() {
         let draws: Vec<Scores> = (0..20_000)
-            .map(|i| Scores::draw_own(&mut Stream::new(1, Purpose::Latents, &[i])).linked())
+            .map(|i| Scores::draw_own(&mut Stream::new(1, Purpose::LATENTS, &[i])).linked())
             .collect();
         let mean =
             |f: &dyn Fn(&Scores) -> f64| draws.iter().map(f).sum::<f64>() / draws.len() as f64;

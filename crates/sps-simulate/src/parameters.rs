@@ -92,14 +92,14 @@ impl Specimen {
     pub(crate) fn of_material(seed: u64, index: usize, material: Material) -> Self {
         let index = index as u64;
         let kinds = material.kinds();
-        let mut stream = Stream::new(seed, Purpose::Variant, &[index]);
+        let mut stream = Stream::new(seed, Purpose::VARIANT, &[index]);
         let kind = stream.weighted(kinds.iter().map(|kind| kind.weight));
         Self {
             seed,
             index,
             material,
             profile: &kinds[kind],
-            own: Scores::draw_own(&mut Stream::new(seed, Purpose::Latents, &[index])),
+            own: Scores::draw_own(&mut Stream::new(seed, Purpose::LATENTS, &[index])),
         }
     }
 

@@ -2,52 +2,35 @@
 
 use sps_base::streams::{ChaCha8Rng, RngCore, hashed_stream};
 
-/// What a stream is drawn for. The names enter the key, so adding one moves no other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Purpose {
-    /// Which material each place of a block of surfaces has.
-    Assignment,
-    /// Which variant of its material a surface is.
-    Variant,
-    /// The standard-normal scores of the latent causes.
-    Latents,
-    /// A second, independent set of scores, for the known limit.
-    Redraw,
-    /// Colours, prints and tone: what can be seen and not felt.
-    Appearance,
-    /// Threads, cells, strokes and noise of the height field.
-    Relief,
-    /// Where on the surface it was touched.
-    Location,
-    /// What differs between touches of one place.
-    Repeat,
-    /// Photon and read noise.
-    Sensor,
-    /// Exposure and registration errors.
-    Placement,
-    /// The formulas of a class of patterns.
-    Pattern,
-    /// What differs between images of a class of patterns.
-    PatternImage,
-}
+/// What a stream is drawn for: a name that enters the key, so that adding one moves no other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Purpose(&'static str);
 
 impl Purpose {
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Assignment => "assignment",
-            Self::Variant => "variant",
-            Self::Latents => "latents",
-            Self::Redraw => "redraw",
-            Self::Appearance => "appearance",
-            Self::Relief => "relief",
-            Self::Location => "location",
-            Self::Repeat => "repeat",
-            Self::Sensor => "sensor",
-            Self::Placement => "placement",
-            Self::Pattern => "pattern",
-            Self::PatternImage => "pattern image",
-        }
-    }
+    /// Which material each place of a block of surfaces has.
+    pub(crate) const ASSIGNMENT: Self = Self("assignment");
+    /// Which kind of its material a surface is.
+    pub(crate) const VARIANT: Self = Self("variant");
+    /// The standard-normal scores of the latent causes.
+    pub(crate) const LATENTS: Self = Self("latents");
+    /// A second, independent set of scores, for the known limit.
+    pub(crate) const REDRAW: Self = Self("redraw");
+    /// Colours, prints and tone: what can be seen and not felt.
+    pub(crate) const APPEARANCE: Self = Self("appearance");
+    /// Threads, cells, strokes and noise of the height field.
+    pub(crate) const RELIEF: Self = Self("relief");
+    /// Where on the surface it was touched.
+    pub(crate) const LOCATION: Self = Self("location");
+    /// What differs between touches of one place.
+    pub(crate) const REPEAT: Self = Self("repeat");
+    /// Photon and read noise.
+    pub(crate) const SENSOR: Self = Self("sensor");
+    /// Exposure and registration errors.
+    pub(crate) const PLACEMENT: Self = Self("placement");
+    /// The formulas of a class of patterns.
+    pub(crate) const PATTERN: Self = Self("pattern");
+    /// What differs between images of a class of patterns.
+    pub(crate) const PATTERN_IMAGE: Self = Self("pattern image");
 }
 
 /// A stream of random draws.
@@ -58,7 +41,7 @@ impl Stream {
     /// The stream of `seed` and `purpose` for the thing that `index` names.
     pub(crate) fn new(seed: u64, purpose: Purpose, index: &[u64]) -> Self {
         let index: Vec<u8> = index.iter().flat_map(|part| part.to_le_bytes()).collect();
-        let name = [&seed.to_le_bytes(), purpose.name().as_bytes(), &index];
+        let name = [&seed.to_le_bytes(), purpose.0.as_bytes(), &index];
         Self(hashed_stream("sps-dataset simulate stream 1", name))
     }
 

@@ -25,12 +25,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let picks = std::env::args()
         .nth(1)
         .map_or(Ok(3), |picks| picks.parse())?;
-    let selectors: Vec<(&str, Box<dyn Selector>)> = vec![
+    let mut plain = Nvs::default();
+    plain.policy = plain.policy.plain();
+    let selectors: [(&str, Box<dyn Selector>); 8] = [
         ("random", Box::new(Random::default())),
         ("random, 20,000", Box::new(Random { draws: 20_000 })),
         ("nadir", Box::new(Nadir::default())),
         ("equidistant", Box::new(Equidistant::default())),
-        ("nvs, plain", Box::new(plain_nvs())),
+        ("nvs, plain", Box::new(plain)),
         ("nvs", Box::new(Nvs::default())),
         ("vb-nvs", Box::new(VbNvs::default())),
         ("greedy", Box::new(Greedy::default())),
@@ -38,7 +40,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut rows = vec![Vec::new(); selectors.len()];
     for index in 0..PROBLEMS {
         let loss = LateFusion::new(VIEWS, picks, SURFACES, index);
-        add_problem(&Problem::new(&loss)?, &selectors, &mut rows)?;
+        let problem = Problem::new(&loss)?;
+        let random = Random { draws: 4000 }.select(&problem)?.curve[0].mean;
+        let mut runs = Vec::new();
+        for (_, selector) in &selectors {
+            let seeds = (0..SEEDS).map(|seed| selector.select(&problem.seed(seed)));
+            runs.push(seeds.collect::<Result<Vec<_>, _>>()?);
+        }
+        let optimum = optimum(&problem, &runs)?;
+        for (row, runs) in rows.iter_mut().zip(runs) {
+            let regret = |run: &Selection| run.regret(random, optimum).unwrap_or(f64::NAN);
+            row.extend(runs.into_iter().map(|run| (regret(&run), run)));
+        }
     }
     println!("| selector | median regret | worst | evaluations | computed | seconds |");
     println!("|---|---|---|---|---|---|");
@@ -48,44 +61,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn plain_nvs() -> Nvs {
-    let nvs = Nvs::default();
-    Nvs {
-        policy: nvs.policy.plain(),
-        ..nvs
-    }
-}
-
-/// Every selector with every seed, each run with its regret.
-fn add_problem(
-    problem: &Problem<'_>,
-    selectors: &[(&str, Box<dyn Selector>)],
-    rows: &mut [Vec<(f64, Selection)>],
-) -> Result<(), SelectError> {
-    let random = Random { draws: 4000 }.select(problem)?.curve[0].mean;
-    let mut runs = Vec::new();
-    for (_, selector) in selectors {
-        let seeds = (0..SEEDS).map(|seed| selector.select(&problem.seed(seed)));
-        runs.push(seeds.collect::<Result<Vec<_>, _>>()?);
-    }
-    let optimum = match Exhaustive::default().select(problem) {
+/// The lowest loss of all sets, or where there are too many, of the runs.
+fn optimum(problem: &Problem<'_>, runs: &[Vec<Selection>]) -> Result<f64, SelectError> {
+    match Exhaustive::default().select(problem) {
         Ok(optimum) => {
             println!("optimum {:?} in {:.1} s", optimum.picks, optimum.seconds);
-            optimum.loss
+            Ok(optimum.loss)
         }
         Err(SelectError::TooManySets { .. }) => {
             let losses = runs.iter().flatten().map(|run| run.loss);
-            losses.fold(f64::INFINITY, f64::min)
+            Ok(losses.fold(f64::INFINITY, f64::min))
         }
-        Err(other) => return Err(other),
-    };
-    for (row, runs) in rows.iter_mut().zip(runs) {
-        row.extend(runs.into_iter().map(|run| {
-            let regret = run.regret(random, optimum).unwrap_or(f64::NAN);
-            (regret, run)
-        }));
+        Err(other) => Err(other),
     }
-    Ok(())
 }
 
 fn print_row(name: &str, runs: &mut [(f64, Selection)]) {

@@ -39,28 +39,6 @@ pub trait SharedLoss: Sync {
     fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError>;
 }
 
-impl<L: SharedLoss + ?Sized> SharedLoss for &L {
-    fn views(&self) -> usize {
-        (**self).views()
-    }
-
-    fn picks(&self) -> usize {
-        (**self).picks()
-    }
-
-    fn properties(&self) -> usize {
-        (**self).properties()
-    }
-
-    fn ordered(&self) -> bool {
-        (**self).ordered()
-    }
-
-    fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
-        (**self).losses(sets, losses)
-    }
-}
-
 /// One property's loss, drawn towards the mean over all P properties:
 /// `(1 - amount) * own + amount * pooled`.
 ///
@@ -74,7 +52,6 @@ impl<L: SharedLoss + ?Sized> SharedLoss for &L {
 #[derive(Clone, Copy)]
 pub struct Pooled<'a> {
     shared: &'a dyn SharedLoss,
-    properties: usize,
     property: usize,
     amount: f64,
 }
@@ -91,18 +68,12 @@ impl<'a> Pooled<'a> {
         property: usize,
         amount: f64,
     ) -> Result<Self, SelectError> {
-        let properties = shared.properties();
-        require(
-            property < properties,
-            "property",
-            property,
-            "a property that exists",
-        )?;
+        let exists = property < shared.properties();
+        require(exists, "property", property, "a property that exists")?;
         let share = (0.0..=1.0).contains(&amount);
         require(share, "amount", amount, "a number from 0 to 1")?;
         Ok(Self {
             shared,
-            properties,
             property,
             amount,
         })
@@ -115,7 +86,7 @@ impl<'a> Pooled<'a> {
             // What other properties lack is none of this one's business.
             return own;
         }
-        let pooled = losses.iter().sum::<f64>() / self.properties as f64;
+        let pooled = losses.iter().sum::<f64>() / losses.len() as f64;
         (1.0 - self.amount) * own + self.amount * pooled
     }
 }
@@ -130,9 +101,10 @@ impl SetLoss for Pooled<'_> {
     }
 
     fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
-        let mut all = vec![0.0; sets.len() * self.properties];
+        let properties = self.shared.properties();
+        let mut all = vec![0.0; sets.len() * properties];
         self.shared.losses(sets, &mut all)?;
-        for (of_set, loss) in all.chunks_exact(self.properties).zip(losses) {
+        for (of_set, loss) in all.chunks_exact(properties).zip(losses) {
             *loss = self.drawn(of_set);
         }
         Ok(())

@@ -16,7 +16,7 @@ pub(crate) fn material_of(seed: u64, index: usize) -> Material {
     let mut places: Vec<Material> = Material::all()
         .flat_map(|material| std::iter::repeat_n(material, material.per_block()))
         .collect();
-    let mut stream = Stream::new(seed, Purpose::Assignment, &[(index / BLOCK) as u64]);
+    let mut stream = Stream::new(seed, Purpose::ASSIGNMENT, &[(index / BLOCK) as u64]);
     for last in (1..places.len()).rev() {
         places.swap(last, stream.index(last + 1));
     }

@@ -46,8 +46,8 @@ impl Patterns {
     /// An image of a class, `side x side` pixels; the same bits on every machine.
     pub fn frame(&self, class: usize, number: usize, side: usize) -> Frame {
         let (class, number) = (class as u64, number as u64);
-        let drawn = Class::draw(&mut Stream::new(self.seed, Purpose::Pattern, &[class]));
-        let mut stream = Stream::new(self.seed, Purpose::PatternImage, &[class, number]);
+        let drawn = Class::draw(&mut Stream::new(self.seed, Purpose::PATTERN, &[class]));
+        let mut stream = Stream::new(self.seed, Purpose::PATTERN_IMAGE, &[class, number]);
         let image = Image::draw(&drawn, side, &mut stream);
         image.frame(&drawn, side, &mut stream)
     }

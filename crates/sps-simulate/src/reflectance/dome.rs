@@ -18,14 +18,6 @@ pub(crate) const DOME: Dome = Dome {
 };
 
 impl Dome {
-    /// The same radiance from everywhere: the white furnace.
-    #[cfg(test)]
-    pub(crate) const UNIFORM: Self = Self {
-        constant: 1.0,
-        linear: 0.0,
-        square: 0.0,
-    };
-
     /// Radiance from the direction at cosine `c` from the axis.
     pub(crate) fn radiance(self, c: f32) -> f32 {
         self.constant + c * (self.linear + c * self.square)
@@ -49,7 +41,13 @@ mod tests {
 
     #[test]
     fn irradiance_agrees_with_quadrature() {
-        for dome in [DOME, Dome::UNIFORM] {
+        // The same radiance from everywhere: the white furnace.
+        let uniform = Dome {
+            constant: 1.0,
+            linear: 0.0,
+            square: 0.0,
+        };
+        for dome in [DOME, uniform] {
             for tilt in [0.0f64, 0.3, 0.8, 1.4] {
                 let (mut sum, steps) = (0.0, 400);
                 for i in 0..steps {

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use super::super::numeric::mix;
-use super::dome::{DOME, Dome};
+use super::dome::DOME;
 
 /// Nodes along each axis: the root of alpha, and the root of the cosine.
 const ROUGHNESSES: usize = 28;
@@ -32,18 +32,18 @@ pub(crate) struct EnergyTable {
 
 /// The instrument's table, integrated once per process (some tens of milliseconds).
 pub(crate) fn energy() -> &'static EnergyTable {
-    static TABLE: LazyLock<EnergyTable> = LazyLock::new(|| EnergyTable::integrate(DOME));
+    static TABLE: LazyLock<EnergyTable> = LazyLock::new(EnergyTable::integrate);
     &TABLE
 }
 
 impl EnergyTable {
-    fn integrate(dome: Dome) -> Self {
+    fn integrate() -> Self {
         let mut nodes = Vec::with_capacity(ROUGHNESSES * COSINES);
         for i in 0..ROUGHNESSES {
             let root = i as f64 / (ROUGHNESSES - 1) as f64;
             for j in 0..COSINES {
                 let s = (j as f64 / (COSINES - 1) as f64).max(0.01);
-                nodes.push(lobe_integrals(root * root, s * s, dome).map(|v| v as f32));
+                nodes.push(lobe_integrals(root * root, s * s).map(|v| v as f32));
             }
         }
         let means = nodes
@@ -109,7 +109,7 @@ fn hemispherical_mean(row: &[[f32; 4]]) -> [f32; 2] {
 
 /// `[dome scale, dome bias, scale, bias]` for a view at cosine `c`, by a product rule over the
 /// normals visible from there (Heitz, JCGT 7(4), 2018).
-fn lobe_integrals(alpha: f64, c: f64, dome: Dome) -> [f64; 4] {
+fn lobe_integrals(alpha: f64, c: f64) -> [f64; 4] {
     let view = [(1.0 - c * c).sqrt(), 0.0, c];
     let mut sums = [0.0; 4];
     for i in 0..POINTS {
@@ -129,7 +129,7 @@ fn lobe_integrals(alpha: f64, c: f64, dome: Dome) -> [f64; 4] {
             let m = 1.0 - vh.min(1.0);
             let graze = m * m * m * m * m;
             let axis = view[0] * light[0] + view[2] * light[2];
-            let radiance = f64::from(dome.radiance(axis as f32));
+            let radiance = f64::from(DOME.radiance(axis as f32));
             let (scale, bias) = (weight * (1.0 - graze), weight * graze);
             for (sum, term) in sums
                 .iter_mut()

@@ -6,7 +6,7 @@
 use std::sync::LazyLock;
 
 use super::super::numeric::mix;
-use super::dome::{DOME, Dome};
+use super::dome::DOME;
 
 const NODES: usize = 64;
 
@@ -27,14 +27,14 @@ pub(crate) struct SheenTable {
 
 /// The instrument's table, integrated once per process.
 pub(crate) fn sheen_table() -> &'static SheenTable {
-    static TABLE: LazyLock<SheenTable> = LazyLock::new(|| SheenTable::integrate(DOME));
+    static TABLE: LazyLock<SheenTable> = LazyLock::new(SheenTable::integrate);
     &TABLE
 }
 
 impl SheenTable {
-    fn integrate(dome: Dome) -> Self {
+    fn integrate() -> Self {
         let nodes: Vec<[f32; 2]> = (0..NODES)
-            .map(|i| lobe_integrals(i as f64 / (NODES - 1) as f64, dome).map(|v| v as f32))
+            .map(|i| lobe_integrals(i as f64 / (NODES - 1) as f64).map(|v| v as f32))
             .collect();
         let step = 1.0 / (NODES - 1) as f32;
         let mean = nodes
@@ -56,7 +56,7 @@ impl SheenTable {
     }
 }
 
-fn lobe_integrals(c: f64, dome: Dome) -> [f64; 2] {
+fn lobe_integrals(c: f64) -> [f64; 2] {
     const STEPS: usize = 48;
     let view = [(1.0 - c * c).sqrt(), 0.0, c];
     let mut sums = [0.0; 2];
@@ -71,7 +71,7 @@ fn lobe_integrals(c: f64, dome: Dome) -> [f64; 2] {
             let nh = ((light[2] + view[2]) / half).min(1.0);
             let value = f64::from(sheen_lobe(z as f32, c as f32, nh as f32)) * z;
             sums[0] += value;
-            sums[1] += value * f64::from(dome.radiance(axis as f32));
+            sums[1] += value * f64::from(DOME.radiance(axis as f32));
         }
     }
     sums.map(|v| v * std::f64::consts::TAU / (STEPS * STEPS) as f64)

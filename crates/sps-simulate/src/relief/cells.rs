@@ -69,7 +69,7 @@ mod tests {
 
     #[test]
     fn on_a_lattice_the_nearest_is_the_squares_own_point() {
-        let cells = Cells::new(4, 0.0, &mut Stream::new(0, Purpose::Relief, &[]));
+        let cells = Cells::new(4, 0.0, &mut Stream::new(0, Purpose::RELIEF, &[]));
         let found = cells.at(1.5, 2.75);
         assert_eq!((found.id, found.first), (9, 0.25));
         assert!((found.second - 0.75).abs() < 1e-6);

@@ -49,7 +49,7 @@ pub(crate) fn pair(n: usize, fractal: Fractal, stream: &mut Stream) -> (Grid, Gr
     let mut power = 0.0;
     for radius in 1..n as i32 / 2 {
         let counts = radius <= REFERENCE_RINGS;
-        amplitude.ring(radius).for_each(|kx, ky, size| {
+        amplitude.ring(radius, |kx, ky, size| {
             let (c, s) = phases[(stream.bits() >> 22) as usize];
             let at = (ky & low_bits) as usize * n + (kx & low_bits) as usize;
             re[at] = size * c;
@@ -60,7 +60,7 @@ pub(crate) fn pair(n: usize, fractal: Fractal, stream: &mut Stream) -> (Grid, Gr
         });
     }
     for radius in n as i32 / 2..=REFERENCE_RINGS {
-        amplitude.ring(radius).for_each(|_, _, size| {
+        amplitude.ring(radius, |_, _, size| {
             power += f64::from(size * size);
         });
     }
@@ -74,33 +74,6 @@ pub(crate) fn pair(n: usize, fractal: Fractal, stream: &mut Stream) -> (Grid, Gr
         Grid::from_data(n, field)
     });
     (re, im)
-}
-
-/// The amplitudes on the edge of the square of wave vectors whose larger component is `radius`. Opposite
-/// wave vectors have the same, so two of the four sides tell all.
-struct Ring {
-    radius: i32,
-    /// At `(i - radius, radius)`.
-    top: Vec<f32>,
-    /// At `(radius, i - radius)`.
-    right: Vec<f32>,
-}
-
-impl Ring {
-    /// Calls `f` with each wave vector and its amplitude.
-    fn for_each(&self, mut f: impl FnMut(i32, i32, f32)) {
-        let r = self.radius;
-        let top = |kx: i32| self.top[(kx + r) as usize];
-        let right = |ky: i32| self.right[(ky + r) as usize];
-        for kx in -r..=r {
-            f(kx, -r, top(-kx));
-            f(kx, r, top(kx));
-        }
-        for ky in 1 - r..r {
-            f(-r, ky, right(-ky));
-            f(r, ky, right(ky));
-        }
-    }
 }
 
 /// Unit vectors around the circle.
@@ -145,12 +118,19 @@ impl Amplitude {
         }
     }
 
-    fn ring(&self, radius: i32) -> Ring {
+    /// Calls `f` with each wave vector whose larger component is `radius`, and its amplitude.
+    fn ring(&self, radius: i32, mut f: impl FnMut(i32, i32, f32)) {
+        // Opposite wave vectors have the same, so two of the square's four sides tell all.
         let r = radius as f32;
-        Ring {
-            radius,
-            top: self.edge(radius, |k| (k, r)),
-            right: self.edge(radius, |k| (r, k)),
+        let (top, right) = (self.edge(radius, |k| (k, r)), self.edge(radius, |k| (r, k)));
+        let place = |k: i32| (k + radius) as usize;
+        for kx in -radius..=radius {
+            f(kx, -radius, top[place(-kx)]);
+            f(kx, radius, top[place(kx)]);
+        }
+        for ky in 1 - radius..radius {
+            f(-radius, ky, right[place(-ky)]);
+            f(radius, ky, right[place(ky)]);
         }
     }
 
@@ -181,7 +161,7 @@ mod tests {
 
     #[test]
     fn has_unit_deviation_and_no_mean() {
-        let mut stream = Stream::new(3, Purpose::Relief, &[0]);
+        let mut stream = Stream::new(3, Purpose::RELIEF, &[0]);
         let (a, b) = pair(256, Fractal::isotropic(0.05, 0.7), &mut stream);
         for grid in [a, b] {
             assert!(grid.mean().abs() < 1e-4);
@@ -196,7 +176,7 @@ mod tests {
     #[test]
     fn a_finer_map_only_adds_detail() {
         let draw = |n| {
-            let mut stream = Stream::new(3, Purpose::Relief, &[1]);
+            let mut stream = Stream::new(3, Purpose::RELIEF, &[1]);
             pair(n, Fractal::isotropic(0.2, 0.9), &mut stream).0
         };
         let (coarse, fine) = (draw(64), draw(128));

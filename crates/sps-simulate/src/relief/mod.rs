@@ -81,7 +81,7 @@ pub(crate) fn repeats(parameters: &Parameters) -> usize {
 
 /// Builds the layers of a surface on `n x n` texels.
 pub(crate) fn layers(specimen: &Specimen, parameters: &Parameters, n: usize) -> Layers {
-    let mut stream = specimen.stream(Purpose::Relief);
+    let mut stream = specimen.stream(Purpose::RELIEF);
     let mut builder = Builder {
         n,
         count: repeats(parameters),

@@ -19,7 +19,7 @@ const FULL_WELL: f32 = 4.0;
 /// Adds the sensor's noise, which belongs to this surface, angle and size.
 pub(super) fn expose(mut image: LinearFrame, specimen: &Specimen, degrees: f64) -> LinearFrame {
     let key = [specimen.index, angle_key(degrees), image.width as u64];
-    let mut stream = Stream::new(specimen.seed, Purpose::Sensor, &key);
+    let mut stream = Stream::new(specimen.seed, Purpose::SENSOR, &key);
     let mut bytes = [0u8; 4 * 1024];
     for part in image.data.chunks_mut(bytes.len() / 4) {
         stream.fill(&mut bytes);

@@ -81,7 +81,7 @@ pub(crate) fn prepare(specimen: &Specimen, size: usize) -> Texels {
 pub(crate) fn prepare_on(specimen: &Specimen, size: usize, n: usize) -> Texels {
     let parameters = specimen.parameters();
     let layers = relief::layers(specimen, &parameters, n);
-    let mut appearance = specimen.stream(Purpose::Appearance);
+    let mut appearance = specimen.stream(Purpose::APPEARANCE);
     let mut data = paint(&layers, &parameters, &mut appearance);
     let moments = add_slopes(&mut data, &layers.height);
     let rough = moments[0] + moments[1] > FLAT * FLAT;
@@ -111,11 +111,17 @@ fn paint(layers: &Layers, parameters: &Parameters, stream: &mut Stream) -> Vec<T
     let mask = stream
         .chance(profile.printed)
         .then(|| relief::print_mask(layers.height.n(), stream));
-    let wear = Wear::draw(layers, profile.structure, stream);
     let (height, tone, polish) = (&layers.height, &layers.tone, &layers.polish);
+    // How dye and dirt have settled. It looks like shading and says nothing of the height: seen from
+    // straight above, a flat dirty surface and a clean deep one can be the same picture.
+    let hollow = stream.between32(-0.1, 0.4) * holds_dirt(profile.structure);
+    let contrast = stream.between32(0.5, 1.3);
+    let (mean, scale) = (tone.mean(), 0.5 / height.deviation().max(1e-6));
     (0..height.data().len())
         .map(|at| {
-            let (tone, shade) = wear.at(tone[at], height[at]);
+            let tone = mean + contrast * (tone[at] - mean);
+            let depth = (height[at] * scale).clamp(-1.0, 1.0);
+            let shade = 1.0 - hollow * (0.5 - 0.5 * depth);
             let mut colour = colours.at(tone).map(|c| c * shade);
             if let Some(mask) = &mask {
                 // A print keeps the shading of the yarn or grain beneath it.
@@ -133,36 +139,6 @@ fn paint(layers: &Layers, parameters: &Parameters, stream: &mut Stream) -> Vec<T
             texel
         })
         .collect()
-}
-
-/// How dye and dirt have settled. It looks like shading and says nothing of the height: seen from
-/// straight above, a flat dirty surface and a clean deep one can be the same picture.
-struct Wear {
-    mean_tone: f32,
-    contrast: f32,
-    height_scale: f32,
-    hollow: f32,
-}
-
-impl Wear {
-    fn draw(layers: &Layers, structure: Structure, stream: &mut Stream) -> Self {
-        let hollow = stream.between32(-0.1, 0.4);
-        Self {
-            mean_tone: layers.tone.mean(),
-            contrast: stream.between32(0.5, 1.3),
-            height_scale: 0.5 / layers.height.deviation().max(1e-6),
-            hollow: hollow * holds_dirt(structure),
-        }
-    }
-
-    /// The tone, and a factor on the colour.
-    fn at(&self, tone: f32, height: f32) -> (f32, f32) {
-        let depth = (height * self.height_scale).clamp(-1.0, 1.0);
-        (
-            self.mean_tone + self.contrast * (tone - self.mean_tone),
-            1.0 - self.hollow * (0.5 - 0.5 * depth),
-        )
-    }
 }
 
 /// How much dye and dirt the hollows of a structure hold, 0 to 1; polished ones hold none.

@@ -7,7 +7,7 @@ use super::super::reflectance::{
     slope_density, visibility,
 };
 use super::maps::{Finish, Texel, Texels, channel};
-use super::view::{Pose, View};
+use super::view::{Pose, View, world_light};
 
 /// Irradiance of the soft light on a plane that faces it; the dome's is about 2.5.
 pub(super) const LIGHT: f32 = 1.5;
@@ -302,18 +302,8 @@ impl Row {
 
 /// Radiance of a white diffuser that faces the camera.
 pub(super) fn white_radiance() -> f32 {
-    let facing = DOME.irradiance(1.0) + LIGHT * View::light_zenith_cosine();
+    let facing = DOME.irradiance(1.0) + LIGHT * world_light()[2] as f32;
     facing * std::f32::consts::FRAC_1_PI
-}
-
-/// Zenith and azimuth of the soft light, in radians.
-#[cfg(test)]
-pub(super) fn light_angles() -> (f64, f64) {
-    use super::super::geometry::{LIGHT_AZIMUTH_DEG, LIGHT_ZENITH_DEG};
-    (
-        LIGHT_ZENITH_DEG.to_radians(),
-        LIGHT_AZIMUTH_DEG.to_radians(),
-    )
 }
 
 /// The texel at `(x, y)` in texels; wraps.

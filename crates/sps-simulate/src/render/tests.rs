@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use sps_dataset::LinearFrame;
 
-use super::super::geometry::{FIELD_MM, TILE_MM};
+use super::super::geometry::{FIELD_MM, LIGHT_AZIMUTH_DEG, LIGHT_ZENITH_DEG, TILE_MM};
 use super::super::material::Material;
 use super::super::parameters::Specimen;
 use super::super::reflectance::{Brdf, DOME, Spread};
@@ -43,7 +43,7 @@ fn expected(brdf: &Brdf, degrees: f64) -> [f64; 3] {
         brdf.eval([0.0, 0.0, 1.0], l, v).map(f64::from)
     };
     let view = to_surface([0.0, 0.0, 1.0]);
-    let (zenith, azimuth) = shade::light_angles();
+    let [zenith, azimuth] = [LIGHT_ZENITH_DEG, LIGHT_AZIMUTH_DEG].map(f64::to_radians);
     let light = to_surface([
         zenith.sin() * azimuth.cos(),
         zenith.sin() * azimuth.sin(),

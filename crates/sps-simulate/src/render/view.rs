@@ -35,7 +35,7 @@ impl Pose {
     /// deviations).
     pub(crate) fn draw(specimen: &Specimen, degrees: f64) -> Self {
         let key = [specimen.index, angle_key(degrees)];
-        let mut stream = Stream::new(specimen.seed, Purpose::Placement, &key);
+        let mut stream = Stream::new(specimen.seed, Purpose::PLACEMENT, &key);
         Self {
             roll: (degrees + 0.15 * stream.normal()).to_radians(),
             turn: (0.1 * stream.normal()).to_radians(),
@@ -123,11 +123,6 @@ impl View {
             shift: (pose.shift.0 as f32, pose.shift.1 as f32),
             places: places.iter().map(|&p| p as f32).collect(),
         }
-    }
-
-    /// Cosine between the light and the camera's axis.
-    pub(crate) fn light_zenith_cosine() -> f32 {
-        world_light()[2] as f32
     }
 
     /// Fills the places that row `row` sees, in units of the period; `scratch` is reused memory.
@@ -260,7 +255,7 @@ fn camera_direction(x: f64, y: f64) -> [f64; 3] {
 }
 
 /// Unit vector to the soft light; z is the camera's axis.
-fn world_light() -> [f64; 3] {
+pub(super) fn world_light() -> [f64; 3] {
     let zenith = LIGHT_ZENITH_DEG.to_radians();
     let azimuth = LIGHT_AZIMUTH_DEG.to_radians();
     [

@@ -55,7 +55,7 @@ pub(crate) fn responses(parameters: &Parameters) -> Values {
 /// The values at one place of a surface, without the noise of a touch.
 fn at_place(specimen: &Specimen, own: &Scores, place: u64) -> Values {
     let key = [specimen.index, place];
-    let mut stream = Stream::new(specimen.seed, Purpose::Location, &key);
+    let mut stream = Stream::new(specimen.seed, Purpose::LOCATION, &key);
     let moved = own.moved(&Scores::draw_own(&mut stream), PLACE_SPREAD);
     let parameters = Parameters::at(specimen.profile, &moved.linked());
     scale::read(&responses(&parameters))
@@ -102,7 +102,7 @@ pub(crate) fn readings(specimens: &[Specimen], places: u32, repeats: u32) -> Tac
 /// One touch: the values with its noise, on the scale from 0 to 100.
 fn touched(specimen: &Specimen, place: u32, repeat: u32, values: &Values) -> Vec<Option<f64>> {
     let key = [specimen.index, u64::from(place), u64::from(repeat)];
-    let mut stream = Stream::new(specimen.seed, Purpose::Repeat, &key);
+    let mut stream = Stream::new(specimen.seed, Purpose::REPEAT, &key);
     values
         .iter()
         .map(|&value| {

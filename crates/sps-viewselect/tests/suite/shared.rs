@@ -1,5 +1,6 @@
 //! Losses of several properties, pooled and remembered.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use proptest::prelude::*;
@@ -12,13 +13,14 @@ use crate::support::{all_sets, problem, select, short_vb_nvs};
 use crate::uniform::uniform;
 
 /// The loss of a property is the sum of its values at the views: its optimum are the views of least
-/// value. Counts the sets that it is asked for.
+/// value. Counts the sets that it and its copies are asked for.
+#[derive(Clone)]
 struct Sums {
     picks: usize,
     /// Shape (properties, views).
     values: Vec<Vec<f64>>,
     ordered: bool,
-    asked: AtomicU64,
+    asked: Arc<AtomicU64>,
 }
 
 impl Sums {
@@ -27,7 +29,7 @@ impl Sums {
             picks,
             values,
             ordered: false,
-            asked: AtomicU64::new(0),
+            asked: Arc::default(),
         }
     }
 
@@ -147,7 +149,7 @@ fn a_set_is_computed_once_for_all_who_ask() {
     for (ordered, sets) in [(false, 84), (true, 504)] {
         let mut sums = Sums::named("shared/once", 9, 3, 4);
         sums.ordered = ordered;
-        let shared = Remembered::new(&sums);
+        let shared = Remembered::new(sums.clone());
         let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         one_thread.expect("a pool").install(|| {
             for property in 0..4 {
@@ -177,7 +179,7 @@ fn all_orders_of_a_set_are_one_to_the_bit() {
     assert_ne!(of(&sums, &[0, 1, 2]), of(&sums, &[2, 1, 0]));
     let expected = of(&sums, &[0, 1, 2]);
     for first in all_sets(3, 3, true) {
-        let shared = Remembered::new(&sums);
+        let shared = Remembered::new(sums.clone());
         assert_eq!(of(&shared, &first), expected);
         assert_eq!(of(&shared, &[2, 1, 0]), expected);
     }
@@ -191,7 +193,7 @@ fn selections_do_not_depend_on_the_number_of_threads() {
     let all = |threads| -> Vec<Selection> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.expect("a pool").install(|| {
-            let shared = Remembered::new(&sums);
+            let shared = Remembered::new(sums.clone());
             let of = |property| {
                 let loss = pooled(&shared, property, 0.4);
                 selectors.map(|selector| Selection {

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use sps_metrics::{Level, PredictionInterval};
 
 use crate::arrays::{Labels, Numbers};
-use crate::errors::{UndefinedScore, conformal_error, undefined, value_error};
+use crate::errors::{Raises, UndefinedScore};
 use crate::scores::Scored;
 
 /// Intervals around estimates that cover the truth at a promised rate, by split conformal prediction.
@@ -45,11 +45,9 @@ pub(crate) struct Coverage {
 impl SplitConformal {
     #[new]
     #[pyo3(signature = (residuals, *, level = 0.9))]
-    fn new(residuals: Numbers, level: f64) -> PyResult<Self> {
-        let level = Level::new(level).map_err(value_error)?;
-        sps_metrics::SplitConformal::from_residuals(&residuals.0, level)
-            .map(Self)
-            .map_err(|error| conformal_error(&error))
+    fn new(residuals: Numbers, level: f64) -> Raises<Self> {
+        let of = sps_metrics::SplitConformal::from_residuals;
+        Ok(Self(of(&residuals.0, Level::new(level)?)?))
     }
 
     /// Half the width of every interval, in the unit of the truth.
@@ -80,11 +78,9 @@ impl SplitConformal {
 impl GroupConformal {
     #[new]
     #[pyo3(signature = (residuals, groups, *, level = 0.9))]
-    fn new(residuals: Numbers, groups: Labels, level: f64) -> PyResult<Self> {
-        let level = Level::new(level).map_err(value_error)?;
-        sps_metrics::GroupConformal::from_residuals(&residuals.0, &groups.0, level)
-            .map(Self)
-            .map_err(|error| conformal_error(&error))
+    fn new(residuals: Numbers, groups: Labels, level: f64) -> Raises<Self> {
+        let of = sps_metrics::GroupConformal::from_residuals;
+        Ok(Self(of(&residuals.0, &groups.0, Level::new(level)?)?))
     }
 
     /// Half the width of every interval, in the unit of the truth.
@@ -130,18 +126,16 @@ pub(crate) fn coverage(
     low: Numbers,
     high: Numbers,
     details: bool,
-) -> PyResult<Scored> {
-    if low.0.len() != high.0.len() {
-        let (low, high) = (low.0.len(), high.0.len());
-        return Err(UndefinedScore::new_err(format!(
-            "{low} lower ends and {high} upper ends"
-        )));
+) -> Raises<Scored> {
+    let lengths = (low.0.len(), high.0.len());
+    if lengths.0 != lengths.1 {
+        let problem = format!("{} lower ends and {} upper ends", lengths.0, lengths.1);
+        return Err(UndefinedScore::new_err(problem).into());
     }
     let ends = low.0.into_iter().zip(high.0);
     let intervals = ends.map(|(low, high)| PredictionInterval { low, high });
     let intervals: Vec<PredictionInterval> = intervals.collect();
-    let coverage =
-        sps_metrics::coverage(&intervals, &y_true.0).map_err(|error| undefined(&error))?;
+    let coverage = sps_metrics::coverage(&intervals, &y_true.0)?;
     let fraction = coverage.fraction();
     if !details {
         return Ok(Scored::Number(fraction));

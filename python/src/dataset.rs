@@ -3,6 +3,7 @@
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
+use anyhow::{Result, ensure};
 use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArrayLikeDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use sps::importing::{Frames, Import, Listed, Options, Request};
@@ -13,7 +14,7 @@ use sps_experiment::data;
 use sps_simulate::SimulatorSpec;
 use tempfile::TempDir;
 
-use crate::errors::{any_error, frame_error, value_error};
+use crate::errors::Raises;
 use crate::estimator::{Surfaces, Values, numbered, scratch};
 use crate::work::watched;
 
@@ -48,9 +49,9 @@ impl Dataset {
         groups: Option<&Bound<'_, PyAny>>,
         materials: Option<Vec<String>>,
         angles: Option<Vec<f64>>,
-    ) -> PyResult<Self> {
-        let made = Self::made(photographs, values, properties, groups, materials, angles);
-        Ok(made?.0)
+    ) -> Raises<Self> {
+        let made = Self::made(photographs, values, properties, groups, materials, angles)?;
+        Ok(made.0)
     }
 
     /// The folder that it lies in.
@@ -102,10 +103,8 @@ impl Dataset {
     #[getter]
     fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let surfaces = self.folder.surfaces().len();
-        let averages = self
-            .folder
-            .tactile()
-            .averages(&TactileSettings::default(), surfaces);
+        let tactile = self.folder.tactile();
+        let averages = tactile.averages(&TactileSettings::default(), surfaces);
         let properties = self.properties();
         let cells = (0..surfaces).flat_map(|surface| {
             let of = |code: &&str| averages.value(surface, code).unwrap_or(f64::NAN);
@@ -119,16 +118,14 @@ impl Dataset {
     ///
     /// Raises OSError where one is missing.
     #[getter]
-    fn photographs(&self) -> PyResult<Vec<Vec<PathBuf>>> {
-        let views = self.folder.view_angles().len();
-        let file = |surface, view| {
-            let path = self.folder.frame_path(surface, view);
-            path.map_err(|error| frame_error(&error))
+    fn photographs(&self) -> Raises<Vec<Vec<PathBuf>>> {
+        let views = 0..self.folder.view_angles().len();
+        let of_surface = |surface| {
+            let files = views.clone();
+            let files = files.map(|view| Ok(self.folder.frame_path(surface, view)?));
+            files.collect()
         };
-        let surfaces = 0..self.folder.surfaces().len();
-        surfaces
-            .map(|surface| (0..views).map(|view| file(surface, view)).collect())
-            .collect()
+        (0..self.__len__()).map(of_surface).collect()
     }
 
     fn __fspath__(&self) -> &OsStr {
@@ -158,17 +155,16 @@ impl Dataset {
         groups: Option<&Bound<'_, PyAny>>,
         materials: Option<Vec<String>>,
         angles: Option<Vec<f64>>,
-    ) -> PyResult<(Self, Option<Import>)> {
+    ) -> Result<(Self, Option<Import>)> {
         let path = || photographs.extract::<PathBuf>();
         let table: Option<PathBuf> = values.and_then(|values| values.extract().ok());
         let alone =
             groups.is_none() && properties.is_none() && materials.is_none() && angles.is_none();
-        if !alone && (values.is_none() || table.is_some()) {
-            return Err(value_error(
-                "properties, groups, materials and angles: expected none beside a dataset or a table, which \
-                 say them",
-            ));
-        }
+        ensure!(
+            alone || (values.is_some() && table.is_none()),
+            "properties, groups, materials and angles: expected none beside a dataset or a table, which say \
+             them"
+        );
         let Some(values) = values else {
             return Ok((Self::open(&path()?, None)?, None));
         };
@@ -183,24 +179,23 @@ impl Dataset {
             let values: PyArrayLikeDyn<'_, f64, AllowTypeChange> = values.extract()?;
             let values = Values::new(&values, properties)?;
             let codes = values.properties.iter().map(|code| code.parse());
-            let codes = codes.collect::<Result<_, _>>().map_err(value_error)?;
+            let codes = codes.collect::<Result<_, _>>()?;
             let groups = groups.map(numbered).transpose()?;
             let known = (groups, materials);
             let listed = listed(photographs, values.rows, known, scratch.path())?;
             Import::listed(codes, &angles.unwrap_or_default(), listed)
         };
-        let import = import.map_err(any_error)?;
+        let import = import?;
         let path = path().ok();
         let name = path.as_deref().and_then(Path::file_stem);
         let folder = scratch.path().join(name.unwrap_or("photographs".as_ref()));
-        import.write(&folder, Frames::Linked).map_err(any_error)?;
+        import.write(&folder, Frames::Linked)?;
         Ok((Self::open(&folder, Some(scratch))?, Some(import)))
     }
 
-    fn open(folder: &Path, scratch: Option<TempDir>) -> PyResult<Self> {
-        let folder = DatasetFolder::open(folder, &ReadSettings::default());
+    fn open(folder: &Path, scratch: Option<TempDir>) -> Result<Self> {
         Ok(Self {
-            folder: folder.map_err(value_error)?,
+            folder: DatasetFolder::open(folder, &ReadSettings::default())?,
             _scratch: scratch,
         })
     }
@@ -216,7 +211,7 @@ fn listed(
     rows: Vec<Vec<Option<f64>>>,
     (groups, materials): (Option<Vec<usize>>, Option<Vec<String>>),
     folder: &Path,
-) -> PyResult<Vec<Listed>> {
+) -> Result<Vec<Listed>> {
     let mut surfaces = Surfaces::new(photographs)?;
     let mut files = Vec::new();
     for image in surfaces.by_ref() {
@@ -229,12 +224,11 @@ fn listed(
         ("materials", materials.as_ref().map(Vec::len)),
     ];
     for (what, found) in lengths {
-        if let Some(found) = found.filter(|found| *found != rows.len()) {
-            return Err(value_error(format_args!(
-                "{what}: found those of {found} surfaces, expected {}, one for each row of values",
-                rows.len()
-            )));
-        }
+        let (found, expected) = (found.unwrap_or(rows.len()), rows.len());
+        ensure!(
+            found == expected,
+            "{what}: found those of {found} surfaces, expected {expected}, one for each row of values"
+        );
     }
     let mut files = files.into_iter();
     let listed = surfaces.counts.iter().zip(rows).enumerate();
@@ -270,7 +264,7 @@ pub(crate) fn simulate(
     seed: u64,
     format: &str,
     progress: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Dataset> {
+) -> Raises<Dataset> {
     let spec = SimulatorSpec {
         surfaces,
         views,
@@ -278,7 +272,7 @@ pub(crate) fn simulate(
         seed,
         ..SimulatorSpec::default()
     };
-    let format = serde_json::from_value::<FrameFormat>(format.into()).map_err(value_error)?;
+    let format = serde_json::from_value::<FrameFormat>(format.into())?;
     watched(py, progress, || data::simulate(&spec, format, &folder))?;
-    Dataset::open(&folder, None)
+    Ok(Dataset::open(&folder, None)?)
 }

@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::{Result, bail};
 use numpy::{AllowTypeChange, PyArrayLikeDyn};
 use pyo3::prelude::*;
 use sps::importing::Import;
-use sps_base::files::write_file;
 use sps_estimator::Precomputed;
 use sps_models::encoders::Block;
 
-use crate::errors::{any_error, estimator_error, file_error, value_error};
+use crate::images::write;
 
 /// What the one block of an array is called.
 const EMBEDDINGS: &str = "embeddings";
@@ -18,23 +18,21 @@ const EMBEDDINGS: &str = "embeddings";
 pub(crate) type Array<'py> = PyArrayLikeDyn<'py, f32, AllowTypeChange>;
 
 /// The rows of an array, and how many surfaces and views it has.
-pub(crate) fn rows(array: &Array<'_>) -> PyResult<(Precomputed, [usize; 2])> {
+pub(crate) fn rows(array: &Array<'_>) -> Result<(Precomputed, [usize; 2])> {
     let array = array.as_array();
     let (extent, width) = match *array.shape() {
         [surfaces, width] => ([surfaces, 1], width),
         [surfaces, views, width] => ([surfaces, views], width),
-        ref found => {
-            return Err(value_error(format_args!(
-                "embeddings of shape {found:?}, expected (surfaces, width) or (surfaces, views, width)"
-            )));
-        }
+        ref found => bail!(
+            "embeddings of shape {found:?}, expected (surfaces, width) or (surfaces, views, width)"
+        ),
     };
     let blocks = vec![Block {
         name: EMBEDDINGS.to_owned(),
         width,
     }];
-    let rows = Precomputed::new(blocks, Vec::new(), array.iter().copied().collect());
-    Ok((rows.map_err(|error| estimator_error(&error))?, extent))
+    let rows = Precomputed::new(blocks, Vec::new(), array.iter().copied().collect())?;
+    Ok((rows, extent))
 }
 
 /// A file of embeddings, an array or a file, whose rows are in the order of the dataset that `import` made of
@@ -45,21 +43,19 @@ pub(crate) fn file(
     import: Option<&Import>,
     folder: Option<&Path>,
     scratch: &Path,
-) -> PyResult<PathBuf> {
+) -> Result<PathBuf> {
     let (name, mut found) = match embeddings.extract::<PathBuf>() {
         Ok(path) if import.is_none() => return Ok(path),
         Ok(path) => {
-            let read = Precomputed::read(&path).map_err(|error| estimator_error(&error))?;
-            (path.file_name().unwrap_or_default().to_owned(), read)
+            let name = path.file_name().unwrap_or_default();
+            (name.to_owned(), Precomputed::read(&path)?)
         }
         Err(_) => (EMBEDDINGS.into(), rows(&embeddings.extract()?)?.0),
     };
     if let Some(import) = import {
-        found = import.rows_of(found, folder).map_err(any_error)?;
+        found = import.rows_of(found, folder)?;
     }
-    let bytes = found.to_bytes();
-    let bytes = bytes.map_err(|error| estimator_error(&error))?;
     let path = scratch.join(name);
-    write_file(&path, &bytes).map_err(|error| file_error(&error, &path))?;
+    write(&path, &found.to_bytes()?)?;
     Ok(path)
 }

@@ -2,18 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::{Result, bail, ensure};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sps_base::files::write_file;
-use sps_dataset::{DecodeSettings, Frame, read_image};
+use sps_dataset::Frame;
 use sps_experiment::config::Setting;
 use sps_models::candle::{Device, Tensor};
 use sps_models::encoders::{self, Depths, EncoderKind, Precision};
 use sps_models::weights::Weights;
 
-use crate::errors::{file_error, frame_error, model_error, value_error, weights_error};
-use crate::images::{Image, Images, embed_each, frames};
+use crate::errors::Raises;
+use crate::images::{Image, Images, embed_each, frames, write};
 
 /// In place of the path of a weights file.
 const BUILT_IN: &str = "built-in";
@@ -48,7 +48,7 @@ impl Encoder {
         weights: PathBuf,
         precision: &str,
         depths: Words,
-    ) -> PyResult<Self> {
+    ) -> Raises<Self> {
         let depths = depths.read()?;
         let network = py.detach(|| network(name, &weights, precision, &depths))?;
         Ok(Self { network, weights })
@@ -93,11 +93,11 @@ impl Encoder {
         &self,
         py: Python<'py>,
         images: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    ) -> Raises<Bound<'py, PyArray2<f32>>> {
         let mut images = Images::new(String::new(), images)?;
         let embeddings = embed_each(py, &mut images, |some| self.embed_some(some))?;
         let shape = [embeddings.len() / self.width(), self.width()];
-        PyArray1::from_vec(py, embeddings).reshape(shape)
+        Ok(PyArray1::from_vec(py, embeddings).reshape(shape)?)
     }
 
     /// The same network in int8: in a fraction of the time where the processor has AVX512-VNNI, with
@@ -109,19 +109,12 @@ impl Encoder {
     ///
     /// Raises what `transform` raises, ValueError where there is no image, and OSError where the file cannot
     /// be written.
-    fn calibrated(
-        &self,
-        py: Python<'_>,
-        images: &Bound<'_, PyAny>,
-        file: PathBuf,
-    ) -> PyResult<Self> {
-        let images: Vec<Image> = Images::new(String::new(), images)?.collect::<PyResult<_>>()?;
+    fn calibrated(&self, py: Python<'_>, images: &Bound<'_, PyAny>, file: PathBuf) -> Raises<Self> {
+        let images: Vec<Image> = Images::new(String::new(), images)?.collect::<Result<_>>()?;
         py.detach(|| {
             let frames = self.frames(images)?;
-            let network = calibrated(&self.network, frames).map_err(|error| model_error(&error))?;
-            let bytes = network.weights().to_bytes();
-            let bytes = bytes.map_err(|error| weights_error(&error))?;
-            write_file(&file, &bytes).map_err(|error| file_error(&error, &file))?;
+            let network = calibrated(&self.network, frames)?;
+            write(&file, &network.weights().to_bytes()?)?;
             Ok(Self {
                 network,
                 weights: file,
@@ -172,15 +165,15 @@ pub(crate) enum Words {
 }
 
 impl Words {
-    fn read(self) -> PyResult<Depths> {
-        match self {
-            Self::Word(word) if word == "last" => Ok(Depths::Last),
-            Self::Word(word) if word == "all" => Ok(Depths::All),
-            Self::Word(word) => Err(value_error(format_args!(
-                "depths: found {word:?}, expected \"last\", \"all\" or a list of names"
-            ))),
-            Self::Names(names) => Ok(Depths::Named(names)),
-        }
+    fn read(self) -> Result<Depths> {
+        Ok(match self {
+            Self::Word(word) if word == "last" => Depths::Last,
+            Self::Word(word) if word == "all" => Depths::All,
+            Self::Word(word) => {
+                bail!("depths: found {word:?}, expected \"last\", \"all\" or a list of names")
+            }
+            Self::Names(names) => Depths::Named(names),
+        })
     }
 
     fn of(depths: &Depths) -> Self {
@@ -213,27 +206,23 @@ impl Encoder {
     }
 
     /// The pixels of images that are large enough.
-    fn frames(&self, images: Vec<Image>) -> PyResult<Vec<Frame>> {
-        let least_side = self.network.kind().min_size();
-        frames(images, |image| image.frame(least_side, read, Ok))
+    fn frames(&self, images: Vec<Image>) -> Result<Vec<Frame>> {
+        frames(images, |image| image.resized(None, self.network.kind()))
     }
 
-    fn embed_some(&self, images: Vec<Image>) -> PyResult<Vec<f32>> {
+    fn embed_some(&self, images: Vec<Image>) -> Result<Vec<f32>> {
         let frames = self.frames(images)?;
         let mut embeddings = Vec::with_capacity(frames.len() * self.width());
         for alike in frames.chunk_by(|one, next| size(one) == size(next)) {
             let pixels: Vec<&[f32]> = alike.iter().map(|frame| &frame.data[..]).collect();
-            let embedded = self.network.embed_pixels(&pixels, size(&alike[0]));
-            embeddings.extend(embedded.map_err(|error| model_error(&error))?);
+            embeddings.extend(self.network.embed_pixels(&pixels, size(&alike[0]))?);
         }
-        if embeddings.iter().all(|value| value.is_finite()) {
-            Ok(embeddings)
-        } else {
-            Err(value_error(format_args!(
-                "{} gave an embedding that is not finite",
-                self.name()
-            )))
-        }
+        ensure!(
+            embeddings.iter().all(|value| value.is_finite()),
+            "{} gave an embedding that is not finite",
+            self.name()
+        );
+        Ok(embeddings)
     }
 }
 
@@ -242,25 +231,14 @@ fn calibrated(
     network: &encoders::Encoder,
     images: Vec<Frame>,
 ) -> sps_models::Result<encoders::Encoder> {
-    let mut tensors = Vec::with_capacity(images.len());
-    for Frame {
-        width,
-        height,
-        data,
-        ..
-    } in images
-    {
-        let image = Tensor::from_vec(data, (1, height, width, 3), &Device::Cpu)?;
-        tensors.push(image.permute((0, 3, 1, 2))?);
-    }
+    let tensor = |frame: Frame| -> sps_models::Result<Tensor> {
+        let shape = (1, frame.height, frame.width, 3);
+        Ok(Tensor::from_vec(frame.data, shape, &Device::Cpu)?.permute((0, 3, 1, 2))?)
+    };
+    let tensors: Vec<Tensor> = images.into_iter().map(tensor).collect::<Result<_, _>>()?;
     let tensors: Vec<&Tensor> = tensors.iter().collect();
     let network = network.clone().calibrated(&tensors)?;
     network.with_precision(Precision::Int8)
-}
-
-fn read(path: &Path) -> PyResult<Frame> {
-    let decoded = read_image(path, &DecodeSettings::default());
-    Ok(decoded.map_err(|error| frame_error(&error))?.frame)
 }
 
 fn size(frame: &Frame) -> [usize; 2] {
@@ -268,11 +246,8 @@ fn size(frame: &Frame) -> [usize; 2] {
 }
 
 /// The encoder that comes with the package, at all depths.
-pub(crate) fn built_in() -> PyResult<encoders::Encoder> {
-    let encoder = encoders::Encoder::built_in(EncoderKind::EfficientNetLiteBody);
-    encoder
-        .and_then(|network| network.with_depths(&Depths::All))
-        .map_err(|error| model_error(&error))
+pub(crate) fn built_in() -> sps_models::Result<encoders::Encoder> {
+    encoders::Encoder::built_in(EncoderKind::EfficientNetLiteBody)?.with_depths(&Depths::All)
 }
 
 fn network(
@@ -280,22 +255,17 @@ fn network(
     weights: &Path,
     precision: &str,
     depths: &Depths,
-) -> PyResult<encoders::Encoder> {
-    let kind: EncoderKind = name.parse().map_err(|error| model_error(&error))?;
-    if kind.takes_sequences() {
-        return Err(value_error(format_args!(
-            "{kind} embeds sequences of images, expected a network of images"
-        )));
-    }
-    let precision: Precision = precision.parse().map_err(value_error)?;
-    let encoder = if weights == Path::new(BUILT_IN) {
-        encoders::Encoder::built_in(kind)
+) -> Result<encoders::Encoder> {
+    let kind: EncoderKind = name.parse()?;
+    ensure!(
+        !kind.takes_sequences(),
+        "{kind} embeds sequences of images, expected a network of images"
+    );
+    let precision: Precision = precision.parse()?;
+    let network = if weights == Path::new(BUILT_IN) {
+        encoders::Encoder::built_in(kind)?
     } else {
-        let weights = Weights::read(weights).map_err(|error| weights_error(&error))?;
-        encoders::Encoder::new(kind, weights)
+        encoders::Encoder::new(kind, Weights::read(weights)?)?
     };
-    encoder
-        .and_then(|network| network.with_depths(depths))
-        .and_then(|network| network.with_precision(precision))
-        .map_err(|error| model_error(&error))
+    Ok(network.with_depths(depths)?.with_precision(precision)?)
 }

@@ -1,12 +1,14 @@
 //! Errors of the crates as exceptions, each with its whole message.
 
+use std::error::Error;
 use std::io;
-use std::path::Path;
 
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use sps_dataset::{FrameError, FrameErrorKind};
-use sps_metrics::{ConformalError, IntervalError, Undefined};
+use sps_estimator::Error as EstimatorError;
+use sps_metrics::{IntervalError, Undefined};
+use sps_models::Error as ModelError;
 use sps_models::weights::{WeightsError, WeightsErrorKind};
 
 pyo3::create_exception!(
@@ -16,90 +18,71 @@ pyo3::create_exception!(
     "A score has no value, for the reason that the message gives."
 );
 
-/// A `ValueError` that says what the error says.
-pub(crate) fn value_error(error: impl ToString) -> PyErr {
-    PyValueError::new_err(error.to_string())
-}
+/// What is raised for an error: an exception as it came; `OSError` (`FileNotFoundError` and so on) for a file
+/// that cannot be read or written; [`UndefinedScore`]; `RuntimeError` for a failure of the tensor library;
+/// `ValueError` for all else.
+pub(crate) struct Raised(PyErr);
 
-/// A file that cannot be read is an `OSError` (`FileNotFoundError` and so on), a broken one a
-/// `ValueError`.
-pub(crate) fn frame_error(error: &FrameError) -> PyErr {
-    match error.kind() {
-        FrameErrorKind::Io(source) => os_error(source, error),
-        _ => value_error(error),
+/// What a function of Python returns or raises.
+pub(crate) type Raises<T> = Result<T, Raised>;
+
+impl<E: Into<anyhow::Error>> From<E> for Raised {
+    fn from(error: E) -> Self {
+        let exception = error.into().downcast::<PyErr>();
+        Self(exception.unwrap_or_else(|error| exception_of(&error)))
     }
 }
 
-/// A weights file that cannot be read is an `OSError`, a failure of the tensor library a
-/// `RuntimeError`, all else a `ValueError`.
-pub(crate) fn model_error(error: &sps_models::Error) -> PyErr {
-    match error {
-        sps_models::Error::Weights(weights) => weights_error(weights),
-        sps_models::Error::Tensor(_) => PyRuntimeError::new_err(error.to_string()),
-        _ => value_error(error),
+impl From<Raised> for PyErr {
+    fn from(raised: Raised) -> Self {
+        raised.0
     }
 }
 
-/// A file that cannot be read or written is an `OSError`, what the models say as [`model_error`] has it,
-/// all else a `ValueError`.
-pub(crate) fn estimator_error(error: &sps_estimator::Error) -> PyErr {
-    match error {
-        sps_estimator::Error::Model(model) => model_error(model),
-        sps_estimator::Error::Photograph(photograph) => frame_error(photograph),
-        sps_estimator::Error::File { error: source, .. } => os_error(source, error),
-        _ => value_error(error),
-    }
-}
-
-/// What a run says: a file that cannot be read or written is an `OSError`, all else a `ValueError`.
-pub(crate) fn any_error(error: anyhow::Error) -> PyErr {
-    let whole = format!("{error:#}");
-    let source = error
-        .chain()
-        .find_map(|cause| cause.downcast_ref::<io::Error>());
-    match source {
-        Some(source) => os_error(source, whole),
-        None => value_error(whole),
-    }
-}
-
-/// As [`model_error`] for weights alone.
-pub(crate) fn weights_error(error: &WeightsError) -> PyErr {
-    match error.kind() {
-        WeightsErrorKind::Io(source) => os_error(source, error),
-        _ => value_error(error),
-    }
-}
-
-pub(crate) fn undefined(error: &Undefined) -> PyErr {
-    UndefinedScore::new_err(error.to_string())
-}
-
-pub(crate) fn interval_error(error: &IntervalError) -> PyErr {
-    match error {
-        IntervalError::Undefined(_) | IntervalError::OneUnit => {
-            UndefinedScore::new_err(error.to_string())
+fn exception_of(error: &anyhow::Error) -> PyErr {
+    let whole = message(error);
+    for cause in error.chain().map(innermost) {
+        if let Some(source) = cause.downcast_ref::<io::Error>() {
+            return io::Error::new(source.kind(), whole).into();
         }
-        _ => value_error(error),
+        let one_unit = matches!(cause.downcast_ref(), Some(IntervalError::OneUnit));
+        if one_unit || cause.is::<Undefined>() {
+            return UndefinedScore::new_err(whole);
+        }
+        if let Some(ModelError::Tensor(_)) = cause.downcast_ref() {
+            return PyRuntimeError::new_err(whole);
+        }
     }
+    PyValueError::new_err(whole)
 }
 
-pub(crate) fn conformal_error(error: &ConformalError) -> PyErr {
-    match error {
-        ConformalError::Undefined(_) => UndefinedScore::new_err(error.to_string()),
-        _ => value_error(error),
+/// All causes, but for those that the one before says itself.
+fn message(error: &anyhow::Error) -> String {
+    let mut whole = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !whole.ends_with(&cause) {
+            whole = format!("{whole}: {cause}");
+        }
     }
+    whole
 }
 
-/// A file that cannot be written is an `OSError`.
-pub(crate) fn file_error(error: &io::Error, path: &Path) -> PyErr {
-    os_error(
-        error,
-        format_args!("{}: cannot be written: {error}", path.display()),
-    )
-}
-
-/// The exception that Python has for such a failure to read or write, with the message of `whole`.
-fn os_error(source: &io::Error, whole: impl ToString) -> PyErr {
-    io::Error::new(source.kind(), whole.to_string()).into()
+/// The error, or what it is made of without naming it as its source.
+fn innermost<'e>(error: &'e (dyn Error + 'static)) -> &'e (dyn Error + 'static) {
+    match error.downcast_ref() {
+        Some(EstimatorError::Model(model)) => return innermost(model),
+        Some(EstimatorError::Photograph(photograph)) => return innermost(photograph),
+        Some(EstimatorError::File { error, .. }) => return error,
+        _ => {}
+    }
+    if let Some(ModelError::Weights(weights)) = error.downcast_ref() {
+        return innermost(weights);
+    }
+    if let Some(WeightsErrorKind::Io(source)) = error.downcast_ref().map(WeightsError::kind) {
+        return source;
+    }
+    match error.downcast_ref().map(FrameError::kind) {
+        Some(FrameErrorKind::Io(source)) => source,
+        _ => error,
+    }
 }

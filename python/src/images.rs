@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::vec;
 
+use anyhow::{Context, Result, bail, ensure};
 use numpy::ndarray::ArrayView3;
 use numpy::{
     Element, PyArray3, PyArrayDescrMethods, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
@@ -12,10 +13,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyIterator;
 use rayon::prelude::*;
 use sps_base::files::write_file;
-use sps_dataset::{Extent, Frame, FrameFormat};
-use sps_estimator::photographs_in;
-
-use crate::errors::{estimator_error, file_error, value_error};
+use sps_dataset::{DecodeSettings, Extent, Frame, FrameFormat};
+use sps_estimator::{photographs_in, read_photograph};
+use sps_models::encoders::EncoderKind;
 
 /// Images that are decoded and embedded at once, for each thread: as many as a thread takes through
 /// the network together, and few enough that large ones fit in memory.
@@ -50,11 +50,10 @@ enum Handed<'py> {
 impl<'py> Images<'py> {
     /// The path of a folder is the images in it by name, another path or an array of up to three axes one
     /// image; all else is gone through. `of` begins their names in errors.
-    pub(crate) fn new(of: String, images: &Bound<'py, PyAny>) -> PyResult<Self> {
+    pub(crate) fn new(of: String, images: &Bound<'py, PyAny>) -> Result<Self> {
         let folder = images.extract::<PathBuf>().ok();
         let handed = if let Some(folder) = folder.filter(|path| path.is_dir()) {
-            let inside = photographs_in(&folder).map_err(|error| estimator_error(&error))?;
-            Handed::Folder(inside.into_iter())
+            Handed::Folder(photographs_in(&folder)?.into_iter())
         } else if is_one(images) {
             Handed::One(Some(images.clone()))
         } else {
@@ -97,20 +96,25 @@ fn array<'py>(image: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyUntyped
 }
 
 impl Iterator for Images<'_> {
-    type Item = PyResult<Image>;
+    type Item = Result<Image>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let of = &self.of;
         match &mut self.handed {
             Handed::One(image) => Some(Image::new(format!("{of}the image"), &image.take()?)),
-            Handed::Folder(paths) => paths
-                .next()
-                .map(|path| Ok(Image::file(format!("{of}the image"), path))),
+            Handed::Folder(paths) => Some(Ok(Image {
+                name: format!("{of}the image"),
+                content: Content::File(paths.next()?),
+            })),
             Handed::Several(index, images) => {
                 let image = images.next()?;
                 let name = format!("{of}image {index}");
                 *index += 1;
-                Some(image.and_then(|image| Image::new(name, &image)))
+                Some(
+                    image
+                        .map_err(Into::into)
+                        .and_then(|image| Image::new(name, &image)),
+                )
             }
         }
     }
@@ -119,15 +123,15 @@ impl Iterator for Images<'_> {
 /// The embeddings of images, row-major, a few at a time by `embed`.
 pub(crate) fn embed_each(
     py: Python<'_>,
-    images: &mut impl Iterator<Item = PyResult<Image>>,
-    mut embed: impl FnMut(Vec<Image>) -> PyResult<Vec<f32>> + Send,
-) -> PyResult<Vec<f32>> {
+    images: &mut impl Iterator<Item = Result<Image>>,
+    mut embed: impl FnMut(Vec<Image>) -> Result<Vec<f32>> + Send,
+) -> Result<Vec<f32>> {
     let at_once = IMAGES_PER_THREAD * rayon::current_num_threads();
     let mut embeddings = Vec::new();
     loop {
         py.check_signals()?;
         let some = images.by_ref().take(at_once);
-        let some: Vec<Image> = some.collect::<PyResult<_>>()?;
+        let some: Vec<Image> = some.collect::<Result<_>>()?;
         if some.is_empty() {
             return Ok(embeddings);
         }
@@ -138,22 +142,20 @@ pub(crate) fn embed_each(
 /// The pixels of images, each by `frame`, on all threads.
 pub(crate) fn frames(
     images: Vec<Image>,
-    frame: impl Fn(Image) -> PyResult<Frame> + Send + Sync,
-) -> PyResult<Vec<Frame>> {
-    let frames: Vec<PyResult<Frame>> = images.into_par_iter().map(frame).collect();
+    frame: impl Fn(Image) -> Result<Frame> + Send + Sync,
+) -> Result<Vec<Frame>> {
+    let frames: Vec<Result<Frame>> = images.into_par_iter().map(frame).collect();
     // Of several failures the first, whichever thread was faster.
     frames.into_iter().collect()
 }
 
-impl Image {
-    fn file(name: String, path: PathBuf) -> Self {
-        Self {
-            name,
-            content: Content::File(path),
-        }
-    }
+/// Writes a file in one step.
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_file(path, bytes).with_context(|| format!("{}: cannot be written", path.display()))
+}
 
-    pub(crate) fn new(name: String, image: &Bound<'_, PyAny>) -> PyResult<Self> {
+impl Image {
+    pub(crate) fn new(name: String, image: &Bound<'_, PyAny>) -> Result<Self> {
         let content = if let Some(array) = array(image)? {
             let (frame, format) = pixels(&name, &array)?;
             Content::Pixels(frame, format)
@@ -169,26 +171,35 @@ impl Image {
     }
 
     /// The path of a file of it: its own, or `stem` with an ending, written now.
-    pub(crate) fn into_file(self, stem: &Path) -> PyResult<PathBuf> {
+    pub(crate) fn into_file(self, stem: &Path) -> Result<PathBuf> {
         let (frame, format) = match self.content {
             Content::File(path) => return Ok(path),
             Content::Pixels(frame, format) => (frame, format),
         };
-        let bytes = format.encode(&frame);
-        let bytes = bytes.map_err(|error| value_error(format_args!("{}: {error}", self.name)))?;
+        let bytes = format.encode(&frame).context(self.name)?;
         let path = stem.with_extension(format.extension());
-        match write_file(&path, &bytes) {
-            Ok(()) => Ok(path),
-            Err(error) => Err(file_error(&error, &path)),
+        write(&path, &bytes)?;
+        Ok(path)
+    }
+
+    /// The size that it comes in.
+    pub(crate) fn extent(&self) -> Result<Extent> {
+        match &self.content {
+            Content::Pixels(frame, _) => Ok(frame.extent()),
+            Content::File(path) => Ok(photograph(path, None)?.extent()),
         }
     }
 
-    /// The size that it comes in, of a file as `read` reads it.
-    pub(crate) fn extent(&self, read: impl FnOnce(&Path) -> PyResult<Frame>) -> PyResult<Extent> {
-        match &self.content {
-            Content::Pixels(frame, _) => Ok(frame.extent()),
-            Content::File(path) => Ok(read(path)?.extent()),
-        }
+    /// The image as a network takes it, its shorter side brought to so many pixels where any are given.
+    pub(crate) fn resized(self, shorter: Option<usize>, network: EncoderKind) -> Result<Frame> {
+        self.frame(
+            network.min_size(),
+            |path| photograph(path, shorter),
+            |frame| match shorter {
+                Some(shorter) => Ok(frame.resized(shorter)?.into_owned()),
+                None => Ok(frame),
+            },
+        )
     }
 
     /// The image as an encoder takes it, with sides of at least so many pixels: of a file as `read`
@@ -196,31 +207,32 @@ impl Image {
     pub(crate) fn frame(
         self,
         least_side: usize,
-        read: impl FnOnce(&Path) -> PyResult<Frame>,
-        take: impl FnOnce(Frame) -> PyResult<Frame>,
-    ) -> PyResult<Frame> {
+        read: impl FnOnce(&Path) -> Result<Frame>,
+        take: impl FnOnce(Frame) -> Result<Frame>,
+    ) -> Result<Frame> {
         let frame = match self.content {
             Content::Pixels(frame, _) => take(frame)?,
             Content::File(path) => read(&path)?,
         };
         let Frame { width, height, .. } = frame;
-        if height.min(width) < least_side {
-            return Err(value_error(format_args!(
-                "{} has {height} x {width} pixels, expected sides of at least {least_side}",
-                self.name
-            )));
-        }
+        ensure!(
+            height.min(width) >= least_side,
+            "{} has {height} x {width} pixels, expected sides of at least {least_side}",
+            self.name
+        );
         Ok(frame)
     }
 }
 
+fn photograph(path: &Path, shorter: Option<usize>) -> Result<Frame> {
+    Ok(read_photograph(path, &DecodeSettings::default(), shorter)?)
+}
+
 /// A copy of the array's pixels: bytes as the readers of image files take them, floats as they are.
-fn pixels(name: &str, array: &Bound<'_, PyUntypedArray>) -> PyResult<(Frame, FrameFormat)> {
+fn pixels(name: &str, array: &Bound<'_, PyUntypedArray>) -> Result<(Frame, FrameFormat)> {
     let &[height, width, 3] = array.shape() else {
-        return Err(value_error(format_args!(
-            "{name} is of shape {:?}, expected (height, width, 3)",
-            array.shape()
-        )));
+        let found = array.shape();
+        bail!("{name} is of shape {found:?}, expected (height, width, 3)");
     };
     let (data, format) = if let Ok(bytes) = array.cast::<PyArray3<u8>>() {
         let data = values(bytes, |byte| f32::from(byte) / 255.0)?;
@@ -230,10 +242,9 @@ fn pixels(name: &str, array: &Bound<'_, PyUntypedArray>) -> PyResult<(Frame, Fra
         in_range(name, &data)?;
         (data, FrameFormat::Exr)
     } else {
-        return Err(PyTypeError::new_err(format!(
-            "{name} is of dtype {}, expected uint8, or float32 from 0 to 1",
-            array.dtype().typeobj().name()?
-        )));
+        let found = array.dtype().typeobj().name()?;
+        let problem = format!("{name} is of dtype {found}, expected uint8, or float32 from 0 to 1");
+        return Err(PyTypeError::new_err(problem).into());
     };
     let frame = Frame {
         width,
@@ -256,7 +267,7 @@ fn values<T: Element + Copy>(
     })
 }
 
-fn in_range(name: &str, values: &[f32]) -> PyResult<()> {
+fn in_range(name: &str, values: &[f32]) -> Result<()> {
     let fits = |value: &f32| (0.0..=1.0).contains(value);
     // Through to the end, so that several are compared at once; only a refusal looks for the first.
     if values.iter().fold(true, |all, value| all & fits(value)) {
@@ -264,8 +275,6 @@ fn in_range(name: &str, values: &[f32]) -> PyResult<()> {
     }
     match values.iter().find(|value| !fits(value)) {
         None => Ok(()),
-        Some(found) => Err(value_error(format_args!(
-            "{name} holds {found}, expected values from 0 to 1"
-        ))),
+        Some(found) => bail!("{name} holds {found}, expected values from 0 to 1"),
     }
 }

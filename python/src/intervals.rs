@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use anyhow::{Result, ensure};
 use pyo3::prelude::*;
-use sps_metrics::{IntervalError, Intervals, Level, Metric, Samples, Scored};
+use sps_metrics::{Intervals, Level, Metric, Samples, Scored};
 
 use crate::arrays::{Labels, Numbers};
-use crate::errors::{interval_error, value_error};
+use crate::errors::Raises;
 use crate::scores::named;
 
 /// A score, or the difference of two, with its interval.
@@ -56,11 +57,12 @@ pub(crate) fn interval(
     training_mean: Option<f64>,
     level: f64,
     test_per_training: f64,
-) -> PyResult<ScoreInterval> {
+) -> Raises<ScoreInterval> {
     let metric = named(metric, training_mean)?;
     let intervals = intervals(level, reruns.is_some(), test_per_training)?;
     let groups = Group::all(&y_true.0, &[&y_pred.0], units.as_ref(), reruns.as_ref())?;
-    found(py.detach(|| intervals.interval(&scored(metric, &groups, 0))))
+    let found = py.detach(|| intervals.interval(&scored(metric, &groups, 0)))?;
+    Ok(found.into())
 }
 
 /// The interval of the difference between two methods' scores, first less second, on the same units
@@ -82,16 +84,16 @@ pub(crate) fn difference(
     training_mean: Option<f64>,
     level: f64,
     test_per_training: f64,
-) -> PyResult<ScoreInterval> {
+) -> Raises<ScoreInterval> {
     let metric = named(metric, training_mean)?;
     let intervals = intervals(level, reruns.is_some(), test_per_training)?;
     let both = [&first.0[..], &second.0];
     let groups = Group::all(&y_true.0, &both, units.as_ref(), reruns.as_ref())?;
-    found(
-        py.detach(|| {
-            intervals.difference(&scored(metric, &groups, 0), &scored(metric, &groups, 1))
-        }),
-    )
+    let found = py.detach(|| {
+        let [first, second] = [0, 1].map(|method| scored(metric, &groups, method));
+        intervals.difference(&first, &second)
+    })?;
+    Ok(found.into())
 }
 
 /// P-values corrected for how many were looked at (Holm 1979), in the same order: calling those
@@ -101,13 +103,12 @@ pub(crate) fn holm(p_values: Numbers) -> Vec<f64> {
     sps_metrics::holm(&p_values.0)
 }
 
-fn intervals(level: f64, reruns: bool, test_per_training: f64) -> PyResult<Intervals> {
-    let level = Level::new(level).map_err(value_error)?;
-    if !(test_per_training.is_finite() && test_per_training >= 0.0) {
-        return Err(value_error(format!(
-            "test_per_training is {test_per_training}, expected a number from 0 on"
-        )));
-    }
+fn intervals(level: f64, reruns: bool, test_per_training: f64) -> Result<Intervals> {
+    let level = Level::new(level)?;
+    ensure!(
+        test_per_training.is_finite() && test_per_training >= 0.0,
+        "test_per_training is {test_per_training}, expected a number from 0 on"
+    );
     let intervals = if reruns {
         Intervals::of_training(level)
     } else {
@@ -132,7 +133,7 @@ impl Group {
         estimates: &[&[f64]],
         units: Option<&Labels>,
         reruns: Option<&Labels>,
-    ) -> PyResult<Vec<Self>> {
+    ) -> Result<Vec<Self>> {
         let samples = truth.len();
         let lengths = estimates.iter().map(|all| ("estimates", all.len()));
         let labels = [("units", units), ("reruns", reruns)];
@@ -140,9 +141,7 @@ impl Group {
             .iter()
             .filter_map(|(name, labels)| Some((*name, (*labels)?.0.len())));
         for (name, found) in lengths.chain(labels) {
-            if found != samples {
-                return Err(value_error(format!("{found} {name} for {samples} samples")));
-            }
+            ensure!(found == samples, "{found} {name} for {samples} samples");
         }
         let mut groups: BTreeMap<usize, Self> = BTreeMap::new();
         for at in 0..samples {
@@ -199,16 +198,17 @@ impl ScoreInterval {
     }
 }
 
-fn found(interval: Result<sps_metrics::ScoreInterval, IntervalError>) -> PyResult<ScoreInterval> {
-    let found = interval.map_err(|error| interval_error(&error))?;
-    Ok(ScoreInterval {
-        estimate: found.estimate,
-        low: found.low,
-        high: found.high,
-        level: found.level.get(),
-        units: found.units,
-        reruns: found.reruns,
-        standard_error: found.standard_error,
-        p: found.p,
-    })
+impl From<sps_metrics::ScoreInterval> for ScoreInterval {
+    fn from(found: sps_metrics::ScoreInterval) -> Self {
+        Self {
+            estimate: found.estimate,
+            low: found.low,
+            high: found.high,
+            level: found.level.get(),
+            units: found.units,
+            reruns: found.reruns,
+            standard_error: found.standard_error,
+            p: found.p,
+        }
+    }
 }

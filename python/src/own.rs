@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use anyhow::anyhow;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sps::fitting;
@@ -12,7 +13,7 @@ use sps_experiment::own::Chosen;
 use crate::dataset::Dataset;
 use crate::embeddings;
 use crate::encoder::Encoder;
-use crate::errors::value_error;
+use crate::errors::Raises;
 use crate::estimator::{Estimator, scratch};
 use crate::runs::Run;
 use crate::settings::settings;
@@ -46,8 +47,8 @@ impl Fitted {
     /// Of each property, by its code, what such models did on surfaces held out, a dictionary: r2, mae,
     /// coverage of the intervals, unit-coverage where surfaces come in groups, mean-width, readings.
     #[getter]
-    fn scores<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.model.get().about(py)?.get_item("measured")
+    fn scores<'py>(&self, py: Python<'py>) -> Raises<Bound<'py, PyAny>> {
+        Ok(self.model.get().about(py)?.get_item("measured")?)
     }
 
     fn __str__(&self) -> &str {
@@ -106,7 +107,7 @@ pub(crate) fn fit(
     settings: Option<&Bound<'_, PyDict>>,
     out: Option<PathBuf>,
     progress: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Fitted> {
+) -> Raises<Fitted> {
     let (data, import) = Dataset::made(photographs, values, properties, groups, materials, angles)?;
     let scratch = scratch()?;
     let cache = scratch.path().join("cache").display().to_string();
@@ -115,15 +116,15 @@ pub(crate) fn fit(
         Setting::new("train.level", level),
     ];
     match (embeddings, encoder) {
-        (Some(_), Some(_)) => {
-            return Err(value_error("encoder: expected none beside embeddings"));
-        }
+        (Some(_), Some(_)) => Err(anyhow!("encoder: expected none beside embeddings"))?,
         (Some(embeddings), None) => {
             let folder = photographs.extract::<PathBuf>().ok();
-            let folder = folder.as_deref();
-            let file = embeddings::file(embeddings, import.as_ref(), folder, scratch.path())?;
-            let file = file.display().to_string();
-            all.push(Setting::new("encoder.embeddings", file));
+            let (folder, scratch) = (folder.as_deref(), scratch.path());
+            let file = embeddings::file(embeddings, import.as_ref(), folder, scratch)?;
+            all.push(Setting::new(
+                "encoder.embeddings",
+                file.display().to_string(),
+            ));
         }
         (None, encoder) => {
             let resize = resize.unwrap_or(0) as i64;

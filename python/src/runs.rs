@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use anyhow::{Result, anyhow};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use serde::Serialize;
@@ -14,7 +15,7 @@ use sps_experiment::results::Results;
 use sps_report::compare as beside;
 use tempfile::TempDir;
 
-use crate::errors::{any_error, value_error};
+use crate::errors::Raises;
 use crate::settings::{python, settings, text};
 use crate::work::watched;
 
@@ -34,8 +35,8 @@ pub(crate) struct Run {
 #[pymethods]
 impl Run {
     #[new]
-    fn new(path: PathBuf) -> PyResult<Self> {
-        let results = Results::read(&path).map_err(any_error)?;
+    fn new(path: PathBuf) -> Raises<Self> {
+        let results = Results::read(&path)?;
         Ok(Self::of(path, results, None))
     }
 
@@ -47,16 +48,16 @@ impl Run {
 
     /// All of `results.json`, whose keys docs/results.md explains.
     #[getter]
-    fn results<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn results<'py>(&self, py: Python<'py>) -> Raises<Bound<'py, PyAny>> {
         python(py, &self.results)
     }
 
     /// The scores, a table: `rows` is "properties" for a row for each method and property, with all that
     /// there is of both (r2, r2_interval, mae and so on), or "methods" for a row for each method.
     #[pyo3(signature = (rows = "properties"))]
-    fn scores<'py>(&self, py: Python<'py>, rows: &str) -> PyResult<Bound<'py, PyAny>> {
+    fn scores<'py>(&self, py: Python<'py>, rows: &str) -> Raises<Bound<'py, PyAny>> {
         let methods = self.results.methods.iter().map(object);
-        let methods: Vec<Row> = methods.collect::<PyResult<_>>()?;
+        let methods: Vec<Row> = methods.collect::<Result<_>>()?;
         match rows {
             "methods" => python(py, &methods),
             "properties" => {
@@ -64,9 +65,9 @@ impl Run {
                 let of = |method| properties.iter().map(move |code| of_property(method, code));
                 python(py, &methods.iter().flat_map(of).collect::<Vec<Row>>())
             }
-            found => Err(value_error(format_args!(
+            found => Err(anyhow!(
                 "rows: found {found:?}, expected \"properties\" or \"methods\""
-            ))),
+            ))?,
         }
     }
 
@@ -74,9 +75,8 @@ impl Run {
     /// where there are some group, views, low and high.
     ///
     /// Raises OSError where there is no `predictions.csv`, ValueError where it is damaged.
-    fn predictions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let found = predictions::read(&self.path).map_err(any_error)?;
-        python(py, &found)
+    fn predictions<'py>(&self, py: Python<'py>) -> Raises<Bound<'py, PyAny>> {
+        python(py, &predictions::read(&self.path)?)
     }
 
     fn __fspath__(&self) -> &OsStr {
@@ -127,7 +127,7 @@ pub(crate) fn experiment(
     dataset: Option<PathBuf>,
     fresh: bool,
     progress: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Run> {
+) -> Raises<Run> {
     let mut all = Vec::new();
     if let Some(folder) = dataset {
         all.push(Setting::new("data.from", "folder"));
@@ -138,10 +138,9 @@ pub(crate) fn experiment(
     }
     all.extend(self::settings(settings)?);
     let experiment = match config.extract::<PathBuf>() {
-        Ok(path) => Experiment::read(&path, &all),
-        Err(_) => Experiment::parse(Path::new("experiment"), &text(config)?, &all),
+        Ok(path) => Experiment::read(&path, &all)?,
+        Err(_) => Experiment::parse(Path::new("experiment"), &text(config)?, &all)?,
     };
-    let experiment = experiment.map_err(any_error)?;
     let results = watched(py, progress, || {
         let (folder, results) = sps_experiment::run::run(&experiment, &out, fresh)?;
         sps_report::write(&folder)?;
@@ -159,7 +158,7 @@ impl Comparison {
     /// Every score of the methods that both have, a table: first, second, their difference with its
     /// interval, p, and corrected_p for how many differ. Without a property it is the mean over properties.
     #[getter]
-    fn scores<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn scores<'py>(&self, py: Python<'py>) -> Raises<Bound<'py, PyAny>> {
         python(py, &object(&self.0)?.get("scores"))
     }
 
@@ -185,7 +184,7 @@ pub(crate) fn compare(
     py: Python<'_>,
     first: PathBuf,
     others: &Bound<'_, PyTuple>,
-) -> PyResult<Vec<Comparison>> {
+) -> Raises<Vec<Comparison>> {
     let others: Vec<PathBuf> = others.extract()?;
     watched(py, None, || {
         let first = beside::Run::read(&first)?;
@@ -199,9 +198,8 @@ pub(crate) fn compare(
 
 type Row = Map<String, Value>;
 
-fn object(of: impl Serialize) -> PyResult<Row> {
-    let value = serde_json::to_value(of).and_then(serde_json::from_value);
-    value.map_err(value_error)
+fn object(of: impl Serialize) -> Result<Row> {
+    Ok(serde_json::from_value(serde_json::to_value(of)?)?)
 }
 
 /// What a method has of one property.

@@ -1,11 +1,12 @@
 //! Scores of one property.
 
+use anyhow::{Result, bail, ensure};
 use pyo3::prelude::*;
 use sps_metrics::{Metric, Samples, TrainingMean};
 
 use crate::arrays::Numbers;
 use crate::conformal::Coverage;
-use crate::errors::{undefined, value_error};
+use crate::errors::Raises;
 
 /// A finite score and what it rests on.
 #[pyclass(module = "sps", frozen, get_all)]
@@ -46,7 +47,7 @@ pub(crate) fn r2(
     y_pred: Numbers,
     training_mean: Option<f64>,
     details: bool,
-) -> PyResult<Scored> {
+) -> Raises<Scored> {
     score(named("r2", training_mean)?, &y_true, &y_pred, details)
 }
 
@@ -55,7 +56,7 @@ pub(crate) fn r2(
 /// Raises UndefinedScore where there are no samples, unequal lengths, NaN or infinity.
 #[pyfunction]
 #[pyo3(signature = (y_true, y_pred, *, details = false))]
-pub(crate) fn mae(y_true: Numbers, y_pred: Numbers, details: bool) -> PyResult<Scored> {
+pub(crate) fn mae(y_true: Numbers, y_pred: Numbers, details: bool) -> Raises<Scored> {
     score(Metric::Mae, &y_true, &y_pred, details)
 }
 
@@ -64,7 +65,7 @@ pub(crate) fn mae(y_true: Numbers, y_pred: Numbers, details: bool) -> PyResult<S
 /// Raises UndefinedScore as `mae` does.
 #[pyfunction]
 #[pyo3(signature = (y_true, y_pred, *, details = false))]
-pub(crate) fn rmse(y_true: Numbers, y_pred: Numbers, details: bool) -> PyResult<Scored> {
+pub(crate) fn rmse(y_true: Numbers, y_pred: Numbers, details: bool) -> Raises<Scored> {
     score(Metric::Rmse, &y_true, &y_pred, details)
 }
 
@@ -77,7 +78,7 @@ pub(crate) fn median_percent_error(
     y_true: Numbers,
     y_pred: Numbers,
     details: bool,
-) -> PyResult<Scored> {
+) -> Raises<Scored> {
     score(Metric::MedianPercentError, &y_true, &y_pred, details)
 }
 
@@ -86,16 +87,16 @@ pub(crate) fn median_percent_error(
 /// Raises UndefinedScore as `mae` does, for constant truths or estimates and for one sample.
 #[pyfunction]
 #[pyo3(signature = (y_true, y_pred, *, details = false))]
-pub(crate) fn spearman(y_true: Numbers, y_pred: Numbers, details: bool) -> PyResult<Scored> {
+pub(crate) fn spearman(y_true: Numbers, y_pred: Numbers, details: bool) -> Raises<Scored> {
     score(Metric::Spearman, &y_true, &y_pred, details)
 }
 
-fn score(metric: Metric, truth: &Numbers, estimate: &Numbers, details: bool) -> PyResult<Scored> {
+fn score(metric: Metric, truth: &Numbers, estimate: &Numbers, details: bool) -> Raises<Scored> {
     let samples = Samples {
         truth: &truth.0,
         estimate: &estimate.0,
     };
-    let score = metric.score(samples).map_err(|error| undefined(&error))?;
+    let score = metric.score(samples)?;
     if !details {
         return Ok(Scored::Number(score.value));
     }
@@ -107,22 +108,19 @@ fn score(metric: Metric, truth: &Numbers, estimate: &Numbers, details: bool) -> 
 }
 
 /// The metric of this name; R² may be about the mean of the training split, the others not.
-pub(crate) fn named(name: &str, training_mean: Option<f64>) -> PyResult<Metric> {
+pub(crate) fn named(name: &str, training_mean: Option<f64>) -> Result<Metric> {
     if name == "r2" {
-        let mean = training_mean.map(TrainingMean::new).transpose();
-        let mean = mean.map_err(|error| undefined(&error))?;
+        let mean = training_mean.map(TrainingMean::new).transpose()?;
         return Ok(mean.map_or(Metric::R2OwnMean, Metric::R2));
     }
     let others = Metric::ABOUT_NO_MEAN;
     let Some(metric) = others.into_iter().find(|metric| metric.id() == name) else {
         let others = others.map(Metric::id).join(", ");
-        let problem = format!("unknown metric {name:?}, expected r2, {others}");
-        return Err(value_error(problem));
+        bail!("unknown metric {name:?}, expected r2, {others}");
     };
-    match training_mean {
-        None => Ok(metric),
-        Some(_) => Err(value_error(format_args!(
-            "a training_mean for {name}, expected none: only r2 is about it"
-        ))),
-    }
+    ensure!(
+        training_mean.is_none(),
+        "a training_mean for {name}, expected none: only r2 is about it"
+    );
+    Ok(metric)
 }

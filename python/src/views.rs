@@ -4,14 +4,14 @@ use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread;
 
-use pyo3::exceptions::PyRuntimeError;
+use anyhow::Result;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use rayon::ThreadPoolBuilder;
 use serde_json::{Map, Value};
 use sps_viewselect::{AnySelector, LossError, Problem, SelectError, Selector, SetLoss, Sets};
 
-use crate::errors::value_error;
+use crate::errors::Raises;
 use crate::settings::json;
 
 /// The views that were selected, and what they cost.
@@ -63,7 +63,7 @@ pub(crate) fn select_views(
     seed: u64,
     distinct: bool,
     settings: Option<&Bound<'_, PyDict>>,
-) -> PyResult<Selection> {
+) -> Raises<Selection> {
     let method = configured(method, settings)?;
     let (questions, asked) = channel();
     let remote = RemoteLoss {
@@ -76,7 +76,6 @@ pub(crate) fn select_views(
         method.select(&problem)
     };
     let found = answer_while(py, loss, asked, search)?;
-    let found = found.map_err(value_error)?;
     let curve = found.curve.iter();
     Ok(Selection {
         picks: found.picks,
@@ -91,15 +90,15 @@ pub(crate) fn select_views(
 }
 
 /// The selector of this name. Settings have the crate's names, with `_` for `-`.
-fn configured(method: &str, settings: Option<&Bound<'_, PyDict>>) -> PyResult<AnySelector> {
+fn configured(method: &str, settings: Option<&Bound<'_, PyDict>>) -> Result<AnySelector> {
     let mut values = Map::new();
     if let Some(settings) = settings {
-        values = serde_json::from_value(json(settings)?).map_err(value_error)?;
+        values = serde_json::from_value(json(settings)?)?;
     }
     let mut values = Value::Object(values);
     kebab_case(&mut values);
     values["kind"] = method.into();
-    serde_json::from_value(values).map_err(value_error)
+    Ok(serde_json::from_value(values)?)
 }
 
 fn kebab_case(value: &mut Value) {
@@ -157,9 +156,8 @@ fn answer_while(
     loss: &Bound<'_, PyAny>,
     questions: Receiver<Question>,
     search: impl FnOnce() -> Result<sps_viewselect::Selection, SelectError> + Send,
-) -> PyResult<Result<sps_viewselect::Selection, SelectError>> {
-    let pool = ThreadPoolBuilder::new().num_threads(1).build();
-    let pool = pool.map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
+) -> Result<sps_viewselect::Selection> {
+    let pool = ThreadPoolBuilder::new().num_threads(1).build()?;
     let loss = loss.clone().unbind();
     py.detach(|| {
         thread::scope(|scope| {
@@ -169,7 +167,8 @@ fn answer_while(
                 .into_iter()
                 .try_for_each(|question| Python::attach(|py| question.answer(loss.bind(py))));
             let found = search.join().unwrap_or_else(|panic| resume_unwind(panic));
-            answered.map(|()| found)
+            answered?;
+            Ok(found?)
         })
     })
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 use pyo3::prelude::*;
 use sps_experiment::progress::{Follower, follow};
 
-use crate::errors::any_error;
+use crate::errors::Raises;
 
 /// Time between two looks whether the work was interrupted.
 const BETWEEN_LOOKS: Duration = Duration::from_millis(100);
@@ -40,7 +40,7 @@ pub(crate) fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce() -> anyhow::Result<T> + Send,
-) -> PyResult<T> {
+) -> Raises<T> {
     let progress = progress.map(|progress| progress.clone().unbind());
     let over = Arc::new(AtomicBool::new(false));
     let (sender, steps) = channel();
@@ -77,7 +77,7 @@ pub(crate) fn watched<T: Send>(
             }
             let done = work.join().unwrap_or_else(|panic| resume_unwind(panic));
             looked?;
-            done.map_err(any_error)
+            Ok(done?)
         })
     })
 }

@@ -1,21 +1,18 @@
 //! A model from photographs and what was felt on them.
 
-use std::path::Path;
-
+use anyhow::{Context, Result, bail, ensure};
 use numpy::{AllowTypeChange, PyArrayLikeDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sps_dataset::{DecodeSettings, Extent, Surface, Units};
+use sps_dataset::{Extent, Surface, Units};
 use sps_estimator::{
-    About, Calibration, Embedder, Estimator, Examples, Frame, Network, Recipe, Regression,
-    read_photograph,
+    About, Calibration, Embedder, Estimator, Examples, Network, Recipe, Regression,
 };
 use sps_models::encoders::Encoder;
 use sps_regress::{Embeddings, Readings, TrainingData};
 
 use super::photographs::Surfaces;
-use crate::errors::{estimator_error, frame_error, value_error};
-use crate::images::{Image, embed_each, frames};
+use crate::images::{embed_each, frames};
 
 /// What a single column of values is called.
 const VALUE: &str = "value";
@@ -31,23 +28,18 @@ impl Values {
     pub(crate) fn new(
         values: &PyArrayLikeDyn<'_, f64, AllowTypeChange>,
         properties: Option<Vec<String>>,
-    ) -> PyResult<Self> {
+    ) -> Result<Self> {
         let values = values.as_array();
         let columns = match *values.shape() {
             [_] => 1,
             [_, columns] => columns,
-            ref found => {
-                return Err(value_error(format_args!(
-                    "values of shape {found:?}, expected (n,) or (n, properties)"
-                )));
-            }
+            ref found => bail!("values of shape {found:?}, expected (n,) or (n, properties)"),
         };
         let properties = properties.unwrap_or_else(|| vec![VALUE.to_owned()]);
-        if properties.len() != columns {
-            return Err(value_error(format_args!(
-                "properties: found {properties:?}, expected a name for each of {columns} columns"
-            )));
-        }
+        ensure!(
+            properties.len() == columns,
+            "properties: found {properties:?}, expected a name for each of {columns} columns"
+        );
         let cells = values
             .iter()
             .map(|&value| (!value.is_nan()).then_some(value));
@@ -66,27 +58,26 @@ pub(crate) struct Felt {
 }
 
 impl Felt {
-    pub(crate) fn new(values: Values, groups: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    pub(crate) fn new(values: Values, groups: Option<&Bound<'_, PyAny>>) -> Result<Self> {
         let Values { properties, rows } = values;
         Ok(Self {
-            readings: Readings::new(properties, &rows).map_err(value_error)?,
+            readings: Readings::new(properties, &rows)?,
             units: units(rows.len(), groups)?,
         })
     }
 }
 
 /// What stays whole: the groups, or each surface for itself.
-fn units(surfaces: usize, groups: Option<&Bound<'_, PyAny>>) -> PyResult<Units> {
+fn units(surfaces: usize, groups: Option<&Bound<'_, PyAny>>) -> Result<Units> {
     let groups = match groups {
         Some(groups) => numbered(groups)?,
         None => (0..surfaces).collect(),
     };
-    if groups.len() != surfaces {
-        return Err(value_error(format_args!(
-            "groups: found {}, expected one for each of {surfaces} surfaces",
-            groups.len()
-        )));
-    }
+    ensure!(
+        groups.len() == surfaces,
+        "groups: found {}, expected one for each of {surfaces} surfaces",
+        groups.len()
+    );
     let surface = |(at, group): (usize, usize)| Surface {
         id: at.to_string(),
         material: String::new(),
@@ -120,63 +111,41 @@ impl Seen {
         photographs: &Bound<'_, PyAny>,
         encoder: &Encoder,
         resize: Option<usize>,
-    ) -> PyResult<Self> {
+    ) -> Result<Self> {
         let py = photographs.py();
         let network = Network::Images(encoder.clone());
-        let embedder = py.detach(|| Embedder::new(network, resize));
-        let embedder = embedder.map_err(|error| estimator_error(&error))?;
+        let embedder = py.detach(|| Embedder::new(network, resize))?;
         let mut surfaces = Surfaces::new(photographs)?;
         let mut extent = None;
         let values = embed_each(py, &mut surfaces, |images| {
             if let (None, Some(first)) = (extent, images.first()) {
-                extent = Some(first.extent(|path| photograph(path, None))?);
+                extent = Some(first.extent()?);
             }
-            let frames = read(images, encoder.kind().min_size(), resize)?;
-            let embeddings = embedder.embed(&frames);
-            embeddings.map_err(|error| estimator_error(&error))
+            let frames = frames(images, |image| image.resized(resize, encoder.kind()))?;
+            Ok(embedder.embed(&frames)?)
         })?;
         let views = views(&surfaces.counts)?;
-        let embeddings = embedder.table(&values, surfaces.counts.len(), views);
         Ok(Self {
-            embeddings: embeddings.map_err(|error| estimator_error(&error))?,
+            embeddings: embedder.table(&values, surfaces.counts.len(), views)?,
             embedder,
-            extent: extent.ok_or_else(|| value_error(NO_PHOTOGRAPH))?,
+            extent: extent.context(NO_PHOTOGRAPH)?,
         })
     }
 }
 
 const NO_PHOTOGRAPH: &str = "photographs: found none, expected one or several for each surface";
 
-/// Photographs, their shorter side brought to so many pixels.
-fn read(images: Vec<Image>, least_side: usize, resize: Option<usize>) -> PyResult<Vec<Frame>> {
-    frames(images, |image| {
-        image.frame(
-            least_side,
-            |path| photograph(path, resize),
-            |frame| match resize {
-                Some(shorter) => Ok(frame.resized(shorter).map_err(value_error)?.into_owned()),
-                None => Ok(frame),
-            },
-        )
-    })
-}
-
-fn photograph(path: &Path, resize: Option<usize>) -> PyResult<Frame> {
-    let decode = DecodeSettings::default();
-    read_photograph(path, &decode, resize).map_err(|error| frame_error(&error))
-}
-
 /// How many photographs each surface has.
-fn views(counts: &[usize]) -> PyResult<usize> {
+fn views(counts: &[usize]) -> Result<usize> {
     let views = counts.first().copied().filter(|&views| views > 0);
-    let views = views.ok_or_else(|| value_error(NO_PHOTOGRAPH))?;
-    match counts.iter().position(|&count| count != views) {
-        None => Ok(views),
-        Some(surface) => Err(value_error(format_args!(
-            "photographs: found {} of surface {surface}, expected {views} as of the first",
-            counts[surface]
-        ))),
+    let views = views.context(NO_PHOTOGRAPH)?;
+    for (surface, &count) in counts.iter().enumerate() {
+        ensure!(
+            count == views,
+            "photographs: found {count} of surface {surface}, expected {views} as of the first"
+        );
     }
+    Ok(views)
 }
 
 /// How to fit, but for what the data say.
@@ -190,13 +159,12 @@ pub(crate) struct Settings {
 
 impl Settings {
     /// A model of what was felt by what was seen.
-    pub(crate) fn fit(self, seen: Seen, felt: &Felt) -> PyResult<Estimator> {
+    pub(crate) fn fit(self, seen: Seen, felt: &Felt) -> Result<Estimator> {
         let (surfaces, rows) = (seen.embeddings.surfaces(), felt.readings.surfaces());
-        if surfaces != rows {
-            return Err(value_error(format_args!(
-                "photographs: found those of {surfaces} surfaces, expected {rows}, one for each row of values"
-            )));
-        }
+        ensure!(
+            surfaces == rows,
+            "photographs: found those of {surfaces} surfaces, expected {rows}, one for each row of values"
+        );
         let views = seen.embeddings.views();
         let about = About {
             name: self.name,
@@ -219,9 +187,7 @@ impl Settings {
             encoder_saw: &[],
         };
         let all: Vec<usize> = (0..surfaces).collect();
-        let fitted = recipe.fit(&examples, &all, 0);
-        fitted
-            .and_then(|fitted| Estimator::new(seen.embedder, fitted, about))
-            .map_err(|error| estimator_error(&error))
+        let fitted = recipe.fit(&examples, &all, 0)?;
+        Ok(Estimator::new(seen.embedder, fitted, about)?)
     }
 }

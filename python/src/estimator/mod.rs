@@ -11,6 +11,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::{env, fs};
 
+use anyhow::{Context, Result, ensure};
 use numpy::{AllowTypeChange, PyArrayLikeDyn};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -26,7 +27,7 @@ use self::photographs::{Reader, Scale};
 pub(crate) use self::session::{Looked, Session};
 use crate::embeddings::{self, Array};
 use crate::encoder::{Encoder, built_in};
-use crate::errors::{estimator_error, file_error, value_error};
+use crate::errors::Raises;
 use crate::images::{Image, Images, embed_each};
 use crate::settings::{python, regression};
 
@@ -57,9 +58,8 @@ impl Estimator {
     /// the others, or is of a later version.
     #[staticmethod]
     #[pyo3(signature = (folder, *, joint = false))]
-    fn load(py: Python<'_>, folder: PathBuf, joint: bool) -> PyResult<Self> {
-        let model = py.detach(|| sps_estimator::Estimator::load(&folder));
-        let model = model.map_err(|error| estimator_error(&error))?;
+    fn load(py: Python<'_>, folder: PathBuf, joint: bool) -> Raises<Self> {
+        let model = py.detach(|| sps_estimator::Estimator::load(&folder))?;
         Ok(Self {
             joint,
             ..Self::of(if joint { model.jointly() } else { model })
@@ -111,14 +111,14 @@ impl Estimator {
         angles: Option<Vec<f64>>,
         one_by_one: bool,
         name: &str,
-    ) -> PyResult<Self> {
+    ) -> Raises<Self> {
         let settings = Settings {
             regression: self::regression(regression)?,
             one_by_one,
             angles,
             calibration: Calibration {
                 share: calibration,
-                level: Level::new(level).map_err(value_error)?,
+                level: Level::new(level)?,
                 seed,
             },
             name: name.to_owned(),
@@ -129,15 +129,14 @@ impl Estimator {
             None => py.detach(built_in)?,
         };
         let seen = Seen::new(photographs, &encoder, resize)?;
-        py.detach(|| settings.fit(seen, &felt)).map(Self::of)
+        Ok(Self::of(py.detach(|| settings.fit(seen, &felt))?))
     }
 
     /// Writes the model into a folder, which is created where it is not there.
     ///
     /// Raises OSError where a file cannot be written.
-    fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
-        py.detach(|| self.model.save(&folder))
-            .map_err(|error| estimator_error(&error))
+    fn save(&self, py: Python<'_>, folder: PathBuf) -> Raises<()> {
+        Ok(py.detach(|| self.model.save(&folder))?)
     }
 
     /// What is said of one surface, an Answer, from one photograph of it or several: one for each of
@@ -157,14 +156,13 @@ impl Estimator {
         py: Python<'_>,
         photographs: &Bound<'_, PyAny>,
         scale: Scale,
-    ) -> PyResult<Answer> {
+    ) -> Raises<Answer> {
         let reader = Reader::new(&self.model, scale, false)?;
         let mut images = Images::new(String::new(), photographs)?;
         let values = embed_each(py, &mut images, |images| reader.embed(images))?;
         let count = values.len() / self.model.embedder().width();
-        py.detach(|| self.model.predict_embedded(&values, count))
-            .map(Answer::from)
-            .map_err(|error| estimator_error(&error))
+        let answer = py.detach(|| self.model.predict_embedded(&values, count))?;
+        Ok(answer.into())
     }
 
     /// What is said of each of several surfaces, Answers: as predict says it, to the last bit, with
@@ -180,7 +178,7 @@ impl Estimator {
         py: Python<'_>,
         surfaces: &Bound<'_, PyAny>,
         scale: Scale,
-    ) -> PyResult<Answers> {
+    ) -> Raises<Answers> {
         let reader = Reader::new(&self.model, scale, false)?;
         let mut surfaces = Surfaces::new(surfaces)?;
         let values = embed_each(py, &mut surfaces, |images| reader.embed(images))?;
@@ -192,15 +190,9 @@ impl Estimator {
     /// `embeddings` is (surfaces, width), of one photograph each, or (surfaces, views, width).
     ///
     /// Raises ValueError for other shapes and numbers.
-    fn predict_embedded(&self, py: Python<'_>, embeddings: Array<'_>) -> PyResult<Answers> {
+    fn predict_embedded(&self, py: Python<'_>, embeddings: Array<'_>) -> Raises<Answers> {
         let (rows, [surfaces, views]) = embeddings::rows(&embeddings)?;
-        let width = self.model.embedder().width();
-        if rows.width() != width {
-            return Err(value_error(format_args!(
-                "embeddings: found rows of {}, expected {width}, as those that the model was fitted on",
-                rows.width()
-            )));
-        }
+        self.check_width(rows.width())?;
         let counts = vec![views; surfaces];
         let answers = py.detach(|| self.answers(rows.values(), &counts))?;
         Ok(Answers::new(answers, self.properties().len()))
@@ -211,8 +203,8 @@ impl Estimator {
     ///
     /// Raises ValueError for a width that is not above 0, a model that takes all its photographs at
     /// once, and one that has no interval for some property.
-    fn session(&self, width: f64) -> PyResult<Session> {
-        Session::new(&self.model, width)
+    fn session(&self, width: f64) -> Raises<Session> {
+        Ok(Session::new(&self.model, width)?)
     }
 
     /// Estimates every property in windows of a photograph, `stride` pixels apart (an eighth of a window
@@ -237,16 +229,16 @@ impl Estimator {
         stride: Option<usize>,
         scale: Scale,
         alone: bool,
-    ) -> PyResult<Bound<'py, PyDict>> {
+    ) -> Raises<Bound<'py, PyDict>> {
         let reader = Reader::new(&self.model, scale, true)?;
         let photograph = Image::new("the photograph".to_owned(), photograph)?;
         let stride = stride.unwrap_or_else(|| self.model.stride());
         let sight = if alone { Sight::Alone } else { Sight::Within };
         let map = py.detach(|| {
-            let map = self.model.map(&reader.frame(photograph)?, stride, sight);
-            map.map_err(|error| estimator_error(&error))
+            let frame = reader.frame(photograph)?;
+            anyhow::Ok(self.model.map(&frame, stride, sight)?)
         })?;
-        map::arrays(py, map)
+        Ok(map::arrays(py, map)?)
     }
 
     /// The codes of the properties, in the order of the estimates.
@@ -284,16 +276,15 @@ impl Estimator {
     /// What goes with the model, a dictionary: name, method, data, source, frame-size (height, width),
     /// angles, decode, and measured, how well models of this kind did on surfaces that they had not seen.
     #[getter]
-    pub(crate) fn about<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    pub(crate) fn about<'py>(&self, py: Python<'py>) -> Raises<Bound<'py, PyAny>> {
         python(py, self.model.about())
     }
 
     /// What a copy is made of: the files that it is saved as.
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> Raises<Reduced<'py>> {
         let (model, files) = (&self.model, PyDict::new(py));
         let folder = scratch()?;
-        py.detach(|| model.save(folder.path()))
-            .map_err(|error| estimator_error(&error))?;
+        py.detach(|| model.save(folder.path()))?;
         for file in folder.path().read_dir()? {
             let path = file?.path();
             files.set_item(path.file_name(), PyBytes::new(py, &fs::read(&path)?))?;
@@ -303,7 +294,7 @@ impl Estimator {
     }
 
     #[staticmethod]
-    fn _of_files(py: Python<'_>, files: BTreeMap<String, Vec<u8>>, joint: bool) -> PyResult<Self> {
+    fn _of_files(py: Python<'_>, files: BTreeMap<String, Vec<u8>>, joint: bool) -> Raises<Self> {
         let folder = scratch()?;
         for (name, content) in files {
             fs::write(folder.path().join(name), content)?;
@@ -325,8 +316,9 @@ impl Estimator {
 type Reduced<'py> = (Bound<'py, PyAny>, (Bound<'py, PyDict>, bool));
 
 /// A folder that goes with what holds it.
-pub(crate) fn scratch() -> PyResult<TempDir> {
-    TempDir::with_prefix("sps-").map_err(|error| file_error(&error, &env::temp_dir()))
+pub(crate) fn scratch() -> Result<TempDir> {
+    let failed = || format!("{}: cannot be written", env::temp_dir().display());
+    TempDir::with_prefix("sps-").with_context(failed)
 }
 
 impl Estimator {
@@ -338,17 +330,24 @@ impl Estimator {
     }
 
     /// What is said of surfaces of so many photographs each, from their embeddings.
-    fn answers(&self, mut values: &[f32], counts: &[usize]) -> PyResult<Vec<Answer>> {
+    fn answers(&self, mut values: &[f32], counts: &[usize]) -> Result<Vec<Answer>> {
         let width = self.model.embedder().width();
         let mut answers = Vec::with_capacity(counts.len());
         for (surface, &count) in counts.iter().enumerate() {
             let (own, others) = values.split_at(count * width);
             values = others;
             let answer = self.model.predict_embedded(own, count);
-            let answer =
-                answer.map_err(|error| value_error(format_args!("surface {surface}: {error}")))?;
-            answers.push(answer.into());
+            answers.push(answer.with_context(|| format!("surface {surface}"))?.into());
         }
         Ok(answers)
+    }
+
+    fn check_width(&self, found: usize) -> Result<()> {
+        let width = self.model.embedder().width();
+        ensure!(
+            found == width,
+            "embeddings: found rows of {found}, expected {width}, as those that the model was fitted on"
+        );
+        Ok(())
     }
 }

@@ -1,11 +1,11 @@
 //! Photographs as a model takes them.
 
-use pyo3::exceptions::PyTypeError;
+use anyhow::{Result, ensure};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyIterator;
 use sps_estimator::{Estimator, Frame, Network};
 
-use crate::errors::{estimator_error, value_error};
 use crate::images::{Image, Images, frames, is_one};
 
 /// To which size photographs are brought: "model", "keep", or a number of pixels.
@@ -23,7 +23,7 @@ impl<'py> FromPyObject<'_, 'py> for Scale {
         match name.as_deref() {
             Some("model") => Ok(Self(sps_estimator::Scale::OfModel)),
             Some("keep") => Ok(Self(sps_estimator::Scale::Keep)),
-            _ => Err(value_error(format_args!(
+            _ => Err(PyValueError::new_err(format!(
                 "scale: found {}, expected \"model\", \"keep\" or a number of pixels",
                 scale.repr()?
             ))),
@@ -42,13 +42,13 @@ pub(crate) struct Reader<'m> {
 impl<'m> Reader<'m> {
     /// Refuses another scale than its own of a model that has one for all photographs, unless they are
     /// `for_map`, whose scale is that of the photographs fitted on as they came.
-    pub(crate) fn new(model: &'m Estimator, scale: Scale, for_map: bool) -> PyResult<Self> {
+    pub(crate) fn new(model: &'m Estimator, scale: Scale, for_map: bool) -> Result<Self> {
         let embedder = model.embedder();
-        let own = embedder.resize().filter(|_| !for_map);
-        if let Some(own) = own.filter(|_| scale.0 != sps_estimator::Scale::OfModel) {
-            return Err(value_error(format_args!(
+        if let Some(own) = embedder.resize() {
+            ensure!(
+                for_map || scale.0 == sps_estimator::Scale::OfModel,
                 "scale: the model itself brings the shorter side of every photograph to {own} pixels"
-            )));
+            );
         }
         let least_side = match embedder.network() {
             Network::Images(encoder) => encoder.kind().min_size(),
@@ -62,21 +62,19 @@ impl<'m> Reader<'m> {
     }
 
     /// The photograph at the model's scale.
-    pub(crate) fn frame(self, image: Image) -> PyResult<Frame> {
+    pub(crate) fn frame(self, image: Image) -> Result<Frame> {
         let Self { model, scale, .. } = self;
-        let refused = |error: sps_estimator::Error| estimator_error(&error);
         image.frame(
             self.least_side,
-            |path| model.read(path, scale).map_err(refused),
-            |frame| model.rescale(frame, scale).map_err(refused),
+            |path| Ok(model.read(path, scale)?),
+            |frame| Ok(model.rescale(frame, scale)?),
         )
     }
 
     /// The embeddings of photographs, (photographs, width).
-    pub(crate) fn embed(self, images: Vec<Image>) -> PyResult<Vec<f32>> {
+    pub(crate) fn embed(self, images: Vec<Image>) -> Result<Vec<f32>> {
         let frames = frames(images, |image| self.frame(image))?;
-        let embeddings = self.model.embedder().embed(&frames);
-        embeddings.map_err(|error| estimator_error(&error))
+        Ok(self.model.embedder().embed(&frames)?)
     }
 }
 
@@ -104,16 +102,20 @@ impl<'py> Surfaces<'py> {
         })
     }
 
-    fn next_surface(&mut self) -> Option<PyResult<Images<'py>>> {
+    fn next_surface(&mut self) -> Option<Result<Images<'py>>> {
         let surface = self.to_come.next()?;
         let of = format!("surface {}: ", self.counts.len());
         self.counts.push(0);
-        Some(surface.and_then(|surface| Images::new(of, &surface)))
+        Some(
+            surface
+                .map_err(Into::into)
+                .and_then(|surface| Images::new(of, &surface)),
+        )
     }
 }
 
 impl Iterator for Surfaces<'_> {
-    type Item = PyResult<Image>;
+    type Item = Result<Image>;
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {

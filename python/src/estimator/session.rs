@@ -7,7 +7,7 @@ use sps_estimator::Scale as Brought;
 
 use super::answer::Answer;
 use super::photographs::{Reader, Scale};
-use crate::errors::estimator_error;
+use crate::errors::Raises;
 use crate::images::Image;
 
 /// Looks at one surface until every interval is narrow enough, or the model has no further view; made
@@ -36,11 +36,13 @@ pub(crate) struct Looked {
 }
 
 impl Session {
-    pub(crate) fn new(model: &Arc<sps_estimator::Estimator>, width: f64) -> PyResult<Self> {
-        let session = sps_estimator::Session::new(Arc::clone(model), width);
+    pub(crate) fn new(
+        model: &Arc<sps_estimator::Estimator>,
+        width: f64,
+    ) -> sps_estimator::Result<Self> {
         Ok(Self {
             model: Arc::clone(model),
-            session: session.map_err(|error| estimator_error(&error))?,
+            session: sps_estimator::Session::new(Arc::clone(model), width)?,
         })
     }
 }
@@ -66,14 +68,11 @@ impl Session {
         py: Python<'_>,
         photograph: &Bound<'_, PyAny>,
         scale: Scale,
-    ) -> PyResult<Looked> {
+    ) -> Raises<Looked> {
         let photograph = Image::new("the photograph".to_owned(), photograph)?;
         let Self { model, session } = self;
         let reader = Reader::new(model, scale, false)?;
-        let looked = py.detach(|| {
-            let looked = session.look(&reader.frame(photograph)?);
-            looked.map_err(|error| estimator_error(&error))
-        })?;
+        let looked = py.detach(|| anyhow::Ok(session.look(&reader.frame(photograph)?)?))?;
         Ok(Looked {
             views: looked.views,
             answer: looked.answer.into(),

@@ -64,10 +64,8 @@ pub(super) fn ceilings(results: &Results) -> [(&'static str, &PerProperty<f64>, 
 /// Mean R² with its interval; none where every method has one number of training surfaces.
 pub(super) fn table(results: &Results) -> Option<Table> {
     let curves = curves(results);
-    let numbers: BTreeSet<usize> = curves
-        .iter()
-        .flat_map(|c| c.points.keys().copied())
-        .collect();
+    let numbers = curves.iter().flat_map(|c| c.points.keys().copied());
+    let numbers: BTreeSet<usize> = numbers.collect();
     if curves.is_empty() {
         return None;
     }

@@ -31,6 +31,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use serde_json::json;
 use sps_dataset::Unit;
 use sps_experiment::files::write_atomically;
 use sps_experiment::predictions;
@@ -39,9 +40,8 @@ use sps_experiment::run::RunFolder;
 use sps_experiment::text::counted;
 
 use figures::{Figure, figures};
-use page::{PAGES, Page, Section};
+use page::PAGES;
 pub use summary::summary;
-use surfaces::Gallery;
 use table::Table;
 pub use tables::{gained, tables};
 
@@ -65,12 +65,15 @@ fn write_files(folder: &Path) -> Result<()> {
     let gallery = best.and_then(|best| surfaces::gallery(folder, &results, best, &predictions));
     folders::FIGURES.write(folder, &drawn(&figures))?;
     folders::TABLES.write(folder, &printed(&tables)?)?;
-    let mut page = Page::new(&results.experiment, &results.description);
-    page.findings = findings::of(&results);
-    page.data = about_the_data(&results);
-    page.sections = sections(tables, figures, gallery);
-    page.notes = notes(&results);
-    for (name, text) in PAGES.iter().zip(page.texts()?) {
+    let page = json!({
+        "title": results.experiment,
+        "description": results.description,
+        "findings": findings::of(&results),
+        "data": about_the_data(&results),
+        "sections": page::sections(&tables, &figures, gallery.as_ref()),
+        "notes": notes(&results),
+    });
+    for (name, text) in PAGES.iter().zip(page::texts(page)?) {
         write_atomically(&folder.join(name), text.as_bytes())?;
     }
     Ok(())
@@ -81,23 +84,12 @@ const WITH_INTERVALS: usize = 5;
 /// The methods whose single estimates are shown: the best, then those with intervals.
 fn shown(results: &Results) -> Vec<&MethodResult> {
     let best = results.best();
-    let is_best = |method: &MethodResult| best.is_some_and(|best| best.id == method.id);
-    let methods = results.methods.iter();
-    let has_intervals =
-        |method: &MethodResult| method.adaptive.is_some() || method.intervals.is_some();
-    let others = methods.filter(|method| has_intervals(method) && !is_best(method));
-    best.into_iter()
-        .chain(others.take(WITH_INTERVALS))
-        .collect()
-}
-
-/// The means, what can be seen, then what only some readers look up.
-fn sections(tables: Vec<Table>, figures: Vec<Figure>, gallery: Option<Gallery>) -> Vec<Section> {
-    let mut tables = tables.into_iter().map(Section::from);
-    let means = tables.next().into_iter();
-    let figures = figures.into_iter().map(Section::from);
-    let gallery = gallery.into_iter().map(Section::from);
-    means.chain(figures).chain(gallery).chain(tables).collect()
+    let others = results.methods.iter().filter(|method| {
+        let has_intervals = method.adaptive.is_some() || method.intervals.is_some();
+        has_intervals && best.is_none_or(|best| best.id != method.id)
+    });
+    let others = others.take(WITH_INTERVALS);
+    best.into_iter().chain(others).collect()
 }
 
 fn drawn(figures: &[Figure]) -> BTreeMap<String, Vec<u8>> {
@@ -142,15 +134,14 @@ pub fn about_the_data(results: &Results) -> String {
     } else {
         "surface"
     };
-    let mut measured = format!(
-        "Measured on {} ({}), {} each; encoder {}.",
+    let measured = format!(
+        "Measured on {} ({}), {} each; encoder {}. {}",
         counted(data.surfaces, kind),
         data.name,
         counted(data.views, "view"),
-        data.encoder
+        data.encoder,
+        training_and_held_out(results)
     );
-    measured.push(' ');
-    measured.push_str(&training_and_held_out(results));
     if !data.simulated || results.methods.iter().all(|m| m.paper.is_none()) {
         return measured;
     }
@@ -163,12 +154,14 @@ pub fn about_the_data(results: &Results) -> String {
 
 fn training_and_held_out(results: &Results) -> String {
     let data = &results.dataset;
-    let most = |of: fn(&MethodResult) -> usize| results.methods.iter().map(of).max().unwrap_or(0);
-    let held_out = most(|method| method.held_out_surfaces);
+    let held_out = results
+        .methods
+        .iter()
+        .map(|method| method.held_out_surfaces);
     let mut text = format!(
         "A rerun trains on {} and is scored on others: {} different ones, all reruns together.",
         counted(data.training_surfaces, "surface"),
-        held_out
+        held_out.max().unwrap_or(0)
     );
     if let Some(unit @ (Unit::Group | Unit::Material)) = data.unit {
         let units = counted(data.units, unit.name());

@@ -6,7 +6,7 @@ use sps_experiment::results::{MethodResult, Results};
 use sps_experiment::text::counted;
 
 use super::speed;
-use super::summary::StandingOut;
+use super::summary;
 use super::table::{Cell, Row, Table};
 use super::tables::{gained, printed, with_unit};
 
@@ -89,7 +89,6 @@ pub(super) fn table(results: &Results) -> Table {
             .iter()
             .map(|other| format!("R² gained on {}", other.label)),
     );
-    let standing_out = StandingOut::of(results);
     let rows = methods.iter().enumerate().map(|(at, method)| {
         let paper = printed(results, method);
         let mut cells = vec![method.label.as_str().into(), held_out(results, method)];
@@ -105,7 +104,7 @@ pub(super) fn table(results: &Results) -> Table {
             .map(|other| method.gains.r2_mean_gains.get(&other.id));
         cells.extend(gains.map(|gain| gained(gain, 3)));
         Row {
-            mark: standing_out.mark(at),
+            mark: summary::mark(results, at),
             ..Row::measured(cells)
         }
     });

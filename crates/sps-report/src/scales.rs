@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use sps_experiment::predictions::Prediction;
 
+use crate::figures::span;
+
 /// Of one property.
 pub(super) struct Scale {
     /// The lowest and the highest of measured and estimated values.
@@ -36,10 +38,7 @@ impl Scale {
         let squares = predictions.iter().map(|p| (p.truth - mean).powi(2));
         let values = predictions.iter().flat_map(|p| [p.truth, p.estimate]);
         Self {
-            ends: [
-                values.clone().fold(f64::INFINITY, f64::min),
-                values.fold(f64::NEG_INFINITY, f64::max),
-            ],
+            ends: span(values),
             deviation: (squares.sum::<f64>() / count).sqrt(),
         }
     }

@@ -27,7 +27,7 @@ pub(super) fn table(results: &Results) -> Option<Table> {
         "s",
     ];
     let rows = methods.iter().map(|method| {
-        let all = || method.selections.values().flatten();
+        let all = || selections(method);
         let regrets = sorted(all().filter_map(|one| one.regret));
         let count = |of: fn(&SelectionResult) -> u64| mean(all().map(|one| of(one) as f64));
         Row::measured(vec![
@@ -56,6 +56,10 @@ fn selecting(results: &Results) -> Vec<&MethodResult> {
     methods.filter(|m| !m.selections.is_empty()).collect()
 }
 
+fn selections(method: &MethodResult) -> impl Iterator<Item = &SelectionResult> {
+    method.selections.values().flatten()
+}
+
 fn mean(values: impl Iterator<Item = f64>) -> Number {
     let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), x| (sum + x, count + 1));
     (count > 0).then(|| sum / f64::from(count))
@@ -79,22 +83,10 @@ const POINTS: u32 = 80;
 
 /// The learning curves of the searches that took more than one round; none where none did.
 pub(super) fn curves(results: &Results) -> Option<Figure> {
-    let methods: Vec<&MethodResult> = results
-        .methods
-        .iter()
-        .filter(|method| {
-            method
-                .selections
-                .values()
-                .flatten()
-                .any(|one| one.curve.len() > 2)
-        })
-        .collect();
-    let largest = methods
-        .iter()
-        .flat_map(|method| method.selections.values().flatten())
-        .map(|one| one.evaluations)
-        .max()?;
+    let mut methods = selecting(results);
+    methods.retain(|method| selections(method).any(|one| one.curve.len() > 2));
+    let asked = methods.iter().flat_map(|method| selections(method));
+    let largest = asked.map(|one| one.evaluations).max()?;
     let mut plots = Vec::new();
     for (index, method) in methods.iter().enumerate() {
         let line = |points: Vec<(f64, f64)>| {

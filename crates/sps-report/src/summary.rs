@@ -6,30 +6,17 @@ use sps_experiment::results::speed::{Point, best_within, fastest, looking};
 use super::speed::{looked_at, milliseconds};
 use super::table::{Cell, Row, Table};
 
-/// Methods that stand out of those that look at a photograph.
-pub(super) struct StandingOut {
-    best: Option<Point>,
-    fastest: Option<Point>,
-}
-
-impl StandingOut {
-    pub(super) fn of(results: &Results) -> Self {
-        let points = looking(&results.methods);
-        Self {
-            best: best_within(&points, f64::INFINITY),
-            fastest: fastest(&points, f64::INFINITY),
-        }
-    }
-
-    /// In a word, how the method at this place stands out; empty where it does not.
-    pub(super) fn mark(&self, at: usize) -> &'static str {
-        let is = |point: Option<Point>| point.is_some_and(|point| point.method == at);
-        match (is(self.best), is(self.fastest)) {
-            (true, true) => "best, fastest",
-            (true, false) => "best",
-            (false, true) => "fastest",
-            (false, false) => "",
-        }
+/// In a word, how the method at this place stands out of those that look at a photograph; empty where it does
+/// not.
+pub(super) fn mark(results: &Results, at: usize) -> &'static str {
+    let points = looking(&results.methods);
+    let is = |point: Option<Point>| point.is_some_and(|point| point.method == at);
+    let is_best = is(best_within(&points, f64::INFINITY));
+    match (is_best, is(fastest(&points, f64::INFINITY))) {
+        (true, true) => "best, fastest",
+        (true, false) => "best",
+        (false, true) => "fastest",
+        (false, false) => "",
     }
 }
 
@@ -45,7 +32,6 @@ pub fn summary(results: &Results) -> Table {
     let mut columns = vec!["method", "R²", mae];
     columns.extend(percentages.then_some("% error"));
     columns.extend(["frames", "ms per surface", ""]);
-    let standing_out = StandingOut::of(results);
     let rows = results.methods.iter().enumerate().map(|(at, method)| {
         let (means, costs) = (&method.means, &method.costs);
         let error = match mae {
@@ -62,7 +48,7 @@ pub fn summary(results: &Results) -> Table {
         cells.extend([
             looked_at(costs),
             milliseconds(costs),
-            standing_out.mark(at).into(),
+            mark(results, at).into(),
         ]);
         Row::measured(cells)
     });

@@ -55,38 +55,13 @@ pub fn gained(gain: Option<&Gain>, decimals: usize) -> Cell {
 /// Printed values per property, and their printed mean.
 type Printed<'a> = (&'a PerProperty<f64>, f64);
 
-/// With how many decimals numbers are shown.
-#[derive(Clone, Copy)]
-enum Decimals {
-    Always(usize),
-    /// As many as the spread of the property's values asks for, and one more.
-    BySpread,
-}
-
-impl Decimals {
-    /// For one property, or for the mean over all.
-    fn of(self, results: &Results, property: Option<&String>) -> usize {
-        let by_std = |std: f64| decimals(std) + 1;
-        let described = &results.described;
-        match (self, property) {
-            (Self::Always(decimals), _) => decimals,
-            (Self::BySpread, Some(code)) => {
-                described.get(code).map_or(2, |known| by_std(known.std))
-            }
-            (Self::BySpread, None) => {
-                let stds = described.values().map(|known| known.std);
-                stds.reduce(f64::max).map_or(2, by_std)
-            }
-        }
-    }
-}
-
 /// What one of the per-property tables shows.
 struct Shown {
     name: &'static str,
     title: &'static str,
     caption: &'static str,
-    decimals: Decimals,
+    /// None: as many as the spread of a property's values asks for, and one more.
+    decimals: Option<usize>,
     value: fn(&MethodResult) -> &PerProperty<Number>,
     mean: fn(&MethodResult) -> Number,
     printed: fn(&PaperRow) -> Option<Printed<'_>>,
@@ -98,7 +73,7 @@ const R2: Shown = Shown {
     title: "R² per property",
     caption: "Rows in italics are not measured here: the paper's printed values, and for \
               simulated data the ceiling that a perfect reader of the images would reach.",
-    decimals: Decimals::Always(2),
+    decimals: Some(2),
     value: |method| &method.scores.r2,
     mean: |method| method.means.r2_mean,
     printed: |row| (!row.r2.is_empty()).then_some((&row.r2, row.r2_mean)),
@@ -110,7 +85,7 @@ const PERCENT_ERROR: Shown = Shown {
     title: "Median percentage error per property",
     caption: "Surfaces whose measured value is exactly zero have no percentage and are left out. \
               Rows in italics are the paper's printed values.",
-    decimals: Decimals::Always(1),
+    decimals: Some(1),
     value: |method| &method.scores.median_percent_error,
     mean: |method| method.means.median_percent_error_mean,
     printed: |row| {
@@ -124,7 +99,7 @@ const MAE_OVER_STD: Shown = Shown {
     name: "mae-over-std",
     title: "Mean absolute error per property, in standard deviations",
     caption: "Over the standard deviation of the property's values over all surfaces.",
-    decimals: Decimals::Always(2),
+    decimals: Some(2),
     value: |method| &method.scores.mae_over_std,
     mean: |method| method.means.mae_over_std_mean,
     printed: |_| None,
@@ -135,7 +110,7 @@ const SPEARMAN: Shown = Shown {
     name: "spearman",
     title: "Spearman's rank correlation per property",
     caption: "1 where estimates have the order of the measured values.",
-    decimals: Decimals::Always(2),
+    decimals: Some(2),
     value: |method| &method.scores.spearman,
     mean: |method| method.means.spearman_mean,
     printed: |_| None,
@@ -146,7 +121,7 @@ const MAE: Shown = Shown {
     name: "mae",
     title: "Mean absolute error per property",
     caption: "In the properties' own units. The paper prints the means alone.",
-    decimals: Decimals::BySpread,
+    decimals: None,
     value: |method| &method.scores.mae,
     mean: |method| method.means.mae_mean,
     printed: |_| None,
@@ -156,18 +131,24 @@ const MAE: Shown = Shown {
 fn per_property(results: &Results, shown: &Shown) -> Table {
     let mut columns = vec!["Method".to_owned()];
     columns.extend(results.properties.iter().map(|code| match shown.decimals {
-        Decimals::BySpread => with_unit(code, results.unit_of(code)),
-        Decimals::Always(_) => code.clone(),
+        None => with_unit(code, results.unit_of(code)),
+        Some(_) => code.clone(),
     }));
     columns.push("mean".to_owned());
+    let by_spread = |std: Option<f64>| std.map_or(2, |std| decimals(std) + 1);
+    let described = &results.described;
+    let widest = described.values().map(|known| known.std).reduce(f64::max);
     let line = |label: String, value: &dyn Fn(&String) -> Number, mean: Number| {
         let mut cells = vec![Cell::from(label)];
         let values = results.properties.iter();
         cells.extend(values.map(|property| {
-            let decimals = shown.decimals.of(results, Some(property));
-            Cell::number(value(property), decimals)
+            let std = described.get(property).map(|known| known.std);
+            Cell::number(value(property), shown.decimals.unwrap_or(by_spread(std)))
         }));
-        cells.push(Cell::number(mean, shown.decimals.of(results, None)));
+        cells.push(Cell::number(
+            mean,
+            shown.decimals.unwrap_or(by_spread(widest)),
+        ));
         cells
     };
     let mut rows = Vec::new();

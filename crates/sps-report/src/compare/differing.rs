@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use sps_experiment::config::{Differing, differing_keys};
+use sps_experiment::results::Results;
 
 use super::Run;
 
@@ -15,44 +16,31 @@ pub(crate) struct Aspect {
 
 /// Config, sources, data and machine.
 pub(super) fn aspects(first: &Run, second: &Run) -> Vec<Aspect> {
-    let config = differing_keys(&first.config, &second.config);
-    let [(then, data), (now, other)] =
-        [first, second].map(|run| (&run.results.provenance, &run.results.dataset));
-    let sources = [("source_hash", &then.source_hash, &now.source_hash)];
-    let readings = [
-        ("data_hash", &then.data_hash, &now.data_hash),
-        ("name", &data.name, &other.name),
-        (
-            "surfaces",
-            &data.surfaces.to_string(),
-            &other.surfaces.to_string(),
-        ),
-        ("units", &data.units.to_string(), &other.units.to_string()),
-        ("views", &data.views.to_string(), &other.views.to_string()),
+    let differs = |key: &str, of: fn(&Results) -> String| {
+        let [first, second] = [first, second].map(|run| of(&run.results));
+        (first != second).then(|| Differing {
+            key: key.to_owned(),
+            first: Some(first),
+            second: Some(second),
+        })
+    };
+    let sources = [differs("source_hash", |r| r.provenance.source_hash.clone())];
+    let data = [
+        differs("data_hash", |r| r.provenance.data_hash.clone()),
+        differs("name", |r| r.dataset.name.clone()),
+        differs("surfaces", |r| r.dataset.surfaces.to_string()),
+        differs("units", |r| r.dataset.units.to_string()),
+        differs("views", |r| r.dataset.views.to_string()),
     ];
     let machine = [
-        ("cpu", &then.cpu, &now.cpu),
-        (
-            "threads",
-            &then.threads.to_string(),
-            &now.threads.to_string(),
-        ),
+        differs("cpu", |r| r.provenance.cpu.clone()),
+        differs("threads", |r| r.provenance.threads.to_string()),
     ];
     let aspect = |name, differing| Aspect { name, differing };
     vec![
-        aspect("config", config),
-        aspect("sources", texts(&sources)),
-        aspect("data", texts(&readings)),
-        aspect("machine", texts(&machine)),
+        aspect("config", differing_keys(&first.config, &second.config)),
+        aspect("sources", sources.into_iter().flatten().collect()),
+        aspect("data", data.into_iter().flatten().collect()),
+        aspect("machine", machine.into_iter().flatten().collect()),
     ]
-}
-
-fn texts(values: &[(&str, &String, &String)]) -> Vec<Differing> {
-    let differing = values.iter().filter(|(_, first, second)| first != second);
-    let found = differing.map(|(key, first, second)| Differing {
-        key: (*key).to_owned(),
-        first: Some((*first).clone()),
-        second: Some((*second).clone()),
-    });
-    found.collect()
 }

@@ -10,7 +10,7 @@ use sps_experiment::results::{Kind, Results};
 /// The held-out estimates of a run, by method and property, in the order of the reruns. A rerun whose
 /// training failed has none.
 pub(crate) struct Outcomes {
-    all: BTreeMap<(String, String), Vec<(usize, Held)>>,
+    all: BTreeMap<(String, String), Vec<Held>>,
     /// The number of each surface's unit.
     units: HashMap<String, usize>,
     pub unit: Unit,
@@ -19,6 +19,7 @@ pub(crate) struct Outcomes {
 /// Estimates of one property in one rerun, in the order of the surfaces' names.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Held {
+    pub rerun: usize,
     pub surfaces: Vec<String>,
     pub truth: Vec<f64>,
     pub estimate: Vec<f64>,
@@ -34,15 +35,10 @@ impl Outcomes {
         let (mut units, mut numbers) = (HashMap::new(), HashMap::new());
         for one in predictions {
             let (rerun, training_mean) = trained(results, &one).with_context(|| {
-                let Prediction {
-                    method,
-                    property,
-                    rerun,
-                    ..
-                } = &one;
                 format!(
-                    "results.json has no `training_means` of method {method}, property {property}, \
-                     split {rerun}, which predictions.csv has"
+                    "results.json has no `training_means` of method {}, property {}, split {}, which \
+                     predictions.csv has",
+                    one.method, one.property, one.rerun
                 )
             })?;
             let unit = if one.group.is_empty() {
@@ -55,13 +51,14 @@ impl Outcomes {
             units.insert(one.surface.clone(), number);
             let of_method = reruns.entry((one.method, one.property)).or_default();
             let held = of_method.entry(rerun).or_default();
+            held.rerun = rerun;
             held.surfaces.push(one.surface);
             held.truth.push(one.truth);
             held.estimate.push(one.estimate);
             held.training_mean.push(training_mean);
         }
         let all = reruns.into_iter();
-        let all = all.map(|(of, reruns)| (of, reruns.into_iter().collect()));
+        let all = all.map(|(of, reruns)| (of, reruns.into_values().collect()));
         Ok(Self {
             all: all.collect(),
             units,
@@ -75,7 +72,7 @@ impl Outcomes {
     }
 
     /// Those of one method and property with their reruns; empty where there is none.
-    pub(super) fn get(&self, method: &str, property: &str) -> &[(usize, Held)] {
+    pub(super) fn get(&self, method: &str, property: &str) -> &[Held] {
         let found = self.all.get(&(method.to_owned(), property.to_owned()));
         found.map(Vec::as_slice).unwrap_or_default()
     }

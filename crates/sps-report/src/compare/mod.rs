@@ -4,7 +4,6 @@ mod differing;
 mod held;
 mod moved;
 mod run;
-mod speed;
 mod tables;
 
 use std::collections::BTreeSet;
@@ -12,13 +11,12 @@ use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 use serde::Serialize;
-use sps_experiment::results::{Kind, MethodResult};
+use sps_experiment::results::{Kind, MethodResult, Number};
 
 use crate::table::Cell;
 use differing::Aspect;
 use moved::Moved;
 pub use run::Run;
-use speed::Speeds;
 
 /// One run set beside the first.
 #[derive(Debug, Serialize)]
@@ -34,6 +32,18 @@ pub struct Comparison {
     pub(crate) units: String,
     pub(crate) scores: Vec<Moved>,
     pub(crate) speed: Vec<Speeds>,
+}
+
+/// What the estimate of one surface costs in each run, and what it is worth.
+#[derive(Debug, Serialize)]
+pub(crate) struct Speeds {
+    pub method: String,
+    /// The share of variance left unexplained, 1 - R², on average over properties.
+    pub error: [Number; 2],
+    pub frames_encoded_per_surface: [f64; 2],
+    pub predict_seconds_per_surface: [Number; 2],
+    /// The seconds of the second run as a multiple of the first's.
+    pub times: Number,
 }
 
 /// Sets `second` beside `first`, whose level the intervals have.
@@ -60,7 +70,7 @@ pub fn compare(first: &Run, second: &Run) -> Result<Comparison> {
         interval_level: first.results.interval_level,
         units: first.outcomes.unit.max(second.outcomes.unit).to_string(),
         scores: moved::scores(first, second, &common),
-        speed: common.into_iter().map(Speeds::of).collect(),
+        speed: common.into_iter().map(speeds).collect(),
     })
 }
 
@@ -88,6 +98,19 @@ impl Comparison {
 fn in_both<'r>(first: &'r Run, second: &'r Run) -> impl Iterator<Item = [&'r MethodResult; 2]> {
     let methods = first.results.methods.iter();
     methods.filter_map(|method| Some([method, second.results.method(&method.id)?]))
+}
+
+fn speeds(methods: [&MethodResult; 2]) -> Speeds {
+    let seconds = methods.map(|method| method.costs.predict_seconds_per_surface);
+    let times = seconds[0].zip(seconds[1]);
+    let times = times.filter(|(first, _)| *first > 0.0);
+    Speeds {
+        method: methods[0].id.clone(),
+        error: methods.map(|method| method.means.r2_mean.map(|r2| 1.0 - r2)),
+        frames_encoded_per_surface: methods.map(|m| m.costs.frames_encoded_per_surface),
+        predict_seconds_per_surface: seconds,
+        times: times.map(|(first, second)| second / first),
+    }
 }
 
 /// The ids of methods that `one` has and `other` lacks.

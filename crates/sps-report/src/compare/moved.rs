@@ -128,10 +128,8 @@ fn moved(
     };
     let mine = held(first, &then.id, &properties);
     let theirs = held(second, &then.id, &properties);
-    let paired = mine
-        .iter()
-        .zip(&theirs)
-        .all(|(mine, theirs)| pair(mine, theirs));
+    let mut both = mine.iter().zip(&theirs);
+    let paired = both.all(|(mine, theirs)| pair(mine, theirs));
     let found = difference.map(|_| apart([first, second], [&theirs, &mine], kind, paired));
     let (interval, reason) = match found {
         Some(Ok(interval)) => (Some(interval), None),
@@ -160,7 +158,7 @@ fn moved(
 }
 
 /// What a method was scored on, property by property.
-fn held<'r>(run: &'r Run, method: &str, properties: &[&String]) -> Vec<&'r [(usize, Held)]> {
+fn held<'r>(run: &'r Run, method: &str, properties: &[&String]) -> Vec<&'r [Held]> {
     let of_property = properties.iter();
     of_property
         .map(|property| run.outcomes.get(method, property))
@@ -169,31 +167,27 @@ fn held<'r>(run: &'r Run, method: &str, properties: &[&String]) -> Vec<&'r [(usi
 
 /// Whether both are of the same surfaces with the same readings: rerun by rerun, or where one run
 /// has more reruns all of them of the same.
-fn pair(mine: &[(usize, Held)], theirs: &[(usize, Held)]) -> bool {
-    let Some((_, first)) = mine.first() else {
+fn pair(mine: &[Held], theirs: &[Held]) -> bool {
+    let (Some(first), Some(_)) = (mine.first(), theirs.first()) else {
         return false;
     };
     if mine.len() == theirs.len() {
         let mut pairs = mine.iter().zip(theirs);
-        return pairs.all(|(mine, theirs)| mine.0 == theirs.0 && mine.1.pairs_with(&theirs.1));
+        return pairs.all(|(mine, theirs)| mine.rerun == theirs.rerun && mine.pairs_with(theirs));
     }
-    !theirs.is_empty()
-        && mine
-            .iter()
-            .chain(theirs)
-            .all(|(_, held)| first.pairs_with(held))
+    let mut all = mine.iter().chain(theirs);
+    all.all(|held| first.pairs_with(held))
 }
 
 /// The interval of the second run's mean score less the first's; of `paired` ones by the units of the
 /// run that keeps more together.
 fn apart(
     [first, second]: [&Run; 2],
-    [theirs, mine]: [&[&[(usize, Held)]]; 2],
+    [theirs, mine]: [&[&[Held]]; 2],
     kind: Kind,
     paired: bool,
 ) -> Result<ScoreInterval, IntervalError> {
-    let of_first = &first.outcomes;
-    let of_second = &second.outcomes;
+    let (of_first, of_second) = (&first.outcomes, &second.outcomes);
     let (units, other) = match (paired, of_second.unit > of_first.unit) {
         (true, true) => (of_second, of_second),
         (true, false) => (of_first, of_first),
@@ -208,37 +202,22 @@ fn apart(
     }
 }
 
-/// What is scored, and of which units.
-struct Judged {
-    rerun: usize,
-    truth: Vec<f64>,
-    estimate: Vec<f64>,
-    units: Vec<usize>,
-}
+/// The rerun, truths and estimates as a score takes them, and their units.
+type Judged = (usize, [Vec<f64>; 2], Vec<usize>);
 
-fn judged(kind: Kind, all: &[&[(usize, Held)]], units: &Outcomes) -> Vec<Judged> {
-    let judged = all.iter().copied().flatten().map(|(rerun, held)| {
-        let [truth, estimate] = held.judged(kind);
-        Judged {
-            rerun: *rerun,
-            truth,
-            estimate,
-            units: units.units_of(held),
-        }
-    });
-    judged.collect()
+fn judged(kind: Kind, all: &[&[Held]], units: &Outcomes) -> Vec<Judged> {
+    let all = all.iter().copied().flatten();
+    all.map(|held| (held.rerun, held.judged(kind), units.units_of(held)))
+        .collect()
 }
 
 fn scored(kind: Kind, all: &[Judged]) -> Result<Vec<Scored<'_>>, IntervalError> {
-    let scored = all.iter().map(|judged| {
+    let scored = all.iter().map(|(rerun, [truth, estimate], units)| {
         Ok(Scored {
             metric: kind.metric()?,
-            samples: Samples {
-                truth: &judged.truth,
-                estimate: &judged.estimate,
-            },
-            units: Some(&judged.units),
-            rerun: judged.rerun,
+            samples: Samples { truth, estimate },
+            units: Some(units),
+            rerun: *rerun,
         })
     });
     scored.collect()
@@ -260,8 +239,9 @@ mod tests {
     fn runs_pair_rerun_by_rerun_or_where_all_are_of_the_same() {
         let (ab, cd) = (held(["a", "b"], 1.0), held(["c", "d"], 1.0));
         let other = held(["a", "b"], 2.0);
-        let numbered = |all: &[&Held]| -> Vec<(usize, Held)> {
-            all.iter().copied().cloned().enumerate().collect()
+        let numbered = |all: &[&Held]| -> Vec<Held> {
+            let all = all.iter().copied().cloned().enumerate();
+            all.map(|(rerun, held)| Held { rerun, ..held }).collect()
         };
         for (mine, theirs, expected) in [
             (vec![&ab, &cd], vec![&ab, &cd], true),

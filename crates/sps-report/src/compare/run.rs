@@ -55,7 +55,7 @@ impl Run {
     /// The score of a method for a property in each rerun that has one.
     pub fn scores(&self, kind: Kind, method: &str, property: &str) -> Vec<f64> {
         let reruns = self.outcomes.get(method, property).iter();
-        let scores = reruns.filter_map(|(_, held)| {
+        let scores = reruns.filter_map(|held| {
             let [truth, estimate] = held.judged(kind);
             let samples = Samples {
                 truth: &truth,

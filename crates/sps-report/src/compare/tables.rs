@@ -9,7 +9,6 @@ use sps_experiment::results::Kind;
 use super::Comparison;
 use super::differing::Aspect;
 use super::moved::Moved;
-use super::speed::Speeds;
 use crate::table::{Cell, Row, Table};
 
 /// Longer values are cut: `--json` has them whole.
@@ -24,10 +23,7 @@ impl fmt::Display for Comparison {
         if !differing.rows.is_empty() {
             f.write_str(&differing.terminal())?;
         }
-        let same = self
-            .aspects
-            .iter()
-            .filter(|aspect| aspect.differing.is_empty());
+        let same = self.aspects.iter().filter(|one| one.differing.is_empty());
         let same: Vec<&str> = same.map(|aspect| aspect.name).collect();
         if !same.is_empty() {
             writeln!(f, "The same in both: {}", same.join(", "))?;
@@ -67,12 +63,8 @@ impl Comparison {
                 ])
             })
         });
-        Table::new(
-            "differing",
-            "What differs",
-            ["", "key", "run 1", "run 2"],
-            rows,
-        )
+        let columns = ["", "key", "run 1", "run 2"];
+        Table::new("differing", "What differs", columns, rows)
     }
 
     fn about_the_intervals(&self) -> String {
@@ -93,11 +85,8 @@ impl Comparison {
 
     /// How many rows are clear of 0, and how many would be by chance.
     fn calls(&self) -> Option<String> {
-        let tested: Vec<&Moved> = self
-            .scores
-            .iter()
-            .filter(|one| one.corrected_p.is_some())
-            .collect();
+        let tested = self.scores.iter().filter(|one| one.corrected_p.is_some());
+        let tested: Vec<&Moved> = tested.collect();
         if tested.is_empty() {
             return None;
         }
@@ -145,38 +134,25 @@ impl Comparison {
 
     fn speed(&self) -> Table {
         let rows = self.speed.iter().map(|one| {
-            let Speeds {
-                method,
-                error: [error, other_error],
-                frames_encoded_per_surface: [frames, other_frames],
-                predict_seconds_per_surface: [seconds, other_seconds],
-                times,
-            } = one;
-            let ms = |seconds: &Option<f64>| Cell::number(seconds.map(|s| 1e3 * s), 2);
-            Row::measured(vec![
-                method.as_str().into(),
-                Cell::number(*error, 3),
-                Cell::number(*other_error, 3),
-                Cell::number(Some(*frames), 1),
-                Cell::number(Some(*other_frames), 1),
-                ms(seconds),
-                ms(other_seconds),
-                Cell::number(*times, 2),
-            ])
+            let errors = one.error.map(|error| Cell::number(error, 3));
+            let frames = one.frames_encoded_per_surface;
+            let frames = frames.map(|frames| Cell::number(Some(frames), 1));
+            let seconds = one.predict_seconds_per_surface;
+            let ms = seconds.map(|seconds| Cell::number(seconds.map(|s| 1e3 * s), 2));
+            let mut cells = vec![one.method.as_str().into()];
+            cells.extend([errors, frames, ms].into_iter().flatten());
+            cells.push(Cell::number(one.times, 2));
+            Row::measured(cells)
         });
+        let measured = ["error", "frames", "ms"].into_iter();
+        let of_runs = measured.flat_map(|what| [1, 2].map(|run| format!("{what} {run}")));
+        let mut columns = vec!["method".to_owned()];
+        columns.extend(of_runs);
+        columns.push("ms 2 / ms 1".to_owned());
         Table::new(
             "speed",
             "Speed beside error, which is 1 - R²; times as they were on each run's machine",
-            [
-                "method",
-                "error 1",
-                "error 2",
-                "frames 1",
-                "frames 2",
-                "ms 1",
-                "ms 2",
-                "ms 2 / ms 1",
-            ],
+            columns,
             rows,
         )
     }

@@ -24,7 +24,7 @@ struct Block<'a> {
 /// The fans of the methods that learned which views to select; none where no method did.
 pub(super) fn figure(results: &Results) -> Option<Figure> {
     let angles = &results.dataset.view_angles_deg;
-    let (first, last) = (angles.first()?, angles.last()?);
+    let ends @ [first, last] = [*angles.first()?, *angles.last()?];
     let height = MARGIN.1 + results.properties.len() as f64 * CELL.1;
     let blocks = blocks(results, height);
     let bottom = blocks.last()?.top + height + 4.0;
@@ -34,7 +34,7 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
          font-size=\"9\" fill=\"#1b1f24\"><rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>"
     );
     for block in &blocks {
-        block.draw(&mut svg, results);
+        block.draw(&mut svg, results, ends);
     }
     svg.push_str("</svg>");
     Some(Figure {
@@ -75,15 +75,10 @@ fn blocks(results: &Results, height: f64) -> Vec<Block<'_>> {
 }
 
 impl Block<'_> {
-    fn draw(&self, svg: &mut String, results: &Results) {
+    fn draw(&self, svg: &mut String, results: &Results, ends: [f64; 2]) {
         let left = self.left + MARGIN.0;
-        text(
-            svg,
-            self.left + 4.0,
-            self.top + 12.0,
-            "start",
-            &self.method.label,
-        );
+        let (x, y) = (self.left + 4.0, self.top + 12.0);
+        text(svg, x, y, "start", &self.method.label);
         for rerun in 0..self.method.reruns {
             let x = left + (rerun as f64 + 0.5) * CELL.0;
             text(svg, x, self.top + 26.0, "middle", &(rerun + 1).to_string());
@@ -95,18 +90,12 @@ impl Block<'_> {
             for rerun in 0..self.method.reruns {
                 let views = of_reruns.and_then(|views| views.get(rerun));
                 let apex = (left + (rerun as f64 + 0.5) * CELL.0, y);
-                self.fan(svg, apex, views.map_or(&[], Vec::as_slice), results);
+                sector(svg, apex, ends);
+                let angles = views.into_iter().flatten();
+                for angle in angles.filter_map(|&view| results.dataset.view_angles_deg.get(view)) {
+                    ray(svg, apex, *angle, self.colour);
+                }
             }
-        }
-    }
-
-    fn fan(&self, svg: &mut String, apex: (f64, f64), views: &[usize], results: &Results) {
-        let angles = &results.dataset.view_angles_deg;
-        if let (Some(first), Some(last)) = (angles.first(), angles.last()) {
-            sector(svg, apex, *first, *last);
-        }
-        for angle in views.iter().filter_map(|&view| angles.get(view)) {
-            ray(svg, apex, *angle, self.colour);
         }
     }
 }
@@ -126,13 +115,13 @@ fn text(svg: &mut String, x: f64, y: f64, anchor: &str, words: &str) {
 }
 
 /// Where the ray of an angle from the vertical ends.
-fn tip((x, y): (f64, f64), degrees: f64, length: f64) -> (f64, f64) {
+fn tip((x, y): (f64, f64), degrees: f64) -> (f64, f64) {
     let (sin, cos) = degrees.to_radians().sin_cos();
-    (x + length * sin, y - length * cos)
+    (x + RAY * sin, y - RAY * cos)
 }
 
-fn sector(svg: &mut String, apex: (f64, f64), from: f64, to: f64) {
-    let (a, b) = (tip(apex, from, RAY), tip(apex, to, RAY));
+fn sector(svg: &mut String, apex: (f64, f64), ends: [f64; 2]) {
+    let [a, b] = ends.map(|degrees| tip(apex, degrees));
     let _ = write!(
         svg,
         "<path d=\"M{:.1} {:.1}L{:.1} {:.1}A{RAY} {RAY} 0 0 1 {:.1} {:.1}Z\" fill=\"#eef1f4\" \
@@ -142,7 +131,7 @@ fn sector(svg: &mut String, apex: (f64, f64), from: f64, to: f64) {
 }
 
 fn ray(svg: &mut String, apex: (f64, f64), degrees: f64, colour: &str) {
-    let end = tip(apex, degrees, RAY);
+    let end = tip(apex, degrees);
     let _ = write!(
         svg,
         "<g opacity=\"0.6\"><line x1=\"{:.1}\" y1=\"{:.1}\" x2=\"{:.1}\" y2=\"{:.1}\" \

@@ -59,6 +59,13 @@ pub(crate) fn figures(
     figures
 }
 
+/// The least and the largest of these values.
+pub(super) fn span(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
+    let none = [f64::INFINITY, f64::NEG_INFINITY];
+    let wider = |[low, high]: [f64; 2], value: f64| [low.min(value), high.max(value)];
+    values.into_iter().fold(none, wider)
+}
+
 /// A line through these points.
 pub(super) fn line(
     points: impl IntoIterator<Item = (f64, f64)>,

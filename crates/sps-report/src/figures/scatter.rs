@@ -8,7 +8,7 @@ use sps_experiment::predictions::Prediction;
 use sps_experiment::results::{MethodResult, Results};
 use sps_experiment::text::number;
 
-use super::{COLUMN, Figure, PAGE, line, svg};
+use super::{COLUMN, Figure, PAGE, line, span, svg};
 
 /// Between panels, and around them.
 const SPACING: f64 = 4.0;
@@ -62,13 +62,9 @@ pub(super) fn figure(
 
 fn panel(title: &str, points: &[&Prediction]) -> (Vec<Plot>, Layout) {
     let values = points.iter().flat_map(|p| [p.truth, p.estimate]);
-    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-        (low.min(value), high.max(value))
-    });
-    let (low, high) = if low < high {
-        (low, high)
-    } else {
-        (low - 1.0, low + 1.0)
+    let [low, high] = match span(values) {
+        [low, high] if low < high => [low, high],
+        [low, _] => [low - 1.0, low + 1.0],
     };
     let dots = ScatterPlot::new()
         .with_data(points.iter().map(|p| (p.truth, p.estimate)))

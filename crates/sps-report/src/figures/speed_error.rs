@@ -11,7 +11,7 @@ use sps_experiment::results::speed::{Point, front, looking};
 use sps_experiment::results::{MethodResult, Results};
 use sps_experiment::text::number;
 
-use super::{COLOURS, Figure, PAGE, plotted};
+use super::{COLOURS, Figure, PAGE, plotted, span};
 use crate::table::with_interval;
 
 /// The methods in the plane of time and error; none where fewer than two look at a photograph.
@@ -21,8 +21,8 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
         return None;
     }
     let mut plots = vec![Plot::Line(staircase(&points))];
-    let key = Key::of(points.iter().map(|point| &results.methods[point.method]));
-    plots.extend(marks(results, &points, &key));
+    let (key, value) = key(points.iter().map(|point| &results.methods[point.method]));
+    plots.extend(marks(results, &points, value));
     let layout = along(Layout::auto_from_plots(&plots), &points)
         .with_y_axis_max(highest(results, &points))
         .with_x_label("milliseconds per surface")
@@ -37,7 +37,7 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
              enough. Whiskers are {}. Down and left is better. The line is \
              the front: what lies above and right of it is slower and worse than a setting on it. \
              A mark in the HTML report says its name where one points at it.",
-            key.name(),
+            key,
             results.intervals_in_words()
         ),
         svg: plotted(plots, layout, (PAGE, 400.0)),
@@ -46,11 +46,7 @@ pub(super) fn figure(results: &Results) -> Option<Figure> {
 
 /// Times that lie far apart stand on a logarithmic axis.
 fn along(layout: Layout, points: &[Point]) -> Layout {
-    let seconds = || points.iter().map(|point| 1e3 * point.seconds);
-    let (least, most) = (
-        seconds().fold(f64::MAX, f64::min),
-        seconds().fold(0.0, f64::max),
-    );
+    let [least, most] = span(points.iter().map(|point| 1e3 * point.seconds));
     let between = layout
         .with_x_axis_min(0.8 * least)
         .with_x_axis_max(1.25 * most);
@@ -63,13 +59,8 @@ fn along(layout: Layout, points: &[Point]) -> Layout {
 
 /// Above all whiskers, with room for the legend.
 fn highest(results: &Results, points: &[Point]) -> f64 {
-    let ends = points.iter().map(|point| {
-        let [low, high] = interval(results, point);
-        (1.0 - high, 1.0 - low)
-    });
-    let (low, high) = ends.fold((f64::MAX, f64::MIN), |(low, high), (from, to)| {
-        (low.min(from), high.max(to))
-    });
+    let ends = points.iter().flat_map(|point| interval(results, point));
+    let [low, high] = span(ends.map(|r2| 1.0 - r2));
     high + 0.25 * (high - low)
 }
 
@@ -78,41 +69,18 @@ fn interval(results: &Results, point: &Point) -> [f64; 2] {
     interval.unwrap_or([1.0 - point.error; 2])
 }
 
-/// What colours stand for: encoders; where there are more than colours, what they compute in; where
-/// there is but one, kinds of estimators.
-#[derive(Debug, PartialEq)]
-enum Key {
-    Encoder,
-    Precision,
-    Kind,
-}
-
-impl Key {
-    fn of<'m>(methods: impl Iterator<Item = &'m MethodResult>) -> Self {
-        let encoders: BTreeSet<&str> = methods.map(|method| method.encoder.as_str()).collect();
-        match encoders.len() {
-            0 | 1 => Self::Kind,
-            several if several <= COLOURS.len() => Self::Encoder,
-            _ => Self::Precision,
-        }
-    }
-
-    fn name(&self) -> &'static str {
-        match self {
-            Self::Encoder => "encoder",
-            Self::Precision => "precision",
-            Self::Kind => "kind of estimator",
-        }
-    }
-
-    fn value<'m>(&self, method: &'m MethodResult) -> &'m str {
-        match self {
-            Self::Encoder => &method.encoder,
-            Self::Precision => &method.precision,
-            Self::Kind => &method.kind,
-        }
+/// What colours stand for, and its value of a method: encoders; where there are more than colours, what they
+/// compute in; where there is but one, kinds of estimators.
+fn key<'m>(methods: impl Iterator<Item = &'m MethodResult>) -> (&'static str, Value) {
+    let encoders: BTreeSet<&str> = methods.map(|method| method.encoder.as_str()).collect();
+    match encoders.len() {
+        0 | 1 => ("kind of estimator", |method| &method.kind),
+        several if several <= COLOURS.len() => ("encoder", |method| &method.encoder),
+        _ => ("precision", |method| &method.precision),
     }
 }
+
+type Value = fn(&MethodResult) -> &str;
 
 /// From each point of the front right to the next, then down to it.
 fn staircase(points: &[Point]) -> LinePlot {
@@ -130,22 +98,20 @@ fn staircase(points: &[Point]) -> LinePlot {
     super::line(line, "#555555", 1.0).with_dashed()
 }
 
-fn marks(results: &Results, points: &[Point], key: &Key) -> Vec<Plot> {
+fn marks(results: &Results, points: &[Point], value: Value) -> Vec<Plot> {
     let method = |point: &Point| &results.methods[point.method];
     let mut values: Vec<&str> = Vec::new();
-    for point in points {
-        let value = key.value(method(point));
+    for value in points.iter().map(|point| value(method(point))) {
         if !values.contains(&value) {
             values.push(value);
         }
     }
     let mut plots = Vec::new();
-    for (value, colour) in values.into_iter().zip(COLOURS.into_iter().cycle()) {
-        let mut legend = Some(value);
+    for (words, colour) in values.into_iter().zip(COLOURS.into_iter().cycle()) {
+        let mut legend = Some(words);
         for shape in SHAPES {
-            let alike = |point: &&Point| {
-                key.value(method(point)) == value && marker(method(point)) == shape
-            };
+            let alike =
+                |point: &&Point| value(method(point)) == words && marker(method(point)) == shape;
             let alike: Vec<&Point> = points.iter().filter(alike).collect();
             if alike.is_empty() {
                 continue;
@@ -217,8 +183,8 @@ mod tests {
             };
             (0..20).map(method).collect()
         };
-        for (encoders, key) in [(1, Key::Kind), (8, Key::Encoder), (9, Key::Precision)] {
-            assert_eq!(Key::of(methods(encoders).iter()), key, "{encoders}");
+        for (encoders, expected) in [(1, "kind of estimator"), (8, "encoder"), (9, "precision")] {
+            assert_eq!(key(methods(encoders).iter()).0, expected, "{encoders}");
         }
     }
 }

@@ -7,13 +7,14 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde::Serialize;
+use serde_json::{Value, json};
 use sps_experiment::predictions::Prediction;
 use sps_experiment::results::{MethodResult, Results};
 use sps_experiment::text::number;
 
 use super::scales::{Scale, Scales, scales};
 use super::table::{Cell, Row, Table};
-use pictures::{Picture, Sight, Wanted, in_words, sights};
+use pictures::{Sight, in_words, sights};
 use ranked::{Ranked, picked, ranked};
 
 #[derive(Serialize)]
@@ -38,19 +39,9 @@ struct Card {
     surface: String,
     material: String,
     looked_at: String,
-    pictures: Vec<Picture>,
-    lines: Vec<Line>,
+    pictures: Vec<Value>,
+    lines: Vec<Value>,
     error: String,
-}
-
-#[derive(Serialize)]
-struct Line {
-    property: String,
-    measured: String,
-    estimated: String,
-    /// Where the two lie among those of all surfaces, in percent.
-    measured_at: f64,
-    estimated_at: f64,
 }
 
 /// Pictures of one surface, at most.
@@ -71,32 +62,25 @@ pub(super) fn gallery(
     let scales = scales(&predictions);
     let ranked = ranked(&results.properties, &predictions, &scales);
     let picked = picked(ranked.len());
-    let chosen: Vec<(&'static str, &Ranked<'_>)> = GROUPS
-        .into_iter()
-        .zip(picked)
-        .flat_map(|(title, places)| ranked[places].iter().map(move |one| (title, one)))
-        .collect();
+    let chosen = picked.iter().flat_map(|places| &ranked[places.clone()]);
+    let chosen: Vec<&Ranked<'_>> = chosen.collect();
     chosen.first()?;
-    let views = chosen.iter().map(|(_, one)| views(method, one));
+    let views = chosen.iter().map(|one| views(method, one));
     let views: Vec<Vec<usize>> = views.collect();
-    let wanted = chosen.iter().zip(&views).map(|((_, one), views)| Wanted {
-        surface: one.surface,
-        views: spread(views),
-    });
+    let wanted = chosen.iter().zip(&views);
+    let wanted = wanted.map(|(one, views)| (one.surface, spread(views)));
     let seen = sights(folder, &wanted.collect::<Vec<_>>());
     let missing = seen.as_ref().err().map(|error| format!("{error:#}"));
     let seen = seen.unwrap_or_else(|_| chosen.iter().map(|_| Sight::default()).collect());
-    let mut groups: Vec<Group> = Vec::new();
-    for (((title, one), views), sight) in chosen.iter().zip(&views).zip(seen) {
-        let card = Card::of(one, &scales, looked_at(results, views), sight);
-        match groups.last_mut().filter(|group| group.title == *title) {
-            Some(group) => group.cards.push(card),
-            None => groups.push(Group {
-                title,
-                cards: vec![card],
-            }),
-        }
-    }
+    let cards = chosen.iter().zip(&views).zip(seen);
+    let mut cards =
+        cards.map(|((one, views), sight)| Card::of(one, &scales, looked_at(results, views), sight));
+    let groups = GROUPS.into_iter().zip(&picked);
+    let groups = groups.map(|(title, places)| Group {
+        title,
+        cards: cards.by_ref().take(places.len()).collect(),
+    });
+    let groups: Vec<Group> = groups.filter(|group| !group.cards.is_empty()).collect();
     Some(Gallery {
         caption: caption(method),
         missing,
@@ -157,7 +141,7 @@ impl Card {
     fn of(of: &Ranked<'_>, scales: &Scales<'_>, looked_at: String, sight: Sight) -> Self {
         let lines = of.values.iter().filter_map(|value| {
             let scale = scales.get(value.property.as_str())?;
-            Some(Line::of(value, scale))
+            Some(line(value, scale))
         });
         Self {
             surface: of.surface.to_owned(),
@@ -170,25 +154,24 @@ impl Card {
     }
 }
 
-impl Line {
-    fn of(value: &Prediction, scale: &Scale) -> Self {
-        let [low, high] = scale.ends;
-        let at = |value: f64| {
-            let share = if low < high {
-                (value - low) / (high - low)
-            } else {
-                0.5
-            };
-            (1000.0 * share).round() / 10.0
+/// A property's values, and where they lie among those of all surfaces, in percent.
+fn line(value: &Prediction, scale: &Scale) -> Value {
+    let [low, high] = scale.ends;
+    let at = |value: f64| {
+        let share = if low < high {
+            (value - low) / (high - low)
+        } else {
+            0.5
         };
-        Self {
-            property: value.property.clone(),
-            measured: number(Some(value.truth), 1),
-            estimated: number(Some(value.estimate), 1),
-            measured_at: at(value.truth),
-            estimated_at: at(value.estimate),
-        }
-    }
+        (1000.0 * share).round() / 10.0
+    };
+    json!({
+        "property": value.property,
+        "measured": number(Some(value.truth), 1),
+        "estimated": number(Some(value.estimate), 1),
+        "measured_at": at(value.truth),
+        "estimated_at": at(value.estimate),
+    })
 }
 
 /// For those who read text.

@@ -39,22 +39,9 @@ enum Form {
     Range,
 }
 
-/// Where a difference lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Side {
-    Above,
-    Below,
-}
-
-impl Side {
-    /// For the eye.
-    pub(super) const fn sign(self) -> &'static str {
-        match self {
-            Self::Above => "▲",
-            Self::Below => "▼",
-        }
-    }
-}
+/// The signs of a difference that is clear of 0.
+pub(super) const ABOVE: &str = "▲";
+const BELOW: &str = "▼";
 
 impl Cell {
     /// A number with so many decimals.
@@ -77,13 +64,10 @@ impl Cell {
 
     /// The same with its p-value, for [`Table::tested`](super::Table::tested).
     pub(crate) fn gain(value: f64, ends: [f64; 2], p: f64, decimals: usize) -> Self {
-        match Self::difference(Some(value), Some(ends), decimals) {
-            Self::Numbers(numbers) => Self::Numbers(Numbers {
-                p: Some(p),
-                ..numbers
-            }),
-            text @ Self::Text(_) => text,
-        }
+        Self::Numbers(Numbers {
+            p: Some(p),
+            ..Numbers::of(Some(value), Some(ends), Form::Difference, decimals)
+        })
     }
 
     /// A mean with the lowest and the highest that it is made of.
@@ -97,21 +81,18 @@ impl Cell {
     }
 
     fn of(value: Option<f64>, ends: Option<[f64; 2]>, form: Form, decimals: usize) -> Self {
-        Self::Numbers(Numbers {
-            value,
-            ends,
-            form,
-            decimals,
-            p: None,
-            clear: false,
-        })
+        Self::Numbers(Numbers::of(value, ends, form, decimals))
+    }
+
+    fn numbers(&self) -> Option<&Numbers> {
+        match self {
+            Self::Text(_) => None,
+            Self::Numbers(numbers) => Some(numbers),
+        }
     }
 
     pub(super) fn p(&self) -> Option<f64> {
-        match self {
-            Self::Text(_) => None,
-            Self::Numbers(numbers) => numbers.p,
-        }
+        self.numbers()?.p
     }
 
     /// Says that it is clear of 0 among all differences of its table.
@@ -144,29 +125,19 @@ impl Cell {
 
     /// The number that stands for it among others: of a range the lower end.
     pub(super) fn rank(&self) -> Option<f64> {
-        match self {
-            Self::Text(_) => None,
-            Self::Numbers(numbers) => numbers.value.or(numbers.ends.map(|[low, _]| low)),
-        }
+        let Numbers { value, ends, .. } = self.numbers()?;
+        value.or(ends.map(|[low, _]| low))
     }
 
-    /// On which side of 0 a difference lies that is clear of it.
-    pub(super) fn side(&self) -> Option<Side> {
-        match self {
-            Self::Numbers(numbers) if numbers.clear => match numbers.value? {
-                value if value > 0.0 => Some(Side::Above),
-                _ => Some(Side::Below),
-            },
-            _ => None,
-        }
+    /// Of a difference that is clear of 0, on which side of it that lies.
+    pub(super) fn sign(&self) -> Option<&'static str> {
+        let numbers = self.numbers().filter(|numbers| numbers.clear)?;
+        Some(if numbers.value? > 0.0 { ABOVE } else { BELOW })
     }
 
     /// The lower and the upper end, where it has them.
     pub(super) fn ends(&self) -> Option<[String; 2]> {
-        match self {
-            Self::Text(_) => None,
-            Self::Numbers(numbers) => Some(numbers.ends?.map(|end| plain(Some(end)))),
-        }
+        Some(self.numbers()?.ends?.map(|end| plain(Some(end))))
     }
 }
 
@@ -190,14 +161,25 @@ impl fmt::Display for Cell {
                 let (value, ends) = numbers.parts();
                 formatter.write_str(&value)?;
                 ends.map_or(Ok(()), |ends| write!(formatter, " {ends}"))?;
-                let sign = self.side().map(Side::sign);
-                sign.map_or(Ok(()), |sign| write!(formatter, " {sign}"))
+                self.sign()
+                    .map_or(Ok(()), |sign| write!(formatter, " {sign}"))
             }
         }
     }
 }
 
 impl Numbers {
+    fn of(value: Option<f64>, ends: Option<[f64; 2]>, form: Form, decimals: usize) -> Self {
+        Self {
+            value,
+            ends,
+            form,
+            decimals,
+            p: None,
+            clear: false,
+        }
+    }
+
     /// What is read first, and what the value lies between.
     fn parts(self) -> (String, Option<String>) {
         let Self {
@@ -208,18 +190,19 @@ impl Numbers {
             ..
         } = self;
         let text = number(value, decimals);
+        let ends = ends.map(|ends| ends.map(|end| number(Some(end), decimals)));
+        let bracketed = |[low, high]: [String; 2]| format!("[{low}, {high}]");
+        let range = |[low, high]: [String; 2]| format!("{low} to {high}");
         match form {
-            Form::Interval => (text, ends.map(|ends| bracketed(ends, decimals))),
+            Form::Interval => (text, ends.map(bracketed)),
             Form::Difference => {
                 let sign = value.is_some() && !text.starts_with('-');
                 let signed = format!("{}{text}", if sign { "+" } else { "" });
-                (signed, ends.map(|ends| bracketed(ends, decimals)))
+                (signed, ends.map(bracketed))
             }
-            Form::Spread => {
-                let spread = ends.map(|_| format!("({})", range(ends, decimals)));
-                (text, spread)
-            }
-            Form::Range => (range(ends, decimals), None),
+            Form::Spread => (text, ends.map(|ends| format!("({})", range(ends)))),
+            // A missing value stands for a missing range.
+            Form::Range => (ends.map_or(text, range), None),
         }
     }
 }
@@ -236,21 +219,6 @@ pub(crate) fn with_interval(
     decimals: usize,
 ) -> String {
     Cell::interval(value, interval, decimals).to_string()
-}
-
-fn bracketed(ends: [f64; 2], decimals: usize) -> String {
-    let [low, high] = ends.map(|end| number(Some(end), decimals));
-    format!("[{low}, {high}]")
-}
-
-fn range(ends: Option<[f64; 2]>, decimals: usize) -> String {
-    match ends {
-        Some(ends) => {
-            let [low, high] = ends.map(|end| number(Some(end), decimals));
-            format!("{low} to {high}")
-        }
-        None => number(None, decimals),
-    }
 }
 
 #[cfg(test)]
@@ -286,7 +254,7 @@ mod tests {
     fn a_difference_shows_its_side_once_it_is_called_clear() {
         for (value, sign) in [(0.1, "▲"), (-0.1, "▼")] {
             let mut cell = Cell::gain(value, [value - 0.05, value + 0.05], 0.01, 2);
-            assert_eq!((cell.side(), cell.p()), (None, Some(0.01)));
+            assert_eq!((cell.sign(), cell.p()), (None, Some(0.01)));
             cell.call();
             assert!(cell.to_string().ends_with(&format!("] {sign}")), "{cell}");
         }

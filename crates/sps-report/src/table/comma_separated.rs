@@ -8,14 +8,29 @@ impl Table {
     /// A line for each row. An interval has columns of its own, a value that could not be computed
     /// an empty cell.
     pub(crate) fn csv(&self) -> Result<Vec<u8>> {
+        let mut columns: Vec<Vec<String>> = Vec::new();
+        for at in 0..self.columns.len() {
+            let title = self.own_title(at);
+            let mut column = |title: String, field: &dyn Fn(&Cell) -> Option<String>| {
+                let fields = self.column(at).map(|cell| field(cell).unwrap_or_default());
+                columns.push([title].into_iter().chain(fields).collect());
+            };
+            let has_ends = self.column(at).any(|cell| cell.ends().is_some());
+            if !has_ends || self.column(at).any(|cell| cell.value().is_some()) {
+                column(title.clone(), &Cell::value);
+            }
+            if has_ends {
+                column(format!("{title}, low"), &|cell| {
+                    Some(cell.ends()?[0].clone())
+                });
+                column(format!("{title}, high"), &|cell| {
+                    Some(cell.ends()?[1].clone())
+                });
+            }
+        }
         let mut writer = csv::Writer::from_writer(Vec::new());
-        let columns: Vec<Column> = (0..self.columns.len())
-            .map(|at| Column::of(self, at))
-            .collect();
-        writer.write_record(columns.iter().flat_map(Column::titles))?;
-        for row in &self.rows {
-            let cells = columns.iter().zip(&row.cells);
-            writer.write_record(cells.flat_map(|(column, cell)| column.fields(cell)))?;
+        for line in 0..=self.rows.len() {
+            writer.write_record(columns.iter().map(|column| &column[line]))?;
         }
         Ok(writer.into_inner()?)
     }
@@ -29,45 +44,6 @@ impl Table {
             Some(before) if alike > 1 => format!("{before}, {title}"),
             _ => title.clone(),
         }
-    }
-}
-
-/// The columns that one of the table becomes.
-struct Column {
-    title: String,
-    has_value: bool,
-    has_ends: bool,
-}
-
-impl Column {
-    fn of(table: &Table, at: usize) -> Self {
-        let has_ends = table.column(at).any(|cell| cell.ends().is_some());
-        Self {
-            title: table.own_title(at),
-            has_value: !has_ends || table.column(at).any(|cell| cell.value().is_some()),
-            has_ends,
-        }
-    }
-
-    fn titles(&self) -> Vec<String> {
-        let ends = ["low", "high"].map(|end| format!("{}, {end}", self.title));
-        self.all(self.title.clone(), ends)
-    }
-
-    fn fields(&self, cell: &Cell) -> Vec<String> {
-        self.all(
-            cell.value().unwrap_or_default(),
-            cell.ends().unwrap_or_default(),
-        )
-    }
-
-    fn all(&self, value: String, ends: [String; 2]) -> Vec<String> {
-        let value = self.has_value.then_some(value);
-        let ends = self.has_ends.then_some(ends);
-        value
-            .into_iter()
-            .chain(ends.into_iter().flatten())
-            .collect()
     }
 }
 

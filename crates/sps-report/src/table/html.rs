@@ -1,79 +1,31 @@
 //! Tables as the template of the page takes them, which writes the tags.
 
-use serde::Serialize;
+use serde_json::{Value, json};
 
-use super::cell::Side;
+use super::cell::ABOVE;
 use super::{Cell, Row, Table};
 
-/// A [`Table`] without title and caption.
-#[derive(Serialize)]
-pub(crate) struct Html {
-    columns: Vec<Column>,
-    rows: Vec<Line>,
-}
-
-#[derive(Serialize)]
-struct Column {
-    title: String,
-    /// Set to the left.
-    left: bool,
-}
-
-#[derive(Serialize)]
-struct Line {
-    reference: bool,
-    mark: &'static str,
-    cells: Vec<Shown>,
-}
-
-#[derive(Serialize)]
-struct Shown {
-    value: String,
-    ends: Option<String>,
-    /// What the column is sorted by; words are sorted by themselves.
-    rank: Option<f64>,
-    /// The sign of a difference that is clear of 0, for the eye and as a class of the style sheet.
-    sign: Option<&'static str>,
-    class: Option<&'static str>,
-}
-
 impl Table {
-    pub(crate) fn html(&self) -> Html {
-        let columns = self.columns.iter().enumerate().map(|(at, title)| Column {
-            title: title.clone(),
-            left: self.is_left(at),
-        });
-        Html {
-            columns: columns.collect(),
-            rows: self.rows.iter().map(Line::of).collect(),
-        }
-    }
-}
-
-impl Line {
-    fn of(row: &Row) -> Self {
-        Self {
-            reference: row.reference,
-            mark: row.mark,
-            cells: row.cells.iter().map(Shown::of).collect(),
-        }
-    }
-}
-
-impl Shown {
-    fn of(cell: &Cell) -> Self {
-        let (value, ends) = cell.parts();
-        let class = |side| match side {
-            Side::Above => "above",
-            Side::Below => "below",
+    /// Without title and caption. Columns are sorted by the `rank` of their cells; words by themselves.
+    pub(crate) fn html(&self) -> Value {
+        let columns = self.columns.iter().enumerate();
+        let columns =
+            columns.map(|(at, title)| json!({ "title": title, "left": self.is_left(at) }));
+        let cell = |cell: &Cell| {
+            let ((value, ends), sign) = (cell.parts(), cell.sign());
+            let class = sign.map(|sign| if sign == ABOVE { "above" } else { "below" });
+            json!({
+                "value": value, "ends": ends, "rank": cell.rank(), "sign": sign, "class": class,
+            })
         };
-        Self {
-            value,
-            ends,
-            rank: cell.rank(),
-            sign: cell.side().map(Side::sign),
-            class: cell.side().map(class),
-        }
+        let row = |row: &Row| {
+            let cells: Vec<Value> = row.cells.iter().map(cell).collect();
+            json!({ "reference": row.reference, "mark": row.mark, "cells": cells })
+        };
+        json!({
+            "columns": columns.collect::<Vec<_>>(),
+            "rows": self.rows.iter().map(row).collect::<Vec<_>>(),
+        })
     }
 }
 
@@ -92,13 +44,12 @@ mod tests {
             ])],
             ..hard_cases()
         };
-        let table = table.tested(0.95);
-        let html = serde_json::to_value(table.html()).unwrap();
+        let html = table.tested(0.95).html();
         let columns = html["columns"].as_array().unwrap().iter();
         let left: Vec<bool> = columns.map(|c| c["left"] == true).collect();
         assert_eq!(left, [true, false, false]);
         let cells = &html["rows"][0]["cells"];
-        assert_eq!(cells[0]["rank"], serde_json::Value::Null);
+        assert_eq!(cells[0]["rank"], Value::Null);
         let shown = ["value", "ends", "sign", "class"].map(|key| cells[1][key].as_str().unwrap());
         assert_eq!(shown, ["-0.25", "[-0.50, -0.25]", "▼", "below"]);
         assert_eq!(

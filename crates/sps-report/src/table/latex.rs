@@ -1,6 +1,6 @@
 //! Tables for a paper, as LaTeX with booktabs.
 
-use super::{Cell, Row, Table};
+use super::{Cell, Table};
 
 impl Table {
     /// A float with a caption and the label `tab:NAME`.
@@ -10,7 +10,8 @@ impl Table {
             .map(|at| if self.is_left(at) { 'l' } else { 'r' })
             .collect();
         let titles: Vec<String> = self.columns.iter().map(|title| escaped(title)).collect();
-        let rows: Vec<String> = self.rows.iter().map(|row| line(&cells(row))).collect();
+        let italic = |text: &str| format!("\\textit{{{text}}}");
+        let rows = self.rows.iter().map(|row| line(&row.texts(text, italic)));
         format!(
             "% Needs \\usepackage{{booktabs}}.\n\
              \\begin{{table}}\n\
@@ -29,24 +30,13 @@ impl Table {
             caption = escaped(&self.caption),
             name = self.name,
             head = line(&titles),
-            rows = rows.concat(),
+            rows = rows.collect::<String>(),
         )
     }
 }
 
 fn line(cells: &[String]) -> String {
     format!("    {} \\\\\n", cells.join(" & "))
-}
-
-fn cells(row: &Row) -> Vec<String> {
-    let italic = |text: String| {
-        if row.reference && !text.is_empty() {
-            format!("\\textit{{{text}}}")
-        } else {
-            text
-        }
-    };
-    row.cells.iter().map(|cell| italic(text(cell))).collect()
 }
 
 fn text(cell: &Cell) -> String {

@@ -1,13 +1,14 @@
 //! Tables as Markdown.
 
-use super::{Row, Table};
+use super::{Cell, Row, Table};
 
 impl Table {
     /// Without title and caption.
     pub fn markdown(&self) -> String {
         let rule = "---:|".repeat(self.columns.len().saturating_sub(1));
         let mut lines = vec![line(&self.columns), format!("|---|{rule}")];
-        lines.extend(self.rows.iter().map(|row| line(&cells(row))));
+        let texts = |row: &Row| row.texts(Cell::to_string, |text| format!("*{text}*"));
+        lines.extend(self.rows.iter().map(|row| line(&texts(row))));
         lines.join("\n")
     }
 }
@@ -15,18 +16,6 @@ impl Table {
 fn line(cells: &[String]) -> String {
     let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
     format!("| {} |", cells.join(" | "))
-}
-
-fn cells(row: &Row) -> Vec<String> {
-    let italic = |text: String| {
-        if row.reference {
-            format!("*{text}*")
-        } else {
-            text
-        }
-    };
-    let cells = row.cells.iter();
-    cells.map(|cell| italic(cell.to_string())).collect()
 }
 
 #[cfg(test)]
@@ -37,6 +26,7 @@ mod tests {
     fn a_bar_in_a_name_ends_no_cell() {
         let text = hard_cases().markdown();
         assert!(text.contains("| [a] \\| b | – | 0.5 |"), "{text}");
+        assert!(text.ends_with("| *Ceiling* | *0.33* |  |"), "{text}");
         assert!(text.starts_with("| Method | R² | paper |\n|---|---:|---:|\n"));
     }
 }

@@ -11,7 +11,6 @@ use sps_metrics::holm;
 
 pub use cell::Cell;
 pub(crate) use cell::with_interval;
-pub(super) use html::Html;
 
 /// A table, ready to print.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,6 +53,19 @@ impl Row {
             reference: true,
             ..Self::measured(cells)
         }
+    }
+
+    /// What each cell says, as `italic` writes it in a row of reference.
+    fn texts(
+        &self,
+        text: impl Fn(&Cell) -> String,
+        italic: impl Fn(&str) -> String,
+    ) -> Vec<String> {
+        let text = |cell: &Cell| match text(cell) {
+            text if self.reference && !text.is_empty() => italic(&text),
+            text => text,
+        };
+        self.cells.iter().map(text).collect()
     }
 }
 

@@ -1,7 +1,6 @@
 //! `cargo xtask`: the commands of `sps`, and what only this repository needs.
 
 mod bench;
-mod cmd;
 mod docs;
 mod pretraining;
 
@@ -19,16 +18,16 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 enum Command {
     #[command(flatten)]
     Sps(sps::Command),
-    Pretrain(cmd::pretrain::Args),
-    Docs(cmd::docs::Args),
-    Bench(cmd::bench::Args),
+    Pretrain(pretraining::Args),
+    Docs(docs::Args),
+    Bench(bench::Args),
 }
 
 fn main() -> ExitCode {
     sps::main("cargo xtask", env::args_os(), |command| match command {
         Command::Sps(command) => command.run(),
-        Command::Pretrain(args) => cmd::pretrain::run(args),
-        Command::Docs(args) => cmd::docs::run(args),
-        Command::Bench(args) => cmd::bench::run(args),
+        Command::Pretrain(args) => pretraining::run(args),
+        Command::Docs(args) => docs::run(args),
+        Command::Bench(args) => bench::run(args),
     })
 }

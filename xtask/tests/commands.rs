@@ -18,15 +18,8 @@ fn commands_of_sps_stand_beside_its_own() {
 
 #[test]
 fn examples_say_what_to_type() {
-    for command in [
-        "experiment",
-        "compare",
-        "simulate",
-        "import",
-        "inspect",
-        "embed",
-        "fit",
-    ] {
+    let commands = "experiment compare simulate import inspect embed fit";
+    for command in commands.split(' ') {
         let text = help(&[command]);
         let example = format!("\n  cargo xtask {command} ");
         assert!(text.contains(&example), "{text}");

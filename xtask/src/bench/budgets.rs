@@ -6,7 +6,6 @@ use anyhow::{Result, ensure};
 use serde::Deserialize;
 use sps_experiment::files::read_text;
 
-/// Where the budgets are.
 pub(crate) const FILE: &str = "benches/budgets.toml";
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]

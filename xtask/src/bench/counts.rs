@@ -23,10 +23,10 @@ pub(crate) fn count(machine: &Machine) -> Result<BTreeMap<String, u64>> {
     let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
     KERNELS
         .par_iter()
-        .map(|kernel| {
-            let count = of(kernel.name, &folder.path().join(kernel.name))
-                .with_context(|| format!("cannot count the kernel `{}`", kernel.name))?;
-            Ok((kernel.name.to_owned(), count))
+        .map(|(kernel, _)| {
+            let count = of(kernel, &folder.path().join(kernel))
+                .with_context(|| format!("cannot count the kernel `{kernel}`"))?;
+            Ok(((*kernel).to_owned(), count))
         })
         .collect()
 }
@@ -49,7 +49,6 @@ fn of(kernel: &str, out: &Path) -> Result<u64> {
     total(&read_text(out)?).context("callgrind gave no total")
 }
 
-/// The total of a callgrind profile.
 fn total(profile: &str) -> Option<u64> {
     let total = |line: &str| line.strip_prefix("totals:")?.trim().parse().ok();
     profile.lines().find_map(total).filter(|total| *total > 0)

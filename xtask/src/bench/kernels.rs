@@ -19,47 +19,28 @@ use sps_viewselect::{Exhaustive, Nvs, Problem, Selector, SetFunction};
 /// A pass of a kernel, on data that is made beforehand.
 type Pass = Box<dyn FnMut() -> Result<()>>;
 
-pub(crate) struct Kernel {
-    pub name: &'static str,
-    prepare: fn() -> Result<Pass>,
-}
-
-const fn kernel(name: &'static str, prepare: fn() -> Result<Pass>) -> Kernel {
-    Kernel { name, prepare }
-}
+/// Its name, and what prepares it.
+type Kernel = (&'static str, fn() -> Result<Pass>);
 
 pub(crate) static KERNELS: [Kernel; 16] = [
-    kernel("decode-png", || {
-        decode("fixtures/tiny-dataset/frames/denim-01/000.png")
+    ("decode-png", || decode("denim-01/000.png")),
+    ("decode-jpeg", || decode("oak-01/000.jpg")),
+    ("decode-exr", || decode("tile-01/000.exr")),
+    ("render", render),
+    ("convolution-1x1", || forward((28, 128), (1, 1), (128, 128))),
+    ("convolution-7x7", || forward((64, 3), (7, 2), (64, 3))),
+    ("convolution-grouped", || {
+        forward((28, 128), (3, 1), (128, 4))
     }),
-    kernel("decode-jpeg", || {
-        decode("fixtures/tiny-dataset/frames/oak-01/000.jpg")
-    }),
-    kernel("decode-exr", || {
-        decode("fixtures/tiny-dataset/frames/tile-01/000.exr")
-    }),
-    kernel("render", render),
-    kernel("convolution-1x1", || {
-        convolution((28, 128), (1, 1), (128, 128))
-    }),
-    kernel("convolution-7x7", || convolution((64, 3), (7, 2), (64, 3))),
-    kernel("convolution-grouped", || {
-        convolution((28, 128), (3, 1), (128, 4))
-    }),
-    kernel("convolution-gradients", convolution_gradients),
-    kernel("max-pool", max_pool),
-    kernel("encoder", encoder),
-    kernel("encoder-training-step", training_step),
-    kernel("ridge", ridge),
-    kernel("head", head),
-    kernel("scores", scores),
-    kernel("exhaustive", || Ok(search(Exhaustive::default()))),
-    kernel("nvs", || {
-        Ok(search(Nvs {
-            evaluations: 1000,
-            ..Nvs::default()
-        }))
-    }),
+    ("convolution-gradients", convolution_gradients),
+    ("max-pool", max_pool),
+    ("encoder", encoder),
+    ("encoder-training-step", training_step),
+    ("ridge", ridge),
+    ("head", head),
+    ("scores", scores),
+    ("exhaustive", || Ok(search(Exhaustive::default()))),
+    ("nvs", || Ok(search(nvs()))),
 ];
 
 /// Runs a kernel twice, the second time in [`counted`].
@@ -67,9 +48,9 @@ pub(crate) fn run(name: &str) -> Result<()> {
     // The calling thread is the pool, so that all work is done by the one that is counted.
     let pool = rayon::ThreadPoolBuilder::new();
     pool.num_threads(1).use_current_thread().build_global()?;
-    let kernel = KERNELS.iter().find(|kernel| kernel.name == name);
-    let kernel = kernel.with_context(|| format!("no kernel is called `{name}`"))?;
-    let mut pass = (kernel.prepare)()?;
+    let kernel = KERNELS.iter().find(|(kernel, _)| *kernel == name);
+    let (_, prepare) = kernel.with_context(|| format!("no kernel is called `{name}`"))?;
+    let mut pass = prepare()?;
     pass()?;
     counted(&mut pass)
 }
@@ -78,6 +59,10 @@ pub(crate) fn run(name: &str) -> Result<()> {
 #[inline(never)]
 fn counted(pass: &mut Pass) -> Result<()> {
     black_box(pass())
+}
+
+fn pass<T, E: Into<anyhow::Error>>(mut work: impl FnMut() -> Result<T, E> + 'static) -> Pass {
+    Box::new(move || work().map(black_box).map(drop).map_err(Into::into))
 }
 
 /// So many values, in -0.5..0.5.
@@ -93,11 +78,10 @@ fn ramp(shape: &[usize]) -> Result<Tensor> {
 }
 
 fn decode(path: &str) -> Result<Pass> {
-    let bytes = std::fs::read(path).with_context(|| format!("cannot read {path}"))?;
-    Ok(Box::new(move || {
-        black_box(decode_image(&bytes, &DecodeSettings::default())?);
-        Ok(())
-    }))
+    let path = format!("fixtures/tiny-dataset/frames/{path}");
+    let bytes = std::fs::read(&path).with_context(|| format!("cannot read {path}"))?;
+    let settings = DecodeSettings::default();
+    Ok(pass(move || decode_image(&bytes, &settings)))
 }
 
 fn render() -> Result<Pass> {
@@ -107,15 +91,12 @@ fn render() -> Result<Pass> {
         views: 3,
         ..SimulatorSpec::default()
     })?;
-    Ok(Box::new(move || {
-        black_box(simulator.frame_bytes(0, 1)?);
-        Ok(())
-    }))
+    Ok(pass(move || simulator.frame_bytes(0, 1)))
 }
 
 /// Of a square feature map of so many channels, by windows of a size and stride, to outputs that
 /// see so many inputs each.
-fn convolution(
+fn forward(
     (extent, channels): (usize, usize),
     (size, stride): (usize, usize),
     (outputs, inputs): (usize, usize),
@@ -129,10 +110,7 @@ fn convolution(
     let convolution = Convolution::new(1, [1, extent, extent], shape)?;
     let x = numbers(extent * extent * channels);
     let weight = numbers(outputs * inputs * size * size);
-    Ok(Box::new(move || {
-        black_box(convolution.forward(&x, &weight)?);
-        Ok(())
-    }))
+    Ok(pass(move || convolution.forward(&x, &weight)))
 }
 
 fn convolution_gradients() -> Result<Pass> {
@@ -144,20 +122,16 @@ fn convolution_gradients() -> Result<Pass> {
     };
     let convolution = Convolution::new(1, [1, 14, 14], shape)?;
     let (x, weight) = (numbers(14 * 14 * 64), numbers(64 * 64 * 9));
-    Ok(Box::new(move || {
+    Ok(pass(move || {
         let y = convolution.forward(&x, &weight)?;
-        black_box(convolution.backward(&x, &weight, &vec![1.0; y.len()])?);
-        Ok(())
+        convolution.backward(&x, &weight, &vec![1.0; y.len()])
     }))
 }
 
 fn max_pool() -> Result<Pass> {
     let pooling = MaxPooling::new(1, [1, 56, 56], 64, Window::square(3, 2, 0), true)?;
     let x = numbers(56 * 56 * 64);
-    Ok(Box::new(move || {
-        black_box(pooling.forward(&x)?);
-        Ok(())
-    }))
+    Ok(pass(move || pooling.forward(&x)))
 }
 
 fn small_encoder() -> Result<Encoder> {
@@ -167,44 +141,27 @@ fn small_encoder() -> Result<Encoder> {
 fn encoder() -> Result<Pass> {
     let encoder = small_encoder()?;
     let images = (ramp(&[1, 3, 32, 32])? + 0.5)?;
-    Ok(Box::new(move || {
-        black_box(encoder.embed(&images)?);
-        Ok(())
-    }))
+    Ok(pass(move || encoder.embed(&images)))
 }
 
 fn training_step() -> Result<Pass> {
     let mut encoder = TrainableEncoder::new(&small_encoder()?)?;
     let images = (ramp(&[2, 3, 32, 32])? + 0.5)?;
-    Ok(Box::new(move || {
+    Ok(pass(move || {
         let loss = encoder.forward(&images)?.sqr()?.mean_all()?;
-        black_box(encoder.backward(&loss)?);
-        Ok(())
+        encoder.backward(&loss)
     }))
 }
 
+const SURFACES: usize = 40;
+
 /// Surfaces with an embedding and three readings each.
-struct Tables {
-    embeddings: Embeddings,
-    readings: Readings,
-}
-
-impl Tables {
-    const SURFACES: usize = 40;
-
-    fn new() -> Result<Self> {
-        let values: Vec<Vec<f32>> = (ramp(&[Self::SURFACES, 3])? * 100.0)?.to_vec2()?;
-        let row = |row: &Vec<f32>| row.iter().map(|&value| Some(f64::from(value))).collect();
-        let rows: Vec<Vec<Option<f64>>> = values.iter().map(row).collect();
-        Ok(Self {
-            embeddings: embeddings_of(&ramp(&[Self::SURFACES, 64])?)?,
-            readings: Readings::new(names(), &rows)?,
-        })
-    }
-
-    fn training_data(&self) -> TrainingData<'_> {
-        TrainingData::new(&self.embeddings, &self.readings)
-    }
+fn tables() -> Result<(Embeddings, Readings)> {
+    let values: Vec<Vec<f32>> = (ramp(&[SURFACES, 3])? * 100.0)?.to_vec2()?;
+    let row = |row: &Vec<f32>| row.iter().map(|&value| Some(f64::from(value))).collect();
+    let rows: Vec<Vec<Option<f64>>> = values.iter().map(row).collect();
+    let embeddings = embeddings_of(&ramp(&[SURFACES, 64])?)?;
+    Ok((embeddings, Readings::new(names(), &rows)?))
 }
 
 fn names() -> Vec<String> {
@@ -214,17 +171,18 @@ fn names() -> Vec<String> {
 fn plan() -> Plan {
     let rerun = Rerun {
         number: 0,
-        training: (0..Tables::SURFACES).collect(),
+        training: (0..SURFACES).collect(),
         validation: Vec::new(),
     };
     Plan::each(1, &names(), vec![rerun])
 }
 
 fn ridge() -> Result<Pass> {
-    let (tables, plan, ridge) = (Tables::new()?, plan(), Ridge::new(RidgeConfig::default())?);
-    Ok(Box::new(move || {
-        black_box(ridge.train(&tables.training_data(), &plan)?);
-        Ok(())
+    let ((embeddings, readings), plan) = (tables()?, plan());
+    let ridge = Ridge::new(RidgeConfig::default())?;
+    Ok(pass(move || {
+        let data = TrainingData::new(&embeddings, &readings);
+        ridge.train(&data, &plan)
     }))
 }
 
@@ -244,10 +202,10 @@ fn head() -> Result<Pass> {
         }),
         ..HeadConfig::default()
     })?;
-    let (tables, plan) = (Tables::new()?, plan());
-    Ok(Box::new(move || {
-        black_box(head.train(&tables.training_data(), &plan, &())?);
-        Ok(())
+    let ((embeddings, readings), plan) = (tables()?, plan());
+    Ok(pass(move || {
+        let data = TrainingData::new(&embeddings, &readings);
+        head.train(&data, &plan, &())
     }))
 }
 
@@ -257,7 +215,7 @@ fn scores() -> Result<Pass> {
     let wander = |(i, truth): (usize, &f64)| truth + 8.0 * (i as f64 * 1.3).sin();
     let estimate: Vec<f64> = truth.iter().enumerate().map(wander).collect();
     let mean = TrainingMean::of(&truth)?;
-    Ok(Box::new(move || {
+    Ok(pass(move || {
         let samples = Samples {
             truth: &truth,
             estimate: &estimate,
@@ -269,9 +227,15 @@ fn scores() -> Result<Pass> {
             units: None,
             rerun: 0,
         };
-        black_box(Intervals::of_models(Level::P95).interval(&[scored])?);
-        Ok(())
+        Intervals::of_models(Level::P95).interval(&[scored])
     }))
+}
+
+fn nvs() -> Nvs {
+    Nvs {
+        evaluations: 1000,
+        ..Nvs::default()
+    }
 }
 
 /// Three of twenty views, where a set's loss costs next to nothing.
@@ -279,9 +243,5 @@ fn search(selector: impl Selector + 'static) -> Pass {
     let loss = SetFunction::new(20, 3, |set: &[usize]| {
         set.iter().map(|&view| (view as f64 - 7.0).powi(2)).sum()
     });
-    Box::new(move || {
-        let problem = Problem::new(&loss)?;
-        black_box(selector.select(&problem)?);
-        Ok(())
-    })
+    pass(move || selector.select(&Problem::new(&loss)?))
 }

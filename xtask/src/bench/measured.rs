@@ -36,7 +36,6 @@ pub(crate) struct Wall {
 }
 
 impl Measured {
-    /// Nothing yet, on this machine.
     pub(crate) fn new() -> Result<Self> {
         Ok(Self {
             machine: Machine::here()?,
@@ -44,7 +43,6 @@ impl Measured {
         })
     }
 
-    /// Reads the baseline of that name.
     pub(crate) fn read(name: &str) -> Result<Self> {
         let path = path(name)?;
         serde_json::from_str(&read_text(&path)?)

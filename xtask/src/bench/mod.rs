@@ -10,24 +10,40 @@ mod measured;
 mod scores;
 mod wall;
 
-use std::path::Path;
+use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 use tracing::warn;
 
 use budgets::Budgets;
-pub(crate) use kernels::run as run_kernel;
 use machine::Machine;
 use measured::Measured;
 
-/// What to measure, and what to do with it.
-pub(crate) struct Options<'a> {
-    /// Only what has a budget.
-    pub guards: bool,
-    /// A finished run whose scores are checked too.
-    pub results: Option<&'a Path>,
-    pub save: Option<&'a str>,
-    pub against: Option<&'a str>,
+/// Measure every stage, and what moved since a baseline
+///
+/// Prints wall times, ratios of wall times, and instruction counts of the kernels (where valgrind is
+/// installed). Ends with status 1 where one is past its budget in benches/budgets.toml.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    cargo xtask bench --save before\n  \
+    cargo xtask bench --against before\n  \
+    cargo xtask bench --guards --results runs/smoke --against main")]
+pub(crate) struct Args {
+    /// Write what was measured to benches/baselines/NAME.json
+    #[arg(long, value_name = "NAME")]
+    save: Option<String>,
+    /// Compare with benches/baselines/NAME.json
+    #[arg(long, value_name = "NAME")]
+    against: Option<String>,
+    /// Measure only what has a budget
+    #[arg(long)]
+    guards: bool,
+    /// Take in the scores of a finished run
+    #[arg(long, value_name = "RUN_DIR")]
+    results: Option<PathBuf>,
+    /// Run one of the kernels whose instructions are counted
+    #[arg(long, value_name = "KERNEL", hide = true)]
+    kernel: Option<String>,
 }
 
 /// How often the ratios past their budgets are measured before that is believed: the shortest time
@@ -39,23 +55,26 @@ const UNGUARDED: &str = "SPS_UNGUARDED";
 
 /// Measures, prints, compares; an error where a budget is exceeded, and under `CI=true` where a guard
 /// is silent that [`UNGUARDED`] does not name.
-pub(crate) fn run(options: &Options<'_>) -> Result<()> {
+pub(crate) fn run(args: &Args) -> Result<()> {
+    if let Some(kernel) = &args.kernel {
+        return kernels::run(kernel);
+    }
     // Before the minutes of measuring: what is asked for may not be there.
-    let baseline = options.against.map(Measured::read).transpose()?;
+    let baseline = args.against.as_deref().map(Measured::read).transpose()?;
     let budgets = Budgets::read()?;
     let mut now = Measured::new()?;
-    if let Some(then) = baseline.as_ref().filter(|_| options.guards) {
+    if let Some(then) = baseline.as_ref().filter(|_| args.guards) {
         let ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
         let accepted = std::env::var(UNGUARDED).unwrap_or_default();
         let all = "instructions,ratios";
         let accepted = if ci { &accepted } else { all };
         check_guarded(&then.machine, &now.machine, accepted)?;
     }
-    if let Some(folder) = options.results {
+    if let Some(folder) = &args.results {
         now.scores = scores::of_run(folder)?;
     }
     now.instructions = counts::count(&now.machine)?;
-    now.wall = if options.guards {
+    now.wall = if args.guards {
         wall::of_ratios(&budgets.ratios.iter().collect::<Vec<_>>())?
     } else {
         wall::all()?
@@ -66,7 +85,7 @@ pub(crate) fn run(options: &Options<'_>) -> Result<()> {
     }
     let comparison = compare::compare(&budgets, baseline.as_ref(), &now);
     print!("{comparison}");
-    if let Some(name) = options.save {
+    if let Some(name) = &args.save {
         println!("saved {}", now.write(name)?.display());
     }
     let past = comparison.past();
@@ -114,13 +133,7 @@ mod tests {
 
     #[test]
     fn a_guard_is_silent_only_where_that_is_accepted() {
-        let then = Machine {
-            processor: "one".to_owned(),
-            cores: 2,
-            vectors: "AVX2".to_owned(),
-            rustc: "rustc 1".to_owned(),
-            valgrind: Some("valgrind 3".to_owned()),
-        };
+        let then = Machine::of_tests();
         let refused = |now: &Machine, accepted| {
             let error = check_guarded(&then, now, accepted).err();
             error.map(|error| error.to_string())

@@ -6,15 +6,13 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
+use serde_json::Value;
 use sps_experiment::files::read_text;
 use tracing::info;
 
 use super::budgets::{Budgets, Ratio};
 use super::measured::Wall;
 
-/// A bench of the workspace.
 struct Bench {
     /// The stage of the way of the data that it measures.
     stage: &'static str,
@@ -24,28 +22,23 @@ struct Bench {
     filter: &'static str,
 }
 
-impl Bench {
-    const fn new(stage: &'static str, name: &'static str, filter: &'static str) -> Self {
-        Self {
-            stage,
-            name,
-            filter,
-        }
+const fn bench(stage: &'static str, name: &'static str, filter: &'static str) -> Bench {
+    Bench {
+        stage,
+        name,
+        filter,
     }
 }
 
 static BENCHES: [Bench; 6] = [
-    Bench::new("decode", "decode", ""),
-    Bench::new(
-        "render",
-        "simulate",
-        "128 px, (ceramic|denim|towel)|PNG|touching",
-    ),
-    Bench::new("encoders", "encoders", ""),
-    Bench::new("heads", "heads", "short"),
-    Bench::new("selectors", "search", ""),
-    Bench::new("metrics", "metrics", ""),
+    bench("decode", "decode", ""),
+    bench("render", "simulate", RENDERED),
+    bench("encoders", "encoders", ""),
+    bench("heads", "heads", "short"),
+    bench("selectors", "search", ""),
+    bench("metrics", "metrics", ""),
 ];
+const RENDERED: &str = "128 px, (ceramic|denim|towel)|PNG|touching";
 
 /// Seconds that criterion takes over a benchmark, unless ten passes take longer.
 const WARM_UP: &str = "0.3";
@@ -129,50 +122,13 @@ fn run(bench: &Bench, filter: &str, how: &[&str], folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// `benchmark.json` of criterion.
-#[derive(Deserialize)]
-struct Benchmark {
-    full_id: String,
-    throughput: Option<Throughput>,
-}
-
-#[derive(Deserialize)]
-struct Throughput {
-    #[serde(rename = "Elements")]
-    elements: Option<f64>,
-}
-
-/// `estimates.json`, in nanoseconds.
-#[derive(Deserialize)]
-struct Estimates {
-    median: Estimate,
-}
-
-#[derive(Deserialize)]
-struct Estimate {
-    point_estimate: f64,
-    confidence_interval: Interval,
-}
-
-#[derive(Deserialize)]
-struct Interval {
-    lower_bound: f64,
-    upper_bound: f64,
-}
-
-/// `sample.json`, in nanoseconds.
-#[derive(Deserialize)]
-struct Sample {
-    iters: Vec<f64>,
-    times: Vec<f64>,
-}
-
 /// What criterion left in `folder`, by the benchmarks' ids.
 fn collect(folder: &Path) -> Result<BTreeMap<String, Wall>> {
     let mut found = BTreeMap::new();
     let new = folder.join("new");
     if new.is_dir() {
-        let (id, wall) = read(&new)?;
+        let missing = || format!("{} lacks a key that criterion writes", new.display());
+        let (id, wall) = read(&new)?.with_context(missing)?;
         found.insert(id, wall);
     }
     let failed = || format!("cannot read {}", folder.display());
@@ -185,29 +141,36 @@ fn collect(folder: &Path) -> Result<BTreeMap<String, Wall>> {
     Ok(found)
 }
 
-fn read(folder: &Path) -> Result<(String, Wall)> {
-    const NANO: f64 = 1e-9;
-    let benchmark: Benchmark = json(&folder.join("benchmark.json"))?;
-    let Estimates { median } = json(&folder.join("estimates.json"))?;
-    let sample: Sample = json(&folder.join("sample.json"))?;
-    let passes = sample.times.iter().zip(&sample.iters);
-    let shortest = passes
-        .map(|(time, passes)| time / passes)
-        .fold(f64::INFINITY, f64::min);
-    let elements = benchmark.throughput.and_then(|t| t.elements);
-    let interval = median.confidence_interval;
-    let wall = Wall {
-        median: NANO * median.point_estimate,
-        interval: [interval.lower_bound, interval.upper_bound].map(|bound| NANO * bound),
-        shortest: NANO * shortest,
-        elements: elements.unwrap_or(1.0),
+/// A benchmark's id and its times; none where a key is missing.
+fn read(folder: &Path) -> Result<Option<(String, Wall)>> {
+    let json = |name| -> Result<Value> {
+        let path = folder.join(name);
+        let json = serde_json::from_str(&read_text(&path)?);
+        json.with_context(|| format!("{} is not what criterion writes", path.display()))
     };
-    Ok((benchmark.full_id, wall))
-}
-
-fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    serde_json::from_str(&read_text(path)?)
-        .with_context(|| format!("{} is not what criterion writes", path.display()))
+    let benchmark = json("benchmark.json")?;
+    let (estimates, sample) = (json("estimates.json")?, json("sample.json")?);
+    let nanoseconds = |value: &Value| Some(1e-9 * value.as_f64()?);
+    let wall = || {
+        let median = &estimates["median"];
+        let interval = &median["confidence_interval"];
+        let times = sample["times"].as_array()?.iter().map(nanoseconds);
+        let passes = times.zip(sample["iters"].as_array()?);
+        let each = passes.map(|(time, passes)| Some(time? / passes.as_f64()?));
+        let each: Vec<f64> = each.collect::<Option<_>>()?;
+        let elements = benchmark.pointer("/throughput/Elements");
+        let wall = Wall {
+            median: nanoseconds(&median["point_estimate"])?,
+            interval: [
+                nanoseconds(&interval["lower_bound"])?,
+                nanoseconds(&interval["upper_bound"])?,
+            ],
+            shortest: each.into_iter().fold(f64::INFINITY, f64::min),
+            elements: elements.and_then(Value::as_f64).unwrap_or(1.0),
+        };
+        Some((benchmark["full_id"].as_str()?.to_owned(), wall))
+    };
+    Ok(wall())
 }
 
 /// The ratios that have a budget: of the shortest times, since other work on the machine only ever

@@ -17,7 +17,6 @@ const FOLDER: &str = "docs/measured";
 pub(super) struct Runs(BTreeMap<String, Results>);
 
 impl Runs {
-    /// Reads what is kept below `root`.
     pub(super) fn read(root: &Path) -> Result<Self> {
         let read = |path: PathBuf| {
             let results = serde_json::from_str(&read_text(&path)?).with_context(|| {
@@ -31,7 +30,6 @@ impl Runs {
         Ok(Self(paths.into_iter().map(read).collect::<Result<_>>()?))
     }
 
-    /// The run of that name.
     pub(super) fn get(&self, run: &str) -> Result<&Results> {
         self.0.get(run).with_context(|| {
             format!("{FOLDER}/{run}.json is not there; `cargo xtask docs RUN_DIR` writes it")

@@ -16,7 +16,40 @@ use glob::{Pattern, glob};
 
 use kept::Runs;
 use sps_experiment::files::{read_text, write_atomically};
-use sps_report as report;
+use sps_report::figure_files;
+
+/// Write the measured numbers of README.md and docs from finished runs
+#[derive(clap::Args)]
+#[command(
+    after_help = "Runs in the root of the repository. Of each run, docs/measured keeps what tables \
+    need, under the name of the run's folder; docs/measured/README.md says how a page asks for \
+    it.\n\nExample:\n  \
+    cargo xtask docs runs/ablation"
+)]
+pub(crate) struct Args {
+    /// Folders of finished runs; without any, pages are written from what is kept
+    #[arg(value_name = "RUN_DIR")]
+    runs: Vec<PathBuf>,
+    /// Write nothing; end with status 1 where a page is not what would be written
+    #[arg(long, conflicts_with = "runs")]
+    check: bool,
+}
+
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let root = Path::new("");
+    if args.check {
+        return check(root);
+    }
+    let mut written = Vec::new();
+    for run in &args.runs {
+        written.extend(keep(root, run)?);
+    }
+    written.extend(write(root)?);
+    for file in written {
+        println!("{}", file.display());
+    }
+    Ok(())
+}
 
 /// A page as it should be.
 struct Page {
@@ -30,16 +63,13 @@ struct Page {
 
 /// Keeps what the documents need of a finished run below `root`: its numbers, and the figures that a
 /// page shows as `images/RUN-FIGURE.svg`. Returns the files.
-///
-/// # Errors
-/// A run that is not finished, or damaged; a file that cannot be written.
-pub(crate) fn keep(root: &Path, run: &Path) -> Result<Vec<PathBuf>> {
+fn keep(root: &Path, run: &Path) -> Result<Vec<PathBuf>> {
     let (name, numbers) = kept::numbers(root, run)?;
     let mut kept = vec![numbers];
     let pages = paths(root)?;
     let pages = pages.iter().map(|path| read_text(path));
     let pages: Vec<String> = pages.collect::<Result<_>>()?;
-    for figure in report::figure_files(run)? {
+    for figure in figure_files(run)? {
         let file = figure.file_name().unwrap_or_default().to_string_lossy();
         let image = format!("images/{name}-{file}");
         if pages.iter().any(|page| page.contains(&image)) {
@@ -52,11 +82,8 @@ pub(crate) fn keep(root: &Path, run: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// Writes every marked place below `root` anew, from what `docs/measured` keeps; returns the pages
-/// that changed.
-///
-/// # Errors
-/// Names every marker that nothing can be written for; all others are written.
-pub(crate) fn write(root: &Path) -> Result<Vec<PathBuf>> {
+/// that changed. An error names every marker that nothing can be written for.
+fn write(root: &Path) -> Result<Vec<PathBuf>> {
     let mut pages = pages(root)?;
     pages.retain(|page| !page.edited.is_empty() || !page.unanswered.is_empty());
     for page in pages.iter().filter(|page| !page.edited.is_empty()) {
@@ -66,11 +93,9 @@ pub(crate) fn write(root: &Path) -> Result<Vec<PathBuf>> {
     Ok(pages.into_iter().map(|page| page.path).collect())
 }
 
-/// Whether every marked place below `root` is what `docs/measured` gives.
-///
-/// # Errors
-/// Names every place that differs, and every marker that nothing can be written for.
-pub(crate) fn check(root: &Path) -> Result<()> {
+/// Names every place below `root` that is not what `docs/measured` gives, and every marker that nothing can be written
+/// for.
+fn check(root: &Path) -> Result<()> {
     let pages = pages(root)?;
     let problems = pages
         .iter()

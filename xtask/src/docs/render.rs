@@ -147,7 +147,6 @@ fn cut(table: &mut Table, titles: &str) -> Result<()> {
     Ok(())
 }
 
-/// What stands at these places.
 fn at<T: Clone>(places: &[usize], of: &[T]) -> Vec<T> {
     let found = places.iter().filter_map(|&at| of.get(at));
     found.cloned().collect()

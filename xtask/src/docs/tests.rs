@@ -183,10 +183,7 @@ fn figures_that_a_page_shows_are_kept() {
 #[test]
 fn tables_of_the_report_can_be_cut_to_rows_and_columns() {
     let page = "<!-- measured: ablation r2 rows=full columns=mean,frs -->\n<!-- /measured -->\n";
-    let repository = Repository::with(page);
-    keep(repository.0.path(), &repository.path("runs/ablation")).unwrap();
-    write(repository.0.path()).unwrap();
-    let page = repository.page();
+    let page = Repository::written(page).page();
     let lines: Vec<&str> = page.lines().collect();
     assert_eq!(
         lines[1..4],

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use serde::Deserialize;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer};
 use sps_experiment::config::{ConfigError, Layers, Setting, check_depths, check_training};
 use sps_experiment::files::read_text;
 use sps_models::encoders::{Depths, EncoderKind};
@@ -13,10 +14,14 @@ use sps_simulate::SimulatorSpec;
 const DEFAULTS: &str = include_str!("defaults.toml");
 
 /// What to pretrain, on what, and how.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct Pretraining {
+    /// Of the config's file.
+    #[serde(skip)]
     pub name: String,
     pub seed: u64,
+    #[serde(rename = "encoder", deserialize_with = "of_images")]
     pub kind: EncoderKind,
     /// What everything is learnt from.
     pub depths: Depths,
@@ -30,6 +35,7 @@ pub(crate) struct Pretraining {
     pub teacher: Option<TeacherSpec>,
     pub training: TrainingConfig,
     /// Every key with its value, as TOML.
+    #[serde(skip)]
     pub resolved: String,
 }
 
@@ -44,28 +50,20 @@ pub(crate) struct PatternsSpec {
 }
 
 /// The encoder whose embeddings are learnt as well.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct TeacherSpec {
+    #[serde(rename = "encoder", deserialize_with = "of_images")]
     pub kind: EncoderKind,
+    #[serde(default)]
     pub depths: Depths,
     pub weights: PathBuf,
     /// Pixels along a side of what it sees.
+    #[serde(default = "usual_size")]
     pub size: usize,
     /// How much its loss counts.
-    pub weight: f64,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-struct TeacherConfig {
-    encoder: String,
-    #[serde(default)]
-    depths: Depths,
-    weights: PathBuf,
-    #[serde(default = "usual_size")]
-    size: usize,
     #[serde(default = "usual_weight")]
-    weight: f64,
+    pub weight: f64,
 }
 
 const fn usual_size() -> usize {
@@ -76,87 +74,60 @@ const fn usual_weight() -> f64 {
     1.0
 }
 
-#[derive(Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-struct Config {
-    seed: u64,
-    encoder: String,
-    depths: Depths,
-    start: Option<PathBuf>,
-    trained_share: f64,
-    views_per_surface: usize,
-    simulated: SimulatorSpec,
-    patterns: PatternsSpec,
-    teacher: Option<TeacherConfig>,
-    training: TrainingConfig,
+/// A network of images, by its name.
+fn of_images<'de, D: Deserializer<'de>>(name: D) -> Result<EncoderKind, D::Error> {
+    let kind: EncoderKind = String::deserialize(name)?
+        .parse()
+        .map_err(D::Error::custom)?;
+    if kind.takes_sequences() {
+        let why = "embeds sequences; expected a network of images";
+        return Err(D::Error::custom(why));
+    }
+    Ok(kind)
 }
 
 impl Pretraining {
-    /// Reads the config at `path` with `settings` over it.
     pub(crate) fn read(path: &Path, settings: &[Setting]) -> Result<Self> {
         let text = read_text(path)?;
         let defaults = DEFAULTS.parse()?;
         let layers = Layers::new(&defaults, path, &text, settings)?;
-        let config: Config = layers.read()?;
-        let kind = kind(&layers, "encoder", &config.encoder)?;
-        check_depths(&layers, "depths", kind, &config.depths)?;
-        let teacher = config.teacher.map(|teacher| {
+        let config: Self = layers.read()?;
+        config.check(&layers)?;
+        let name = path.file_stem().unwrap_or(path.as_os_str());
+        Ok(Self {
+            name: name.to_string_lossy().into_owned(),
+            resolved: layers.to_toml(),
+            ..config
+        })
+    }
+
+    fn check(&self, layers: &Layers<'_>) -> Result<(), ConfigError> {
+        check_depths(layers, "depths", self.kind, &self.depths)?;
+        if let Some(teacher) = &self.teacher {
             let positive = teacher.weight.is_finite() && teacher.weight > 0.0;
             layers.require(positive, "teacher.weight", "must be above 0")?;
-            let kind = self::kind(&layers, "teacher.encoder", &teacher.encoder)?;
-            check_depths(&layers, "teacher.depths", kind, &teacher.depths)?;
-            let least = kind.min_size();
+            check_depths(layers, "teacher.depths", teacher.kind, &teacher.depths)?;
+            let least = teacher.kind.min_size();
             let problem = format!("must be at least {least}, the least that the teacher takes");
             layers.require(teacher.size >= least, "teacher.size", &problem)?;
-            Ok::<_, ConfigError>(TeacherSpec {
-                kind,
-                depths: teacher.depths,
-                weights: teacher.weights,
-                size: teacher.size,
-                weight: teacher.weight,
-            })
-        });
-        let share = config.trained_share;
+        }
+        let share = self.trained_share;
         layers.require(
-            share > 0.0 && (share == 1.0 || share < 1.0 && config.start.is_some()),
+            share > 0.0 && (share == 1.0 || share < 1.0 && self.start.is_some()),
             "trained-share",
             "must be above 0 and at most 1; below 1 it needs `start`",
         )?;
         layers.require(
-            config.patterns.images > 0,
+            self.patterns.images > 0,
             "patterns.images",
             "must be at least 1; without patterns, `patterns.classes` is 0",
         )?;
-        let views = config.simulated.views;
-        if config.views_per_surface == 0 || config.views_per_surface > views {
-            let problem = format!("must be from 1 to `simulated.views`, {views}");
-            return Err(layers.error("views-per-surface", problem).into());
-        }
-        check_training(&layers, "training", &config.training)?;
-        let name = path.file_stem().unwrap_or(path.as_os_str());
-        Ok(Self {
-            name: name.to_string_lossy().into_owned(),
-            seed: config.seed,
-            kind,
-            depths: config.depths,
-            start: config.start,
-            trained_share: share,
-            simulated: config.simulated,
-            views_per_surface: config.views_per_surface,
-            patterns: config.patterns,
-            teacher: teacher.transpose()?,
-            training: config.training,
-            resolved: layers.to_toml(),
-        })
+        let views = self.simulated.views;
+        let fits = (1..=views).contains(&self.views_per_surface);
+        let problem = format!("must be from 1 to `simulated.views`, {views}");
+        layers.require(fits, "views-per-surface", &problem)?;
+        check_training(layers, "training", &self.training)
     }
-}
-
-fn kind(layers: &Layers<'_>, key: &str, name: &str) -> Result<EncoderKind, ConfigError> {
-    let kind: Result<EncoderKind, sps_models::Error> = name.parse();
-    let kind = kind.map_err(|error| layers.error(key, error.to_string()))?;
-    let why = "embeds sequences; expected a network of images";
-    layers.require(!kind.takes_sequences(), key, why)?;
-    Ok(kind)
 }
 
 #[cfg(test)]
@@ -165,7 +136,7 @@ mod tests {
 
     #[test]
     fn the_written_defaults_are_those_of_the_crates() {
-        let config: Config = toml::from_str(DEFAULTS).unwrap();
+        let config: Pretraining = toml::from_str(DEFAULTS).unwrap();
         assert_eq!(config.training, TrainingConfig::default());
         assert_eq!(config.simulated, SimulatorSpec::default());
     }

@@ -1,20 +1,150 @@
-//! What an encoder is pretrained on: a world of simulated surfaces and of patterns, and what a
-//! teacher sees in it.
+//! `pretrain`: an encoder is trained on a world of simulated surfaces and of patterns, and on what a teacher sees in
+//! it.
 
 mod config;
 mod teacher;
 mod world;
 
-pub(crate) use config::Pretraining;
-pub(crate) use teacher::Teacher;
-pub(crate) use world::World;
+use std::path::PathBuf;
+
+use anyhow::Result;
+use sps_experiment::config::Setting;
+use sps_experiment::files::write_atomically;
+use sps_experiment::training::{FrameImages, Task, TrainedEncoder, in_words, train};
+use sps_models::encoders::Encoder;
+use sps_models::training::{Image, Targets};
+use sps_models::weights::{Storage, Weights};
+use tracing::info;
+
+use config::Pretraining;
+use teacher::Teacher;
+use world::World;
+
+/// Train an encoder on simulated surfaces and patterns, by itself or as a teacher sees them
+#[derive(clap::Args)]
+#[command(
+    after_help = "The encoder never sees a tactile value. Stopped at any moment, it goes on after \
+    the last whole epoch.\n\nExample:\n  \
+    cargo xtask pretrain configs/pretrain.toml --set simulated.surfaces=100 \
+    --set training.epochs=2 --out runs/pretrain/quick.safetensors"
+)]
+pub(crate) struct Args {
+    /// The pretraining's TOML file
+    config: PathBuf,
+    /// Override a key of the config; VALUE is TOML, or else a text
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<Setting>,
+    /// The weights file to write, half precision
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let pretraining = Pretraining::read(&args.config, &args.settings)?;
+    let world = World::new(&pretraining)?;
+    let start = start(&pretraining)?;
+    let runs = PathBuf::from("runs").join(&pretraining.name);
+    let teacher = pretraining.teacher.as_ref();
+    let teacher = teacher.map(Teacher::read).transpose()?;
+    let features = teacher.as_ref().map(|t| t.features(&world, &runs));
+    let taught = teacher.as_ref().map(|t| (t.key(), t.weight()));
+    let task = Task {
+        name: "pretraining",
+        start: &start,
+        targets: Targets {
+            values: Some(world.visible()?),
+            classes: Some(world.classes()?),
+            features: features.transpose()?,
+            ..Targets::default()
+        },
+        parts: world.parts(pretraining.training.validation),
+        config: &pretraining.training,
+        seed: pretraining.seed,
+        key: blake3::hash(format!("{} {taught:?} {}", world.key(), sources()).as_bytes()),
+    };
+    let images = FrameImages::new(world.len(), |image| {
+        let frame = world.frame(image)?;
+        Ok(Image::new(frame.height, frame.width, frame.data)?)
+    });
+    let trained = train(task, &images, &runs)?;
+    let note = note(&pretraining, &trained)?;
+    let weights = mixed(&start, &trained.encoder, pretraining.trained_share)?;
+    let bytes = weights.to_bytes_as(Storage::F16, Some(("sps-pretraining", &note)))?;
+    write_atomically(&args.out, &bytes)?;
+    println!(
+        "{} ({} KiB)\n{}\nTensorBoard: {}",
+        args.out.display(),
+        bytes.len() / 1024,
+        quality(&pretraining, &trained),
+        trained.folder.display()
+    );
+    Ok(())
+}
+
+/// The encoder that training begins with.
+fn start(pretraining: &Pretraining) -> Result<Encoder> {
+    let (kind, seed) = (pretraining.kind, pretraining.seed);
+    let Some(path) = &pretraining.start else {
+        return Ok(Encoder::seeded(kind, seed)?.with_depths(&pretraining.depths)?);
+    };
+    let weights = Weights::read(path)?;
+    let (encoder, drawn) = Encoder::warm_started(kind, weights, seed)?;
+    let all = kind.specs().len();
+    info!(
+        "started from {}: {} of {all} tensors",
+        path.display(),
+        all - drawn.len()
+    );
+    Ok(encoder.with_depths(&pretraining.depths)?)
+}
+
+/// The trained weights, and the rest of the start.
+fn mixed(start: &Encoder, trained: &Encoder, share: f64) -> Result<Weights> {
+    let trained = trained.weights();
+    if share == 1.0 {
+        return Ok(trained.clone());
+    }
+    let tensors = trained.iter().map(|(name, tensor)| {
+        let first = start.weights().get(name)?;
+        let mixed = ((first * (1.0 - share))? + (tensor * share)?)?;
+        Ok((name.to_owned(), mixed))
+    });
+    let tensors: Vec<_> = tensors.collect::<Result<_>>()?;
+    Ok(Weights::from_tensors("the mixed weights", tensors)?)
+}
+
+fn quality(pretraining: &Pretraining, trained: &TrainedEncoder) -> String {
+    let kept = trained.history.iter().rfind(|epoch| epoch.best);
+    let mixed = pretraining.trained_share < 1.0;
+    let mixed = if mixed {
+        ", before the average with the start"
+    } else {
+        ""
+    };
+    match kept.and_then(|epoch| Some((epoch.number, epoch.validation?))) {
+        Some((number, losses)) => format!(
+            "surfaces kept out, after epoch {number}{mixed}: {}",
+            in_words(&losses)
+        ),
+        None => "no surfaces were kept out".to_owned(),
+    }
+}
+
+/// Where the weights come from, for the file's metadata.
+fn note(pretraining: &Pretraining, trained: &TrainedEncoder) -> Result<String> {
+    let note = serde_json::json!({
+        "config": pretraining.resolved,
+        "quality": quality(pretraining, trained),
+    });
+    Ok(serde_json::to_string(&note)?)
+}
 
 /// The hash of the sources that decide what a pretraining comes to: those of a trial, and these.
-pub(crate) fn sources() -> String {
+fn sources() -> String {
     let mut hasher = blake3::Hasher::new();
     for source in [
         sps_experiment::SOURCE_HASH,
-        include_str!("../cmd/pretrain.rs"),
+        include_str!("mod.rs"),
         include_str!("teacher.rs"),
         include_str!("world.rs"),
     ] {

@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::Path;
 
-use super::sources;
 use anyhow::{Context, Result, ensure};
 use candle_core::{Device, Tensor};
 use rayon::prelude::*;
@@ -15,8 +14,8 @@ use sps_models::training::Features;
 use sps_models::weights::{Storage, Weights};
 use tracing::warn;
 
-use super::World;
 use super::config::TeacherSpec;
+use super::{World, sources};
 
 /// Images that are embedded together.
 const BATCH: usize = 32;
@@ -43,6 +42,10 @@ impl<'a> Teacher<'a> {
     pub(crate) fn key(&self) -> String {
         let hash = blake3::Hash::from(self.encoder.content_hash());
         format!("{} {}", hash.to_hex(), self.spec.size)
+    }
+
+    pub(crate) fn weight(&self) -> f64 {
+        self.spec.weight
     }
 
     /// The embeddings of all images of a world; kept in `folder`, where another training by the same

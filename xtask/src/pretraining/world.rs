@@ -38,7 +38,6 @@ impl World {
         )
     }
 
-    /// How many images there are.
     pub(crate) fn len(&self) -> usize {
         self.frames.len() + self.spec.classes * self.spec.images
     }

@@ -1,6 +1,5 @@
 //! What moved since a baseline.
 
-mod change;
 mod table;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -9,8 +8,7 @@ use sps_metrics::{holm, over_reruns};
 
 use super::budgets::{Budgets, Ratio};
 use super::measured::{Measured, Wall};
-use change::{Change, Verdict, percent};
-use table::{Comparison, Part, Row};
+use table::{Change, Comparison, Part, Row, Verdict, percent};
 
 /// Sets `now` beside `then`.
 pub(crate) fn compare(budgets: &Budgets, then: Option<&Measured>, now: &Measured) -> Comparison {
@@ -230,13 +228,7 @@ mod tests {
             elements: 1.0,
         };
         Measured {
-            machine: Machine {
-                processor: "one".to_owned(),
-                cores: 2,
-                vectors: "AVX2".to_owned(),
-                rustc: "rustc 1".to_owned(),
-                valgrind: Some("valgrind 3".to_owned()),
-            },
+            machine: Machine::of_tests(),
             ratios: BTreeMap::from([("a over b".to_owned(), 0.2)]),
             instructions: BTreeMap::from([("kernel".to_owned(), 1_000_000)]),
             scores: BTreeMap::from([("r".to_owned(), vec![0.4, 0.6]), ("s".to_owned(), vec![])]),

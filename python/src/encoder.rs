@@ -13,7 +13,7 @@ use sps_models::encoders::{self, Depths, EncoderKind, Precision};
 use sps_models::weights::Weights;
 
 use crate::errors::Raises;
-use crate::images::{Image, Images, embed_each, frames, write};
+use crate::images::{self, Image, embed_each, frames, write};
 
 /// In place of the path of a weights file.
 const BUILT_IN: &str = "built-in";
@@ -94,7 +94,7 @@ impl Encoder {
         py: Python<'py>,
         images: &Bound<'py, PyAny>,
     ) -> Raises<Bound<'py, PyArray2<f32>>> {
-        let mut images = Images::new(String::new(), images)?;
+        let mut images = images::images(String::new(), images)?;
         let embeddings = embed_each(py, &mut images, |some| self.embed_some(some))?;
         let shape = [embeddings.len() / self.width(), self.width()];
         Ok(PyArray1::from_vec(py, embeddings).reshape(shape)?)
@@ -110,7 +110,8 @@ impl Encoder {
     /// Raises what `transform` raises, ValueError where there is no image, and OSError where the file cannot
     /// be written.
     fn calibrated(&self, py: Python<'_>, images: &Bound<'_, PyAny>, file: PathBuf) -> Raises<Self> {
-        let images: Vec<Image> = Images::new(String::new(), images)?.collect::<Result<_>>()?;
+        let images = images::images(String::new(), images)?;
+        let images: Vec<Image> = images.collect::<Result<_>>()?;
         py.detach(|| {
             let frames = self.frames(images)?;
             let network = calibrated(&self.network, frames)?;

@@ -1,7 +1,7 @@
 //! Images as Python hands them over: arrays of pixels, or paths.
 
+use std::iter;
 use std::path::{Path, PathBuf};
-use std::vec;
 
 use anyhow::{Context, Result, bail, ensure};
 use numpy::ndarray::ArrayView3;
@@ -10,7 +10,6 @@ use numpy::{
 };
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::PyIterator;
 use rayon::prelude::*;
 use sps_base::files::write_file;
 use sps_dataset::{DecodeSettings, Extent, Frame, FrameFormat};
@@ -35,32 +34,29 @@ enum Content {
 }
 
 /// What was handed over, image by image.
-pub(crate) struct Images<'py> {
-    /// What begins their names in errors.
-    of: String,
-    handed: Handed<'py>,
-}
+pub(crate) type Images<'py> = Box<dyn Iterator<Item = Result<Image>> + 'py>;
 
-enum Handed<'py> {
-    One(Option<Bound<'py, PyAny>>),
-    Folder(vec::IntoIter<PathBuf>),
-    Several(usize, Bound<'py, PyIterator>),
-}
-
-impl<'py> Images<'py> {
-    /// The path of a folder is the images in it by name, another path or an array of up to three axes one
-    /// image; all else is gone through. `of` begins their names in errors.
-    pub(crate) fn new(of: String, images: &Bound<'py, PyAny>) -> Result<Self> {
-        let folder = images.extract::<PathBuf>().ok();
-        let handed = if let Some(folder) = folder.filter(|path| path.is_dir()) {
-            Handed::Folder(photographs_in(&folder)?.into_iter())
-        } else if is_one(images) {
-            Handed::One(Some(images.clone()))
-        } else {
-            Handed::Several(0, images.try_iter()?)
+/// The images of a path or object: of a folder those in it by name, of another path or an array of up to three axes
+/// itself; all else is gone through. `of` begins their names in errors.
+pub(crate) fn images<'py>(of: String, images: &Bound<'py, PyAny>) -> Result<Images<'py>> {
+    let folder = images.extract::<PathBuf>().ok();
+    if let Some(folder) = folder.filter(|path| path.is_dir()) {
+        let image = move |path| Image {
+            name: format!("{of}the image"),
+            content: Content::File(path),
         };
-        Ok(Self { of, handed })
+        let inside = photographs_in(&folder)?.into_iter();
+        return Ok(Box::new(inside.map(image).map(Ok)));
     }
+    if is_one(images) {
+        let image = Image::new(format!("{of}the image"), images);
+        return Ok(Box::new(iter::once(image)));
+    }
+    let several = images.try_iter()?.enumerate();
+    let image = move |(index, image): (usize, PyResult<Bound<'_, PyAny>>)| {
+        Image::new(format!("{of}image {index}"), &image?)
+    };
+    Ok(Box::new(several.map(image)))
 }
 
 /// Whether it is meant as one image: a path, or an array of up to three axes.
@@ -93,31 +89,6 @@ fn array<'py>(image: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyUntyped
         array = array.call_method1("transpose", (1, 2, 0))?;
     }
     Ok(Some(array.cast_into()?))
-}
-
-impl Iterator for Images<'_> {
-    type Item = Result<Image>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let of = &self.of;
-        match &mut self.handed {
-            Handed::One(image) => Some(Image::new(format!("{of}the image"), &image.take()?)),
-            Handed::Folder(paths) => Some(Ok(Image {
-                name: format!("{of}the image"),
-                content: Content::File(paths.next()?),
-            })),
-            Handed::Several(index, images) => {
-                let image = images.next()?;
-                let name = format!("{of}image {index}");
-                *index += 1;
-                Some(
-                    image
-                        .map_err(Into::into)
-                        .and_then(|image| Image::new(name, &image)),
-                )
-            }
-        }
-    }
 }
 
 /// The embeddings of images, row-major, a few at a time by `embed`.

@@ -61,12 +61,13 @@ pub(crate) fn regression(of: Option<&Bound<'_, PyAny>>) -> Result<Regression> {
     for key in beside.keys() {
         config.extend(method.remove_entry(key));
     }
+    let beside = beside.keys().map(String::as_str);
+    let expected: Vec<&str> = OF_METHOD.into_iter().chain(beside).collect();
     for key in method.keys() {
         ensure!(
             OF_METHOD.contains(&key.as_str()),
-            "regression: found `{key}`, expected {}, {}",
-            OF_METHOD.join(", "),
-            Vec::from_iter(beside.keys().map(String::as_str)).join(", ")
+            "regression: found `{key}`, expected {}",
+            expected.join(", ")
         );
     }
     for named in ["id", "label"] {

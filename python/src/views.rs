@@ -75,7 +75,7 @@ pub(crate) fn select_views(
         let problem = Problem::new(&remote)?.distinct(distinct).seed(seed);
         method.select(&problem)
     };
-    let found = answer_while(py, loss, asked, search)?;
+    let found = answer_while(py, loss, k, asked, search)?;
     let curve = found.curve.iter();
     Ok(Selection {
         picks: found.picks,
@@ -113,13 +113,8 @@ fn kebab_case(value: &mut Value) {
     }
 }
 
-/// Sets whose losses a search waits for.
-struct Question {
-    /// (sets, picks), row-major.
-    sets: Vec<usize>,
-    picks: usize,
-    losses: SyncSender<Vec<f64>>,
-}
+/// Sets, (sets, picks), and who waits for their losses.
+type Question = (Vec<usize>, SyncSender<Vec<f64>>);
 
 /// A loss that another thread computes.
 struct RemoteLoss {
@@ -139,11 +134,7 @@ impl SetLoss for RemoteLoss {
 
     fn losses(&self, sets: Sets<'_>, losses: &mut [f64]) -> Result<(), LossError> {
         let (answer, answered) = sync_channel(1);
-        self.questions.send(Question {
-            sets: sets.as_flat().to_vec(),
-            picks: sets.picks(),
-            losses: answer,
-        })?;
+        self.questions.send((sets.as_flat().to_vec(), answer))?;
         losses.copy_from_slice(&answered.recv()?);
         Ok(())
     }
@@ -154,6 +145,7 @@ impl SetLoss for RemoteLoss {
 fn answer_while(
     py: Python<'_>,
     loss: &Bound<'_, PyAny>,
+    picks: usize,
     questions: Receiver<Question>,
     search: impl FnOnce() -> Result<sps_viewselect::Selection, SelectError> + Send,
 ) -> Result<sps_viewselect::Selection> {
@@ -165,7 +157,7 @@ fn answer_while(
             // Ends with the search, which it ends where the function raises: nobody answers any more.
             let answered = questions
                 .into_iter()
-                .try_for_each(|question| Python::attach(|py| question.answer(loss.bind(py))));
+                .try_for_each(|asked| Python::attach(|py| answer(loss.bind(py), picks, asked)));
             let found = search.join().unwrap_or_else(|panic| resume_unwind(panic));
             answered?;
             Ok(found?)
@@ -173,15 +165,13 @@ fn answer_while(
     })
 }
 
-impl Question {
-    fn answer(self, loss: &Bound<'_, PyAny>) -> PyResult<()> {
-        let py = loss.py();
-        py.check_signals()?;
-        let of = |set| loss.call1((PyTuple::new(py, set)?,))?.extract();
-        let losses = self.sets.chunks_exact(self.picks).map(of);
-        let losses: Vec<f64> = losses.collect::<PyResult<_>>()?;
-        // The search waits for them, unless it panicked.
-        let _ = self.losses.send(losses);
-        Ok(())
-    }
+fn answer(loss: &Bound<'_, PyAny>, picks: usize, (sets, waiting): Question) -> PyResult<()> {
+    let py = loss.py();
+    py.check_signals()?;
+    let of = |set| loss.call1((PyTuple::new(py, set)?,))?.extract();
+    let losses = sets.chunks_exact(picks).map(of);
+    let losses: Vec<f64> = losses.collect::<PyResult<_>>()?;
+    // The search waits for them, unless it panicked.
+    let _ = waiting.send(losses);
+    Ok(())
 }

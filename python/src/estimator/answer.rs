@@ -109,18 +109,17 @@ impl Answers {
         py: Python<'py>,
         of: fn(&Estimate) -> Option<f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let answers = self.answers.iter();
-        let values = answers.flat_map(|answer| numbers(&answer.estimates, of));
+        let values = self.answers.iter().flat_map(|answer| answer.numbers(of));
         let values = PyArray1::from_vec(py, values.collect());
         values.reshape([self.answers.len(), self.properties])
     }
 }
 
-fn numbers(estimates: &[Estimate], of: fn(&Estimate) -> Option<f64>) -> Vec<f64> {
-    let numbers = estimates.iter();
-    numbers
-        .map(|estimate| of(estimate).unwrap_or(f64::NAN))
-        .collect()
+impl Answer {
+    fn numbers(&self, of: fn(&Estimate) -> Option<f64>) -> Vec<f64> {
+        let numbers = self.estimates.iter().map(of);
+        numbers.map(|number| number.unwrap_or(f64::NAN)).collect()
+    }
 }
 
 impl From<sps_estimator::Answer> for Answer {
@@ -158,22 +157,19 @@ impl Answer {
     /// The estimates, float64 (properties,).
     #[getter]
     fn values<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_vec(
-            py,
-            numbers(&self.estimates, |estimate| Some(estimate.value)),
-        )
+        PyArray1::from_vec(py, self.numbers(|estimate| Some(estimate.value)))
     }
 
     /// The lower ends of the intervals, float64 (properties,); NaN where there is none.
     #[getter]
     fn low<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_vec(py, numbers(&self.estimates, |estimate| estimate.low))
+        PyArray1::from_vec(py, self.numbers(|estimate| estimate.low))
     }
 
     /// The upper ends of the intervals, float64 (properties,); NaN where there is none.
     #[getter]
     fn high<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_vec(py, numbers(&self.estimates, |estimate| estimate.high))
+        PyArray1::from_vec(py, self.numbers(|estimate| estimate.high))
     }
 
     pub(super) fn __repr__(&self) -> String {

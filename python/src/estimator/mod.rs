@@ -28,7 +28,7 @@ pub(crate) use self::session::{Looked, Session};
 use crate::embeddings::{self, Array};
 use crate::encoder::{Encoder, built_in};
 use crate::errors::Raises;
-use crate::images::{Image, Images, embed_each};
+use crate::images::{self, Image, embed_each};
 use crate::settings::{python, regression};
 
 /// A fitted model: photographs of a surface in, what a touch sensor would measure on it out, each value
@@ -158,7 +158,7 @@ impl Estimator {
         scale: Scale,
     ) -> Raises<Answer> {
         let reader = Reader::new(&self.model, scale, false)?;
-        let mut images = Images::new(String::new(), photographs)?;
+        let mut images = images::images(String::new(), photographs)?;
         let values = embed_each(py, &mut images, |images| reader.embed(images))?;
         let count = values.len() / self.model.embedder().width();
         let answer = py.detach(|| self.model.predict_embedded(&values, count))?;

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyIterator;
 use sps_estimator::{Estimator, Frame, Network};
 
-use crate::images::{Image, Images, frames, is_one};
+use crate::images::{Image, Images, frames, images, is_one};
 
 /// To which size photographs are brought: "model", "keep", or a number of pixels.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -106,11 +106,8 @@ impl<'py> Surfaces<'py> {
         let surface = self.to_come.next()?;
         let of = format!("surface {}: ", self.counts.len());
         self.counts.push(0);
-        Some(
-            surface
-                .map_err(Into::into)
-                .and_then(|surface| Images::new(of, &surface)),
-        )
+        let photographs = || images(of, &surface?);
+        Some(photographs())
     }
 }
 

@@ -10,15 +10,14 @@ use super::tables::with_unit;
 pub(super) fn table(results: &Results) -> Option<Table> {
     let methods = results.methods.iter();
     let given = methods.filter_map(|method| Some((method, method.intervals.as_ref()?)));
-    let rows: Vec<Row> = given
-        .flat_map(|(method, intervals)| rows(results, method, intervals))
-        .collect();
+    let rows = given.flat_map(|(method, intervals)| rows(results, method, intervals));
     let columns = ["Method", "Property", "held, %", "mean width", "width / std"];
     let caption = "The share of held-out readings that lie inside, and how wide the intervals are: in the \
                   property's own unit, and over the standard deviation of its values over all surfaces. All \
                   reruns together.";
     let title = "Intervals that came with estimates";
-    (!rows.is_empty()).then(|| Table::new("intervals", title, columns, rows).about(caption))
+    let table = Table::new("intervals", title, columns, rows);
+    table.about(caption).unless_empty()
 }
 
 fn rows(results: &Results, method: &MethodResult, intervals: &GivenIntervals) -> Vec<Row> {

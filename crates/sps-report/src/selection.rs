@@ -11,10 +11,6 @@ use super::table::{Cell, Row, Table};
 
 /// What each selector found and spent; none where no method selects views.
 pub(super) fn table(results: &Results) -> Option<Table> {
-    let methods = selecting(results);
-    if methods.is_empty() {
-        return None;
-    }
     let columns = [
         "Method",
         "R²",
@@ -26,7 +22,7 @@ pub(super) fn table(results: &Results) -> Option<Table> {
         "computed",
         "s",
     ];
-    let rows = methods.iter().map(|method| {
+    let rows = selecting(results).into_iter().map(|method| {
         let all = || selections(method);
         let regrets = sorted(all().filter_map(|one| one.regret));
         let count = |of: fn(&SelectionResult) -> u64| mean(all().map(|one| of(one) as f64));
@@ -48,7 +44,8 @@ pub(super) fn table(results: &Results) -> Option<Table> {
                   loss to the optimum as a share of the distance of random sets to it, the median \
                   and the worst; all else are means over properties and reruns. The angle is that \
                   between two views; seconds are those of one search.";
-    Some(Table::new("selection", "The selection of views", columns, rows).about(caption))
+    let table = Table::new("selection", "The selection of views", columns, rows);
+    table.about(caption).unless_empty()
 }
 
 fn selecting(results: &Results) -> Vec<&MethodResult> {

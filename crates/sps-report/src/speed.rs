@@ -152,9 +152,7 @@ pub(super) fn looked_at(costs: &Costs) -> Cell {
 fn adaptive(results: &Results) -> Option<Table> {
     let methods = results.methods.iter();
     let adaptive = methods.filter_map(|method| Some((method, method.adaptive.as_ref()?)));
-    let rows: Vec<Row> = adaptive
-        .map(|(method, of)| adaptive_row(method, of))
-        .collect();
+    let rows = adaptive.map(|(method, of)| adaptive_row(method, of));
     let columns = [
         "Setting",
         "width asked for",
@@ -169,7 +167,8 @@ fn adaptive(results: &Results) -> Option<Table> {
                   narrow as asked for or there are no more. Widths are in standard deviations of \
                   the training readings.";
     let title = "Views until the interval is narrow enough";
-    (!rows.is_empty()).then(|| Table::new("adaptive", title, columns, rows).about(caption))
+    let table = Table::new("adaptive", title, columns, rows);
+    table.about(caption).unless_empty()
 }
 
 fn adaptive_row(method: &MethodResult, of: &AdaptiveResult) -> Row {

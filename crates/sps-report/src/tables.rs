@@ -62,10 +62,10 @@ struct Shown {
     caption: &'static str,
     /// None: as many as the spread of a property's values asks for, and one more.
     decimals: Option<usize>,
-    value: fn(&MethodResult) -> &PerProperty<Number>,
-    mean: fn(&MethodResult) -> Number,
-    printed: fn(&PaperRow) -> Option<Printed<'_>>,
-    ceilings: bool,
+    /// Of each property, and on average.
+    measured: fn(&MethodResult) -> (&PerProperty<Number>, Number),
+    /// By the paper.
+    printed: Option<fn(&PaperRow) -> Printed<'_>>,
 }
 
 const R2: Shown = Shown {
@@ -74,10 +74,8 @@ const R2: Shown = Shown {
     caption: "Rows in italics are not measured here: the paper's printed values, and for \
               simulated data the ceiling that a perfect reader of the images would reach.",
     decimals: Some(2),
-    value: |method| &method.scores.r2,
-    mean: |method| method.means.r2_mean,
-    printed: |row| (!row.r2.is_empty()).then_some((&row.r2, row.r2_mean)),
-    ceilings: true,
+    measured: |method| (&method.scores.r2, method.means.r2_mean),
+    printed: Some(|row| (&row.r2, row.r2_mean)),
 };
 
 const PERCENT_ERROR: Shown = Shown {
@@ -86,13 +84,11 @@ const PERCENT_ERROR: Shown = Shown {
     caption: "Surfaces whose measured value is exactly zero have no percentage and are left out. \
               Rows in italics are the paper's printed values.",
     decimals: Some(1),
-    value: |method| &method.scores.median_percent_error,
-    mean: |method| method.means.median_percent_error_mean,
-    printed: |row| {
-        (!row.median_percent_error.is_empty())
-            .then_some((&row.median_percent_error, row.median_percent_error_mean))
+    measured: |method| {
+        let mean = method.means.median_percent_error_mean;
+        (&method.scores.median_percent_error, mean)
     },
-    ceilings: false,
+    printed: Some(|row| (&row.median_percent_error, row.median_percent_error_mean)),
 };
 
 const MAE_OVER_STD: Shown = Shown {
@@ -100,10 +96,8 @@ const MAE_OVER_STD: Shown = Shown {
     title: "Mean absolute error per property, in standard deviations",
     caption: "Over the standard deviation of the property's values over all surfaces.",
     decimals: Some(2),
-    value: |method| &method.scores.mae_over_std,
-    mean: |method| method.means.mae_over_std_mean,
-    printed: |_| None,
-    ceilings: false,
+    measured: |method| (&method.scores.mae_over_std, method.means.mae_over_std_mean),
+    printed: None,
 };
 
 const SPEARMAN: Shown = Shown {
@@ -111,10 +105,8 @@ const SPEARMAN: Shown = Shown {
     title: "Spearman's rank correlation per property",
     caption: "1 where estimates have the order of the measured values.",
     decimals: Some(2),
-    value: |method| &method.scores.spearman,
-    mean: |method| method.means.spearman_mean,
-    printed: |_| None,
-    ceilings: false,
+    measured: |method| (&method.scores.spearman, method.means.spearman_mean),
+    printed: None,
 };
 
 const MAE: Shown = Shown {
@@ -122,10 +114,8 @@ const MAE: Shown = Shown {
     title: "Mean absolute error per property",
     caption: "In the properties' own units. The paper prints the means alone.",
     decimals: None,
-    value: |method| &method.scores.mae,
-    mean: |method| method.means.mae_mean,
-    printed: |_| None,
-    ceilings: false,
+    measured: |method| (&method.scores.mae, method.means.mae_mean),
+    printed: None,
 };
 
 fn per_property(results: &Results, shown: &Shown) -> Table {
@@ -135,7 +125,10 @@ fn per_property(results: &Results, shown: &Shown) -> Table {
         Some(_) => code.clone(),
     }));
     columns.push("mean".to_owned());
-    let by_spread = |std: Option<f64>| std.map_or(2, |std| decimals(std) + 1);
+    let number = |value: Number, std: Option<f64>| {
+        let by_spread = || std.map_or(2, |std| decimals(std) + 1);
+        Cell::number(value, shown.decimals.unwrap_or_else(by_spread))
+    };
     let described = &results.described;
     let widest = described.values().map(|known| known.std).reduce(f64::max);
     let line = |label: String, value: &dyn Fn(&String) -> Number, mean: Number| {
@@ -143,28 +136,26 @@ fn per_property(results: &Results, shown: &Shown) -> Table {
         let values = results.properties.iter();
         cells.extend(values.map(|property| {
             let std = described.get(property).map(|known| known.std);
-            Cell::number(value(property), shown.decimals.unwrap_or(by_spread(std)))
+            number(value(property), std)
         }));
-        cells.push(Cell::number(
-            mean,
-            shown.decimals.unwrap_or(by_spread(widest)),
-        ));
+        cells.push(number(mean, widest));
         cells
     };
     let mut rows = Vec::new();
     for method in &results.methods {
-        let values = (shown.value)(method);
+        let (values, mean) = (shown.measured)(method);
         let value = |property: &String| values.get(property).copied().flatten();
         let label = method.label.clone();
-        rows.push(Row::measured(line(label, &value, (shown.mean)(method))));
+        rows.push(Row::measured(line(label, &value, mean)));
         let paper = printed(results, method);
-        if let Some((values, mean)) = paper.as_ref().and_then(|row| (shown.printed)(row)) {
+        let paper = paper.as_ref().zip(shown.printed).map(|(row, of)| of(row));
+        if let Some((values, mean)) = paper.filter(|(values, _)| !values.is_empty()) {
             let value = |property: &String| values.get(property).copied();
             let label = format!("{}, printed in the paper", method.label);
             rows.push(Row::reference(line(label, &value, Some(mean))));
         }
     }
-    let ceilings = shown.ceilings.then(|| learning::ceilings(results));
+    let ceilings = (shown.name == R2.name).then(|| learning::ceilings(results));
     for (label, ceiling, mean) in ceilings.into_iter().flatten() {
         let value = |property: &String| ceiling.get(property).copied();
         if !ceiling.is_empty() {
@@ -192,7 +183,7 @@ fn costs(results: &Results) -> Table {
             frames(costs.frames_encoded_per_surface),
             Cell::number(milliseconds, 1),
             Cell::number(Some(costs.train_seconds), 1),
-            Cell::count(method.reruns),
+            Cell::number(Some(method.reruns as f64), 0),
         ])
     });
     let title = "What an estimate costs";
@@ -228,27 +219,22 @@ pub(super) fn printed(results: &Results, method: &MethodResult) -> Option<PaperR
 }
 
 fn properties(results: &Results) -> Option<Table> {
-    let described: Vec<_> = results
-        .properties
-        .iter()
-        .filter_map(|code| Some((code, results.described.get(code)?)))
-        .collect();
-    let rows = described.iter().map(|(code, known)| {
+    let rows = results.properties.iter().filter_map(|code| {
+        let known = results.described.get(code)?;
         let digits = decimals(known.std);
-        Row::measured(vec![
+        Some(Row::measured(vec![
             code.as_str().into(),
             known.name.as_str().into(),
             known.unit.as_str().into(),
             Cell::number(Some(known.std), digits + 1),
             Cell::range(known.range, digits),
-        ])
+        ]))
     });
     let columns = ["code", "name", "unit", "std", "lowest to highest"];
-    let table = Table::new("properties", "Properties", columns, rows).about(
-        "What each code stands for, the unit of its values, and how far these differ over all \
-         surfaces of the dataset.",
-    );
-    (!described.is_empty()).then_some(table)
+    let caption = "What each code stands for, the unit of its values, and how far these differ over all \
+                   surfaces of the dataset.";
+    let table = Table::new("properties", "Properties", columns, rows);
+    table.about(caption).unless_empty()
 }
 
 #[cfg(test)]
@@ -290,6 +276,9 @@ mod tests {
             assert_eq!(cells[..3], ["Ridge", cell, "0.500 [0.400, 0.600]"]);
             assert!(table.caption.contains(words), "{}", table.caption);
         }
+        // Without a score it stands on nothing.
+        results.methods[0].held_out_surfaces = 0;
+        assert_eq!(means::table(&results).rows[0].cells[1].to_string(), "–");
     }
 
     #[test]
@@ -318,13 +307,6 @@ mod tests {
         let columns = means::table(&results).columns;
         assert!(!columns.iter().any(|column| column.starts_with("MAE [")));
         assert!(columns.contains(&"MAE / std".to_owned()));
-    }
-
-    #[test]
-    fn a_row_without_a_score_stands_on_nothing() {
-        let mut results = results();
-        results.methods[0].held_out_surfaces = 0;
-        assert_eq!(means::table(&results).rows[0].cells[1].to_string(), "–");
     }
 
     #[test]

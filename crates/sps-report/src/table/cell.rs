@@ -1,4 +1,4 @@
-//! What stands in a cell: words, or numbers as they were measured and the form that they are shown in.
+//! What stands in a cell: words, or numbers as they were measured and as they are shown.
 
 use std::fmt;
 
@@ -6,37 +6,24 @@ use sps_experiment::text::number;
 
 /// A cell of a table. It is shown rounded; CSV has its numbers as they were measured.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Cell {
-    /// Words, as they stand.
-    Text(String),
-    /// Numbers as they were measured, and how they are shown.
-    Numbers(Numbers),
+pub struct Cell {
+    /// What is read first.
+    pub(super) text: String,
+    /// What the value lies between.
+    pub(super) beside: Option<String>,
+    /// None of words.
+    numbers: Option<Numbers>,
 }
 
-/// A value, or what it lies between, or both.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Numbers {
+/// A value, or what it lies between, or both, as they were measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Numbers {
     value: Option<f64>,
     ends: Option<[f64; 2]>,
-    form: Form,
-    decimals: usize,
     /// Of a difference, how often chance alone makes one as large.
     p: Option<f64>,
     /// Whether it is clear of 0 among all differences of its table.
     clear: bool,
-}
-
-/// How numbers are put together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Form {
-    /// `0.50`, or `0.50 [0.25, 0.75]` where it has an interval.
-    Interval,
-    /// `+0.50 [0.25, 0.75]`.
-    Difference,
-    /// `0.50 (0.25 to 0.75)`.
-    Spread,
-    /// `0.25 to 0.75`: no value is asked for.
-    Range,
 }
 
 /// The signs of a difference that is clear of 0.
@@ -49,167 +36,124 @@ impl Cell {
         Self::interval(value, None, decimals)
     }
 
-    pub(crate) fn count(count: usize) -> Self {
-        Self::number(Some(count as f64), 0)
-    }
-
+    /// `0.50`, or `0.50 [0.25, 0.75]` where it has an interval.
     pub(crate) fn interval(value: Option<f64>, ends: Option<[f64; 2]>, decimals: usize) -> Self {
-        Self::of(value, ends, Form::Interval, decimals)
+        let beside = ends.map(|ends| format!("[{}]", joined(ends, ", ", decimals)));
+        Self::of(number(value, decimals), beside, value, ends)
     }
 
-    /// How much one number is more than another, with its interval.
+    /// How much one number is more than another: `+0.50`, or `+0.50 [0.25, 0.75]`.
     pub fn difference(value: Option<f64>, ends: Option<[f64; 2]>, decimals: usize) -> Self {
-        Self::of(value, ends, Form::Difference, decimals)
+        let mut cell = Self::interval(value, ends, decimals);
+        if value.is_some() && !cell.text.starts_with('-') {
+            cell.text.insert(0, '+');
+        }
+        cell
     }
 
     /// The same with its p-value, for [`Table::tested`](super::Table::tested).
     pub(crate) fn gain(value: f64, ends: [f64; 2], p: f64, decimals: usize) -> Self {
-        Self::Numbers(Numbers {
+        let mut cell = Self::difference(Some(value), Some(ends), decimals);
+        cell.numbers = cell.numbers.map(|numbers| Numbers {
             p: Some(p),
-            ..Numbers::of(Some(value), Some(ends), Form::Difference, decimals)
-        })
+            ..numbers
+        });
+        cell
     }
 
-    /// A mean with the lowest and the highest that it is made of.
+    /// A mean with the lowest and the highest that it is made of: `0.50 (0.25 to 0.75)`.
     pub(crate) fn spread(value: Option<f64>, ends: Option<[f64; 2]>, decimals: usize) -> Self {
-        Self::of(value, ends, Form::Spread, decimals)
+        let beside = ends.map(|ends| format!("({})", joined(ends, " to ", decimals)));
+        Self::of(number(value, decimals), beside, value, ends)
     }
 
-    /// The lowest and the highest alone.
+    /// The lowest and the highest alone: `0.25 to 0.75`.
     pub(crate) fn range(ends: Option<[f64; 2]>, decimals: usize) -> Self {
-        Self::of(None, ends, Form::Range, decimals)
+        let text = ends.map(|ends| joined(ends, " to ", decimals));
+        let text = text.unwrap_or_else(|| number(None, decimals));
+        Self::of(text, None, None, ends)
     }
 
-    fn of(value: Option<f64>, ends: Option<[f64; 2]>, form: Form, decimals: usize) -> Self {
-        Self::Numbers(Numbers::of(value, ends, form, decimals))
-    }
-
-    fn numbers(&self) -> Option<&Numbers> {
-        match self {
-            Self::Text(_) => None,
-            Self::Numbers(numbers) => Some(numbers),
+    fn of(
+        text: String,
+        beside: Option<String>,
+        value: Option<f64>,
+        ends: Option<[f64; 2]>,
+    ) -> Self {
+        let numbers = Numbers {
+            value,
+            ends,
+            ..Numbers::default()
+        };
+        Self {
+            text,
+            beside,
+            numbers: Some(numbers),
         }
     }
 
     pub(super) fn p(&self) -> Option<f64> {
-        self.numbers()?.p
+        self.numbers?.p
     }
 
     /// Says that it is clear of 0 among all differences of its table.
     pub(super) fn call(&mut self) {
-        if let Self::Numbers(numbers) = self {
+        if let Some(numbers) = &mut self.numbers {
             numbers.clear = true;
         }
     }
 
     pub(super) fn is_text(&self) -> bool {
-        matches!(self, Self::Text(_))
+        self.numbers.is_none()
     }
 
-    /// What it says beside an interval; `None` where it is an interval alone.
+    /// Words, or the value to the last digit.
     pub(super) fn value(&self) -> Option<String> {
-        match self {
-            Self::Text(text) => Some(text.clone()),
-            Self::Numbers(numbers) if numbers.form == Form::Range => None,
-            Self::Numbers(numbers) => Some(plain(numbers.value)),
+        match self.numbers {
+            None => Some(self.text.clone()),
+            Some(numbers) => numbers.value.map(|value| value.to_string()),
         }
     }
 
-    /// What is read first, and what the value lies between.
-    pub(super) fn parts(&self) -> (String, Option<String>) {
-        match self {
-            Self::Text(text) => (text.clone(), None),
-            Self::Numbers(numbers) => numbers.parts(),
-        }
+    /// The lower and the upper end to the last digit.
+    pub(super) fn ends(&self) -> Option<[String; 2]> {
+        Some(self.numbers?.ends?.map(|end| end.to_string()))
     }
 
     /// The number that stands for it among others: of a range the lower end.
     pub(super) fn rank(&self) -> Option<f64> {
-        let Numbers { value, ends, .. } = self.numbers()?;
+        let Numbers { value, ends, .. } = self.numbers?;
         value.or(ends.map(|[low, _]| low))
     }
 
     /// Of a difference that is clear of 0, on which side of it that lies.
     pub(super) fn sign(&self) -> Option<&'static str> {
-        let numbers = self.numbers().filter(|numbers| numbers.clear)?;
+        let numbers = self.numbers.filter(|numbers| numbers.clear)?;
         Some(if numbers.value? > 0.0 { ABOVE } else { BELOW })
     }
-
-    /// The lower and the upper end, where it has them.
-    pub(super) fn ends(&self) -> Option<[String; 2]> {
-        Some(self.numbers()?.ends?.map(|end| plain(Some(end))))
-    }
 }
 
-impl From<String> for Cell {
-    fn from(text: String) -> Self {
-        Self::Text(text)
-    }
-}
-
-impl From<&str> for Cell {
-    fn from(text: &str) -> Self {
-        Self::Text(text.to_owned())
+impl<T: Into<String>> From<T> for Cell {
+    fn from(text: T) -> Self {
+        Self {
+            text: text.into(),
+            beside: None,
+            numbers: None,
+        }
     }
 }
 
 impl fmt::Display for Cell {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Text(text) => formatter.write_str(text),
-            Self::Numbers(numbers) => {
-                let (value, ends) = numbers.parts();
-                formatter.write_str(&value)?;
-                ends.map_or(Ok(()), |ends| write!(formatter, " {ends}"))?;
-                self.sign()
-                    .map_or(Ok(()), |sign| write!(formatter, " {sign}"))
-            }
-        }
+        formatter.write_str(&self.text)?;
+        let beside = self.beside.as_deref().into_iter();
+        let mut beside = beside.chain(self.sign());
+        beside.try_for_each(|beside| write!(formatter, " {beside}"))
     }
 }
 
-impl Numbers {
-    fn of(value: Option<f64>, ends: Option<[f64; 2]>, form: Form, decimals: usize) -> Self {
-        Self {
-            value,
-            ends,
-            form,
-            decimals,
-            p: None,
-            clear: false,
-        }
-    }
-
-    /// What is read first, and what the value lies between.
-    fn parts(self) -> (String, Option<String>) {
-        let Self {
-            value,
-            ends,
-            form,
-            decimals,
-            ..
-        } = self;
-        let text = number(value, decimals);
-        let ends = ends.map(|ends| ends.map(|end| number(Some(end), decimals)));
-        let bracketed = |[low, high]: [String; 2]| format!("[{low}, {high}]");
-        let range = |[low, high]: [String; 2]| format!("{low} to {high}");
-        match form {
-            Form::Interval => (text, ends.map(bracketed)),
-            Form::Difference => {
-                let sign = value.is_some() && !text.starts_with('-');
-                let signed = format!("{}{text}", if sign { "+" } else { "" });
-                (signed, ends.map(bracketed))
-            }
-            Form::Spread => (text, ends.map(|ends| format!("({})", range(ends)))),
-            // A missing value stands for a missing range.
-            Form::Range => (ends.map_or(text, range), None),
-        }
-    }
-}
-
-/// To the last digit; nothing where there is no number.
-fn plain(value: Option<f64>) -> String {
-    value.map(|value| value.to_string()).unwrap_or_default()
+fn joined(ends: [f64; 2], by: &str, decimals: usize) -> String {
+    ends.map(|end| number(Some(end), decimals)).join(by)
 }
 
 /// A number with its interval.
@@ -244,7 +188,7 @@ mod tests {
             (Cell::spread(Some(0.5), None, 2), "0.50"),
             (Cell::range(ends, 2), "-0.25 to 0.75"),
             (Cell::range(None, 2), "–"),
-            (Cell::count(3), "3"),
+            (Cell::number(Some(3.0), 0), "3"),
         ] {
             assert_eq!(cell.to_string(), shown);
         }

@@ -20,12 +20,10 @@ impl Table {
                 column(title.clone(), &Cell::value);
             }
             if has_ends {
-                column(format!("{title}, low"), &|cell| {
-                    Some(cell.ends()?[0].clone())
-                });
-                column(format!("{title}, high"), &|cell| {
-                    Some(cell.ends()?[1].clone())
-                });
+                for (end, name) in ["low", "high"].into_iter().enumerate() {
+                    let field = |cell: &Cell| Some(cell.ends()?[end].clone());
+                    column(format!("{title}, {name}"), &field);
+                }
             }
         }
         let mut writer = csv::Writer::from_writer(Vec::new());

@@ -12,10 +12,10 @@ impl Table {
         let columns =
             columns.map(|(at, title)| json!({ "title": title, "left": self.is_left(at) }));
         let cell = |cell: &Cell| {
-            let ((value, ends), sign) = (cell.parts(), cell.sign());
+            let sign = cell.sign();
             let class = sign.map(|sign| if sign == ABOVE { "above" } else { "below" });
             json!({
-                "value": value, "ends": ends, "rank": cell.rank(), "sign": sign, "class": class,
+                "value": cell.text, "ends": cell.beside, "rank": cell.rank(), "sign": sign, "class": class,
             })
         };
         let row = |row: &Row| {

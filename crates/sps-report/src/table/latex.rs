@@ -40,11 +40,12 @@ fn line(cells: &[String]) -> String {
 }
 
 fn text(cell: &Cell) -> String {
-    match cell {
-        Cell::Text(text) => escaped(text),
-        // A hyphen is no minus sign.
-        Cell::Numbers(_) => escaped(&cell.to_string().replace('-', "−")),
+    let text = cell.to_string();
+    if cell.is_text() {
+        return escaped(&text);
     }
+    // A hyphen is no minus sign.
+    escaped(&text.replace('-', "−"))
 }
 
 /// With what LaTeX would read as a command written so that it prints. After the end of a line a

@@ -93,6 +93,10 @@ impl Table {
         self
     }
 
+    pub(crate) fn unless_empty(self) -> Option<Self> {
+        (!self.rows.is_empty()).then_some(self)
+    }
+
     /// Calls those of its differences clear of 0 that are at this level, after Holm's correction
     /// for how many it has.
     #[must_use]

@@ -52,19 +52,12 @@ impl Values {
 }
 
 /// The same, with what stays whole.
-pub(crate) struct Felt {
-    readings: Readings,
-    units: Units,
-}
+pub(crate) type Felt = (Readings, Units);
 
-impl Felt {
-    pub(crate) fn new(values: Values, groups: Option<&Bound<'_, PyAny>>) -> Result<Self> {
-        let Values { properties, rows } = values;
-        Ok(Self {
-            readings: Readings::new(properties, &rows)?,
-            units: units(rows.len(), groups)?,
-        })
-    }
+pub(crate) fn felt(values: Values, groups: Option<&Bound<'_, PyAny>>) -> Result<Felt> {
+    let Values { properties, rows } = values;
+    let units = units(rows.len(), groups)?;
+    Ok((Readings::new(properties, &rows)?, units))
 }
 
 /// What stays whole: the groups, or each surface for itself.
@@ -159,8 +152,8 @@ pub(crate) struct Settings {
 
 impl Settings {
     /// A model of what was felt by what was seen.
-    pub(crate) fn fit(self, seen: Seen, felt: &Felt) -> Result<Estimator> {
-        let (surfaces, rows) = (seen.embeddings.surfaces(), felt.readings.surfaces());
+    pub(crate) fn fit(self, seen: Seen, (readings, units): &Felt) -> Result<Estimator> {
+        let (surfaces, rows) = (seen.embeddings.surfaces(), readings.surfaces());
         ensure!(
             surfaces == rows,
             "photographs: found those of {surfaces} surfaces, expected {rows}, one for each row of values"
@@ -175,15 +168,19 @@ impl Settings {
             ..About::default()
         };
         let all: Vec<usize> = (0..views).collect();
-        let properties = felt.readings.properties();
         let recipe = Recipe {
             one_by_one: self.one_by_one,
-            ..Recipe::new(self.regression, properties, &all, self.calibration)
+            ..Recipe::new(
+                self.regression,
+                readings.properties(),
+                &all,
+                self.calibration,
+            )
         };
-        let data = TrainingData::new(&seen.embeddings, &felt.readings);
+        let data = TrainingData::new(&seen.embeddings, readings);
         let examples = Examples {
-            data: data.with_units(felt.units.of_surface()),
-            units: &felt.units,
+            data: data.with_units(units.of_surface()),
+            units,
             encoder_saw: &[],
         };
         let all: Vec<usize> = (0..surfaces).collect();

@@ -20,7 +20,7 @@ use sps_metrics::Level;
 use tempfile::TempDir;
 
 pub(crate) use self::answer::{Answer, Answers, Estimate};
-use self::fit::{Felt, Seen, Settings};
+use self::fit::{Seen, Settings, felt};
 pub(crate) use self::fit::{Values, numbered};
 pub(crate) use self::photographs::Surfaces;
 use self::photographs::{Reader, Scale};
@@ -123,7 +123,7 @@ impl Estimator {
             },
             name: name.to_owned(),
         };
-        let felt = Felt::new(Values::new(&values, properties)?, groups)?;
+        let felt = felt(Values::new(&values, properties)?, groups)?;
         let encoder = match encoder {
             Some(encoder) => encoder.get().network().clone(),
             None => py.detach(built_in)?,

@@ -1,8 +1,7 @@
 //! Wall times: the benches of the crates, run one after the other, as criterion measures them.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
@@ -12,6 +11,7 @@ use tracing::info;
 
 use super::budgets::{Budgets, Ratio};
 use super::measured::Wall;
+use crate::docs::matching;
 
 struct Bench {
     /// The stage of the way of the data that it measures.
@@ -124,53 +124,39 @@ fn run(bench: &Bench, filter: &str, how: &[&str], folder: &Path) -> Result<()> {
 
 /// What criterion left in `folder`, by the benchmarks' ids.
 fn collect(folder: &Path) -> Result<BTreeMap<String, Wall>> {
-    let mut found = BTreeMap::new();
-    let new = folder.join("new");
-    if new.is_dir() {
-        let missing = || format!("{} lacks a key that criterion writes", new.display());
-        let (id, wall) = read(&new)?.with_context(missing)?;
-        found.insert(id, wall);
-    }
-    let failed = || format!("cannot read {}", folder.display());
-    for entry in fs::read_dir(folder).with_context(failed)? {
-        let path = entry.with_context(failed)?.path();
-        if path.is_dir() {
-            found.extend(collect(&path)?);
-        }
-    }
-    Ok(found)
+    let found = |path: PathBuf| {
+        let refused = || format!("{} is not what criterion writes", path.display());
+        let json = |name| -> Result<Value> {
+            let json = serde_json::from_str(&read_text(&path.with_file_name(name))?);
+            json.with_context(refused)
+        };
+        let (benchmark, estimates) = (json("benchmark.json")?, json("estimates.json")?);
+        read(&benchmark, &estimates, &json("sample.json")?).with_context(refused)
+    };
+    let paths = matching(folder, "**/new/benchmark.json")?;
+    paths.into_iter().map(found).collect()
 }
 
 /// A benchmark's id and its times; none where a key is missing.
-fn read(folder: &Path) -> Result<Option<(String, Wall)>> {
-    let json = |name| -> Result<Value> {
-        let path = folder.join(name);
-        let json = serde_json::from_str(&read_text(&path)?);
-        json.with_context(|| format!("{} is not what criterion writes", path.display()))
-    };
-    let benchmark = json("benchmark.json")?;
-    let (estimates, sample) = (json("estimates.json")?, json("sample.json")?);
+fn read(benchmark: &Value, estimates: &Value, sample: &Value) -> Option<(String, Wall)> {
     let nanoseconds = |value: &Value| Some(1e-9 * value.as_f64()?);
-    let wall = || {
-        let median = &estimates["median"];
-        let interval = &median["confidence_interval"];
-        let times = sample["times"].as_array()?.iter().map(nanoseconds);
-        let passes = times.zip(sample["iters"].as_array()?);
-        let each = passes.map(|(time, passes)| Some(time? / passes.as_f64()?));
-        let each: Vec<f64> = each.collect::<Option<_>>()?;
-        let elements = benchmark.pointer("/throughput/Elements");
-        let wall = Wall {
-            median: nanoseconds(&median["point_estimate"])?,
-            interval: [
-                nanoseconds(&interval["lower_bound"])?,
-                nanoseconds(&interval["upper_bound"])?,
-            ],
-            shortest: each.into_iter().fold(f64::INFINITY, f64::min),
-            elements: elements.and_then(Value::as_f64).unwrap_or(1.0),
-        };
-        Some((benchmark["full_id"].as_str()?.to_owned(), wall))
+    let median = &estimates["median"];
+    let interval = &median["confidence_interval"];
+    let times = sample["times"].as_array()?.iter().map(nanoseconds);
+    let passes = times.zip(sample["iters"].as_array()?);
+    let each = passes.map(|(time, passes)| Some(time? / passes.as_f64()?));
+    let each: Vec<f64> = each.collect::<Option<_>>()?;
+    let elements = benchmark.pointer("/throughput/Elements");
+    let wall = Wall {
+        median: nanoseconds(&median["point_estimate"])?,
+        interval: [
+            nanoseconds(&interval["lower_bound"])?,
+            nanoseconds(&interval["upper_bound"])?,
+        ],
+        shortest: each.into_iter().fold(f64::INFINITY, f64::min),
+        elements: elements.and_then(Value::as_f64).unwrap_or(1.0),
     };
-    Ok(wall())
+    Some((benchmark["full_id"].as_str()?.to_owned(), wall))
 }
 
 /// The ratios that have a budget: of the shortest times, since other work on the machine only ever
@@ -190,6 +176,8 @@ pub(crate) fn ratios(
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn ratio(of: &str, over: &str) -> Ratio {

@@ -127,7 +127,7 @@ fn paths(root: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// The files below `root` that match a pattern, by name.
-fn matching(root: &Path, pattern: &str) -> Result<Vec<PathBuf>> {
+pub(crate) fn matching(root: &Path, pattern: &str) -> Result<Vec<PathBuf>> {
     let root = Pattern::escape(&root.to_string_lossy());
     let pattern = Path::new(&root).join(pattern);
     let paths = glob(&pattern.to_string_lossy())?;

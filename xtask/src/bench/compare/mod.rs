@@ -254,27 +254,15 @@ mod tests {
 
     #[test]
     fn each_kind_has_its_budget() {
-        let count = |count| {
-            past(|m| {
-                m.instructions.insert("kernel".to_owned(), count);
-            })
-        };
+        let count = |count| past(|m| m.instructions.extend([("kernel".to_owned(), count)]));
         assert_eq!(
             count(1_030_000),
             ["kernel (1 000 000 to 1 030 000: +3.0 %, budget +2.0 %)"]
         );
         assert!(count(1_019_000).is_empty() && count(10).is_empty());
-        let ratio = |ratio| {
-            past(|m| {
-                m.ratios.insert("a over b".to_owned(), ratio);
-            })
-        };
+        let ratio = |ratio| past(|m| m.ratios.extend([("a over b".to_owned(), ratio)]));
         assert_eq!((ratio(0.27).len(), ratio(0.29).len()), (0, 1));
-        let score = |name: &str, score| {
-            past(|m| {
-                m.scores.insert(name.to_owned(), score);
-            })
-        };
+        let score = |name: &str, score| past(|m| m.scores.extend([(name.to_owned(), score)]));
         assert!(score("r", vec![0.405, 0.605]).is_empty());
         // A score that became better is no longer what was committed either.
         assert_eq!(
@@ -289,9 +277,7 @@ mod tests {
             (score("r", vec![]).len(), score("s", vec![0.1]).len()),
             (1, 1)
         );
-        let lost = past(|m| {
-            m.scores.remove("r");
-        });
+        let lost = past(|m| m.scores.retain(|name, _| name != "r"));
         assert_eq!(lost, ["r (0.5000, not measured)"]);
         let slow = past(|m| m.wall.values_mut().for_each(|wall| wall.median = 90.0));
         assert!(slow.is_empty(), "{slow:?}");

@@ -5,7 +5,7 @@ use std::io;
 
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
-use sps_dataset::{FrameError, FrameErrorKind};
+use sps_dataset::{DatasetError, DatasetErrorKind, FrameError, FrameErrorKind};
 use sps_estimator::Error as EstimatorError;
 use sps_metrics::{IntervalError, Undefined};
 use sps_models::Error as ModelError;
@@ -79,6 +79,9 @@ fn innermost<'e>(error: &'e (dyn Error + 'static)) -> &'e (dyn Error + 'static) 
         return innermost(weights);
     }
     if let Some(WeightsErrorKind::Io(source)) = error.downcast_ref().map(WeightsError::kind) {
+        return source;
+    }
+    if let Some(DatasetErrorKind::Io(source)) = error.downcast_ref().map(DatasetError::kind) {
         return source;
     }
     match error.downcast_ref().map(FrameError::kind) {

@@ -172,6 +172,9 @@ def test_a_dataset_is_a_folder_or_photographs(encoder, photographs, widths, tmp_
         sps.Dataset([tmp_path / "none.png"], [1.0])
     with pytest.raises(ValueError, match="not a dataset"):
         sps.Dataset(tmp_path)
+    shutil.copy(tiny.folder / "dataset.toml", tmp_path)
+    with pytest.raises(FileNotFoundError, match="surfaces.csv: cannot be read"):
+        sps.Dataset(tmp_path)
     with pytest.raises(ValueError, match="expected none beside a dataset or a table"):
         sps.fit(tiny, groups=[0] * 6)
 

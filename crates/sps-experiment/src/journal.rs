@@ -63,7 +63,7 @@ pub(crate) struct Stop {
     /// The interval around the estimate.
     pub low: f64,
     pub high: f64,
-    /// Its width in standard deviations of the training readings.
+    /// Its width in standard deviations of the training readings; 0 where the interval was given.
     pub width: f64,
 }
 

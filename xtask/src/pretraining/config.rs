@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
-use sps_experiment::config::{ConfigError, Layers, Setting, check_depths, check_training};
+use sps_experiment::config::{ConfigError, Layers, Setting};
 use sps_experiment::files::read_text;
 use sps_models::encoders::{Depths, EncoderKind};
 use sps_models::training::TrainingConfig;
@@ -102,11 +102,11 @@ impl Pretraining {
     }
 
     fn check(&self, layers: &Layers<'_>) -> Result<(), ConfigError> {
-        check_depths(layers, "depths", self.kind, &self.depths)?;
+        layers.checked("", self.kind.blocks(&self.depths))?;
         if let Some(teacher) = &self.teacher {
             let positive = teacher.weight.is_finite() && teacher.weight > 0.0;
             layers.require(positive, "teacher.weight", "must be above 0")?;
-            check_depths(layers, "teacher.depths", teacher.kind, &teacher.depths)?;
+            layers.checked("teacher", teacher.kind.blocks(&teacher.depths))?;
             let least = teacher.kind.min_size();
             let problem = format!("must be at least {least}, the least that the teacher takes");
             layers.require(teacher.size >= least, "teacher.size", &problem)?;
@@ -126,7 +126,8 @@ impl Pretraining {
         let fits = (1..=views).contains(&self.views_per_surface);
         let problem = format!("must be from 1 to `simulated.views`, {views}");
         layers.require(fits, "views-per-surface", &problem)?;
-        check_training(layers, "training", &self.training)
+        layers.checked("training", self.training.check())?;
+        Ok(())
     }
 }
 

@@ -34,12 +34,8 @@ pub fn differing_keys(first: &Table, second: &Table) -> Vec<Differing> {
 fn tables(prefix: &str, first: &Table, second: &Table, found: &mut Vec<Differing>) {
     let added = second.keys().filter(|key| !first.contains_key(*key));
     for key in first.keys().chain(added) {
-        values(
-            &format!("{prefix}{key}"),
-            first.get(key),
-            second.get(key),
-            found,
-        );
+        let [first, second] = [first, second].map(|table| table.get(key));
+        values(&format!("{prefix}{key}"), first, second, found);
     }
 }
 
@@ -55,12 +51,9 @@ fn values(key: &str, first: Option<&Value>, second: Option<&Value>, found: &mut 
         tables(&format!("{key}."), &first, &second, found);
         return;
     }
-    let text = |value: Option<&Value>| value.map(ToString::to_string);
-    found.push(Differing {
-        key: key.to_owned(),
-        first: text(first),
-        second: text(second),
-    });
+    let [first, second] = [first, second].map(|value| value.map(ToString::to_string));
+    let key = key.to_owned();
+    found.push(Differing { key, first, second });
 }
 
 /// An array of tables that have an `id` each, as a table.
@@ -76,21 +69,10 @@ fn by_id(value: &Value) -> Option<Table> {
 mod tests {
     use super::*;
 
-    fn differing(first: &str, second: &str) -> Vec<[String; 3]> {
-        let mut found = Vec::new();
-        let [first, second] = [first, second].map(|text| text.parse::<Table>().unwrap());
-        tables("", &first, &second, &mut found);
-        let none = || "none".to_owned();
-        let found = found.into_iter();
-        found
-            .map(|one| {
-                [
-                    one.key,
-                    one.first.unwrap_or_else(none),
-                    one.second.unwrap_or_else(none),
-                ]
-            })
-            .collect()
+    fn differing(first: &str, second: &str) -> Vec<String> {
+        let [first, second] = [first, second].map(|text| text.parse().unwrap());
+        let found = differing_keys(&first, &second);
+        found.iter().map(ToString::to_string).collect()
     }
 
     #[test]
@@ -100,10 +82,10 @@ mod tests {
         assert_eq!(
             differing(first, second),
             [
-                ["seed", "0", "1"],
-                ["data.size", "48", "64"],
-                ["data.new", "none", "true"],
-                ["gone", "{ a = 1 }", "none"],
+                "`seed` is 0, here 1",
+                "`data.size` is 48, here 64",
+                "`data.new` is not set, here true",
+                "`gone` is { a = 1 }, here not set",
             ]
         );
         assert!(differing(first, first).is_empty());
@@ -113,10 +95,9 @@ mod tests {
     fn methods_are_named_by_their_ids() {
         let first = "[[methods]]\nid = \"a\"\nviews = 1\n[[methods]]\nid = \"b\"\nviews = 1";
         let second = "[[methods]]\nid = \"b\"\nviews = 2\n[[methods]]\nid = \"a\"\nviews = 1";
-        assert_eq!(differing(first, second), [["methods.b.views", "1", "2"]]);
-        assert_eq!(
-            differing("angles = [1.0, 2.0]", "angles = [1.0]"),
-            [["angles", "[1.0, 2.0]", "[1.0]"]]
-        );
+        let views = ["`methods.b.views` is 1, here 2"];
+        assert_eq!(differing(first, second), views);
+        let angles = ["`angles` is [1.0, 2.0], here [1.0]"];
+        assert_eq!(differing("angles = [1.0, 2.0]", "angles = [1.0]"), angles);
     }
 }

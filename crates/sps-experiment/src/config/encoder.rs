@@ -102,35 +102,31 @@ pub(super) fn encoder(
     key: &str,
     encoder: &EncoderConfig,
 ) -> Result<EncoderSpec, ConfigError> {
+    let at = |field: &str| format!("{key}.{field}");
     let network = network(layers, key, encoder)?;
     if let Network::Sequences { frames, .. } = network {
-        let at = |field: &str| format!("{key}.{field}");
         layers.require(frames > 0, &at("frames"), "must be at least 1")?;
         let one = !encoder.trainable || encoder.training.objective.views() == 1;
         let why = "looks at several views; an encoder of sequences sees one sequence";
         layers.require(one, &at("training.objective"), why)?;
     }
-    let precision = encoder.precision.parse::<Precision>();
-    let precision =
-        precision.map_err(|error| layers.error(&format!("{key}.precision"), error.to_string()))?;
-    check_training(layers, &format!("{key}.training"), &encoder.training)?;
+    let precision = layers.named(&at("precision"), encoder.precision.parse::<Precision>())?;
+    layers.checked(&at("training"), encoder.training.check())?;
     let weights = WeightsSpec::named(&encoder.weights);
     if let Some(kind) = network.kind() {
-        check_depths(layers, &format!("{key}.depths"), kind, &encoder.depths)?;
+        layers.checked(key, kind.blocks(&encoder.depths))?;
         if weights == WeightsSpec::BuiltIn {
-            kind.check_built_in()
-                .map_err(|error| layers.error(&format!("{key}.weights"), error.to_string()))?;
+            layers.named(&at("weights"), kind.check_built_in())?;
         }
     } else {
         let why = "has no meaning beside `onnx` or `embeddings`";
-        let untouched = [
+        for (field, untouched) in [
             ("trainable", !encoder.trainable),
             ("precision", precision == Precision::F32),
             ("depths", encoder.depths == Depths::All),
             ("weights", weights == WeightsSpec::BuiltIn),
-        ];
-        for (field, untouched) in untouched {
-            layers.require(untouched, &format!("{key}.{field}"), why)?;
+        ] {
+            layers.require(untouched, &at(field), why)?;
         }
     }
     Ok(EncoderSpec {
@@ -151,20 +147,18 @@ fn network(
 ) -> Result<Network, ConfigError> {
     let at = |field: &str| format!("{key}.{field}");
     let Some(file) = &encoder.onnx else {
-        let given = [
+        for (field, given) in [
             ("outputs", encoder.outputs.is_some()),
             ("size", encoder.size.is_some()),
             ("mean", encoder.mean.is_some()),
             ("std", encoder.std.is_some()),
-        ];
-        for (field, given) in given {
+        ] {
             layers.require(!given, &at(field), "needs `onnx`, the file of the network")?;
         }
-        if let Some(file) = &encoder.embeddings {
-            return Ok(Network::Precomputed(file.clone()));
-        }
-        let network = Network::named(&encoder.name, encoder.frames);
-        return network.map_err(|error| layers.error(&at("name"), error.to_string()));
+        return match &encoder.embeddings {
+            Some(file) => Ok(Network::Precomputed(file.clone())),
+            None => layers.named(&at("name"), Network::named(&encoder.name, encoder.frames)),
+        };
     };
     let alone = encoder.embeddings.is_none();
     layers.require(alone, &at("embeddings"), "has no meaning beside `onnx`")?;
@@ -176,46 +170,4 @@ fn network(
         std: encoder.std.unwrap_or(default.std),
     };
     Ok(Network::Onnx(file.clone(), settings))
-}
-
-/// Refuses depths that a network does not have.
-///
-/// # Errors
-/// A stage that the network does not have, with the line of the key.
-pub fn check_depths(
-    layers: &Layers<'_>,
-    key: &str,
-    kind: EncoderKind,
-    depths: &Depths,
-) -> Result<(), ConfigError> {
-    let refused = |error| match error {
-        sps_models::Error::Input {
-            found, expected, ..
-        } => layers.error(key, format!("is {found}, expected {expected}")),
-        other => layers.error(key, other.to_string()),
-    };
-    kind.blocks(depths).map(drop).map_err(refused)
-}
-
-/// Refuses a training that cannot be, at the line of its first such key.
-///
-/// # Errors
-/// A value that cannot be meant, with the line of its key.
-pub fn check_training(
-    layers: &Layers<'_>,
-    table: &str,
-    training: &TrainingConfig,
-) -> Result<(), ConfigError> {
-    let refused = |error| match error {
-        sps_models::Error::Input {
-            what,
-            found,
-            expected,
-        } => {
-            let problem = format!("is {found}, expected {expected}");
-            layers.error(&format!("{table}.{what}"), problem)
-        }
-        other => layers.error(table, other.to_string()),
-    };
-    training.check().map_err(refused)
 }

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use serde_json::{Value, json};
 use sps_estimator::{Regression, Stacked};
-use sps_models::heads::{Head, HeadConfig};
-use sps_regress::AnyRegressor;
+use sps_models::heads::Head;
+use sps_regress::{AnyRegressor, RegressorSettings};
 
 use super::looks::{Problem, refuse};
 use super::schema::{Config, MethodConfig, MethodKind};
@@ -52,7 +52,7 @@ impl Estimator {
     pub(crate) fn regression(&self) -> Option<&Regression> {
         match self {
             Self::Fitted(regression) => Some(regression),
-            Self::Mean | Self::LabelMean | Self::Given(_) => None,
+            _ => None,
         }
     }
 
@@ -90,7 +90,7 @@ impl Estimator {
         })
     }
 
-    pub(super) fn with(
+    pub(crate) fn with(
         &self,
         change: impl FnOnce(&Regression) -> sps_estimator::Result<Regression>,
     ) -> sps_estimator::Result<Self> {
@@ -99,60 +99,46 @@ impl Estimator {
             other => other.clone(),
         })
     }
-
-    pub(crate) fn with_heads(
-        &self,
-        change: &impl Fn(&HeadConfig) -> HeadConfig,
-    ) -> sps_estimator::Result<Self> {
-        self.with(|regression| regression.with_heads(change))
-    }
 }
 
 pub(super) fn of(config: &Config, method: &MethodConfig) -> Result<Estimator, Problem> {
-    Ok(match (method.kind, &method.file) {
-        (MethodKind::Predictions, Some(file)) => Estimator::Given(Given {
-            file: file.clone(),
-            estimates: None,
-        }),
+    let (id, kind) = (&method.id, method.kind);
+    if kind != MethodKind::Stacked && !method.members.is_empty() {
+        return refuse("members", "need a method of the kind `stacked`");
+    }
+    let fitted = match (kind, &method.file) {
+        (MethodKind::Predictions, Some(file)) => {
+            let (file, estimates) = (file.clone(), None);
+            return Ok(Estimator::Given(Given { file, estimates }));
+        }
         (MethodKind::Predictions, None) => {
-            let why = format!(
-                "is missing: method `{}` needs a CSV of its estimates",
-                method.id
-            );
+            let why = format!("is missing: method `{id}` needs a CSV of its estimates");
             return refuse("file", why);
         }
         (kind, Some(_)) => {
-            let (id, kind) = (&method.id, kind.name());
+            let kind = kind.name();
             let why = format!("needs a method of the kind `predictions`, and `{id}` is `{kind}`");
             return refuse("file", why);
         }
-        (MethodKind::Mean, None) => Estimator::Mean,
-        (MethodKind::LabelMean, None) => Estimator::LabelMean,
-        (_, None) => Estimator::Fitted(Box::new(regression(config, method)?)),
-    })
+        (MethodKind::Mean, None) => return Ok(Estimator::Mean),
+        (MethodKind::LabelMean, None) => return Ok(Estimator::LabelMean),
+        (MethodKind::Stacked, None) => stacked(config, method)?,
+        (kind, None) => single(config, method, kind)?,
+    };
+    Ok(Estimator::Fitted(Box::new(fitted)))
 }
 
-fn regression(config: &Config, method: &MethodConfig) -> Result<Regression, Problem> {
-    let stacked = method.kind == MethodKind::Stacked;
-    if !stacked && !method.members.is_empty() {
-        return refuse("members", "need a method of the kind `stacked`");
-    }
-    if !stacked {
-        return single(config, method, method.kind);
-    }
+fn stacked(config: &Config, method: &MethodConfig) -> Result<Regression, Problem> {
     if method.members.is_empty() {
         return refuse("members", "lists none to stack");
     }
     if method.folds < 2 {
         return refuse("folds", "must be at least 2");
     }
-    let member = |&kind: &MethodKind| single(config, method, kind);
+    let members = method.members.iter();
+    let members = members.map(|&kind| single(config, method, kind));
     Ok(Regression::Stacked(Stacked {
-        members: method
-            .members
-            .iter()
-            .map(member)
-            .collect::<Result<_, _>>()?,
+        members: members.collect::<Result<_, _>>()?,
         folds: method.folds,
     }))
 }
@@ -164,14 +150,13 @@ fn single(config: &Config, method: &MethodConfig, kind: MethodKind) -> Result<Re
             Regression::Head(head.map_err(|error| ("head", error.to_string()))?)
         }
         MethodKind::Rows(kind) => {
-            let regressor = AnyRegressor::new(kind, &config.regressors());
+            let settings = RegressorSettings {
+                ridge: config.ridge.clone(),
+                kernel_ridge: config.kernel_ridge.clone(),
+            };
+            let regressor = AnyRegressor::new(kind, &settings);
             Regression::Rows(regressor.map_err(|error| ("kind", error.to_string()))?)
         }
-        MethodKind::Mean
-        | MethodKind::LabelMean
-        | MethodKind::Predictions
-        | MethodKind::Stacked => {
-            return refuse("members", format!("`{}` cannot be stacked", kind.name()));
-        }
+        kind => return refuse("members", format!("`{}` cannot be stacked", kind.name())),
     })
 }

@@ -12,10 +12,9 @@ use super::encoder::encoder;
 use super::layers::Layers;
 use super::locate::ConfigError;
 use super::method::{Method, methods};
-use super::report::{against, position, speed};
 use super::schema::{Config, SpeedConfig};
 use super::setting::Setting;
-use super::written::{self, Written};
+use super::written::{Written, written};
 use crate::data::{self, DataSpec, Protocol};
 use crate::files::read_text;
 use crate::work::Work;
@@ -92,7 +91,6 @@ impl Experiment {
     /// Keeps the methods whose ids match one of the patterns.
     ///
     /// # Errors
-    ///
     /// A pattern that matches none.
     pub fn keep_only(&mut self, patterns: &[Pattern]) -> Result<()> {
         let ids: Vec<&str> = self.methods.iter().map(|method| &method.id[..]).collect();
@@ -105,8 +103,10 @@ impl Experiment {
         }
         let is_kept = |at: &usize| patterns.iter().any(|pattern| pattern.matches(ids[*at]));
         let kept: Vec<usize> = (0..ids.len()).filter(is_kept).collect();
-        let place = |at: &usize| kept.iter().position(|other| other == at);
-        self.against = self.against.iter().filter_map(place).collect();
+        let against = self.against.iter();
+        self.against = against
+            .filter_map(|at| kept.binary_search(at).ok())
+            .collect();
         if self.against.is_empty() {
             self.against.push(0);
         }
@@ -116,15 +116,13 @@ impl Experiment {
 
     fn check(path: &Path, layers: &Layers<'_>, config: Config) -> Result<Self, ConfigError> {
         let resolved = layers.to_toml();
-        let properties = config.properties.iter().enumerate().map(|(index, code)| {
-            code.parse::<Property>()
-                .map_err(|error| layers.error(&format!("properties.{index}"), error.to_string()))
-        });
+        let properties = config.properties.iter().enumerate();
+        let properties = properties
+            .map(|(at, code)| layers.named(&format!("properties.{at}"), code.parse::<Property>()));
         layers.require(config.reruns > 0, "reruns", "must be at least 1")?;
         encoder(layers, "encoder", &config.encoder)?;
-        let written = written::all(&config);
-        let listed = !written::asked_for(&config).is_empty();
-        layers.require(listed, "methods", "lists no method")?;
+        let (written, listed) = written(&config);
+        layers.require(listed > 0, "methods", "lists no method")?;
         let folds = config.selection.folds > 0;
         layers.require(folds, "selection.folds", "must be at least 1")?;
         let interval_level = config.report.level;
@@ -143,7 +141,7 @@ impl Experiment {
             interval_level,
             against: against(layers, &config, &written)?,
             speed: speed(layers, &config)?,
-            train: train(layers, &config, &written)?,
+            train: train(layers, &config, &written, listed - 1)?,
             cache: config.cache.folder,
             work: Work::All,
             description: config.description,
@@ -152,16 +150,58 @@ impl Experiment {
     }
 }
 
+/// What is asked about speed and error; none where it is not.
+fn speed(layers: &Layers<'_>, config: &Config) -> Result<Option<SpeedConfig>, ConfigError> {
+    let speed = config.report.speed;
+    for (key, value) in [
+        ("error", speed.within_error),
+        ("seconds", speed.within_seconds),
+    ] {
+        let key = format!("report.speed.within-{key}");
+        let number = value.is_finite() && value >= 0.0;
+        layers.require(number, &key, "must be a number from 0 on")?;
+    }
+    Ok(speed.front.then_some(speed))
+}
+
+/// Indices of the methods that all others are compared with.
+fn against(
+    layers: &Layers<'_>,
+    config: &Config,
+    written: &[Written],
+) -> Result<Vec<usize>, ConfigError> {
+    if config.report.against.is_empty() {
+        return Ok(vec![0]);
+    }
+    let ids = config.report.against.iter();
+    ids.map(|id| position(layers, written, "report.against", id))
+        .collect()
+}
+
+fn position(
+    layers: &Layers<'_>,
+    written: &[Written],
+    key: &str,
+    id: &str,
+) -> Result<usize, ConfigError> {
+    let ids: Vec<&str> = written.iter().map(|one| one.method.id.as_str()).collect();
+    let position = ids.iter().position(|&other| other == id);
+    position.ok_or_else(|| {
+        let problem = format!("no method `{id}`; there are {}", ids.join(", "));
+        layers.error(key, problem)
+    })
+}
+
 fn train(
     layers: &Layers<'_>,
     config: &Config,
     written: &[Written],
+    last: usize,
 ) -> Result<TrainSpec, ConfigError> {
     let train = &config.train;
-    let method = if train.method.is_empty() {
-        written::asked_for(config).len().saturating_sub(1)
-    } else {
-        position(layers, written, "train.method", &train.method)?
+    let method = match train.method.as_str() {
+        "" => last,
+        id => position(layers, written, "train.method", id)?,
     };
     let share = train.calibration > 0.0 && train.calibration < 1.0;
     layers.require(share, "train.calibration", "must lie between 0 and 1")?;

@@ -62,8 +62,8 @@ fn of_sweep(sweep: Value, at: &str) -> Result<Value, Refused> {
     if let Some(grid) = method.remove("grid") {
         find_axes(&grid, "", &mut axes).map_err(|problem| refused("grid", problem))?;
     }
-    let except =
-        exceptions(method.remove("except")).map_err(|problem| refused("except", problem))?;
+    let except = exceptions(method.remove("except"));
+    let except = except.map_err(|problem| refused("except", problem))?;
     let at_most = match method.remove("at-most") {
         None => AT_MOST,
         Some(Value::Integer(number)) => number,
@@ -76,12 +76,10 @@ fn of_sweep(sweep: Value, at: &str) -> Result<Value, Refused> {
         return Err(refused("grid", problem));
     }
     let methods = chosen.iter().map(|chosen| {
-        let method = of_combination(&method, chosen);
-        Ok(Value::Table(
-            method.map_err(|(key, problem)| refused(key, problem))?,
-        ))
+        let method = of_combination(&method, chosen).map(Value::Table);
+        method.map_err(|(key, problem)| refused(key, problem))
     });
-    methods.collect::<Result<Vec<_>, _>>().map(Value::Array)
+    methods.collect::<Result<_, _>>().map(Value::Array)
 }
 
 struct Axis {
@@ -115,7 +113,7 @@ fn find_axes(grid: &Value, key: &str, axes: &mut Vec<Axis>) -> Result<(), String
 }
 
 /// The dotted key of what is called `name` in the table at `key`.
-fn below(key: &str, name: &str) -> String {
+pub(super) fn below(key: &str, name: &str) -> String {
     let dot = if key.is_empty() { "" } else { "." };
     format!("{key}{dot}{name}")
 }
@@ -175,15 +173,14 @@ pub(super) fn find_leaves(value: &Value, key: &str, leaves: &mut Vec<(String, Va
 
 /// Whether the combination has all of these values, each given as it is or as it is called.
 fn is_one_of(one: &Combination<'_>, values: &[(String, Value)]) -> bool {
-    values.iter().all(|(key, value)| {
-        one.iter().any(|(other, point)| {
-            let called = point
-                .called
-                .as_deref()
-                .is_some_and(|name| value.as_str() == Some(name));
-            other == key && (called || point.value == *value)
-        })
-    })
+    let is = |point: &Point, value: &Value| {
+        point.value == *value || point.called.is_some() && point.called.as_deref() == value.as_str()
+    };
+    let has = |(key, value): &(String, Value)| {
+        let mut chosen = one.iter();
+        chosen.any(|(other, point)| other == key && is(point, value))
+    };
+    values.iter().all(has)
 }
 
 fn of_combination(
@@ -195,14 +192,11 @@ fn of_combination(
         merge(&mut made, nested(key, point.value.clone()));
     }
     settle_views(&mut made, chosen);
-    for (title, between, word) in [
-        ("id", "-", &id_of as &dyn Fn(&Table, &str, &Point) -> String),
-        ("label", ", ", &label_word),
-    ] {
-        let words = chosen
-            .iter()
-            .map(|(key, point)| (*key, word(&made, key, point)));
-        let words: Vec<(&str, String)> = words.collect();
+    let chosen = chosen.iter();
+    let ids = chosen.clone().map(|&(key, point)| (key, id_of(point)));
+    let labels = chosen.map(|&(key, point)| (key, label_word(&made, key, point)));
+    let words: [Vec<(&str, String)>; 2] = [ids.collect(), labels.collect()];
+    for ((title, between), words) in [("id", "-"), ("label", ", ")].into_iter().zip(words) {
         let given = made.get(title).and_then(Value::as_str).unwrap_or_default();
         let text = titled(given, between, &words).map_err(|problem| (title, problem))?;
         made.insert(title.to_owned(), Value::String(text));
@@ -210,11 +204,9 @@ fn of_combination(
     Ok(made)
 }
 
-fn id_of(_: &Table, _: &str, point: &Point) -> String {
-    point
-        .called
-        .clone()
-        .unwrap_or_else(|| id_word(&point.value))
+fn id_of(point: &Point) -> String {
+    let called = point.called.clone();
+    called.unwrap_or_else(|| id_word(&point.value))
 }
 
 /// A table with nothing but this value at its dotted key.

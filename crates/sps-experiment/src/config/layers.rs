@@ -8,7 +8,7 @@ use sps_base::names::UnknownName;
 use toml::de::DeTable;
 use toml::{Table, Value};
 
-use super::grid::expand;
+use super::grid::{below, expand};
 use super::locate::{ConfigError, Place, place_of_span, span_of};
 use super::merge::{apply, inherit, merge, take_back};
 use super::setting::Setting;
@@ -128,6 +128,36 @@ impl<'a> Layers<'a> {
         } else {
             Err(self.error(key, problem))
         }
+    }
+
+    /// What the value at `key` stands for.
+    ///
+    /// # Errors
+    /// That it stands for nothing, with the line of the key.
+    pub fn named<T, E: ToString>(&self, key: &str, found: Result<T, E>) -> Result<T, ConfigError> {
+        found.map_err(|error| self.error(key, error.to_string()))
+    }
+
+    /// What came of checking settings of the table at `key`; it is empty for the whole config.
+    ///
+    /// # Errors
+    /// The setting that was refused, with its line.
+    pub fn checked<T>(
+        &self,
+        key: &str,
+        checked: Result<T, sps_models::Error>,
+    ) -> Result<T, ConfigError> {
+        checked.map_err(|error| match error {
+            sps_models::Error::Input {
+                what,
+                found,
+                expected,
+            } => {
+                let problem = format!("is {found}, expected {expected}");
+                self.error(&below(key, what), problem)
+            }
+            other => self.error(key, other.to_string()),
+        })
     }
 
     fn error_at(&self, key: &[String], problem: String) -> ConfigError {

@@ -34,78 +34,79 @@ pub fn list(experiment: &Experiment) -> Result<String> {
     Ok(text)
 }
 
-fn settings(method: &Method) -> Result<Vec<(String, String)>> {
-    let mut lines = vec![("kind".to_owned(), inline(method.estimator.kind())?)];
+/// A key of a config, and its value as TOML.
+type Line = (String, String);
+
+fn line(key: &str, value: impl Serialize) -> Result<Line> {
+    Ok((key.to_owned(), inline(value)?))
+}
+
+fn settings(method: &Method) -> Result<Vec<Line>> {
+    let mut lines = vec![line("kind", method.estimator.kind())?];
     if let Some(file) = method.estimator.file() {
-        lines.push(("file".to_owned(), inline(file.to_string_lossy())?));
+        lines.push(line("file", file.to_string_lossy())?);
     }
     if method.looks != Looks::Nothing {
-        let encoder = inline(encoder::describe(&method.encoder))?;
-        lines.push(("encoder".to_owned(), encoder));
+        lines.push(line("encoder", encoder::describe(&method.encoder))?);
     }
     // Of a sequence the encoder says which views it is made of.
     if !matches!(method.encoder.network, Network::Sequences { .. }) {
         lines.extend(looks(&method.looks)?);
     }
     if let Some(adaptive) = &method.adaptive {
-        lines.push(("adaptive".to_owned(), inline(adaptive)?));
+        lines.push(line("adaptive", adaptive)?);
     }
-    if let Some(count) = method.test_surfaces {
-        lines.push(("test-surfaces".to_owned(), count.to_string()));
-    }
-    if let Some(count) = method.training_surfaces {
-        lines.push(("training-surfaces".to_owned(), count.to_string()));
+    for (key, count) in [
+        ("test-surfaces", method.test_surfaces),
+        ("training-surfaces", method.training_surfaces),
+    ] {
+        lines.extend(count.map(|count| line(key, count)).transpose()?);
     }
     lines.extend(fitted(method)?);
     Ok(lines)
 }
 
 /// The settings of what is fitted, its network's input as the views make it.
-fn fitted(method: &Method) -> Result<Vec<(String, String)>> {
-    let (method, input) = match &method.looks {
-        Looks::Selected(selected) => (method.with_views(selected.picks)?, None),
-        Looks::All => (method.clone(), Some(ALL_VIEWS)),
-        Looks::Relations(_) => (method.clone(), Some(RELATED_VIEWS)),
-        Looks::Nothing | Looks::Nadir => (method.clone(), None),
+fn fitted(method: &Method) -> Result<Vec<Line>> {
+    let estimator = match method.selected() {
+        Some(selected) => method.with_views(selected.picks)?.estimator,
+        None => method.estimator.clone(),
     };
-    let Some(fitted) = method.estimator.regression() else {
+    let Some(fitted) = estimator.regression() else {
         return Ok(Vec::new());
     };
     let mut lines = regression(fitted)?;
-    let single = inline(Input::Single {})?;
-    for (key, value) in &mut lines {
-        if let Some(input) = input
-            && key == "head.input"
-            && *value == single
-        {
-            input.clone_into(value);
-        }
+    let input = match &method.looks {
+        Looks::All => ALL_VIEWS,
+        Looks::Relations(_) => RELATED_VIEWS,
+        _ => return Ok(lines),
+    };
+    let single = line("head.input", Input::Single {})?;
+    for line in lines.iter_mut().filter(|line| **line == single) {
+        input.clone_into(&mut line.1);
     }
     Ok(lines)
 }
 
-fn looks(looks: &Looks) -> Result<Vec<(String, String)>> {
-    let line = |key: &str, value: String| (key.to_owned(), value);
-    Ok(match looks {
-        Looks::Nothing => Vec::new(),
-        Looks::Nadir => vec![line("views", "1 # the one straight down".to_owned())],
-        Looks::All => vec![line("views", inline("all")?)],
+fn looks(looks: &Looks) -> Result<Vec<Line>> {
+    let line = match looks {
+        Looks::Nothing => return Ok(Vec::new()),
+        Looks::Nadir => ("views".to_owned(), "1 # the one straight down".to_owned()),
+        Looks::All => line("views", "all")?,
         Looks::Selected(selected) => {
             let of_picks = |key: &str| if key == "picks" { "views" } else { key }.to_owned();
-            each(serde_json::to_value(selected)?, of_picks)?
+            return each(serde_json::to_value(selected)?, of_picks);
         }
-        Looks::Relations(relations) => vec![line("relations", inline(relations)?)],
-    })
+        Looks::Relations(relations) => line("relations", relations)?,
+    };
+    Ok(vec![line])
 }
 
 /// The settings of a regression, each key with its table before it.
-fn regression(regression: &Regression) -> Result<Vec<(String, String)>> {
+fn regression(regression: &Regression) -> Result<Vec<Line>> {
     if let Regression::Stacked(stacked) = regression {
         let kinds: Vec<&str> = stacked.members.iter().map(Regression::kind).collect();
-        let mut lines = vec![
-            ("members".to_owned(), inline(kinds)?),
-            ("folds".to_owned(), stacked.folds.to_string()),
-        ];
+        let mut lines = vec![line("members", kinds)?, line("folds", stacked.folds)?];
         for member in &stacked.members {
             lines.extend(self::regression(member)?);
         }
@@ -132,13 +133,12 @@ fn inline(value: impl Serialize) -> Result<String> {
 }
 
 /// A line for each key that is set of what is a table.
-fn each(table: Value, name: impl Fn(&str) -> String) -> Result<Vec<(String, String)>> {
+fn each(table: Value, name: impl Fn(&str) -> String) -> Result<Vec<Line>> {
     let Value::Object(table) = table else {
         return Ok(Vec::new());
     };
     let set = table.into_iter().filter(|(_, value)| !value.is_null());
-    set.map(|(key, value)| Ok((name(&key), inline(value)?)))
-        .collect()
+    set.map(|(key, value)| line(&name(&key), value)).collect()
 }
 
 #[cfg(test)]

@@ -6,11 +6,12 @@ use sps_dataset::Source;
 use sps_models::encoders::EncoderKind;
 use sps_models::heads::{Input, RelationScale};
 use sps_regress::kernel_ridge::{KernelRidge, KernelRidgeConfig, Shape};
-use sps_viewselect::{AnySelector, Equidistant, RelationSampler, TemporalRelations};
+use sps_viewselect::{AnySelector, Equidistant, TemporalRelations};
 
 use super::method::Method;
 use super::schema::{Config, JudgedOn, MethodConfig, MethodKind, ViewCount};
 use crate::data;
+use crate::text::counted;
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -108,10 +109,8 @@ pub(super) fn of(
 fn check_input(method: &MethodConfig) -> Result<(), Problem> {
     let number = match (&method.head.input, method.views) {
         _ if method.relations.is_some() => {
-            return refuse(
-                "head.input",
-                "cannot stand beside `relations`, which makes it",
-            );
+            let why = "cannot stand beside `relations`, which makes it";
+            return refuse("head.input", why);
         }
         (Input::Relations { .. }, _) => {
             return refuse("head.input", "is made by the key `relations` of the method");
@@ -123,24 +122,19 @@ fn check_input(method: &MethodConfig) -> Result<(), Problem> {
         (Input::Single {}, _) => 1,
         (Input::LateFusion { views }, _) => *views,
     };
-    let fits = match number {
-        1 => "one view".to_owned(),
-        number => format!("{number} views"),
-    };
-    let views = method.views;
+    let (fits, views) = (counted(number, "view"), method.views);
     let why = format!("is for {fits}, but `views` is {views}");
     refuse("head.input", why)
 }
 
 fn views(config: &Config, method: &MethodConfig) -> Result<Looks, Problem> {
+    let refused = |why: &str| refuse("relations", why);
     match (&method.relations, method.views, &method.selector) {
-        (Some(_), _, Some(_)) => refuse("relations", "cannot stand beside `selector`"),
+        (Some(_), _, Some(_)) => refused("cannot stand beside `selector`"),
         (Some(_), views, _) if views != ViewCount::default() => {
-            refuse("relations", "cannot stand beside `views`")
+            refused("cannot stand beside `views`")
         }
-        (Some(_), ..) if !has_head(method) => {
-            refuse("relations", "need a method of the kind `head`")
-        }
+        (Some(_), ..) if !has_head(method) => refused("need a method of the kind `head`"),
         (Some(relations), ..) => Ok(Looks::Relations(relations.clone())),
         (None, ViewCount::All, Some(_)) => {
             refuse("selector", "cannot stand beside `views = \"all\"`")
@@ -193,10 +187,8 @@ fn refit(config: &Config, method: &MethodConfig) -> Result<Option<Refit>, Proble
     let Some(refit) = method.refit else {
         return Ok(None);
     };
-    if refit
-        .pooled
-        .is_some_and(|amount| !(0.0..=1.0).contains(&amount))
-    {
+    let mut amount = refit.pooled.into_iter();
+    if !amount.all(|amount| (0.0..=1.0).contains(&amount)) {
         return refuse("refit.pooled", "must lie between 0 and 1");
     }
     let ridge = KernelRidge::new(KernelRidgeConfig {
@@ -211,12 +203,16 @@ fn refit(config: &Config, method: &MethodConfig) -> Result<Option<Refit>, Proble
 }
 
 impl Method {
+    pub(crate) fn selected(&self) -> Option<&Selected> {
+        match &self.looks {
+            Looks::Selected(selected) => Some(selected),
+            _ => None,
+        }
+    }
+
     /// Whether its views are chosen in hindsight.
     pub(crate) fn in_hindsight(&self) -> bool {
-        let Looks::Selected(selected) = &self.looks else {
-            return false;
-        };
-        let refit = selected.refit.as_ref();
+        let refit = self.selected().and_then(|selected| selected.refit.as_ref());
         refit.is_some_and(|refit| refit.judged_on == JudgedOn::HeldOut)
     }
 
@@ -249,25 +245,19 @@ impl Method {
             Looks::All => views,
             Looks::Selected(selected) => selected.picks,
             Looks::Relations(relations) => {
-                let sampler = relations.clone().sampler(views, 0)?;
-                let input = relation_input(&sampler);
+                let relations = relations.clone().sampler(views, 0)?.training_step(0);
+                let scales = relations.iter().map(|relations| RelationScale {
+                    views: relations.views_per_group,
+                    relations: relations.groups.len(),
+                });
+                let scales = scales.collect();
+                let input = Input::Relations { scales };
                 method.estimator = self.estimator.with(|fitted| fitted.with_input(&input))?;
                 return Ok(method);
             }
         };
         method.estimator = self.estimator.with(|fitted| fitted.with_views(slots))?;
         Ok(method)
-    }
-}
-
-fn relation_input(sampler: &RelationSampler) -> Input {
-    let scales = sampler.training_step(0);
-    let scale = |relations: &sps_viewselect::Relations| RelationScale {
-        views: relations.views_per_group,
-        relations: relations.groups.len(),
-    };
-    Input::Relations {
-        scales: scales.iter().map(scale).collect(),
     }
 }
 

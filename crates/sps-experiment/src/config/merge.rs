@@ -37,26 +37,20 @@ pub(super) fn inherit(table: &mut Table, base: &str, list: &str) {
     let Some(Value::Array(items)) = table.get_mut(list) else {
         return;
     };
-    for item in items {
-        if let Value::Table(item) = item {
-            let mut inherited = Table::from_iter([(base.to_owned(), base_value.clone())]);
-            if let Some(own) = item.remove(base) {
-                merge(&mut inherited, Table::from_iter([(base.to_owned(), own)]));
-            }
-            item.extend(inherited);
-        }
+    for item in items.iter_mut().filter_map(Value::as_table_mut) {
+        let mut inherited = Table::from_iter([(base.to_owned(), base_value.clone())]);
+        let own = item.remove(base).map(|own| (base.to_owned(), own));
+        merge(&mut inherited, own.into_iter().collect());
+        item.extend(inherited);
     }
 }
 
 /// Removes the optional tables that are `false`.
 pub(super) fn take_back(table: &mut Table) {
     table.retain(|key, value| {
-        let taken_back = OPTIONAL.contains(&key) && *value == Value::Boolean(false);
-        !taken_back
-    });
-    for (_, value) in table.iter_mut() {
         take_back_inside(value);
-    }
+        !OPTIONAL.contains(&key) || *value != Value::Boolean(false)
+    });
 }
 
 fn take_back_inside(value: &mut Value) {

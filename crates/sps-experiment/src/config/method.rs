@@ -4,7 +4,6 @@ use sps_base::names::nearest;
 use sps_estimator::Regression;
 use sps_viewselect::AnySelector;
 
-use super::adaptive;
 use super::encoder::{EncoderSpec, encoder};
 use super::estimator::{self, Estimator};
 use super::layers::Layers;
@@ -80,7 +79,7 @@ pub(super) fn methods(
             label: method.label.clone(),
             encoder: encoder(layers, &key("encoder"), &method.encoder)?,
             estimator: estimator::of(config, method).map_err(refused)?,
-            adaptive: adaptive::of(method, &looks).map_err(refused)?,
+            adaptive: adaptive(method, &looks).map_err(refused)?,
             looks,
             paper: method.paper.clone(),
             test_surfaces: test_surfaces(method, protocol).map_err(refused)?,
@@ -88,6 +87,32 @@ pub(super) fn methods(
         });
     }
     Ok(methods)
+}
+
+/// When a method that looks at one view after the other has looked enough.
+fn adaptive(method: &MethodConfig, looks: &Looks) -> Result<Option<Adaptive>, Problem> {
+    let Some(adaptive) = method.adaptive else {
+        return Ok(None);
+    };
+    let Looks::Selected(selected) = looks else {
+        let why = "needs a number of `views` above 1, which says how many at most";
+        return refuse("adaptive", why);
+    };
+    // Whatever has seen the readings of the calibration surfaces is surer of them than of others.
+    let (key, why) = if selected.selector.learns() {
+        let why = "needs a selector that learns nothing: its intervals would be too narrow";
+        ("adaptive", why)
+    } else if method.encoder.trainable {
+        let why = "needs an encoder that is not trained: its intervals would be too narrow";
+        ("adaptive", why)
+    } else if !(adaptive.width.is_finite() && adaptive.width > 0.0) {
+        ("adaptive.width", "must be above 0")
+    } else if !(adaptive.calibration > 0.0 && adaptive.calibration < 1.0) {
+        ("adaptive.calibration", "must lie between 0 and 1")
+    } else {
+        return Ok(Some(adaptive));
+    };
+    refuse(key, why)
 }
 
 fn test_surfaces(method: &MethodConfig, protocol: Protocol) -> Result<Option<usize>, Problem> {
@@ -119,12 +144,13 @@ fn training_surfaces(method: &MethodConfig) -> Result<Option<usize>, Problem> {
 }
 
 fn check_printed_row(method: &MethodConfig) -> Result<(), Problem> {
-    let Some(name) = &method.paper else {
+    let Some(name) = method
+        .paper
+        .as_ref()
+        .filter(|name| paper::row(name).is_none())
+    else {
         return Ok(());
     };
-    if paper::row(name).is_some() {
-        return Ok(());
-    }
     let names = paper::names();
     let hint = match nearest(name, names.iter().map(String::as_str)) {
         Some(nearest) => format!(", did you mean `{nearest}`?"),

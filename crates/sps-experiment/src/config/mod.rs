@@ -1,6 +1,5 @@
 //! Experiment configs: TOML in, checked [`Experiment`]s out.
 
-mod adaptive;
 mod differing;
 mod encoder;
 mod estimator;
@@ -13,13 +12,12 @@ mod locate;
 mod looks;
 mod merge;
 mod method;
-mod report;
 mod schema;
 mod setting;
 mod written;
 
 pub use differing::{Differing, differing_keys};
-pub use encoder::{EncoderSpec, Network, WeightsSpec, check_depths, check_training};
+pub use encoder::{EncoderSpec, Network, WeightsSpec};
 pub use experiment::Experiment;
 pub use layers::Layers;
 pub use list::list;
@@ -28,7 +26,6 @@ pub use setting::Setting;
 
 pub use crate::data::DataSpec;
 
-pub(crate) use adaptive::in_order;
 pub(crate) use estimator::{Estimator, Given};
 pub(crate) use looks::{Looks, Refit, Selected};
 pub(crate) use method::Method;

@@ -1,4 +1,5 @@
-//! The keys of an experiment as they are written; `defaults.toml` says what each means.
+//! The keys of an experiment as they are written; `defaults.toml` and, of methods, `docs/config.md` say what
+//! each means.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -11,9 +12,9 @@ use sps_metrics::Level;
 use sps_models::encoders::Depths;
 use sps_models::heads::HeadConfig;
 use sps_models::training::TrainingConfig;
+use sps_regress::RegressorKind;
 use sps_regress::kernel_ridge::{Kernel, KernelRidgeConfig};
 use sps_regress::ridge::RidgeConfig;
-use sps_regress::{RegressorKind, RegressorSettings};
 use sps_viewselect::{AnySelector, TemporalRelations};
 
 use crate::data::DataConfig;
@@ -41,15 +42,6 @@ pub(crate) struct Config {
     pub report: ReportConfig,
     pub train: TrainConfig,
     pub cache: CacheConfig,
-}
-
-impl Config {
-    pub(super) fn regressors(&self) -> RegressorSettings {
-        RegressorSettings {
-            ridge: self.ridge.clone(),
-            kernel_ridge: self.kernel_ridge.clone(),
-        }
-    }
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -80,45 +72,28 @@ pub(crate) struct SelectionConfig {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct MethodConfig {
-    /// Names the method in files; unique.
     pub id: String,
-    /// Names it in the report.
     pub label: String,
     pub kind: MethodKind,
-    /// The CSV of the estimates, where the kind is `predictions`.
     pub file: Option<PathBuf>,
-    /// What is stacked, where the kind is `stacked`.
     #[serde(default)]
     pub members: Vec<MethodKind>,
-    /// Parts of the training surfaces, of which each is estimated by members that were trained on
-    /// the others to weigh them.
     #[serde(default = "five")]
     pub folds: usize,
-    /// The printed row that stands beside it in the report.
     pub paper: Option<String>,
     /// The top-level `encoder` with the method's own laid over it.
     pub encoder: EncoderConfig,
     /// The top-level `head` with the method's own laid over it.
     pub head: HeadConfig,
-    /// Views of a surface that an estimate looks at. Without a selector, 1 is the view straight down
-    /// and more are equidistant.
     #[serde(default)]
     pub views: ViewCount,
-    /// Chooses the views, for each property and rerun.
     pub selector: Option<AnySelector>,
-    /// Whether the selector may not choose a view twice.
     #[serde(default)]
     pub distinct: bool,
-    /// The selector's loss is that of kernel ridge regression, fitted anew to each set of views;
-    /// elsewhere it is that of a network that was trained on random sets and frozen.
     pub refit: Option<RefitConfig>,
-    /// Related views of a temporal relation network, instead.
     pub relations: Option<TemporalRelations>,
-    /// Looks at the selected views one at a time, and at no more than a surface needs.
     pub adaptive: Option<Adaptive>,
-    /// Scored on the first so many of the surfaces that exist for scoring alone.
     pub test_surfaces: Option<usize>,
-    /// Trained on so many of a rerun's training surfaces, drawn at random.
     pub training_surfaces: Option<usize>,
 }
 
@@ -163,8 +138,6 @@ impl<'de> Deserialize<'de> for ViewCount {
 pub(crate) struct RefitConfig {
     #[serde(default)]
     pub kernel: Kernel,
-    /// How far the loss of each property is drawn towards the mean over all: 0 for each its own
-    /// views, 1 for one choice for all. Chosen on the training part where it is not given.
     pub pooled: Option<f64>,
     #[serde(default)]
     pub judged_on: JudgedOn,
@@ -181,18 +154,13 @@ pub(crate) enum JudgedOn {
     HeldOut,
 }
 
-/// When a surface has been looked at enough: at the first number of views whose interval is narrow
-/// enough.
+/// A surface has been looked at enough at the first number of views whose interval is so narrow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct Adaptive {
-    /// The width of an interval that is narrow enough, in standard deviations of the training
-    /// readings.
     pub width: f64,
-    /// Share of surfaces that an interval must hold.
     #[serde(default = "ninety_percent")]
     pub level: Level,
-    /// Share of the training surfaces that the intervals are calibrated on.
     #[serde(default = "a_fifth")]
     pub calibration: f64,
 }
@@ -238,14 +206,12 @@ impl<'de> Deserialize<'de> for MethodKind {
 
 impl MethodKind {
     fn all() -> impl Iterator<Item = Self> {
-        let others = [
-            Self::Stacked,
-            Self::Mean,
-            Self::LabelMean,
-            Self::Predictions,
-        ];
-        let rows = RegressorKind::ALL.map(Self::Rows);
-        [Self::Head].into_iter().chain(rows).chain(others)
+        use MethodKind::{Head, LabelMean, Mean, Predictions, Stacked};
+        let rows = RegressorKind::ALL.into_iter().map(Self::Rows);
+        [Head]
+            .into_iter()
+            .chain(rows)
+            .chain([Stacked, Mean, LabelMean, Predictions])
     }
 
     pub(crate) const fn name(self) -> &'static str {
@@ -276,11 +242,8 @@ pub(crate) struct ReportConfig {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) struct SpeedConfig {
-    /// Whether they are asked.
     pub front: bool,
-    /// Share of the best error that the fastest method may lie above it.
     pub within_error: f64,
-    /// Seconds per surface that the method of least error may take.
     pub within_seconds: f64,
 }
 

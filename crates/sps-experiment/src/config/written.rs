@@ -11,19 +11,30 @@ pub(super) struct Written {
     pub method: MethodConfig,
 }
 
-/// All methods: those listed, those of the sweeps, and the floors that are not among them.
-pub(super) fn all(config: &Config) -> Vec<Written> {
-    let mut all = asked_for(config);
-    let floors = config.floors.iter().map(|&kind| floor(config, kind));
-    let missing: Vec<MethodConfig> = floors
-        .filter(|floor| !all.iter().any(|written| written.method.id == floor.id))
-        .collect();
-    all.extend(missing.into_iter().map(|method| Written {
-        at: "floors".to_owned(),
-        head: "head".to_owned(),
-        method,
-    }));
-    all
+/// All methods: those listed, those of the sweeps, and the floors that are not among them; and how many are
+/// no floors.
+pub(super) fn written(config: &Config) -> (Vec<Written>, usize) {
+    let mut all = Vec::new();
+    let mut add = |at: String, head: String, method| all.push(Written { at, head, method });
+    for (index, method) in config.methods.iter().enumerate() {
+        let at = format!("methods.{index}");
+        add(at.clone(), format!("{at}.head"), method.clone());
+    }
+    for (index, methods) in config.sweep.iter().enumerate() {
+        let at = format!("sweep.{index}");
+        for (of, method) in methods.iter().enumerate() {
+            add(at.clone(), format!("{at}.{of}.head"), method.clone());
+        }
+    }
+    let listed = all.len();
+    for &kind in &config.floors {
+        let method = floor(config, kind);
+        if all[..listed].iter().all(|one| one.method.id != method.id) {
+            let [at, head] = ["floors", "head"].map(str::to_owned);
+            all.push(Written { at, head, method });
+        }
+    }
+    (all, listed)
 }
 
 /// One view, the encoder of the config.
@@ -44,25 +55,4 @@ fn floor(config: &Config, kind: MethodKind) -> MethodConfig {
         head: config.head.clone(),
         ..MethodConfig::default()
     }
-}
-
-pub(super) fn asked_for(config: &Config) -> Vec<Written> {
-    let listed = config.methods.iter().enumerate();
-    let listed = listed.map(|(index, method)| Written {
-        at: format!("methods.{index}"),
-        head: format!("methods.{index}.head"),
-        method: method.clone(),
-    });
-    let swept = config
-        .sweep
-        .iter()
-        .enumerate()
-        .flat_map(|(index, methods)| {
-            methods.iter().enumerate().map(move |(of, method)| Written {
-                at: format!("sweep.{index}"),
-                head: format!("sweep.{index}.{of}.head"),
-                method: method.clone(),
-            })
-        });
-    listed.chain(swept).collect()
 }

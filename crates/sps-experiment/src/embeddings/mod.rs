@@ -28,17 +28,8 @@ const BYTES_AT_ONCE: usize = 256 << 20;
 /// Frames after which a shard looks what others have encoded.
 const BLOCK: usize = 4 * FRAMES_AT_ONCE;
 
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Embeddings {
-    pub width: usize,
-    /// (frames, width), row-major.
-    pub values: Vec<f32>,
-    /// Frames that had to be decoded or rendered, because the cache did not have them.
-    pub frames_decoded: usize,
-}
-
-/// Embeds the given frames of `source`, decoding only what the experiment's cache lacks; where a file has the
-/// embeddings, none.
+/// Embeds the given frames of `source`, `(frames, width)`, decoding only what the experiment's cache lacks, and
+/// says how many that were; where a file has the embeddings, none.
 ///
 /// Shards that share a cache help one another: each goes over all frames block by block, its own
 /// blocks first, and encodes what no other has until then. So none waits, and none depends on another.
@@ -47,14 +38,10 @@ pub(crate) fn embed(
     frames: &[FrameIndex],
     embedder: &Embedder,
     experiment: &Experiment,
-) -> Result<Embeddings> {
+) -> Result<(Vec<f32>, usize)> {
     let width = embedder.width();
     if let Network::Precomputed(rows) = embedder.network() {
-        return Ok(Embeddings {
-            width,
-            values: of_file(source, frames, rows)?,
-            frames_decoded: 0,
-        });
+        return Ok((of_file(source, frames, rows)?, 0));
     }
     let (identity, work) = (embedder.identity(), experiment.work);
     let cache = &EmbeddingCache::open(&experiment.cache, identity, width, work)?;
@@ -81,11 +68,7 @@ pub(crate) fn embed(
         let row = rows.get(key);
         values.extend(row.context("a frame changed while it was read")?);
     }
-    Ok(Embeddings {
-        width,
-        values,
-        frames_decoded,
-    })
+    Ok((values, frames_decoded))
 }
 
 /// The rows of the given frames. A photograph is called after its surface and its view, as a dataset's folder

@@ -20,14 +20,8 @@ use super::select::asks_together;
 use crate::config::Method;
 use crate::work::{Shard, Work};
 
-/// What is done together, of methods by their places.
-struct Item {
-    methods: Vec<usize>,
-    split: usize,
-}
-
-/// The items of an experiment with so many splits.
-fn items(methods: &[Method], splits: usize) -> Result<Vec<Item>> {
+/// Which methods, by their places, are done together.
+fn together(methods: &[Method]) -> Result<Vec<Vec<usize>>> {
     let mut together = Vec::new();
     for (encoder, members) in by_encoder(methods) {
         if encoder.learns() {
@@ -36,13 +30,7 @@ fn items(methods: &[Method], splits: usize) -> Result<Vec<Item>> {
             together.extend(asks_together(methods, &members)?);
         }
     }
-    let of_methods = |methods: Vec<usize>| {
-        (0..splits).map(move |split| Item {
-            methods: methods.clone(),
-            split,
-        })
-    };
-    Ok(together.into_iter().flat_map(of_methods).collect())
+    Ok(together)
 }
 
 /// The splits that are done of each of some methods.
@@ -66,20 +54,20 @@ impl Dealt {
     /// What a shard does of an experiment.
     pub(super) fn to_shard(shard: Shard, methods: &[Method], splits: usize) -> Result<Self> {
         let mut dealt = Self(vec![BTreeSet::new(); methods.len()]);
-        for (place, item) in items(methods, splits)?.into_iter().enumerate() {
-            if shard.has(place) {
-                for method in item.methods {
-                    dealt.0[method].insert(item.split);
-                }
+        let together = together(methods)?;
+        let items = together.iter();
+        let items = items.flat_map(|methods| (0..splits).map(move |split| (methods, split)));
+        for (_, (methods, split)) in items.enumerate().filter(|(place, _)| shard.has(*place)) {
+            for &method in methods {
+                dealt.0[method].insert(split);
             }
         }
         Ok(dealt)
     }
 
     pub(crate) fn has(&self, method: usize, split: usize) -> bool {
-        self.0
-            .get(method)
-            .is_some_and(|dealt| dealt.contains(&split))
+        let dealt = self.0.get(method);
+        dealt.is_some_and(|dealt| dealt.contains(&split))
     }
 
     /// Of these methods alone, in this order.
@@ -127,12 +115,11 @@ mod tests {
         Experiment::read(&path, &[]).unwrap().methods
     }
 
-    /// The ids of the methods of each item that has several.
-    fn together(methods: &[Method]) -> Vec<String> {
-        let items = items(methods, 1).unwrap().into_iter();
-        let several = items.filter(|item| item.methods.len() > 1);
-        let ids = several.map(|item| {
-            let ids = item.methods.iter().map(|&at| methods[at].id.as_str());
+    /// The ids of methods that are done together.
+    fn families(methods: &[Method]) -> Vec<String> {
+        let several = together(methods).unwrap().into_iter();
+        let ids = several.filter(|places| places.len() > 1).map(|places| {
+            let ids = places.iter().map(|&at| methods[at].id.as_str());
             ids.collect::<Vec<_>>().join(" ")
         });
         ids.collect()
@@ -142,7 +129,7 @@ mod tests {
     fn selectors_of_one_network_stay_together_and_all_else_does_not() {
         let methods = methods("multi-view");
         let family = "random equidistant nvs vb-nvs greedy exhaustive equidistant-ends";
-        assert_eq!(together(&methods), [family]);
+        assert_eq!(families(&methods), [family]);
     }
 
     #[test]
@@ -152,7 +139,7 @@ mod tests {
         let same = |method: &&Method| method.encoder == heads.encoder;
         let ids: Vec<&str> = methods.iter().filter(same).map(|m| &m.id[..]).collect();
         assert!(ids.len() > 1);
-        assert!(together(&methods).contains(&ids.join(" ")), "{ids:?}");
+        assert!(families(&methods).contains(&ids.join(" ")), "{ids:?}");
     }
 
     #[test]

@@ -10,8 +10,8 @@ use super::found::{Found, Selections};
 use super::frozen::Folds;
 use super::results::MethodRow;
 use super::stage::Stages;
-use super::trials::{self, Planned, TrialSpec};
-use super::{Encodings, Journals, Splits};
+use super::trials::{Planned, TrialSpec};
+use super::{Encodings, Journals, Splits, views};
 use crate::config::{EncoderSpec, Experiment, Method};
 use crate::data::About;
 use crate::journal::Journal;
@@ -41,7 +41,8 @@ impl<'m> Encoded<'_, 'm> {
         let mut groups = stages.of_splits(&self.splits.all, &self.dealt.of_any())?;
         if self.looks_in_hindsight() {
             for group in &mut groups {
-                group.look_at_all(self)?;
+                let all = 0..group.stage.tables.views.len();
+                group.look_at(self, all)?;
             }
         }
         let selections = self.select(&groups, &mut journals.selections)?;
@@ -104,13 +105,13 @@ impl<'m> Encoded<'_, 'm> {
             group.look(self, &planned)?;
             for ((method, planned), all) in self.methods.iter().zip(planned).zip(&mut trials) {
                 let own = self.splits.of_method(method, experiment.seed)?;
-                let specs = trials::keyed(experiment, method, group, &own.all, planned)?;
                 let judge = Judge {
                     experiment,
                     method,
                     encodings: group,
                     splits: &own,
                 };
+                let specs = judge.keyed(planned)?;
                 judge.run_missing(&specs, &mut journals.trials)?;
                 all.extend(specs);
             }
@@ -125,11 +126,23 @@ impl<'m> Encoded<'_, 'm> {
         dealt: &Dealt,
         selections: &Selections,
     ) -> Result<Vec<Vec<Planned>>> {
-        let (tables, splits) = (&group.stage.tables, &self.splits.all);
+        let tables = &group.stage.tables;
         let methods = self.methods.iter().enumerate();
         let planned = methods.map(|(at, method)| {
-            let some = dealt.splits_of(at);
-            trials::planned(self.experiment, method, tables, splits, some, selections)
+            let mut planned = Vec::new();
+            for property in &tables.properties {
+                for &split in dealt.splits_of(at) {
+                    let of = (property, split, &self.splits.all[split]);
+                    let views = views::of_trial(self.experiment, method, tables, of, selections)?;
+                    let property = property.clone();
+                    planned.push(Planned {
+                        property,
+                        split,
+                        views,
+                    });
+                }
+            }
+            Ok(planned)
         });
         planned.collect()
     }

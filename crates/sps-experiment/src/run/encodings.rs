@@ -1,75 +1,89 @@
-//! What some reruns look at: embeddings of the surfaces that they train on, and of the views of
-//! others that they are scored on.
+//! What some reruns look at: embeddings of the surfaces that they train on and, of others that they are
+//! scored on, of those views alone that some method looks at.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result};
+use sps_dataset::FrameIndex;
 
 use super::encoded::Encoded;
 use super::stage::Stage;
-use super::tables::Tables;
-use super::test_views::{TestViews, Wanted};
 use super::trials::Planned;
+use crate::embeddings::embed;
 
 /// Of one encoder.
 pub(crate) struct Encodings {
     pub stage: Arc<Stage>,
     /// The splits that look at them.
     pub splits: Range<usize>,
-    test: TestViews,
+    /// By index of the view in the source, `(surfaces, width)`: the first of those only scored on.
+    test_views: BTreeMap<usize, Vec<f32>>,
+    /// Of `test_views`, by view and number of surfaces.
+    hashes: Mutex<BTreeMap<(usize, usize), blake3::Hash>>,
 }
 
 impl Encodings {
     /// Of some splits; nothing is seen yet of surfaces that are only scored on.
-    pub(super) fn new(stage: Arc<Stage>, splits: Range<usize>) -> Self {
+    pub(crate) fn new(stage: Arc<Stage>, splits: Range<usize>) -> Self {
         Self {
             stage,
             splits,
-            test: TestViews::default(),
+            test_views: BTreeMap::new(),
+            hashes: Mutex::default(),
         }
     }
 
     /// Embeds what the trials of each method look at of surfaces that are only scored on.
     pub(super) fn look(&mut self, of: &Encoded<'_, '_>, trials: &[Vec<Planned>]) -> Result<()> {
         let tables = &self.stage.tables;
-        let mut wanted = Wanted::default();
+        let mut wanted = BTreeMap::new();
         for (method, planned) in of.methods.iter().zip(trials) {
             for trial in planned {
                 let split = &of.splits.all[trial.split];
-                let beyond = beyond(tables, method.scored_on(&split.validation).last());
+                let last = method.scored_on(&split.validation).last();
+                let beyond = last.map_or(0, |last| (last + 1).saturating_sub(tables.pool()));
                 for place in trial.views.shown() {
-                    wanted.add(tables.views[place], beyond);
+                    let most = wanted.entry(tables.views[place]).or_default();
+                    *most = beyond.max(*most);
                 }
             }
         }
-        self.test = TestViews::embed(of.experiment, of.source, &self.stage, &wanted)?;
-        Ok(())
+        self.embed(of, &wanted)
     }
 
-    /// Embeds every view of every surface that is only scored on.
-    pub(super) fn look_at_all(&mut self, of: &Encoded<'_, '_>) -> Result<()> {
-        let tables = &self.stage.tables;
-        let splits = of.splits.all.iter();
-        let last = splits.filter_map(|split| split.validation.last());
-        let wanted = Wanted::of(&tables.views, beyond(tables, last.max()));
-        self.test = TestViews::embed(of.experiment, of.source, &self.stage, &wanted)?;
-        Ok(())
-    }
-
-    /// Of one stage, with these views of all surfaces that are only scored on.
-    pub(crate) fn with_test_views(
+    /// Embeds views, given by their places in the tables, of every surface that is only scored on.
+    pub(crate) fn look_at(
+        &mut self,
         of: &Encoded<'_, '_>,
-        stage: Arc<Stage>,
-        places: &[usize],
-    ) -> Result<Self> {
-        let views = places.iter().map(|&place| &stage.tables.views[place]);
-        let wanted = Wanted::of(views, of.source.surfaces().len() - of.splits.pool);
-        Ok(Self {
-            test: TestViews::embed(of.experiment, of.source, &stage, &wanted)?,
-            stage,
-            splits: 0..0,
-        })
+        places: impl IntoIterator<Item = usize>,
+    ) -> Result<()> {
+        let count = of.source.surfaces().len() - self.stage.tables.pool();
+        let views = places.into_iter();
+        let wanted = views.map(|place| (self.stage.tables.views[place], count));
+        self.embed(of, &wanted.collect())
+    }
+
+    /// Embeds so many surfaces, in each of these views, of those that are only scored on.
+    fn embed(&mut self, of: &Encoded<'_, '_>, wanted: &BTreeMap<usize, usize>) -> Result<()> {
+        let (embedder, first) = (&self.stage.embedder, self.stage.tables.pool());
+        let most = wanted.values().copied().max().unwrap_or(0);
+        let frames = (0..most).flat_map(|surface| {
+            let looked_at = wanted.iter().filter(move |(_, count)| surface < **count);
+            looked_at.map(move |(&view, _)| FrameIndex {
+                surface: first + surface,
+                view,
+            })
+        });
+        let frames: Vec<FrameIndex> = frames.collect();
+        let (values, _) = embed(of.source, &frames, embedder, of.experiment)?;
+        self.test_views.clear();
+        for (frame, row) in frames.iter().zip(values.chunks(embedder.width())) {
+            self.test_views.entry(frame.view).or_default().extend(row);
+        }
+        self.hashes = Mutex::default();
+        Ok(())
     }
 
     /// Embeddings of these views, given by their places in the tables, of any of the surfaces.
@@ -88,15 +102,16 @@ impl Encodings {
             for &place in places {
                 let row = match surface.checked_sub(tables.pool()) {
                     None => tables.embeddings.get(surface, place),
-                    Some(number) => self.test.get(number, tables.views[place]),
+                    Some(number) => {
+                        let rows = self.test_views.get(&tables.views[place]);
+                        rows.and_then(|rows| rows.get(number * width..(number + 1) * width))
+                    }
                 };
                 values.extend(row.context("a view that was not embedded")?);
             }
         }
-        Ok(self
-            .stage
-            .embedder
-            .table(&values, surfaces.len(), places.len())?)
+        let embedder = &self.stage.embedder;
+        Ok(embedder.table(&values, surfaces.len(), places.len())?)
     }
 
     /// A hash of what a trial is scored on: these views, and the readings, of these surfaces.
@@ -106,16 +121,24 @@ impl Encodings {
         let beyond = surfaces.iter().filter(|&&surface| surface >= tables.pool());
         let count = beyond.clone().count();
         for &place in places {
-            let view = self.test.fingerprint(tables.views[place], count);
+            let view = self.fingerprint_of(tables.views[place], count);
             hasher.update(view.as_bytes());
         }
         tables.hash_readings(beyond.copied(), &mut hasher);
         hasher.finalize()
     }
-}
 
-/// How many of the surfaces that are only scored on there are up to this one.
-fn beyond(tables: &Tables, last: Option<&usize>) -> usize {
-    last.map_or(0, |last| last + 1)
-        .saturating_sub(tables.pool())
+    /// A hash of a view of the first so many surfaces that are only scored on.
+    fn fingerprint_of(&self, view: usize, surfaces: usize) -> blake3::Hash {
+        let width = self.stage.tables.embeddings.width();
+        let mut hashes = self.hashes.lock().unwrap_or_else(PoisonError::into_inner);
+        *hashes.entry((view, surfaces)).or_insert_with(|| {
+            let mut hasher = blake3::Hasher::new();
+            let rows = self.test_views.get(&view).into_iter().flatten();
+            for value in rows.take(surfaces * width) {
+                hasher.update(&value.to_le_bytes());
+            }
+            hasher.finalize()
+        })
+    }
 }

@@ -132,10 +132,8 @@ impl<'a> Recorder<'a> {
         }
         let mut outcomes = Vec::new();
         for ((surfaces, fillings), specs) in alike {
-            let some = models.filtered(&|trained| {
-                let wanted = |(spec, _): &(&TrialSpec, HeldOut)| is_of(spec, trained);
-                specs.iter().any(wanted)
-            });
+            let some =
+                models.filtered(&|trained| specs.iter().any(|(spec, _)| is_of(spec, trained)));
             let mut estimates = self.estimates(some.as_ref(), fillings, &surfaces)?;
             for (spec, held_out) in specs {
                 let trials = some.trials();
@@ -153,12 +151,18 @@ impl<'a> Recorder<'a> {
 
     fn failure(&self, diverged: &DivergedTrial) -> Result<Outcome> {
         let DivergedTrial { trial, reason } = diverged;
-        let label = &self.judge.method.label;
-        warn!(
-            "{label}, {}, rerun {}: {reason}",
-            trial.property, trial.rerun
-        );
-        self.judge.failure(self.spec(trial)?, reason)
+        let (judge, spec) = (&self.judge, self.spec(trial)?);
+        let (label, property, rerun) = (&judge.method.label, &trial.property, trial.rerun);
+        warn!("{label}, {property}, rerun {rerun}: {reason}");
+        let held_out = HeldOut {
+            surfaces: Vec::new(),
+            truth: Vec::new(),
+            ..judge.held_out(spec)?
+        };
+        Ok(Outcome {
+            failed: Some(reason.clone()),
+            ..judge.outcome(spec, held_out, Vec::new())
+        })
     }
 
     fn spec(&self, trained: &Trial) -> Result<&TrialSpec> {
@@ -253,12 +257,8 @@ impl<'a> Judge<'a> {
                 failed: None,
             }),
         };
-        let fitted = fit_some(
-            method,
-            (self.tables(), &self.splits.units),
-            &plan,
-            &recorder,
-        );
+        let data = (self.tables(), &self.splits.units);
+        let fitted = fit_some(method, data, &plan, &recorder);
         // Networks were recorded as they were finished.
         if let Ok(fitted) = &fitted
             && !matches!(method.estimator.regression(), Some(Regression::Head(_)))
@@ -310,17 +310,5 @@ impl<'a> Judge<'a> {
             views: tables.shown(&trial.views.shown()),
             ..Outcome::default()
         }
-    }
-
-    fn failure(&self, trial: &TrialSpec, reason: &str) -> Result<Outcome> {
-        let held_out = HeldOut {
-            surfaces: Vec::new(),
-            truth: Vec::new(),
-            ..self.held_out(trial)?
-        };
-        Ok(Outcome {
-            failed: Some(reason.to_owned()),
-            ..self.outcome(trial, held_out, Vec::new())
-        })
     }
 }

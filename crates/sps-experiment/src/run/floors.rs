@@ -16,54 +16,36 @@ pub(super) fn outcomes(judge: &Judge<'_>, trials: &[&TrialSpec]) -> Result<Optio
         Estimator::Mean => false,
         Estimator::LabelMean => true,
         Estimator::Given(given) => {
-            return estimates::outcomes(judge, trials, given.estimates()?).map(Some);
+            let given = given.estimates()?;
+            let outcomes = trials
+                .iter()
+                .map(|trial| estimates::outcome(judge, trial, given));
+            return outcomes.collect::<Result<_>>().map(Some);
         }
         Estimator::Fitted(_) => return Ok(None),
     };
     let outcome = |trial: &&TrialSpec| {
         let held_out = judge.held_out(trial)?;
-        let means = Means::of(judge, trial, by_label);
-        let surfaces = held_out.surfaces.iter();
-        let estimate = surfaces
-            .map(|&surface| means.of_surface(judge, surface))
-            .collect();
-        Ok(judge.outcome(trial, held_out, estimate))
+        let tables = judge.tables();
+        let material = |surface: usize| tables.surfaces[surface].material.as_str();
+        let training = &judge.splits.all[trial.rerun].train;
+        let (mut all, mut of_material) = (Vec::new(), HashMap::<_, Vec<f64>>::new());
+        for (surface, value) in tables.measured(&trial.property, training) {
+            all.push(value);
+            of_material
+                .entry(material(surface))
+                .or_default()
+                .push(value);
+        }
+        let of_material = of_material.iter().filter(|_| by_label);
+        let of_material = of_material.map(|(&name, values)| (name, mean(values)));
+        let (all, of_material) = (mean(&all), of_material.collect::<HashMap<_, _>>());
+        // That of all where no training surface is of the material.
+        let estimate = |&surface: &usize| *of_material.get(material(surface)).unwrap_or(&all);
+        let estimates = held_out.surfaces.iter().map(estimate).collect();
+        Ok(judge.outcome(trial, held_out, estimates))
     };
     trials.iter().map(outcome).collect::<Result<_>>().map(Some)
-}
-
-struct Means<'a> {
-    all: f64,
-    /// By material; empty where labels are not read.
-    of_material: HashMap<&'a str, f64>,
-}
-
-impl<'a> Means<'a> {
-    fn of(judge: &Judge<'a>, trial: &TrialSpec, by_label: bool) -> Self {
-        let split = &judge.splits.all[trial.rerun];
-        let mut all = Vec::new();
-        let mut of_material: HashMap<&str, Vec<f64>> = HashMap::new();
-        for (surface, value) in judge.tables().measured(&trial.property, &split.train) {
-            all.push(value);
-            if by_label {
-                let material = &judge.tables().surfaces[surface].material;
-                of_material.entry(material).or_default().push(value);
-            }
-        }
-        let of_material = of_material.into_iter();
-        Self {
-            all: mean(&all),
-            of_material: of_material
-                .map(|(name, values)| (name, mean(&values)))
-                .collect(),
-        }
-    }
-
-    /// That of all where no training surface is of the material.
-    fn of_surface(&self, judge: &Judge<'_>, surface: usize) -> f64 {
-        let material = judge.tables().surfaces[surface].material.as_str();
-        self.of_material.get(material).copied().unwrap_or(self.all)
-    }
 }
 
 fn mean(values: &[f64]) -> f64 {

@@ -23,7 +23,6 @@ mod shards;
 mod splits;
 mod stage;
 mod tables;
-mod test_views;
 mod trials;
 pub(crate) mod views;
 

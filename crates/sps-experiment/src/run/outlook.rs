@@ -8,11 +8,12 @@ use anyhow::{Error, Result};
 
 use super::deal::Dealt;
 use super::encoded::Encoded;
+use super::fit::Judge;
 use super::found::Selections;
 use super::frozen::Folds;
 use super::prepared::Prepared;
 use super::stage::Stages;
-use super::{Encodings, Journals, shards, tables, trials};
+use super::{Encodings, Journals, shards, tables};
 use crate::config::{Experiment, Looks};
 use crate::data;
 use crate::encoder;
@@ -147,7 +148,8 @@ impl Looking {
     ) -> Result<()> {
         let (experiment, splits) = (encoded.experiment, encoded.splits);
         if encoded.looks_in_hindsight() {
-            let looked = group.look_at_all(encoded);
+            let all = 0..group.stage.tables.views.len();
+            let looked = group.look_at(encoded, all);
             if seen.there(looked, 0)?.is_none() {
                 return Ok(());
             }
@@ -183,7 +185,13 @@ impl Looking {
             }
             let method = encoded.methods[at];
             let own = splits.of_method(method, experiment.seed)?;
-            let keyed = trials::keyed(experiment, method, group, &own.all, planned)?;
+            let judge = Judge {
+                experiment,
+                method,
+                encodings: group,
+                splits: &own,
+            };
+            let keyed = judge.keyed(planned)?;
             let done = keyed.iter();
             let done = done.filter(|one| self.0.trials.get(&one.key).is_some());
             let ([trials, missing, ..], done) = (&mut seen.methods[at], done.count());

@@ -54,7 +54,8 @@ impl<'a> Prepared<'a> {
     ) -> Result<Vec<(Vec<usize>, T)>> {
         let mut done = Vec::new();
         for (encoder, members) in by_encoder(&self.methods) {
-            let encoded = Encoded {
+            let sequences;
+            let mut encoded = Encoded {
                 experiment: self.experiment,
                 source: self.source,
                 about: self.about,
@@ -67,19 +68,12 @@ impl<'a> Prepared<'a> {
             if encoded.dealt.of_any().is_empty() {
                 continue;
             }
-            let one = match encoder.network {
-                Network::Sequences { frames, .. } => {
-                    let views = views::equidistant(self.source, frames)?;
-                    let sequences = Sequences::new(self.source, views.clone());
-                    work(&Encoded {
-                        source: &sequences,
-                        sequence: Some(views),
-                        ..encoded
-                    })?
-                }
-                _ => work(&encoded)?,
-            };
-            done.push((members, one));
+            if let Network::Sequences { frames, .. } = encoder.network {
+                let views = views::equidistant(self.source, frames)?;
+                sequences = Sequences::new(self.source, views.clone());
+                (encoded.source, encoded.sequence) = (&sequences, Some(views));
+            }
+            done.push((members, work(&encoded)?));
         }
         Ok(done)
     }

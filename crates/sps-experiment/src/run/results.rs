@@ -49,11 +49,11 @@ impl<'m> MethodRow<'m> {
                 outcome.train_seconds = 0.0;
             }
             if let Some(one) = selections.get(&method.id, &trial.property, trial.rerun) {
-                let of_property: &mut Vec<Found> = found.entry(property.clone()).or_default();
-                of_property.push(one.clone());
+                let found: &mut Vec<_> = found.entry(property.clone()).or_default();
+                found.push(one.clone());
             }
-            let of_property: &mut Vec<Outcome> = outcomes.entry(property).or_default();
-            of_property.push(outcome);
+            let outcomes: &mut Vec<_> = outcomes.entry(property).or_default();
+            outcomes.push(outcome);
         }
         Ok(Self {
             method,
@@ -73,9 +73,8 @@ impl<'m> MethodRow<'m> {
         splits: &Splits,
     ) -> Result<MethodOutcomes<'_>> {
         let method = self.method;
-        let trained_on = splits
-            .of_method(method, experiment.seed)?
-            .training_surfaces();
+        let trained_on = splits.of_method(method, experiment.seed)?;
+        let trained_on = trained_on.training_surfaces();
         let row = MethodResult {
             id: method.id.clone(),
             label: method.label.clone(),
@@ -120,22 +119,20 @@ pub(super) fn results(
     splits: &Splits,
     rows: &[MethodRow<'_>],
 ) -> Result<Results> {
-    let numbers = source.surfaces().iter().zip(splits.units.of_surface());
-    let units = numbers
-        .map(|(surface, &unit)| (surface.id.clone(), unit))
-        .collect();
+    let units = source.surfaces().iter().zip(splits.units.of_surface());
+    let units = units.map(|(surface, &unit)| (surface.id.clone(), unit));
+    let units = units.collect();
     let described = described(source, about, &properties);
     let dataset = dataset(experiment, source, about, splits);
     let after_the_paper = dataset.is_after_the_paper();
     let (with_percentages, without): (Vec<String>, Vec<String>) =
         properties.iter().cloned().partition(|code| {
             let range = described.get(code).and_then(|known| known.range);
-            after_the_paper || range.is_some_and(has_percentages)
+            after_the_paper || range.is_some_and(|[low, high]| low > 0.0 || high < 0.0)
         });
-    let stds = described
-        .iter()
-        .map(|(code, known)| (code.clone(), known.std));
-    let deviations = stds.collect();
+    let deviations = described.iter();
+    let deviations = deviations.map(|(code, known)| (code.clone(), known.std));
+    let deviations = deviations.collect();
     let measured = what_is_measured(splits, source.surfaces());
     info!("{measured}");
     let mut notes = vec![measured];
@@ -158,13 +155,11 @@ pub(super) fn results(
         intervals: Intervals::of_training(experiment.interval_level).sharing(test_per_training),
     };
     let outcomes = rows.iter();
-    let outcomes: Vec<MethodOutcomes<'_>> = outcomes
-        .map(|row| row.outcomes(rows, experiment, source, splits))
-        .collect::<Result<_>>()?;
-    let methods: Vec<MethodResult> = outcomes
-        .par_iter()
-        .map(|method| score(method, &outcomes, &experiment.against, &scoring))
-        .collect();
+    let outcomes = outcomes.map(|row| row.outcomes(rows, experiment, source, splits));
+    let outcomes: Vec<MethodOutcomes<'_>> = outcomes.collect::<Result<_>>()?;
+    let methods = outcomes.par_iter();
+    let methods = methods.map(|method| score(method, &outcomes, &experiment.against, &scoring));
+    let methods: Vec<MethodResult> = methods.collect();
     let against = experiment.against.iter().filter_map(|&at| methods.get(at));
     Ok(Results {
         provenance: provenance::of(experiment, source, about)?,
@@ -204,19 +199,6 @@ fn described(source: &dyn Source, about: &About, properties: &[String]) -> PerPr
     described.collect()
 }
 
-/// Whether all values lie on one side of zero, so that a percentage of them means something.
-fn has_percentages([low, high]: [f64; 2]) -> bool {
-    low > 0.0 || high < 0.0
-}
-
-/// The encoders of the methods in words; what each has stands beside it where there are several.
-fn encoders(methods: &[Method]) -> String {
-    match by_encoder(methods).as_slice() {
-        [(encoder, _)] => encoder::describe(encoder),
-        several => format!("{} settings, named beside each method", several.len()),
-    }
-}
-
 fn dataset(
     experiment: &Experiment,
     source: &dyn Source,
@@ -224,10 +206,9 @@ fn dataset(
     splits: &Splits,
 ) -> Dataset {
     let ceiling = |of: fn(&Ceiling) -> f64| {
-        let ceilings = about.ceilings.iter().flat_map(|c| &c.properties);
-        ceilings
-            .map(|(code, ceiling)| ((*code).clone(), of(ceiling)))
-            .collect()
+        let ceilings = about.ceilings.iter().flat_map(|all| &all.properties);
+        let ceilings = ceilings.map(|(code, ceiling)| (code.clone(), of(ceiling)));
+        ceilings.collect()
     };
     Dataset {
         name: source.name().to_owned(),
@@ -239,7 +220,10 @@ fn dataset(
         units: splits.units.count(),
         views: source.view_angles().len(),
         view_angles_deg: source.view_angles().iter().map(|angle| angle.0).collect(),
-        encoder: encoders(&experiment.methods),
+        encoder: match by_encoder(&experiment.methods).as_slice() {
+            [(encoder, _)] => encoder::describe(encoder),
+            several => format!("{} settings, named beside each method", several.len()),
+        },
         ceiling_one_view: ceiling(|ceiling| ceiling.nadir),
         ceiling_all_views: ceiling(|ceiling| ceiling.all),
     }

@@ -16,7 +16,7 @@ use super::found::{Found, Selections};
 use super::frozen::{Folds, FrozenLoss};
 use super::refit::Refits;
 use super::views::{seed, without_loss};
-use crate::config::{JudgedOn, Looks, Method, Refit, Selected};
+use crate::config::{JudgedOn, Method, Refit, Selected};
 use crate::journal::{Journal, TrialKey};
 use crate::progress::{Progress, ensure_wanted};
 
@@ -95,7 +95,7 @@ impl Folds<'_> {
         property: &Property,
         rerun: usize,
     ) -> Result<TrialKey> {
-        let tables = self.tables();
+        let (tables, refit) = (self.tables(), selected.refit.as_ref());
         TrialKey::of(&Inputs {
             code: env!("SOURCE_HASH"),
             data: tables.fingerprint().to_hex().to_string(),
@@ -104,10 +104,7 @@ impl Folds<'_> {
             folds: self.experiment.selection_folds,
             frozen: family.frozen.map(Head::config),
             selected,
-            refit: selected
-                .refit
-                .as_ref()
-                .map(|refit| self.refit_inputs(refit, rerun)),
+            refit: refit.map(|refit| self.refit_inputs(refit, rerun)),
             property: property.code(),
             rerun,
             training: &self.splits.all[rerun].train,
@@ -136,21 +133,17 @@ impl Folds<'_> {
         wanted: &[Wanted<'_>],
         journal: &mut Journal<Found>,
     ) -> Result<()> {
-        let missing: Vec<&Wanted<'_>> = wanted
-            .iter()
-            .filter(|wanted| journal.get(&wanted.key).is_none())
-            .collect();
+        let missing = wanted.iter();
+        let missing = missing.filter(|wanted| journal.get(&wanted.key).is_none());
+        let missing: Vec<&Wanted<'_>> = missing.collect();
         if let Some(one) = missing.first() {
             let (id, property, rerun) = (&one.method.id, &one.property, one.rerun);
             let what = format!("the views of method `{id}`, {property}, rerun {rerun}");
             self.experiment.work.ensure_fits(&what)?;
         }
         let same_trial = |a: &&Wanted<'_>, b: &&Wanted<'_>| a.trial() == b.trial();
-        let asking: Vec<&Wanted<'_>> = missing
-            .iter()
-            .copied()
-            .filter(|w| w.asks_frozen())
-            .collect();
+        let asking = missing.iter().copied();
+        let asking: Vec<&Wanted<'_>> = asking.filter(|wanted| wanted.asks_frozen()).collect();
         let begun = Instant::now();
         let estimators = match family.frozen {
             Some(head) if !asking.is_empty() => {
@@ -164,10 +157,12 @@ impl Folds<'_> {
         let progress = Progress::new("views selected", missing.len());
         for chunk in missing.chunk_by(same_trial) {
             let trial @ (property, rerun) = chunk[0].trial();
-            let loss = estimators.as_ref();
-            let loss = loss.filter(|_| chunk.iter().any(|wanted| wanted.asks_frozen()));
-            let loss = loss.map(|estimators| self.loss(estimators, property, rerun));
-            let loss = loss.transpose()?;
+            let loss = match &estimators {
+                Some(estimators) if chunk.iter().any(|wanted| wanted.asks_frozen()) => {
+                    Some(self.loss(estimators, property, rerun)?)
+                }
+                _ => None,
+            };
             for wanted in chunk {
                 progress.say(&format!("{}, {}", wanted.method.label, wanted.property));
                 let begun = Instant::now();
@@ -192,8 +187,7 @@ impl Folds<'_> {
     /// Stage 2.
     fn search(&self, loss: Option<&FrozenLoss>, wanted: &Wanted<'_>) -> Result<Found> {
         let (selected, key) = (wanted.selected, wanted.key.clone());
-        let seed = self.experiment.seed;
-        let seed = self::seed(seed, wanted.property.code(), wanted.rerun);
+        let seed = seed(self.experiment.seed, wanted.property.code(), wanted.rerun);
         let Some(loss) = loss else {
             return Ok(Found {
                 key,
@@ -221,22 +215,21 @@ pub(super) fn asks_together(methods: &[Method], members: &[usize]) -> Result<Vec
     let some: Vec<&Method> = members.iter().map(|&at| &methods[at]).collect();
     let mut together: Vec<Vec<usize>> = Vec::new();
     for family in families(&some)?.into_values() {
-        let (refits, others): (Vec<_>, Vec<_>) = family
-            .members
-            .into_iter()
-            .partition(|(_, _, selected)| selected.refit.is_some());
-        let places =
-            |some: Vec<(usize, _, _)>| some.into_iter().map(|one| members[one.0]).collect();
-        together.push(places(refits));
+        let places = |refits: bool| {
+            let some = family.members.iter();
+            let some = some.filter(|(_, _, selected)| selected.refit.is_some() == refits);
+            some.map(|&(place, ..)| members[place]).collect()
+        };
+        together.push(places(true));
         if family.frozen.is_some() {
-            together.push(places(others));
+            together.push(places(false));
         }
     }
-    let alone = members
-        .iter()
-        .filter(|at| !together.iter().any(|some| some.contains(at)));
-    let alone: Vec<Vec<usize>> = alone.map(|&at| vec![at]).collect();
-    together.extend(alone);
+    for &at in members {
+        if !together.iter().any(|some| some.contains(&at)) {
+            together.push(vec![at]);
+        }
+    }
     together.retain(|some| !some.is_empty());
     // In the order in which their first methods come.
     together.sort();
@@ -246,7 +239,7 @@ pub(super) fn asks_together(methods: &[Method], members: &[usize]) -> Result<Vec
 fn families<'m>(methods: &[&'m Method]) -> Result<BTreeMap<String, Family<'m>>> {
     let mut families: BTreeMap<String, Family<'_>> = BTreeMap::new();
     for (place, &method) in methods.iter().enumerate() {
-        let Looks::Selected(selected) = &method.looks else {
+        let Some(selected) = method.selected() else {
             continue;
         };
         let head = method.estimator.head();

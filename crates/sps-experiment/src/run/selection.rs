@@ -5,7 +5,7 @@ use sps_viewselect::AnySelector;
 
 use super::found::Found;
 use super::results::MethodRow;
-use crate::config::{Looks, Method, Selected};
+use crate::config::Method;
 use crate::results::{PerProperty, SelectionResult};
 
 /// The selections of one row, by property, in the order of the reruns. Regrets are counted from
@@ -30,25 +30,17 @@ pub(super) fn summaries(
 
 /// Whether `other` found the best of the sets that `method` could choose from.
 fn is_optimum(method: &Method, other: &Method) -> bool {
-    let (Some(one), Some(two)) = (selected(method), selected(other)) else {
+    let Some((one, two)) = method.selected().zip(other.selected()) else {
         return false;
     };
     let heads = method.estimator.head().zip(other.estimator.head());
-    let same_estimator = heads.is_some_and(|(one, two)| one == two);
-    let exhaustive = matches!(two.selector, AnySelector::Exhaustive(_));
-    let same_encoder = method.encoder == other.encoder;
     let same_loss = match (&one.refit, &two.refit) {
-        (None, None) => same_estimator,
+        (None, None) => heads.is_some_and(|(one, two)| one == two),
         (one, two) => one == two,
     };
+    let exhaustive = matches!(two.selector, AnySelector::Exhaustive(_));
+    let same_encoder = method.encoder == other.encoder;
     same_encoder && same_loss && exhaustive && one.distinct == two.distinct
-}
-
-fn selected(method: &Method) -> Option<&Selected> {
-    match &method.looks {
-        Looks::Selected(selected) => Some(selected),
-        _ => None,
-    }
 }
 
 fn summary(found: &Found, optimum: Option<&Found>, angles: &[RollAngle]) -> SelectionResult {

@@ -85,14 +85,13 @@ impl<'a> Stages<'a> {
         if let Some(shared) = &self.shared {
             return Ok(Arc::clone(shared));
         }
-        let (encoder, seconds) = match &self.of.encoder.training {
+        let (mut encoder, seconds) = match &self.of.encoder.training {
             Some(config) => self.trained(config, training)?,
             None => (self.start.clone(), 0.0),
         };
-        let encoder = match self.of.encoder.precision {
-            Precision::Int8 => self.calibrated(encoder, training)?,
-            _ => encoder,
-        };
+        if self.of.encoder.precision == Precision::Int8 {
+            encoder = self.calibrated(encoder, training)?;
+        }
         Ok(Arc::new(self.stage(encoder, seconds)?))
     }
 
@@ -111,12 +110,10 @@ impl<'a> Stages<'a> {
         let views = &self.views;
         let embeddings = self.embedded(&embedder, views)?;
         let properties = self.properties.clone();
-        let mut tables = Tables::new(self.of.source, self.of.about, views, embeddings, properties)?;
-        tables.sequence.clone_from(&self.of.sequence);
         Ok(Stage {
             encoder_bytes: self.encoder_bytes,
             embedder,
-            tables,
+            tables: Tables::new(self.of, views, embeddings, properties)?,
             train_seconds,
         })
     }
@@ -125,13 +122,10 @@ impl<'a> Stages<'a> {
     fn embedded(&self, embedder: &Embedder, views: &[usize]) -> Result<Embeddings> {
         let pool = self.of.splits.pool;
         let frames = frames(pool, views);
-        let embedded = embed(self.of.source, &frames, embedder, self.of.experiment)?;
-        info!(
-            "{} embeddings of {pool} surfaces, {} of them encoded now",
-            frames.len(),
-            embedded.frames_decoded
-        );
-        Ok(embedder.table(&embedded.values, pool, views.len())?)
+        let (values, new) = embed(self.of.source, &frames, embedder, self.of.experiment)?;
+        let all = frames.len();
+        info!("{all} embeddings of {pool} surfaces, {new} of them encoded now");
+        Ok(embedder.table(&values, pool, views.len())?)
     }
 
     /// The encoder after it was trained on the surfaces `training`, and the seconds that took.
@@ -204,20 +198,16 @@ impl<'a> Stages<'a> {
 
     /// The surfaces `training`, some of which say when to stop.
     fn parts(&self, config: &TrainingConfig, training: &[usize]) -> Result<Parts> {
-        if config.validation == 0.0 {
-            return Ok(Parts {
-                training: training.to_vec(),
-                validation: Vec::new(),
-            });
-        }
-        let seed = self.of.experiment.seed;
-        let split = self
-            .of
-            .splits
-            .kept_aside(training, config.validation, seed, 0)?;
+        let (share, seed) = (config.validation, self.of.experiment.seed);
+        let (training, validation) = if share == 0.0 {
+            (training.to_vec(), Vec::new())
+        } else {
+            let split = self.of.splits.kept_aside(training, share, seed, 0)?;
+            (split.train, split.validation)
+        };
         Ok(Parts {
-            training: split.train,
-            validation: split.validation,
+            training,
+            validation,
         })
     }
 

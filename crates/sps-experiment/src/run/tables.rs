@@ -1,13 +1,14 @@
 //! The tables that every method is fitted on.
 
+use std::collections::BTreeMap;
+
 use anyhow::{Context, Result, bail};
 use sps_base::names::UnknownName;
-use sps_dataset::{
-    FEWEST_PER_MATERIAL, MaterialLabels, Property, PropertyRange, Source, Surface, Units,
-};
+use sps_dataset::{FEWEST_PER_MATERIAL, MaterialLabels, Property, Source, Surface, Units};
 use sps_estimator::{Calibration, Examples, Recipe, Wanted, Widths};
 use sps_regress::{Embeddings, Readings, TrainingData};
 
+use super::encoded::Encoded;
 use crate::config::Method;
 use crate::data::{self, About};
 
@@ -17,8 +18,8 @@ pub(crate) struct Tables {
     pub surfaces: Vec<Surface>,
     /// Those to estimate.
     pub properties: Vec<Property>,
-    /// Of each of them, the lowest and the highest value that it can have, where that is known.
-    ranges: Vec<Option<[f64; 2]>>,
+    /// The lowest and the highest value that each of them can have, where that is known.
+    ranges: BTreeMap<Property, [f64; 2]>,
     /// The views that methods look at, as indices of the source, ascending.
     pub views: Vec<usize>,
     /// The view straight down, as an index of the source.
@@ -42,23 +43,26 @@ pub(crate) struct Tables {
 impl Tables {
     /// Tables to estimate `properties` from embeddings of `views` of the first surfaces.
     pub(crate) fn new(
-        source: &dyn Source,
-        about: &About,
+        of: &Encoded<'_, '_>,
         views: &[usize],
         embeddings: Embeddings,
         properties: Vec<Property>,
     ) -> Result<Self> {
+        let (source, about) = (of.source, of.about);
         let surfaces = source.surfaces().to_vec();
         let pool = embeddings.surfaces();
         let labels = MaterialLabels::of(&surfaces[..pool], FEWEST_PER_MATERIAL);
-        let range = |property| source.describe(property).range.map(PropertyRange::ends);
-        let ranges = properties.iter().map(range);
+        let range = |property: &Property| {
+            let range = source.describe(property).range?;
+            Some((property.clone(), range.ends()))
+        };
+        let ranges = properties.iter().filter_map(range);
         let materials = labels.labels().iter().map(|&l| labels.names()[l].clone());
         let mut tables = Self {
             views: views.to_vec(),
             nadir: data::nadir(source)?,
             all_views: source.view_angles().len(),
-            sequence: None,
+            sequence: of.sequence.clone(),
             embeddings,
             readings: readings(source, about, surfaces.len())?,
             training_readings: readings(source, about, pool)?,
@@ -108,8 +112,7 @@ impl Tables {
 
     /// The lowest and the highest value that a property can have, where that is known.
     pub(crate) fn range(&self, property: &Property) -> Option<[f64; 2]> {
-        let at = self.properties.iter().position(|other| other == property)?;
-        self.ranges[at]
+        self.ranges.get(property).copied()
     }
 
     /// For a model of surfaces of which these units stay whole.
@@ -191,10 +194,6 @@ impl Tables {
 }
 
 /// Those that a config lists, or all that the source measures where it lists none.
-///
-/// # Errors
-///
-/// One that the source does not measure.
 pub(crate) fn properties(source: &dyn Source, listed: &[Property]) -> Result<Vec<Property>> {
     let measured = &source.tactile().properties;
     if listed.is_empty() {
@@ -223,9 +222,8 @@ pub(super) fn hash_row(hasher: &mut blake3::Hasher, readings: &Readings, surface
 
 /// The readings of the first so many surfaces, averaged as the data's settings say.
 pub(crate) fn readings(source: &dyn Source, about: &About, surfaces: usize) -> Result<Readings> {
-    let averages = source
-        .tactile()
-        .averages(&about.tactile, source.surfaces().len());
+    let all = source.surfaces().len();
+    let averages = source.tactile().averages(&about.tactile, all);
     let row = |surface| {
         let value = |property: &Property| averages.value(surface, property);
         averages.properties().iter().map(value).collect()

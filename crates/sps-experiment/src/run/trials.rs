@@ -1,16 +1,13 @@
 //! What is to be computed: a trial for each method, property and rerun.
 
-use std::collections::BTreeSet;
-
 use anyhow::Result;
 use serde::Serialize;
 use sps_dataset::{Property, Split};
 use sps_regress::{Plan, Rerun, Trial, Views};
 
-use super::found::Selections;
-use super::views::{self, TrialViews};
-use super::{Encodings, Tables};
-use crate::config::{Adaptive, Experiment, Method};
+use super::fit::Judge;
+use super::views::TrialViews;
+use crate::config::Adaptive;
 use crate::journal::TrialKey;
 
 /// One trial, and what identifies it.
@@ -30,50 +27,6 @@ pub(crate) struct Planned {
     /// Which of all splits.
     pub split: usize,
     pub views: TrialViews,
-}
-
-/// The trials of one method on some of the splits, property by property.
-pub(crate) fn planned(
-    experiment: &Experiment,
-    method: &Method,
-    tables: &Tables,
-    splits: &[Split],
-    some: &BTreeSet<usize>,
-    selections: &Selections,
-) -> Result<Vec<Planned>> {
-    let mut all = Vec::new();
-    for property in &tables.properties {
-        for &at in some {
-            let trial = (property, at);
-            let split = &splits[at];
-            let views = views::of_trial(experiment, method, tables, split, trial, selections)?;
-            all.push(Planned {
-                property: property.clone(),
-                split: at,
-                views,
-            });
-        }
-    }
-    Ok(all)
-}
-
-pub(crate) fn keyed(
-    experiment: &Experiment,
-    method: &Method,
-    encodings: &Encodings,
-    splits: &[Split],
-    planned: Vec<Planned>,
-) -> Result<Vec<TrialSpec>> {
-    let keyed = planned.into_iter().map(|planned| {
-        let split = &splits[planned.split];
-        Ok(TrialSpec {
-            key: key(experiment, method, encodings, split, &planned)?,
-            property: planned.property,
-            rerun: planned.split,
-            views: planned.views,
-        })
-    });
-    keyed.collect()
 }
 
 #[derive(Serialize)]
@@ -96,36 +49,45 @@ struct Inputs<'a> {
     views: &'a [Vec<usize>],
 }
 
-fn key(
-    experiment: &Experiment,
-    method: &Method,
-    encodings: &Encodings,
-    split: &Split,
-    planned: &Planned,
-) -> Result<TrialKey> {
-    let scored_on = method.scored_on(&split.validation);
-    let views = &planned.views;
-    let held_out = encodings.fingerprint(&views.shown(), scored_on);
-    TrialKey::of(&Inputs {
-        code: env!("SOURCE_HASH"),
-        data: encodings.stage.tables.fingerprint().to_hex().to_string(),
-        held_out: held_out.to_hex().to_string(),
-        seed: experiment.seed,
-        id: &method.id,
-        method: method.estimator.settings()?,
-        adaptive: method.adaptive,
-        range: method
-            .adaptive
-            .and(encodings.stage.tables.range(&planned.property)),
-        property: planned.property.code(),
-        rerun: method
-            .differs_by_rerun(split.train.len())
-            .then_some(planned.split),
-        training: &split.train,
-        scored_on,
-        training_views: &views.training,
-        views: &views.fillings,
-    })
+impl Judge<'_> {
+    /// Each of the method's trials with the key of all that its outcome depends on.
+    pub(super) fn keyed(&self, planned: Vec<Planned>) -> Result<Vec<TrialSpec>> {
+        let keyed = planned.into_iter().map(|planned| {
+            Ok(TrialSpec {
+                key: self.key(&planned)?,
+                property: planned.property,
+                rerun: planned.split,
+                views: planned.views,
+            })
+        });
+        keyed.collect()
+    }
+
+    fn key(&self, planned: &Planned) -> Result<TrialKey> {
+        let (method, tables) = (self.method, self.tables());
+        let split = &self.splits.all[planned.split];
+        let scored_on = method.scored_on(&split.validation);
+        let views = &planned.views;
+        let held_out = self.encodings.fingerprint(&views.shown(), scored_on);
+        TrialKey::of(&Inputs {
+            code: env!("SOURCE_HASH"),
+            data: tables.fingerprint().to_hex().to_string(),
+            held_out: held_out.to_hex().to_string(),
+            seed: self.experiment.seed,
+            id: &method.id,
+            method: method.estimator.settings()?,
+            adaptive: method.adaptive,
+            range: method.adaptive.and(tables.range(&planned.property)),
+            property: planned.property.code(),
+            rerun: method
+                .differs_by_rerun(split.train.len())
+                .then_some(planned.split),
+            training: &split.train,
+            scored_on,
+            training_views: &views.training,
+            views: &views.fillings,
+        })
+    }
 }
 
 /// The plan to train `trials`.

@@ -13,7 +13,7 @@ use sps_viewselect::{
 
 use super::Tables;
 use super::found::Selections;
-use crate::config::{Experiment, Looks, Method, Selected, in_order};
+use crate::config::{Experiment, Looks, Method, Selected};
 use crate::data;
 
 /// The views of a trial, as places in the tables.
@@ -54,16 +54,11 @@ pub(crate) fn needed(methods: &[&Method], source: &dyn Source) -> Result<Vec<usi
     for method in methods {
         match &method.looks {
             Looks::Nothing => {}
-            Looks::Nadir => {
-                needed.insert(data::nadir(source)?);
-            }
+            Looks::Nadir => drop(needed.insert(data::nadir(source)?)),
             Looks::Selected(selected) if selected.selector.is_fixed() => {
                 let views = without_loss(selected, count, 0);
-                needed.extend(
-                    views
-                        .with_context(|| format!("method `{}`", method.id))?
-                        .picks,
-                );
+                let views = views.with_context(|| format!("method `{}`", method.id))?;
+                needed.extend(views.picks);
             }
             _ => return Ok((0..count).collect()),
         }
@@ -96,8 +91,7 @@ pub(crate) fn of_trial(
     experiment: &Experiment,
     method: &Method,
     tables: &Tables,
-    split: &Split,
-    (property, rerun): (&Property, usize),
+    (property, rerun, split): (&Property, usize, &Split),
     selections: &Selections,
 ) -> Result<TrialViews> {
     match &method.looks {
@@ -116,14 +110,30 @@ pub(crate) fn of_trial(
             Ok(TrialViews::fixed(places.collect::<Result<_>>()?))
         }
         Looks::Relations(relations) => {
-            let head = method
-                .estimator
-                .head()
-                .context("only networks relate views")?;
+            let head = method.estimator.head();
+            let head = head.context("only networks relate views")?;
             let seed = seed(experiment.seed, "relations", rerun);
             related(relations, head.config(), tables, split, seed)
         }
     }
+}
+
+/// The picks of a selector in the order in which they are looked at. Most selectors have an order;
+/// equidistant views lie from one end to the other, so each next one is that farthest from those
+/// before it, beginning in the middle.
+fn in_order(selector: &AnySelector, mut picks: Vec<usize>) -> Vec<usize> {
+    if !matches!(selector, AnySelector::Equidistant(_)) || picks.is_empty() {
+        return picks;
+    }
+    let mut ordered = vec![picks.remove((picks.len() - 1) / 2)];
+    while !picks.is_empty() {
+        let distance = |view: usize| ordered.iter().map(|&other| view.abs_diff(other)).min();
+        // Of equally far ones the first.
+        let farthest = (0..picks.len()).rev();
+        let farthest = farthest.max_by_key(|&at| distance(picks[at]));
+        ordered.push(picks.remove(farthest.unwrap_or(0)));
+    }
+    ordered
 }
 
 fn related(
@@ -155,4 +165,19 @@ pub(crate) fn seed(seed: u64, purpose: &str, rerun: usize) -> u64 {
     let hash = hasher.finalize();
     let bytes = hash.as_bytes().first_chunk::<8>();
     bytes.map_or(0, |bytes| u64::from_le_bytes(*bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sps_viewselect::Nadir;
+
+    #[test]
+    fn equidistant_views_spread_from_the_middle() {
+        let equidistant = AnySelector::Equidistant(Equidistant::default());
+        let ordered = in_order(&equidistant, vec![10, 30, 50, 70, 90]);
+        assert_eq!(ordered, [50, 10, 90, 30, 70]);
+        let nadir = AnySelector::Nadir(Nadir::default());
+        assert_eq!(in_order(&nadir, vec![50, 49, 51]), [50, 49, 51]);
+    }
 }

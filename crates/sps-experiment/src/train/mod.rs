@@ -208,9 +208,8 @@ impl Trainer<'_> {
         let dealt = &self.of.dealt;
         folds.select(&[self.method], dealt, &mut journal, &mut selections)?;
         let of_property = |property| {
-            let (method, split) = (self.method, &parts.all[0]);
-            let trial = (property, 0);
-            let views = views::of_trial(experiment, method, tables, split, trial, &selections)?;
+            let trial = (property, 0, &parts.all[0]);
+            let views = views::of_trial(experiment, self.method, tables, trial, &selections)?;
             Ok(views.shown())
         };
         tables.properties.iter().map(of_property).collect()
@@ -317,8 +316,9 @@ impl Trainer<'_> {
         fit: &Fit,
         surfaces: &[usize],
     ) -> Result<(BTreeMap<usize, Predictions>, Predictions)> {
-        let (stage, places) = (Arc::clone(&fit.stage), &fit.photographs);
-        let encodings = Encodings::with_test_views(self.of, stage, places)?;
+        let places = &fit.photographs;
+        let mut encodings = Encodings::new(Arc::clone(&fit.stage), 0..0);
+        encodings.look_at(self.of, places.iter().copied())?;
         let step = |views: usize| {
             let embeddings = encodings.select(surfaces, &places[..views])?;
             Ok((views, fit.fitted.predict(&embeddings)?))

@@ -22,9 +22,8 @@ pub(super) struct Look {
 
 #[derive(Clone, Copy, Default)]
 pub(super) struct Spent {
-    decode: f64,
-    encode: f64,
-    head: f64,
+    /// On decoding, on encoding, and on asking models.
+    seconds: [f64; 3],
     /// Decoded and encoded.
     frames: usize,
     multiply_adds: Option<u64>,
@@ -65,34 +64,30 @@ impl Look {
         let Stage {
             embedder, tables, ..
         } = stage;
-        let of_models = self.models.iter().map(|model| model.multiply_adds());
-        let of_models = self.fillings.len() as u64 * of_models.sum::<u64>();
+        let (mut frames, mut decode, mut encode) = (Vec::new(), 0.0, 0.0);
         if let Network::Precomputed(_) = embedder.network() {
             // What a surface that is only scored on takes is what any other takes.
             let surface = surface.min(tables.pool() - 1);
             let rows = self.views.iter();
             let rows = rows.filter_map(|&view| tables.embeddings.get(surface, view));
             values.extend(rows.flatten());
-            return Ok(Spent {
-                head: timed(|| self.ask(stage, values))?.1,
-                multiply_adds: Some(of_models),
-                ..Spent::default()
-            });
+        } else {
+            (frames, decode) = timed(|| {
+                let views = self.views.iter().map(|&view| tables.views[view]);
+                let size = embedder.resize();
+                let frames = views.map(|view| source.frame_to_resize(surface, view, size));
+                Ok(frames.collect::<Result<Vec<Frame>, _>>()?)
+            })?;
+            let embedded;
+            (embedded, encode) = timed(|| Ok(embedder.embed(&frames)?))?;
+            values.extend(embedded);
         }
-        let (frames, decode) = timed(|| {
-            let views = self.views.iter().map(|&view| tables.views[view]);
-            let size = embedder.resize();
-            let frames = views.map(|view| source.frame_to_resize(surface, view, size));
-            Ok(frames.collect::<Result<Vec<Frame>, _>>()?)
-        })?;
-        let (embedded, encode) = timed(|| Ok(embedder.embed(&frames)?))?;
-        values.extend(embedded);
         let ((), head) = timed(|| self.ask(stage, values))?;
         let of_encoder = frames.iter().map(|frame| embedder.multiply_adds(frame));
+        let of_models = self.models.iter().map(|model| model.multiply_adds());
+        let of_models = self.fillings.len() as u64 * of_models.sum::<u64>();
         Ok(Spent {
-            decode,
-            encode,
-            head,
+            seconds: [decode, encode, head],
             frames: embedder.network().frames() * frames.len(),
             multiply_adds: of_encoder.sum::<Option<u64>>().map(|sum| sum + of_models),
             memory: 0,
@@ -116,9 +111,7 @@ impl Spent {
     fn and(&self, next: &Self) -> Self {
         let counts = self.multiply_adds.zip(next.multiply_adds);
         Self {
-            decode: self.decode + next.decode,
-            encode: self.encode + next.encode,
-            head: self.head + next.head,
+            seconds: [0, 1, 2].map(|part| self.seconds[part] + next.seconds[part]),
             frames: self.frames + next.frames,
             multiply_adds: counts.map(|(sum, next)| sum + next),
             memory: self.memory.max(next.memory),
@@ -131,17 +124,16 @@ pub(super) fn costs(all: &[Spent], encoder_bytes: usize) -> Costs {
     let count = all.len().max(1) as f64;
     let frames = all.iter().map(|spent| spent.frames).sum::<usize>() as f64 / count;
     let multiply_adds = all.iter().map(|spent| spent.multiply_adds);
-    let multiply_adds = multiply_adds
-        .sum::<Option<u64>>()
-        .filter(|_| !all.is_empty());
+    let multiply_adds: Option<u64> = multiply_adds.sum();
+    let multiply_adds = multiply_adds.filter(|_| !all.is_empty());
     let memory = all.iter().map(|spent| spent.memory).max();
     Costs {
         frames_decoded_per_surface: frames,
         frames_encoded_per_surface: frames,
-        predict_seconds_per_surface: median(all, |spent| spent.decode + spent.encode + spent.head),
-        decode_seconds_per_surface: median(all, |spent| spent.decode),
-        encode_seconds_per_surface: median(all, |spent| spent.encode),
-        head_seconds_per_surface: median(all, |spent| spent.head),
+        predict_seconds_per_surface: median(all, |spent| spent.seconds.iter().sum()),
+        decode_seconds_per_surface: median(all, |spent| spent.seconds[0]),
+        encode_seconds_per_surface: median(all, |spent| spent.seconds[1]),
+        head_seconds_per_surface: median(all, |spent| spent.seconds[2]),
         peak_memory_bytes: memory.map(|bytes| (bytes + encoder_bytes) as f64),
         multiply_adds_per_surface: multiply_adds.map(|sum| sum as f64 / count),
         ..Costs::default()

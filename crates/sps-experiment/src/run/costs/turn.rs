@@ -124,11 +124,13 @@ fn shares(row: &MethodRow<'_>, most: usize) -> Vec<f64> {
 
 /// The method, trained for one epoch.
 fn quick(method: &Method) -> Result<Method> {
-    let mut method = method.clone();
-    method.estimator = method.estimator.with_heads(&|config| HeadConfig {
+    let quick = |config: &HeadConfig| HeadConfig {
         epochs: 1,
         ..config.clone()
-    })?;
+    };
+    let mut method = method.clone();
+    let estimator = method.estimator.with(|fitted| fitted.with_heads(&quick));
+    method.estimator = estimator?;
     Ok(method)
 }
 

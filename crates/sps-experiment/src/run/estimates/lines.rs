@@ -5,7 +5,7 @@ use std::collections::hash_map::Entry;
 
 use anyhow::Result;
 use csv::StringRecord;
-use sps_base::names::{UnknownName, nearest};
+use sps_base::names::UnknownName;
 use sps_dataset::Property;
 
 use super::problems::Problems;
@@ -71,20 +71,18 @@ impl Columns {
                 refused.push(format!("there is no column `{name}`"));
             }
         }
-        for (one, other) in [
-            (("low", low), ("high", high)),
-            (("high", high), ("low", low)),
-        ] {
-            if one.1.is_some() && other.1.is_none() {
-                refused.push(format!(
-                    "a column `{}` without a column `{}`",
-                    one.0, other.0
-                ));
-            }
+        if low.is_some() != high.is_some() {
+            let [one, other] = if high.is_none() {
+                ["low", "high"]
+            } else {
+                ["high", "low"]
+            };
+            refused.push(format!("a column `{one}` without a column `{other}`"));
         }
-        let sound = refused.is_empty();
-        for problem in refused {
-            problems.at(line, || problem);
+        if !refused.is_empty() {
+            let refused = refused.into_iter();
+            refused.for_each(|problem| problems.at(line, || problem));
+            return None;
         }
         Some(Self {
             count: header.len(),
@@ -94,7 +92,6 @@ impl Columns {
             interval: low.zip(high).map(|(low, high)| [low, high]),
             rerun,
         })
-        .filter(|_| sound)
     }
 }
 
@@ -111,10 +108,10 @@ impl Reader<'_, '_> {
     /// Keeps what a line estimates. One whose number is wrong is kept without it: only the number is
     /// the problem, and not that there were no estimate.
     fn row(&mut self, line: u64, cells: &StringRecord) {
-        let count = self.columns.count;
-        if cells.len() != count {
-            let found = cells.len();
-            let problem = || format!("found {found} cells, expected {count}, one for each column");
+        let (found, expected) = (cells.len(), self.columns.count);
+        if found != expected {
+            let problem =
+                || format!("found {found} cells, expected {expected}, one for each column");
             return self.problems.at(line, problem);
         }
         let surface = self.surface(line, &cells[self.columns.surface]);
@@ -129,14 +126,11 @@ impl Reader<'_, '_> {
             return;
         };
         match self.of.entry((property, rerun, surface)) {
-            Entry::Vacant(place) => {
-                let value = value.unwrap_or(f64::NAN);
-                place.insert(Estimate {
-                    line,
-                    value,
-                    interval,
-                });
-            }
+            Entry::Vacant(place) => drop(place.insert(Estimate {
+                line,
+                value: value.unwrap_or(f64::NAN),
+                interval,
+            })),
             Entry::Occupied(first) => {
                 let first = first.get().line;
                 let problem = || format!("estimates again what line {first} does");
@@ -146,52 +140,37 @@ impl Reader<'_, '_> {
     }
 
     fn surface(&mut self, line: u64, name: &str) -> Option<usize> {
+        let known = self.asked.surfaces.iter().map(|surface| &surface.id[..]);
         let found = self.surfaces.get(name).copied();
-        if found.is_none() {
-            let known = self
-                .asked
-                .surfaces
-                .iter()
-                .map(|surface| surface.id.as_str());
-            // Datasets have too many to list.
-            self.problems.at(line, || {
-                let unknown = UnknownName {
-                    what: "surface",
-                    found: name.to_owned(),
-                    nearest: nearest(name, known).map(str::to_owned),
-                    expected: Vec::new(),
-                };
-                unknown.to_string()
-            });
-        }
-        found
+        self.problems.unless(found, line, || {
+            let unknown = UnknownName {
+                // Datasets have too many to list.
+                expected: Vec::new(),
+                ..UnknownName::new("surface", name, known)
+            };
+            unknown.to_string()
+        })
     }
 
     fn property(&mut self, line: u64, code: &str) -> Option<Property> {
-        let mut known = self.asked.measured.iter();
-        let found = known.find(|property| property.code() == code).cloned();
-        if found.is_none() {
-            let known = self.asked.measured.iter().map(Property::code);
-            self.problems.at(line, || {
-                UnknownName::new("property", code, known).to_string()
-            });
-        }
-        found
+        let mut measured = self.asked.measured.iter();
+        let known = measured.clone().map(Property::code);
+        let found = measured.find(|property| property.code() == code).cloned();
+        self.problems.unless(found, line, || {
+            UnknownName::new("property", code, known).to_string()
+        })
     }
 
     fn rerun(&mut self, line: u64, cell: &str) -> Option<usize> {
         let splits = self.asked.splits;
         let reruns = splits.all.len() / splits.of_rerun;
         let found = cell.parse().ok().filter(|&rerun| rerun < reruns);
-        if found.is_none() {
-            self.problems.at(line, || {
-                format!(
-                    "found `{}` for `rerun`, expected one of the experiment's {reruns}, counted from 0",
-                    cell.escape_debug()
-                )
-            });
-        }
-        found
+        self.problems.unless(found, line, || {
+            format!(
+                "found `{}` for `rerun`, expected one of the experiment's {reruns}, counted from 0",
+                cell.escape_debug()
+            )
+        })
     }
 
     fn interval(&mut self, line: u64, cells: &StringRecord) -> Option<[f64; 2]> {
@@ -207,15 +186,11 @@ impl Reader<'_, '_> {
     }
 
     fn number(&mut self, line: u64, column: &str, cell: &str) -> Option<f64> {
-        let number = cells::number(cell);
-        if number.is_none() {
-            self.problems.at(line, || {
-                format!(
-                    "found `{}` for `{column}`, expected a number within 1e9 of 0",
-                    cell.escape_debug()
-                )
-            });
-        }
-        number
+        self.problems.unless(cells::number(cell), line, || {
+            format!(
+                "found `{}` for `{column}`, expected a number within 1e9 of 0",
+                cell.escape_debug()
+            )
+        })
     }
 }

@@ -1,10 +1,9 @@
 //! Estimates that another system made: from a file, beside those of the methods that are fitted here.
 
-mod held_out;
 mod lines;
 mod problems;
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -54,6 +53,9 @@ impl Estimates {
     }
 }
 
+/// So many surfaces without an estimate are named.
+const NAMED: usize = 5;
+
 /// The experiment that estimates are for.
 struct Asked<'a> {
     surfaces: &'a [Surface],
@@ -65,21 +67,16 @@ struct Asked<'a> {
     splits: &'a Splits,
 }
 
-/// Reads the file of each of the methods that has one.
-///
-/// # Errors
-///
-/// Everything that is wrong with a file, by its lines.
+/// Reads the file of each of the methods that has one. An error is everything that is wrong with it, by its
+/// lines.
 pub(super) fn read(
     experiment: &Experiment,
     methods: &mut [Method],
     (source, about): (&dyn Source, &About),
     splits: &Splits,
 ) -> Result<()> {
-    if methods
-        .iter()
-        .all(|method| method.estimator.file().is_none())
-    {
+    let mut files = methods.iter().filter_map(|method| method.estimator.file());
+    if files.next().is_none() {
         return Ok(());
     }
     let surfaces = source.surfaces();
@@ -111,39 +108,73 @@ impl Asked<'_> {
         let mut problems = Problems::of(file);
         let estimates = lines::read(&text, self, &mut problems)?;
         if let Some(estimates) = &estimates {
-            held_out::check(self, method, estimates, &mut problems);
+            self.check(method, estimates, &mut problems);
         }
         problems.ensure_none()?;
         estimates.context("no estimates")
     }
+
+    /// Names what a method is scored on without an estimate of it. A surface that was not measured is not
+    /// scored on, and needs none.
+    fn check(&self, method: &Method, estimates: &Estimates, problems: &mut Problems<'_>) {
+        let by_rerun = estimates.by_rerun;
+        let (of_rerun, all) = (self.splits.of_rerun, self.splits.all.len());
+        let together = if by_rerun { of_rerun } else { all };
+        for property in &self.properties {
+            if !estimates.of.keys().any(|(of, ..)| of == property) {
+                let problem = || format!("no row of `{property}`, which the experiment estimates");
+                problems.of_all(problem);
+                continue;
+            }
+            let column = self.readings.column(property.code());
+            let reading = |surface: usize| self.readings.get(surface, column?);
+            for (rerun, splits) in self.splits.all.chunks(together).enumerate() {
+                let held_out = splits.iter();
+                let held_out = held_out.flat_map(|split| method.scored_on(&split.validation));
+                let held_out = held_out.filter(|&&surface| reading(surface).is_some());
+                let held_out: BTreeSet<usize> = held_out.copied().collect();
+                let lacks = |&&at: &&usize| estimates.get(property, rerun, at).is_none();
+                let missing = held_out.iter().filter(lacks);
+                let missing: Vec<&str> = missing.map(|&at| &self.surfaces[at].id[..]).collect();
+                if missing.is_empty() {
+                    continue;
+                }
+                let (count, all) = (missing.len(), held_out.len());
+                let (named, others) = missing.split_at(count.min(NAMED));
+                let in_rerun = by_rerun.then(|| format!(" in rerun {rerun}"));
+                let more = (!others.is_empty()).then(|| format!(" and {} more", others.len()));
+                let [in_rerun, more] = [in_rerun, more].map(Option::unwrap_or_default);
+                let named = named.join(", ");
+                problems.of_all(|| {
+                    format!(
+                        "no estimate of `{property}` for {count} of the {all} surfaces held \
+                         out{in_rerun}: {named}{more}"
+                    )
+                });
+            }
+        }
+    }
 }
 
-pub(super) fn outcomes(
+pub(super) fn outcome(
     judge: &Judge<'_>,
-    trials: &[&TrialSpec],
+    trial: &TrialSpec,
     estimates: &Estimates,
-) -> Result<Vec<Outcome>> {
-    let outcomes = trials.iter().map(|trial| outcome(judge, trial, estimates));
-    outcomes.collect()
-}
-
-fn outcome(judge: &Judge<'_>, trial: &TrialSpec, estimates: &Estimates) -> Result<Outcome> {
-    let (tables, splits) = (judge.tables(), judge.splits);
-    let rerun = trial.rerun / splits.of_rerun;
+) -> Result<Outcome> {
+    let rerun = trial.rerun / judge.splits.of_rerun;
     let held_out = judge.held_out(trial)?;
     let given = held_out.surfaces.iter().map(|&surface| {
         let estimate = estimates.get(&trial.property, rerun, surface);
         estimate.context("a held-out surface without an estimate")
     });
     let given = given.collect::<Result<Vec<&Estimate>>>()?;
-    let deviation = deviation(&tables.measured(&trial.property, &splits.all[trial.rerun].train));
     let stops = given.iter().filter_map(|estimate| {
         let [low, high] = estimate.interval?;
         Some(Stop {
             views: 0,
             low,
             high,
-            width: (high - low) / deviation,
+            width: 0.0,
         })
     });
     let values = given.iter().map(|estimate| estimate.value);
@@ -151,13 +182,4 @@ fn outcome(judge: &Judge<'_>, trial: &TrialSpec, estimates: &Estimates) -> Resul
         stops: stops.collect(),
         ..judge.outcome(trial, held_out, values.collect())
     })
-}
-
-/// The standard deviation of readings; 1 where they do not differ.
-fn deviation(readings: &[(usize, f64)]) -> f64 {
-    let count = readings.len().max(1) as f64;
-    let mean = readings.iter().map(|(_, value)| value).sum::<f64>() / count;
-    let squares = readings.iter().map(|(_, value)| (value - mean).powi(2));
-    let deviation = (squares.sum::<f64>() / count).sqrt();
-    if deviation > 0.0 { deviation } else { 1.0 }
 }

@@ -1,6 +1,6 @@
 //! What is wrong with a file, all of it at once.
 
-use std::fmt::Write as _;
+use std::iter;
 use std::path::Path;
 
 use anyhow::{Result, bail};
@@ -31,6 +31,19 @@ impl<'a> Problems<'a> {
         self.add(|| format!("{file}, line {line}: {}", problem()));
     }
 
+    /// What was `found` in a line; where that is nothing, it is one.
+    pub(super) fn unless<T>(
+        &mut self,
+        found: Option<T>,
+        line: u64,
+        problem: impl FnOnce() -> String,
+    ) -> Option<T> {
+        if found.is_none() {
+            self.at(line, problem);
+        }
+        found
+    }
+
     /// One of the file as a whole.
     pub(super) fn of_all(&mut self, problem: impl FnOnce() -> String) {
         let file = self.file.display();
@@ -48,14 +61,9 @@ impl<'a> Problems<'a> {
         if self.count == 0 {
             return Ok(());
         }
-        let mut text = counted(self.count, "problem");
-        for problem in &self.shown {
-            text.push_str("\n  ");
-            text.push_str(problem);
-        }
-        if self.count > self.shown.len() {
-            let _ = write!(text, "\n  and {} more", self.count - self.shown.len());
-        }
-        bail!(text)
+        let more = self.count - self.shown.len();
+        let more = (more > 0).then(|| format!("and {more} more"));
+        let lines = iter::once(counted(self.count, "problem")).chain(self.shown);
+        bail!(lines.chain(more).collect::<Vec<_>>().join("\n  "))
     }
 }

@@ -6,10 +6,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, bail, ensure};
 use tracing::warn;
 
-use crate::files::write_atomically;
+use crate::files::{self, write_atomically};
 
 const FOLDER: &str = "checksums";
 
@@ -47,7 +47,7 @@ pub(crate) fn read(path: &Path) -> Result<Option<Vec<u8>>> {
     if !path.exists() {
         return Ok(None);
     }
-    let bytes = fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let bytes = files::read(path)?;
     if is_kept(path, &bytes) {
         return Ok(Some(bytes));
     }
@@ -59,10 +59,8 @@ pub(crate) fn read(path: &Path) -> Result<Option<Vec<u8>>> {
 }
 
 pub(crate) fn remove(path: &Path) -> Result<()> {
-    for path in [path, &beside(path)] {
-        fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;
-    }
-    Ok(())
+    files::remove(path)?;
+    files::remove(&beside(path))
 }
 
 /// Writes the checksums of these files of a folder, with `/` between the parts of their names.
@@ -71,8 +69,7 @@ pub(crate) fn remove(path: &Path) -> Result<()> {
 /// A file that cannot be read; a folder that cannot be written to.
 pub fn seal(folder: &Path, names: &[String]) -> Result<()> {
     let lines = names.iter().map(|name| {
-        let path = folder.join(name);
-        let bytes = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        let bytes = files::read(&folder.join(name))?;
         Ok(format!("{}  {name}\n", of(&bytes)))
     });
     let text = lines.collect::<Result<String>>()?;
@@ -81,11 +78,7 @@ pub fn seal(folder: &Path, names: &[String]) -> Result<()> {
 
 /// Forgets the checksums of a folder whose files are about to change.
 pub(crate) fn unseal(folder: &Path) -> Result<()> {
-    let path = folder.join(FOLDER);
-    if path.exists() {
-        fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
-    }
-    Ok(())
+    files::remove(&folder.join(FOLDER))
 }
 
 /// The files of a sealed folder that are no longer what they were, and `checksums` itself where a
@@ -95,12 +88,10 @@ pub(crate) fn damaged(folder: &Path) -> Result<Vec<String>> {
     if !path.exists() {
         return Ok(Vec::new());
     }
-    let text = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    let lines = text
-        .split(|byte| *byte == b'\n')
-        .filter(|line| !line.is_empty());
+    let text = files::read(&path)?;
+    let text = String::from_utf8_lossy(&text);
+    let lines = text.split('\n').filter(|line| !line.is_empty());
     let damaged = lines.filter_map(|line| {
-        let line = String::from_utf8_lossy(line);
         let Some((checksum, name)) = line.split_once("  ") else {
             return Some(FOLDER.to_owned());
         };
@@ -110,11 +101,11 @@ pub(crate) fn damaged(folder: &Path) -> Result<Vec<String>> {
     Ok(damaged.collect())
 }
 
-/// That the run in `folder` has ended, and that its `files` are what it wrote.
+/// That the run in `folder` has ended, and that the files `names` are what it wrote.
 ///
 /// # Errors
 /// A folder in which no run has finished; a file that was changed since.
-pub fn ensure_finished(folder: &Path, files: &[&str]) -> Result<()> {
+pub fn ensure_finished(folder: &Path, names: &[&str]) -> Result<()> {
     const AGAIN: &str = "`experiment` writes it again";
     let shown = folder.display();
     ensure!(
@@ -122,7 +113,7 @@ pub fn ensure_finished(folder: &Path, files: &[&str]) -> Result<()> {
         "{shown}: no run has finished here since the last one began; {AGAIN}"
     );
     let damaged = damaged(folder)?;
-    match files
+    match names
         .iter()
         .find(|file| damaged.iter().any(|name| name == *file))
     {

@@ -93,6 +93,10 @@ fn check(trial: &str) -> String {
     blake3::hash(trial.as_bytes()).to_hex()[..16].to_owned()
 }
 
+fn cannot_open(path: &Path) -> String {
+    format!("cannot open {}", path.display())
+}
+
 impl<R: Record> Journal<R> {
     /// Opens or creates the journal at `path` and reads what it holds.
     pub(crate) fn open(path: &Path) -> Result<Self> {
@@ -101,7 +105,7 @@ impl<R: Record> Journal<R> {
             .append(true)
             .create(true)
             .open(path)
-            .with_context(|| format!("cannot open {}", path.display()))?;
+            .with_context(|| cannot_open(path))?;
         Ok(Self {
             path: path.to_owned(),
             records: read(&file, path)?,
@@ -117,11 +121,8 @@ impl<R: Record> Journal<R> {
     /// What the journal at `path` holds, to look at alone; nothing where there is none.
     pub(crate) fn look(path: &Path) -> Result<Self> {
         let records = match File::open(path) {
-            Ok(file) => read(&file, path)?,
             Err(error) if error.kind() == ErrorKind::NotFound => HashMap::new(),
-            Err(error) => {
-                return Err(error).with_context(|| format!("cannot open {}", path.display()));
-            }
+            file => read(&file.with_context(|| cannot_open(path))?, path)?,
         };
         Ok(Self {
             path: path.to_owned(),
@@ -140,11 +141,10 @@ impl<R: Record> Journal<R> {
     /// Adds those of the records of another journal that it lacks.
     pub(crate) fn adopt(&mut self, other: Self) -> Result<()> {
         let new = other.records.into_iter();
-        let mut new: Vec<(TrialKey, R)> = new
-            .filter(|(key, _)| !self.records.contains_key(key))
-            .collect();
-        new.sort_by(|(one, _), (other, _)| one.0.cmp(&other.0));
-        self.append(new.into_iter().map(|(_, record)| record).collect())
+        let new = new.filter(|(key, _)| !self.records.contains_key(key));
+        let mut new: Vec<R> = new.map(|(_, record)| record).collect();
+        new.sort_by(|one, other| one.key().0.cmp(&other.key().0));
+        self.append(new)
     }
 
     pub(crate) fn get(&self, key: &TrialKey) -> Option<&R> {
@@ -155,11 +155,9 @@ impl<R: Record> Journal<R> {
     pub(crate) fn append(&mut self, records: Vec<R>) -> Result<()> {
         let mut text = String::new();
         for record in &records {
-            let trial = serde_json::to_string(record)?;
-            let line = Line {
-                check: check(&trial),
-                trial: &RawValue::from_string(trial.clone())?,
-            };
+            let trial = &serde_json::value::to_raw_value(record)?;
+            let check = check(trial.get());
+            let line = Line { check, trial };
             text.push_str(&serde_json::to_string(&line)?);
             text.push('\n');
         }
@@ -170,8 +168,9 @@ impl<R: Record> Journal<R> {
         let added = add(file, &text);
         file.unlock().with_context(failed)?;
         added.with_context(failed)?;
-        self.records
-            .extend(records.into_iter().map(|r| (r.key().clone(), r)));
+        let keyed = records.into_iter();
+        let keyed = keyed.map(|record| (record.key().clone(), record));
+        self.records.extend(keyed);
         Ok(())
     }
 }
@@ -212,11 +211,8 @@ fn read<R: Record>(mut file: &File, path: &Path) -> Result<HashMap<TrialKey, R>>
         }
     }
     if !damaged.is_empty() {
-        warn!(
-            "{}: {} of the lines are damaged ({damaged:?}); their trials run again",
-            path.display(),
-            damaged.len()
-        );
+        let (path, count) = (path.display(), damaged.len());
+        warn!("{path}: {count} of the lines are damaged ({damaged:?}); their trials run again");
     }
     Ok(records)
 }
@@ -234,6 +230,7 @@ mod tests {
     use super::*;
     use crate::fuzz::{Damage, damaged, fuzz, nested};
     use std::fs;
+    use tempfile::TempDir;
 
     fn outcome(key: &str, estimate: f64) -> Outcome {
         Outcome {
@@ -257,36 +254,38 @@ mod tests {
         keys
     }
 
-    #[test]
-    fn what_was_appended_comes_back_to_the_bit() {
+    /// A journal in a folder of its own, and its content.
+    fn stored(outcomes: &[Outcome]) -> (TempDir, PathBuf, Vec<u8>) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trials.jsonl");
+        let mut journal = Journal::open(&path).unwrap();
+        journal.append(outcomes.to_vec()).unwrap();
+        let whole = fs::read(&path).unwrap();
+        (folder, path, whole)
+    }
+
+    #[test]
+    fn what_was_appended_comes_back_to_the_bit() {
         let wanted = outcome("a", std::f64::consts::PI * 1e-7);
-        Journal::open(&path)
-            .unwrap()
-            .append(vec![wanted.clone()])
-            .unwrap();
+        let (_folder, path, _) = stored(std::slice::from_ref(&wanted));
         let journal = Journal::open(&path).unwrap();
         assert_eq!(journal.get(&wanted.key), Some(&wanted));
     }
 
     #[test]
     fn what_another_journal_holds_is_added_once() {
-        let folder = tempfile::tempdir().unwrap();
-        let [path, other] = ["trials.jsonl", "other.jsonl"].map(|name| folder.path().join(name));
         let outcomes = ["a", "b"].map(|key| outcome(key, 0.5));
-        let mut journal = Journal::open(&path).unwrap();
-        journal.append(vec![outcomes[0].clone()]).unwrap();
+        let (folder, path, _) = stored(&outcomes[..1]);
+        let other = folder.path().join("other.jsonl");
         let both = || Journal::<Outcome>::look(&other).unwrap();
         assert!(both().records.is_empty() && !other.exists());
-        Journal::open(&other)
-            .unwrap()
-            .append(outcomes.to_vec())
-            .unwrap();
+        let mut others = Journal::open(&other).unwrap();
+        others.append(outcomes.to_vec()).unwrap();
         let mut knowing = Journal::<Outcome>::look(&path).unwrap();
         knowing.know(both());
         assert_eq!(keys(&knowing), ["a", "b"]);
         assert!(knowing.append(vec![outcome("c", 0.5)]).is_err());
+        let mut journal = Journal::open(&path).unwrap();
         for _ in 0..2 {
             journal.adopt(both()).unwrap();
             assert_eq!(fs::read_to_string(&path).unwrap().lines().count(), 2);
@@ -295,13 +294,7 @@ mod tests {
 
     #[test]
     fn a_file_cut_anywhere_keeps_every_whole_line_and_can_grow() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("trials.jsonl");
-        let mut journal = Journal::open(&path).unwrap();
-        journal
-            .append(vec![outcome("a", 1.0), outcome("b", 2.0)])
-            .unwrap();
-        let whole = fs::read(&path).unwrap();
+        let (_folder, path, whole) = stored(&[outcome("a", 1.0), outcome("b", 2.0)]);
         let first = whole.iter().position(|byte| *byte == b'\n').unwrap() + 1;
         for cut in 0..whole.len() {
             fs::write(&path, &whole[..cut]).unwrap();
@@ -337,13 +330,7 @@ mod tests {
 
     #[test]
     fn a_flipped_bit_costs_its_line_alone() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("trials.jsonl");
-        let mut journal = Journal::open(&path).unwrap();
-        journal
-            .append(vec![outcome("a", 1.0), outcome("b", 2.0)])
-            .unwrap();
-        let whole = fs::read(&path).unwrap();
+        let (_folder, path, whole) = stored(&[outcome("a", 1.0), outcome("b", 2.0)]);
         let first = whole.iter().position(|byte| *byte == b'\n').unwrap();
         for at in 0..first {
             let mut bytes = whole.clone();
@@ -355,14 +342,8 @@ mod tests {
 
     #[test]
     fn any_damage_to_a_journal_costs_lines_and_changes_none() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("trials.jsonl");
         let outcomes = ["a", "b", "c"].map(|key| outcome(key, 0.1));
-        Journal::open(&path)
-            .unwrap()
-            .append(outcomes.to_vec())
-            .unwrap();
-        let whole = fs::read(&path).unwrap();
+        let (_folder, path, whole) = stored(&outcomes);
         fuzz("journals", &Damage::some(), |damages| {
             fs::write(&path, damaged(whole.clone(), &damages)).unwrap();
             let journal = Journal::<Outcome>::open(&path).unwrap();
@@ -375,8 +356,7 @@ mod tests {
     /// Trials that are damaged under a checksum that is right.
     #[test]
     fn any_damage_to_a_trial_is_survived() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("trials.jsonl");
+        let (_folder, path, _) = stored(&[]);
         let open = |trial: &str| {
             let line = format!("{{\"check\":\"{}\",\"trial\":{trial}}}", check(trial));
             fs::write(&path, line).unwrap();

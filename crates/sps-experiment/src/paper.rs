@@ -29,29 +29,21 @@ pub struct PaperRow {
 struct Tables {
     properties: Vec<String>,
     top8: Vec<String>,
-    methods: BTreeMap<String, Method>,
-    ablation: Vec<Ablation>,
+    methods: BTreeMap<String, Printed>,
+    ablation: Vec<Printed>,
 }
 
+/// A row as the file has it, values of properties in their order.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
-struct Method {
-    #[serde(rename = "label")]
-    _label: String,
+#[serde(rename_all = "kebab-case")]
+struct Printed {
+    #[serde(default)]
     r2: Vec<f64>,
     r2_mean: f64,
     mae_mean: f64,
+    #[serde(default)]
     median_percent_error: Vec<f64>,
     median_percent_error_mean: f64,
-    median_percent_error_top8: f64,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "kebab-case")]
-struct Ablation {
-    r2: f64,
-    mae: f64,
-    median_percent_error: f64,
     median_percent_error_top8: f64,
 }
 
@@ -66,17 +58,10 @@ pub(crate) fn top8() -> &'static [String] {
 /// The printed row that a config calls `name`: a method of the per-property tables
 /// (`cross-modal`), or `ablation.N` for the N-th row of the ablation.
 pub fn row(name: &str) -> Option<PaperRow> {
-    if let Some(index) = name.strip_prefix("ablation.") {
-        let row = PRINTED.ablation.get(index.parse::<usize>().ok()?)?;
-        return Some(PaperRow {
-            r2_mean: row.r2,
-            mae_mean: row.mae,
-            median_percent_error_mean: row.median_percent_error,
-            median_percent_error_top8: row.median_percent_error_top8,
-            ..PaperRow::default()
-        });
-    }
-    let row = PRINTED.methods.get(name)?;
+    let row = match name.strip_prefix("ablation.") {
+        Some(index) => PRINTED.ablation.get(index.parse::<usize>().ok()?)?,
+        None => PRINTED.methods.get(name)?,
+    };
     let by_property = |values: &[f64]| {
         let names = PRINTED.properties.iter().cloned();
         names.zip(values.iter().copied()).collect()

@@ -6,12 +6,12 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use sps_dataset::FrameKey;
 use tracing::warn;
 
 use super::segment::Segment;
-use crate::files::{create_folder, remove_unfinished};
+use crate::files::{create_folder, inside, remove_unfinished};
 use crate::work::Work;
 
 /// How long after the last write a file that is not whole belongs to a process that was killed: others
@@ -60,7 +60,8 @@ impl EmbeddingCache {
             }
             let segment = Segment::read_keys(&path).and_then(|keys| {
                 let useful = keys.iter().any(|key| wanted.contains(key));
-                useful.then(|| self.read(&path)).transpose()
+                let read = || Segment::read(&path, self.width);
+                useful.then(read).transpose()
             });
             match segment {
                 Ok(None) => {}
@@ -86,32 +87,12 @@ impl EmbeddingCache {
         segment.write(&self.folder)
     }
 
-    fn read(&self, path: &Path) -> Result<Segment> {
-        let segment = Segment::read(path)?;
-        anyhow::ensure!(
-            segment.values.len() == segment.keys.len() * self.width,
-            "{}: {} values for {} frames of width {}",
-            path.display(),
-            segment.values.len(),
-            segment.keys.len(),
-            self.width
-        );
-        Ok(segment)
-    }
-
     fn segments(&self) -> Result<Vec<PathBuf>> {
-        let failed = || format!("cannot read {}", self.folder.display());
-        let mut paths = Vec::new();
-        if !self.folder.exists() {
-            return Ok(paths);
-        }
-        for entry in fs::read_dir(&self.folder).with_context(failed)? {
-            let path = entry.with_context(failed)?.path();
-            if path.extension().is_some_and(|e| e == "safetensors") {
-                paths.push(path);
-            }
-        }
-        paths.sort();
+        let mut paths = inside(&self.folder)?;
+        paths.retain(|path| {
+            path.extension()
+                .is_some_and(|ending| ending == "safetensors")
+        });
         Ok(paths)
     }
 

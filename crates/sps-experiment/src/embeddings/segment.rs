@@ -12,7 +12,7 @@ use anyhow::{Context, Result, bail, ensure};
 use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorView};
 use sps_dataset::FrameKey;
 
-use crate::files::write_atomically;
+use crate::files::{self, write_atomically};
 
 const KEYS: &str = "keys";
 const EMBEDDINGS: &str = "embeddings";
@@ -44,30 +44,22 @@ impl Segment {
         let rows = self.keys.len();
         let width = self.values.len() / rows.max(1);
         let (of_keys, checksum) = (checksum(&[&keys]), checksum(&[&keys, &values]));
-        let tensors = [
-            (
-                EMBEDDINGS,
-                TensorView::new(Dtype::F32, vec![rows, width], &values)?,
-            ),
-            (
-                KEYS,
-                TensorView::new(Dtype::U8, vec![rows, KEY_BYTES], &keys)?,
-            ),
-        ];
+        let values = TensorView::new(Dtype::F32, vec![rows, width], &values)?;
+        let keys = TensorView::new(Dtype::U8, vec![rows, KEY_BYTES], &keys)?;
+        let tensors = [(EMBEDDINGS, values), (KEYS, keys)];
         let metadata = HashMap::from([
             (CHECKSUM.to_owned(), checksum.clone()),
             (KEYS_CHECKSUM.to_owned(), of_keys),
         ]);
         let bytes = safetensors::serialize(tensors, Some(metadata))?;
-        write_atomically(
-            &folder.join(format!("{}.safetensors", &checksum[..32])),
-            &bytes,
-        )
+        let name = format!("{}.safetensors", &checksum[..32]);
+        write_atomically(&folder.join(name), &bytes)
     }
 
-    pub(crate) fn read(path: &Path) -> Result<Self> {
+    /// Reads embeddings of this width.
+    pub(crate) fn read(path: &Path, width: usize) -> Result<Self> {
         let failed = || format!("cannot read {}", path.display());
-        let bytes = std::fs::read(path).with_context(failed)?;
+        let bytes = files::read(path)?;
         let (_, metadata) = SafeTensors::read_metadata(&bytes).with_context(failed)?;
         let tensors = SafeTensors::deserialize(&bytes).with_context(failed)?;
         let keys = tensors.tensor(KEYS).with_context(failed)?;
@@ -78,21 +70,19 @@ impl Segment {
             "{}: the checksum does not match its content",
             path.display()
         );
+        let rows = keys.shape().first().copied().unwrap_or_default();
+        let of_keys = (keys.dtype(), keys.shape()) == (Dtype::U8, &[rows, KEY_BYTES]);
+        let of_values = (values.dtype(), values.shape()) == (Dtype::F32, &[rows, width]);
         ensure!(
-            keys.dtype() == Dtype::U8
-                && values.dtype() == Dtype::F32
-                && keys.shape().get(1) == Some(&KEY_BYTES)
-                && keys.shape().first() == values.shape().first(),
-            "{}: not a segment of embeddings",
+            of_keys && of_values,
+            "{}: not a segment of embeddings of width {width}",
             path.display()
         );
+        let values = values.data().chunks_exact(4);
+        let value = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
         Ok(Self {
             keys: frame_keys(keys.data()),
-            values: values
-                .data()
-                .chunks_exact(4)
-                .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-                .collect(),
+            values: values.map(value).collect(),
         })
     }
 
@@ -106,10 +96,8 @@ impl Segment {
         let header_bytes = u64::from_le_bytes(size);
         ensure!(header_bytes < length, "{}: cut short", path.display());
         let mut header = Vec::new();
-        (&mut file)
-            .take(header_bytes)
-            .read_to_end(&mut header)
-            .with_context(failed)?;
+        let read = (&mut file).take(header_bytes).read_to_end(&mut header);
+        read.with_context(failed)?;
         let metadata: Metadata = serde_json::from_slice(&header).with_context(failed)?;
         let Some(info) = metadata.info(KEYS) else {
             bail!("{}: has no tensor `{KEYS}`", path.display());
@@ -121,8 +109,8 @@ impl Segment {
             "{}: cut short",
             path.display()
         );
-        file.seek(SeekFrom::Start(8 + header_bytes + start as u64))
-            .with_context(failed)?;
+        let begins = SeekFrom::Start(8 + header_bytes + start as u64);
+        file.seek(begins).with_context(failed)?;
         let mut keys = vec![0; end - start];
         file.read_exact(&mut keys).with_context(failed)?;
         let stored = metadata.metadata().as_ref();

@@ -37,18 +37,13 @@ impl AdaptiveResult {
             stops.iter().filter(|stop| holds(stop)).count() as f64 / count
         };
         let mean = |of: fn(&Stop) -> f64| stops.iter().map(of).sum::<f64>() / count;
-        let most = method
-            .trials()
-            .flat_map(Judged::views)
-            .map(|views| views.len())
-            .max()?;
+        let most = method.folds().map(|fold| fold.views.len()).max()?;
+        let shares = (1..=most).map(|views| share(&|stop| stop.views == views));
         Some(Self {
             width: asked.width,
             level: asked.level.get(),
             mean_views: mean(|stop| stop.views as f64),
-            share_of_views: (1..=most)
-                .map(|views| share(&|stop| stop.views == views))
-                .collect(),
+            share_of_views: shares.collect(),
             narrow: share(&|stop| stop.width <= asked.width),
             mean_width: mean(|stop| stop.width),
             coverage: covered.fraction(),

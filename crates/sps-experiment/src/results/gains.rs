@@ -7,7 +7,7 @@ use sps_metrics::{IntervalError, ScoreInterval, Scored, Undefined, over_reruns};
 
 use super::judged::{Judged, Reference};
 use super::notes::Notes;
-use super::{MethodOutcomes, Scoring};
+use super::{Kind, MethodOutcomes, Scoring};
 
 /// Gains in `r2_mean`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -75,13 +75,19 @@ fn gain(
         .iter()
         .filter_map(|(property, mine)| Some((mine, other.outcomes.get(property)?)))
         .flat_map(|(mine, theirs)| mine.iter().zip(theirs).enumerate())
-        .filter_map(|(rerun, (mine, theirs))| Pair::of(rerun, mine.common(theirs), scoring))
+        .filter_map(|(rerun, (mine, theirs))| {
+            let sides = mine.common(theirs);
+            let units = scoring.units_of(&sides[0]);
+            let scored = sides.iter().all(Judged::has_r2);
+            scored.then_some(Pair {
+                rerun,
+                sides,
+                units,
+            })
+        })
         .collect();
-    let found = difference(&pairs, scoring);
-    let found = notes.found(
-        &format!("the interval of the gain over {}", other.row.label),
-        found,
-    );
+    let what = format!("the interval of the gain over {}", other.row.label);
+    let found = notes.found(&what, difference(&pairs, scoring));
     Some(Gain {
         value: mean_difference(&pairs)?,
         interval: found.map(|found| [found.low, found.high]),
@@ -91,34 +97,18 @@ fn gain(
 
 fn mean_difference(pairs: &[Pair<'_>]) -> Option<f64> {
     let scores = |at: usize| {
-        let scores = pairs.iter().map(|pair| pair.sides[at].scores().r2);
+        let scores = pairs.iter().map(|pair| pair.sides[at].score(Kind::R2));
         let scores = scores.map(|score| score.map(|score| score.value));
         over_reruns(scores).mean.ok()
     };
     Some(scores(0)? - scores(1)?)
 }
 
-/// Two methods' estimates in one rerun, on the surfaces that both have.
+/// Two methods' estimates in one rerun, on the surfaces that both have; both have an R².
 struct Pair<'a> {
     rerun: usize,
     sides: [Judged<'a>; 2],
     units: Vec<usize>,
-}
-
-impl<'a> Pair<'a> {
-    /// `None` where one of them has no R².
-    fn of(
-        rerun: usize,
-        (mine, theirs): (Judged<'a>, Judged<'a>),
-        scoring: &Scoring<'_>,
-    ) -> Option<Self> {
-        let scored = mine.has_r2() && theirs.has_r2();
-        scored.then(|| Self {
-            rerun,
-            units: scoring.units_of(&mine),
-            sides: [mine, theirs],
-        })
-    }
 }
 
 fn difference(pairs: &[Pair<'_>], scoring: &Scoring<'_>) -> Result<ScoreInterval, IntervalError> {

@@ -2,9 +2,10 @@
 
 use std::collections::HashSet;
 
-use sps_metrics::{Metric, Samples, Scored, Scores, TrainingMean, Undefined};
+use sps_metrics::{Metric, Outcome, Samples, Scored, TrainingMean, Undefined};
 
-use crate::journal::{Outcome, Stop};
+use super::Kind;
+use crate::journal::{self, Stop};
 
 /// Estimates of one property in one rerun, beside what was measured.
 ///
@@ -13,7 +14,8 @@ use crate::journal::{Outcome, Stop};
 /// training failed have no estimates, and the others are scored without them.
 #[derive(Clone)]
 pub(crate) struct Judged<'a> {
-    folds: Vec<&'a Outcome>,
+    /// All of them, those that failed too.
+    pub folds: Vec<&'a journal::Outcome>,
     /// How many of them are scored.
     scored: usize,
     surfaces: Vec<String>,
@@ -42,15 +44,15 @@ struct About {
 
 impl<'a> Judged<'a> {
     /// `None` where there is no fold.
-    pub(crate) fn of(all: &[&'a Outcome]) -> Option<Self> {
+    pub(crate) fn of(all: &[&'a journal::Outcome]) -> Option<Self> {
         all.first()?;
         let folds = all.iter().copied().filter(|fold| fold.failed.is_none());
-        let folds: Vec<&'a Outcome> = folds.collect();
+        let folds: Vec<_> = folds.collect();
         let (less_mean, mean) = match folds.as_slice() {
             [one] => (false, one.training_mean),
             _ => (true, 0.0),
         };
-        let values = |of: fn(&Outcome) -> &Vec<f64>, less_mean: bool| -> Vec<f64> {
+        let values = |of: fn(&journal::Outcome) -> &Vec<f64>, less_mean: bool| -> Vec<f64> {
             let values = folds.iter().flat_map(|fold| {
                 let mean = if less_mean { fold.training_mean } else { 0.0 };
                 of(fold).iter().map(move |value| value - mean)
@@ -77,10 +79,6 @@ impl<'a> Judged<'a> {
         self.scored == 0
     }
 
-    pub(super) fn failures(&self) -> impl Iterator<Item = &'a str> + '_ {
-        self.folds.iter().filter_map(|fold| fold.failed.as_deref())
-    }
-
     pub(crate) fn surfaces(&self) -> &[String] {
         &self.surfaces
     }
@@ -93,24 +91,6 @@ impl<'a> Judged<'a> {
         self.folds.iter().flat_map(|fold| &fold.stops).copied()
     }
 
-    /// Of each fold.
-    pub(super) fn training_means(&self) -> impl Iterator<Item = f64> + '_ {
-        self.folds.iter().map(|fold| fold.training_mean)
-    }
-
-    pub(super) fn views(&self) -> impl Iterator<Item = Vec<usize>> + '_ {
-        self.folds.iter().map(|fold| fold.views.clone())
-    }
-
-    /// How the network of each fold was trained, where it is one.
-    pub(super) fn courses(&self) -> impl Iterator<Item = &'a [f64]> + '_ {
-        self.folds.iter().map(|fold| &fold.course[..])
-    }
-
-    pub(super) fn train_seconds(&self) -> f64 {
-        self.folds.iter().map(|fold| fold.train_seconds).sum()
-    }
-
     pub(super) fn samples(&self) -> Samples<'_> {
         Samples {
             truth: &self.truth,
@@ -118,21 +98,16 @@ impl<'a> Judged<'a> {
         }
     }
 
-    pub(super) fn scores(&self) -> Scores {
-        let samples = self.samples();
-        let mean = TrainingMean::new(self.about_training.mean);
-        Scores {
-            r2: Scores::of(self.r2_samples(), mean.clone()).r2,
-            ..Scores::of(samples, mean)
+    /// R² is about the mean of the training part.
+    pub(super) fn score(&self, kind: Kind) -> Outcome {
+        match kind {
+            Kind::R2 => self.r2_metric()?.score(self.r2_samples()),
+            kind => kind.metric()?.score(self.samples()),
         }
     }
 
     pub(super) fn has_r2(&self) -> bool {
-        if self.is_empty() {
-            return false;
-        }
-        let score = self.r2_metric().and_then(|r2| r2.score(self.r2_samples()));
-        score.is_ok()
+        !self.is_empty() && self.score(Kind::R2).is_ok()
     }
 
     fn r2_metric(&self) -> Result<Metric, Undefined> {
@@ -167,21 +142,19 @@ impl<'a> Judged<'a> {
     }
 
     /// Both on the surfaces that both have, in the same order.
-    pub(super) fn common<'o>(&'o self, other: &'o Self) -> (Judged<'o>, Judged<'o>) {
+    pub(super) fn common<'o>(&'o self, other: &'o Self) -> [Judged<'o>; 2] {
         if self.surfaces == other.surfaces {
-            return (self.clone(), other.clone());
+            return [self.clone(), other.clone()];
         }
         let mine: HashSet<&String> = self.surfaces.iter().collect();
         let theirs: HashSet<&String> = other.surfaces.iter().collect();
-        (self.among(&theirs), other.among(&mine))
+        [self.among(&theirs), other.among(&mine)]
     }
 
     fn among(&self, names: &HashSet<&String>) -> Judged<'_> {
         let kept = self.surfaces.iter().enumerate();
-        let kept: Vec<usize> = kept
-            .filter(|(_, n)| names.contains(n))
-            .map(|(at, _)| at)
-            .collect();
+        let kept = kept.filter(|(_, name)| names.contains(name));
+        let kept: Vec<usize> = kept.map(|(at, _)| at).collect();
         let some = |values: &[f64]| kept.iter().map(|&at| values[at]).collect();
         Judged {
             folds: self.folds.clone(),

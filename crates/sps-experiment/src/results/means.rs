@@ -2,14 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 use sps_metrics::{
-    Better, Outcome, PropertyMean, PropertyScore, Scores, Undefined, mean_over_all, mean_over_best,
-    mean_over_named,
+    Better, PropertyMean, PropertyScore, Undefined, mean_over_all, mean_over_best, mean_over_named,
 };
 
 use super::judged::Reference;
 use super::notes::Notes;
 use super::scores::{PropertyScores, interval_over};
-use super::{MethodOutcomes, Number, PerProperty, Scoring};
+use super::{Kind, MethodOutcomes, Number, PerProperty, Scoring};
 
 /// Of one method.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -60,11 +59,9 @@ impl Means {
     ) -> Self {
         let listed = |values| listed(values, scoring.properties);
         let percent = self::listed(&scores.median_percent_error, scoring.with_percentages);
-        let best8 = (!scoring.top8.is_empty())
-            .then(|| mean_over_best(&percent, scoring.top8.len(), Better::Lower));
-        let top8 = best8
-            .is_some()
-            .then(|| mean_over_named(&percent, scoring.top8));
+        let named = Some(scoring.top8).filter(|named| !named.is_empty());
+        let best8 = named.map(|named| mean_over_best(&percent, named.len(), Better::Lower));
+        let top8 = named.map(|named| mean_over_named(&percent, named));
         let of_percent = (!percent.is_empty()).then(|| mean_over_all(&percent));
         let mut whole = |what, mean: Option<PropertyMean>| notes.whole_mean(what, mean?);
         let median_percent_error_top8 = whole("top-8 median % error", top8);
@@ -97,47 +94,39 @@ impl Means {
 
 impl Ranges {
     fn of(method: &MethodOutcomes<'_>, scoring: &Scoring<'_>) -> Self {
-        let of_rerun = |rerun: usize| -> PerProperty<Scores> {
-            let outcomes = method.outcomes.iter();
-            let scored = outcomes
-                .filter_map(|(property, all)| Some((property.clone(), all.get(rerun)?.scores())));
-            scored.collect()
-        };
-        let reruns: Vec<PerProperty<Scores>> = (0..method.row.reruns).map(of_rerun).collect();
-        let range = |of: fn(&Scores) -> &Outcome,
-                     properties: &[String],
-                     mean: &dyn Fn(&[PropertyScore]) -> PropertyMean| {
-            let values = reruns.iter().map(|scores| {
-                let value = |s| of(s).as_ref().ok().map(|score| score.value);
-                let values = scores
-                    .iter()
-                    .map(|(property, s)| (property.clone(), value(s)));
-                let mean = mean(&listed(&values.collect(), properties));
-                mean.is_complete().then_some(mean.value.ok()).flatten()
-            });
-            let values = values.collect::<Option<Vec<f64>>>()?;
-            let low = values.iter().copied().reduce(f64::min)?;
-            Some([low, values.iter().copied().reduce(f64::max)?])
-        };
+        let range =
+            |kind: Kind, properties: &[String], mean: &dyn Fn(&[PropertyScore]) -> PropertyMean| {
+                let values = (0..method.row.reruns).map(|rerun| {
+                    let outcomes = method.outcomes.iter();
+                    let values = outcomes.filter_map(|(property, all)| {
+                        let score = all.get(rerun)?.score(kind).ok();
+                        Some((property.clone(), score.map(|score| score.value)))
+                    });
+                    let mean = mean(&listed(&values.collect(), properties));
+                    mean.is_complete().then_some(mean.value.ok()).flatten()
+                });
+                let values = values.collect::<Option<Vec<f64>>>()?;
+                let low = values.iter().copied().reduce(f64::min)?;
+                Some([low, values.iter().copied().reduce(f64::max)?])
+            };
         let top8 = |scores: &[PropertyScore]| mean_over_named(scores, scoring.top8);
         let (all, some) = (scoring.properties, scoring.with_percentages);
         Self {
-            r2_mean: range(|s| &s.r2, all, &mean_over_all),
-            mae_mean: range(|s| &s.mae, all, &mean_over_all),
-            median_percent_error_mean: range(|s| &s.median_percent_error, some, &mean_over_all),
-            median_percent_error_top8: range(|s| &s.median_percent_error, some, &top8),
+            r2_mean: range(Kind::R2, all, &mean_over_all),
+            mae_mean: range(Kind::Mae, all, &mean_over_all),
+            median_percent_error_mean: range(Kind::MedianPercentError, some, &mean_over_all),
+            median_percent_error_top8: range(Kind::MedianPercentError, some, &top8),
         }
     }
 }
 
 fn listed(values: &PerProperty<Number>, properties: &[String]) -> Vec<PropertyScore> {
-    let of = |property: &String| PropertyScore {
-        property: property.clone(),
-        value: values
-            .get(property)
-            .copied()
-            .flatten()
-            .ok_or(Undefined::NotScored),
+    let of = |property: &String| {
+        let value = values.get(property).copied().flatten();
+        PropertyScore {
+            property: property.clone(),
+            value: value.ok_or(Undefined::NotScored),
+        }
     };
     properties.iter().map(of).collect()
 }

@@ -15,8 +15,8 @@ impl Notes {
     pub(super) fn failures(&mut self, method: &MethodOutcomes<'_>) {
         for (property, outcomes) in &method.outcomes {
             for (rerun, judged) in outcomes.iter().enumerate() {
-                for reason in judged.failures() {
-                    self.add(&format!("{property}, rerun {rerun}, left out"), &reason);
+                for reason in judged.folds.iter().filter_map(|fold| fold.failed.as_ref()) {
+                    self.add(&format!("{property}, rerun {rerun}, left out"), reason);
                 }
             }
         }

@@ -11,6 +11,7 @@ use super::{
     PropertyScores,
 };
 use crate::config::Adaptive;
+use crate::journal::Outcome;
 
 pub(crate) struct Scoring<'a> {
     /// Codes of the properties, in the order of the reports.
@@ -50,7 +51,13 @@ impl<'a> MethodOutcomes<'a> {
         self.outcomes.values().flatten()
     }
 
-    /// The same, each with its rerun.
+    /// What became of each fold of these.
+    pub(super) fn folds(&self) -> impl Iterator<Item = &'a Outcome> {
+        self.trials()
+            .flat_map(|judged| judged.folds.iter().copied())
+    }
+
+    /// Those of all properties, each with its rerun.
     pub(super) fn numbered(&self) -> impl Iterator<Item = (usize, &Judged<'a>)> {
         let of_property = self.outcomes.values();
         of_property.flat_map(|outcomes| outcomes.iter().enumerate())
@@ -72,14 +79,15 @@ pub(crate) fn score(
     let gains = Gains::of(method, methods, against, scoring, &mut notes);
     scores.r2_interval = intervals(method, scoring, &mut notes);
     let (held_out_surfaces, held_out_units) = held_out(method, scoring);
-    let views = method.outcomes.iter().map(|(property, outcomes)| {
-        let views = outcomes.iter().flat_map(Judged::views);
-        (property.clone(), views.collect())
-    });
-    let training_means = method.outcomes.iter().map(|(property, outcomes)| {
-        let means = outcomes.iter().flat_map(Judged::training_means);
-        (property.clone(), means.collect())
-    });
+    let (mut selected_views, mut training_means) = (PerProperty::new(), PerProperty::new());
+    for (property, outcomes) in &method.outcomes {
+        let folds = outcomes.iter().flat_map(|judged| &judged.folds);
+        let means = folds.clone().map(|fold| fold.training_mean);
+        training_means.insert(property.clone(), means.collect());
+        let views = folds.map(|fold| fold.views.clone());
+        selected_views.insert(property.clone(), views.collect());
+    }
+    let adaptive = method.adaptive;
     MethodResult {
         held_out_surfaces,
         held_out_units,
@@ -87,16 +95,14 @@ pub(crate) fn score(
         scores,
         gains,
         costs: Costs {
-            train_seconds: method.trials().map(Judged::train_seconds).sum(),
+            train_seconds: method.folds().map(|fold| fold.train_seconds).sum(),
             ..method.row.costs
         },
-        adaptive: method
-            .adaptive
-            .and_then(|asked| AdaptiveResult::of(method, asked)),
+        adaptive: adaptive.and_then(|asked| AdaptiveResult::of(method, asked)),
         intervals: GivenIntervals::of(method, scoring),
-        training_means: training_means.collect(),
+        training_means,
         training_losses: training_losses(method),
-        selected_views: views.collect(),
+        selected_views,
         notes: notes.lines,
         ..method.row.clone()
     }
@@ -104,13 +110,11 @@ pub(crate) fn score(
 
 /// The mean loss of each epoch, over the networks that were trained in it.
 fn training_losses(method: &MethodOutcomes<'_>) -> Vec<f64> {
-    let courses: Vec<&[f64]> = method.trials().flat_map(Judged::courses).collect();
+    let courses: Vec<&[f64]> = method.folds().map(|fold| &fold.course[..]).collect();
     let epochs = courses.iter().map(|course| course.len()).max().unwrap_or(0);
     let mean = |epoch: usize| {
-        let losses: Vec<f64> = courses
-            .iter()
-            .filter_map(|c| c.get(epoch).copied())
-            .collect();
+        let losses = courses.iter().filter_map(|course| course.get(epoch));
+        let losses: Vec<f64> = losses.copied().collect();
         losses.iter().sum::<f64>() / losses.len() as f64
     };
     (0..epochs).map(mean).collect()
@@ -128,7 +132,7 @@ mod tests {
     use sps_metrics::Level;
 
     use super::*;
-    use crate::journal::{Outcome, TrialKey};
+    use crate::journal::TrialKey;
 
     /// Of four surfaces, each estimate off by `error`; a failed one where there is none.
     fn outcome(rerun: usize, error: Option<f64>) -> Outcome {

@@ -3,8 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 use sps_metrics::{
-    IntervalError, Metric, Outcome, ScoreInterval, Scored, Scores, TrainingMean, Undefined,
-    over_reruns,
+    IntervalError, Metric, Outcome, ScoreInterval, Scored, TrainingMean, Undefined, over_reruns,
 };
 
 use super::judged::{Judged, Reference};
@@ -49,9 +48,9 @@ impl PropertyScores {
     ) -> Self {
         let mut all = Self::default();
         for (property, outcomes) in &method.outcomes {
-            let scores: Vec<Scores> = outcomes.iter().map(Judged::scores).collect();
-            let mut summary = |what: &str, of: &dyn Fn(&Scores) -> Outcome| {
-                let values = scores.iter().map(|s| of(s).map(|score| score.value));
+            let mut summary = |what: &str, of: &dyn Fn(&Judged<'_>) -> Outcome| {
+                let values = outcomes.iter();
+                let values = values.map(|judged| of(judged).map(|score| score.value));
                 let mut summary = over_reruns(values);
                 // Those have a note of their own.
                 let failed = |rerun: usize| outcomes.get(rerun).is_some_and(Judged::is_empty);
@@ -61,10 +60,11 @@ impl PropertyScores {
             for kind in Kind::ALL {
                 let percent = kind == Kind::MedianPercentError;
                 let shown = !percent || scoring.with_percentages.contains(property);
-                let found = shown.then(|| summary(kind.name(), &|s| kind.outcome(s).clone()));
+                let found = shown.then(|| summary(kind.name(), &|judged| judged.score(kind)));
                 if let (Kind::R2, Some(found)) = (kind, &found) {
                     all.r2_std.insert(property.clone(), found.std.clone().ok());
-                    let own = summary("R² about own mean", &|s| s.r2_own_mean.clone());
+                    let own = |judged: &Judged<'_>| Metric::R2OwnMean.score(judged.samples());
+                    let own = summary("R² about own mean", &own);
                     all.r2_own_mean.insert(property.clone(), own.mean.ok());
                 }
                 let mean = found.and_then(|found| found.mean.ok());
@@ -73,7 +73,8 @@ impl PropertyScores {
             let deviation = scoring.deviations.get(property).filter(|std| **std > 0.0);
             let mae = all.mae[property].zip(deviation).map(|(mae, std)| mae / std);
             all.mae_over_std.insert(property.clone(), mae);
-            let percent = scores.iter().flat_map(|s| &s.median_percent_error);
+            let percent = outcomes.iter();
+            let percent = percent.flat_map(|judged| judged.score(Kind::MedianPercentError));
             let zeros = percent.map(|score| score.zero_truths).sum();
             all.zero_truths.insert(property.clone(), zeros);
         }
@@ -137,16 +138,6 @@ impl Kind {
             Self::R2 | Self::Spearman => 3,
             Self::Mae | Self::Rmse => 2,
             Self::MedianPercentError => 1,
-        }
-    }
-
-    fn outcome(self, scores: &Scores) -> &Outcome {
-        match self {
-            Self::R2 => &scores.r2,
-            Self::Mae => &scores.mae,
-            Self::MedianPercentError => &scores.median_percent_error,
-            Self::Rmse => &scores.rmse,
-            Self::Spearman => &scores.spearman,
         }
     }
 

@@ -4,11 +4,13 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use tracing::warn;
 
 use crate::checksums;
-use crate::files::{create_folder, is_read_only, lock, remove_unfinished, write_atomically};
+use crate::files::{
+    create_folder, is_read_only, lock, remove, remove_unfinished, write_atomically,
+};
 use crate::predictions;
 
 pub(crate) const TRIALS: &str = "trials.jsonl";
@@ -41,11 +43,9 @@ impl RunFolder {
         }
         checksums::unseal(path)?;
         remove_unfinished(path, Duration::ZERO)?;
-        for journal in [TRIALS, SELECTIONS].map(|name| folder.file(name)) {
-            if fresh && journal.exists() {
-                std::fs::remove_file(&journal)
-                    .with_context(|| format!("cannot remove {}", journal.display()))?;
-            }
+        if fresh {
+            remove(&folder.file(TRIALS))?;
+            remove(&folder.file(SELECTIONS))?;
         }
         Ok(folder)
     }

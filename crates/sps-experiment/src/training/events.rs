@@ -41,7 +41,7 @@ impl EventFile {
 
     /// What a step did; it reaches the file with the next [`EventFile::epochs`].
     pub(crate) fn step(&mut self, step: &TrainingStep) {
-        let mut scalars = losses("training", &step.losses);
+        let mut scalars = there("training", losses(&step.losses));
         scalars.push(("training/gradient-norm".into(), step.gradient_norm));
         scalars.push(("training/learning-rate".into(), step.learning_rate));
         self.scalars(step.number, &scalars);
@@ -51,7 +51,7 @@ impl EventFile {
     pub(crate) fn epochs(&mut self, history: &[Epoch]) -> Result<()> {
         for epoch in &history[self.epochs.min(history.len())..] {
             if let Some(validation) = &epoch.validation {
-                self.scalars(epoch.steps, &losses("validation", validation));
+                self.scalars(epoch.steps, &there("validation", losses(validation)));
             }
         }
         self.epochs = history.len();
@@ -65,11 +65,7 @@ impl EventFile {
         let errors = head.kept_epoch().and_then(|kept| kept.errors.get(1..));
         let errors = errors.unwrap_or_default();
         for (epoch, losses) in head.history().iter().enumerate() {
-            let mut scalars: Vec<(String, f64)> = of_head(losses)
-                .into_iter()
-                .filter(|(_, value)| *value != 0.0)
-                .map(|(name, value)| (format!("training/{name}"), value))
-                .collect();
+            let mut scalars = there("training", of_head(losses));
             let error = errors.get(epoch);
             scalars.extend(error.map(|&error| ("validation/estimation".to_owned(), error)));
             self.scalars(epoch + 1, &scalars);
@@ -93,17 +89,24 @@ impl EventFile {
     }
 
     fn flush(&mut self) -> Result<()> {
-        self.file
-            .write_all(&self.pending)
-            .context("cannot write TensorBoard events")?;
+        let written = self.file.write_all(&self.pending);
+        written.context("cannot write TensorBoard events")?;
         self.pending.clear();
         Ok(())
     }
 }
 
-/// Losses by name, those that there are.
-fn losses(part: &str, losses: &Losses) -> Vec<(String, f64)> {
-    let all = [
+type Named = (&'static str, f64);
+
+/// The losses of a part that there are: one that is not used is 0.
+fn there(part: &str, losses: impl IntoIterator<Item = Named>) -> Vec<(String, f64)> {
+    let losses = losses.into_iter().filter(|(_, value)| *value != 0.0);
+    let named = losses.map(|(name, value)| (format!("{part}/{name}"), value));
+    named.collect()
+}
+
+fn losses(losses: &Losses) -> [Named; 9] {
+    [
         ("loss", losses.total()),
         ("squared-error", losses.values),
         ("cross-entropy", losses.classes),
@@ -113,15 +116,10 @@ fn losses(part: &str, losses: &Losses) -> Vec<(String, f64)> {
         ("reconstruction", losses.reconstruction),
         ("generator", losses.generator),
         ("discriminator", losses.discriminator),
-    ];
-    let there = all.into_iter().filter(|(_, value)| *value != 0.0);
-    there
-        .map(|(name, value)| (format!("{part}/{name}"), value))
-        .collect()
+    ]
 }
 
-/// Losses by name; one that is not used is 0.
-fn of_head(losses: &EpochLosses) -> [(&'static str, f64); 6] {
+fn of_head(losses: &EpochLosses) -> [Named; 6] {
     [
         ("estimation", losses.estimation),
         ("embedding", losses.embedding),

@@ -8,9 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use sps_models::encoders::Encoder;
-use sps_models::training::{
-    Epoch, ImageSource, Losses, Parts, Targets, Trainer, TrainingConfig, TrainingStep,
-};
+use sps_models::training::{Epoch, ImageSource, Losses, Parts, Targets, Trainer, TrainingConfig};
 use sps_models::weights::Weights;
 use tracing::info;
 
@@ -82,7 +80,9 @@ pub fn train(task: Task<'_>, images: &dyn ImageSource, folder: &Path) -> Result<
             shown += step.images;
             let progress =
                 progress.get_or_insert_with(|| Progress::resumed(&name, step.number - 1, step.of));
-            progress.say(&line(step, shown as f64 / begun.elapsed().as_secs_f64()));
+            let speed = shown as f64 / begun.elapsed().as_secs_f64();
+            let loss = step.losses.total();
+            progress.say(&format!("loss {loss:.3}, {speed:.0} images/s"));
             progress.advance(1);
             events.step(step);
         })?;
@@ -180,12 +180,11 @@ fn begin(task: Task<'_>, state: &Path, goes_on: bool) -> Result<Trainer> {
         ..
     } = task;
     let config = config.clone();
-    let bytes = if goes_on {
-        checksums::read(state)?
-    } else {
-        None
-    };
-    let Some(bytes) = bytes else {
+    let Some(bytes) = goes_on
+        .then(|| checksums::read(state))
+        .transpose()?
+        .flatten()
+    else {
         return Ok(Trainer::new(start, targets, parts, config, seed)?);
     };
     let path = state.display().to_string();
@@ -194,28 +193,17 @@ fn begin(task: Task<'_>, state: &Path, goes_on: bool) -> Result<Trainer> {
     Ok(trainer)
 }
 
-fn line(step: &TrainingStep, images_per_second: f64) -> String {
-    format!(
-        "loss {:.3}, {images_per_second:.0} images/s",
-        step.losses.total()
-    )
-}
-
 /// Losses of an encoder that linear layers stand on in words, for people; those that there are.
 pub fn in_words(losses: &Losses) -> String {
-    let mut words = vec![format!(
-        "squared error {:.3} of the variance",
-        losses.values
-    )];
+    let error = losses.values;
+    let mut words = vec![format!("squared error {error:.3} of the variance")];
     if losses.classes > 0.0 {
         words.push(format!("cross-entropy {:.3}", losses.classes));
         words.push(format!("{:.1} % of classes right", 100.0 * losses.accuracy));
     }
     if losses.features > 0.0 {
-        words.push(format!(
-            "error of the teacher's features {:.3}",
-            losses.features
-        ));
+        let error = losses.features;
+        words.push(format!("error of the teacher's features {error:.3}"));
     }
     words.join(", ")
 }

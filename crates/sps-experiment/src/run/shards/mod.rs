@@ -14,6 +14,7 @@ use super::prepared::Prepared;
 use super::{Journals, provenance};
 use crate::config::Experiment;
 use crate::data;
+use crate::files::inside;
 use crate::work::Shard;
 use manifest::Manifest;
 pub(super) use merge::Merged;
@@ -28,19 +29,11 @@ pub(super) struct OfShard {
 
 /// The shards below the folder of a run, in their order.
 pub(super) fn folders(run: &Path) -> Result<Vec<OfShard>> {
-    let folder = run.join(SHARDS);
-    if !folder.exists() {
-        return Ok(Vec::new());
-    }
-    let failed = || format!("cannot read {}", folder.display());
-    let mut found = Vec::new();
-    for entry in fs::read_dir(&folder).with_context(failed)? {
-        let entry = entry.with_context(failed)?;
-        if let Some(shard) = Shard::of_folder(&entry.file_name().to_string_lossy()) {
-            let path = entry.path();
-            found.push(OfShard { shard, path });
-        }
-    }
+    let found = inside(&run.join(SHARDS))?.into_iter().filter_map(|path| {
+        let shard = Shard::of_folder(&path.file_name()?.to_string_lossy())?;
+        Some(OfShard { shard, path })
+    });
+    let mut found: Vec<OfShard> = found.collect();
     found.sort_by_key(|one| one.shard);
     Ok(found)
 }

@@ -37,11 +37,10 @@ pub fn load(spec: &EncoderSpec, seed: u64) -> Result<Network> {
         WeightsSpec::Untrained => Encoder::seeded(kind, seed)?,
         WeightsSpec::File(path) => Encoder::load(kind, path)?,
     };
-    let encoder = encoder.with_depths(&spec.depths)?;
-    let encoder = match spec.precision {
-        Precision::Int8 => encoder,
-        precision => encoder.with_precision(precision)?,
-    };
+    let mut encoder = encoder.with_depths(&spec.depths)?;
+    if spec.precision != Precision::Int8 {
+        encoder = encoder.with_precision(spec.precision)?;
+    }
     Ok(match frames {
         None => Network::Images(encoder),
         Some(frames) => Network::Sequences(encoder, frames),
@@ -86,15 +85,14 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         let name = path.file_name().unwrap_or(path.as_os_str());
         name.to_string_lossy().into_owned()
     };
-    let frames = match (&spec.network, spec.resize) {
-        (NetworkSpec::Sequences { frames, .. }, Some(pixels)) => {
-            format!(", on {frames} equidistant frames of {pixels} pixels")
+    let pixels = spec.resize.map(|pixels| format!(" of {pixels} pixels"));
+    let pixels = pixels.unwrap_or_default();
+    let frames = match &spec.network {
+        NetworkSpec::Sequences { frames, .. } => {
+            format!(", on {frames} equidistant frames{pixels}")
         }
-        (NetworkSpec::Sequences { frames, .. }, None) => {
-            format!(", on {frames} equidistant frames")
-        }
-        (_, Some(pixels)) => format!(", on frames of {pixels} pixels"),
-        (_, None) => String::new(),
+        _ if pixels.is_empty() => pixels,
+        _ => format!(", on frames{pixels}"),
     };
     let name = match &spec.network {
         NetworkSpec::Images(kind) | NetworkSpec::Sequences { kind, .. } => kind,
@@ -119,14 +117,13 @@ pub(crate) fn describe(spec: &EncoderSpec) -> String {
         }
         None => "",
     };
-    let maps = match spec.training.as_ref().map(|training| training.precision) {
-        None | Some(Precision::F32) => String::new(),
-        Some(precision) => format!(" on maps of {precision}"),
-    };
-    let precision = match spec.precision {
+    let unless_f32 = |words: &str, precision: Precision| match precision {
         Precision::F32 => String::new(),
-        precision => format!(" in {precision}"),
+        precision => format!(" {words} {precision}"),
     };
+    let maps = spec.training.as_ref().map(|training| training.precision);
+    let maps = unless_f32("on maps of", maps.unwrap_or(Precision::F32));
+    let precision = unless_f32("in", spec.precision);
     let depths = match &spec.depths {
         Depths::Last => String::new(),
         Depths::All => ", at all depths".to_owned(),

@@ -90,10 +90,7 @@ impl Progress {
             follower.advanced(&self.what, self.bar.position() as usize, total);
             return;
         }
-        let Some(next_line) = &self.next_line else {
-            return;
-        };
-        let Ok(mut next) = next_line.lock() else {
+        let Some(Ok(mut next)) = self.next_line.as_ref().map(Mutex::lock) else {
             return;
         };
         let now = Instant::now();

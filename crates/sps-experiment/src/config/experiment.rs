@@ -38,9 +38,7 @@ pub struct Experiment {
     /// Parts of the training surfaces between which selections are cross-validated; 1: none.
     pub(crate) selection_folds: usize,
     pub(crate) interval_level: Level,
-    /// Indices of the methods that all others are compared with.
     pub(crate) against: Vec<usize>,
-    /// What is asked about speed and error; none where it is not.
     pub(crate) speed: Option<SpeedConfig>,
     pub(crate) train: TrainSpec,
     pub(crate) cache: PathBuf,

@@ -110,88 +110,73 @@ fn index(list: &[Value], name: &str) -> Result<usize, String> {
 mod tests {
     use super::*;
 
-    const TOP: &str = "[head]\nepochs = 30\n[head.model]\nkind = \"cross-modal\"\nlatent = 100\n\
+    const TOP: &str = "[head]\nepochs = 30\n[head.model]\nkind = 'cross-modal'\nlatent = 100\n\
                        adversarial = { weight = 0.5 }\n";
-
-    /// The `head` of the only method (or sweep), `own` laid over [`TOP`].
-    fn head_in(list: &str, own: &str) -> Table {
-        let text = format!("{TOP}[[{list}]]\n{own}");
-        let mut table: Table = text.parse().unwrap();
-        inherit(&mut table, "head", list);
-        take_back(&mut table);
-        table[list][0]["head"].as_table().unwrap().clone()
-    }
-
-    fn head(own: &str) -> Table {
-        head_in("methods", own)
-    }
 
     fn table(text: &str) -> Table {
         text.parse().unwrap()
     }
 
+    /// The settings of the only method (or sweep) laid over [`TOP`], `own` among them.
+    fn inherited(list: &str, own: &str) -> Table {
+        let mut table = table(&format!("{TOP}[[{list}]]\n{own}"));
+        inherit(&mut table, "head", list);
+        take_back(&mut table);
+        table
+    }
+
     #[test]
-    fn a_kind_begins_its_table_anew_and_no_other() {
-        for list in ["methods", "sweep"] {
-            assert_eq!(
-                head_in(list, "head.model = { kind = \"cross-modal\" }"),
-                table("epochs = 30\nmodel = { kind = \"cross-modal\" }")
-            );
+    fn a_head_is_laid_over_the_inherited_one() {
+        for (own, model) in [
+            // A kind begins its table anew, and no other.
+            ("model = { kind = 'cross-modal' }", "kind = 'cross-modal'"),
+            (
+                "model = { kind = 'cross-modal', adversarial = {} }",
+                "kind = 'cross-modal', adversarial = {}",
+            ),
+            ("model = { kind = 'regression' }", "kind = 'regression'"),
+            // A table without a kind is laid over the inherited one.
+            (
+                "model.latent = 50",
+                "kind = 'cross-modal', latent = 50, adversarial = { weight = 0.5 }",
+            ),
+            // False takes an optional table back, inherited or not.
+            (
+                "model.adversarial = false",
+                "kind = 'cross-modal', latent = 100",
+            ),
+            (
+                "model.classification = false",
+                "kind = 'cross-modal', latent = 100, adversarial = { weight = 0.5 }",
+            ),
+            (
+                "model = { kind = 'cross-modal', adversarial = false }",
+                "kind = 'cross-modal'",
+            ),
+        ] {
+            for list in ["methods", "sweep"] {
+                let expected = |epochs| table(&format!("epochs = {epochs}\nmodel = {{ {model} }}"));
+                let own = format!("head.{own}\nhead.early-stopping = false\n");
+                let head = &inherited(list, &own)[list][0]["head"];
+                assert_eq!(*head.as_table().unwrap(), expected(30), "{own}");
+                let head = &inherited(list, &format!("{own}head.epochs = 9"))[list][0]["head"];
+                assert_eq!(*head.as_table().unwrap(), expected(9), "{own}");
+            }
         }
-        assert_eq!(
-            head("head.model = { kind = \"cross-modal\", adversarial = {} }"),
-            table("epochs = 30\nmodel = { kind = \"cross-modal\", adversarial = {} }")
-        );
-        assert_eq!(
-            head("head.model = { kind = \"regression\" }"),
-            table("epochs = 30\nmodel = { kind = \"regression\" }")
-        );
-    }
-
-    #[test]
-    fn a_table_without_a_kind_is_laid_over_the_inherited_one() {
-        assert_eq!(
-            head("head.model.latent = 50\nhead.epochs = 9"),
-            table(
-                "epochs = 9\nmodel = { kind = \"cross-modal\", latent = 50, \
-                 adversarial = { weight = 0.5 } }"
-            )
-        );
-    }
-
-    #[test]
-    fn false_takes_an_optional_table_back_inherited_or_not() {
-        assert_eq!(
-            head("head.model.adversarial = false"),
-            table("epochs = 30\nmodel = { kind = \"cross-modal\", latent = 100 }")
-        );
-        assert_eq!(
-            head("head.model.classification = false\nhead.early-stopping = false"),
-            head("")
-        );
-        assert_eq!(
-            head("head.model = { kind = \"cross-modal\", adversarial = false }"),
-            head("head.model = { kind = \"cross-modal\" }")
-        );
     }
 
     #[test]
     fn false_elsewhere_is_a_value() {
-        let mut layered = table("a = { adversarial = true, trainable = false }");
-        take_back(&mut layered);
-        assert_eq!(
-            layered,
-            table("a = { adversarial = true, trainable = false }")
-        );
+        let layered = table("a = { adversarial = true, trainable = false }");
+        let mut taken = layered.clone();
+        take_back(&mut taken);
+        assert_eq!(taken, layered);
     }
 
     /// What a run writes down as `config.toml` says the same when it is read again.
     #[test]
     fn inheriting_twice_changes_nothing() {
-        let own = "head.model.adversarial = false";
-        let mut once: Table = format!("{TOP}[[methods]]\n{own}").parse().unwrap();
-        inherit(&mut once, "head", "methods");
-        take_back(&mut once);
+        let once = inherited("methods", "head.model.adversarial = false");
         let mut twice = once.clone();
         inherit(&mut twice, "head", "methods");
         take_back(&mut twice);

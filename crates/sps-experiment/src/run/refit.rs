@@ -77,13 +77,11 @@ impl<'a> Refits<'a> {
             let loss = match refit.judged_on {
                 JudgedOn::Training => self.left_out(selected, refit, &split.train)?,
                 JudgedOn::HeldOut => {
-                    let held_out = HeldOut {
-                        encodings: self.encodings,
-                        split,
-                        units: &self.splits.units,
-                        ridge: refit.ridge.clone(),
-                    };
-                    self.judged_by(selected, move |set| held_out.losses(set))
+                    let (encodings, units) = (self.encodings, &self.splits.units);
+                    let ridge = refit.ridge.clone();
+                    let losses =
+                        move |set: &[usize]| in_hindsight(encodings, split, units, &ridge, set);
+                    self.judged_by(selected, losses)
                 }
             };
             self.losses.insert(name.clone(), loss);
@@ -212,46 +210,42 @@ impl SharedLoss for Loss<'_> {
     }
 }
 
-/// The surfaces held out: what no selector may look at, to say what was there to be had.
-struct HeldOut<'a> {
-    encodings: &'a Encodings,
-    split: &'a Split,
-    units: &'a Units,
-    ridge: KernelRidge,
-}
-
-impl HeldOut<'_> {
-    fn losses(&self, set: &[usize]) -> Result<Vec<f64>> {
-        let tables = &self.encodings.stage.tables;
-        let trials = tables.codes().into_iter().map(|property| Trial {
-            property,
-            rerun: 0,
-            views: Views::Fixed(set.to_vec()),
-        });
-        let plan = Plan {
-            seed: 0,
-            reruns: vec![Rerun {
-                number: 0,
-                training: self.split.train.clone(),
-                validation: Vec::new(),
-            }],
-            trials: trials.collect(),
-        };
-        let fitted = self.ridge.train(&tables.training_data(self.units), &plan)?;
-        let held_out = &self.split.validation;
-        let estimates = fitted.predict(&self.encodings.select(held_out, set)?)?;
-        let losses = estimates.iter().map(|estimates| {
-            let reading = |&surface: &usize| tables.reading(&estimates.property, surface);
-            let training: Vec<f64> = self.split.train.iter().filter_map(reading).collect();
-            let estimated = held_out.iter().zip(&estimates.values);
-            let read =
-                estimated.filter_map(|(surface, estimate)| Some((reading(surface)?, *estimate)));
-            let (truth, estimate): (Vec<f64>, Vec<f64>) = read.unzip();
-            let (truth, estimate) = (&truth[..], &estimate[..]);
-            let r2 = Samples { truth, estimate }.r2(TrainingMean::of(&training)?);
-            // Readings that do not differ from the mean say nothing of the set.
-            Ok(r2.map_or(0.0, |r2| 1.0 - r2.value))
-        });
-        losses.collect()
-    }
+/// The losses of a set on the surfaces held out: what no selector may look at, to say what was there to be had.
+fn in_hindsight(
+    encodings: &Encodings,
+    split: &Split,
+    units: &Units,
+    ridge: &KernelRidge,
+    set: &[usize],
+) -> Result<Vec<f64>> {
+    let tables = &encodings.stage.tables;
+    let trials = tables.codes().into_iter().map(|property| Trial {
+        property,
+        rerun: 0,
+        views: Views::Fixed(set.to_vec()),
+    });
+    let plan = Plan {
+        seed: 0,
+        reruns: vec![Rerun {
+            number: 0,
+            training: split.train.clone(),
+            validation: Vec::new(),
+        }],
+        trials: trials.collect(),
+    };
+    let fitted = ridge.train(&tables.training_data(units), &plan)?;
+    let held_out = &split.validation;
+    let estimates = fitted.predict(&encodings.select(held_out, set)?)?;
+    let losses = estimates.iter().map(|estimates| {
+        let reading = |&surface: &usize| tables.reading(&estimates.property, surface);
+        let training: Vec<f64> = split.train.iter().filter_map(reading).collect();
+        let estimated = held_out.iter().zip(&estimates.values);
+        let read = estimated.filter_map(|(surface, estimate)| Some((reading(surface)?, *estimate)));
+        let (truth, estimate): (Vec<f64>, Vec<f64>) = read.unzip();
+        let (truth, estimate) = (&truth[..], &estimate[..]);
+        let r2 = Samples { truth, estimate }.r2(TrainingMean::of(&training)?);
+        // Readings that do not differ from the mean say nothing of the set.
+        Ok(r2.map_or(0.0, |r2| 1.0 - r2.value))
+    });
+    losses.collect()
 }

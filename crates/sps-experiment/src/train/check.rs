@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use sps_dataset::{Split, Surface, Units};
+use sps_dataset::{Surface, Units};
 use sps_estimator::{Fitted, Measured, Predictions};
 
 use super::Say;
-use super::scored::{HeldOuts, heading, line, mean_share, training};
+use super::scored::{HeldOuts, OfSplit, heading, line, mean_share};
 use crate::config::Adaptive;
-use crate::run::Tables;
 use crate::text::aligned;
 
 /// Photographs are counted as unlike what a model was fitted on below this p-value.
@@ -64,20 +63,16 @@ impl<'a> Check<'a> {
     }
 
     /// Adds intervals of the held-out surfaces of a split that are to hold all properties at once.
-    pub(super) fn add_joint(
-        &mut self,
-        (tables, split): (&Tables, &Split),
-        predictions: &Predictions,
-    ) {
-        for (at, &surface) in split.validation.iter().enumerate() {
+    pub(super) fn add_joint(&mut self, of: OfSplit<'_>, predictions: &Predictions) {
+        for (at, &surface) in of.split.validation.iter().enumerate() {
             let held = predictions.properties.iter().map(|predicted| {
-                let truth = tables.reading(&predicted.property, surface)?;
+                let truth = of.tables.reading(&predicted.property, surface)?;
                 let interval = predicted.intervals.as_ref().ok()?[at];
                 Some((interval.low..=interval.high).contains(&truth))
             });
             if let Some(held) = held.collect::<Option<Vec<bool>>>() {
-                let unit = self.units.of_surface()[surface];
-                let (sum, count) = self.joint.entry(unit).or_default();
+                let unit = self.joint.entry(of.units.of_surface()[surface]);
+                let (sum, count) = unit.or_default();
                 *sum += usize::from(held.into_iter().all(|held| held));
                 *count += 1;
             }
@@ -87,23 +82,23 @@ impl<'a> Check<'a> {
     /// Adds what was predicted of the held-out surfaces of a split from each number of views.
     pub(super) fn add(
         &mut self,
-        (tables, split): (&Tables, &Split),
+        of: OfSplit<'_>,
         fitted: &Fitted,
         mut all: BTreeMap<usize, Predictions>,
     ) -> Result<()> {
         for (views, predictions) in &all {
             let row = self.rows.entry(Row::Views(*views)).or_default();
-            row.add(tables, split, predictions, self.units)?;
+            row.add(of, predictions)?;
         }
         if let Some(adaptive) = &self.adaptive
             && let Some((views, predictions)) = stopped(fitted, &all, adaptive.width)
         {
             self.views_taken.extend(views);
             let row = self.rows.entry(Row::Session).or_default();
-            row.add(tables, split, &predictions, self.units)?;
+            row.add(of, &predictions)?;
         }
         if let Some((_, last)) = all.pop_last() {
-            self.note_errors(tables, split, &last);
+            self.note_errors(of, &last);
             self.familiar.extend(last.familiar.unwrap_or_default());
         }
         if let Some(reason) = fitted.no_familiar() {
@@ -112,12 +107,12 @@ impl<'a> Check<'a> {
         Ok(())
     }
 
-    fn note_errors(&mut self, tables: &Tables, split: &Split, all: &Predictions) {
+    fn note_errors(&mut self, of: OfSplit<'_>, all: &Predictions) {
         for predicted in &all.properties {
-            let training = training(tables, &predicted.property, &split.train);
+            let training = of.training(&predicted.property);
             let variance = training.sample_std().unwrap_or_default().powi(2);
-            for (&surface, estimate) in split.validation.iter().zip(&predicted.values) {
-                if let Some(truth) = tables.reading(&predicted.property, surface)
+            for (&surface, estimate) in of.split.validation.iter().zip(&predicted.values) {
+                if let Some(truth) = of.tables.reading(&predicted.property, surface)
                     && variance > 0.0
                 {
                     let (sum, count) = self.errors.entry(surface).or_default();
@@ -135,10 +130,9 @@ impl<'a> Check<'a> {
         let errors = errors.map(|(&at, (sum, count))| ((sum / *count as f64).sqrt(), at));
         let mut errors: Vec<(f64, usize)> = errors.collect();
         errors.sort_by(|one, other| other.0.total_cmp(&one.0));
-        let worst = errors.iter().take(WORST);
-        worst
-            .map(|(error, at)| (surfaces[*at].id.clone(), *error))
-            .collect()
+        let worst = errors.into_iter().take(WORST);
+        let named = worst.map(|(error, at)| (surfaces[at].id.clone(), error));
+        named.collect()
     }
 
     /// Says it, and gives it.
@@ -167,9 +161,8 @@ impl<'a> Check<'a> {
             ));
         }
         if let Some(reason) = &self.no_familiar {
-            say(&format!(
-                "no p-value of \"like what was fitted on\": {reason}"
-            ));
+            let what = "no p-value of \"like what was fitted on\"";
+            say(&format!("{what}: {reason}"));
         }
         if self.adaptive.is_some() {
             self.print_steps(say)?;
@@ -203,10 +196,8 @@ fn stopped(
     all: &BTreeMap<usize, Predictions>,
     width: f64,
 ) -> Option<(Vec<usize>, Predictions)> {
-    let (views, steps): (Vec<usize>, Vec<Predictions>) = all
-        .iter()
-        .map(|(&views, step)| (views, step.clone()))
-        .unzip();
+    let views: Vec<usize> = all.keys().copied().collect();
+    let steps: Vec<Predictions> = all.values().cloned().collect();
     let mut stopped = steps.last()?.clone();
     let ends = fitted.ends(&steps, width, 0..stopped.properties.len());
     for (surface, &end) in ends.iter().enumerate() {

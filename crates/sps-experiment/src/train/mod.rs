@@ -14,6 +14,7 @@ use sps_estimator::{
 use tracing::warn;
 
 use self::check::{Check, Found};
+use self::scored::OfSplit;
 use crate::config::{Experiment, Looks, Method, Network as NetworkSpec};
 use crate::data;
 use crate::encoder;
@@ -87,9 +88,8 @@ pub fn train(experiment: &Experiment, say: Say<'_>) -> Result<Trained> {
         warn!("{thinned}");
     }
     if let Some(reason) = fit.fitted.no_familiar() {
-        say(&format!(
-            "the model has no p-value of \"like what it was fitted on\": {reason}"
-        ));
+        let what = "the model has no p-value of \"like what it was fitted on\"";
+        say(&format!("{what}: {reason}"));
     }
     let about = trainer.about(&fit, measured)?;
     let view = fit.stage.tables.shown(&fit.photographs)[0];
@@ -110,13 +110,11 @@ pub fn which(experiment: &Experiment) -> String {
     } else {
         "the last of the config's methods"
     };
-    if others.is_empty() {
-        return format!("Fits method `{id}`, {why}.");
-    }
-    format!(
-        "Fits method `{id}`, {why}; `[train] method = \"ID\"` chooses another: {}.",
-        others.join(", ")
-    )
+    let others = match others.join(", ") {
+        none if none.is_empty() => none,
+        some => format!("; `[train] method = \"ID\"` chooses another: {some}"),
+    };
+    format!("Fits method `{id}`, {why}{others}.")
 }
 
 /// Refuses a method whose views are not one photograph each, and the same for every surface.
@@ -281,7 +279,11 @@ impl Trainer<'_> {
             ensure_wanted()?;
             let fit = self.fit(&split.train, number as u64)?;
             let (predictions, joint) = self.predictions(&fit, &split.validation)?;
-            let of_split = (&fit.stage.tables, split);
+            let of_split = OfSplit {
+                tables: &fit.stage.tables,
+                split,
+                units: &self.of.splits.units,
+            };
             check.add(of_split, &fit.fitted, predictions)?;
             check.add_joint(of_split, &joint);
         }

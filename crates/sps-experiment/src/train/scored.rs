@@ -15,20 +15,29 @@ use crate::text::{aligned, decimals, number};
 #[derive(Default)]
 pub(super) struct HeldOuts(Vec<(String, HeldOut)>);
 
+/// A split, with the tables that have the readings of its surfaces.
+#[derive(Clone, Copy)]
+pub(super) struct OfSplit<'a> {
+    pub tables: &'a Tables,
+    pub split: &'a Split,
+    pub units: &'a Units,
+}
+
+impl OfSplit<'_> {
+    /// Of the readings of a property on the training surfaces.
+    pub(super) fn training(&self, property: &str) -> Moments {
+        let readings = self.tables.measured(property, &self.split.train);
+        readings.into_iter().map(|(_, reading)| reading).collect()
+    }
+}
+
 impl HeldOuts {
-    pub(super) fn add(
-        &mut self,
-        tables: &Tables,
-        split: &Split,
-        predictions: &Predictions,
-        units: &Units,
-    ) -> Result<()> {
-        for (at, predicted) in predictions.properties.iter().enumerate() {
-            if at == self.0.len() {
-                let property = predicted.property.clone();
-                self.0.push((property, HeldOut::default()));
-            }
-            self.0[at].1.add((tables, units), split, predicted)?;
+    pub(super) fn add(&mut self, of: OfSplit<'_>, predictions: &Predictions) -> Result<()> {
+        let all = &predictions.properties;
+        self.0.resize_with(all.len(), Default::default);
+        for ((property, held_out), predicted) in self.0.iter_mut().zip(all) {
+            property.clone_from(&predicted.property);
+            held_out.add(of, predicted)?;
         }
         Ok(())
     }
@@ -54,10 +63,8 @@ impl HeldOuts {
 
     /// The means over the properties; widths in standard deviations of the training readings.
     pub(super) fn means(&self) -> Result<Measured> {
-        let all = self
-            .0
-            .iter()
-            .map(|(_, of)| Ok((of.measured()?, of.deviation())));
+        let all = self.0.iter();
+        let all = all.map(|(_, of)| Ok((of.measured()?, of.deviation())));
         let all = all.collect::<Result<Vec<(Measured, f64)>>>()?;
         let mean = |of: &dyn Fn(&(Measured, f64)) -> Option<f64>| {
             let values: Option<Vec<f64>> = all.iter().map(of).collect();
@@ -99,15 +106,10 @@ pub(super) fn line(name: &str, measured: &Measured, decimals: usize, unit: Unit)
 
 /// The mean over units of the share of each.
 pub(super) fn mean_share(units: &BTreeMap<usize, (usize, usize)>) -> f64 {
-    let shares = units.values();
-    let shares = shares.map(|(held, count)| *held as f64 / *count as f64);
+    let shares = units
+        .values()
+        .map(|&(held, count)| held as f64 / count as f64);
     shares.sum::<f64>() / units.len() as f64
-}
-
-/// Of what was measured of a property on the training surfaces.
-pub(super) fn training(tables: &Tables, property: &str, training: &[usize]) -> Moments {
-    let readings = tables.measured(property, training).into_iter();
-    readings.map(|(_, reading)| reading).collect()
 }
 
 #[derive(Default)]
@@ -125,40 +127,31 @@ struct HeldOut {
 }
 
 impl HeldOut {
-    /// Adds what was predicted of some surfaces, as far as they were measured.
-    fn add(
-        &mut self,
-        (tables, units): (&Tables, &Units),
-        split: &Split,
-        predicted: &Predicted,
-    ) -> Result<()> {
-        let surfaces = &split.validation;
-        let training = training(tables, &predicted.property, &split.train);
+    /// Adds what was predicted of the surfaces held out, as far as they were measured.
+    fn add(&mut self, of: OfSplit<'_>, predicted: &Predicted) -> Result<()> {
+        let training = of.training(&predicted.property);
         let mean = training.mean()?;
-        self.deviations
-            .push(training.sample_std().unwrap_or_default());
-        let truth = |&surface: &usize| tables.reading(&predicted.property, surface);
-        let truths: Vec<Option<f64>> = surfaces.iter().map(truth).collect();
-        for (truth, estimate) in truths.iter().zip(&predicted.values) {
-            if let Some(truth) = truth {
-                self.scores.push(Pair {
-                    truth: truth - mean,
-                    estimate: estimate - mean,
-                });
-            }
+        let deviation = training.sample_std().unwrap_or_default();
+        self.deviations.push(deviation);
+        if let Err(reason) = &predicted.intervals {
+            self.no_interval = Some(reason.clone());
         }
-        match &predicted.intervals {
-            Err(reason) => self.no_interval = Some(reason.clone()),
-            Ok(intervals) => {
-                for ((truth, interval), surface) in truths.into_iter().zip(intervals).zip(surfaces)
-                {
-                    let Some(truth) = truth else { continue };
-                    self.truth.push(truth);
-                    self.intervals.push(*interval);
-                    let (held, count) = self.units.entry(units.of_surface()[*surface]).or_default();
-                    *held += usize::from((interval.low..=interval.high).contains(&truth));
-                    *count += 1;
-                }
+        for (at, &surface) in of.split.validation.iter().enumerate() {
+            let Some(truth) = of.tables.reading(&predicted.property, surface) else {
+                continue;
+            };
+            self.scores.push(Pair {
+                truth: truth - mean,
+                estimate: predicted.values[at] - mean,
+            });
+            if let Ok(intervals) = &predicted.intervals {
+                let interval = intervals[at];
+                self.truth.push(truth);
+                self.intervals.push(interval);
+                let unit = self.units.entry(of.units.of_surface()[surface]);
+                let (held, count) = unit.or_default();
+                *held += usize::from((interval.low..=interval.high).contains(&truth));
+                *count += 1;
             }
         }
         Ok(())
@@ -172,13 +165,10 @@ impl HeldOut {
         let any = !self.intervals.is_empty();
         let coverage = any.then(|| coverage(&self.intervals, &self.truth));
         let coverage = coverage.transpose()?;
+        let r2 = self.scores.r2(TrainingMean::new(0.0)?);
         Ok(Measured {
             readings: self.scores.samples().unwrap_or_default(),
-            r2: self
-                .scores
-                .r2(TrainingMean::new(0.0)?)
-                .ok()
-                .map(|r2| r2.value),
+            r2: r2.ok().map(|r2| r2.value),
             mae: self.scores.mae().ok().map(|mae| mae.value),
             coverage: coverage.map(|coverage| coverage.fraction()),
             unit_coverage: any.then(|| mean_share(&self.units)),

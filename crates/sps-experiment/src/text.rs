@@ -16,15 +16,13 @@ const MISSING: &str = "–";
 
 /// A number with so many decimals.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
-    match value {
-        Some(value) => {
-            let text = format!("{value:.decimals$}");
-            match text.strip_prefix('-') {
-                Some(zero) if zero.chars().all(|c| matches!(c, '0' | '.')) => zero.to_owned(),
-                _ => text,
-            }
-        }
-        None => MISSING.to_owned(),
+    let Some(value) = value else {
+        return MISSING.to_owned();
+    };
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(zero) if zero.chars().all(|c| matches!(c, '0' | '.')) => zero.to_owned(),
+        _ => text,
     }
 }
 

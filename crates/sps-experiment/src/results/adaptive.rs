@@ -37,7 +37,7 @@ impl AdaptiveResult {
             stops.iter().filter(|stop| holds(stop)).count() as f64 / count
         };
         let mean = |of: fn(&Stop) -> f64| stops.iter().map(of).sum::<f64>() / count;
-        let most = method.folds().map(|fold| fold.views.len()).max()?;
+        let most = method.all_folds().map(|fold| fold.views.len()).max()?;
         let shares = (1..=most).map(|views| share(&|stop| stop.views == views));
         Some(Self {
             width: asked.width,

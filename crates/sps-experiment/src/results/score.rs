@@ -52,7 +52,7 @@ impl<'a> MethodOutcomes<'a> {
     }
 
     /// What became of each fold of these.
-    pub(super) fn folds(&self) -> impl Iterator<Item = &'a Outcome> {
+    pub(super) fn all_folds(&self) -> impl Iterator<Item = &'a Outcome> {
         self.trials()
             .flat_map(|judged| judged.folds.iter().copied())
     }
@@ -95,7 +95,7 @@ pub(crate) fn score(
         scores,
         gains,
         costs: Costs {
-            train_seconds: method.folds().map(|fold| fold.train_seconds).sum(),
+            train_seconds: method.all_folds().map(|fold| fold.train_seconds).sum(),
             ..method.row.costs
         },
         adaptive: adaptive.and_then(|asked| AdaptiveResult::of(method, asked)),
@@ -110,7 +110,7 @@ pub(crate) fn score(
 
 /// The mean loss of each epoch, over the networks that were trained in it.
 fn training_losses(method: &MethodOutcomes<'_>) -> Vec<f64> {
-    let courses: Vec<&[f64]> = method.folds().map(|fold| &fold.course[..]).collect();
+    let courses: Vec<&[f64]> = method.all_folds().map(|fold| &fold.course[..]).collect();
     let epochs = courses.iter().map(|course| course.len()).max().unwrap_or(0);
     let mean = |epoch: usize| {
         let losses = courses.iter().filter_map(|course| course.get(epoch));

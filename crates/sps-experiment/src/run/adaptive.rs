@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, anyhow};
 use sps_estimator::{Calibration, Fitted, Predictions};
+use sps_metrics::PredictionInterval;
 
 use super::fit::Judge;
 use super::trials::TrialSpec;
@@ -81,26 +82,26 @@ fn outcome(
     steps: &[Predictions],
 ) -> Result<Outcome> {
     let held_out = judge.held_out(trial)?;
-    let stop = |(place, &end): (usize, &usize)| {
+    let (mut estimates, mut stops) = (Vec::new(), Vec::new());
+    let mut measured = held_out.surfaces.iter().peekable();
+    for (place, (surface, &end)) in surfaces.iter().zip(ends).enumerate() {
+        if measured.next_if_eq(&surface).is_none() {
+            continue;
+        }
         let predicted = &steps[end].properties[at];
         let intervals = predicted.intervals.as_ref().map_err(|reason| {
             let property = &trial.property;
             anyhow!("{property}: adaptive.calibration: {reason}")
-        });
-        let interval = intervals?[place];
-        let stop = Stop {
+        })?;
+        let PredictionInterval { low, high } = intervals[place];
+        estimates.push(predicted.values[place]);
+        stops.push(Stop {
             views: end + 1,
-            low: interval.low,
-            high: interval.high,
-            width: (interval.high - interval.low) / deviation,
-        };
-        Ok((predicted.values[place], stop))
-    };
-    let mut measured = held_out.surfaces.iter().peekable();
-    let ends = ends.iter().enumerate();
-    let ends = ends.filter(|(at, _)| measured.next_if_eq(&&surfaces[*at]).is_some());
-    let stops = ends.map(stop).collect::<Result<Vec<_>>>()?;
-    let (estimates, stops) = stops.into_iter().unzip();
+            low,
+            high,
+            width: (high - low) / deviation,
+        });
+    }
     Ok(Outcome {
         stops,
         ..judge.outcome(trial, held_out, estimates)

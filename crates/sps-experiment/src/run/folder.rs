@@ -96,10 +96,8 @@ impl RunFolder {
     /// # Errors
     /// A file that cannot be read; a folder that cannot be written to.
     pub fn seal(&self, report: Vec<String>) -> Result<()> {
-        let mut names: Vec<String> = vec![CONFIG.to_owned()];
-        names.extend(RESULTS.map(str::to_owned));
-        names.extend(report);
-        checksums::seal(&self.path, &names)
+        let own = [CONFIG].into_iter().chain(RESULTS).map(str::to_owned);
+        checksums::seal(&self.path, &own.chain(report).collect::<Vec<_>>())
     }
 
     pub(crate) fn write(&self, name: &str, text: &str) -> Result<()> {

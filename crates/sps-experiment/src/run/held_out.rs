@@ -12,16 +12,15 @@ pub(crate) fn what_is_measured(splits: &Splits, surfaces: &[Surface]) -> String 
     let by = format!("splits are by {}", unit.name());
     let groups = known(&splits.all, surfaces, Unit::Group);
     let materials = known(&splits.all, surfaces, Unit::Material);
+    let several = surfaces
+        .windows(2)
+        .any(|two| two[0].material != two[1].material);
     let mut sentence = if groups > 0.0 {
         format!(
             "{by}: {groups:.1} % of the surfaces held out are of a group that was trained on, so \
              scores tell how well known groups are recognised, not what is known of new ones"
         )
-    } else if materials > 0.0
-        && surfaces
-            .iter()
-            .any(|one| one.material != surfaces[0].material)
-    {
+    } else if several && materials > 0.0 {
         format!(
             "{by}: scores tell what is known of new {unit}; {materials:.1} % of the surfaces held \
              out are of a material that was trained on"
@@ -74,10 +73,8 @@ fn known(splits: &[Split], surfaces: &[Surface], unit: Unit) -> f64 {
     for split in splits {
         let trained: HashSet<&str> = split.train.iter().filter_map(name).collect();
         let held_out = split.validation.iter();
-        known += held_out
-            .filter_map(name)
-            .filter(|name| trained.contains(name))
-            .count();
+        let names = held_out.filter_map(name);
+        known += names.filter(|name| trained.contains(name)).count();
         all += split.validation.len();
     }
     100.0 * known as f64 / all.max(1) as f64
@@ -99,50 +96,44 @@ mod tests {
         (0..12).map(surface).collect()
     }
 
-    fn sentence(by: Option<Unit>, surfaces: &[Surface]) -> String {
-        let plan = SplitPlan::LeaveOneOut { by };
-        let splits = Splits::parted(&plan, surfaces, 0, 1).unwrap();
-        what_is_measured(&splits, surfaces)
-    }
-
     #[test]
-    fn a_split_that_lets_groups_apart_says_so() {
-        assert_eq!(
-            sentence(Some(Unit::Surface), &surfaces()),
-            "splits are by surface: 100.0 % of the surfaces held out are of a group that was trained \
-             on, so scores tell how well known groups are recognised, not what is known of new ones"
-        );
-    }
-
-    /// Of the twelve surfaces held out, the six of cloth are of a known material.
-    #[test]
-    fn a_split_by_group_says_how_much_of_the_material_is_known() {
-        let by_group = "splits are by group: scores tell what is known of new groups; 50.0 % of the \
-                        surfaces held out are of a material that was trained on; a split holds out \
-                        1 of 3 groups, 0.25 to 0.50 of the surfaces";
-        assert_eq!(sentence(Some(Unit::Group), &surfaces()), by_group);
-        assert_eq!(sentence(None, &surfaces()), by_group);
-    }
-
-    #[test]
-    fn a_split_by_material_is_of_new_materials() {
-        assert_eq!(
-            sentence(Some(Unit::Material), &surfaces()),
-            "splits are by material: scores tell what is known of new materials; a split holds out 1 \
-             of 2 materials, 0.50 of the surfaces"
-        );
-    }
-
-    /// A surface without a group or material is like no other.
-    #[test]
-    fn surfaces_without_names_are_new() {
-        let mut surfaces = surfaces();
-        for surface in &mut surfaces {
+    fn splits_say_which_question_their_scores_answer() {
+        let (named, mut unnamed) = (surfaces(), surfaces());
+        for surface in &mut unnamed {
             surface.material.clear();
             surface.group.clear();
         }
-        let new = "splits are by surface: scores tell what is known of new surfaces";
-        assert_eq!(sentence(None, &surfaces), new);
+        let by_group = "splits are by group: scores tell what is known of new groups; 50.0 % of the \
+                        surfaces held out are of a material that was trained on; a split holds out \
+                        1 of 3 groups, 0.25 to 0.50 of the surfaces";
+        for (by, surfaces, expected) in [
+            (
+                Some(Unit::Surface),
+                &named,
+                "splits are by surface: 100.0 % of the surfaces held out are of a group that was \
+                 trained on, so scores tell how well known groups are recognised, not what is known \
+                 of new ones",
+            ),
+            // Of the twelve surfaces held out, the six of cloth are of a known material.
+            (Some(Unit::Group), &named, by_group),
+            (None, &named, by_group),
+            (
+                Some(Unit::Material),
+                &named,
+                "splits are by material: scores tell what is known of new materials; a split holds \
+                 out 1 of 2 materials, 0.50 of the surfaces",
+            ),
+            // A surface without a group or material is like no other.
+            (
+                None,
+                &unnamed,
+                "splits are by surface: scores tell what is known of new surfaces",
+            ),
+        ] {
+            let plan = SplitPlan::LeaveOneOut { by };
+            let splits = Splits::parted(&plan, surfaces, 0, 1).unwrap();
+            assert_eq!(what_is_measured(&splits, surfaces), expected);
+        }
     }
 
     #[test]

@@ -52,7 +52,6 @@ use crate::results::Results;
 use found::Found;
 use prepared::Prepared;
 use results::{MethodRow, results};
-use shards::Merged;
 
 /// Runs the experiment into `folder`, or finishes what was begun there, in shards or not; `fresh`
 /// begins again. The folder stays locked: a report of the results may follow.
@@ -73,21 +72,25 @@ pub fn merge(
     folder: &Path,
     runs: &[PathBuf],
 ) -> Result<(RunFolder, Results)> {
-    let merged = Merged::of(experiment, runs)?;
-    finish(experiment, folder, false, Some(&merged))
+    finish(experiment, folder, false, Some(runs))
 }
 
-/// Does what neither the folder nor shards have; `merged` are those of other runs.
+/// Does what neither the folder nor shards have; `merged` are other runs, whose shards are to be complete.
 fn finish(
     experiment: &Experiment,
     folder: &Path,
     fresh: bool,
-    merged: Option<&Merged>,
+    merged: Option<&[PathBuf]>,
 ) -> Result<(RunFolder, Results)> {
     let (source, about) = data::open(&experiment.data)?;
     let source = source.as_ref();
     // Only an experiment that can be run changes the folder.
     let prepared = Prepared::new(experiment, source, &about)?;
+    let merged = merged.map(|runs| {
+        let data_hash = provenance::data_hash(source, &about)?;
+        shards::complete(experiment, runs, &data_hash)
+    });
+    let merged = merged.transpose()?;
     let folder = RunFolder::open(folder, fresh)?;
     if fresh {
         shards::forget(folder.path())?;
@@ -96,8 +99,9 @@ fn finish(
     let mut journals = Journals::open(folder.path())?;
     match merged {
         Some(merged) => {
-            merged.ensure_data(&provenance::data_hash(source, &about)?)?;
-            merged.give(&mut journals)?;
+            for path in merged {
+                journals.adopt(Journals::look(&path)?)?;
+            }
         }
         None => shards::give(folder.path(), &mut journals)?,
     }

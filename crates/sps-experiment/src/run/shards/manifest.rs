@@ -56,7 +56,11 @@ impl Manifest {
     }
 
     /// What is not as this experiment has it: the first difference, in words.
-    pub(super) fn other_than(&self, experiment: &Experiment) -> Result<Option<String>> {
+    pub(super) fn other_than(
+        &self,
+        experiment: &Experiment,
+        data_hash: &blake3::Hash,
+    ) -> Result<Option<String>> {
         let here = env!("SOURCE_HASH");
         if self.source_hash != here {
             let there = &self.source_hash;
@@ -74,14 +78,11 @@ impl Manifest {
         for config in [&mut there, &mut here] {
             config.remove("cache");
         }
-        let differing = differing_keys(&there, &here);
-        let first = differing.first();
-        Ok(first.map(|first| format!("another config: {first}")))
-    }
-
-    /// What it is where this is not the data.
-    pub(super) fn other_data(&self, data_hash: &blake3::Hash) -> Option<String> {
+        if let Some(first) = differing_keys(&there, &here).first() {
+            return Ok(Some(format!("another config: {first}")));
+        }
         let (there, here) = (&self.data_hash, data_hash.to_string());
-        (*there != here).then(|| format!("other data: `data_hash` is {there}, here {here}"))
+        let other = *there != here;
+        Ok(other.then(|| format!("other data: `data_hash` is {there}, here {here}")))
     }
 }

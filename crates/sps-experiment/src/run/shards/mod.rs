@@ -17,7 +17,7 @@ use crate::data;
 use crate::files::inside;
 use crate::work::Shard;
 use manifest::Manifest;
-pub(super) use merge::Merged;
+pub(super) use merge::complete;
 
 const SHARDS: &str = "shards";
 

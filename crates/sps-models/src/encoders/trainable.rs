@@ -13,7 +13,7 @@ use sps_kernels::{Images, Normalisation, Order, Size};
 use super::input::{check, normalise};
 use super::plain::Plain;
 use super::{Block, Depths, Encoder, EncoderKind, Precision, scales};
-use crate::differentiable::differentiable;
+use crate::differentiable::{differentiable, with_values};
 use crate::error::{Error, Result};
 use crate::weights::Weights;
 
@@ -285,14 +285,16 @@ impl TrainableEncoder {
             .training
             .forward(Arc::new(self.weights.clone()), &images)?;
         let (pass, received) = (forward.pass, Arc::clone(&self.received));
-        let backward = move |_: &[f32], gradient: &[f32]| {
-            let gradients = pass.backward(gradient);
-            received.add(gradients.map_err(candle_core::Error::wrap)?)?;
-            Ok([const { None }; 3])
+        let backward = move |_: &Tensor, gradient: &Tensor| {
+            let gradients = with_values(gradient, |gradient| {
+                pass.backward(gradient).map_err(candle_core::Error::wrap)
+            });
+            received.add(gradients?)?;
+            Ok(None)
         };
         let shape = (each.len(), self.network.width());
         let anchor = self.anchor.as_tensor();
-        let embeddings = differentiable([anchor; 3], forward.embeddings, shape, backward)?;
+        let embeddings = differentiable([anchor; 2], forward.embeddings, shape, backward)?;
         Ok((embeddings, forward.statistics))
     }
 

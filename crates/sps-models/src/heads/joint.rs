@@ -18,7 +18,7 @@ use super::stack::{Stack, StackParameter};
 use super::trained::EpochLosses;
 use crate::error::Result;
 use crate::labels::Labels;
-use crate::optim::{Elements, Gradient};
+use crate::optim::Gradient;
 
 /// One network for each property on the same views of the same surfaces.
 ///
@@ -176,15 +176,9 @@ impl JointHeads {
     /// The parameters' gradients after a backward pass from [`JointHeads::loss`], in their order.
     pub(crate) fn gradients(&self) -> Result<Vec<Tensor>> {
         let gradient = |parameter: &StackParameter| {
-            let mut values = Vec::new();
-            parameter.read(&mut |elements| {
-                if let Elements::F32(elements) = elements {
-                    values.extend_from_slice(elements);
-                }
-                Ok(())
-            })?;
             let shape = parameter.variable.shape();
-            Ok(Tensor::from_vec(values, shape, &Device::Cpu)?)
+            let tensor = |values: &[f32]| Tensor::from_slice(values, shape, &Device::Cpu);
+            Ok(parameter.read(tensor)?)
         };
         self.stack.parameters.iter().map(gradient).collect()
     }

@@ -1,6 +1,6 @@
 //! Networks of one shape side by side, while they are trained.
 
-use candle_core::{Device, Var};
+use candle_core::{Device, Var, WithDType};
 use rand::Rng;
 use sps_base::streams::named_stream;
 
@@ -8,7 +8,7 @@ use super::config::HeadConfig;
 use super::job::Job;
 use super::network::{Dims, Fill, Network, Spec};
 use crate::error::Result;
-use crate::optim::{Elements, Gradient};
+use crate::optim::Gradient;
 use crate::stacked::{GradientSlot, Parameter};
 use crate::weights::Weights;
 
@@ -27,10 +27,10 @@ pub(super) struct StackParameter {
 }
 
 impl Gradient for StackParameter {
-    fn read(
+    fn read<T: WithDType, R>(
         &self,
-        body: &mut dyn FnMut(Elements<'_>) -> candle_core::Result<()>,
-    ) -> candle_core::Result<()> {
+        body: impl FnOnce(&[T]) -> candle_core::Result<R>,
+    ) -> candle_core::Result<R> {
         if !self.gradient.is_written() {
             candle_core::bail!("parameter {} has no gradient", self.name)
         }

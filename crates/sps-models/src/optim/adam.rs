@@ -1,12 +1,12 @@
 use std::cell::RefCell;
 
-use candle_core::backend::BackendStorage;
-use candle_core::{CpuStorage, DType, InplaceOp1, Layout, Tensor, Var};
+use candle_core::{CpuStorage, InplaceOp1, Layout, Tensor, Var, WithDType, bail};
 use serde::{Deserialize, Serialize};
 use sps_kernels::simd::{Kernel, Lanes, Level};
 
-use super::{Elements, Gradient};
+use super::Gradient;
 use crate::error::{Error, Result, require};
+use crate::stacked::{Element, for_element};
 
 /// Adam's settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,15 +66,9 @@ impl AdamConfig {
 #[derive(Debug)]
 pub(crate) struct Adam {
     config: AdamConfig,
-    parameters: Vec<(Var, RunningMeans)>,
+    /// Each with the running means of its gradient and of its square.
+    parameters: Vec<(Var, [CpuStorage; 2])>,
     steps: u32,
-}
-
-/// Running means of the gradient and of its square.
-#[derive(Debug)]
-enum RunningMeans {
-    F32(Vec<f32>, Vec<f32>),
-    F64(Vec<f64>, Vec<f64>),
 }
 
 impl Adam {
@@ -84,23 +78,16 @@ impl Adam {
         parameters: impl IntoIterator<Item = Var>,
     ) -> Result<Self> {
         config.check()?;
-        let parameters = parameters
-            .into_iter()
-            .map(|parameter| {
-                let count = parameter.elem_count();
-                let moments = match parameter.dtype() {
-                    DType::F32 => RunningMeans::F32(vec![0.0; count], vec![0.0; count]),
-                    DType::F64 => RunningMeans::F64(vec![0.0; count], vec![0.0; count]),
-                    other => {
-                        return Err(Error::input("parameter", other.as_str(), "f32 or f64"));
-                    }
-                };
-                Ok((parameter, moments))
-            })
-            .collect::<Result<_>>()?;
+        let with_moments = |parameter: Var| {
+            let zeros = for_element!(parameter, T => {
+                T::to_cpu_storage_owned(vec![T::from_f64(0.0); parameter.elem_count()])
+            });
+            Ok((parameter, [zeros.clone(), zeros]))
+        };
+        let parameters = parameters.into_iter().map(with_moments);
         Ok(Self {
             config,
-            parameters,
+            parameters: parameters.collect::<candle_core::Result<_>>()?,
             steps: 0,
         })
     }
@@ -116,20 +103,14 @@ impl Adam {
     }
 
     /// The running means of each parameter's gradient and of its square, as tensors of the
-    /// parameter's shape.
-    pub(crate) fn moments(&self) -> Result<Vec<(Tensor, Tensor)>> {
-        let tensors = self.parameters.iter().map(|(parameter, moments)| {
-            let (shape, device) = (parameter.dims(), parameter.device());
-            Ok(match moments {
-                RunningMeans::F32(mean, square) => (
-                    Tensor::from_slice(mean, shape, device)?,
-                    Tensor::from_slice(square, shape, device)?,
-                ),
-                RunningMeans::F64(mean, square) => (
-                    Tensor::from_slice(mean, shape, device)?,
-                    Tensor::from_slice(square, shape, device)?,
-                ),
-            })
+    /// parameter's shape; of parameters of f32.
+    pub(crate) fn moments(&self) -> Result<Vec<[Tensor; 2]>> {
+        let tensors = self.parameters.iter().map(|(parameter, [mean, square])| {
+            let tensor = |moments| {
+                let moments = f32::cpu_storage_as_slice(moments)?;
+                Tensor::from_slice(moments, parameter.dims(), parameter.device())
+            };
+            Ok([tensor(mean)?, tensor(square)?])
         });
         tensors.collect()
     }
@@ -139,21 +120,16 @@ impl Adam {
     pub(crate) fn restore(
         &mut self,
         steps: u32,
-        moments: impl Fn(usize) -> Result<(Tensor, Tensor)>,
+        moments: impl Fn(usize) -> Result<[Tensor; 2]>,
     ) -> Result<()> {
         for (index, (parameter, kept)) in self.parameters.iter_mut().enumerate() {
-            let (mean, square) = moments(index)?;
-            for tensor in [&mean, &square] {
+            for (kept, tensor) in kept.iter_mut().zip(moments(index)?) {
                 if tensor.dims() != parameter.dims() {
                     let found = format_args!("{:?}", tensor.dims());
                     let expected = format_args!("{:?}", parameter.dims());
                     return Err(Error::input("moments", found, expected));
                 }
-            }
-            let (mean, square) = (mean.flatten_all()?, square.flatten_all()?);
-            match kept {
-                RunningMeans::F32(m, v) => (*m, *v) = (mean.to_vec1()?, square.to_vec1()?),
-                RunningMeans::F64(m, v) => (*m, *v) = (mean.to_vec1()?, square.to_vec1()?),
+                *kept = CpuStorage::F32(tensor.flatten_all()?.to_vec1()?);
             }
         }
         self.steps = steps;
@@ -175,20 +151,34 @@ impl Adam {
         self.steps = self.steps.saturating_add(1);
         let factors = Factors::new(&self.config, self.steps);
         for ((parameter, moments), gradient) in self.parameters.iter_mut().zip(gradients) {
-            let trials = parameter.dims().first().copied().unwrap_or(1).max(1);
-            let trial = parameter.elem_count() / trials;
-            gradient.read(&mut |gradient| {
-                parameter.inplace_op1(&Update {
-                    gradient,
-                    moments: RefCell::new(moments),
-                    factors,
-                    scales,
-                    trial,
-                })
-            })?;
+            step(parameter, moments, gradient, factors, scales)?;
         }
         Ok(())
     }
+}
+
+/// One parameter's part of a step.
+fn step(
+    parameter: &Var,
+    moments: &mut [CpuStorage; 2],
+    gradient: &impl Gradient,
+    factors: Factors,
+    scales: &[f64],
+) -> candle_core::Result<()> {
+    let trials = parameter.dims().first().copied().unwrap_or(1).max(1);
+    let trial = parameter.elem_count() / trials;
+    for_element!(parameter, T => gradient.read(|gradient: &[T]| {
+        let [Some(mean), Some(square)] = moments.each_mut().map(T::slice_mut) else {
+            bail!("adam: moments of another type")
+        };
+        parameter.inplace_op1(&Update {
+            gradient,
+            moments: RefCell::new([mean, square]),
+            factors,
+            scales,
+            trial,
+        })
+    }))
 }
 
 /// What is the same for every element of a step.
@@ -219,32 +209,13 @@ impl Factors {
     }
 }
 
-struct Update<'a> {
-    gradient: Elements<'a>,
-    moments: RefCell<&'a mut RunningMeans>,
+struct Update<'a, T> {
+    gradient: &'a [T],
+    moments: RefCell<[&'a mut [T]; 2]>,
     factors: Factors,
     scales: &'a [f64],
     /// Elements per trial.
     trial: usize,
-}
-
-impl Update<'_> {
-    /// One pass over all trials, by the widest vectors of the machine: products and sums are rounded
-    /// one by one at every width, so the bits are the same.
-    fn apply<T>(&self, parameter: &mut [T], gradient: &[T], mean: &mut [T], square: &mut [T])
-    where
-        for<'a> Pass<'a, T>: Kernel,
-    {
-        Level::detect().run(Pass {
-            factors: self.factors,
-            scales: self.scales,
-            trial: self.trial,
-            parameter,
-            gradient,
-            mean,
-            square,
-        });
-    }
 }
 
 /// A parameter with what moves it.
@@ -295,31 +266,37 @@ macro_rules! kernel {
 kernel!(f32);
 kernel!(f64);
 
-impl InplaceOp1 for Update<'_> {
+/// One pass over all trials, by the widest vectors of the machine: products and sums are rounded one by one
+/// at every width, so the bits are the same.
+impl<T: Element> InplaceOp1 for Update<'_, T>
+where
+    for<'a> Pass<'a, T>: Kernel,
+{
     fn name(&self) -> &'static str {
         "adam"
     }
 
     fn cpu_fwd(&self, parameter: &mut CpuStorage, layout: &Layout) -> candle_core::Result<()> {
         let Some((start, end)) = layout.contiguous_offsets() else {
-            candle_core::bail!("adam: the parameter is not contiguous")
+            bail!("adam: the parameter is not contiguous")
         };
-        if self.gradient.len() != end - start {
-            let found = self.gradient.len();
-            candle_core::bail!("adam: {found} gradients for {} parameters", end - start)
+        let (gradient, count) = (self.gradient, end - start);
+        if gradient.len() != count {
+            bail!("adam: {} gradients for {count} parameters", gradient.len())
         }
-        match (parameter, self.gradient, &mut **self.moments.borrow_mut()) {
-            (CpuStorage::F32(p), Elements::F32(g), RunningMeans::F32(m, v)) => {
-                self.apply(&mut p[start..end], g, m, v);
-            }
-            (CpuStorage::F64(p), Elements::F64(g), RunningMeans::F64(m, v)) => {
-                self.apply(&mut p[start..end], g, m, v);
-            }
-            (parameter, ..) => candle_core::bail!(
-                "adam: the gradient's type is not the parameter's, {:?}",
-                parameter.dtype()
-            ),
-        }
+        let Some(parameter) = T::slice_mut(parameter) else {
+            bail!("adam: the gradient's type is not the parameter's")
+        };
+        let [mean, square] = &mut *self.moments.borrow_mut();
+        Level::detect().run(Pass {
+            factors: self.factors,
+            scales: self.scales,
+            trial: self.trial,
+            parameter: &mut parameter[start..end],
+            gradient,
+            mean,
+            square,
+        });
         Ok(())
     }
 }

@@ -1,35 +1,25 @@
 use candle_core::{Result, bail};
 
-use super::{Elements, Gradient};
+use super::Gradient;
 
-/// Adds, for each trial, the squared norm of its part of `gradient` to `sums`.
+/// Adds, for each trial, the squared norm of its part of `gradient`, f32, to `sums`.
 ///
 /// In f64: the square of 1e30 is beyond f32, and a sum that has overflowed would scale every
 /// gradient to zero.
 /// Refuses a gradient that does not divide into as many trials as `sums` has.
 pub(crate) fn squared_norms(gradient: &impl Gradient, sums: &mut [f64]) -> Result<()> {
-    gradient.read(&mut |elements| {
-        let trial = elements.len() / sums.len().max(1);
-        if trial == 0 || trial * sums.len() != elements.len() {
-            bail!(
-                "a gradient of {} elements for {} trials",
-                elements.len(),
-                sums.len()
-            )
+    gradient.read(|elements: &[f32]| {
+        let (found, trials) = (elements.len(), sums.len());
+        let trial = found / trials.max(1);
+        if trial == 0 || trial * trials != found {
+            bail!("a gradient of {found} elements for {trials} trials")
         }
-        match elements {
-            Elements::F32(values) => add(sums, values.chunks_exact(trial)),
-            Elements::F64(values) => add(sums, values.chunks_exact(trial)),
+        for (sum, trial) in sums.iter_mut().zip(elements.chunks_exact(trial)) {
+            let squares = trial.iter().map(|&g| f64::from(g)).map(|g| g * g);
+            *sum += squares.sum::<f64>();
         }
         Ok(())
     })
-}
-
-fn add<'a, T: Copy + Into<f64> + 'a>(sums: &mut [f64], trials: impl Iterator<Item = &'a [T]>) {
-    for (sum, trial) in sums.iter_mut().zip(trials) {
-        let squares = trial.iter().map(|&g| -> f64 { g.into() }).map(|g| g * g);
-        *sum += squares.sum::<f64>();
-    }
 }
 
 /// The factor that brings each gradient's norm down to `largest`; 1 where it is not above.

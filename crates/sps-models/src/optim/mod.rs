@@ -9,4 +9,4 @@ mod tests;
 pub(crate) use adam::Adam;
 pub use adam::AdamConfig;
 pub(crate) use clip::{clip_scales, squared_norms};
-pub(crate) use gradient::{Elements, Gradient};
+pub(crate) use gradient::Gradient;

@@ -1,9 +1,9 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use candle_core::{CpuStorage, Result, Tensor, Var, bail};
+use candle_core::{CpuStorage, Result, Tensor, Var, WithDType, bail};
 
 use super::Element;
-use crate::optim::{Elements, Gradient};
+use crate::optim::Gradient;
 
 /// A parameter of every trial of a stack, `(trials, ..)`, and the place for its gradient.
 ///
@@ -73,9 +73,9 @@ impl GradientSlot {
     pub(super) fn write<T: Element>(&self, length: usize, write: impl FnOnce(&mut [T], bool)) {
         let mut content = self.content();
         let Content { values, written } = &mut *content;
-        let kept = values.as_ref().and_then(T::slice).map(<[T]>::len);
-        if kept != Some(length) {
-            *values = Some(T::storage(vec![T::zero(); length]));
+        let kept = values.as_mut().and_then(T::slice_mut);
+        if kept.map(|kept| kept.len()) != Some(length) {
+            *values = Some(T::to_cpu_storage_owned(vec![T::zero(); length]));
             *written = false;
         }
         if let Some(values) = values.as_mut().and_then(T::slice_mut) {
@@ -91,11 +91,10 @@ impl GradientSlot {
 }
 
 impl Gradient for GradientSlot {
-    fn read(&self, body: &mut dyn FnMut(Elements<'_>) -> Result<()>) -> Result<()> {
+    fn read<T: WithDType, R>(&self, body: impl FnOnce(&[T]) -> Result<R>) -> Result<R> {
         let content = self.content();
         match &content.values {
-            Some(CpuStorage::F32(values)) if content.written => body(Elements::F32(values)),
-            Some(CpuStorage::F64(values)) if content.written => body(Elements::F64(values)),
+            Some(values) if content.written => body(T::cpu_storage_as_slice(values)?),
             _ => bail!("a parameter has no gradient"),
         }
     }

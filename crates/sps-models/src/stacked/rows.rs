@@ -1,7 +1,7 @@
-use candle_core::backend::BackendStorage;
-use candle_core::{CpuStorage, CustomOp1, Layout, Result, Shape, Tensor, bail};
+use candle_core::{Result, Shape, Tensor, WithDType, bail};
 
-use super::{Element, Output, elements, for_element, with_elements};
+use super::for_element;
+use crate::differentiable::{differentiable, with_values};
 
 /// `log(1 + e^z)`, finite for every finite `z`, with the logistic function as its derivative.
 ///
@@ -13,29 +13,24 @@ pub(crate) fn softplus(z: &Tensor) -> Result<Tensor> {
         let tail = (-z.abs()).exp();
         (if z >= 0.0 { 1.0 } else { tail }) / (1.0 + tail)
     };
-    pointwise("softplus", z, value, derivative)
+    pointwise(z, value, derivative)
 }
 
 /// `max(z, 0.2 z)`, the slope that DCGAN (Radford et al. 2016) gives its discriminator.
 pub(crate) fn leaky_relu(z: &Tensor) -> Result<Tensor> {
     let derivative = |z| if z > 0.0 { 1.0 } else { 0.2 };
-    pointwise("leaky relu", z, |z| z.max(0.2 * z), derivative)
+    pointwise(z, |z| z.max(0.2 * z), derivative)
 }
 
 /// A function of each element, with its derivative.
-fn pointwise(
-    name: &'static str,
-    z: &Tensor,
-    value: fn(f64) -> f64,
-    derivative: fn(f64) -> f64,
-) -> Result<Tensor> {
-    z.contiguous()?.apply_op1(Rows {
-        name,
-        width: 1,
-        shape: z.shape().clone(),
-        value: move |_, z: &[f64]| Ok(value(z[0])),
-        slope: move |_, z: &mut [f64], g| z[0] = derivative(z[0]) * g,
-    })
+fn pointwise(z: &Tensor, value: fn(f64) -> f64, derivative: fn(f64) -> f64) -> Result<Tensor> {
+    by_rows(
+        z,
+        1,
+        z.shape().clone(),
+        |_, z| Ok(value(z[0])),
+        move |_, z, g| z[0] = derivative(z[0]) * g,
+    )
 }
 
 /// The Euclidean norm over the last axis: `(trials, rows, dimensions)` gives `(trials, rows)`.
@@ -52,16 +47,12 @@ pub(crate) fn row_norm(x: &Tensor) -> Result<Tensor> {
         largest * squares.sum::<f64>().sqrt()
     }
     let (trials, rows, width) = x.dims3()?;
-    x.contiguous()?.apply_op1(Rows {
-        name: "row norm",
-        width,
-        shape: (trials, rows).into(),
-        value: |_, row: &[f64]| Ok(norm(row)),
-        slope: |_, row: &mut [f64], g| match norm(row) {
-            0.0 => row.fill(0.0),
-            norm => row.iter_mut().for_each(|x| *x = g * (*x / norm)),
-        },
-    })
+    let slope = |_, row: &mut [f64], g| match norm(row) {
+        0.0 => row.fill(0.0),
+        norm => row.iter_mut().for_each(|x| *x = g * (*x / norm)),
+    };
+    let shape = (trials, rows).into();
+    by_rows(x, width, shape, |_, row| Ok(norm(row)), slope)
 }
 
 /// The cross-entropy of each row: `logits` is `(trials, rows, classes)`, `labels` has one entry
@@ -84,93 +75,61 @@ pub(crate) fn cross_entropy(logits: &Tensor, labels: Vec<Option<u32>>) -> Result
         )
     }
     let of_rows = labels.clone();
-    logits.contiguous()?.apply_op1(Rows {
-        name: "cross-entropy",
-        width,
-        shape: (trials, rows).into(),
-        value: move |at, row: &[f64]| {
-            let Some(label) = labels[at] else {
-                return Ok(0.0);
-            };
-            let Some(logit) = row.get(label as usize) else {
-                bail!("cross-entropy: label {label} of {} classes", row.len())
-            };
-            let (largest, sum) = partition(row);
-            Ok((largest - logit) + sum.ln())
-        },
-        slope: move |at, row: &mut [f64], g| {
-            let Some(label) = of_rows[at] else {
-                return row.fill(0.0);
-            };
-            let (largest, sum) = partition(row);
-            for (class, z) in row.iter_mut().enumerate() {
-                let truth = f64::from(u8::from(class == label as usize));
-                *z = g * ((*z - largest).exp() / sum - truth);
-            }
-        },
+    let value = move |at, row: &[f64]| {
+        let Some(label) = labels[at] else {
+            return Ok(0.0);
+        };
+        let Some(logit) = row.get(label as usize) else {
+            bail!("cross-entropy: label {label} of {} classes", row.len())
+        };
+        let (largest, sum) = partition(row);
+        Ok((largest - logit) + sum.ln())
+    };
+    let slope = move |at, row: &mut [f64], g| {
+        let Some(label) = of_rows[at] else {
+            return row.fill(0.0);
+        };
+        let (largest, sum) = partition(row);
+        for (class, z) in row.iter_mut().enumerate() {
+            let truth = f64::from(u8::from(class == label as usize));
+            *z = g * ((*z - largest).exp() / sum - truth);
+        }
+    };
+    by_rows(logits, width, (trials, rows).into(), value, slope)
+}
+
+/// An operator that makes one number of each row of `width`, computed in f64 for either type.
+///
+/// `value` gives the number of a row, by its place and what is in it; `slope` puts the gradient of a row in
+/// its place, from that of its number.
+fn by_rows(
+    x: &Tensor,
+    width: usize,
+    shape: Shape,
+    value: impl Fn(usize, &[f64]) -> Result<f64>,
+    slope: impl Fn(usize, &mut [f64], f64) + Send + Sync + 'static,
+) -> Result<Tensor> {
+    let (x, width) = (x.contiguous()?, width.max(1));
+    let numbers = wide(&x)?;
+    let rows = numbers.chunks_exact(width).enumerate();
+    let values = rows.map(|(at, row)| value(at, row));
+    let backward = move |x: &Tensor, gradient: &Tensor| {
+        let mut slopes = wide(x)?;
+        let rows = slopes.chunks_exact_mut(width).enumerate();
+        for ((at, row), g) in rows.zip(wide(gradient)?) {
+            slope(at, row, g);
+        }
+        let slopes = Tensor::from_vec(slopes, x.shape(), x.device())?;
+        slopes.to_dtype(x.dtype()).map(Some)
+    };
+    for_element!(x, T => {
+        let values = values.map(|value| value.map(T::from_f64));
+        let values: Vec<T> = values.collect::<Result<_>>()?;
+        differentiable([&x; 2], values, shape, backward)
     })
 }
 
-/// An operator that makes one number of each row, computed in f64 for either type.
-struct Rows<V, S> {
-    name: &'static str,
-    /// Numbers of a row.
-    width: usize,
-    /// Of what it gives.
-    shape: Shape,
-    /// The number of a row, which is also given by its place.
-    value: V,
-    /// Puts the gradient of a row in its place, from that of its number.
-    slope: S,
-}
-
-impl<V, S> Rows<V, S>
-where
-    V: Fn(usize, &[f64]) -> Result<f64>,
-    S: Fn(usize, &mut [f64], f64),
-{
-    fn forward<T: Element>(&self, storage: &CpuStorage, layout: &Layout) -> Output {
-        let x = wide(elements::<T>(self.name, storage, layout)?);
-        let rows = x.chunks_exact(self.width.max(1)).enumerate();
-        let values = rows.map(|(at, row)| (self.value)(at, row).map(T::from_f64));
-        Ok((
-            T::storage(values.collect::<Result<_>>()?),
-            self.shape.clone(),
-        ))
-    }
-
-    fn backward<T: Element>(&self, x: &Tensor, gradient: &Tensor) -> Result<Tensor> {
-        let mut slopes = with_elements::<T, _>(self.name, x, |x| Ok(wide(x)))?;
-        with_elements::<T, _>(self.name, gradient, |gradient| {
-            let rows = slopes.chunks_exact_mut(self.width.max(1)).enumerate();
-            for ((at, row), g) in rows.zip(gradient) {
-                (self.slope)(at, row, g.to_f64());
-            }
-            Ok(())
-        })?;
-        let slopes: Vec<T> = slopes.into_iter().map(T::from_f64).collect();
-        Tensor::from_vec(slopes, x.shape(), x.device())
-    }
-}
-
-fn wide<T: Element>(values: &[T]) -> Vec<f64> {
-    values.iter().map(|x| x.to_f64()).collect()
-}
-
-impl<V, S> CustomOp1 for Rows<V, S>
-where
-    V: Fn(usize, &[f64]) -> Result<f64> + Send + Sync,
-    S: Fn(usize, &mut [f64], f64) + Send + Sync,
-{
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn cpu_fwd(&self, storage: &CpuStorage, layout: &Layout) -> Output {
-        for_element!(self.name, storage, T => self.forward::<T>(storage, layout))
-    }
-
-    fn bwd(&self, x: &Tensor, _: &Tensor, gradient: &Tensor) -> Result<Option<Tensor>> {
-        for_element!(self.name, x, T => self.backward::<T>(x, gradient)).map(Some)
-    }
+/// A tensor's numbers in f64.
+fn wide(x: &Tensor) -> Result<Vec<f64>> {
+    for_element!(x, T => with_values::<T, _>(x, |x| Ok(x.iter().map(|x| x.to_f64()).collect())))
 }

@@ -1,23 +1,15 @@
 //! Against closed forms and candle's own composition.
 
-use candle_core::{DType, Device, Tensor, Var};
+use candle_core::{DType, Device, Result, Tensor, Var};
 
 use super::*;
 use crate::golden::{self, error, values};
-use crate::optim::{Elements, Gradient};
+use crate::optim::Gradient;
 
+/// The gradient of a parameter of f64.
 pub(crate) fn gradient(parameter: &Parameter) -> Vec<f64> {
-    let mut found = Vec::new();
     let slot = parameter.gradient().unwrap();
-    slot.read(&mut |elements| {
-        match elements {
-            Elements::F32(values) => found.extend(values.iter().map(|&v| f64::from(v))),
-            Elements::F64(values) => found.extend(values),
-        }
-        Ok(())
-    })
-    .unwrap();
-    found
+    slot.read(|values| Ok(values.to_vec())).unwrap()
 }
 
 /// A gradient of `operator` at `z`, weighted by `by`.

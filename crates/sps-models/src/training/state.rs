@@ -61,7 +61,7 @@ impl Trainer {
         for (name, variable) in self.objective.parameters() {
             tensors.push((format!("objective/{name}"), variable.as_tensor().clone()));
         }
-        for (index, (mean, square)) in self.adam.moments()?.into_iter().enumerate() {
+        for (index, [mean, square]) in self.adam.moments()?.into_iter().enumerate() {
             tensors.push((format!("adam/{index}/mean"), mean));
             tensors.push((format!("adam/{index}/square"), square));
         }
@@ -106,8 +106,8 @@ impl Trainer {
         }
         let moments = tensors.part("adam/");
         trainer.adam.restore(metadata.steps, |index| {
-            let mean = moments.get(&format!("{index}/mean"))?.clone();
-            Ok((mean, moments.get(&format!("{index}/square"))?.clone()))
+            let moment = |name| moments.get(&format!("{index}/{name}")).cloned();
+            Ok([moment("mean")?, moment("square")?])
         })?;
         trainer.check_progress(&metadata)?;
         if let Some((epoch, loss)) = metadata.best {

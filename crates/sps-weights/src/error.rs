@@ -46,51 +46,14 @@ pub enum WeightsErrorKind {
         /// The opcode, global or value that was found.
         found: String,
     },
-    /// The network has a tensor that the weights lack.
-    #[error("tensor {tensor:?}{} is missing", of_shape(expected.as_ref()))]
-    Missing {
+    /// A tensor is missing or has no place in the network, or its shape, type or values are not what they
+    /// must be.
+    #[error("tensor {tensor:?} {what}")]
+    Tensor {
         /// The tensor's name.
         tensor: String,
-        /// The shape the network needs, where a network asks.
-        expected: Option<Vec<usize>>,
-    },
-    /// The weights have a tensor that the network lacks.
-    #[error("tensor {tensor:?} of shape {found:?} has no place in {network}")]
-    Extra {
-        /// The tensor's name.
-        tensor: String,
-        /// Its shape.
-        found: Vec<usize>,
-        /// The network's name.
-        network: String,
-    },
-    /// A tensor has another shape than the network's.
-    #[error("tensor {tensor:?} has shape {found:?}, expected {expected:?}")]
-    Shape {
-        /// The tensor's name.
-        tensor: String,
-        /// The shape in the weights.
-        found: Vec<usize>,
-        /// The shape the network needs.
-        expected: Vec<usize>,
-    },
-    /// A tensor holds a value that is not a finite f32.
-    #[error("tensor {tensor:?} holds {found} at flat index {index}, expected finite f32 values")]
-    NotFinite {
-        /// The tensor's name.
-        tensor: String,
-        /// The first such position, row-major.
-        index: usize,
-        /// The value, as f32.
-        found: f32,
-    },
-    /// A tensor's elements are of a type that cannot become f32.
-    #[error("tensor {tensor:?} has elements of type {found}, expected f16, bf16, f32 or f64")]
-    ElementType {
-        /// The tensor's name.
-        tensor: String,
-        /// The type in the file.
-        found: String,
+        /// What is wrong with it.
+        what: String,
     },
 }
 
@@ -98,8 +61,12 @@ impl WeightsErrorKind {
     pub(crate) fn format(message: impl fmt::Display) -> Self {
         Self::Format(message.to_string())
     }
-}
 
-fn of_shape(shape: Option<&Vec<usize>>) -> String {
-    shape.map_or_else(String::new, |shape| format!(" of shape {shape:?}"))
+    /// Takes a tensor's name, and what is wrong with the tensor.
+    pub fn tensor(name: &str, what: impl fmt::Display) -> Self {
+        Self::Tensor {
+            tensor: name.to_owned(),
+            what: what.to_string(),
+        }
+    }
 }

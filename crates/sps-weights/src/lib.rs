@@ -47,18 +47,15 @@ impl RawTensor {
     /// The first such value; such extents.
     pub fn check(&self, name: &str) -> Result<(), WeightsErrorKind> {
         if let Some(index) = self.values.iter().position(|value| !value.is_finite()) {
-            return Err(WeightsErrorKind::NotFinite {
-                tensor: name.to_owned(),
-                index,
-                found: self.values[index],
-            });
+            let found = self.values[index];
+            let what = format!("holds {found} at flat index {index}, expected finite f32 values");
+            return Err(WeightsErrorKind::tensor(name, what));
         }
         let size = |size: usize, &extent: &usize| size.checked_mul(extent.max(1));
         if self.shape.iter().try_fold(1, size).is_none() {
             let shape = &self.shape;
-            return Err(WeightsErrorKind::Format(format!(
-                "tensor {name:?} has extents of {shape:?}, whose product no number holds"
-            )));
+            let what = format!("has extents of {shape:?}, whose product no number holds");
+            return Err(WeightsErrorKind::tensor(name, what));
         }
         Ok(())
     }
@@ -70,7 +67,11 @@ impl RawTensor {
 ///
 /// Bytes of no such format, elements of another type, a value that is not finite as f32.
 pub fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
-    let tensors = pytorch::read(bytes).unwrap_or_else(|| safetensors::read(bytes))?;
+    let tensors = if pytorch::is(bytes) {
+        pytorch::read(bytes)?
+    } else {
+        safetensors::read(bytes)?
+    };
     for (name, tensor) in &tensors {
         tensor.check(name)?;
     }

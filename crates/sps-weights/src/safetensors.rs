@@ -5,14 +5,13 @@ use std::collections::HashMap;
 
 use half::{bf16, f16};
 use safetensors::tensor::TensorView;
-use safetensors::{Dtype, SafeTensors, View};
+use safetensors::{Dtype, SafeTensorError, SafeTensors, View};
 
 use crate::{RawTensor, Storage, WeightsErrorKind};
 
 /// Every tensor of the file, its elements as f32.
 pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
-    let file = SafeTensors::deserialize(bytes)
-        .map_err(|error| WeightsErrorKind::Format(format!("not a safetensors file: {error}")))?;
+    let file = SafeTensors::deserialize(bytes).map_err(not_safetensors)?;
     let tensor = |(name, view): (String, TensorView<'_>)| {
         let shape = view.shape().to_vec();
         let all = 0..shape.iter().product();
@@ -82,11 +81,14 @@ impl View for Stored {
 ///
 /// When it is no safetensors file or has no note of this name.
 pub fn note(bytes: &[u8], name: &str) -> Result<String, WeightsErrorKind> {
-    let (_, header) = SafeTensors::read_metadata(bytes)
-        .map_err(|error| WeightsErrorKind::Format(format!("not a safetensors file: {error}")))?;
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_safetensors)?;
     let note = header.metadata().as_ref().and_then(|all| all.get(name));
     let missing = || WeightsErrorKind::Format(format!("no {name:?} in the metadata"));
     note.cloned().ok_or_else(missing)
+}
+
+fn not_safetensors(error: SafeTensorError) -> WeightsErrorKind {
+    WeightsErrorKind::Format(format!("not a safetensors file: {error}"))
 }
 
 /// The elements at some places of a tensor's data, which must hold them.
@@ -104,10 +106,8 @@ pub(super) fn to_f32(
         // `num_batches_tracked`: a count, never used as a number here.
         Dtype::I64 => pick(data, places, |b| i64::from_le_bytes(b) as f32),
         other => {
-            return Err(WeightsErrorKind::ElementType {
-                tensor: name.to_owned(),
-                found: format!("{other:?}"),
-            });
+            let what = format!("has elements of type {other:?}, expected f16, bf16, f32 or f64");
+            return Err(WeightsErrorKind::tensor(name, what));
         }
     })
 }

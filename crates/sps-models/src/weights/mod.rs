@@ -16,6 +16,7 @@
 //! ```
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Display;
 use std::path::Path;
 
 use candle_core::{DType, Device, Tensor};
@@ -46,12 +47,9 @@ impl Weights {
     pub fn read(path: impl AsRef<Path>) -> Result<Self, WeightsError> {
         let path = path.as_ref();
         let origin = path.display().to_string();
-        let read = || {
-            let bytes = std::fs::read(path)?;
-            sps_weights::read(&bytes)
-        };
-        let tensors = read().map_err(|kind| WeightsError::new(&origin, kind))?;
-        Self::from_raw(&origin, tensors)
+        let bytes =
+            std::fs::read(path).map_err(|error| WeightsError::new(&origin, error.into()))?;
+        Self::from_bytes(&origin, &bytes)
     }
 
     /// Reads the content of a weights file; `origin` names it in errors.
@@ -86,11 +84,9 @@ impl Weights {
         note: Option<(&str, &str)>,
     ) -> Result<Vec<u8>, WeightsError> {
         let error = |kind| WeightsError::new(&self.origin, kind);
-        let raw = self
-            .iter()
-            .map(|(name, tensor)| Ok((name, raw_tensor(name, tensor)?)));
-        let raw = raw.collect::<Result<Vec<_>, _>>().map_err(error)?;
-        sps_weights::write(raw, storage, note).map_err(error)
+        let raw = |(name, tensor)| Ok((name, raw_tensor(name, tensor)?));
+        let raw = self.iter().map(raw).collect::<Result<Vec<_>, _>>();
+        sps_weights::write(raw.map_err(error)?, storage, note).map_err(error)
     }
 
     /// A note that [`Weights::to_bytes_as`] put into a file; `origin` names the file in errors.
@@ -121,12 +117,14 @@ impl Weights {
         origin: &str,
         tensors: impl IntoIterator<Item = (String, Tensor)>,
     ) -> Result<Self, WeightsError> {
-        let mut raw = Vec::new();
-        for (name, tensor) in tensors {
-            let tensor = raw_tensor(&name, &tensor).map_err(|k| WeightsError::new(origin, k))?;
-            raw.push((name, tensor));
-        }
-        Self::from_raw(origin, raw)
+        let raw = tensors.into_iter().map(|(name, tensor)| {
+            let tensor = raw_tensor(&name, &tensor);
+            Ok((
+                name,
+                tensor.map_err(|kind| WeightsError::new(origin, kind))?,
+            ))
+        });
+        Self::from_raw(origin, raw.collect::<Result<Vec<_>, WeightsError>>()?)
     }
 
     /// Takes tensors by name, as `origin` (a file, a seed) has them.
@@ -138,16 +136,13 @@ impl Weights {
         origin: &str,
         tensors: impl IntoIterator<Item = (String, RawTensor)>,
     ) -> Result<Self, WeightsError> {
-        let tensors = tensors
-            .into_iter()
-            .map(|(name, raw)| {
-                let tensor = checked(&name, raw).map_err(|kind| WeightsError::new(origin, kind))?;
-                Ok((name, tensor))
-            })
-            .collect::<Result<_, WeightsError>>()?;
+        let tensors = tensors.into_iter().map(|(name, raw)| {
+            let tensor = checked(&name, raw).map_err(|kind| WeightsError::new(origin, kind))?;
+            Ok((name, tensor))
+        });
         Ok(Self {
             origin: origin.to_owned(),
-            tensors,
+            tensors: tensors.collect::<Result<_, WeightsError>>()?,
         })
     }
 
@@ -209,28 +204,19 @@ impl Weights {
         passes: impl Fn(&str) -> bool,
     ) -> Result<Self, WeightsError> {
         let mut kept = BTreeMap::new();
-        for spec in specs {
-            let Some(tensor) = self.remove(&spec.name) else {
-                return Err(self.error(WeightsErrorKind::Missing {
-                    tensor: spec.name.clone(),
-                    expected: Some(spec.shape.clone()),
-                }));
+        for TensorSpec { name, shape } in specs {
+            let Some(tensor) = self.remove(name) else {
+                return Err(self.error(name, format!("of shape {shape:?} is missing")));
             };
-            if tensor.dims() != spec.shape {
-                return Err(self.error(WeightsErrorKind::Shape {
-                    tensor: spec.name.clone(),
-                    found: tensor.dims().to_vec(),
-                    expected: spec.shape.clone(),
-                }));
+            if tensor.dims() != shape {
+                let what = format!("has shape {:?}, expected {shape:?}", tensor.dims());
+                return Err(self.error(name, what));
             }
-            kept.insert(spec.name.clone(), tensor);
+            kept.insert(name.clone(), tensor);
         }
         if let Some((name, tensor)) = self.tensors.iter().find(|(name, _)| !passes(name)) {
-            return Err(self.error(WeightsErrorKind::Extra {
-                tensor: name.clone(),
-                found: tensor.dims().to_vec(),
-                network: network.to_owned(),
-            }));
+            let what = format!("of shape {:?} has no place in {network}", tensor.dims());
+            return Err(self.error(name, what));
         }
         self.tensors = kept;
         Ok(self)
@@ -242,51 +228,39 @@ impl Weights {
     ///
     /// When there is none of this name.
     pub fn get(&self, name: &str) -> Result<&Tensor, WeightsError> {
-        self.tensors.get(name).ok_or_else(|| {
-            self.error(WeightsErrorKind::Missing {
-                tensor: name.to_owned(),
-                expected: None,
-            })
-        })
+        let missing = || self.error(name, "is missing");
+        self.tensors.get(name).ok_or_else(missing)
     }
 
-    fn error(&self, kind: WeightsErrorKind) -> WeightsError {
-        WeightsError::new(&self.origin, kind)
+    fn error(&self, tensor: &str, what: impl Display) -> WeightsError {
+        WeightsError::new(&self.origin, WeightsErrorKind::tensor(tensor, what))
     }
 }
 
 impl sps_kernels::Tensors for Weights {
     fn with(&self, name: &str, work: &mut dyn FnMut(&[f32])) -> sps_kernels::Result<()> {
-        let tensor =
-            |error: Box<dyn std::error::Error + Send + Sync>| sps_kernels::Error::Tensor(error);
-        let found = self.get(name).map_err(|error| tensor(error.into()))?;
-        let values = |values: &[f32]| {
-            work(values);
-            Ok(())
-        };
-        with_values(found, values).map_err(|error| tensor(error.into()))
+        let failed = sps_kernels::Error::Tensor;
+        let found = self.get(name).map_err(|error| failed(error.into()))?;
+        with_values(found, |values| Ok(work(values))).map_err(|error| failed(error.into()))
     }
 }
 
 fn raw_tensor(name: &str, tensor: &Tensor) -> Result<RawTensor, WeightsErrorKind> {
     if !tensor.dtype().is_float() {
-        return Err(WeightsErrorKind::ElementType {
-            tensor: name.to_owned(),
-            found: tensor.dtype().as_str().to_owned(),
-        });
+        let found = tensor.dtype().as_str();
+        let what = format!("has elements of type {found}, expected f16, bf16, f32 or f64");
+        return Err(WeightsErrorKind::tensor(name, what));
     }
-    let values = tensor
-        .to_dtype(DType::F32)
-        .and_then(|tensor| tensor.flatten_all()?.to_vec1())
-        .map_err(|error| WeightsErrorKind::Format(format!("tensor {name:?}: {error}")))?;
+    let values = tensor.to_dtype(DType::F32);
+    let values = values.and_then(|tensor| tensor.flatten_all()?.to_vec1());
     Ok(RawTensor {
         shape: tensor.dims().to_vec(),
-        values,
+        values: values.map_err(|error| WeightsErrorKind::tensor(name, error))?,
     })
 }
 
 fn checked(name: &str, raw: RawTensor) -> Result<Tensor, WeightsErrorKind> {
     raw.check(name)?;
-    Tensor::from_vec(raw.values, raw.shape, &Device::Cpu)
-        .map_err(|error| WeightsErrorKind::Format(format!("tensor {name:?}: {error}")))
+    let tensor = Tensor::from_vec(raw.values, raw.shape, &Device::Cpu);
+    tensor.map_err(|error| WeightsErrorKind::tensor(name, error))
 }

@@ -17,31 +17,32 @@ const LONGEST: usize = 4 << 20;
 /// fifty times its bytes in the file.
 const MOST_VALUES: usize = 2_100_000;
 
-/// Runs the pickle that `bytes` begin with; returns what it leaves and its length.
-///
-/// Texts are ranges of `bytes`, tensors lie in `heap`.
-pub(super) fn run(bytes: &[u8], heap: &mut Heap) -> Result<(Value, usize), WeightsErrorKind> {
+/// Runs the pickle that begins at `at`, which is moved to its end; returns what it leaves. What has parts
+/// lies in `heap`.
+pub(super) fn run(
+    bytes: &[u8],
+    at: &mut usize,
+    heap: &mut Heap,
+) -> Result<Value, WeightsErrorKind> {
     let mut machine = Machine {
-        bytes: &bytes[..bytes.len().min(LONGEST)],
-        at: 0,
+        bytes: &bytes[..bytes.len().min(*at + LONGEST)],
+        at: *at,
         stack: Vec::new(),
         memo: BTreeMap::new(),
         heap,
     };
     loop {
-        let start = machine.at;
+        let offset = machine.at;
         let step = machine.step().and_then(|last| {
             let held = machine.stack.len() + machine.memo.len() + machine.heap.values();
             let few = held <= MOST_VALUES;
             few.then_some(last)
                 .ok_or_else(|| format!("more than {MOST_VALUES} values"))
         });
-        let refused = |found| WeightsErrorKind::Pickle {
-            offset: start,
-            found,
-        };
+        let refused = |found| WeightsErrorKind::Pickle { offset, found };
         if let Some(value) = step.map_err(refused)? {
-            return Ok((value, machine.at));
+            *at = machine.at;
+            return Ok(value);
         }
     }
 }
@@ -57,63 +58,100 @@ struct Machine<'a> {
     heap: &'a mut Heap,
 }
 
-impl Machine<'_> {
+impl<'a> Machine<'a> {
     /// One instruction; the result, when it was the last.
     fn step(&mut self) -> Parsed<Option<Value>> {
         let opcode = self.byte()?;
-        match opcode {
+        let value = match opcode {
             b'.' => return self.pop().map(Some),
-            0x80 => self.protocol()?,
-            // The length of what follows: a hint.
-            0x95 => self.skip(8)?,
-            b'(' => self.stack.push(Value::Mark),
-            b'N' => self.stack.push(Value::None),
-            0x88 => self.stack.push(Value::Bool(true)),
-            0x89 => self.stack.push(Value::Bool(false)),
-            b'J' | b'K' | b'M' | 0x8a => self.integer(opcode)?,
-            b'X' | b'U' | 0x8c => self.text(opcode)?,
-            b')' | b't' | 0x85..=0x87 => self.tuple(opcode)?,
-            b'}' => self.dictionary(),
-            b']' => self.list(),
-            b'a' | b'e' => self.append(opcode)?,
-            b's' | b'u' => self.set(opcode)?,
-            b'q' | b'r' | 0x94 => self.remember(opcode)?,
-            b'h' | b'j' => self.recall(opcode)?,
+            b'(' => Value::Mark,
+            b'N' => Value::None,
+            0x88 | 0x89 => Value::Bool(opcode == 0x88),
+            b'J' => Value::Int(self.unsigned(4)?.cast_signed().into()),
+            b'K' => Value::Int(self.unsigned(1)?.into()),
+            b'M' => Value::Int(self.unsigned(2)?.into()),
+            0x8a => self.long()?,
+            b'X' => self.text(4)?,
+            b'U' | 0x8c => self.text(1)?,
+            b')' => self.heap.tuple(Vec::new()),
+            b't' => {
+                let items = self.pop_to_mark()?;
+                self.heap.tuple(items)
+            }
+            0x85..=0x87 => {
+                let items = self.pop_last(usize::from(opcode - 0x84))?;
+                self.heap.tuple(items)
+            }
+            b'}' => self.heap.dictionary(),
+            b']' => self.heap.list(),
+            b'h' => self.recall(1)?,
+            b'j' => self.recall(4)?,
             b'c' | 0x93 => self.global(opcode)?,
-            b'Q' => self.persistent()?,
+            b'Q' => {
+                let id = self.pop()?;
+                self.heap.storage(id)?
+            }
             b'R' => self.reduce()?,
-            b'b' => self.build()?,
-            other => return Err(unknown(other)),
-        }
+            other => return self.change(other).map(|()| None),
+        };
+        self.stack.push(value);
         Ok(None)
     }
 
-    fn take(&mut self, len: usize) -> Parsed<std::ops::Range<usize>> {
-        let end = self.at.checked_add(len);
-        let Some(end) = end.filter(|&end| end <= self.bytes.len()) else {
-            return Err(format!(
-                "{len} bytes where {} are left",
-                self.bytes.len() - self.at
-            ));
-        };
-        let range = self.at..end;
-        self.at = end;
-        Ok(range)
+    /// One instruction that adds no value to the stack.
+    fn change(&mut self, opcode: u8) -> Parsed<()> {
+        match opcode {
+            0x80 => match self.byte()? {
+                2..=5 => {}
+                other => return Err(format!("protocol {other}, expected 2 to 5")),
+            },
+            // The length of what follows: a hint.
+            0x95 => {
+                self.take(8)?;
+            }
+            b'a' | b'e' => {
+                let items = self.items(opcode == b'e', 1)?;
+                let Some(&Value::List(list)) = self.stack.last() else {
+                    return Err("items for what is no list".to_owned());
+                };
+                self.heap.extend(list, items);
+            }
+            b's' | b'u' => self.set(opcode == b'u')?,
+            b'q' | b'r' | 0x94 => {
+                let key = match opcode {
+                    b'q' => self.unsigned(1)?,
+                    b'r' => self.unsigned(4)?,
+                    _ => self.memo.len() as u32,
+                };
+                let value = self.pop()?;
+                self.stack.push(value);
+                self.memo.insert(key, value);
+            }
+            // PyTorch notes versions beside the dictionary; they are not used.
+            b'b' => match (self.pop()?, self.stack.last()) {
+                (Value::Dictionary(_), Some(Value::Dictionary(_))) => {}
+                _ => return Err("a state for what is no dictionary".to_owned()),
+            },
+            other => return Err(unknown(other)),
+        }
+        Ok(())
     }
 
-    fn skip(&mut self, len: usize) -> Parsed<()> {
-        self.take(len).map(|_| ())
+    fn take(&mut self, len: usize) -> Parsed<&'a [u8]> {
+        let rest = &self.bytes[self.at..];
+        let beyond = || format!("{len} bytes where {} are left", rest.len());
+        let taken = rest.get(..len).ok_or_else(beyond)?;
+        self.at += len;
+        Ok(taken)
     }
 
     fn byte(&mut self) -> Parsed<u8> {
-        let range = self.take(1)?;
-        Ok(self.bytes[range.start])
+        Ok(self.take(1)?[0])
     }
 
     /// A little-endian number of one to four bytes.
     fn unsigned(&mut self, len: usize) -> Parsed<u32> {
-        let range = self.take(len)?;
-        let bytes = self.bytes[range].iter().rev();
+        let bytes = self.take(len)?.iter().rev();
         Ok(bytes.fold(0, |value, byte| value << 8 | u32::from(*byte)))
     }
 
@@ -122,6 +160,13 @@ impl Machine<'_> {
             Some(Value::Mark) | None => Err("a value where the stack holds none".to_owned()),
             Some(value) => Ok(value),
         }
+    }
+
+    /// The last values, in the order they were pushed.
+    fn pop_last(&mut self, count: usize) -> Parsed<Vec<Value>> {
+        let mut values: Vec<Value> = (0..count).map(|_| self.pop()).collect::<Parsed<_>>()?;
+        values.reverse();
+        Ok(values)
     }
 
     /// What lies above the last mark, which goes too.
@@ -133,97 +178,36 @@ impl Machine<'_> {
         Ok(values)
     }
 
-    fn protocol(&mut self) -> Parsed<()> {
-        match self.byte()? {
-            2..=5 => Ok(()),
-            other => Err(format!("protocol {other}, expected 2 to 5")),
+    /// What lies above the last mark, or so many values.
+    fn items(&mut self, marked: bool, count: usize) -> Parsed<Vec<Value>> {
+        if marked {
+            return self.pop_to_mark();
         }
+        self.pop_last(count)
     }
 
-    fn integer(&mut self, opcode: u8) -> Parsed<()> {
-        let value = match opcode {
-            b'J' => i128::from(self.unsigned(4)?.cast_signed()),
-            b'K' => i128::from(self.unsigned(1)?),
-            b'M' => i128::from(self.unsigned(2)?),
-            _ => self.long()?,
-        };
-        self.stack.push(Value::Int(value));
-        Ok(())
-    }
-
-    fn long(&mut self) -> Parsed<i128> {
+    fn long(&mut self) -> Parsed<Value> {
         let len = self.byte()?;
         if len > 16 {
             return Err(format!("an integer of {len} bytes"));
         }
-        let range = self.take(usize::from(len))?;
-        let bytes = &self.bytes[range];
-        let sign = bytes.last().map_or(0, |last| (*last).cast_signed() >> 7);
-        let start = i128::from(sign);
-        Ok(bytes
-            .iter()
-            .rev()
-            .fold(start, |value, byte| value << 8 | i128::from(*byte)))
+        let bytes = self.take(usize::from(len))?;
+        let sign = bytes.last().map_or(0, |last| last.cast_signed() >> 7);
+        let shift = |value, byte: &u8| value << 8 | i128::from(*byte);
+        Ok(Value::Int(bytes.iter().rev().fold(sign.into(), shift)))
     }
 
-    fn text(&mut self, opcode: u8) -> Parsed<()> {
-        let len = self.unsigned(if opcode == b'X' { 4 } else { 1 })?;
-        let range = self.take(len as usize)?;
-        let text = std::str::from_utf8(&self.bytes[range]);
-        let text = text.map_err(|_| "a text that is not UTF-8")?;
-        let value = self.heap.text(text);
-        self.stack.push(value);
-        Ok(())
+    /// A text whose length takes so many bytes.
+    fn text(&mut self, bytes: usize) -> Parsed<Value> {
+        let len = self.unsigned(bytes)?;
+        let text = std::str::from_utf8(self.take(len as usize)?);
+        Ok(self
+            .heap
+            .text(text.map_err(|_| "a text that is not UTF-8")?))
     }
 
-    fn tuple(&mut self, opcode: u8) -> Parsed<()> {
-        let items = match opcode {
-            b')' => Vec::new(),
-            b't' => self.pop_to_mark()?,
-            sized => {
-                let mut items = Vec::new();
-                for _ in 0x85..=sized {
-                    items.push(self.pop()?);
-                }
-                items.reverse();
-                items
-            }
-        };
-        let value = self.heap.tuple(items);
-        self.stack.push(value);
-        Ok(())
-    }
-
-    fn dictionary(&mut self) {
-        let value = self.heap.dictionary();
-        self.stack.push(value);
-    }
-
-    fn list(&mut self) {
-        let value = self.heap.list();
-        self.stack.push(value);
-    }
-
-    fn append(&mut self, opcode: u8) -> Parsed<()> {
-        let items = if opcode == b'e' {
-            self.pop_to_mark()?
-        } else {
-            vec![self.pop()?]
-        };
-        match self.stack.last() {
-            Some(&Value::List(list)) => self.heap.extend(list, items),
-            _ => return Err("items for what is no list".to_owned()),
-        }
-        Ok(())
-    }
-
-    fn set(&mut self, opcode: u8) -> Parsed<()> {
-        let items = if opcode == b'u' {
-            self.pop_to_mark()?
-        } else {
-            let value = self.pop()?;
-            vec![self.pop()?, value]
-        };
+    fn set(&mut self, marked: bool) -> Parsed<()> {
+        let items = self.items(marked, 2)?;
         let Some(&Value::Dictionary(dictionary)) = self.stack.last() else {
             return Err("items for what is no dictionary".to_owned());
         };
@@ -236,27 +220,14 @@ impl Machine<'_> {
         Ok(())
     }
 
-    fn remember(&mut self, opcode: u8) -> Parsed<()> {
-        let key = match opcode {
-            b'q' => self.unsigned(1)?,
-            b'r' => self.unsigned(4)?,
-            _ => self.memo.len() as u32,
-        };
-        let value = self.pop()?;
-        self.stack.push(value);
-        self.memo.insert(key, value);
-        Ok(())
+    /// A value of the memo, whose key takes so many bytes.
+    fn recall(&mut self, bytes: usize) -> Parsed<Value> {
+        let key = self.unsigned(bytes)?;
+        let value = self.memo.get(&key).copied();
+        value.ok_or_else(|| format!("memo {key}, which holds nothing"))
     }
 
-    fn recall(&mut self, opcode: u8) -> Parsed<()> {
-        let key = self.unsigned(if opcode == b'h' { 1 } else { 4 })?;
-        let value = self.memo.get(&key);
-        let value = value.ok_or_else(|| format!("memo {key}, which holds nothing"))?;
-        self.stack.push(*value);
-        Ok(())
-    }
-
-    fn global(&mut self, opcode: u8) -> Parsed<()> {
+    fn global(&mut self, opcode: u8) -> Parsed<Value> {
         let global = if opcode == b'c' {
             let (module, name) = (self.line()?, self.line()?);
             Global::find(&module, &name)?
@@ -268,27 +239,18 @@ impl Machine<'_> {
             };
             Global::find(module, name)?
         };
-        self.stack.push(Value::Global(global));
-        Ok(())
+        Ok(Value::Global(global))
     }
 
     fn line(&mut self) -> Parsed<String> {
         let rest = &self.bytes[self.at..];
         let len = rest.iter().position(|byte| *byte == b'\n');
         let len = len.ok_or("a line that does not end")?;
-        let line = String::from_utf8_lossy(&rest[..len]).into_owned();
         self.at += len + 1;
-        Ok(line)
+        Ok(String::from_utf8_lossy(&rest[..len]).into_owned())
     }
 
-    fn persistent(&mut self) -> Parsed<()> {
-        let id = self.pop()?;
-        let value = self.heap.storage(id)?;
-        self.stack.push(value);
-        Ok(())
-    }
-
-    fn reduce(&mut self) -> Parsed<()> {
+    fn reduce(&mut self) -> Parsed<Value> {
         let (arguments, callable) = (self.pop()?, self.pop()?);
         let Value::Global(global) = callable else {
             return Err("a call of what is no global".to_owned());
@@ -296,17 +258,7 @@ impl Machine<'_> {
         let Value::Tuple(arguments) = arguments else {
             return Err("a call without a tuple of arguments".to_owned());
         };
-        let value = self.heap.call(global, arguments)?;
-        self.stack.push(value);
-        Ok(())
-    }
-
-    /// PyTorch notes versions beside the dictionary; they are not used.
-    fn build(&mut self) -> Parsed<()> {
-        match (self.pop()?, self.stack.last()) {
-            (Value::Dictionary(_), Some(Value::Dictionary(_))) => Ok(()),
-            _ => Err("a state for what is no dictionary".to_owned()),
-        }
+        self.heap.call(global, arguments)
     }
 }
 

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use super::value::{Heap, Value};
-use super::{gather, pickle};
+use super::value::{Heap, Storage, Value};
+use super::{gather, not_little_endian, pickle};
 use crate::{RawTensor, WeightsErrorKind};
 
 const MAGIC: i128 = 0x1950_a86a_20f9_469c_fc6c;
@@ -19,22 +19,21 @@ pub(super) fn is(bytes: &[u8]) -> bool {
 
 pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
     let mut heap = Heap::default();
-    let mut rest = bytes;
-    let mut next = || -> Result<Value, WeightsErrorKind> {
-        let (value, len) = pickle::run(rest, &mut heap).map_err(|kind| later(kind, bytes, rest))?;
-        rest = &rest[len..];
-        Ok(value)
-    };
+    let mut at = 0;
+    let mut next = || pickle::run(bytes, &mut at, &mut heap);
     let (magic, version, machine) = (next()?, next()?, next()?);
     let (object, keys) = (next()?, next()?);
     if (magic, version) != (Value::Int(MAGIC), Value::Int(VERSION)) {
-        return Err(WeightsErrorKind::format(format_args!(
-            "version {version:?} of PyTorch's stream, expected {VERSION}"
-        )));
+        let message = format!("version {version:?} of PyTorch's stream, expected {VERSION}");
+        return Err(WeightsErrorKind::Format(message));
     }
-    check_order(&heap, machine)?;
-    let storages = storages(&heap, keys, rest)?;
-    gather(&heap, object, &storages, bytes.len())
+    let little = ("little_endian", Value::Bool(true));
+    if !matches!(machine, Value::Dictionary(at) if heap.entries(at).any(|entry| entry == little)) {
+        return Err(not_little_endian());
+    }
+    let storages = storages(&heap, keys, &bytes[at..])?;
+    let storage = |storage: &Storage| storages.get(&storage.key[..]).copied();
+    gather(&heap, object, storage, bytes.len())
 }
 
 /// The bytes of each storage: its length as eight bytes, then its elements.
@@ -46,18 +45,14 @@ fn storages<'a>(
     let Value::List(keys) = keys else {
         return Err(WeightsErrorKind::format("no list of the storages' keys"));
     };
-    let known: BTreeMap<&str, _> = heap
-        .storages()
-        .iter()
-        .map(|storage| (storage.key.as_str(), storage))
-        .collect();
+    let known = heap.storages().iter();
+    let known: BTreeMap<&str, _> = known.map(|storage| (&storage.key[..], storage)).collect();
     let mut storages = BTreeMap::new();
     for &key in heap.items(keys) {
         let key = heap.as_text(key).unwrap_or("");
         let Some(storage) = known.get(key) else {
-            return Err(WeightsErrorKind::format(format_args!(
-                "storage {key:?}, which no tensor has"
-            )));
+            let message = format!("storage {key:?}, which no tensor has");
+            return Err(WeightsErrorKind::Format(message));
         };
         let len = rest.split_first_chunk::<8>().and_then(|(len, after)| {
             rest = after;
@@ -65,39 +60,11 @@ fn storages<'a>(
             (len == storage.len).then(|| storage.bytes())?
         });
         let Some((elements, after)) = len.and_then(|len| rest.split_at_checked(len)) else {
-            return Err(WeightsErrorKind::format(format_args!(
-                "storage {key:?} does not hold its {} elements",
-                storage.len
-            )));
+            let message = format!("storage {key:?} does not hold its {} elements", storage.len);
+            return Err(WeightsErrorKind::Format(message));
         };
         storages.insert(key, elements);
         rest = after;
     }
     Ok(storages)
-}
-
-fn check_order(heap: &Heap, machine: Value) -> Result<(), WeightsErrorKind> {
-    let little = match machine {
-        Value::Dictionary(machine) => heap
-            .entries(machine)
-            .any(|(key, value)| key == "little_endian" && value == Value::Bool(true)),
-        _ => false,
-    };
-    if little {
-        return Ok(());
-    }
-    Err(WeightsErrorKind::format(
-        "elements that are not little-endian",
-    ))
-}
-
-/// An offset in a later pickle as one in the file.
-fn later(kind: WeightsErrorKind, bytes: &[u8], rest: &[u8]) -> WeightsErrorKind {
-    match kind {
-        WeightsErrorKind::Pickle { offset, found } => WeightsErrorKind::Pickle {
-            offset: offset + bytes.len() - rest.len(),
-            found,
-        },
-        other => other,
-    }
 }

@@ -188,22 +188,23 @@ impl Heap {
 
     /// What a persistent id means: `('storage', type, key, location, length, view)`.
     pub(super) fn storage(&mut self, id: Value) -> Result<Value, String> {
-        let wrong = || "a persistent id that is no storage".to_owned();
+        let wrong = || Err("a persistent id that is no storage".to_owned());
         let Value::Tuple(id) = id else {
-            return Err(wrong());
+            return wrong();
         };
-        let (tag, element, key, len) = match *self.items(id) {
-            [tag, element, key, _, len] | [tag, element, key, _, len, Value::None] => {
-                (tag, element, key, len)
-            }
-            [_, _, _, _, _, _] => return Err("a view of a storage".to_owned()),
-            _ => return Err(wrong()),
+        let [tag, element, key, _, len, ref view @ ..] = *self.items(id) else {
+            return wrong();
         };
-        let (Some("storage"), Some(key)) = (self.as_text(tag), self.as_text(key)) else {
-            return Err(wrong());
-        };
-        let Value::Global(Global::Storage(element)) = element else {
-            return Err(wrong());
+        match view {
+            [] | [Value::None] => {}
+            [_] => return Err("a view of a storage".to_owned()),
+            _ => return wrong(),
+        }
+        let named = (self.as_text(tag), self.as_text(key));
+        let ((Some("storage"), Some(key)), Value::Global(Global::Storage(element))) =
+            (named, element)
+        else {
+            return wrong();
         };
         let storage = Storage {
             key: short(key)?.to_owned(),
@@ -225,9 +226,16 @@ impl Heap {
             (Global::OrderedDict, []) => Ok(self.dictionary()),
             (Global::OrderedDict, &[Value::List(pairs)]) => self.ordered(pairs),
             (Global::Size, &[Value::Tuple(size)]) => Ok(Value::Tuple(size)),
-            (Global::RebuildTensor, &[storage, offset, shape, strides, ..]) => {
-                self.tensor(storage, offset, shape, strides)
-            }
+            (
+                Global::RebuildTensor,
+                &[
+                    Value::Storage(storage),
+                    offset,
+                    Value::Tuple(shape),
+                    Value::Tuple(strides),
+                    ..,
+                ],
+            ) => self.tensor(storage, offset, shape, strides),
             (Global::RebuildParameter, &[Value::Tensor(tensor), ..]) => Ok(Value::Tensor(tensor)),
             _ => Err(format!("a call of {global:?} with other arguments")),
         }
@@ -239,10 +247,11 @@ impl Heap {
         self.within -= pairs.len();
         let all = self.dictionary();
         for pair in pairs {
-            let (Value::List(pair) | Value::Tuple(pair)) = pair else {
-                return Err("a dictionary of what are no pairs".to_owned());
+            let items = match pair {
+                Value::List(pair) | Value::Tuple(pair) => self.items(pair),
+                _ => &[],
             };
-            let (&[key, value], Value::Dictionary(all)) = (self.items(pair), all) else {
+            let (&[key, value], Value::Dictionary(all)) = (items, all) else {
                 return Err("a dictionary of what are no pairs".to_owned());
             };
             self.insert(all, key, value)?;
@@ -252,22 +261,19 @@ impl Heap {
 
     fn tensor(
         &mut self,
-        storage: Value,
+        storage: usize,
         offset: Value,
-        shape: Value,
-        strides: Value,
+        shape: usize,
+        strides: usize,
     ) -> Result<Value, String> {
-        let (Value::Storage(storage), Value::Tuple(shape), Value::Tuple(strides)) =
-            (storage, shape, strides)
-        else {
-            return Err("a tensor of what is no storage, shape and strides".to_owned());
-        };
-        let numbers = |tuple: usize| match self.items(tuple) {
-            items if items.len() > MOST_AXES => Err(format!(
-                "a tensor of {} axes, expected at most {MOST_AXES}",
-                items.len()
-            )),
-            items => items.iter().copied().map(natural).collect(),
+        let numbers = |tuple: usize| {
+            let (items, axes) = (self.items(tuple).iter(), self.items(tuple).len());
+            if axes > MOST_AXES {
+                return Err(format!(
+                    "a tensor of {axes} axes, expected at most {MOST_AXES}"
+                ));
+            }
+            items.copied().map(natural).collect()
         };
         let view = View {
             storage,
@@ -290,31 +296,24 @@ impl View {
     /// Whether all of it lies in its storage, and no element of the storage is taken more often
     /// than there are elements.
     fn check(&self, storage: &Storage) -> Result<(), String> {
-        let wrong = || {
-            format!(
-                "a tensor of shape {:?} and strides {:?} from {} on in a storage of {}",
-                self.shape, self.strides, self.offset, storage.len
-            )
-        };
-        if self.shape.len() != self.strides.len() {
-            return Err(wrong());
-        }
         // Without axes of no extent, so that the number of elements is no more than this.
-        let mut count = Some(1_usize);
-        let mut last = Some(self.offset);
-        for (&extent, &stride) in self.shape.iter().zip(&self.strides) {
-            count = count.and_then(|count| count.checked_mul(extent.max(1)));
-            let reach = extent.saturating_sub(1).checked_mul(stride);
-            last = last
-                .zip(reach)
-                .and_then(|(last, reach)| last.checked_add(reach));
+        let mut extents = self.shape.iter();
+        let count = extents.try_fold(1_usize, |count, &extent| count.checked_mul(extent.max(1)));
+        let mut axes = self.shape.iter().zip(&self.strides);
+        let last = axes.try_fold(self.offset, |last, (&extent, &stride)| {
+            last.checked_add(extent.saturating_sub(1).checked_mul(stride)?)
+        });
+        let within = |count: usize| {
+            let inside = last.is_some_and(|last| last < storage.len) && count <= storage.len;
+            inside || self.shape.contains(&0)
+        };
+        if self.shape.len() == self.strides.len() && count.is_some_and(within) {
+            return Ok(());
         }
-        let inside = last.is_some_and(|last| last < storage.len);
-        match count {
-            Some(_) if self.shape.contains(&0) => Ok(()),
-            Some(count) if inside && count <= storage.len => Ok(()),
-            _ => Err(wrong()),
-        }
+        Err(format!(
+            "a tensor of shape {:?} and strides {:?} from {} on in a storage of {}",
+            self.shape, self.strides, self.offset, storage.len
+        ))
     }
 
     /// The places in the storage of the elements, row-major.
@@ -333,13 +332,12 @@ impl View {
 
 /// A name, which is copied wherever it is used.
 fn short(name: &str) -> Result<&str, String> {
-    if name.len() <= LONGEST_NAME {
-        return Ok(name);
+    match name.len() {
+        ..=LONGEST_NAME => Ok(name),
+        len => Err(format!(
+            "a name of {len} bytes, expected at most {LONGEST_NAME}"
+        )),
     }
-    let found = name.len();
-    Err(format!(
-        "a name of {found} bytes, expected at most {LONGEST_NAME}"
-    ))
 }
 
 /// A count, an extent or an offset.
@@ -362,8 +360,6 @@ pub(super) fn tensors(heap: &Heap, value: Value) -> Result<Vec<(&str, &View)>, W
         Value::Tensor(view) => Ok((name, heap.view(view))),
         _ => Err(format!("entry {name:?} of the pickle is no tensor")),
     };
-    let tensors = heap.entries(dictionary).map(tensor);
-    tensors
-        .collect::<Result<_, _>>()
-        .map_err(WeightsErrorKind::format)
+    let tensors: Result<_, String> = heap.entries(dictionary).map(tensor).collect();
+    tensors.map_err(WeightsErrorKind::Format)
 }

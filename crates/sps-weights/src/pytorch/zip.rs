@@ -6,8 +6,8 @@ use std::io::Cursor;
 
 use zip::{CompressionMethod, ZipArchive};
 
-use super::value::Heap;
-use super::{gather, pickle};
+use super::value::{Heap, Storage};
+use super::{gather, not_little_endian, pickle};
 use crate::{RawTensor, WeightsErrorKind};
 
 /// Whether the bytes begin as an archive does.
@@ -17,28 +17,21 @@ pub(super) fn is(bytes: &[u8]) -> bool {
 
 pub(super) fn read(bytes: &[u8]) -> Result<Vec<(String, RawTensor)>, WeightsErrorKind> {
     let files = files(bytes)?;
-    let mut pickles = files
-        .keys()
-        .filter_map(|name| name.strip_suffix("data.pkl"));
-    let (Some(folder), None) = (pickles.next(), pickles.next()) else {
-        return Err(WeightsErrorKind::format(
-            "an archive without one file data.pkl",
-        ));
+    let pickles = files.iter();
+    let mut pickles =
+        pickles.filter_map(|(name, content)| Some((name.strip_suffix("data.pkl")?, *content)));
+    let (Some((folder, pickle)), None) = (pickles.next(), pickles.next()) else {
+        let message = "an archive without one file data.pkl";
+        return Err(WeightsErrorKind::format(message));
     };
     let file = |name: &str| files.get(&format!("{folder}{name}")).copied();
     if file("byteorder").is_some_and(|order| order != b"little") {
-        return Err(WeightsErrorKind::format(
-            "elements that are not little-endian",
-        ));
+        return Err(not_little_endian());
     }
     let mut heap = Heap::default();
-    let (object, _) = pickle::run(file("data.pkl").unwrap_or_default(), &mut heap)?;
-    let storages = heap.storages().iter().filter_map(|storage| {
-        let bytes = file(&format!("data/{}", storage.key))?;
-        Some((storage.key.as_str(), bytes))
-    });
-    let storages: BTreeMap<&str, &[u8]> = storages.collect();
-    gather(&heap, object, &storages, bytes.len())
+    let object = pickle::run(pickle, &mut 0, &mut heap)?;
+    let storage = |storage: &Storage| file(&format!("data/{}", storage.key));
+    gather(&heap, object, storage, bytes.len())
 }
 
 /// The files of the archive, as they lie in it.
@@ -50,20 +43,16 @@ fn files(bytes: &[u8]) -> Result<BTreeMap<String, &[u8]>, WeightsErrorKind> {
         let file = archive.by_index_raw(index).map_err(wrong)?;
         let name = file.name().map_err(wrong)?.into_owned();
         if file.compression() != CompressionMethod::Stored || file.encrypted() {
-            return Err(WeightsErrorKind::format(format_args!(
-                "{name:?} in the archive is compressed"
-            )));
+            let message = format!("{name:?} in the archive is compressed");
+            return Err(WeightsErrorKind::Format(message));
         }
         let range = file.data_start().and_then(|start| {
-            let (start, len) = (
-                usize::try_from(start).ok()?,
-                usize::try_from(file.size()).ok()?,
-            );
+            let start = usize::try_from(start).ok()?;
+            let len = usize::try_from(file.size()).ok()?;
             bytes.get(start..start.checked_add(len)?)
         });
-        let content = range.ok_or_else(|| {
-            WeightsErrorKind::format(format_args!("{name:?} reaches beyond the file"))
-        })?;
+        let beyond = || WeightsErrorKind::Format(format!("{name:?} reaches beyond the file"));
+        let content = range.ok_or_else(beyond)?;
         files.insert(name, content);
     }
     Ok(files)

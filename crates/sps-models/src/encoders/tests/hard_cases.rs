@@ -8,7 +8,7 @@ use super::{SMALL_ONES, exact_features, of_images};
 use crate::Error;
 use crate::encoders::{Depths, Encoder, EncoderKind, Precision, TrainableEncoder};
 use crate::golden::{error, numbers, values};
-use crate::weights::{Weights, WeightsErrorKind};
+use crate::weights::Weights;
 
 /// The paper's network as far as its second stage: batch norms, groups and gates, in seven blocks.
 fn gated() -> Encoder {
@@ -231,11 +231,9 @@ fn half_weights_that_are_infinite_are_refused_by_name() {
     };
     assert!(broken(f16::MAX).is_ok());
     for value in [f16::INFINITY, f16::NEG_INFINITY, f16::NAN] {
-        let error = broken(value).unwrap_err();
-        let WeightsErrorKind::NotFinite { tensor, index, .. } = error.kind() else {
-            panic!("{error}");
-        };
-        assert_eq!((tensor.as_str(), *index), ("layer2.0.conv2.weight", 5));
+        let error = broken(value).unwrap_err().to_string();
+        let expected = format!("tensor \"layer2.0.conv2.weight\" holds {value} at flat index 5,");
+        assert!(error.contains(&expected), "{error}");
         // Let in, a black pixel is enough.
         assert!((0.0 * value.to_f32()).is_nan(), "the naive form");
     }

@@ -445,9 +445,9 @@ impl Network {
     }
 
     /// Multiply-adds for one image of so many pixels: those of the convolutions and of the gates; `None`
-    /// where no number holds them.
+    /// where there are no pixels, or no number holds them.
     pub fn multiply_adds(&self, image: Size) -> Option<u64> {
-        let sizes = self.sizes(image)?;
+        let sizes = self.sizes(image).filter(|_| !image.contains(&0))?;
         let mut count = 0_u64;
         for layer in &self.layers {
             for conv in layer.convs() {

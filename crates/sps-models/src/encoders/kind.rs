@@ -163,9 +163,6 @@ impl EncoderKind {
     /// assert_eq!(paper.map(|count| count / 100_000_000), Some(42)); // 4.2 G
     /// ```
     pub fn multiply_adds(self, size: [usize; 3]) -> Option<u64> {
-        if size.contains(&0) {
-            return None;
-        }
         self.network().multiply_adds(size)
     }
 

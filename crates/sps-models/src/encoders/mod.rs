@@ -20,7 +20,7 @@ use candle_core::{Device, Tensor};
 use sps_kernels::inference::{Inference, calibrate};
 use sps_kernels::network::Network;
 use sps_kernels::simd::Level;
-use sps_kernels::{Images, Normalisation, Order, Size};
+use sps_kernels::{Images, Order, Size};
 
 pub use kind::EncoderKind;
 pub use sps_kernels::inference::Resources;
@@ -181,9 +181,8 @@ impl Encoder {
         if *depths == self.depths {
             return Ok(self);
         }
-        let resources = self.resources();
-        let (depths, precision) = (depths.clone(), self.precision);
-        let of = Self::of(self.kind, depths, precision, self.weights)?;
+        let resources = self.kernels.resources();
+        let of = Self::of(self.kind, depths.clone(), self.precision, self.weights)?;
         Ok(of.with_resources(resources))
     }
 
@@ -211,30 +210,25 @@ impl Encoder {
     /// # Errors
     ///
     /// As [`Encoder::embed`]; when there is no image, or one makes a feature map that is not finite.
-    pub fn calibrated(self, images: &[&Tensor]) -> Result<Self> {
+    pub fn calibrated(mut self, images: &[&Tensor]) -> Result<Self> {
         let network = self.kind.network();
-        let mut batches = Vec::new();
-        for images in images {
+        let values = |images: &&Tensor| -> Result<(Size, Vec<f32>)> {
             let size = check(&self.network, images)?;
-            batches.push((images.flatten_all()?.to_vec1::<f32>()?, size));
-        }
-        let images = batches
-            .iter()
-            .map(|(values, size)| Images::each(values, *size));
-        let images: Vec<Vec<&[f32]>> = images.collect();
-        let normalisation = network.normalisation;
-        let batches = images
-            .iter()
-            .zip(&batches)
-            .map(|(images, (_, size))| Images::new(images, Order::Planes, *size, normalisation));
+            Ok((size, images.flatten_all()?.to_vec1()?))
+        };
+        let values = images.iter().map(values).collect::<Result<Vec<_>>>()?;
+        let each = values.iter();
+        let each: Vec<_> = each.map(|(size, all)| Images::each(all, *size)).collect();
+        let batches = each.iter().zip(&values);
+        let batches = batches.map(|(images, (size, _))| {
+            Images::new(images, Order::Planes, *size, network.normalisation)
+        });
         let batches = batches.collect::<Result<Vec<_>, _>>()?;
         let scales = calibrate(&network, &self.weights, &batches, Level::detect())?;
-        let precision = self.precision;
-        let mut encoder = self;
-        encoder
-            .weights
+        self.weights
             .replace(scales::TENSOR, scales::tensor(&scales)?);
-        encoder.with_precision(precision)
+        let precision = self.precision;
+        self.with_precision(precision)
     }
 
     /// The same network, computing in another precision.
@@ -244,7 +238,7 @@ impl Encoder {
     /// When the precision is int8 and [`Encoder::calibrated`] has not been called, neither for this encoder
     /// nor for that whose weights it has.
     pub fn with_precision(self, precision: Precision) -> Result<Self> {
-        let resources = self.resources();
+        let resources = self.kernels.resources();
         let of = Self::of(self.kind, self.depths, precision, self.weights)?;
         Ok(of.with_resources(resources))
     }
@@ -267,10 +261,6 @@ impl Encoder {
     pub fn with_resources(mut self, resources: Resources) -> Self {
         self.kernels = self.kernels.with_resources(resources);
         self
-    }
-
-    fn resources(&self) -> Resources {
-        self.kernels.resources()
     }
 
     /// Gives back to the system the memory that is kept for passes to come, for all clones.
@@ -305,9 +295,6 @@ impl Encoder {
 
     /// [`EncoderKind::multiply_adds`] of the layers that this embedding needs.
     pub fn multiply_adds(&self, size: [usize; 3]) -> Option<u64> {
-        if size.contains(&0) {
-            return None;
-        }
         self.network.multiply_adds(size)
     }
 
@@ -338,7 +325,16 @@ impl Encoder {
     /// When the tensor is of another shape or type, smaller than [`EncoderKind::min_size`], or
     /// computed from a variable: there is no gradient for images.
     pub fn embed(&self, images: &Tensor) -> Result<Tensor> {
-        self.run(images, &self.network.normalisation)
+        let size = check(&self.network, images)?;
+        let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
+        let each = Images::each(&values, size);
+        let planes = Images::new(&each, Order::Planes, size, self.network.normalisation)?;
+        let shape = (each.len(), self.width());
+        Ok(Tensor::from_vec(
+            self.kernels.embed(&planes)?,
+            shape,
+            &Device::Cpu,
+        )?)
     }
 
     /// Embeds images as they lie in most decoders' memory, each `(height, width, 3)` row-major, f32
@@ -354,15 +350,6 @@ impl Encoder {
         Ok(self.kernels.embed(&self.of_pixels(images, extents)?)?)
     }
 
-    /// Embeds images that are normalised already, as the network's layers take them.
-    ///
-    /// # Errors
-    ///
-    /// As [`Encoder::embed`].
-    pub fn embed_normalised(&self, images: &Tensor) -> Result<Tensor> {
-        self.run(images, &Normalisation::NONE)
-    }
-
     /// Embeds images as [`Encoder::embed`] does, by candle's own operators: what benchmarks hold the
     /// kernels against. No part of the public interface.
     ///
@@ -374,16 +361,6 @@ impl Encoder {
         check(&self.network, images)?;
         let images = normalise(images, &self.network.normalisation)?;
         Plain::new(&self.network, &self.weights).embed(&images)
-    }
-
-    fn run(&self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
-        let size = check(&self.network, images)?;
-        let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
-        let each = Images::each(&values, size);
-        let planes = Images::new(&each, Order::Planes, size, *normalisation)?;
-        let shape = (images.dim(0)?, self.width());
-        let embeddings = self.kernels.embed(&planes)?;
-        Ok(Tensor::from_vec(embeddings, shape, &Device::Cpu)?)
     }
 
     /// Images `(..size, 3)` for the kernels.
@@ -408,14 +385,10 @@ fn kernels(
 ) -> Result<Inference> {
     let scales = match precision {
         Precision::Int8 => {
-            let scales = scales::read(&kind.network(), weights)?;
-            Some(scales.ok_or_else(|| {
-                Error::input(
-                    "precision",
-                    format_args!("{precision} without scales of the feature maps"),
-                    "`Encoder::calibrated` before, or the weights of such an encoder",
-                )
-            })?)
+            let found = format_args!("{precision} without scales of the feature maps");
+            let expected = "`Encoder::calibrated` before, or the weights of such an encoder";
+            let missing = || Error::input("precision", found, expected);
+            Some(scales::read(&kind.network(), weights)?.ok_or_else(missing)?)
         }
         _ => None,
     };

@@ -8,7 +8,7 @@ use candle_core::backprop::GradStore;
 use candle_core::{DType, Device, Tensor, Var};
 use sps_kernels::network::Network;
 use sps_kernels::training::{BatchStatistics, Gradients, Training};
-use sps_kernels::{Images, Normalisation, Order, Size};
+use sps_kernels::{Images, Order, Size};
 
 use super::input::{check, normalise};
 use super::plain::Plain;
@@ -45,7 +45,7 @@ const MOMENTUM: f64 = 0.1;
 pub struct TrainableEncoder {
     kind: EncoderKind,
     depths: Depths,
-    network: Arc<Network>,
+    pub(super) network: Arc<Network>,
     /// All tensors by name: those of the variables share their memory.
     weights: Weights,
     variables: BTreeMap<String, Var>,
@@ -216,17 +216,18 @@ impl TrainableEncoder {
     /// When the tensor is of another shape or type or computed from a variable (there is no gradient
     /// for images), or a batch norm sees a single number in each channel.
     pub fn forward(&mut self, images: &Tensor) -> Result<Tensor> {
-        let network = Arc::clone(&self.network);
-        self.run(images, &network.normalisation)
-    }
-
-    /// As [`TrainableEncoder::forward`], with images that are normalised already.
-    ///
-    /// # Errors
-    ///
-    /// As [`TrainableEncoder::forward`].
-    pub fn forward_normalised(&mut self, images: &Tensor) -> Result<Tensor> {
-        self.run(images, &Normalisation::NONE)
+        let size = check(&self.network, images)?;
+        let (embeddings, statistics) = if self.plain {
+            let net = Plain::training(&self.network, &self.weights);
+            let embeddings = net.embed(&normalise(images, &self.network.normalisation)?)?;
+            (embeddings, net.into_statistics())
+        } else {
+            self.run(images, size)?
+        };
+        for statistics in statistics {
+            self.update(&statistics)?;
+        }
+        Ok(embeddings)
     }
 
     /// The gradients of a loss that was computed from this encoder's embeddings: candle's for
@@ -249,41 +250,13 @@ impl TrainableEncoder {
         Ok(store)
     }
 
-    fn run(&mut self, images: &Tensor, normalisation: &Normalisation) -> Result<Tensor> {
-        let size = check(&self.network, images)?;
-        let (embeddings, statistics) = if self.plain {
-            self.run_plain(images, normalisation)?
-        } else {
-            self.run_fused(images, size, normalisation)?
-        };
-        for statistics in statistics {
-            self.update(&statistics)?;
-        }
-        Ok(embeddings)
-    }
-
-    fn run_plain(
-        &self,
-        images: &Tensor,
-        normalisation: &Normalisation,
-    ) -> Result<(Tensor, Vec<BatchStatistics>)> {
-        let net = Plain::training(&self.network, &self.weights);
-        let embeddings = net.embed(&normalise(images, normalisation)?)?;
-        Ok((embeddings, net.into_statistics()))
-    }
-
-    fn run_fused(
-        &self,
-        images: &Tensor,
-        size: Size,
-        normalisation: &Normalisation,
-    ) -> Result<(Tensor, Vec<BatchStatistics>)> {
+    /// By the kernels.
+    fn run(&self, images: &Tensor, size: Size) -> Result<(Tensor, Vec<BatchStatistics>)> {
         let values: Vec<f32> = images.flatten_all()?.to_vec1()?;
         let each = Images::each(&values, size);
-        let images = Images::new(&each, Order::Planes, size, *normalisation)?;
-        let forward = self
-            .training
-            .forward(Arc::new(self.weights.clone()), &images)?;
+        let images = Images::new(&each, Order::Planes, size, self.network.normalisation)?;
+        let weights = Arc::new(self.weights.clone());
+        let forward = self.training.forward(weights, &images)?;
         let (pass, received) = (forward.pass, Arc::clone(&self.received));
         let backward = move |_: &Tensor, gradient: &Tensor| {
             let gradients = with_values(gradient, |gradient| {

@@ -67,8 +67,9 @@ impl<'a> Batches<'a> {
     pub(super) fn at(&mut self, start: usize) -> Result<(Batch, Vec<f64>)> {
         let end = (start + self.config.batch_size).min(self.rows());
         let (trials, rows) = (self.jobs.len(), end - start);
-        let width = self.data.embeddings.width();
-        let inputs = self.config.input.slots() * width;
+        let (input, embeddings) = (&self.config.input, self.data.embeddings);
+        let width = embeddings.width();
+        let inputs = input.slots() * width;
         let mut visual = Vec::with_capacity(trials * rows * inputs);
         let mut tactile = Vec::with_capacity(trials * rows);
         let mut measured = Vec::with_capacity(trials * rows);
@@ -80,12 +81,12 @@ impl<'a> Batches<'a> {
                     Views::Fixed(views) => views,
                     Views::Steps(steps) => &steps[self.step % steps.len()],
                     Views::Random => {
-                        drawn = self.config.input.draw(self.data.embeddings.views(), rng);
+                        drawn = input.draw(embeddings.views(), rng);
                         &drawn
                     }
                 };
-                let surface = job.training.surfaces[at];
-                job.push_visual(self.config, self.data, surface, views, &mut visual);
+                let (seen, surface) = (&job.statistics, job.training.surfaces[at]);
+                seen.push_seen(input, embeddings, surface, views, &mut visual);
                 tactile.push(job.training.tactile[at].unwrap_or(0.0));
                 measured.push(job.training.tactile[at].is_some());
                 labels.push(job.labels.as_ref().and_then(|labels| labels.of()[at]));

@@ -67,6 +67,20 @@ impl InputStatistics {
         let scaled = features.iter().zip(parameters);
         out.extend(scaled.map(|(x, (mean, factor))| (x - mean) * factor));
     }
+
+    /// Appends the visual input of one surface, `slots x width` values.
+    pub(super) fn push_seen(
+        &self,
+        input: &Input,
+        embeddings: &Embeddings,
+        surface: usize,
+        views: &[usize],
+        out: &mut Vec<f32>,
+    ) {
+        for row in rows(input, embeddings, surface, views) {
+            self.push(&row, out);
+        }
+    }
 }
 
 /// What the network sees of a surface: one row per slot.
@@ -90,20 +104,6 @@ fn rows<'a>(
             }
             vec![largest.into()]
         }
-    }
-}
-
-/// Appends the visual input of one surface, `slots x width` values.
-pub(super) fn push(
-    input: &Input,
-    statistics: &InputStatistics,
-    embeddings: &Embeddings,
-    surface: usize,
-    views: &[usize],
-    out: &mut Vec<f32>,
-) {
-    for row in rows(input, embeddings, surface, views) {
-        statistics.push(&row, out);
     }
 }
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use sps_regress::{Embeddings, Plan, Rerun, Standardiser, TrainingData, Trial, Views};
 
 use super::config::HeadConfig;
-use super::input::{self, InputStatistics};
+use super::input::InputStatistics;
 use super::network::Dims;
 use crate::error::Result;
 use crate::labels::{self, Labels};
@@ -66,19 +66,6 @@ impl Job<'_> {
             width: embeddings.width(),
             classes: self.classes(),
         }
-    }
-
-    /// Appends the visual input of one surface, scaled as in training.
-    pub(super) fn push_visual(
-        &self,
-        config: &HeadConfig,
-        data: &TrainingData<'_>,
-        surface: usize,
-        views: &[usize],
-        out: &mut Vec<f32>,
-    ) {
-        let (input, statistics) = (&config.input, &self.statistics);
-        input::push(input, statistics, data.embeddings, surface, views, out);
     }
 }
 

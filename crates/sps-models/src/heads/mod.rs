@@ -55,7 +55,7 @@ pub use trained::{EpochLosses, KeptEpoch, TrainedHead, TrainedHeads};
 use rayon::prelude::*;
 use sps_regress::{DivergedTrial, Error as RegressError, Plan, TrainingData, Views};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// A checked configuration, ready to train.
 #[derive(Clone, Debug, PartialEq)]
@@ -124,7 +124,15 @@ impl Head {
         plan: &Plan,
         observer: &dyn Observer,
     ) -> Result<TrainedHeads> {
-        self.check_drawn(plan)?;
+        let random = plan.trials.iter().any(|trial| trial.views == Views::Random);
+        if random && matches!(self.0.input, Input::Relations { .. }) {
+            // Relations hold between views in order, which random ones are not.
+            return Err(Error::from(RegressError::Plan {
+                what: "views of relations".into(),
+                found: "random ones".into(),
+                expected: "those of each step".into(),
+            }));
+        }
         plan.check(self.0.input.views(), data)?;
         if self.0.early_stopping.is_some() {
             plan.check_validation(data)?;
@@ -149,20 +157,6 @@ impl Head {
         }
         outcomes.sort_by_key(|&(index, _)| index);
         Ok(self.trained(outcomes.into_iter().map(|(_, outcome)| outcome)))
-    }
-
-    /// Relations hold between views in order, which random ones are not.
-    fn check_drawn(&self, plan: &Plan) -> Result<()> {
-        let random = plan.trials.iter().any(|trial| trial.views == Views::Random);
-        match &self.0.input {
-            Input::Relations { .. } if random => Err(RegressError::Plan {
-                what: "views of relations".into(),
-                found: "random ones".into(),
-                expected: "those of each step".into(),
-            }
-            .into()),
-            _ => Ok(()),
-        }
     }
 
     fn trained(&self, outcomes: impl Iterator<Item = train::Outcome>) -> TrainedHeads {

@@ -1,6 +1,6 @@
 //! The networks, each a stack of equal ones with weights of their own.
 
-use candle_core::{Result, Tensor};
+use candle_core::{DType, Device, Result, Tensor, bail};
 
 use super::config::{CrossModal, HeadConfig, Input, Model, RelationScale};
 use crate::stacked::{Parameter, leaky_relu, linear, matmul};
@@ -27,23 +27,18 @@ pub(super) struct Spec<'a> {
 }
 
 /// Gives the stacked tensor `(trials, ..shape)` for each parameter asked for.
-pub(super) trait Fill {
-    fn fill(&mut self, spec: &Spec<'_>) -> crate::Result<Parameter>;
-}
+pub(super) type Fill<'a> = dyn FnMut(&Spec<'_>) -> crate::Result<Parameter> + 'a;
 
 /// The parameters of one trial's network.
 pub(super) fn specs(config: &HeadConfig, dims: Dims) -> crate::Result<Vec<TensorSpec>> {
-    struct Specs(Vec<TensorSpec>);
-    impl Fill for Specs {
-        fn fill(&mut self, spec: &Spec<'_>) -> crate::Result<Parameter> {
-            self.0.push(TensorSpec::new(spec.name, spec.shape));
-            let nothing = Tensor::zeros(0, candle_core::DType::F32, &candle_core::Device::Cpu)?;
-            Ok(Parameter::constant(nothing))
-        }
-    }
-    let mut specs = Specs(Vec::new());
-    Network::new(&mut specs, config, dims)?;
-    Ok(specs.0)
+    let mut specs = Vec::new();
+    let nothing = Tensor::zeros(0, DType::F32, &Device::Cpu)?;
+    let mut fill = |spec: &Spec<'_>| {
+        specs.push(TensorSpec::new(spec.name, spec.shape));
+        Ok(Parameter::constant(nothing.clone()))
+    };
+    Network::new(&mut fill, config, dims)?;
+    Ok(specs)
 }
 
 /// A linear layer, `(inputs, outputs)`.
@@ -53,18 +48,19 @@ pub(super) struct Linear {
 }
 
 impl Linear {
-    fn new(fill: &mut dyn Fill, name: &str, inputs: usize, outputs: usize) -> crate::Result<Self> {
+    fn new(fill: &mut Fill<'_>, name: &str, inputs: usize, outputs: usize) -> crate::Result<Self> {
+        let mut fill = |part: &str, shape: &[usize]| {
+            let name = &format!("{name}.{part}");
+            let fan_in = inputs;
+            fill(&Spec {
+                name,
+                shape,
+                fan_in,
+            })
+        };
         Ok(Self {
-            weight: fill.fill(&Spec {
-                name: &format!("{name}.weight"),
-                shape: &[inputs, outputs],
-                fan_in: inputs,
-            })?,
-            bias: fill.fill(&Spec {
-                name: &format!("{name}.bias"),
-                shape: &[outputs],
-                fan_in: inputs,
-            })?,
+            weight: fill("weight", &[inputs, outputs])?,
+            bias: fill("bias", &[outputs])?,
         })
     }
 
@@ -80,7 +76,7 @@ pub(super) struct TwoLayers {
 }
 
 impl TwoLayers {
-    fn new(fill: &mut dyn Fill, name: &str, sizes: [usize; 3]) -> crate::Result<Self> {
+    fn new(fill: &mut Fill<'_>, name: &str, sizes: [usize; 3]) -> crate::Result<Self> {
         let [inputs, hidden, outputs] = sizes;
         Ok(Self {
             hidden: Linear::new(fill, &format!("{name}.hidden"), inputs, hidden)?,
@@ -104,10 +100,10 @@ pub(super) struct Discriminator {
 }
 
 impl Discriminator {
-    fn new(fill: &mut dyn Fill, width: usize, hidden: usize) -> crate::Result<Self> {
+    fn new(fill: &mut Fill<'_>, width: usize, hidden: usize) -> crate::Result<Self> {
         Ok(Self {
             visual: Linear::new(fill, "discriminator.visual", width, hidden)?,
-            tactile: fill.fill(&Spec {
+            tactile: fill(&Spec {
                 name: "discriminator.tactile.weight",
                 shape: &[1, hidden],
                 // The value enters the layer beside the embedding.
@@ -150,7 +146,7 @@ enum Vision {
 }
 
 impl Vision {
-    fn new(fill: &mut dyn Fill, input: &Input, dims: Dims, latent: usize) -> crate::Result<Self> {
+    fn new(fill: &mut Fill<'_>, input: &Input, dims: Dims, latent: usize) -> crate::Result<Self> {
         let Input::Relations { scales } = input else {
             let inputs = dims.slots * dims.width;
             return Ok(Self::Fusion(Linear::new(fill, "visual", inputs, latent)?));
@@ -175,10 +171,11 @@ impl Vision {
         match self {
             Self::Fusion(layer) => layer.forward(visual),
             Self::Relations(relations) => {
-                let mut terms = relations.iter().map(|one| one.forward(visual));
-                let none = || Err(candle_core::Error::Msg("relations without a scale".into()));
-                let first = terms.next().unwrap_or_else(none)?;
-                terms.try_fold(first, |sum, term| sum + term?)
+                let terms = relations.iter().map(|one| one.forward(visual));
+                match terms.reduce(|sum, term| sum? + term?) {
+                    Some(sum) => sum,
+                    None => bail!("relations without a scale"),
+                }
             }
         }
     }
@@ -217,7 +214,7 @@ pub(super) struct CrossModalNetwork {
 
 impl CrossModalNetwork {
     fn new(
-        fill: &mut dyn Fill,
+        fill: &mut Fill<'_>,
         input: &Input,
         model: &CrossModal,
         dims: Dims,
@@ -226,19 +223,15 @@ impl CrossModalNetwork {
         Ok(Self {
             visual: Vision::new(fill, input, dims, latent)?,
             generator: TwoLayers::new(fill, "generator", [latent, hidden, 1])?,
-            tactile: if model.encodes_touch() {
-                Some(TwoLayers::new(fill, "tactile", [1, hidden, latent])?)
-            } else {
-                None
-            },
-            discriminator: match &model.adversarial {
-                Some(game) => Some(Discriminator::new(fill, dims.width, game.hidden)?),
-                None => None,
-            },
-            classifier: match &model.classification {
-                Some(_) => Some(Linear::new(fill, "classifier", latent, dims.classes)?),
-                None => None,
-            },
+            tactile: (model.encodes_touch())
+                .then(|| TwoLayers::new(fill, "tactile", [1, hidden, latent]))
+                .transpose()?,
+            discriminator: (model.adversarial.as_ref())
+                .map(|game| Discriminator::new(fill, dims.width, game.hidden))
+                .transpose()?,
+            classifier: (model.classification.as_ref())
+                .map(|_| Linear::new(fill, "classifier", latent, dims.classes))
+                .transpose()?,
         })
     }
 
@@ -267,7 +260,7 @@ pub(super) enum Network {
 }
 
 impl Network {
-    pub(super) fn new(fill: &mut dyn Fill, config: &HeadConfig, dims: Dims) -> crate::Result<Self> {
+    pub(super) fn new(fill: &mut Fill<'_>, config: &HeadConfig, dims: Dims) -> crate::Result<Self> {
         Ok(match &config.model {
             Model::Regression {} => {
                 Self::Regression(Linear::new(fill, "value", dims.slots * dims.width, 1)?)

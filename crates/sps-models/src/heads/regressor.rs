@@ -82,7 +82,8 @@ impl FittedRegressor for TrainedHeads {
     }
 
     fn multiply_adds(&self) -> u64 {
-        self.multiply_adds()
+        let heads = self.heads.iter();
+        heads.map(|head| head.multiply_adds(self.config())).sum()
     }
 
     fn kind(&self) -> &'static str {

@@ -6,7 +6,7 @@ use sps_base::streams::named_stream;
 
 use super::config::HeadConfig;
 use super::job::Job;
-use super::network::{Dims, Fill, Network, Spec};
+use super::network::{Dims, Network, Spec};
 use crate::error::Result;
 use crate::optim::Gradient;
 use crate::stacked::{GradientSlot, Parameter};
@@ -47,15 +47,30 @@ impl Stack {
         seed: u64,
         jobs: &[&Job<'_>],
     ) -> Result<Self> {
-        let mut drawn = Drawn {
-            seed,
-            jobs,
-            parameters: Vec::new(),
+        let mut parameters = Vec::new();
+        let mut fill = |spec: &Spec<'_>| {
+            let count: usize = spec.shape.iter().product();
+            let bound = 1.0 / (spec.fan_in.max(1) as f32).sqrt();
+            let mut values = Vec::with_capacity(jobs.len() * count);
+            for job in jobs {
+                let purpose = format!("init/{}/{}", job.trial.property, spec.name);
+                let mut rng = named_stream(seed, &purpose, job.trial.rerun);
+                values.extend((0..count).map(|_| rng.random_range(-bound..bound)));
+            }
+            let shape = [&[jobs.len()], spec.shape].concat();
+            let variable = Var::from_vec(values, shape, &Device::Cpu)?;
+            let parameter = Parameter::variable(&variable);
+            parameters.push(StackParameter {
+                name: spec.name.to_owned(),
+                variable,
+                gradient: parameter.gradient().cloned().unwrap_or_default(),
+            });
+            Ok(parameter)
         };
-        let network = Network::new(&mut drawn, config, dims)?;
+        let network = Network::new(&mut fill, config, dims)?;
         Ok(Self {
             network,
-            parameters: drawn.parameters,
+            parameters,
         })
     }
 
@@ -65,37 +80,7 @@ impl Stack {
             let tensor = parameter.variable.as_detached_tensor().get(at)?.copy()?;
             Ok((parameter.name.clone(), tensor))
         });
-        Ok(Weights::sharing(
-            "a trained head",
-            own.collect::<Result<Vec<_>>>()?,
-        ))
-    }
-}
-
-struct Drawn<'a> {
-    seed: u64,
-    jobs: &'a [&'a Job<'a>],
-    parameters: Vec<StackParameter>,
-}
-
-impl Fill for Drawn<'_> {
-    fn fill(&mut self, spec: &Spec<'_>) -> Result<Parameter> {
-        let count: usize = spec.shape.iter().product();
-        let bound = 1.0 / (spec.fan_in.max(1) as f32).sqrt();
-        let mut values = Vec::with_capacity(self.jobs.len() * count);
-        for job in self.jobs {
-            let purpose = format!("init/{}/{}", job.trial.property, spec.name);
-            let mut rng = named_stream(self.seed, &purpose, job.trial.rerun);
-            values.extend((0..count).map(|_| rng.random_range(-bound..bound)));
-        }
-        let shape = [&[self.jobs.len()], spec.shape].concat();
-        let variable = Var::from_vec(values, shape, &Device::Cpu)?;
-        let parameter = Parameter::variable(&variable);
-        self.parameters.push(StackParameter {
-            name: spec.name.to_owned(),
-            variable,
-            gradient: parameter.gradient().cloned().unwrap_or_default(),
-        });
-        Ok(parameter)
+        let own = own.collect::<Result<Vec<_>>>()?;
+        Ok(Weights::sharing("a trained head", own))
     }
 }

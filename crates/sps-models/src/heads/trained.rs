@@ -5,8 +5,8 @@ use sps_regress::{DivergedTrial, Embeddings, Estimates, Standardiser, Trial};
 
 use super::Head;
 use super::config::{HeadConfig, Input};
-use super::input::{self, InputStatistics};
-use super::network::{Dims, Fill, Network, Spec};
+use super::input::InputStatistics;
+use super::network::{Dims, Network, Spec};
 use crate::error::{Error, Result};
 use crate::stacked::Parameter;
 use crate::weights::Weights;
@@ -78,7 +78,8 @@ pub struct TrainedHead {
     pub(super) dims: Dims,
     pub(super) statistics: InputStatistics,
     pub(super) target: Standardiser,
-    /// Without the trials' axis.
+    /// Without the trials' axis: a weight as `(inputs, outputs)`, a bias as `(outputs)`. The rows of
+    /// `visual.weight` are the slots one after the other.
     pub(super) parameters: Weights,
     pub(super) history: Vec<EpochLosses>,
     pub(super) kept: Option<KeptEpoch>,
@@ -100,15 +101,8 @@ impl TrainedHead {
         self.kept.as_ref()
     }
 
-    /// A parameter by its name, f32: a weight as `(inputs, outputs)`, a bias as `(outputs)`.
-    /// `docs/heads.md` lists the names. The rows of `visual.weight` are the slots one after the
-    /// other, so that each slot's term of the late fusion is a product with a run of rows.
-    pub fn parameter(&self, name: &str) -> Option<&Tensor> {
-        self.parameters.get(name).ok()
-    }
-
     /// Multiply-adds of the layers between embeddings and estimate.
-    fn multiply_adds(&self, config: &HeadConfig) -> u64 {
+    pub(super) fn multiply_adds(&self, config: &HeadConfig) -> u64 {
         let weights = self.parameters.iter();
         let weights = weights.filter(|(name, _)| name.ends_with(".weight"));
         let counts = weights.map(|(name, weight)| times(config, name) * weight.elem_count());
@@ -121,7 +115,12 @@ impl TrainedHead {
     /// head has slots, any number for view pooling.
     fn estimate(&self, config: &HeadConfig, embeddings: &Embeddings) -> Result<Vec<f64>> {
         self.check(config, embeddings)?;
-        let network = Network::new(&mut Stored(&self.parameters), config, self.dims)?;
+        // A stack of one.
+        let mut stored = |spec: &Spec<'_>| {
+            let tensor = self.parameters.get(spec.name)?;
+            Ok(Parameter::constant(tensor.unsqueeze(0)?))
+        };
+        let network = Network::new(&mut stored, config, self.dims)?;
         let views: Vec<usize> = (0..embeddings.views()).collect();
         let surfaces: Vec<usize> = (0..embeddings.surfaces()).collect();
         let inputs = self.dims.slots * self.dims.width;
@@ -130,7 +129,7 @@ impl TrainedHead {
             let mut visual = Vec::with_capacity(ROWS * inputs);
             for &surface in some {
                 let (input, statistics) = (&config.input, &self.statistics);
-                input::push(input, statistics, embeddings, surface, &views, &mut visual);
+                statistics.push_seen(input, embeddings, surface, &views, &mut visual);
             }
             visual.resize(ROWS * inputs, 0.0);
             let visual = Tensor::from_vec(visual, (1, ROWS, inputs), &Device::Cpu)?;
@@ -165,16 +164,6 @@ fn times(config: &HeadConfig, weight: &str) -> usize {
             scale.map_or(0, |scale| scale.relations)
         }
         _ => 0,
-    }
-}
-
-/// The parameters of one head as a stack of one.
-struct Stored<'a>(&'a Weights);
-
-impl Fill for Stored<'_> {
-    fn fill(&mut self, spec: &Spec<'_>) -> Result<Parameter> {
-        let tensor = self.0.get(spec.name)?;
-        Ok(Parameter::constant(tensor.unsqueeze(0)?))
     }
 }
 
@@ -214,12 +203,6 @@ impl TrainedHeads {
         }
     }
 
-    /// Multiply-adds to estimate one surface from its embeddings, all heads together.
-    pub fn multiply_adds(&self) -> u64 {
-        let heads = self.heads.iter();
-        heads.map(|head| head.multiply_adds(self.config())).sum()
-    }
-
     /// The estimates of every head for every surface.
     ///
     /// The views of `embeddings` are the ones to use, in the order of the slots: as many as the
@@ -229,12 +212,11 @@ impl TrainedHeads {
     ///
     /// Embeddings of another width or number of views than the heads take.
     pub fn predict(&self, embeddings: &Embeddings) -> Result<Vec<Estimates>> {
-        let config = self.head.config();
         let estimates = self.heads.par_iter().map(|head| {
             Ok(Estimates {
                 property: head.trial.property.clone(),
                 rerun: head.trial.rerun,
-                values: head.estimate(config, embeddings)?,
+                values: head.estimate(self.config(), embeddings)?,
             })
         });
         let estimates: Vec<Result<Estimates>> = estimates.collect();

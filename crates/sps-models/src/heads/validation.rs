@@ -57,39 +57,39 @@ impl<'a> Validation<'a> {
 
     /// The `L_est` of the training mean, which is zero in standardised units, by trial.
     pub(super) fn errors_of_the_mean(&self) -> Vec<f64> {
-        let error = |job: &&Job<'_>| {
-            let mut mean = Mean::default();
+        let readings = |job: &&Job<'_>| {
             let readings = job.validation.tactile.iter().flatten();
-            readings.for_each(|&t| mean.add(f64::from(t)));
-            mean.of_squares()
+            mean_of_squares(readings.map(|&reading| f64::from(reading)))
         };
-        self.jobs.iter().map(error).collect()
+        self.jobs.iter().map(readings).collect()
     }
 
     /// The `L_est` of the networks as they are, by trial.
     pub(super) fn errors(&self, network: &Network) -> Result<Vec<f64>> {
-        let mut means = vec![Mean::default(); self.jobs.len()];
+        let mut estimates = vec![Vec::new(); self.jobs.len()];
         let all = self.jobs.first().map_or(0, |job| job.validation.len());
         for start in (0..all).step_by(ROWS) {
             let rows = start..(start + ROWS).min(all);
             let values = network.estimate(&self.visual(rows.clone())?)?;
             let values = values.flatten_all()?.to_vec1::<f32>()?;
-            let trials = self.jobs.iter().zip(values.chunks_exact(rows.len()));
-            for ((job, values), mean) in trials.zip(&mut means) {
-                let readings = &job.validation.tactile[rows.clone()];
-                for (value, reading) in values.iter().zip(readings) {
-                    if let Some(reading) = reading {
-                        mean.add(f64::from(*value) - f64::from(*reading));
-                    }
-                }
+            for (own, values) in estimates.iter_mut().zip(values.chunks_exact(rows.len())) {
+                own.extend_from_slice(values);
             }
         }
-        Ok(means.into_iter().map(Mean::of_squares).collect())
+        let error = |(job, estimates): (&&Job<'_>, Vec<f32>)| {
+            let pairs = job.validation.tactile.iter().zip(estimates);
+            let error = |(reading, estimate): (&Option<f32>, f32)| {
+                Some(f64::from(estimate) - f64::from((*reading)?))
+            };
+            mean_of_squares(pairs.filter_map(error))
+        };
+        Ok(self.jobs.iter().zip(estimates).map(error).collect())
     }
 
     /// `(trials, rows, slots x width)`.
     fn visual(&self, rows: std::ops::Range<usize>) -> Result<Tensor> {
-        let inputs = self.config.input.slots() * self.data.embeddings.width();
+        let (input, embeddings) = (&self.config.input, self.data.embeddings);
+        let inputs = input.slots() * embeddings.width();
         let shape = (self.jobs.len(), rows.len(), inputs);
         let mut visual = Vec::with_capacity(shape.0 * shape.1 * shape.2);
         for (job, drawn) in self.jobs.iter().zip(&self.drawn) {
@@ -100,28 +100,20 @@ impl<'a> Validation<'a> {
                     Views::Steps(steps) => &steps[row % steps.len()],
                     Views::Random => &drawn[row],
                 };
-                job.push_visual(self.config, self.data, surface, views, &mut visual);
+                let seen = &job.statistics;
+                seen.push_seen(input, embeddings, surface, views, &mut visual);
             }
         }
         Ok(Tensor::from_vec(visual, shape, &Device::Cpu)?)
     }
 }
 
-/// A mean of squares under way.
-#[derive(Clone, Copy, Default)]
-struct Mean {
-    sum: f64,
-    count: f64,
-}
-
-impl Mean {
-    fn add(&mut self, value: f64) {
-        self.sum += value * value;
-        self.count += 1.0;
+/// The largest number there is where a square is not finite: worse than any, and files can hold it.
+fn mean_of_squares(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0_f64);
+    for value in values {
+        sum += value * value;
+        count += 1.0;
     }
-
-    /// The largest number there is for none: worse than any, and files can hold it.
-    fn of_squares(self) -> f64 {
-        (self.sum / self.count.max(1.0)).min(f64::MAX)
-    }
+    (sum / count.max(1.0)).min(f64::MAX)
 }

@@ -6,7 +6,7 @@ use super::config::TrainingConfig;
 use super::targets::Targets;
 use super::trainer::{Best, Epoch, Parts, Trainer};
 use crate::encoders::{Depths, Encoder, EncoderKind};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, require};
 use crate::weights::{Storage, Weights};
 
 const KEY: &str = "sps-training";
@@ -50,12 +50,9 @@ impl Trainer {
             .map_err(|error| Error::input("training state", error, "numbers that JSON has"))?;
         let mut tensors = Vec::new();
         let encoder = self.encoder.weights()?;
-        let parts = [
-            ("encoder", Some(&encoder)),
-            ("best", self.best.as_ref().map(|b| &b.weights)),
-        ];
-        for (part, weights) in parts {
-            let weights = weights.iter().flat_map(|weights| weights.iter());
+        let best = self.best.iter().map(|best| ("best", &best.weights));
+        for (part, weights) in best.chain([("encoder", &encoder)]) {
+            let weights = weights.iter();
             tensors.extend(weights.map(|(name, t)| (format!("{part}/{name}"), t.clone())));
         }
         for (name, variable) in self.objective.parameters() {
@@ -87,19 +84,20 @@ impl Trainer {
         let metadata: Metadata = serde_json::from_str(&metadata)
             .map_err(|error| Error::input("training state", error, "valid metadata"))?;
         let same = (FORMAT, &config, seed) == (metadata.format, &metadata.config, metadata.seed);
-        if !same {
-            let expected = "a state of this format, config and seed";
-            return Err(Error::input("training state", name, expected));
-        }
+        let expected = "a state of this format, config and seed";
+        require(same, "training state", name, expected)?;
         let tensors = Weights::from_bytes(name, bytes)?;
         let kind: EncoderKind = metadata.encoder.parse()?;
         let encoder = Encoder::new(kind, tensors.part("encoder/"))?;
         let encoder = encoder.with_depths(&metadata.depths)?;
         let mut trainer = Self::new(&encoder, targets, parts, config, seed)?;
-        if trainer.data != metadata.data {
-            let expected = "a state of these targets and parts";
-            return Err(Error::input("training state", name, expected));
-        }
+        let expected = "a state of these targets and parts";
+        require(
+            trainer.data == metadata.data,
+            "training state",
+            name,
+            expected,
+        )?;
         let layers = tensors.part("objective/");
         for (name, variable) in trainer.objective.parameters() {
             variable.set(layers.get(&name)?)?;
@@ -125,21 +123,16 @@ impl Trainer {
 
     /// Refuses epochs and steps that are still to come.
     fn check_progress(&self, metadata: &Metadata) -> Result<()> {
-        let epochs = metadata.history.len();
-        let of_all = |what, found: usize, most: usize| {
-            if found <= most {
-                return Ok(());
-            }
-            Err(Error::input(what, found, format_args!("at most {most}")))
-        };
-        of_all("epochs of a training state", epochs, self.config.epochs)?;
-        of_all(
-            "steps of a training state",
-            metadata.steps as usize,
-            self.steps(),
-        )?;
+        let (epochs, steps) = (metadata.history.len(), metadata.steps as usize);
         let best = metadata.best.map_or(0, |(epoch, _)| epoch);
-        of_all("best epoch of a training state", best, epochs)
+        for (what, found, most) in [
+            ("epochs of a training state", epochs, self.config.epochs),
+            ("steps of a training state", steps, self.steps()),
+            ("best epoch of a training state", best, epochs),
+        ] {
+            require(found <= most, what, found, format_args!("at most {most}"))?;
+        }
+        Ok(())
     }
 }
 
@@ -151,15 +144,14 @@ pub(super) fn hash(targets: &Targets, parts: &Parts) -> Result<String> {
     });
     let classes = targets.classes.as_ref();
     let classes = classes.map(|classes| (&classes.of_image, classes.count));
-    let materials = &targets.materials;
-    let data = (
-        values,
-        classes,
+    let (
         materials,
-        &parts.training,
-        &parts.validation,
-    );
-    let text = serde_json::to_vec(&data)
+        Parts {
+            training,
+            validation,
+        },
+    ) = (&targets.materials, parts);
+    let text = serde_json::to_vec(&(values, classes, materials, training, validation))
         .map_err(|error| Error::input("targets", error, "numbers that JSON has"))?;
     let mut hasher = blake3::Hasher::new();
     hasher.update(&text);

@@ -2,7 +2,7 @@ use candle_core::{DType, Device, Tensor};
 use sps_regress::{Embeddings, Readings, Standardiser};
 
 use crate::encoders::Block;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, require};
 
 /// What an image is to say: values, a class, what another encoder sees, or several of these.
 ///
@@ -57,10 +57,9 @@ impl Targets {
         let labels = self.classes.as_ref().map(|classes| classes.of_image.len());
         let features = self.features.as_ref().map(Features::images).transpose()?;
         let views = self.views();
-        if let Some(images) = features.filter(|images| images % views != 0) {
-            let expected = format_args!("a multiple of {views}, the views of a surface");
-            return Err(Error::input("features", images, expected));
-        }
+        let whole = features.unwrap_or(0);
+        let expected = format_args!("a multiple of {views}, the views of a surface");
+        require(whole % views == 0, "features", whole, expected)?;
         let features = features.map(|images| images / views);
         let start = self.start.as_ref().map(Embeddings::surfaces);
         let materials = self.materials.as_ref().map(Vec::len);
@@ -70,16 +69,13 @@ impl Targets {
             return Err(Error::input("targets", "none", expected));
         };
         for found in counts.into_iter().flatten() {
-            if found != images {
-                let expected = format_args!("{images}, one for each image");
-                return Err(Error::input("targets", found, expected));
-            }
+            let expected = format_args!("{images}, one for each image");
+            require(found == images, "targets", found, expected)?;
         }
-        let classes = self.classes.iter();
-        for (class, count) in classes.flat_map(|c| c.of_image.iter().map(|i| (i, c.count))) {
-            if *class >= count {
+        if let Some(Classes { of_image, count }) = &self.classes {
+            for class in of_image {
                 let expected = format_args!("a class below {count}");
-                return Err(Error::input("targets", class, expected));
+                require(class < count, "targets", class, expected)?;
             }
         }
         Ok(images)
@@ -94,9 +90,8 @@ impl Features {
             blocks,
             weight,
         } = self;
-        if !(weight.is_finite() && *weight > 0.0) {
-            return Err(Error::input("weight of features", weight, "above 0"));
-        }
+        let positive = weight.is_finite() && *weight > 0.0;
+        require(positive, "weight of features", weight, "above 0")?;
         let width: usize = blocks.iter().map(|block| block.width).sum();
         match *embeddings.dims() {
             [_, found] if !blocks.is_empty() && found != width => {
@@ -127,31 +122,35 @@ impl Features {
     }
 }
 
-/// How each value is standardised, by the training images; one that never changes in them becomes 0.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Standards(Vec<Standardiser>);
+/// Values, and how each is standardised, by the training images; one that never changes in them becomes 0.
+#[derive(Debug)]
+pub(super) struct Standards(Readings, Vec<Standardiser>);
 
 impl Standards {
-    pub(super) fn of(readings: &Readings, training: &[usize]) -> Self {
+    pub(super) fn of(readings: Readings, training: &[usize]) -> Self {
         let columns = 0..readings.properties().len();
         let standard = |column| {
             let values = training.iter().filter_map(|&row| readings.get(row, column));
             Standardiser::of(values).unwrap_or_default()
         };
-        Self(columns.map(standard).collect())
+        let standards = columns.map(standard).collect();
+        Self(readings, standards)
+    }
+
+    /// How many values these images have.
+    pub(super) fn count(&self, images: &[usize]) -> usize {
+        let rows = images.iter().filter_map(|&image| self.0.row(image));
+        rows.flatten().flatten().count()
     }
 
     /// The standardised values of `images`, and 1 where there is one; `(images, columns)` each.
-    pub(super) fn tensors(
-        &self,
-        readings: &Readings,
-        images: &[usize],
-    ) -> Result<(Tensor, Tensor)> {
-        let shape = (images.len(), self.0.len());
+    pub(super) fn tensors(&self, images: &[usize]) -> Result<(Tensor, Tensor)> {
+        let Self(readings, standards) = self;
+        let shape = (images.len(), standards.len());
         let mut values = Vec::with_capacity(shape.0 * shape.1);
         let mut present = Vec::with_capacity(shape.0 * shape.1);
         for &image in images {
-            for (column, standard) in self.0.iter().enumerate() {
+            for (column, standard) in standards.iter().enumerate() {
                 let value = readings.get(image, column);
                 values.push(value.map_or(0.0, |value| standard.standardise(value) as f32));
                 present.push(f32::from(u8::from(value.is_some())));
@@ -174,8 +173,8 @@ mod tests {
         rows.push(vec![Some(0.2)]);
         let readings = Readings::new(vec!["p".into()], &rows).unwrap();
         let training: Vec<usize> = (0..10).collect();
-        let standards = Standards::of(&readings, &training);
-        let (values, _) = standards.tensors(&readings, &[0, 10]).unwrap();
+        let standards = Standards::of(readings, &training);
+        let (values, _) = standards.tensors(&[0, 10]).unwrap();
         let values: Vec<f32> = values.flatten_all().unwrap().to_vec1().unwrap();
         assert_eq!(values, [0.0, 0.0]);
     }

@@ -1,4 +1,4 @@
-use candle_core::{Tensor, Var};
+use candle_core::Tensor;
 use serde::{Deserialize, Serialize};
 
 use super::batches::{self, Batch, ImageSource, Vary};
@@ -7,7 +7,7 @@ use super::objective::{Losses, Objective};
 use super::state;
 use super::targets::Targets;
 use crate::encoders::{Encoder, TrainableEncoder};
-use crate::error::{Error, Result};
+use crate::error::{Result, require};
 use crate::heads::Share;
 use crate::optim::{Adam, clip_scales, squared_norms};
 use crate::weights::Weights;
@@ -106,7 +106,10 @@ impl Trainer {
         let encoder = encoder.with_checkpointing(config.checkpointing);
         let blocks = encoder.blocks();
         let objective = Objective::new(&config, targets, &parts.training, &blocks, seed)?;
-        let adam = Adam::new(config.adam.clone(), parameters(&encoder, &objective))?;
+        // What training changes, in an order that never differs.
+        let of_encoder = encoder.variables().map(|(_, variable)| variable.clone());
+        let of_objective = objective.parameters().map(|(_, variable)| variable.clone());
+        let adam = Adam::new(config.adam.clone(), of_encoder.chain(of_objective))?;
         Ok(Self {
             config,
             seed,
@@ -158,9 +161,8 @@ impl Trainer {
         let mut number = epoch * batches.len();
         let mut training = Losses::default();
         batches::for_each(source, &batches, &vary, |batch| {
-            let surfaces = batch.surfaces.len();
             let step = self.step(&batch, number)?;
-            let weight = surfaces as f64 / self.parts.training.len() as f64;
+            let weight = batch.surfaces.len() as f64 / self.parts.training.len() as f64;
             training.add(&step.losses, weight);
             number = step.number;
             observe(&step);
@@ -196,8 +198,7 @@ impl Trainer {
 
     /// Steps of the whole training.
     pub(super) fn steps(&self) -> usize {
-        let images = self.parts.training.len();
-        let epoch = batches::steps(images, self.config.batch_size);
+        let epoch = batches::steps(self.parts.training.len(), self.config.batch_size);
         self.config.epochs.saturating_mul(epoch)
     }
 
@@ -236,13 +237,13 @@ impl Trainer {
             let (gradients, loss) = self.gradients_of_part(&images, share, done)?;
             losses.add(&loss, 1.0);
             check_finite("loss", &losses)?;
-            sums = if sums.is_empty() {
-                gradients
-            } else {
-                let pairs = sums.iter().zip(&gradients);
-                let sums = pairs.map(|(sum, more)| sum + more);
-                sums.collect::<Result<_, _>>()?
-            };
+            if sums.is_empty() {
+                sums = gradients;
+                continue;
+            }
+            for (sum, more) in sums.iter_mut().zip(&gradients) {
+                *sum = (&*sum + more)?;
+            }
         }
         Ok((sums, losses))
     }
@@ -320,31 +321,19 @@ impl Trainer {
     }
 }
 
-/// What training changes, in an order that never differs.
-fn parameters(encoder: &TrainableEncoder, objective: &Objective) -> impl Iterator<Item = Var> {
-    let encoder = encoder.variables().map(|(_, variable)| variable.clone());
-    let objective = objective.parameters().map(|(_, variable)| variable.clone());
-    encoder.chain(objective).collect::<Vec<_>>().into_iter()
-}
-
 fn check_finite(what: &'static str, losses: &Losses) -> Result<()> {
-    if losses.total().is_finite() {
-        return Ok(());
-    }
-    let expected = "a finite loss; a smaller learning rate may help";
-    Err(Error::input(what, losses.total(), expected))
+    let (total, expected) = (
+        losses.total(),
+        "a finite loss; a smaller learning rate may help",
+    );
+    require(total.is_finite(), what, total, expected)
 }
 
 fn check(targets: &Targets, parts: &Parts) -> Result<()> {
-    let count = targets.check()?;
-    if parts.training.len() < 2 {
-        let found = parts.training.len();
-        return Err(Error::input("training images", found, "at least 2"));
-    }
+    let (count, images) = (targets.check()?, parts.training.len());
+    require(images >= 2, "training images", images, "at least 2")?;
     let all = parts.training.iter().chain(&parts.validation);
-    if let Some(image) = all.max().filter(|&&image| image >= count) {
-        let expected = format_args!("below {count}, the number of targets");
-        return Err(Error::input("image", image, expected));
-    }
-    Ok(())
+    let largest = all.copied().max().unwrap_or(0);
+    let expected = format_args!("below {count}, the number of targets");
+    require(largest < count, "image", largest, expected)
 }

@@ -1,6 +1,7 @@
 //! The loss of sets of views, and heads over relations between views.
 
 use sps_kernels::simd::Level;
+use sps_regress::FittedRegressor;
 
 use super::*;
 
@@ -164,7 +165,7 @@ fn relations_are_a_sum_over_scales_of_means_over_relations() {
     let embeddings = set.embeddings.select(&[8], &views).unwrap();
     let found = heads.predict(&embeddings).unwrap()[0].values[0];
     // The formula, written out in f64.
-    let parameter = |name: &str| crate::golden::values(head.parameter(name).unwrap());
+    let parameter = |name: &str| crate::golden::values(head.parameters.get(name).unwrap());
     let layer = |x: &[f64], name: &str| -> Vec<f64> {
         let [w, b] = ["weight", "bias"].map(|part| parameter(&format!("{name}.{part}")));
         let column = |j: usize| {

@@ -3,7 +3,7 @@
 use candle_core::Var;
 
 use super::super::losses::{Batch, Losses};
-use super::super::network::{Dims, Fill, Network, Spec};
+use super::super::network::{Dims, Network, Spec};
 use super::*;
 use crate::golden;
 use crate::stacked::{Parameter, tests::gradient};
@@ -11,20 +11,6 @@ use crate::stacked::{Parameter, tests::gradient};
 const TRIALS: usize = 3;
 const ROWS: usize = 5;
 const WIDTH: usize = 7;
-
-/// Fills every parameter by the rule of the golden files, and remembers it.
-#[derive(Default)]
-struct Golden(Vec<(String, Parameter)>);
-
-impl Fill for Golden {
-    fn fill(&mut self, spec: &Spec<'_>) -> crate::Result<Parameter> {
-        let shape = [&[TRIALS], spec.shape].concat();
-        let values = golden::tensor(&format!("golden/heads.{}", spec.name), &shape);
-        let parameter = Parameter::variable(&Var::from_tensor(&values)?);
-        self.0.push((spec.name.to_owned(), parameter.clone()));
-        Ok(parameter)
-    }
-}
 
 fn model(generator: GeneratorLoss) -> Model {
     Model::CrossModal(CrossModal {
@@ -83,13 +69,21 @@ fn losses_and_gradients_are_pytorchs() {
             width: WIDTH,
             classes: 3,
         };
-        let mut parameters = Golden::default();
+        // By the rule of the golden files.
+        let mut parameters = Vec::new();
+        let mut fill = |spec: &Spec<'_>| {
+            let shape = [&[TRIALS], spec.shape].concat();
+            let values = golden::tensor(&format!("golden/heads.{}", spec.name), &shape);
+            let parameter = Parameter::variable(&Var::from_tensor(&values)?);
+            parameters.push((spec.name.to_owned(), parameter.clone()));
+            Ok(parameter)
+        };
         let config = HeadConfig {
             input: Input::LateFusion { views: 2 },
             model: model.clone(),
             ..HeadConfig::default()
         };
-        let network = Network::new(&mut parameters, &config, dims).unwrap();
+        let network = Network::new(&mut fill, &config, dims).unwrap();
         let losses = Losses::of(&model, &network, &batch()).unwrap();
         let names = [
             "estimation",
@@ -107,8 +101,8 @@ fn losses_and_gradients_are_pytorchs() {
             assert!(error < 1e-14, "{key}: {error:e}");
         }
         losses.total(&model).unwrap().backward().unwrap();
-        assert_eq!(parameters.0.len(), 17);
-        for (name, parameter) in &parameters.0 {
+        assert_eq!(parameters.len(), 17);
+        for (name, parameter) in &parameters {
             let key = format!("{kind}.gradient.{name}");
             let error = golden::error(&gradient(parameter), &golden::values(&expected[&key]));
             assert!(error < 1e-13, "{key}: {error:e}");
@@ -137,7 +131,7 @@ fn every_parameter_of_every_model_receives_a_gradient_and_moves() {
         let twice = set.train(&config, &plan);
         for (name, before) in once.heads()[0].parameters.iter() {
             let before = golden::values(before);
-            let after = golden::values(twice.heads()[0].parameter(name).unwrap());
+            let after = golden::values(twice.heads()[0].parameters.get(name).unwrap());
             // A unit of a rectifier may be silent; a whole parameter may not.
             assert_ne!(before, after, "{name} of {config:?}");
         }

@@ -213,7 +213,7 @@ fn a_network_under_a_gradient_norm_of_1e30() {
         cross_modal(&mut config).embedding_weight = weight;
         cross_modal(&mut config).adversarial = None;
         let trained = set.train(&config, &set.plan(1));
-        values(trained.heads()[1].parameter("visual.weight").unwrap())
+        values(trained.heads()[1].parameters.get("visual.weight").unwrap())
     };
     let huge = train(1e30, Some(1.0), 3);
     assert!(error(&huge, &train(1e10, Some(1.0), 3)) < 1e-5);

@@ -106,7 +106,7 @@ fn views_enter_the_slots_in_order_and_pooling_takes_the_largest() {
     let all: Vec<usize> = (0..30).collect();
     let pick = |views: &[usize]| set.embeddings.select(&all, views).unwrap();
     // The slots of one network on one view each: the fused layer is the sum of its terms.
-    let weight = trained.heads()[0].parameter("visual.weight").unwrap();
+    let weight = trained.heads()[0].parameters.get("visual.weight").unwrap();
     assert_eq!(weight.dims(), [8, 6]);
     let estimate = trained.predict(&pick(&[2, 0])).unwrap();
     assert_ne!(estimate, trained.predict(&pick(&[0, 2])).unwrap());

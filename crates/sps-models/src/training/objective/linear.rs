@@ -7,7 +7,7 @@ use sps_base::streams::named_stream;
 use sps_regress::Readings;
 
 use super::{Losses, nothing};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::heads::Share;
 use crate::training::targets::{Classes, Standards};
 
@@ -15,7 +15,7 @@ use crate::training::targets::{Classes, Standards};
 /// mean over the batch.
 #[derive(Debug)]
 pub(super) struct Linear {
-    values: Option<(Readings, Standards, Layer)>,
+    values: Option<(Standards, Layer)>,
     classes: Option<(Classes, Layer)>,
 }
 
@@ -27,26 +27,22 @@ impl Linear {
         seed: u64,
     ) -> Result<Self> {
         let layer = |name: &str, outputs| Layer::new(name, width, outputs, seed);
-        let values = match values {
-            Some(readings) => {
-                let layer = layer("values", readings.properties().len())?;
-                let standards = Standards::of(&readings, training);
-                Some((readings, standards, layer))
-            }
-            None => None,
+        let of_values = |readings: Readings| {
+            let layer = layer("values", readings.properties().len())?;
+            Ok::<_, Error>((Standards::of(readings, training), layer))
         };
-        let classes = match classes {
-            Some(classes) => {
-                let layer = layer("classes", classes.count as usize)?;
-                Some((classes, layer))
-            }
-            None => None,
+        let of_classes = |classes: Classes| {
+            let layer = layer("classes", classes.count as usize)?;
+            Ok::<_, Error>((classes, layer))
         };
-        Ok(Self { values, classes })
+        Ok(Self {
+            values: values.map(of_values).transpose()?,
+            classes: classes.map(of_classes).transpose()?,
+        })
     }
 
     pub(super) fn layers(&self) -> impl Iterator<Item = &Layer> {
-        let values = self.values.iter().map(|(_, _, layer)| layer);
+        let values = self.values.iter().map(|(_, layer)| layer);
         values.chain(self.classes.iter().map(|(_, layer)| layer))
     }
 
@@ -62,11 +58,11 @@ impl Linear {
     ) -> Result<(Tensor, Losses)> {
         let mut losses = Losses::default();
         let mut total = nothing(embeddings)?;
-        if let Some((readings, standards, layer)) = &self.values {
-            let (values, present) = standards.tensors(readings, images)?;
+        if let Some((standards, layer)) = &self.values {
+            let (values, present) = standards.tensors(images)?;
             let error = layer.apply(embeddings)?.sub(&values)?;
             let squares = (error.sqr()? * present)?;
-            let loss = (squares.sum_all()? / count(readings, of).max(1) as f64)?;
+            let loss = (squares.sum_all()? / standards.count(of).max(1) as f64)?;
             losses.values = f64::from(loss.to_scalar::<f32>()?);
             total = (total + loss)?;
         }
@@ -85,13 +81,6 @@ impl Linear {
         }
         Ok((total, losses))
     }
-}
-
-/// How many values these images have.
-fn count(readings: &Readings, images: &[usize]) -> usize {
-    let columns = readings.properties().len();
-    let of = |&image: &usize| (0..columns).filter(move |&c| readings.get(image, c).is_some());
-    images.iter().flat_map(of).count()
 }
 
 /// `x W^T + b`.

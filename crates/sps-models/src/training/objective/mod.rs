@@ -15,7 +15,7 @@ use super::batches;
 use super::config::{TrainingConfig, TrainingObjective, head};
 use super::targets::{Features, Targets};
 use crate::encoders::Block;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, require};
 use crate::heads::{Draw, EpochLosses, JointHeads, Share};
 use linear::{Layer, Linear};
 
@@ -128,7 +128,14 @@ impl Objective {
     ) -> Result<Self> {
         let width = encoder.iter().map(|block| block.width).sum();
         let images = batches::images(training, targets.views());
-        check_start(&targets, config.objective.views(), width)?;
+        if let Some(start) = &targets.start {
+            let seen = |views, width| format!("{views} views of width {width}");
+            let found = seen(start.views(), start.width());
+            // Of the views that are shown, and by this encoder.
+            let expected = seen(config.objective.views(), width);
+            let what = "what the encoder sees at the start";
+            require(found == expected, what, &found, &expected)?;
+        }
         let taught = taught_by(&targets, config.distillation)?;
         let base = match &config.objective {
             TrainingObjective::Linear {} => {
@@ -149,14 +156,14 @@ impl Objective {
                 }
             }
         };
-        let features = match taught {
-            Some(features) => Some(Taught {
+        let features = taught.map(|features| {
+            Ok::<_, Error>(Taught {
                 features: features.standardised(&images)?,
                 weight: features.weight,
                 blocks: taught_blocks(&features, encoder, seed)?,
-            }),
-            None => None,
-        };
+            })
+        });
+        let features = features.transpose()?;
         Ok(Self { base, features })
     }
 
@@ -279,29 +286,14 @@ fn by_view(embeddings: &Tensor, views: usize) -> Result<Tensor> {
     Ok(embeddings.reshape(((), views, embeddings.dim(1)?))?)
 }
 
-/// Refuses what is not of the views that are shown, or of another encoder.
-fn check_start(targets: &Targets, views: usize, width: usize) -> Result<()> {
-    match &targets.start {
-        Some(start) if (start.views(), start.width()) != (views, width) => {
-            let expected = format_args!("{views} views of width {width}");
-            let found = format_args!("{} views of width {}", start.views(), start.width());
-            let what = "what the encoder sees at the start";
-            Err(Error::input(what, found, expected))
-        }
-        _ => Ok(()),
-    }
-}
-
 /// What heads learn from.
 fn tables(targets: &Targets) -> Result<TrainingData<'_>> {
     let (Some(readings), Some(start)) = (&targets.values, &targets.start) else {
         let expected = "values and what the encoder sees at the start, for heads";
         return Err(Error::input("targets", "none", expected));
     };
-    if targets.classes.is_some() {
-        let expected = "none: heads form their labels themselves";
-        return Err(Error::input("targets", "classes", expected));
-    }
+    let expected = "none: heads form their labels themselves";
+    require(targets.classes.is_none(), "targets", "classes", expected)?;
     let data = TrainingData::new(start, readings);
     Ok(match &targets.materials {
         Some(materials) => data.with_materials(materials),
@@ -318,11 +310,13 @@ fn taught_by(targets: &Targets, distillation: f64) -> Result<Option<Features>> {
         let expected = "what the encoder sees at the start, for distillation";
         return Err(Error::input("targets", "none", expected));
     };
-    if targets.features.is_some() {
-        let expected = "none beside distillation";
-        let found = "features of another encoder";
-        return Err(Error::input("targets", found, expected));
-    }
+    let (other, found) = (&targets.features, "features of another encoder");
+    require(
+        other.is_none(),
+        "targets",
+        found,
+        "none beside distillation",
+    )?;
     let shape = (start.surfaces() * start.views(), start.width());
     Ok(Some(Features {
         embeddings: Tensor::from_slice(start.values(), shape, &Device::Cpu)?,

@@ -6,6 +6,10 @@ use std::path::PathBuf;
 use candle_core::{DType, Device, Tensor};
 
 use crate::encoders::{Encoder, EncoderKind};
+#[cfg(feature = "heads")]
+use crate::heads::{Adversarial, Classification, CrossModal, GeneratorLoss, Model};
+#[cfg(feature = "heads")]
+use crate::labels::LabelSource;
 use crate::weights::{TensorSpec, Weights};
 
 #[path = "../../../fixtures/golden/rule.rs"]
@@ -83,6 +87,26 @@ pub(crate) fn relative(found: &Tensor, expected: &Tensor) -> f64 {
     let error = norm(&differences) / norm(&expected);
     assert!(error.is_finite());
     error
+}
+
+/// The cross-modal network of the scripts for heads: all its parts, small.
+#[cfg(feature = "heads")]
+pub(crate) fn cross_modal(generator: GeneratorLoss) -> Model {
+    Model::CrossModal(CrossModal {
+        latent: 4,
+        hidden: 6,
+        embedding_weight: 0.3,
+        reconstruction_weight: 0.7,
+        adversarial: Some(Adversarial {
+            weight: 0.2,
+            generator,
+            hidden: 6,
+        }),
+        classification: Some(Classification {
+            weight: 0.4,
+            labels: LabelSource::Material {},
+        }),
+    })
 }
 
 /// What `run` gives on so many threads.

@@ -107,24 +107,39 @@ fn encoders_of_one_content_hash_embed_alike() {
     }
 }
 
+/// Images, or sequences, embed alike as pixels; what is not of their size is refused.
+fn pixels_embed_alike(encoder: &Encoder, images: &Tensor) {
+    let &[count, _, .., height, width] = images.dims() else {
+        panic!("{images:?}");
+    };
+    let rank = images.rank();
+    let axes: Vec<usize> = [0].into_iter().chain(2..rank).chain([1]).collect();
+    let pixels = numbers(&images.permute(axes).unwrap());
+    let each: Vec<&[f32]> = pixels.chunks_exact(pixels.len() / count).collect();
+    let embed = |pixels: &[&[f32]], size| encoder.embed_pixels(pixels, size);
+    let expected = numbers(&encoder.embed(images).unwrap());
+    let (kind, precision) = (encoder.kind(), encoder.precision());
+    let found = embed(&each, [height, width]).unwrap();
+    assert_eq!(found, expected, "{kind} {precision}");
+    let two_frames = &pixels[..2 * 3 * height * width];
+    let odd = &two_frames[1..];
+    for wrong in [vec![], vec![two_frames, each[0]], vec![odd], vec![&[]]] {
+        assert!(embed(&wrong, [height, width]).is_err());
+    }
+    for wrong in [[height, width + 1], [0, width], [usize::MAX; 2]] {
+        assert!(embed(&each, wrong).is_err(), "{wrong:?}");
+    }
+}
+
 #[test]
-fn pixels_embed_as_the_same_images_do() {
-    let (count, height, width) = (3, 40, 33);
-    let images = golden::input("pixels", &[count, 3, height, width]);
-    let images = images.abs().unwrap();
-    let pixels = numbers(&images.permute((0, 2, 3, 1)).unwrap());
-    let pixels: Vec<&[f32]> = pixels.chunks_exact(3 * height * width).collect();
+fn pixels_embed_as_the_same_images_and_sequences_do() {
+    let images = |shape: &[usize]| golden::input("pixels", shape).abs().unwrap();
     for encoder in &*SMALL_ONES {
-        let kind = encoder.kind();
         for precision in Precision::ALL {
             let encoder = encoder.clone().with_precision(precision).unwrap();
-            let expected = numbers(&encoder.embed(&images).unwrap());
-            let found = encoder.embed_pixels(&pixels, [height, width]).unwrap();
-            assert_eq!(found, expected, "{kind} {precision}");
-            assert!(encoder.embed_pixels(&[], [height, width]).is_err());
-            for wrong in [[height, width + 1], [0, width], [usize::MAX; 2]] {
-                assert!(encoder.embed_pixels(&pixels, wrong).is_err(), "{wrong:?}");
-            }
+            pixels_embed_alike(&encoder, &images(&[3, 3, 40, 33]));
         }
     }
+    let i3d = golden::encoder(EncoderKind::I3d);
+    pixels_embed_alike(&i3d, &images(&[2, 3, 3, 20, 17]));
 }

@@ -150,9 +150,8 @@ fn what_a_warm_start_does_not_find_is_drawn() {
     }
 
     let other = golden::weights(EncoderKind::SqueezeNet1_0, str::to_owned);
-    let error = Encoder::warm_started(kind, other, 3)
-        .unwrap_err()
-        .to_string();
+    let error = Encoder::warm_started(kind, other, 3).unwrap_err();
+    let error = error.to_string();
     assert!(error.contains("no tensor of which resnet18 has"), "{error}");
 }
 
@@ -193,7 +192,8 @@ fn one_layer_reads_the_image() {
 }
 
 /// As printed by the networks' authors and keepers, classifiers included, in G: table 2 of "Squeeze-and-
-/// Excitation Networks" (CVPR 2018), torchvision's pages of the others.
+/// Excitation Networks" (CVPR 2018), torchvision's pages of the others. I3D's are as PyTorch's own counter has
+/// them for the network of the script.
 #[test]
 fn multiply_adds_are_those_printed() {
     for (kind, classifier, printed) in [
@@ -207,6 +207,8 @@ fn multiply_adds_are_those_printed() {
         let found = count as f64 / 1e9;
         assert!((found / printed - 1.0).abs() < 0.01, "{kind}: {found} G");
     }
+    let count = EncoderKind::I3d.multiply_adds([16, 224, 224]);
+    assert_eq!(count, Some(27_787_569_152));
 }
 
 #[test]

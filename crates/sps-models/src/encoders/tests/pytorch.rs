@@ -5,7 +5,11 @@ use std::collections::BTreeMap;
 use candle_core::{Device, Tensor};
 
 use super::{embed_normalised, pass};
-use crate::encoders::{Depths, Encoder, EncoderKind, Precision, TrainableEncoder};
+use crate::encoders::EncoderKind::{
+    EfficientNetLite0, EfficientNetLiteBody, ResNet18, ResNet50, SeResNext50, SqueezeNet1_0,
+    SqueezeNet1_1,
+};
+use crate::encoders::{Depths, Encoder, Precision, TrainableEncoder};
 use crate::golden::{self, encoder, error, input, norm, numbers, relative, values};
 
 /// f32 against f64: of the vector and of its worst element; the smaller networks at an odd size.
@@ -15,32 +19,14 @@ fn embeddings_are_those_of_timm_and_torchvision() {
         .map(|file| golden::load(&format!("{file}.safetensors")));
     let (whole, odd) = ([2, 3, 224, 224], [2, 3, 97, 131]);
     for (kind, golden, name, shape, bound) in [
-        (EncoderKind::SeResNext50, &paper, "eval224", whole, 2e-5),
+        (SeResNext50, &paper, "eval224", whole, 2e-5),
+        (SeResNext50, &paper, "eval97", [1, 3, 97, 131], 2e-5),
+        (SqueezeNet1_0, &squeezenet, "squeeze", whole, 2e-5),
+        (ResNet18, &others, "resnet18.eval", odd, 1e-5),
+        (ResNet50, &others, "resnet50.eval", odd, 1e-5),
+        (SqueezeNet1_1, &others, "squeezenet1_1.eval", odd, 1e-5),
         (
-            EncoderKind::SeResNext50,
-            &paper,
-            "eval97",
-            [1, 3, 97, 131],
-            2e-5,
-        ),
-        (
-            EncoderKind::SqueezeNet1_0,
-            &squeezenet,
-            "squeeze",
-            whole,
-            2e-5,
-        ),
-        (EncoderKind::ResNet18, &others, "resnet18.eval", odd, 1e-5),
-        (EncoderKind::ResNet50, &others, "resnet50.eval", odd, 1e-5),
-        (
-            EncoderKind::SqueezeNet1_1,
-            &others,
-            "squeezenet1_1.eval",
-            odd,
-            1e-5,
-        ),
-        (
-            EncoderKind::EfficientNetLite0,
+            EfficientNetLite0,
             &others,
             "efficientnet_lite0.eval",
             odd,
@@ -63,10 +49,10 @@ fn embeddings_are_those_of_timm_and_torchvision() {
 #[test]
 fn bf16_stays_near_f32() {
     for (kind, case) in [
-        (EncoderKind::SeResNext50, "eval224"),
-        (EncoderKind::SqueezeNet1_0, "squeeze"),
-        (EncoderKind::ResNet18, "eval224"),
-        (EncoderKind::EfficientNetLite0, "eval224"),
+        (SeResNext50, "eval224"),
+        (SqueezeNet1_0, "squeeze"),
+        (ResNet18, "eval224"),
+        (EfficientNetLite0, "eval224"),
     ] {
         let encoder = encoder(kind);
         let images = input(&format!("golden/{case}"), &[2, 3, 224, 224]);
@@ -98,7 +84,7 @@ fn a_pass_of_the_papers_network_is_pytorchs() {
     let norms: BTreeMap<String, f64> =
         serde_json::from_value(golden::json("se_resnext50_grad_norms.json")).unwrap();
     let images = input("golden/train64", &[4, 3, 64, 64]);
-    let start = encoder(EncoderKind::SeResNext50);
+    let start = encoder(SeResNext50);
     let new = || TrainableEncoder::new(&start).unwrap();
     for (case, mut encoder, bound) in [
         ("kernels", new(), 1e-3),
@@ -107,10 +93,8 @@ fn a_pass_of_the_papers_network_is_pytorchs() {
     ] {
         let near = |what: &str, error: f64| assert!(error < bound, "{case}, {what}: {error:.1e}");
         let (embedding, loss, gradients) = pass(&mut encoder, &images, "golden/train64.cotangent");
-        near(
-            "embedding",
-            relative(&embedding, &golden["train64.embedding"]),
-        );
+        let expected = &golden["train64.embedding"];
+        near("embedding", relative(&embedding, expected));
         let loss = loss.reshape(1).unwrap();
         near("loss", relative(&loss, &golden["train64.loss"]));
         let mut seen = 0;
@@ -141,10 +125,10 @@ fn kernels_train_other_networks_as_torchvision_and_timm_do() {
     let golden = golden::load("encoders.safetensors");
     let tables = golden::json("encoders_grad_norms.json");
     for (kind, name, bound) in [
-        (EncoderKind::ResNet18, "resnet18", 1e-3),
-        (EncoderKind::ResNet50, "resnet50", 1e-2),
-        (EncoderKind::SqueezeNet1_1, "squeezenet1_1", 1e-3),
-        (EncoderKind::EfficientNetLite0, "efficientnet_lite0", 1e-3),
+        (ResNet18, "resnet18", 1e-3),
+        (ResNet50, "resnet50", 1e-2),
+        (SqueezeNet1_1, "squeezenet1_1", 1e-3),
+        (EfficientNetLite0, "efficientnet_lite0", 1e-3),
     ] {
         let norms: BTreeMap<String, f64> = serde_json::from_value(tables[name].clone()).unwrap();
         let mut encoder = TrainableEncoder::new(&encoder(kind)).unwrap();
@@ -183,12 +167,12 @@ fn errors(found: &[Tensor; 2], expected: &[Tensor; 2]) -> [f64; 2] {
 #[test]
 fn kernels_train_every_network_as_candle_does() {
     for (kind, bound) in [
-        (EncoderKind::SeResNext50, 5e-2),
-        (EncoderKind::SqueezeNet1_0, 1e-3),
-        (EncoderKind::SqueezeNet1_1, 1e-3),
-        (EncoderKind::ResNet18, 1e-3),
-        (EncoderKind::ResNet50, 5e-2),
-        (EncoderKind::EfficientNetLite0, 1e-3),
+        (SeResNext50, 5e-2),
+        (SqueezeNet1_0, 1e-3),
+        (SqueezeNet1_1, 1e-3),
+        (ResNet18, 1e-3),
+        (ResNet50, 5e-2),
+        (EfficientNetLite0, 1e-3),
     ] {
         let start = encoder(kind);
         let new = || TrainableEncoder::new(&start).unwrap();
@@ -205,11 +189,11 @@ fn kernels_train_every_network_as_candle_does() {
 /// any rounding (PyTorch's moves its embeddings by 0.20 and the gradients by 0.94).
 #[test]
 fn networks_train_on_maps_of_bf16() {
-    let built_in = Encoder::built_in(EncoderKind::EfficientNetLiteBody).unwrap();
+    let built_in = Encoder::built_in(EfficientNetLiteBody).unwrap();
     let depths = Depths::Named(vec!["stage-3".to_owned()]);
     for (start, bounds) in [
-        (encoder(EncoderKind::SqueezeNet1_0), [5e-3, 4e-2]),
-        (encoder(EncoderKind::ResNet18), [5e-2, 0.5]),
+        (encoder(SqueezeNet1_0), [5e-3, 4e-2]),
+        (encoder(ResNet18), [5e-2, 0.5]),
         (built_in.with_depths(&depths).unwrap(), [5e-2, 0.5]),
     ] {
         let kind = start.kind();
@@ -227,7 +211,7 @@ fn networks_train_on_maps_of_bf16() {
 
 #[test]
 fn nothing_trains_in_int8() {
-    let encoder = TrainableEncoder::new(&encoder(EncoderKind::EfficientNetLite0)).unwrap();
+    let encoder = TrainableEncoder::new(&encoder(EfficientNetLite0)).unwrap();
     let error = encoder.with_precision(Precision::Int8).unwrap_err();
     let expected = "precision of training: found int8, expected f32 or bf16";
     assert_eq!(error.to_string(), expected);
@@ -251,7 +235,7 @@ fn the_real_weights_are_read_and_embed() {
     let stripes = stripes.broadcast_as((1, 3, 224, 224)).unwrap();
     let images = Tensor::cat(&[noise, stripes], 0).unwrap();
     let images = ((images * 0.5).unwrap() + 0.5).unwrap();
-    let encoder = Encoder::load(EncoderKind::EfficientNetLite0, file).unwrap();
+    let encoder = Encoder::load(EfficientNetLite0, file).unwrap();
     let found = encoder.embed(&images).unwrap();
     for row in found.to_vec2::<f32>().unwrap() {
         assert!(row.iter().all(|v| (0.0..=6.0).contains(v)));

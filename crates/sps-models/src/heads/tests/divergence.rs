@@ -1,24 +1,6 @@
 //! A trial that diverges is told, and takes nothing from the others.
 
-use std::sync::Mutex;
-
 use super::*;
-
-/// What an observer hears.
-#[derive(Default)]
-struct Record {
-    diverged: Mutex<Vec<DivergedTrial>>,
-    epochs: Mutex<usize>,
-}
-
-impl Observer for Record {
-    fn epoch(&self, trials: usize, _: usize, _: usize) {
-        *self.epochs.lock().unwrap() += trials;
-    }
-    fn diverged(&self, trial: &DivergedTrial) {
-        self.diverged.lock().unwrap().push(trial.clone());
-    }
-}
 
 /// Trains the plan in one stack, expects the trial `lost` alone to diverge for a reason with
 /// `expected` in it, and each other to be what it is when trained alone.

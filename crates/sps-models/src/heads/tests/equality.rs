@@ -129,24 +129,14 @@ fn a_training_ends_where_its_observer_stops_it() {
 
 #[test]
 fn finished_trials_are_reported_once_each() {
-    struct Record(Mutex<(usize, Vec<Trial>)>);
-    impl Observer for Record {
-        fn epoch(&self, trials: usize, epoch: usize, epochs: usize) {
-            assert!((1..=epochs).contains(&epoch));
-            self.0.lock().unwrap().0 += trials;
-        }
-        fn finished(&self, heads: &TrainedHeads) {
-            let trials = heads.heads().iter().map(|head| head.trial().clone());
-            self.0.lock().unwrap().1.extend(trials);
-        }
-    }
     let set = Set::new(20, 1, 5, 5);
     let plan = set.plan(4);
-    let record = Record(Mutex::default());
+    let record = Record::default();
     let head = Head::new(full()).unwrap();
     head.train(&set.data(), &plan, &record).unwrap();
-    let (epochs, mut finished) = record.0.into_inner().unwrap();
+    let epochs = record.epochs.into_inner().unwrap();
     assert_eq!(epochs, plan.trials.len() * full().epochs);
+    let mut finished = record.finished.into_inner().unwrap();
     let mut planned = plan.trials.clone();
     let key = |trial: &Trial| (trial.rerun, trial.property.clone());
     finished.sort_by_key(key);

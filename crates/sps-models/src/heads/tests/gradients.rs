@@ -12,24 +12,6 @@ const TRIALS: usize = 3;
 const ROWS: usize = 5;
 const WIDTH: usize = 7;
 
-fn model(generator: GeneratorLoss) -> Model {
-    Model::CrossModal(CrossModal {
-        latent: 4,
-        hidden: 6,
-        embedding_weight: 0.3,
-        reconstruction_weight: 0.7,
-        adversarial: Some(Adversarial {
-            weight: 0.2,
-            generator,
-            hidden: 6,
-        }),
-        classification: Some(Classification {
-            weight: 0.4,
-            labels: LabelSource::Material {},
-        }),
-    })
-}
-
 /// The batch of `make_heads_golden.py`.
 fn batch() -> Batch {
     let weights = |counts: &dyn Fn(usize, usize) -> bool| {
@@ -63,7 +45,7 @@ fn losses_and_gradients_are_pytorchs() {
         ("minimax", GeneratorLoss::Minimax),
         ("non-saturating", GeneratorLoss::NonSaturating),
     ] {
-        let model = model(generator);
+        let model = golden::cross_modal(generator);
         let dims = Dims {
             slots: 2,
             width: WIDTH,

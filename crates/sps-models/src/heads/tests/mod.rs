@@ -10,6 +10,8 @@ mod regressor;
 mod stopping;
 mod storage;
 
+use std::sync::Mutex;
+
 use candle_core::{Device, Tensor};
 use sps_regress::{Embeddings, Estimates, Readings, Rerun, Trial};
 
@@ -94,6 +96,31 @@ impl Set {
     }
 }
 
+/// What an observer hears.
+#[derive(Default)]
+pub(super) struct Record {
+    /// Epochs, one for each trial that ended it.
+    pub(super) epochs: Mutex<usize>,
+    pub(super) diverged: Mutex<Vec<DivergedTrial>>,
+    pub(super) finished: Mutex<Vec<Trial>>,
+}
+
+impl Observer for Record {
+    fn epoch(&self, trials: usize, epoch: usize, epochs: usize) {
+        assert!((1..=epochs).contains(&epoch));
+        *self.epochs.lock().unwrap() += trials;
+    }
+
+    fn diverged(&self, trial: &DivergedTrial) {
+        self.diverged.lock().unwrap().push(trial.clone());
+    }
+
+    fn finished(&self, heads: &TrainedHeads) {
+        let trials = heads.heads().iter().map(|head| head.trial().clone());
+        self.finished.lock().unwrap().extend(trials);
+    }
+}
+
 /// The network with all its parts, small.
 pub(super) fn full() -> HeadConfig {
     HeadConfig {
@@ -125,10 +152,16 @@ pub(super) fn cross_modal(config: &mut HeadConfig) -> &mut CrossModal {
     }
 }
 
+/// All parameters.
+pub(super) fn weights(head: &TrainedHead) -> Vec<f64> {
+    let parameters = head.parameters.iter();
+    let values = parameters.flat_map(|(_, tensor)| crate::golden::values(tensor));
+    values.collect()
+}
+
 /// The bits of all parameters and losses.
 pub(super) fn bits(head: &TrainedHead) -> Vec<u64> {
-    let parameters = head.parameters.iter();
-    let parameters = parameters.flat_map(|(_, tensor)| crate::golden::values(tensor));
     let history = head.history.iter().flat_map(EpochLosses::all);
-    parameters.chain(history).map(f64::to_bits).collect()
+    let all = weights(head).into_iter().chain(history);
+    all.map(f64::to_bits).collect()
 }

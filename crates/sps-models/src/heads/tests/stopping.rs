@@ -71,11 +71,6 @@ fn the_weights_are_those_of_the_epoch_that_is_best_on_the_validation_part() {
         assert_eq!(head.history().len(), 8);
         if found.epoch > 0 {
             let there = &by_epochs[found.epoch - 1].heads()[at];
-            let weights = |head: &TrainedHead| {
-                let parameters = head.parameters.iter();
-                let values = parameters.flat_map(|(_, tensor)| crate::golden::values(tensor));
-                values.map(f64::to_bits).collect::<Vec<_>>()
-            };
             assert_eq!(weights(head), weights(there));
         }
         epochs.push(found.epoch);
@@ -122,6 +117,7 @@ fn what_cannot_be_seen_falls_back_to_the_training_mean() {
     }
 }
 
+/// A file tells which epoch was kept.
 #[test]
 fn patience_ends_a_trial_after_so_many_epochs_without_a_better_one() {
     let set = Set::new(60, 1, 9, 5);
@@ -129,7 +125,8 @@ fn patience_ends_a_trial_after_so_many_epochs_without_a_better_one() {
     let all = set.train(&stopping(0), &plan);
     for patience in [1, 2] {
         let mut early = 0;
-        let stopped = set.train(&stopping(patience), &plan);
+        let stopped = set.train(&stopping(patience), &plan).to_bytes();
+        let stopped = TrainedHeads::from_bytes("f", &stopped.unwrap()).unwrap();
         for (head, all) in stopped.heads().iter().zip(all.heads()) {
             let (found, whole) = (kept(head), kept(all));
             let run = found.errors.len() - 1;
@@ -217,15 +214,4 @@ fn an_error_that_is_not_finite_is_worse_than_any() {
     assert_eq!(found, kept(&trained.heads()[0]));
     assert_eq!(found.epoch, 0);
     assert_eq!(found.errors[1..], [f64::MAX; 8]);
-}
-
-#[test]
-fn a_file_tells_which_epoch_was_kept() {
-    let set = Set::new(40, 1, 9, 2);
-    let trained = set.train(&stopping(1), &with_validation(set.plan(1)));
-    let back = TrainedHeads::from_bytes("f", &trained.to_bytes().unwrap()).unwrap();
-    for (one, other) in back.heads().iter().zip(trained.heads()) {
-        assert_eq!(one.kept_epoch(), other.kept_epoch());
-        assert!(one.kept_epoch().is_some());
-    }
 }

@@ -1,3 +1,5 @@
+use std::collections::HashMap;
+
 use proptest::prelude::*;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
@@ -28,7 +30,7 @@ fn with(bytes: &[u8], change: impl FnOnce(&mut Vec<Stored>, &mut String)) -> Str
     let views = tensors.iter().map(|(name, dtype, shape, data)| {
         (name, TensorView::new(*dtype, shape.clone(), data).unwrap())
     });
-    let metadata = std::collections::HashMap::from([("sps-heads".to_owned(), metadata)]);
+    let metadata = HashMap::from([("sps-heads".to_owned(), metadata)]);
     let changed = safetensors::serialize(views, Some(metadata)).unwrap();
     let refused = TrainedHeads::from_bytes("model.safetensors", &changed);
     refused.unwrap_err().to_string()

@@ -29,8 +29,8 @@ fn differs(source: &dyn ImageSource, targets: &Targets, config: &TrainingConfig)
             validation: Vec::new(),
         };
         let config = in_parts(config.clone(), at_once);
-        let mut trainer =
-            Trainer::new(&without_norms(), targets.clone(), parts, config, 5).unwrap();
+        let trainer = Trainer::new(&without_norms(), targets.clone(), parts, config, 5);
+        let mut trainer = trainer.unwrap();
         let (gradients, losses) = trainer.gradients(&batch, 0).unwrap();
         let gradients: Vec<f64> = gradients.iter().flat_map(golden::values).collect();
         (gradients, losses)
@@ -48,22 +48,14 @@ fn differs(source: &dyn ImageSource, targets: &Targets, config: &TrainingConfig)
 #[test]
 fn parts_have_the_gradient_of_the_whole_step() {
     let stripes = Stripes::new(11);
-    let mut rows: Vec<_> = stripes
-        .brightness
-        .iter()
-        .map(|&b| vec![Some(b), Some(1.0 - b * b)])
-        .collect();
+    let brightness = stripes.brightness.iter();
+    let rows = brightness.map(|&b| vec![Some(b), Some(1.0 - b * b)]);
+    let mut rows: Vec<_> = rows.collect();
     (rows[0][0], rows[1][0], rows[4][1]) = (None, None, None);
     let names = vec!["brightness".into(), "darkness".into()];
     let targets = Targets {
         values: Some(Readings::new(names, &rows).unwrap()),
-        features: Some(Features {
-            embeddings: Tensor::arange(0.0_f32, 22.0, &Device::Cpu)
-                .and_then(|values| values.sin()?.reshape((11, 2)))
-                .unwrap(),
-            blocks: Vec::new(),
-            weight: 0.5,
-        }),
+        features: Some(features(golden::input("taught", &[11, 2]), 0.5)),
         ..stripes.targets()
     };
     let error = differs(&stripes, &targets, &config());

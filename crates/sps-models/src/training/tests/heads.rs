@@ -10,10 +10,8 @@ use sps_regress::Embeddings;
 use super::*;
 use crate::embeddings_of;
 use crate::heads::{
-    Adversarial, Classification, CrossModal, GeneratorLoss, Input, Model, RelationScale, Scale,
-    Share,
+    Adversarial, CrossModal, GeneratorLoss, Input, Model, RelationScale, Scale, Share,
 };
-use crate::labels::LabelSource;
 use crate::optim::AdamConfig;
 
 #[derive(Deserialize)]
@@ -37,6 +35,12 @@ struct Golden {
     input: Input,
 }
 
+const JOINT: Golden = Golden {
+    case: "joint",
+    kind: EncoderKind::SeResNext50,
+    views: 1,
+    input: Input::Single {},
+};
 const SURFACES: usize = 4;
 const SIDE: usize = 64;
 
@@ -113,40 +117,22 @@ fn fill(case: &str, name: &str, variable: &Var) {
     variable.set(&values).unwrap();
 }
 
-/// The network with all its parts, small.
 pub(super) fn model() -> Model {
-    Model::CrossModal(CrossModal {
-        latent: 4,
-        hidden: 6,
-        embedding_weight: 0.3,
-        reconstruction_weight: 0.7,
-        adversarial: Some(Adversarial {
-            weight: 0.2,
-            generator: GeneratorLoss::Minimax,
-            hidden: 6,
-        }),
-        classification: Some(Classification {
-            weight: 0.4,
-            labels: LabelSource::Material {},
-        }),
-    })
+    golden::cross_modal(GeneratorLoss::Minimax)
 }
 
-fn by_name(losses: &Losses) -> [(&'static str, f64); 6] {
-    [
+/// The largest difference of a step's losses, over their sum.
+fn error(losses: &Losses, expected: &BTreeMap<String, f64>) -> f64 {
+    let sum: f64 = expected.values().map(|loss| loss.abs()).sum();
+    let by_name = [
         ("estimation", losses.values),
         ("embedding", losses.embedding),
         ("reconstruction", losses.reconstruction),
         ("generator", losses.generator),
         ("discriminator", losses.discriminator),
         ("classification", losses.classes),
-    ]
-}
-
-/// The largest difference of a step's losses, over their sum.
-fn error(losses: &Losses, expected: &BTreeMap<String, f64>) -> f64 {
-    let sum: f64 = expected.values().map(|loss| loss.abs()).sum();
-    let differences = by_name(losses).map(|(name, loss)| (loss - expected[name]).abs() / sum);
+    ];
+    let differences = by_name.map(|(name, loss)| (loss - expected[name]).abs() / sum);
     differences.into_iter().fold(0.0, f64::max)
 }
 
@@ -158,27 +144,12 @@ fn losses_and_gradients_are_pytorchs() {
         views: 2,
         input,
     };
-    let relation = RelationScale {
-        views: 2,
-        relations: 1,
-    };
-    let cases = [
-        Golden {
-            case: "joint",
-            kind: EncoderKind::SeResNext50,
-            views: 1,
-            input: Input::Single {},
-        },
+    for golden in [
+        JOINT,
         two("late-fusion", Input::LateFusion { views: 2 }),
         two("view-pooling", Input::ViewPooling {}),
-        two(
-            "relations",
-            Input::Relations {
-                scales: vec![relation],
-            },
-        ),
-    ];
-    for golden in cases {
+        two("relations", relations(2, 1)),
+    ] {
         let expected = expected(golden.case);
         let mut trainer = golden.trainer();
         let images: Vec<usize> = (0..SURFACES * golden.views).collect();
@@ -186,10 +157,10 @@ fn losses_and_gradients_are_pytorchs() {
         let batch = batches::stack(&shown, &images).unwrap();
         let embeddings = trainer.encoder.forward(&batch).unwrap();
         let surfaces: Vec<usize> = (0..SURFACES).collect();
-        let (loss, losses) = trainer
+        let loss = trainer
             .objective
-            .loss(&embeddings, Share::whole(&surfaces), 0)
-            .unwrap();
+            .loss(&embeddings, Share::whole(&surfaces), 0);
+        let (loss, losses) = loss.unwrap();
         let found = error(&losses, &expected.losses[0]);
         assert!(found < 1e-5, "{}: losses {found:.1e}", golden.case);
         let total = f64::from(loss.to_scalar::<f32>().unwrap());
@@ -218,8 +189,8 @@ fn losses_and_gradients_are_pytorchs() {
             let of_values = golden::values(gradient);
             let of_values = of_values.chunks(of_values.len() / 3);
             for (gradient, expected) in of_values.zip(&expected.heads[name]) {
-                worst[1] =
-                    worst[1].max((golden::norm(gradient) - expected).abs() / expected.max(1e-6));
+                let off = (golden::norm(gradient) - expected).abs() / expected.max(1e-6);
+                worst[1] = worst[1].max(off);
             }
         }
         let [encoder, heads] = worst;
@@ -232,17 +203,11 @@ fn losses_and_gradients_are_pytorchs() {
 
 #[test]
 fn ten_steps_are_pytorchs() {
-    let golden = Golden {
-        case: "joint",
-        kind: EncoderKind::SeResNext50,
-        views: 1,
-        input: Input::Single {},
-    };
     let expected = expected("joint").losses;
-    let mut trainer = golden.trainer();
+    let mut trainer = JOINT.trainer();
     let mut steps = Vec::new();
     while !trainer.is_finished() {
-        let epoch = trainer.epoch(&golden, |step| steps.push(step.losses));
+        let epoch = trainer.epoch(&JOINT, |step| steps.push(step.losses));
         epoch.unwrap();
     }
     assert_eq!(steps.len(), expected.len());
@@ -316,16 +281,15 @@ fn any(input: &Input, views: usize) -> Option<usize> {
     any.then_some(views)
 }
 
+/// Relations of one scale.
+fn relations(views: usize, relations: usize) -> Input {
+    let scales = vec![RelationScale { views, relations }];
+    Input::Relations { scales }
+}
+
 pub(super) fn inputs() -> [Input; 3] {
-    let scales = vec![RelationScale {
-        views: 1,
-        relations: 3,
-    }];
-    [
-        Input::LateFusion { views: 2 },
-        Input::ViewPooling {},
-        Input::Relations { scales },
-    ]
+    let fusion = Input::LateFusion { views: 2 };
+    [fusion, Input::ViewPooling {}, relations(1, 3)]
 }
 
 #[test]
@@ -382,10 +346,8 @@ fn a_discriminator_moves_no_encoder() {
         let shown: Vec<Image> = (0..8).map(|i| pairs.image(i).unwrap()).collect();
         let batch = batches::stack(&shown, &[0; 8]).unwrap();
         let embeddings = trainer.encoder.forward(&batch).unwrap();
-        let (loss, _) = trainer
-            .objective
-            .loss(&embeddings, Share::whole(&[0, 1, 2, 3]), 0)
-            .unwrap();
+        let share = Share::whole(&[0, 1, 2, 3]);
+        let (loss, _) = trainer.objective.loss(&embeddings, share, 0).unwrap();
         let store = trainer.encoder.backward(&loss).unwrap();
         let (_, variable) = trainer.encoder.variables().next().unwrap();
         golden::values(store.get(variable).unwrap())
@@ -436,13 +398,7 @@ mod hard_cases {
             t.start = Some(Embeddings::new(vec![0.0; 24 * 2 * 7], [24, 2, 7]).unwrap());
         });
         refused(wide, fusion(), "width 7");
-        let odd = change(|t| {
-            t.features = Some(Features {
-                embeddings: Tensor::zeros((47, 5), DType::F32, &Device::Cpu).unwrap(),
-                blocks: Vec::new(),
-                weight: 1.0,
-            });
-        });
+        let odd = change(|t| t.features = Some(features(golden::input("odd", &[47, 5]), 1.0)));
         refused(odd, fusion(), "a multiple of 2");
         let unread = change(|t| {
             let rows = vec![vec![None]; 24];
@@ -457,11 +413,7 @@ mod hard_cases {
         refused(targets.clone(), Input::Single {}, "expected 1 views");
         let three = Input::LateFusion { views: 3 };
         refused(targets.clone(), three, "expected 3 views");
-        let scales = vec![RelationScale {
-            views: 3,
-            relations: 1,
-        }];
-        refused(targets, Input::Relations { scales }, "at least 3");
+        refused(targets, relations(3, 1), "at least 3");
     }
 
     /// A batch whose surfaces have no reading of a value, or no label, has no loss of it, and none
@@ -489,13 +441,8 @@ mod hard_cases {
     #[test]
     fn features_belong_to_images() {
         let pairs = Pairs::new(24);
-        let features = Features {
-            embeddings: golden::input("taught", &[48, 5]),
-            blocks: Vec::new(),
-            weight: 2.0,
-        };
         let targets = Targets {
-            features: Some(features),
+            features: Some(features(golden::input("taught", &[48, 5]), 2.0)),
             ..pairs.targets()
         };
         let config = through_heads(Input::LateFusion { views: 2 }, model());
@@ -530,16 +477,11 @@ mod hard_cases {
         let start = pairs.targets().start.unwrap();
         let shape = (48, start.width());
         let embeddings = Tensor::from_slice(start.values(), shape, &Device::Cpu).unwrap();
-        let features = Features {
-            embeddings,
-            blocks: Vec::new(),
-            weight: 3.0,
-        };
         let trainer = |targets: Targets, config: TrainingConfig| {
             Trainer::new(&super::start(), targets, pairs.0.parts(), config, 5)
         };
         let taught = Targets {
-            features: Some(features),
+            features: Some(features(embeddings, 3.0)),
             ..pairs.targets()
         };
         let itself = TrainingConfig {
